@@ -1,0 +1,1 @@
+"""Directed distance fields: oriented points in, visibility and depth out."""

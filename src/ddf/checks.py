@@ -1,0 +1,38 @@
+"""Checks at the public boundary; each raises with the name, the rule and what came."""
+
+import numpy as np
+import torch
+from torch import Tensor
+
+UNIT_LENGTH_TOLERANCE = 1e-4  # float32 directions that went through a file or a rotation are within 1e-6; typos are not
+
+
+class InputError(ValueError):
+    """The user's input cannot be used. One line: what, which file, what to do."""
+
+
+def require_vectors(name: str, values: Tensor | np.ndarray) -> None:
+    """Raise unless the last axis has length 3."""
+    if values.ndim == 0 or values.shape[-1] != 3:
+        raise InputError(f"{name} must have a last axis of length 3; got shape {tuple(values.shape)}")
+
+
+def require_finite(name: str, values: Tensor | np.ndarray) -> None:
+    """Raise unless every entry is finite, naming the first that is not."""
+    array = values.detach().cpu().numpy() if isinstance(values, torch.Tensor) else np.asarray(values)
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        index = tuple(int(i) for i in bad[0])
+        raise InputError(f"{name} must be finite; got {array[index]} at index {index} ({len(bad)} such values)")
+
+
+def require_unit(name: str, directions: Tensor | np.ndarray, tolerance: float = UNIT_LENGTH_TOLERANCE) -> None:
+    """Raise unless every vector along the last axis has length 1 within `tolerance`."""
+    require_vectors(name, directions)
+    if isinstance(directions, torch.Tensor):
+        directions = directions.detach().cpu().numpy()
+    lengths = np.linalg.norm(np.asarray(directions, dtype=np.float64), axis=-1)
+    bad = np.argwhere(~(np.abs(lengths - 1.0) <= tolerance))
+    if len(bad):
+        index = tuple(int(i) for i in bad[0])
+        raise InputError(f"{name} must be unit length (tol {tolerance:g}); got {lengths[index]:.6g} at index {index}")

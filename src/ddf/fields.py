@@ -1,0 +1,126 @@
+"""Probabilistic directed distance fields, plain and conditional, and the point-cloud decoder of the baseline.
+
+A PDDF maps (p, v) to K = 2 depths d_i, a weight w_1 (w_2 = 1 - w_1) and a visibility ξ. Source: [DDF22] §3.3. The network's
+raw outputs are (d_1, d_2, logit w_1, logit ξ) before any activation; every loss works on logits.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from ddf import checks, siren
+
+NUM_COMPONENTS = 2
+WEIGHT_ROW, VISIBILITY_ROW, NUM_OUTPUTS = 2, 3, 4
+INITIAL_DEPTH = 1.0  # both depth biases start here: a ReLU that starts below zero never learns
+
+
+@dataclass(frozen=True)
+class PDDFConfig:
+    """Config section `ddf`: the directed distance field of a model.
+
+    depth_activation: `relu` is the paper's (its gradient dies below zero), `softplus` has `depth_sharpness` β:
+      softplus(β x)/β, which is within log(2)/β of ReLU.
+    """
+
+    hidden: tuple[int, ...]
+    omega_first: float
+    omega_hidden: float
+    depth_activation: Literal["relu", "softplus"]
+    depth_sharpness: float
+
+    def __post_init__(self) -> None:
+        self.layout()
+        if self.depth_activation not in ("relu", "softplus"):
+            raise checks.InputError(f"ddf.depth_activation must be relu or softplus; got {self.depth_activation!r}")
+        if not self.depth_sharpness > 0:
+            raise checks.InputError(f"ddf.depth_sharpness must be > 0; got {self.depth_sharpness}")
+
+    def layout(self) -> siren.SineLayout:
+        """Sizes and frequencies of the sine network."""
+        return siren.SineLayout(self.hidden, self.omega_first, self.omega_hidden)
+
+
+PAPER_SINGLE_SHAPE = PDDFConfig((512,) * 7, 1.0, 1.0, "relu", 1.0)
+
+
+class PDDF(nn.Module):
+    """A sine network on (p, v) with the outputs of a probabilistic DDF; conditional where modulations are given."""
+
+    def __init__(self, config: PDDFConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.network = siren.SineNetwork(6, config.layout(), NUM_OUTPUTS)
+        nn.init.constant_(self.network.head.bias[:NUM_COMPONENTS], INITIAL_DEPTH)
+
+    def forward(
+        self,
+        positions: Float[Tensor, "*batch 3"],
+        directions: Float[Tensor, "*batch 3"],
+        modulations: list[Tensor] | None = None,
+    ) -> Float[Tensor, "*batch 4"]:
+        """Raw outputs at oriented points of the field frame; see `visibility`, `depth`."""
+        return self.network(torch.cat((positions, directions), dim=-1), modulations)
+
+    def depths(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
+        """d_1, d_2 >= 0, field units."""
+        values = raw[..., :NUM_COMPONENTS]
+        if self.config.depth_activation == "relu":
+            return torch.relu(values)
+        return nn.functional.softplus(values, beta=self.config.depth_sharpness)
+
+    def depth_slopes(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
+        """∂d_i/∂raw_i, the factor between a raw derivative and that of the depth."""
+        values = raw[..., :NUM_COMPONENTS]
+        if self.config.depth_activation == "relu":
+            return (values > 0).to(values.dtype)
+        return torch.sigmoid(self.config.depth_sharpness * values)
+
+    def depth(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch"]:
+        """d_{i*}, the depth of the heavier component; only that one's activation is evaluated."""
+        chosen = torch.where(first_is_heavier(raw), raw[..., 0], raw[..., 1])
+        if self.config.depth_activation == "relu":
+            return torch.relu(chosen)
+        return nn.functional.softplus(chosen, beta=self.config.depth_sharpness)
+
+
+class ConditionalPDDF(nn.Module):
+    """A PDDF whose sine layers are modulated by a shape latent z_s. Source: [DDF22] §4.3, app. E."""
+
+    def __init__(self, config: PDDFConfig, latent_features: int) -> None:
+        super().__init__()
+        self.field = PDDF(config)
+        self.modulator = siren.Modulator(latent_features, config.hidden)
+
+
+class PointDecoder(nn.Module):
+    """PC-SIREN: a modulated sine network from p ~ U[-1,1]^3 to a point of the shape. Source: [DDF22] app. E."""
+
+    def __init__(self, layout: siren.SineLayout, latent_features: int) -> None:
+        super().__init__()
+        self.network = siren.SineNetwork(3, layout, 3)
+        self.modulator = siren.Modulator(latent_features, layout.hidden)
+
+    def forward(
+        self, seeds: Float[Tensor, "*shapes n 3"], latent: Float[Tensor, "*shapes z"]
+    ) -> Float[Tensor, "*shapes n 3"]:
+        """Points of the shapes, field frame."""
+        return self.network(seeds, self.modulator(latent))
+
+
+def first_is_heavier(raw: Float[Tensor, "*batch 4"]) -> Bool[Tensor, "*batch"]:
+    """i* = 1, that is w_1 >= 1/2."""
+    return raw[..., WEIGHT_ROW] >= 0
+
+
+def visibility(raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch"]:
+    """ξ in [0, 1]."""
+    return torch.sigmoid(raw[..., VISIBILITY_ROW])
+
+
+def count_parameters(module: nn.Module) -> int:
+    """Number of trained values."""
+    return sum(parameter.numel() for parameter in module.parameters())
