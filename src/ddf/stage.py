@@ -1,0 +1,41 @@
+"""The frame around a stage script: arguments, log, and errors of the user as one line and exit code 2."""
+
+import argparse
+import logging
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from ddf import checks
+
+
+def main(run: Callable[..., None], description: str | None, category: bool = False) -> None:
+    """Parse `--config FILE [--category NAME]` and call `run(config_path[, category])`.
+
+    InputError and OSError (no such file, disk full, read-only) end the process with one line on stderr and code 2;
+    anything else is a bug and keeps its traceback.
+    """
+    parser = argparse.ArgumentParser(description=(description or "").partition("\n")[0])
+    parser.add_argument("--config", type=Path, required=True, help="experiment file, for example configs/cpu.yaml")
+    if category:
+        parser.add_argument("--category", required=True, help="one of the categories of the experiment")
+    arguments = vars(parser.parse_args())
+    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
+    sys.exit(guarded(lambda: run(*arguments.values()), "ddf"))
+
+
+def guarded(function: Callable[[], object], program: str) -> int:
+    """Call `function`; exit code 0, or 2 after one line on stderr when the user's input or disk is at fault."""
+    try:
+        function()
+    except (checks.InputError, OSError) as error:
+        sys.stderr.write(f"{program}: error: {' '.join(describe(error).split())}\n")
+        return 2
+    return 0
+
+
+def describe(error: Exception) -> str:
+    """The message of an error in one line, with the file's name for errors of the operating system."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.strerror}: {error.filename}" if error.filename else error.strerror
+    return str(error)
