@@ -153,7 +153,9 @@ def _convert_sequence(value: Any, origin: Any, arguments: tuple[Any, ...], where
         hints = arguments
     else:
         hints = (arguments[0],) * len(value)
-    return origin(_convert(item, hint, f"{where}[{i}]") for i, (item, hint) in enumerate(zip(value, hints, strict=True)))
+    return origin(
+        _convert(item, hint, f"{where}[{i}]") for i, (item, hint) in enumerate(zip(value, hints, strict=True))
+    )
 
 
 def _convert_scalar(value: Any, hint: Any, where: str) -> Any:

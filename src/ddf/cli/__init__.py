@@ -7,7 +7,6 @@ object with --json, else as lines of `key: value`; a `text` key, if there is one
 import argparse
 import contextlib
 import importlib
-import importlib.util
 import json
 import math
 import os
@@ -15,7 +14,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ddf import checks, stage
+from ddf import stage
 
 COMMANDS = {
     "doctor": "what this machine has, what is missing and the command for it",
