@@ -76,15 +76,16 @@ def pixel_rays(
     azimuth_rad: Float[Tensor, "*batch"],
     elevation_rad: Float[Tensor, "*batch"],
     radius: Float[Tensor, "*batch"],
-    directions: Float[Tensor, "*pixels 3"],
+    directions: Float[Tensor, "*#batch n 3"],
 ) -> tuple[Float[Tensor, "*batch 3"], Float[Tensor, "*batch n 3"]]:
-    """Camera centres and world directions (benchmark frame) of chosen camera-frame directions; differentiable.
+    """Camera centres and world directions (benchmark frame) of chosen pixels; differentiable.
 
     Args:
-      directions: unit vectors in the camera frame, as of `pixel_directions`, any subset; flattened to n.
+      directions: camera-frame unit directions, as of `pixel_directions`: any subset, the same for all cameras (n, 3) or
+        each camera's own (*batch, n, 3).
     """
     world_to_camera, centre = extrinsics(azimuth_rad, elevation_rad, radius)
-    return centre, directions.reshape(-1, 3).to(world_to_camera) @ world_to_camera
+    return centre, directions.to(world_to_camera) @ world_to_camera
 
 
 def degrees_to_radians(camera: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:

@@ -1,0 +1,232 @@
+"""Single-image 3D reconstruction: encoders, the two models, camera regression and correction. Source: [DDF22] §4.3, app. E.
+
+An RGBA image goes to a shape latent z_s and to a camera (azimuth, elevation, radius); a conditional PDDF or PC-SIREN turns
+z_s into a shape. Cameras are (..., 3): azimuth and elevation in radians, radius in benchmark units.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+from torch.nn import functional
+from torchvision.models import resnet
+
+from ddf import cameras, checks, fields, rendering, siren
+
+RESNET18_WIDTH = 64
+IMAGE_CHANNELS = 4
+
+
+class Encoder(nn.Module):
+    """ResNet-18 on RGBA images with a chosen first width; 64 is torchvision's own network, without pretrained weights."""
+
+    def __init__(self, out_features: int, width: int = RESNET18_WIDTH) -> None:
+        super().__init__()
+        self.conv1 = nn.Conv2d(IMAGE_CHANNELS, width, kernel_size=7, stride=2, padding=3, bias=False)
+        self.bn1 = nn.BatchNorm2d(width)
+        self.relu = nn.ReLU(inplace=True)
+        self.maxpool = nn.MaxPool2d(kernel_size=3, stride=2, padding=1)
+        self.layer1 = _stage(width, width, stride=1)
+        self.layer2 = _stage(width, 2 * width, stride=2)
+        self.layer3 = _stage(2 * width, 4 * width, stride=2)
+        self.layer4 = _stage(4 * width, 8 * width, stride=2)
+        self.fc = nn.Linear(8 * width, out_features)
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
+
+    def features(self, images: Float[Tensor, "b 4 h w"]) -> Float[Tensor, "b features"]:
+        """Pooled features, before the last linear layer."""
+        hidden = self.maxpool(self.relu(self.bn1(self.conv1(images))))
+        hidden = self.layer4(self.layer3(self.layer2(self.layer1(hidden))))
+        return hidden.mean(dim=(-2, -1))
+
+    def forward(self, images: Float[Tensor, "b 4 h w"]) -> Float[Tensor, "b out"]:
+        """Latent or camera of each image; values in [0, 1]."""
+        return self.fc(self.features(images))
+
+
+def _stage(inputs: int, outputs: int, stride: int) -> nn.Sequential:
+    downsample = None
+    if stride != 1 or inputs != outputs:
+        downsample = nn.Sequential(
+            nn.Conv2d(inputs, outputs, kernel_size=1, stride=stride, bias=False), nn.BatchNorm2d(outputs)
+        )
+    first = resnet.BasicBlock(inputs, outputs, stride, downsample)
+    return nn.Sequential(first, resnet.BasicBlock(outputs, outputs))
+
+
+class CameraHead(nn.Module):
+    """z-scores of a camera to physical units and back, by the statistics of the training cameras."""
+
+    mean: Tensor
+    deviation: Tensor
+    lowest: Tensor
+    highest: Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(3))
+        self.register_buffer("deviation", torch.ones(3))
+        self.register_buffer("lowest", torch.full((3,), -torch.inf))
+        self.register_buffer("highest", torch.full((3,), torch.inf))
+
+    def fit(self, training_cameras: Float[Tensor, "n 3"]) -> None:
+        """Take mean, deviation and range from the training set.
+
+        Raises:
+          InputError: fewer than two cameras, or one of the three numbers never varies.
+        """
+        if len(training_cameras) < 2:
+            raise checks.InputError(f"training cameras must be at least 2; got {len(training_cameras)}")
+        deviation = training_cameras.std(dim=0)
+        if not bool((deviation > 0).all()):
+            raise checks.InputError(f"azimuth, elevation and radius must vary over the training set; got {deviation}")
+        self.mean.copy_(training_cameras.mean(dim=0))
+        self.deviation.copy_(deviation)
+        self.lowest.copy_(training_cameras.amin(dim=0))
+        self.highest.copy_(training_cameras.amax(dim=0))
+
+    def loss(self, scores: Float[Tensor, "b 3"], truth: Float[Tensor, "b 3"]) -> Float[Tensor, ""]:
+        """L_Π = ‖Π_g - Π̂‖² of z-scores, mean over images; before clamping, so that its gradient never dies."""
+        return (scores - (truth - self.mean) / self.deviation).square().sum(-1).mean()
+
+    def forward(self, scores: Float[Tensor, "b 3"]) -> Float[Tensor, "b 3"]:
+        """Cameras, clamped to the range of the training set."""
+        camera = scores * self.deviation + self.mean
+        return torch.minimum(torch.maximum(camera, self.lowest), self.highest)
+
+
+class ReconstructionModel(nn.Module):
+    """Two encoders and a decoder. Parameters at the paper's sizes: 25,647,367 (DDF) and 25,645,574 (PC-SIREN)."""
+
+    def __init__(self, decoder: nn.Module, latent_features: int, encoder_width: int) -> None:
+        super().__init__()
+        self.shape_encoder = Encoder(latent_features, encoder_width)
+        self.camera_encoder = Encoder(3, encoder_width)
+        self.camera_head = CameraHead()
+        self.decoder = decoder
+
+    def parameter_groups(self, weight_decay_shape: float, weight_decay_camera: float) -> list[dict]:
+        """AdamW groups: decay on the two predictors, none on the decoder. Source: [DDF22] app. E."""
+        return [
+            {"params": list(self.shape_encoder.parameters()), "weight_decay": weight_decay_shape},
+            {"params": list(self.camera_encoder.parameters()), "weight_decay": weight_decay_camera},
+            {"params": list(self.decoder.parameters()), "weight_decay": 0.0},
+        ]
+
+
+class DDFModel(ReconstructionModel):
+    """Single-image reconstruction with the conditional probabilistic DDF."""
+
+    decoder: fields.ConditionalPDDF
+
+    def __init__(self, config: fields.PDDFConfig, latent_features: int, encoder_width: int) -> None:
+        super().__init__(fields.ConditionalPDDF(config, latent_features), latent_features, encoder_width)
+
+    @property
+    def field(self) -> fields.PDDF:
+        """The field that the modulations of `modulations` condition."""
+        return self.decoder.field
+
+    def modulations(self, latent: Float[Tensor, "b z"]) -> list[Float[Tensor, "b 1 width"]]:
+        """One modulation per sine layer and shape."""
+        return self.decoder.modulator(latent)
+
+
+class PCSirenModel(ReconstructionModel):
+    """Single-image reconstruction with the PC-SIREN baseline."""
+
+    decoder: fields.PointDecoder
+
+    def __init__(self, layout: siren.SineLayout, latent_features: int, encoder_width: int) -> None:
+        super().__init__(fields.PointDecoder(layout, latent_features), latent_features, encoder_width)
+
+
+def mask_loss(
+    field: fields.PDDF,
+    modulations: list[Float[Tensor, "b 1 width"]],
+    camera: Float[Tensor, "b 3"],
+    field_scale: Float[Tensor, "b"],
+    alpha: Float[Tensor, "b size size"],
+    num_pixels: int | None = None,
+    generator: torch.Generator | None = None,
+) -> Float[Tensor, "b"]:
+    """L_M per image: BCE of the alpha channel and the rendered visibility. Source: [DDF22] §4.3.
+
+    Only pixels whose ray meets the cube are evaluated (the others render 0 whatever the field); with `num_pixels`, a
+    random subset of those, scaled by the share of the image that they stand for.
+    """
+    size = alpha.shape[-1]
+    directions = cameras.pixel_directions(size, alpha.dtype).to(alpha.device).reshape(-1, 3)
+    with torch.no_grad():
+        meets = rendering.field_rays(camera, field_scale, directions)[3]
+        chosen = _choose(meets, num_pixels, generator)
+    entry, world, _, chosen_meets = rendering.field_rays(camera, field_scale, directions[chosen])
+    raw = field(entry, world, modulations)
+    target = alpha.flatten(-2).gather(1, chosen)
+    bce = functional.binary_cross_entropy_with_logits(
+        raw[..., fields.VISIBILITY_ROW], target, reduction="none"
+    )
+    weight = chosen_meets.to(bce.dtype)
+    return (bce * weight).sum(-1) / weight.sum(-1).clamp_min(1) * meets.to(bce.dtype).mean(-1)
+
+
+def _choose(
+    meets: Bool[Tensor, "b n"], num_pixels: int | None, generator: torch.Generator | None
+) -> Tensor:
+    """Indices of pixels that meet the box, random where there are more than `num_pixels`; padded with misses."""
+    most = int(meets.sum(-1).max())
+    count = max(1, most if num_pixels is None else min(num_pixels, most))
+    order = meets.to(torch.float32)
+    if num_pixels is not None:
+        order = order * (1 + torch.rand(meets.shape, generator=generator, device=meets.device))
+    return order.topk(count, dim=-1).indices
+
+
+@dataclass(frozen=True)
+class CorrectionConfig:
+    """Gradient descent on L_M from Π̂: number of steps, Adam's learning rate in z-scores, mask size in pixels."""
+
+    steps: int
+    learning_rate: float
+    mask_size: int
+
+    def __post_init__(self) -> None:
+        if self.steps < 0 or self.mask_size < 1 or not self.learning_rate > 0:
+            raise checks.InputError(f"pointclouds.correction needs steps >= 0, mask_size >= 1, learning_rate > 0; got {self}")
+
+
+def correct_camera(
+    model: DDFModel,
+    latent: Float[Tensor, "b z"],
+    camera: Float[Tensor, "b 3"],
+    field_scale: Float[Tensor, "b"],
+    alpha: Float[Tensor, "b size size"],
+    config: CorrectionConfig,
+) -> Float[Tensor, "b 3"]:
+    """Π̂_∇ = argmin L_M by gradient descent from Π̂; the best camera met on the way. Source: [DDF22] §4.3.
+
+    Returns:
+      Cameras; elevation and radius stay within the training range, the azimuth may turn past its ends (it is an angle).
+    """
+    head = model.camera_head
+    with torch.no_grad():
+        modulations = [m.detach() for m in model.modulations(latent)]
+    scores = ((camera - head.mean) / head.deviation).detach().clone().requires_grad_()
+    optimiser = torch.optim.Adam([scores], lr=config.learning_rate)
+    best, best_loss = camera.detach().clone(), torch.full_like(field_scale, torch.inf)
+    for step in range(config.steps + 1):
+        current = scores * head.deviation + head.mean
+        current = torch.cat((current[:, :1], torch.minimum(torch.maximum(current, head.lowest), head.highest)[:, 1:]), -1)
+        loss = mask_loss(model.field, modulations, current, field_scale, alpha)
+        better = loss.detach() < best_loss
+        best = torch.where(better[:, None], current.detach(), best)
+        best_loss = torch.where(better, loss.detach(), best_loss)
+        if step < config.steps:
+            optimiser.zero_grad()
+            (gradient,) = torch.autograd.grad(loss.sum(), scores)
+            scores.grad = gradient
+            optimiser.step()
+    return best

@@ -1,0 +1,191 @@
+"""One optimisation step of single-image reconstruction, for the DDF model and for PC-SIREN. Source: [DDF22] §4.3, app. E."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf import checks, fields, losses, reconstruction, si3dr_data, siren, training
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """Section `train`: what both models share.
+
+    image_size: of the encoders' input. encoder_width: 64 is ResNet-18. camera_weight: γ_RΠ.
+    train_views: the views of a training shape that are shown; null for those of the split.
+    """
+
+    image_size: int
+    encoder_width: int
+    latent_features: int
+    batch_size: int
+    train_views: int | None
+    camera_weight: float
+    weight_decay_shape: float
+    weight_decay_camera: float
+    loop: training.LoopConfig
+
+    def __post_init__(self) -> None:
+        for name, least in (("image_size", 32), ("encoder_width", 1), ("latent_features", 1), ("batch_size", 2)):
+            if getattr(self, name) < least:
+                raise checks.InputError(f"train.{name} must be >= {least}; got {getattr(self, name)}")
+        if self.train_views is not None and not 1 <= self.train_views <= 24:
+            raise checks.InputError(f"train.train_views must be in 1..24 or null; got {self.train_views}")
+        for name in ("camera_weight", "weight_decay_shape", "weight_decay_camera"):
+            if not getattr(self, name) >= 0:
+                raise checks.InputError(f"train.{name} must be >= 0; got {getattr(self, name)}")
+
+
+@dataclass(frozen=True)
+class DDFConfig:
+    """Section `ddf`: field, loss and batch of the DDF model.
+
+    counts: oriented points per shape and type in a batch, E the extra uniform ones. shape_weight: γ_RS.
+    mask_weight: γ_RM. mask_size: side of the rendered mask. mask_pixels: pixels of it that are evaluated per image, drawn
+    among those whose ray meets the box; null for all of them.
+    """
+
+    field: fields.PDDFConfig
+    steps: int
+    counts: dict[str, int]
+    weights: losses.LossWeights
+    shape_weight: float
+    mask_weight: float
+    mask_size: int
+    mask_pixels: int | None
+
+    def __post_init__(self) -> None:
+        if sorted(self.counts) != sorted(losses.ORDER) or min(self.counts.values()) < 1:
+            raise checks.InputError(f"ddf.counts must give each of {', '.join(losses.ORDER)} >= 1; got {self.counts}")
+        if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
+            raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (or null for mask_pixels)")
+        if not (self.shape_weight >= 0 and self.mask_weight >= 0):
+            raise checks.InputError("ddf.shape_weight and ddf.mask_weight must be >= 0")
+
+
+@dataclass(frozen=True)
+class PCSirenConfig:
+    """Section `pcsiren`: decoder and batch of the PC-SIREN model; points: per shape, on both sides of the Chamfer loss."""
+
+    hidden: tuple[int, ...]
+    omega_first: float
+    omega_hidden: float
+    steps: int
+    points: int
+
+    def __post_init__(self) -> None:
+        self.layout()
+        if self.steps < 1 or self.points < 1:
+            raise checks.InputError(f"pcsiren.steps and pcsiren.points must be >= 1; got {self.steps}, {self.points}")
+
+    def layout(self) -> siren.SineLayout:
+        """Sizes and frequencies of the decoder."""
+        return siren.SineLayout(self.hidden, self.omega_first, self.omega_hidden)
+
+
+def ddf_model(train: TrainConfig, config: DDFConfig) -> reconstruction.DDFModel:
+    """The DDF model of a config, freshly initialised."""
+    return reconstruction.DDFModel(config.field, train.latent_features, train.encoder_width)
+
+
+def pcsiren_model(train: TrainConfig, config: PCSirenConfig) -> reconstruction.PCSirenModel:
+    """The PC-SIREN model of a config, freshly initialised."""
+    return reconstruction.PCSirenModel(config.layout(), train.latent_features, train.encoder_width)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Images of one step with the cameras and shapes that they show; everything on the model's device."""
+
+    rows: np.ndarray
+    shapes: np.ndarray
+    images: Float[Tensor, "b 4 size size"]
+    cameras: Float[Tensor, "b 3"]
+    random: np.random.Generator
+
+    @classmethod
+    def draw(cls, images: si3dr_data.ImageSet, config: TrainConfig, step: int) -> "Batch":
+        """Random images of step `step`, without repetition as long as there are enough."""
+        random = np.random.default_rng((config.loop.seed, step))
+        repeated = len(images.shapes) < config.batch_size
+        rows = random.choice(len(images.shapes), config.batch_size, replace=repeated)
+        place = training.device()
+        return cls(rows, images.shapes[rows], images.batch(rows).to(place), images.cameras[rows].to(place), random)
+
+    def generator(self, device: torch.device) -> torch.Generator:
+        """Torch's own generator, seeded from this step's."""
+        return torch.Generator(device).manual_seed(int(self.random.integers(2**62)))
+
+
+def ddf_step(
+    model: reconstruction.DDFModel,
+    images: si3dr_data.ImageSet,
+    shapes: si3dr_data.ShapeSet,
+    samples: si3dr_data.SampleSet,
+    train: TrainConfig,
+    config: DDFConfig,
+    step: int,
+) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
+    """γ_RS 𝔏_S + γ_RΠ L_Π + γ_RM L_M, the mask with the predicted camera and the true scale."""
+    batch = Batch.draw(images, train, step)
+    place = batch.images.device
+    modulations = model.modulations(model.shape_encoder(batch.images))
+    points = samples.draw(batch.shapes, config.counts, batch.random).to(place)
+    shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights)
+    scores = model.camera_encoder(batch.images)
+    camera_loss = model.camera_head.loss(scores, batch.cameras)
+    mask_loss = reconstruction.mask_loss(
+        model.field,
+        modulations,
+        model.camera_head(scores),
+        shapes.field_scales(batch.shapes).to(place),
+        images.alpha(batch.rows, config.mask_size).to(place),
+        config.mask_pixels,
+        batch.generator(place),
+    ).mean()
+    total = config.shape_weight * shape_loss + train.camera_weight * camera_loss + config.mask_weight * mask_loss
+    return total, {**terms, "camera": camera_loss.detach(), "mask": mask_loss.detach()}
+
+
+def pcsiren_step(
+    model: reconstruction.PCSirenModel,
+    images: si3dr_data.ImageSet,
+    shapes: si3dr_data.ShapeSet,
+    train: TrainConfig,
+    config: PCSirenConfig,
+    step: int,
+) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
+    """D_C in the field frame + γ_RΠ L_Π."""
+    batch = Batch.draw(images, train, step)
+    place = batch.images.device
+    truth = torch.stack([shapes.subset(i, config.points, batch.random) for i in batch.shapes]).to(place)
+    seeds = batch.random.uniform(-1, 1, (len(batch.shapes), config.points, 3)).astype(np.float32)
+    predicted = model.decoder(torch.from_numpy(seeds).to(place), model.shape_encoder(batch.images))
+    chamfer = chamfer_loss(predicted, truth)
+    camera_loss = model.camera_head.loss(model.camera_encoder(batch.images), batch.cameras)
+    total = chamfer + train.camera_weight * camera_loss
+    return total, {"chamfer": chamfer.detach(), "camera": camera_loss.detach()}
+
+
+def chamfer_loss(
+    predicted: Float[Tensor, "b n 3"], truth: Float[Tensor, "b m 3"]
+) -> Float[Tensor, ""]:
+    """D_C: sum of the two means of squared distances to the nearest neighbour, mean over shapes.
+
+    The neighbours are found without gradient; only the pairs that count are differentiated.
+    """
+    with torch.no_grad():
+        dist_sq = torch.baddbmm(
+            predicted.square().sum(-1, keepdim=True) + truth.square().sum(-1)[:, None],
+            predicted,
+            truth.transpose(1, 2),
+            alpha=-2,
+        )
+        to_truth, to_predicted = dist_sq.argmin(dim=2), dist_sq.argmin(dim=1)
+    near_truth = truth.gather(1, to_truth[..., None].expand(-1, -1, 3))
+    near_predicted = predicted.gather(1, to_predicted[..., None].expand(-1, -1, 3))
+    there = (predicted - near_truth).square().sum(-1).mean()
+    return there + (truth - near_predicted).square().sum(-1).mean()

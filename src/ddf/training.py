@@ -1,0 +1,186 @@
+"""One training loop: a step that depends on its number alone, checkpoints, a log, and the same result after any kill.
+
+The loss of step k draws its batch from generators seeded with (seed, k), so a run resumed at step k goes on exactly as an
+uninterrupted one would (same machine kind, same number of threads).
+"""
+
+import logging
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import pandas as pd
+import torch
+import tqdm
+from torch import Tensor, nn
+
+from ddf import checks, storage
+
+LOGGER = logging.getLogger(__name__)
+CHECKPOINT, MODEL, LOG = "checkpoint.safetensors", "model.safetensors", "log.csv"
+
+StepLoss = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
+
+
+@dataclass(frozen=True)
+class LoopConfig:
+    """How a model is optimised with AdamW.
+
+    schedule: `constant`, or `cosine` from the learning rate to zero over all steps; both after `warmup_steps` of linear rise.
+    clip_norm: gradients longer than this are shortened; null for none.
+    threads: CPU threads; part of the result (sums are ordered by it).
+    """
+
+    learning_rate: float
+    schedule: Literal["constant", "cosine"]
+    warmup_steps: int
+    clip_norm: float | None
+    threads: int
+    seed: int
+    log_every: int
+    checkpoint_seconds: float
+
+    def __post_init__(self) -> None:
+        for name in ("learning_rate", "threads", "log_every"):
+            if not getattr(self, name) > 0:
+                raise checks.InputError(f"train.loop.{name} must be > 0; got {getattr(self, name)}")
+        for name in ("warmup_steps", "seed", "checkpoint_seconds"):
+            if not getattr(self, name) >= 0:
+                raise checks.InputError(f"train.loop.{name} must be >= 0; got {getattr(self, name)}")
+        if self.clip_norm is not None and not self.clip_norm > 0:
+            raise checks.InputError(f"train.loop.clip_norm must be > 0 or null; got {self.clip_norm}")
+
+    def rate(self, step: int, steps: int) -> float:
+        """Learning rate of step `step` (from 0) of `steps`."""
+        rise = min(1.0, (step + 1) / self.warmup_steps) if self.warmup_steps else 1.0
+        if self.schedule == "constant":
+            return self.learning_rate * rise
+        return self.learning_rate * rise * 0.5 * (1 + math.cos(math.pi * step / steps))
+
+
+def device() -> torch.device:
+    """CUDA when there is one, else the CPU."""
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+
+def prepare(config: LoopConfig) -> None:
+    """Fix threads and seed; on the CPU only deterministic operators are allowed."""
+    torch.set_num_threads(config.threads)
+    torch.manual_seed(config.seed)
+    if device().type == "cpu":
+        torch.use_deterministic_algorithms(True)
+
+
+def fit(
+    model: nn.Module,
+    groups: list[dict],
+    step_loss: StepLoss,
+    steps: int,
+    config: LoopConfig,
+    out_dir: Path,
+    record: dict,
+    describe: str,
+) -> None:
+    """Optimise `model`, resuming from `out_dir` if its checkpoint has the same fingerprint; write model and log there.
+
+    Args:
+      groups: AdamW's parameter groups.
+      step_loss: step number to loss and terms for the log.
+      record: metadata of the model file; `record["fingerprint"]` decides whether a checkpoint may be resumed.
+    Raises:
+      FloatingPointError: the loss is not finite; says at which step, and that the last checkpoint is whole.
+    """
+    optimiser = torch.optim.AdamW(groups, lr=config.learning_rate, fused=True)
+    start, rows = _resume(model, optimiser, out_dir, record["fingerprint"])
+    saved_at = logged_at = time.monotonic()
+    spent = rows[-1]["seconds"] if rows else 0.0
+    progress = tqdm.tqdm(range(start, steps), initial=start, total=steps, desc=describe, unit="step", mininterval=2)
+    model.train()
+    for step in progress:
+        for group in optimiser.param_groups:
+            group["lr"] = config.rate(step, steps)
+        loss, terms = step_loss(step)
+        optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        if config.clip_norm is not None:
+            nn.utils.clip_grad_norm_(model.parameters(), config.clip_norm)
+        optimiser.step()
+        done = step + 1
+        if done % config.log_every == 0 or done == steps:
+            now = time.monotonic()
+            spent, logged_at = spent + now - logged_at, now
+            rows.append(_log_row(done, loss, terms, spent, out_dir))
+            progress.set_postfix(loss=f"{rows[-1]['loss']:.3f}", refresh=False)
+        if done == steps or time.monotonic() - saved_at >= config.checkpoint_seconds:
+            _save_checkpoint(model, optimiser, done, rows, out_dir, record)
+            saved_at = time.monotonic()
+    storage.save_tensors(out_dir / MODEL, dict(model.state_dict()), {**record, "steps": steps})
+    storage.write_text(out_dir / LOG, pd.DataFrame(rows).to_csv(index=False))
+
+
+def load_model(model: nn.Module, folder: Path) -> dict:
+    """Fill `model` from the file that `fit` wrote, and return its record; the model is left in evaluation mode.
+
+    Raises:
+      InputError: the file is damaged, or holds another architecture.
+    """
+    path = folder / MODEL
+    tensors, record = storage.load_tensors(path, framework="torch")
+    try:
+        model.load_state_dict(tensors)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split())[:200]
+        raise checks.InputError(f"{path}: does not fit the architecture of its config: {reason}") from error
+    model.to(device()).eval()
+    return record
+
+
+def _log_row(step: int, loss: Tensor, terms: dict[str, Tensor], seconds: float, out_dir: Path) -> dict[str, float]:
+    value = float(loss.detach())
+    if not math.isfinite(value):
+        raise FloatingPointError(f"loss is {value} at step {step}; the last checkpoint in {out_dir} is whole")
+    return {"step": step, "loss": value, **{name: float(term) for name, term in terms.items()}, "seconds": seconds}
+
+
+def _save_checkpoint(
+    model: nn.Module, optimiser: torch.optim.Optimizer, step: int, rows: list[dict], out_dir: Path, record: dict
+) -> None:
+    """The log first: rows past the checkpoint's step are dropped on resuming, missing ones could not be made up."""
+    tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
+    for index, state in optimiser.state_dict()["state"].items():
+        tensors |= {f"optimiser.{index}.{name}": value for name, value in state.items()}
+    storage.write_text(out_dir / LOG, pd.DataFrame(rows).to_csv(index=False))
+    storage.save_tensors(out_dir / CHECKPOINT, tensors, {"step": step, "fingerprint": record["fingerprint"]})
+
+
+def _resume(
+    model: nn.Module, optimiser: torch.optim.Optimizer, out_dir: Path, fingerprint: str
+) -> tuple[int, list[dict]]:
+    """Step to go on from and log so far; (0, []) where there is nothing to resume."""
+    path = out_dir / CHECKPOINT
+    if not path.exists():
+        return 0, []
+    try:
+        tensors, metadata = storage.load_tensors(path, framework="torch")
+    except checks.InputError as error:
+        LOGGER.warning("%s; training starts afresh", error)
+        return 0, []
+    if metadata["fingerprint"] != fingerprint:
+        LOGGER.warning("%s: made by another config, data or code; training starts afresh", path)
+        return 0, []
+    model.load_state_dict(_under("model.", tensors))
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, value in _under("optimiser.", tensors).items():
+        index, _, key = name.partition(".")
+        state.setdefault(int(index), {})[key] = value
+    optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
+    log = pd.read_csv(out_dir / LOG) if (out_dir / LOG).exists() else pd.DataFrame({"step": []})
+    LOGGER.info("%s: resuming at step %d", path, metadata["step"])
+    return metadata["step"], log[log["step"] <= metadata["step"]].to_dict("records")
+
+
+def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
