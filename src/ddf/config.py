@@ -89,7 +89,9 @@ def parse(data: Any, cls: type[T], where: str) -> T:
     try:
         return cls(**values)
     except ValueError as error:
-        raise checks.InputError(f"{where}: {error}") from error
+        file, _, section = where.rpartition(": ")
+        own_name = str(error).startswith(f"{section}.")  # range checks may name section and key themselves
+        raise checks.InputError(f"{file if own_name else where}: {error}") from error
 
 
 def artifact_dir(config_path: str | Path, stage: str, category: str | None = None) -> Path:

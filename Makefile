@@ -1,0 +1,104 @@
+# Every door of the project; `make` alone lists them.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+MAKEFLAGS += --no-print-directory
+
+# ---- what you may set: make reproduce-table CONFIG=configs/paper.yaml DATA=/path/to/shapenet LAUNCH="srun --gres=gpu:1"
+CONFIG ?= configs/cpu.yaml#   the experiment file
+DATA   ?=#                    root that holds ShapeNetCore.v1/ and ShapeNetRendering/ (configs with dataset.source: shapenet)
+LAUNCH ?=#                    goes before every training command
+JOBS   ?= 1#                  trainings side by side (make train)
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+
+CONFIG := $(strip $(CONFIG))
+NAME := $(basename $(notdir $(CONFIG)))
+UV_VERSION := 0.13.8
+VENV := .venv
+READY := $(VENV)/.ready-$(shell pwd | cksum | cut -d' ' -f1)#   another folder is another environment
+RUN := $(VENV)/bin/python
+export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
+export PYTHONUNBUFFERED := 1
+export LAUNCH := $(strip $(LAUNCH))
+ifneq ($(strip $(DATA)),)
+export DDF_DATA := $(abspath $(strip $(DATA)))
+endif
+
+# One run at a time. The lock is the kernel's: it is gone when the last process of a run is, however that ended; what
+# DVC itself left behind (rwlock) is then stale.
+define locked
+@mkdir -p .make .dvc/tmp; exec 9>>.make/lock; \
+flock -n 9 || { echo "another run holds this folder (process $$(cat .make/lock.pid 2>/dev/null)); waiting for it to end" >&2; flock 9; }; \
+echo $$$$ > .make/lock.pid; rm -f .dvc/tmp/rwlock; \
+$(1)
+endef
+check_config = @test -f "$(CONFIG)" || { echo "$(CONFIG): no such experiment file; CONFIG is one of: $$(echo configs/*.yaml)" >&2; exit 2; }; \
+	grep -q "^ *$(NAME):" pipeline.yaml || { echo "$(CONFIG): pipeline.yaml has no experiment '$(NAME)'; add it to the lists under vars" >&2; exit 2; }
+
+##@ Experiments
+.PHONY: reproduce-table
+reproduce-table: $(READY) ## from nothing to tables, figures and report: CONFIG=configs/cpu.yaml [DATA=/path/to/shapenet]
+	$(check_config)
+	$(call locked,dvc repro -q report@$(NAME)) && echo "reports/$(NAME)/README.md"
+
+.PHONY: smoke
+smoke: $(READY) ## synthetic primitives through every stage, in minutes
+	$(call locked,dvc repro -q report@smoke) && echo "reports/smoke/README.md"
+
+STAGES := dataset meshes samples train_ddf train_pcsiren pointclouds evaluate report
+.PHONY: $(addprefix stage-,$(STAGES))
+$(addprefix stage-,$(STAGES)): stage-%: $(READY) ## one stage (dataset, meshes, ..., report) and what it needs
+	$(check_config)
+	$(call locked,dvc stage list --name-only | grep -E '^$*@$(NAME)(-|$$)' | xargs dvc repro -q)
+
+.PHONY: train
+train: $(READY) ## the trainings alone, JOBS=4 side by side, each behind LAUNCH="srun --gres=gpu:1"
+	$(check_config)
+	$(call locked,dvc stage list --name-only | grep -E '^train_.*@$(NAME)-' | xargs -P $(JOBS) -n 1 dvc repro -q --single-item)
+
+.PHONY: report
+report: stage-report ## tables, figures and report of CONFIG (makes what is missing)
+
+.PHONY: dag
+dag: $(READY) ## the stages of CONFIG as a graph
+	$(check_config)
+	@dvc dag report@$(NAME)
+
+##@ Quality
+.PHONY: test
+test: test-fast smoke ## set-up, lint, types, unit tests, then the smoke pipeline
+
+.PHONY: test-fast
+test-fast: lint ## lint, types and unit tests
+	@$(RUN) -m pytest -q
+
+.PHONY: test-slow
+test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged files
+	@$(RUN) -m pytest -q -m slow
+
+.PHONY: lint
+lint: $(READY) ## format check, lint and types
+	@ruff format --check -q . && ruff check -q . && pyright --warnings
+
+.PHONY: sync-deps
+sync-deps: $(READY) ## write the real imports of every stage into pipeline.yaml
+	@$(RUN) tests/_pipeline.py
+
+.PHONY: bench
+bench: $(READY) ## speed against error; writes JSON into reports/bench
+	@test -d bench || { echo "no benchmarks yet" >&2; exit 2; }; for file in bench/*.py; do $(RUN) "$$file" || exit 1; done
+
+##@ Household
+.PHONY: setup
+setup: $(READY) ## the environment in .venv, from requirements.lock; nothing to do when it is there
+
+$(READY): requirements.lock pyproject.toml
+	@.ci/setup "$(PYTHON)" $(UV_VERSION) $@
+
+.PHONY: clean
+clean: ## remove all artefacts (keeps the environment and the committed report)
+	rm -rf artifacts .dvc/cache .dvc/tmp .pytest_cache .ruff_cache
+
+.PHONY: help
+help: ## this list
+	@awk 'BEGIN {FS = ":.*## "} /^##@/ {printf "\n%s\n", substr($$0, 5)} \
+	/^[a-z$$][^:]*:.*## / {name = $$1; if (name ~ /^\$$/) name = "stage-<name>"; printf "  %-18s %s\n", name, $$2}' Makefile

@@ -1,0 +1,83 @@
+"""The stage graph as the tests see it; run as a script, it writes the real imports of every stage into pipeline.yaml."""
+
+import ast
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ddf import provenance
+
+ROOT = Path(__file__).resolve().parents[1]
+PIPELINE = ROOT / "pipeline.yaml"
+_MARK = "        # code\n"
+
+
+def load() -> dict[str, Any]:
+    return yaml.safe_load(PIPELINE.read_text())
+
+
+def expand() -> dict[str, dict[str, Any]]:
+    """Every stage with its items filled in, as `name@key`."""
+    data = load()
+    lists = data["vars"][0]
+    stages = {}
+    for name, entry in data["stages"].items():
+        for key, item in lists[entry["foreach"].strip("${}")].items():
+            stages[f"{name}@{key}"] = _fill(entry["do"], item)
+    return stages
+
+
+def script_of(stage: dict[str, Any]) -> Path:
+    found = re.search(r"stages/\w+\.py", stage["cmd"])
+    if found is None:
+        raise ValueError(f"no stage script in {stage['cmd']!r}")
+    return ROOT / found.group()
+
+
+def code_of(script: Path) -> list[str]:
+    """The script and everything it imports from the package, relative to the repository."""
+    closure = provenance.import_closure(script)
+    return [script.relative_to(ROOT).as_posix(), *(file.relative_to(ROOT).as_posix() for file in closure)]
+
+
+def sections_read(script: Path) -> set[str]:
+    """The config sections that a script loads: the constant second arguments of config.load(...)."""
+    sections = set()
+    for file in [script, *provenance.import_closure(script)]:
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "config.load":
+                argument = node.args[1]
+                if not isinstance(argument, ast.Constant):
+                    raise ValueError(f"{file}:{node.lineno}: the section must be a constant")
+                sections.add(argument.value)
+    return sections
+
+
+def sync() -> None:
+    """Rewrite the code part of every `deps` list."""
+    text = PIPELINE.read_text()
+    head, *entries = re.split(r"(?m)^(?=  \w+:\n    foreach:)", text)
+    for i, entry in enumerate(entries):
+        script = ROOT / re.findall(r"stages/\w+\.py", entry)[0]
+        if script.exists():
+            before, after = entry.split(_MARK)
+            after = re.sub(r"\A(        - (src|stages)/.*\n)*", "", after)
+            entries[i] = before + _MARK + "".join(f"        - {file}\n" for file in code_of(script)) + after
+    PIPELINE.write_text(head + "".join(entries))
+
+
+def _fill(value: Any, item: dict[str, Any]) -> Any:
+    if isinstance(value, dict):
+        return {_fill(key, item): _fill(inner, item) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_fill(inner, item) for inner in value]
+    if isinstance(value, str):
+        for key, replacement in item.items():
+            value = value.replace("${item." + key + "}", str(replacement))
+    return value
+
+
+if __name__ == "__main__":
+    sync()
