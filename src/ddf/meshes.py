@@ -30,6 +30,8 @@ class MeshesConfig:
     offset: distance of the wrap from the raw surface.
     wrap: "auto" keeps a mesh that is already one closed piece without self-intersections; "always" wraps everything.
     measure_points: points a side for the loss figures.
+    shard_size: shapes in one file.
+    seed: of the points that the loss is measured at.
     """
 
     faces: int = 10_000
@@ -37,6 +39,8 @@ class MeshesConfig:
     offset: float = 0.001
     wrap: str = "auto"
     measure_points: int = 10_000
+    shard_size: int = 16
+    seed: int = 0
 
     def __post_init__(self) -> None:
         if self.faces < 4:
@@ -49,6 +53,8 @@ class MeshesConfig:
             raise checks.InputError(f"meshes.wrap must be auto or always; got {self.wrap!r}")
         if self.measure_points < 1:
             raise checks.InputError(f"meshes.measure_points must be >= 1; got {self.measure_points}")
+        if self.shard_size < 1:
+            raise checks.InputError(f"meshes.shard_size must be >= 1; got {self.shard_size}")
 
 
 @dataclass(frozen=True)

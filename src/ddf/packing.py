@@ -1,0 +1,98 @@
+"""Oriented-point samples as small integers, and back; needs numpy and torch only, so training can read them.
+
+positions   int16 x 3   value / 32767 per coordinate of the box [-1, 1]^3
+directions  int16 x 2   octahedral map of the unit sphere
+depth       uint16      steps of 2 sqrt(3) / 65534 (the box's diagonal); 65535 is a miss
+normals     int8 x 2    octahedral map; the axis (0, 0, 1) on a miss, where the value means nothing
+Positions and directions are rounded before rays are cast, so the truth belongs to exactly the stored ray and only depth and
+normals carry an error: half a depth step (2.6e-5), and under 1 degree (`normal_error_deg`).
+Octahedral map: Cigolle et al. 2014, "A survey of efficient representations for independent unit vectors", §3.3.
+"""
+
+from typing import TypedDict
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ddf import checks
+
+POSITION_STEPS = 32767
+DEPTH_STEP = 2 * 3**0.5 / 65534
+MISS = 65535
+FIELDS = ("positions", "directions", "depth", "normals")
+KINDS = ("U", "A", "B", "S", "T", "O")
+
+
+class Samples(TypedDict):
+    """Decoded samples of one type, float32 but for `visible`; depth is `inf` on a miss."""
+
+    positions: Float[Tensor, "*batch 3"]
+    directions: Float[Tensor, "*batch 3"]
+    depth: Float[Tensor, "*batch"]
+    visible: Tensor
+    normals: Float[Tensor, "*batch 3"]
+
+
+def encode_unit(vectors: Float[np.ndarray, "*n 3"], dtype: type[np.signedinteger]) -> Int[np.ndarray, "*n 2"]:
+    """Octahedral code of unit vectors, rounded to the nearest step of `dtype` in the map's plane."""
+    flat = vectors / np.abs(vectors).sum(axis=-1, keepdims=True)
+    wings = (1 - np.abs(flat[..., 1::-1])) * np.where(flat[..., :2] >= 0, 1.0, -1.0)
+    plane = np.where(flat[..., 2:] >= 0, flat[..., :2], wings)
+    return np.rint(plane * np.iinfo(dtype).max).astype(dtype)
+
+
+def decode_unit(codes: Tensor) -> Float[Tensor, "*n 3"]:
+    """Unit vectors, float32, of octahedral codes of either width."""
+    plane = codes.float() / torch.iinfo(codes.dtype).max
+    height = 1 - plane.abs().sum(-1, keepdim=True)
+    fold = (-height).clamp_min(0.0)
+    plane = plane - torch.where(plane >= 0, fold, -fold)
+    return torch.nn.functional.normalize(torch.cat([plane, height], dim=-1), dim=-1)
+
+
+def encode_positions(positions: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n 3"]:
+    """Positions in [-1, 1]^3 as int16; what lies outside is clamped onto the cube."""
+    return np.rint(np.clip(positions, -1.0, 1.0) * POSITION_STEPS).astype(np.int16)
+
+
+def decode_positions(codes: Tensor) -> Float[Tensor, "*n 3"]:
+    """Positions in [-1, 1]^3, float32."""
+    return codes.float() / POSITION_STEPS
+
+
+def encode_depth(depth: Float[np.ndarray, "*n"]) -> Int[np.ndarray, "*n"]:
+    """Depths as uint16; `inf` becomes the code of a miss.
+
+    Raises:
+      InputError: a finite depth is negative or longer than the box's diagonal.
+    """
+    hit = np.isfinite(depth)
+    steps = np.rint(np.where(hit, depth, 0.0) / DEPTH_STEP)
+    if steps.size and not (steps.min() >= 0 and steps.max() < MISS):
+        raise checks.InputError(f"depth must be in [0, 2 sqrt(3)] or inf; got {depth[hit].min()} to {depth[hit].max()}")
+    return np.where(hit, steps, MISS).astype(np.uint16)
+
+
+def decode_depth(codes: Tensor) -> Float[Tensor, "*n"]:
+    """Depths, float32, `inf` on a miss."""
+    steps = codes.to(torch.int32)
+    return torch.where(steps == MISS, torch.inf, steps.float() * DEPTH_STEP)
+
+
+def decode(arrays: dict[str, Tensor], kind: str) -> Samples:
+    """Samples of one type out of a shard's tensors, whole or already indexed along any leading axes.
+
+    Args:
+      arrays: `<kind>.positions`, `<kind>.directions`, `<kind>.depth`, `<kind>.normals` as stored.
+      kind: one of U, A, B, S, T, O.
+    """
+    depth = decode_depth(arrays[f"{kind}.depth"])
+    return Samples(
+        positions=decode_positions(arrays[f"{kind}.positions"]),
+        directions=decode_unit(arrays[f"{kind}.directions"]),
+        depth=depth,
+        visible=torch.isfinite(depth),
+        normals=decode_unit(arrays[f"{kind}.normals"]),
+    )

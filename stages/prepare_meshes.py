@@ -1,0 +1,26 @@
+"""Raw meshes to closed, small meshes in the field frame, with the loss of each."""
+
+from pathlib import Path
+
+from ddf import config, meshes, parallel, preparation, provenance, stage
+
+
+def run(config_path: Path, category: str) -> None:
+    """Read the data set's index, prepare every shape of the category, write packs."""
+    section = config.load(config_path, "meshes", meshes.MeshesConfig)
+    index_path = config.artifact_dir(config_path, "dataset") / "index.json"
+    out_dir = config.artifact_dir(config_path, "meshes", category)
+    fingerprint = provenance.fingerprint(section, [], preparation)
+    parallel.map_shards(
+        preparation.PrepareShard(section, category, out_dir, fingerprint),
+        preparation.raw_shapes(index_path, category),
+        shard_size=section.shard_size,
+        out_dir=out_dir,
+        fingerprint=fingerprint,
+        describe=f"meshes {category}",
+        name_of=lambda shape: shape.id,
+    )
+
+
+if __name__ == "__main__":
+    stage.main(run, __doc__, category=True)
