@@ -4,6 +4,8 @@ The loss of step k draws its batch from generators seeded with (seed, k), so a r
 uninterrupted one would (same machine kind, same number of threads).
 """
 
+import csv
+import io
 import logging
 import math
 import time
@@ -12,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import pandas as pd
 import torch
 import tqdm
 from torch import Tensor, nn
@@ -118,7 +119,7 @@ def fit(
             _save_checkpoint(model, optimiser, done, rows, out_dir, record)
             saved_at = time.monotonic()
     storage.save_tensors(out_dir / MODEL, dict(model.state_dict()), {**record, "steps": steps})
-    storage.write_text(out_dir / LOG, pd.DataFrame(rows).to_csv(index=False))
+    _write_log(out_dir / LOG, rows)
 
 
 def load_model(model: nn.Module, folder: Path) -> dict:
@@ -138,6 +139,23 @@ def load_model(model: nn.Module, folder: Path) -> dict:
     return record
 
 
+def read_log(folder: Path) -> list[dict[str, float]]:
+    """Rows of the log that `fit` wrote: step, loss, its terms, seconds since the start; empty where there is none."""
+    path = folder / LOG
+    if not path.exists():
+        return []
+    rows = csv.DictReader(io.StringIO(path.read_text(encoding="utf-8")))
+    return [{name: float(value) for name, value in row.items()} for row in rows]
+
+
+def _write_log(path: Path, rows: list[dict[str, float]]) -> None:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(rows[0]) if rows else ["step"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    storage.write_text(path, text.getvalue())
+
+
 def _log_row(step: int, loss: Tensor, terms: dict[str, Tensor], seconds: float, out_dir: Path) -> dict[str, float]:
     value = float(loss.detach())
     if not math.isfinite(value):
@@ -152,7 +170,7 @@ def _save_checkpoint(
     tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
     for index, state in optimiser.state_dict()["state"].items():
         tensors |= {f"optimiser.{index}.{name}": value for name, value in state.items()}
-    storage.write_text(out_dir / LOG, pd.DataFrame(rows).to_csv(index=False))
+    _write_log(out_dir / LOG, rows)
     storage.save_tensors(out_dir / CHECKPOINT, tensors, {"step": step, "fingerprint": record["fingerprint"]})
 
 
@@ -177,9 +195,8 @@ def _resume(
         index, _, key = name.partition(".")
         state.setdefault(int(index), {})[key] = value
     optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
-    log = pd.read_csv(out_dir / LOG) if (out_dir / LOG).exists() else pd.DataFrame({"step": []})
     LOGGER.info("%s: resuming at step %d", path, metadata["step"])
-    return metadata["step"], log[log["step"] <= metadata["step"]].to_dict("records")
+    return metadata["step"], [row for row in read_log(out_dir) if row["step"] <= metadata["step"]]
 
 
 def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -1,0 +1,140 @@
+"""The fused shape loss against the plain way: one autograd call per derivative."""
+
+import dataclasses
+
+import pytest
+import torch
+
+from ddf import checks, fields, losses, siren
+
+COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2}
+WEIGHTS = losses.LossWeights(5, 10, 10, 1, 0.1, 0.25, 0.1, 0.25, 1.5)
+
+
+def _field(activation="softplus"):
+    torch.manual_seed(0)
+    return fields.PDDF(fields.PDDFConfig((12, 10), 2.0, 3.0, activation, 5.0)).double()
+
+
+def _unit(*shape, seed):
+    vectors = torch.randn(*shape, 3, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    return torch.nn.functional.normalize(vectors, dim=-1)
+
+
+def _batch(shapes=2):
+    generator = torch.Generator().manual_seed(5)
+    n = sum(COUNTS.values())
+    uniform = torch.rand(shapes, n, 5, generator=generator, dtype=torch.float64)
+    positions = uniform[..., :3] * 2 - 1
+    visible = (uniform[..., 3] > 0.4).double()
+    return losses.SampleBatch(
+        positions, _unit(shapes, n, seed=1), visible, uniform[..., 4] * 2, _unit(shapes, n, seed=2), COUNTS
+    )
+
+
+def _slow_loss(field, batch, modulations, weights):
+    """𝔏_S by create_graph, written from the paper's formulas, one type at a time."""
+    v, n, seen, truth = batch.directions, batch.normals, batch.visible, batch.depth
+    p = batch.positions.clone().requires_grad_()
+    raw = field(p, v, modulations)
+    d, w1, xi = field.depths(raw), torch.sigmoid(raw[..., 2]), torch.sigmoid(raw[..., 3])
+
+    def gradient(values):
+        return torch.autograd.grad(values.sum(), p, create_graph=True)[0]
+
+    first = w1 >= 0.5
+    chosen = torch.where(first, d[..., 0], d[..., 1])
+    unit = torch.nn.functional.normalize(gradient(torch.where(first, raw[..., 0], raw[..., 1])), dim=-1)
+    rates = [(gradient(d[..., i]) * v).sum(-1) for i in range(2)]
+    xi_rate, w_rate = (gradient(xi) * v).sum(-1), (gradient(w1) * n).sum(-1)
+    stops = torch.tensor([0, *(COUNTS[k] for k in losses.ORDER)]).cumsum(0)
+    where = {k: slice(int(stops[i]), int(stops[i + 1])) for i, k in enumerate(losses.ORDER)}
+
+    def mean(values, kinds):
+        return torch.cat([values[:, where[k]] for k in kinds], dim=1).mean()
+
+    doubled = torch.ones(raw.shape[1], dtype=raw.dtype)
+    doubled[where["U"]] = doubled[where["A"]] = 2
+    factor = seen.clone()
+    factor[:, where["E"]] = xi[:, where["E"]].detach()
+    eikonal = weights.eikonal_depth * factor * sum((r + 1) ** 2 for r in rates) + weights.eikonal_visibility * xi_rate**2
+    bce = -(seen * torch.log(xi) + (1 - seen) * torch.log(1 - xi))
+    normal = -seen * (unit * n).sum(-1).abs()
+    speed = torch.relu(weights.transition_speed - w_rate.abs()) ** 2
+    return (
+        weights.depth * mean(doubled * seen * (chosen - truth) ** 2, "UABSTO")
+        + weights.visibility * mean(bce, "UABSTO")
+        + weights.visibility_variance * mean(xi * (1 - xi), "UABSTO")
+        + weights.normals * mean(normal, "UAB")
+        + mean(eikonal, "EUAB")
+        + weights.weight_variance * mean(w1 * (1 - w1), "EUAB")
+        + weights.transition * mean(speed, "ST")
+    )
+
+
+@pytest.mark.parametrize("activation", ["softplus", "relu"])
+@pytest.mark.parametrize("modulated", [False, True])
+def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, modulated):
+    field, batch, modulations = _field(activation), _batch(), None
+    parameters = list(field.parameters())
+    if modulated:
+        torch.manual_seed(3)
+        modulator = siren.Modulator(4, (12, 10)).double()
+        parameters += list(modulator.parameters())
+        modulations = modulator(torch.randn(2, 4, dtype=torch.float64))
+    expected = _slow_loss(field, batch, modulations, WEIGHTS)
+    slow = torch.autograd.grad(expected, parameters, retain_graph=True)
+    found, terms = losses.shape_loss(field, batch, modulations, WEIGHTS)
+    torch.testing.assert_close(found, expected, rtol=1e-10, atol=0)
+    for mine, theirs in zip(torch.autograd.grad(found, parameters), slow, strict=True):
+        assert theirs.abs().max() > 0
+        assert (mine - theirs).abs().max() <= 1e-8 * theirs.abs().max()
+    assert not any(term.requires_grad for term in terms.values())
+
+
+@pytest.mark.parametrize("name", [f.name for f in dataclasses.fields(losses.LossWeights) if f.name != "transition_speed"])
+def test_every_weight_scales_its_own_term(name):
+    field, batch = _field(), _batch()
+    nothing = losses.LossWeights(**dict.fromkeys((f.name for f in dataclasses.fields(WEIGHTS)), 0.0) | {"transition_speed": 1.5})
+    one = dataclasses.replace(nothing, **{name: 1.0})
+    two = dataclasses.replace(nothing, **{name: 2.0})
+    single, double = (float(losses.shape_loss(field, batch, None, w)[0].detach()) for w in (one, two))
+    assert single != 0
+    assert double == pytest.approx(2 * single, rel=1e-12)
+    assert float(losses.shape_loss(field, batch, None, nothing)[0].detach()) == 0
+
+
+def test_ground_truth_of_extra_points_is_never_read():
+    field, batch = _field(), _batch()
+    spoiled = {name: getattr(batch, name).clone() for name in ("visible", "depth", "normals")}
+    for values in spoiled.values():
+        values[:, : COUNTS["E"]] = float("nan")
+    assert torch.equal(
+        losses.shape_loss(field, batch, None, WEIGHTS)[0],
+        losses.shape_loss(field, dataclasses.replace(batch, **spoiled), None, WEIGHTS)[0],
+    )
+
+
+def test_saturated_logits_keep_loss_and_gradient_finite():
+    field, batch = _field(), _batch()
+    with torch.no_grad():
+        field.network.head.bias[2:] = torch.tensor([-2000.0, 2000.0])
+    loss, _ = losses.shape_loss(field, batch, None, WEIGHTS)
+    gradients = torch.autograd.grad(loss, list(field.parameters()))
+    assert all(bool(torch.isfinite(g).all()) for g in (loss, *gradients))
+
+
+def test_terms_by_hand():
+    zero, one = torch.zeros(1), torch.ones(1)
+    assert float(losses.depth_loss(3 * one, one, one)) == 4.0
+    assert float(losses.depth_loss(3 * one, one, zero)) == 0.0
+    assert float(losses.transition_loss(torch.tensor([-0.5]), 2.0)) == 2.25
+    assert float(losses.transition_loss(torch.tensor([-3.0]), 2.0)) == 0.0
+    assert float(losses.bernoulli_variance(zero)) == 0.25
+    n = torch.tensor([[0.0, 0.6, 0.8]])
+    assert float(losses.normal_loss(-n, n, one)) == pytest.approx(-1.0)
+
+
+def test_bad_weight_is_refused():
+    with pytest.raises(checks.InputError, match="weights.depth must be >= 0 and finite; got -1"):
+        dataclasses.replace(WEIGHTS, depth=-1)

@@ -1,0 +1,137 @@
+import math
+
+import pytest
+import torch
+import torchvision
+
+from ddf import cameras, checks, fields, reconstruction, rendering, siren, transforms
+
+PAPER_FIELD = fields.PDDFConfig((512, 512, 512, 256, 256, 256, 256), 1.0, 1.0, "relu", 1.0)
+SMALL_FIELD = fields.PDDFConfig((24, 24), 2.0, 1.0, "softplus", 20.0)
+BALL_RADIUS = 0.7
+
+
+class _BallField(torch.nn.Module):
+    """Visibility of a ball, as logits proportional to how deep the ray passes: a known mask for every camera."""
+
+    def forward(self, positions, directions, modulations=None):
+        closest = positions - (positions * directions).sum(-1, keepdim=True) * directions
+        logit = 40 * (BALL_RADIUS - (closest + 1e-9).norm(dim=-1))
+        zero = torch.zeros_like(logit)
+        return torch.stack((zero, zero, zero, logit), dim=-1)
+
+
+def _camera(*values):
+    return torch.tensor([values])
+
+
+def test_parameter_counts_are_the_papers():
+    ddf = reconstruction.DDFModel(PAPER_FIELD, 512, 64)
+    baseline = reconstruction.PCSirenModel(PAPER_FIELD.layout(), 512, 64)
+    assert fields.count_parameters(ddf) == 25_647_367
+    assert fields.count_parameters(baseline) == 25_645_574
+    assert fields.count_parameters(fields.PDDF(fields.PAPER_SINGLE_SHAPE)) == 1_581_572
+
+
+def test_full_width_encoder_is_torchvisions_resnet18():
+    theirs = torchvision.models.resnet18(weights=None, num_classes=5)
+    theirs.conv1 = torch.nn.Conv2d(4, 64, 7, 2, 3, bias=False)
+    mine = reconstruction.Encoder(5, 64)
+    mine.load_state_dict(theirs.state_dict())
+    images = torch.rand(2, 4, 64, 64, generator=torch.Generator().manual_seed(0))
+    assert torch.equal(mine.eval()(images), theirs.eval()(images))
+
+
+def test_every_parameter_is_in_one_group_with_its_decay():
+    model = reconstruction.DDFModel(SMALL_FIELD, 8, 8)
+    groups = model.parameter_groups(weight_decay_shape=1e-3, weight_decay_camera=1e-6)
+    assert [g["weight_decay"] for g in groups] == [1e-3, 1e-6, 0.0]
+    assert sorted(map(id, model.parameters())) == sorted(id(p) for g in groups for p in g["params"])
+
+
+def test_camera_head_inverts_its_scores_and_clamps():
+    head = reconstruction.CameraHead()
+    truth = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
+    head.fit(truth)
+    scores = (truth - truth.mean(0)) / truth.std(0)
+    torch.testing.assert_close(head(scores), truth)
+    assert float(head.loss(scores, truth)) < 1e-10
+    assert float(head.loss(scores + torch.tensor([1.0, 2.0, 0.0]), truth)) == pytest.approx(5.0)
+    torch.testing.assert_close(head(torch.full((1, 3), 9.0))[0], truth.amax(0))
+    torch.testing.assert_close(head(torch.full((1, 3), -9.0))[0], truth.amin(0))
+    with pytest.raises(checks.InputError, match="must vary"):
+        head.fit(truth[:1].expand(4, 3))
+
+
+def test_rendered_ball_has_the_analytic_silhouette():
+    camera, scale = torch.tensor([0.8, 0.45, 0.8]), torch.tensor(2.5)
+    images, queries = rendering.render(_BallField(), None, camera, scale, 137, ["visibility"])
+    radius = BALL_RADIUS * transforms.BENCHMARK_FROM_V1 / float(scale)
+    angle = math.asin(radius / 0.8)
+    directions = cameras.pixel_directions(137)
+    expected = torch.acos((-directions[..., 2]).clamp(-1, 1)) < angle
+    assert (images["visibility"] > 0.5).ne(expected).float().mean() < 0.002
+    assert 0.2 * 137**2 < queries < 0.9 * 137**2
+    assert set(images) == {"visibility"}
+
+
+def test_mask_loss_of_all_pixels_is_the_mean_over_the_image():
+    camera, scale = _camera(0.8, 0.45, 0.8), torch.tensor([2.5])
+    alpha = torch.rand(1, 24, 24, generator=torch.Generator().manual_seed(0))
+    directions = cameras.pixel_directions(24).reshape(-1, 3)
+    entry, world, _, meets = rendering.field_rays(camera, scale, directions)
+    logits = _BallField()(entry, world)[..., 3]
+    bce = torch.nn.functional.binary_cross_entropy_with_logits(logits, alpha.flatten(1), reduction="none")
+    found = reconstruction.mask_loss(_BallField(), [], camera, scale, alpha)
+    torch.testing.assert_close(found, (bce * meets).sum(1) / meets.shape[1])
+
+
+def test_mask_loss_of_random_pixels_is_unbiased_and_spends_only_them():
+    camera, scale = _camera(0.8, 0.45, 0.8).expand(3, 3), torch.tensor([2.5, 2.8, 3.5])
+    alpha = torch.rand(3, 24, 24, generator=torch.Generator().manual_seed(0))
+    whole = reconstruction.mask_loss(_BallField(), [], camera, scale, alpha)
+    generator = torch.Generator().manual_seed(1)
+    draws = [reconstruction.mask_loss(_BallField(), [], camera, scale, alpha, 40, generator) for _ in range(300)]
+    spread = torch.stack(draws).std(0) / 300**0.5
+    assert bool((spread > 0).all())
+    assert bool(((torch.stack(draws).mean(0) - whole).abs() < 4 * spread).all())
+
+
+def test_camera_gradient_of_the_mask_loss_equals_finite_differences():
+    camera = _camera(0.8, 0.45, 0.8).double().requires_grad_()
+    scale, alpha = torch.tensor([2.5], dtype=torch.float64), torch.zeros(1, 16, 16, dtype=torch.float64)
+    alpha[:, 3:9, 4:12] = 1
+    loss = reconstruction.mask_loss(_BallField(), [], camera, scale, alpha)
+    (gradient,) = torch.autograd.grad(loss.sum(), camera)
+    step = 1e-6
+    plus, minus = (camera.detach() + s * torch.tensor([0, 0, step], dtype=torch.float64) for s in (1, -1))
+    slope = (
+        reconstruction.mask_loss(_BallField(), [], plus, scale, alpha)
+        - reconstruction.mask_loss(_BallField(), [], minus, scale, alpha)
+    ) / (2 * step)
+    assert abs(float(slope)) > 1e-3
+    torch.testing.assert_close(gradient[0, 2], slope[0], rtol=1e-4, atol=1e-9)
+
+
+def test_correction_finds_the_radius_of_a_ball():
+    model = reconstruction.DDFModel(SMALL_FIELD, 4, 8)
+    model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.65], [6.2, 0.53, 0.95], [3.0, 0.5, 0.8]]))
+    model.decoder.field = _BallField()
+    truth, start, scale = _camera(1.0, 0.48, 0.72), _camera(1.0, 0.48, 0.9), torch.tensor([2.5])
+    image, _ = rendering.render(_BallField(), None, truth[0], scale[0], 32, ["visibility"])
+    config = reconstruction.CorrectionConfig(60, 0.1, 32)
+    found = reconstruction.correct_camera(model, torch.zeros(1, 4), start, scale, image["visibility"][None], config)
+    assert abs(float(found[0, 2]) - 0.72) < 0.005
+    same = reconstruction.correct_camera(
+        model, torch.zeros(1, 4), start, scale, image["visibility"][None], reconstruction.CorrectionConfig(0, 0.1, 32)
+    )
+    torch.testing.assert_close(same, start)
+
+
+def test_models_share_encoders_and_layers():
+    """PC-SIREN differs from the DDF model by its first and last layer alone: 3 inputs and 1 output fewer."""
+    layout = siren.SineLayout((24, 24), 2.0, 1.0)
+    ddf = reconstruction.DDFModel(SMALL_FIELD, 8, 8)
+    baseline = reconstruction.PCSirenModel(layout, 8, 8)
+    difference = fields.count_parameters(ddf) - fields.count_parameters(baseline)
+    assert difference == 3 * 24 + (24 + 1)
