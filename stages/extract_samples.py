@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ddf import config, parallel, preparation, provenance, sampling, stage
+from ddf import config, mesh_shards, parallel, provenance, sample_shards, sampling, stage
 
 
 def run(config_path: Path, category: str) -> None:
@@ -10,11 +10,11 @@ def run(config_path: Path, category: str) -> None:
     section = config.load(config_path, "samples", sampling.SamplesConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     out_dir = config.artifact_dir(config_path, "samples", category)
-    raw = preparation.raw_shapes(index_path, category)
-    shapes = preparation.prepared_shapes(config.artifact_dir(config_path, "meshes", category), raw)
-    fingerprint = provenance.fingerprint(section, [], preparation)
+    raw = mesh_shards.raw_shapes(index_path, category)
+    shapes = sample_shards.prepared_shapes(config.artifact_dir(config_path, "meshes", category), raw)
+    fingerprint = provenance.fingerprint(section, [], sample_shards)
     parallel.map_shards(
-        preparation.ExtractShard(section, category, out_dir, fingerprint),
+        sample_shards.ExtractShard(section, category, out_dir, fingerprint),
         shapes,
         shard_size=section.shard_size,
         out_dir=out_dir,

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ddf import config, meshes, parallel, preparation, provenance, stage
+from ddf import config, mesh_shards, meshes, parallel, provenance, stage
 
 
 def run(config_path: Path, category: str) -> None:
@@ -10,10 +10,10 @@ def run(config_path: Path, category: str) -> None:
     section = config.load(config_path, "meshes", meshes.MeshesConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     out_dir = config.artifact_dir(config_path, "meshes", category)
-    fingerprint = provenance.fingerprint(section, [], preparation)
+    fingerprint = provenance.fingerprint(section, [], mesh_shards)
     parallel.map_shards(
-        preparation.PrepareShard(section, category, out_dir, fingerprint),
-        preparation.raw_shapes(index_path, category),
+        mesh_shards.PrepareShard(section, category, out_dir, fingerprint),
+        mesh_shards.raw_shapes(index_path, category),
         shard_size=section.shard_size,
         out_dir=out_dir,
         fingerprint=fingerprint,

@@ -1,8 +1,8 @@
 """Ground-truth point clouds: Poisson-disk samples of the raw mesh, hidden inner faces included.
 
-As the official clouds of Pixel2Mesh: drawn on all faces, about 8,000 points, none closer than a radius to another. `hidden` marks
-points that no ray from outside meets first. Own dart throwing: it is seeded by a numpy generator (Open3D's and MeshLab's
-are seeded globally), and as fast as Open3D's sample elimination (0.1 s).
+As the official clouds of Pixel2Mesh: drawn on all faces, about 8,000 points, none closer than a radius to another.
+`hidden` marks points that no ray from outside meets first. Own dart throwing: it is seeded by a numpy generator
+(Open3D's and MeshLab's are seeded globally), and as fast as Open3D's sample elimination (0.1 s).
 """
 
 from dataclasses import dataclass
@@ -38,10 +38,11 @@ def draw(mesh: Mesh, count: int, rng: np.random.Generator) -> Cloud:
 def poisson_disk(
     mesh: Mesh, count: int, rng: np.random.Generator
 ) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "n"]]:
-    """Points of which no two are closer than a radius, chosen so that the count is met within 10 %, and their triangles.
+    """Points of which no two are closer than a radius, chosen so that the count is met within 10 %, and their
+    triangles.
 
-    The darts are drawn once; the radius is corrected until the count fits (distances are between points in space, so sheets
-    closer than the radius share their points).
+    The darts are drawn once; the radius is corrected until the count fits (distances are between points in space, so
+    sheets closer than the radius share their points).
 
     Raises:
       InputError: no triangle has an area.

@@ -129,12 +129,12 @@ def has_manifold_vertices(mesh: Mesh) -> bool:
     n = len(mesh.vertices)
     order = np.argsort(edges.min(axis=1) * n + edges.max(axis=1), kind="stable")
     left, right = order[::2], order[1::2]
-    corner = np.full(3 * m, -1)  # corner id of (face, local vertex) is 3 face + local; edge k of a face starts at local k
-    corner[:] = np.arange(3 * m)
+    corner = np.arange(3 * m)  # of (face, local vertex): 3 face + local; edge k of a face starts at its corner k
     start, stop = corner, 3 * face + (corner % 3 + 1) % 3
     same_way = edges[left, 0] == edges[right, 0]
     pairs_a = np.concatenate([start[left], stop[left]])
-    pairs_b = np.concatenate([np.where(same_way, start[right], stop[right]), np.where(same_way, stop[right], start[right])])
+    near, far = np.where(same_way, [start[right], stop[right]], [stop[right], start[right]])
+    pairs_b = np.concatenate([near, far])
     graph = sparse.coo_matrix((np.ones(len(pairs_a)), (pairs_a, pairs_b)), shape=(3 * m, 3 * m))
     fans, _ = sparse.csgraph.connected_components(graph, directed=False)
     return bool(fans == len(np.unique(mesh.faces)))
@@ -173,7 +173,8 @@ def close(mesh: Mesh, alpha: float, offset: float) -> Mesh:
       alpha, offset: in units of the diagonal of the mesh's box.
     """
     work = _to_meshlab(mesh)
-    work.generate_alpha_wrap(alpha=pymeshlab.PercentageValue(100 * alpha), offset=pymeshlab.PercentageValue(100 * offset))
+    percent = pymeshlab.PercentageValue
+    work.generate_alpha_wrap(alpha=percent(100 * alpha), offset=percent(100 * offset))
     return _from_meshlab(work)
 
 
@@ -238,12 +239,13 @@ def sample_surface(
 def measure(raw: Mesh, result: Mesh, points: int, rng: np.random.Generator) -> dict[str, float]:
     """How far the surfaces of two meshes of one frame lie apart, in units of the raw box's diagonal.
 
-    Both ways, from `points` points by area and all vertices, to the exact nearest point of the other surface. Raw points that
-    cannot be seen from outside are left out (a wrap drops them on purpose) and given as a figure of their own.
+    Both ways, from `points` points by area and all vertices, to the exact nearest point of the other surface. Raw
+    points that cannot be seen from outside are left out (a wrap drops them on purpose) and given as a figure of their
+    own.
 
     Returns:
-      `hausdorff` (largest of both ways), `mean_distance` (mean of the two means of the area points), `hausdorff_hidden` (largest
-      from a hidden raw point; 0 without any).
+      `hausdorff` (largest of both ways), `mean_distance` (mean of the two means of the area points),
+      `hausdorff_hidden` (largest from a hidden raw point; 0 without any).
     """
     diagonal = raw.diagonal()
     raw_scene, result_scene = raycast.Scene(raw), raycast.Scene(result)

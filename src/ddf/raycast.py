@@ -1,8 +1,8 @@
 """First hits of oriented points on triangle meshes: Open3D (float32, fast) and an exact float64 reference.
 
 Both treat the surface as two-sided: a ray that starts inside meets the wall from behind, and normals face back.
-Rays start where they enter the mesh's box, and the box is centred and scaled to 1 first, so that neither a far camera nor
-a mesh far from its origin costs float32 precision.
+Rays start where they enter the mesh's box, and the box is centred and scaled to 1 first, so that neither a far camera
+nor a mesh far from its origin costs float32 precision.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from ddf import rays
 from ddf.mesh_io import Mesh, face_normals
 
-_MARGIN = 1e-3  # of half the longest side: the box that rays enter is larger than the mesh, so flat meshes are inside it
+_MARGIN = 1e-3  # of half the longest side: rays enter a box larger than the mesh, so that flat meshes lie inside it
 SURFACE_OFFSET = 1e-5  # of half the longest side: over 80 float32 steps at 1, under a fifth of the stored depth's step
 
 
@@ -91,8 +91,8 @@ def _enter(
 def cast(scene: Scene | Mesh, points: rays.OrientedPoints) -> rays.RayHits:
     """What each oriented point sees first, in the mesh's own frame. Depth and normals are float64.
 
-    The triangle comes from Open3D (float32, no leaks through edges); the depth is then solved on that triangle's plane in
-    float64, except at grazing incidence, where float32 is better conditioned than the plane.
+    The triangle comes from Open3D (float32, no leaks through edges); the depth is then solved on that triangle's plane
+    in float64, except at grazing incidence, where float32 is better conditioned than the plane.
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
     positions = points.positions.detach().cpu().double().numpy().reshape(-1, 3)
@@ -102,7 +102,7 @@ def cast(scene: Scene | Mesh, points: rays.OrientedPoints) -> rays.RayHits:
     normal, corner = scene.normals[face[hit]], scene.mesh.triangles[face[hit], 0]
     slope = np.einsum("ij,ij->i", normal, directions[hit])
     exact = np.einsum("ij,ij->i", normal, corner - positions[hit]) / np.where(slope == 0, 1.0, slope)
-    close = np.abs(exact - depth[hit]) <= 1e-5 * (scene.scale + depth[hit])  # float32 is within this; further is ill-posed
+    close = np.abs(exact - depth[hit]) <= 1e-5 * (scene.scale + depth[hit])  # float32 is; further is ill-posed
     depth[hit] = np.where((np.abs(slope) > 1e-3) & close, np.maximum(exact, 0.0), depth[hit])
     return _hits(scene, directions, depth, face, points.positions.shape[:-1])
 
@@ -110,8 +110,8 @@ def cast(scene: Scene | Mesh, points: rays.OrientedPoints) -> rays.RayHits:
 def cast_exact(mesh: Mesh, points: rays.OrientedPoints) -> rays.RayHits:
     """The same by brute force in float64: every ray against every triangle. Slow; the reference for tests.
 
-    Source: Woop et al. 2013, "Watertight ray/triangle intersection": sheared edge functions, whose signs agree between the
-    triangles of an edge; zero counts as inside, so no ray slips between two triangles.
+    Source: Woop et al. 2013, "Watertight ray/triangle intersection": sheared edge functions, whose signs agree between
+    the triangles of an edge; zero counts as inside, so no ray slips between two triangles.
     """
     scene = Scene(mesh)
     positions = points.positions.detach().cpu().double().numpy().reshape(-1, 3)
@@ -175,8 +175,9 @@ def visible_from_outside(
 ) -> Bool[np.ndarray, "n"]:
     """Whether surface points are the first hit of some ray from outside the mesh.
 
-    A point is visible if a ray from it escapes along one of `count` spread directions. The start is lifted off the point's
-    own triangle to the ray's side. Points seen only through narrow gaps (under about 4 pi / count steradians) can be called hidden.
+    A point is visible if a ray from it escapes along one of `count` spread directions. The start is lifted off the
+    point's own triangle to the ray's side. Points seen only through narrow gaps (under about 4 pi / count steradians)
+    can be called hidden.
     """
     starts, normals = scene.local(points), scene.normals[face]
     visible = np.zeros(len(starts), dtype=bool)

@@ -1,20 +1,20 @@
 """Oriented-point samples of a mesh: the six types of [DDF22] appendix A, their truth by ray casting, packed.
 
-Letters: B the box, S the surface, q0 a point uniform by area on S with normal n0, v0 the direction that a sample looks back
-along. Each `draw_*` gives positions and directions only; `extract` rounds them to their stored form, casts exactly those
-rays and packs the answers. Everything is in the field frame.
+Letters: B the box, S the surface, q0 a point uniform by area on S with normal n0, v0 the direction that a sample looks
+back along. Each `draw_*` gives positions and directions only; `extract` rounds them to their stored form, casts
+exactly those rays and packs the answers. Everything is in the field frame.
 
 Choices where the paper is silent:
-- S starts on the surface. It is lifted by `raycast.SURFACE_OFFSET` (1e-5 of half the box's longest side) off its own triangle,
-  to the side that v points to, and the depth is corrected for that: its own triangle, and others in its plane, cannot be the
-  hit; a second sheet closer than that is not seen.
+- S starts on the surface. It is lifted by `raycast.SURFACE_OFFSET` (1e-5 of half the box's longest side) off its own
+  triangle,
+  to the side that v points to, and the depth is corrected for that: its own triangle, and others in its plane, cannot
+  be the hit; a second sheet closer than that is not seen.
 - O: the offset line is shortened where q0 + s eps n0 would leave B (the other side is tried first), then p is drawn on
   the line's part inside B as for T. So p is in B always, and a tenth lies on its boundary exactly.
 - Hits from behind count. Triangles without an area get no samples.
 """
 
 import dataclasses
-import hashlib
 from dataclasses import dataclass
 from typing import Literal
 
@@ -22,7 +22,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from ddf import checks, meshes, packing, raycast
+from ddf import checks, meshes, packing, raycast, seeding
 from ddf.mesh_io import Mesh
 
 BOUNDARY_SHARE = 0.1  # of the positions of types A, T and O lie on the boundary of B. Source: [DDF22] app. A
@@ -102,12 +102,6 @@ class Draw:
 CUBE = Box(-np.ones(3), np.ones(3))
 
 
-def generator(seed: int, *names: str) -> np.random.Generator:
-    """A random stream of its own for each seed and list of names, whatever else runs before or beside it."""
-    digest = hashlib.sha256("\0".join([str(seed), *names]).encode()).digest()
-    return np.random.default_rng(int.from_bytes(digest[:16], "little"))
-
-
 def unit_vectors(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
     """Directions uniform on the sphere (Archimedes: height and turn are uniform)."""
     height, turn = 2 * rng.random(count) - 1, 2 * np.pi * rng.random(count)
@@ -116,7 +110,7 @@ def unit_vectors(count: int, rng: np.random.Generator) -> Float[np.ndarray, "cou
 
 
 def _tangents(normals: Float[np.ndarray, "n 3"], rng: np.random.Generator) -> Float[np.ndarray, "n 3"]:
-    """Directions uniform on the circle normal to each unit vector. Basis: Duff et al. 2017, "Building an orthonormal basis"."""
+    """Directions uniform on the circle normal to each vector, on the basis of Duff et al. 2017 (revisiting Frisvad)."""
     x, y, z = normals.T
     sign = np.where(z >= 0, 1.0, -1.0)
     a = -1.0 / (sign + z)
@@ -127,9 +121,7 @@ def _tangents(normals: Float[np.ndarray, "n 3"], rng: np.random.Generator) -> Fl
     return np.cos(turn) * first + np.sin(turn) * second
 
 
-def _exit(
-    points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], box: Box
-) -> Float[np.ndarray, "n 3"]:
+def _exit(points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "n 3"]:
     """Distance along each axis at which a ray from inside the box leaves it; `inf` on axes it runs normal to."""
     wall = np.where(directions > 0, box.upper, box.lower) - points
     still = directions == 0
@@ -235,7 +227,7 @@ def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, n
         raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {lower} to {upper}")
     scene, arrays, worst = raycast.Scene(mesh), {}, {}
     for kind, count in config.counts.items():
-        drawn = draw(kind, scene, config, count, generator(config.seed, *names, kind))
+        drawn = draw(kind, scene, config, count, seeding.generator(config.seed, *names, kind))
         packed, errors = _cast_and_pack(scene, drawn)
         arrays |= {f"{kind}.{field}": values for field, values in packed.items()}
         worst = {name: max(value, worst.get(name, 0.0)) for name, value in errors.items()}
@@ -267,7 +259,8 @@ def _packing_errors(
     drawn: Draw, packed: dict[str, np.ndarray], depth: Float[np.ndarray, "n"], normals: Float[np.ndarray, "n 3"]
 ) -> dict[str, float]:
     """Largest error of each stored type on the first samples. Positions and directions: how far the stored (and cast)
-    ray is from the drawn one; no error of the truth. Depth and normals: error of the truth itself."""
+    ray is from the drawn one; no error of the truth. Depth and normals: error of the truth itself.
+    """
     part = slice(0, _ERROR_PROBE)
     hit = np.isfinite(depth[part])
     as_tensor = {name: torch.from_numpy(values[part]) for name, values in packed.items()}
