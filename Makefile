@@ -24,11 +24,14 @@ export DDF_DATA := $(abspath $(strip $(DATA)))
 endif
 
 # One run at a time. The lock is the kernel's: it is gone when the last process of a run is, however that ended; what
-# DVC itself left behind (rwlock) is then stale.
+# DVC itself left behind (rwlock) is then stale. DATA is kept per experiment in a file, which the engine can watch.
 define locked
 @mkdir -p .make .dvc/tmp; exec 9>>.make/lock; \
 flock -n 9 || { echo "another run holds this folder (process $$(cat .make/lock.pid 2>/dev/null)); waiting for it to end" >&2; flock 9; }; \
 echo $$$$ > .make/lock.pid; rm -f .dvc/tmp/rwlock; \
+root=artifacts/$(NAME)/data_root; mkdir -p artifacts/$(NAME); \
+if [ -n "$$DDF_DATA" ] || [ ! -e $$root ]; then cmp -s $$root <<< "$$DDF_DATA" || echo "$$DDF_DATA" > $$root; fi; \
+export DDF_DATA="$$(cat $$root)"; \
 $(1)
 endef
 check_config = @test -f "$(CONFIG)" || { echo "$(CONFIG): no such experiment file; CONFIG is one of: $$(echo configs/*.yaml)" >&2; exit 2; }; \
@@ -38,22 +41,23 @@ check_config = @test -f "$(CONFIG)" || { echo "$(CONFIG): no such experiment fil
 .PHONY: reproduce-table
 reproduce-table: $(READY) ## from nothing to tables, figures and report: CONFIG=configs/cpu.yaml [DATA=/path/to/shapenet]
 	$(check_config)
-	$(call locked,dvc repro -q report@$(NAME)) && echo "reports/$(NAME)/README.md"
+	$(call locked,dvc repro report@$(NAME)) && echo "reports/$(NAME)/README.md"
 
 .PHONY: smoke
+smoke: NAME := smoke
 smoke: $(READY) ## synthetic primitives through every stage, in minutes
-	$(call locked,dvc repro -q report@smoke) && echo "reports/smoke/README.md"
+	$(call locked,dvc repro report@smoke) && echo "reports/smoke/README.md"
 
 STAGES := dataset meshes samples train_ddf train_pcsiren pointclouds evaluate report
 .PHONY: $(addprefix stage-,$(STAGES))
 $(addprefix stage-,$(STAGES)): stage-%: $(READY) ## one stage (dataset, meshes, ..., report) and what it needs
 	$(check_config)
-	$(call locked,dvc stage list --name-only | grep -E '^$*@$(NAME)(-|$$)' | xargs dvc repro -q)
+	$(call locked,dvc stage list --name-only | grep -E '^$*@$(NAME)(-|$$)' | xargs dvc repro)
 
 .PHONY: train
 train: $(READY) ## the trainings alone, JOBS=4 side by side, each behind LAUNCH="srun --gres=gpu:1"
 	$(check_config)
-	$(call locked,dvc stage list --name-only | grep -E '^train_.*@$(NAME)-' | xargs -P $(JOBS) -n 1 dvc repro -q --single-item)
+	$(call locked,dvc stage list --name-only | grep -E '^train_.*@$(NAME)-' | xargs -P $(JOBS) -n 1 dvc repro --single-item)
 
 .PHONY: report
 report: stage-report ## tables, figures and report of CONFIG (makes what is missing)

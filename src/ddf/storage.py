@@ -171,7 +171,7 @@ def load_table(path: str | Path, **options: Any) -> tuple["pd.DataFrame", dict[s
     record = read_json(_existing(_table_record(path)))
     if not isinstance(record, dict) or record.pop("checksum", None) != hashlib.sha256(data).hexdigest():
         raise _damaged(path, f"its checksum in {_table_record(path).name} does not fit")
-    return pd.read_csv(io.BytesIO(data), **{"float_precision": "round_trip", **options}), record
+    return pd.read_csv(io.BytesIO(data), **options), record
 
 
 def checksum(path: str | Path) -> str:

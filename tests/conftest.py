@@ -1,0 +1,26 @@
+"""Shape checks at run time, the folder of real meshes, and one way to compare arrays."""
+
+from pathlib import Path
+
+import jaxtyping
+import pytest
+
+# Before any test imports the package: annotations such as Float[Tensor, "n 3"] are then checked in every call.
+jaxtyping.install_import_hook("ddf", "beartype.beartype")
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def shared_dir() -> Path:
+    """The folder beside the repository with real meshes and lists; tests that need it are marked `real`."""
+    folder = ROOT.parent / "shared"
+    if not (folder / "meshes").is_dir():
+        pytest.skip("../shared/meshes is not there")
+    return folder
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    import torch
+
+    torch.set_num_threads(2)
