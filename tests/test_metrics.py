@@ -62,10 +62,10 @@ def test_shifted_grid_in_closed_form():
     axis = np.arange(8) * 0.125  # binary fractions: every distance is exact
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
     shift = 0.03125
-    scores = metrics.compare_clouds(grid + [shift, 0, 0], grid, tau_sq=shift**2)
+    scores = metrics.compare_clouds(grid + shift * np.eye(3)[0], grid, tau_sq=shift**2)
     assert scores.chamfer_l2_sq == 2 * shift**2  # the sum of both directions, not half of it
     assert scores.f_score_tau == scores.precision_tau == scores.recall_tau == 1.0  # <=, not <
-    below = metrics.compare_clouds(grid + [shift, 0, 0], grid, tau_sq=np.nextafter(shift**2, 0))
+    below = metrics.compare_clouds(grid + shift * np.eye(3)[0], grid, tau_sq=np.nextafter(shift**2, 0))
     assert below.f_score_tau == 0.0 and below.f_score_2tau == 1.0
 
 

@@ -1,8 +1,9 @@
 """Errors of clouds, depths, visibilities, normals and cameras; each name carries its convention.
 
-`dist_sq` is a squared distance to the nearest point of the other cloud. Clouds are compared in the benchmark frame (0.57 x v1, see
-`transforms`); tau = 1e-4 is a threshold on the *squared* distance, a point counts as hit when dist_sq <= tau. Tables print
-D_C x 1000 and F x 100. Sources: [DDF22] table `si3dr`; conventions of Pixel2Mesh's released evaluation (docs/formats.md).
+`dist_sq` is a squared distance to the nearest point of the other cloud. Clouds are compared in the benchmark frame
+(0.57 x v1, see `transforms`); tau = 1e-4 is a threshold on the *squared* distance, a point counts as hit when dist_sq
+<= tau. Tables print D_C x 1000 and F x 100. Sources: [DDF22] table `si3dr`; conventions of Pixel2Mesh's released
+evaluation (docs/formats.md).
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,9 @@
 """Nearest neighbours between point clouds, by Open3D's KD-tree in float64.
 
-Open3D's tensor search keeps the dtype of its input and returns squared distances: float64 in, float64 out. With float32 input the
-squared distances of clouds 1e-3 apart are wrong by 4e-4 relative (more away from the origin), so everything is widened here. The
-legacy `compute_point_cloud_distance` returns unsquared distances, whose square no longer equals a threshold exactly.
+Open3D's tensor search keeps the dtype of its input and returns squared distances: float64 in, float64 out. With
+float32 input the squared distances of clouds 1e-3 apart are wrong by 4e-4 relative (more away from the origin), so
+everything is widened here. The legacy `compute_point_cloud_distance` returns unsquared distances, whose square no
+longer equals a threshold exactly.
 """
 
 import numpy as np
@@ -12,6 +13,7 @@ from jaxtyping import Float, Int
 from ddf import checks
 
 LARGEST = 1e150  # its square, 1e300, still fits float64
+
 
 class Neighbours:
     """A searchable cloud: build once, query often.

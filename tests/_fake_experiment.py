@@ -1,0 +1,186 @@
+"""A small experiment's artefacts without any training: ellipsoids, and noisy copies of them as predictions."""
+
+import json
+
+import numpy as np
+import pandas as pd
+from PIL import Image
+
+from ddf import cameras, storage, transforms
+
+SIZES = {"L": 400, "S": 150}
+NUM_TRUTH = 700
+SIZE = 32  # of the rendered pictures
+
+
+def _unit(generator, count):
+    points = generator.normal(size=(count, 3))
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+def _axes(generator):
+    """Half axes of an ellipsoid in the v1 frame: the box's diagonal is 1."""
+    axes = generator.uniform(0.4, 1.0, size=3)
+    return axes / np.linalg.norm(2 * axes)
+
+
+def _write_image(path, colour):
+    row, column = np.mgrid[:137, :137] - 68
+    inside = (row**2 + column**2) < 45**2
+    shade = np.clip(255 - (row**2 + column**2) / 15, 0, 255)[..., None] * np.asarray(colour)
+    pixels = np.concatenate([shade, np.full((137, 137, 1), 255.0)], axis=-1) * inside[..., None]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(pixels.astype(np.uint8)).save(path)
+
+
+def _renders(count, generator):
+    """Visibility, depth and normals of a unit ball in front of the camera: pictures with something in them."""
+    row, column = (np.mgrid[:SIZE, :SIZE] + 0.5) / SIZE * 2 - 1
+    radius_sq = row**2 + column**2
+    height = np.sqrt(np.clip(0.6 - radius_sq, 0, None))
+    normals = np.stack([column, -row, height], -1) / np.sqrt(0.6)
+    visible = (radius_sq < 0.6).astype(np.float32)
+    depth = np.where(visible > 0, 2 - height, np.inf)
+    stack = {"visibility": visible, "depth": depth, "normals": normals}
+    return {f"render.{name}": np.stack([value] * count).astype(np.float32) for name, value in stack.items()}
+
+
+class FakeExperiment:
+    """Writes everything below `root` that the evaluate and report stages read; keeps the truth for the tests."""
+
+    def __init__(self, root, categories=("chair", "plane"), train=6, test=3, noise=0.004, name="fake", seed=0):
+        self.root, self.name, self.noise = root, name, noise
+        self.artifacts = root / "artifacts" / name
+        self.generator = np.random.default_rng(seed)
+        self.categories = {}
+        for category in categories:
+            shapes = [f"{category}{i:02d}" for i in range(train + test)]
+            self.categories[category] = {
+                "axes": {shape: _axes(self.generator) for shape in shapes},
+                "train": shapes[:train],
+                "test": shapes[train:],
+            }
+            self._write_dataset(category)
+            self._write_meshes(category)
+            self._write_samples(category)
+            self._write_clouds(category)
+            self._write_logs(category)
+        self._write_index()
+
+    def _folder(self, stage, category):
+        return self.artifacts / stage / category
+
+    def images(self, category):
+        """Test images: views 0 and 1 of every test shape."""
+        return [(shape, view) for shape in self.categories[category]["test"] for view in (0, 1)]
+
+    def _write_index(self):
+        categories = {
+            name: {
+                "synset": f"0{number}",
+                "shapes": [{"id": shape, "train_views": [0, 1], "test_views": []} for shape in entry["train"]]
+                + [{"id": shape, "train_views": [], "test_views": [0, 1]} for shape in entry["test"]],
+            }
+            for number, (name, entry) in enumerate(self.categories.items())
+        }
+        root = f"artifacts/{self.name}/dataset"
+        storage.write_json(self.artifacts / "dataset" / "index.json", {"root": root, "categories": categories})
+
+    def _write_dataset(self, category):
+        number = list(self.categories).index(category)
+        for shape, view in self.images(category):
+            folder = self.artifacts / "dataset" / "ShapeNetRendering" / f"0{number}" / shape / "rendering"
+            _write_image(folder / f"{view:02d}.png", [(1, 0.6, 0.4), (0.4, 0.7, 1)][number % 2])
+
+    def _write_meshes(self, category):
+        ids = list(self.categories[category]["axes"])
+        table = pd.DataFrame({"id": ids, "faces": 9000, "watertight": True})
+        table["hausdorff"] = 0.01 + 0.001 * np.arange(len(ids))
+        table["mean_distance"] = 0.002
+        table["seconds"] = 0.3
+        folder = self._folder("meshes", category)
+        storage.save_pack(
+            folder / "000.zip", {"measures.csv": table.to_csv(index=False).encode()}, {"fingerprint": "x"}
+        )
+        failures = f"id,stage,reason\n{category}99,meshes,no triangles left\n"
+        storage.write_text(folder / "failures.csv", failures)
+        storage.write_json(folder / "000.json", {"key": "x", "files": {"000.zip": ""}, "failures": []})
+
+    def _write_samples(self, category):
+        axes = self.categories[category]["axes"]
+        points = np.concatenate([_unit(self.generator, NUM_TRUTH) * axes[shape] for shape in axes])
+        offsets = np.arange(len(axes) + 1) * NUM_TRUTH
+        hidden = np.tile(np.arange(NUM_TRUTH) % 10 == 0, len(axes))
+        tensors = {"points": points.astype(np.float32), "offsets": offsets, "hidden": hidden}
+        folder = self._folder("samples", category)
+        storage.save_tensors(folder / "000.clouds.safetensors", tensors, {"ids": list(axes), "fingerprint": "x"})
+        storage.write_text(folder / "failures.csv", "id,stage,reason\n")
+        record = {"key": "x", "files": {"000.clouds.safetensors": ""}, "failures": []}
+        storage.write_json(folder / "000.json", record)
+
+    def _surface(self, category, shape, count, noise):
+        """Points of the shape in the field frame, moved by `noise` (v1 units)."""
+        axes = self.categories[category]["axes"][shape]
+        points = _unit(self.generator, count) * axes
+        return (points + noise * self.generator.normal(size=points.shape)) / axes.max()
+
+    def _write_clouds(self, category):
+        images, axes = self.images(category), self.categories[category]["axes"]
+        count = len(images)
+        camera = np.stack(
+            [
+                self.generator.uniform(0, 2 * np.pi, count),
+                self.generator.uniform(0.43, 0.52, count),
+                self.generator.uniform(0.65, 0.95, count),
+            ],
+            axis=1,
+        )
+        scale = np.array([axes[shape].max() for shape, _ in images])
+        common = {"camera_true": camera, "scale_true": scale, "scale_pred": scale * 1.01}
+        record = {"images": [{"id": shape, "view": view} for shape, view in images], "fingerprint": "x", "seed": 0}
+        ddf = {
+            f"{size}.h{cycles}": self._clouds(category, n, self.noise * (4 - cycles))
+            for size, n in SIZES.items()
+            for cycles in (1, 3)
+        }
+        ddf |= common | {
+            "camera_pred": camera + np.array([0.1, 0.02, 0.01]),
+            "camera_corrected": camera + np.array([0.05, 0.01, 0.005]),
+        }
+        train_images = [{"id": shape, "view": view} for shape in self.categories[category]["train"] for view in (0, 1)]
+        ddf["train_features"] = np.eye(len(train_images), 20)
+        ddf["features"] = np.eye(count, 20)[:, ::1] + 0.1
+        ddf |= _renders(count, self.generator)
+        record_ddf = record | {"train_images": train_images, "rendered": list(range(count))}
+        folder = self._folder("pointclouds", category)
+        storage.save_tensors(folder / "ddf.safetensors", _float32(ddf), record_ddf)
+        pcs = {size: self._clouds(category, n, 2 * self.noise) for size, n in SIZES.items()}
+        pcs |= common | {"camera_pred": camera + np.array([-0.2, 0.03, 0.02])}
+        storage.save_tensors(folder / "pcsiren.safetensors", _float32(pcs), record)
+
+    def _clouds(self, category, count, noise):
+        return np.stack([self._surface(category, shape, count, noise) for shape, _ in self.images(category)])
+
+    def _write_logs(self, category):
+        step = np.arange(0, 2001, 50)
+        for model, start in (("train_ddf", 3.0), ("train_pcsiren", 2.0)):
+            decay = start * np.exp(-step / 600) + 0.2
+            wiggle = 1 + 0.05 * self.generator.normal(size=len(step))
+            table = pd.DataFrame({"step": step, "loss": decay * wiggle, "camera": 0.4 * decay})
+            folder = self._folder(model, category)
+            folder.mkdir(parents=True, exist_ok=True)
+            table.to_csv(folder / "log.csv", index=False)
+
+    def write_config(self, text):
+        """The experiment file, whose sections are given as YAML text."""
+        storage.write_text(self.root / "configs" / f"{self.name}.yaml", text)
+        return f"configs/{self.name}.yaml"
+
+
+def _float32(tensors):
+    return {name: np.asarray(value, dtype=np.float32) for name, value in tensors.items()}
+
+
+EVALUATE_SECTION = json.dumps({"tau_sq": 1e-4, "oracle_points": 100, "oracle_shortlist": 3, "seed": 5})
+BENCHMARK = transforms.BENCHMARK_FROM_V1
+__all__ = ["BENCHMARK", "EVALUATE_SECTION", "NUM_TRUTH", "SIZES", "FakeExperiment", "cameras"]
