@@ -42,9 +42,9 @@ _NAME = re.compile(r"[A-Za-z0-9_-]+")  # every synset and id of ShapeNet v1 fits
 
 
 def check_name(name: object, where: str) -> str:
-    """`name` if it is a plain folder name; InputError if it could lead out of its folder. `where` begins the message."""
+    """`name` if it is a plain folder name; InputError, beginning with `where`, if it could lead out of its folder."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
-        raise checks.InputError(f"{where}: a synset or shape id must be letters, digits, '-' and '_' only; got {name!r}")
+        raise checks.InputError(f"{where}: a synset or shape id must have letters, digits, - and _ only; got {name!r}")
     return name
 
 
@@ -123,8 +123,10 @@ def read_cameras(folder: Path) -> Float[np.ndarray, "views 3"]:
 def _camera(line: str, where: str) -> tuple[float, float, float]:
     try:
         azimuth, elevation, _, ratio, _ = values = [float(word) for word in line.split()]
-    except ValueError as error:
-        raise checks.InputError(f"{where}: must hold 'azimuth elevation 0 ratio 25', five numbers; got {line!r}") from error
+    except ValueError as fault:
+        raise checks.InputError(
+            f"{where}: must be 'azimuth elevation 0 ratio 25', five numbers; got {line!r}"
+        ) from fault
     if not (all(map(math.isfinite, values)) and abs(elevation) <= 90 and ratio > 0):
         raise checks.InputError(f"{where}: elevation must be in [-90, 90] and ratio > 0, all finite; got {line!r}")
     return azimuth, elevation, ratio
@@ -144,15 +146,15 @@ def read_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
             image.load()
             pixels = np.array(image if size == image.width else image.resize((size, size), Image.Resampling.BILINEAR))
     except (OSError, SyntaxError, Image.DecompressionBombError) as error:  # Pillow's reports of damaged files
-        raise checks.InputError(f"{path}: not a readable PNG image ({error}); unpack this shape's renders again") from error
+        raise checks.InputError(f"{path}: not a readable PNG ({error}); unpack this shape's renders again") from error
     return torch.from_numpy(pixels).permute(2, 0, 1).float() / 255
 
 
 def _check_image(image: Image.Image, path: Path) -> None:
     if image.size != (cameras.IMAGE_SIZE, cameras.IMAGE_SIZE):
         raise checks.InputError(
-            f"{path}: must be {cameras.IMAGE_SIZE} x {cameras.IMAGE_SIZE} pixels, the size that the camera model is made for; "
-            f"got {image.width} x {image.height}"
+            f"{path}: must be {cameras.IMAGE_SIZE} x {cameras.IMAGE_SIZE} pixels, which the camera model is made for; got "
+            f"{image.width} x {image.height}"
         )
     if image.mode != "RGBA":
         raise checks.InputError(
@@ -195,7 +197,7 @@ class Dataset:
             categories = {name: _category_entry(entry, str(index_path)) for name, entry in index["categories"].items()}
             return cls(Path(index["root"]), categories)
         except (KeyError, TypeError, AttributeError) as error:
-            raise checks.InputError(f"{index_path}: not an index of a data set ({error}); run its stage again") from error
+            raise checks.InputError(f"{index_path}: not the index of a data set ({error}); run its stage") from error
 
     def category(self, name: str) -> CategoryEntry:
         """A category by name; InputError lists those that there are."""

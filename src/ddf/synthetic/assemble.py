@@ -1,4 +1,4 @@
-"""From parts to one mesh in the ShapeNet v1 frame, with the faults of collected models and the look for the renderer."""
+"""From parts to one mesh in the ShapeNet v1 frame, with the faults of collected models and the look for rendering."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -107,7 +107,7 @@ def _explode(piece: _Piece) -> _Piece:
 def corner_normals(
     vertices: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, "m 3"]
 ) -> Float32[np.ndarray, "m 3 3"]:
-    """Unit normals per triangle corner: the area-weighted mean over the faces at that vertex within the crease angle."""
+    """Unit normals per triangle corner: area-weighted mean over the faces at that vertex within the crease angle."""
     a, b, c = vertices[triangles].transpose(1, 0, 2)
     areas = np.cross(b - a, c - a)
     lengths = np.linalg.norm(areas, axis=1, keepdims=True)

@@ -1,5 +1,6 @@
 """Cars: hatchbacks, saloons, estates, vans, pick-ups and sports cars, facing +X, wheels on the ground, in metres."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,7 +67,9 @@ def _measures(rng: np.random.Generator, style: str) -> _Car:
         cowl=cowl + rng.uniform(-0.05, 0.05),
         screen=(roof - belt) * rng.uniform(0.95, 1.5) * (0.75 if style == "van" else 1.0),
         tail=tail,
-        rear_screen=(roof - belt) * {"saloon": 1.3, "sports": 1.7, "hatchback": 0.6, "estate": 0.4}.get(style, 0.18) * rng.uniform(0.8, 1.2),
+        rear_screen=(roof - belt)
+        * {"saloon": 1.3, "sports": 1.7, "hatchback": 0.6, "estate": 0.4}.get(style, 0.18)
+        * rng.uniform(0.8, 1.2),
         clearance=wheel * rng.uniform(0.5, 0.75),
         wheel=wheel,
         axles=(-half + rng.uniform(0.17, 0.21) * length, half - rng.uniform(0.165, 0.2) * length),
@@ -93,7 +96,17 @@ def build(rng: np.random.Generator) -> list[Part]:
 def _body(car: _Car, style: str) -> Part:
     """The lower body: a loft along x whose lower edge rises over the wheels."""
     half = car.length / 2
-    stations = [-half, -half + 0.03, -half + 0.12, half - 0.25, half - 0.1, half - 0.03, half, car.cowl, car.cowl + 0.08]
+    stations = [
+        -half,
+        -half + 0.03,
+        -half + 0.12,
+        half - 0.25,
+        half - 0.1,
+        half - 0.03,
+        half,
+        car.cowl,
+        car.cowl + 0.08,
+    ]
     stations += [car.tail, car.tail - 0.06] if car.tail > -0.9 * half else []
     arch = car.wheel * 1.18
     for axle in car.axles:
@@ -108,8 +121,22 @@ def _section(car: _Car, x: float, arch: float) -> Float[np.ndarray, "s 3"]:
     half = car.length / 2
     top = np.interp(
         x,
-        [-half, -half + 0.12, min(car.tail, -half + 0.2) if car.tail < -0.9 * half else car.tail, car.cowl, half - 0.15, half],
-        [car.deck * 0.9, car.deck, car.deck if car.tail > -0.9 * half else car.belt, car.belt, car.hood, car.hood * 0.82],
+        [
+            -half,
+            -half + 0.12,
+            min(car.tail, -half + 0.2) if car.tail < -0.9 * half else car.tail,
+            car.cowl,
+            half - 0.15,
+            half,
+        ],
+        [
+            car.deck * 0.9,
+            car.deck,
+            car.deck if car.tail > -0.9 * half else car.belt,
+            car.belt,
+            car.hood,
+            car.hood * 0.82,
+        ],
     )
     bottom = car.clearance
     for axle in car.axles:
@@ -119,7 +146,16 @@ def _section(car: _Car, x: float, arch: float) -> Float[np.ndarray, "s 3"]:
     wide = car.width / 2 * (0.84 + 0.16 * np.sqrt(1 - (1 - ends) ** 2))
     bottom = min(bottom + 0.12 * (1 - np.sqrt(1 - (1 - min(ends * 3, 1)) ** 2)), top - 0.1)
     rise = top - bottom
-    profile = [(0.9, 0.0), (0.985, 0.12), (1.0, 0.45), (0.985, 0.72), (0.93, 0.92), (0.85, 0.985), (0.5, 1.02), (0.0, 1.03)]
+    profile = [
+        (0.9, 0.0),
+        (0.985, 0.12),
+        (1.0, 0.45),
+        (0.985, 0.72),
+        (0.93, 0.92),
+        (0.85, 0.985),
+        (0.5, 1.02),
+        (0.0, 1.03),
+    ]
     side = np.array([[bottom + t * rise, s * wide] for s, t in profile])
     loop = np.concatenate([side, side[-2::-1] * np.array([1.0, -1.0])])
     return np.concatenate([np.full((len(loop), 1), x), loop], axis=1)[::-1]
@@ -150,7 +186,9 @@ def _cabin(rng: np.random.Generator, car: _Car) -> list[Part]:
         shrink = 1.0 if share < 0.95 else (0.97 if share < 0.99 else 0.86)
         x0, x1 = _cabin_corner(car, level, False), _cabin_corner(car, level, True)
         middle, span = (x0 + x1) / 2, (x1 - x0) / 2 * shrink
-        sections.append(_outline(middle - span, middle + span, _cabin_half(car, level) * shrink, car.belt + share * rise))
+        sections.append(
+            _outline(middle - span, middle + span, _cabin_half(car, level) * shrink, car.belt + share * rise)
+        )
     shell = parts.loft(np.stack(sections), car.paint, name="cabin")
     return [shell, *_panes(rng, car)]
 
@@ -166,12 +204,18 @@ def _panes(rng: np.random.Generator, car: _Car) -> list[Part]:
             edge = []
             for share in (low, high):
                 x = _cabin_corner(car, share, front) + sign * out
-                edge.append([x, car.belt + share * rise + (out if car.screen > 0.4 else 0), z_sign * _cabin_half(car, share) * 0.86])
+                edge.append(
+                    [
+                        x,
+                        car.belt + share * rise + (out if car.screen > 0.4 else 0),
+                        z_sign * _cabin_half(car, share) * 0.86,
+                    ]
+                )
             corners.append(edge)
         panes.append(parts.grid(np.array(corners), palette.GLASS, name="screen"))
     count = int(rng.integers(2, 4))
     cuts = np.linspace(0.07, 0.93, count + 1)
-    for start, end in zip(cuts[:-1], cuts[1:], strict=True):
+    for start, end in itertools.pairwise(cuts):
         corners = []
         for t in (start + 0.018, end - 0.018):
             edge = []
@@ -187,9 +231,29 @@ def _wheels(rng: np.random.Generator, car: _Car) -> list[Part]:
     """Four tyres with rims, half in the arches."""
     wide = car.wheel * rng.uniform(0.28, 0.36)
     rim = car.wheel * rng.uniform(0.55, 0.72)
-    tyre_profile = [(rim, -wide), (car.wheel * 0.94, -wide), (car.wheel, -wide * 0.7), (car.wheel, wide * 0.7), (car.wheel * 0.94, wide), (rim, wide)]
+    tyre_profile = [
+        (rim, -wide),
+        (car.wheel * 0.94, -wide),
+        (car.wheel, -wide * 0.7),
+        (car.wheel, wide * 0.7),
+        (car.wheel * 0.94, wide),
+        (rim, wide),
+    ]
     tyre = parts.lathe(tyre_profile, palette.TYRE, sides=24, axis="z", name="tyre")
-    hub = parts.lathe([(0.0, -wide * 0.8), (rim, -wide * 0.8), (rim, wide * 0.75), (rim * 0.85, wide * 0.5), (rim * 0.25, wide * 0.6), (0, wide * 0.7)], palette.CHROME, sides=16, axis="z", name="hub")
+    hub = parts.lathe(
+        [
+            (0.0, -wide * 0.8),
+            (rim, -wide * 0.8),
+            (rim, wide * 0.75),
+            (rim * 0.85, wide * 0.5),
+            (rim * 0.25, wide * 0.6),
+            (0, wide * 0.7),
+        ],
+        palette.CHROME,
+        sides=16,
+        axis="z",
+        name="hub",
+    )
     spokes = []
     count = int(rng.choice([5, 6, 7]))
     for k in range(count):
@@ -209,8 +273,18 @@ def _lamps(rng: np.random.Generator, car: _Car) -> list[Part]:
     wide, high = rng.uniform(0.28, 0.42), rng.uniform(0.1, 0.17)
     z = car.width / 2 * 0.84 - wide / 2
     head = parts.box((half - 0.045, y, z), (0.13, high, wide), palette.LAMP, name="lamp")
-    rear = parts.box((-half + 0.05, low + (car.deck - low) * 0.75, z + 0.04), (0.14, high * 1.3, wide * 0.7), palette.TAIL_LAMP, name="lamp")
-    grille = parts.box((half - 0.01, y - 0.03, 0), (0.03, rng.uniform(0.1, 0.2), car.width * rng.uniform(0.3, 0.45)), palette.BLACK, name="grille")
+    rear = parts.box(
+        (-half + 0.05, low + (car.deck - low) * 0.75, z + 0.04),
+        (0.14, high * 1.3, wide * 0.7),
+        palette.TAIL_LAMP,
+        name="lamp",
+    )
+    grille = parts.box(
+        (half - 0.01, y - 0.03, 0),
+        (0.03, rng.uniform(0.1, 0.2), car.width * rng.uniform(0.3, 0.45)),
+        palette.BLACK,
+        name="grille",
+    )
     return [*parts.both_sides([head, rear]), grille]
 
 
@@ -228,7 +302,9 @@ def _bumpers(rng: np.random.Generator, car: _Car) -> list[Part]:
 def _mirrors(car: _Car) -> list[Part]:
     """Door mirrors."""
     x = car.cowl - 0.3 * car.screen
-    head = parts.box((x, car.belt + 0.08, car.width / 2 + 0.06), (0.1, 0.13, 0.2), car.paint, taper=(0.8, 0.9), name="mirror")
+    head = parts.box(
+        (x, car.belt + 0.08, car.width / 2 + 0.06), (0.1, 0.13, 0.2), car.paint, taper=(0.8, 0.9), name="mirror"
+    )
     return parts.both_sides([head])
 
 
@@ -237,9 +313,25 @@ def _bed(car: _Car) -> list[Part]:
     half = car.length / 2
     x0, x1 = -half + 0.06, car.tail - 0.05
     wall, top = 0.06, car.deck + 0.22
-    sides = parts.box(((x0 + x1) / 2, (car.deck + top) / 2 - 0.1, car.width / 2 * 0.92), (x1 - x0, top - car.deck + 0.2, wall), car.paint, name="wall")
-    gate = parts.box((x0, (car.deck + top) / 2 - 0.1, 0), (wall, top - car.deck + 0.2, car.width * 0.92), car.paint, name="gate")
-    floor = parts.grid(np.array([[[x0, car.deck + 0.05, 0.8], [x0, car.deck + 0.05, -0.8]], [[x1, car.deck + 0.05, 0.8], [x1, car.deck + 0.05, -0.8]]]), palette.BLACK, name="floor")
+    sides = parts.box(
+        ((x0 + x1) / 2, (car.deck + top) / 2 - 0.1, car.width / 2 * 0.92),
+        (x1 - x0, top - car.deck + 0.2, wall),
+        car.paint,
+        name="wall",
+    )
+    gate = parts.box(
+        (x0, (car.deck + top) / 2 - 0.1, 0), (wall, top - car.deck + 0.2, car.width * 0.92), car.paint, name="gate"
+    )
+    floor = parts.grid(
+        np.array(
+            [
+                [[x0, car.deck + 0.05, 0.8], [x0, car.deck + 0.05, -0.8]],
+                [[x1, car.deck + 0.05, 0.8], [x1, car.deck + 0.05, -0.8]],
+            ]
+        ),
+        palette.BLACK,
+        name="floor",
+    )
     return [*parts.both_sides([sides]), gate, floor]
 
 
@@ -247,7 +339,12 @@ def _roof_rails(car: _Car) -> list[Part]:
     """Two rails along the roof."""
     z = _cabin_half(car, 1.0) * 0.86
     x0, x1 = _cabin_corner(car, 1.0, False) + 0.15, _cabin_corner(car, 1.0, True) - 0.15
-    path = [(x0, car.roof - 0.02, z), (x0 + 0.08, car.roof + 0.06, z), (x1 - 0.08, car.roof + 0.06, z), (x1, car.roof - 0.02, z)]
+    path = [
+        (x0, car.roof - 0.02, z),
+        (x0 + 0.08, car.roof + 0.06, z),
+        (x1 - 0.08, car.roof + 0.06, z),
+        (x1, car.roof - 0.02, z),
+    ]
     return parts.both_sides([parts.tube(path, 0.02, palette.CHROME, sides=6, name="rail")])
 
 

@@ -77,7 +77,9 @@ def _seat(rng: np.random.Generator, f: _Frame) -> list[Part]:
         count = int(rng.integers(4, 8))
         pitch = f.depth / count
         slats = [
-            parts.box((f.rear + (k + 0.5) * pitch, middle, 0), (0.72 * pitch, f.thickness * 0.5, f.width), f.wood, name="slat")
+            parts.box(
+                (f.rear + (k + 0.5) * pitch, middle, 0), (0.72 * pitch, f.thickness * 0.5, f.width), f.wood, name="slat"
+            )
             for k in range(count)
         ]
         rails = [
@@ -161,7 +163,13 @@ def _back(rng: np.random.Generator, f: _Frame) -> list[Part]:
     bar = rng.uniform(0.006, 0.012)
     places = np.linspace(-width / 2, width / 2, count + 2)[1:-1]
     middle = [
-        parts.tube([_back_point(f, low, z, curve), _back_point(f, f.back - rail / 2, z, curve)], bar, f.wood, sides=6, name="bar")
+        parts.tube(
+            [_back_point(f, low, z, curve), _back_point(f, f.back - rail / 2, z, curve)],
+            bar,
+            f.wood,
+            sides=6,
+            name="bar",
+        )
         for z in places
     ]
     return [*posts, top, bottom, *middle]
@@ -234,7 +242,9 @@ def _sledge(rng: np.random.Generator, f: _Frame) -> list[Part]:
     z = f.width / 2 - 0.03
     top = f.seat - f.thickness
     x0, x1 = f.rear + 0.02 - reach, -f.rear - 0.02 + reach
-    path = _rounded([(f.rear + 0.05, top, z), (x0, radius, z), (x1, radius, z), (-f.rear - 0.05, top, z)], 0.05, closed=True)
+    path = _rounded(
+        [(f.rear + 0.05, top, z), (x0, radius, z), (x1, radius, z), (-f.rear - 0.05, top, z)], 0.05, closed=True
+    )
     runner = parts.tube(path, radius, f.wood, sides=8, closed=True, name="runner")
     bars = [
         parts.tube([(x, height, -z), (x, height, z)], radius, f.wood, sides=8, name="bar")
@@ -267,7 +277,14 @@ def _column(rng: np.random.Generator, f: _Frame, foot: float) -> list[Part]:
     top = f.seat - f.thickness
     radius = rng.uniform(0.022, 0.04)
     sleeve = foot + 0.55 * (top - foot)
-    profile = [(0, foot - 0.02), (radius * 1.35, foot - 0.02), (radius * 1.35, sleeve), (radius, sleeve), (radius, top), (0, top)]
+    profile = [
+        (0, foot - 0.02),
+        (radius * 1.35, foot - 0.02),
+        (radius * 1.35, sleeve),
+        (radius, sleeve),
+        (radius, top),
+        (0, top),
+    ]
     column = parts.lathe(profile, f.wood, sides=14, name="column")
     return [column, parts.box((0, top - 0.008, 0), (0.2, 0.025, 0.2), f.wood, name="plate")]
 
@@ -290,7 +307,9 @@ def _star(rng: np.random.Generator, f: _Frame) -> list[Part]:
         if castors:
             wheel = parts.lathe(parts.disc_profile(0.03, 0.022, 0.006), black, sides=12, axis="z", name="castor")
             pieces.append(wheel.turned("y", rng.uniform(0, np.pi)).moved(reach, 0.03, 0).turned("y", angle))
-            pieces.append(parts.beam((reach, 0.03, 0), (reach, level + 0.01, 0), 0.016, black, name="stem").turned("y", angle))
+            pieces.append(
+                parts.beam((reach, 0.03, 0), (reach, level + 0.01, 0), 0.016, black, name="stem").turned("y", angle)
+            )
     return pieces
 
 
@@ -332,7 +351,9 @@ def _arms(rng: np.random.Generator, f: _Frame) -> list[Part]:
     kind = rng.choice(["post", "tube", "panel", "pad"], p=[0.35, 0.25, 0.15, 0.25])
     level = f.seat + height
     if kind == "panel":
-        points = np.array([[[rear, f.seat - f.thickness, z], [rear, level, z]], [[front, f.seat - f.thickness, z], [front, level, z]]])
+        points = np.array(
+            [[[rear, f.seat - f.thickness, z], [rear, level, z]], [[front, f.seat - f.thickness, z], [front, level, z]]]
+        )
         top = parts.box(((front + rear) / 2, level, z), (front - rear, 0.025, 0.05), f.wood, name="rest")
         return parts.both_sides([parts.grid(points, f.wood, name="panel"), top])
     if kind == "tube":
@@ -340,7 +361,12 @@ def _arms(rng: np.random.Generator, f: _Frame) -> list[Part]:
         corners = [(rear, level, z), (front, level, z), (front + 0.01, f.seat - f.thickness / 2, z)]
         return parts.both_sides([parts.tube(_rounded(corners, 0.07), radius, f.wood, sides=8, name="arm")])
     wide = rng.uniform(0.03, 0.07)
-    rest = parts.box(((front + rear) / 2, level, z), (front - rear, 0.03, wide), f.wood if kind == "post" else palette.BLACK, name="rest")
+    rest = parts.box(
+        ((front + rear) / 2, level, z),
+        (front - rear, 0.03, wide),
+        f.wood if kind == "post" else palette.BLACK,
+        name="rest",
+    )
     foot = front - rng.uniform(0.02, 0.12) if kind == "post" else (front + rear) / 2
     post = parts.beam((foot, f.seat - f.thickness, z - 0.01), (foot, level, z), 0.028, f.wood, name="post")
     return parts.both_sides([rest, post])
@@ -359,16 +385,25 @@ def _armchair(rng: np.random.Generator, f: _Frame) -> list[Part]:
         parts.box((0, (foot + seat - 0.1) / 2, 0), (depth, seat - 0.1 - foot, width), f.cloth, name="body"),
         _cushion(frame, (0.02, seat, 0), (depth - thick * 0.6, 0.15, width - 2 * arm + 0.01), 7.0),
     ]
-    rear = parts.box((-depth / 2 + thick / 2, (foot + seat + back) / 2, 0), (thick, seat + back - foot, width), f.cloth, name="back")
+    rear = parts.box(
+        (-depth / 2 + thick / 2, (foot + seat + back) / 2, 0), (thick, seat + back - foot, width), f.cloth, name="back"
+    )
     pieces.append(rear.turned("z", lean, (-depth / 2, foot, 0)))
     if rng.random() < 0.6:
         roll = parts.lathe(parts.disc_profile(arm * 0.62, depth * 0.46, 0.02), f.cloth, sides=18, axis="x", name="roll")
         pieces += parts.both_sides([roll.moved(0.02, seat + arm_height - arm * 0.5, width / 2 - arm / 2)])
-    side = parts.box((0.0, (foot + seat + arm_height) / 2, width / 2 - arm / 2), (depth, seat + arm_height - foot, arm), f.cloth, name="arm")
+    side = parts.box(
+        (0.0, (foot + seat + arm_height) / 2, width / 2 - arm / 2),
+        (depth, seat + arm_height - foot, arm),
+        f.cloth,
+        name="arm",
+    )
     pieces += parts.both_sides([side])
     if rng.random() < 0.7:
         pillow = _cushion(frame, (0, 0, 0), (back * 0.95, thick * 0.7, width - 2 * arm), 6.0)
-        pieces.append(pillow.turned("z", -np.pi / 2 + lean).moved(-depth / 2 + thick * 1.5 - lean * back / 2, seat + back / 2, 0))
+        pieces.append(
+            pillow.turned("z", -np.pi / 2 + lean).moved(-depth / 2 + thick * 1.5 - lean * back / 2, seat + back / 2, 0)
+        )
     leg = parts.tube([(0, foot + 0.01, 0), (0, 0, 0)], [0.03, 0.018], f.wood, sides=8, name="foot")
     x, z = depth / 2 - 0.06, width / 2 - 0.06
     return pieces + [leg.moved(i * x, 0, j * z) for i in (-1, 1) for j in (-1, 1)]

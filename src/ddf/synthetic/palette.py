@@ -49,7 +49,9 @@ def car(rng: np.random.Generator) -> Paint:
     """Body paint: white, silver, black, or a colour."""
     if rng.random() < 0.45:
         return hsv(0.6, rng.uniform(0.0, 0.05), float(rng.choice([0.12, 0.35, 0.6, 0.9])), 0.8)
-    return hsv(rng.choice([0.0, 0.02, 0.08, 0.13, 0.33, 0.55, 0.6, 0.64]), rng.uniform(0.6, 0.95), rng.uniform(0.35, 0.85), 0.8)
+    return hsv(
+        rng.choice([0.0, 0.02, 0.08, 0.13, 0.33, 0.55, 0.6, 0.64]), rng.uniform(0.6, 0.95), rng.uniform(0.35, 0.85), 0.8
+    )
 
 
 def plane(rng: np.random.Generator) -> tuple[Paint, Paint]:

@@ -62,7 +62,12 @@ def both_sides(items: Iterable[Part]) -> list[Part]:
 
 
 def grid(
-    points: Float[np.ndarray, "a b 3"], paint: Paint, *, close_a: bool = False, close_b: bool = False, name: str = "part"
+    points: Float[np.ndarray, "a b 3"],
+    paint: Paint,
+    *,
+    close_a: bool = False,
+    close_b: bool = False,
+    name: str = "part",
 ) -> Part:
     """A sheet through a grid of points; a closed direction joins its last row to its first.
 
@@ -98,7 +103,9 @@ def fan(ring: Float[np.ndarray, "s 3"], paint: Paint, *, name: str = "part") -> 
     return Part(np.concatenate([ring, ring.mean(axis=0, keepdims=True)]), triangles, paint, name)
 
 
-def hexahedron(bottom: Float[np.ndarray, "4 3"], top: Float[np.ndarray, "4 3"], paint: Paint, name: str = "part") -> Part:
+def hexahedron(
+    bottom: Float[np.ndarray, "4 3"], top: Float[np.ndarray, "4 3"], paint: Paint, name: str = "part"
+) -> Part:
     """A box with any eight corners; both rings run counter-clockwise seen from above (-Z to +Z is to the left of +X)."""
     faces = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
     triangles = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
@@ -111,7 +118,12 @@ def rectangle(x: tuple[float, float], z: tuple[float, float], y: float) -> Float
 
 
 def box(
-    centre: Sequence[float], size: Sequence[float], paint: Paint, *, taper: tuple[float, float] = (1.0, 1.0), name: str = "part"
+    centre: Sequence[float],
+    size: Sequence[float],
+    paint: Paint,
+    *,
+    taper: tuple[float, float] = (1.0, 1.0),
+    name: str = "part",
 ) -> Part:
     """An upright box; `taper` scales its top in x and z."""
     (cx, cy, cz), (hx, hy, hz) = centre, np.asarray(size, dtype=np.float64) / 2
@@ -120,9 +132,7 @@ def box(
     return hexahedron(bottom, rectangle((cx - tx, cx + tx), (cz - tz, cz + tz), cy + hy), paint, name)
 
 
-def ring(
-    sides: int, width: float = 1.0, height: float = 1.0, power: float = 2.0
-) -> Float[np.ndarray, "sides 2"]:
+def ring(sides: int, width: float = 1.0, height: float = 1.0, power: float = 2.0) -> Float[np.ndarray, "sides 2"]:
     """A superellipse |x/a|^power + |y/b|^power = 1, counter-clockwise; power 2 an ellipse, large powers a rectangle."""
     angle = (np.arange(sides) + 0.5) * (2 * np.pi / sides)
     cos, sin = np.cos(angle), np.sin(angle)
@@ -217,7 +227,14 @@ def lathe(
 
 def disc_profile(radius: float, half: float, bevel: float = 0.0) -> list[tuple[float, float]]:
     """A closed lathe profile of a cylinder with bevelled edges, centred at 0."""
-    return [(0.0, -half), (radius - bevel, -half), (radius, -half + bevel), (radius, half - bevel), (radius - bevel, half), (0.0, half)]
+    return [
+        (0.0, -half),
+        (radius - bevel, -half),
+        (radius, -half + bevel),
+        (radius, half - bevel),
+        (radius - bevel, half),
+        (0.0, half),
+    ]
 
 
 def curve(knots: Sequence[Sequence[float]], count: int) -> Float[np.ndarray, "count 3"]:

@@ -1,5 +1,6 @@
 """Aeroplanes: airliners, business jets, propeller planes and fighters, nose to +X, wings along Z, in fuselage lengths."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,9 +70,7 @@ def _wing(wing: _Wing, paint: Paint, *, stations: int = 5, sheet: bool = False, 
     for share in np.linspace(0.0, 1.0, stations):
         chord, start = wing.chord(share), wing.leading(share)
         up = outline[:, 1] * wing.thickness * chord
-        sections.append(
-            np.stack([start[0] - outline[:, 0] * chord, start[1] + up, np.full(len(up), start[2])], axis=1)
-        )
+        sections.append(np.stack([start[0] - outline[:, 0] * chord, start[1] + up, np.full(len(up), start[2])], axis=1))
     points = np.stack(sections)
     if sheet:
         return parts.grid(points[:, : len(outline) // 2 + 1], paint, name=name)
@@ -85,7 +84,12 @@ def _fin(wing: _Wing, paint: Paint, name: str = "fin") -> Part:
 
 
 def _fuselage(
-    stations: list[tuple[float, float, float, float]], paint: Paint, *, sides: int = 18, power: float = 2.0, count: int = 24
+    stations: list[tuple[float, float, float, float]],
+    paint: Paint,
+    *,
+    sides: int = 18,
+    power: float = 2.0,
+    count: int = 24,
 ) -> Part:
     """A body through (x, centre height, width, height) stations from tail to nose."""
     smooth = parts.curve([(x, y, w) for x, y, w, _ in stations], count)
@@ -122,7 +126,7 @@ def _windows(rng: np.random.Generator, width: float, height: float, front: float
     low, high = 0.06 * height, 0.16 * height
     spaced = np.linspace(rear, front, count + 1)
     panes = []
-    for start, end in zip(spaced[:-1], spaced[1:], strict=True):
+    for start, end in itertools.pairwise(spaced):
         edges = []
         for x in (start, start + 0.55 * (end - start)):
             edges.append([[x, y, 1.004 * width / 2 * np.sqrt(1 - (2 * y / height) ** 2) + 0.0006] for y in (low, high)])
@@ -136,9 +140,15 @@ def _nacelle(radius: float, length: float, paint: Paint) -> list[Part]:
         (0.55, -1.0), (0.78, -0.72), (0.98, -0.35), (1.0, -0.15), (0.95, -0.02), (0.86, 0.0), (0.8, -0.06), (0.78, -0.25),
     ]  # fmt: skip
     cowl = parts.lathe([(radius * r, length * x) for r, x in profile], paint, sides=16, axis="x", name="nacelle")
-    fan = parts.lathe([(radius * 0.8, -0.22 * length), (0.0, -0.1 * length)], palette.BLACK, sides=16, axis="x", name="fan")
+    fan = parts.lathe(
+        [(radius * 0.8, -0.22 * length), (0.0, -0.1 * length)], palette.BLACK, sides=16, axis="x", name="fan"
+    )
     cone = parts.lathe(
-        [(0.0, -1.25 * length), (radius * 0.5, -0.9 * length), (radius * 0.55, -0.8 * length)], palette.CHROME, sides=12, axis="x", name="cone"
+        [(0.0, -1.25 * length), (radius * 0.5, -0.9 * length), (radius * 0.55, -0.8 * length)],
+        palette.CHROME,
+        sides=12,
+        axis="x",
+        name="cone",
     )
     return [cowl, fan, cone]
 
@@ -158,7 +168,9 @@ def _pod(wing: _Wing, share: float, radius: float, length: float, drop: float, p
     return [*pods, pylon]
 
 
-def _tail(rng: np.random.Generator, paint: Paint, accent: Paint, top: float, *, t_tail: bool, size: float = 1.0) -> list[Part]:
+def _tail(
+    rng: np.random.Generator, paint: Paint, accent: Paint, top: float, *, t_tail: bool, size: float = 1.0
+) -> list[Part]:
     """Fin and tail plane; on a T-tail the plane sits on top of the fin."""
     height = rng.uniform(0.14, 0.19) * size
     sweep = rng.uniform(0.07, 0.14) * size
@@ -170,7 +182,16 @@ def _tail(rng: np.random.Generator, paint: Paint, accent: Paint, top: float, *, 
     x, y = -0.5 + chord + 0.03, top * 0.6
     if t_tail:
         x, y = fin.leading(0.95)[0] + 0.01, top + 0.96 * height
-    plane = _Wing(x, y, chord, chord * rng.uniform(0.35, 0.7), span, rng.uniform(0.02, 0.08), 0.0 if t_tail else rng.uniform(0, 0.03), 0.09)
+    plane = _Wing(
+        x,
+        y,
+        chord,
+        chord * rng.uniform(0.35, 0.7),
+        span,
+        rng.uniform(0.02, 0.08),
+        0.0 if t_tail else rng.uniform(0, 0.03),
+        0.09,
+    )
     return pieces + parts.both_sides([_wing(plane, paint, stations=3, name="tailplane")])
 
 
@@ -201,7 +222,16 @@ def _airliner(rng: np.random.Generator, body: Paint, accent: Paint, style: str) 
         shares = [0.33] if rng.random() < 0.68 else [0.27, 0.52]
         for share in shares:
             scale = 1.0 if len(shares) == 1 else 0.8
-            pieces += parts.both_sides(_pod(wing, share, engine * scale, length * scale, engine * scale * 1.25, accent if rng.random() < 0.3 else body))
+            pieces += parts.both_sides(
+                _pod(
+                    wing,
+                    share,
+                    engine * scale,
+                    length * scale,
+                    engine * scale * 1.25,
+                    accent if rng.random() < 0.3 else body,
+                )
+            )
     if rng.random() < 0.45:
         pieces += parts.both_sides([_winglet(wing, accent)])
     return pieces + _tail(rng, body, accent, 0.32 * height, t_tail=at_tail)
@@ -234,7 +264,16 @@ def _business(rng: np.random.Generator, body: Paint, accent: Paint, style: str) 
     width = rng.uniform(0.11, 0.15)
     fuselage, height = _tube_body(rng, body, width)
     root = rng.uniform(0.2, 0.26)
-    wing = _Wing(rng.uniform(0.04, 0.1), -0.38 * height, root, root * rng.uniform(0.25, 0.45), rng.uniform(0.38, 0.5), rng.uniform(0.08, 0.22), rng.uniform(0.01, 0.05), 0.1)
+    wing = _Wing(
+        rng.uniform(0.04, 0.1),
+        -0.38 * height,
+        root,
+        root * rng.uniform(0.25, 0.45),
+        rng.uniform(0.38, 0.5),
+        rng.uniform(0.08, 0.22),
+        rng.uniform(0.01, 0.05),
+        0.1,
+    )
     radius = rng.uniform(0.03, 0.04)
     pieces = [fuselage, *parts.both_sides([_wing(wing, body)]), *_cockpit(width, height, 0.5)]
     pieces += _windows(rng, width, height, 0.28, -0.08)
@@ -254,14 +293,18 @@ def _propeller(rng: np.random.Generator, radius: float, x: float) -> list[Part]:
         palette.BLACK,
         "blade",
     )
-    spinner = parts.lathe([(0.022, -0.02), (0.019, 0.01), (0.01, 0.03), (0.0, 0.038)], palette.CHROME, sides=12, axis="x", name="spinner")
+    spinner = parts.lathe(
+        [(0.022, -0.02), (0.019, 0.01), (0.01, 0.03), (0.0, 0.038)], palette.CHROME, sides=12, axis="x", name="spinner"
+    )
     blades = [blade.turned("x", start + 2 * np.pi * k / count) for k in range(count)]
     return [part.moved(x) for part in [*blades, spinner]]
 
 
 def _wheel(x: float, y: float, z: float, radius: float, top: float, paint: Paint) -> list[Part]:
     """A wheel on a strut down from `top`."""
-    wheel = parts.lathe(parts.disc_profile(radius, radius * 0.35, radius * 0.15), palette.TYRE, sides=14, axis="z", name="wheel")
+    wheel = parts.lathe(
+        parts.disc_profile(radius, radius * 0.35, radius * 0.15), palette.TYRE, sides=14, axis="z", name="wheel"
+    )
     return [wheel.moved(x, y, z), parts.beam((x, y, z), (x, top, z * 0.8), 0.01, paint, name="strut")]
 
 
@@ -277,15 +320,25 @@ def _propeller_plane(rng: np.random.Generator, body: Paint, accent: Paint, style
         (0.45, -0.01, width * 0.62, height * 0.55),
     ]
     pieces = [_fuselage(stations, body, power=2.6)]
-    canopy = parts.lathe([(0.0, -0.14), (0.042, -0.1), (0.062, 0.0), (0.05, 0.07), (0.0, 0.12)], palette.GLASS, sides=14, axis="x", name="canopy")
+    canopy = parts.lathe(
+        [(0.0, -0.14), (0.042, -0.1), (0.062, 0.0), (0.05, 0.07), (0.0, 0.12)],
+        palette.GLASS,
+        sides=14,
+        axis="x",
+        name="canopy",
+    )
     pieces.append(canopy.scaled(1.0, 1.1, 0.85 * width / 0.12).moved(0.1, height * 0.44, 0))
     pieces += _propeller(rng, rng.uniform(0.11, 0.15), 0.455)
     root = rng.uniform(0.14, 0.2)
     layout = rng.choice(["high", "low", "biplane"], p=[0.4, 0.42, 0.18])
-    spans = {"high": [0.46 * height + 0.02], "low": [-0.38 * height], "biplane": [-0.36 * height, 0.75 * height]}[str(layout)]
+    spans = {"high": [0.46 * height + 0.02], "low": [-0.38 * height], "biplane": [-0.36 * height, 0.75 * height]}[
+        str(layout)
+    ]
     span = rng.uniform(0.48, 0.62)
     for level in spans:
-        wing = _Wing(0.22, level, root, root * rng.uniform(0.55, 1.0), span, rng.uniform(0.0, 0.05), rng.uniform(0.0, 0.05), 0.13)
+        wing = _Wing(
+            0.22, level, root, root * rng.uniform(0.55, 1.0), span, rng.uniform(0.0, 0.05), rng.uniform(0.0, 0.05), 0.13
+        )
         pieces += parts.both_sides([_wing(wing, accent if rng.random() < 0.5 else body)])
     if layout != "low":
         far, low = 0.55 * span, -0.36 * height
@@ -293,7 +346,9 @@ def _propeller_plane(rng: np.random.Generator, body: Paint, accent: Paint, style
         strut_foot = (0.16, low, 0.08 if layout == "high" else far)
         pieces += parts.both_sides([parts.beam((0.16, upper, far), strut_foot, 0.01, body, name="strut")])
     for x, z in ((0.2, 0.1), (0.2, -0.1), (0.38 if rng.random() < 0.6 else -0.44, 0.0)):
-        pieces += _wheel(x, -height * 0.5 - 0.05 if x > 0 else -0.02, z, 0.03 if x > 0 else 0.018, -0.02 if x > 0 else 0.03, body)
+        pieces += _wheel(
+            x, -height * 0.5 - 0.05 if x > 0 else -0.02, z, 0.03 if x > 0 else 0.018, -0.02 if x > 0 else 0.03, body
+        )
     return pieces + _tail(rng, body, accent, 0.05, t_tail=False, size=1.05)
 
 
@@ -303,12 +358,27 @@ def _twin(rng: np.random.Generator, body: Paint, accent: Paint, style: str) -> l
     fuselage, height = _tube_body(rng, body, width)
     high = rng.random() < 0.6
     root = rng.uniform(0.13, 0.17)
-    wing = _Wing(rng.uniform(0.08, 0.14), (0.46 if high else -0.36) * height, root, root * rng.uniform(0.4, 0.7), rng.uniform(0.48, 0.6), rng.uniform(0.01, 0.06), 0.0 if high else 0.04, 0.14)
+    wing = _Wing(
+        rng.uniform(0.08, 0.14),
+        (0.46 if high else -0.36) * height,
+        root,
+        root * rng.uniform(0.4, 0.7),
+        rng.uniform(0.48, 0.6),
+        rng.uniform(0.01, 0.06),
+        0.0 if high else 0.04,
+        0.14,
+    )
     pieces = [fuselage, *parts.both_sides([_wing(wing, body)]), *_cockpit(width, height, 0.5)]
     pieces += _windows(rng, width, height, 0.33, -0.18)
     for share in [0.32] if rng.random() < 0.75 else [0.28, 0.52]:
         edge = wing.leading(share)
-        pod = parts.lathe([(0.0, -0.2), (0.02, -0.15), (0.034, -0.06), (0.032, 0.03), (0.022, 0.075)], accent, sides=14, axis="x", name="pod")
+        pod = parts.lathe(
+            [(0.0, -0.2), (0.02, -0.15), (0.034, -0.06), (0.032, 0.03), (0.022, 0.075)],
+            accent,
+            sides=14,
+            axis="x",
+            name="pod",
+        )
         blades = _propeller(rng, rng.uniform(0.09, 0.115), 0.08)
         pieces += parts.both_sides([part.moved(*edge) for part in [pod, *blades]])
     return pieces + _tail(rng, body, accent, 0.34 * height, t_tail=rng.random() < 0.5)
@@ -327,7 +397,13 @@ def _fighter(rng: np.random.Generator, body: Paint, accent: Paint, style: str) -
         (0.54, -0.015, 0.004, 0.004),
     ]
     pieces = [_fuselage(stations, body, power=2.8)]
-    canopy = parts.lathe([(0.0, -0.13), (0.025, -0.08), (0.034, 0.0), (0.02, 0.07), (0.0, 0.11)], palette.GLASS, sides=14, axis="x", name="canopy")
+    canopy = parts.lathe(
+        [(0.0, -0.13), (0.025, -0.08), (0.034, 0.0), (0.02, 0.07), (0.0, 0.11)],
+        palette.GLASS,
+        sides=14,
+        axis="x",
+        name="canopy",
+    )
     pieces.append(canopy.scaled(1.0, 1.2, 0.8).moved(0.2, height * 0.42, 0))
     delta = style == "delta"
     root = rng.uniform(0.42, 0.55) if delta else rng.uniform(0.26, 0.34)
@@ -345,20 +421,32 @@ def _fighter(rng: np.random.Generator, body: Paint, accent: Paint, style: str) -
     pieces += parts.both_sides([_wing(wing, body, sheet=rng.random() < 0.2)])
     nozzles = [0.0] if rng.random() < 0.5 else [-width * 0.24, width * 0.24]
     radius = height * (0.42 if len(nozzles) == 1 else 0.34)
-    nozzle = parts.lathe([(radius * 0.75, -0.1), (radius, 0.0), (radius, 0.06)], palette.BLACK, sides=14, axis="x", name="nozzle")
+    nozzle = parts.lathe(
+        [(radius * 0.75, -0.1), (radius, 0.0), (radius, 0.06)], palette.BLACK, sides=14, axis="x", name="nozzle"
+    )
     pieces += [nozzle.moved(-0.45, 0, z) for z in nozzles]
-    pieces += parts.both_sides([parts.box((0.02, -0.1 * height, width * 0.52), (0.2, height * 0.62, width * 0.2), body, name="intake")])
+    pieces += parts.both_sides(
+        [parts.box((0.02, -0.1 * height, width * 0.52), (0.2, height * 0.62, width * 0.2), body, name="intake")]
+    )
     fin = _Wing(-0.22, 0.0, 0.18, 0.08, rng.uniform(0.13, 0.18), rng.uniform(0.1, 0.16), 0.0, 0.06)
     if rng.random() < 0.5:
         pieces.append(_fin(fin, accent).moved(-0.02, height * 0.38, 0))
     else:
-        pieces += parts.both_sides([_fin(fin, accent).turned("x", rng.uniform(0.1, 0.35)).moved(-0.02, height * 0.3, width * 0.36)])
+        pieces += parts.both_sides(
+            [_fin(fin, accent).turned("x", rng.uniform(0.1, 0.35)).moved(-0.02, height * 0.3, width * 0.36)]
+        )
     if not delta or rng.random() < 0.3:
         x = 0.22 if delta else -0.36
         small = _Wing(x, 0.0, 0.12, 0.05, rng.uniform(0.15, 0.2), 0.08, 0.0, 0.06)
         pieces += parts.both_sides([_wing(small, body, stations=3, name="tailplane")])
     if rng.random() < 0.5:
-        missile = parts.lathe([(0.0, -0.09), (0.01, -0.085), (0.01, 0.06), (0.0, 0.1)], palette.hsv(0, 0, 0.85), sides=8, axis="x", name="missile")
+        missile = parts.lathe(
+            [(0.0, -0.09), (0.01, -0.085), (0.01, 0.06), (0.0, 0.1)],
+            palette.hsv(0, 0, 0.85),
+            sides=8,
+            axis="x",
+            name="missile",
+        )
         edge = wing.leading(0.55)
         pieces += parts.both_sides([missile.moved(edge[0] - 0.06, edge[1] - 0.022, edge[2])])
     return pieces

@@ -76,7 +76,9 @@ class Renderer:
         answer = self._scene.cast_rays(o3d.core.Tensor(flat), nthreads=1)
         depth = answer["t_hit"].numpy()
         hit = np.flatnonzero(np.isfinite(depth))
-        colour = self._shade(view, flat[hit], depth[hit], answer["primitive_ids"].numpy()[hit], answer["primitive_uvs"].numpy()[hit])
+        colour = self._shade(
+            view, flat[hit], depth[hit], answer["primitive_ids"].numpy()[hit], answer["primitive_uvs"].numpy()[hit]
+        )
         samples = np.zeros((len(flat), 4), dtype=np.float32)
         samples[hit, :3] = colour
         samples[hit, 3] = 1.0
@@ -90,7 +92,9 @@ class Renderer:
         """Two-sided shading: sky and ground, a key light with shadow, a weak light at the camera, a highlight; then gamma."""
         directions = rays[:, 3:]
         corners = self._shape.normals[triangle]
-        normals = corners[:, 0] + uv[:, :1] * (corners[:, 1] - corners[:, 0]) + uv[:, 1:] * (corners[:, 2] - corners[:, 0])
+        normals = (
+            corners[:, 0] + uv[:, :1] * (corners[:, 1] - corners[:, 0]) + uv[:, 1:] * (corners[:, 2] - corners[:, 0])
+        )
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         facing = np.einsum("ij,ij->i", normals, directions)
         normals *= -np.sign(facing)[:, None]
@@ -107,7 +111,9 @@ class Renderer:
         half = light - directions
         half /= np.linalg.norm(half, axis=1, keepdims=True)
         shine = np.where(shadow, 0.0, np.maximum(np.einsum("ij,ij->i", normals, half), 0) ** 40)
-        colour = self._shape.colours[triangle] * diffuse[:, None] + (0.45 * self._shape.gloss[triangle] * shine)[:, None]
+        colour = (
+            self._shape.colours[triangle] * diffuse[:, None] + (0.45 * self._shape.gloss[triangle] * shine)[:, None]
+        )
         return np.clip(colour, 0, 1) ** np.float32(1 / 1.35)
 
 
@@ -154,7 +160,12 @@ def _mark_touched(
     low, high = cells.min(axis=1), cells.max(axis=1) + 1
     empty = np.zeros((height + 1, width + 1), dtype=np.int32)  # how many empty pixels lie above and left of a corner
     empty[1:, 1:] = (block[..., 3] == 0).cumsum(axis=0).cumsum(axis=1)
-    inside = empty[high[:, 1], high[:, 0]] - empty[low[:, 1], high[:, 0]] - empty[high[:, 1], low[:, 0]] + empty[low[:, 1], low[:, 0]]
+    inside = (
+        empty[high[:, 1], high[:, 0]]
+        - empty[low[:, 1], high[:, 0]]
+        - empty[high[:, 1], low[:, 0]]
+        + empty[low[:, 1], low[:, 0]]
+    )
     near = np.flatnonzero(inside)
     columns, rows, owner = _traverse(ends[near])
     kept = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)

@@ -2,12 +2,12 @@
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
+from ddf import shapenet
 from ddf.synthetic import assemble, cars, chairs, planes, primitives, render
 from ddf.synthetic.parts import Part
 
@@ -18,19 +18,12 @@ DUMMY = 25  # the last number of a metadata line, which means nothing
 PNG_LEVEL = 1  # fast; the files are read far more often than they are sent
 
 
-@dataclass(frozen=True)
-class Category:
-    """A synthetic category: its folder name and the function that designs a shape."""
-
-    synset: str
-    build: Callable[[np.random.Generator], list[Part]]
-
-
-CATEGORIES = {
-    "chair": Category("03001627", chairs.build),
-    "plane": Category("02691156", planes.build),
-    "car": Category("02958343", cars.build),
-    "primitives": Category("00000001", primitives.build),  # made up: WordNet has no such synset
+# Functions that design one shape of a category.
+CATEGORIES: dict[str, Callable[[np.random.Generator], list[Part]]] = {
+    "chair": chairs.build,
+    "plane": planes.build,
+    "car": cars.build,
+    "primitives": primitives.build,
 }
 
 
@@ -42,7 +35,7 @@ def shape_id(seed: int, category: str, index: int) -> str:
 def make_shape(seed: int, category: str, index: int) -> assemble.Shape:
     """The mesh of one synthetic shape; the same for the same arguments."""
     rng = _generator(seed, category, index, "mesh")
-    return assemble.shape(CATEGORIES[category].build(rng), rng)
+    return assemble.shape(CATEGORIES[category](rng), rng)
 
 
 def make_views(seed: int, category: str, index: int, count: int) -> list[render.View]:
@@ -50,28 +43,33 @@ def make_views(seed: int, category: str, index: int, count: int) -> list[render.
     rng = _generator(seed, category, index, "views")
     views = []
     for _ in range(count):
-        azimuth, elevation, ratio = (round(float(rng.uniform(*span)), 6) for span in (AZIMUTH_DEG, ELEVATION_DEG, RATIO))
+        azimuth, elevation, ratio = (
+            round(float(rng.uniform(*span)), 6) for span in (AZIMUTH_DEG, ELEVATION_DEG, RATIO)
+        )
         views.append(render.View(azimuth, elevation, ratio, rng.uniform(-60, 60), rng.uniform(40, 70)))
     return views
 
 
-def write_shape(root: Path, seed: int, category: str, index: int, num_views: int) -> str:
-    """Write mesh, renders and metadata of one shape under `root`; returns its id."""
-    name, synset = shape_id(seed, category, index), CATEGORIES[category].synset
+def write_shape(root: Path, seed: int, category: str, index: int, num_views: int) -> list[Path]:
+    """Write mesh, renders and metadata of one shape under `root`; returns all files, renderings.txt last."""
+    name, synset = shape_id(seed, category, index), shapenet.SYNSETS[category]
     shape = make_shape(seed, category, index)
-    model = root / "ShapeNetCore.v1" / synset / name
-    images = root / "ShapeNetRendering" / synset / name / "rendering"
-    for folder in (model, images):
+    files = [shapenet.model_path(root, synset, name)]
+    images = shapenet.rendering_dir(root, synset, name)
+    for folder in (files[0].parent, images):
         folder.mkdir(parents=True, exist_ok=True)
-    (model / "model.obj").write_text(obj_text(shape))
+    files[0].write_text(obj_text(shape))
     views = make_views(seed, category, index, num_views)
     renderer = render.Renderer(shape)
     for number, view in enumerate(views):
-        Image.fromarray(renderer.render(view), "RGBA").save(images / f"{number:02d}.png", compress_level=PNG_LEVEL)
+        files.append(images / f"{number:02d}.png")
+        Image.fromarray(renderer.render(view)).save(files[-1], compress_level=PNG_LEVEL)
     lines = [f"{view.azimuth_deg:.6f} {view.elevation_deg:.6f} 0 {view.ratio:.6f} {DUMMY}\n" for view in views]
-    (images / "rendering_metadata.txt").write_text("".join(lines))
-    (images / "renderings.txt").write_text("".join(f"{number:02d}.png\n" for number in range(num_views)))
-    return name
+    listing = [f"{path.name}\n" for path in files[1:]]
+    for path, text in ((images / "rendering_metadata.txt", lines), (images / "renderings.txt", listing)):
+        path.write_text("".join(text))
+        files.append(path)
+    return files
 
 
 def obj_text(shape: assemble.Shape) -> str:
