@@ -8,7 +8,7 @@ import torch
 from ddf import checks, fields, losses, siren
 
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2}
-WEIGHTS = losses.LossWeights(5, 10, 10, 1, 0.1, 0.25, 0.1, 0.25, 1.5)
+WEIGHTS = losses.LossWeights(5.0, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
 
 
 def _field(activation="softplus"):
@@ -137,4 +137,4 @@ def test_terms_by_hand():
 
 def test_bad_weight_is_refused():
     with pytest.raises(checks.InputError, match="weights.depth must be >= 0 and finite; got -1"):
-        dataclasses.replace(WEIGHTS, depth=-1)
+        dataclasses.replace(WEIGHTS, depth=-1.0)

@@ -11,8 +11,11 @@ SMALL_FIELD = fields.PDDFConfig((24, 24), 2.0, 1.0, "softplus", 20.0)
 BALL_RADIUS = 0.7
 
 
-class _BallField(torch.nn.Module):
+class _BallField(fields.PDDF):
     """Visibility of a ball, as logits proportional to how deep the ray passes: a known mask for every camera."""
+
+    def __init__(self):
+        super().__init__(SMALL_FIELD)
 
     def forward(self, positions, directions, modulations=None):
         closest = positions - (positions * directions).sum(-1, keepdim=True) * directions

@@ -3,7 +3,7 @@
 Everything is read from the artefacts of the stages `dataset` and `samples`; a batch is a function of (seed, step) alone.
 """
 
-import json
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,9 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf import cameras, checks, losses, packing, shapenet, storage, transforms
+
+
+SAMPLES, CLOUDS = ".samples.safetensors", ".clouds.safetensors"  # as the stage `samples` names them
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,14 @@ class ImageSet:
     def batch(self, rows: Int[np.ndarray, "b"]) -> Float[Tensor, "b 4 size size"]:
         """Images in [0, 1]."""
         return self.images[torch.from_numpy(rows)].float() / 255
+
+    def names(self) -> list[dict[str, str | int]]:
+        """Shape id and view of every image."""
+        return [{"id": self.ids[i], "view": view} for i, view in zip(self.shapes, self.views, strict=True)]
+
+    def digest(self) -> str:
+        """SHA-256 of images and cameras: a training goes on only with what it began with."""
+        return hashlib.sha256(self.images.numpy().tobytes() + self.cameras.numpy().tobytes()).hexdigest()
 
     def alpha(self, rows: Int[np.ndarray, "b"], size: int) -> Float[Tensor, "b size size"]:
         """Alpha channels in [0, 1], averaged down (never up) to size x size."""
@@ -113,3 +124,73 @@ def read_images(dataset: shapenet.Dataset, category: str, shapes: Sequence[tuple
     if not images:
         raise checks.InputError(f"{dataset.root}: category {category} has no images for this split; use more shapes")
     return ImageSet([s for s, _ in shapes], all_views, np.array(index), torch.stack(images), torch.stack(poses))
+
+
+def training_views(dataset: shapenet.Dataset, category: str, count: int | None) -> list[tuple[str, Sequence[int]]]:
+    """Training shapes with the views to show: those of the split, or the first `count`, never one of its test views."""
+    if count is None:
+        return list(dataset.train(category))
+    shapes = [shape for shape in dataset.category(category).shapes if shape.train_views]
+    return [(shape.id, [view for view in range(count) if view not in shape.test_views]) for shape in shapes]
+
+
+def test_views(dataset: shapenet.Dataset, category: str, count: int | None) -> list[tuple[str, Sequence[int]]]:
+    """Test shapes with the views to evaluate: those of the split, or the first `count` of them."""
+    return [(name, views[:count]) for name, views in dataset.test(category)]
+
+
+def available(folder: Path, shapes: Sequence[tuple[str, Sequence[int]]]) -> list[tuple[str, Sequence[int]]]:
+    """Those of the split's shapes that came through watertighting and sampling (failures are in `failures.csv`)."""
+    done = {name for path in storage.shard_files(folder, SAMPLES) for name in storage.load_metadata(path)["ids"]}
+    return [(name, views) for name, views in shapes if name in done]
+
+
+def sources(index_path: Path, samples_dir: Path) -> list[Path]:
+    """The files that a training depends on besides the images; see `ImageSet.digest` for those."""
+    return [index_path, *storage.shard_files(samples_dir, SAMPLES), *storage.shard_files(samples_dir, CLOUDS)]
+
+
+def read_shapes(folder: Path, ids: Sequence[str]) -> ShapeSet:
+    """Similarities and ground-truth clouds of the given shapes, from the shards of stage `samples`.
+
+    Raises:
+      InputError: a shape is in no shard.
+    """
+    maps: dict[str, dict] = {}
+    for path in storage.shard_files(folder, SAMPLES):
+        maps |= storage.load_metadata(path)["field_from_raw"]
+    _require(folder, ids, maps)
+    similarities = [transforms.Similarity.from_dict(maps[name]) for name in ids]
+    clouds: dict[str, Tensor] = {}
+    for path in storage.shard_files(folder, CLOUDS):
+        tensors, metadata = storage.load_tensors(path)
+        for i, name in enumerate(metadata["ids"]):
+            clouds[name] = tensors["points"][tensors["offsets"][i] : tensors["offsets"][i + 1]]
+    placed = [frame.apply(clouds[name]) for name, frame in zip(ids, similarities, strict=True)]
+    return ShapeSet(list(ids), similarities, [torch.from_numpy(points).float() for points in placed])
+
+
+def read_samples(folder: Path, ids: Sequence[str]) -> SampleSet:
+    """Stored samples of the given shapes, in their order, from the shards of stage `samples`.
+
+    Raises:
+      InputError: a shape is in no shard.
+    """
+    parts: dict[str, list[Tensor]] = {}
+    row_of: dict[str, int] = {}
+    wanted = set(ids)
+    for path in storage.shard_files(folder, SAMPLES):
+        tensors, metadata = storage.load_tensors(path, framework="torch")
+        rows = [i for i, name in enumerate(metadata["ids"]) if name in wanted]
+        row_of |= {metadata["ids"][i]: len(row_of) + k for k, i in enumerate(rows)}
+        for name, values in tensors.items():
+            parts.setdefault(name, []).append(values[rows])
+    _require(folder, ids, row_of)
+    order = torch.tensor([row_of[name] for name in ids])
+    return SampleSet({name: torch.cat(values)[order] for name, values in parts.items()})
+
+
+def _require(folder: Path, ids: Sequence[str], found: Mapping) -> None:
+    missing = [name for name in ids if name not in found]
+    if missing:
+        raise checks.InputError(f"{folder}: no samples of shape {missing[0]}; run the samples stage again")

@@ -174,6 +174,19 @@ def load_table(path: str | Path, **options: Any) -> tuple["pd.DataFrame", dict[s
     return pd.read_csv(io.BytesIO(data), **options), record
 
 
+def shard_files(folder: str | Path, suffix: str) -> list[Path]:
+    """The files of one kind that the shards of a folder wrote, in order, as their records `NNN.json` name them.
+
+    Raises:
+      FileNotFoundError: the folder holds no shard.
+    """
+    records = sorted(Path(folder).glob("[0-9]*.json"))
+    if not records:
+        raise FileNotFoundError(f"{folder}: no shards there; run the stage that makes them first")
+    names = [name for record in records for name in read_json(record)["files"]]
+    return [Path(folder) / name for name in sorted(names) if name.endswith(suffix)]
+
+
 def checksum(path: str | Path) -> str:
     """SHA-256 of a file, or of a folder: of its files' relative names and checksums in sorted order."""
     path = _existing(path)

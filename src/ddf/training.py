@@ -160,7 +160,7 @@ def _log_row(step: int, loss: Tensor, terms: dict[str, Tensor], seconds: float, 
     value = float(loss.detach())
     if not math.isfinite(value):
         raise FloatingPointError(f"loss is {value} at step {step}; the last checkpoint in {out_dir} is whole")
-    return {"step": step, "loss": value, **{name: float(term) for name, term in terms.items()}, "seconds": seconds}
+    return {"step": float(step), "loss": value, **{name: float(term) for name, term in terms.items()}, "seconds": seconds}
 
 
 def _save_checkpoint(

@@ -1,0 +1,177 @@
+"""From trained models and images to clouds, cameras and renders: the artefact that the evaluation reads.
+
+Clouds are in the field frame. `scale` maps the field to the v1 frame: the truth's from the data set, the prediction's as
+1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] app. E).
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import tqdm
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf import checks, pointclouds, reconstruction, rendering, si3dr_data, training
+
+ENCODER_BATCH = 64  # images at a time; the networks are in evaluation mode, so the size does not matter to the result
+
+
+@dataclass(frozen=True)
+class PointcloudsConfig:
+    """Section `pointclouds`.
+
+    large, small: L and S, points of the two clouds (5,000 and 2,466 in the paper). test_views: views per test shape that
+    are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered for the
+    report, render_size pixels wide.
+    """
+
+    cloud: pointclouds.CloudConfig
+    correction: reconstruction.CorrectionConfig
+    large: int
+    small: int
+    test_views: int | None
+    rendered: int
+    render_size: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.small <= self.large:
+            raise checks.InputError(f"pointclouds needs 1 <= small <= large; got {self.small} and {self.large}")
+        if self.rendered < 0 or self.render_size < 1 or self.seed < 0:
+            raise checks.InputError("pointclouds.rendered and seed must be >= 0, render_size >= 1")
+        if self.test_views is not None and self.test_views < 1:
+            raise checks.InputError(f"pointclouds.test_views must be >= 1 or null; got {self.test_views}")
+
+
+def scale_from_cloud(points: Float[Tensor, "n 3"]) -> float:
+    """v1 units per field unit, from the diagonal of the cloud's box.
+
+    Raises:
+      InputError: the cloud is a single point.
+    """
+    diagonal = float((points.amax(dim=0) - points.amin(dim=0)).norm())
+    if not diagonal > 0:
+        raise checks.InputError("the predicted cloud is one point; train the model for longer")
+    return 1.0 / diagonal
+
+
+@torch.no_grad()
+def encode(
+    model: reconstruction.ReconstructionModel, images: si3dr_data.ImageSet
+) -> tuple[Float[Tensor, "n z"], Float[Tensor, "n 3"], Float[Tensor, "n features"]]:
+    """Shape latents, predicted cameras and pooled features of all images."""
+    latents, cameras, features = [], [], []
+    for rows in np.array_split(np.arange(len(images.shapes)), -(-len(images.shapes) // ENCODER_BATCH)):
+        batch = images.batch(rows).to(training.device())
+        pooled = model.shape_encoder.features(batch)
+        features.append(pooled)
+        latents.append(model.shape_encoder.fc(pooled))
+        cameras.append(model.camera_head(model.camera_encoder(batch)))
+    return torch.cat(latents), torch.cat(cameras), torch.cat(features)
+
+
+def _generator(config: PointcloudsConfig, image: int) -> torch.Generator:
+    """Each image has its own random stream, so that a subset of images gives the same clouds."""
+    return torch.Generator(training.device()).manual_seed(config.seed * 1_000_003 + image)
+
+
+def reconstruct_ddf(
+    model: reconstruction.DDFModel, images: si3dr_data.ImageSet, config: PointcloudsConfig, describe: str
+) -> tuple[dict[str, Tensor], dict]:
+    """Clouds L and S after every cycle asked for (the last and the first), cameras, scales, renders; and what it cost."""
+    latents, cameras, features = encode(model, images)
+    modulations = [m.detach() for m in model.modulations(latents)]
+    names = {config.cloud.cycles: f"h{config.cloud.cycles}", 1: "h1"}
+    clouds: dict[str, list[Tensor]] = {f"{size}.{name}": [] for name in names.values() for size in "LS"}
+    scales = []
+    started = time.monotonic()
+    for image in tqdm.trange(len(latents), desc=f"clouds {describe}", unit="image", mininterval=2):
+        own = [m[image] for m in modulations]
+        cycles = pointclouds.sample(model.field, own, config.large, config.cloud, _generator(config, image))
+        for cycle, name in names.items():
+            projected = cycles[cycle - 1]
+            clouds[f"L.{name}"].append(projected.most_visible(config.large, config.cloud.oversampling))
+            clouds[f"S.{name}"].append(projected.most_visible(config.small, config.cloud.oversampling))
+        scales.append(scale_from_cloud(clouds[f"L.h{config.cloud.cycles}"][-1]))
+    cloud_seconds = time.monotonic() - started
+    scale = torch.tensor(scales)
+    corrected = _correct_cameras(model, latents, cameras, scale, images, config)
+    tensors = {name: torch.stack(values) for name, values in clouds.items()}
+    tensors |= {"camera_pred": cameras, "camera_corrected": corrected, "features": features, "scale_pred": scale}
+    rendered = spread(len(latents), config.rendered)
+    tensors |= _renders(model, modulations, cameras, scale, rendered, config.render_size)
+    return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": cloud_seconds / len(latents)}
+
+
+def reconstruct_pcsiren(
+    model: reconstruction.PCSirenModel, images: si3dr_data.ImageSet, config: PointcloudsConfig
+) -> tuple[dict[str, Tensor], dict]:
+    """Clouds L and S (the first points of L, which are as random as any), cameras, scales; and what it cost."""
+    latents, cameras, features = encode(model, images)
+    large = []
+    started = time.monotonic()
+    with torch.no_grad():
+        for image in range(len(latents)):
+            uniform = torch.rand((1, config.large, 3), generator=_generator(config, image), device=latents.device)
+            large.append(model.decoder(uniform * 2 - 1, latents[image : image + 1])[0])
+    seconds = (time.monotonic() - started) / len(latents)
+    tensors = {
+        "L": torch.stack(large),
+        "S": torch.stack([points[: config.small] for points in large]),
+        "camera_pred": cameras,
+        "features": features,
+        "scale_pred": torch.tensor([scale_from_cloud(points) for points in large]),
+    }
+    return _on_cpu(tensors), {"cloud_seconds_per_image": seconds}
+
+
+def spread(total: int, count: int) -> list[int]:
+    """`count` indices spread evenly over range(total)."""
+    count = min(count, total)
+    return [int(i) for i in np.linspace(0, total - 1, count).round()] if count else []
+
+
+def _correct_cameras(
+    model: reconstruction.DDFModel,
+    latents: Tensor,
+    cameras: Tensor,
+    scale: Tensor,
+    images: si3dr_data.ImageSet,
+    config: PointcloudsConfig,
+) -> Tensor:
+    """Π̂_∇ of all images, a batch at a time."""
+    corrected = []
+    for rows in np.array_split(np.arange(len(latents)), -(-len(latents) // ENCODER_BATCH)):
+        alpha = images.alpha(rows, config.correction.mask_size).to(latents.device)
+        index = torch.from_numpy(rows)
+        field_scale = (1 / scale[index]).to(latents.device)
+        corrected.append(
+            reconstruction.correct_camera(model, latents[index], cameras[index], field_scale, alpha, config.correction)
+        )
+    return torch.cat(corrected)
+
+
+def _renders(
+    model: reconstruction.DDFModel,
+    modulations: list[Tensor],
+    cameras: Tensor,
+    scale: Tensor,
+    rendered: Sequence[int],
+    size: int,
+) -> dict[str, Tensor]:
+    """Pictures as the model sees its own prediction: predicted camera, estimated scale."""
+    pictures: dict[str, list[Tensor]] = {name: [] for name in rendering.OUTPUTS}
+    for image in rendered:
+        own = [m[image] for m in modulations]
+        field_scale = torch.tensor(1 / float(scale[image]), device=cameras.device)
+        found, _ = rendering.render(model.field, own, cameras[image], field_scale, size)
+        for name, picture in found.items():
+            pictures[name].append(picture)
+    return {f"render.{name}": torch.stack(values) for name, values in pictures.items() if values}
+
+
+def _on_cpu(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {name: value.detach().cpu().float().contiguous() for name, value in tensors.items()}

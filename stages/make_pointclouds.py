@@ -1,0 +1,47 @@
+"""Reconstruct the test images of one category with both trained models: clouds, cameras, renders."""
+
+from pathlib import Path
+
+from ddf import config, provenance, shapenet, si3dr_data, si3dr_inference, si3dr_training, stage, storage, training
+
+
+def run(config_path: Path, category: str) -> None:
+    """Read both models and the images of the category, write one file per model."""
+    train = config.load(config_path, "train", si3dr_training.TrainConfig)
+    section = config.load(config_path, "pointclouds", si3dr_inference.PointcloudsConfig)
+    index_path = config.artifact_dir(config_path, "dataset") / "index.json"
+    samples_dir = config.artifact_dir(config_path, "samples", category)
+    training.prepare(train.loop)
+
+    dataset = shapenet.Dataset.open(index_path)
+    test, trained = (
+        si3dr_data.read_images(dataset, category, si3dr_data.available(samples_dir, views), train.image_size)
+        for views in (
+            si3dr_data.test_views(dataset, category, section.test_views),
+            dataset.train(category),
+        )
+    )
+    scales = si3dr_data.read_shapes(samples_dir, test.ids).field_scales(test.shapes)
+    common = {"camera_true": test.cameras, "scale_true": 1 / scales}
+
+    ddf = si3dr_training.ddf_model(train, config.load(config_path, "ddf", si3dr_training.DDFConfig))
+    pcsiren = si3dr_training.pcsiren_model(train, config.load(config_path, "pcsiren", si3dr_training.PCSirenConfig))
+    for name, model in (("ddf", ddf), ("pcsiren", pcsiren)):
+        folder = config.artifact_dir(config_path, f"train_{name}", category)
+        training.load_model(model, folder)
+        if name == "ddf":
+            tensors, facts = si3dr_inference.reconstruct_ddf(ddf, test, section, category)
+        else:
+            tensors, facts = si3dr_inference.reconstruct_pcsiren(pcsiren, test, section)
+        tensors["train_features"] = si3dr_inference.encode(model, trained)[2].cpu()
+        sources = [index_path, folder / training.MODEL]
+        record = provenance.record(
+            provenance.fingerprint([section, category, test.digest()], sources, si3dr_inference), section.seed, sources
+        )
+        names = {"images": test.names(), "train_images": trained.names()}
+        out = config.artifact_dir(config_path, "pointclouds", category) / f"{name}.safetensors"
+        storage.save_tensors(out, tensors | common, record | names | facts)
+
+
+if __name__ == "__main__":
+    stage.main(run, __doc__, category=True)

@@ -1,0 +1,39 @@
+"""Train the encoders with the PC-SIREN baseline on one category."""
+
+import functools
+from pathlib import Path
+
+from ddf import config, provenance, shapenet, si3dr_data, si3dr_training, stage, training
+
+
+def run(config_path: Path, category: str) -> None:
+    """Read training images and clouds of the category, train, write model and log."""
+    train = config.load(config_path, "train", si3dr_training.TrainConfig)
+    section = config.load(config_path, "pcsiren", si3dr_training.PCSirenConfig)
+    index_path = config.artifact_dir(config_path, "dataset") / "index.json"
+    samples_dir = config.artifact_dir(config_path, "samples", category)
+    training.prepare(train.loop)
+
+    dataset = shapenet.Dataset.open(index_path)
+    views = si3dr_data.training_views(dataset, category, train.train_views)
+    images = si3dr_data.read_images(dataset, category, si3dr_data.available(samples_dir, views), train.image_size)
+    shapes = si3dr_data.read_shapes(samples_dir, images.ids)
+
+    model = si3dr_training.pcsiren_model(train, section).to(training.device())
+    model.camera_head.fit(images.cameras)
+    sources = si3dr_data.sources(index_path, samples_dir)
+    fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, si3dr_training)
+    training.fit(
+        model,
+        model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera),
+        functools.partial(si3dr_training.pcsiren_step, model, images, shapes, train, section),
+        section.steps,
+        train.loop,
+        config.artifact_dir(config_path, "train_pcsiren", category),
+        provenance.record(fingerprint, train.loop.seed, sources),
+        f"pcsiren {category}",
+    )
+
+
+if __name__ == "__main__":
+    stage.main(run, __doc__, category=True)

@@ -1,0 +1,100 @@
+import math
+
+import pytest
+import torch
+
+from ddf import checks, fields, pointclouds
+
+CONFIG = pointclouds.CloudConfig(128, 3, 0.1, 0.05, 0.01, 4096)
+RADIUS = 0.6
+
+
+class _Sphere(fields.PDDF):
+    """Exact field of a sphere (hits from inside too) in the raw outputs of a PDDF."""
+
+    def __init__(self):
+        super().__init__(fields.PDDFConfig((4,), 1.0, 1.0, "relu", 1.0))
+        self.queries = 0
+
+    def forward(self, positions, directions, modulations=None):
+        self.queries += positions.shape[0]
+        along = -(positions * directions).sum(-1)
+        miss_sq = positions.square().sum(-1) - along.square()
+        half = (RADIUS**2 - miss_sq).clamp_min(0).sqrt()
+        outside = positions.norm(dim=-1) > RADIUS
+        distance = torch.where(outside, along - half, along + half)
+        visible = (miss_sq < RADIUS**2) & (distance >= 0)
+        depth = torch.where(visible, distance, torch.ones_like(distance))
+        logit = torch.where(visible, 20.0, -20.0)
+        return torch.stack((depth, depth, torch.ones_like(depth), logit), dim=-1)
+
+
+def _sample(count, config=CONFIG, seed=0, field=None):
+    return pointclouds.sample(field or _Sphere(), None, count, config, torch.Generator().manual_seed(seed))
+
+
+def test_points_land_on_the_surface_and_cover_it():
+    points = _sample(2000)[-1].most_visible(2000, CONFIG.oversampling)
+    assert points.shape == (2000, 3)
+    assert float((points.norm(dim=-1) - RADIUS).abs().max()) < 1e-4
+    octants = ((points > 0).long() * torch.tensor([1, 2, 4])).sum(-1).bincount(minlength=8)
+    assert int(octants.min()) > 150
+
+
+def test_queries_are_points_times_directions_plus_one_per_cycle():
+    field = _Sphere()
+    _sample(100, field=field)
+    assert field.queries == 110 * (128 + 1) * 3
+
+
+def test_first_cycle_of_three_is_the_cloud_of_one():
+    one = pointclouds.CloudConfig(128, 1, 0.1, 0.05, 0.01, 4096)
+    assert torch.equal(_sample(300)[0].points, _sample(300, one)[0].points)
+
+
+def test_chunks_change_no_point():
+    small = pointclouds.CloudConfig(128, 1, 0.1, 0.05, 0.01, 128 * 7)
+    large = pointclouds.CloudConfig(128, 1, 0.1, 0.05, 0.01, 10**6)
+    torch.testing.assert_close(_sample(200, small)[0].points, _sample(200, large)[0].points)
+
+
+def test_direction_is_towards_the_nearest_point_of_the_sphere():
+    generator = torch.Generator().manual_seed(3)
+    points = torch.nn.functional.normalize(torch.randn(50, 3, generator=generator), dim=-1) * 0.85
+    many = pointclouds.CloudConfig(4096, 1, 0.0, 0.02, 0.01, 10**6)
+    found = pointclouds.project(_Sphere(), None, points, many, generator)
+    cosine = torch.nn.functional.cosine_similarity(found.points, points, dim=-1)
+    assert float(cosine.median()) > math.cos(math.radians(3))
+
+
+def test_cancelling_candidates_fall_back_to_the_best():
+    candidates = torch.tensor([[[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]]])
+    equal, depth = torch.ones(1, 4), torch.full((1, 4), 0.5)
+    found = pointclouds.closest_directions(candidates, equal, depth, CONFIG)
+    assert float(found.norm()) == pytest.approx(1.0)
+    assert any(torch.equal(found[0], c) for c in candidates[0])
+
+
+@pytest.mark.parametrize(("visibility", "depth"), [(0.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
+def test_invisible_and_on_surface_candidates_stay_finite_and_unit(visibility, depth):
+    candidates = torch.nn.functional.normalize(torch.randn(20, 64, 3, generator=torch.Generator().manual_seed(0)), dim=-1)
+    tiny = pointclouds.CloudConfig(64, 1, 0.1, 1e-4, 1e-6, 1)
+    ones = torch.ones(20, 64)
+    found = pointclouds.closest_directions(candidates, visibility * ones, depth * ones, tiny)
+    torch.testing.assert_close(found.norm(dim=-1), torch.ones(20))
+
+
+def test_most_visible_drops_the_least_visible():
+    projected = pointclouds.ProjectedPoints(torch.arange(33.0).reshape(11, 3), torch.arange(11.0))
+    assert pointclouds.num_drawn(10, 0.1) == 11
+    kept = projected.most_visible(10, 0.1)
+    assert sorted(kept[:, 0].tolist()) == [3.0 * i for i in range(1, 11)]
+    # a smaller cloud is made from the first draws alone
+    assert sorted(projected.most_visible(4, 0.1)[:, 0].tolist()) == [3.0, 6.0, 9.0, 12.0]
+
+
+def test_bad_config_is_refused():
+    with pytest.raises(checks.InputError, match="num_directions must be >= 1; got 0"):
+        pointclouds.CloudConfig(0, 3, 0.1, 0.05, 0.01, 4096)
+    with pytest.raises(checks.InputError, match="temperature must be > 0"):
+        pointclouds.CloudConfig(1, 3, 0.1, 0.0, 0.01, 4096)

@@ -1,0 +1,122 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from ddf import checks, storage, training
+
+CONFIG = training.LoopConfig(1e-2, "cosine", 3, 1.0, 1, 0, 4, 0.0)
+RECORD = {"fingerprint": "abc", "seed": 0}
+
+
+def _problem():
+    torch.manual_seed(0)
+    model = torch.nn.Sequential(torch.nn.Linear(3, 8), torch.nn.BatchNorm1d(8), torch.nn.Linear(8, 1))
+
+    def step_loss(step):
+        random = np.random.default_rng((0, step))
+        x = torch.from_numpy(random.standard_normal((16, 3)).astype(np.float32))
+        loss = (model(x)[:, 0] - x.sum(-1)).square().mean()
+        return loss, {"square": loss.detach()}
+
+    return model, step_loss
+
+
+def _fit(folder, steps=20, record=RECORD, stop_at=None):
+    model, step_loss = _problem()
+
+    def stopping(step):
+        if step == stop_at:
+            raise KeyboardInterrupt
+        return step_loss(step)
+
+    training.fit(model, [{"params": list(model.parameters())}], stopping, steps, CONFIG, folder, record, "test")
+    return model
+
+
+def test_interrupted_twice_gives_the_same_model_as_uninterrupted(tmp_path):
+    _fit(tmp_path / "whole")
+    for stop in (7, 13):
+        with pytest.raises(KeyboardInterrupt):
+            _fit(tmp_path / "parts", stop_at=stop)
+    _fit(tmp_path / "parts")
+    for name in (training.MODEL, training.CHECKPOINT):
+        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parts" / name).read_bytes()
+    logs = [[{**r, "seconds": 0} for r in training.read_log(tmp_path / f)] for f in ("whole", "parts")]
+    assert [row["step"] for row in logs[0]] == [4, 8, 12, 16, 20]
+    assert logs[0] == logs[1]
+
+
+def test_loss_falls(tmp_path):
+    _fit(tmp_path, steps=60)
+    log = training.read_log(tmp_path)
+    assert log[-1]["loss"] < 0.5 * log[0]["loss"]
+    assert log[-1]["square"] == log[-1]["loss"]
+
+
+def test_checkpoint_of_another_fingerprint_or_damaged_is_not_resumed(tmp_path, caplog):
+    _fit(tmp_path / "a", record={**RECORD, "fingerprint": "old"})
+    _fit(tmp_path / "b")
+    _fit(tmp_path / "a")
+    assert "made by another config, data or code; training starts afresh" in caplog.text
+    assert (tmp_path / "a" / training.MODEL).read_bytes() == (tmp_path / "b" / training.MODEL).read_bytes()
+    path = tmp_path / "a" / training.CHECKPOINT
+    data = bytearray(path.read_bytes())
+    data[-1] ^= 1
+    path.write_bytes(data)
+    _fit(tmp_path / "a")
+    assert str(path) in caplog.text.splitlines()[-1]
+    assert (tmp_path / "a" / training.MODEL).read_bytes() == (tmp_path / "b" / training.MODEL).read_bytes()
+
+
+def test_finished_training_runs_no_step_again(tmp_path):
+    _fit(tmp_path)
+    before = (tmp_path / training.MODEL).read_bytes()
+    _fit(tmp_path, stop_at=0)
+    assert (tmp_path / training.MODEL).read_bytes() == before
+
+
+def test_model_of_another_architecture_is_refused_by_name(tmp_path):
+    _fit(tmp_path)
+    other = torch.nn.Linear(3, 1)
+    with pytest.raises(checks.InputError, match=r"model.safetensors: does not fit the architecture"):
+        training.load_model(other, tmp_path)
+    model, _ = _problem()
+    record = training.load_model(model, tmp_path)
+    assert record["steps"] == 20
+    assert not model.training
+    saved, _ = storage.load_tensors(tmp_path / training.MODEL, framework="torch")
+    assert torch.equal(model[0].weight, saved["0.weight"])
+
+
+def test_loss_that_is_not_finite_stops_with_the_step(tmp_path):
+    model, _ = _problem()
+    with pytest.raises(FloatingPointError, match="loss is nan at step 4"):
+        training.fit(
+            model,
+            [{"params": list(model.parameters())}],
+            lambda step: (model(torch.full((2, 3), torch.nan)).sum(), {}),
+            8,
+            CONFIG,
+            tmp_path,
+            RECORD,
+            "test",
+        )
+
+
+def test_rate_rises_then_falls_to_zero():
+    rates = [CONFIG.rate(step, 100) for step in range(100)]
+    assert rates[0] == pytest.approx(1e-2 / 3, rel=1e-3)
+    assert max(rates) <= 1e-2
+    assert rates[-1] < 1e-5
+    assert all(a > b for a, b in zip(rates[3:], rates[4:], strict=False))
+    constant = dataclasses.replace(CONFIG, schedule="constant", warmup_steps=0)
+    assert {constant.rate(step, 100) for step in range(100)} == {1e-2}
+
+
+def test_bad_config_is_refused():
+    with pytest.raises(checks.InputError, match=r"train.loop.learning_rate must be > 0; got 0"):
+        dataclasses.replace(CONFIG, learning_rate=0.0)
+    with pytest.raises(checks.InputError, match=r"train.loop.clip_norm"):
+        dataclasses.replace(CONFIG, clip_norm=-1.0)
