@@ -1,4 +1,4 @@
-"""The stage graph as the tests see it; run as a script, it writes the real imports of every stage into pipeline.yaml."""
+"""The stage graph as tests see it; run as a script, it writes the real imports of every stage into pipeline.yaml."""
 
 import ast
 import re

@@ -114,7 +114,7 @@ def test_read_refuses_other_files(tmp_path, text, message):
 
 def test_read_refuses_binary_files_and_names_missing_ones(tmp_path):
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(checks.InputError, match="binary.yaml"):
+    with pytest.raises(checks.InputError, match=r"binary.yaml"):
         config.read(tmp_path / "binary.yaml")
     with pytest.raises(FileNotFoundError, match=r"absent\.yaml"):
         config.read(tmp_path / "absent.yaml")

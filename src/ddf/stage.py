@@ -1,12 +1,12 @@
 """The frame around a stage script: arguments, log, and errors of the user as one line and exit code 2."""
 
 import argparse
+import json
 import logging
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
-
-from ddf import checks
 
 
 def main(run: Callable[..., None], description: str | None, category: bool = False) -> None:
@@ -21,14 +21,34 @@ def main(run: Callable[..., None], description: str | None, category: bool = Fal
         parser.add_argument("--category", required=True, help="one of the categories of the experiment")
     arguments = vars(parser.parse_args())
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
-    sys.exit(guarded(lambda: run(*arguments.values()), "ddf"))
+    started = time.monotonic()
+    code = guarded(lambda: run(*arguments.values()), "ddf")
+    if code == 0:
+        _record_time(time.monotonic() - started, **arguments)
+    sys.exit(code)
+
+
+def time_path(config_path: Path, script: str, category: str | None = None) -> Path:
+    """Where a stage notes how long its last run took, for the report; not an artefact: times differ from run to run."""
+    name = f"{script}-{category}" if category else script
+    return Path("artifacts") / Path(config_path).stem / "times" / f"{name}.json"
+
+
+def _record_time(seconds: float, config: Path, category: str | None = None) -> None:
+    path = time_path(config, Path(sys.argv[0]).stem, category)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"seconds": round(seconds, 2)}) + "\n", encoding="utf-8")
 
 
 def guarded(function: Callable[[], object], program: str) -> int:
     """Call `function`; exit code 0, or 2 after one line on stderr when the user's input or disk is at fault."""
     try:
         function()
-    except (checks.InputError, OSError) as error:
+    except (ValueError, OSError) as error:
+        from ddf import checks  # here, because it imports torch, and `ddf doctor` has to run without
+
+        if isinstance(error, ValueError) and not isinstance(error, checks.InputError):
+            raise
         sys.stderr.write(f"{program}: error: {' '.join(describe(error).split())}\n")
         return 2
     return 0

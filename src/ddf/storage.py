@@ -107,7 +107,7 @@ def load_tensors(
     try:
         with safetensors.safe_open(path, framework="pt" if framework == "torch" else "numpy") as file:
             record = json.loads((file.metadata() or {})["ddf"])
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  (not a dict)
+            tensors = {name: file.get_tensor(name) for name in file.keys()}
         expected = record.pop("checksum")
     except (safetensors.SafetensorError, KeyError, ValueError, TypeError, AttributeError) as error:
         raise _damaged(path, error) from error

@@ -1,0 +1,65 @@
+"""`ddf info CONFIG`: the models of an experiment with exact parameter counts, its stages, sizes of its files."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+
+from ddf import checks, config, fields, reconstruction, si3dr_training
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's own arguments."""
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="an experiment file, for example configs/cpu.yaml")
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Counts come from the models themselves, built without memory for their values."""
+    sections = config.read(args.config)
+    train = config.load(args.config, "train", si3dr_training.TrainConfig)
+    ddf = config.load(args.config, "ddf", si3dr_training.DDFConfig)
+    pcsiren = config.load(args.config, "pcsiren", si3dr_training.PCSirenConfig)
+    models: dict[str, torch.nn.Module] = {}
+    with torch.device("meta"):
+        models["ddf"] = si3dr_training.ddf_model(train, ddf)
+        models["pc_siren"] = si3dr_training.pcsiren_model(train, pcsiren)
+        models["single_shape"] = fields.PDDF(fields.PAPER_SINGLE_SHAPE)
+        models["ddf_encoder"] = reconstruction.Encoder(train.latent_features, train.encoder_width)
+    parameters = {name: fields.count_parameters(model) for name, model in models.items()}
+    return {
+        "config": str(args.config),
+        "parameters": parameters,
+        "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
+        "stages": _stages(args.config),
+        "sections": list(sections),
+        "artifacts_mib": _sizes(Path("artifacts") / args.config.stem),
+    }
+
+
+def _stages(config_path: Path) -> list[str]:
+    """Names of the experiment's stages, in order, from the pipeline.yaml beside the folder of the file."""
+    pipeline = config_path.resolve().parent.parent / "pipeline.yaml"
+    if not pipeline.is_file():
+        return []
+    data = yaml.safe_load(pipeline.read_text(encoding="utf-8"))
+    try:
+        lists = data["vars"][0]
+        return [
+            f"{stage}@{key}"
+            for stage, entry in data["stages"].items()
+            for key, item in lists[entry["foreach"].strip("${}")].items()
+            if item["config"] == config_path.stem
+        ]
+    except (KeyError, TypeError, IndexError, AttributeError) as error:
+        raise checks.InputError(f"{pipeline}: not a stage graph of this project ({error!r})") from error
+
+
+def _sizes(folder: Path) -> dict[str, float]:
+    """MiB on disk of each stage's results, where they exist."""
+    sizes = {}
+    if folder.is_dir():
+        for stage in sorted(path for path in folder.iterdir() if path.is_dir()):
+            sizes[stage.name] = round(sum(f.stat().st_size for f in stage.rglob("*") if f.is_file()) / 2**20, 1)
+    return sizes

@@ -1,0 +1,74 @@
+"""Every experiment file loads, section by section, into the dataclass of the module that uses it."""
+
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ddf import (
+    config,
+    dataset,
+    evaluation,
+    meshes,
+    reports,
+    sampling,
+    si3dr_inference,
+    si3dr_training,
+)
+from ddf import (
+    fields as ddf_fields,
+)
+
+CONFIGS = sorted((Path(__file__).resolve().parents[1] / "configs").glob("*.yaml"))
+CLASSES: dict[str, Any] = {
+    "dataset": dataset.DatasetConfig,
+    "meshes": meshes.MeshesConfig,
+    "samples": sampling.SamplesConfig,
+    "train": si3dr_training.TrainConfig,
+    "ddf": si3dr_training.DDFConfig,
+    "pcsiren": si3dr_training.PCSirenConfig,
+    "pointclouds": si3dr_inference.PointcloudsConfig,
+    "evaluate": evaluation.EvaluateConfig,
+    "report": reports.ReportConfig,
+}
+
+
+def test_sections_are_those_of_the_loader():
+    assert tuple(CLASSES) == config.SECTIONS
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_every_section_loads(path):
+    assert set(config.read(path)) == set(config.SECTIONS)
+    for section, cls in CLASSES.items():
+        assert isinstance(config.load(path, section, cls), cls)
+
+
+def _keys_left_to_defaults(given: dict[str, Any], cls: Any) -> list[str]:
+    missing = []
+    hints = config._hints(cls)
+    for field in fields(cls):
+        if field.name not in given:
+            missing.append(field.name)
+        elif is_dataclass(hints[field.name]):
+            missing += [f"{field.name}.{key}" for key in _keys_left_to_defaults(given[field.name], hints[field.name])]
+    return missing
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_every_value_is_written_out(path):
+    sections = config.read(path)
+    assert {name: _keys_left_to_defaults(sections[name], cls) for name, cls in CLASSES.items()} == dict.fromkeys(
+        CLASSES, []
+    )
+
+
+def test_paper_config_builds_the_published_models():
+    path = next(path for path in CONFIGS if path.stem == "paper")
+    train = config.load(path, "train", CLASSES["train"])
+    ddf_model = si3dr_training.ddf_model(train, config.load(path, "ddf", CLASSES["ddf"]))
+    pc_siren = si3dr_training.pcsiren_model(train, config.load(path, "pcsiren", CLASSES["pcsiren"]))
+    assert ddf_fields.count_parameters(ddf_model) == 25_647_367
+    assert ddf_fields.count_parameters(pc_siren) == 25_645_574
+    assert ddf_fields.count_parameters(ddf_fields.PDDF(ddf_fields.PAPER_SINGLE_SHAPE)) == 1_581_572

@@ -1,0 +1,139 @@
+"""The rooms of the package: who may import whom, where heavy packages live, and what training can run without."""
+
+import importlib.metadata
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ddf import provenance
+
+# A module imports its own level or lower. `service` modules serve all levels and so import level 0 and each other only.
+ROOMS: dict[str, list[str]] = {
+    "0": ["rays", "checks", "cameras", "transforms"],
+    "service": ["config", "storage", "provenance", "parallel", "stage", "seeding"],
+    "1": [
+        "primitives",
+        "mesh_io",
+        "meshes",
+        "mesh_shards",
+        "raycast",
+        "packing",
+        "sampling",
+        "sample_shards",
+        "clouds",
+        "cloud_io",
+        "neighbours",
+        "splits",
+        "shapenet",
+        "synthetic",
+        "dataset",
+    ],
+    "2": ["siren", "derivatives", "fields", "losses"],
+    "3": ["rendering", "pointclouds", "metrics", "reconstruction", "si3dr_data"],
+    "4": ["training", "si3dr_training", "si3dr_inference"],
+    "edge": ["evaluation", "baselines", "paper_results", "strips", "figures", "reports", "cli"],
+}
+ORDER = ["0", "service", "1", "2", "3", "4", "edge"]
+ROOM_OF = {module: room for room, modules in ROOMS.items() for module in modules}
+HEAVY = {"open3d", "pymeshlab", "trimesh", "fast_simplification", "rtree"}
+# Loading and running a trained model, and training one.
+LIGHT_MODULES = [
+    "rays",
+    "fields",
+    "losses",
+    "rendering",
+    "pointclouds",
+    "reconstruction",
+    "training",
+    "si3dr_training",
+    "si3dr_inference",
+]
+LIGHT_PACKAGES = {"torch", "torchvision", "numpy", "safetensors", "jaxtyping", "tqdm"}
+
+ROOT = provenance.PACKAGE_ROOT
+FILES = sorted(ROOT.rglob("*.py"))
+
+
+def _top(file: Path) -> str:
+    """`meshes` for src/ddf/meshes.py, `cli` for src/ddf/cli/info.py, empty for the package's own __init__."""
+    parts = file.relative_to(ROOT).with_suffix("").parts
+    return "" if parts == ("__init__",) else parts[0]
+
+
+def _name(file: Path) -> str:
+    parts = file.relative_to(ROOT.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+NAMES = {_name(file): file for file in FILES}
+
+
+def _imports_of(file: Path) -> set[str]:
+    """The modules of the package that a file imports directly."""
+    return {name for name in provenance.imported_modules(file) if name in NAMES and name != "ddf"}
+
+
+@pytest.mark.parametrize("file", FILES, ids=_name)
+def test_every_module_has_a_room_and_imports_downwards(file):
+    if not _top(file):
+        assert _imports_of(file) == set()
+        return
+    assert _top(file) in ROOM_OF, f"give {_top(file)} a room in tests/test_import_graph.py"
+    level = ORDER.index(ROOM_OF[_top(file)])
+    upwards = [name for name in _imports_of(file) if ORDER.index(ROOM_OF[name.split(".")[1]]) > level]
+    assert upwards == []
+    if ROOM_OF[_top(file)] == "service":
+        assert {ROOM_OF[name.split(".")[1]] for name in _imports_of(file)} <= {"0", "service"}
+
+
+def test_rooms_name_real_modules_once():
+    modules = [module for room in ROOMS.values() for module in room]
+    assert len(modules) == len(set(modules))
+    assert set(modules) == {_top(file) for file in FILES} - {""}
+
+
+def test_there_are_no_import_cycles():
+    graph = {name: _imports_of(file) for name, file in NAMES.items()}
+    finished: set[str] = set()
+
+    def visit(name: str, path: tuple[str, ...]) -> None:
+        assert name not in path, " -> ".join([*path[path.index(name) :], name])
+        if name not in finished:
+            for other in sorted(graph[name]):
+                visit(other, (*path, name))
+            finished.add(name)
+
+    for name in graph:
+        visit(name, ())
+
+
+@pytest.mark.parametrize("file", FILES, ids=_name)
+def test_heavy_geometry_packages_stay_in_level_1(file):
+    heavy = {name.split(".")[0] for name in provenance.imported_modules(file)} & HEAVY
+    if heavy:
+        assert ROOM_OF[_top(file)] == "1", heavy
+
+
+def test_training_and_inference_import_without_other_packages():
+    installed = importlib.metadata.packages_distributions()
+    needed_by_light = {"sympy", "mpmath", "filelock", "networkx", "jinja2", "fsspec", "typing_extensions", "packaging"}
+    blocked = {name for name in installed if name not in LIGHT_PACKAGES | needed_by_light and name != "ddf"}
+    assert blocked > HEAVY | {"pandas", "scipy", "matplotlib", "joblib", "yaml", "PIL"}
+    program = f"""
+import importlib, sys
+class Block:
+    def find_spec(self, name, path=None, target=None):
+        if "." not in name and name in {blocked!r}:
+            raise ImportError("blocked: " + name)
+sys.meta_path.insert(0, Block())
+for module in {LIGHT_MODULES!r}:
+    importlib.import_module("ddf." + module)
+"""
+    subprocess.run([sys.executable, "-W", "ignore", "-c", program], check=True, timeout=120)
+
+
+def test_matplotlib_is_drawn_in_figures_only():
+    users = {_name(file) for file in FILES if any("matplotlib" in name for name in provenance.imported_modules(file))}
+    assert users <= {"ddf.figures"}
