@@ -74,9 +74,32 @@ class Scene:
         return self._scene.test_occlusions(o3d.core.Tensor(stacked)).numpy()
 
     def distance(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-        """Unsigned distance to the surface, in the mesh's unit."""
+        """Unsigned distance to the surface, in the mesh's unit: nearest triangle by Open3D, its distance in float64."""
+        local = self.local(positions)
+        answer = self._scene.compute_closest_points(o3d.core.Tensor(local.astype(np.float32)))
+        face = self.kept[answer["primitive_ids"].numpy().astype(np.int64)]
+        return distance_to_triangles(np.asarray(positions, dtype=np.float64), self.mesh.triangles[face])
+
+    def outside(self, positions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+        """Whether points lie outside a closed mesh (parity of crossings along three rays, by majority)."""
         query = o3d.core.Tensor(self.local(positions).astype(np.float32))
-        return self._scene.compute_distance(query).numpy().astype(np.float64) * self.scale
+        return self._scene.compute_occupancy(query, nsamples=3).numpy() < 0.5
+
+
+def distance_to_triangles(
+    points: Float[np.ndarray, "n 3"], corners: Float[np.ndarray, "n 3 3"]
+) -> Float[np.ndarray, "n"]:
+    """Distance of each point to its own triangle: the least over its plane (if the foot lies inside) and its edges."""
+    starts, edges = corners, np.roll(corners, -1, axis=1) - corners
+    to_point = points[:, None] - starts
+    length_sq = (edges**2).sum(-1)
+    along = np.clip((to_point * edges).sum(-1) / np.where(length_sq > 0, length_sq, 1.0), 0.0, 1.0)
+    to_edge_sq = ((to_point - along[..., None] * edges) ** 2).sum(-1).min(axis=1)
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    inside = (np.einsum("nij,nij->ni", np.cross(normal[:, None], edges), to_point) >= 0).all(axis=1)
+    norm = np.linalg.norm(normal, axis=1)
+    to_plane = np.abs(np.einsum("ij,ij->i", normal, to_point[:, 0])) / np.where(norm > 0, norm, 1.0)
+    return np.where(inside & (norm > 0), to_plane, np.sqrt(to_edge_sq))
 
 
 def _enter(
