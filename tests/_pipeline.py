@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from ddf import provenance
+from ddf import config, provenance
 
 ROOT = Path(__file__).resolve().parents[1]
 PIPELINE = ROOT / "pipeline.yaml"
@@ -43,10 +43,12 @@ def code_of(script: Path) -> list[str]:
 
 
 def sections_read(script: Path) -> set[str]:
-    """The config sections that a script loads: the constant second arguments of config.load(...)."""
+    """The config sections that a script loads: the second arguments of config.load(...), all for config.read(...)."""
     sections = set()
     for file in [script, *provenance.import_closure(script)]:
         for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "config.read":
+                sections.update(config.SECTIONS)
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "config.load":
                 argument = node.args[1]
                 if not isinstance(argument, ast.Constant):

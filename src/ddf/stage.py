@@ -1,8 +1,11 @@
 """The frame around a stage script: arguments, log, and errors of the user as one line and exit code 2."""
 
 import argparse
+import contextlib
+import fcntl
 import json
 import logging
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -21,23 +24,35 @@ def main(run: Callable[..., None], description: str | None, category: bool = Fal
         parser.add_argument("--category", required=True, help="one of the categories of the experiment")
     arguments = vars(parser.parse_args())
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
-    started = time.monotonic()
-    code = guarded(lambda: run(*arguments.values()), "ddf")
-    if code == 0:
-        _record_time(time.monotonic() - started, **arguments)
-    sys.exit(code)
+    sys.exit(guarded(lambda: _run_alone(run, **arguments), "ddf"))
+
+
+def _run_alone(run: Callable[..., None], config: Path, **arguments: str) -> None:
+    """Run while holding the stage's lock, then note the time.
+
+    A killed engine can leave a stage's process behind that still writes the same files. The lock is the kernel's and
+    goes with that process; of the processes of one distributed training only the first takes it.
+    """
+    record = time_path(config, Path(sys.argv[0]).stem, arguments.get("category"))
+    record.parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.ExitStack() as stack:
+        if os.environ.get("RANK", "0") == "0":
+            lock = stack.enter_context(record.with_suffix(".lock").open("w"))
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                sys.stderr.write(f"an earlier process of this stage is still at work on {config}; waiting for it\n")
+                fcntl.flock(lock, fcntl.LOCK_EX)
+        started = time.monotonic()
+        run(config, *arguments.values())
+        seconds = round(time.monotonic() - started, 2)
+        record.write_text(json.dumps({"seconds": seconds}) + "\n", encoding="utf-8")
 
 
 def time_path(config_path: Path, script: str, category: str | None = None) -> Path:
     """Where a stage notes how long its last run took, for the report; not an artefact: times differ from run to run."""
     name = f"{script}-{category}" if category else script
     return Path("artifacts") / Path(config_path).stem / "times" / f"{name}.json"
-
-
-def _record_time(seconds: float, config: Path, category: str | None = None) -> None:
-    path = time_path(config, Path(sys.argv[0]).stem, category)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"seconds": round(seconds, 2)}) + "\n", encoding="utf-8")
 
 
 def guarded(function: Callable[[], object], program: str) -> int:
