@@ -153,7 +153,7 @@ def read_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
 def _check_image(image: Image.Image, path: Path) -> None:
     if image.size != (cameras.IMAGE_SIZE, cameras.IMAGE_SIZE):
         raise checks.InputError(
-            f"{path}: must be {cameras.IMAGE_SIZE} x {cameras.IMAGE_SIZE} pixels, which the camera model is made for; got "
+            f"{path}: must be {cameras.IMAGE_SIZE} x {cameras.IMAGE_SIZE} pixels, as the camera model is; got "
             f"{image.width} x {image.height}"
         )
     if image.mode != "RGBA":

@@ -60,4 +60,4 @@ def read_listing(source: Path) -> dict[str, list[str]]:
         raise checks.InputError(f"{source}: not valid JSON ({error})") from error
     if not isinstance(listing, dict) or not all(isinstance(ids, list) for ids in listing.values()):
         raise checks.InputError(f"{source}: must hold one JSON object {{synset: [ids]}}; got something else")
-    return listing
+    return {synset: [shapenet.check_name(name, str(source)) for name in ids] for synset, ids in listing.items()}

@@ -35,8 +35,8 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class _Piece:
-    """A part with its corner normals."""
+class Piece:
+    """A part with the normals of its triangles' corners."""
 
     part: Part
     normals: Float32[np.ndarray, "m 3 3"]
@@ -44,7 +44,7 @@ class _Piece:
 
 def shape(items: Sequence[Part], rng: np.random.Generator) -> Shape:
     """Normalise the parts to the v1 frame as one mesh and make it untidy; the surface itself stays as it is."""
-    pieces = untidy([_Piece(part, corner_normals(part.vertices, part.triangles)) for part in items], rng)
+    pieces = untidy([Piece(part, corner_normals(part.vertices, part.triangles)) for part in items], rng)
     offsets = np.cumsum([0] + [len(piece.part.vertices) for piece in pieces])
     triangles = np.concatenate([p.part.triangles + offset for p, offset in zip(pieces, offsets[:-1], strict=True)])
     counts = [len(piece.part.triangles) for piece in pieces]
@@ -65,7 +65,7 @@ def normalise(vertices: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     return centred.round(DECIMALS) + 0.0  # + 0.0 turns -0.0 into 0.0
 
 
-def untidy(pieces: Sequence[_Piece], rng: np.random.Generator) -> list[_Piece]:
+def untidy(pieces: Sequence[Piece], rng: np.random.Generator) -> list[Piece]:
     """Mixed winding between and within parts, unwelded triangles, doubled faces; nothing moves."""
     careless = rng.random() < 0.6
     speckled = rng.random() < 0.25
@@ -82,24 +82,24 @@ def untidy(pieces: Sequence[_Piece], rng: np.random.Generator) -> list[_Piece]:
     return result
 
 
-def _flip(piece: _Piece, chosen: np.ndarray) -> _Piece:
+def _flip(piece: Piece, chosen: np.ndarray) -> Piece:
     """Reverse the winding of the chosen triangles."""
     triangles, normals = piece.part.triangles.copy(), piece.normals.copy()
     triangles[chosen] = triangles[chosen][:, ::-1]
     normals[chosen] = normals[chosen][:, ::-1]
-    return _Piece(replace(piece.part, triangles=triangles), normals)
+    return Piece(replace(piece.part, triangles=triangles), normals)
 
 
-def _double(piece: _Piece) -> _Piece:
+def _double(piece: Piece) -> Piece:
     """Add every triangle again, wound the other way."""
     triangles = np.concatenate([piece.part.triangles, piece.part.triangles[:, ::-1]])
-    return _Piece(replace(piece.part, triangles=triangles), np.concatenate([piece.normals, piece.normals[:, ::-1]]))
+    return Piece(replace(piece.part, triangles=triangles), np.concatenate([piece.normals, piece.normals[:, ::-1]]))
 
 
-def _explode(piece: _Piece) -> _Piece:
+def _explode(piece: Piece) -> Piece:
     """Give every triangle its own vertices."""
     vertices = piece.part.vertices[piece.part.triangles].reshape(-1, 3)
-    return _Piece(
+    return Piece(
         replace(piece.part, vertices=vertices, triangles=np.arange(len(vertices)).reshape(-1, 3)), piece.normals
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.synthetic import palette, parts
-from ddf.synthetic.parts import Paint, Part
+from ddf.synthetic.parts import Paint, Part, Real
 
 STYLES = ("hatchback", "saloon", "estate", "suv", "van", "pickup", "sports")
 STYLE_ODDS = (0.2, 0.25, 0.1, 0.15, 0.1, 0.1, 0.1)
@@ -22,19 +22,19 @@ class _Car:
     screen's foot; clearance: of the sill; wheel: radius; axles: x of the rear and the front wheel.
     """
 
-    length: float
-    width: float
-    hood: float
-    belt: float
-    deck: float
-    roof: float
-    cowl: float
-    screen: float
-    tail: float
-    rear_screen: float
-    clearance: float
-    wheel: float
-    axles: tuple[float, float]
+    length: Real
+    width: Real
+    hood: Real
+    belt: Real
+    deck: Real
+    roof: Real
+    cowl: Real
+    screen: Real
+    tail: Real
+    rear_screen: Real
+    clearance: Real
+    wheel: Real
+    axles: tuple[Real, Real]
     paint: Paint
 
 
@@ -116,7 +116,7 @@ def _body(car: _Car, style: str) -> Part:
     return parts.loft(np.stack(sections), car.paint, name="body")
 
 
-def _section(car: _Car, x: float, arch: float) -> Float[np.ndarray, "s 3"]:
+def _section(car: _Car, x: Real, arch: Real) -> Float[np.ndarray, "s 3"]:
     """The closed outline of the lower body at x, counter-clockwise seen from the front."""
     half = car.length / 2
     top = np.interp(
@@ -161,18 +161,18 @@ def _section(car: _Car, x: float, arch: float) -> Float[np.ndarray, "s 3"]:
     return np.concatenate([np.full((len(loop), 1), x), loop], axis=1)[::-1]
 
 
-def _outline(x0: float, x1: float, wide: float, y: float) -> Float[np.ndarray, "s 3"]:
+def _outline(x0: Real, x1: Real, wide: Real, y: Real) -> Float[np.ndarray, "s 3"]:
     """A rounded rectangle in the level y, counter-clockwise seen from above."""
     ring = parts.ring(32, x1 - x0, 2 * wide, 9.0)
     return np.stack([(x0 + x1) / 2 + ring[:, 0], np.full(len(ring), y), -ring[:, 1]], axis=1)
 
 
-def _cabin_corner(car: _Car, share: float, front: bool) -> float:
+def _cabin_corner(car: _Car, share: Real, front: bool) -> Real:
     """x of the cabin's front or rear at a share of its height."""
     return car.cowl - share * car.screen if front else car.tail + share * car.rear_screen
 
 
-def _cabin_half(car: _Car, share: float) -> float:
+def _cabin_half(car: _Car, share: Real) -> Real:
     """Half the cabin's width at a share of its height."""
     return car.width / 2 * (0.9 - 0.14 * share)
 

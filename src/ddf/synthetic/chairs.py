@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ddf.synthetic import palette, parts
-from ddf.synthetic.parts import Paint, Part
+from ddf.synthetic.parts import Paint, Part, Point, Real
 
 BASES = ("legs", "sledge", "star", "disc", "cantilever", "block")
 BASE_ODDS = (0.46, 0.1, 0.14, 0.08, 0.08, 0.14)
@@ -15,25 +15,25 @@ BASE_ODDS = (0.46, 0.1, 0.14, 0.08, 0.08, 0.14)
 class _Frame:
     """The measures that all parts of one chair agree on; lengths in metres.
 
-    width, depth: of the seat; seat: height of its upper face; thickness: of the seat; back: height of the back above the
-    seat; lean: angle of the back from upright; wood, cloth: paints.
+    width, depth, thickness: of the seat; seat: height of its upper face; back: height of the back above the seat; lean:
+    angle of the back from upright, radians; wood, cloth: paints.
     """
 
-    width: float
-    depth: float
-    seat: float
-    thickness: float
-    back: float
-    lean: float
+    width: Real
+    depth: Real
+    seat: Real
+    thickness: Real
+    back: Real
+    lean: Real
     wood: Paint
     cloth: Paint
 
     @property
-    def rear(self) -> float:
+    def rear(self) -> Real:
         """x of the seat's rear edge."""
         return -self.depth / 2
 
-    def on_back(self, height: float) -> float:
+    def on_back(self, height: Real | np.ndarray) -> Real | np.ndarray:
         """x of the back's middle plane at a height above the seat."""
         return self.rear + 0.02 - np.tan(self.lean) * height
 
@@ -92,7 +92,7 @@ def _seat(rng: np.random.Generator, f: _Frame) -> list[Part]:
     return [_cushion(f, (0.0, f.seat, 0.0), (f.depth, f.thickness * 1.4, f.width), 2.2 if kind == "round" else 5.0)]
 
 
-def _cushion(f: _Frame, top: tuple[float, float, float], size: tuple[float, float, float], power: float) -> Part:
+def _cushion(f: _Frame, top: Point, size: Point, power: Real) -> Part:
     """A level cushion with a rounded rim; `top` is the middle of its upper face."""
     levels = [(-1.0, 0.94), (-0.85, 1.0), (-0.3, 1.0), (-0.08, 0.95), (0.0, 0.8)]
     sections = []
@@ -111,13 +111,13 @@ def _dished_seat(rng: np.random.Generator, f: _Frame) -> Part:
     return parts.grid(np.stack([x, f.seat - sink - roll, z], axis=-1), f.cloth, name="seat")
 
 
-def _back_point(f: _Frame, height: float, z: float, curve: float = 0.0) -> tuple[float, float, float]:
+def _back_point(f: _Frame, height: Real, z: Real, curve: Real = 0.0) -> tuple[Real, Real, Real]:
     """A point of the back, bent backwards by `curve` in the middle."""
     return (f.on_back(height) - curve * (1 - (2 * z / f.width) ** 2), f.seat + height, z)
 
 
 def _back_panel(
-    f: _Frame, low: float, high: float, width: float, thickness: float, curve: float, paint: Paint, crown: float = 0.0
+    f: _Frame, low: Real, high: Real, width: Real, thickness: Real, curve: Real, paint: Paint, crown: Real = 0.0
 ) -> Part:
     """A bent slab of the back between two heights; thickness 0 gives an open sheet."""
     z, t = np.meshgrid(np.linspace(width / 2, -width / 2, 9), np.linspace(0, 1, 6), indexing="ij")
@@ -175,7 +175,7 @@ def _back(rng: np.random.Generator, f: _Frame) -> list[Part]:
     return [*posts, top, bottom, *middle]
 
 
-def _post(rng: np.random.Generator, f: _Frame, z: float, size: float) -> Part:
+def _post(rng: np.random.Generator, f: _Frame, z: Real, size: Real) -> Part:
     """An upright of the back."""
     return parts.tube(
         [_back_point(f, -f.thickness, z), _back_point(f, f.back * 0.5, z), _back_point(f, f.back, z)],
@@ -211,7 +211,7 @@ def _four_legs(rng: np.random.Generator, f: _Frame) -> list[Part]:
     return legs
 
 
-def _stretchers(rng: np.random.Generator, f: _Frame, legs: list, size: float) -> list[Part]:
+def _stretchers(rng: np.random.Generator, f: _Frame, legs: list, size: Real) -> list[Part]:
     """Bars between the legs: along both sides, and across or all round."""
     share = rng.uniform(0.35, 0.75)
     points = [upper + share * (foot - upper) for upper, foot in legs]  # (-x -z), (-x +z), (+x -z), (+x +z)
@@ -224,7 +224,7 @@ def _stretchers(rng: np.random.Generator, f: _Frame, legs: list, size: float) ->
     return [*bars, parts.beam(left, right, size, f.wood, name="stretcher")]
 
 
-def _apron(f: _Frame, top: float, thick: float) -> list[Part]:
+def _apron(f: _Frame, top: Real, thick: Real) -> list[Part]:
     """Boards under the seat between the legs, as single sheets without thickness."""
     x, z, drop = f.depth / 2 - thick, f.width / 2 - thick, 0.06
     corners = [(-x, -z), (x, -z), (x, z), (-x, z)]
@@ -253,7 +253,7 @@ def _sledge(rng: np.random.Generator, f: _Frame) -> list[Part]:
     return [*parts.both_sides([runner]), *bars]
 
 
-def _rounded(corners: list, radius: float, *, closed: bool = False) -> np.ndarray:
+def _rounded(corners: list, radius: Real, *, closed: bool = False) -> np.ndarray:
     """A polyline with its corners cut round."""
     points = np.asarray(corners, dtype=np.float64)
     count = len(points)
@@ -272,7 +272,7 @@ def _rounded(corners: list, radius: float, *, closed: bool = False) -> np.ndarra
     return np.stack(path)
 
 
-def _column(rng: np.random.Generator, f: _Frame, foot: float) -> list[Part]:
+def _column(rng: np.random.Generator, f: _Frame, foot: Real) -> list[Part]:
     """The post of a pedestal and the plate under the seat."""
     top = f.seat - f.thickness
     radius = rng.uniform(0.022, 0.04)

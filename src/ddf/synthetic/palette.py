@@ -4,7 +4,7 @@ import colorsys
 
 import numpy as np
 
-from ddf.synthetic.parts import Paint
+from ddf.synthetic.parts import Paint, Real
 
 BLACK = Paint((0.06, 0.06, 0.065), 0.2)
 GLASS = Paint((0.10, 0.13, 0.17), 0.9)
@@ -14,7 +14,7 @@ LAMP = Paint((0.92, 0.92, 0.85), 0.8)
 TAIL_LAMP = Paint((0.62, 0.04, 0.04), 0.6)
 
 
-def hsv(hue: float, saturation: float, value: float, gloss: float = 0.0) -> Paint:
+def hsv(hue: Real, saturation: Real, value: Real, gloss: Real = 0.0) -> Paint:
     """A paint from hue, saturation and value, each in [0, 1]."""
     red, green, blue = colorsys.hsv_to_rgb(hue % 1.0, saturation, value)
     return Paint((red, green, blue), gloss)

@@ -1,7 +1,7 @@
 """Mesh parts: boxes, swept tubes, lofted surfaces, lathes and sheets, each with a paint.
 
-A part is one connected piece of a shape with consistent outward winding; shapes are lists of overlapping parts, in any unit
-of length (`write` normalises). Nearly everything is a grid of points with its cells split into triangles. All float64.
+A part is one connected piece of a shape with consistent outward winding; shapes are lists of overlapping parts, in any
+unit of length (`assemble` normalises). Nearly everything is a grid of points, its cells split into triangles. float64.
 """
 
 from collections.abc import Iterable, Sequence
@@ -10,13 +10,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+Real = float | int
+Point = Sequence[Real] | np.ndarray
+
 
 @dataclass(frozen=True)
 class Paint:
     """Surface look: diffuse colour in [0, 1] and the strength of the highlight."""
 
-    colour: tuple[float, float, float]
-    gloss: float = 0.0
+    colour: tuple[Real, Real, Real]
+    gloss: Real = 0.0
 
 
 @dataclass(frozen=True)
@@ -28,16 +31,16 @@ class Part:
     paint: Paint
     name: str = "part"
 
-    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Part":
+    def moved(self, x: Real = 0.0, y: Real = 0.0, z: Real = 0.0) -> "Part":
         """The part shifted by (x, y, z)."""
         return replace(self, vertices=self.vertices + np.array([x, y, z]))
 
-    def turned(self, axis: str, angle_rad: float, about: Sequence[float] = (0.0, 0.0, 0.0)) -> "Part":
+    def turned(self, axis: str, angle_rad: Real, about: Point = (0.0, 0.0, 0.0)) -> "Part":
         """The part rotated about an axis (right-handed) through the point `about`."""
         centre = np.asarray(about, dtype=np.float64)
         return replace(self, vertices=(self.vertices - centre) @ rotation(axis, angle_rad).T + centre)
 
-    def scaled(self, x: float = 1.0, y: float = 1.0, z: float = 1.0) -> "Part":
+    def scaled(self, x: Real = 1.0, y: Real = 1.0, z: Real = 1.0) -> "Part":
         """The part stretched along the axes, factors > 0."""
         return replace(self, vertices=self.vertices * np.array([x, y, z]))
 
@@ -46,7 +49,7 @@ class Part:
         return replace(self, vertices=self.vertices * np.array([1.0, 1.0, -1.0]), triangles=self.triangles[:, ::-1])
 
 
-def rotation(axis: str, angle_rad: float) -> Float[np.ndarray, "3 3"]:
+def rotation(axis: str, angle_rad: Real) -> Float[np.ndarray, "3 3"]:
     """Right-handed rotation matrix about a coordinate axis."""
     cos, sin = np.cos(angle_rad), np.sin(angle_rad)
     i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
@@ -106,23 +109,23 @@ def fan(ring: Float[np.ndarray, "s 3"], paint: Paint, *, name: str = "part") -> 
 def hexahedron(
     bottom: Float[np.ndarray, "4 3"], top: Float[np.ndarray, "4 3"], paint: Paint, name: str = "part"
 ) -> Part:
-    """A box with any eight corners; both rings run counter-clockwise seen from above (-Z to +Z is to the left of +X)."""
+    """A box with any eight corners; both rings run counter-clockwise seen from above."""
     faces = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
     triangles = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
     return Part(np.concatenate([bottom, top]).astype(np.float64), triangles, paint, name)
 
 
-def rectangle(x: tuple[float, float], z: tuple[float, float], y: float) -> Float[np.ndarray, "4 3"]:
+def rectangle(x: tuple[Real, Real], z: tuple[Real, Real], y: Real) -> Float[np.ndarray, "4 3"]:
     """Corners of a level rectangle, counter-clockwise seen from above."""
     return np.array([[x[0], y, z[1]], [x[1], y, z[1]], [x[1], y, z[0]], [x[0], y, z[0]]])
 
 
 def box(
-    centre: Sequence[float],
-    size: Sequence[float],
+    centre: Point,
+    size: Point,
     paint: Paint,
     *,
-    taper: tuple[float, float] = (1.0, 1.0),
+    taper: tuple[Real, Real] = (1.0, 1.0),
     name: str = "part",
 ) -> Part:
     """An upright box; `taper` scales its top in x and z."""
@@ -132,7 +135,7 @@ def box(
     return hexahedron(bottom, rectangle((cx - tx, cx + tx), (cz - tz, cz + tz), cy + hy), paint, name)
 
 
-def ring(sides: int, width: float = 1.0, height: float = 1.0, power: float = 2.0) -> Float[np.ndarray, "sides 2"]:
+def ring(sides: int, width: Real = 1.0, height: Real = 1.0, power: Real = 2.0) -> Float[np.ndarray, "sides 2"]:
     """A superellipse |x/a|^power + |y/b|^power = 1, counter-clockwise; power 2 an ellipse, large powers a rectangle."""
     angle = (np.arange(sides) + 0.5) * (2 * np.pi / sides)
     cos, sin = np.cos(angle), np.sin(angle)
@@ -169,8 +172,8 @@ def _frames(path: Float[np.ndarray, "k 3"]) -> tuple[Float[np.ndarray, "k 3"], F
 
 
 def tube(
-    path: Sequence[Sequence[float]],
-    radius: float | Sequence[float],
+    path: Sequence[Point] | np.ndarray,
+    radius: Real | Point,
     paint: Paint,
     *,
     sides: int = 8,
@@ -204,17 +207,15 @@ def tube(
 SQUARE = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
 
 
-def beam(
-    start: Sequence[float], end: Sequence[float], size: float | tuple[float, float], paint: Paint, *, name: str = "part"
-) -> Part:
+def beam(start: Point, end: Point, size: Real | tuple[Real, Real], paint: Paint, *, name: str = "part") -> Part:
     """A straight square bar; `size` is its width, at the start and at the end."""
     return tube([start, end], np.asarray(size, dtype=np.float64) / 2, paint, profile=SQUARE, name=name)
 
 
 def lathe(
-    profile: Sequence[tuple[float, float]], paint: Paint, *, sides: int = 16, axis: str = "y", name: str = "part"
+    profile: Sequence[Point] | np.ndarray, paint: Paint, *, sides: int = 16, axis: str = "y", name: str = "part"
 ) -> Part:
-    """A surface of revolution: (radius, position along the axis), in order of the axis; ends with radius > 0 stay open."""
+    """A surface of revolution: (radius, place along the axis), in order of the axis; ends with radius > 0 stay open."""
     outline = np.asarray(profile, dtype=np.float64)
     angle = np.arange(sides) * (2 * np.pi / sides)
     sections = np.zeros((len(outline), sides, 3))
@@ -225,7 +226,7 @@ def lathe(
     return loft(sections, paint, caps=(False, False), name=name)
 
 
-def disc_profile(radius: float, half: float, bevel: float = 0.0) -> list[tuple[float, float]]:
+def disc_profile(radius: Real, half: Real, bevel: Real = 0.0) -> list[tuple[float, float]]:
     """A closed lathe profile of a cylinder with bevelled edges, centred at 0."""
     return [
         (0.0, -half),
@@ -237,7 +238,7 @@ def disc_profile(radius: float, half: float, bevel: float = 0.0) -> list[tuple[f
     ]
 
 
-def curve(knots: Sequence[Sequence[float]], count: int) -> Float[np.ndarray, "count 3"]:
+def curve(knots: Sequence[Point] | np.ndarray, count: int) -> Float[np.ndarray, "count 3"]:
     """Points along a Catmull-Rom curve through the knots."""
     points = np.asarray(knots, dtype=np.float64)
     padded = np.concatenate([2 * points[:1] - points[1:2], points, 2 * points[-1:] - points[-2:-1]])

@@ -1,4 +1,4 @@
-"""Aeroplanes: airliners, business jets, propeller planes and fighters, nose to +X, wings along Z, in fuselage lengths."""
+"""Aeroplanes: airliners, business jets, propeller planes, fighters; nose to +X, wings along Z, in fuselage lengths."""
 
 import itertools
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.synthetic import palette, parts
-from ddf.synthetic.parts import Paint, Part
+from ddf.synthetic.parts import Paint, Part, Real
 
 STYLES = ("airliner", "business", "propeller", "twin", "fighter", "delta")
 STYLE_ODDS = (0.36, 0.13, 0.16, 0.1, 0.15, 0.1)
@@ -21,20 +21,20 @@ class _Wing:
     leading edge lies; rise: of the tip over the root; thickness: over the chord.
     """
 
-    x: float
-    y: float
-    root: float
-    tip: float
-    span: float
-    sweep: float
-    rise: float
-    thickness: float
+    x: Real
+    y: Real
+    root: Real
+    tip: Real
+    span: Real
+    sweep: Real
+    rise: Real
+    thickness: Real
 
-    def leading(self, share: float) -> np.ndarray:
+    def leading(self, share: Real) -> np.ndarray:
         """The leading edge at a share of the span."""
         return np.array([self.x - share * self.sweep, self.y + share * self.rise, share * self.span])
 
-    def chord(self, share: float) -> float:
+    def chord(self, share: Real) -> Real:
         """The chord there."""
         return self.root + share * (self.tip - self.root)
 
@@ -84,11 +84,11 @@ def _fin(wing: _Wing, paint: Paint, name: str = "fin") -> Part:
 
 
 def _fuselage(
-    stations: list[tuple[float, float, float, float]],
+    stations: list[tuple[Real, Real, Real, Real]],
     paint: Paint,
     *,
     sides: int = 18,
-    power: float = 2.0,
+    power: Real = 2.0,
     count: int = 24,
 ) -> Part:
     """A body through (x, centre height, width, height) stations from tail to nose."""
@@ -101,7 +101,7 @@ def _fuselage(
     return parts.loft(np.stack(sections), paint, name="fuselage")
 
 
-def _tube_body(rng: np.random.Generator, paint: Paint, width: float) -> tuple[Part, float]:
+def _tube_body(rng: np.random.Generator, paint: Paint, width: Real) -> tuple[Part, Real]:
     """A transport's fuselage: round, with a drooping nose and a raised tail."""
     height = width * rng.uniform(1.0, 1.12)
     nose = rng.uniform(0.06, 0.1)
@@ -120,7 +120,7 @@ def _tube_body(rng: np.random.Generator, paint: Paint, width: float) -> tuple[Pa
     return _fuselage(stations, paint), height
 
 
-def _windows(rng: np.random.Generator, width: float, height: float, front: float, rear: float) -> list[Part]:
+def _windows(rng: np.random.Generator, width: Real, height: Real, front: Real, rear: Real) -> list[Part]:
     """A dark band of cabin windows on each side and a cockpit screen, as sheets just outside the skin."""
     count = int(rng.integers(8, 20))
     low, high = 0.06 * height, 0.16 * height
@@ -134,10 +134,11 @@ def _windows(rng: np.random.Generator, width: float, height: float, front: float
     return parts.both_sides([parts.join(panes)])
 
 
-def _nacelle(radius: float, length: float, paint: Paint) -> list[Part]:
+def _nacelle(radius: Real, length: Real, paint: Paint) -> list[Part]:
     """A jet engine, inlet at x = 0 and nozzle behind it, open at both ends, with a dark fan inside."""
     profile = [
-        (0.55, -1.0), (0.78, -0.72), (0.98, -0.35), (1.0, -0.15), (0.95, -0.02), (0.86, 0.0), (0.8, -0.06), (0.78, -0.25),
+        (0.55, -1.0), (0.78, -0.72), (0.98, -0.35), (1.0, -0.15),
+        (0.95, -0.02), (0.86, 0.0), (0.8, -0.06), (0.78, -0.25),
     ]  # fmt: skip
     cowl = parts.lathe([(radius * r, length * x) for r, x in profile], paint, sides=16, axis="x", name="nacelle")
     fan = parts.lathe(
@@ -153,7 +154,7 @@ def _nacelle(radius: float, length: float, paint: Paint) -> list[Part]:
     return [cowl, fan, cone]
 
 
-def _pod(wing: _Wing, share: float, radius: float, length: float, drop: float, paint: Paint) -> list[Part]:
+def _pod(wing: _Wing, share: Real, radius: Real, length: Real, drop: Real, paint: Paint) -> list[Part]:
     """An engine under the wing at a share of the span, with its pylon."""
     edge = wing.leading(share)
     x, y = edge[0] + 0.55 * length, edge[1] - drop
@@ -169,7 +170,7 @@ def _pod(wing: _Wing, share: float, radius: float, length: float, drop: float, p
 
 
 def _tail(
-    rng: np.random.Generator, paint: Paint, accent: Paint, top: float, *, t_tail: bool, size: float = 1.0
+    rng: np.random.Generator, paint: Paint, accent: Paint, top: Real, *, t_tail: bool, size: Real = 1.0
 ) -> list[Part]:
     """Fin and tail plane; on a T-tail the plane sits on top of the fin."""
     height = rng.uniform(0.14, 0.19) * size
@@ -237,7 +238,7 @@ def _airliner(rng: np.random.Generator, body: Paint, accent: Paint, style: str) 
     return pieces + _tail(rng, body, accent, 0.32 * height, t_tail=at_tail)
 
 
-def _cockpit(width: float, height: float, nose: float) -> list[Part]:
+def _cockpit(width: Real, height: Real, nose: Real) -> list[Part]:
     """The pilots' windows: a bent dark sheet over the nose."""
     angle, x = np.meshgrid(np.linspace(-1.0, 1.0, 9), np.array([nose - 0.05, nose - 0.032]), indexing="ij")
     scale = np.where(x < nose - 0.04, 0.475, 0.40)
@@ -252,7 +253,7 @@ def _winglet(wing: _Wing, paint: Paint) -> Part:
     return _fin(blade, paint, "winglet").turned("x", 0.25).moved(tip[0], tip[1], tip[2] - 0.002)
 
 
-def _tail_engines(paint: Paint, width: float, height: float, radius: float, length: float) -> list[Part]:
+def _tail_engines(paint: Paint, width: Real, height: Real, radius: Real, length: Real) -> list[Part]:
     """One engine on a stub at the rear fuselage, side of +Z."""
     x, y, z = -0.2, 0.18 * height, width / 2 + radius * 1.15
     stub = parts.box((x - 0.5 * length, y, z - radius), (0.6 * length, 0.012, radius * 2), paint, name="stub")
@@ -283,7 +284,7 @@ def _business(rng: np.random.Generator, body: Paint, accent: Paint, style: str) 
     return pieces + _tail(rng, body, accent, 0.36 * height, t_tail=rng.random() < 0.85, size=1.1)
 
 
-def _propeller(rng: np.random.Generator, radius: float, x: float) -> list[Part]:
+def _propeller(rng: np.random.Generator, radius: Real, x: Real) -> list[Part]:
     """Blades and a spinner, facing +X at x."""
     count = int(rng.choice([2, 3, 4]))
     start = rng.uniform(0, np.pi)
@@ -300,7 +301,7 @@ def _propeller(rng: np.random.Generator, radius: float, x: float) -> list[Part]:
     return [part.moved(x) for part in [*blades, spinner]]
 
 
-def _wheel(x: float, y: float, z: float, radius: float, top: float, paint: Paint) -> list[Part]:
+def _wheel(x: Real, y: Real, z: Real, radius: Real, top: Real, paint: Paint) -> list[Part]:
     """A wheel on a strut down from `top`."""
     wheel = parts.lathe(
         parts.disc_profile(radius, radius * 0.35, radius * 0.15), palette.TYRE, sides=14, axis="z", name="wheel"
