@@ -84,7 +84,10 @@ class FakeExperiment:
             for number, (name, entry) in enumerate(self.categories.items())
         }
         root = f"artifacts/{self.name}/dataset"
-        storage.write_json(self.artifacts / "dataset" / "index.json", {"root": root, "categories": categories})
+        storage.write_json(
+            self.artifacts / "dataset" / "index.json",
+            {"root": root, "source": "synthetic", "seed": 0, "categories": categories},
+        )
 
     def _write_dataset(self, category):
         number = list(self.categories).index(category)
@@ -114,8 +117,13 @@ class FakeExperiment:
         tensors = {"points": points.astype(np.float32), "offsets": offsets, "hidden": hidden}
         folder = self._folder("samples", category)
         storage.save_tensors(folder / "000.clouds.safetensors", tensors, {"ids": list(axes), "fingerprint": "x"})
+        errors = {"positions": 1.5e-5, "depth": 2.6e-5, "normals_deg": 0.9}
+        samples = {"U.depth": np.zeros((len(axes), 4), np.uint16)}
+        record = {"ids": list(axes), "packing_errors": errors}
+        storage.save_tensors(folder / "000.samples.safetensors", samples, record)
         storage.write_text(folder / "failures.csv", "id,stage,reason\n")
-        record = {"key": "x", "files": {"000.clouds.safetensors": ""}, "failures": []}
+        files = {"000.clouds.safetensors": "", "000.samples.safetensors": ""}
+        record = {"key": "x", "files": files, "failures": []}
         storage.write_json(folder / "000.json", record)
 
     def _surface(self, category, shape, count, noise):
@@ -166,7 +174,8 @@ class FakeExperiment:
         for model, start in (("train_ddf", 3.0), ("train_pcsiren", 2.0)):
             decay = start * np.exp(-step / 600) + 0.2
             wiggle = 1 + 0.05 * self.generator.normal(size=len(step))
-            table = pd.DataFrame({"step": step, "loss": decay * wiggle, "camera": 0.4 * decay})
+            columns = {"step": step, "loss": decay * wiggle, "camera": 0.4 * decay, "seconds": 0.1 * step}
+            table = pd.DataFrame(columns)
             folder = self._folder(model, category)
             folder.mkdir(parents=True, exist_ok=True)
             table.to_csv(folder / "log.csv", index=False)

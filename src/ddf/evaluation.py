@@ -154,9 +154,7 @@ def load_truth(samples_dir: Path | str) -> dict[str, TruthCloud]:
 
 def columns(ddf: Predictions, pc_siren: Predictions) -> list[tuple[str, str, Predictions, str, str]]:
     """(method, column, predictions, cloud name, camera) of the paper's columns that the files hold."""
-    cycles = sorted(int(name.partition(".h")[2]) for name in ddf.tensors if name.startswith("L.h"))
-    if not cycles:
-        raise checks.InputError(f"{ddf.path}: has no cloud 'L.h<cycles>'; run the point cloud stage again")
+    cycles = _cycles(ddf)
     most = f".h{cycles[-1]}"
     found = [(DDF, f"Pi_g-{size}", ddf, size + most, "Pi_g") for size in "LS"]
     if "camera_corrected" in ddf.tensors:
@@ -167,6 +165,19 @@ def columns(ddf: Predictions, pc_siren: Predictions) -> list[tuple[str, str, Pre
     if 1 in cycles and len(cycles) > 1:
         found += [(DDF_ONE_CYCLE, f"{camera}-{size}", ddf, f"{size}.h1", camera) for camera, size in both]
     return found
+
+
+def _cycles(ddf: Predictions) -> list[int]:
+    """The numbers of cycles N_H for which there are clouds, ascending."""
+    cycles = sorted(int(name.partition(".h")[2]) for name in ddf.tensors if name.startswith("L.h"))
+    if not cycles:
+        raise checks.InputError(f"{ddf.path}: has no cloud 'L.h<cycles>'; run the point cloud stage again")
+    return cycles
+
+
+def large_cloud(ddf: Predictions) -> str:
+    """Name of DDF's large cloud after all cycles."""
+    return f"L.h{_cycles(ddf)[-1]}"
 
 
 def cloud_sizes(pc_siren: Predictions) -> dict[str, int]:

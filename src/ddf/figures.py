@@ -1,0 +1,189 @@
+"""Charts, as SVG text; the only module that imports matplotlib.
+
+Text is drawn as outlines, so a chart looks the same everywhere, and nothing in the file depends on the day it was made.
+One colour per method in every chart: blue for DDF, orange for PC-SIREN, greys for baselines.
+"""
+
+import functools
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+from matplotlib import figure, ticker
+from PIL import ImageFont
+
+METHOD_COLOURS = {"ddf": "#1F5FA8", "ddf_nh1": "#7FA7D6", "pc_siren": "#D5702A"}
+BASELINE_COLOUR, CEILING_COLOUR = "#A9AFBA", "#5E6673"
+_MAX_POINTS = 400  # of a curve: more cannot be told apart, and the file stays small
+_STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#9AA1AD",
+    "axes.labelcolor": "#3A404A",
+    "axes.axisbelow": True,
+    "xtick.color": "#5A616D",
+    "ytick.color": "#5A616D",
+    "axes.grid": True,
+    "grid.color": "#E6E9EE",
+    "grid.linewidth": 0.7,
+    "legend.frameon": False,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "ddf",
+}
+
+
+def viridis(levels: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape 3"]:
+    """RGB in [0, 1] of levels in [0, 1]."""
+    return matplotlib.colormaps["viridis"](levels)[..., :3]
+
+
+@functools.cache
+def font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
+    """The typeface of the charts, for Pillow."""
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size)
+
+
+def score_bars(scores: Mapping[str, Sequence[tuple[str, str, float]]], label: str) -> str:
+    """One panel per category, one bar per method, the value at its end.
+
+    Args:
+      scores: category to (method, name to print, value), from top to bottom.
+      label: of the value axis.
+    """
+    with matplotlib.rc_context(_STYLE):
+        longest = max(len(rows) for rows in scores.values())
+        chart, panels = _panels(len(scores), (2.75, 0.26 * longest + 0.75), share_y=True)
+        for panel, (category, rows) in zip(panels, scores.items(), strict=True):
+            names, values = [name for _, name, _ in rows], [value for _, _, value in rows]
+            places = np.arange(len(rows))[::-1]
+            panel.barh(places, values, height=0.66, color=[_bar_colour(method) for method, _, _ in rows])
+            for place, value in zip(places, values, strict=True):
+                panel.annotate(
+                    f"{value:.1f}", (value, place), (3, 0), textcoords="offset points", va="center", fontsize=7.5
+                )
+            panel.set_title(category)
+            panel.set_yticks(places, names)
+            panel.tick_params(axis="y", length=0)
+            panel.grid(axis="y", visible=False)
+            panel.set_xlim(0, 112)
+            panel.set_xlabel(label)
+        return _svg(chart)
+
+
+def _bar_colour(method: str) -> str:
+    return METHOD_COLOURS.get(method, CEILING_COLOUR if method.startswith("ceiling") else BASELINE_COLOUR)
+
+
+def loss_curves(logs: Mapping[str, Mapping[str, pd.DataFrame]]) -> str:
+    """Training losses: a row per model, a panel per category; the total in the model's colour, its terms thin.
+
+    Args:
+      logs: model's name to category to log (columns `step`, `loss`, then terms, `seconds`).
+    """
+    with matplotlib.rc_context(_STYLE):
+        categories = list(next(iter(logs.values())))
+        chart = figure.Figure(figsize=(2.9 * len(categories) + 1.2, 2.3 * len(logs)), layout="constrained")
+        grid = chart.subplots(len(logs), len(categories), sharey="row", squeeze=False)
+        for panels, (model, tables) in zip(grid, logs.items(), strict=True):
+            colour = METHOD_COLOURS["ddf" if model == "DDF" else "pc_siren"]
+            for panel, (category, log) in zip(panels, tables.items(), strict=True):
+                _draw_losses(panel, log, colour)
+                panel.set_title(f"{model}, {category}")
+            panels[0].set_ylabel("loss")
+            panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), fontsize=7.5, handlelength=1.2)
+        for panel in grid[-1]:
+            panel.set_xlabel("step")
+        return _svg(chart)
+
+
+def _draw_losses(panel: Any, log: pd.DataFrame, colour: str) -> None:
+    thin = log.iloc[:: max(1, -(-len(log) // _MAX_POINTS))]
+    terms = [name for name in log.columns if name not in ("step", "loss", "seconds")]
+    shades = matplotlib.colormaps["tab20c"](np.linspace(0, 1, 20))[:, :3]
+    for i, name in enumerate(terms):
+        values = thin[name].to_numpy(dtype=np.float64)
+        panel.plot(
+            thin["step"], np.where(values > 0, values, np.nan), lw=0.7, color=shades[(4 * i + i // 5) % 20], label=name
+        )
+    window = max(1, len(log) // 40)
+    smooth = log["loss"].rolling(window, min_periods=1, center=True).mean().iloc[thin.index]
+    panel.plot(thin["step"], thin["loss"], lw=0.5, alpha=0.35, color=colour)
+    panel.plot(thin["step"], smooth, lw=1.6, color=colour, label="total")
+    if (thin["loss"] > 0).all():
+        panel.set_yscale("log")
+        panel.yaxis.set_minor_formatter(ticker.NullFormatter())
+    panel.xaxis.set_major_locator(ticker.MaxNLocator(4))
+
+
+def paired_scatter(
+    values: Mapping[str, tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]], x_label: str, y_label: str
+) -> str:
+    """One panel per category: every image as a point, on equal logarithmic axes with the diagonal."""
+    with matplotlib.rc_context(_STYLE):
+        chart, panels = _panels(len(values), (2.75, 2.75), share_y=True)
+        whole = np.concatenate([np.concatenate(pair) for pair in values.values()])
+        positive = whole[whole > 0]
+        low, high = (positive.min() / 1.3, positive.max() * 1.3) if len(positive) else (0.1, 1.0)
+        for panel, (category, (x, y)) in zip(panels, values.items(), strict=True):
+            panel.plot([low, high], [low, high], lw=0.8, color="#9AA1AD")
+            panel.scatter(x, y, s=11, color=METHOD_COLOURS["ddf"], alpha=0.55, linewidths=0)
+            panel.set(xscale="log", yscale="log", xlim=(low, high), ylim=(low, high), aspect="equal")
+            panel.set_title(category)
+            panel.set_xlabel(x_label)
+            for axis in (panel.xaxis, panel.yaxis):
+                axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+                axis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+                axis.set_minor_formatter(ticker.NullFormatter())
+            share = 100.0 * float(np.mean(np.asarray(y) < np.asarray(x)))
+            panel.text(
+                0.97, 0.05, f"below: {share:.0f} %", transform=panel.transAxes, ha="right", fontsize=8, color="#3A404A"
+            )
+        panels[0].set_ylabel(y_label)
+        return _svg(chart)
+
+
+def cumulative_shares(
+    curves: Mapping[str, Sequence[tuple[str, str, bool, Float[np.ndarray, " n"]]]], label: str, upper: float
+) -> str:
+    """One panel per category: share of images whose error is at most x.
+
+    Args:
+      curves: category to (name, method for the colour, dashed, errors).
+    """
+    with matplotlib.rc_context(_STYLE):
+        chart, panels = _panels(len(curves), (2.75, 2.1), share_y=True)
+        for panel, (category, lines) in zip(panels, curves.items(), strict=True):
+            for name, method, dashed, errors in lines:
+                x = np.concatenate([[0.0], np.sort(errors), [upper]])
+                y = 100.0 * np.concatenate([[0.0], np.arange(1, len(errors) + 1), [len(errors)]]) / len(errors)
+                style = (0, (3, 1.5)) if dashed else "solid"
+                panel.step(x, y, where="post", lw=1.4, ls=style, color=METHOD_COLOURS[method], label=name)
+            panel.set(xlim=(0, upper), ylim=(0, 101))
+            panel.set_title(category)
+            panel.set_xlabel(label)
+            panel.xaxis.set_major_locator(ticker.MultipleLocator(upper / 4))
+        panels[0].set_ylabel("images, %")
+        panels[-1].legend(loc="lower right", fontsize=7.5)
+        return _svg(chart)
+
+
+def _panels(count: int, size: tuple[float, float], share_y: bool) -> tuple[figure.Figure, list[Any]]:
+    chart = figure.Figure(figsize=(size[0] * count + 0.6, size[1]), layout="constrained")
+    return chart, list(chart.subplots(1, count, sharey=share_y, squeeze=False)[0])
+
+
+def _svg(chart: figure.Figure) -> str:
+    buffer = io.StringIO()
+    chart.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()

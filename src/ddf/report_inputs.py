@@ -1,0 +1,155 @@
+"""What the stages left behind for the report: tables, logs, losses of preparation, failures, times."""
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ddf import checks, config, paper_results, stage, storage
+
+MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN"}
+_SCRIPTS = {
+    "dataset": "make_dataset",
+    "meshes": "prepare_meshes",
+    "samples": "extract_samples",
+    "train_ddf": "train_ddf",
+    "train_pcsiren": "train_pcsiren",
+    "pointclouds": "make_pointclouds",
+    "evaluate": "evaluate_clouds",
+}
+_WHOLE = ("dataset", "evaluate")  # stages that run once for all categories
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything that the stages left behind for the report."""
+
+    name: str
+    index: Mapping[str, Any]
+    table: pd.DataFrame
+    per_image: pd.DataFrame
+    cameras: pd.DataFrame
+    shapes: pd.DataFrame
+    logs: Mapping[str, Mapping[str, pd.DataFrame]]
+    measures: Mapping[str, pd.DataFrame]
+    packing_errors: Mapping[str, Mapping[str, float]]
+    failures: pd.DataFrame
+    seconds: Mapping[str, float | None]
+    settings: Mapping[str, Any]
+
+    @property
+    def categories(self) -> list[str]:
+        """Names in the order of the experiment file."""
+        return list(self.index["categories"])
+
+    @property
+    def paper_categories(self) -> list[str]:
+        """Those for which the paper prints numbers."""
+        return [name for name in self.categories if name in paper_results.SI3DR]
+
+    def setting(self, key: str) -> str:
+        """A value of the experiment file by its dotted key, as printed.
+
+        Raises:
+          InputError: no such key.
+        """
+        value: Any = self.settings
+        for part in key.split("."):
+            if not isinstance(value, Mapping) or part not in value:
+                raise checks.InputError(f"configs/{self.name}.yaml: has no key {key!r}")
+            value = value[part]
+        if value is None:
+            return "all"
+        return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+
+    def largest_packing_errors(self) -> dict[str, float]:
+        """The largest rounding error of each stored quantity over all categories."""
+        names = dict.fromkeys(name for errors in self.packing_errors.values() for name in errors)
+        return {name: max(errors.get(name, 0.0) for errors in self.packing_errors.values()) for name in names}
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether our generator made the data."""
+        return self.index["source"] == "synthetic"
+
+
+def read_results(config_path: Path) -> Results:
+    """Read and verify all artefacts of an experiment but its clouds.
+
+    Raises:
+      FileNotFoundError, InputError: a stage has not run, or left a damaged file; it is named.
+    """
+    folder = config.artifact_dir(config_path, "evaluate")
+    index = storage.read_json(config.artifact_dir(config_path, "dataset") / "index.json")
+    categories = list(index["categories"])
+    measured = storage.load_table(folder / "si3dr.csv")[0]
+    paper = paper_results.long_table(categories)
+    return Results(
+        name=Path(config_path).stem,
+        index=index,
+        table=pd.concat([measured, paper], ignore_index=True) if len(paper) else measured,
+        per_image=storage.load_table(folder / "per_image.csv", dtype={"id": str})[0],
+        cameras=storage.load_table(folder / "cameras.csv", dtype={"id": str})[0],
+        shapes=storage.load_table(folder / "shapes.csv", dtype={"id": str})[0],
+        logs={
+            label: {name: _read_log(config.artifact_dir(config_path, model, name)) for name in categories}
+            for model, label in MODELS.items()
+        },
+        measures={name: _read_measures(config.artifact_dir(config_path, "meshes", name)) for name in categories},
+        packing_errors={
+            name: _packing_errors(config.artifact_dir(config_path, "samples", name)) for name in categories
+        },
+        failures=_read_failures(config_path, categories),
+        seconds={name: _stage_seconds(config_path, name, categories) for name in _SCRIPTS},
+        settings=config.read(config_path),
+    )
+
+
+def _read_log(folder: Path) -> pd.DataFrame:
+    path = folder / "log.csv"
+    if not path.exists():
+        raise FileNotFoundError(f"{path} does not exist; run the training stage")
+    return pd.read_csv(path)
+
+
+def _shard_files(folder: Path, ending: str) -> list[Path]:
+    """Files of a sharded stage, as its shards' records name them."""
+    records = sorted(folder.glob("[0-9]*.json"))
+    names = sorted(name for record in records for name in storage.read_json(record)["files"] if name.endswith(ending))
+    if not names:
+        raise FileNotFoundError(f"{folder}: no shards; run the stage that makes them")
+    return [folder / name for name in names]
+
+
+def _read_measures(folder: Path) -> pd.DataFrame:
+    packs = (storage.load_pack(path)[0]["measures.csv"] for path in _shard_files(folder, ".zip"))
+    return pd.concat([pd.read_csv(io.BytesIO(text), dtype={"id": str}) for text in packs], ignore_index=True)
+
+
+def _packing_errors(folder: Path) -> dict[str, float]:
+    """The largest error of each kind over all shards."""
+    largest: dict[str, float] = {}
+    for path in _shard_files(folder, ".samples.safetensors"):
+        for name, value in storage.load_metadata(path)["packing_errors"].items():
+            largest[name] = max(largest.get(name, 0.0), value)
+    return largest
+
+
+def _read_failures(config_path: Path, categories: Sequence[str]) -> pd.DataFrame:
+    folders = [config.artifact_dir(config_path, "dataset")]
+    for name in ("meshes", "samples"):
+        folders += [config.artifact_dir(config_path, name, category) for category in categories]
+    tables = [pd.read_csv(path, dtype=str) for folder in folders if (path := folder / "failures.csv").exists()]
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=["id", "stage", "reason"])
+
+
+def _stage_seconds(config_path: Path, name: str, categories: Sequence[str]) -> float | None:
+    """Seconds of a stage's last run, summed over categories; None when a part of it was not timed."""
+    names = [None] if name in _WHOLE else list(categories)
+    paths = [stage.time_path(config_path, _SCRIPTS[name], category) for category in names]
+    if not all(path.exists() for path in paths):
+        return None
+    return sum(storage.read_json(path)["seconds"] for path in paths)

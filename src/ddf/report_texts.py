@@ -1,0 +1,87 @@
+"""The sentences of the report that do not depend on its numbers; {names} are filled in by `reports`."""
+
+from typing import Final
+
+LEAD: Final = """
+Single-image 3D reconstruction with directed distance fields (DDF) and with PC-SIREN, a baseline of the same
+architecture that maps random points to surface points. Experiment `{name}`: {data}.
+"""
+SYNTHETIC: Final = "synthetic shapes in ShapeNet's layout"
+SHAPENET: Final = "ShapeNet-v1 with 3D-R2N2 renders"
+SOURCE: Final = "Made by `make reproduce-table CONFIG=configs/{name}.yaml`. All numbers are in [si3dr.csv](si3dr.csv)."
+
+RESULTS: Final = """
+Single-image reconstruction, laid out as the paper's table `si3dr`. D<sub>C</sub>: Chamfer distance × 1000, the sum
+of both means of squared distances; F<sub>τ</sub>: F-score × 100 at squared distance ≤ τ = {tau} (benchmark units,
+0.57 × v1). L and S are {large} and {small} predicted points against the whole true cloud. Π<sub>g</sub>: true
+camera; Π̂: predicted camera and estimated scale; Π̂<sub>∇</sub>: predicted camera after gradient descent on the
+mask. Means over images. Bold: the better of our two models in the same column.
+"""
+PAPER_COLUMNS: Final = """
+Grey columns are the paper's own numbers on ShapeNet: other data and other sizes, not comparable cell by cell; the
+paper takes P2M and 3DR from Pixel2Mesh, where they predict in the frame of the view.
+"""
+MEAN_SHAPE: Final = """
+{label} at the true camera, L points: the mean shape's D<sub>C</sub> is {ratios} times that of {label} (above 1:
+{label} is better).
+"""
+CORRECTION: Final = "Correcting the predicted camera by the mask, S points, changes D<sub>C</sub>: {changes}."
+
+PICTURES: Final = """
+Test images from the best to the worst of the {count} rendered per category, by D<sub>C</sub> of DDF at the true
+camera. Visibility, depth, normals and both clouds are seen from the predicted camera at the predicted scale, with
+no post-processing; the truth is seen from the true camera. Depth: yellow is near. Normals: (n + 1)/2 as RGB.
+Clouds: colours are 3D coordinates.
+"""
+STRIP: Final = "{category}: best to worst."
+STRIP_ALT: Final = """
+{category}: input, visibility, depth, normals, DDF cloud, PC-SIREN cloud and true cloud of several test images
+"""
+
+BASELINES: Final = """
+What the numbers mean, at the true camera. Ceiling: a random subset of the truth against all of it, which is what a
+perfect method reaches with that many points; visible points are those that some ray from outside meets first.
+Oracle retrieval knows the truth and takes the training shape with the smallest D<sub>C</sub>; retrieval takes the
+shape of the training image whose encoder feature is nearest; the mean shape is drawn from all training clouds
+together. Bold: the best of both models, retrieval and the mean shape.
+"""
+BARS: Final = "F-scores at the true camera, L points."
+ONE_CYCLE: Final = """
+As the paper's table `si3dr1h`: points are projected onto the surface once (N<sub>H</sub> = 1) instead of {cycles}
+times. Bold: the better of one cycle and {cycles}.
+"""
+CAMERAS: Final = """
+Median absolute errors over test images of the predicted cameras, before (Π̂) and after (Π̂<sub>∇</sub>) the
+correction by the mask, and of the scale estimated from the diagonal of the predicted cloud.
+"""
+CAMERA_CURVES: Final = "Share of test images whose azimuth error is at most so large."
+SCATTER: Final = """
+Every test image as a point, true camera, L points: below the diagonal DDF has the smaller D<sub>C</sub>.
+Logarithmic axes.
+"""
+CURVES: Final = "Total loss (thick, smoothed) and its terms without their weights."
+TRAINING: Final = "Training losses. The two models minimise different losses: compare within one model only."
+DATA: Final = """
+Data, and what preparation lost. Hidden points of the true clouds are those that no ray from outside meets first;
+they count in the metrics, as in Pixel2Mesh. Surface lost: distances between the raw and the closed, decimated mesh.
+"""
+TIMES: Final = """
+Wall time of each stage's last run, summed over categories, on a machine with {threads} CPU threads. Of a stage that
+was resumed, only the last part is counted.
+"""
+
+LIMIT_SYNTHETIC: Final = """
+The shapes are procedural, made by this project in ShapeNet's layout with the same cameras. Their scores say how the
+methods behave and compare on these shapes; they do not reproduce the paper's ShapeNet numbers.
+"""
+LIMIT_SIZES: Final = "Sizes differ from the paper's (table below), and so does every number that depends on them."
+LIMIT_SEED: Final = """
+One seed was trained. The standard errors in [si3dr.csv](si3dr.csv) are over images and say nothing about other seeds.
+"""
+LIMIT_QUOTED: Final = "P2M and 3D-R2N2 were not run here; their columns are quoted."
+SETTINGS: Final = "Settings that differ from the paper's; `configs/paper.yaml` has the paper's."
+
+
+def fill(text: str, **values: object) -> str:
+    """One paragraph on one line, its {names} replaced."""
+    return " ".join(text.split()).format(**values)

@@ -1,0 +1,255 @@
+"""The report of an experiment: one Markdown page, one self-contained HTML page, the table as CSV, the figures.
+
+What is listed comes from the experiment's own index and config, never from what happens to lie in a folder. Nothing
+in the files depends on the day; times are those that the stages measured.
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ddf import (
+    baselines,
+    checks,
+    config,
+    evaluation,
+    pages,
+    report_charts,
+    report_inputs,
+    report_pictures,
+    report_tables,
+    storage,
+)
+from ddf import report_texts as texts
+
+# Printed name, key in the experiment file, value in the paper.
+SETTINGS = (
+    ("training images per shape", "train.train_views", "5"),
+    ("image size of the encoders", "train.image_size", "128"),
+    ("encoder width (64 is ResNet-18)", "train.encoder_width", "64"),
+    ("latent size", "train.latent_features", "512"),
+    ("images per step", "train.batch_size", "32"),
+    ("DDF hidden layers", "ddf.field.hidden", "512, 512, 512, 256, 256, 256, 256"),
+    ("DDF steps", "ddf.steps", "100000"),
+    ("PC-SIREN hidden layers", "pcsiren.hidden", "512, 512, 512, 256, 256, 256, 256"),
+    ("PC-SIREN steps", "pcsiren.steps", "100000"),
+    ("PC-SIREN points in the Chamfer loss", "pcsiren.points", "1024"),
+    ("triangles per training mesh, at most", "meshes.faces", "10000"),
+    ("U and A samples per shape", "samples.counts.U", "20000"),
+    ("other samples per shape and type", "samples.counts.S", "10000"),
+    ("directions per point, n<sub>v</sub>", "pointclouds.cloud.num_directions", "128"),
+    ("cycles, N<sub>H</sub>", "pointclouds.cloud.cycles", "3"),
+    ("points L", "pointclouds.large", "5000"),
+    ("points S", "pointclouds.small", "2466"),
+    ("test images per shape", "pointclouds.test_views", "5"),
+)
+_ALL_VIEWS = "all"  # null in the file: the five views of the split
+
+
+@dataclass(frozen=True)
+class ReportConfig:
+    """Section `report`.
+
+    Args:
+      examples: rows of every picture strip, from best to worst.
+    """
+
+    examples: int
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.examples <= 20:
+            raise checks.InputError(f"report.examples must be in 2..20; got {self.examples}")
+
+
+def write(config_path: Path, out_dir: Path, settings: ReportConfig) -> None:
+    """Read everything, draw the figures and write README.md, index.html, si3dr.csv and the figures."""
+    results = report_inputs.read_results(config_path)
+    strips, rendered = _strips(config_path, results, settings.examples)
+    page = build(results, strips, rendered)
+    for name, content in page.files.items():
+        storage.write_bytes(out_dir / name, content)
+    storage.write_text(out_dir / "si3dr.csv", results.table.to_csv(index=False, lineterminator="\n"))
+    storage.write_text(out_dir / "README.md", pages.markdown(page))
+    storage.write_text(out_dir / "index.html", pages.html_page(page))
+
+
+def _strips(config_path: Path, results: report_inputs.Results, count: int) -> tuple[dict[str, bytes], int]:
+    """Picture strips by category, and how many images they were chosen from."""
+    root = Path(results.index["root"])
+    drawn, rendered = {}, 0
+    for name, entry in results.index["categories"].items():
+        folder = config.artifact_dir(config_path, "pointclouds", name)
+        ddf, pc_siren = (evaluation.load_predictions(folder / f"{model}.safetensors") for model in ("ddf", "pcsiren"))
+        rendered = len(ddf.metadata["rendered"])
+        if rendered:
+            truths = evaluation.load_truth(config.artifact_dir(config_path, "samples", name))
+            scores = results.per_image[results.per_image["category"] == name]
+            place = (root, entry["synset"])
+            drawn[name] = report_pictures.strip(ddf, pc_siren, truths, place, scores, count)
+    return drawn, rendered
+
+
+def build(results: report_inputs.Results, strips: Mapping[str, bytes], rendered: int) -> pages.Page:
+    """The page from results already read.
+
+    Args:
+      strips: picture strips (WebP) by category.
+      rendered: images per category that the examples were chosen from.
+    """
+    files = {f"strip_{name}.webp": content for name, content in strips.items()} | report_charts.draw(results)
+    sections = [
+        _results_section(results),
+        _pictures_section(list(strips), rendered),
+        _baselines_section(results),
+        _one_cycle_section(results),
+        _cameras_section(results),
+        pages.Section("Image by image", [_figure("images.svg", texts.SCATTER, "scatter plots of Chamfer distances")]),
+        _training_section(results),
+        _data_section(results),
+        _times_section(results),
+        _limits_section(results),
+    ]
+    data = texts.SYNTHETIC if results.synthetic else texts.SHAPENET
+    lead = [texts.fill(texts.LEAD, name=results.name, data=data), texts.fill(texts.SOURCE, name=results.name)]
+    return pages.Page(f"Results of the experiment {results.name}", lead, sections, files)
+
+
+def _figure(name: str, caption: str, alt: str) -> pages.Figure:
+    return pages.Figure(name, texts.fill(caption), alt)
+
+
+def _results_section(results: report_inputs.Results) -> pages.Section:
+    rows = results.per_image[results.per_image["method"] == evaluation.PC_SIREN]
+    large, small = (int(rows[rows["column"] == f"Pi_g-{size}"]["num_pred"].iloc[0]) for size in "LS")
+    tau = results.setting("evaluate.tau_sq")
+    caption = texts.fill(texts.RESULTS, tau=tau, large=f"{large:,}", small=f"{small:,}")
+    if results.paper_categories:
+        caption += " " + texts.fill(texts.PAPER_COLUMNS)
+    table = report_tables.paper_table(results.table, results.categories, caption)
+    return pages.Section("Results", [table, tuple(findings(results))])
+
+
+def findings(results: report_inputs.Results) -> list[str]:
+    """What the tables say, in sentences made from their numbers."""
+    scores = report_tables.Scores(results.table, evaluation.MEASURED)
+    found = []
+    for method in (evaluation.DDF, evaluation.PC_SIREN):
+        ratios = [
+            f"{category} {mean / ours:.2f}"
+            for category in results.categories
+            if (ours := scores.value(category, (method, "Pi_g-L"), "chamfer_l2_sq_x1000"))
+            and (mean := scores.value(category, (baselines.MEAN_SHAPE, "Pi_g-L"), "chamfer_l2_sq_x1000"))
+        ]
+        label = report_tables.METHOD_LABELS[method]
+        found.append(texts.fill(texts.MEAN_SHAPE, label=label, ratios=", ".join(ratios)))
+    changes = []
+    for category in results.categories:
+        before, after = (
+            scores.value(category, (evaluation.DDF, column), "chamfer_l2_sq_x1000")
+            for column in ("Pi_pred-S", "Pi_corrected-S")
+        )
+        if before is not None and after is not None:
+            changes.append(f"{category} {before:.3f} → {after:.3f}")
+    return [*found, texts.fill(texts.CORRECTION, changes=", ".join(changes))] if changes else found
+
+
+def _pictures_section(categories: list[str], rendered: int) -> pages.Section:
+    blocks: list[str | pages.Figure] = [texts.fill(texts.PICTURES, count=rendered)]
+    for category in categories:
+        caption = texts.fill(texts.STRIP, category=category.capitalize())
+        alt = texts.fill(texts.STRIP_ALT, category=category)
+        blocks.append(pages.Figure(f"strip_{category}.webp", caption, alt))
+    return pages.Section("Pictures", blocks)
+
+
+def _baselines_section(results: report_inputs.Results) -> pages.Section:
+    table = report_tables.baseline_table(results.table, results.categories, texts.fill(texts.BASELINES))
+    return pages.Section(
+        "Baselines and ceilings", [_figure("baselines.svg", texts.BARS, "bar charts of F-scores"), table]
+    )
+
+
+def _one_cycle_section(results: report_inputs.Results) -> pages.Section:
+    caption = texts.fill(texts.ONE_CYCLE, cycles=results.setting("pointclouds.cloud.cycles"))
+    table = report_tables.one_cycle_table(results.table, results.categories, caption)
+    return pages.Section("One projection cycle", [table])
+
+
+def _cameras_section(results: report_inputs.Results) -> pages.Section:
+    table = report_tables.camera_table(results.table, results.categories, texts.fill(texts.CAMERAS))
+    curve = _figure("cameras.svg", texts.CAMERA_CURVES, "cumulative distributions of azimuth errors per category")
+    return pages.Section("Cameras", [table, curve])
+
+
+def _training_section(results: report_inputs.Results) -> pages.Section:
+    rows: list[list[str]] = []
+    for model, logs in results.logs.items():
+        for category, log in logs.items():
+            last = log.tail(max(1, len(log) // 20))["loss"].mean()
+            steps, seconds = int(log["step"].iloc[-1]), float(log["seconds"].iloc[-1])
+            rows.append([model, category, f"{steps:,}", f"{log['loss'].iloc[0]:.3f}", f"{last:.3f}", duration(seconds)])
+    header = ["", "", "steps", "first loss", "last loss (mean of 5 %)", "time"]
+    layout = [("", len(header), False)]
+    table = pages.Table(texts.TRAINING, layout, header, rows, labels=2, rule_every=len(results.categories))
+    return pages.Section("Training", [_figure("losses.svg", texts.CURVES, "loss curves per model and category"), table])
+
+
+def _data_section(results: report_inputs.Results) -> pages.Section:
+    rows = [_data_row(results, category, entry["shapes"]) for category, entry in results.index["categories"].items()]
+    header = ["", "train shapes", "test shapes", "points", "hidden, %", "watertight", "triangles", "mean", "Hausdorff"]
+    layout = [("", 3, False), ("true clouds (test)", 2, False), ("training meshes", 2, False)]
+    layout.append(("surface lost, % of diagonal, median / max", 2, False))
+    blocks: list[str | tuple[str, ...] | pages.Table] = [pages.Table(texts.fill(texts.DATA), layout, header, rows)]
+    errors = [f"`{name}` {value:.2g}" for name, value in results.largest_packing_errors().items()]
+    blocks.append(f"Largest rounding errors of the stored samples: {', '.join(errors)}.")
+    if len(results.failures):
+        blocks.append(f"{len(results.failures)} shapes were left out:")
+        blocks.append(
+            tuple(f"`{row['id']}` ({row['stage']}): {row['reason']}" for row in results.failures.to_dict("records"))
+        )
+    else:
+        blocks.append("No shape was left out.")
+    return pages.Section("Data", blocks)
+
+
+def _data_row(results: report_inputs.Results, category: str, shapes: list[dict]) -> list[str]:
+    tests = results.shapes[results.shapes["category"] == category]
+    measures = results.measures[category]
+    lost = [100.0 * measures[name] for name in ("mean_distance", "hausdorff")]
+    return [
+        category,
+        str(sum(bool(shape["train_views"]) for shape in shapes)),
+        str(sum(bool(shape["test_views"]) for shape in shapes)),
+        f"{tests['points'].median():,.0f}",
+        f"{100 * tests['hidden_share'].mean():.1f}",
+        f"{int(measures['watertight'].astype(bool).sum())} of {len(measures)}",
+        f"{measures['faces'].median():,.0f}",
+        *(f"{values.median():.2f} / {values.max():.2f}" for values in lost),
+    ]
+
+
+def _times_section(results: report_inputs.Results) -> pages.Section:
+    rows = [[name, "not timed" if value is None else duration(value)] for name, value in results.seconds.items()]
+    rows.append(["together", duration(sum(value for value in results.seconds.values() if value is not None))])
+    caption = texts.fill(texts.TIMES, threads=os.cpu_count())
+    return pages.Section("Times", [pages.Table(caption, [("", 2, False)], ["stage", "time"], rows)])
+
+
+def _limits_section(results: report_inputs.Results) -> pages.Section:
+    given = [(name, results.setting(key), paper) for name, key, paper in SETTINGS]
+    changed = [row for row in given if row[1] not in (row[2], _ALL_VIEWS)]
+    limits = [texts.LIMIT_SYNTHETIC] if results.synthetic else []
+    limits += [texts.LIMIT_SIZES] if changed else []
+    limits += [texts.LIMIT_SEED, texts.LIMIT_QUOTED]
+    blocks: list[tuple[str, ...] | pages.Table] = [tuple(texts.fill(text) for text in limits)]
+    if changed:
+        blocks.append(pages.Table(texts.SETTINGS, [("", 3, False)], ["", "here", "paper"], changed))
+    return pages.Section("What does not reproduce", blocks)
+
+
+def duration(seconds: float) -> str:
+    """Seconds, minutes or hours, whichever reads best."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.1f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
