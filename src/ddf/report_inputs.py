@@ -152,4 +152,4 @@ def _stage_seconds(config_path: Path, name: str, categories: Sequence[str]) -> f
     paths = [stage.time_path(config_path, _SCRIPTS[name], category) for category in names]
     if not all(path.exists() for path in paths):
         return None
-    return sum(storage.read_json(path)["seconds"] for path in paths)
+    return sum((storage.read_json(path)["seconds"] for path in paths), 0.0)

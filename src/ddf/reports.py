@@ -231,7 +231,8 @@ def _data_row(results: report_inputs.Results, category: str, shapes: list[dict])
 
 def _times_section(results: report_inputs.Results) -> pages.Section:
     rows = [[name, "not timed" if value is None else duration(value)] for name, value in results.seconds.items()]
-    rows.append(["together", duration(sum(value for value in results.seconds.values() if value is not None))])
+    known = [value for value in results.seconds.values() if value is not None]
+    rows.append(["together", duration(sum(known, 0.0))])
     caption = texts.fill(texts.TIMES, threads=os.cpu_count())
     return pages.Section("Times", [pages.Table(caption, [("", 2, False)], ["stage", "time"], rows)])
 

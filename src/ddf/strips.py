@@ -22,7 +22,7 @@ _GAP, _HEADER, _LABEL = 6, 30, 132
 _INK, _FAINT = (32, 36, 44), (110, 116, 128)
 _QUALITY = 90  # of WebP: no difference to be seen, a quarter of the size of a PNG
 
-Picture = UInt8[np.ndarray, "size size 3"]
+Picture = UInt8[np.ndarray, "_ _ 3"]  # square, of any size
 
 
 @dataclass(frozen=True)

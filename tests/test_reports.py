@@ -1,0 +1,209 @@
+"""The report of a small experiment: every number comes from the table, nothing is loaded from outside."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from _fake_experiment import EVALUATE_SECTION, SIZES, FakeExperiment
+
+from ddf import (
+    checks,
+    config,
+    evaluation,
+    paper_results,
+    report_inputs,
+    report_pictures,
+    report_tables,
+    reports,
+    storage,
+)
+
+_ROOT = Path(__file__).resolve().parents[1]
+_FILES = {"README.md", "index.html", "si3dr.csv", "baselines.svg", "losses.svg", "images.svg", "cameras.svg"}
+
+
+def _experiment_file(experiment):
+    """cpu.yaml with the fake's own evaluate and report sections."""
+    text = (_ROOT / "configs" / "cpu.yaml").read_text().partition("evaluate:")[0]
+    return Path(experiment.write_config(f"{text}evaluate: {EVALUATE_SECTION}\nreport: {{examples: 3}}\n"))
+
+
+def _run(stage, config_path):
+    runpy.run_path(str(_ROOT / "stages" / f"{stage}.py"))["run"](config_path)
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory):
+    """A finished experiment with categories of which the paper knows two, and its folder as the current one."""
+    with pytest.MonkeyPatch.context() as patch:
+        root = tmp_path_factory.mktemp("report")
+        experiment = FakeExperiment(root, categories=("chair", "plane", "primitives"), train=4, test=2)
+        patch.chdir(root)
+        config_path = _experiment_file(experiment)
+        _run("evaluate_clouds", config_path)
+        _run("write_report", config_path)
+        yield experiment, config_path, root / "reports" / "fake"
+
+
+def _markdown_tables(text):
+    """Rows of cells of every pipe table, bold marks taken away."""
+    tables, rows = [], []
+    for line in [*text.splitlines(), ""]:
+        if line.startswith("|"):
+            rows.append([cell.strip().replace("**", "") for cell in line.strip("|").split(" | ")])
+        elif rows:
+            tables.append(rows)
+            rows = []
+    return tables
+
+
+def test_every_file_and_category_is_there(reported):
+    experiment, _, folder = reported
+    names = _FILES | {f"strip_{category}.webp" for category in experiment.categories}
+    assert {path.name for path in folder.iterdir()} == names
+    for page in ("README.md", "index.html"):
+        text = (folder / page).read_text()
+        assert all(
+            f"strip_{c}.webp" in text or f"{c.capitalize()}: best to worst" in text for c in experiment.categories
+        )
+    linked = re.findall(r"\]\(([^)]+)\)", (folder / "README.md").read_text())
+    assert set(linked) <= names and {name for name in names if name.endswith((".webp", ".svg"))} <= set(linked)
+
+
+def test_html_is_self_contained(reported):
+    text = (reported[2] / "index.html").read_text()
+    without_data = re.sub(r'src="data:[^"]+"', "", text)
+    assert "http" not in without_data and "src=" not in without_data and "url(" not in without_data
+    assert text.count('src="data:image/webp;base64,') == 3 and text.count('src="data:image/svg+xml;base64,') == 4
+
+
+def test_printed_values_are_those_of_the_table(reported):
+    _, _, folder = reported
+    table = pd.read_csv(folder / "si3dr.csv")
+    assert tuple(table.columns) == evaluation.TABLE_FIELDS
+    value = table.set_index(["source", "category", "method", "column", "metric"])["value"]
+    rows = _markdown_tables((folder / "README.md").read_text())[0]
+    heads = [head for head in paper_results.SI3DR_COLUMNS if head[0] in ("ddf", "pc_siren")]
+    body = rows[2:]
+    assert len(rows[0]) == 3 + 9 + 11 and len(body) == 9
+    for i, row in enumerate(body):
+        category = ("chair", "plane", "primitives")[i // 3]
+        metric = list(report_tables.METRIC_LABELS)[i % 3]
+        digits = 3 if i % 3 == 0 else 2
+        printed = [value["measured", category, *head, metric] for head in heads]
+        assert row[2:12] == ["4", *(f"{number:.{digits}f}" for number in printed)]
+        known = category in paper_results.SI3DR
+        quoted = paper_results.SI3DR[category][i % 3] if known else None
+        assert row[12:] == ([f"{number:.{digits}f}" for number in quoted] if quoted else ["–"] * 11)
+
+
+def test_paper_numbers_are_only_in_columns_that_say_so(reported):
+    rows = _markdown_tables((reported[2] / "README.md").read_text())[0]
+    assert all("measured here" in head for head in rows[0][3:12])
+    assert all("paper, ShapeNet" in head for head in rows[0][12:])
+    table = pd.read_csv(reported[2] / "si3dr.csv")
+    assert set(table["source"]) == {"measured", "paper, ShapeNet"}
+    assert table[table["source"] != "measured"]["images"].isna().all()
+    assert (table[table["source"] == "measured"]["images"] > 0).all()
+
+
+def test_bold_is_the_better_model_of_each_column(reported):
+    text = (reported[2] / "README.md").read_text()
+    line = next(line for line in text.splitlines() if line.startswith("| chair | D<sub>C</sub>"))
+    cells = [cell.strip() for cell in line.strip("| ").split(" | ")][3:12]
+    numbers = [float(cell.strip("*")) for cell in cells]
+    pairs = {0: 5, 1: 6, 3: 7, 4: 8}  # DDF and PC-SIREN columns of the same name; Pi_corrected-S has no rival
+    for ddf, pc_siren in pairs.items():
+        assert cells[ddf].startswith("**") == (numbers[ddf] < numbers[pc_siren])
+        assert cells[pc_siren].startswith("**") == (numbers[pc_siren] < numbers[ddf])
+    assert not cells[2].startswith("**")
+
+
+def test_one_cycle_and_baseline_tables_have_every_row(reported):
+    text = (reported[2] / "README.md").read_text()
+    baseline, one_cycle = _markdown_tables(text)[1:3]
+    assert len(baseline) == 2 + 3 * len(report_tables.BASELINE_ORDER)
+    assert len(one_cycle) == 2 + 9 and len(one_cycle[0]) == 3 + 4 + 4 + 4
+    ceiling = next(row for row in baseline if row[1] == "ceiling: truth against itself")
+    mean = next(row for row in baseline if row[1] == "mean shape")
+    assert float(ceiling[3]) < float(mean[3]) and float(ceiling[4]) > float(mean[4])
+    assert ceiling[2] == mean[2] == "4"
+
+
+def test_failures_losses_and_limits_are_named(reported):
+    text = (reported[2] / "README.md").read_text()
+    assert "3 shapes were left out" in text and "`plane99` (meshes): no triangles left" in text
+    assert "0.20 / 0.20" in text and "6 of 6" in text
+    assert "do not reproduce the paper's ShapeNet numbers" in text
+    assert "| encoder width (64 is ResNet-18) | " in text
+    assert f"{SIZES['L']} and {SIZES['S']} predicted points" in text
+    assert "not timed" in text  # the fake has no times of its stages
+
+
+def test_second_writing_gives_the_same_bytes(reported):
+    _, config_path, folder = reported
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    reports.write(config_path, folder.parent / "again", reports.ReportConfig(examples=3))
+    assert {path.name: path.read_bytes() for path in (folder.parent / "again").iterdir()} == before
+
+
+def test_times_are_summed_over_categories(reported):
+    _, config_path, _ = reported
+    folder = Path("artifacts") / "fake" / "times"
+    for name, seconds in (("train_ddf-chair", 100), ("train_ddf-plane", 20), ("train_ddf-primitives", 3)):
+        storage.write_json(folder / f"{name}.json", {"seconds": seconds})
+    storage.write_json(folder / "train_pcsiren-chair.json", {"seconds": 5})
+    results = report_inputs.read_results(config_path)
+    assert results.seconds["train_ddf"] == 123 and results.seconds["train_pcsiren"] is None
+    assert [reports.duration(s) for s in (0.4, 89.0, 123.0, 7200.0)] == ["0 s", "89 s", "2.0 min", "2.0 h"]
+    for path in folder.glob("*.json"):
+        path.unlink()
+
+
+def test_examples_run_from_best_to_worst():
+    scores = pd.DataFrame({"method": "ddf", "column": "Pi_g-L", "id": list("abcdefg"), "view": 0})
+    scores["chamfer_l2_sq"] = [5.0, 1.0, 7.0, 3.0, 2.0, 6.0, 4.0]
+    rendered = [(name, 0) for name in "abcdef"]  # g was not rendered
+    chosen = report_pictures.examples(scores, rendered, 3)
+    assert [(name, image[0]) for name, image in chosen] == [("best", "b"), ("median", "d"), ("worst", "c")]
+    assert len(report_pictures.examples(scores, rendered, 50)) == 6
+    assert [name for name, _ in report_pictures.examples(scores, rendered, 5)][1::2] == ["25 % point", "75 % point"]
+
+
+def test_damaged_and_missing_inputs_are_named(reported):
+    _, config_path, _ = reported
+    path = Path("artifacts/fake/evaluate/si3dr.csv")
+    original = path.read_bytes()
+    path.write_bytes(original.replace(b"measured", b"measurec", 1))
+    with pytest.raises(checks.InputError, match=r"si3dr\.csv is damaged"):
+        report_inputs.read_results(config_path)
+    path.write_bytes(original)
+    log = Path("artifacts/fake/train_pcsiren/plane/log.csv")
+    moved = log.rename(log.with_suffix(".moved"))
+    with pytest.raises(FileNotFoundError, match=r"plane.log\.csv does not exist"):
+        report_inputs.read_results(config_path)
+    moved.rename(log)
+
+
+@pytest.mark.parametrize("name", ["smoke", "cpu", "paper"])
+def test_every_experiment_file_has_the_settings_that_the_report_prints(name):
+    path = _ROOT / "configs" / f"{name}.yaml"
+    settings = config.read(path)
+    empty = pd.DataFrame()
+    results = report_inputs.Results(name, {}, empty, empty, empty, empty, {}, {}, {}, empty, {}, settings)
+    printed = [results.setting(key) for _, key, _ in reports.SETTINGS]
+    if name == "paper":
+        wanted = [value for _, _, value in reports.SETTINGS]
+        assert all(have in (want, "all") for have, want in zip(printed, wanted, strict=True))
+    with pytest.raises(checks.InputError, match=r"no key 'train\.nothing'"):
+        results.setting("train.nothing")
+    config.load(path, "report", reports.ReportConfig)
+    config.load(path, "evaluate", evaluation.EvaluateConfig)
+
+
+@pytest.mark.parametrize("examples", [1, 21])
+def test_report_settings_out_of_range_are_refused(examples):
+    with pytest.raises(checks.InputError, match=r"report\.examples"):
+        reports.ReportConfig(examples)
