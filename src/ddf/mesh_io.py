@@ -92,14 +92,19 @@ def load(path: Path | str) -> Mesh:
         raise checks.InputError(f"{path}: {fault}") from fault
 
 
+def require_suffix(suffix: str) -> None:
+    """Raise unless meshes with this suffix are read and written."""
+    if suffix.lower() not in SUFFIXES:
+        raise checks.InputError(f"mesh files must end in one of {', '.join(SUFFIXES)}; got {suffix or 'no suffix'}")
+
+
 def parse(data: bytes, suffix: str) -> Mesh:
     """Read one mesh from the bytes of a file with this suffix.
 
     Raises:
       InputError: as `load`, without the file's name.
     """
-    if suffix not in SUFFIXES:
-        raise checks.InputError(f"mesh files must end in one of {', '.join(SUFFIXES)}; got {suffix or 'no suffix'}")
+    require_suffix(suffix)
     if not data.strip(b"\0 \t\r\n"):
         raise checks.InputError("the file is empty")
     if suffix == ".obj":
@@ -235,8 +240,7 @@ def export_bytes(mesh: Mesh, suffix: str) -> bytes:
       InputError: a suffix that is not written.
     """
     suffix = suffix.lower()
-    if suffix not in SUFFIXES:
-        raise checks.InputError(f"mesh files must end in one of {', '.join(SUFFIXES)}; got {suffix or 'no suffix'}")
+    require_suffix(suffix)
     if suffix == ".ply":
         return ply_bytes(mesh, double=True)
     plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)

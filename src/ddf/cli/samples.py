@@ -1,0 +1,72 @@
+"""`ddf samples`: the six types of oriented-point samples of a mesh."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ddf import checks, mesh_io, meshes, sampling, seeding, storage, transforms
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the files and how many samples; the defaults are those of single shapes in [DDF22]."""
+    parser.add_argument("mesh", metavar="MESH", type=Path, help="mesh file; sampled as it is, in the field frame")
+    parser.add_argument(
+        "out", metavar="OUT.safetensors", type=Path, help="gets <type>.positions, ... (docs/formats.md)"
+    )
+    parser.add_argument(
+        "--seed", metavar="S", type=int, default=0, help="equal seeds, equal bytes (default %(default)s)"
+    )
+    parser.add_argument(
+        "--count", metavar="N", type=int, default=250_000, help="of types U and A; the others N/2 (default %(default)s)"
+    )
+    parser.add_argument(
+        "--epsilon",
+        metavar="E",
+        type=float,
+        default=0.05,
+        help="offset of O samples, field units (default %(default)g)",
+    )
+    parser.add_argument(
+        "--box", choices=("tight", "cube"), default="tight", help="the shape's box or [-1, 1]^3 (default %(default)s)"
+    )
+    parser.add_argument(
+        "--watertight", action="store_true", help="close and decimate the mesh first, as `ddf mesh` does"
+    )
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Sample the mesh and write the samples; returns the counts, hit shares and packing errors."""
+    if args.count < 2:
+        raise checks.InputError(f"--count must be >= 2; got {args.count}")
+    half = args.count // 2
+    config = sampling.SamplesConfig(
+        counts=sampling.Counts(U=args.count, A=args.count, B=half, S=half, T=half, O=half),
+        epsilon_o=args.epsilon,
+        offsets="fixed",
+        box=args.box,
+        seed=args.seed,
+    )
+    mesh, field_from_raw = _field_mesh(mesh_io.load(args.mesh), args.watertight)
+    arrays, errors = sampling.extract(mesh, config)
+    metadata = {
+        "seed": args.seed,
+        "sources": {args.mesh.name: storage.checksum(args.mesh)},
+        "field_from_raw": field_from_raw.to_dict(),
+        "packing_errors": errors,
+    }
+    storage.save_tensors(args.out, arrays, metadata)
+    shares = {
+        kind: float(np.mean(arrays[f"{kind}.depth"] != np.iinfo(np.uint16).max)) for kind, _ in config.counts.items()
+    }
+    return {"counts": dict(config.counts.items()), "hit_share": shares, **metadata, "out": args.out.as_posix()}
+
+
+def _field_mesh(raw: mesh_io.Mesh, watertight: bool) -> tuple[mesh_io.Mesh, transforms.Similarity]:
+    if watertight:
+        config = meshes.MeshesConfig()
+        prepared = meshes.prepare(raw, config, seeding.generator(config.seed, "measure"))
+        return prepared.mesh, prepared.field_from_raw
+    field_from_raw = transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)])
+    return mesh_io.Mesh(field_from_raw.apply(raw.vertices), raw.faces), field_from_raw
