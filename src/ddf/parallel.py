@@ -23,6 +23,7 @@ from joblib.externals import loky
 from ddf import checks, storage
 
 MAX_FAILURE_SHARE = 0.02
+SCHEDULER_SECONDS = 20  # to wait for the Dask scheduler
 SMALL_RUN = 50  # below this many items, one failure is allowed although it is more than 2 %
 
 Item = TypeVar("Item")
@@ -155,7 +156,7 @@ def _backend() -> Iterator[None]:
         raise checks.InputError(
             "DASK_SCHEDULER_ADDRESS is set, but dask.distributed is not installed; install it or unset the variable"
         ) from error
-    with distributed.Client(address, timeout="20s"), joblib.parallel_config(backend="dask"):
+    with distributed.Client(address, timeout=SCHEDULER_SECONDS), joblib.parallel_config(backend="dask"):
         yield
 
 

@@ -1,0 +1,249 @@
+"""The engine under fire, on a small experiment in a copy of the repository: kills, two runs, damage, changed keys."""
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+
+ROOT = Path(__file__).resolve().parents[2]
+IGNORED = {".git", ".venv", ".make", "artifacts", "reports", "cache", "tmp", "dvc.lock", "__pycache__", ".pytest_cache"}
+SMALLER = {
+    r"categories: .*": "categories: {primitives: 6}",
+    r"(meshes:(?:\n .*)*?shard_size): \d+": r"\1: 2",
+    r"(samples:(?:\n .*)*?shard_size): \d+": r"\1: 2",
+    r"checkpoint_seconds: .*": "checkpoint_seconds: 0.0",
+}
+
+
+@dataclass
+class Workspace:
+    """A copy of the repository with one finished run of the smoke experiment."""
+
+    root: Path
+
+    def start(self, *targets: str, **variables: str) -> subprocess.Popen[str]:
+        environment = {
+            **os.environ,
+            "PYTHONPATH": str(self.root / "src"),
+            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+            **variables,
+        }
+        return subprocess.Popen(
+            # READY: this test's own interpreter stands for the environment that make would set up.
+            ["make", "READY=ready", "-o", "ready", *targets],
+            cwd=self.root,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+
+    def make(self, *targets: str, ok: bool = True, **variables: str) -> str:
+        process = self.start(*targets, **variables)
+        output, _ = process.communicate(timeout=600)
+        assert (process.returncode == 0) == ok, output
+        return output
+
+    def smoke(self) -> list[str]:
+        """Run the experiment; the stages that ran."""
+        return [name.split("@")[0] for name in re.findall(r"Running stage '(.*)'", self.make("smoke"))]
+
+    @property
+    def artifacts(self) -> Path:
+        return self.root / "artifacts" / "smoke"
+
+    @property
+    def table(self) -> str:
+        return (self.artifacts / "evaluate" / "si3dr.csv").read_text()
+
+    @contextlib.contextmanager
+    def edited(self, file: str, pattern: str, replacement: str) -> Iterator[None]:
+        path = self.root / file
+        before = path.read_text()
+        after, count = re.subn(pattern, replacement, before, count=1)
+        assert count == 1
+        path.write_text(after)
+        try:
+            yield
+        finally:
+            path.write_text(before)
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
+    root = tmp_path_factory.mktemp("engine") / "copy"
+    shutil.copytree(ROOT, root, symlinks=True, ignore=lambda _, names: IGNORED.intersection(names))
+    config = root / "configs" / "smoke.yaml"
+    text = config.read_text()
+    for pattern, replacement in SMALLER.items():
+        text, count = re.subn(pattern, replacement, text, count=1)
+        assert count == 1, pattern
+    config.write_text(text)
+    result = Workspace(root)
+    assert result.smoke()[-1] == "report"
+    return result
+
+
+def test_second_call_runs_nothing(workspace):
+    assert workspace.smoke() == []
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "stages"),
+    [
+        (r"oracle_shortlist: .*", "oracle_shortlist: 1", {"evaluate", "report"}),
+        (r"(pcsiren:(?:\n .*)*?steps): \d+", r"\1: 7", {"train_pcsiren", "pointclouds", "evaluate", "report"}),
+        (r"examples: .*", "examples: 3", {"report"}),
+    ],
+)
+def test_a_changed_key_runs_its_stage_and_what_follows(workspace, pattern, replacement, stages):
+    table = workspace.table
+    with workspace.edited("configs/smoke.yaml", pattern, replacement):
+        assert set(workspace.smoke()) == stages
+    assert set(workspace.smoke()) == stages
+    assert workspace.table == table
+
+
+def test_a_changed_comment_of_the_config_runs_nothing(workspace):
+    with workspace.edited("configs/smoke.yaml", r"\A", "# a remark\n"):
+        assert workspace.smoke() == []
+
+
+def test_changed_code_runs_the_stages_that_import_it(workspace):
+    with workspace.edited("src/ddf/paper_results.py", r"\Z", "\n# a remark\n"):
+        assert set(workspace.smoke()) <= {"evaluate", "report"}
+    workspace.smoke()
+
+
+@pytest.mark.parametrize(
+    ("stage", "sign", "whole_group"),
+    [
+        ("dataset", "dataset/**/*.png", True),
+        ("meshes", "meshes/primitives/000.zip", True),
+        ("meshes", "meshes/primitives/000.zip", False),
+        ("samples", "samples/primitives/000.samples.safetensors", True),
+        ("train_ddf", "train_ddf/primitives/checkpoint.safetensors", True),
+        ("train_ddf", "train_ddf/primitives/checkpoint.safetensors", False),
+        ("train_pcsiren", "train_pcsiren/primitives/checkpoint.safetensors", True),
+        ("pointclouds", "times/make_pointclouds-primitives.lock", True),
+    ],
+)
+def test_sigkill_and_again_gives_the_same_table(workspace, stage, sign, whole_group):
+    table = workspace.table
+    shutil.rmtree(workspace.artifacts / stage)
+    for lock in (workspace.artifacts / "times").glob("*.lock"):
+        lock.unlink()
+    process = workspace.start("smoke")
+    deadline = time.monotonic() + 240
+    while not list(workspace.artifacts.glob(sign)):
+        assert process.poll() is None, process.communicate()[0]
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    if whole_group:
+        os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()
+    process.wait()
+    workspace.make("smoke")
+    assert workspace.table == table
+    assert workspace.smoke() == []
+
+
+def test_two_calls_at_once_run_one_after_the_other(workspace):
+    shutil.rmtree(workspace.artifacts / "evaluate")
+    first = workspace.start("smoke")
+    deadline = time.monotonic() + 60
+    while not (workspace.root / ".make" / "lock.pid").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    time.sleep(0.5)
+    second = workspace.start("smoke")
+    outputs = [process.communicate(timeout=600)[0] for process in (first, second)]
+    assert [first.returncode, second.returncode] == [0, 0], outputs
+    assert outputs[1].startswith("another run holds this folder (process ")
+    assert outputs[1].splitlines()[0].endswith("waiting for it to end")
+    assert "Running stage" in outputs[0]
+    assert "Running stage" not in outputs[1]
+
+
+DAMAGED = [
+    "dataset/index.json",
+    "dataset/ShapeNetRendering/*/*/rendering/00.png",
+    "meshes/primitives/000.zip",
+    "samples/primitives/001.samples.safetensors",
+    "samples/primitives/001.clouds.safetensors",
+    "train_ddf/primitives/model.safetensors",
+    "train_pcsiren/primitives/checkpoint.safetensors",
+    "pointclouds/primitives/ddf.safetensors",
+    "evaluate/si3dr.csv",
+]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "how"),
+    [*((pattern, "flip") for pattern in DAMAGED), *((pattern, "truncate") for pattern in DAMAGED[2:8:3])]
+    + [(DAMAGED[5], "remove")],
+)
+def test_damage_is_noticed_and_mended(workspace, pattern, how):
+    table = workspace.table
+    path = sorted(workspace.artifacts.glob(pattern))[0]
+    good = path.read_bytes()
+    if how == "flip":
+        middle = len(good) // 2
+        path.write_bytes(good[:middle] + bytes([good[middle] ^ 1]) + good[middle + 1 :])
+    elif how == "truncate":
+        path.write_bytes(good[: len(good) // 2])
+    else:
+        path.unlink()
+    assert workspace.smoke() != []
+    assert path.read_bytes() == good
+    assert workspace.table == table
+    assert workspace.smoke() == []
+
+
+def test_an_unknown_key_is_one_line(workspace):
+    with workspace.edited("configs/smoke.yaml", r"oracle_points:", "oracle_pionts:"):
+        output = workspace.make("smoke", ok=False)
+    lines = [line for line in output.splitlines() if line.startswith("ddf: error:")]
+    keys = "tau_sq, oracle_points, oracle_shortlist, seed"
+    assert lines == [f"ddf: error: configs/smoke.yaml: evaluate: unknown key 'oracle_pionts'; the keys are {keys}"]
+    assert "Traceback" not in output
+    workspace.smoke()
+
+
+def test_an_output_that_cannot_be_written_is_one_line(workspace):
+    evaluate = workspace.artifacts / "evaluate"
+    shutil.rmtree(evaluate)
+    script = [sys.executable, "stages/evaluate_clouds.py", "--config", "configs/smoke.yaml"]
+    environment = {**os.environ, "PYTHONPATH": str(workspace.root / "src")}
+    evaluate.write_text("a file where the folder should be")
+    result = subprocess.run(script, cwd=workspace.root, env=environment, capture_output=True, text=True)
+    assert result.returncode == 2
+    assert result.stderr.splitlines()[-1].startswith("ddf: error: ")
+    assert "Traceback" not in result.stderr
+    evaluate.unlink()
+    # A limit on the size of files stands for a full disk: the same place fails, with the same kind of error.
+    limited = ["bash", "-c", f"ulimit -f 1; trap '' XFSZ; exec {' '.join(script)}"]
+    result = subprocess.run(limited, cwd=workspace.root, env=environment, capture_output=True, text=True)
+    assert result.returncode == 2
+    assert result.stderr.splitlines()[-1].startswith("ddf: error: File too large")
+    assert "Traceback" not in result.stderr
+    assert not list(evaluate.glob("*"))
+    workspace.smoke()
+
+
+def test_a_config_that_is_not_there_is_one_line(workspace):
+    output = workspace.make("reproduce-table", "CONFIG=configs/nothing.yaml", ok=False)
+    assert output.splitlines()[0].startswith("configs/nothing.yaml: no such experiment file; CONFIG is one of: ")
