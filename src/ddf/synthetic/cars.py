@@ -9,8 +9,8 @@ from jaxtyping import Float
 from ddf.synthetic import palette, parts
 from ddf.synthetic.parts import Paint, Part, Real
 
-STYLES = ("hatchback", "saloon", "estate", "suv", "van", "pickup", "sports")
-STYLE_ODDS = (0.2, 0.25, 0.1, 0.15, 0.1, 0.1, 0.1)
+STYLES = ("hatchback", "saloon", "estate", "suv", "jeep", "van", "pickup", "sports", "convertible")
+STYLE_ODDS = (0.18, 0.24, 0.1, 0.13, 0.05, 0.09, 0.08, 0.08, 0.05)
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,8 @@ class _Car:
 
     hood, belt, deck: heights of the bonnet's front, of the window line and of the boot; roof: height of the roof; cowl:
     x of the windscreen's foot; screen, rear_screen: how far the two screens lean over their height; tail: x of the rear
-    screen's foot; clearance: of the sill; wheel: radius; axles: x of the rear and the front wheel.
+    screen's foot; clearance: of the sill; wheel: radius; axles: x of the rear and the front wheel; nose: width of the
+    ends over that of the middle; bulge: of the sides, 0 for flat ones with sharp edges to 1.
     """
 
     length: Real
@@ -35,6 +36,8 @@ class _Car:
     clearance: Real
     wheel: Real
     axles: tuple[Real, Real]
+    nose: Real
+    bulge: Real
     paint: Paint
 
 
@@ -45,18 +48,24 @@ def _measures(rng: np.random.Generator, style: str) -> _Car:
         "saloon": (4.7, 1.8, 1.43),
         "estate": (4.7, 1.8, 1.48),
         "suv": (4.6, 1.88, 1.75),
+        "jeep": (4.0, 1.75, 1.85),
+        "convertible": (4.3, 1.78, 1.32),
         "van": (4.9, 1.9, 2.05),
         "pickup": (5.2, 1.9, 1.75),
         "sports": (4.3, 1.85, 1.2),
     }[style]
     length, width, roof = (value * rng.uniform(0.94, 1.06) for value in (length, width, roof))
-    wheel = {"suv": 0.38, "pickup": 0.39, "van": 0.35}.get(style, 0.32) * rng.uniform(0.94, 1.1)
+    wheel = {"suv": 0.38, "jeep": 0.4, "pickup": 0.39, "van": 0.35}.get(style, 0.32) * rng.uniform(0.94, 1.1)
     half = length / 2
     belt = (0.62 if style != "van" else 0.55) * roof * rng.uniform(0.96, 1.04)
-    hood = belt * rng.uniform(0.78, 0.9)
+    hood = belt * (0.97 if style == "jeep" else rng.uniform(0.74, 0.92))
     cowl = {"van": 0.62, "sports": 0.22, "hatchback": 0.42, "pickup": 0.34}.get(style, 0.36) * half
-    tail = {"saloon": -0.62, "sports": -0.66, "pickup": -0.12}.get(style, -0.985) * half
-    deck = belt * {"saloon": rng.uniform(0.93, 1.0), "sports": 0.95, "pickup": 0.98}.get(style, 1.0)
+    tail = {"saloon": rng.uniform(-0.7, -0.56), "sports": -0.66, "pickup": -0.12, "convertible": -0.55}.get(
+        style, -0.985
+    ) * half
+    deck = belt * {"saloon": rng.uniform(0.93, 1.0), "sports": 0.95, "pickup": 0.98, "convertible": 0.97}.get(
+        style, 1.0
+    )
     return _Car(
         length=length,
         width=width,
@@ -65,7 +74,7 @@ def _measures(rng: np.random.Generator, style: str) -> _Car:
         deck=deck,
         roof=roof,
         cowl=cowl + rng.uniform(-0.05, 0.05),
-        screen=(roof - belt) * rng.uniform(0.95, 1.5) * (0.75 if style == "van" else 1.0),
+        screen=(roof - belt) * rng.uniform(0.95, 1.5) * {"van": 0.75, "jeep": 0.25}.get(style, 1.0),
         tail=tail,
         rear_screen=(roof - belt)
         * {"saloon": 1.3, "sports": 1.7, "hatchback": 0.6, "estate": 0.4}.get(style, 0.18)
@@ -73,6 +82,8 @@ def _measures(rng: np.random.Generator, style: str) -> _Car:
         clearance=wheel * rng.uniform(0.5, 0.75),
         wheel=wheel,
         axles=(-half + rng.uniform(0.17, 0.21) * length, half - rng.uniform(0.165, 0.2) * length),
+        nose=0.6 if style == "jeep" else rng.uniform(0.76, 0.9),
+        bulge=rng.uniform(0.25, 0.5) if style in ("jeep", "van") else rng.uniform(0.55, 1.0),
         paint=palette.car(rng),
     )
 
@@ -81,7 +92,8 @@ def build(rng: np.random.Generator) -> list[Part]:
     """One car."""
     style = str(rng.choice(STYLES, p=STYLE_ODDS))
     car = _measures(rng, style)
-    pieces = [_body(car, style), *_cabin(rng, car), *_wheels(rng, car), *_lamps(rng, car), *_bumpers(rng, car)]
+    pieces = [_body(car), *_wheels(rng, car), *_lamps(rng, car), *_bumpers(rng, car)]
+    pieces += _open_cabin(rng, car) if style == "convertible" else _cabin(rng, car)
     if rng.random() < 0.85:
         pieces += _mirrors(car)
     if style == "pickup":
@@ -90,10 +102,12 @@ def build(rng: np.random.Generator) -> list[Part]:
         pieces += _roof_rails(car)
     if style == "sports" and rng.random() < 0.5:
         pieces += _spoiler(car)
+    if style == "jeep" and rng.random() < 0.7:
+        pieces += [part.moved(-car.length / 2 - 0.1, car.belt * 0.85, 0) for part in _spare(car)]
     return pieces
 
 
-def _body(car: _Car, style: str) -> Part:
+def _body(car: _Car) -> Part:
     """The lower body: a loft along x whose lower edge rises over the wheels."""
     half = car.length / 2
     stations = [
@@ -143,19 +157,16 @@ def _section(car: _Car, x: Real, arch: Real) -> Float[np.ndarray, "s 3"]:
         if abs(x - axle) < arch:
             bottom = max(bottom, car.wheel * 0.95 + np.sqrt(arch**2 - (x - axle) ** 2))
     ends = np.clip((half - abs(x)) / (0.16 * car.length), 0, 1)
-    wide = car.width / 2 * (0.84 + 0.16 * np.sqrt(1 - (1 - ends) ** 2))
+    wide = car.width / 2 * (car.nose + (1 - car.nose) * np.sqrt(1 - (1 - ends) ** 2))
     bottom = min(bottom + 0.12 * (1 - np.sqrt(1 - (1 - min(ends * 3, 1)) ** 2)), top - 0.1)
     rise = top - bottom
-    profile = [
-        (0.9, 0.0),
-        (0.985, 0.12),
-        (1.0, 0.45),
-        (0.985, 0.72),
-        (0.93, 0.92),
-        (0.85, 0.985),
-        (0.5, 1.02),
-        (0.0, 1.03),
-    ]
+    profile = np.array(
+        [(0.9, 0.0), (0.985, 0.12), (1.0, 0.45), (0.985, 0.72), (0.93, 0.92), (0.85, 0.985), (0.5, 1.02), (0.0, 1.03)]
+    )
+    sharp = np.array(
+        [(0.97, 0.0), (1.0, 0.03), (1.0, 0.5), (0.995, 0.8), (0.99, 0.97), (0.96, 1.0), (0.5, 1.0), (0.0, 1.0)]
+    )
+    profile = sharp + car.bulge * (profile - sharp)
     side = np.array([[bottom + t * rise, s * wide] for s, t in profile])
     loop = np.concatenate([side, side[-2::-1] * np.array([1.0, -1.0])])
     return np.concatenate([np.full((len(loop), 1), x), loop], axis=1)[::-1]
@@ -191,6 +202,37 @@ def _cabin(rng: np.random.Generator, car: _Car) -> list[Part]:
         )
     shell = parts.loft(np.stack(sections), car.paint, name="cabin")
     return [shell, *_panes(rng, car)]
+
+
+def _open_cabin(rng: np.random.Generator, car: _Car) -> list[Part]:
+    """A convertible's windscreen in its frame, two rows of seats and the dark floor between them."""
+    share = rng.uniform(0.75, 1.0)
+    y0, y1 = car.belt - 0.02, car.belt + share * (car.roof - car.belt)
+    x0, x1 = car.cowl, car.cowl - share * car.screen
+    z0, z1 = _cabin_half(car, 0.0), _cabin_half(car, share)
+    glass = parts.grid(
+        np.array([[[x0, y0, z0], [x1, y1, z1]], [[x0, y0, -z0], [x1, y1, -z1]]]), palette.GLASS, name="screen"
+    )
+    frame = parts.tube(
+        [(x0, y0, z0), (x1, y1, z1), (x1, y1, -z1), (x0, y0, -z0)], 0.03, car.paint, sides=6, name="frame"
+    )
+    floor = parts.rectangle((car.tail + 0.05, car.cowl - 0.15), (-z0 * 0.9, z0 * 0.9), car.belt + 0.035)
+    tub = parts.grid(np.stack([floor[[0, 3]], floor[[1, 2]]]), palette.BLACK, name="tub")
+    leather = palette.cloth(rng)
+    seats = []
+    for x in (car.cowl - 1.0, car.cowl - 1.75):
+        if x > car.tail + 0.2:
+            rest = parts.box((x, car.belt + 0.18, 0.36), (0.16, 0.4, 0.5), leather, taper=(0.7, 0.8), name="seat")
+            seats.append(rest.turned("z", 0.25, (x, car.belt, 0)))
+    wheel = parts.tube(
+        [(0, 0.16 * np.cos(t), 0.16 * np.sin(t)) for t in np.linspace(0, 2 * np.pi, 17)[:-1]],
+        0.015,
+        palette.BLACK,
+        sides=6,
+        closed=True,
+    )
+    wheel = wheel.turned("z", 0.4).moved(car.cowl - 0.45, car.belt + 0.14, 0.36)
+    return [glass, frame, tub, *parts.both_sides(seats), wheel]
 
 
 def _panes(rng: np.random.Generator, car: _Car) -> list[Part]:
@@ -346,6 +388,12 @@ def _roof_rails(car: _Car) -> list[Part]:
         (x1, car.roof - 0.02, z),
     ]
     return parts.both_sides([parts.tube(path, 0.02, palette.CHROME, sides=6, name="rail")])
+
+
+def _spare(car: _Car) -> list[Part]:
+    """A spare wheel, its axis along X."""
+    tyre = parts.lathe(parts.disc_profile(car.wheel * 0.95, 0.11, 0.04), palette.TYRE, sides=24, axis="x", name="spare")
+    return [tyre, parts.lathe(parts.disc_profile(car.wheel * 0.5, 0.13), palette.CHROME, axis="x", name="hub")]
 
 
 def _spoiler(car: _Car) -> list[Part]:

@@ -247,3 +247,22 @@ def curve(knots: Sequence[Point] | np.ndarray, count: int) -> Float[np.ndarray, 
     t = (position - cell)[:, None]
     a, b, c, d = (padded[cell + k] for k in range(4))
     return 0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2 + (3 * b - a - 3 * c + d) * t**3)
+
+
+def rounded(corners: Sequence[Point], radius: Real, *, closed: bool = False) -> np.ndarray:
+    """A polyline with its corners cut round."""
+    points = np.asarray(corners, dtype=np.float64)
+    count = len(points)
+    inner = range(count) if closed else range(1, count - 1)
+    path = [] if closed else [points[0]]
+    for i in inner:
+        before, here, after = points[i - 1], points[i], points[(i + 1) % count]
+        into, out = before - here, after - here
+        cut = min(radius, 0.45 * np.linalg.norm(into), 0.45 * np.linalg.norm(out))
+        start = here + into / np.linalg.norm(into) * cut
+        end = here + out / np.linalg.norm(out) * cut
+        for t in np.linspace(0, 1, 5):
+            path.append((1 - t) ** 2 * start + 2 * t * (1 - t) * here + t**2 * end)
+    if not closed:
+        path.append(points[-1])
+    return np.stack(path)

@@ -7,6 +7,7 @@ the mask.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import open3d as o3d
@@ -44,9 +45,7 @@ class Renderer:
         self._edges = _edges(shape.triangles)
         self._labels = _labels(shape)
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        self._scene.add_triangles(
-            np.ascontiguousarray(vertices, dtype=np.float32), np.ascontiguousarray(shape.triangles, dtype=np.uint32)
-        )
+        self._scene.add_triangles(_tensor(vertices.astype(np.float32)), _tensor(shape.triangles.astype(np.uint32)))
 
     def render(self, view: View) -> UInt8[np.ndarray, "137 137 4"]:
         """One image, straight (not premultiplied) alpha, RGB 0 where alpha is 0."""
@@ -69,7 +68,7 @@ class Renderer:
         """The pixels between two corners: all samples are cast; even pixels are shaded once, others per sample."""
         width, height = (high - low).tolist()
         rays = _rays(rotation, centre, low, (height, width))
-        answer = self._scene.cast_rays(o3d.core.Tensor(rays), nthreads=1)
+        answer = self._scene.cast_rays(_tensor(rays), nthreads=1)
         hits = _Hits(rays, *(answer[name].numpy() for name in ("t_hit", "primitive_ids", "primitive_uvs")))
         hit = np.isfinite(hits.depth).reshape(-1, SAMPLES)
         labels = np.where(hit, self._labels[np.minimum(hits.triangles, len(self._labels) - 1)].reshape(hit.shape), -1)
@@ -106,7 +105,7 @@ class Renderer:
         shadow_rays = np.zeros((len(toward), 6), dtype=np.float32)
         shadow_rays[:, :3] = starts + SHADOW_OFFSET * normals[toward]
         shadow_rays[:, 3:] = light
-        shadow[toward] = self._scene.test_occlusions(o3d.core.Tensor(shadow_rays), nthreads=1).numpy()
+        shadow[toward] = self._scene.test_occlusions(_tensor(shadow_rays), nthreads=1).numpy()
         key = np.where(shadow, np.float32(0.1), np.float32(1.0)) * np.maximum(lit, 0)
         diffuse = 0.25 + 0.11 * normals[:, 1] + 0.54 * key + 0.13 * np.abs(_dot(normals, directions))
         half = light - directions
@@ -131,6 +130,11 @@ class _Hits:
     def pick(self, rows: Int[np.ndarray, "k"]) -> "_Hits":
         """Some of them."""
         return _Hits(self.rays[rows], self.depth[rows], self.triangles[rows], self.uvs[rows])
+
+
+def _tensor(array: Any) -> o3d.core.Tensor:
+    """Open3D's tensor of an array; its stubs do not know arrays."""
+    return o3d.core.Tensor(np.ascontiguousarray(array))
 
 
 def _dot(a: Float32[np.ndarray, "n 3"], b: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n"]:
