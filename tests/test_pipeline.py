@@ -98,7 +98,7 @@ def test_every_experiment_has_a_config():
 def test_training_and_resumable_folders_persist():
     for name, stage in STAGES.items():
         options = {key: value for entry in stage["outs"] for key, value in entry.items()}
-        resumes = name.split("@")[0] in ("meshes", "samples", "train_ddf", "train_pcsiren")
+        resumes = name.split("@")[0] in ("dataset", "meshes", "samples", "train_ddf", "train_pcsiren")
         assert all(option.get("persist", False) == resumes for option in options.values()), name
         assert all(option["cache"] is False for option in options.values()), name
 
