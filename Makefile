@@ -7,7 +7,7 @@ MAKEFLAGS += --no-print-directory
 CONFIG ?= configs/cpu.yaml#   the experiment file
 DATA   ?=#                    root that holds ShapeNetCore.v1/ and ShapeNetRendering/ (configs with dataset.source: shapenet)
 LAUNCH ?=#                    goes before every training command
-JOBS   ?= 1#                  trainings side by side (make train)
+JOBS   ?= $(shell nproc)#     trainings side by side; each takes train.loop.threads
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 
 CONFIG := $(strip $(CONFIG))
@@ -34,6 +34,11 @@ if [ -n "$$DDF_DATA" ] || [ ! -e $$root ]; then cmp -s $$root <<< "$$DDF_DATA" |
 export DDF_DATA="$$(cat $$root)"; \
 $(1)
 endef
+# Stages of one experiment by the name's pattern, side by side: DVC itself runs one at a time.
+side_by_side = dvc stage list --name-only | grep -E '^$(1)@$(NAME)-' | xargs -P $(JOBS) -n 1 dvc repro --single-item
+one_by_one = dvc stage list --name-only | grep -E '^$(1)@$(NAME)(-|$$)' | xargs dvc repro
+whole_run = dvc status -q --with-deps report@$(NAME) || { $(call one_by_one,samples) && $(call side_by_side,train_[a-z]*) \
+	&& $(call side_by_side,pointclouds) && dvc repro report@$(NAME); }
 check_config = @test -f "$(CONFIG)" || { echo "$(CONFIG): no such experiment file; CONFIG is one of: $$(echo configs/*.yaml)" >&2; exit 2; }; \
 	grep -q "^ *$(NAME):" pipeline.yaml || { echo "$(CONFIG): pipeline.yaml has no experiment '$(NAME)'; add it to the lists under vars" >&2; exit 2; }
 
@@ -41,23 +46,23 @@ check_config = @test -f "$(CONFIG)" || { echo "$(CONFIG): no such experiment fil
 .PHONY: reproduce-table
 reproduce-table: $(READY) ## from nothing to tables, figures and report: CONFIG=configs/cpu.yaml [DATA=/path/to/shapenet]
 	$(check_config)
-	$(call locked,dvc repro report@$(NAME)) && echo "reports/$(NAME)/README.md"
+	$(call locked,$(whole_run)) && echo "reports/$(NAME)/README.md"
 
 .PHONY: smoke
 smoke: NAME := smoke
 smoke: $(READY) ## synthetic primitives through every stage, in minutes
-	$(call locked,dvc repro report@smoke) && echo "reports/smoke/README.md"
+	$(call locked,$(whole_run)) && echo "reports/smoke/README.md"
 
 STAGES := dataset meshes samples train_ddf train_pcsiren pointclouds evaluate report
 .PHONY: $(addprefix stage-,$(STAGES))
 $(addprefix stage-,$(STAGES)): stage-%: $(READY) ## one stage (dataset, meshes, ..., report) and what it needs
 	$(check_config)
-	$(call locked,dvc stage list --name-only | grep -E '^$*@$(NAME)(-|$$)' | xargs dvc repro)
+	$(call locked,$(call one_by_one,$*))
 
 .PHONY: train
 train: $(READY) ## the trainings alone, JOBS=4 side by side, each behind LAUNCH="srun --gres=gpu:1"
 	$(check_config)
-	$(call locked,dvc stage list --name-only | grep -E '^train_.*@$(NAME)-' | xargs -P $(JOBS) -n 1 dvc repro --single-item)
+	$(call locked,$(call side_by_side,train_[a-z]*))
 
 .PHONY: report
 report: stage-report ## tables, figures and report of CONFIG (makes what is missing)

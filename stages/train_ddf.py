@@ -1,5 +1,6 @@
 """Train the encoders with the conditional probabilistic DDF on one category."""
 
+import dataclasses
 import functools
 from pathlib import Path
 
@@ -24,6 +25,7 @@ def run(config_path: Path, category: str) -> None:
     model.camera_head.fit(images.cameras)
     sources = si3dr_data.sources(index_path, samples_dir)
     fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, si3dr_training)
+    architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training.fit(
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera),
@@ -31,7 +33,7 @@ def run(config_path: Path, category: str) -> None:
         section.steps,
         train.loop,
         config.artifact_dir(config_path, "train_ddf", category),
-        provenance.record(fingerprint, train.loop.seed, sources),
+        provenance.record(fingerprint, train.loop.seed, sources) | architecture,
         f"ddf {category}",
     )
 

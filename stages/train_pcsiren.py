@@ -1,5 +1,6 @@
 """Train the encoders with the PC-SIREN baseline on one category."""
 
+import dataclasses
 import functools
 from pathlib import Path
 
@@ -23,6 +24,7 @@ def run(config_path: Path, category: str) -> None:
     model.camera_head.fit(images.cameras)
     sources = si3dr_data.sources(index_path, samples_dir)
     fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, si3dr_training)
+    architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training.fit(
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera),
@@ -30,7 +32,7 @@ def run(config_path: Path, category: str) -> None:
         section.steps,
         train.loop,
         config.artifact_dir(config_path, "train_pcsiren", category),
-        provenance.record(fingerprint, train.loop.seed, sources),
+        provenance.record(fingerprint, train.loop.seed, sources) | architecture,
         f"pcsiren {category}",
     )
 

@@ -150,6 +150,31 @@ def read_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
     return torch.from_numpy(pixels).permute(2, 0, 1).float() / 255
 
 
+def read_any_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
+    """An RGBA image of any size in [0, 1], padded to a square with transparent pixels, then resized as `read_image` does.
+
+    Raises:
+      InputError: the file is missing, damaged, has no alpha, or its alpha is zero everywhere; it is named.
+    """
+    if not path.is_file():
+        raise checks.InputError(f"{path}: no such image")
+    try:
+        with Image.open(path) as image:
+            image.load()
+            if image.mode != "RGBA":
+                raise checks.InputError(f"{path}: must be RGBA, its alpha is the mask of the object; got {image.mode}")
+            side = max(image.size)
+            square = Image.new("RGBA", (side, side), (0, 0, 0, 0))
+            square.paste(image, ((side - image.width) // 2, (side - image.height) // 2))
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise checks.InputError(f"{path}: not a readable image ({error})") from error
+    pixels = np.array(square.resize((size, size), Image.Resampling.BILINEAR))
+    pixels[pixels[..., 3] == 0] = 0
+    if not pixels[..., 3].any():
+        raise checks.InputError(f"{path}: is transparent everywhere; its alpha must mask the object")
+    return torch.from_numpy(pixels).permute(2, 0, 1).float() / 255
+
+
 def _check_image(image: Image.Image, path: Path) -> None:
     if image.size != (cameras.IMAGE_SIZE, cameras.IMAGE_SIZE):
         raise checks.InputError(

@@ -1,0 +1,116 @@
+"""`ddf reconstruct`: camera, cloud and renders from one RGBA image with a trained DDF model."""
+
+import argparse
+import contextlib
+import io
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+
+from ddf import (
+    checks,
+    cloud_io,
+    config,
+    pointclouds,
+    reconstruction,
+    rendering,
+    shapenet,
+    si3dr_inference,
+    si3dr_training,
+    storage,
+    strips,
+    training,
+    transforms,
+)
+
+CLOUD = pointclouds.CloudConfig(128, 3, 0.1, 0.05, 0.05, 8192)
+DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare image, model and output folder."""
+    parser.add_argument("image", metavar="IMAGE.png", type=Path, help="RGBA image; its alpha is the mask of the object")
+    parser.add_argument("model", metavar="MODEL", type=Path, help="folder of a trained DDF (artifacts/cpu/train_ddf/chair)")
+    parser.add_argument("out", metavar="OUT_DIR", type=Path, help="folder to write")
+    parser.add_argument("-n", "--points", type=int, default=DEFAULT_POINTS, help="points of the cloud (default %(default)s)")
+    parser.add_argument("--size", type=int, default=DEFAULT_SIZE, help="width of the renders in pixels (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the cloud (default %(default)s)")
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Reconstruct the object of the image; write cloud.ply, camera.json, visibility.png, depth.png, normals.png."""
+    if args.points < 2 or args.size < 1:
+        raise checks.InputError(f"--points must be >= 2 and --size >= 1; got {args.points} and {args.size}")
+    folder = args.model.parent if args.model.name == training.MODEL else args.model
+    model, image_size = load(folder)
+    image = shapenet.read_any_image(args.image, image_size)[None].to(training.device())
+    seconds: dict[str, float] = {}
+    with _timed(seconds, "encoders"), torch.no_grad():
+        latent, camera = model.shape_encoder(image), model.camera_head(model.camera_encoder(image))[0]
+        modulations = [m[0] for m in model.modulations(latent)]
+    with _timed(seconds, "cloud"):
+        generator = torch.Generator(training.device()).manual_seed(args.seed)
+        cycles = pointclouds.sample(model.field, modulations, args.points, CLOUD, generator)
+        cloud = cycles[-1].most_visible(args.points, CLOUD.oversampling)
+    scale = si3dr_inference.scale_from_cloud(cloud)
+    with _timed(seconds, "renders"):
+        field_scale = torch.tensor(1 / scale, device=camera.device)
+        pictures, queries = rendering.render(model.field, modulations, camera, field_scale, args.size)
+    args.out.mkdir(parents=True, exist_ok=True)
+    storage.write_bytes(args.out / "cloud.ply", cloud_io.points_ply(scale * cloud.cpu().numpy()))
+    for name, picture in _pictures(pictures).items():
+        storage.write_bytes(args.out / f"{name}.png", _png(picture))
+    azimuth, elevation, radius = (float(x) for x in camera)
+    result = {
+        "camera": {"azimuth_deg": float(np.degrees(azimuth)), "elevation_deg": float(np.degrees(elevation)), "ratio": radius},
+        "points": args.points,
+        "v1_from_field": transforms.Similarity(scale).to_dict(),
+        "queries_per_pixel": queries / args.size**2,
+        "seconds": {name: round(value, 4) for name, value in seconds.items()},
+    }
+    storage.write_json(args.out / "camera.json", result)
+    return result
+
+
+def load(folder: Path) -> tuple[reconstruction.DDFModel, int]:
+    """A trained DDF model and the image size that it takes, from the record inside its file.
+
+    Raises:
+      FileNotFoundError: there is no model. InputError: it is damaged, or of another kind.
+    """
+    record = storage.load_metadata(folder / training.MODEL)
+    if record.get("kind") != "ddf":
+        raise checks.InputError(f"{folder}: holds no DDF model; give a folder that `make train` wrote under train_ddf/")
+    train = config.parse(record["train"], si3dr_training.TrainConfig, f"{folder}: train")
+    section = config.parse(record["section"], si3dr_training.DDFConfig, f"{folder}: ddf")
+    model = si3dr_training.ddf_model(train, section)
+    training.load_model(model, folder)
+    return model, train.image_size
+
+
+def _pictures(found: dict[str, torch.Tensor]) -> dict[str, np.ndarray]:
+    arrays = {name: values.cpu().numpy() for name, values in found.items()}
+    return {
+        "visibility": strips.visibility_picture(arrays["visibility"]),
+        "depth": strips.depth_picture(arrays["depth"], arrays["visibility"]),
+        "normals": strips.normals_picture(arrays["normals"], arrays["visibility"]),
+    }
+
+
+def _png(picture: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+@contextlib.contextmanager
+def _timed(table: dict[str, float], name: str) -> Iterator[None]:
+    """Note the wall time of a block in a table."""
+    started = time.monotonic()
+    yield
+    table[name] = time.monotonic() - started
