@@ -107,12 +107,18 @@ def test_one_broken_shape_is_reported_and_left_out_and_moves_no_other(copy_of_ro
     assert len(rows) == 2 and rows[1].startswith(f"{broken},dataset,") and fault in rows[1]
 
 
-def test_too_many_broken_shapes_stop_the_stage(copy_of_root, tmp_path):
-    for shape in shapenet.list_shapes(copy_of_root, CHAIR)[:2]:
-        _image(copy_of_root, shape, 0).unlink()
+def test_too_many_broken_shapes_stop_the_stage_until_they_are_mended(copy_of_root, tmp_path):
+    section = _config(source="shapenet", categories={"chair": None})
+    images = [_image(copy_of_root, shape, 0) for shape in shapenet.list_shapes(copy_of_root, CHAIR)[:2]]
+    whole = [path.read_bytes() for path in images]
+    for path in images:
+        path.unlink()
     with pytest.raises(checks.InputError, match="2 of 6 shapes failed"):
-        _run(_config(source="shapenet", categories={"chair": None}), tmp_path / "out")
+        _run(section, tmp_path / "out")
     assert not (tmp_path / "out" / "index.json").exists()
+    for path, data in zip(images, whole, strict=True):
+        path.write_bytes(data)
+    assert len(_run(section, tmp_path / "out")["categories"]["chair"]["shapes"]) == 6
 
 
 def test_missing_roots_say_how_to_give_one(tmp_path, monkeypatch):

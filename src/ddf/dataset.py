@@ -15,7 +15,7 @@ from ddf import checks, parallel, provenance, shapenet, splits, storage
 from ddf.synthetic import write
 
 ROOT_VARIABLE = "DDF_DATA"  # environment variable with the root of real data, set by `make ... DATA=`
-SHARD_SIZE = 4
+SHARD_SIZES = {"synthetic": 4, "shapenet": 100}  # a shape takes about half a second to make, 10 ms to check
 CHECK_SIZE = 64  # pixels; any size reads the whole file
 
 
@@ -115,10 +115,12 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     items = list_synthetic(config) if synthetic else list_real(config, root)
     if synthetic:
         remove_strangers(root, items)
+    else:
+        forget_checks(out_dir)
     failures = parallel.map_shards(
         ShardJob(root, config.views, config.seed if synthetic else None),
         items,
-        shard_size=SHARD_SIZE,
+        shard_size=SHARD_SIZES[config.source],
         out_dir=out_dir,
         fingerprint=provenance.fingerprint([config.source, config.views, config.seed, str(root)], [], __name__),
         describe="dataset",
@@ -186,6 +188,13 @@ def remove_strangers(root: Path, items: Sequence[Item]) -> None:
                 shutil.rmtree(folder)
 
 
+def forget_checks(out_dir: Path) -> None:
+    """Delete what earlier checks found, because the user may have mended the data since."""
+    for record in out_dir.glob("[0-9]*.json"):
+        record.unlink()
+
+
 def write_index(config: DatasetConfig, out_dir: Path) -> None:
-    """Run the stage: `make`, then index.json under its final name."""
+    """Run the stage: `make`, then index.json under its final name; an index of an earlier run is gone meanwhile."""
+    (out_dir / "index.json").unlink(missing_ok=True)
     storage.write_json(out_dir / "index.json", make(config, out_dir))

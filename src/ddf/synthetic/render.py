@@ -134,7 +134,7 @@ class _Hits:
 
 def _tensor(array: Any) -> o3d.core.Tensor:
     """Open3D's tensor of an array; its stubs do not know arrays."""
-    return o3d.core.Tensor(np.ascontiguousarray(array))
+    return o3d.core.Tensor(np.ascontiguousarray(array))  # pyright: ignore[reportCallIssue]
 
 
 def _dot(a: Float32[np.ndarray, "n 3"], b: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n"]:
