@@ -172,12 +172,17 @@ def _require_room(kind: str, claimed: int, least_bytes: int, data: bytes) -> Non
 
 
 def _check_off(data: bytes) -> None:
-    text = re.sub(rb"#[^\n]*", b"", data[:65536])
+    text = re.sub(rb"#[^\n]*", b"", data)
     match = re.match(rb"\s*(?:ST|C|N|4)*OFF\s+(\d+)\s+(\d+)", text)
     if not match:
         raise checks.InputError("not an off mesh: no OFF header with counts")
     _require_room("vertices", int(match[1]), 6, data)
     _require_room("faces", int(match[2]), 8, data)
+    rows = sum(1 for line in text[match.end() :].splitlines()[1:] if line.strip())
+    if rows < int(match[1]) + int(match[2]):
+        raise checks.InputError(
+            f"cut short: {match[1].decode()} vertices and {match[2].decode()} faces, but {rows} rows"
+        )
 
 
 def _check_stl(data: bytes) -> None:

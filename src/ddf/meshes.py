@@ -13,7 +13,7 @@ import fast_simplification
 import numpy as np
 import pymeshlab
 from jaxtyping import Float, Int
-from scipy import sparse
+from scipy import sparse, spatial
 
 from ddf import checks, raycast, transforms
 from ddf.mesh_io import Mesh, face_normals
@@ -91,12 +91,21 @@ def clean(mesh: Mesh) -> Mesh:
 
 
 def _weld(mesh: Mesh, tolerance: float) -> Mesh:
-    keys = mesh.vertices + 0.0  # turns -0.0 into 0.0, which compares equal but has other bytes
+    """One vertex, the first, in place of all that are equal or joined by steps no longer than the tolerance."""
     if tolerance > 0:
-        keys = np.round((keys - keys.min(axis=0)) / tolerance)
-    rows = np.ascontiguousarray(keys).view(f"V{3 * keys.itemsize}").ravel()
-    _, first, label = np.unique(rows, return_index=True, return_inverse=True)
+        pairs = spatial.cKDTree(mesh.vertices).query_pairs(tolerance, output_type="ndarray")
+        label = _components(pairs, len(mesh.vertices))
+    else:
+        keys = np.ascontiguousarray(mesh.vertices + 0.0)  # -0.0 becomes 0.0, which is equal but has other bytes
+        label = np.unique(keys.view(f"V{3 * keys.itemsize}").ravel(), return_inverse=True)[1].reshape(-1)
+    _, first, label = np.unique(label, return_index=True, return_inverse=True)
     return Mesh(mesh.vertices[first], label.reshape(-1)[mesh.faces])
+
+
+def _components(pairs: Int[np.ndarray, "k 2"], count: int) -> Int[np.ndarray, "count"]:
+    """Component of every node of a graph given by its edges."""
+    graph = sparse.coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return sparse.csgraph.connected_components(graph, directed=False)[1]
 
 
 def _without_repeats(mesh: Mesh) -> Mesh:
@@ -136,9 +145,8 @@ def has_manifold_vertices(mesh: Mesh) -> bool:
     pairs_a = np.concatenate([start[left], stop[left]])
     near, far = np.where(same_way, [start[right], stop[right]], [stop[right], start[right]])
     pairs_b = np.concatenate([near, far])
-    graph = sparse.coo_matrix((np.ones(len(pairs_a)), (pairs_a, pairs_b)), shape=(3 * m, 3 * m))
-    fans, _ = sparse.csgraph.connected_components(graph, directed=False)
-    return bool(fans == len(np.unique(mesh.faces)))
+    fan = _components(np.stack([pairs_a, pairs_b], axis=1), 3 * m)
+    return bool(fan.max() + 1 == len(np.unique(mesh.faces)))
 
 
 def _to_meshlab(mesh: Mesh) -> pymeshlab.MeshSet:
@@ -156,10 +164,7 @@ def _is_clean_solid(mesh: Mesh) -> bool:
     """One closed piece, right side out or inside out, that nowhere meets itself."""
     if not (is_watertight(mesh) and has_manifold_vertices(mesh)):
         return False
-    edges = _edges(mesh.faces)
-    n = len(mesh.vertices)
-    graph = sparse.coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
-    if sparse.csgraph.connected_components(graph, directed=False)[0] != 1:
+    if _components(_edges(mesh.faces), len(mesh.vertices)).max() > 0:
         return False
     work = _to_meshlab(mesh)
     work.compute_selection_by_self_intersections_per_face()

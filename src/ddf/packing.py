@@ -14,7 +14,7 @@ from typing import TypedDict
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt
 from torch import Tensor
 
 from ddf import checks
@@ -63,7 +63,7 @@ def decode_positions(codes: Tensor) -> Float[Tensor, "*n 3"]:
     return codes.float() / POSITION_STEPS
 
 
-def encode_depth(depth: Float[np.ndarray, "*n"]) -> Int[np.ndarray, "*n"]:
+def encode_depth(depth: Float[np.ndarray, "*n"]) -> UInt[np.ndarray, "*n"]:
     """Depths as uint16; `inf` becomes the code of a miss.
 
     Raises:
