@@ -6,6 +6,7 @@ One colour per method in every chart: blue for DDF, orange for PC-SIREN, greys f
 
 import functools
 import io
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from PIL import ImageFont
 METHOD_COLOURS = {"ddf": "#1F5FA8", "ddf_nh1": "#7FA7D6", "pc_siren": "#D5702A"}
 BASELINE_COLOUR, CEILING_COLOUR = "#A9AFBA", "#5E6673"
 _MAX_POINTS = 400  # of a curve: more cannot be told apart, and the file stays small
+_POINTS_PER_INCH = 94  # of a shown chart: 72 is its true size, a little small on a screen
 _STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
@@ -113,9 +115,10 @@ def _draw_losses(panel: Any, log: pd.DataFrame, colour: str) -> None:
     shades = matplotlib.colormaps["tab20c"](np.linspace(0, 1, 20))[:, :3]
     for i, name in enumerate(terms):
         values = thin[name].to_numpy(dtype=np.float64)
-        panel.plot(
-            thin["step"], np.where(values > 0, values, np.nan), lw=0.7, color=shades[(4 * i + i // 5) % 20], label=name
-        )
+        if (values < 0).any():  # the normals' term is -|cosine|, in [-1, 0]; one more is an error again
+            values, name = values + 1.0, f"{name} + 1"
+        shade = shades[(4 * i + i // 5) % 20]
+        panel.plot(thin["step"], np.where(values > 0, values, np.nan), lw=0.7, color=shade, label=name)
     window = max(1, len(log) // 40)
     smooth = log["loss"].rolling(window, min_periods=1, center=True).mean().iloc[thin.index]
     panel.plot(thin["step"], thin["loss"], lw=0.5, alpha=0.35, color=colour)
@@ -186,4 +189,7 @@ def _panels(count: int, size: tuple[float, float], share_y: bool) -> tuple[figur
 def _svg(chart: figure.Figure) -> str:
     buffer = io.StringIO()
     chart.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return buffer.getvalue()
+    width, height = (f"{inches * _POINTS_PER_INCH:g}pt" for inches in chart.get_size_inches())
+    return re.sub(
+        r'width="[\d.]+pt" height="[\d.]+pt"', f'width="{width}" height="{height}"', buffer.getvalue(), count=1
+    )

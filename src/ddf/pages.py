@@ -123,8 +123,7 @@ def _html_block(block: "str | tuple[str, ...] | Table | Figure", files: Mapping[
         media = _MEDIA_TYPES[block.name.rpartition(".")[2]]
         data = base64.b64encode(files[block.name]).decode("ascii")
         image = f'<img alt="{html.escape(_plain(block.alt), quote=True)}" src="data:{media};base64,{data}">'
-        kind = ' class="chart"' if media == _MEDIA_TYPES["svg"] else ""
-        return f"<figure{kind}>{image}<figcaption>{_inline(block.caption)}</figcaption></figure>"
+        return f"<figure>{image}<figcaption>{_inline(block.caption)}</figcaption></figure>"
     if isinstance(block, tuple):
         return "<ul>" + "".join(f"<li>{_inline(item)}</li>" for item in block) + "</ul>"
     return f"<p>{_inline(block)}</p>"
@@ -183,8 +182,7 @@ a{color:var(--link);text-decoration:none}a:hover{text-decoration:underline} code
 ui-monospace,SFMono-Regular,Menlo,Consolas,"DejaVu Sans Mono",monospace;background:var(--ref); padding:1px
 4px;border-radius:3px} figure{margin:18px 0 26px}
 figcaption{max-width:92ch;margin-top:8px;font-size:13.5px;line-height:1.5;color:var(--soft)}
-img{display:block;max-width:100%;height:auto}
-.chart img{width:min(100%,1060px)} .scroll{overflow-x:auto}
+img{display:block;max-width:100%;height:auto} .scroll{overflow-x:auto}
 table{border-collapse:collapse;font-size:13px;line-height:1.25;font-variant-numeric:tabular-nums lining-nums;
 border-top:1.5px solid var(--ink);border-bottom:1.5px solid var(--ink)} th,td{padding:5px
 8px;text-align:right;white-space:nowrap} th{font-weight:600;color:#353b46;vertical-align:bottom} thead tr:last-child
