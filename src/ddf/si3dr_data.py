@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import tqdm
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
 from ddf import cameras, checks, losses, packing, shapenet, storage, transforms
@@ -30,7 +30,7 @@ class ImageSet:
     ids: Sequence[str]
     views: Sequence[int]
     shapes: Int[np.ndarray, "n"]
-    images: Int[Tensor, "n 4 size size"]
+    images: UInt8[Tensor, "n 4 size size"]
     cameras: Float[Tensor, "n 3"]
 
     def batch(self, rows: Int[np.ndarray, "b"]) -> Float[Tensor, "b 4 size size"]:
@@ -39,7 +39,7 @@ class ImageSet:
 
     def names(self) -> list[dict[str, str | int]]:
         """Shape id and view of every image."""
-        return [{"id": self.ids[i], "view": view} for i, view in zip(self.shapes, self.views, strict=True)]
+        return [{"id": self.ids[int(i)], "view": view} for i, view in zip(self.shapes, self.views, strict=True)]
 
     def digest(self) -> str:
         """SHA-256 of images and cameras: a training goes on only with what it began with."""
@@ -161,7 +161,7 @@ def read_shapes(folder: Path, ids: Sequence[str]) -> ShapeSet:
         maps |= storage.load_metadata(path)["field_from_raw"]
     _require(folder, ids, maps)
     similarities = [transforms.Similarity.from_dict(maps[name]) for name in ids]
-    clouds: dict[str, Tensor] = {}
+    clouds: dict[str, np.ndarray] = {}
     for path in storage.shard_files(folder, CLOUDS):
         tensors, metadata = storage.load_tensors(path)
         for i, name in enumerate(metadata["ids"]):

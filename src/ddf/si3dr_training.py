@@ -161,7 +161,7 @@ def pcsiren_step(
     """D_C in the field frame + γ_RΠ L_Π."""
     batch = Batch.draw(images, train, step)
     place = batch.images.device
-    truth = torch.stack([shapes.subset(i, config.points, batch.random) for i in batch.shapes]).to(place)
+    truth = torch.stack([shapes.subset(int(i), config.points, batch.random) for i in batch.shapes]).to(place)
     seeds = batch.random.uniform(-1, 1, (len(batch.shapes), config.points, 3)).astype(np.float32)
     predicted = model.decoder(torch.from_numpy(seeds).to(place), model.shape_encoder(batch.images))
     chamfer = chamfer_loss(predicted, truth)

@@ -1,0 +1,194 @@
+"""Batches, steps and reconstruction of small models on hand-made data."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from ddf import (
+    checks,
+    fields,
+    losses,
+    packing,
+    pointclouds,
+    reconstruction,
+    shapenet,
+    si3dr_data,
+    si3dr_inference,
+    si3dr_training,
+    training,
+    transforms,
+)
+
+COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4}
+LOOP = training.LoopConfig(1e-3, "constant", 0, None, 1, 5, 10, 100.0)
+TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
+FIELD = fields.PDDFConfig((12, 12), 3.0, 1.0, "softplus", 20.0)
+WEIGHTS = losses.LossWeights(5.0, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
+DDF = si3dr_training.DDFConfig(FIELD, 5, COUNTS, WEIGHTS, 1.0, 10.0, 16, 20)
+PCSIREN = si3dr_training.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50)
+CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 0.05, 0.05, 1000)
+POINTCLOUDS = si3dr_inference.PointcloudsConfig(
+    CLOUD, reconstruction.CorrectionConfig(2, 0.05, 16), 60, 30, None, 2, 12, 0
+)
+
+
+def _images(count=6, shapes=3):
+    generator = torch.Generator().manual_seed(0)
+    images = (torch.rand(count, 4, 32, 32, generator=generator) * 255).to(torch.uint8)
+    cameras = torch.rand(count, 3, generator=generator) * torch.tensor([6.0, 0.1, 0.3]) + torch.tensor([0.0, 0.45, 0.65])
+    ids = [f"shape{i}" for i in range(shapes)]
+    return si3dr_data.ImageSet(ids, [i % 5 for i in range(count)], np.arange(count) % shapes, images, cameras)
+
+
+def _shapes(count=3):
+    random = np.random.default_rng(0)
+    clouds = [torch.from_numpy(random.uniform(-1, 1, (80, 3))).float() for _ in range(count)]
+    frames = [transforms.Similarity(2.0 + i) for i in range(count)]
+    return si3dr_data.ShapeSet([f"shape{i}" for i in range(count)], frames, clouds)
+
+
+def _samples(shapes=3, stored=40):
+    """Every sample of shape i has depth (i + 1)/4, so that a mix-up of shapes shows."""
+    random = np.random.default_rng(1)
+    arrays = {}
+    for kind in packing.KINDS:
+        directions = random.standard_normal((shapes, stored, 3))
+        directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+        depth = np.repeat((np.arange(shapes) + 1)[:, None] / 4.0, stored, axis=1)
+        depth[:, ::4] = np.inf
+        arrays[f"{kind}.positions"] = packing.encode_positions(random.uniform(-1, 1, (shapes, stored, 3)))
+        arrays[f"{kind}.directions"] = packing.encode_unit(directions, np.int16)
+        arrays[f"{kind}.depth"] = packing.encode_depth(depth)
+        arrays[f"{kind}.normals"] = packing.encode_unit(-directions, np.int8)
+    return si3dr_data.SampleSet({name: torch.from_numpy(values) for name, values in arrays.items()})
+
+
+def test_drawn_samples_belong_to_their_shapes_and_types():
+    batch = _samples().draw(np.array([2, 0]), COUNTS, np.random.default_rng(0))
+    known = batch.span("U", "O")
+    assert batch.positions.shape == (2, sum(COUNTS.values()), 3)
+    torch.testing.assert_close(batch.directions.norm(dim=-1), torch.ones(2, sum(COUNTS.values())), atol=1e-5, rtol=0)
+    for row, depth in ((0, 0.75), (1, 0.25)):
+        seen = batch.visible[row, known] == 1
+        assert 0 < int(seen.sum()) < len(seen)
+        torch.testing.assert_close(
+            batch.depth[row, known][seen], torch.full((int(seen.sum()),), depth), atol=1e-4, rtol=0
+        )
+        assert bool((batch.depth[row, known][~seen] == 0).all())
+    cosine = (batch.normals * batch.directions).sum(-1)[:, known]
+    assert float(cosine.max()) < -0.99
+
+
+def test_same_step_draws_the_same_batch_and_another_does_not():
+    draws = [si3dr_training.Batch.draw(_images(), TRAIN, step) for step in (3, 3, 4)]
+    assert np.array_equal(draws[0].rows, draws[1].rows)
+    assert not np.array_equal(draws[0].random.random(9), draws[2].random.random(9))
+    assert len(set(draws[0].rows)) == 4
+
+
+@pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
+def test_steps_lower_the_loss_and_reach_every_parameter(kind):
+    torch.manual_seed(0)
+    images, shapes = _images(), _shapes()
+    if kind == "ddf":
+        model = si3dr_training.ddf_model(TRAIN, DDF)
+        model.camera_head.fit(images.cameras)
+        samples = _samples()
+
+        def step(k):
+            return si3dr_training.ddf_step(model, images, shapes, samples, TRAIN, DDF, k)
+    else:
+        model = si3dr_training.pcsiren_model(TRAIN, PCSIREN)
+        model.camera_head.fit(images.cameras)
+
+        def step(k):
+            return si3dr_training.pcsiren_step(model, images, shapes, TRAIN, PCSIREN, k)
+
+    loss, terms = step(0)
+    loss.backward()
+    dead = [name for name, p in model.named_parameters() if p.grad is None or not bool(p.grad.abs().sum() > 0)]
+    assert dead == []
+    assert {"camera"} < set(terms)
+    optimiser = torch.optim.Adam(model.parameters(), lr=3e-3)
+    before = float(loss.detach())
+    for _ in range(30):
+        optimiser.zero_grad()
+        loss, _ = step(0)
+        loss.backward()
+        optimiser.step()
+    assert float(loss.detach()) < 0.8 * before if before > 0 else float(loss.detach()) < before
+
+
+def test_chamfer_loss_equals_the_double_loop():
+    generator = torch.Generator().manual_seed(0)
+    a = torch.randn(2, 7, 3, generator=generator, dtype=torch.float64, requires_grad=True)
+    b = torch.randn(2, 5, 3, generator=generator, dtype=torch.float64)
+    distance = torch.cdist(a, b).square()
+    expected = distance.amin(2).mean() + distance.amin(1).mean()
+    torch.testing.assert_close(si3dr_training.chamfer_loss(a, b), expected)
+    assert torch.autograd.gradcheck(lambda x: si3dr_training.chamfer_loss(x, b), (a,))
+
+
+def test_training_views_never_show_a_test_view():
+    entries = (shapenet.ShapeEntry("a", (0, 1, 2, 3, 4), ()), shapenet.ShapeEntry("b", (0, 1), (2, 3, 4)))
+    unseen = shapenet.ShapeEntry("c", (), (0, 1, 2, 3, 4))
+    dataset = shapenet.Dataset(Path("root"), {"chair": shapenet.CategoryEntry("1", (*entries, unseen))})
+    assert si3dr_data.training_views(dataset, "chair", 7) == [("a", [0, 1, 2, 3, 4, 5, 6]), ("b", [0, 1, 5, 6])]
+    assert si3dr_data.training_views(dataset, "chair", None) == [("a", (0, 1, 2, 3, 4)), ("b", (0, 1))]
+    assert si3dr_data.test_views(dataset, "chair", 2) == [("b", (2, 3)), ("c", (0, 1))]
+
+
+def test_scale_makes_the_box_diagonal_one():
+    points = torch.tensor([[0.0, 0.0, 0.0], [1.0, 2.0, 2.0], [0.5, 1.0, 1.0]])
+    assert si3dr_inference.scale_from_cloud(points) == pytest.approx(1 / 3)
+    with pytest.raises(checks.InputError, match="one point"):
+        si3dr_inference.scale_from_cloud(points[:1])
+
+
+def test_reconstruction_has_the_promised_arrays():
+    torch.manual_seed(0)
+    model = si3dr_training.ddf_model(TRAIN, DDF).eval()
+    images = _images()
+    model.camera_head.fit(images.cameras)
+    tensors, facts = si3dr_inference.reconstruct_ddf(model, images, POINTCLOUDS, "test")
+    shapes = {name: tuple(values.shape) for name, values in tensors.items()}
+    assert {k: v for k, v in shapes.items() if k[0] in "LS"} == {
+        "L.h2": (6, 60, 3), "S.h2": (6, 30, 3), "L.h1": (6, 60, 3), "S.h1": (6, 30, 3)
+    }  # fmt: skip
+    assert shapes["camera_pred"] == shapes["camera_corrected"] == (6, 3)
+    assert shapes["render.normals"] == (2, 12, 12, 3)
+    assert facts["rendered"] == [0, 5]
+    again, _ = si3dr_inference.reconstruct_ddf(model, images, POINTCLOUDS, "test")
+    for name, values in tensors.items():
+        assert torch.equal(values, again[name]), name
+    spans = (tensors["L.h2"].amax(1) - tensors["L.h2"].amin(1)).norm(dim=-1)
+    torch.testing.assert_close(tensors["scale_pred"], 1 / spans)
+
+
+def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():
+    torch.manual_seed(0)
+    model = si3dr_training.pcsiren_model(TRAIN, PCSIREN).eval()
+    model.camera_head.fit(_images().cameras)
+    tensors, _ = si3dr_inference.reconstruct_pcsiren(model, _images(), POINTCLOUDS)
+    assert tuple(tensors["L"].shape) == (6, 60, 3)
+    assert torch.equal(tensors["S"], tensors["L"][:, :30])
+    assert not torch.equal(tensors["L"][0], tensors["L"][3])  # same shape, another image
+
+
+@pytest.mark.parametrize(
+    ("section", "change", "message"),
+    [
+        (TRAIN, {"batch_size": 1}, "train.batch_size must be >= 2; got 1"),
+        (TRAIN, {"train_views": 25}, r"train.train_views must be in 1..24 or null; got 25"),
+        (DDF, {"counts": {"U": 3}}, "ddf.counts must give each of E, U, A, B, S, T, O"),
+        (DDF, {"mask_pixels": 0}, "ddf.mask_pixels must be >= 1"),
+        (PCSIREN, {"points": 0}, "pcsiren.points must be >= 1; got 5, 0"),
+        (POINTCLOUDS, {"small": 61}, "1 <= small <= large; got 61 and 60"),
+    ],
+)
+def test_values_out_of_range_are_named(section, change, message):
+    with pytest.raises(checks.InputError, match=message):
+        dataclasses.replace(section, **change)
