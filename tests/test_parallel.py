@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -27,7 +28,7 @@ def _square(out_dir: Path, bad: set[int], killers: set[int], items, index: int) 
     return parallel.ShardResult([path], failures)
 
 
-def _map(out_dir: Path, items=range(10), bad=(), killers=(), **options):
+def _map(out_dir: Path, items: Sequence[int] = range(10), bad=(), killers=(), **options):
     (out_dir.parent / "calls").write_text("")
     options = {"shard_size": 4, "fingerprint": "f", "describe": "square", **options}
     return parallel.map_shards(

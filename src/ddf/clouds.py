@@ -50,11 +50,12 @@ def poisson_disk(
     darts, face = meshes.sample_surface(mesh, _CANDIDATES * count, rng)
     tree = spatial.cKDTree(darts)
     radius = np.sqrt(_DENSITY * face_normals(mesh)[1].sum() / count)
-    for _ in range(_MAX_ROUNDS):
-        kept = _throw(tree, radius)
+    kept = _throw(tree, radius)
+    for _ in range(_MAX_ROUNDS - 1):
         if abs(len(kept) - count) <= _TOLERANCE * count:
             break
         radius *= np.sqrt(len(kept) / count)
+        kept = _throw(tree, radius)
     return darts[kept], face[kept]
 
 

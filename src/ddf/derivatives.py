@@ -25,13 +25,13 @@ class _SineCosine(torch.autograd.Function):
     """sin and cos together; the backward pass reads them again instead of computing either anew."""
 
     @staticmethod
-    def forward(ctx, angles: Tensor) -> tuple[Tensor, Tensor]:  # noqa: ANN001 - torch's own context type is private
+    def forward(ctx, angles: Tensor) -> tuple[Tensor, Tensor]:
         sine, cosine = torch.sin(angles), torch.cos(angles)
         ctx.save_for_backward(sine, cosine)
         return sine, cosine
 
     @staticmethod
-    def backward(ctx, grad_sine: Tensor, grad_cosine: Tensor) -> Tensor:  # noqa: ANN001
+    def backward(ctx, grad_sine: Tensor, grad_cosine: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
         sine, cosine = ctx.saved_tensors
         return torch.addcmul(grad_sine * cosine, grad_cosine, sine, value=-1.0)
 

@@ -7,6 +7,7 @@ Points of one shape share their modulation: inputs are (*shapes, n, in), modulat
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import torch
 from jaxtyping import Float
@@ -14,7 +15,9 @@ from torch import Tensor, nn
 
 from ddf import checks
 
-SOFTPLUS_INVERSE_OF_ONE = math.log(math.e - 1)  # a modulator's bias starts here, so that every modulation starts at about 1
+SOFTPLUS_INVERSE_OF_ONE = math.log(
+    math.e - 1
+)  # a modulator's bias starts here, so that every modulation starts at about 1
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,8 @@ class SineNetwork(nn.Module):
     def __init__(self, in_features: int, layout: SineLayout, out_features: int) -> None:
         super().__init__()
         widths = (in_features, *layout.hidden)
-        self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True))
+        layers = nn.ModuleList(nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True))
+        self.layers = cast(Sequence[nn.Linear], layers)
         self.head = nn.Linear(widths[-1], out_features)
         self.omegas = (layout.omega_first, *([layout.omega_hidden] * (len(layout.hidden) - 1)))
         for index, layer in enumerate((*self.layers, self.head)):
@@ -67,7 +71,7 @@ class SineNetwork(nn.Module):
         return self.head(hidden)
 
 
-def scaled_linear(inputs: Float[Tensor, "*batch in"], layer: nn.Module, omega: float) -> Float[Tensor, "*batch out"]:
+def scaled_linear(inputs: Float[Tensor, "*batch in"], layer: nn.Linear, omega: float) -> Float[Tensor, "*batch out"]:
     """ω (W x + b), with ω folded into the parameters so that no pass over the points is spent on it."""
     if omega == 1.0:
         return nn.functional.linear(inputs, layer.weight, layer.bias)
@@ -83,7 +87,8 @@ class Modulator(nn.Module):
     def __init__(self, latent_features: int, hidden: Sequence[int]) -> None:
         super().__init__()
         inputs = [latent_features, *(width + latent_features for width in hidden[:-1])]
-        self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in zip(inputs, hidden, strict=True))
+        layers = nn.ModuleList(nn.Linear(a, b) for a, b in zip(inputs, hidden, strict=True))
+        self.layers = cast(Sequence[nn.Linear], layers)
         for layer in self.layers:
             nn.init.constant_(layer.bias, SOFTPLUS_INVERSE_OF_ONE)
 

@@ -95,7 +95,7 @@ def cloud_picture(
 
 def _disc(radius: float) -> Int[np.ndarray, "k 2"]:
     reach = int(np.ceil(radius))
-    offsets = np.stack(np.mgrid[-reach : reach + 1, -reach : reach + 1], axis=-1).reshape(-1, 2)
+    offsets = np.stack(tuple(np.mgrid[-reach : reach + 1, -reach : reach + 1]), axis=-1).reshape(-1, 2)
     return offsets[(offsets**2).sum(axis=1) <= radius**2]
 
 

@@ -5,6 +5,9 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 from ddf import checks, cloud_io, metrics
 
 
@@ -23,10 +26,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Scores as they are (nothing times 100 or 1000): chamfer_l2_sq is the sum of both means of squared distances."""
-    clouds = []
-    for path in (args.pred, args.truth):
-        try:
-            clouds.append(cloud_io.read_points(path))
-        except MemoryError as fault:
-            raise checks.InputError(f"{path}: does not fit into memory") from fault
-    return {**dataclasses.asdict(metrics.compare_clouds(*clouds, args.tau_sq)), "tau_sq": args.tau_sq}
+    pred, truth = (_read(path) for path in (args.pred, args.truth))
+    return {**dataclasses.asdict(metrics.compare_clouds(pred, truth, args.tau_sq)), "tau_sq": args.tau_sq}
+
+
+def _read(path: Path) -> Float[np.ndarray, "n 3"]:
+    try:
+        return cloud_io.read_points(path)
+    except MemoryError as fault:
+        raise checks.InputError(f"{path}: does not fit into memory") from fault
