@@ -56,6 +56,8 @@ def read_rays(path: Path) -> rays.OrientedPoints:
     for name, array in zip(("positions", "directions"), arrays, strict=True):
         if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
             raise checks.InputError(f"{path}: {name} must be numbers of shape (N, 3); got {array.dtype} {array.shape}")
+    if len(arrays[0]) != len(arrays[1]):
+        raise checks.InputError(f"{path}: {len(arrays[0])} positions but {len(arrays[1])} directions; must be as many")
     positions, directions = (torch.from_numpy(array.astype(np.float64)) for array in arrays)
     try:
         points = rays.OrientedPoints(positions, directions)
