@@ -34,10 +34,8 @@ class Scene:
         self.half_sides = (upper - lower) / 2 / self.scale + _MARGIN
         self._scene = o3d.t.geometry.RaycastingScene()
         if len(self.kept):
-            local = (used - self.centre) / self.scale
-            corners = np.arange(len(used), dtype=np.uint32).reshape(-1, 3)
-            vertices, index = np.unique(local.astype(np.float32), axis=0, return_inverse=True)
-            corners = index.reshape(-1, 3).astype(np.uint32)
+            vertices = np.clip(self.local(mesh.vertices), -2.0, 2.0).astype(np.float32)  # clips only what nothing uses
+            corners = mesh.faces[self.kept].astype(np.uint32)
             self._scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(corners))
 
     def local(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
