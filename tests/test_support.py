@@ -48,31 +48,45 @@ def test_assert_close_refuses_a_loose_rtol():
 
 
 def _uncollected(source: str) -> list[str]:
-    """Functions that assert, are not tests and are not private (or fixtures): pytest would never run them."""
-    found = []
+    """Functions that assert but that pytest would not run: not called test..., not private, not fixtures."""
     tree = ast.parse(source)
-    scopes = [tree, *(node for node in tree.body if isinstance(node, ast.ClassDef))]
-    for scope in scopes:
-        for node in scope.body:
-            if not isinstance(node, ast.FunctionDef) or node.name.startswith(("test", "_")):
-                if (
-                    isinstance(scope, ast.Module)
-                    or scope.name.startswith("Test")
-                    or not isinstance(node, ast.FunctionDef)
-                ):
-                    continue
-                if not node.name.startswith("test"):
-                    continue
-            names = {ast.unparse(call.func) for call in ast.walk(node) if isinstance(call, ast.Call)}
-            asserts = any(isinstance(inner, ast.Assert) for inner in ast.walk(node))
-            if asserts or any(name.split(".")[-1].startswith(("assert_", "raises")) for name in names):
-                found.append(node.name)
-    return found
+    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+    found = [node for node in functions if not node.name.startswith(("test", "_")) and not _is_fixture(node)]
+    for scope in tree.body:
+        if isinstance(scope, ast.ClassDef) and not scope.name.startswith("Test"):
+            found += [node for node in scope.body if isinstance(node, ast.FunctionDef) and node.name.startswith("test")]
+    return [node.name for node in found if _asserts(node)]
+
+
+def _is_fixture(node: ast.FunctionDef) -> bool:
+    return any("fixture" in ast.unparse(decorator) for decorator in node.decorator_list)
+
+
+def _asserts(node: ast.FunctionDef) -> bool:
+    called = [ast.unparse(call.func).split(".")[-1] for call in ast.walk(node) if isinstance(call, ast.Call)]
+    return any(isinstance(inner, ast.Assert) for inner in ast.walk(node)) or any(
+        name.startswith("assert_") or name == "raises" for name in called
+    )
 
 
 def test_the_hunt_finds_what_it_should():
-    source = "def check_a():\n    assert 1\ndef test_b():\n    assert 1\ndef _c():\n    assert 1\nclass Cases:\n    def test_d(self):\n        assert 1\n"
-    assert _uncollected(source) == ["check_a", "test_d"]
+    source = """
+def check_a():
+    assert 1
+def test_b():
+    assert 1
+def _c():
+    assert 1
+@pytest.fixture
+def d():
+    assert 1
+class Cases:
+    def test_e(self):
+        assert 1
+    def helper(self):
+        assert 1
+"""
+    assert _uncollected(source) == ["check_a", "test_e"]
 
 
 @pytest.mark.parametrize("path", sorted(TESTS.rglob("*.py")), ids=lambda path: path.name)

@@ -45,7 +45,7 @@ class Trace:
     """
 
     outputs: Float[Tensor, "*shapes n out"]
-    slopes: list[Float[Tensor, "*shapes k width"]]
+    slopes: list[Float[Tensor, "*shapes k _"]]
 
     def narrow(self, count: int) -> "Trace":
         """The first `count` points of every shape."""
@@ -78,7 +78,7 @@ def trace(
 
 def tangent(
     network: siren.SineNetwork,
-    slopes: Sequence[Float[Tensor, "*shapes n width"]],
+    slopes: Sequence[Float[Tensor, "*shapes n _"]],
     directions: Float[Tensor, "*shapes n 3"],
     rows: slice = slice(None),
 ) -> Float[Tensor, "*shapes n rows"]:
@@ -95,7 +95,7 @@ def tangent(
 
 def adjoint(
     network: siren.SineNetwork,
-    slopes: Sequence[Float[Tensor, "*shapes n width"]],
+    slopes: Sequence[Float[Tensor, "*shapes n _"]],
     cotangents: Float[Tensor, "*shapes n out"],
 ) -> Float[Tensor, "*shapes n 3"]:
     """∇_p (g · y), g = `cotangents` over the first outputs: one-hot rows pick one output per point.

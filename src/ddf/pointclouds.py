@@ -83,7 +83,7 @@ def closest_directions(
 
 def project(
     field: PDDF,
-    modulations: Sequence[Float[Tensor, "1 width"]] | None,
+    modulations: Sequence[Float[Tensor, "1 _"]] | None,
     points: Float[Tensor, "n 3"],
     config: CloudConfig,
     generator: torch.Generator,
@@ -107,7 +107,7 @@ def project(
 @torch.no_grad()
 def sample(
     field: PDDF,
-    modulations: Sequence[Float[Tensor, "1 width"]] | None,
+    modulations: Sequence[Float[Tensor, "1 _"]] | None,
     count: int,
     config: CloudConfig,
     generator: torch.Generator,

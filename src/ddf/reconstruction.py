@@ -130,7 +130,7 @@ class DDFModel(ReconstructionModel):
         """The field that the modulations of `modulations` condition."""
         return self.decoder.field
 
-    def modulations(self, latent: Float[Tensor, "b z"]) -> list[Float[Tensor, "b 1 width"]]:
+    def modulations(self, latent: Float[Tensor, "b z"]) -> list[Float[Tensor, "b 1 _"]]:
         """One modulation per sine layer and shape."""
         return self.decoder.modulator(latent)
 
@@ -146,7 +146,7 @@ class PCSirenModel(ReconstructionModel):
 
 def mask_loss(
     field: fields.PDDF,
-    modulations: list[Float[Tensor, "b 1 width"]],
+    modulations: list[Float[Tensor, "b 1 _"]],
     camera: Float[Tensor, "b 3"],
     field_scale: Float[Tensor, "b"],
     alpha: Float[Tensor, "b size size"],

@@ -46,7 +46,7 @@ def query(
     field: PDDF,
     positions: Float[Tensor, "n 3"],
     directions: Float[Tensor, "n 3"],
-    modulations: Sequence[Float[Tensor, "1 width"]] | None,
+    modulations: Sequence[Float[Tensor, "1 _"]] | None,
     outputs: Collection[str],
 ) -> dict[str, Tensor]:
     """Named outputs of one field at oriented points of its frame; without gradients kept for training.
@@ -81,7 +81,7 @@ def query(
 @torch.no_grad()
 def render(
     field: PDDF,
-    modulations: Sequence[Float[Tensor, "1 width"]] | None,
+    modulations: Sequence[Float[Tensor, "1 _"]] | None,
     camera: Float[Tensor, "3"],
     field_scale: Float[Tensor, ""],
     size: int,

@@ -92,7 +92,7 @@ class Modulator(nn.Module):
         for layer in self.layers:
             nn.init.constant_(layer.bias, SOFTPLUS_INVERSE_OF_ONE)
 
-    def forward(self, latent: Float[Tensor, "*shapes z"]) -> list[Float[Tensor, "*shapes 1 width"]]:
+    def forward(self, latent: Float[Tensor, "*shapes z"]) -> list[Float[Tensor, "*shapes 1 _"]]:
         """One modulation per layer, with an axis of length 1 for the points of the shape."""
         modulations = []
         features = latent
