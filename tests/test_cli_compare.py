@@ -23,8 +23,8 @@ def test_json_holds_the_scores_of_the_library(clouds, capfd):
     assert cli.main(["compare", clouds["pred"], clouds["truth"], "--tau-sq", "4e-4", "--json"]) == 0
     got = json.loads(capfd.readouterr().out)
     assert got.keys() >= _KEYS
-    arrays = [cloud_io.read_points(clouds[name]) for name in ("pred", "truth")]
-    expected = vars(metrics.compare_clouds(*arrays, 4e-4))
+    pred, truth = (cloud_io.read_points(clouds[name]) for name in ("pred", "truth"))
+    expected = vars(metrics.compare_clouds(pred, truth, 4e-4))
     assert {key: got[key] for key in _KEYS} == expected and 0 < got["f_score_tau"] < 1
 
 

@@ -151,7 +151,7 @@ def test_oracle_with_a_full_shortlist_attains_the_smallest_distance(experiment):
             )
             for name in train
         }
-        assert choice[shape] == min(scores, key=scores.get)
+        assert choice[shape] == min(scores, key=lambda name: scores[name])
 
 
 def test_order_of_rows_ceiling_above_oracle_above_mean(experiment):

@@ -24,8 +24,8 @@ def _values(scores):
     return [scores.chamfer_l2_sq, scores.f_score_tau, scores.f_score_2tau, scores.precision_tau, scores.recall_tau]
 
 
-def _cloud(seed, count, spread=0.3, offset=0.0, dtype=np.float64):
-    return (np.random.default_rng(seed).normal(size=(count, 3)) * spread + offset).astype(dtype)
+def _cloud(seed, count, spread=0.3, offset=0.0):
+    return np.random.default_rng(seed).normal(size=(count, 3)) * spread + offset
 
 
 _PAIRS = {
@@ -36,7 +36,7 @@ _PAIRS = {
     "one point against many": (_cloud(4, 1, 0.01), _cloud(5, 200, 0.01)),
     "many against one point": (_cloud(4, 200, 0.01), _cloud(5, 1, 0.01)),
     "one against one": (_cloud(4, 1), _cloud(5, 1)),
-    "float32 far from the origin": (_cloud(6, 400, 0.02, 7e3, np.float32), _cloud(7, 300, 0.02, 7e3, np.float32)),
+    "float32 far from the origin": (np.float32(_cloud(6, 400, 0.02, 7e3)), np.float32(_cloud(7, 300, 0.02, 7e3))),
     "far from the origin": (_cloud(6, 400, 0.01, 1e5), _cloud(7, 300, 0.01, 1e5)),
     "flat and collinear": (_cloud(8, 200) * [1, 0, 0], _cloud(9, 150) * [1, 0, 0]),
 }
@@ -119,7 +119,7 @@ def test_unusable_clouds_are_errors(side, bad, message):
     clouds = [np.zeros((2, 3)), np.zeros((2, 3))]
     clouds[side] = bad
     with pytest.raises(checks.InputError, match=message) as caught:
-        metrics.compare_clouds(*clouds)
+        metrics.compare_clouds(clouds[0], clouds[1])
     assert ("prediction", "truth")[side] in str(caught.value)
 
 

@@ -22,7 +22,7 @@ METHOD_COLOURS = {"ddf": "#1F5FA8", "ddf_nh1": "#7FA7D6", "pc_siren": "#D5702A"}
 BASELINE_COLOUR, CEILING_COLOUR = "#A9AFBA", "#5E6673"
 _MAX_POINTS = 400  # of a curve: more cannot be told apart, and the file stays small
 _POINTS_PER_INCH = 94  # of a shown chart: 72 is its true size, a little small on a screen
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
     "axes.titlesize": 9.5,

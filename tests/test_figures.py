@@ -1,0 +1,65 @@
+"""Charts: valid SVG, equal bytes, values as text-free marks in the right number, nothing that depends on the day."""
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ddf import figures
+
+_STEPS = np.arange(0, 1000, 10)
+_LOG = pd.DataFrame({"step": _STEPS, "loss": 3 * np.exp(-_STEPS / 300), "normals": -np.linspace(0.1, 0.9, 100)})
+_ERRORS = np.array([3.0, 40.0, 170.0])
+_CHARTS = {
+    "bars": lambda: figures.score_bars({"chair": [("ddf", "DDF", 70.2), ("ceiling", "ceiling", 99.0)]}, "F"),
+    "losses": lambda: figures.loss_curves({"DDF": {"chair": _LOG}, "PC-SIREN": {"chair": _LOG[["step", "loss"]]}}),
+    "scatter": lambda: figures.paired_scatter({"chair": (np.array([0.1, 2.0]), np.array([0.2, 1.0]))}, "x", "y"),
+    "one equal pair": lambda: figures.paired_scatter({"chair": (np.array([0.4]), np.array([0.4]))}, "x", "y"),
+    "shares": lambda: figures.cumulative_shares({"car": [("DDF", "ddf", True, _ERRORS)]}, "azimuth", 180.0),
+}
+
+
+def _uses(svg, style):
+    return sum(style in (node.get("style") or "") for node in ElementTree.fromstring(svg).iter())
+
+
+@pytest.mark.parametrize("name", _CHARTS)
+def test_charts_are_svg_with_equal_bytes_and_no_date(name):
+    first, second = _CHARTS[name](), _CHARTS[name]()
+    assert first == second
+    root = ElementTree.fromstring(first)
+    assert root.tag.endswith("svg") and float(root.attrib["width"].removesuffix("pt")) > 100
+    assert "<dc:date>" not in first and "<text" not in first  # text is drawn as outlines
+    assert len(first) < 200_000
+
+
+def test_bars_have_the_colours_of_their_methods_and_lengths_in_proportion():
+    svg = _CHARTS["bars"]()
+    assert _uses(svg, f"fill: {figures.METHOD_COLOURS['ddf'].lower()}") == 1
+    assert _uses(svg, f"fill: {figures.CEILING_COLOUR.lower()}") == 1
+    lengths = {}
+    for node in ElementTree.fromstring(svg).iter():
+        for colour in (figures.METHOD_COLOURS["ddf"], figures.CEILING_COLOUR):
+            if f"fill: {colour.lower()}" in (node.get("style") or ""):
+                x = [
+                    float(word) for word in node.attrib["d"].replace("M", "").replace("L", "").replace("z", "").split()
+                ][::2]
+                lengths[colour] = max(x) - min(x)
+    ratio = lengths[figures.METHOD_COLOURS["ddf"]] / lengths[figures.CEILING_COLOUR]
+    assert ratio == pytest.approx(70.2 / 99.0, rel=1e-4)
+
+
+def test_every_loss_term_is_drawn_even_a_negative_one():
+    colour = "stroke: #3182bd"  # of the first term
+    with_terms, without = (figures.loss_curves({"DDF": {"chair": table}}) for table in (_LOG, _LOG[["step", "loss"]]))
+    assert _uses(with_terms, colour) == 2  # the curve and its mark in the legend
+    assert _uses(without, colour) == 0
+    nodes = ElementTree.fromstring(with_terms).iter()
+    drawn = [node.attrib["d"].count("L") for node in nodes if colour in (node.get("style") or "") and node.get("d")]
+    assert max(drawn) == len(_LOG) - 1
+
+
+def test_viridis_ends_are_violet_and_yellow():
+    ends = figures.viridis(np.array([0.0, 1.0]))
+    np.testing.assert_allclose(ends, [[0.267, 0.005, 0.329], [0.993, 0.906, 0.144]], atol=1e-3)
