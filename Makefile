@@ -1,5 +1,6 @@
 # Every door of the project; `make` alone lists them.
 SHELL := /bin/bash
+.SHELLFLAGS := -o pipefail -c
 .DEFAULT_GOAL := help
 MAKEFLAGS += --no-print-directory
 
@@ -34,9 +35,10 @@ if [ -n "$$DDF_DATA" ] || [ ! -e $$root ]; then cmp -s $$root <<< "$$DDF_DATA" |
 export DDF_DATA="$$(cat $$root)"; \
 $(1)
 endef
-# Stages of one experiment by the name's pattern, side by side: DVC itself runs one at a time.
-side_by_side = dvc stage list --name-only | grep -E '^$(1)@$(NAME)-' | xargs -P $(JOBS) -n 1 dvc repro --single-item
-one_by_one = dvc stage list --name-only | grep -E '^$(1)@$(NAME)(-|$$)' | xargs dvc repro
+# Stages of one experiment by the name's pattern, side by side: DVC itself runs one at a time. DVC's own lock is held
+# while it looks at files, for longer than the three seconds that it would wait without being told to.
+side_by_side = dvc stage list --name-only | grep -E '^$(1)@$(NAME)-' | xargs -r -P $(JOBS) -n 1 dvc --wait-for-lock repro --single-item
+one_by_one = dvc stage list --name-only | grep -E '^$(1)@$(NAME)(-|$$)' | xargs -r dvc repro
 whole_run = dvc status -q --with-deps report@$(NAME) || { $(call one_by_one,samples) && $(call side_by_side,train_[a-z]*) \
 	&& $(call side_by_side,pointclouds) && dvc repro report@$(NAME); }
 check_config = @test -f "$(CONFIG)" || { echo "$(CONFIG): no such experiment file; CONFIG is one of: $$(echo configs/*.yaml)" >&2; exit 2; }; \
