@@ -1,0 +1,87 @@
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from ddf import checks, cli, cloud_io, fields, losses, shapenet, si3dr_training, storage, training
+
+LOOP = training.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
+TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
+WEIGHTS = losses.LossWeights(5.0, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
+DDF = si3dr_training.DDFConfig(
+    fields.PDDFConfig((8, 8), 3.0, 1.0, "softplus", 20.0), 1, dict.fromkeys(losses.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20
+)
+
+
+@pytest.fixture
+def model_dir(tmp_path):
+    torch.manual_seed(0)
+    model = si3dr_training.ddf_model(TRAIN, DDF)
+    model.camera_head.fit(torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]]))
+    record = {"kind": "ddf", "train": dataclasses.asdict(TRAIN), "section": dataclasses.asdict(DDF)}
+    folder = tmp_path / "model"
+    storage.save_tensors(folder / training.MODEL, dict(model.state_dict()), record)
+    return folder
+
+
+def _image(path, mode="RGBA", size=(90, 60)):
+    pixels = np.random.default_rng(0).integers(1, 255, (size[1], size[0], len(mode)), dtype=np.uint8)
+    Image.fromarray(pixels, mode).save(path)
+    return path
+
+
+def test_reconstruct_writes_cloud_camera_and_renders(model_dir, tmp_path, capsys):
+    out = tmp_path / "out"
+    image = _image(tmp_path / "image.png")
+    arguments = ["reconstruct", "--json", str(image), str(model_dir), str(out), "-n", "50", "--size", "24"]
+    assert cli.main(arguments) == 0
+    result = json.loads(capsys.readouterr().out)
+    points = cloud_io.read_points(out / "cloud.ply")
+    assert points.shape == (50, 3)
+    assert np.linalg.norm(np.ptp(points, axis=0)) == pytest.approx(1.0, abs=1e-5)  # v1 units: diagonal 1
+    for name in ("visibility", "depth", "normals"):
+        with Image.open(out / f"{name}.png") as picture:
+            assert picture.size == (24, 24)
+    assert json.loads((out / "camera.json").read_text())["camera"] == result["camera"]
+    assert 0.7 <= result["camera"]["ratio"] <= 0.9
+    assert 0 < result["queries_per_pixel"] < 1
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda p: _image(p / "x.png", "RGB"), "must be RGBA, its alpha is the mask of the object; got RGB"),
+        (lambda p: p / "none.png", "no such image"),
+        (lambda p: (p / "x.png").write_bytes(b"\x89PNG\r\n\x1a\n") and p / "x.png", "not a readable image"),
+    ],
+)
+def test_unusable_image_is_one_line_and_exit_2(make, message, model_dir, tmp_path, capsys):
+    code = cli.main(["reconstruct", str(make(tmp_path)), str(model_dir), str(tmp_path / "out")])
+    error = capsys.readouterr().err
+    assert code == 2
+    assert message in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_folder_without_a_ddf_model_is_refused(model_dir, tmp_path, capsys):
+    image = _image(tmp_path / "image.png")
+    assert cli.main(["reconstruct", str(image), str(tmp_path / "nothing"), str(tmp_path / "out")]) == 2
+    tensors, record = storage.load_tensors(model_dir / training.MODEL)
+    storage.save_tensors(model_dir / training.MODEL, tensors, {**record, "kind": "pcsiren"})
+    assert cli.main(["reconstruct", str(image), str(model_dir), str(tmp_path / "out")]) == 2
+    assert "holds no DDF model" in capsys.readouterr().err
+
+
+def test_any_image_is_padded_to_a_square_then_resized(tmp_path):
+    pixels = np.full((10, 30, 4), 255, dtype=np.uint8)
+    Image.fromarray(pixels, "RGBA").save(tmp_path / "wide.png")
+    image = shapenet.read_any_image(tmp_path / "wide.png", 30)
+    assert torch.equal(image[3, :, 15] > 0.5, (torch.arange(30) >= 10) & (torch.arange(30) < 20))
+    assert bool((image[:3, image[3] == 0] == 0).all())
+    Image.fromarray(np.zeros((4, 4, 4), dtype=np.uint8), "RGBA").save(tmp_path / "empty.png")
+    with pytest.raises(checks.InputError, match=r"empty.png: is transparent everywhere"):
+        shapenet.read_any_image(tmp_path / "empty.png", 30)
