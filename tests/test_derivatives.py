@@ -91,4 +91,5 @@ def test_normals_face_back_are_unit_and_finite_at_zero():
     normals = derivatives.normals(gradient, directions)
     assert torch.equal(normals, torch.tensor([[0.0, 0.0, -1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0]]))
     normals.sum().backward()
+    assert gradient.grad is not None
     assert bool(torch.isfinite(gradient.grad).all())

@@ -1,6 +1,7 @@
 """The fused shape loss against the plain way: one autograd call per derivative."""
 
 import dataclasses
+from typing import Literal
 
 import pytest
 import torch
@@ -11,7 +12,7 @@ COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2}
 WEIGHTS = losses.LossWeights(5.0, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
 
 
-def _field(activation="softplus"):
+def _field(activation: Literal["relu", "softplus"] = "softplus"):
     torch.manual_seed(0)
     return fields.PDDF(fields.PDDFConfig((12, 10), 2.0, 3.0, activation, 5.0)).double()
 
@@ -57,7 +58,8 @@ def _slow_loss(field, batch, modulations, weights):
     doubled[where["U"]] = doubled[where["A"]] = 2
     factor = seen.clone()
     factor[:, where["E"]] = xi[:, where["E"]].detach()
-    eikonal = weights.eikonal_depth * factor * sum((r + 1) ** 2 for r in rates) + weights.eikonal_visibility * xi_rate**2
+    eikonal = weights.eikonal_depth * factor * sum((r + 1) ** 2 for r in rates)
+    eikonal = eikonal + weights.eikonal_visibility * xi_rate**2
     bce = -(seen * torch.log(xi) + (1 - seen) * torch.log(1 - xi))
     normal = -seen * (unit * n).sum(-1).abs()
     speed = torch.relu(weights.transition_speed - w_rate.abs()) ** 2
@@ -92,10 +94,13 @@ def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, m
     assert not any(term.requires_grad for term in terms.values())
 
 
-@pytest.mark.parametrize("name", [f.name for f in dataclasses.fields(losses.LossWeights) if f.name != "transition_speed"])
+_NAMES = [field.name for field in dataclasses.fields(losses.LossWeights)]
+
+
+@pytest.mark.parametrize("name", [name for name in _NAMES if name != "transition_speed"])
 def test_every_weight_scales_its_own_term(name):
     field, batch = _field(), _batch()
-    nothing = losses.LossWeights(**dict.fromkeys((f.name for f in dataclasses.fields(WEIGHTS)), 0.0) | {"transition_speed": 1.5})
+    nothing = losses.LossWeights(**dict.fromkeys(_NAMES, 0.0) | {"transition_speed": 1.5})
     one = dataclasses.replace(nothing, **{name: 1.0})
     two = dataclasses.replace(nothing, **{name: 2.0})
     single, double = (float(losses.shape_loss(field, batch, None, w)[0].detach()) for w in (one, two))
@@ -136,5 +141,5 @@ def test_terms_by_hand():
 
 
 def test_bad_weight_is_refused():
-    with pytest.raises(checks.InputError, match="weights.depth must be >= 0 and finite; got -1"):
+    with pytest.raises(checks.InputError, match=r"weights\.depth must be >= 0 and finite; got -1"):
         dataclasses.replace(WEIGHTS, depth=-1.0)

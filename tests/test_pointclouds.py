@@ -77,7 +77,9 @@ def test_cancelling_candidates_fall_back_to_the_best():
 
 @pytest.mark.parametrize(("visibility", "depth"), [(0.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
 def test_invisible_and_on_surface_candidates_stay_finite_and_unit(visibility, depth):
-    candidates = torch.nn.functional.normalize(torch.randn(20, 64, 3, generator=torch.Generator().manual_seed(0)), dim=-1)
+    candidates = torch.nn.functional.normalize(
+        torch.randn(20, 64, 3, generator=torch.Generator().manual_seed(0)), dim=-1
+    )
     tiny = pointclouds.CloudConfig(64, 1, 0.1, 1e-4, 1e-6, 1)
     ones = torch.ones(20, 64)
     found = pointclouds.closest_directions(candidates, visibility * ones, depth * ones, tiny)

@@ -24,7 +24,7 @@ def _points(positions, directions) -> rays.OrientedPoints:
 
 def test_box_hits_equal_closed_form(cast):
     points = random_rays(600, seed=1, spread=2.0)
-    hits, truth = cast(cube(0.9), points), primitives.cast(primitives.Box((-0.9,) * 3, (0.9,) * 3), points)
+    hits, truth = cast(cube(0.9), points), primitives.cast(primitives.Box((-0.9, -0.9, -0.9), (0.9, 0.9, 0.9)), points)
     assert (hits.visible == truth.visible).all() and 100 < hits.visible.sum() < 500
     assert_close(hits.depth, truth.depth, atol=1e-9)
     assert_close(hits.normals, truth.normals, atol=1e-9)

@@ -65,12 +65,16 @@ def test_far_camera_enters_exactly_on_the_box_in_float32():
 def test_entry_is_differentiable():
     start = torch.tensor([[3.0, 0.2, 0.1]], dtype=torch.float64, requires_grad=True)
     direction = torch.nn.functional.normalize(torch.tensor([[-1.0, 0.1, 0.05]], dtype=torch.float64), dim=-1)
-    assert torch.autograd.gradcheck(lambda p, v: rays.enter_box(p, v, LOWER, UPPER)[0], (start, direction.requires_grad_()))
+    assert torch.autograd.gradcheck(
+        lambda p, v: rays.enter_box(p, v, LOWER, UPPER)[0], (start, direction.requires_grad_())
+    )
 
 
 def test_bad_oriented_points_are_named():
     good = torch.tensor([[1.0, 0.0, 0.0]])
-    with pytest.raises(checks.InputError, match=r"directions must be unit length \(tol 0.0001\); got 2 at index \(0,\)"):
+    with pytest.raises(
+        checks.InputError, match=r"directions must be unit length \(tol 0.0001\); got 2 at index \(0,\)"
+    ):
         rays.OrientedPoints(good, 2 * good)
     with pytest.raises(checks.InputError, match="positions must be finite; got nan"):
         rays.OrientedPoints(good * float("nan"), good)

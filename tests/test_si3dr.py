@@ -38,7 +38,9 @@ POINTCLOUDS = si3dr_inference.PointcloudsConfig(
 def _images(count=6, shapes=3):
     generator = torch.Generator().manual_seed(0)
     images = (torch.rand(count, 4, 32, 32, generator=generator) * 255).to(torch.uint8)
-    cameras = torch.rand(count, 3, generator=generator) * torch.tensor([6.0, 0.1, 0.3]) + torch.tensor([0.0, 0.45, 0.65])
+    cameras = torch.rand(count, 3, generator=generator) * torch.tensor([6.0, 0.1, 0.3]) + torch.tensor(
+        [0.0, 0.45, 0.65]
+    )
     ids = [f"shape{i}" for i in range(shapes)]
     return si3dr_data.ImageSet(ids, [i % 5 for i in range(count)], np.arange(count) % shapes, images, cameras)
 

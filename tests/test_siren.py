@@ -58,5 +58,5 @@ def test_modulations_start_at_about_one():
 
 @pytest.mark.parametrize("arguments", [((),), ((3, 0),), ((3,), 0.0), ((3,), 1.0, -1.0)])
 def test_impossible_layout_is_refused(arguments):
-    with pytest.raises(checks.InputError, match="hidden must list|omega must be positive"):
+    with pytest.raises(checks.InputError, match=r"hidden must list|omega must be positive"):
         siren.SineLayout(*arguments)

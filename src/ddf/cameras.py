@@ -1,8 +1,8 @@
 """The cameras of the 3D-R2N2 renders: extrinsics, projection and pixel rays in the benchmark frame.
 
-Letters: θ azimuth and φ elevation in radians, r radius in benchmark units (R2N2's "ratio"), u to the right and v down in
-pixels of a 137 x 137 image (pixel-edge convention: the first pixel's centre is at 0.5). The camera looks at the origin
-along -Z of its own frame. Facts checked against the renders: docs/formats.md.
+Letters: θ azimuth and φ elevation in radians, r radius in benchmark units (R2N2's "ratio"), u to the right and v
+down in pixels of a 137 x 137 image (pixel-edge convention: the first pixel's centre is at 0.5). The camera looks at
+the origin along -Z of its own frame. Facts checked against the renders: docs/formats.md.
 """
 
 import math
@@ -59,7 +59,7 @@ def to_camera(
 def project(
     points: Float[Tensor, "*batch n 3"], world_to_camera: Float[Tensor, "*batch 3 3"], centre: Float[Tensor, "*batch 3"]
 ) -> tuple[Float[Tensor, "*batch n"], Float[Tensor, "*batch n"]]:
-    """Pixel coordinates u = f X/(-Z) + c, v = f Y/Z + c in the 137-pixel image; meaningless behind the camera (Z >= 0)."""
+    """Pixel coordinates u = f X/(-Z) + c, v = f Y/Z + c in the 137-pixel image; meaningless behind it (Z >= 0)."""
     x, y, z = to_camera(points, world_to_camera, centre).unbind(-1)
     return FOCAL_PX * x / -z + CENTRE_PX, FOCAL_PX * y / z + CENTRE_PX
 

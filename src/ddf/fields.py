@@ -1,7 +1,7 @@
 """Probabilistic directed distance fields, plain and conditional, and the point-cloud decoder of the baseline.
 
-A PDDF maps (p, v) to K = 2 depths d_i, a weight w_1 (w_2 = 1 - w_1) and a visibility ξ. Source: [DDF22] §3.3. The network's
-raw outputs are (d_1, d_2, logit w_1, logit ξ) before any activation; every loss works on logits.
+A PDDF maps (p, v) to K = 2 depths d_i, a weight w_1 (w_2 = 1 - w_1) and a visibility ξ. Source: [DDF22] §3.3. The
+network's raw outputs are (d_1, d_2, logit w_1, logit ξ) before any activation; every loss works on logits.
 """
 
 from dataclasses import dataclass

@@ -6,7 +6,8 @@ Every term is the mean over the oriented points that it applies to (the paper do
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields as dataclass_fields
+from dataclasses import dataclass
+from dataclasses import fields as dataclass_fields
 
 import torch
 from jaxtyping import Float

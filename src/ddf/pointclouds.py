@@ -1,8 +1,8 @@
-"""Point clouds from a conditional field: project random points onto the surface, N_H times. Source: [DDF22] §4.3, app. E.
+"""Point clouds from a conditional field: project random points onto the surface, N_H times. [DDF22] §4.3, app. E.
 
-For each p, n_v directions v_k are drawn; their weights a = softmax(ξ_k / (η_T (ε_s + d_k))) favour what is near and visible;
-v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycle repeats from p <- q. Of (1 + ε_p) n_p points the
-n_p most visible are kept. Positions are in the field frame.
+For each p, n_v directions v_k are drawn; their weights a = softmax(ξ_k / (η_T (ε_s + d_k))) favour what is near and
+visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycle repeats from p <- q. Of (1 + ε_p) n_p points
+the n_p most visible are kept. Positions are in the field frame.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,8 @@ from torch import Tensor
 from ddf import checks
 from ddf.fields import PDDF, visibility
 
-SMALL_MEAN = 0.05  # a mean direction shorter than this has cancelled (a point between two sheets): take the best candidate
+# a mean direction shorter than this has cancelled (a point between two sheets): take the best candidate
+SMALL_MEAN = 0.05
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""Single-image 3D reconstruction: encoders, the two models, camera regression and correction. Source: [DDF22] §4.3, app. E.
+"""Single-image 3D reconstruction: encoders, the two models, camera regression and correction. [DDF22] §4.3, app. E.
 
-An RGBA image goes to a shape latent z_s and to a camera (azimuth, elevation, radius); a conditional PDDF or PC-SIREN turns
-z_s into a shape. Cameras are (..., 3): azimuth and elevation in radians, radius in benchmark units.
+An RGBA image goes to a shape latent z_s and to a camera (azimuth, elevation, radius); a conditional PDDF or PC-SIREN
+turns z_s into a shape. Cameras are (..., 3): azimuth and elevation in radians, radius in benchmark units.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ IMAGE_CHANNELS = 4
 
 
 class Encoder(nn.Module):
-    """ResNet-18 on RGBA images with a chosen first width; 64 is torchvision's own network, without pretrained weights."""
+    """ResNet-18 on RGBA images with a chosen first width; 64 is torchvision's own network, not pretrained."""
 
     def __init__(self, out_features: int, width: int = RESNET18_WIDTH) -> None:
         super().__init__()
@@ -166,16 +166,12 @@ def mask_loss(
     entry, world, _, chosen_meets = rendering.field_rays(camera, field_scale, directions[chosen])
     raw = field(entry, world, modulations)
     target = alpha.flatten(-2).gather(1, chosen)
-    bce = functional.binary_cross_entropy_with_logits(
-        raw[..., fields.VISIBILITY_ROW], target, reduction="none"
-    )
+    bce = functional.binary_cross_entropy_with_logits(raw[..., fields.VISIBILITY_ROW], target, reduction="none")
     weight = chosen_meets.to(bce.dtype)
     return (bce * weight).sum(-1) / weight.sum(-1).clamp_min(1) * meets.to(bce.dtype).mean(-1)
 
 
-def _choose(
-    meets: Bool[Tensor, "b n"], num_pixels: int | None, generator: torch.Generator | None
-) -> Tensor:
+def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, generator: torch.Generator | None) -> Tensor:
     """Indices of pixels that meet the box, random where there are more than `num_pixels`; padded with misses."""
     most = int(meets.sum(-1).max())
     count = max(1, most if num_pixels is None else min(num_pixels, most))
@@ -195,7 +191,9 @@ class CorrectionConfig:
 
     def __post_init__(self) -> None:
         if self.steps < 0 or self.mask_size < 1 or not self.learning_rate > 0:
-            raise checks.InputError(f"pointclouds.correction needs steps >= 0, mask_size >= 1, learning_rate > 0; got {self}")
+            raise checks.InputError(
+                f"pointclouds.correction: steps must be >= 0, mask_size >= 1, learning_rate > 0; got {self}"
+            )
 
 
 def correct_camera(
@@ -219,7 +217,8 @@ def correct_camera(
     best, best_loss = camera.detach().clone(), torch.full_like(field_scale, torch.inf)
     for step in range(config.steps + 1):
         current = scores * head.deviation + head.mean
-        current = torch.cat((current[:, :1], torch.minimum(torch.maximum(current, head.lowest), head.highest)[:, 1:]), -1)
+        bounded = torch.minimum(torch.maximum(current, head.lowest), head.highest)
+        current = torch.cat((current[:, :1], bounded[:, 1:]), -1)
         loss = mask_loss(model.field, modulations, current, field_scale, alpha)
         better = loss.detach() < best_loss
         best = torch.where(better[:, None], current.detach(), best)

@@ -25,7 +25,9 @@ def cube(like: Tensor) -> tuple[Float[Tensor, "3"], Float[Tensor, "3"]]:
 
 def field_rays(
     camera: Float[Tensor, "*batch 3"], field_scale: Float[Tensor, "*batch"], directions: Float[Tensor, "*#batch n 3"]
-) -> tuple[Float[Tensor, "*batch n 3"], Float[Tensor, "*batch n 3"], Float[Tensor, "*batch n"], Bool[Tensor, "*batch n"]]:
+) -> tuple[
+    Float[Tensor, "*batch n 3"], Float[Tensor, "*batch n 3"], Float[Tensor, "*batch n"], Bool[Tensor, "*batch n"]
+]:
     """Pixel rays in the field frame, moved to the cube; differentiable in the camera and the scale.
 
     Args:

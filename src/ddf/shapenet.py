@@ -151,7 +151,7 @@ def read_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
 
 
 def read_any_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
-    """An RGBA image of any size in [0, 1], padded to a square with transparent pixels, then resized as `read_image` does.
+    """An RGBA image of any size in [0, 1], padded to a square with transparent pixels, resized as `read_image` does.
 
     Raises:
       InputError: the file is missing, damaged, has no alpha, or its alpha is zero everywhere; it is named.

@@ -1,6 +1,6 @@
 """The training and test images of one category with what belongs to them: cameras, masks, samples, clouds.
 
-Everything is read from the artefacts of the stages `dataset` and `samples`; a batch is a function of (seed, step) alone.
+Everything is read from the artefacts of the stages `dataset` and `samples`; a batch depends on (seed, step) alone.
 """
 
 import hashlib
@@ -15,7 +15,6 @@ from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
 from ddf import cameras, checks, losses, packing, shapenet, storage, transforms
-
 
 SAMPLES, CLOUDS = ".samples.safetensors", ".clouds.safetensors"  # as the stage `samples` names them
 
@@ -106,7 +105,9 @@ class SampleSet:
         return losses.SampleBatch(**{name: torch.cat(values, dim=1) for name, values in parts.items()}, counts=counts)
 
 
-def read_images(dataset: shapenet.Dataset, category: str, shapes: Sequence[tuple[str, Sequence[int]]], size: int) -> ImageSet:
+def read_images(
+    dataset: shapenet.Dataset, category: str, shapes: Sequence[tuple[str, Sequence[int]]], size: int
+) -> ImageSet:
     """Load the given (id, views) of one category at size x size.
 
     Raises:

@@ -1,7 +1,7 @@
 """From trained models and images to clouds, cameras and renders: the artefact that the evaluation reads.
 
-Clouds are in the field frame. `scale` maps the field to the v1 frame: the truth's from the data set, the prediction's as
-1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] app. E).
+Clouds are in the field frame. `scale` maps the field to the v1 frame: the truth's from the data set, the prediction's
+as 1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] app. E).
 """
 
 import time
@@ -23,9 +23,9 @@ ENCODER_BATCH = 64  # images at a time; the networks are in evaluation mode, so 
 class PointcloudsConfig:
     """Section `pointclouds`.
 
-    large, small: L and S, points of the two clouds (5,000 and 2,466 in the paper). test_views: views per test shape that
-    are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered for the
-    report, render_size pixels wide.
+    large, small: L and S, points of the two clouds (5,000 and 2,466 in the paper). test_views: views per test shape
+    that are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered
+    for the report, render_size pixels wide.
     """
 
     cloud: pointclouds.CloudConfig
@@ -81,7 +81,7 @@ def _generator(config: PointcloudsConfig, image: int) -> torch.Generator:
 def reconstruct_ddf(
     model: reconstruction.DDFModel, images: si3dr_data.ImageSet, config: PointcloudsConfig, describe: str
 ) -> tuple[dict[str, Tensor], dict]:
-    """Clouds L and S after every cycle asked for (the last and the first), cameras, scales, renders; and what it cost."""
+    """Clouds L and S after every cycle asked for (the last and the first), cameras, scales, renders; and the cost."""
     latents, cameras, features = encode(model, images)
     modulations = [m.detach() for m in model.modulations(latents)]
     names = {config.cloud.cycles: f"h{config.cloud.cycles}", 1: "h1"}

@@ -1,4 +1,4 @@
-"""One optimisation step of single-image reconstruction, for the DDF model and for PC-SIREN. Source: [DDF22] §4.3, app. E."""
+"""One optimisation step of single-image reconstruction, for the DDF model and for PC-SIREN. [DDF22] §4.3, app. E."""
 
 from dataclasses import dataclass
 
@@ -44,8 +44,8 @@ class DDFConfig:
     """Section `ddf`: field, loss and batch of the DDF model.
 
     counts: oriented points per shape and type in a batch, E the extra uniform ones. shape_weight: γ_RS.
-    mask_weight: γ_RM. mask_size: side of the rendered mask. mask_pixels: pixels of it that are evaluated per image, drawn
-    among those whose ray meets the box; null for all of them.
+    mask_weight: γ_RM. mask_size: side of the rendered mask. mask_pixels: pixels of it that are evaluated per image,
+    drawn among those whose ray meets the box; null for all of them.
     """
 
     field: fields.PDDFConfig
@@ -61,14 +61,14 @@ class DDFConfig:
         if sorted(self.counts) != sorted(losses.ORDER) or min(self.counts.values()) < 1:
             raise checks.InputError(f"ddf.counts must give each of {', '.join(losses.ORDER)} >= 1; got {self.counts}")
         if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
-            raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (or null for mask_pixels)")
+            raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (mask_pixels or null)")
         if not (self.shape_weight >= 0 and self.mask_weight >= 0):
             raise checks.InputError("ddf.shape_weight and ddf.mask_weight must be >= 0")
 
 
 @dataclass(frozen=True)
 class PCSirenConfig:
-    """Section `pcsiren`: decoder and batch of the PC-SIREN model; points: per shape, on both sides of the Chamfer loss."""
+    """Section `pcsiren`: decoder and batch of the PC-SIREN model; points: per shape, both sides of the Chamfer loss."""
 
     hidden: tuple[int, ...]
     omega_first: float
@@ -170,9 +170,7 @@ def pcsiren_step(
     return total, {"chamfer": chamfer.detach(), "camera": camera_loss.detach()}
 
 
-def chamfer_loss(
-    predicted: Float[Tensor, "b n 3"], truth: Float[Tensor, "b m 3"]
-) -> Float[Tensor, ""]:
+def chamfer_loss(predicted: Float[Tensor, "b n 3"], truth: Float[Tensor, "b m 3"]) -> Float[Tensor, ""]:
     """D_C: sum of the two means of squared distances to the nearest neighbour, mean over shapes.
 
     The neighbours are found without gradient; only the pairs that count are differentiated.

@@ -1,9 +1,11 @@
-"""Sine networks and the modulator that conditions them. Sources: Sitzmann et al. 2020; Mehta et al. 2021; [DDF22] app. C, E.
+"""Sine networks and the modulator that conditions them. Sitzmann et al. 2020; Mehta et al. 2021; [DDF22] app. C, E.
 
-Letters: x input, a_l = W_l h_{l-1} + b_l, h_l = m_l sin(ω_l a_l), m_l modulation (1 where there is none), y = W h_L + b.
+Letters: x input, a_l = W_l h_{l-1} + b_l, h_l = m_l sin(ω_l a_l), m_l modulation (1 where there is none) and
+y = W h_L + b.
 Points of one shape share their modulation: inputs are (*shapes, n, in), modulations (*shapes, 1, width).
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,13 +47,13 @@ class SineNetwork(nn.Module):
     """Multilayer perceptron with sine activations and a linear head.
 
     Initial weights are U(±sqrt(6/fan_in)/ω_hidden) for the hidden layers and the head (Sitzmann et al. 2020, §3.2) and
-    U(±sqrt(6/fan_in)) for the first layer, as in the implementation that [DDF22] cites; biases start at U(±1/sqrt(fan_in)).
+    U(±sqrt(6/fan_in)) for the first layer, as in the code that [DDF22] cites; biases start at U(±1/sqrt(fan_in)).
     """
 
     def __init__(self, in_features: int, layout: SineLayout, out_features: int) -> None:
         super().__init__()
         widths = (in_features, *layout.hidden)
-        layers = nn.ModuleList(nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True))
+        layers = nn.ModuleList(nn.Linear(a, b) for a, b in itertools.pairwise(widths))
         self.layers = cast(Sequence[nn.Linear], layers)
         self.head = nn.Linear(widths[-1], out_features)
         self.omegas = (layout.omega_first, *([layout.omega_hidden] * (len(layout.hidden) - 1)))

@@ -1,7 +1,7 @@
 """One training loop: a step that depends on its number alone, checkpoints, a log, and the same result after any kill.
 
-The loss of step k draws its batch from generators seeded with (seed, k), so a run resumed at step k goes on exactly as an
-uninterrupted one would (same machine kind, same number of threads).
+The loss of step k draws its batch from generators seeded with (seed, k), so a run resumed at step k goes on exactly as
+an uninterrupted one would (same machine kind, same number of threads).
 """
 
 import csv
@@ -30,7 +30,8 @@ StepLoss = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
 class LoopConfig:
     """How a model is optimised with AdamW.
 
-    schedule: `constant`, or `cosine` from the learning rate to zero over all steps; both after `warmup_steps` of linear rise.
+    schedule: `constant`, or `cosine` from the learning rate to zero over all steps; both after a linear
+    rise of `warmup_steps`.
     clip_norm: gradients longer than this are shortened; null for none.
     threads: CPU threads; part of the result (sums are ordered by it).
     """
@@ -160,7 +161,12 @@ def _log_row(step: int, loss: Tensor, terms: dict[str, Tensor], seconds: float, 
     value = float(loss.detach())
     if not math.isfinite(value):
         raise FloatingPointError(f"loss is {value} at step {step}; the last checkpoint in {out_dir} is whole")
-    return {"step": float(step), "loss": value, **{name: float(term) for name, term in terms.items()}, "seconds": seconds}
+    return {
+        "step": float(step),
+        "loss": value,
+        **{name: float(term) for name, term in terms.items()},
+        "seconds": seconds,
+    }
 
 
 def _save_checkpoint(

@@ -35,10 +35,10 @@ DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare image, model and output folder."""
     parser.add_argument("image", metavar="IMAGE.png", type=Path, help="RGBA image; its alpha is the mask of the object")
-    parser.add_argument("model", metavar="MODEL", type=Path, help="folder of a trained DDF (artifacts/cpu/train_ddf/chair)")
+    parser.add_argument("model", metavar="MODEL", type=Path, help="trained DDF: artifacts/cpu/train_ddf/chair")
     parser.add_argument("out", metavar="OUT_DIR", type=Path, help="folder to write")
-    parser.add_argument("-n", "--points", type=int, default=DEFAULT_POINTS, help="points of the cloud (default %(default)s)")
-    parser.add_argument("--size", type=int, default=DEFAULT_SIZE, help="width of the renders in pixels (default %(default)s)")
+    parser.add_argument("-n", "--points", type=int, default=DEFAULT_POINTS, help="of the cloud (default %(default)s)")
+    parser.add_argument("--size", type=int, default=DEFAULT_SIZE, help="of the renders, pixels (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the cloud (default %(default)s)")
 
 
@@ -67,7 +67,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         storage.write_bytes(args.out / f"{name}.png", _png(picture))
     azimuth, elevation, radius = (float(x) for x in camera)
     result = {
-        "camera": {"azimuth_deg": float(np.degrees(azimuth)), "elevation_deg": float(np.degrees(elevation)), "ratio": radius},
+        "camera": {
+            "azimuth_deg": float(np.degrees(azimuth)),
+            "elevation_deg": float(np.degrees(elevation)),
+            "ratio": radius,
+        },
         "points": args.points,
         "v1_from_field": transforms.Similarity(scale).to_dict(),
         "queries_per_pixel": queries / args.size**2,
