@@ -14,6 +14,7 @@ ROOMS: dict[str, list[str]] = {
     "service": ["config", "storage", "provenance", "parallel", "stage", "seeding"],
     "1": [
         "primitives",
+        "mesh_config",
         "mesh_io",
         "meshes",
         "mesh_shards",

@@ -1,8 +1,11 @@
-"""Checks at the public boundary; each raises with the name, the rule and what came."""
+"""Checks at the public boundary; each raises with the name, the rule and what came.
+
+Values are numpy arrays or torch tensors; torch is not imported here, so that bad input is refused without its 0.6 GiB.
+"""
+
+from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
 
 UNIT_LENGTH_TOLERANCE = 1e-4  # float32 directions that went through a file or a rotation are within 1e-6; typos are not
 
@@ -11,27 +14,29 @@ class InputError(ValueError):
     """The user's input cannot be used. One line: what, which file, what to do."""
 
 
-def require_vectors(name: str, values: Tensor | np.ndarray) -> None:
+def require_vectors(name: str, values: Any) -> None:
     """Raise unless the last axis has length 3."""
     if values.ndim == 0 or values.shape[-1] != 3:
         raise InputError(f"{name} must have a last axis of length 3; got shape {tuple(values.shape)}")
 
 
-def require_finite(name: str, values: Tensor | np.ndarray) -> None:
+def _as_numpy(values: Any) -> np.ndarray:
+    return values.detach().cpu().numpy() if hasattr(values, "detach") else np.asarray(values)
+
+
+def require_finite(name: str, values: Any) -> None:
     """Raise unless every entry is finite, naming the first that is not."""
-    array = values.detach().cpu().numpy() if isinstance(values, torch.Tensor) else np.asarray(values)
+    array = _as_numpy(values)
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         index = tuple(int(i) for i in bad[0])
         raise InputError(f"{name} must be finite; got {array[index]} at index {index} ({len(bad)} such values)")
 
 
-def require_unit(name: str, directions: Tensor | np.ndarray, tolerance: float = UNIT_LENGTH_TOLERANCE) -> None:
+def require_unit(name: str, directions: Any, tolerance: float = UNIT_LENGTH_TOLERANCE) -> None:
     """Raise unless every vector along the last axis has length 1 within `tolerance`."""
     require_vectors(name, directions)
-    if isinstance(directions, torch.Tensor):
-        directions = directions.detach().cpu().numpy()
-    lengths = np.linalg.norm(np.asarray(directions, dtype=np.float64), axis=-1)
+    lengths = np.linalg.norm(_as_numpy(directions).astype(np.float64), axis=-1)
     bad = np.argwhere(~(np.abs(lengths - 1.0) <= tolerance))
     if len(bad):
         index = tuple(int(i) for i in bad[0])

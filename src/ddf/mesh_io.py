@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from jaxtyping import Float, Int
 
 from ddf import checks
@@ -118,6 +117,8 @@ def parse(data: bytes, suffix: str) -> Mesh:
 
 
 def _parse_with_trimesh(data: bytes, suffix: str) -> Mesh:
+    import trimesh  # half a second and 80 MiB, which files that the checks refuse should not cost
+
     try:
         scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], process=False)
         geometry = scene.to_mesh()
@@ -248,6 +249,8 @@ def export_bytes(mesh: Mesh, suffix: str) -> bytes:
     require_suffix(suffix)
     if suffix == ".ply":
         return ply_bytes(mesh, double=True)
+    import trimesh
+
     plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     exported = plain.export(file_type=suffix[1:], **({"digits": 17} if suffix in (".obj", ".off") else {}))
     return exported.encode() if isinstance(exported, str) else bytes(exported)

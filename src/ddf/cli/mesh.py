@@ -4,12 +4,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ddf import mesh_io, meshes, seeding, storage
+from ddf import mesh_config, mesh_io
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the two files and the settings of `meshes.MeshesConfig`."""
-    default = meshes.MeshesConfig()
+    default = mesh_config.MeshesConfig()
     kinds = ", ".join(mesh_io.SUFFIXES)
     parser.add_argument("source", metavar="IN", type=Path, help=f"mesh to read ({kinds})")
     parser.add_argument("out", metavar="OUT", type=Path, help=f"mesh to write, in the field frame ({kinds})")
@@ -44,9 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Prepare the mesh, write it, return the figures; distances are shares of the raw box's diagonal."""
-    config = meshes.MeshesConfig(faces=args.faces, alpha=args.alpha, offset=args.offset, wrap=args.wrap)
+    config = mesh_config.MeshesConfig(faces=args.faces, alpha=args.alpha, offset=args.offset, wrap=args.wrap)
     mesh_io.require_suffix(args.out.suffix)
     raw = mesh_io.load(args.source)
+    from ddf import meshes, seeding, storage  # a bad file is refused before these load 0.9 GiB of packages
+
     prepared = meshes.prepare(raw, config, seeding.generator(config.seed, "measure"))
     storage.write_bytes(args.out, mesh_io.export_bytes(prepared.mesh, args.out.suffix))
     return {
