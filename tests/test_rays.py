@@ -1,3 +1,4 @@
+import jaxtyping
 import pytest
 import torch
 
@@ -78,5 +79,6 @@ def test_bad_oriented_points_are_named():
         rays.OrientedPoints(good, 2 * good)
     with pytest.raises(checks.InputError, match="positions must be finite; got nan"):
         rays.OrientedPoints(good * float("nan"), good)
-    with pytest.raises(checks.InputError, match="one shape"):
+    # The annotation of the arguments says the same and is checked first where types are checked at run time.
+    with pytest.raises((checks.InputError, jaxtyping.TypeCheckError), match="one shape|existing value|Float"):
         rays.OrientedPoints(torch.zeros(2, 3), good)

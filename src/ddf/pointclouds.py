@@ -5,6 +5,7 @@ visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycl
 the n_p most visible are kept. Positions are in the field frame.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -60,8 +61,8 @@ class ProjectedPoints:
 
 
 def num_drawn(count: int, oversampling: float) -> int:
-    """(1 + ε_p) n_p, rounded up."""
-    return -int(-count * (1 + oversampling) // 1)
+    """(1 + ε_p) n_p, rounded up; the small number keeps 1.1 x 100 = 110.00000000000001 from becoming 111."""
+    return math.ceil(count * (1 + oversampling) - 1e-6)
 
 
 def closest_directions(
