@@ -252,5 +252,8 @@ def export_bytes(mesh: Mesh, suffix: str) -> bytes:
     import trimesh
 
     plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    exported = plain.export(file_type=suffix[1:], **({"digits": 17} if suffix in (".obj", ".off") else {}))
+    exported = plain.export(
+        file_type=suffix[1:],
+        **({"digits": 17} if suffix in (".obj", ".off") else {}),  # pyright: ignore[reportArgumentType]
+    )
     return exported.encode() if isinstance(exported, str) else bytes(exported)
