@@ -80,5 +80,5 @@ def test_bad_oriented_points_are_named():
     with pytest.raises(checks.InputError, match="positions must be finite; got nan"):
         rays.OrientedPoints(good * float("nan"), good)
     # The annotation of the arguments says the same and is checked first where types are checked at run time.
-    with pytest.raises((checks.InputError, jaxtyping.TypeCheckError), match="one shape|existing value|Float"):
+    with pytest.raises((checks.InputError, jaxtyping.TypeCheckError), match=r"one shape|existing value|Float"):
         rays.OrientedPoints(torch.zeros(2, 3), good)
