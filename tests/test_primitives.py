@@ -130,6 +130,8 @@ def test_curvatures_equal_property_v(name):
     (grad_p,) = torch.autograd.grad(_depth(name, p, points.directions).sum(), p, create_graph=True)
     grad_p = grad_p + 0 * p  # flat shapes: a graph that is zero, not absent
     second = torch.stack([torch.autograd.grad(grad_p[:, i].sum(), p, retain_graph=True)[0] for i in range(3)], dim=1)
+    along = (second @ points.directions[..., None])[..., 0]
+    assert_close(along, torch.zeros_like(along), atol=1e-6)  # Property I, differentiated once more
     frame = torch.linalg.svd(hits.normals[:, None]).Vh[:, 1:]
     slope = (hits.normals * points.directions).sum(-1)
     form = slope[:, None, None] * frame @ second @ frame.mT
