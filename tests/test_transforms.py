@@ -22,10 +22,10 @@ def test_inverse_and_composition():
 
 def test_rays_keep_meeting_their_points():
     frame = _random_similarity(3)
-    position, direction, depth = np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.6, 0.8]), np.array(1.7)
+    position, direction, depth = np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.6, 0.8]), np.array([1.7])
     moved = frame.apply(position) + frame.scale_depth(depth) * frame.apply_directions(direction)
     np.testing.assert_allclose(moved, frame.apply(position + depth * direction), atol=1e-12)
-    assert frame.scale_depth(np.array(np.inf)) == np.inf
+    assert frame.scale_depth(np.array([np.inf]))[0] == np.inf
 
 
 def test_json_round_trip_is_exact():
