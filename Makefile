@@ -27,18 +27,19 @@ endif
 # One run at a time. The lock is the kernel's: it is gone when the last process of a run is, however that ended; what
 # DVC itself left behind (rwlock) is then stale. DATA is kept per experiment in a file, which the engine can watch.
 define locked
-@mkdir -p .make .dvc/tmp; exec 9>>.make/lock; \
+@mkdir -p .make .dvc/tmp artifacts/$(NAME) || exit 2; exec 9>>.make/lock || exit 2; \
 flock -n 9 || { echo "another run holds this folder (process $$(cat .make/lock.pid 2>/dev/null)); waiting for it to end" >&2; flock 9; }; \
 echo $$$$ > .make/lock.pid; rm -f .dvc/tmp/rwlock; \
-root=artifacts/$(NAME)/data_root; mkdir -p artifacts/$(NAME); \
-if [ -n "$$DDF_DATA" ] || [ ! -e $$root ]; then cmp -s $$root <<< "$$DDF_DATA" || echo "$$DDF_DATA" > $$root; fi; \
+root=artifacts/$(NAME)/data_root; \
+if [ -n "$$DDF_DATA" ] || [ ! -e $$root ]; then cmp -s $$root <<< "$$DDF_DATA" || echo "$$DDF_DATA" > $$root || exit 2; fi; \
 export DDF_DATA="$$(cat $$root)"; \
 $(1)
 endef
 # Stages of one experiment by the name's pattern, side by side: DVC itself runs one at a time. DVC's own lock is held
 # while it looks at files, for longer than the three seconds that it would wait without being told to.
-side_by_side = dvc stage list --name-only | grep -E '^$(1)@$(NAME)-' | xargs -r -P $(JOBS) -n 1 dvc --wait-for-lock repro --single-item
-one_by_one = dvc stage list --name-only | grep -E '^$(1)@$(NAME)(-|$$)' | xargs -r dvc repro
+names = dvc stage list --name-only | grep -E '^$(1)@$(NAME)(-|$$)'
+side_by_side = $(names) | xargs -r -P $(JOBS) -n 1 sh -c 'dvc --wait-for-lock repro --single-item "$$0" || exit 1'
+one_by_one = names=$$($(names)) && dvc repro $$names
 whole_run = dvc status -q --with-deps report@$(NAME) || { $(call one_by_one,samples) && $(call side_by_side,train_[a-z]*) \
 	&& $(call side_by_side,pointclouds) && dvc repro report@$(NAME); }
 check_config = @test -f "$(CONFIG)" || { echo "$(CONFIG): no such experiment file; CONFIG is one of: $$(echo configs/*.yaml)" >&2; exit 2; }; \
