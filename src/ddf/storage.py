@@ -38,8 +38,13 @@ _DIGEST_LENGTH = 64  # hex digits of SHA-256
 
 @contextlib.contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
-    """A temporary sibling of `path`, flushed to disk and renamed to it if the body succeeds, removed if it fails."""
-    path = Path(path)
+    """A temporary sibling of `path`, flushed to disk and renamed to it if the body succeeds, removed if it fails.
+
+    A link is followed; devices and folders are refused, because renaming would put a file in place of /dev/null.
+    """
+    path = Path(os.path.realpath(path))
+    if path.exists() and not path.is_file():
+        raise checks.InputError(f"{path} is not a regular file; give the name of a file to write")
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=f".tmp{path.suffix}", dir=path.parent)
     os.close(handle)
