@@ -66,8 +66,9 @@ Data, and what preparation lost. Hidden points of the true clouds are those that
 they count in the metrics, as in Pixel2Mesh. Surface lost: distances between the raw and the closed, decimated mesh.
 """
 TIMES: Final = """
-Wall time of each stage's last run, summed over categories, on a machine with {threads} CPU threads. Of a stage that
-was resumed, only the last part is counted.
+Wall time of each stage's last run, summed over categories, on a machine with {threads} CPU threads. Trainings and
+clouds of several categories run side by side, so the whole takes less than the sum. Of a stage that was resumed, only
+the last part is counted.
 """
 
 LIMIT_SYNTHETIC: Final = """
