@@ -139,13 +139,9 @@ def load_truth(samples_dir: Path | str) -> dict[str, TruthCloud]:
     Raises:
       FileNotFoundError, InputError: no shard, or a damaged file.
     """
-    records = sorted(Path(samples_dir).glob("[0-9]*.json"))
-    if not records:
-        raise FileNotFoundError(f"{samples_dir}: no shard of samples; run the samples stage")
-    names = [name for record in records for name in storage.read_json(record)["files"]]
     clouds: dict[str, TruthCloud] = {}
-    for name in sorted(name for name in names if name.endswith(".clouds.safetensors")):
-        tensors, metadata = storage.load_tensors(Path(samples_dir) / name)
+    for path in storage.shard_files(samples_dir, ".clouds.safetensors", "samples"):
+        tensors, metadata = storage.load_tensors(path)
         for i, shape in enumerate(metadata["ids"]):
             span = slice(int(tensors["offsets"][i]), int(tensors["offsets"][i + 1]))
             clouds[shape] = TruthCloud(tensors["points"][span], tensors["hidden"][span].astype(bool))

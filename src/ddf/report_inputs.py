@@ -115,24 +115,15 @@ def _read_log(folder: Path) -> pd.DataFrame:
     return pd.read_csv(path)
 
 
-def _shard_files(folder: Path, ending: str) -> list[Path]:
-    """Files of a sharded stage, as its shards' records name them."""
-    records = sorted(folder.glob("[0-9]*.json"))
-    names = sorted(name for record in records for name in storage.read_json(record)["files"] if name.endswith(ending))
-    if not names:
-        raise FileNotFoundError(f"{folder}: no shards; run the stage that makes them")
-    return [folder / name for name in names]
-
-
 def _read_measures(folder: Path) -> pd.DataFrame:
-    packs = (storage.load_pack(path)[0]["measures.csv"] for path in _shard_files(folder, ".zip"))
+    packs = (storage.load_pack(path)[0]["measures.csv"] for path in storage.shard_files(folder, ".zip", "meshes"))
     return pd.concat([pd.read_csv(io.BytesIO(text), dtype={"id": str}) for text in packs], ignore_index=True)
 
 
 def _packing_errors(folder: Path) -> dict[str, float]:
     """The largest error of each kind over all shards."""
     largest: dict[str, float] = {}
-    for path in _shard_files(folder, ".samples.safetensors"):
+    for path in storage.shard_files(folder, ".samples.safetensors", "samples"):
         for name, value in storage.load_metadata(path)["packing_errors"].items():
             largest[name] = max(largest.get(name, 0.0), value)
     return largest

@@ -142,13 +142,19 @@ def test_views(dataset: shapenet.Dataset, category: str, count: int | None) -> l
 
 def available(folder: Path, shapes: Sequence[tuple[str, Sequence[int]]]) -> list[tuple[str, Sequence[int]]]:
     """Those of the split's shapes that came through watertighting and sampling (failures are in `failures.csv`)."""
-    done = {name for path in storage.shard_files(folder, SAMPLES) for name in storage.load_metadata(path)["ids"]}
+    done = {
+        name for path in storage.shard_files(folder, SAMPLES, "samples") for name in storage.load_metadata(path)["ids"]
+    }
     return [(name, views) for name, views in shapes if name in done]
 
 
 def sources(index_path: Path, samples_dir: Path) -> list[Path]:
     """The files that a training depends on besides the images; see `ImageSet.digest` for those."""
-    return [index_path, *storage.shard_files(samples_dir, SAMPLES), *storage.shard_files(samples_dir, CLOUDS)]
+    return [
+        index_path,
+        *storage.shard_files(samples_dir, SAMPLES, "samples"),
+        *storage.shard_files(samples_dir, CLOUDS, "samples"),
+    ]
 
 
 def read_shapes(folder: Path, ids: Sequence[str]) -> ShapeSet:
@@ -158,12 +164,12 @@ def read_shapes(folder: Path, ids: Sequence[str]) -> ShapeSet:
       InputError: a shape is in no shard.
     """
     maps: dict[str, dict] = {}
-    for path in storage.shard_files(folder, SAMPLES):
+    for path in storage.shard_files(folder, SAMPLES, "samples"):
         maps |= storage.load_metadata(path)["field_from_raw"]
     _require(folder, ids, maps)
     similarities = [transforms.Similarity.from_dict(maps[name]) for name in ids]
     clouds: dict[str, np.ndarray] = {}
-    for path in storage.shard_files(folder, CLOUDS):
+    for path in storage.shard_files(folder, CLOUDS, "samples"):
         tensors, metadata = storage.load_tensors(path)
         for i, name in enumerate(metadata["ids"]):
             clouds[name] = tensors["points"][tensors["offsets"][i] : tensors["offsets"][i + 1]]
@@ -180,7 +186,7 @@ def read_samples(folder: Path, ids: Sequence[str]) -> SampleSet:
     parts: dict[str, list[Tensor]] = {}
     row_of: dict[str, int] = {}
     wanted = set(ids)
-    for path in storage.shard_files(folder, SAMPLES):
+    for path in storage.shard_files(folder, SAMPLES, "samples"):
         tensors, metadata = storage.load_tensors(path, framework="torch")
         rows = [i for i, name in enumerate(metadata["ids"]) if name in wanted]
         row_of |= {metadata["ids"][i]: len(row_of) + k for k, i in enumerate(rows)}

@@ -179,17 +179,18 @@ def load_table(path: str | Path, **options: Any) -> tuple["pd.DataFrame", dict[s
     return pd.read_csv(io.BytesIO(data), **options), record
 
 
-def shard_files(folder: str | Path, suffix: str) -> list[Path]:
+def shard_files(folder: str | Path, suffix: str, stage: str) -> list[Path]:
     """The files of one kind that the shards of a folder wrote, in order, as their records `NNN.json` name them.
 
     Raises:
-      FileNotFoundError: the folder holds no shard.
+      FileNotFoundError: no shard of the folder wrote such a file; the message names `stage`, which makes them.
     """
-    records = sorted(Path(folder).glob("[0-9]*.json"))
-    if not records:
-        raise FileNotFoundError(f"{folder}: no shards there; run the stage that makes them first")
-    names = [name for record in records for name in read_json(record)["files"]]
-    return [Path(folder) / name for name in sorted(names) if name.endswith(suffix)]
+    folder = Path(folder)
+    records = sorted(folder.glob("[0-9]*.json"))
+    names = sorted(name for record in records for name in read_json(record)["files"] if name.endswith(suffix))
+    if not names:
+        raise FileNotFoundError(f"{folder}: no shards with *{suffix}; run the {stage} stage")
+    return [folder / name for name in names]
 
 
 def checksum(path: str | Path) -> str:
