@@ -12,7 +12,8 @@ class MeshesConfig:
     faces: upper bound on the triangles of a result.
     alpha: the wrap enters no opening narrower than this.
     offset: distance of the wrap from the raw surface.
-    wrap: "auto" keeps a mesh that is already one closed piece without self-intersections; "always" wraps everything.
+    wrap: "auto" keeps a mesh that is already one closed piece without self-intersections; "always" wraps everything;
+      "never" keeps every mesh as it is, open sheets and hidden inner parts included.
     measure_points: points a side for the loss figures.
     shard_size: shapes in one file.
     seed: of the points that the loss is measured at.
@@ -33,8 +34,8 @@ class MeshesConfig:
             raise checks.InputError(f"meshes.alpha must be in [0.001, 0.5] of the diagonal; got {self.alpha}")
         if not 1e-5 <= self.offset <= self.alpha:
             raise checks.InputError(f"meshes.offset must be in [0.00001, alpha]; got {self.offset}")
-        if self.wrap not in ("auto", "always"):
-            raise checks.InputError(f"meshes.wrap must be auto or always; got {self.wrap!r}")
+        if self.wrap not in ("auto", "always", "never"):
+            raise checks.InputError(f"meshes.wrap must be auto, always or never; got {self.wrap!r}")
         if self.measure_points < 1:
             raise checks.InputError(f"meshes.measure_points must be >= 1; got {self.measure_points}")
         if self.shard_size < 1:

@@ -1,4 +1,4 @@
-"""From any triangle soup to a closed, small, normalised mesh, and what that lost.
+"""From any triangle soup to a small, normalised mesh, closed unless told otherwise, and what that lost.
 
 clean -> close (alpha wrap) -> decimate -> field frame, each in float64 and in coordinates centred at 0, so that a mesh
 far from its origin loses nothing. A wrap follows the outside only: sheets get a thickness of twice the offset, holes
@@ -24,7 +24,7 @@ _WELD_TOLERANCE = 1e-5  # of the diagonal: float32 noise of seams in STL files r
 
 @dataclass(frozen=True)
 class Prepared:
-    """A closed mesh in the field frame, the map that led there and what was lost on the way."""
+    """A mesh in the field frame (closed, unless `wrap` is "never"), the map that led there and what was lost on the way."""
 
     mesh: Mesh
     field_from_raw: transforms.Similarity
@@ -166,27 +166,29 @@ def _outward(mesh: Mesh) -> Mesh:
 
 
 def decimate(mesh: Mesh, faces: int) -> Mesh:
-    """Reduce a closed mesh to at most `faces` triangles by quadric edge collapse, keeping it a closed manifold.
+    """Reduce a mesh to at most `faces` triangles by quadric edge collapse; a closed manifold stays one.
 
-    fast-simplification where its result is still closed, otherwise MeshLab's collapse that preserves topology.
+    fast-simplification where its result is still closed, otherwise MeshLab's collapse that preserves topology. A mesh
+    that is open to begin with is left to fast-simplification.
 
     Raises:
       InputError: the topology (many handles) needs more triangles than `faces`.
     """
     if len(mesh.faces) <= faces:
         return mesh
+    closed = is_watertight(mesh)
     points, triangles = fast_simplification.simplify(
         np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.int32), target_count=faces
     )
     quick = _without_unused(Mesh(points, triangles))
-    if len(quick.faces) <= faces and is_watertight(quick) and has_manifold_vertices(quick):
+    if len(quick.faces) <= faces and (not closed or (is_watertight(quick) and has_manifold_vertices(quick))):
         return quick
     work = _to_meshlab(mesh)
     work.meshing_decimation_quadric_edge_collapse(
         targetfacenum=faces, preservetopology=True, preservenormal=True, planarquadric=True
     )
     slow = _without_unused(_from_meshlab(work))
-    if len(slow.faces) > faces or not is_watertight(slow):
+    if len(slow.faces) > faces or is_watertight(slow) < closed:
         raise checks.InputError(f"cannot reach {faces} triangles and stay closed; got {len(slow.faces)}: raise faces")
     return slow
 
@@ -227,7 +229,8 @@ def measure(raw: Mesh, result: Mesh, points: int, rng: np.random.Generator) -> d
     Returns:
       `hausdorff`: largest distance of both ways. `mean_distance`: mean of the means of both ways.
       `hausdorff_hidden`: largest distance from a hidden raw point; 0 without any.
-      `lost`: largest distance from a raw point that lies outside the result (a part cut off, not one smoothed over).
+      `lost`: largest distance from a raw point that lies outside the result (a part cut off, not one smoothed over);
+      an open result has no inside.
     """
     diagonal = raw.diagonal()
     raw_scene, result_scene = raycast.Scene(raw), raycast.Scene(result)
@@ -235,7 +238,7 @@ def measure(raw: Mesh, result: Mesh, points: int, rng: np.random.Generator) -> d
     result_points, _ = sample_surface(result, points, rng)
     hidden = ~raycast.visible_from_outside(raw_scene, raw_points, raw_faces)
     there = result_scene.distance(raw_points) / diagonal
-    outside = result_scene.outside(raw_points)
+    outside = result_scene.outside(raw_points) if is_watertight(result) else np.ones(len(raw_points), dtype=bool)
     back = raw_scene.distance(np.concatenate([result_points, result.vertices])) / diagonal
     seen = there[~hidden] if (~hidden).any() else there
     return {
@@ -247,7 +250,7 @@ def measure(raw: Mesh, result: Mesh, points: int, rng: np.random.Generator) -> d
 
 
 def prepare(raw: Mesh, config: MeshesConfig, rng: np.random.Generator) -> Prepared:
-    """Clean, close, decimate and normalise one mesh, and measure the loss.
+    """Clean, close (unless `wrap` is "never"), decimate and normalise one mesh, and measure the loss.
 
     Raises:
       InputError: nothing to close, or the result cannot be both closed and small enough.
@@ -255,9 +258,9 @@ def prepare(raw: Mesh, config: MeshesConfig, rng: np.random.Generator) -> Prepar
     begin = time.perf_counter()
     unit_from_raw = transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)])
     unit = clean(Mesh(unit_from_raw.apply(raw.vertices), raw.faces))
-    wrapped = config.wrap == "always" or not _is_clean_solid(unit)
-    closed = _outward(close(unit, config.alpha, config.offset) if wrapped else unit)
-    small = decimate(closed, config.faces)
+    wrapped = config.wrap == "always" or (config.wrap == "auto" and not _is_clean_solid(unit))
+    solid = close(unit, config.alpha, config.offset) if wrapped else unit
+    small = decimate(_outward(solid) if config.wrap != "never" else solid, config.faces)
     losses = measure(unit, small, config.measure_points, rng)
     field_from_unit = transforms.field_from_mesh(small.vertices)
     mesh = Mesh(field_from_unit.apply(small.vertices), small.faces)
