@@ -31,9 +31,10 @@ def run(config_path: Path, category: str) -> None:
         training.load_model(model, folder)
         if name == "ddf":
             tensors, facts = si3dr_inference.reconstruct_ddf(ddf, test, section, category)
+            features = {"features": test, "train_features": trained}  # for the retrieval row
+            tensors |= {key: si3dr_inference.image_features(ddf, images) for key, images in features.items()}
         else:
             tensors, facts = si3dr_inference.reconstruct_pcsiren(pcsiren, test, section)
-        tensors["train_features"] = si3dr_inference.encode(model, trained)[2].cpu()
         sources = [index_path, folder / training.MODEL]
         record = provenance.record(
             provenance.fingerprint([section, category, test.digest()], sources, si3dr_inference), section.seed, sources

@@ -4,7 +4,7 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from ddf import config, provenance, shapenet, si3dr_data, si3dr_training, stage, training
+from ddf import config, provenance, si3dr_data, si3dr_training, stage, training
 
 
 def run(config_path: Path, category: str) -> None:
@@ -15,15 +15,13 @@ def run(config_path: Path, category: str) -> None:
     samples_dir = config.artifact_dir(config_path, "samples", category)
     training.prepare(train.loop)
 
-    dataset = shapenet.Dataset.open(index_path)
-    views = si3dr_data.training_views(dataset, category, train.train_views)
-    images = si3dr_data.read_images(dataset, category, si3dr_data.available(samples_dir, views), train.image_size)
-    shapes = si3dr_data.read_shapes(samples_dir, images.ids)
+    images, shapes, sources = si3dr_data.read_training(
+        index_path, samples_dir, category, train.train_views, train.image_size
+    )
     samples = si3dr_data.read_samples(samples_dir, images.ids)
 
     model = si3dr_training.ddf_model(train, section).to(training.device())
     model.camera_head.fit(images.cameras)
-    sources = si3dr_data.sources(index_path, samples_dir)
     fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, si3dr_training)
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training.fit(

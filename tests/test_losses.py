@@ -9,7 +9,7 @@ import torch
 from ddf import checks, fields, losses, siren
 
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2}
-WEIGHTS = losses.LossWeights(5.0, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
+WEIGHTS = losses.LossWeights(5.0, None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
 
 
 def _field(activation: Literal["relu", "softplus"] = "softplus"):
@@ -97,16 +97,44 @@ def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, m
 _NAMES = [field.name for field in dataclasses.fields(losses.LossWeights)]
 
 
-@pytest.mark.parametrize("name", [name for name in _NAMES if name != "transition_speed"])
+_NOTHING = losses.LossWeights(
+    **dict.fromkeys([name for name in _NAMES if name != "depth_huber"], 0.0) | {"transition_speed": 1.5},
+    depth_huber=None,
+)
+
+
+@pytest.mark.parametrize("name", [name for name in _NAMES if name not in ("transition_speed", "depth_huber")])
 def test_every_weight_scales_its_own_term(name):
     field, batch = _field(), _batch()
-    nothing = losses.LossWeights(**dict.fromkeys(_NAMES, 0.0) | {"transition_speed": 1.5})
-    one = dataclasses.replace(nothing, **{name: 1.0})
-    two = dataclasses.replace(nothing, **{name: 2.0})
+    one, two = (dataclasses.replace(_NOTHING, **{name: factor}) for factor in (1.0, 2.0))
     single, double = (float(losses.shape_loss(field, batch, None, w)[0].detach()) for w in (one, two))
     assert single != 0
     assert double == pytest.approx(2 * single, rel=1e-12)
-    assert float(losses.shape_loss(field, batch, None, nothing)[0].detach()) == 0
+    assert float(losses.shape_loss(field, batch, None, _NOTHING)[0].detach()) == 0
+
+
+def test_huber_depth_loss_is_quadratic_then_linear():
+    error = torch.tensor([0.0, 0.01, 0.02, 0.52, -0.52])
+    found = losses.depth_loss(1 + error, torch.ones(5), torch.tensor([1.0, 1, 1, 1, 1]), 0.02)
+    torch.testing.assert_close(found, torch.tensor([0.0, 0.0025, 0.01, 0.51, 0.51]))
+    hidden = losses.depth_loss(1 + error, torch.ones(5), torch.zeros(5), 0.02)
+    assert float(hidden.abs().max()) == 0
+
+
+def test_shape_loss_uses_the_huber_threshold():
+    field, batch = _field(), _batch()
+    depth = dataclasses.replace(_NOTHING, depth=1.0)
+    square, huber = (
+        losses.shape_loss(field, batch, None, dataclasses.replace(depth, depth_huber=value))[0]
+        for value in (None, 1e9)  # so wide that no error is beyond it: e²/(2β)
+    )
+    assert float((2e9 * huber / square).detach()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("inf")])
+def test_bad_huber_threshold_is_refused(value):
+    with pytest.raises(checks.InputError, match="depth_huber must be > 0"):
+        dataclasses.replace(WEIGHTS, depth_huber=value)
 
 
 def test_ground_truth_of_extra_points_is_never_read():

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import pytest
@@ -5,7 +6,7 @@ import torch
 
 from ddf import checks, fields, pointclouds
 
-CONFIG = pointclouds.CloudConfig(128, 3, 0.1, 0.05, 0.01, 4096)
+CONFIG = pointclouds.CloudConfig(128, 3, 0.1, 1.0, 0.05, 0.01, 4096)
 RADIUS = 0.6
 
 
@@ -34,7 +35,7 @@ def _sample(count, config=CONFIG, seed=0, field=None):
 
 
 def test_points_land_on_the_surface_and_cover_it():
-    points = _sample(2000)[-1].most_visible(2000, CONFIG.oversampling)
+    (points,) = _sample(2000)[-1].clouds([2000], CONFIG)
     assert points.shape == (2000, 3)
     assert float((points.norm(dim=-1) - RADIUS).abs().max()) < 1e-4
     octants = ((points > 0).long() * torch.tensor([1, 2, 4])).sum(-1).bincount(minlength=8)
@@ -48,20 +49,20 @@ def test_queries_are_points_times_directions_plus_one_per_cycle():
 
 
 def test_first_cycle_of_three_is_the_cloud_of_one():
-    one = pointclouds.CloudConfig(128, 1, 0.1, 0.05, 0.01, 4096)
+    one = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.05, 0.01, 4096)
     assert torch.equal(_sample(300)[0].points, _sample(300, one)[0].points)
 
 
 def test_chunks_change_no_point():
-    small = pointclouds.CloudConfig(128, 1, 0.1, 0.05, 0.01, 128 * 7)
-    large = pointclouds.CloudConfig(128, 1, 0.1, 0.05, 0.01, 10**6)
+    small = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.05, 0.01, 128 * 7)
+    large = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.05, 0.01, 10**6)
     torch.testing.assert_close(_sample(200, small)[0].points, _sample(200, large)[0].points)
 
 
 def test_direction_is_towards_the_nearest_point_of_the_sphere():
     generator = torch.Generator().manual_seed(3)
     points = torch.nn.functional.normalize(torch.randn(50, 3, generator=generator), dim=-1) * 0.85
-    many = pointclouds.CloudConfig(4096, 1, 0.0, 0.02, 0.01, 10**6)
+    many = pointclouds.CloudConfig(4096, 1, 0.0, 1.0, 0.02, 0.01, 10**6)
     found = pointclouds.project(_Sphere(), None, points, many, generator)
     cosine = torch.nn.functional.cosine_similarity(found.points, points, dim=-1)
     assert float(cosine.median()) > math.cos(math.radians(3))
@@ -80,7 +81,7 @@ def test_invisible_and_on_surface_candidates_stay_finite_and_unit(visibility, de
     candidates = torch.nn.functional.normalize(
         torch.randn(20, 64, 3, generator=torch.Generator().manual_seed(0)), dim=-1
     )
-    tiny = pointclouds.CloudConfig(64, 1, 0.1, 1e-4, 1e-6, 1)
+    tiny = pointclouds.CloudConfig(64, 1, 0.1, 1.0, 1e-4, 1e-6, 1)
     ones = torch.ones(20, 64)
     found = pointclouds.closest_directions(candidates, visibility * ones, depth * ones, tiny)
     torch.testing.assert_close(found.norm(dim=-1), torch.ones(20))
@@ -88,15 +89,49 @@ def test_invisible_and_on_surface_candidates_stay_finite_and_unit(visibility, de
 
 def test_most_visible_drops_the_least_visible():
     projected = pointclouds.ProjectedPoints(torch.arange(33.0).reshape(11, 3), torch.arange(11.0))
-    assert pointclouds.num_drawn(10, 0.1) == 11
-    kept = projected.most_visible(10, 0.1)
+    assert CONFIG.num_drawn(10) == 11
+    kept, fewer = projected.clouds([10, 4], CONFIG)
     assert sorted(kept[:, 0].tolist()) == [3.0 * i for i in range(1, 11)]
     # a smaller cloud is made from the first draws alone
-    assert sorted(projected.most_visible(4, 0.1)[:, 0].tolist()) == [3.0, 6.0, 9.0, 12.0]
+    assert sorted(fewer[:, 0].tolist()) == [3.0, 6.0, 9.0, 12.0]
+
+
+def test_farthest_points_equal_a_slow_loop():
+    points = torch.rand(60, 3, generator=torch.Generator().manual_seed(0))
+    order = pointclouds.farthest_point_order(points, 20).tolist()
+    assert order[0] == 0
+    for i in range(1, 20):
+        nearest = torch.cdist(points, points[order[:i]]).amin(dim=1)
+        assert order[i] == int(nearest.argmax())
+
+
+def test_farthest_points_of_repeated_points_are_finite():
+    points = torch.ones(5, 3)
+    assert pointclouds.farthest_point_order(points, 5).tolist() == [0] * 5
+
+
+def test_thinning_spreads_the_points_and_nests_the_sizes():
+    thinned = dataclasses.replace(CONFIG, num_directions=64, thinning=2.0)
+    plain = dataclasses.replace(thinned, thinning=1.0)
+    assert thinned.num_drawn(400) == 880
+    large, small = _sample(400, thinned)[-1].clouds([400, 150], thinned)
+    assert (large.shape, small.shape) == ((400, 3), (150, 3))
+    assert torch.equal(large[:150], small)
+    (uneven,) = _sample(400, plain)[-1].clouds([400], plain)
+    spread, crowded = (_nearest_neighbour_spread(cloud) for cloud in (large, uneven))
+    assert spread < 0.5 * crowded
+
+
+def _nearest_neighbour_spread(points):
+    """Deviation over mean of the distances to the nearest neighbour: 0 on a lattice, 0.52 for random points."""
+    distance = torch.cdist(points, points).fill_diagonal_(torch.inf).amin(dim=1)
+    return float(distance.std() / distance.mean())
 
 
 def test_bad_config_is_refused():
     with pytest.raises(checks.InputError, match="num_directions must be >= 1; got 0"):
-        pointclouds.CloudConfig(0, 3, 0.1, 0.05, 0.01, 4096)
+        pointclouds.CloudConfig(0, 3, 0.1, 1.0, 0.05, 0.01, 4096)
     with pytest.raises(checks.InputError, match="temperature must be > 0"):
-        pointclouds.CloudConfig(1, 3, 0.1, 0.0, 0.01, 4096)
+        pointclouds.CloudConfig(1, 3, 0.1, 1.0, 0.0, 0.01, 4096)
+    with pytest.raises(checks.InputError, match="thinning must be >= 1; got 0.5"):
+        pointclouds.CloudConfig(1, 3, 0.1, 0.5, 0.05, 0.01, 4096)

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import pytest
@@ -122,13 +123,22 @@ def test_correction_finds_the_radius_of_a_ball():
     model.decoder.field = _BallField()
     truth, start, scale = _camera(1.0, 0.48, 0.72), _camera(1.0, 0.48, 0.9), torch.tensor([2.5])
     image, _ = rendering.render(_BallField(), None, truth[0], scale[0], 32, ["visibility"])
-    config = reconstruction.CorrectionConfig(60, 0.1, 32)
+    config = reconstruction.CorrectionConfig(60, 0.1, 32, reconstruction.CAMERA_NUMBERS)
     found = reconstruction.correct_camera(model, torch.zeros(1, 4), start, scale, image["visibility"][None], config)
     assert abs(float(found[0, 2]) - 0.72) < 0.005
     same = reconstruction.correct_camera(
-        model, torch.zeros(1, 4), start, scale, image["visibility"][None], reconstruction.CorrectionConfig(0, 0.1, 32)
+        model, torch.zeros(1, 4), start, scale, image["visibility"][None], dataclasses.replace(config, steps=0)
     )
     torch.testing.assert_close(same, start)
+    angles = dataclasses.replace(config, steps=5, free=("azimuth", "elevation"))
+    turned = reconstruction.correct_camera(model, torch.zeros(1, 4), start, scale, image["visibility"][None], angles)
+    assert float(turned[0, 2]) == pytest.approx(float(start[0, 2]))  # a radius that is not free stays
+
+
+@pytest.mark.parametrize("free", [(), ("azimuth", "roll")])
+def test_correction_of_nothing_or_of_something_unknown_is_refused(free):
+    with pytest.raises(checks.InputError, match="free must list some of azimuth, elevation, radius"):
+        reconstruction.CorrectionConfig(1, 0.1, 32, free)
 
 
 def test_models_share_encoders_and_layers():

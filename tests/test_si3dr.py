@@ -26,12 +26,12 @@ COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4}
 LOOP = training.LoopConfig(1e-3, "constant", 0, None, 1, 5, 10, 100.0)
 TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
 FIELD = fields.PDDFConfig((12, 12), 3.0, 1.0, "softplus", 20.0)
-WEIGHTS = losses.LossWeights(5.0, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
+WEIGHTS = losses.LossWeights(5.0, None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
 DDF = si3dr_training.DDFConfig(FIELD, 5, COUNTS, WEIGHTS, 1.0, 10.0, 16, 20)
 PCSIREN = si3dr_training.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50)
-CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 0.05, 0.05, 1000)
+CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 1.0, 0.05, 0.05, 1000)
 POINTCLOUDS = si3dr_inference.PointcloudsConfig(
-    CLOUD, reconstruction.CorrectionConfig(2, 0.05, 16), 60, 30, None, 2, 12, 0
+    CLOUD, reconstruction.CorrectionConfig(2, 0.05, 16, reconstruction.CAMERA_NUMBERS), 0.0, 60, 30, None, 2, 12, 0
 )
 
 
@@ -148,6 +148,16 @@ def test_scale_makes_the_box_diagonal_one():
     assert si3dr_inference.scale_from_cloud(points) == pytest.approx(1 / 3)
     with pytest.raises(checks.InputError, match="one point"):
         si3dr_inference.scale_from_cloud(points[:1])
+
+
+def test_scale_with_a_quantile_ignores_a_stray_point():
+    generator = torch.Generator().manual_seed(0)
+    points = torch.rand(4000, 3, generator=generator)
+    with_stray = torch.cat((points, torch.tensor([[9.0, 0.0, 0.0]])))
+    clean, robust = (si3dr_inference.scale_from_cloud(cloud, 0.001) for cloud in (points, with_stray))
+    assert robust == pytest.approx(clean, rel=2e-3)
+    assert clean == pytest.approx(1 / 3**0.5, rel=5e-3)
+    assert si3dr_inference.scale_from_cloud(with_stray) < 0.2
 
 
 def test_reconstruction_has_the_promised_arrays():

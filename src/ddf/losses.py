@@ -28,10 +28,12 @@ TANGENTS = (EIKONAL[0], TRANSITION[1])
 class LossWeights:
     """γ of every term, and ε_T, the transition speed that L_T asks for (the paper gives no value).
 
-    depth is doubled on A and U samples.
+    depth is doubled on A and U samples. depth_huber: error from which L_d grows linearly, see `depth_loss`; null for
+    the paper's square.
     """
 
     depth: float
+    depth_huber: float | None
     visibility: float
     normals: float
     weight_variance: float
@@ -44,7 +46,10 @@ class LossWeights:
     def __post_init__(self) -> None:
         for field in dataclass_fields(self):
             value = getattr(self, field.name)
-            if not 0 <= value < float("inf"):
+            if field.name == "depth_huber":
+                if value is not None and not 0 < value < float("inf"):
+                    raise checks.InputError(f"weights.depth_huber must be > 0 and finite, or null; got {value}")
+            elif not 0 <= value < float("inf"):
                 raise checks.InputError(f"weights.{field.name} must be >= 0 and finite; got {value}")
 
 
@@ -76,10 +81,16 @@ class SampleBatch:
 
 
 def depth_loss(
-    depth: Float[Tensor, "*n"], truth: Float[Tensor, "*n"], visible: Float[Tensor, "*n"]
+    depth: Float[Tensor, "*n"], truth: Float[Tensor, "*n"], visible: Float[Tensor, "*n"], huber: float | None = None
 ) -> Float[Tensor, "*n"]:
-    """L_d = ξ |d_{i*} - d|². The truth may be anything finite where ξ = 0."""
-    return visible * (depth - truth).square()
+    """L_d = ξ |d_{i*} - d|². The truth may be anything finite where ξ = 0.
+
+    With `huber` β > 0 it is ξ e²/(2β) up to the error e = β and ξ (e - β/2) beyond (derived here): a ray that passes an
+    occlusion edge on the wrong side is off by a whole gap, and the square lets such rays outweigh all others.
+    """
+    if huber is None:
+        return visible * (depth - truth).square()
+    return visible * functional.smooth_l1_loss(depth, truth, reduction="none", beta=huber)
 
 
 def normal_loss(
@@ -125,7 +136,7 @@ def shape_loss(
     along = torch.cat((batch.directions[:, eikonal], batch.normals[:, transition]), dim=1)
     rates = derivatives.tangent(field.network, trace.slopes, along)
 
-    terms = _supervised_terms(field, batch, raw)
+    terms = _supervised_terms(field, batch, raw, weights.depth_huber)
     terms["normals"] = _normal_term(field, batch, trace)
     terms["eikonal"] = _eikonal_term(field, batch, raw[:, eikonal], rates[:, eikonal], weights)
     terms["weight_variance"] = bernoulli_variance(raw[:, eikonal, WEIGHT_ROW]).mean()
@@ -137,11 +148,11 @@ def shape_loss(
     return total, {name: value.detach() for name, value in terms.items()}
 
 
-def _supervised_terms(field: PDDF, batch: SampleBatch, raw: Tensor) -> dict[str, Tensor]:
+def _supervised_terms(field: PDDF, batch: SampleBatch, raw: Tensor, huber: float | None) -> dict[str, Tensor]:
     """Depth, visibility and visibility variance over everything that has ground truth."""
     known, doubled = batch.span(*GROUND_TRUTH), batch.span(*DOUBLED_DEPTH)
     visible, logits = batch.visible[:, known], raw[:, known, VISIBILITY_ROW]
-    depth = depth_loss(field.depth(raw[:, known]), batch.depth[:, known], visible)
+    depth = depth_loss(field.depth(raw[:, known]), batch.depth[:, known], visible, huber)
     first_doubled = slice(0, doubled.stop - known.start)
     return {
         "depth": (depth.sum() + depth[:, first_doubled].sum()) / depth.numel(),

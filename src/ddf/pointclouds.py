@@ -3,14 +3,18 @@
 For each p, n_v directions v_k are drawn; their weights a = softmax(ξ_k / (η_T (ε_s + d_k))) favour what is near and
 visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycle repeats from p <- q. Of (1 + ε_p) n_p points
 the n_p most visible are kept. Positions are in the field frame.
+
+Points drawn like this crowd where much of the box is nearest to little of the surface ("not uniform", says the paper).
+With `thinning` m > 1, m times as many are drawn and kept, and of these a farthest-point subset.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf import checks
@@ -25,12 +29,14 @@ class CloudConfig:
     """How clouds are drawn.
 
     num_directions: n_v. cycles: N_H. oversampling: ε_p. temperature: η_T. inverse_depth: ε_s.
+    thinning: m, candidates per point of the cloud, >= 1; 1 is the paper's way, no thinning.
     chunk_rays: candidates evaluated at a time; speed only.
     """
 
     num_directions: int
     cycles: int
     oversampling: float
+    thinning: float
     temperature: float
     inverse_depth: float
     chunk_rays: int
@@ -44,6 +50,16 @@ class CloudConfig:
                 raise checks.InputError(f"pointclouds.cloud.{name} must be > 0; got {getattr(self, name)}")
         if not self.oversampling >= 0:
             raise checks.InputError(f"pointclouds.cloud.oversampling must be >= 0; got {self.oversampling}")
+        if not self.thinning >= 1:
+            raise checks.InputError(f"pointclouds.cloud.thinning must be >= 1; got {self.thinning}")
+
+    def num_kept(self, count: int) -> int:
+        """m n_p, the most visible points that a cloud of `count` is chosen from."""
+        return _ceil(count * self.thinning)
+
+    def num_drawn(self, count: int) -> int:
+        """(1 + ε_p) m n_p, the points that are projected for a cloud of `count`."""
+        return _ceil(self.num_kept(count) * (1 + self.oversampling))
 
 
 @dataclass(frozen=True)
@@ -53,16 +69,44 @@ class ProjectedPoints:
     points: Float[Tensor, "n 3"]
     visibility: Float[Tensor, "n"]
 
-    def most_visible(self, count: int, oversampling: float) -> Float[Tensor, "count 3"]:
-        """The `count` most visible among the first (1 + ε_p) count points: the draw that a smaller cloud would make."""
-        drawn = num_drawn(count, oversampling)
+    def most_visible(self, count: int, drawn: int) -> Float[Tensor, "count 3"]:
+        """The `count` most visible among the first `drawn`: the draw that a smaller cloud would make."""
         keep = self.visibility[:drawn].topk(count).indices
         return self.points[:drawn][keep]
 
+    def clouds(self, counts: Sequence[int], config: CloudConfig) -> list[Float[Tensor, "_ 3"]]:
+        """A cloud of each size, from the points that `sample` projected for the largest.
 
-def num_drawn(count: int, oversampling: float) -> int:
-    """(1 + ε_p) n_p, rounded up; the small number keeps 1.1 x 100 = 110.00000000000001 from becoming 111."""
-    return math.ceil(count * (1 + oversampling) - 1e-6)
+        Without thinning each is what a draw of its own size would give. With it they are the first points of one
+        farthest-point order of the candidates for the largest.
+        """
+        if config.thinning == 1:
+            return [self.most_visible(count, config.num_drawn(count)) for count in counts]
+        largest = max(counts)
+        candidates = self.most_visible(config.num_kept(largest), config.num_drawn(largest))
+        spread = candidates[farthest_point_order(candidates, largest)]
+        return [spread[:count] for count in counts]
+
+
+def _ceil(count: float) -> int:
+    """Rounded up; the small number keeps 1.1 x 100 = 110.00000000000001 from becoming 111."""
+    return math.ceil(count - 1e-6)
+
+
+def farthest_point_order(points: Float[Tensor, "n 3"], count: int) -> Int[Tensor, "count"]:
+    """Indices in the order in which each point is the farthest from all before it; the first is point 0.
+
+    Source: Gonzalez 1985; costs n distances per index. With repeated points, indices repeat once all places are taken.
+    """
+    x, y, z = np.ascontiguousarray(points.T.cpu().numpy())
+    distance_sq = np.full(len(x), np.inf, dtype=x.dtype)
+    order = np.zeros(count, dtype=np.int64)
+    for i in range(1, count):
+        latest = order[i - 1]
+        gap_sq = np.square(x - x[latest]) + np.square(y - y[latest]) + np.square(z - z[latest])
+        np.minimum(distance_sq, gap_sq, out=distance_sq)
+        order[i] = distance_sq.argmax()
+    return torch.from_numpy(order).to(points.device)
 
 
 def closest_directions(
@@ -114,9 +158,13 @@ def sample(
     config: CloudConfig,
     generator: torch.Generator,
 ) -> list[ProjectedPoints]:
-    """Project (1 + ε_p) n_p points p ~ U[-1,1]^3; one result per cycle, so that N_H = 1 comes for free with N_H = 3."""
+    """Project the (1 + ε_p) m n_p points p ~ U[-1,1]^3 that a cloud of n_p = `count` asks for.
+
+    Returns:
+      One result per cycle, so that N_H = 1 comes for free with N_H = 3.
+    """
     weight = field.network.head.weight
-    drawn = num_drawn(count, config.oversampling)
+    drawn = config.num_drawn(count)
     points = torch.rand((drawn, 3), generator=generator, dtype=weight.dtype, device=weight.device) * 2 - 1
     cycles = []
     for _ in range(config.cycles):

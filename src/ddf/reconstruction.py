@@ -15,6 +15,7 @@ from torchvision.models import resnet
 from ddf import cameras, checks, fields, rendering, siren
 
 RESNET18_WIDTH = 64
+CAMERA_NUMBERS = ("azimuth", "elevation", "radius")
 IMAGE_CHANNELS = 4
 
 
@@ -183,13 +184,23 @@ def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, generator: torch
 
 @dataclass(frozen=True)
 class CorrectionConfig:
-    """Gradient descent on L_M from Π̂: number of steps, Adam's learning rate in z-scores, mask size in pixels."""
+    """Gradient descent on L_M from Π̂: number of steps, Adam's learning rate in z-scores, mask size in pixels.
+
+    free: what may change, of `CAMERA_NUMBERS`; all three is the paper's way. The mask alone cannot tell a far camera
+    from a small shape, so an error of the estimated scale moves a free radius away from the better prediction.
+    """
 
     steps: int
     learning_rate: float
     mask_size: int
+    free: tuple[str, ...]
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "free", tuple(self.free))
+        if not self.free or not set(self.free) <= set(CAMERA_NUMBERS):
+            raise checks.InputError(
+                f"pointclouds.correction.free must list some of {', '.join(CAMERA_NUMBERS)}; got {list(self.free)}"
+            )
         if self.steps < 0 or self.mask_size < 1 or not self.learning_rate > 0:
             raise checks.InputError(
                 f"pointclouds.correction: steps must be >= 0, mask_size >= 1, learning_rate > 0; got {self}"
@@ -213,6 +224,7 @@ def correct_camera(
     with torch.no_grad():
         modulations = [m.detach() for m in model.modulations(latent)]
     scores = ((camera - head.mean) / head.deviation).detach().clone().requires_grad_()
+    free = scores.new_tensor([name in config.free for name in CAMERA_NUMBERS])
     optimiser = torch.optim.Adam([scores], lr=config.learning_rate)
     best, best_loss = camera.detach().clone(), torch.full_like(field_scale, torch.inf)
     for step in range(config.steps + 1):
@@ -226,6 +238,6 @@ def correct_camera(
         if step < config.steps:
             optimiser.zero_grad()
             (gradient,) = torch.autograd.grad(loss.sum(), scores)
-            scores.grad = gradient
+            scores.grad = gradient * free  # Adam leaves alone what never has a gradient
             optimiser.step()
     return best

@@ -148,13 +148,22 @@ def available(folder: Path, shapes: Sequence[tuple[str, Sequence[int]]]) -> list
     return [(name, views) for name, views in shapes if name in done]
 
 
-def sources(index_path: Path, samples_dir: Path) -> list[Path]:
-    """The files that a training depends on besides the images; see `ImageSet.digest` for those."""
-    return [
-        index_path,
-        *storage.shard_files(samples_dir, SAMPLES, "samples"),
-        *storage.shard_files(samples_dir, CLOUDS, "samples"),
-    ]
+def read_training(
+    index_path: Path, samples_dir: Path, category: str, views: int | None, size: int
+) -> tuple[ImageSet, ShapeSet, list[Path]]:
+    """What every training on a category reads: its images, their shapes, and the files that these came from.
+
+    Args:
+      views: of each training shape, see `training_views`.
+      size: side of the images, pixels.
+    Returns:
+      Images, shapes and sources; of the images themselves a record takes `ImageSet.digest`.
+    """
+    dataset = shapenet.Dataset.open(index_path)
+    shown = available(samples_dir, training_views(dataset, category, views))
+    images = read_images(dataset, category, shown, size)
+    shards = [path for kind in (SAMPLES, CLOUDS) for path in storage.shard_files(samples_dir, kind, "samples")]
+    return images, read_shapes(samples_dir, images.ids), [index_path, *shards]
 
 
 def read_shapes(folder: Path, ids: Sequence[str]) -> ShapeSet:

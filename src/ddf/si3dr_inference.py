@@ -5,7 +5,7 @@ as 1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] a
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ ENCODER_BATCH = 64  # images at a time; the networks are in evaluation mode, so 
 class PointcloudsConfig:
     """Section `pointclouds`.
 
+    scale_quantile: see `scale_from_cloud`; 0 is the paper's way.
     large, small: L and S, points of the two clouds (5,000 and 2,466 in the paper). test_views: views per test shape
     that are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered
     for the report, render_size pixels wide.
@@ -30,6 +31,7 @@ class PointcloudsConfig:
 
     cloud: pointclouds.CloudConfig
     correction: reconstruction.CorrectionConfig
+    scale_quantile: float
     large: int
     small: int
     test_views: int | None
@@ -40,37 +42,53 @@ class PointcloudsConfig:
     def __post_init__(self) -> None:
         if not 1 <= self.small <= self.large:
             raise checks.InputError(f"pointclouds needs 1 <= small <= large; got {self.small} and {self.large}")
+        if not 0 <= self.scale_quantile < 0.5:
+            raise checks.InputError(f"pointclouds.scale_quantile must be in [0, 0.5); got {self.scale_quantile}")
         if self.rendered < 0 or self.render_size < 1 or self.seed < 0:
             raise checks.InputError("pointclouds.rendered and seed must be >= 0, render_size >= 1")
         if self.test_views is not None and self.test_views < 1:
             raise checks.InputError(f"pointclouds.test_views must be >= 1 or null; got {self.test_views}")
 
 
-def scale_from_cloud(points: Float[Tensor, "n 3"]) -> float:
+def scale_from_cloud(points: Float[Tensor, "n 3"], quantile: float = 0.0) -> float:
     """v1 units per field unit, from the diagonal of the cloud's box.
 
+    Args:
+      quantile: share of the points that is left out at either end of every axis. The outermost point sets the box, so
+        one that missed the surface shrinks the whole shape; a thousandth is enough against that.
     Raises:
       InputError: the cloud is a single point.
     """
-    diagonal = float((points.amax(dim=0) - points.amin(dim=0)).norm())
+    bounds = torch.quantile(points, torch.tensor([quantile, 1 - quantile], device=points.device), dim=0)
+    diagonal = float((bounds[1] - bounds[0]).norm())
     if not diagonal > 0:
         raise checks.InputError("the predicted cloud is one point; train the model for longer")
     return 1.0 / diagonal
 
 
+def _image_batches(images: si3dr_data.ImageSet) -> Iterator[Float[Tensor, "b 4 size size"]]:
+    for rows in np.array_split(np.arange(len(images.shapes)), -(-len(images.shapes) // ENCODER_BATCH)):
+        yield images.batch(rows).to(training.device())
+
+
 @torch.no_grad()
 def encode(
     model: reconstruction.ReconstructionModel, images: si3dr_data.ImageSet
-) -> tuple[Float[Tensor, "n z"], Float[Tensor, "n 3"], Float[Tensor, "n features"]]:
-    """Shape latents, predicted cameras and pooled features of all images."""
-    latents, cameras, features = [], [], []
-    for rows in np.array_split(np.arange(len(images.shapes)), -(-len(images.shapes) // ENCODER_BATCH)):
-        batch = images.batch(rows).to(training.device())
-        pooled = model.shape_encoder.features(batch)
-        features.append(pooled)
-        latents.append(model.shape_encoder.fc(pooled))
+) -> tuple[Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
+    """Shape latents and predicted cameras of all images."""
+    latents, cameras = [], []
+    for batch in _image_batches(images):
+        latents.append(model.shape_encoder(batch))
         cameras.append(model.camera_head(model.camera_encoder(batch)))
-    return torch.cat(latents), torch.cat(cameras), torch.cat(features)
+    return torch.cat(latents), torch.cat(cameras)
+
+
+@torch.no_grad()
+def image_features(
+    model: reconstruction.ReconstructionModel, images: si3dr_data.ImageSet
+) -> Float[Tensor, "n features"]:
+    """Pooled features of the shape encoder, by which the retrieval row finds the nearest training image."""
+    return torch.cat([model.shape_encoder.features(batch) for batch in _image_batches(images)]).cpu()
 
 
 def _generator(config: PointcloudsConfig, image: int) -> torch.Generator:
@@ -82,7 +100,7 @@ def reconstruct_ddf(
     model: reconstruction.DDFModel, images: si3dr_data.ImageSet, config: PointcloudsConfig, describe: str
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S after every cycle asked for (the last and the first), cameras, scales, renders; and the cost."""
-    latents, cameras, features = encode(model, images)
+    latents, cameras = encode(model, images)
     modulations = [m.detach() for m in model.modulations(latents)]
     names = {config.cloud.cycles: f"h{config.cloud.cycles}", 1: "h1"}
     clouds: dict[str, list[Tensor]] = {f"{size}.{name}": [] for name in names.values() for size in "LS"}
@@ -92,15 +110,15 @@ def reconstruct_ddf(
         own = [m[image] for m in modulations]
         cycles = pointclouds.sample(model.field, own, config.large, config.cloud, _generator(config, image))
         for cycle, name in names.items():
-            projected = cycles[cycle - 1]
-            clouds[f"L.{name}"].append(projected.most_visible(config.large, config.cloud.oversampling))
-            clouds[f"S.{name}"].append(projected.most_visible(config.small, config.cloud.oversampling))
-        scales.append(scale_from_cloud(clouds[f"L.h{config.cloud.cycles}"][-1]))
+            large, small = cycles[cycle - 1].clouds((config.large, config.small), config.cloud)
+            clouds[f"L.{name}"].append(large)
+            clouds[f"S.{name}"].append(small)
+        scales.append(scale_from_cloud(clouds[f"L.h{config.cloud.cycles}"][-1], config.scale_quantile))
     cloud_seconds = time.monotonic() - started
     scale = torch.tensor(scales)
     corrected = _correct_cameras(model, latents, cameras, scale, images, config)
     tensors = {name: torch.stack(values) for name, values in clouds.items()}
-    tensors |= {"camera_pred": cameras, "camera_corrected": corrected, "features": features, "scale_pred": scale}
+    tensors |= {"camera_pred": cameras, "camera_corrected": corrected, "scale_pred": scale}
     rendered = spread(len(latents), config.rendered)
     tensors |= _renders(model, modulations, cameras, scale, rendered, config.render_size)
     return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": cloud_seconds / len(latents)}
@@ -110,7 +128,7 @@ def reconstruct_pcsiren(
     model: reconstruction.PCSirenModel, images: si3dr_data.ImageSet, config: PointcloudsConfig
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S (the first points of L, which are as random as any), cameras, scales; and what it cost."""
-    latents, cameras, features = encode(model, images)
+    latents, cameras = encode(model, images)
     large = []
     started = time.monotonic()
     with torch.no_grad():
@@ -122,8 +140,7 @@ def reconstruct_pcsiren(
         "L": torch.stack(large),
         "S": torch.stack([points[: config.small] for points in large]),
         "camera_pred": cameras,
-        "features": features,
-        "scale_pred": torch.tensor([scale_from_cloud(points) for points in large]),
+        "scale_pred": torch.tensor([scale_from_cloud(points, config.scale_quantile) for points in large]),
     }
     return _on_cpu(tensors), {"cloud_seconds_per_image": seconds}
 

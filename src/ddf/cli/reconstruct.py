@@ -28,7 +28,7 @@ from ddf import (
     transforms,
 )
 
-CLOUD = pointclouds.CloudConfig(128, 3, 0.1, 0.05, 0.05, 8192)
+CLOUD = pointclouds.CloudConfig(128, 3, 0.1, 1.0, 0.05, 0.05, 8192)
 DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
 
 
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     with _timed(seconds, "cloud"):
         generator = torch.Generator(training.device()).manual_seed(args.seed)
         cycles = pointclouds.sample(model.field, modulations, args.points, CLOUD, generator)
-        cloud = cycles[-1].most_visible(args.points, CLOUD.oversampling)
+        (cloud,) = cycles[-1].clouds([args.points], CLOUD)
     scale = si3dr_inference.scale_from_cloud(cloud)
     with _timed(seconds, "renders"):
         field_scale = torch.tensor(1 / scale, device=camera.device)
