@@ -8,7 +8,9 @@ import torch
 
 from ddf import checks, fields, losses, siren
 
-COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2}
+COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+": 1, "S+": 2}
+KINDS = (*losses.ORDER, *losses.VALUES_ONLY)
+KNOWN = [kind for kind in KINDS if kind != "E" and kind in COUNTS]
 WEIGHTS = losses.LossWeights(5.0, None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
 
 
@@ -48,14 +50,15 @@ def _slow_loss(field, batch, modulations, weights):
     unit = torch.nn.functional.normalize(gradient(torch.where(first, raw[..., 0], raw[..., 1])), dim=-1)
     rates = [(gradient(d[..., i]) * v).sum(-1) for i in range(2)]
     xi_rate, w_rate = (gradient(xi) * v).sum(-1), (gradient(w1) * n).sum(-1)
-    stops = torch.tensor([0, *(COUNTS[k] for k in losses.ORDER)]).cumsum(0)
-    where = {k: slice(int(stops[i]), int(stops[i + 1])) for i, k in enumerate(losses.ORDER)}
+    stops = torch.tensor([0, *(COUNTS.get(k, 0) for k in KINDS)]).cumsum(0)
+    where = {k: slice(int(stops[i]), int(stops[i + 1])) for i, k in enumerate(KINDS)}
 
     def mean(values, kinds):
         return torch.cat([values[:, where[k]] for k in kinds], dim=1).mean()
 
     doubled = torch.ones(raw.shape[1], dtype=raw.dtype)
-    doubled[where["U"]] = doubled[where["A"]] = 2
+    for kind in ("U", "A", "U+", "A+"):
+        doubled[where[kind]] = 2
     factor = seen.clone()
     factor[:, where["E"]] = xi[:, where["E"]].detach()
     eikonal = weights.eikonal_depth * factor * sum((r + 1) ** 2 for r in rates)
@@ -64,9 +67,9 @@ def _slow_loss(field, batch, modulations, weights):
     normal = -seen * (unit * n).sum(-1).abs()
     speed = torch.relu(weights.transition_speed - w_rate.abs()) ** 2
     return (
-        weights.depth * mean(doubled * seen * (chosen - truth) ** 2, "UABSTO")
-        + weights.visibility * mean(bce, "UABSTO")
-        + weights.visibility_variance * mean(xi * (1 - xi), "UABSTO")
+        weights.depth * mean(doubled * seen * (chosen - truth) ** 2, KNOWN)
+        + weights.visibility * mean(bce, KNOWN)
+        + weights.visibility_variance * mean(xi * (1 - xi), KNOWN)
         + weights.normals * mean(normal, "UAB")
         + mean(eikonal, "EUAB")
         + weights.weight_variance * mean(w1 * (1 - w1), "EUAB")

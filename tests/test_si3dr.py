@@ -22,12 +22,12 @@ from ddf import (
     transforms,
 )
 
-COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4}
+COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
 LOOP = training.LoopConfig(1e-3, "constant", 0, None, 1, 5, 10, 100.0)
 TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
 FIELD = fields.PDDFConfig((12, 12), 3.0, 1.0, "softplus", 20.0)
 WEIGHTS = losses.LossWeights(5.0, None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
-DDF = si3dr_training.DDFConfig(FIELD, 5, COUNTS, WEIGHTS, 1.0, 10.0, 16, 20)
+DDF = si3dr_training.DDFConfig(FIELD, 5, COUNTS, 2.0, WEIGHTS, 1.0, 10.0, 16, 20)
 PCSIREN = si3dr_training.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50)
 CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 1.0, 0.05, 0.05, 1000)
 POINTCLOUDS = si3dr_inference.PointcloudsConfig(
@@ -70,7 +70,7 @@ def _samples(shapes=3, stored=40):
 
 def test_drawn_samples_belong_to_their_shapes_and_types():
     batch = _samples().draw(np.array([2, 0]), COUNTS, np.random.default_rng(0))
-    known = batch.span("U", "O")
+    known = batch.span(*losses.GROUND_TRUTH)
     assert batch.positions.shape == (2, sum(COUNTS.values()), 3)
     torch.testing.assert_close(batch.directions.norm(dim=-1), torch.ones(2, sum(COUNTS.values())), atol=1e-5, rtol=0)
     for row, depth in ((0, 0.75), (1, 0.25)):

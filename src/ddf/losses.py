@@ -2,7 +2,8 @@
 
 A batch holds, for every shape, its samples in the order of `ORDER`, so that what each term reads is one slice: the
 directed eikonal E U A B, normals U A B, the transition S T, supervision U A B S T O; nothing reads a derivative on O.
-Every term is the mean over the oriented points that it applies to (the paper does not say; derived here).
+After these may come samples of the same types that are supervised alone, `VALUES_ONLY`: a point without derivatives
+costs less than half, and depth is what a small budget should buy first. Every term is the mean over the oriented points that it applies to (the paper does not say; derived here).
 """
 
 from collections.abc import Mapping
@@ -18,9 +19,11 @@ from ddf import checks, derivatives
 from ddf.fields import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, first_is_heavier
 
 ORDER = ("E", "U", "A", "B", "S", "T", "O")  # E: extra uniform points, regularised, without ground truth
-SUPERVISED = ORDER[1:]
+VALUES_ONLY = ("U+", "A+", "B+", "S+", "T+")  # O has no derivatives anyway
+SUPERVISED = (*ORDER[1:], *VALUES_ONLY)
 # what applies where: first and last type of the slice that a term covers
-EIKONAL, NORMALS, DOUBLED_DEPTH, TRANSITION, GROUND_TRUTH = ("E", "B"), ("U", "B"), ("U", "A"), ("S", "T"), ("U", "O")
+EIKONAL, NORMALS, TRANSITION, GROUND_TRUTH = ("E", "B"), ("U", "B"), ("S", "T"), ("U", "T+")
+DOUBLED_DEPTH = (("U", "A"), ("U+", "A+"))
 TANGENTS = (EIKONAL[0], TRANSITION[1])
 
 
@@ -55,9 +58,9 @@ class LossWeights:
 
 @dataclass(frozen=True)
 class SampleBatch:
-    """Oriented points of several shapes in the order of `ORDER`, with their ground truth.
+    """Oriented points of several shapes in the order of `ORDER` and `VALUES_ONLY`, with their ground truth.
 
-    counts: points per type and shape. The ground truth has entries for E too (never read), so that one index fits
+    counts: points per type and shape, none of a type that is absent. The ground truth has entries for E too (never read), so that one index fits
     all. depth: anything finite on a miss. normals: at the hit for U A B, at q_0 for S T O.
     """
 
@@ -75,8 +78,9 @@ class SampleBatch:
 
     def span(self, first: str, last: str) -> slice:
         """The points from type `first` to type `last`, both included."""
-        before = sum(self.counts.get(name, 0) for name in ORDER[: ORDER.index(first)])
-        through = sum(self.counts.get(name, 0) for name in ORDER[: ORDER.index(last) + 1])
+        order = (*ORDER, *VALUES_ONLY)
+        before = sum(self.counts.get(name, 0) for name in order[: order.index(first)])
+        through = sum(self.counts.get(name, 0) for name in order[: order.index(last) + 1])
         return slice(before, through)
 
 
@@ -150,12 +154,13 @@ def shape_loss(
 
 def _supervised_terms(field: PDDF, batch: SampleBatch, raw: Tensor, huber: float | None) -> dict[str, Tensor]:
     """Depth, visibility and visibility variance over everything that has ground truth."""
-    known, doubled = batch.span(*GROUND_TRUTH), batch.span(*DOUBLED_DEPTH)
+    known = batch.span(*GROUND_TRUTH)
     visible, logits = batch.visible[:, known], raw[:, known, VISIBILITY_ROW]
     depth = depth_loss(field.depth(raw[:, known]), batch.depth[:, known], visible, huber)
-    first_doubled = slice(0, doubled.stop - known.start)
+    doubled = [batch.span(*types) for types in DOUBLED_DEPTH]
+    again = sum(depth[:, span.start - known.start : span.stop - known.start].sum() for span in doubled)
     return {
-        "depth": (depth.sum() + depth[:, first_doubled].sum()) / depth.numel(),
+        "depth": (depth.sum() + again) / depth.numel(),
         "visibility": functional.binary_cross_entropy_with_logits(logits, visible),
         "visibility_variance": bernoulli_variance(logits).mean(),
     }

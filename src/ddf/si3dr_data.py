@@ -75,9 +75,19 @@ class SampleSet:
     arrays: Mapping[str, Tensor]
 
     def draw(
-        self, shapes: Int[np.ndarray, "b"], counts: Mapping[str, int], random: np.random.Generator
+        self,
+        shapes: Int[np.ndarray, "b"],
+        counts: Mapping[str, int],
+        random: np.random.Generator,
+        approach: float | None = None,
     ) -> losses.SampleBatch:
-        """Random samples of every type for each of the given shapes, and `counts["E"]` uniform points without truth."""
+        """Random samples of every type for each of the given shapes, and `counts["E"]` uniform points without truth.
+
+        Args:
+          approach: κ moves the values-only samples that hit along their rays to the remaining depth d u^κ,
+            u ~ U[0, 1], since d(p + s v, v) = d - s ([DDF22] §3.1, Property I): new samples, without casting a ray.
+            None leaves them where they were drawn.
+        """
         size, extra = len(shapes), counts["E"]
         position = random.uniform(-1, 1, (size, extra, 3)).astype(np.float32)
         direction = random.standard_normal((size, extra, 3)).astype(np.float32)
@@ -91,16 +101,24 @@ class SampleSet:
             "normals": [unknown[..., None].expand(size, extra, 3)],
         }
         shape_rows = torch.from_numpy(shapes)[:, None]
-        for kind in losses.SUPERVISED:
+        for wanted in losses.SUPERVISED:
+            if not counts.get(wanted):
+                continue
+            kind = wanted.removesuffix("+")  # U+ are U samples, of which no derivative is read
             stored = self.arrays[f"{kind}.depth"].shape[1]
-            rows = torch.from_numpy(random.integers(0, stored, (size, counts[kind])))
+            rows = torch.from_numpy(random.integers(0, stored, (size, counts[wanted])))
             chosen = {f"{kind}.{name}": self.arrays[f"{kind}.{name}"][shape_rows, rows] for name in packing.FIELDS}
             samples = packing.decode(chosen, kind)
             visible = samples["visible"]
+            depth = samples["depth"].masked_fill(~visible, 0.0)
+            if approach is not None and wanted in losses.VALUES_ONLY:
+                left = depth * torch.from_numpy(random.random(depth.shape, dtype=np.float32)) ** approach
+                samples["positions"] = samples["positions"] + (depth - left)[..., None] * samples["directions"]
+                depth = left
             parts["positions"].append(samples["positions"])
             parts["directions"].append(samples["directions"])
             parts["visible"].append(visible.float())
-            parts["depth"].append(samples["depth"].masked_fill(~visible, 0.0))
+            parts["depth"].append(depth)
             parts["normals"].append(samples["normals"])
         return losses.SampleBatch(**{name: torch.cat(values, dim=1) for name, values in parts.items()}, counts=counts)
 
