@@ -1,9 +1,10 @@
 """A trained model as ONNX files: written only after onnxruntime gave what torch gives, and saying what they are.
 
 The graph is recorded by torch's TorchScript exporter from the very functions that the package runs, so a new output
-needs no second definition. Against its successor (`dynamo=True`), on a field of six layers: some thirty times faster, no
-further packages (onnxscript, onnx-ir), and no paths of the machine inside the file. It is deprecated, which is why its
-warning is silenced here, and it is called in this one place; every file is compared with the model whoever made it. Building the graph by hand would need a second definition of every network and of every derivative pass.
+needs no second definition. Against its successor (`dynamo=True`), on a field of six layers: some thirty times faster,
+no further packages (onnxscript, onnx-ir), and no paths of the machine inside the file. It is deprecated, which is why
+its warning is silenced here, and it is called in this one place; every file is compared with the model whoever made
+it. Building the graph by hand would need a second definition of every network and of every derivative pass.
 """
 
 import importlib.metadata
