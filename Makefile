@@ -54,9 +54,9 @@ reproduce-table: $(READY) ## from nothing to tables, figures and report: CONFIG=
 .PHONY: smoke
 smoke: NAME := smoke
 smoke: $(READY) ## synthetic primitives through every stage, in minutes
-	$(call locked,$(whole_run)) && echo "reports/smoke/README.md"
+	$(call locked,$(whole_run) && $(call one_by_one,export_onnx)) && echo "reports/smoke/README.md"
 
-STAGES := dataset meshes samples train_ddf train_pcsiren pointclouds evaluate report
+STAGES := dataset meshes samples train_ddf train_pcsiren export_onnx pointclouds evaluate report
 .PHONY: $(addprefix stage-,$(STAGES))
 $(addprefix stage-,$(STAGES)): stage-%: $(READY) ## one stage (dataset, meshes, ..., report) and what it needs
 	$(check_config)

@@ -11,6 +11,7 @@ from ddf import (
     dataset,
     evaluation,
     meshes,
+    onnx_export,
     reports,
     sampling,
     si3dr_inference,
@@ -31,6 +32,7 @@ CLASSES: dict[str, Any] = {
     "pointclouds": si3dr_inference.PointcloudsConfig,
     "evaluate": evaluation.EvaluateConfig,
     "report": reports.ReportConfig,
+    "export": onnx_export.ExportConfig,
 }
 
 

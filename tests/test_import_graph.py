@@ -32,7 +32,17 @@ ROOMS: dict[str, list[str]] = {
     ],
     "2": ["siren", "derivatives", "fields", "losses"],
     "3": ["rendering", "pointclouds", "metrics", "reconstruction", "si3dr_data"],
-    "4": ["training", "si3dr_training", "si3dr_inference"],
+    "4": [
+        "training",
+        "si3dr_training",
+        "si3dr_inference",
+        "onnx_outputs",
+        "onnx_graphs",
+        "onnx_parity",
+        "onnx_precision",
+        "onnx_export",
+        "onnx_models",
+    ],
     "edge": [
         "evaluation",
         "baselines",

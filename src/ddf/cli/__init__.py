@@ -25,6 +25,7 @@ COMMANDS = {
     "samples": "the six types of oriented-point samples of a mesh",
     "compare": "Chamfer distance and F-scores of two point clouds",
     "reconstruct": "camera, cloud and renders from one image with a trained model",
+    "export": "a trained model as an ONNX file, checked against onnxruntime",
 }
 
 

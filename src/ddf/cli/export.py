@@ -1,0 +1,54 @@
+"""`ddf export`: a trained model as an ONNX file, compared with the model in onnxruntime before it is written."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ddf import checks, config, onnx_export, onnx_models, onnx_outputs, onnx_precision, training
+
+DEFAULTS = onnx_export.ExportConfig(tuple(onnx_outputs.OUTPUTS), (1, 7, 65536), (), 0)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare model, file and what goes into it."""
+    parser.add_argument("model", metavar="MODEL", type=Path, help="trained model: artifacts/cpu/train_ddf/chair")
+    parser.add_argument("out", metavar="OUT.onnx", type=Path, help="file to write")
+    parser.add_argument(
+        "--graph",
+        help="field, encoders or image_field of a DDF model (field if not given), pcsiren or pcsiren_encoders",
+    )
+    parser.add_argument(
+        "--outputs",
+        type=lambda text: tuple(text.split(",")),
+        metavar="NAME,...",
+        help=f"of a field, among {','.join(onnx_outputs.OUTPUTS)} (default: all, or those of --config)",
+    )
+    parser.add_argument("--config", type=Path, metavar="CONFIG", help="experiment file; its section `export` is used")
+    parser.add_argument(
+        "--precision",
+        default=onnx_precision.FULL,
+        choices=(onnx_precision.FULL, *onnx_precision.PRECISIONS),
+        help="of the weights; below float32 the error is reported and held to no tolerance (default %(default)s)",
+    )
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Export, compare, write; `parity` has the worst difference of every output over all inputs tried."""
+    settings = DEFAULTS
+    if args.config is not None:
+        settings = config.load(args.config, "export", onnx_export.ExportConfig)
+    outputs = settings.outputs if args.outputs is None else onnx_outputs.require_outputs(args.outputs)
+    folder = args.model.parent if args.model.name == training.MODEL else args.model
+    graphs, source = onnx_models.load(folder, outputs)
+    name = args.graph or next(iter(graphs))
+    if name not in graphs:
+        raise checks.InputError(f"--graph must be one of {', '.join(graphs)} for {folder}; got {name!r}")
+    rows = onnx_export.export(graphs[name], name, args.out, source, settings, args.precision)
+    return {
+        "graph": name,
+        "opset": onnx_export.OPSET,
+        "precision": args.precision,
+        "bytes": rows[0].bytes,
+        "inputs": {key: list(shape) for key, shape in graphs[name].inputs.items()},
+        "parity": onnx_export.figures(rows),
+    }

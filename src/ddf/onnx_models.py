@@ -1,0 +1,33 @@
+"""Trained models by their folder, as the graphs that can be exported of them."""
+
+from pathlib import Path
+from typing import Any
+
+from ddf import checks, config, onnx_export, onnx_graphs, si3dr_training, storage, training
+from ddf.onnx_graphs import Graph
+
+
+def load(folder: Path, outputs: tuple[str, ...]) -> tuple[dict[str, Graph], dict[str, Any]]:
+    """The graphs of a model by name, the plainest first, and the facts about their source for the files.
+
+    Args:
+      folder: what a training stage wrote. outputs: of fields.
+    Raises:
+      FileNotFoundError: there is no model. InputError: it is damaged, or of a kind that is not known.
+    """
+    path = folder / training.MODEL
+    record = storage.load_metadata(path)
+    if record.get("kind") not in ("ddf", "pcsiren"):
+        raise checks.InputError(f"{folder}: holds no DDF or PC-SIREN model; give a folder that `make train` wrote")
+    train = config.parse(record["train"], si3dr_training.TrainConfig, f"{folder}: train")
+    if record["kind"] == "ddf":
+        section = config.parse(record["section"], si3dr_training.DDFConfig, f"{folder}: ddf")
+        ddf = si3dr_training.ddf_model(train, section)
+        training.load_model(ddf, folder)
+        graphs = onnx_graphs.ddf_graphs(ddf.cpu(), train.image_size, outputs)
+    else:
+        decoder = config.parse(record["section"], si3dr_training.PCSirenConfig, f"{folder}: pcsiren")
+        pcsiren = si3dr_training.pcsiren_model(train, decoder)
+        training.load_model(pcsiren, folder)
+        graphs = onnx_graphs.pcsiren_graphs(pcsiren.cpu(), train.image_size)
+    return graphs, onnx_export.describe_source(path, record)

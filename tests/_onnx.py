@@ -1,0 +1,50 @@
+"""Small networks, points and models for the tests of the export."""
+
+import dataclasses
+from typing import Literal
+
+import torch
+from torch import nn
+
+from ddf import fields, losses, si3dr_training, storage, training
+
+LOOP = training.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
+TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
+WEIGHTS = losses.LossWeights(5.0, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
+FIELD = fields.PDDFConfig((24, 16, 16), 3.0, 1.0, "softplus", 20.0)
+DDF = si3dr_training.DDFConfig(FIELD, 1, dict.fromkeys(losses.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20)
+PCSIREN = si3dr_training.PCSirenConfig((24, 16), 1.0, 1.0, 1, 8)
+CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
+
+
+def field(activation: Literal["relu", "softplus"] = "softplus") -> fields.PDDF:
+    torch.manual_seed(0)
+    return fields.PDDF(fields.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0)).requires_grad_(False)
+
+
+def points(count, seed=0):
+    generator = torch.Generator().manual_seed(seed)
+    positions = torch.rand((count, 3), generator=generator) * 2 - 1
+    return positions, nn.functional.normalize(torch.randn((count, 3), generator=generator), dim=-1)
+
+
+def ddf_model():
+    torch.manual_seed(0)
+    made = si3dr_training.ddf_model(TRAIN, DDF).eval()
+    made.camera_head.fit(CAMERAS)
+    return made
+
+
+def pcsiren_model():
+    torch.manual_seed(0)
+    made = si3dr_training.pcsiren_model(TRAIN, PCSIREN).eval()
+    made.camera_head.fit(CAMERAS)
+    return made
+
+
+def write_model(folder, kind="ddf"):
+    """A model file as the training stages write it; returns its folder."""
+    section, model = (DDF, ddf_model()) if kind == "ddf" else (PCSIREN, pcsiren_model())
+    record = {"kind": kind, "train": dataclasses.asdict(TRAIN), "section": dataclasses.asdict(section)}
+    storage.save_tensors(folder / training.MODEL, dict(model.state_dict()), record)
+    return folder

@@ -1,0 +1,49 @@
+import _onnx
+import pytest
+import torch
+
+from ddf import checks, onnx_outputs, rendering
+
+
+@pytest.mark.parametrize("activation", ["relu", "softplus"])
+def test_outputs_are_those_of_rendering(activation):
+    field = _onnx.field(activation)
+    positions, directions = _onnx.points(200)
+    values = onnx_outputs.FieldValues(field, positions, directions, None)
+    expected = rendering.query(field, positions, directions, None, rendering.OUTPUTS)
+    for name, value in expected.items():
+        torch.testing.assert_close(onnx_outputs.OUTPUTS[name].compute(values), value, msg=name)
+    weights = onnx_outputs.OUTPUTS["weights"].compute(values)
+    torch.testing.assert_close(weights[:, 0], torch.sigmoid(field(positions, directions)[:, 2]))
+    torch.testing.assert_close(weights.sum(-1), torch.ones(200))
+
+
+def test_component_is_unclear_where_both_are_equally_heavy():
+    field = _onnx.field("softplus")
+    with torch.no_grad():
+        field.network.head.weight[2] = 0
+        field.network.head.bias[2] = 0
+    values = onnx_outputs.FieldValues(field, *_onnx.points(5), None)
+    assert not values.component_is_clear().any()
+    assert not values.normal_is_clear().any()
+    assert values.everywhere().all()
+
+
+def test_normal_is_unclear_where_the_ray_grazes_and_nowhere_else():
+    field = _onnx.field()
+    with torch.no_grad():
+        field.network.head.bias[2] = 50.0  # the first component everywhere
+    positions, directions = _onnx.points(20_000)
+    positions.requires_grad_()
+    (gradient,) = torch.autograd.grad(field(positions, directions)[:, 0].sum(), positions)
+    cosine = torch.nn.functional.cosine_similarity(gradient, directions).abs()
+    clear = onnx_outputs.FieldValues(field, positions.detach(), directions, None).normal_is_clear()
+    assert int((cosine < 0.9e-3).sum()) > 5
+    assert not clear[cosine < 0.9e-3].any()
+    assert clear[(cosine > 1.1e-3) & (gradient.norm(dim=-1) > 2e-3 * gradient.norm(dim=-1).amax())].all()
+
+
+@pytest.mark.parametrize("outputs", [(), ("depth", "depth"), ("depth", "colour")])
+def test_outputs_that_do_not_exist_are_refused(outputs):
+    with pytest.raises(checks.InputError, match="outputs must be one or more of visibility, depth, normals, weights"):
+        onnx_outputs.require_outputs(outputs)
