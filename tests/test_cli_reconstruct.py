@@ -10,9 +10,17 @@ from ddf import checks, cli, cloud_io, fields, losses, shapenet, si3dr_training,
 
 LOOP = training.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
 TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
-WEIGHTS = losses.LossWeights(5.0, None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
+WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
 DDF = si3dr_training.DDFConfig(
-    fields.PDDFConfig((8, 8), 3.0, 1.0, "softplus", 20.0), 1, dict.fromkeys(losses.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20
+    fields.PDDFConfig((8, 8), 3.0, 1.0, "softplus", 20.0),
+    1,
+    dict.fromkeys(losses.ORDER, 2),
+    None,
+    WEIGHTS,
+    1.0,
+    10.0,
+    16,
+    20,
 )
 
 

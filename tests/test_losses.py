@@ -1,6 +1,7 @@
 """The fused shape loss against the plain way: one autograd call per derivative."""
 
 import dataclasses
+import math
 from typing import Literal
 
 import pytest
@@ -11,7 +12,7 @@ from ddf import checks, fields, losses, siren
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+": 1, "S+": 2}
 KINDS = (*losses.ORDER, *losses.VALUES_ONLY)
 KNOWN = [kind for kind in KINDS if kind != "E" and kind in COUNTS]
-WEIGHTS = losses.LossWeights(5.0, None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
+WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
 
 
 def _field(activation: Literal["relu", "softplus"] = "softplus"):
@@ -100,13 +101,16 @@ def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, m
 _NAMES = [field.name for field in dataclasses.fields(losses.LossWeights)]
 
 
+_CHOICES = ("depth_of", "depth_huber", "transition_speed")  # settings that scale no term
 _NOTHING = losses.LossWeights(
-    **dict.fromkeys([name for name in _NAMES if name != "depth_huber"], 0.0) | {"transition_speed": 1.5},
+    **dict.fromkeys([name for name in _NAMES if name not in _CHOICES], 0.0),
+    depth_of="chosen",
     depth_huber=None,
+    transition_speed=1.5,
 )
 
 
-@pytest.mark.parametrize("name", [name for name in _NAMES if name not in ("transition_speed", "depth_huber")])
+@pytest.mark.parametrize("name", [name for name in _NAMES if name not in _CHOICES])
 def test_every_weight_scales_its_own_term(name):
     field, batch = _field(), _batch()
     one, two = (dataclasses.replace(_NOTHING, **{name: factor}) for factor in (1.0, 2.0))
@@ -116,12 +120,27 @@ def test_every_weight_scales_its_own_term(name):
     assert float(losses.shape_loss(field, batch, None, _NOTHING)[0].detach()) == 0
 
 
-def test_huber_depth_loss_is_quadratic_then_linear():
+def test_huber_depth_error_is_quadratic_then_linear():
     error = torch.tensor([0.0, 0.01, 0.02, 0.52, -0.52])
-    found = losses.depth_loss(1 + error, torch.ones(5), torch.tensor([1.0, 1, 1, 1, 1]), 0.02)
+    found = losses.depth_error(1 + error, torch.ones(5), 0.02)
     torch.testing.assert_close(found, torch.tensor([0.0, 0.0025, 0.01, 0.51, 0.51]))
-    hidden = losses.depth_loss(1 + error, torch.ones(5), torch.zeros(5), 0.02)
-    assert float(hidden.abs().max()) == 0
+    torch.testing.assert_close(losses.depth_error(1 + error, torch.ones(5)), error.square())
+
+
+def test_mixture_depth_loss_weighs_both_components_and_moves_weight_to_the_better():
+    field = _field("relu")
+    raw = torch.tensor([[1.0, 3.0, 2.0, 0.0], [1.0, 3.0, -2.0, 0.0]], dtype=torch.float64, requires_grad=True)
+    truth, visible = torch.full((2,), 1.5, dtype=torch.float64), torch.ones(2, dtype=torch.float64)
+    mixture = dataclasses.replace(WEIGHTS, depth_of="mixture")
+    found = losses.depth_loss(field, raw, truth, visible, mixture)
+    heavy, light = 1 / (1 + math.exp(-2)), 1 / (1 + math.exp(2))
+    assert found.tolist() == pytest.approx([heavy * 0.25 + light * 2.25, light * 0.25 + heavy * 2.25])
+    (gradient,) = torch.autograd.grad(found.sum(), raw)
+    assert bool((gradient[:, 2] < 0).all())  # both rows: more weight to the first, which is nearer to the truth
+    chosen = losses.depth_loss(field, raw, truth, visible, WEIGHTS)
+    assert chosen.tolist() == pytest.approx([0.25, 2.25])
+    assert bool((torch.autograd.grad(chosen.sum(), raw)[0][:, 2] == 0).all())
+    assert bool((losses.depth_loss(field, raw, truth, 0 * visible, mixture) == 0).all())
 
 
 def test_shape_loss_uses_the_huber_threshold():

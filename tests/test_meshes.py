@@ -111,6 +111,24 @@ def test_thin_parts_of_mixed_winding_survive_the_wrap():
     assert not raycast.Scene(done.mesh).outside(probes).any()
 
 
+def test_never_wrapped_meshes_keep_open_sheets_and_inner_parts():
+    raw = joined(cube(), moved(icosphere(2), 0.3, (0.0, 0.0, 0.0)), _plate((-1, -1, 1.2), (1, 1, 1.2)))
+    done = meshes.prepare(raw, meshes.MeshesConfig(wrap="never", measure_points=2000), _random())
+    assert not done.wrapped and not done.watertight
+    assert len(done.mesh.faces) == len(raw.faces)
+    assert max(done.hausdorff, done.hausdorff_hidden, done.lost) < 1e-5
+    closed = meshes.prepare(raw, CONFIG, _random())
+    assert closed.hausdorff_hidden > 0.05  # the wrap drops the ball inside
+
+
+def test_open_meshes_are_decimated_too():
+    ball = icosphere(4)
+    bowl = mesh_io.Mesh(ball.vertices, ball.faces[ball.triangles[:, :, 1].max(axis=1) < 0])
+    small = meshes.decimate(bowl, 200)
+    assert 0 < len(small.faces) <= 200 and not meshes.is_watertight(small)
+    assert raycast.Scene(bowl).distance(small.vertices).max() < 0.05
+
+
 def test_wrap_encloses_the_soup_within_its_offset():
     raw = joined(
         moved(cube(), 0.5, (0.4, 0, 0)), moved(icosphere(2), 0.6, (-0.3, 0, 0)), _plate((-1, 0.2, -1), (1, 0.2, 1))
@@ -183,7 +201,7 @@ def test_scale_and_place_of_the_raw_mesh_do_not_matter():
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("faces", 3), ("alpha", 0.0), ("alpha", 0.9), ("offset", 0.1), ("wrap", "never"), ("measure_points", 0)],
+    [("faces", 3), ("alpha", 0.0), ("alpha", 0.9), ("offset", 0.1), ("wrap", "sometimes"), ("measure_points", 0)],
 )
 def test_settings_out_of_range_are_refused(key, value):
     with pytest.raises(checks.InputError, match=f"meshes.{key}"):

@@ -133,5 +133,5 @@ def test_bad_config_is_refused():
         pointclouds.CloudConfig(0, 3, 0.1, 1.0, 0.05, 0.01, 4096)
     with pytest.raises(checks.InputError, match="temperature must be > 0"):
         pointclouds.CloudConfig(1, 3, 0.1, 1.0, 0.0, 0.01, 4096)
-    with pytest.raises(checks.InputError, match="thinning must be >= 1; got 0.5"):
+    with pytest.raises(checks.InputError, match=r"thinning must be >= 1; got 0\.5"):
         pointclouds.CloudConfig(1, 3, 0.1, 0.5, 0.05, 0.01, 4096)

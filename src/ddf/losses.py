@@ -3,12 +3,14 @@
 A batch holds, for every shape, its samples in the order of `ORDER`, so that what each term reads is one slice: the
 directed eikonal E U A B, normals U A B, the transition S T, supervision U A B S T O; nothing reads a derivative on O.
 After these may come samples of the same types that are supervised alone, `VALUES_ONLY`: a point without derivatives
-costs less than half, and depth is what a small budget should buy first. Every term is the mean over the oriented points that it applies to (the paper does not say; derived here).
+costs less than half, and depth is what a small budget should buy first. Every term is the mean over the oriented points
+that it applies to (the paper does not say; derived here).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import fields as dataclass_fields
+from typing import Literal
 
 import torch
 from jaxtyping import Float
@@ -31,11 +33,13 @@ TANGENTS = (EIKONAL[0], TRANSITION[1])
 class LossWeights:
     """γ of every term, and ε_T, the transition speed that L_T asks for (the paper gives no value).
 
-    depth is doubled on A and U samples. depth_huber: error from which L_d grows linearly, see `depth_loss`; null for
-    the paper's square.
+    depth is doubled on A and U samples. depth_of: `chosen` is the paper's |d_{i*} - d|, which gives the weights w_i no
+    gradient; `mixture` is Σ w_i |d_i - d|, which also moves weight to the better component (derived here).
+    depth_huber: error from which L_d grows linearly, see `depth_error`; null for the paper's square.
     """
 
     depth: float
+    depth_of: Literal["chosen", "mixture"]
     depth_huber: float | None
     visibility: float
     normals: float
@@ -49,6 +53,8 @@ class LossWeights:
     def __post_init__(self) -> None:
         for field in dataclass_fields(self):
             value = getattr(self, field.name)
+            if field.name == "depth_of":
+                continue  # `config` refuses other words
             if field.name == "depth_huber":
                 if value is not None and not 0 < value < float("inf"):
                     raise checks.InputError(f"weights.depth_huber must be > 0 and finite, or null; got {value}")
@@ -60,8 +66,9 @@ class LossWeights:
 class SampleBatch:
     """Oriented points of several shapes in the order of `ORDER` and `VALUES_ONLY`, with their ground truth.
 
-    counts: points per type and shape, none of a type that is absent. The ground truth has entries for E too (never read), so that one index fits
-    all. depth: anything finite on a miss. normals: at the hit for U A B, at q_0 for S T O.
+    counts: points per type and shape, none of a type that is absent. The ground truth has entries for E too (never
+    read), so that one index fits all. depth: anything finite on a miss. normals: at the hit for U A B, at q_0 for
+    S T O.
     """
 
     positions: Float[Tensor, "shapes n 3"]
@@ -84,17 +91,31 @@ class SampleBatch:
         return slice(before, through)
 
 
-def depth_loss(
-    depth: Float[Tensor, "*n"], truth: Float[Tensor, "*n"], visible: Float[Tensor, "*n"], huber: float | None = None
+def depth_error(
+    depth: Float[Tensor, "*n"], truth: Float[Tensor, "*n"], huber: float | None = None
 ) -> Float[Tensor, "*n"]:
-    """L_d = ξ |d_{i*} - d|². The truth may be anything finite where ξ = 0.
+    """|d_i - d|², the paper's error of a depth.
 
-    With `huber` β > 0 it is ξ e²/(2β) up to the error e = β and ξ (e - β/2) beyond (derived here): a ray that passes an
+    With `huber` β > 0 it is e²/(2β) up to e = |d_i - d| = β and e - β/2 beyond (derived here): a ray that passes an
     occlusion edge on the wrong side is off by a whole gap, and the square lets such rays outweigh all others.
     """
     if huber is None:
-        return visible * (depth - truth).square()
-    return visible * functional.smooth_l1_loss(depth, truth, reduction="none", beta=huber)
+        return (depth - truth).square()
+    return functional.smooth_l1_loss(depth, truth, reduction="none", beta=huber)
+
+
+def depth_loss(
+    field: PDDF,
+    raw: Float[Tensor, "*n 4"],
+    truth: Float[Tensor, "*n"],
+    visible: Float[Tensor, "*n"],
+    weights: LossWeights,
+) -> Float[Tensor, "*n"]:
+    """L_d = ξ |d_{i*} - d|², or the mixture ξ Σ w_i |d_i - d|². The truth may be anything finite where ξ = 0."""
+    if weights.depth_of == "chosen":
+        return visible * depth_error(field.depth(raw), truth, weights.depth_huber)
+    first, second = (depth_error(depth, truth, weights.depth_huber) for depth in field.depths(raw).unbind(-1))
+    return visible * torch.lerp(second, first, torch.sigmoid(raw[..., WEIGHT_ROW]))
 
 
 def normal_loss(
@@ -140,7 +161,7 @@ def shape_loss(
     along = torch.cat((batch.directions[:, eikonal], batch.normals[:, transition]), dim=1)
     rates = derivatives.tangent(field.network, trace.slopes, along)
 
-    terms = _supervised_terms(field, batch, raw, weights.depth_huber)
+    terms = _supervised_terms(field, batch, raw, weights)
     terms["normals"] = _normal_term(field, batch, trace)
     terms["eikonal"] = _eikonal_term(field, batch, raw[:, eikonal], rates[:, eikonal], weights)
     terms["weight_variance"] = bernoulli_variance(raw[:, eikonal, WEIGHT_ROW]).mean()
@@ -152,11 +173,11 @@ def shape_loss(
     return total, {name: value.detach() for name, value in terms.items()}
 
 
-def _supervised_terms(field: PDDF, batch: SampleBatch, raw: Tensor, huber: float | None) -> dict[str, Tensor]:
+def _supervised_terms(field: PDDF, batch: SampleBatch, raw: Tensor, weights: LossWeights) -> dict[str, Tensor]:
     """Depth, visibility and visibility variance over everything that has ground truth."""
     known = batch.span(*GROUND_TRUTH)
     visible, logits = batch.visible[:, known], raw[:, known, VISIBILITY_ROW]
-    depth = depth_loss(field.depth(raw[:, known]), batch.depth[:, known], visible, huber)
+    depth = depth_loss(field, raw[:, known], batch.depth[:, known], visible, weights)
     doubled = [batch.span(*types) for types in DOUBLED_DEPTH]
     again = sum(depth[:, span.start - known.start : span.stop - known.start].sum() for span in doubled)
     return {

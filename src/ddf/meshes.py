@@ -24,7 +24,7 @@ _WELD_TOLERANCE = 1e-5  # of the diagonal: float32 noise of seams in STL files r
 
 @dataclass(frozen=True)
 class Prepared:
-    """A mesh in the field frame (closed, unless `wrap` is "never"), the map that led there and what was lost on the way."""
+    """A mesh in the field frame, closed unless `wrap` is "never", the map that led there and what was lost."""
 
     mesh: Mesh
     field_from_raw: transforms.Similarity

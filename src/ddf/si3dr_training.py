@@ -63,10 +63,8 @@ class DDFConfig:
     def __post_init__(self) -> None:
         known = {*losses.ORDER, *losses.VALUES_ONLY}
         if not set(losses.ORDER) <= set(self.counts) <= known or min(self.counts.values()) < 1:
-            raise checks.InputError(
-                f"ddf.counts must give each of {', '.join(losses.ORDER)} >= 1, and may give {', '.join(losses.VALUES_ONLY)}"
-                f" >= 1; got {self.counts}"
-            )
+            must, may = ", ".join(losses.ORDER), ", ".join(losses.VALUES_ONLY)
+            raise checks.InputError(f"ddf.counts must give each of {must} >= 1, may give {may} >= 1; got {self.counts}")
         if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
             raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (mask_pixels or null)")
         if self.approach is not None and not self.approach > 0:
