@@ -30,7 +30,7 @@ ROOMS: dict[str, list[str]] = {
         "synthetic",
         "dataset",
     ],
-    "2": ["siren", "derivatives", "fields", "losses"],
+    "2": ["siren", "derivatives", "fields", "losses", "curvature"],
     "3": ["rendering", "pointclouds", "metrics", "reconstruction", "si3dr_data"],
     "4": ["training", "si3dr_training", "si3dr_inference"],
     "edge": [
