@@ -32,12 +32,13 @@ ROOMS: dict[str, list[str]] = {
     ],
     "2": ["siren", "derivatives", "fields", "losses", "curvature"],
     "3": ["rendering", "pointclouds", "metrics", "reconstruction", "si3dr_data"],
-    "4": ["training", "si3dr_training", "si3dr_inference"],
+    "4": ["training", "si3dr_training", "si3dr_inference", "shape_field", "single_shape"],
     "edge": [
         "evaluation",
         "baselines",
         "paper_results",
         "strips",
+        "shape_pictures",
         "figures",
         "pages",
         "report_charts",
@@ -63,6 +64,8 @@ LIGHT_MODULES = [
     "training",
     "si3dr_training",
     "si3dr_inference",
+    "curvature",
+    "shape_field",
 ]
 LIGHT_PACKAGES = {"torch", "torchvision", "numpy", "safetensors", "jaxtyping", "tqdm"}
 

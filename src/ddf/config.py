@@ -17,7 +17,7 @@ import yaml
 
 from ddf import checks
 
-SECTIONS = ("dataset", "meshes", "samples", "train", "ddf", "pcsiren", "pointclouds", "evaluate", "report")
+SECTIONS = ("dataset", "meshes", "samples", "train", "ddf", "pcsiren", "pointclouds", "evaluate", "report", "fit")
 
 T = TypeVar("T")
 

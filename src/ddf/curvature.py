@@ -138,7 +138,7 @@ def depth_hessian_form(
 
 
 def tangent_basis(normals: Float[Tensor, "*n 3"]) -> tuple[Float[Tensor, "*n 3"], Float[Tensor, "*n 3"]]:
-    """t_1, t_2, orthonormal and normal to n; finite for a zero vector too. Source: Duff et al. 2017, revisiting Frisvad."""
+    """t_1, t_2, orthonormal and normal to n; finite for a zero vector too. Source: Duff et al. 2017."""
     x, y, z = normals.unbind(-1)
     sign = torch.where(z >= 0, torch.ones_like(z), -torch.ones_like(z))
     a = -1.0 / (sign + z)

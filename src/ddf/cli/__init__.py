@@ -23,6 +23,10 @@ COMMANDS = {
     "mesh": "validate a mesh, make it watertight, decimate and normalise it; say what was lost",
     "cast": "exact depth, visibility and normals of a mesh along given rays",
     "samples": "the six types of oriented-point samples of a mesh",
+    "fit": "fit a field to one mesh, with held-out errors per sample type",
+    "query": "visibility, depth, normals and curvatures of a fitted field along given rays",
+    "render": "a picture of a fitted field: depth, visibility, normals or curvature",
+    "points": "a point cloud on the surface of a fitted field",
     "compare": "Chamfer distance and F-scores of two point clouds",
     "reconstruct": "camera, cloud and renders from one image with a trained model",
 }
