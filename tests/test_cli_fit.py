@@ -153,7 +153,11 @@ def test_query_answers_in_the_frame_of_the_mesh(work, fitted, capsys):
 @pytest.mark.parametrize(
     ("arrays", "outputs", "message"),
     [
-        ({"positions": np.zeros((2, 3)), "directions": np.array([[0, 0, 1.0], [0, 0, 2]])}, "depth", "2 at index 1"),
+        (
+            {"positions": np.zeros((2, 3)), "directions": np.array([[0, 0, 1.0], [0, 0, 2]])},
+            "depth",
+            "must be unit length (tol 0.0001); got 2 at index",
+        ),
         ({"positions": np.zeros((2, 3))}, "depth", "has no array 'directions'"),
         ({"positions": np.full((1, 3), np.nan), "directions": np.eye(3)[:1]}, "depth", "positions must be finite"),
         ({"positions": np.zeros((1, 3)), "directions": np.eye(3)[:1]}, "colour", "--outputs must be among"),

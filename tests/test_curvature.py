@@ -1,5 +1,7 @@
 """Second derivatives: float64 autograd is the reference; signs and factors are those of the closed-form sphere."""
 
+from typing import Literal
+
 import pytest
 import torch
 from torch.nn import functional
@@ -9,7 +11,7 @@ from ddf import checks, curvature, fields, primitives, rays, siren
 WIDTHS = (16, 16, 8)
 
 
-def _field(activation="softplus", dtype=torch.float64):
+def _field(activation: Literal["relu", "softplus"] = "softplus", dtype=torch.float64):
     torch.manual_seed(3)
     return fields.PDDF(fields.PDDFConfig(WIDTHS, 3.0, 2.0, activation, 10.0)).to(dtype)
 
@@ -103,7 +105,9 @@ def test_only_what_is_asked_is_computed(monkeypatch):
     p, v = _random(5, 3), functional.normalize(_random(5, 3, seed=2), dim=-1)
     calls = []
     form = curvature.hessian_form
-    monkeypatch.setattr(curvature, "hessian_form", lambda *a: calls.append(1) or form(*a))
+    monkeypatch.setattr(
+        curvature, "hessian_form", lambda bends, g, one, two: calls.append(1) or form(bends, g, one, two)
+    )
     both = curvature.surface(field, p, v)
     assert len(calls) == 3
     mean = curvature.surface(field, p, v, None, ["mean_curvature"])

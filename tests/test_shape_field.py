@@ -94,7 +94,7 @@ def test_each_output_alone_equals_all_together(shape):
         alone, _ = shape_field.query(shape, points, [name])
         assert set(alone) == {name}
         np.testing.assert_allclose(alone[name], together[name], rtol=1e-4, atol=1e-5)
-    with pytest.raises(checks.InputError, match="outputs must be among .*; got colour"):
+    with pytest.raises(checks.InputError, match=r"outputs must be among .*; got colour"):
         shape_field.query(shape, points, ["colour"])
 
 

@@ -3,14 +3,14 @@
 The mesh is taken as it is: inner sheets and nested parts are part of the shape. It is moved to the field frame, and
 training and held-out samples are drawn from random streams of their own. Source: [DDF22] §4.1, app. A and C.
 
-The mixture: L_d on d_{i*}, as printed, gives the weights w_i no gradient, so where one depth hands over to the other (at
-the surface itself: near side before it, far side behind it) is found slowly, by L_V and L_T alone. `blend_depth` puts
-Σ_i w_i d_i in place of d_{i*} in L_d while training, which is supervised in w_i too; L_V drives the weights to 0 or 1, so
-that both agree in the end. Everything that is reported or queried is d_{i*}.
+The mixture: L_d on d_{i*}, as printed, gives the weights w_i no gradient, so where one depth hands over to the other
+(at the surface: the near side before it, the far side behind it) is found by L_V and L_T alone, slowly. `blend_depth` puts
+Σ_i w_i d_i in place of d_{i*} in L_d while training, which is supervised in w_i too; L_V drives the weights to 0 or 1,
+so that both agree in the end. Everything that is reported or queried is d_{i*}.
 
 Budget: `steps` is the reproducible way. `minutes` is the convenient one: the time of a step is measured on a copy of
 the field, the number of steps follows from what is left of the budget after sampling, and the schedule is laid over
-these steps, so the learning rate still ends at zero. Their number is kept in `plan.json`, for a resumed run to keep it.
+these steps, so the learning rate still ends at zero. Their number is kept in `plan.json`, for a resumed run.
 """
 
 import copy

@@ -38,7 +38,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     points = cast.read_rays(args.rays)
     found, evaluated = shape_field.query(shape_field.load(args.field), points, outputs)
     buffer = io.BytesIO()
-    np.savez(buffer, **{name: values.astype(np.float32) for name, values in found.items()})
+    arrays: dict[str, Any] = {name: values.astype(np.float32) for name, values in found.items()}
+    np.savez(buffer, **arrays)
     storage.write_bytes(args.out, buffer.getvalue())
     total = len(points.positions)
     return {
