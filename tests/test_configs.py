@@ -39,7 +39,8 @@ FIT: dict[str, Any] = {"fit": single_shape.FitConfig}
 
 
 def test_sections_are_those_of_the_loader():
-    assert (*CLASSES, *FIT) == config.SECTIONS
+    assert tuple(CLASSES) == config.SECTIONS
+    assert tuple(FIT) == config.FIT_SECTIONS
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)

@@ -4,7 +4,7 @@ The mesh is taken as it is: inner sheets and nested parts are part of the shape.
 training and held-out samples are drawn from random streams of their own. Source: [DDF22] §4.1, app. A and C.
 
 The mixture: L_d on d_{i*}, as printed, gives the weights w_i no gradient, so where one depth hands over to the other
-(at the surface: the near side before it, the far side behind it) is found by L_V and L_T alone, slowly. `blend_depth` puts
+(at the surface: near side before it, far side behind it) is found by L_V and L_T alone, slowly. `blend_depth` puts
 Σ_i w_i d_i in place of d_{i*} in L_d while training, which is supervised in w_i too; L_V drives the weights to 0 or 1,
 so that both agree in the end. Everything that is reported or queried is d_{i*}.
 
