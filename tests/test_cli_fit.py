@@ -36,7 +36,7 @@ TINY = {
         "visibility_variance": 0.0,
         "transition_speed": 1.0,
     },
-    "blend_depth": True,
+    "depth_loss": "mixture",
     "epsilon_o": 0.05,
     "box": "tight",
     "loop": {

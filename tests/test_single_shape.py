@@ -120,16 +120,30 @@ def test_calibration_changes_neither_field_nor_random_streams():
     assert torch.equal(torch.get_rng_state(), state)
 
 
-def test_depth_is_blended_in_training_and_chosen_in_evaluation():
-    field = single_shape.BlendedPDDF(TINY.field)
-    raw = torch.tensor([[0.2, 0.8, 0.0, 0.0], [0.2, 0.8, 30.0, 0.0], [0.2, 0.8, -30.0, 0.0]])
-    chosen = torch.tensor([0.2, 0.2, 0.8])
-    torch.testing.assert_close(field.eval().depth(raw), chosen, rtol=0, atol=1e-3)
-    torch.testing.assert_close(field.train().depth(raw), torch.tensor([0.5, 0.2, 0.8]), rtol=0, atol=1e-3)
-    raw.requires_grad_()
-    field.depth(raw)[0].backward()
-    assert raw.grad is not None
-    assert raw.grad[0, fields.WEIGHT_ROW] == pytest.approx(-0.15, abs=1e-4)  # (d_1 - d_2) w (1 - w)
+def test_mixture_loss_is_supervised_in_the_weights():
+    depths = torch.tensor([[0.2, 0.8], [0.2, 0.8], [0.2, 0.8]], dtype=torch.float64)
+    logits = torch.tensor([0.0, 30.0, 0.0], dtype=torch.float64, requires_grad=True)
+    truth, visible = torch.full((3,), 0.2, dtype=torch.float64), torch.tensor([1.0, 1.0, 0.0], dtype=torch.float64)
+    loss = single_shape.mixture_depth_loss(depths, logits, truth, visible)
+    torch.testing.assert_close(loss.detach(), torch.tensor([0.3, 0.0, 0.0], dtype=torch.float64), rtol=0, atol=1e-9)
+    loss.sum().backward()
+    assert logits.grad is not None
+    torch.testing.assert_close(logits.grad, torch.tensor([-0.15, 0.0, 0.0], dtype=torch.float64), rtol=0, atol=1e-9)
+
+
+def test_mixture_replaces_the_depth_term_and_nothing_else():
+    samples, _ = single_shape.draw_samples(cube(), TINY, TINY.samples, "train")
+    found = {}
+    for name in ("chosen", "mixture"):
+        torch.manual_seed(0)
+        config = dataclasses.replace(TINY, depth_loss=name)
+        found[name] = single_shape.step_loss(single_shape.new_field(config).train(), samples, config, 0)
+    (one, terms), (two, others) = found["chosen"], found["mixture"]
+    assert terms["depth"] != others["depth"]
+    for name in terms:
+        assert name == "depth" or torch.equal(terms[name], others[name]), name
+    difference = TINY.weights.depth * (others["depth"] - terms["depth"])
+    torch.testing.assert_close((two - one).detach(), difference, rtol=1e-4, atol=1e-5)
 
 
 def test_rate_ends_at_zero():

@@ -3,10 +3,10 @@
 The mesh is taken as it is: inner sheets and nested parts are part of the shape. It is moved to the field frame, and
 training and held-out samples are drawn from random streams of their own. Source: [DDF22] §4.1, app. A and C.
 
-The mixture: L_d on d_{i*}, as printed, gives the weights w_i no gradient, so where one depth hands over to the other
-(at the surface: near side before it, far side behind it) is found by L_V and L_T alone, slowly. `blend_depth` puts
-Σ_i w_i d_i in place of d_{i*} in L_d while training, which is supervised in w_i too; L_V drives the weights to 0 or 1,
-so that both agree in the end. Everything that is reported or queried is d_{i*}.
+Depth: L_d = ξ |d_{i*} - d|², as printed ("chosen"), gives the weights w_i no gradient, so where one depth hands over to
+the other (at the surface: near side before it, far side behind it) is found by L_V and L_T alone, slowly. "mixture" is
+ξ Σ_i w_i |d_i - d| in its place (derived here): a component must be right or have no weight. On a sphere, 500 steps,
+that made the held-out depth errors of U, A and B six times smaller. What is reported or queried is d_{i*} in both.
 
 Budget: `steps` is the reproducible way. `minutes` is the convenient one: the time of a step is measured on a copy of
 the field, the number of steps follows from what is left of the budget after sampling, and the schedule is laid over
@@ -18,7 +18,7 @@ import functools
 import hashlib
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -61,7 +61,7 @@ class FitConfig:
       errors.
     samples, held_out: drawn per type, for training and for the errors.
     batch: oriented points per type in a step, E the extra uniform ones.
-    blend_depth: L_d of the weighted mean of the depths instead of d_{i*} (module docstring).
+    depth_loss: L_d of d_{i*}, squared, or of the mixture (module docstring).
     epsilon_o: offset of O samples, field units.
     box: the shape's own box (a cube, where that is too thin) or the cube [-1, 1]^3.
     """
@@ -74,7 +74,7 @@ class FitConfig:
     held_out: sampling.Counts
     batch: dict[str, int]
     weights: losses.LossWeights
-    blend_depth: bool
+    depth_loss: Literal["chosen", "mixture"]
     epsilon_o: float
     box: Literal["tight", "cube"]
     loop: training.LoopConfig
@@ -103,23 +103,34 @@ DEFAULT = FitConfig(
     samples=sampling.Counts(U=250_000, A=250_000, B=125_000, S=125_000, T=125_000, O=125_000),
     held_out=sampling.Counts(U=10_000, A=10_000, B=10_000, S=10_000, T=10_000, O=10_000),
     batch={"U": 400, "A": 400, "B": 200, "S": 100, "T": 200, "O": 150, "E": 50},
-    weights=losses.LossWeights(5.0, 1.0, 1.0, 0.1, 0.5, 0.01, 0.05, 0.0, 1.0),
-    blend_depth=True,
+    weights=losses.LossWeights(2.5, 1.0, 1.0, 0.1, 0.5, 0.01, 0.05, 0.0, 1.0),
+    depth_loss="mixture",
     epsilon_o=0.05,
     box="tight",
     loop=training.LoopConfig(5e-3, "cosine", 50, 1.0, 2, 0, 50, 30.0),
 )
 
 
-class BlendedPDDF(fields.PDDF):
-    """A PDDF whose depth is Σ_i w_i d_i in training mode, and d_{i*} as ever in evaluation mode; same parameters."""
+class MixturePDDF(fields.PDDF):
+    """A PDDF that keeps, in training mode, the raw outputs that L_d was asked for; same parameters, same answers."""
+
+    supervised: Tensor | None = None
 
     def depth(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch"]:
-        """Σ_i w_i d_i, or d_{i*}."""
-        if not self.training:
-            return super().depth(raw)
-        depths = self.depths(raw)
-        return torch.lerp(depths[..., 1], depths[..., 0], torch.sigmoid(raw[..., fields.WEIGHT_ROW]))
+        """d_{i*}, as ever."""
+        self.supervised = raw if self.training else None
+        return super().depth(raw)
+
+
+def mixture_depth_loss(
+    depths: Float[Tensor, "*n 2"],
+    weight_logits: Float[Tensor, "*n"],
+    truth: Float[Tensor, "*n"],
+    visible: Float[Tensor, "*n"],
+) -> Float[Tensor, "*n"]:
+    """ξ Σ_i w_i |d_i - d|. Derived here; the truth may be anything finite where ξ = 0."""
+    errors = (depths - truth[..., None]).abs()
+    return visible * torch.lerp(errors[..., 1], errors[..., 0], torch.sigmoid(weight_logits))
 
 
 @dataclass(frozen=True)
@@ -186,7 +197,21 @@ def step_loss(
     """𝔏_S of the batch of one step, which depends on the seed and the step's number alone."""
     random = np.random.default_rng((config.loop.seed, step))
     batch = samples.batch(config.batch, random).to(field.network.head.weight.device)
-    return losses.shape_loss(field, batch, None, config.weights)
+    if not isinstance(field, MixturePDDF):
+        return losses.shape_loss(field, batch, None, config.weights)
+    others, terms = losses.shape_loss(field, batch, None, replace(config.weights, depth=0.0))
+    raw, known, doubled = field.supervised, batch.span(*losses.GROUND_TRUTH), batch.span(*losses.DOUBLED_DEPTH)
+    assert raw is not None
+    depth = mixture_depth_loss(
+        field.depths(raw), raw[..., fields.WEIGHT_ROW], batch.depth[:, known], batch.visible[:, known]
+    )
+    term = (depth.sum() + depth[:, : doubled.stop - known.start].sum()) / depth.numel()
+    return others + config.weights.depth * term, {**terms, "depth": term.detach()}
+
+
+def new_field(config: FitConfig) -> fields.PDDF:
+    """The field of a config, freshly initialised."""
+    return MixturePDDF(config.field) if config.depth_loss == "mixture" else fields.PDDF(config.field)
 
 
 def seconds_per_step(field: fields.PDDF, samples: ShapeSamples, config: FitConfig, budget_seconds: float) -> float:
@@ -245,7 +270,7 @@ def fit(raw: mesh_io.Mesh, config: FitConfig, out_dir: Path, source: Mapping[str
     field_from_mesh = transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)])
     mesh = mesh_io.Mesh(np.clip(field_from_mesh.apply(raw.vertices), -1.0, 1.0), raw.faces)
     samples, packing_errors = draw_samples(mesh, config, config.samples, "train")
-    field = (BlendedPDDF if config.blend_depth else fields.PDDF)(config.field).to(training.device())
+    field = new_field(config).to(training.device())
     content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
     identity = provenance.fingerprint([config, content], (), "ddf.single_shape")
     steps = _plan(field, samples, config, out_dir, identity, time.monotonic() - started)
