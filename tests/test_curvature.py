@@ -50,7 +50,7 @@ def test_hessian_form_equals_autograd(modulated, activation, dtype, tolerance):
     assert expected.abs().max() > 0.1
     field = field.to(dtype)
     lower = None if modulations is None else [m.to(dtype) for m in modulations]
-    found = curvature.depth_hessian_form(field, *(x.to(dtype) for x in (p, v, first, second)), lower)
+    found = curvature.depth_hessian_form(field, p.to(dtype), v.to(dtype), first.to(dtype), second.to(dtype), lower)
     assert found.dtype == dtype
     assert (found.double() - expected).abs().max() <= tolerance * expected.abs().max()
 
