@@ -1,6 +1,7 @@
 """`ddf fit`, `query`, `render` and `points` end to end on a tiny field; bad input is one line and exit code 2."""
 
 import json
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -225,6 +226,18 @@ def test_something_else_than_a_field_is_refused(work, fitted, capsys):
     (damaged / "model.safetensors").write_bytes(data)
     assert cli.main(["render", str(damaged), str(work / "never.png")]) == 2
     assert "is damaged" in capsys.readouterr().err
+
+
+def test_stage_fits_the_mesh_of_the_config_or_a_procedural_chair(work, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run = runpy.run_path(str(ROOT / "stages" / "fit_shape.py"))["run"]
+    sources = []
+    for mesh in (None, str(work / "torus.ply")):
+        Path("tiny.yaml").write_text(yaml.safe_dump({"fit": {**TINY, "mesh": mesh}}))
+        run(Path("tiny.yaml"))
+        sources.append(shape_field.load(tmp_path / "artifacts" / "tiny" / "fit_shape").record["sources"])
+    assert sources[0] == {}
+    assert list(sources[1]) == ["torus.ply"]
 
 
 def test_default_config_file_is_the_default_of_the_command():
