@@ -16,12 +16,15 @@ from ddf import (
     sampling,
     si3dr_inference,
     si3dr_training,
+    single_shape,
 )
 from ddf import (
     fields as ddf_fields,
 )
 
-CONFIGS = sorted((Path(__file__).resolve().parents[1] / "configs").glob("*.yaml"))
+FILES = sorted((Path(__file__).resolve().parents[1] / "configs").glob("*.yaml"))
+FITS = [path for path in FILES if path.stem.endswith("fit")]  # of single shapes: the section `fit` alone
+CONFIGS = [path for path in FILES if path not in FITS]
 CLASSES: dict[str, Any] = {
     "dataset": dataset.DatasetConfig,
     "meshes": meshes.MeshesConfig,
@@ -34,17 +37,31 @@ CLASSES: dict[str, Any] = {
     "report": reports.ReportConfig,
     "export": onnx_export.ExportConfig,
 }
+FIT: dict[str, Any] = {"fit": single_shape.FitConfig}
 
 
 def test_sections_are_those_of_the_loader():
     assert tuple(CLASSES) == config.SECTIONS
+    assert tuple(FIT) == config.FIT_SECTIONS
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_every_section_loads(path):
-    assert set(config.read(path)) == set(config.SECTIONS)
+    assert set(config.read(path)) == set(CLASSES)
     for section, cls in CLASSES.items():
         assert isinstance(config.load(path, section, cls), cls)
+
+
+@pytest.mark.parametrize("path", FITS, ids=lambda path: path.stem)
+def test_fit_files_load_and_write_every_value_out(path):
+    assert set(config.read(path)) == set(FIT)
+    assert isinstance(config.load(path, "fit", single_shape.FitConfig), single_shape.FitConfig)
+    assert _keys_left_to_defaults(config.read(path)["fit"], single_shape.FitConfig) == []
+
+
+def test_paper_fit_has_the_published_field():
+    path = next(path for path in FITS if path.stem == "paper_fit")
+    assert config.load(path, "fit", single_shape.FitConfig).field == ddf_fields.PAPER_SINGLE_SHAPE
 
 
 def _keys_left_to_defaults(given: dict[str, Any], cls: Any) -> list[str]:

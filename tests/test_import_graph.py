@@ -30,12 +30,14 @@ ROOMS: dict[str, list[str]] = {
         "synthetic",
         "dataset",
     ],
-    "2": ["siren", "derivatives", "fields", "losses"],
+    "2": ["siren", "derivatives", "fields", "losses", "curvature"],
     "3": ["rendering", "pointclouds", "metrics", "reconstruction", "si3dr_data"],
     "4": [
         "training",
         "si3dr_training",
         "si3dr_inference",
+        "shape_field",
+        "single_shape",
         "onnx_outputs",
         "onnx_graphs",
         "onnx_parity",
@@ -48,6 +50,7 @@ ROOMS: dict[str, list[str]] = {
         "baselines",
         "paper_results",
         "strips",
+        "shape_pictures",
         "figures",
         "pages",
         "report_charts",
@@ -73,6 +76,8 @@ LIGHT_MODULES = [
     "training",
     "si3dr_training",
     "si3dr_inference",
+    "curvature",
+    "shape_field",
 ]
 LIGHT_PACKAGES = {"torch", "torchvision", "numpy", "safetensors", "jaxtyping", "tqdm"}
 

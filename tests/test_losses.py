@@ -181,8 +181,6 @@ def test_saturated_logits_keep_loss_and_gradient_finite():
 
 def test_terms_by_hand():
     zero, one = torch.zeros(1), torch.ones(1)
-    assert float(losses.depth_loss(3 * one, one, one)) == 4.0
-    assert float(losses.depth_loss(3 * one, one, zero)) == 0.0
     assert float(losses.transition_loss(torch.tensor([-0.5]), 2.0)) == 2.25
     assert float(losses.transition_loss(torch.tensor([-3.0]), 2.0)) == 0.0
     assert float(losses.bernoulli_variance(zero)) == 0.25

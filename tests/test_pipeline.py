@@ -12,7 +12,7 @@ from ddf import config
 
 STAGES = _pipeline.expand()
 ONE_OF_EACH = list({name.split("@")[0]: name for name in STAGES}.values())
-CONFIGS = sorted((_pipeline.ROOT / "configs").glob("*.yaml"))
+CONFIGS = [path for path in sorted((_pipeline.ROOT / "configs").glob("*.yaml")) if not path.stem.endswith("fit")]
 
 
 def _plain_paths(entries: list[Any]) -> list[str]:

@@ -18,6 +18,7 @@ import yaml
 from ddf import checks
 
 SECTIONS = ("dataset", "meshes", "samples", "train", "ddf", "pcsiren", "pointclouds", "evaluate", "report", "export")
+FIT_SECTIONS = ("fit",)  # of files of their own, configs/*fit.yaml: no part of an experiment
 
 T = TypeVar("T")
 
@@ -44,7 +45,7 @@ def load(path: str | Path, section: str, cls: type[T]) -> T:
     """The named section of an experiment file as an instance of its dataclass.
 
     Args:
-      path: a YAML file whose top-level keys are a subset of `SECTIONS`.
+      path: a YAML file whose top-level keys are a subset of `SECTIONS` and `FIT_SECTIONS`.
       section: the section to read.
       cls: a dataclass; every field without a default must be given, every given key must be a field.
     Raises:
@@ -68,7 +69,7 @@ def read(path: str | Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise checks.InputError(f"{path}: must hold the sections {', '.join(SECTIONS)}; got {type(data).__name__}")
     for name in data:
-        if name not in SECTIONS:
+        if name not in (*SECTIONS, *FIT_SECTIONS):
             raise checks.InputError(f"{path}: unknown section {name!r}; the sections are {', '.join(SECTIONS)}")
     return data
 

@@ -1,0 +1,39 @@
+"""`ddf fit`: a field for one mesh, as it is, with held-out errors per sample type."""
+
+import argparse
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from ddf import checks, config, mesh_io, single_shape, storage
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare mesh, folder and budget."""
+    parser.add_argument("mesh", metavar="MESH", type=Path, help="mesh file; fitted as it is, inner sheets included")
+    parser.add_argument("out", metavar="OUT_DIR", type=Path, help="gets model.safetensors, log.csv, fit.json; resumes")
+    parser.add_argument(
+        "--config", metavar="C", type=Path, help="file with a section `fit` (default: configs/fit.yaml)"
+    )
+    budget = parser.add_mutually_exclusive_group()
+    budget.add_argument(
+        "--minutes", metavar="M", type=float, help="wall time of sampling and training; sets the number of steps"
+    )
+    budget.add_argument("--steps", metavar="N", type=int, help="number of steps: the reproducible way")
+    parser.add_argument("--seed", metavar="S", type=int, help="of samples, initial weights and batches")
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Fit the mesh; returns the held-out errors, times and sizes, as fit.json has them."""
+    fit = single_shape.DEFAULT if args.config is None else config.load(args.config, "fit", single_shape.FitConfig)
+    if args.minutes is not None:
+        fit = dataclasses.replace(fit, steps=None, minutes=args.minutes)
+    if args.steps is not None:
+        fit = dataclasses.replace(fit, steps=args.steps, minutes=None)
+    if args.seed is not None:
+        fit = dataclasses.replace(fit, loop=dataclasses.replace(fit.loop, seed=args.seed))
+    mesh = mesh_io.load(args.mesh)
+    if args.out.exists() and not args.out.is_dir():
+        raise checks.InputError(f"{args.out}: is a file; give a folder to write")
+    result = single_shape.fit(mesh, fit, args.out, {args.mesh.name: storage.checksum(args.mesh)})
+    return {**result, "out": args.out.as_posix()}

@@ -1,0 +1,239 @@
+"""A field fitted to one shape: its file, and what can be asked of it, in the frame of the mesh that was fitted.
+
+Rays come in the mesh's own frame and unit. They are moved to the field frame in float64, enter the field's box by the
+slab test, and are narrowed to float32 only there, so that a camera 1e3 box lengths away costs no precision. Rays that
+miss the box are never evaluated. Where the box is missed, or visibility is below 1/2, nothing is seen: depth is `inf`,
+normals and curvatures are 0.
+"""
+
+from collections.abc import Collection
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from ddf import cameras, checks, curvature, pointclouds, rays, rendering, storage, training, transforms
+from ddf.fields import PDDF, PDDFConfig, visibility
+
+KIND = "single_shape"  # of the file's record
+OUTPUTS = (*rendering.OUTPUTS, *curvature.OUTPUTS)
+SEEN = 0.5  # visibility from which on a surface counts as seen
+CHUNK_RAYS = 16384  # speed and memory only
+_UP_FROM_Y = {"y": np.eye(3), "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])}
+UP_AXES = tuple(_UP_FROM_Y)
+
+
+@dataclass(frozen=True)
+class ShapeField:
+    """A trained field, its box (field frame), the map to its frame, and the record of its file."""
+
+    field: PDDF
+    lower: Float[np.ndarray, "3"]
+    upper: Float[np.ndarray, "3"]
+    field_from_mesh: transforms.Similarity
+    record: dict[str, Any]
+
+
+def description(
+    config: PDDFConfig,
+    lower: Float[np.ndarray, "3"],
+    upper: Float[np.ndarray, "3"],
+    field_from_mesh: transforms.Similarity,
+) -> dict[str, Any]:
+    """What the record of a field file must hold for `load`, besides what every artefact carries."""
+    return {
+        "kind": KIND,
+        "field": asdict(config),
+        "box": {"lower": lower.tolist(), "upper": upper.tolist()},
+        "field_from_mesh": field_from_mesh.to_dict(),
+    }
+
+
+def load(path: Path) -> ShapeField:
+    """A field from its file, or from the folder that `ddf fit` wrote, in evaluation mode.
+
+    Raises:
+      FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
+    """
+    folder = path.parent if path.name == training.MODEL else path
+    file = folder / training.MODEL
+    if not file.exists():
+        raise FileNotFoundError(f"{file}: no such field; give a folder that `ddf fit` wrote")
+    record = storage.load_metadata(file)
+    if record.get("kind") != KIND:
+        raise checks.InputError(f"{file}: holds no field of a single shape; give a folder that `ddf fit` wrote")
+    try:
+        config = PDDFConfig(**{**record["field"], "hidden": tuple(record["field"]["hidden"])})
+        lower, upper = (np.array(record["box"][side], dtype=np.float64) for side in ("lower", "upper"))
+        field_from_mesh = transforms.Similarity.from_dict(record["field_from_mesh"])
+    except (KeyError, TypeError) as error:
+        raise checks.InputError(f"{file}: its record lacks what a field needs ({error})") from error
+    field = PDDF(config)
+    training.load_model(field, folder)
+    return ShapeField(field, lower, upper, field_from_mesh, record)
+
+
+def evaluate(
+    field: PDDF, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], outputs: Collection[str]
+) -> dict[str, Tensor]:
+    """Named outputs in the field frame, as `rendering.query`, and the curvatures; only what is asked for is computed.
+
+    Raises:
+      InputError: an output that does not exist.
+    """
+    unknown = sorted(set(outputs) - set(OUTPUTS))
+    if unknown:
+        raise checks.InputError(f"outputs must be among {', '.join(OUTPUTS)}; got {', '.join(unknown)}")
+    curvatures = [name for name in curvature.OUTPUTS if name in outputs]
+    if not curvatures:
+        return rendering.query(field, positions, directions, None, outputs)
+    surface = curvature.surface(field, positions, directions, None, curvatures)
+    found = {}
+    if "visibility" in outputs:
+        found["visibility"] = visibility(surface.raw)
+    if "depth" in outputs:
+        found["depth"] = field.depth(surface.raw)
+    if "normals" in outputs:
+        found["normals"] = surface.normals
+    if surface.mean is not None:
+        found["mean_curvature"] = surface.mean
+    if surface.gaussian is not None:
+        found["gaussian_curvature"] = surface.gaussian
+    return found
+
+
+@torch.no_grad()
+def query(
+    shape: ShapeField, points: rays.OrientedPoints, outputs: Collection[str] = rendering.OUTPUTS
+) -> tuple[dict[str, Float[np.ndarray, "n ..."]], int]:
+    """Named outputs at oriented points of the mesh's frame, and the number of rays that the field was evaluated for.
+
+    Args:
+      points: (n, 3), float64 for far cameras; anywhere, the start need not lie in the box.
+      outputs: some of `OUTPUTS`.
+    Returns:
+      visibility (n) in [0, 1], 0 where the box is missed; depth (n) in mesh units; normals (n, 3), unit, facing back;
+      mean_curvature (n) in 1/mesh unit and gaussian_curvature (n) in 1/mesh unit², signs as in `curvature.surface`.
+    Raises:
+      InputError: an output that does not exist.
+    """
+    positions = shape.field_from_mesh.apply(points.positions.double().cpu().numpy())
+    directions = shape.field_from_mesh.apply_directions(points.directions.double().cpu().numpy())
+    found, evaluated = _query_field_frame(shape, positions, directions, outputs)
+    scale = shape.field_from_mesh.scale
+    if "depth" in found:
+        found["depth"] = found["depth"] / scale
+    if "normals" in found:
+        found["normals"] = shape.field_from_mesh.inverse().apply_directions(found["normals"])
+    if "mean_curvature" in found:
+        found["mean_curvature"] = found["mean_curvature"] * scale
+    if "gaussian_curvature" in found:
+        found["gaussian_curvature"] = found["gaussian_curvature"] * scale**2
+    return found, evaluated
+
+
+def _query_field_frame(
+    shape: ShapeField, positions: np.ndarray, directions: np.ndarray, outputs: Collection[str]
+) -> tuple[dict[str, np.ndarray], int]:
+    """As `query`, everything in the field frame and float64."""
+    starts, along = torch.from_numpy(positions), torch.from_numpy(directions)
+    entry, distance, meets = rays.enter_box(starts, along, torch.from_numpy(shape.lower), torch.from_numpy(shape.upper))
+    weight = shape.field.network.head.weight
+    inside, looking = entry[meets].to(weight), along[meets].to(weight)
+    parts = [
+        evaluate(shape.field, p, v, {*outputs, "visibility"})
+        for p, v in zip(inside.split(CHUNK_RAYS), looking.split(CHUNK_RAYS), strict=True)
+    ]
+    seen = torch.zeros_like(meets)
+    seen[meets] = torch.cat([part["visibility"] for part in parts]).cpu() >= SEEN
+    found = {}
+    for name in OUTPUTS:
+        if name in outputs:
+            values = torch.cat([part[name] for part in parts]).double().cpu()
+            found[name] = _scattered(name, values, meets, seen, distance).numpy()
+    return found, int(meets.sum())
+
+
+def _scattered(
+    name: str, values: Tensor, meets: Bool[Tensor, "n"], seen: Bool[Tensor, "n"], distance: Float[Tensor, "n"]
+) -> Tensor:
+    """Values of the rays that meet the box among all rays, with the background where nothing is seen."""
+    whole = values.new_full((len(meets), *values.shape[1:]), torch.inf if name == "depth" else 0.0)
+    whole[meets] = values
+    if name == "visibility":
+        return whole
+    if name == "depth":
+        return torch.where(seen, whole + distance, torch.inf)
+    return torch.where(seen.reshape(-1, *[1] * (whole.ndim - 1)), whole, 0.0)
+
+
+def camera_rays(
+    shape: ShapeField, camera: tuple[float, float, float], size: int, up: str = "y"
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Starts and unit directions, field frame, of a camera that looks at the box's centre; rows from the top.
+
+    Args:
+      camera: azimuth and elevation in degrees, radius in benchmark units: 0.57 is one diagonal of the box
+        (`cameras`, whose lens it has).
+      up: the axis of the mesh's frame that points up.
+    """
+    azimuth, elevation, radius = torch.tensor(camera, dtype=torch.float64)
+    pixels = cameras.pixel_directions(size, torch.float64).reshape(-1, 3)
+    centre, world = cameras.pixel_rays(torch.deg2rad(azimuth), torch.deg2rad(elevation), radius, pixels)
+    diagonal = np.linalg.norm(shape.upper - shape.lower)
+    turn = shape.field_from_mesh.rotation @ _UP_FROM_Y[up]
+    start = (diagonal / transforms.BENCHMARK_FROM_V1) * (turn @ centre.numpy()) + (shape.lower + shape.upper) / 2
+    return np.broadcast_to(start, world.shape).copy(), world.numpy() @ turn.T
+
+
+def render(
+    shape: ShapeField,
+    camera: tuple[float, float, float],
+    size: int,
+    outputs: Collection[str] = rendering.OUTPUTS,
+    up: str = "y",
+) -> tuple[dict[str, Float[np.ndarray, "size size ..."]], int]:
+    """Images from one camera (`camera_rays`), as `query` gives them, and the number of rays evaluated.
+
+    Raises:
+      InputError: a size below 1, a radius below 0, an unknown axis or output, or a camera that is not finite.
+    """
+    checks.require_finite("camera", np.array(camera))
+    if size < 1 or camera[2] < 0 or up not in UP_AXES:
+        raise checks.InputError(
+            f"size must be >= 1, camera radius >= 0, up among {', '.join(UP_AXES)}; got {size}, {camera[2]}, {up}"
+        )
+    starts, directions = camera_rays(shape, camera, size, up)
+    mesh_from_field = shape.field_from_mesh.inverse()
+    points = rays.OrientedPoints(
+        torch.from_numpy(mesh_from_field.apply(starts)), torch.from_numpy(mesh_from_field.apply_directions(directions))
+    )
+    found, evaluated = query(shape, points, outputs)
+    return {name: values.reshape(size, size, *values.shape[1:]) for name, values in found.items()}, evaluated
+
+
+@torch.no_grad()
+def cloud(
+    shape: ShapeField, count: int, config: pointclouds.CloudConfig, seed: int = 0
+) -> Float[np.ndarray, "count 3"]:
+    """Points on the surface, mesh frame: points of the box projected N_H times, the most visible kept.
+
+    As `pointclouds.sample`, but p ~ U[B] with B the field's own box, which is where it was trained.
+    """
+    if count < 1:
+        raise checks.InputError(f"the number of points must be >= 1; got {count}")
+    weight = shape.field.network.head.weight
+    generator = torch.Generator(weight.device).manual_seed(seed)
+    lower, upper = (torch.from_numpy(side).to(weight) for side in (shape.lower, shape.upper))
+    drawn = config.num_drawn(count)
+    unit = torch.rand((drawn, 3), generator=generator, dtype=weight.dtype, device=weight.device)
+    projected = pointclouds.ProjectedPoints(lower + (upper - lower) * unit, unit.new_zeros(drawn))
+    for _ in range(config.cycles):
+        starts = torch.minimum(torch.maximum(projected.points, lower), upper)  # what overshoots restarts on the box
+        projected = pointclouds.project(shape.field, None, starts, config, generator)
+    (kept,) = projected.clouds([count], config)
+    return shape.field_from_mesh.inverse().apply(kept.double().cpu().numpy())

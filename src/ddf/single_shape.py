@@ -1,0 +1,307 @@
+"""Fitting one field to one mesh: six sample types in memory, held-out errors, a budget of steps or of minutes.
+
+The mesh is taken as it is: inner sheets and nested parts are part of the shape. It is moved to the field frame, and
+training and held-out samples are drawn from random streams of their own. Source: [DDF22] §4.1, app. A and C.
+
+Budget: `steps` is the reproducible way. `minutes` is the convenient one: the time of a step is measured on a copy of
+the field, the number of steps follows from what is left of the budget after sampling, and the schedule is laid over
+these steps, so the learning rate still ends at zero. Their number is kept in `plan.json`, for a resumed run.
+"""
+
+import copy
+import functools
+import hashlib
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from ddf import (
+    checks,
+    fields,
+    losses,
+    mesh_io,
+    packing,
+    provenance,
+    rendering,
+    sampling,
+    shape_field,
+    storage,
+    training,
+    transforms,
+)
+
+METRICS, PLAN = "fit.json", "plan.json"
+THIN_BOX = (
+    0.05  # a mesh thinner than this (of its longest side) is fitted in the cube: its own box has no room for rays
+)
+_CALIBRATION_SHARE, _CALIBRATION_STEPS = 0.03, 40  # of the budget, at most; and steps, at most
+_WARM_UP_STEPS = 3  # of a calibration, not counted: allocation, first touches
+_LEAST_STEPS = 10
+
+
+@dataclass(frozen=True)
+class FitConfig:
+    """Section `fit`: a field, and how it is fitted to one shape.
+
+    mesh: the file that the stage `fit_shape` fits, null for a procedural chair; `ddf fit` names its own.
+    steps, minutes: the budget; steps decides where both are given, minutes include sampling but not the held-out
+      errors.
+    samples, held_out: drawn per type, for training and for the errors.
+    batch: oriented points per type in a step, E the extra uniform ones.
+    epsilon_o: offset of O samples, field units.
+    box: the shape's own box (a cube, where that is too thin) or the cube [-1, 1]^3.
+    """
+
+    mesh: str | None
+    field: fields.PDDFConfig
+    steps: int | None
+    minutes: float | None
+    samples: sampling.Counts
+    held_out: sampling.Counts
+    batch: dict[str, int]
+    weights: losses.LossWeights
+    epsilon_o: float
+    box: Literal["tight", "cube"]
+    loop: training.LoopConfig
+
+    def __post_init__(self) -> None:
+        if sorted(self.batch) != sorted(losses.ORDER) or min(self.batch.values()) < 1:
+            raise checks.InputError(f"fit.batch must give each of {', '.join(losses.ORDER)} >= 1; got {self.batch}")
+        if self.steps is None and self.minutes is None:
+            raise checks.InputError("fit.steps or fit.minutes must be given; both are null")
+        if self.steps is not None and self.steps < 1:
+            raise checks.InputError(f"fit.steps must be >= 1 or null; got {self.steps}")
+        if self.minutes is not None and not 0 < self.minutes < float("inf"):
+            raise checks.InputError(f"fit.minutes must be > 0 or null; got {self.minutes}")
+        self.draw(self.box, self.samples, 0)
+
+    def draw(self, box: Literal["tight", "cube"], counts: sampling.Counts, seed: int) -> sampling.SamplesConfig:
+        """What `sampling.extract` draws."""
+        return sampling.SamplesConfig(counts, self.epsilon_o, "fixed", box, seed=seed)
+
+
+DEFAULT = FitConfig(
+    mesh=None,
+    field=fields.PDDFConfig((160, 160, 160, 160), 6.0, 1.0, "softplus", 100.0),
+    steps=None,
+    minutes=2.0,
+    samples=sampling.Counts(U=250_000, A=250_000, B=125_000, S=125_000, T=125_000, O=125_000),
+    held_out=sampling.Counts(U=10_000, A=10_000, B=10_000, S=10_000, T=10_000, O=10_000),
+    batch={"U": 400, "A": 400, "B": 200, "S": 100, "T": 200, "O": 150, "E": 50},
+    weights=losses.LossWeights(2.5, "mixture", 0.02, 1.0, 1.0, 0.1, 0.5, 0.01, 0.05, 0.0, 1.0),
+    epsilon_o=0.05,
+    box="tight",
+    loop=training.LoopConfig(5e-3, "cosine", 50, 1.0, 2, 0, 50, 30.0),
+)
+
+
+@dataclass(frozen=True)
+class ShapeSamples:
+    """Decoded samples of one shape by type, float32, and its box, field frame; depth is 0 on a miss."""
+
+    arrays: Mapping[str, Mapping[str, Tensor]]
+    lower: Float[np.ndarray, "3"]
+    upper: Float[np.ndarray, "3"]
+
+    def batch(self, counts: Mapping[str, int], random: np.random.Generator) -> losses.SampleBatch:
+        """Random samples of every type, with repetition, and `counts["E"]` uniform points of the box without truth."""
+        extra = counts["E"]
+        position = random.uniform(self.lower, self.upper, (extra, 3)).astype(np.float32)
+        direction = random.standard_normal((extra, 3)).astype(np.float32)
+        direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+        chosen = [
+            {
+                "positions": torch.from_numpy(position),
+                "directions": torch.from_numpy(direction),
+                "visible": torch.zeros(extra),
+                "depth": torch.zeros(extra),
+                "normals": torch.zeros(extra, 3),
+            }
+        ]
+        for kind in losses.ORDER[1:]:
+            stored = self.arrays[kind]
+            rows = torch.from_numpy(random.integers(0, len(stored["depth"]), counts[kind]))
+            chosen.append({name: values[rows] for name, values in stored.items()})
+        joined = {name: torch.cat([part[name] for part in chosen])[None] for name in chosen[0]}
+        return losses.SampleBatch(**joined, counts=counts)
+
+
+def draw_samples(
+    mesh: mesh_io.Mesh, config: FitConfig, counts: sampling.Counts, stream: str
+) -> tuple[ShapeSamples, dict[str, float]]:
+    """Samples of a mesh in the field frame, and the largest errors of their stored form (`sampling.extract`).
+
+    Args:
+      stream: name of the random stream; training and held-out samples have their own.
+    """
+    lower, upper = mesh.box()
+    box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else config.box
+    packed, errors = sampling.extract(mesh, config.draw(box, counts, config.loop.seed), stream)
+    arrays = {}
+    for kind, _ in counts.items():
+        samples = packing.decode({name: torch.from_numpy(values) for name, values in packed.items()}, kind)
+        visible = samples["visible"]
+        arrays[kind] = {
+            "positions": samples["positions"],
+            "directions": samples["directions"],
+            "visible": visible.float(),
+            "depth": samples["depth"].masked_fill(~visible, 0.0),
+            "normals": samples["normals"],
+        }
+    if box == "cube":
+        lower, upper = -np.ones(3), np.ones(3)
+    return ShapeSamples(arrays, lower, upper), errors
+
+
+def step_loss(
+    field: fields.PDDF, samples: ShapeSamples, config: FitConfig, step: int
+) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
+    """𝔏_S of the batch of one step, which depends on the seed and the step's number alone."""
+    random = np.random.default_rng((config.loop.seed, step))
+    batch = samples.batch(config.batch, random).to(field.network.head.weight.device)
+    return losses.shape_loss(field, batch, None, config.weights)
+
+
+def seconds_per_step(field: fields.PDDF, samples: ShapeSamples, config: FitConfig, budget_seconds: float) -> float:
+    """Median time of an optimisation step, measured on a copy; the field and all random streams stay as they are."""
+    trial = copy.deepcopy(field).train()
+    optimiser = torch.optim.AdamW(trial.parameters(), lr=1e-6, fused=True)
+    started, times = time.monotonic(), []
+    while len(times) < _CALIBRATION_STEPS:
+        begun = time.monotonic()
+        optimiser.zero_grad(set_to_none=True)
+        step_loss(trial, samples, config, len(times))[0].backward()
+        optimiser.step()
+        if trial.network.head.weight.is_cuda:
+            torch.cuda.synchronize()
+        times.append(time.monotonic() - begun)
+        enough = time.monotonic() - started >= _CALIBRATION_SHARE * budget_seconds
+        if enough and len(times) > _WARM_UP_STEPS:
+            break
+    return float(np.median(times[_WARM_UP_STEPS:]))
+
+
+def _plan(
+    field: fields.PDDF, samples: ShapeSamples, config: FitConfig, out_dir: Path, identity: str, spent: float
+) -> int:
+    """Number of steps: as given, as an earlier run of the same fit decided, or what the rest of the minutes allows."""
+    if config.steps is not None:
+        return config.steps
+    if config.minutes is None:
+        raise ValueError("steps and minutes cannot both be null")
+    path = out_dir / PLAN
+    if path.exists():
+        plan = storage.read_json(path)
+        if plan.get("fingerprint") == identity:
+            return int(plan["steps"])
+    left = 60 * config.minutes - spent
+    each = seconds_per_step(field, samples, config, 60 * config.minutes)
+    steps = max(_LEAST_STEPS, int((left - _CALIBRATION_SHARE * 60 * config.minutes) / each))
+    storage.write_json(path, {"fingerprint": identity, "steps": steps, "seconds_per_step": each})
+    return steps
+
+
+def fit(raw: mesh_io.Mesh, config: FitConfig, out_dir: Path, source: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Fit a field to a mesh in its own frame; write model.safetensors (`shape_field.load`), log.csv and fit.json.
+
+    Resumes from `out_dir` if an earlier run with the same mesh, config and code was stopped there.
+
+    Args:
+      source: name to checksum of the file that the mesh came from, for the record.
+    Returns:
+      The content of fit.json: held_out (`held_out_errors`), seconds, parameters, steps, seconds_per_step, box.
+    Raises:
+      InputError: the mesh has no triangle with an area.
+    """
+    started = time.monotonic()
+    training.prepare(config.loop)
+    field_from_mesh = transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)])
+    mesh = mesh_io.Mesh(np.clip(field_from_mesh.apply(raw.vertices), -1.0, 1.0), raw.faces)
+    samples, packing_errors = draw_samples(mesh, config, config.samples, "train")
+    field = fields.PDDF(config.field).to(training.device())
+    content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
+    identity = provenance.fingerprint([config, content], (), "ddf.single_shape")
+    steps = _plan(field, samples, config, out_dir, identity, time.monotonic() - started)
+    fingerprint = provenance.fingerprint([identity, steps])
+    record = {
+        "fingerprint": fingerprint,
+        "seed": config.loop.seed,
+        "sources": dict(source or {}),
+        "packing_errors": packing_errors,
+        **shape_field.description(config.field, samples.lower, samples.upper, field_from_mesh),
+    }
+    loss = functools.partial(step_loss, field, samples, config)
+    groups = [{"params": list(field.parameters()), "weight_decay": 0.0}]  # without decay AdamW is Adam
+    trained = time.monotonic()
+    training.fit(field, groups, loss, steps, config.loop, out_dir, record, "fit")
+    finished = time.monotonic()
+    held_out, _ = draw_samples(mesh, config, config.held_out, "held_out")
+    result = {
+        "held_out": held_out_errors(field.eval(), held_out),
+        "seconds": finished - started,
+        "sampling_seconds": trained - started,
+        "parameters": fields.count_parameters(field),
+        "steps": steps,
+        "seconds_per_step": (finished - trained) / steps,
+        "box": {"lower": samples.lower.tolist(), "upper": samples.upper.tolist()},
+    }
+    storage.write_json(out_dir / METRICS, result)
+    return result
+
+
+@torch.no_grad()
+def held_out_errors(field: fields.PDDF, samples: ShapeSamples) -> dict[str, Any]:
+    """Errors per sample type, field units. Source: [DDF22] table `dataablation`, which prints L1 times ten.
+
+    Returns:
+      depth_l1: mean |d_{i*} - d| over visible samples; depth_l1_x10: as printed in the paper. visibility_bce: mean over
+      all samples, natural logarithm. normal_angle_deg_median, _p95: between normals over the visible U, A and B samples
+      (the types that L_n covers; the truth is known to under 1 degree), and `normal_angle_deg` of each type.
+    """
+    found: dict[str, Any] = {"depth_l1": {}, "depth_l1_x10": {}, "visibility_bce": {}, "normal_angle_deg": {}}
+    angles = []
+    place = field.network.head.weight.device
+    for kind, truth in samples.arrays.items():
+        points = (truth["positions"].split(shape_field.CHUNK_RAYS), truth["directions"].split(shape_field.CHUNK_RAYS))
+        chunks = [(p.to(place), v.to(place)) for p, v in zip(*points, strict=True)]
+        raw = torch.cat([field(p, v) for p, v in chunks])
+        visible = truth["visible"] > 0
+        error = (field.depth(raw).cpu() - truth["depth"])[visible].abs()
+        found["depth_l1"][kind] = _mean(error)
+        found["depth_l1_x10"][kind] = 10 * _mean(error)
+        logits = raw[:, fields.VISIBILITY_ROW].cpu()
+        found["visibility_bce"][kind] = float(functional.binary_cross_entropy_with_logits(logits, truth["visible"]))
+        if kind in losses.ORDER[1:4]:
+            normals = torch.cat([rendering.query(field, p, v, None, ["normals"])["normals"] for p, v in chunks])
+            angle = _angle_deg(normals.cpu()[visible], truth["normals"][visible])
+            found["normal_angle_deg"][kind] = _quantiles(angle)
+            angles.append(angle)
+    overall = _quantiles(torch.cat(angles))
+    found["normal_angle_deg_median"], found["normal_angle_deg_p95"] = overall["median"], overall["p95"]
+    return found
+
+
+def _angle_deg(first: Float[Tensor, "n 3"], second: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
+    crossed = torch.linalg.cross(first, second).norm(dim=-1)
+    return torch.rad2deg(torch.atan2(crossed, (first * second).sum(-1)))
+
+
+def _mean(values: Tensor) -> float:
+    """Mean, 0 of nothing."""
+    return float(values.double().mean()) if len(values) else 0.0
+
+
+def _quantiles(values: Tensor) -> dict[str, float]:
+    """Median and 95 %, 0 of nothing."""
+    if not len(values):
+        return {"median": 0.0, "p95": 0.0}
+    middle, high = np.quantile(values.numpy(), [0.5, 0.95])
+    return {"median": float(middle), "p95": float(high)}

@@ -1,0 +1,193 @@
+"""Fitting one shape: a sphere becomes a sphere in seconds, a resumed fit equals an uninterrupted one."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import torch
+from _shapes import cube, icosphere, joined, moved
+
+from ddf import checks, fields, mesh_io, primitives, rays, sampling, shape_field, single_shape, storage, training
+
+
+def _counts(count):
+    return sampling.Counts(U=count, A=count, B=count, S=count, T=count, O=count)
+
+
+TINY = dataclasses.replace(
+    single_shape.DEFAULT,
+    field=fields.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 100.0),
+    steps=6,
+    minutes=None,
+    samples=_counts(200),
+    held_out=_counts(100),
+    batch=dict.fromkeys(single_shape.losses.ORDER, 20),
+    loop=training.LoopConfig(2e-3, "cosine", 2, 1.0, 1, 0, 2, 100.0),
+)
+SPHERE = dataclasses.replace(
+    TINY,
+    field=fields.PDDFConfig((48, 48, 48), 3.0, 1.0, "softplus", 100.0),
+    steps=800,
+    samples=_counts(10_000),
+    held_out=_counts(1000),
+    batch={"U": 250, "A": 250, "B": 125, "S": 60, "T": 60, "O": 60, "E": 20},
+    loop=training.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
+)
+RADIUS, CENTRE = 3.0, (10.0, -4.0, 2.0)
+
+
+@pytest.fixture(scope="module")
+def sphere(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sphere")
+    mesh = moved(icosphere(4), RADIUS, CENTRE)
+    result = single_shape.fit(mesh, SPHERE, folder)
+    return shape_field.load(folder), result
+
+
+def test_fitted_sphere_has_small_errors_on_every_type(sphere):
+    _, result = sphere
+    held_out = result["held_out"]
+    assert set(held_out["depth_l1"]) == set(held_out["visibility_bce"]) == set("UABSTO")
+    assert max(held_out["depth_l1"][kind] for kind in "UAB") < 0.08  # S needs the hand-over exactly at the surface
+    assert max(held_out["depth_l1"][kind] for kind in "TO") < 0.15
+    assert max(held_out["visibility_bce"][kind] for kind in "UABSO") < 0.35  # T only just touches a sphere
+    assert held_out["depth_l1_x10"]["A"] == pytest.approx(10 * held_out["depth_l1"]["A"])
+    assert held_out["normal_angle_deg_median"] < 8
+    assert result["parameters"] == 6 * 48 + 48 + 2 * (48 * 48 + 48) + 48 * 4 + 4
+
+
+def test_fitted_sphere_has_the_depth_normals_and_curvatures_of_the_sphere(sphere):
+    shape, _ = sphere
+    truth = primitives.Sphere(CENTRE, RADIUS)
+    random = np.random.default_rng(0)
+    start = random.standard_normal((400, 3))
+    start *= 4 * RADIUS / np.linalg.norm(start, axis=1, keepdims=True)
+    target = 0.6 * RADIUS * (2 * random.random((400, 3)) - 1)
+    v = torch.from_numpy((target - start) / np.linalg.norm(target - start, axis=1, keepdims=True))
+    points = rays.OrientedPoints(torch.from_numpy(start + np.array(CENTRE)), v)
+    hits = primitives.cast(truth, points)
+    found, _ = shape_field.query(shape, points, shape_field.OUTPUTS)
+    seen = hits.visible.numpy() & np.isfinite(found["depth"])
+    assert seen.sum() > 0.9 * hits.visible.sum()
+    assert np.median(np.abs(found["depth"] - hits.depth.numpy())[seen]) < 0.04 * RADIUS
+    cosine = (found["normals"] * hits.normals.numpy()).sum(-1)[seen]
+    assert np.median(cosine) > 0.99
+    assert np.median(found["mean_curvature"][seen]) == pytest.approx(-2 / RADIUS, rel=0.15)  # as printed, no 1/2
+    assert np.median(found["gaussian_curvature"][seen]) == pytest.approx(1 / RADIUS**2, rel=0.3)
+
+
+def test_resumed_fit_equals_an_uninterrupted_one(tmp_path, monkeypatch):
+    config = dataclasses.replace(TINY, loop=dataclasses.replace(TINY.loop, checkpoint_seconds=0.0))
+    whole = single_shape.fit(cube(), config, tmp_path / "whole")
+    step_loss = single_shape.step_loss
+
+    def stops(field, samples, config, step):
+        if step == 4:
+            raise KeyboardInterrupt
+        return step_loss(field, samples, config, step)
+
+    monkeypatch.setattr(single_shape, "step_loss", stops)
+    with pytest.raises(KeyboardInterrupt):
+        single_shape.fit(cube(), config, tmp_path / "cut")
+    assert not (tmp_path / "cut" / training.MODEL).exists()
+    begun = []
+    monkeypatch.setattr(single_shape, "step_loss", lambda *a: begun.append(a[-1]) or step_loss(*a))
+    resumed = single_shape.fit(cube(), config, tmp_path / "cut")
+    assert begun == [4, 5]
+    assert resumed["held_out"] == whole["held_out"]
+    one, two = (storage.load_tensors(tmp_path / name / training.MODEL)[0] for name in ("whole", "cut"))
+    assert all(np.array_equal(one[name], two[name]) for name in one)
+
+
+def test_minutes_give_a_plan_that_a_second_run_keeps(tmp_path, monkeypatch):
+    config = dataclasses.replace(TINY, steps=None, minutes=1.0)
+    monkeypatch.setattr(single_shape, "seconds_per_step", lambda *a: 4.0)
+    first = single_shape.fit(cube(), config, tmp_path)
+    assert 10 <= first["steps"] <= 15  # what is left of a minute after sampling
+    monkeypatch.setattr(single_shape, "seconds_per_step", lambda *a: 1e-9)
+    assert single_shape.fit(cube(), config, tmp_path)["steps"] == first["steps"]
+    assert json.loads((tmp_path / single_shape.PLAN).read_text())["steps"] == first["steps"]
+
+
+def test_calibration_changes_neither_field_nor_random_streams():
+    training.prepare(TINY.loop)
+    samples, _ = single_shape.draw_samples(cube(), TINY, TINY.samples, "train")
+    field = fields.PDDF(TINY.field)
+    before, state = field.network.head.weight.detach().clone(), torch.get_rng_state()
+    assert single_shape.seconds_per_step(field, samples, TINY, 1.0) > 0
+    assert torch.equal(field.network.head.weight, before)
+    assert torch.equal(torch.get_rng_state(), state)
+
+
+def test_rate_ends_at_zero():
+    loop = single_shape.DEFAULT.loop
+    assert loop.rate(9999, 10_000) < 1e-6 * loop.learning_rate
+
+
+def test_samples_stay_in_the_tight_box_and_thin_meshes_get_the_cube():
+    slab = moved(cube(), np.array([1.0, 0.4, 0.7]), (0.0, 0.0, 0.0))
+    samples, _ = single_shape.draw_samples(slab, TINY, TINY.samples, "train")
+    assert samples.upper.tolist() == [1.0, 0.4, 0.7]
+    batch = samples.batch({**TINY.batch, "E": 500}, np.random.default_rng(0))
+    assert bool((batch.positions.abs() <= torch.tensor([1.0, 0.4, 0.7]) + 1e-4).all())
+    assert batch.positions.shape == (1, 620, 3)
+    extra = batch.positions[0, :500].abs().amax(0)
+    assert bool((extra > 0.9 * torch.tensor([1.0, 0.4, 0.7])).all())
+    thin, _ = single_shape.draw_samples(
+        moved(slab, np.array([1.0, 0.01, 1.0]), (0.0, 0.0, 0.0)), TINY, TINY.samples, "x"
+    )
+    assert thin.upper.tolist() == [1.0, 1.0, 1.0]
+
+
+def test_training_and_held_out_samples_differ():
+    one, _ = single_shape.draw_samples(cube(), TINY, TINY.samples, "train")
+    two, _ = single_shape.draw_samples(cube(), TINY, TINY.samples, "held_out")
+    assert not torch.equal(one.arrays["U"]["positions"], two.arrays["U"]["positions"])
+
+
+def test_inner_sheets_are_part_of_the_shape():
+    nested = joined(cube(), cube(0.3))
+    samples, _ = single_shape.draw_samples(nested, TINY, _counts(2000), "train")
+    u = samples.arrays["U"]
+    hits = primitives.cast(
+        primitives.Box((-0.3, -0.3, -0.3), (0.3, 0.3, 0.3)),
+        rays.OrientedPoints(u["positions"].double(), torch.nn.functional.normalize(u["directions"].double(), dim=-1)),
+    )
+    assert bool(hits.visible.any())
+    torch.testing.assert_close(u["depth"][hits.visible].double(), hits.depth[hits.visible], rtol=0, atol=1e-3)
+
+
+def test_file_holds_what_made_it(tmp_path):
+    single_shape.fit(moved(cube(), 7.0, (1.0, 2.0, 3.0)), TINY, tmp_path, {"cube.obj": "abc"})
+    record = storage.load_metadata(tmp_path / training.MODEL)
+    assert record["sources"] == {"cube.obj": "abc"}
+    assert record["seed"] == 0
+    assert "torch" in record["packages"]
+    shape = shape_field.load(tmp_path)
+    np.testing.assert_allclose(shape.field_from_mesh.apply(np.array([[8.0, 9.0, 10.0]])), 1.0)
+    again = tmp_path / "again"
+    single_shape.fit(moved(cube(), 7.0, (1.0, 2.0, 3.0)), TINY, again, {"cube.obj": "abc"})
+    assert (again / training.MODEL).read_bytes() == (tmp_path / training.MODEL).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"minutes": None, "steps": None}, "fit.steps or fit.minutes must be given"),
+        ({"minutes": 0.0}, "fit.minutes must be > 0"),
+        ({"minutes": float("nan")}, "fit.minutes must be > 0"),
+        ({"steps": 0}, "fit.steps must be >= 1"),
+        ({"batch": {"U": 1}}, "fit.batch must give each of E, U, A, B, S, T, O"),
+        ({"epsilon_o": 2.0}, "epsilon_o must be in"),
+    ],
+)
+def test_bad_configs_are_refused(changes, message):
+    with pytest.raises(checks.InputError, match=message):
+        dataclasses.replace(TINY, **changes)
+
+
+def test_mesh_without_area_is_refused(tmp_path):
+    line = mesh_io.Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2]]))
+    with pytest.raises(checks.InputError, match="must have a triangle with an area"):
+        single_shape.fit(line, TINY, tmp_path)
