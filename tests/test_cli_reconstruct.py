@@ -15,7 +15,6 @@ DDF = si3dr_training.DDFConfig(
     fields.PDDFConfig((8, 8), 3.0, 1.0, "softplus", 20.0),
     1,
     dict.fromkeys(losses.ORDER, 2),
-    None,
     WEIGHTS,
     1.0,
     10.0,

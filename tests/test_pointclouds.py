@@ -6,7 +6,7 @@ import torch
 
 from ddf import checks, fields, pointclouds
 
-CONFIG = pointclouds.CloudConfig(128, 3, 0.1, 1.0, 0.05, 0.01, 4096)
+CONFIG = pointclouds.CloudConfig(128, 3, 0.1, 1.0, 0.0, 0.05, 0.01, 4096)
 RADIUS = 0.6
 
 
@@ -49,20 +49,20 @@ def test_queries_are_points_times_directions_plus_one_per_cycle():
 
 
 def test_first_cycle_of_three_is_the_cloud_of_one():
-    one = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.05, 0.01, 4096)
+    one = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.0, 0.05, 0.01, 4096)
     assert torch.equal(_sample(300)[0].points, _sample(300, one)[0].points)
 
 
 def test_chunks_change_no_point():
-    small = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.05, 0.01, 128 * 7)
-    large = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.05, 0.01, 10**6)
+    small = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.0, 0.05, 0.01, 128 * 7)
+    large = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.0, 0.05, 0.01, 10**6)
     torch.testing.assert_close(_sample(200, small)[0].points, _sample(200, large)[0].points)
 
 
 def test_direction_is_towards_the_nearest_point_of_the_sphere():
     generator = torch.Generator().manual_seed(3)
     points = torch.nn.functional.normalize(torch.randn(50, 3, generator=generator), dim=-1) * 0.85
-    many = pointclouds.CloudConfig(4096, 1, 0.0, 1.0, 0.02, 0.01, 10**6)
+    many = pointclouds.CloudConfig(4096, 1, 0.0, 1.0, 0.0, 0.02, 0.01, 10**6)
     found = pointclouds.project(_Sphere(), None, points, many, generator)
     cosine = torch.nn.functional.cosine_similarity(found.points, points, dim=-1)
     assert float(cosine.median()) > math.cos(math.radians(3))
@@ -81,19 +81,31 @@ def test_invisible_and_on_surface_candidates_stay_finite_and_unit(visibility, de
     candidates = torch.nn.functional.normalize(
         torch.randn(20, 64, 3, generator=torch.Generator().manual_seed(0)), dim=-1
     )
-    tiny = pointclouds.CloudConfig(64, 1, 0.1, 1.0, 1e-4, 1e-6, 1)
+    tiny = pointclouds.CloudConfig(64, 1, 0.1, 1.0, 0.0, 1e-4, 1e-6, 1)
     ones = torch.ones(20, 64)
     found = pointclouds.closest_directions(candidates, visibility * ones, depth * ones, tiny)
     torch.testing.assert_close(found.norm(dim=-1), torch.ones(20))
 
 
 def test_most_visible_drops_the_least_visible():
-    projected = pointclouds.ProjectedPoints(torch.arange(33.0).reshape(11, 3), torch.arange(11.0))
+    projected = pointclouds.ProjectedPoints(torch.arange(33.0).reshape(11, 3), torch.arange(11.0), torch.zeros(11, 3))
     assert CONFIG.num_drawn(10) == 11
     kept, fewer = projected.clouds([10, 4], CONFIG)
     assert sorted(kept[:, 0].tolist()) == [3.0 * i for i in range(1, 11)]
     # a smaller cloud is made from the first draws alone
     assert sorted(fewer[:, 0].tolist()) == [3.0, 6.0, 9.0, 12.0]
+
+
+@pytest.mark.parametrize("setback", [0.0, 0.1])
+def test_next_cycle_starts_the_setback_before_the_hit_but_not_behind_the_start(setback):
+    config = dataclasses.replace(CONFIG, setback=setback)
+    starts = torch.nn.functional.normalize(torch.randn(50, 3, generator=torch.Generator().manual_seed(3)), dim=-1)
+    starts = starts * torch.linspace(0.61, 0.95, 50)[:, None]
+    found = pointclouds.project(_Sphere(), None, starts, config, torch.Generator().manual_seed(0))
+    depth = (found.points - starts).norm(dim=-1)
+    back = (found.points - found.restarts).norm(dim=-1)
+    torch.testing.assert_close(back, depth.clamp_max(setback), atol=1e-5, rtol=0)
+    assert setback == 0 or bool((depth < setback).any() and (depth > setback).any())
 
 
 def test_farthest_points_equal_a_slow_loop():
@@ -130,8 +142,8 @@ def _nearest_neighbour_spread(points):
 
 def test_bad_config_is_refused():
     with pytest.raises(checks.InputError, match="num_directions must be >= 1; got 0"):
-        pointclouds.CloudConfig(0, 3, 0.1, 1.0, 0.05, 0.01, 4096)
+        pointclouds.CloudConfig(0, 3, 0.1, 1.0, 0.0, 0.05, 0.01, 4096)
     with pytest.raises(checks.InputError, match="temperature must be > 0"):
-        pointclouds.CloudConfig(1, 3, 0.1, 1.0, 0.0, 0.01, 4096)
+        pointclouds.CloudConfig(1, 3, 0.1, 1.0, 0.0, 0.0, 0.01, 4096)
     with pytest.raises(checks.InputError, match=r"thinning must be >= 1; got 0\.5"):
-        pointclouds.CloudConfig(1, 3, 0.1, 0.5, 0.05, 0.01, 4096)
+        pointclouds.CloudConfig(1, 3, 0.1, 0.5, 0.0, 0.05, 0.01, 4096)

@@ -1,7 +1,9 @@
 """Point clouds from a conditional field: project random points onto the surface, N_H times. [DDF22] §4.3, app. E.
 
 For each p, n_v directions v_k are drawn; their weights a = softmax(ξ_k / (η_T (ε_s + d_k))) favour what is near and
-visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycle repeats from p <- q. Of (1 + ε_p) n_p points
+visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycle repeats from p <- q, or, with `setback` s,
+from as far before q on the ray as s (derived here: on the surface itself depth jumps from 0 to the next surface, and a
+field is at its worst there). Of (1 + ε_p) n_p points
 the n_p most visible are kept. Positions are in the field frame.
 
 Points drawn like this crowd where much of the box is nearest to little of the surface ("not uniform", says the paper).
@@ -29,7 +31,8 @@ class CloudConfig:
     """How clouds are drawn.
 
     num_directions: n_v. cycles: N_H. oversampling: ε_p. temperature: η_T. inverse_depth: ε_s.
-    thinning: m, candidates per point of the cloud, >= 1; 1 is the paper's way, no thinning.
+    thinning: m, candidates per point of the cloud, >= 1; 1 is the paper's way, no thinning. setback: s, field units; 0
+    is the paper's way.
     chunk_rays: candidates evaluated at a time; speed only.
     """
 
@@ -37,6 +40,7 @@ class CloudConfig:
     cycles: int
     oversampling: float
     thinning: float
+    setback: float
     temperature: float
     inverse_depth: float
     chunk_rays: int
@@ -48,8 +52,9 @@ class CloudConfig:
         for name in ("temperature", "inverse_depth"):
             if not getattr(self, name) > 0:
                 raise checks.InputError(f"pointclouds.cloud.{name} must be > 0; got {getattr(self, name)}")
-        if not self.oversampling >= 0:
-            raise checks.InputError(f"pointclouds.cloud.oversampling must be >= 0; got {self.oversampling}")
+        for name in ("oversampling", "setback"):
+            if not getattr(self, name) >= 0:
+                raise checks.InputError(f"pointclouds.cloud.{name} must be >= 0; got {getattr(self, name)}")
         if not self.thinning >= 1:
             raise checks.InputError(f"pointclouds.cloud.thinning must be >= 1; got {self.thinning}")
 
@@ -64,10 +69,11 @@ class CloudConfig:
 
 @dataclass(frozen=True)
 class ProjectedPoints:
-    """Points after one cycle, with the visibility ξ(p, v̂*) that the field gave each."""
+    """Points after one cycle, the visibility ξ(p, v̂*) that the field gave each, and where the next cycle starts."""
 
     points: Float[Tensor, "n 3"]
     visibility: Float[Tensor, "n"]
+    restarts: Float[Tensor, "n 3"]
 
     def most_visible(self, count: int, drawn: int) -> Float[Tensor, "count 3"]:
         """The `count` most visible among the first `drawn`: the draw that a smaller cloud would make."""
@@ -135,7 +141,7 @@ def project(
     generator: torch.Generator,
 ) -> ProjectedPoints:
     """One cycle: q = p + d(p, v̂*) v̂*. Costs n (n_v + 1) queries, values only."""
-    projected, visibilities = [], []
+    parts: list[tuple[Tensor, Tensor, Tensor]] = []
     for chunk in points.split(max(1, config.chunk_rays // config.num_directions)):
         shape = (len(chunk), config.num_directions, 3)
         candidates = torch.nn.functional.normalize(
@@ -145,9 +151,10 @@ def project(
         raw = raw.reshape(*shape[:2], -1)
         direction = closest_directions(candidates, visibility(raw), field.depth(raw), config)
         raw = field(chunk, direction, modulations)
-        projected.append(chunk + field.depth(raw)[:, None] * direction)
-        visibilities.append(visibility(raw))
-    return ProjectedPoints(torch.cat(projected), torch.cat(visibilities))
+        depth = field.depth(raw)[:, None]
+        before = chunk + (depth - config.setback).clamp_min(0) * direction
+        parts.append((chunk + depth * direction, visibility(raw), before))
+    return ProjectedPoints(*(torch.cat(tensors) for tensors in zip(*parts, strict=True)))
 
 
 @torch.no_grad()
@@ -169,5 +176,5 @@ def sample(
     cycles = []
     for _ in range(config.cycles):
         cycles.append(project(field, modulations, points, config, generator))
-        points = cycles[-1].points.clamp(-1, 1)  # what overshoots restarts on the box, where the field was trained
+        points = cycles[-1].restarts.clamp(-1, 1)  # what overshoots restarts on the box, where the field was trained
     return cycles

@@ -63,7 +63,7 @@ CURVES: Final = "Total loss (thick, smoothed) and its terms without their weight
 TRAINING: Final = "Training losses. The two models minimise different losses: compare within one model only."
 DATA: Final = """
 Data, and what preparation lost. Hidden points of the true clouds are those that no ray from outside meets first;
-they count in the metrics, as in Pixel2Mesh. Surface lost: distances between the raw and the closed, decimated mesh.
+they count in the metrics, as in Pixel2Mesh. Surface lost: distances between the raw and the training mesh.
 """
 TIMES: Final = """
 Wall time of each stage's last run, summed over categories, on a machine with {threads} CPU threads. Trainings and

@@ -47,6 +47,7 @@ SETTINGS = (
     ("directions per point, n<sub>v</sub>", "pointclouds.cloud.num_directions", "128"),
     ("cycles, N<sub>H</sub>", "pointclouds.cloud.cycles", "3"),
     ("candidates per point of a cloud", "pointclouds.cloud.thinning", "1.0"),
+    ("a cycle starts before the last hit by", "pointclouds.cloud.setback", "0.0"),
     ("quantile of the cloud that gives the scale", "pointclouds.scale_quantile", "0.0"),
     ("corrected by the mask", "pointclouds.correction.free", "azimuth, elevation, radius"),
     ("points L", "pointclouds.large", "5000"),

@@ -231,9 +231,10 @@ def cloud(
     lower, upper = (torch.from_numpy(side).to(weight) for side in (shape.lower, shape.upper))
     drawn = config.num_drawn(count)
     unit = torch.rand((drawn, 3), generator=generator, dtype=weight.dtype, device=weight.device)
-    projected = pointclouds.ProjectedPoints(lower + (upper - lower) * unit, unit.new_zeros(drawn))
-    for _ in range(config.cycles):
-        starts = torch.minimum(torch.maximum(projected.points, lower), upper)  # what overshoots restarts on the box
+    starts = lower + (upper - lower) * unit
+    projected = pointclouds.project(shape.field, None, starts, config, generator)
+    for _ in range(config.cycles - 1):
+        starts = torch.minimum(torch.maximum(projected.restarts, lower), upper)  # what overshoots restarts on the box
         projected = pointclouds.project(shape.field, None, starts, config, generator)
     (kept,) = projected.clouds([count], config)
     return shape.field_from_mesh.inverse().apply(kept.double().cpu().numpy())

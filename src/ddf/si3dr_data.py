@@ -75,19 +75,9 @@ class SampleSet:
     arrays: Mapping[str, Tensor]
 
     def draw(
-        self,
-        shapes: Int[np.ndarray, "b"],
-        counts: Mapping[str, int],
-        random: np.random.Generator,
-        approach: float | None = None,
+        self, shapes: Int[np.ndarray, "b"], counts: Mapping[str, int], random: np.random.Generator
     ) -> losses.SampleBatch:
-        """Random samples of every type for each of the given shapes, and `counts["E"]` uniform points without truth.
-
-        Args:
-          approach: κ moves the values-only samples that hit along their rays to the remaining depth d u^κ,
-            u ~ U[0, 1], since d(p + s v, v) = d - s ([DDF22] §3.1, Property I): new samples, without casting a ray.
-            None leaves them where they were drawn.
-        """
+        """Random samples of every type for each of the given shapes, and `counts["E"]` uniform points without truth."""
         size, extra = len(shapes), counts["E"]
         position = random.uniform(-1, 1, (size, extra, 3)).astype(np.float32)
         direction = random.standard_normal((size, extra, 3)).astype(np.float32)
@@ -110,15 +100,10 @@ class SampleSet:
             chosen = {f"{kind}.{name}": self.arrays[f"{kind}.{name}"][shape_rows, rows] for name in packing.FIELDS}
             samples = packing.decode(chosen, kind)
             visible = samples["visible"]
-            depth = samples["depth"].masked_fill(~visible, 0.0)
-            if approach is not None and wanted in losses.VALUES_ONLY:
-                left = depth * torch.from_numpy(random.random(depth.shape, dtype=np.float32)) ** approach
-                samples["positions"] = samples["positions"] + (depth - left)[..., None] * samples["directions"]
-                depth = left
             parts["positions"].append(samples["positions"])
             parts["directions"].append(samples["directions"])
             parts["visible"].append(visible.float())
-            parts["depth"].append(depth)
+            parts["depth"].append(samples["depth"].masked_fill(~visible, 0.0))
             parts["normals"].append(samples["normals"])
         return losses.SampleBatch(**{name: torch.cat(values, dim=1) for name, values in parts.items()}, counts=counts)
 

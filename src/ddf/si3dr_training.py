@@ -44,8 +44,7 @@ class DDFConfig:
     """Section `ddf`: field, loss and batch of the DDF model.
 
     counts: oriented points per shape and type in a batch, E the extra uniform ones; U+ A+ B+ S+ T+ (may be left out)
-    are samples of these types that are supervised without derivatives. approach: κ, moves these last along their rays,
-    see `si3dr_data.SampleSet.draw`; null for not at all. shape_weight: γ_RS.
+    are samples of these types that are supervised without derivatives. shape_weight: γ_RS.
     mask_weight: γ_RM. mask_size: side of the rendered mask. mask_pixels: pixels of it that are evaluated per image,
     drawn among those whose ray meets the box; null for all of them.
     """
@@ -53,7 +52,6 @@ class DDFConfig:
     field: fields.PDDFConfig
     steps: int
     counts: dict[str, int]
-    approach: float | None
     weights: losses.LossWeights
     shape_weight: float
     mask_weight: float
@@ -67,8 +65,6 @@ class DDFConfig:
             raise checks.InputError(f"ddf.counts must give each of {must} >= 1, may give {may} >= 1; got {self.counts}")
         if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
             raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (mask_pixels or null)")
-        if self.approach is not None and not self.approach > 0:
-            raise checks.InputError(f"ddf.approach must be > 0, or null; got {self.approach}")
         if not (self.shape_weight >= 0 and self.mask_weight >= 0):
             raise checks.InputError("ddf.shape_weight and ddf.mask_weight must be >= 0")
 
@@ -140,7 +136,7 @@ def ddf_step(
     batch = Batch.draw(images, train, step)
     place = batch.images.device
     modulations = model.modulations(model.shape_encoder(batch.images))
-    points = samples.draw(batch.shapes, config.counts, batch.random, config.approach).to(place)
+    points = samples.draw(batch.shapes, config.counts, batch.random).to(place)
     shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights)
     scores = model.camera_encoder(batch.images)
     camera_loss = model.camera_head.loss(scores, batch.cameras)

@@ -29,6 +29,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         cycles=args.cycles,
         oversampling=0.1,
         thinning=1.6,
+        setback=0.0,
         temperature=0.05,
         inverse_depth=0.05,
         chunk_rays=8192,

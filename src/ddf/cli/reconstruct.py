@@ -28,7 +28,7 @@ from ddf import (
     transforms,
 )
 
-CLOUD = pointclouds.CloudConfig(128, 3, 0.1, 1.0, 0.05, 0.05, 8192)
+CLOUD = pointclouds.CloudConfig(128, 3, 0.1, 1.6, 0.2, 0.05, 0.05, 8192)
 DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
 
 
