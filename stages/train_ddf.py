@@ -29,7 +29,7 @@ def run(config_path: Path, category: str) -> None:
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera),
         functools.partial(si3dr_training.ddf_step, model, images, shapes, samples, train, section),
         section.steps,
-        train.loop,
+        section.loop(train.loop),
         config.artifact_dir(config_path, "train_ddf", category),
         provenance.record(fingerprint, train.loop.seed, sources) | architecture,
         f"ddf {category}",

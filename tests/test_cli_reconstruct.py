@@ -14,6 +14,7 @@ WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.
 DDF = si3dr_training.DDFConfig(
     fields.PDDFConfig((8, 8), 3.0, 1.0, "softplus", 20.0),
     1,
+    None,
     dict.fromkeys(losses.ORDER, 2),
     WEIGHTS,
     1.0,

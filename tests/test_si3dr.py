@@ -27,7 +27,7 @@ LOOP = training.LoopConfig(1e-3, "constant", 0, None, 1, 5, 10, 100.0)
 TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
 FIELD = fields.PDDFConfig((12, 12), 3.0, 1.0, "softplus", 20.0)
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
-DDF = si3dr_training.DDFConfig(FIELD, 5, COUNTS, WEIGHTS, 1.0, 10.0, 16, 20)
+DDF = si3dr_training.DDFConfig(FIELD, 5, 2e-3, COUNTS, WEIGHTS, 1.0, 10.0, 16, 20)
 PCSIREN = si3dr_training.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50)
 CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 1.0, 0.0, 0.05, 0.05, 1000)
 POINTCLOUDS = si3dr_inference.PointcloudsConfig(
@@ -204,3 +204,10 @@ def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():
 def test_values_out_of_range_are_named(section, change, message):
     with pytest.raises(checks.InputError, match=message):
         dataclasses.replace(section, **change)
+
+
+def test_own_learning_rate_replaces_that_of_the_loop():
+    assert DDF.loop(TRAIN.loop) == dataclasses.replace(TRAIN.loop, learning_rate=2e-3)
+    assert dataclasses.replace(DDF, learning_rate=None).loop(TRAIN.loop) == TRAIN.loop
+    with pytest.raises(checks.InputError, match="learning_rate must be > 0"):
+        dataclasses.replace(DDF, learning_rate=0.0)

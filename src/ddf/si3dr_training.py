@@ -1,6 +1,6 @@
 """One optimisation step of single-image reconstruction, for the DDF model and for PC-SIREN. [DDF22] §4.3, app. E."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -44,13 +44,15 @@ class DDFConfig:
     """Section `ddf`: field, loss and batch of the DDF model.
 
     counts: oriented points per shape and type in a batch, E the extra uniform ones; U+ A+ B+ S+ T+ (may be left out)
-    are samples of these types that are supervised without derivatives. shape_weight: γ_RS.
+    are samples of these types that are supervised without derivatives. learning_rate: in place of the one in
+    `train.loop`, null for that one: the two models do not bear the same. shape_weight: γ_RS.
     mask_weight: γ_RM. mask_size: side of the rendered mask. mask_pixels: pixels of it that are evaluated per image,
     drawn among those whose ray meets the box; null for all of them.
     """
 
     field: fields.PDDFConfig
     steps: int
+    learning_rate: float | None
     counts: dict[str, int]
     weights: losses.LossWeights
     shape_weight: float
@@ -65,8 +67,14 @@ class DDFConfig:
             raise checks.InputError(f"ddf.counts must give each of {must} >= 1, may give {may} >= 1; got {self.counts}")
         if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
             raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (mask_pixels or null)")
+        if self.learning_rate is not None and not self.learning_rate > 0:
+            raise checks.InputError(f"ddf.learning_rate must be > 0, or null; got {self.learning_rate}")
         if not (self.shape_weight >= 0 and self.mask_weight >= 0):
             raise checks.InputError("ddf.shape_weight and ddf.mask_weight must be >= 0")
+
+    def loop(self, common: training.LoopConfig) -> training.LoopConfig:
+        """The loop that both models share, with this model's learning rate."""
+        return common if self.learning_rate is None else replace(common, learning_rate=self.learning_rate)
 
 
 @dataclass(frozen=True)
