@@ -3,10 +3,11 @@
 import dataclasses
 from typing import Literal
 
+import numpy as np
 import torch
 from torch import nn
 
-from ddf import fields, losses, si3dr_training, storage, training
+from ddf import fields, losses, shape_field, si3dr_training, storage, training, transforms
 
 LOOP = training.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
 TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
@@ -40,6 +41,15 @@ def pcsiren_model():
     made = si3dr_training.pcsiren_model(TRAIN, PCSIREN).eval()
     made.camera_head.fit(CAMERAS)
     return made
+
+
+def write_shape_field(folder):
+    """A field file as `ddf fit` writes it; returns its folder."""
+    lower, upper = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
+    frame = transforms.Similarity(0.02, np.eye(3), np.array([-4.0, 0.3, 1.0]))
+    record = {"fingerprint": "x", "seed": 0, "sources": {}, **shape_field.description(FIELD, lower, upper, frame)}
+    storage.save_tensors(folder / training.MODEL, dict(field().state_dict()), record)
+    return folder
 
 
 def write_model(folder, kind="ddf"):

@@ -4,7 +4,7 @@ import _onnx
 import onnx
 import pytest
 
-from ddf import cli, storage, training
+from ddf import cli, onnx_outputs, storage, training
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def test_export_reports_parity_and_opset(tmp_path, capsys):
     assert _export(folder / training.MODEL, out) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["opset"] == 18
-    assert set(result["parity"]) == {"visibility", "depth", "normals", "weights"}
+    assert set(result["parity"]) == set(onnx_outputs.OUTPUTS)
     assert all(0 < entry["max_abs"] <= entry["tolerance"] for entry in result["parity"].values())
     assert result["inputs"] == {"positions": ["n", 3], "directions": ["n", 3], "latent": [1, 6]}
     assert result["bytes"] == out.stat().st_size
@@ -46,6 +46,16 @@ def test_outputs_graph_config_and_precision_are_chosen(tmp_path, quick, capsys):
     folder = _onnx.write_model(tmp_path / "pc", "pcsiren")
     assert _export(folder, out, "--config", quick) == 0
     assert set(json.loads(capsys.readouterr().out)["parity"]) == {"points"}
+
+
+def test_a_fitted_field_is_exported_with_its_box_and_frame(tmp_path, quick, capsys):
+    folder, out = _onnx.write_shape_field(tmp_path / "bunny"), tmp_path / "out.onnx"
+    assert _export(folder, out, "--config", quick) == 0
+    assert json.loads(capsys.readouterr().out)["inputs"] == {"positions": ["n", 3], "directions": ["n", 3]}
+    facts = {entry.key: entry.value for entry in onnx.load(out).metadata_props}
+    assert json.loads(facts["box"]) == [[-1.0, -0.5, -0.8], [1.0, 0.5, 0.8]]
+    assert json.loads(facts["transform"])["scale"] == 0.02
+    assert json.loads(facts["config"])["hidden"] == [24, 16, 16]
 
 
 def _damage(path):

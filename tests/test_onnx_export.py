@@ -153,7 +153,7 @@ def test_transform_of_a_single_shape_is_kept(tmp_path):
     path = tmp_path / "model.safetensors"
     path.write_bytes(b"x")
     transform = {"scale": 2.0, "rotation": np.eye(3).tolist(), "translation": [0.0, 1.0, 0.0]}
-    source = onnx_export.describe_source(path, {"kind": "single", "transform": transform})
+    source = onnx_export.describe_source(path, {"kind": "single_shape", "field_from_mesh": transform})
     found = _properties(onnx_export.to_onnx(onnx_graphs.FieldGraph(_onnx.field(), ("depth",)), source))
     assert json.loads(found["transform"]) == transform
 

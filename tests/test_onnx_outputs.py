@@ -2,7 +2,7 @@ import _onnx
 import pytest
 import torch
 
-from ddf import checks, onnx_outputs, rendering
+from ddf import checks, curvature, onnx_outputs, rendering
 
 
 @pytest.mark.parametrize("activation", ["relu", "softplus"])
@@ -16,6 +16,16 @@ def test_outputs_are_those_of_rendering(activation):
     weights = onnx_outputs.OUTPUTS["weights"].compute(values)
     torch.testing.assert_close(weights[:, 0], torch.sigmoid(field(positions, directions)[:, 2]))
     torch.testing.assert_close(weights.sum(-1), torch.ones(200))
+
+
+def test_curvatures_are_those_of_the_curvature_module():
+    field = _onnx.field()
+    values = onnx_outputs.FieldValues(field, *_onnx.points(50), None)
+    surface = curvature.surface(field, *_onnx.points(50))
+    assert surface.mean is not None and surface.gaussian is not None
+    torch.testing.assert_close(onnx_outputs.OUTPUTS["mean_curvature"].compute(values), surface.mean)
+    torch.testing.assert_close(onnx_outputs.OUTPUTS["gaussian_curvature"].compute(values), surface.gaussian)
+    assert float(surface.mean.abs().max()) > 1e-3
 
 
 def test_component_is_unclear_where_both_are_equally_heavy():

@@ -145,16 +145,17 @@ def _describe(model: onnx.ModelProto, graph: Graph, source: Mapping[str, Any]) -
 
 
 def describe_source(model_file: Path, record: Mapping[str, Any]) -> dict[str, Any]:
-    """Which file a graph comes from: its last two names, SHA-256, the sizes in its record, its transform if any."""
-    train, section = record.get("train", {}), record.get("section", {})
+    """Which file a graph comes from: its last two names, SHA-256, the sizes in its record, its box and transform."""
+    train, section = record.get("train", {}), record.get("section", record)
     sizes = {key: train[key] for key in ("image_size", "encoder_width", "latent_features") if key in train}
     layers = section.get("field", section)
     sizes |= {key: layers[key] for key in LAYER_KEYS if key in layers}
-    return {
+    box = {"box": [record["box"][side] for side in ("lower", "upper")]} if "box" in record else {}
+    return box | {
         "source": "/".join(model_file.absolute().parts[-2:]),
         "source_sha256": storage.checksum(model_file),
         "config": {"kind": record.get("kind"), **sizes},
-        "transform": record.get("transform", "none: inputs and outputs are in the field frame"),
+        "transform": record.get("field_from_mesh", "none: inputs and outputs are in the field frame"),
     }
 
 

@@ -21,7 +21,8 @@ class Graph(nn.Module):
     """What every graph declares.
 
     what: one sentence for the file. inputs: name to shape, the free axis called `n`. meanings: of the outputs, in
-    order. tolerances: of the outputs, absolute. largest_batch: of a check; None for any.
+    order. tolerances: of the outputs. relative: outputs whose differences are divided by
+    max(1, |value|). largest_batch: of a check; None for any.
     latents: examples of what the encoder gives, for the check; empty where no latent goes in.
     """
 
@@ -30,6 +31,7 @@ class Graph(nn.Module):
     meanings: dict[str, str]
     tolerances: dict[str, float]
     largest_batch: int | None = None
+    relative: frozenset[str] = frozenset()
     latents: Float[Tensor, "k z"] = torch.zeros(0, 0)
 
     def values(self, inputs: Mapping[str, Tensor]) -> FieldValues | None:
@@ -66,6 +68,7 @@ class FieldGraph(Graph):
             self.what = "directed distance field conditioned on the latent of a shape"
         self.meanings = {name: OUTPUTS[name].meaning for name in self.outputs}
         self.tolerances = {name: OUTPUTS[name].tolerance for name in self.outputs}
+        self.relative = frozenset(name for name in self.outputs if OUTPUTS[name].relative)
 
     def values(self, inputs: Mapping[str, Tensor]) -> FieldValues:
         """The field at the inputs."""
@@ -142,6 +145,7 @@ class ImageFieldGraph(Graph):
         self.inputs = image | {"positions": (DYNAMIC, 3), "directions": (DYNAMIC, 3)}
         self.meanings = {"camera": self.encoders.meanings["camera"]} | self.conditional.meanings
         self.tolerances = {"camera": self.encoders.tolerances["camera"]} | self.conditional.tolerances
+        self.relative = self.conditional.relative
 
     def values(self, inputs: Mapping[str, Tensor]) -> FieldValues:
         """The field of the image at the points."""

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ddf import checks, config, onnx_export, onnx_graphs, si3dr_training, storage, training
+from ddf import checks, config, onnx_export, onnx_graphs, shape_field, si3dr_training, storage, training
 from ddf.onnx_graphs import Graph
 
 
@@ -17,8 +17,14 @@ def load(folder: Path, outputs: tuple[str, ...]) -> tuple[dict[str, Graph], dict
     """
     path = folder / training.MODEL
     record = storage.load_metadata(path)
+    if record.get("kind") == shape_field.KIND:
+        shape = shape_field.load(folder)
+        graphs: dict[str, Graph] = {"field": onnx_graphs.FieldGraph(shape.field.cpu(), outputs)}
+        return graphs, onnx_export.describe_source(path, record)
     if record.get("kind") not in ("ddf", "pcsiren"):
-        raise checks.InputError(f"{folder}: holds no DDF or PC-SIREN model; give a folder that `make train` wrote")
+        raise checks.InputError(
+            f"{folder}: holds no DDF or PC-SIREN model and no field; give a folder that `make train` or `ddf fit` wrote"
+        )
     train = config.parse(record["train"], si3dr_training.TrainConfig, f"{folder}: train")
     if record["kind"] == "ddf":
         section = config.parse(record["section"], si3dr_training.DDFConfig, f"{folder}: ddf")

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ddf import checks, derivatives, fields
+from ddf import checks, curvature, derivatives, fields
 
 ALL_POINTS = 2**63 - 1  # as a count of slopes: a slice to the last index is no operation in the exported graph
 SWITCH_LOGIT = 1e-4  # |logit w_1| below which rounding may choose the other component
@@ -54,6 +54,14 @@ class FieldValues:
         """Unit, facing back."""
         return derivatives.normals(self.raw_depth_gradient, self.directions)
 
+    def curvature(self, name: str) -> Float[Tensor, "n"]:
+        """One of `curvature.OUTPUTS`, by its own passes; onnxruntime merges what two of them have in common."""
+        surface = curvature.surface(self.field, self.positions, self.directions, self.modulations, (name,))
+        values = surface.mean if name == "mean_curvature" else surface.gaussian
+        if values is None:
+            raise ValueError(f"no curvature is called {name!r}")
+        return values
+
     @property
     def weights(self) -> Float[Tensor, "n 2"]:
         """w_1 and w_2 = 1 - w_1."""
@@ -80,14 +88,16 @@ class FieldValues:
 class Output:
     """One named output of a field.
 
-    compute: its values, first axis the points. tolerance: largest absolute difference between two correct float32
-    programs. clear: the points where the output is continuous, so that the tolerance can hold. meaning: for the file.
+    compute: its values, first axis the points. tolerance: largest difference between two correct float32 programs.
+    clear: the points where the output is continuous, so that the tolerance can hold. meaning: for the file. relative:
+    differences are divided by max(1, |value|), for outputs without a bound.
     """
 
     compute: Callable[[FieldValues], Tensor]
     tolerance: float
     clear: Callable[[FieldValues], Tensor]
     meaning: str
+    relative: bool = False
 
 
 # A new output is one entry here.
@@ -108,6 +118,20 @@ OUTPUTS: dict[str, Output] = {
         "unit normal at the hit, facing back (n·v <= 0); meaningless where nothing is visible",
     ),
     "weights": Output(lambda values: values.weights, 1e-5, FieldValues.everywhere, "w_1, w_2 of the two components"),
+    "mean_curvature": Output(
+        lambda values: values.curvature("mean_curvature"),
+        2e-3,  # second derivatives cancel, and a tangent basis turns with the normal
+        FieldValues.normal_is_clear,
+        "tr(II), no factor 1/2, in 1/field units; -2/r on a sphere seen from outside; meaningless where unseen",
+        relative=True,
+    ),
+    "gaussian_curvature": Output(
+        lambda values: values.curvature("gaussian_curvature"),
+        2e-3,
+        FieldValues.normal_is_clear,
+        "det(II) in 1/(field units)^2; 1/r^2 on a sphere; meaningless where nothing is visible",
+        relative=True,
+    ),
 }
 
 

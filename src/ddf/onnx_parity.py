@@ -36,8 +36,9 @@ class ParityError(checks.InputError):
 class Row:
     """One output on one set of inputs.
 
-    max_abs, mean_abs, q999_abs: |onnxruntime - torch| over the clear rows, its largest value, mean and 99.9 % quantile.
-    max_relative: max_abs over the range of torch's values. tolerance: what max_abs is held to. unclear: rows left to
+    max_abs, mean_abs, q999_abs: |onnxruntime - torch| over the clear rows, its largest value, mean and 99.9 % quantile;
+    for outputs without a bound (curvatures) divided by max(1, |value|). max_relative: max_abs over the range of torch's
+    values. tolerance: what max_abs is held to. unclear: rows left to
     the check for finite values. torch_error, onnx_error: largest difference from float64, over the clear
     ones of the first `TRUTH_ROWS` rows.
     """
@@ -202,7 +203,8 @@ def _compare_set(
             raise ParityError(f"{name}: {output} must be finite, of shape {shape}, on {cases}; got {theirs.shape}")
         keep = clear[output].numpy() if output in clear else np.ones(len(theirs), dtype=bool)
         got, want = theirs[keep].astype(np.float64), ours.double().numpy()[keep]
-        difference = np.abs(got - want)
+        scale = np.maximum(1.0, np.abs(want)) if output in graph.relative else np.ones_like(want)
+        difference = np.abs(got - want) / scale
         exact_values, few = best.numpy()[keep[: len(best)]], int(keep[: len(best)].sum())
         spread = float(np.ptp(want)) if want.size else 0.0
         rows.append(
@@ -219,8 +221,8 @@ def _compare_set(
                 max_relative=_largest(difference) / spread if spread > 0 else 0.0,
                 tolerance=graph.tolerances[output],
                 unclear=int((~keep).sum()),
-                torch_error=_largest(np.abs(want[:few] - exact_values)),
-                onnx_error=_largest(np.abs(got[:few] - exact_values)),
+                torch_error=_largest(np.abs(want[:few] - exact_values) / scale[:few]),
+                onnx_error=_largest(np.abs(got[:few] - exact_values) / scale[:few]),
             )
         )
     return rows

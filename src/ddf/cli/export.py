@@ -11,7 +11,12 @@ DEFAULTS = onnx_export.ExportConfig(tuple(onnx_outputs.OUTPUTS), (1, 7, 65536), 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare model, file and what goes into it."""
-    parser.add_argument("model", metavar="MODEL", type=Path, help="trained model: artifacts/cpu/train_ddf/chair")
+    parser.add_argument(
+        "model",
+        metavar="MODEL",
+        type=Path,
+        help="trained model (artifacts/cpu/train_ddf/chair), or a folder that `ddf fit` wrote",
+    )
     parser.add_argument("out", metavar="OUT.onnx", type=Path, help="file to write")
     parser.add_argument(
         "--graph",
