@@ -3,7 +3,6 @@
 Reads the models of `make reproduce-table` (artifacts/cpu); without them there is nothing to measure.
 """
 
-import argparse
 import dataclasses
 import time
 from pathlib import Path
@@ -80,8 +79,6 @@ def measure(category: str) -> list[dict]:
 
 def main() -> None:
     """Measure every category of the experiment."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.parse_args()
     rows = [row for category in ("chair", "plane", "car") for row in measure(category)]
     threads = config.load(CONFIG, "train", si3dr_training.TrainConfig).loop.threads
     _measure.write("cloud_sampling", threads, rows)
