@@ -24,6 +24,7 @@ ROOMS: dict[str, list[str]] = {
         "sample_shards",
         "clouds",
         "cloud_io",
+        "ray_io",
         "neighbours",
         "splits",
         "shapenet",

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ddf import checks, shape_field, storage
-from ddf.cli import cast
+from ddf import checks, ray_io, shape_field, storage
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Query the field and write the answers; depth is in the mesh's units, inf where nothing is seen."""
     outputs = names(args.outputs)
-    points = cast.read_rays(args.rays)
+    points = ray_io.read(args.rays)
     found, evaluated = shape_field.query(shape_field.load(args.field), points, outputs)
     buffer = io.BytesIO()
     arrays: dict[str, Any] = {name: values.astype(np.float32) for name, values in found.items()}
