@@ -73,7 +73,7 @@ def measure(category: str) -> list[dict]:
             chamfer, f_score = np.mean(scores[cycles], axis=0)
             size = {"n_v": directions, "N_H": cycles, "thinning": thinning, "setback": setback, "points": section.large}
             error = {"chamfer_l2_sq_x1000": float(chamfer), "f_score_tau_x100": float(f_score)}
-            rows.append(_measure.row(f"{category}", size, values, error))
+            rows.append(_measure.row(category, size, values, error))
     return rows
 
 

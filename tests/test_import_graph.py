@@ -45,6 +45,7 @@ ROOMS: dict[str, list[str]] = {
         "onnx_precision",
         "onnx_export",
         "onnx_models",
+        "trained",
     ],
     "edge": [
         "evaluation",

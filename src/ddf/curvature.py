@@ -107,15 +107,12 @@ def hessian_form(
     return torch.stack(terms).sum(0)
 
 
-def depth_slope_and_bend(
-    field: PDDF, raw_depth: Float[Tensor, "*n"]
-) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n"]]:
-    """φ' and φ'' of the depth activation d = φ(y)."""
+def depth_bend(field: PDDF, raw_depth: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
+    """φ'' of the depth activation d = φ(y); `PDDF.depth_slopes` has φ'."""
     if field.config.depth_activation == "relu":
-        return (raw_depth > 0).to(raw_depth.dtype), torch.zeros_like(raw_depth)
+        return torch.zeros_like(raw_depth)
     sharpness = field.config.depth_sharpness
-    slope = torch.sigmoid(sharpness * raw_depth)
-    return slope, sharpness * slope * torch.sigmoid(-sharpness * raw_depth)
+    return sharpness * torch.sigmoid(sharpness * raw_depth) * torch.sigmoid(-sharpness * raw_depth)
 
 
 def depth_hessian_form(
@@ -128,12 +125,13 @@ def depth_hessian_form(
 ) -> Float[Tensor, "*shapes n"]:
     """t'^T H_p[d_{i*}] t, the depth activation included, for any t = `first` and t' = `second`, in 1 / field units."""
     found = trace(field.network, torch.cat((positions, directions), dim=-1), modulations)
-    rows, chosen = _heavier(found.outputs)
+    rows = _heavier(found.outputs)
     adjoints, gradient = adjoint_states(field.network, found.slopes, rows)
     one = tangent_states(field.network, found.slopes, first)
     two = tangent_states(field.network, found.slopes, second)
     form = hessian_form(found.bends, adjoints, one, two)
-    slope, bend = depth_slope_and_bend(field, chosen)
+    slope = (rows * field.depth_slopes(found.outputs)).sum(-1)
+    bend = depth_bend(field, (rows * found.outputs[..., :NUM_COMPONENTS]).sum(-1))
     return slope * form + bend * (gradient * first).sum(-1) * (gradient * second).sum(-1)
 
 
@@ -171,14 +169,14 @@ def surface(
     if unknown:
         raise checks.InputError(f"outputs must be among {', '.join(OUTPUTS)}; got {', '.join(unknown)}")
     found = trace(field.network, torch.cat((positions, directions), dim=-1), modulations)
-    rows, chosen = _heavier(found.outputs)
+    rows = _heavier(found.outputs)
     adjoints, gradient = adjoint_states(field.network, found.slopes, rows)
     normals = derivatives.normals(gradient, directions)
     if not outputs:
         return Surface(found.outputs, normals, None, None)
     tangents = tangent_basis(normals)
     first, second = (tangent_states(field.network, found.slopes, t) for t in tangents)
-    slope, _ = depth_slope_and_bend(field, chosen)  # φ'' meets ∇y · t_i = 0
+    slope = (rows * field.depth_slopes(found.outputs)).sum(-1)  # φ'' meets ∇y · t_i = 0
     factor = slope * (normals * directions).sum(-1)
     form_11 = factor * hessian_form(found.bends, adjoints, first, first)
     form_22 = factor * hessian_form(found.bends, adjoints, second, second)
@@ -189,8 +187,7 @@ def surface(
     return Surface(found.outputs, normals, mean, form_11 * form_22 - form_12.square())
 
 
-def _heavier(raw: Tensor) -> tuple[Tensor, Tensor]:
-    """Cotangents that pick raw d_{i*}, and its value."""
+def _heavier(raw: Tensor) -> Tensor:
+    """Cotangents that pick raw d_{i*}."""
     first = first_is_heavier(raw)
-    rows = torch.stack((first, ~first), dim=-1).to(raw.dtype)
-    return rows, (rows * raw[..., :NUM_COMPONENTS]).sum(-1)
+    return torch.stack((first, ~first), dim=-1).to(raw.dtype)

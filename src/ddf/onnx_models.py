@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ddf import checks, config, onnx_export, onnx_graphs, shape_field, si3dr_training, storage, training
+from ddf import checks, onnx_export, onnx_graphs, shape_field, storage, trained, training
 from ddf.onnx_graphs import Graph
 
 
@@ -25,15 +25,10 @@ def load(folder: Path, outputs: tuple[str, ...]) -> tuple[dict[str, Graph], dict
         raise checks.InputError(
             f"{folder}: holds no DDF or PC-SIREN model and no field; give a folder that `make train` or `ddf fit` wrote"
         )
-    train = config.parse(record["train"], si3dr_training.TrainConfig, f"{folder}: train")
     if record["kind"] == "ddf":
-        section = config.parse(record["section"], si3dr_training.DDFConfig, f"{folder}: ddf")
-        ddf = si3dr_training.ddf_model(train, section)
-        training.load_model(ddf, folder)
-        graphs = onnx_graphs.ddf_graphs(ddf.cpu(), train.image_size, outputs)
+        ddf, image_size = trained.ddf(folder, record)
+        graphs = onnx_graphs.ddf_graphs(ddf.cpu(), image_size, outputs)
     else:
-        decoder = config.parse(record["section"], si3dr_training.PCSirenConfig, f"{folder}: pcsiren")
-        pcsiren = si3dr_training.pcsiren_model(train, decoder)
-        training.load_model(pcsiren, folder)
-        graphs = onnx_graphs.pcsiren_graphs(pcsiren.cpu(), train.image_size)
+        pcsiren, image_size = trained.pcsiren(folder, record)
+        graphs = onnx_graphs.pcsiren_graphs(pcsiren.cpu(), image_size)
     return graphs, onnx_export.describe_source(path, record)

@@ -31,8 +31,9 @@ def require(precision: str) -> None:
 def reduce(data: bytes, precision: str) -> bytes:
     """The file with its weights in the precision named, which its metadata then says."""
     require(precision)
-    model = _stored(onnx.load_from_string(data), precision) if precision in STORED else _quantised(data)
-    properties = {entry.key: entry.value for entry in onnx.load_from_string(data).metadata_props}
+    model = onnx.load_from_string(data)
+    properties = {entry.key: entry.value for entry in model.metadata_props}
+    model = _stored(model, precision) if precision in STORED else _quantised(model)
     onnx.helper.set_model_props(model, properties | {"precision": precision})
     onnx.checker.check_model(model)
     return model.SerializeToString(deterministic=True)
@@ -54,7 +55,7 @@ def _stored(model: onnx.ModelProto, precision: str) -> onnx.ModelProto:
     return model
 
 
-def _quantised(data: bytes) -> onnx.ModelProto:
+def _quantised(model: onnx.ModelProto) -> onnx.ModelProto:
     from onnxruntime import quantization  # slow to import, and only needed here
 
     logger = logging.getLogger()
@@ -63,7 +64,7 @@ def _quantised(data: bytes) -> onnx.ModelProto:
     try:
         with tempfile.TemporaryDirectory() as folder:
             source, target = Path(folder) / "float32.onnx", Path(folder) / "int8.onnx"
-            onnx.save(_unshared(onnx.load_from_string(data)), source)
+            onnx.save(_unshared(model), source)
             quantization.quantize_dynamic(
                 source, target, op_types_to_quantize=["MatMul", "Gemm"], weight_type=quantization.QuantType.QInt8
             )

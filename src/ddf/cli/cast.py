@@ -8,18 +8,13 @@ from typing import Any
 import numpy as np
 
 from ddf import mesh_io, ray_io, raycast, storage
+from ddf.cli import common
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the mesh, the rays and the output."""
     parser.add_argument("mesh", metavar="MESH", type=Path, help="mesh file; cast as it is, without closing it")
-    parser.add_argument(
-        "--rays",
-        metavar="RAYS.npz",
-        type=Path,
-        required=True,
-        help="positions, directions: (N, 3), in the file's frame",
-    )
+    common.add_rays(parser, "file")
     parser.add_argument("--out", metavar="HITS.npz", type=Path, required=True, help="gets depth, visible, normals")
 
 

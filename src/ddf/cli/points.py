@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from ddf import cloud_io, pointclouds, shape_field, storage
+from ddf.cli import common
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare field, cloud and how it is drawn."""
-    parser.add_argument(
-        "field", metavar="FIELD", type=Path, help="folder that `ddf fit` wrote, or its model.safetensors"
-    )
+    common.add_field(parser)
     parser.add_argument("out", metavar="OUT.ply", type=Path, help="gets the points, in the mesh's frame")
     parser.add_argument("-n", "--points", metavar="N", type=int, default=5000, help="(default %(default)s)")
     parser.add_argument("--cycles", metavar="H", type=int, default=3, help="projections N_H (default %(default)s)")

@@ -8,20 +8,13 @@ from typing import Any
 import numpy as np
 
 from ddf import checks, ray_io, shape_field, storage
+from ddf.cli import common
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare field, rays and outputs."""
-    parser.add_argument(
-        "field", metavar="FIELD", type=Path, help="folder that `ddf fit` wrote, or its model.safetensors"
-    )
-    parser.add_argument(
-        "--rays",
-        metavar="RAYS.npz",
-        type=Path,
-        required=True,
-        help="positions, directions: (N, 3), in the mesh's frame",
-    )
+    common.add_field(parser)
+    common.add_rays(parser, "mesh")
     parser.add_argument("--out", metavar="OUT.npz", type=Path, required=True, help="gets one array per output")
     parser.add_argument(
         "--outputs",

@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import io
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,23 +9,22 @@ from typing import Any
 
 import numpy as np
 import torch
-from PIL import Image
 
 from ddf import (
     checks,
     cloud_io,
-    config,
     pointclouds,
     reconstruction,
     rendering,
     shapenet,
     si3dr_inference,
-    si3dr_training,
     storage,
     strips,
+    trained,
     training,
     transforms,
 )
+from ddf.cli import common
 
 CLOUD = pointclouds.CloudConfig(128, 3, 0.1, 1.6, 0.2, 0.05, 0.05, 8192)
 DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
@@ -64,7 +62,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     args.out.mkdir(parents=True, exist_ok=True)
     storage.write_bytes(args.out / "cloud.ply", cloud_io.points_ply(scale * cloud.cpu().numpy()))
     for name, picture in _pictures(pictures).items():
-        storage.write_bytes(args.out / f"{name}.png", _png(picture))
+        storage.write_bytes(args.out / f"{name}.png", common.png(picture))
     azimuth, elevation, radius = (float(x) for x in camera)
     result = {
         "camera": {
@@ -90,11 +88,7 @@ def load(folder: Path) -> tuple[reconstruction.DDFModel, int]:
     record = storage.load_metadata(folder / training.MODEL)
     if record.get("kind") != "ddf":
         raise checks.InputError(f"{folder}: holds no DDF model; give a folder that `make train` wrote under train_ddf/")
-    train = config.parse(record["train"], si3dr_training.TrainConfig, f"{folder}: train")
-    section = config.parse(record["section"], si3dr_training.DDFConfig, f"{folder}: ddf")
-    model = si3dr_training.ddf_model(train, section)
-    training.load_model(model, folder)
-    return model, train.image_size
+    return trained.ddf(folder, record)
 
 
 def _pictures(found: dict[str, torch.Tensor]) -> dict[str, np.ndarray]:
@@ -104,12 +98,6 @@ def _pictures(found: dict[str, torch.Tensor]) -> dict[str, np.ndarray]:
         "depth": strips.depth_picture(arrays["depth"], arrays["visibility"]),
         "normals": strips.normals_picture(arrays["normals"], arrays["visibility"]),
     }
-
-
-def _png(picture: np.ndarray) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, format="PNG")
-    return buffer.getvalue()
 
 
 @contextlib.contextmanager

@@ -1,21 +1,17 @@
 """`ddf render`: one picture of a fitted field, one query per pixel that meets its box."""
 
 import argparse
-import io
 import time
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
-
 from ddf import checks, shape_field, shape_pictures, storage
+from ddf.cli import common
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare field, picture and camera."""
-    parser.add_argument(
-        "field", metavar="FIELD", type=Path, help="folder that `ddf fit` wrote, or its model.safetensors"
-    )
+    common.add_field(parser)
     parser.add_argument("out", metavar="OUT.png", type=Path, help="picture to write")
     parser.add_argument(
         "--camera",
@@ -38,9 +34,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     started = time.monotonic()
     images, evaluated = shape_field.render(shape, camera, args.size, {"visibility", args.output}, args.up)
     seconds = time.monotonic() - started
-    buffer = io.BytesIO()
-    Image.fromarray(shape_pictures.picture(args.output, images)).save(buffer, format="PNG")
-    storage.write_bytes(args.out, buffer.getvalue())
+    storage.write_bytes(args.out, common.png(shape_pictures.picture(args.output, images)))
     return {
         "output": args.output,
         "pixels": args.size**2,

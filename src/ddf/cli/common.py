@@ -1,0 +1,34 @@
+"""What several commands share: arguments that mean the same, and pictures as PNG."""
+
+import argparse
+import io
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image
+
+
+def add_field(parser: argparse.ArgumentParser) -> None:
+    """The fitted field that a command reads."""
+    parser.add_argument(
+        "field", metavar="FIELD", type=Path, help="folder that `ddf fit` wrote, or its model.safetensors"
+    )
+
+
+def add_rays(parser: argparse.ArgumentParser, frame: str) -> None:
+    """The rays that a command reads with `ray_io`; frame: whose frame they are in."""
+    parser.add_argument(
+        "--rays",
+        metavar="RAYS.npz",
+        type=Path,
+        required=True,
+        help=f"positions, directions: (N, 3), in the {frame}'s frame",
+    )
+
+
+def png(picture: UInt8[np.ndarray, "height width 3"]) -> bytes:
+    """A picture as the bytes of a PNG file."""
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, format="PNG")
+    return buffer.getvalue()
