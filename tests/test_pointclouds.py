@@ -6,7 +6,17 @@ import torch
 
 from ddf import checks, fields, pointclouds
 
-CONFIG = pointclouds.CloudConfig(128, 3, 0.1, 1.0, 0.0, 0.05, 0.01, 4096)
+CONFIG = pointclouds.CloudConfig(  # the paper's way
+    num_directions=128,
+    cycles=3,
+    oversampling=0.1,
+    thinning=1.0,
+    jitter=0.0,
+    recheck=(),
+    temperature=0.05,
+    inverse_depth=0.01,
+    chunk_rays=4096,
+)
 RADIUS = 0.6
 
 
@@ -49,20 +59,20 @@ def test_queries_are_points_times_directions_plus_one_per_cycle():
 
 
 def test_first_cycle_of_three_is_the_cloud_of_one():
-    one = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.0, 0.05, 0.01, 4096)
+    one = dataclasses.replace(CONFIG, cycles=1)
     assert torch.equal(_sample(300)[0].points, _sample(300, one)[0].points)
 
 
 def test_chunks_change_no_point():
-    small = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.0, 0.05, 0.01, 128 * 7)
-    large = pointclouds.CloudConfig(128, 1, 0.1, 1.0, 0.0, 0.05, 0.01, 10**6)
+    small = dataclasses.replace(CONFIG, cycles=1, chunk_rays=128 * 7, recheck=(0.1,))
+    large = dataclasses.replace(small, chunk_rays=10**6)
     torch.testing.assert_close(_sample(200, small)[0].points, _sample(200, large)[0].points)
 
 
 def test_direction_is_towards_the_nearest_point_of_the_sphere():
     generator = torch.Generator().manual_seed(3)
     points = torch.nn.functional.normalize(torch.randn(50, 3, generator=generator), dim=-1) * 0.85
-    many = pointclouds.CloudConfig(4096, 1, 0.0, 1.0, 0.0, 0.02, 0.01, 10**6)
+    many = dataclasses.replace(CONFIG, num_directions=4096, cycles=1, temperature=0.02, chunk_rays=10**6)
     found = pointclouds.project(_Sphere(), None, points, many, generator)
     cosine = torch.nn.functional.cosine_similarity(found.points, points, dim=-1)
     assert float(cosine.median()) > math.cos(math.radians(3))
@@ -81,14 +91,14 @@ def test_invisible_and_on_surface_candidates_stay_finite_and_unit(visibility, de
     candidates = torch.nn.functional.normalize(
         torch.randn(20, 64, 3, generator=torch.Generator().manual_seed(0)), dim=-1
     )
-    tiny = pointclouds.CloudConfig(64, 1, 0.1, 1.0, 0.0, 1e-4, 1e-6, 1)
+    tiny = dataclasses.replace(CONFIG, num_directions=64, temperature=1e-4, inverse_depth=1e-6)
     ones = torch.ones(20, 64)
     found = pointclouds.closest_directions(candidates, visibility * ones, depth * ones, tiny)
     torch.testing.assert_close(found.norm(dim=-1), torch.ones(20))
 
 
 def test_most_visible_drops_the_least_visible():
-    projected = pointclouds.ProjectedPoints(torch.arange(33.0).reshape(11, 3), torch.arange(11.0), torch.zeros(11, 3))
+    projected = pointclouds.ProjectedPoints(torch.arange(33.0).reshape(11, 3), torch.arange(11.0))
     assert CONFIG.num_drawn(10) == 11
     kept, fewer = projected.clouds([10, 4], CONFIG)
     assert sorted(kept[:, 0].tolist()) == [3.0 * i for i in range(1, 11)]
@@ -96,16 +106,62 @@ def test_most_visible_drops_the_least_visible():
     assert sorted(fewer[:, 0].tolist()) == [3.0, 6.0, 9.0, 12.0]
 
 
-@pytest.mark.parametrize("setback", [0.0, 0.1])
-def test_next_cycle_starts_the_setback_before_the_hit_but_not_behind_the_start(setback):
-    config = dataclasses.replace(CONFIG, setback=setback)
-    starts = torch.nn.functional.normalize(torch.randn(50, 3, generator=torch.Generator().manual_seed(3)), dim=-1)
-    starts = starts * torch.linspace(0.61, 0.95, 50)[:, None]
-    found = pointclouds.project(_Sphere(), None, starts, config, torch.Generator().manual_seed(0))
-    depth = (found.points - starts).norm(dim=-1)
-    back = (found.points - found.restarts).norm(dim=-1)
-    torch.testing.assert_close(back, depth.clamp_max(setback), atol=1e-5, rtol=0)
-    assert setback == 0 or bool((depth < setback).any() and (depth > setback).any())
+def test_jitter_moves_the_starts_of_later_cycles_alone():
+    field = _Sphere()
+    moved = _sample(100, dataclasses.replace(CONFIG, jitter=0.1), field=field)
+    still = _sample(100)
+    assert torch.equal(moved[0].points, still[0].points)
+    # from the surface itself a cycle finds the point that it started from; from beside it, another one
+    assert float((still[1].points - still[0].points).norm(dim=-1).median()) < 1e-3
+    step = (moved[1].points - moved[0].points).norm(dim=-1)
+    assert 0.05 < float(step.median()) < 0.3
+    hit = moved[2].visibility > 0.5
+    assert float((moved[2].points[hit].norm(dim=-1) - RADIUS).abs().max()) < 1e-4
+    assert field.queries == 110 * (128 + 1) * 3
+
+
+class _Blurred(_Sphere):
+    """The sphere with wrong depths where a ray starts farther than `reach` from the surface."""
+
+    reach = 0.15
+
+    def forward(self, positions, directions, modulations=None):
+        raw = super().forward(positions, directions, modulations)
+        far = ((positions.norm(dim=-1) - RADIUS).abs() > self.reach)[:, None]
+        return torch.where(far, raw + torch.tensor([0.07, 0.07, 0.0, 0.0]), raw)
+
+
+def test_recheck_outvotes_a_wrong_depth_from_afar():
+    generator = torch.Generator().manual_seed(0)
+    directions = torch.nn.functional.normalize(torch.randn(60, 3, generator=generator), dim=-1)
+    wrong = (RADIUS - 0.07) * directions  # where a ray from outside, looking inwards, would have landed
+    for offsets in ((0.1,), (0.05, 0.1, 0.2)):
+        found = pointclouds.recheck(_Blurred(), None, wrong, -directions, offsets)
+        assert float((found.norm(dim=-1) - RADIUS).abs().max()) < 1e-4
+
+
+def test_recheck_asks_twice_per_offset_and_not_at_all_without():
+    field = _Sphere()
+    points, directions = torch.full((5, 3), 0.3), torch.nn.functional.normalize(torch.ones(5, 3), dim=-1)
+    assert pointclouds.recheck(field, None, points, directions, ()) is points
+    assert field.queries == 0
+    pointclouds.recheck(field, None, points, directions, (0.1, 0.2))
+    assert field.queries == 5 * 4
+
+
+class _Plane(_Sphere):
+    """The plane x = 0.93."""
+
+    def forward(self, positions, directions, modulations=None):
+        depth = (0.93 - positions[:, 0]) / directions[:, 0]
+        return torch.stack((depth, depth, torch.ones_like(depth), torch.ones_like(depth)), dim=-1)
+
+
+def test_recheck_asks_nothing_of_starts_outside_the_cube():
+    point, looking = torch.tensor([[0.95, 0.0, 0.0]]), torch.tensor([[-1.0, 0.0, 0.0]])
+    for offset, expected in ((0.04, 0.93), (0.06, 0.95)):  # 1.01 is outside: one answer from behind is no majority
+        found = pointclouds.recheck(_Plane(), None, point, looking, (offset,))
+        torch.testing.assert_close(found, torch.tensor([[expected, 0.0, 0.0]]))
 
 
 def test_farthest_points_equal_a_slow_loop():
@@ -140,10 +196,16 @@ def _nearest_neighbour_spread(points):
     return float(distance.std() / distance.mean())
 
 
-def test_bad_config_is_refused():
-    with pytest.raises(checks.InputError, match="num_directions must be >= 1; got 0"):
-        pointclouds.CloudConfig(0, 3, 0.1, 1.0, 0.0, 0.05, 0.01, 4096)
-    with pytest.raises(checks.InputError, match="temperature must be > 0"):
-        pointclouds.CloudConfig(1, 3, 0.1, 1.0, 0.0, 0.0, 0.01, 4096)
-    with pytest.raises(checks.InputError, match=r"thinning must be >= 1; got 0\.5"):
-        pointclouds.CloudConfig(1, 3, 0.1, 0.5, 0.0, 0.05, 0.01, 4096)
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"num_directions": 0}, "num_directions must be >= 1; got 0"),
+        ({"temperature": 0.0}, "temperature must be > 0"),
+        ({"thinning": 0.5}, r"thinning must be >= 1; got 0\.5"),
+        ({"jitter": -0.1}, "jitter must be >= 0"),
+        ({"recheck": (0.1, 1.5)}, r"recheck must list offsets in \(0, 1\)"),
+    ],
+)
+def test_bad_config_is_refused(change, message):
+    with pytest.raises(checks.InputError, match=message):
+        dataclasses.replace(CONFIG, **change)

@@ -1,13 +1,16 @@
 """Point clouds from a conditional field: project random points onto the surface, N_H times. [DDF22] §4.3, app. E.
 
 For each p, n_v directions v_k are drawn; their weights a = softmax(ξ_k / (η_T (ε_s + d_k))) favour what is near and
-visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycle repeats from p <- q, or, with `setback` s,
-from as far before q on the ray as s (derived here: on the surface itself depth jumps from 0 to the next surface, and a
-field is at its worst there). Of (1 + ε_p) n_p points
-the n_p most visible are kept. Positions are in the field frame.
+visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycle repeats from p <- q. Of (1 + ε_p) n_p
+points the n_p most visible are kept. Positions are in the field frame.
 
-Points drawn like this crowd where much of the box is nearest to little of the surface ("not uniform", says the paper).
-With `thinning` m > 1, m times as many are drawn and kept, and of these a farthest-point subset.
+Three departures, each off in the paper's way (derived here):
+- On the surface itself depth jumps from 0 to the next surface, and a field is at its worst there. With `jitter` σ the
+  next cycle starts from q + σ N(0, I), which also spreads the points by area of the surface, not by volume of the box.
+- A single depth is one opinion. With `recheck` offsets s_j the field is asked again on the line of the ray, from
+  q - s_j v̂* along v̂* and from q + s_j v̂* back, and q moves to the median of all answers.
+- Points crowd where much of the box is nearest to little of the surface ("not uniform", says the paper). With
+  `thinning` m > 1, m times as many are drawn and kept, and of these a farthest-point subset; it favours strays too.
 """
 
 import math
@@ -31,8 +34,8 @@ class CloudConfig:
     """How clouds are drawn.
 
     num_directions: n_v. cycles: N_H. oversampling: ε_p. temperature: η_T. inverse_depth: ε_s.
-    thinning: m, candidates per point of the cloud, >= 1; 1 is the paper's way, no thinning. setback: s, field units; 0
-    is the paper's way.
+    thinning: m, candidates per point of the cloud, >= 1. jitter: σ, field units. recheck: s_j, field units. The paper's
+    way: 1, 0 and none.
     chunk_rays: candidates evaluated at a time; speed only.
     """
 
@@ -40,23 +43,27 @@ class CloudConfig:
     cycles: int
     oversampling: float
     thinning: float
-    setback: float
+    jitter: float
+    recheck: tuple[float, ...]
     temperature: float
     inverse_depth: float
     chunk_rays: int
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "recheck", tuple(self.recheck))
         for name in ("num_directions", "cycles", "chunk_rays"):
             if getattr(self, name) < 1:
                 raise checks.InputError(f"pointclouds.cloud.{name} must be >= 1; got {getattr(self, name)}")
         for name in ("temperature", "inverse_depth"):
             if not getattr(self, name) > 0:
                 raise checks.InputError(f"pointclouds.cloud.{name} must be > 0; got {getattr(self, name)}")
-        for name in ("oversampling", "setback"):
+        for name in ("oversampling", "jitter"):
             if not getattr(self, name) >= 0:
                 raise checks.InputError(f"pointclouds.cloud.{name} must be >= 0; got {getattr(self, name)}")
         if not self.thinning >= 1:
             raise checks.InputError(f"pointclouds.cloud.thinning must be >= 1; got {self.thinning}")
+        if not all(0 < offset < 1 for offset in self.recheck):
+            raise checks.InputError(f"pointclouds.cloud.recheck must list offsets in (0, 1); got {list(self.recheck)}")
 
     def num_kept(self, count: int) -> int:
         """m n_p, the most visible points that a cloud of `count` is chosen from."""
@@ -69,11 +76,10 @@ class CloudConfig:
 
 @dataclass(frozen=True)
 class ProjectedPoints:
-    """Points after one cycle, the visibility ξ(p, v̂*) that the field gave each, and where the next cycle starts."""
+    """Points after one cycle, and the visibility ξ(p, v̂*) that the field gave each."""
 
     points: Float[Tensor, "n 3"]
     visibility: Float[Tensor, "n"]
-    restarts: Float[Tensor, "n 3"]
 
     def most_visible(self, count: int, drawn: int) -> Float[Tensor, "count 3"]:
         """The `count` most visible among the first `drawn`: the draw that a smaller cloud would make."""
@@ -140,8 +146,8 @@ def project(
     config: CloudConfig,
     generator: torch.Generator,
 ) -> ProjectedPoints:
-    """One cycle: q = p + d(p, v̂*) v̂*. Costs n (n_v + 1) queries, values only."""
-    parts: list[tuple[Tensor, Tensor, Tensor]] = []
+    """One cycle: q = p + d(p, v̂*) v̂*, rechecked. Costs n (n_v + 1 + 2 `recheck`) queries, values only."""
+    parts: list[tuple[Tensor, Tensor]] = []
     for chunk in points.split(max(1, config.chunk_rays // config.num_directions)):
         shape = (len(chunk), config.num_directions, 3)
         candidates = torch.nn.functional.normalize(
@@ -151,10 +157,33 @@ def project(
         raw = raw.reshape(*shape[:2], -1)
         direction = closest_directions(candidates, visibility(raw), field.depth(raw), config)
         raw = field(chunk, direction, modulations)
-        depth = field.depth(raw)[:, None]
-        before = chunk + (depth - config.setback).clamp_min(0) * direction
-        parts.append((chunk + depth * direction, visibility(raw), before))
+        hit = chunk + field.depth(raw)[:, None] * direction
+        parts.append((recheck(field, modulations, hit, direction, config.recheck), visibility(raw)))
     return ProjectedPoints(*(torch.cat(tensors) for tensors in zip(*parts, strict=True)))
+
+
+def recheck(
+    field: PDDF,
+    modulations: Sequence[Float[Tensor, "1 _"]] | None,
+    points: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "n 3"],
+    offsets: Sequence[float],
+) -> Float[Tensor, "n 3"]:
+    """Points moved along their rays to the median of what the field says from before and from behind them.
+
+    Before, at q - s v, it says that the surface is d(q - s v, v) - s ahead of q; behind, at q + s v, s - d(q + s v, -v)
+    (property I: a surface has no inside). Starts outside the cube are not asked and agree with q. No offsets, no query.
+    """
+    if not offsets:
+        return points
+    step = torch.tensor(offsets, dtype=points.dtype, device=points.device).repeat_interleave(2)
+    step = step * torch.tensor([-1.0, 1.0], dtype=points.dtype, device=points.device).repeat(len(offsets))
+    starts = points + step[:, None, None] * directions
+    looking = -step.sign()[:, None, None] * directions
+    depth = field.depth(field(starts.reshape(-1, 3), looking.reshape(-1, 3), modulations)).reshape(len(step), -1)
+    ahead = step[:, None] - step.sign()[:, None] * depth
+    ahead = torch.where((starts.abs() <= 1).all(dim=-1), ahead, 0.0)
+    return points + torch.cat((torch.zeros_like(ahead[:1]), ahead)).median(dim=0).values[:, None] * directions
 
 
 @torch.no_grad()
@@ -164,17 +193,26 @@ def sample(
     count: int,
     config: CloudConfig,
     generator: torch.Generator,
+    box: tuple[Sequence[float], Sequence[float]] = ((-1.0,) * 3, (1.0,) * 3),
 ) -> list[ProjectedPoints]:
-    """Project the (1 + ε_p) m n_p points p ~ U[-1,1]^3 that a cloud of n_p = `count` asks for.
+    """Project the (1 + ε_p) m n_p points p ~ U[B] that a cloud of n_p = `count` asks for.
 
+    Args:
+      box: lower and upper corner of B, where the field was trained.
     Returns:
       One result per cycle, so that N_H = 1 comes for free with N_H = 3.
     """
     weight = field.network.head.weight
-    drawn = config.num_drawn(count)
-    points = torch.rand((drawn, 3), generator=generator, dtype=weight.dtype, device=weight.device) * 2 - 1
-    cycles = []
-    for _ in range(config.cycles):
+    lower, upper = (torch.tensor(corner, dtype=weight.dtype, device=weight.device) for corner in box)
+    shape = (config.num_drawn(count), 3)
+    unit = torch.rand(shape, generator=generator, dtype=weight.dtype, device=weight.device)
+    points = lower + (upper - lower) * unit
+    cycles = [project(field, modulations, points, config, generator)]
+    for _ in range(config.cycles - 1):
+        points = cycles[-1].points
+        if config.jitter:
+            noise = torch.randn(shape, generator=generator, dtype=weight.dtype, device=weight.device)
+            points = points + config.jitter * noise
+        points = torch.minimum(torch.maximum(points, lower), upper)  # what overshoots restarts on the box
         cycles.append(project(field, modulations, points, config, generator))
-        points = cycles[-1].restarts.clamp(-1, 1)  # what overshoots restarts on the box, where the field was trained
     return cycles

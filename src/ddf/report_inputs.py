@@ -63,7 +63,9 @@ class Results:
             value = value[part]
         if value is None:
             return "all"
-        return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+        if isinstance(value, list):
+            return ", ".join(map(str, value)) or "none"
+        return str(value)
 
     def largest_packing_errors(self) -> dict[str, float]:
         """The largest rounding error of each stored quantity over all categories."""

@@ -222,19 +222,12 @@ def cloud(
 ) -> Float[np.ndarray, "count 3"]:
     """Points on the surface, mesh frame: points of the box projected N_H times, the most visible kept.
 
-    As `pointclouds.sample`, but p ~ U[B] with B the field's own box, which is where it was trained.
+    As `pointclouds.sample`, with B the field's own box.
     """
     if count < 1:
         raise checks.InputError(f"the number of points must be >= 1; got {count}")
-    weight = shape.field.network.head.weight
-    generator = torch.Generator(weight.device).manual_seed(seed)
-    lower, upper = (torch.from_numpy(side).to(weight) for side in (shape.lower, shape.upper))
-    drawn = config.num_drawn(count)
-    unit = torch.rand((drawn, 3), generator=generator, dtype=weight.dtype, device=weight.device)
-    starts = lower + (upper - lower) * unit
-    projected = pointclouds.project(shape.field, None, starts, config, generator)
-    for _ in range(config.cycles - 1):
-        starts = torch.minimum(torch.maximum(projected.restarts, lower), upper)  # what overshoots restarts on the box
-        projected = pointclouds.project(shape.field, None, starts, config, generator)
-    (kept,) = projected.clouds([count], config)
+    generator = torch.Generator(shape.field.network.head.weight.device).manual_seed(seed)
+    box = (shape.lower.tolist(), shape.upper.tolist())
+    cycles = pointclouds.sample(shape.field, None, count, config, generator, box)
+    (kept,) = cycles[-1].clouds([count], config)
     return shape.field_from_mesh.inverse().apply(kept.double().cpu().numpy())

@@ -1,4 +1,4 @@
-"""What several commands share: arguments that mean the same, and pictures as PNG."""
+"""What several commands share: arguments that mean the same, and pictures as PNG, how clouds are drawn."""
 
 import argparse
 import io
@@ -7,6 +7,20 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
+
+from ddf import pointclouds
+
+CLOUD = pointclouds.CloudConfig(  # as configs/cpu.yaml draws them
+    num_directions=48,
+    cycles=3,
+    oversampling=0.1,
+    thinning=1.0,
+    jitter=0.2,
+    recheck=(0.05, 0.1, 0.2),
+    temperature=0.05,
+    inverse_depth=0.05,
+    chunk_rays=2048,
+)
 
 
 def add_field(parser: argparse.ArgumentParser) -> None:

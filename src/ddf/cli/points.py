@@ -1,11 +1,12 @@
 """`ddf points`: a point cloud on the surface of a fitted field."""
 
 import argparse
+import dataclasses
 import time
 from pathlib import Path
 from typing import Any
 
-from ddf import cloud_io, pointclouds, shape_field, storage
+from ddf import cloud_io, shape_field, storage
 from ddf.cli import common
 
 
@@ -14,25 +15,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_field(parser)
     parser.add_argument("out", metavar="OUT.ply", type=Path, help="gets the points, in the mesh's frame")
     parser.add_argument("-n", "--points", metavar="N", type=int, default=5000, help="(default %(default)s)")
-    parser.add_argument("--cycles", metavar="H", type=int, default=3, help="projections N_H (default %(default)s)")
     parser.add_argument(
-        "--directions", metavar="N", type=int, default=128, help="tried per point and projection (default %(default)s)"
+        "--cycles", metavar="H", type=int, default=common.CLOUD.cycles, help="projections N_H (default %(default)s)"
+    )
+    parser.add_argument(
+        "--directions",
+        metavar="N",
+        type=int,
+        default=common.CLOUD.num_directions,
+        help="tried per point and projection (default %(default)s)",
     )
     parser.add_argument("--seed", metavar="S", type=int, default=0, help="(default %(default)s)")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Draw the points and write them."""
-    config = pointclouds.CloudConfig(
-        num_directions=args.directions,
-        cycles=args.cycles,
-        oversampling=0.1,
-        thinning=1.6,
-        setback=0.0,
-        temperature=0.05,
-        inverse_depth=0.05,
-        chunk_rays=8192,
-    )
+    config = dataclasses.replace(common.CLOUD, num_directions=args.directions, cycles=args.cycles)
     shape = shape_field.load(args.field)
     started = time.monotonic()
     points = shape_field.cloud(shape, args.points, config, args.seed)

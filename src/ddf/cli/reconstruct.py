@@ -26,7 +26,6 @@ from ddf import (
 )
 from ddf.cli import common
 
-CLOUD = pointclouds.CloudConfig(128, 3, 0.1, 1.6, 0.2, 0.05, 0.05, 8192)
 DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
 
 
@@ -53,8 +52,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         modulations = [m[0] for m in model.modulations(latent)]
     with _timed(seconds, "cloud"):
         generator = torch.Generator(training.device()).manual_seed(args.seed)
-        cycles = pointclouds.sample(model.field, modulations, args.points, CLOUD, generator)
-        (cloud,) = cycles[-1].clouds([args.points], CLOUD)
+        cycles = pointclouds.sample(model.field, modulations, args.points, common.CLOUD, generator)
+        (cloud,) = cycles[-1].clouds([args.points], common.CLOUD)
     scale = si3dr_inference.scale_from_cloud(cloud)
     with _timed(seconds, "renders"):
         field_scale = torch.tensor(1 / scale, device=camera.device)
