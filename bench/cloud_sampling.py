@@ -52,7 +52,7 @@ def measure(category: str) -> list[dict]:
     images = si3dr_data.read_images(dataset, category, shown, train.image_size)
     shapes = si3dr_data.read_shapes(samples, images.ids)
     factors = transforms.BENCHMARK_FROM_V1 / shapes.field_scales(images.shapes).numpy()
-    latents, _ = si3dr_inference.encode(model, images)
+    _, latents, _ = si3dr_inference.encode(model, images)
     with torch.no_grad():
         modulations = model.modulations(latents)
     rows = []

@@ -31,8 +31,7 @@ def run(config_path: Path, category: str) -> None:
         training.load_model(model, folder)
         if name == "ddf":
             tensors, facts = si3dr_inference.reconstruct_ddf(ddf, test, section, category)
-            features = {"features": test, "train_features": trained}  # for the retrieval row
-            tensors |= {key: si3dr_inference.image_features(ddf, images) for key, images in features.items()}
+            tensors["train_features"] = si3dr_inference.image_features(ddf, trained)  # for the retrieval row
         else:
             tensors, facts = si3dr_inference.reconstruct_pcsiren(pcsiren, test, section)
         sources = [index_path, folder / training.MODEL]

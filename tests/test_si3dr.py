@@ -173,6 +173,7 @@ def test_reconstruction_has_the_promised_arrays():
     assert shapes["camera_pred"] == shapes["camera_corrected"] == (6, 3)
     assert shapes["render.normals"] == (2, 12, 12, 3)
     assert facts["rendered"] == [0, 5]
+    assert torch.equal(tensors["features"], si3dr_inference.image_features(model, images))
     again, _ = si3dr_inference.reconstruct_ddf(model, images, POINTCLOUDS, "test")
     for name, values in tensors.items():
         assert torch.equal(values, again[name]), name

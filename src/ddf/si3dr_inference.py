@@ -5,13 +5,13 @@ as 1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] a
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 import tqdm
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf import checks, pointclouds, reconstruction, rendering, si3dr_data, training
@@ -66,21 +66,23 @@ def scale_from_cloud(points: Float[Tensor, "n 3"], quantile: float = 0.0) -> flo
     return 1.0 / diagonal
 
 
-def _image_batches(images: si3dr_data.ImageSet) -> Iterator[Float[Tensor, "b 4 size size"]]:
-    for rows in np.array_split(np.arange(len(images.shapes)), -(-len(images.shapes) // ENCODER_BATCH)):
-        yield images.batch(rows).to(training.device())
+def _row_batches(images: si3dr_data.ImageSet) -> list[Int[np.ndarray, "_"]]:
+    count = len(images.shapes)
+    return np.array_split(np.arange(count), -(-count // ENCODER_BATCH))
 
 
 @torch.no_grad()
 def encode(
     model: reconstruction.ReconstructionModel, images: si3dr_data.ImageSet
-) -> tuple[Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
-    """Shape latents and predicted cameras of all images."""
-    latents, cameras = [], []
-    for batch in _image_batches(images):
-        latents.append(model.shape_encoder(batch))
-        cameras.append(model.camera_head(model.camera_encoder(batch)))
-    return torch.cat(latents), torch.cat(cameras)
+) -> tuple[Float[Tensor, "n features"], Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
+    """Features as `image_features` gives them, shape latents and predicted cameras of all images."""
+    parts = []
+    for rows in _row_batches(images):
+        batch = images.batch(rows).to(training.device())
+        features = model.shape_encoder.features(batch)
+        parts.append((features, model.shape_encoder.fc(features), model.camera_head(model.camera_encoder(batch))))
+    features, latents, cameras = (torch.cat(tensors) for tensors in zip(*parts, strict=True))
+    return features, latents, cameras
 
 
 @torch.no_grad()
@@ -88,7 +90,8 @@ def image_features(
     model: reconstruction.ReconstructionModel, images: si3dr_data.ImageSet
 ) -> Float[Tensor, "n features"]:
     """Pooled features of the shape encoder, by which the retrieval row finds the nearest training image."""
-    return torch.cat([model.shape_encoder.features(batch) for batch in _image_batches(images)]).cpu()
+    batches = (images.batch(rows).to(training.device()) for rows in _row_batches(images))
+    return torch.cat([model.shape_encoder.features(batch) for batch in batches]).cpu()
 
 
 def _generator(config: PointcloudsConfig, image: int) -> torch.Generator:
@@ -99,8 +102,10 @@ def _generator(config: PointcloudsConfig, image: int) -> torch.Generator:
 def reconstruct_ddf(
     model: reconstruction.DDFModel, images: si3dr_data.ImageSet, config: PointcloudsConfig, describe: str
 ) -> tuple[dict[str, Tensor], dict]:
-    """Clouds L and S after every cycle asked for (the last and the first), cameras, scales, renders; and the cost."""
-    latents, cameras = encode(model, images)
+    """Clouds L and S after every cycle asked for (the last and the first), cameras, scales, renders, and the features
+    for the retrieval row; and the cost.
+    """
+    features, latents, cameras = encode(model, images)
     modulations = [m.detach() for m in model.modulations(latents)]
     names = {config.cloud.cycles: f"h{config.cloud.cycles}", 1: "h1"}
     clouds: dict[str, list[Tensor]] = {f"{size}.{name}": [] for name in names.values() for size in "LS"}
@@ -118,7 +123,7 @@ def reconstruct_ddf(
     scale = torch.tensor(scales)
     corrected = _correct_cameras(model, latents, cameras, scale, images, config)
     tensors = {name: torch.stack(values) for name, values in clouds.items()}
-    tensors |= {"camera_pred": cameras, "camera_corrected": corrected, "scale_pred": scale}
+    tensors |= {"camera_pred": cameras, "camera_corrected": corrected, "scale_pred": scale, "features": features}
     rendered = spread(len(latents), config.rendered)
     tensors |= _renders(model, modulations, cameras, scale, rendered, config.render_size)
     return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": cloud_seconds / len(latents)}
@@ -128,7 +133,7 @@ def reconstruct_pcsiren(
     model: reconstruction.PCSirenModel, images: si3dr_data.ImageSet, config: PointcloudsConfig
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S (the first points of L, which are as random as any), cameras, scales; and what it cost."""
-    latents, cameras = encode(model, images)
+    _, latents, cameras = encode(model, images)
     large = []
     started = time.monotonic()
     with torch.no_grad():
@@ -161,7 +166,7 @@ def _correct_cameras(
 ) -> Tensor:
     """Π̂_∇ of all images, a batch at a time."""
     corrected = []
-    for rows in np.array_split(np.arange(len(latents)), -(-len(latents) // ENCODER_BATCH)):
+    for rows in _row_batches(images):
         alpha = images.alpha(rows, config.correction.mask_size).to(latents.device)
         index = torch.from_numpy(rows)
         field_scale = (1 / scale[index]).to(latents.device)
