@@ -21,7 +21,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ddf import checks, derivatives, siren
-from ddf.fields import NUM_COMPONENTS, PDDF, first_is_heavier
+from ddf.fields import NUM_COMPONENTS, PDDF, heavier_rows
 
 OUTPUTS = ("mean_curvature", "gaussian_curvature")
 
@@ -125,7 +125,7 @@ def depth_hessian_form(
 ) -> Float[Tensor, "*shapes n"]:
     """t'^T H_p[d_{i*}] t, the depth activation included, for any t = `first` and t' = `second`, in 1 / field units."""
     found = trace(field.network, torch.cat((positions, directions), dim=-1), modulations)
-    rows = _heavier(found.outputs)
+    rows = heavier_rows(found.outputs)
     adjoints, gradient = adjoint_states(field.network, found.slopes, rows)
     one = tangent_states(field.network, found.slopes, first)
     two = tangent_states(field.network, found.slopes, second)
@@ -169,7 +169,7 @@ def surface(
     if unknown:
         raise checks.InputError(f"outputs must be among {', '.join(OUTPUTS)}; got {', '.join(unknown)}")
     found = trace(field.network, torch.cat((positions, directions), dim=-1), modulations)
-    rows = _heavier(found.outputs)
+    rows = heavier_rows(found.outputs)
     adjoints, gradient = adjoint_states(field.network, found.slopes, rows)
     normals = derivatives.normals(gradient, directions)
     if not outputs:
@@ -185,9 +185,3 @@ def surface(
         return Surface(found.outputs, normals, mean, None)
     form_12 = factor * hessian_form(found.bends, adjoints, first, second)
     return Surface(found.outputs, normals, mean, form_11 * form_22 - form_12.square())
-
-
-def _heavier(raw: Tensor) -> Tensor:
-    """Cotangents that pick raw d_{i*}."""
-    first = first_is_heavier(raw)
-    return torch.stack((first, ~first), dim=-1).to(raw.dtype)

@@ -116,6 +116,12 @@ def first_is_heavier(raw: Float[Tensor, "*batch 4"]) -> Bool[Tensor, "*batch"]:
     return raw[..., WEIGHT_ROW] >= 0
 
 
+def heavier_rows(raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
+    """One-hot rows of i*: the cotangents by which an adjoint pass gives the gradient of raw d_{i*}."""
+    first = first_is_heavier(raw).to(raw.dtype)
+    return torch.stack((first, 1 - first), dim=-1)
+
+
 def visibility(raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch"]:
     """ξ in [0, 1]."""
     return torch.sigmoid(raw[..., VISIBILITY_ROW])

@@ -46,8 +46,7 @@ class FieldValues:
     @cached_property
     def raw_depth_gradient(self) -> Float[Tensor, "n 3"]:
         """∇_p of the raw depth of the heavier component, by the adjoint pass."""
-        first = fields.first_is_heavier(self.raw).to(self.raw.dtype)
-        return derivatives.adjoint(self.field.network, self.trace.slopes, torch.stack((first, 1 - first), dim=-1))
+        return derivatives.adjoint(self.field.network, self.trace.slopes, fields.heavier_rows(self.raw))
 
     @property
     def normals(self) -> Float[Tensor, "n 3"]:

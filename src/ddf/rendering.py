@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ddf import cameras, checks, derivatives, rays, transforms
-from ddf.fields import PDDF, first_is_heavier, visibility
+from ddf.fields import PDDF, heavier_rows, visibility
 
 OUTPUTS = ("visibility", "depth", "normals")
 CUBE_HALF = 1.0  # conditional fields fill the cube [-1, 1]^3: at test time the shape's own box is not known
@@ -68,8 +68,7 @@ def query(
     else:
         trace = derivatives.trace(field.network, torch.cat((positions, directions), dim=-1), modulations)
         raw = trace.outputs
-        first = first_is_heavier(raw).to(raw.dtype)
-        gradient = derivatives.adjoint(field.network, trace.slopes, torch.stack((first, 1 - first), dim=-1))
+        gradient = derivatives.adjoint(field.network, trace.slopes, heavier_rows(raw))
     found = {}
     if "visibility" in outputs:
         found["visibility"] = visibility(raw)

@@ -80,7 +80,7 @@ def load(path: Path) -> ShapeField:
 def evaluate(
     field: PDDF, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], outputs: Collection[str]
 ) -> dict[str, Tensor]:
-    """Named outputs in the field frame, as `rendering.query`, and the curvatures; only what is asked for is computed.
+    """Named outputs in the field frame, as `rendering.query`, and the curvatures; no pass that nothing asks for.
 
     Raises:
       InputError: an output that does not exist.
@@ -92,18 +92,14 @@ def evaluate(
     if not curvatures:
         return rendering.query(field, positions, directions, None, outputs)
     surface = curvature.surface(field, positions, directions, None, curvatures)
-    found = {}
-    if "visibility" in outputs:
-        found["visibility"] = visibility(surface.raw)
-    if "depth" in outputs:
-        found["depth"] = field.depth(surface.raw)
-    if "normals" in outputs:
-        found["normals"] = surface.normals
-    if surface.mean is not None:
-        found["mean_curvature"] = surface.mean
-    if surface.gaussian is not None:
-        found["gaussian_curvature"] = surface.gaussian
-    return found
+    found = {
+        "visibility": visibility(surface.raw),
+        "depth": field.depth(surface.raw),
+        "normals": surface.normals,
+        "mean_curvature": surface.mean,
+        "gaussian_curvature": surface.gaussian,
+    }
+    return {name: values for name, values in found.items() if name in outputs and values is not None}
 
 
 @torch.no_grad()
