@@ -7,6 +7,7 @@ numbers; the error is that of the loss and of the parameter gradient against the
 import itertools
 
 import _measure
+import _plain_loss
 import torch
 from torch import Tensor
 from torch.nn import functional
@@ -35,41 +36,11 @@ def batch(shapes: int, dtype: torch.dtype) -> losses.SampleBatch:
     )
 
 
-def plain_loss(field: fields.PDDF, points: losses.SampleBatch, modulations: list[Tensor]) -> Tensor:
-    """𝔏_S from the paper's formulas, every derivative by `create_graph` on all points that need it."""
-    v, n, seen = points.directions, points.normals, points.visible
-    p = points.positions.clone().requires_grad_()
-    raw = field(p, v, modulations)
-    depths, w, xi = field.depths(raw), torch.sigmoid(raw[..., 2]), torch.sigmoid(raw[..., 3])
-    first = fields.first_is_heavier(raw)
-    chosen_raw = torch.where(first, raw[..., 0], raw[..., 1])
-
-    def gradient(values: Tensor) -> Tensor:
-        return torch.autograd.grad(values.sum(), p, create_graph=True)[0]
-
-    eikonal, faces, edges = (points.span(*names) for names in (losses.EIKONAL, losses.NORMALS, losses.TRANSITION))
-    known, doubled, extra = points.span(*losses.GROUND_TRUTH), points.span("U", "A"), points.span("E", "E")
-    factor = torch.cat((xi[:, extra].detach(), seen[:, extra.stop :]), dim=1)[:, eikonal]
-    rates = torch.stack([(gradient(depths[..., i][:, eikonal]) * v).sum(-1)[:, eikonal] for i in range(2)], -1)
-    xi_rate = (gradient(xi[:, eikonal]) * v).sum(-1)[:, eikonal]
-    w_rate = (gradient(w[:, edges]) * n).sum(-1)[:, edges]
-    unit = functional.normalize(gradient(chosen_raw[:, faces])[:, faces], dim=-1)
-    depth = seen * (torch.where(first, depths[..., 0], depths[..., 1]) - points.depth).square()
-    depth_mean = (depth[:, known].sum() + depth[:, doubled].sum()) / depth[:, known].numel()
-    return (
-        WEIGHTS.depth * depth_mean
-        + WEIGHTS.visibility * functional.binary_cross_entropy_with_logits(raw[:, known, 3], seen[:, known])
-        + WEIGHTS.visibility_variance * (xi * (1 - xi))[:, known].mean()
-        + WEIGHTS.normals * losses.normal_loss(unit, n[:, faces], seen[:, faces]).mean()
-        + losses.directed_eikonal_loss(rates, xi_rate, factor, WEIGHTS).mean()
-        + WEIGHTS.weight_variance * (w * (1 - w))[:, eikonal].mean()
-        + WEIGHTS.transition * losses.transition_loss(w_rate, WEIGHTS.transition_speed).mean()
-    )
-
-
-def explicit_loss(field: fields.PDDF, points: losses.SampleBatch, modulations: list[Tensor]) -> Tensor:
-    """The same by the package."""
-    return losses.shape_loss(field, points, modulations, WEIGHTS)[0]
+def explicit_loss(
+    field: fields.PDDF, points: losses.SampleBatch, modulations: list[Tensor], weights: losses.LossWeights
+) -> Tensor:
+    """𝔏_S by the package."""
+    return losses.shape_loss(field, points, modulations, weights)[0]
 
 
 def matmul_rate(width: int, rows: int) -> float:
@@ -96,8 +67,8 @@ def main() -> None:
         found: dict[str, tuple[float, Tensor]] = {}
         candidates = {}
         for dtype, ways in (
-            (torch.float64, {"plain float64": plain_loss}),
-            (torch.float32, {"plain": plain_loss, "explicit": explicit_loss}),
+            (torch.float64, {"plain float64": _plain_loss.plain_loss}),
+            (torch.float32, {"plain": _plain_loss.plain_loss, "explicit": explicit_loss}),
         ):
             torch.manual_seed(0)
             decoder = fields.ConditionalPDDF(fields.PDDFConfig(hidden, 3.0, 1.0, "softplus", 100.0), 64).to(dtype)
@@ -106,7 +77,7 @@ def main() -> None:
             for way, loss in ways.items():
 
                 def step(loss=loss, decoder=decoder, points=points, latent=latent, parameters=parameters):
-                    value = loss(decoder.field, points, decoder.modulator(latent))
+                    value = loss(decoder.field, points, decoder.modulator(latent), WEIGHTS)
                     return value.detach(), torch.autograd.grad(value, parameters)
 
                 value, gradients = step()

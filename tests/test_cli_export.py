@@ -1,6 +1,6 @@
 import json
 
-import _onnx
+import _models
 import onnx
 import pytest
 
@@ -19,7 +19,7 @@ def _export(*arguments):
 
 
 def test_export_reports_parity_and_opset(tmp_path, capsys):
-    folder, out = _onnx.write_model(tmp_path / "chair"), tmp_path / "field.onnx"
+    folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "field.onnx"
     assert _export(folder / training.MODEL, out) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["opset"] == 18
@@ -31,7 +31,7 @@ def test_export_reports_parity_and_opset(tmp_path, capsys):
 
 
 def test_outputs_graph_config_and_precision_are_chosen(tmp_path, quick, capsys):
-    folder, out = _onnx.write_model(tmp_path / "chair"), tmp_path / "out.onnx"
+    folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "out.onnx"
     assert _export(folder, out, "--config", quick) == 0
     assert set(json.loads(capsys.readouterr().out)["parity"]) == {"depth", "normals"}
     assert _export(folder, out, "--config", quick, "--outputs", "visibility") == 0
@@ -43,13 +43,13 @@ def test_outputs_graph_config_and_precision_are_chosen(tmp_path, quick, capsys):
         "float16",
         {"latent", "camera"},
     )
-    folder = _onnx.write_model(tmp_path / "pc", "pcsiren")
+    folder = _models.write_model(tmp_path / "pc", "pcsiren")
     assert _export(folder, out, "--config", quick) == 0
     assert set(json.loads(capsys.readouterr().out)["parity"]) == {"points"}
 
 
 def test_a_fitted_field_is_exported_with_its_box_and_frame(tmp_path, quick, capsys):
-    folder, out = _onnx.write_shape_field(tmp_path / "bunny"), tmp_path / "out.onnx"
+    folder, out = _models.write_shape_field(tmp_path / "bunny"), tmp_path / "out.onnx"
     assert _export(folder, out, "--config", quick) == 0
     assert json.loads(capsys.readouterr().out)["inputs"] == {"positions": ["n", 3], "directions": ["n", 3]}
     facts = {entry.key: entry.value for entry in onnx.load(out).metadata_props}
@@ -80,7 +80,7 @@ def _rename_kind(path):
     ],
 )
 def test_unusable_input_is_one_line_and_leaves_nothing(spoil, arguments, message, tmp_path, quick, capsys):
-    folder, out = _onnx.write_model(tmp_path / "chair"), tmp_path / "out" / "field.onnx"
+    folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "out" / "field.onnx"
     spoil(folder / training.MODEL)
     assert _export(folder, out, "--config", quick, *arguments) == 2
     error = capsys.readouterr().err

@@ -1,38 +1,17 @@
-import dataclasses
 import json
 
+import _models
 import numpy as np
 import pytest
 import torch
 from PIL import Image
 
-from ddf import checks, cli, cloud_io, fields, losses, shapenet, si3dr_training, storage, training
-
-LOOP = training.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
-TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
-WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
-DDF = si3dr_training.DDFConfig(
-    fields.PDDFConfig((8, 8), 3.0, 1.0, "softplus", 20.0),
-    1,
-    None,
-    dict.fromkeys(losses.ORDER, 2),
-    WEIGHTS,
-    1.0,
-    10.0,
-    16,
-    20,
-)
+from ddf import checks, cli, cloud_io, shapenet, storage, training
 
 
 @pytest.fixture
 def model_dir(tmp_path):
-    torch.manual_seed(0)
-    model = si3dr_training.ddf_model(TRAIN, DDF)
-    model.camera_head.fit(torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]]))
-    record = {"kind": "ddf", "train": dataclasses.asdict(TRAIN), "section": dataclasses.asdict(DDF)}
-    folder = tmp_path / "model"
-    storage.save_tensors(folder / training.MODEL, dict(model.state_dict()), record)
-    return folder
+    return _models.write_model(tmp_path / "model")
 
 
 def _image(path, mode="RGBA", size=(90, 60)):

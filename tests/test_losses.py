@@ -7,11 +7,10 @@ from typing import Literal
 import pytest
 import torch
 
+from bench._plain_loss import plain_loss
 from ddf import checks, fields, losses, siren
 
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+": 1, "S+": 2}
-KINDS = (*losses.ORDER, *losses.VALUES_ONLY)
-KNOWN = [kind for kind in KINDS if kind != "E" and kind in COUNTS]
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
 
 
@@ -36,48 +35,6 @@ def _batch(shapes=2):
     )
 
 
-def _slow_loss(field, batch, modulations, weights):
-    """𝔏_S by create_graph, written from the paper's formulas, one type at a time."""
-    v, n, seen, truth = batch.directions, batch.normals, batch.visible, batch.depth
-    p = batch.positions.clone().requires_grad_()
-    raw = field(p, v, modulations)
-    d, w1, xi = field.depths(raw), torch.sigmoid(raw[..., 2]), torch.sigmoid(raw[..., 3])
-
-    def gradient(values):
-        return torch.autograd.grad(values.sum(), p, create_graph=True)[0]
-
-    first = w1 >= 0.5
-    chosen = torch.where(first, d[..., 0], d[..., 1])
-    unit = torch.nn.functional.normalize(gradient(torch.where(first, raw[..., 0], raw[..., 1])), dim=-1)
-    rates = [(gradient(d[..., i]) * v).sum(-1) for i in range(2)]
-    xi_rate, w_rate = (gradient(xi) * v).sum(-1), (gradient(w1) * n).sum(-1)
-    stops = torch.tensor([0, *(COUNTS.get(k, 0) for k in KINDS)]).cumsum(0)
-    where = {k: slice(int(stops[i]), int(stops[i + 1])) for i, k in enumerate(KINDS)}
-
-    def mean(values, kinds):
-        return torch.cat([values[:, where[k]] for k in kinds], dim=1).mean()
-
-    doubled = torch.ones(raw.shape[1], dtype=raw.dtype)
-    for kind in ("U", "A", "U+", "A+"):
-        doubled[where[kind]] = 2
-    factor = seen.clone()
-    factor[:, where["E"]] = xi[:, where["E"]].detach()
-    eikonal = weights.eikonal_depth * factor * sum((r + 1) ** 2 for r in rates)
-    eikonal = eikonal + weights.eikonal_visibility * xi_rate**2
-    bce = -(seen * torch.log(xi) + (1 - seen) * torch.log(1 - xi))
-    normal = -seen * (unit * n).sum(-1).abs()
-    speed = torch.relu(weights.transition_speed - w_rate.abs()) ** 2
-    return (
-        weights.depth * mean(doubled * seen * (chosen - truth) ** 2, KNOWN)
-        + weights.visibility * mean(bce, KNOWN)
-        + weights.visibility_variance * mean(xi * (1 - xi), KNOWN)
-        + weights.normals * mean(normal, "UAB")
-        + mean(eikonal, "EUAB")
-        + weights.weight_variance * mean(w1 * (1 - w1), "EUAB")
-        + weights.transition * mean(speed, "ST")
-    )
-
-
 @pytest.mark.parametrize("activation", ["softplus", "relu"])
 @pytest.mark.parametrize("modulated", [False, True])
 def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, modulated):
@@ -88,7 +45,7 @@ def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, m
         modulator = siren.Modulator(4, (12, 10)).double()
         parameters += list(modulator.parameters())
         modulations = modulator(torch.randn(2, 4, dtype=torch.float64))
-    expected = _slow_loss(field, batch, modulations, WEIGHTS)
+    expected = plain_loss(field, batch, modulations, WEIGHTS)
     slow = torch.autograd.grad(expected, parameters, retain_graph=True)
     found, terms = losses.shape_loss(field, batch, modulations, WEIGHTS)
     torch.testing.assert_close(found, expected, rtol=1e-10, atol=0)

@@ -2,7 +2,7 @@ import json
 import sys
 from pathlib import Path
 
-import _onnx
+import _models
 import numpy as np
 import onnx
 import pytest
@@ -44,18 +44,18 @@ def _truth(field, positions, directions):
 
 @pytest.mark.parametrize("activation", ["relu", "softplus"])
 def test_plain_field_gives_float64_values_at_any_length(activation):
-    graph = onnx_graphs.FieldGraph(_onnx.field(activation), ALL)
+    graph = onnx_graphs.FieldGraph(_models.field(activation), ALL)
     data = onnx_export.to_onnx(graph, SOURCE)
     for count in (1, 7, 300):
-        positions, directions = _onnx.points(count, seed=count)
+        positions, directions = _models.points(count, seed=count)
         found = _run(data, {"positions": positions, "directions": directions}, ALL)
-        for name, value in _truth(_onnx.field(activation), positions, directions).items():
+        for name, value in _truth(_models.field(activation), positions, directions).items():
             assert_close(found[name], value, atol=2e-6 if name != "normals" else 2e-5, rtol=0.0)
 
 
 @pytest.mark.parametrize(("activation", "sign"), [("relu", 1), ("relu", -1), ("softplus", 1), ("softplus", -1)])
 def test_saturated_visibility_and_depth_of_zero_are_exact(activation, sign):
-    field = _onnx.field(activation)
+    field = _models.field(activation)
     with torch.no_grad():
         field.network.head.bias[3] = 300.0 * sign  # exp overflows in float32
         field.network.head.bias[:2] = -300.0
@@ -69,7 +69,7 @@ def test_saturated_visibility_and_depth_of_zero_are_exact(activation, sign):
 
 
 def test_outputs_are_those_asked_for_in_order():
-    graph = onnx_graphs.FieldGraph(_onnx.field(), ("normals", "depth"))
+    graph = onnx_graphs.FieldGraph(_models.field(), ("normals", "depth"))
     model = onnx.load_from_string(onnx_export.to_onnx(graph, SOURCE))
     shapes = {
         value.name: [d.dim_param or d.dim_value for d in value.type.tensor_type.shape.dim]
@@ -82,7 +82,7 @@ def test_outputs_are_those_asked_for_in_order():
 def test_values_only_files_hold_no_derivative_pass():
     sizes = {}
     for outputs in (("depth",), ("depth", "normals")):
-        model = onnx.load_from_string(onnx_export.to_onnx(onnx_graphs.FieldGraph(_onnx.field(), outputs), SOURCE))
+        model = onnx.load_from_string(onnx_export.to_onnx(onnx_graphs.FieldGraph(_models.field(), outputs), SOURCE))
         sizes[outputs] = sum(node.op_type == "Cos" for node in model.graph.node)
     assert sizes == {("depth",): 0, ("depth", "normals"): 3}
 
@@ -90,9 +90,9 @@ def test_values_only_files_hold_no_derivative_pass():
 @pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
 def test_every_graph_of_a_model_agrees_with_torch(kind, tmp_path):
     graphs = (
-        onnx_graphs.ddf_graphs(_onnx.ddf_model(), 32, ALL)
+        onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)
         if kind == "ddf"
-        else onnx_graphs.pcsiren_graphs(_onnx.pcsiren_model(), 32)
+        else onnx_graphs.pcsiren_graphs(_models.pcsiren_model(), 32)
     )
     for name, graph in graphs.items():
         rows = onnx_export.export(graph, name, tmp_path / f"{name}.onnx", SOURCE, QUICK)
@@ -104,10 +104,10 @@ def test_every_graph_of_a_model_agrees_with_torch(kind, tmp_path):
 
 
 def test_conditional_field_follows_its_latent():
-    model = _onnx.ddf_model()
+    model = _models.ddf_model()
     graph = onnx_graphs.ddf_graphs(model, 32, ("depth",))["field"]
     data = onnx_export.to_onnx(graph, SOURCE)
-    positions, directions = _onnx.points(9)
+    positions, directions = _models.points(9)
     for seed in (0, 1):
         latent = torch.randn((1, 6), generator=torch.Generator().manual_seed(seed))
         modulations = [m[0] for m in model.modulations(latent)]
@@ -118,10 +118,10 @@ def test_conditional_field_follows_its_latent():
 
 
 def test_bundle_equals_encoders_then_field():
-    model = _onnx.ddf_model()
+    model = _models.ddf_model()
     graphs = onnx_graphs.ddf_graphs(model, 32, ALL)
     image = onnx_graphs.example_images(1, 32, torch.Generator().manual_seed(5))
-    positions, directions = _onnx.points(11)
+    positions, directions = _models.points(11)
     rays = {"positions": positions, "directions": directions}
     whole = _run(onnx_export.to_onnx(graphs["image_field"], SOURCE), {"image": image} | rays, ("camera", *ALL))
     parts = _run(onnx_export.to_onnx(graphs["encoders"], SOURCE), {"images": image}, ("latent", "camera"))
@@ -132,7 +132,7 @@ def test_bundle_equals_encoders_then_field():
 
 
 def test_file_says_what_it_is(tmp_path):
-    folder = _onnx.write_model(tmp_path / "chair")
+    folder = _models.write_model(tmp_path / "chair")
     graphs, source = onnx_models.load(folder, ALL)
     data = onnx_export.to_onnx(graphs["field"], source)
     model, found = onnx.load_from_string(data), _properties(data)
@@ -154,12 +154,12 @@ def test_transform_of_a_single_shape_is_kept(tmp_path):
     path.write_bytes(b"x")
     transform = {"scale": 2.0, "rotation": np.eye(3).tolist(), "translation": [0.0, 1.0, 0.0]}
     source = onnx_export.describe_source(path, {"kind": "single_shape", "field_from_mesh": transform})
-    found = _properties(onnx_export.to_onnx(onnx_graphs.FieldGraph(_onnx.field(), ("depth",)), source))
+    found = _properties(onnx_export.to_onnx(onnx_graphs.FieldGraph(_models.field(), ("depth",)), source))
     assert json.loads(found["transform"]) == transform
 
 
 def test_equal_models_give_equal_bytes_without_places_of_this_machine():
-    graphs = [onnx_graphs.ddf_graphs(_onnx.ddf_model(), 32, ALL) for _ in range(2)]
+    graphs = [onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL) for _ in range(2)]
     for name in graphs[0]:
         first, second = (onnx_export.to_onnx(each[name], SOURCE) for each in graphs)
         assert first == second
@@ -177,7 +177,7 @@ def _with_one_weight_changed(data):
 
 
 def test_file_that_differs_from_its_model_is_refused_and_leaves_nothing(tmp_path, monkeypatch):
-    graph = onnx_graphs.FieldGraph(_onnx.field(), ALL)
+    graph = onnx_graphs.FieldGraph(_models.field(), ALL)
     right = onnx_export.to_onnx
     monkeypatch.setattr(onnx_export, "to_onnx", lambda *args: _with_one_weight_changed(right(*args)))
     with pytest.raises(onnx_parity.ParityError, match=r"field: onnxruntime and torch must agree on \w+ within"):
@@ -190,7 +190,7 @@ def test_file_that_differs_from_its_model_is_refused_and_leaves_nothing(tmp_path
 
 
 def test_smaller_weights_are_measured_and_labelled(tmp_path):
-    graph = onnx_graphs.ddf_graphs(_onnx.ddf_model(), 32, ALL)["field"]
+    graph = onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)["field"]
     data = onnx_export.to_onnx(graph, SOURCE)
     config = onnx_export.ExportConfig(ALL, (1, 7), onnx_precision.PRECISIONS, 0)
     rows = onnx_export.measure_precisions(graph, "field", data, config)
@@ -215,9 +215,9 @@ def test_wide_files_halve_and_quarter():
 
 
 def test_float16_weights_are_the_rounded_ones():
-    field = _onnx.field()
+    field = _models.field()
     data = onnx_precision.reduce(onnx_export.to_onnx(onnx_graphs.FieldGraph(field, ("depth",)), SOURCE), "float16")
-    positions, directions = _onnx.points(20)
+    positions, directions = _models.points(20)
     found = _run(data, {"positions": positions, "directions": directions}, ["depth"])["depth"]
     with torch.no_grad():
         for layer in (*field.network.layers, field.network.head):

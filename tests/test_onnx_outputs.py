@@ -1,4 +1,4 @@
-import _onnx
+import _models
 import pytest
 import torch
 
@@ -7,8 +7,8 @@ from ddf import checks, curvature, onnx_outputs, rendering
 
 @pytest.mark.parametrize("activation", ["relu", "softplus"])
 def test_outputs_are_those_of_rendering(activation):
-    field = _onnx.field(activation)
-    positions, directions = _onnx.points(200)
+    field = _models.field(activation)
+    positions, directions = _models.points(200)
     values = onnx_outputs.FieldValues(field, positions, directions, None)
     expected = rendering.query(field, positions, directions, None, rendering.OUTPUTS)
     for name, value in expected.items():
@@ -19,9 +19,9 @@ def test_outputs_are_those_of_rendering(activation):
 
 
 def test_curvatures_are_those_of_the_curvature_module():
-    field = _onnx.field()
-    values = onnx_outputs.FieldValues(field, *_onnx.points(50), None)
-    surface = curvature.surface(field, *_onnx.points(50))
+    field = _models.field()
+    values = onnx_outputs.FieldValues(field, *_models.points(50), None)
+    surface = curvature.surface(field, *_models.points(50))
     assert surface.mean is not None and surface.gaussian is not None
     torch.testing.assert_close(onnx_outputs.OUTPUTS["mean_curvature"].compute(values), surface.mean)
     torch.testing.assert_close(onnx_outputs.OUTPUTS["gaussian_curvature"].compute(values), surface.gaussian)
@@ -29,21 +29,21 @@ def test_curvatures_are_those_of_the_curvature_module():
 
 
 def test_component_is_unclear_where_both_are_equally_heavy():
-    field = _onnx.field("softplus")
+    field = _models.field("softplus")
     with torch.no_grad():
         field.network.head.weight[2] = 0
         field.network.head.bias[2] = 0
-    values = onnx_outputs.FieldValues(field, *_onnx.points(5), None)
+    values = onnx_outputs.FieldValues(field, *_models.points(5), None)
     assert not values.component_is_clear().any()
     assert not values.normal_is_clear().any()
     assert values.everywhere().all()
 
 
 def test_normal_is_unclear_where_the_ray_grazes_and_nowhere_else():
-    field = _onnx.field()
+    field = _models.field()
     with torch.no_grad():
         field.network.head.bias[2] = 50.0  # the first component everywhere
-    positions, directions = _onnx.points(20_000)
+    positions, directions = _models.points(20_000)
     positions.requires_grad_()
     (gradient,) = torch.autograd.grad(field(positions, directions)[:, 0].sum(), positions)
     cosine = torch.nn.functional.cosine_similarity(gradient, directions).abs()

@@ -1,6 +1,6 @@
 import dataclasses
 
-import _onnx
+import _models
 import onnx
 import pytest
 import torch
@@ -29,7 +29,7 @@ def test_box_rays_are_on_the_lattice_with_zeros_of_both_signs():
 
 @torch.no_grad()
 def test_hard_rays_graze_switch_saturate_and_start_on_the_surface():
-    graph = onnx_graphs.FieldGraph(_onnx.field("relu"), ALL)
+    graph = onnx_graphs.FieldGraph(_models.field("relu"), ALL)
     hard = onnx_parity.hard_inputs(graph, torch.Generator().manual_seed(0))
     common = onnx_parity.example_inputs(graph, 1000, torch.Generator().manual_seed(1))
     found, usual = graph.values(hard), graph.values(common)
@@ -46,12 +46,12 @@ def test_hard_rays_graze_switch_saturate_and_start_on_the_surface():
 
 
 def test_graphs_without_a_field_have_no_hard_rays():
-    graph = onnx_graphs.pcsiren_graphs(_onnx.pcsiren_model(), 32)["pcsiren"]
+    graph = onnx_graphs.pcsiren_graphs(_models.pcsiren_model(), 32)["pcsiren"]
     assert onnx_parity.hard_inputs(graph, torch.Generator().manual_seed(0)) == {}
 
 
 def test_comparison_at_65536_points_and_its_float64_errors():
-    graph = onnx_graphs.FieldGraph(_onnx.field(), ALL)
+    graph = onnx_graphs.FieldGraph(_models.field(), ALL)
     rows = onnx_parity.compare(onnx_export.to_onnx(graph, {}), "field", graph, (1, 7, 65536), 0)
     onnx_parity.require(rows)
     assert [row.cases for row in rows[:: len(ALL)]] == ["random 1", "random 7", "random 65536", "hard"]
@@ -65,7 +65,7 @@ def test_comparison_at_65536_points_and_its_float64_errors():
 
 
 def test_difference_is_measured_not_assumed():
-    field, other = _onnx.field(), _onnx.field()
+    field, other = _models.field(), _models.field()
     with torch.no_grad():
         other.network.head.bias[0] += 0.25
         for each in (field, other):
@@ -83,7 +83,7 @@ def test_difference_is_measured_not_assumed():
 
 
 def test_largest_batch_of_images_is_kept():
-    graph = onnx_graphs.EncodersGraph(_onnx.ddf_model(), 32)
+    graph = onnx_graphs.EncodersGraph(_models.ddf_model(), 32)
     graph.largest_batch = 5
     rows = onnx_parity.compare(onnx_export.to_onnx(graph, {}), "encoders", graph, (1, 7, 65536), 0)
     assert [row.cases for row in rows[::2]] == ["random 1", "random 5"]
@@ -104,7 +104,7 @@ def test_rows_outside_their_tolerance_are_refused(values, message):
 
 
 def test_values_that_are_not_finite_and_files_that_do_not_load_are_refused():
-    graph = onnx_graphs.FieldGraph(_onnx.field(), ("depth",))
+    graph = onnx_graphs.FieldGraph(_models.field(), ("depth",))
     model = onnx.load_from_string(onnx_export.to_onnx(graph, {}))
     for tensor in model.graph.initializer:
         if len(tensor.raw_data) == 4 * 16 * 24:
@@ -114,5 +114,5 @@ def test_values_that_are_not_finite_and_files_that_do_not_load_are_refused():
     with pytest.raises(onnx_parity.ParityError, match="field: onnxruntime cannot load the file"):
         onnx_parity.compare(b"nonsense", "field", graph, (7,), 0)
     with pytest.raises(onnx_parity.ParityError, match="field: onnxruntime cannot run random 7"):
-        other = onnx_graphs.FieldGraph(_onnx.field(), ("visibility",))
+        other = onnx_graphs.FieldGraph(_models.field(), ("visibility",))
         onnx_parity.compare(onnx_export.to_onnx(other, {}), "field", graph, (7,), 0)

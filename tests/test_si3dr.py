@@ -3,6 +3,7 @@
 import dataclasses
 from pathlib import Path
 
+import _models
 import numpy as np
 import pytest
 import torch
@@ -18,16 +19,13 @@ from ddf import (
     si3dr_data,
     si3dr_inference,
     si3dr_training,
-    training,
     transforms,
 )
 
+TRAIN = _models.TRAIN
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
-LOOP = training.LoopConfig(1e-3, "constant", 0, None, 1, 5, 10, 100.0)
-TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
 FIELD = fields.PDDFConfig((12, 12), 3.0, 1.0, "softplus", 20.0)
-WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
-DDF = si3dr_training.DDFConfig(FIELD, 5, 2e-3, COUNTS, WEIGHTS, 1.0, 10.0, 16, 20)
+DDF = si3dr_training.DDFConfig(FIELD, 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.0, 16, 20)
 PCSIREN = si3dr_training.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50)
 CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 1.0, 0.0, (), 0.05, 0.05, 1000)
 POINTCLOUDS = si3dr_inference.PointcloudsConfig(

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import _onnx
+import _models
 import pytest
 
 from ddf import storage
@@ -19,7 +19,7 @@ EXPORT = "export: {outputs: [visibility, depth, normals], batches: [1, 7], preci
 def written(tmp_path_factory):
     root = tmp_path_factory.mktemp("experiment")
     for kind in ("ddf", "pcsiren"):
-        _onnx.write_model(root / f"artifacts/tiny/train_{kind}/chair", kind)
+        _models.write_model(root / f"artifacts/tiny/train_{kind}/chair", kind)
     (root / "configs").mkdir()
     (root / "configs/tiny.yaml").write_text(EXPORT)
     with pytest.MonkeyPatch.context() as patch:

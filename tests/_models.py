@@ -1,4 +1,4 @@
-"""Small networks, points and models for the tests of the export."""
+"""Small settings, networks, points and model files for several tests."""
 
 import dataclasses
 from typing import Literal
