@@ -5,10 +5,10 @@ from pathlib import Path
 from ddf import config, provenance, shapenet, si3dr_data, si3dr_inference, si3dr_training, stage, storage, training
 
 
-def run(config_path: Path, category: str) -> None:
+def run(config_path: Path, category: str, seed: int = 0) -> None:
     """Read both models and the images of the category, write one file per model."""
     train = config.load(config_path, "train", si3dr_training.TrainConfig)
-    section = config.load(config_path, "pointclouds", si3dr_inference.PointcloudsConfig)
+    section = config.reseeded(config.load(config_path, "pointclouds", si3dr_inference.PointcloudsConfig), seed)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     samples_dir = config.artifact_dir(config_path, "samples", category)
     training.prepare(train.loop)
@@ -27,10 +27,10 @@ def run(config_path: Path, category: str) -> None:
     ddf = si3dr_training.ddf_model(train, config.load(config_path, "ddf", si3dr_training.DDFConfig))
     pcsiren = si3dr_training.pcsiren_model(train, config.load(config_path, "pcsiren", si3dr_training.PCSirenConfig))
     for name, model in (("ddf", ddf), ("pcsiren", pcsiren)):
-        folder = config.artifact_dir(config_path, f"train_{name}", category)
+        folder = config.artifact_dir(config_path, f"train_{name}", category, seed)
         training.load_model(model, folder)
         if name == "ddf":
-            tensors, facts = si3dr_inference.reconstruct_ddf(ddf, test, section, category)
+            tensors, facts = si3dr_inference.reconstruct_ddf(ddf, test, section, stage.label(category, seed))
             tensors["train_features"] = si3dr_inference.image_features(ddf, trained)  # for the retrieval row
         else:
             tensors, facts = si3dr_inference.reconstruct_pcsiren(pcsiren, test, section)
@@ -39,9 +39,9 @@ def run(config_path: Path, category: str) -> None:
             provenance.fingerprint([section, category, test.digest()], sources, si3dr_inference), section.seed, sources
         )
         names = {"images": test.names(), "train_images": trained.names()}
-        out = config.artifact_dir(config_path, "pointclouds", category) / f"{name}.safetensors"
+        out = config.artifact_dir(config_path, "pointclouds", category, seed) / f"{name}.safetensors"
         storage.save_tensors(out, tensors | common, record | names | facts)
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__, category=True)
+    stage.main(run, __doc__, category=True, seed=True)

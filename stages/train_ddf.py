@@ -7,9 +7,9 @@ from pathlib import Path
 from ddf import config, provenance, si3dr_data, si3dr_training, stage, training
 
 
-def run(config_path: Path, category: str) -> None:
+def run(config_path: Path, category: str, seed: int = 0) -> None:
     """Read training images and samples of the category, train, write model and log."""
-    train = config.load(config_path, "train", si3dr_training.TrainConfig)
+    train = config.reseeded(config.load(config_path, "train", si3dr_training.TrainConfig), seed)
     section = config.load(config_path, "ddf", si3dr_training.DDFConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     samples_dir = config.artifact_dir(config_path, "samples", category)
@@ -30,11 +30,11 @@ def run(config_path: Path, category: str) -> None:
         functools.partial(si3dr_training.ddf_step, model, images, shapes, samples, train, section),
         section.steps,
         section.loop(train.loop),
-        config.artifact_dir(config_path, "train_ddf", category),
+        config.artifact_dir(config_path, "train_ddf", category, seed),
         provenance.record(fingerprint, train.loop.seed, sources) | architecture,
-        f"ddf {category}",
+        f"ddf {stage.label(category, seed)}",
     )
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__, category=True)
+    stage.main(run, __doc__, category=True, seed=True)

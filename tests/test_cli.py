@@ -155,7 +155,8 @@ def test_info_names_an_unknown_key(tmp_path, capsys):
 def _stage(tmp_path: Path, body: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     script = tmp_path / "do_it.py"
     head = '"""Do it."""\nfrom ddf import checks, stage\n'
-    script.write_text(f"{head}def run(config, category):\n    {body}\nstage.main(run, __doc__, category=True)\n")
+    main = "stage.main(run, __doc__, category=True, seed=True)"
+    script.write_text(f"{head}def run(config, category, seed):\n    {body}\n{main}\n")
     command = [sys.executable, str(script), *arguments]
     variables = {**os.environ, "PYTHONPATH": str(ROOT / "src"), **environment}
     return subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
@@ -166,6 +167,19 @@ def test_stage_scripts_pass_arguments_and_note_their_time(tmp_path):
     assert (result.returncode, result.stdout, result.stderr) == (0, "configs/a.yaml chair\n", "")
     times = json.loads((tmp_path / stage.time_path(Path("configs/a.yaml"), "do_it", "chair")).read_text())
     assert times["seconds"] >= 0
+
+
+def test_stages_of_further_seeds_have_a_lock_and_a_time_of_their_own(tmp_path):
+    arguments = ("--config", "configs/a.yaml", "--category", "chair", "--seed")
+    result = _stage(tmp_path, "print(config, category, seed)", *arguments, "2")
+    assert (result.returncode, result.stdout, result.stderr) == (0, "configs/a.yaml chair 2\n", "")
+    assert {path.name for path in (tmp_path / "artifacts/a/times").iterdir()} == {
+        "do_it-chair-2.json",
+        "do_it-chair-2.lock",
+    }
+    result = _stage(tmp_path, "pass", *arguments, "-1")
+    assert result.returncode == 2
+    assert result.stderr.splitlines()[-1].endswith("argument --seed: must be a whole number, 0 or more; got '-1'")
 
 
 def test_stage_scripts_end_with_one_line_and_code_2(tmp_path):

@@ -123,3 +123,22 @@ def test_read_refuses_binary_files_and_names_missing_ones(tmp_path):
 def test_artifact_dir_is_named_after_the_file():
     assert config.artifact_dir("some/where/cpu.yaml", "meshes", "chair").as_posix() == "artifacts/cpu/meshes/chair"
     assert config.artifact_dir("cpu.yaml", "evaluate").as_posix() == "artifacts/cpu/evaluate"
+    assert config.artifact_dir("cpu.yaml", "evaluate", seed=2).as_posix() == "artifacts/cpu/evaluate_seeds/2"
+    assert config.artifact_dir("a/cpu.yaml", "train_ddf", "car", 1).as_posix() == "artifacts/cpu/train_ddf_seeds/1/car"
+
+
+def test_a_further_seed_moves_every_seed_of_a_section_and_nothing_else():
+    @dataclass(frozen=True)
+    class Loop:
+        seed: int
+        seeds: int
+
+    @dataclass(frozen=True)
+    class Train:
+        loop: Loop
+        name: str
+        seed: int
+
+    section = Train(Loop(5, 7), "a", 0)
+    assert config.reseeded(section, 0) == section
+    assert config.reseeded(section, 2) == Train(Loop(7, 7), "a", 2)

@@ -35,35 +35,61 @@ def subset(points: Float[np.ndarray, "n 3"], count: int, seed: int, name: str) -
 
 
 @dataclass(frozen=True)
-class Baselines:
-    """Everything that the baseline rows of one category need; made by `prepare`.
+class Retrieval:
+    """The one baseline that depends on a training, through its features; made by `prepare_retrieval`.
 
     Args:
       sizes: points per size letter, as the models' clouds have ("L": 5000, "S": 2466).
-      mean: the mean shape's cloud per size letter, benchmark frame.
-      oracle: training shape with the smallest D_C, per test shape.
       retrieved: training shape with the nearest image, per test image.
     """
 
     truths: Truths
     sizes: Mapping[str, int]
     seed: int
-    mean: Mapping[str, Float[np.ndarray, "n 3"]]
-    oracle: Mapping[str, str]
     retrieved: Mapping[tuple[str, int], str]
 
     def cases(self, shape: str, images: Images) -> list[evaluation.Case]:
+        """The cases of retrieval for the images of one test shape; called as `Baselines.cases` is."""
+        return [case for letter in self.sizes for case in self.column(letter, images)]
+
+    def column(self, letter: str, images: Images) -> list[evaluation.Case]:
+        """Those with the number of points that `letter` stands for."""
+        return [
+            evaluation.Case(
+                RETRIEVAL,
+                f"Pi_g-{letter}",
+                [image],
+                _stand_in(self.truths, self.retrieved[image], self.sizes[letter], self.seed),
+            )
+            for image in images
+        ]
+
+
+@dataclass(frozen=True)
+class Baselines:
+    """Everything that the baseline rows of one category need; made by `prepare`.
+
+    Args:
+      retrieval: also holds true clouds, numbers of points and seed, which all rows share.
+      mean: the mean shape's cloud per size letter, benchmark frame.
+      oracle: training shape with the smallest D_C, per test shape.
+    """
+
+    retrieval: Retrieval
+    mean: Mapping[str, Float[np.ndarray, "n 3"]]
+    oracle: Mapping[str, str]
+
+    def cases(self, shape: str, images: Images) -> list[evaluation.Case]:
         """The cases of all baselines for the images of one test shape."""
+        truths, seed = self.retrieval.truths, self.retrieval.seed
         found = []
-        for letter, count in self.sizes.items():
+        for letter, count in self.retrieval.sizes.items():
             column = f"Pi_g-{letter}"
             found.append(evaluation.Case(MEAN_SHAPE, column, images, self.mean[letter]))
-            chosen = _stand_in(self.truths, self.oracle[shape], count, self.seed)
+            chosen = _stand_in(truths, self.oracle[shape], count, seed)
             found.append(evaluation.Case(ORACLE, column, images, chosen))
-            for image in images:
-                chosen = _stand_in(self.truths, self.retrieved[image], count, self.seed)
-                found.append(evaluation.Case(RETRIEVAL, column, [image], chosen))
-            found.extend(_ceilings(self.truths[shape], shape, images, column, count, self.seed))
+            found += self.retrieval.column(letter, images)
+            found += _ceilings(truths[shape], shape, images, column, count, seed)
         return found
 
 
@@ -96,7 +122,18 @@ def prepare(
         for letter, count in sizes.items()
     }
     oracle = oracle_choice(test_ids, train_ids, truths, sizes["L"], config, jobs)
-    return Baselines(truths, sizes, config.seed, mean, oracle, retrieval_choice(ddf, truths))
+    return Baselines(prepare_retrieval(ddf, truths, sizes, config), mean, oracle)
+
+
+def prepare_retrieval(
+    ddf: evaluation.Predictions, truths: Truths, sizes: Mapping[str, int], config: evaluation.EvaluateConfig
+) -> Retrieval:
+    """Choose what retrieval answers for the images of one category.
+
+    Raises:
+      InputError: see `retrieval_choice`.
+    """
+    return Retrieval(truths, sizes, config.seed, retrieval_choice(ddf, truths))
 
 
 def _stand_in(truths: Truths, shape: str, count: int, seed: int) -> Float[np.ndarray, "n 3"]:

@@ -95,10 +95,25 @@ def parse(data: Any, cls: type[T], where: str) -> T:
         raise checks.InputError(f"{file if own_name else where}: {error}") from error
 
 
-def artifact_dir(config_path: str | Path, stage: str, category: str | None = None) -> Path:
-    """artifacts/<experiment>/<stage>[/<category>], relative to the repository root, which is where stages run."""
-    folder = Path("artifacts") / Path(config_path).stem / stage
+def artifact_dir(config_path: str | Path, stage: str, category: str | None = None, seed: int = 0) -> Path:
+    """artifacts/<experiment>/<stage>[/<category>], relative to the repository root, which is where stages run.
+
+    Of seed 1 and on artifacts/<experiment>/<stage>_seeds/<seed>[/<category>]: a folder that seed 0 never sees.
+    """
+    folder = Path("artifacts") / Path(config_path).stem / (f"{stage}_seeds/{seed}" if seed else stage)
     return folder / category if category else folder
+
+
+def reseeded(section: T, seed: int) -> T:
+    """A section (a dataclass) with `seed` added to every key `seed` in it, however deep; 0 leaves it as it is."""
+    changes: dict[str, Any] = {}
+    for field in dataclasses.fields(typing.cast(Any, section)):
+        value = getattr(section, field.name)
+        if field.name == "seed":
+            changes["seed"] = value + seed
+        elif dataclasses.is_dataclass(value):
+            changes[field.name] = reseeded(value, seed)
+    return dataclasses.replace(typing.cast(Any, section), **changes)
 
 
 @functools.cache

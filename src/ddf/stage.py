@@ -10,10 +10,11 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 
-def main(run: Callable[..., None], description: str | None, category: bool = False) -> None:
-    """Parse `--config FILE [--category NAME]` and call `run(config_path[, category])`.
+def main(run: Callable[..., None], description: str | None, category: bool = False, seed: bool = False) -> None:
+    """Parse `--config FILE [--category NAME] [--seed S]` and call `run(config_path[, category][, seed])`.
 
     InputError and OSError (no such file, disk full, read-only) end the process with one line on stderr and code 2;
     anything else is a bug and keeps its traceback.
@@ -22,18 +23,31 @@ def main(run: Callable[..., None], description: str | None, category: bool = Fal
     parser.add_argument("--config", type=Path, required=True, help="experiment file, for example configs/cpu.yaml")
     if category:
         parser.add_argument("--category", required=True, help="one of the categories of the experiment")
+    if seed:
+        parser.add_argument("--seed", type=_whole_number, default=0, help="added to the config's seeds (default 0)")
     arguments = vars(parser.parse_args())
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     sys.exit(guarded(lambda: _run_alone(run, **arguments), "ddf"))
 
 
-def _run_alone(run: Callable[..., None], config: Path, **arguments: str) -> None:
+def _whole_number(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"must be a whole number, 0 or more; got {text!r}")
+    return int(text)
+
+
+def label(category: str, seed: int) -> str:
+    """What a progress bar calls the work on a category: `chair`, and `chair seed 1` for a further seed."""
+    return f"{category} seed {seed}" if seed else category
+
+
+def _run_alone(run: Callable[..., None], config: Path, **arguments: Any) -> None:
     """Run while holding the stage's lock, then note the time.
 
     A killed engine can leave a stage's process behind that still writes the same files. The lock is the kernel's and
     goes with that process; of the processes of one distributed training only the first takes it.
     """
-    record = time_path(config, Path(sys.argv[0]).stem, arguments.get("category"))
+    record = time_path(config, Path(sys.argv[0]).stem, arguments.get("category"), arguments.get("seed", 0))
     record.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as stack:
         if os.environ.get("RANK", "0") == "0":
@@ -49,9 +63,9 @@ def _run_alone(run: Callable[..., None], config: Path, **arguments: str) -> None
         record.write_text(json.dumps({"seconds": seconds}) + "\n", encoding="utf-8")
 
 
-def time_path(config_path: Path, script: str, category: str | None = None) -> Path:
+def time_path(config_path: Path, script: str, category: str | None = None, seed: int = 0) -> Path:
     """Where a stage notes how long its last run took, for the report; not an artefact: times differ from run to run."""
-    name = f"{script}-{category}" if category else script
+    name = "-".join([script, *([category] if category else []), *([str(seed)] if seed else [])])
     return Path("artifacts") / Path(config_path).stem / "times" / f"{name}.json"
 
 
