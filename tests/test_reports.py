@@ -9,6 +9,7 @@ import pytest
 from _fake_experiment import EVALUATE_SECTION, SIZES, FakeExperiment
 
 from ddf import (
+    baselines,
     checks,
     config,
     evaluation,
@@ -17,6 +18,7 @@ from ddf import (
     report_pictures,
     report_tables,
     reports,
+    seed_means,
     storage,
 )
 
@@ -30,8 +32,8 @@ def _experiment_file(experiment):
     return Path(experiment.write_config(f"{text}evaluate: {EVALUATE_SECTION}\nreport: {{examples: 3}}\n"))
 
 
-def _run(stage, config_path):
-    runpy.run_path(str(_ROOT / "stages" / f"{stage}.py"))["run"](config_path)
+def _run(stage, config_path, *arguments):
+    runpy.run_path(str(_ROOT / "stages" / f"{stage}.py"))["run"](config_path, *arguments)
 
 
 @pytest.fixture(scope="module")
@@ -147,6 +149,63 @@ def test_second_writing_gives_the_same_bytes(reported):
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     reports.write(config_path, folder.parent / "again", reports.ReportConfig(examples=3))
     assert {path.name: path.read_bytes() for path in (folder.parent / "again").iterdir()} == before
+
+
+@pytest.fixture(scope="module")
+def seeded(reported):
+    """The report with two seeds, in a folder of its own; clouds of the second are those of the first, 1 % larger."""
+    experiment, config_path, folder = reported
+    further = experiment.artifacts / "pointclouds_seeds" / "1"
+    for category in experiment.categories:
+        for model in ("ddf", "pcsiren"):
+            name = f"{category}/{model}.safetensors"
+            tensors, metadata = storage.load_tensors(experiment.artifacts / "pointclouds" / name)
+            clouds = {key: 1.01 * value for key, value in tensors.items() if key[0] in "LS"}
+            storage.save_tensors(further / name, tensors | clouds, metadata)
+    _run("evaluate_clouds", config_path, 1)
+    count = experiment.artifacts / "evaluate_seeds" / seed_means.COUNT
+    storage.write_text(count, "2\n")
+    reports.write(config_path, folder.parent / "seeded", reports.ReportConfig(examples=3))
+    count.unlink()
+    return folder, folder.parent / "seeded"
+
+
+def test_further_seeds_are_evaluated_without_what_no_training_changes(seeded):
+    artifacts = Path("artifacts") / "fake"
+    first = storage.load_table(artifacts / "evaluate" / "si3dr.csv")[0]
+    second = storage.load_table(artifacts / "evaluate_seeds" / "1" / "si3dr.csv")[0]
+    assert set(second["method"]) == set(seed_means.TRAINED) < set(first["method"])
+    keys = ["category", "method", "column", "metric"]
+    both = [table[table["method"] == baselines.RETRIEVAL].set_index(keys)["value"] for table in (first, second)]
+    pd.testing.assert_series_equal(*both)  # the fake's features are those of seed 0
+
+
+def test_trained_rows_of_several_seeds_are_printed_with_their_spread(seeded):
+    table = pd.read_csv(seeded[1] / "si3dr.csv")
+    assert tuple(table.columns) == evaluation.TABLE_FIELDS
+    rows = table[table["source"] == evaluation.MEASURED].set_index(["category", "method", "column", "metric"])
+    trained = rows.index.get_level_values("method").isin(seed_means.TRAINED)
+    assert (rows["seeds"] == trained + 1).all() and rows[trained]["spread"].notna().all()
+    text = (seeded[1] / "README.md").read_text()
+    tables = _markdown_tables(text)
+    row = rows.loc[("chair", "ddf", "Pi_g-L", "chamfer_l2_sq_x1000")]
+    assert tables[0][2][3] == f"{row['value']:.3f} ± {row['spread']:.3f}" and row["spread"] > 0
+    assert all("±" in cell for line in tables[0][2:] for cell in line[3:12])
+    assert not any("±" in cell for line in tables[0][2:] for cell in line[12:])  # the paper's
+    by_name = {line[1]: line[3:] for line in tables[1][2:]}
+    assert all("±" in cell for cell in by_name["retrieval (nearest training image)"])
+    assert not any("±" in cell for cell in by_name["mean shape"])
+    assert all("±" in cell for line in tables[3][2:] for cell in line[3:])  # cameras
+    assert text.count("are means over 2 seeds") == 4 and text.count("Of the first of the 2 seeds.") == 6
+    assert "2 seeds were trained" in text and "One seed was trained" not in text and "SEEDS=2`" in text
+
+
+def test_pictures_and_paired_charts_are_of_the_first_seed(seeded):
+    first, both = seeded
+    names = {path.name for path in first.iterdir()}
+    assert {path.name for path in both.iterdir()} == names
+    same = {name for name in names if (first / name).read_bytes() == (both / name).read_bytes()}
+    assert same == names - {"README.md", "index.html", "si3dr.csv", "baselines.svg"}
 
 
 def test_times_are_summed_over_categories(reported):

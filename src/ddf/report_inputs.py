@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from ddf import checks, config, paper_results, stage, storage
+from ddf import checks, config, paper_results, seed_means, stage, storage
 
 MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN"}
 _SCRIPTS = {
@@ -25,7 +25,10 @@ _WHOLE = ("dataset", "evaluate")  # stages that run once for all categories
 
 @dataclass(frozen=True)
 class Results:
-    """Everything that the stages left behind for the report."""
+    """Everything that the stages left behind for the report.
+
+    `table` has means over `seeds` trainings; all else is of seed 0.
+    """
 
     name: str
     index: Mapping[str, Any]
@@ -39,6 +42,7 @@ class Results:
     failures: pd.DataFrame
     seconds: Mapping[str, float | None]
     settings: Mapping[str, Any]
+    seeds: int = 1
 
     @property
     def categories(self) -> list[str]:
@@ -87,7 +91,8 @@ def read_results(config_path: Path) -> Results:
     folder = config.artifact_dir(config_path, "evaluate")
     index = storage.read_json(config.artifact_dir(config_path, "dataset") / "index.json")
     categories = list(index["categories"])
-    measured = storage.load_table(folder / "si3dr.csv")[0]
+    seeds = seed_means.read_count(config_path)
+    measured = seed_means.read_table(config_path, seeds)
     paper = paper_results.long_table(categories)
     return Results(
         name=Path(config_path).stem,
@@ -107,6 +112,7 @@ def read_results(config_path: Path) -> Results:
         failures=_read_failures(config_path, categories),
         seconds={name: _stage_seconds(config_path, name, categories) for name in _SCRIPTS},
         settings=config.read(config_path),
+        seeds=seeds,
     )
 
 

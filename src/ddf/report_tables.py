@@ -66,15 +66,24 @@ class Scores:
         found = [self.rows.get((category, *head, metric)) for head in heads]
         return [int(row["images"]) for row in found if row is not None]
 
+    def text(self, category: str, head: Head, metric: str, digits: int) -> str:
+        """The number as printed, `mean ± standard deviation` for a mean over seeds; a dash where there is none."""
+        row = self.rows.get((category, *head, metric))
+        if row is None:
+            return _NOTHING
+        value = f"{float(row['value']):.{digits}f}"
+        return f"{value} ± {float(row['spread']):.{digits}f}" if row["seeds"] > 1 else value
+
     def cell(self, category: str, head: Head, metric: str, best: bool = False, count: bool = False) -> Cell:
-        """A printed number with its standard error and image count as a note; `count` prints the count too."""
+        """A printed number with what its spread is and its image count as a note; `count` prints the count too."""
         row = self.rows.get((category, *head, metric))
         if row is None:
             return Cell(_NOTHING)
-        text = f"{float(row['value']):.{METRIC_LABELS[metric][1]}f}"
+        text = self.text(category, head, metric, METRIC_LABELS[metric][1])
         if pd.isna(row["images"]):
             return Cell(text, best)
-        error = "" if pd.isna(row["spread"]) else f"standard error over images {float(row['spread']):.3g}, "
+        over = f"standard deviation over {row['seeds']:.0f} seeds" if row["seeds"] > 1 else "standard error over images"
+        error = "" if pd.isna(row["spread"]) else f"{over} {float(row['spread']):.3g}, "
         return Cell(f"{text} ({int(row['images'])})" if count else text, best, f"{error}{int(row['images'])} images")
 
 
@@ -187,11 +196,7 @@ def camera_table(table: pd.DataFrame, categories: Sequence[str], caption: str) -
     rows: list[list[Cell | str]] = []
     for category in categories:
         for head in heads:
-            values = [scores.value(category, head, metric) for metric in metrics]
-            texts = [
-                _NOTHING if value is None else f"{value:.{digits}f}"
-                for value, digits in zip(values, metrics.values(), strict=True)
-            ]
+            texts = [scores.text(category, head, metric, digits) for metric, digits in metrics.items()]
             label = f"{METHOD_LABELS[head[0]]}, {CAMERA_LABELS[head[1]]}"
             counts = scores.images(category, [head], next(iter(metrics)))
             rows.append([category if head == heads[0] else "", label, str(counts[0]) if counts else _NOTHING, *texts])

@@ -8,7 +8,14 @@ architecture that maps random points to surface points. Experiment `{name}`: {da
 """
 SYNTHETIC: Final = "synthetic shapes in ShapeNet's layout"
 SHAPENET: Final = "ShapeNet-v1 with 3D-R2N2 renders"
-SOURCE: Final = "Made by `make reproduce-table CONFIG=configs/{name}.yaml`. All numbers are in [si3dr.csv](si3dr.csv)."
+SOURCE: Final = (
+    "Made by `make reproduce-table CONFIG=configs/{name}.yaml{seeds}`. All numbers are in [si3dr.csv](si3dr.csv)."
+)
+SEEDS: Final = """
+Numbers with ± are means over {seeds} seeds of training and cloud drawing, ± the sample standard deviation over seeds;
+no training changes the other numbers.
+"""
+SEED_ZERO: Final = "Of the first of the {seeds} seeds."
 
 RESULTS: Final = """
 Single-image reconstruction, laid out as the paper's table `si3dr`. D<sub>C</sub>: Chamfer distance × 1000, the sum
@@ -78,6 +85,11 @@ methods behave and compare on these shapes; they do not reproduce the paper's Sh
 LIMIT_SIZES: Final = "Sizes differ from the paper's (table below), and so does every number that depends on them."
 LIMIT_SEED: Final = """
 One seed was trained. The standard errors in [si3dr.csv](si3dr.csv) are over images and say nothing about other seeds.
+"""
+LIMIT_SEEDS: Final = """
+{seeds} seeds were trained, all on the same data set and samples. In [si3dr.csv](si3dr.csv) `seeds` says of how many a
+number is the mean; where that is more than one, `spread` is the sample standard deviation over seeds, else the standard
+error over images.
 """
 LIMIT_QUOTED: Final = "P2M and 3D-R2N2 were not run here; their columns are quoted."
 SETTINGS: Final = "Settings that differ from the paper's; `configs/paper.yaml` has the paper's."

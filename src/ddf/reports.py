@@ -112,23 +112,31 @@ def build(results: report_inputs.Results, strips: Mapping[str, bytes], rendered:
     files = {f"strip_{name}.webp": content for name, content in strips.items()} | report_charts.draw(results)
     sections = [
         _results_section(results),
-        _pictures_section(list(strips), rendered),
+        _pictures_section(results, list(strips), rendered),
         _baselines_section(results),
         _one_cycle_section(results),
         _cameras_section(results),
-        pages.Section("Image by image", [_figure("images.svg", texts.SCATTER, "scatter plots of Chamfer distances")]),
+        _images_section(results),
         _training_section(results),
         _data_section(results),
         _times_section(results),
         _limits_section(results),
     ]
     data = texts.SYNTHETIC if results.synthetic else texts.SHAPENET
-    lead = [texts.fill(texts.LEAD, name=results.name, data=data), texts.fill(texts.SOURCE, name=results.name)]
+    seeds = f" SEEDS={results.seeds}" if results.seeds > 1 else ""
+    source = texts.fill(texts.SOURCE, name=results.name, seeds=seeds)
+    lead = [texts.fill(texts.LEAD, name=results.name, data=data), source]
     return pages.Page(f"Results of the experiment {results.name}", lead, sections, files)
 
 
-def _figure(name: str, caption: str, alt: str) -> pages.Figure:
-    return pages.Figure(name, texts.fill(caption), alt)
+def _over_seeds(results: report_inputs.Results, text: str) -> str:
+    """A text on numbers of the long table, with what they are means over when there are several seeds."""
+    return f"{text} {texts.fill(texts.SEEDS, seeds=results.seeds)}" if results.seeds > 1 else text
+
+
+def _of_seed_zero(results: report_inputs.Results, text: str) -> str:
+    """A text on what is shown of seed 0 alone, which it says when there are others."""
+    return f"{text} {texts.fill(texts.SEED_ZERO, seeds=results.seeds)}" if results.seeds > 1 else text
 
 
 def _results_section(results: report_inputs.Results) -> pages.Section:
@@ -138,7 +146,7 @@ def _results_section(results: report_inputs.Results) -> pages.Section:
     caption = texts.fill(texts.RESULTS, tau=tau, large=f"{large:,}", small=f"{small:,}")
     if results.paper_categories:
         caption += " " + texts.fill(texts.PAPER_COLUMNS)
-    table = report_tables.paper_table(results.table, results.categories, caption)
+    table = report_tables.paper_table(results.table, results.categories, _over_seeds(results, caption))
     return pages.Section("Results", [table, tuple(findings(results))])
 
 
@@ -166,8 +174,8 @@ def findings(results: report_inputs.Results) -> list[str]:
     return [*found, texts.fill(texts.CORRECTION, changes=", ".join(changes))] if changes else found
 
 
-def _pictures_section(categories: list[str], rendered: int) -> pages.Section:
-    blocks: list[str | pages.Figure] = [texts.fill(texts.PICTURES, count=rendered)]
+def _pictures_section(results: report_inputs.Results, categories: list[str], rendered: int) -> pages.Section:
+    blocks: list[str | pages.Figure] = [_of_seed_zero(results, texts.fill(texts.PICTURES, count=rendered))]
     for category in categories:
         caption = texts.fill(texts.STRIP, category=category.capitalize())
         alt = texts.fill(texts.STRIP_ALT, category=category)
@@ -176,22 +184,29 @@ def _pictures_section(categories: list[str], rendered: int) -> pages.Section:
 
 
 def _baselines_section(results: report_inputs.Results) -> pages.Section:
-    table = report_tables.baseline_table(results.table, results.categories, texts.fill(texts.BASELINES))
-    return pages.Section(
-        "Baselines and ceilings", [_figure("baselines.svg", texts.BARS, "bar charts of F-scores"), table]
-    )
+    caption = _over_seeds(results, texts.fill(texts.BASELINES))
+    table = report_tables.baseline_table(results.table, results.categories, caption)
+    bars = pages.Figure("baselines.svg", texts.fill(texts.BARS), "bar charts of F-scores")
+    return pages.Section("Baselines and ceilings", [bars, table])
 
 
 def _one_cycle_section(results: report_inputs.Results) -> pages.Section:
     caption = texts.fill(texts.ONE_CYCLE, cycles=results.setting("pointclouds.cloud.cycles"))
-    table = report_tables.one_cycle_table(results.table, results.categories, caption)
+    table = report_tables.one_cycle_table(results.table, results.categories, _over_seeds(results, caption))
     return pages.Section("One projection cycle", [table])
 
 
 def _cameras_section(results: report_inputs.Results) -> pages.Section:
-    table = report_tables.camera_table(results.table, results.categories, texts.fill(texts.CAMERAS))
-    curve = _figure("cameras.svg", texts.CAMERA_CURVES, "cumulative distributions of azimuth errors per category")
+    caption = _over_seeds(results, texts.fill(texts.CAMERAS))
+    table = report_tables.camera_table(results.table, results.categories, caption)
+    caption = _of_seed_zero(results, texts.fill(texts.CAMERA_CURVES))
+    curve = pages.Figure("cameras.svg", caption, "cumulative distributions of azimuth errors per category")
     return pages.Section("Cameras", [table, curve])
+
+
+def _images_section(results: report_inputs.Results) -> pages.Section:
+    caption = _of_seed_zero(results, texts.fill(texts.SCATTER))
+    return pages.Section("Image by image", [pages.Figure("images.svg", caption, "scatter plots of Chamfer distances")])
 
 
 def _training_section(results: report_inputs.Results) -> pages.Section:
@@ -203,8 +218,10 @@ def _training_section(results: report_inputs.Results) -> pages.Section:
             rows.append([model, category, f"{steps:,}", f"{log['loss'].iloc[0]:.3f}", f"{last:.3f}", duration(seconds)])
     header = ["", "", "steps", "first loss", "last loss (mean of 5 %)", "time"]
     layout = [("", len(header), False)]
-    table = pages.Table(texts.TRAINING, layout, header, rows, labels=2, rule_every=len(results.categories))
-    return pages.Section("Training", [_figure("losses.svg", texts.CURVES, "loss curves per model and category"), table])
+    caption = _of_seed_zero(results, texts.TRAINING)
+    table = pages.Table(caption, layout, header, rows, labels=2, rule_every=len(results.categories))
+    caption = _of_seed_zero(results, texts.CURVES)
+    return pages.Section("Training", [pages.Figure("losses.svg", caption, "loss curves per model and category"), table])
 
 
 def _data_section(results: report_inputs.Results) -> pages.Section:
@@ -245,7 +262,7 @@ def _times_section(results: report_inputs.Results) -> pages.Section:
     rows = [[name, "not timed" if value is None else duration(value)] for name, value in results.seconds.items()]
     known = [value for value in results.seconds.values() if value is not None]
     rows.append(["together", duration(sum(known, 0.0))])
-    caption = texts.fill(texts.TIMES, threads=os.cpu_count())
+    caption = _of_seed_zero(results, texts.fill(texts.TIMES, threads=os.cpu_count()))
     return pages.Section("Times", [pages.Table(caption, [("", 2, False)], ["stage", "time"], rows)])
 
 
@@ -254,8 +271,8 @@ def _limits_section(results: report_inputs.Results) -> pages.Section:
     changed = [row for row in given if row[1] not in (row[2], _ALL_VIEWS)]
     limits = [texts.LIMIT_SYNTHETIC] if results.synthetic else []
     limits += [texts.LIMIT_SIZES] if changed else []
-    limits += [texts.LIMIT_SEED, texts.LIMIT_QUOTED]
-    blocks: list[tuple[str, ...] | pages.Table] = [tuple(texts.fill(text) for text in limits)]
+    limits += [texts.LIMIT_SEEDS if results.seeds > 1 else texts.LIMIT_SEED, texts.LIMIT_QUOTED]
+    blocks: list[tuple[str, ...] | pages.Table] = [tuple(texts.fill(text, seeds=results.seeds) for text in limits)]
     if changed:
         blocks.append(pages.Table(texts.SETTINGS, [("", 3, False)], ["", "here", "paper"], changed))
     return pages.Section("What does not reproduce", blocks)
