@@ -8,6 +8,7 @@ MAKEFLAGS += --no-print-directory
 CONFIG ?= configs/cpu.yaml#   the experiment file
 DATA   ?=#                    root that holds ShapeNetCore.v1/ and ShapeNetRendering/ (configs with dataset.source: shapenet)
 LAUNCH ?=#                    goes before every training command
+SEEDS  ?= 1#                  trainings of each model that the tables average; the first is that of SEEDS=1
 JOBS   ?= $(shell nproc)#     trainings side by side; each takes train.loop.threads
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 
@@ -20,25 +21,30 @@ RUN := $(VENV)/bin/python
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONUNBUFFERED := 1
 export LAUNCH := $(strip $(LAUNCH))
+export SEEDS := $(strip $(SEEDS))
 ifneq ($(strip $(DATA)),)
 export DDF_DATA := $(abspath $(strip $(DATA)))
 endif
 
 # One run at a time. The lock is the kernel's: it is gone when the last process of a run is, however that ended; what
-# DVC itself left behind (rwlock) is then stale. DATA is kept per experiment in a file, which the engine can watch.
+# DVC itself left behind (rwlock) is then stale. DATA and SEEDS are kept per experiment in files, which the engine can
+# watch; params.yaml tells it of the stages of further seeds.
 define locked
-@mkdir -p .make .dvc/tmp artifacts/$(NAME) || exit 2; exec 9>>.make/lock || exit 2; \
+@[[ $$SEEDS =~ ^[1-9][0-9]*$$ ]] || { echo "SEEDS=$$SEEDS: must be a whole number, 1 or more" >&2; exit 2; }; \
+mkdir -p .make .dvc/tmp artifacts/$(NAME)/evaluate_seeds || exit 2; exec 9>>.make/lock || exit 2; \
 flock -n 9 || { echo "another run holds this folder (process $$(cat .make/lock.pid 2>/dev/null)); waiting for it to end" >&2; flock 9; }; \
 echo $$$$ > .make/lock.pid; rm -f .dvc/tmp/rwlock; \
 root=artifacts/$(NAME)/data_root; \
 if [ -n "$$DDF_DATA" ] || [ ! -e $$root ]; then cmp -s $$root <<< "$$DDF_DATA" || echo "$$DDF_DATA" > $$root || exit 2; fi; \
 export DDF_DATA="$$(cat $$root)"; \
+seeds=artifacts/$(NAME)/evaluate_seeds/count; cmp -s $$seeds <<< $$SEEDS || echo $$SEEDS > $$seeds || exit 2; \
+python -m ddf.seed_items $(NAME) $$SEEDS || exit 2; \
 $(1)
 endef
 # Stages of one experiment by the name's pattern, side by side: DVC itself runs one at a time. DVC's own lock is held
-# while it looks at files, for longer than the three seconds that it would wait without being told to.
+# while it looks at files, for longer than the three seconds that it would wait without being told to. Seed 0 goes first.
 names = dvc stage list --name-only | grep -E '^$(1)@$(NAME)(-|$$)'
-side_by_side = $(names) | xargs -r -P $(JOBS) -n 1 sh -c 'dvc --wait-for-lock repro --single-item "$$0" || exit 1'
+side_by_side = $(names) | sort -s -t- -k3n | xargs -r -P $(JOBS) -n 1 sh -c 'dvc --wait-for-lock repro --single-item "$$0" || exit 1'
 one_by_one = names=$$($(names)) && dvc repro $$names
 whole_run = dvc status -q --with-deps report@$(NAME) || { $(call one_by_one,samples) && $(call side_by_side,train_[a-z]*) \
 	&& $(call side_by_side,pointclouds) && dvc repro report@$(NAME); }
@@ -47,7 +53,7 @@ check_config = @test -f "$(CONFIG)" || { echo "$(CONFIG): no such experiment fil
 
 ##@ Experiments
 .PHONY: reproduce-table
-reproduce-table: $(READY) ## from nothing to tables, figures and report: CONFIG=configs/cpu.yaml [DATA=/path/to/shapenet]
+reproduce-table: $(READY) ## from nothing to tables, figures and report: CONFIG=configs/cpu.yaml [DATA=/path/to/shapenet] [SEEDS=3]
 	$(check_config)
 	$(call locked,$(whole_run)) && echo "reports/$(NAME)/README.md"
 
@@ -108,7 +114,7 @@ $(READY): requirements.lock pyproject.toml
 
 .PHONY: clean
 clean: ## remove all artefacts (keeps the environment and the committed report)
-	rm -rf artifacts .dvc/cache .dvc/tmp .pytest_cache .ruff_cache
+	rm -rf artifacts params.yaml .dvc/cache .dvc/tmp .pytest_cache .ruff_cache
 
 .PHONY: help
 help: ## this list

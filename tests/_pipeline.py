@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from ddf import config, provenance
+from ddf import config, provenance, seed_items
 
 ROOT = Path(__file__).resolve().parents[1]
 PIPELINE = ROOT / "pipeline.yaml"
@@ -18,10 +18,13 @@ def load() -> dict[str, Any]:
     return yaml.safe_load(PIPELINE.read_text())
 
 
-def expand() -> dict[str, dict[str, Any]]:
-    """Every stage with its items filled in, as `name@key`."""
+def expand(seeds: int = 1) -> dict[str, dict[str, Any]]:
+    """Every stage with its items filled in, as `name@key`; of all experiments with that many seeds."""
     data = load()
-    lists = data["vars"][0]
+    lists = dict(data["vars"][0])
+    for name in lists["experiments"]:
+        for group, items in seed_items.further(data["vars"][0], name, seeds).items():
+            lists[group] = lists[group] | items
     stages = {}
     for name, entry in data["stages"].items():
         for key, item in lists[entry["foreach"].strip("${}")].items():

@@ -51,6 +51,7 @@ ROOMS: dict[str, list[str]] = {
         "evaluation",
         "baselines",
         "paper_results",
+        "seed_items",
         "seed_means",
         "strips",
         "shape_pictures",

@@ -11,6 +11,7 @@ import yaml
 from ddf import config
 
 STAGES = _pipeline.expand()
+SEEDED = _pipeline.expand(seeds=3)
 ONE_OF_EACH = list({name.split("@")[0]: name for name in STAGES}.values())
 CONFIGS = [path for path in sorted((_pipeline.ROOT / "configs").glob("*.yaml")) if not path.stem.endswith("fit")]
 
@@ -19,7 +20,7 @@ def _plain_paths(entries: list[Any]) -> list[str]:
     return [next(iter(entry)) if isinstance(entry, dict) else entry for entry in entries]
 
 
-OUTS = [path for stage in STAGES.values() for path in _plain_paths(stage["outs"])]
+OUTS = [path for stage in SEEDED.values() for path in _plain_paths(stage["outs"])]
 
 
 def _makes(path: str, outs: list[str]) -> bool:
@@ -33,15 +34,15 @@ def test_dvc_yaml_is_a_link_to_the_pipeline():
     assert link.readlink() == Path("pipeline.yaml")
 
 
-@pytest.mark.parametrize("name", STAGES)
+@pytest.mark.parametrize("name", SEEDED)
 def test_deps_exist_or_are_made_by_earlier_stages(name):
     earlier: list[str] = []
-    for other, stage in STAGES.items():
+    for other, stage in SEEDED.items():
         if other == name:
             break
         earlier += _plain_paths(stage["outs"])
-    for dep in _plain_paths(STAGES[name]["deps"]):
-        by_make = re.fullmatch(r"artifacts/\w+/data_root", dep)
+    for dep in _plain_paths(SEEDED[name]["deps"]):
+        by_make = re.fullmatch(r"artifacts/\w+/(data_root|evaluate_seeds)", dep)
         assert by_make or _makes(dep, earlier) or (_pipeline.ROOT / dep).is_file(), dep
 
 
@@ -50,14 +51,14 @@ def test_no_output_is_made_twice():
         assert not _makes(path, OUTS[:i] + OUTS[i + 1 :]), path
 
 
-@pytest.mark.parametrize("name", STAGES)
+@pytest.mark.parametrize("name", SEEDED)
 def test_outputs_carry_the_name_of_their_experiment(name):
     experiment = name.split("@")[1].split("-")[0]
-    paths = _plain_paths(STAGES[name]["outs"])
+    paths = _plain_paths(SEEDED[name]["outs"])
     assert all(path.startswith((f"artifacts/{experiment}/", f"reports/{experiment}")) for path in paths)
-    data = [dep for dep in _plain_paths(STAGES[name]["deps"]) if dep.startswith("artifacts/")]
+    data = [dep for dep in _plain_paths(SEEDED[name]["deps"]) if dep.startswith("artifacts/")]
     assert all(path.startswith(f"artifacts/{experiment}/") for path in data)
-    assert f"--config configs/{experiment}.yaml" in STAGES[name]["cmd"]
+    assert f"--config configs/{experiment}.yaml" in SEEDED[name]["cmd"]
 
 
 @pytest.mark.parametrize("name", ONE_OF_EACH)
@@ -88,7 +89,8 @@ def test_tasks_are_the_categories_of_the_config(path):
     tasks = {key: item for key, item in lists["tasks"].items() if item["config"] == path.stem}
     assert set(tasks) == {f"{path.stem}-{item['category']}" for item in tasks.values()}
     assert [item["category"] for item in tasks.values()] == list(config.read(path)["dataset"]["categories"])
-    assert lists["experiments"][path.stem] == {"config": path.stem}
+    assert lists["experiments"][path.stem] == {"config": path.stem, "option": "", "folder": ""}
+    assert all(item["option"] == item["folder"] == "" for item in tasks.values())
 
 
 def test_every_experiment_has_a_config():
@@ -96,7 +98,7 @@ def test_every_experiment_has_a_config():
 
 
 def test_training_and_resumable_folders_persist():
-    for name, stage in STAGES.items():
+    for name, stage in SEEDED.items():
         options = {key: value for entry in stage["outs"] for key, value in entry.items()}
         resumes = name.split("@")[0] in ("dataset", "meshes", "samples", "train_ddf", "train_pcsiren")
         assert all(option.get("persist", False) == resumes for option in options.values()), name
@@ -104,8 +106,77 @@ def test_training_and_resumable_folders_persist():
 
 
 def test_trainings_can_be_launched_elsewhere():
-    for name, stage in STAGES.items():
+    for name, stage in SEEDED.items():
         assert stage["cmd"].startswith("$LAUNCH ") == name.startswith("train_")
+
+
+# Command after the script, data dependencies and output of every stage of one experiment and category. Whatever changes
+# here runs again on the next `make reproduce-table`, hours of training included.
+RECORDED = {
+    "dataset@cpu": ("make_dataset", "", "data_root", "dataset"),
+    "meshes@cpu-car": ("prepare_meshes", " --category car", "dataset", "meshes/car"),
+    "samples@cpu-car": ("extract_samples", " --category car", "dataset meshes/car", "samples/car"),
+    "train_ddf@cpu-car": ("train_ddf", " --category car", "dataset samples/car", "train_ddf/car"),
+    "train_pcsiren@cpu-car": ("train_pcsiren", " --category car", "dataset samples/car", "train_pcsiren/car"),
+    "export_onnx@cpu-car": ("export_onnx", " --category car", "train_ddf/car train_pcsiren/car", "export_onnx/car"),
+    "pointclouds@cpu-car": (
+        "make_pointclouds",
+        " --category car",
+        "dataset samples/car train_ddf/car train_pcsiren/car",
+        "pointclouds/car",
+    ),
+    "evaluate@cpu": ("evaluate_clouds", "", "dataset samples pointclouds", "evaluate"),
+    "report@cpu": (
+        "write_report",
+        "",
+        "dataset meshes samples pointclouds evaluate evaluate_seeds train_ddf train_pcsiren",
+        None,
+    ),
+    "train_ddf@cpu-car-2": (
+        "train_ddf",
+        " --category car --seed 2",
+        "dataset samples/car",
+        "train_ddf_seeds/2/car",
+    ),
+    "train_pcsiren@cpu-car-2": (
+        "train_pcsiren",
+        " --category car --seed 2",
+        "dataset samples/car",
+        "train_pcsiren_seeds/2/car",
+    ),
+    "pointclouds@cpu-car-2": (
+        "make_pointclouds",
+        " --category car --seed 2",
+        "dataset samples/car train_ddf_seeds/2/car train_pcsiren_seeds/2/car",
+        "pointclouds_seeds/2/car",
+    ),
+    "evaluate@cpu-2": ("evaluate_clouds", " --seed 2", "dataset samples pointclouds_seeds/2", "evaluate_seeds/2"),
+}
+
+
+@pytest.mark.parametrize("name", RECORDED)
+def test_commands_and_paths_are_those_of_the_record(name):
+    stage = SEEDED[name]
+    script, arguments, deps, out = RECORDED[name]
+    launch = "$LAUNCH " if name.startswith("train_") else ""
+    assert stage["cmd"] == f"{launch}python stages/{script}.py --config configs/cpu.yaml{arguments}"
+    data = [dep for dep in stage["deps"] if dep.startswith("artifacts/")]
+    assert data == [f"artifacts/cpu/{dep}" for dep in deps.split()]
+    assert _plain_paths(stage["outs"]) == [f"artifacts/cpu/{out}" if out else "reports/cpu"]
+
+
+def test_further_seeds_leave_the_stages_of_the_first_as_they_are():
+    assert {name: SEEDED[name] for name in STAGES} == STAGES
+    added = {name.split("@")[0] for name in SEEDED.keys() - STAGES.keys()}
+    assert added == {"train_ddf", "train_pcsiren", "pointclouds", "evaluate"}
+    assert len(SEEDED) == len(STAGES) + 2 * (3 * 7 + 3)
+
+
+def test_code_and_params_of_a_further_seed_are_those_of_the_first():
+    for name in SEEDED.keys() - STAGES.keys():
+        first, seeded = STAGES[name.rpartition("-")[0]], SEEDED[name]
+        code = [[dep for dep in stage["deps"] if not dep.startswith("artifacts/")] for stage in (first, seeded)]
+        assert code[0] == code[1] and first["params"] == seeded["params"]
 
 
 def test_stage_scripts_are_thin():
@@ -118,6 +189,6 @@ def test_lock_file_holds_no_absolute_paths_and_known_stages_only():
     if not lock.is_file():
         pytest.skip("no dvc.lock yet")
     stages = yaml.safe_load(lock.read_text())["stages"]
-    assert set(stages) <= set(STAGES)
+    assert {re.sub(r"-\d+$", "", name) for name in stages} <= set(STAGES)
     paths = [entry["path"] for stage in stages.values() for kind in ("deps", "outs") for entry in stage.get(kind, [])]
     assert not [path for path in paths if path.startswith(("/", ".."))]

@@ -80,9 +80,9 @@ class Workspace:
         assert (run.process.wait(timeout=PATIENCE) == 0) == ok, run.output
         return run.output
 
-    def smoke(self) -> list[str]:
+    def smoke(self, *variables: str) -> list[str]:
         """Run the experiment; the stages that ran."""
-        return [name.split("@")[0] for name in re.findall(r"Running stage '(.*)'", self.make("smoke"))]
+        return [name.split("@")[0] for name in re.findall(r"Running stage '(.*)'", self.make("smoke", *variables))]
 
     @property
     def artifacts(self) -> Path:
@@ -91,6 +91,10 @@ class Workspace:
     @property
     def table(self) -> str:
         return (self.artifacts / "evaluate" / "si3dr.csv").read_text()
+
+    @property
+    def report(self) -> str:
+        return (self.root / "reports" / "smoke" / "README.md").read_text()
 
     @contextlib.contextmanager
     def edited(self, file: str, pattern: str, replacement: str) -> Iterator[None]:
@@ -183,6 +187,27 @@ def test_sigkill_and_again_gives_the_same_table(workspace, stage, sign, whole_gr
     workspace.make("smoke")
     assert workspace.table == table
     assert workspace.smoke() == []
+
+
+def test_further_seeds_are_added_and_left_out_again(workspace):
+    table = workspace.table
+    assert sorted(workspace.smoke("SEEDS=2")) == ["evaluate", "pointclouds", "report", "train_ddf", "train_pcsiren"]
+    assert workspace.smoke("SEEDS=2") == []
+    assert (workspace.artifacts / "evaluate_seeds" / "1" / "si3dr.csv").read_text() != table
+    assert workspace.table == table
+    assert "±" in workspace.report
+    run = workspace.start("smoke", "SEEDS=3")
+    run.wait_for(lambda: list(workspace.artifacts.glob("train_ddf_seeds/2/primitives/checkpoint.safetensors")))
+    os.killpg(run.process.pid, signal.SIGKILL)
+    run.process.wait()
+    assert workspace.smoke() == ["report"]
+    assert "±" not in workspace.report
+    assert workspace.smoke("SEEDS=2") == ["report"]
+    assert "evaluate" in workspace.smoke("SEEDS=3")
+    assert "over 3 seeds" in workspace.report
+    assert workspace.smoke() == ["report"]
+    assert workspace.smoke() == []
+    assert workspace.table == table
 
 
 def test_two_calls_at_once_run_one_after_the_other(workspace):
