@@ -1,6 +1,8 @@
-"""The hard cases, one test per case and type."""
+"""The hard cases, one test per case and type; the page `reports/hard_cases.md` is written from the same list."""
 
 import itertools
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,6 +32,13 @@ def test_names_are_unique_and_every_row_is_told():
     names = [(each.group, each.name) for each in _hard_cases.CASES]
     assert len(set(names)) == len(names) > 70
     assert all(each.given and each.expected for each in _hard_cases.CASES)
+
+
+def test_committed_page_is_of_this_list():
+    page = Path(__file__).resolve().parents[1] / "reports" / "hard_cases.json"
+    rows = json.loads(page.read_text(encoding="utf-8"))["rows"]
+    listed = [(row["group"], row["case"], row["given"], row["expected"], row["passed"]) for row in rows]
+    assert listed == [(c.group, c.name, c.given, c.expected, not c.known) for c in _hard_cases.CASES]
 
 
 def test_close_allows_so_much_and_no_more():

@@ -1,4 +1,4 @@
-"""The hard cases: one list, read by tests/test_hard_cases.py."""
+"""The hard cases: one list, read by the tests (tests/test_hard_cases.py) and by the page (bench/hard_cases.py)."""
 
 from . import camera_cases, cloud_cases, curvature_cases, field_cases, mesh_cases, ray_cases, training_cases
 from .case import DTYPES, Case, Outcome
