@@ -102,7 +102,7 @@ sync-deps: $(READY) ## write the real imports of every stage into pipeline.yaml
 	@$(RUN) tests/_pipeline.py
 
 .PHONY: bench
-bench: $(READY) ## speed against error; writes JSON into reports/bench
+bench: $(READY) ## speed against error (reports/bench/*.json) and the page of hard cases
 	@for file in bench/[a-z]*.py; do $(RUN) "$$file" || exit 1; done
 
 ##@ Household
