@@ -39,6 +39,7 @@ ROOMS: dict[str, list[str]] = {
         "si3dr_inference",
         "shape_field",
         "single_shape",
+        "shape_diagnostics",
         "onnx_outputs",
         "onnx_graphs",
         "onnx_parity",
@@ -82,6 +83,7 @@ LIGHT_MODULES = [
     "si3dr_inference",
     "curvature",
     "shape_field",
+    "shape_diagnostics",
 ]
 LIGHT_PACKAGES = {"torch", "torchvision", "numpy", "safetensors", "jaxtyping", "tqdm"}
 
