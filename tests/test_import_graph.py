@@ -62,6 +62,8 @@ ROOMS: dict[str, list[str]] = {
         "paper_ablation",
         "shape_errors",
         "shape_results",
+        "shape_tables",
+        "shape_reports",
         "figures",
         "pages",
         "report_charts",
