@@ -6,7 +6,7 @@ import _models
 import numpy as np
 import pytest
 import torch
-from _shapes import icosphere
+from _shapes import icosphere, joined
 from _support import assert_close
 from PIL import Image
 
@@ -45,6 +45,15 @@ def test_a_single_sheet_has_no_inside(shape):
     corners = np.array([[-0.5, -0.2, 0.1], [0.5, -0.2, 0.0], [0.0, 0.3, 0.0]])
     sheet = mesh_io.Mesh(shape.field_from_mesh.inverse().apply(corners), np.array([[0, 1, 2]]))
     assert "in the shape" not in dict(shape_views.cameras(shape, raycast.Scene(sheet), "y", 0))
+
+
+def test_doubled_faces_and_loose_sheets_do_not_move_the_inner_camera_out(shape):
+    ball = icosphere(3, 0.2)
+    loose = mesh_io.Mesh(np.array([[-0.9, 0.45, -0.7], [0.9, 0.45, -0.7], [0.9, 0.4, 0.7]]), np.array([[0, 1, 2]]))
+    twice = joined(ball, mesh_io.Mesh(ball.vertices, ball.faces[:, ::-1]), loose)
+    mesh = mesh_io.Mesh(shape.field_from_mesh.inverse().apply(twice.vertices), twice.faces)
+    found = dict(shape_views.cameras(shape, raycast.Scene(mesh), "y", 0))
+    assert np.linalg.norm(_place(shape, found["in the shape"])) < 0.15
 
 
 def test_renders_stand_beside_the_truth_of_the_same_rays(shape, ball):

@@ -24,6 +24,7 @@ SLICE_LEVELS = (0.3, 0.5)
 _SLICED = ("visibility", "weight_1", "depth")
 SLICE_COLUMNS = ("ξ", "w₁", "d", "true d")
 _CANDIDATES = 2048  # points that the cameras inside the box and inside the shape are chosen from
+_LOOKS = 64  # directions in which a point must be shut in to be inside
 _LIFT = 1e-3  # of the box's diagonal: a ray into the shape starts so far below its surface
 
 
@@ -69,15 +70,23 @@ def cameras(
 
 
 def _inner_points(scene: raycast.Scene, random: np.random.Generator) -> Float[np.ndarray, "n 3"]:
-    """Middles of chords from the surface along ∓n that lie inside; all middles where no point does (open sheets)."""
+    """Middles of chords from the surface along ∓n: those that the surface encloses best, seen in `_LOOKS` directions.
+
+    No parity and no orientation, so that doubled, flipped and open parts of collected meshes do no harm.
+    """
     points, face = meshes.sample_surface(scene.mesh, _CANDIDATES // 2, random)
     inwards = np.concatenate([-scene.normals[face], scene.normals[face]])
     starts = np.concatenate([points, points]) + _LIFT * scene.mesh.diagonal() * inwards
     depth, _ = scene.first_hits(starts, inwards)
     met = np.isfinite(depth)
     middles = starts[met] + 0.5 * depth[met, None] * inwards[met]
-    inside = ~scene.outside(middles) if len(middles) else np.zeros(0, dtype=bool)
-    return middles[inside] if inside.any() else middles
+    if not len(middles):
+        return middles
+    looks = raycast.sphere_directions(_LOOKS)
+    along = np.tile(looks, (len(middles), 1))
+    blocked = scene.blocked_local(scene.local(np.repeat(middles, _LOOKS, axis=0)), along)
+    share = blocked.reshape(len(middles), _LOOKS).mean(axis=1)
+    return middles[share == share.max()]
 
 
 def _farthest(scene: raycast.Scene, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"] | None:
