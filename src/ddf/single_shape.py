@@ -98,7 +98,7 @@ class AblationConfig:
         _check_budget("fit.ablation", self.steps, self.minutes)
 
 
-_PAGE, _ABLATION = PageConfig(168, "y", 20_000), AblationConfig(500_000, 25_000, None, 0.4)
+_PAGE, _ABLATION = PageConfig(168, "y", 20_000), AblationConfig(500_000, 25_000, None, 0.75)
 
 
 @dataclass(frozen=True)
