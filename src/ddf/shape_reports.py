@@ -69,7 +69,8 @@ the paper {paper_count} of {whole} ({paper_types}).
 """
 _CURVES: Final = "Total loss (thick, smoothed) and its terms without their weights."
 _LIMITS: Final = (
-    "One seed, one shape. The budget is a small fraction of the paper's; `configs/paper_fit.yaml` has its sizes.",
+    "One seed, one shape, and not the paper's. `configs/paper_fit.yaml` has the paper's sizes, losses and steps, but "
+    "for its plateau schedule; `configs/fit.yaml` a small fraction of them.",
     "Budgets in minutes give as many steps as the machine manages: another machine fits a little better or worse.",
 )
 

@@ -28,7 +28,7 @@ def errors(table: pd.DataFrame, caption: str) -> pages.Table:
         own = table[table["metric"] == f"normal_angle_deg_{metric}"].set_index("type")["value"]
         cells = [f"{own[kind]:.1f}°" if kind in own else "" for kind in (*TYPES, ALL)]
         rows.append([name, "here", *cells])
-    layout = [("", 2, False), ("held-out samples of type", len(TYPES), False), ("", 1, False)]
+    layout = [("", 2, False), ("held-out", len(TYPES), False), ("", 1, False)]
     return pages.Table(caption, layout, ["", "", *TYPES, "U, A, B"], rows, labels=2)
 
 
