@@ -62,6 +62,27 @@ smoke: NAME := smoke
 smoke: $(READY) ## synthetic primitives through every stage, in minutes
 	$(call locked,$(whole_run) && $(call one_by_one,export_onnx)) && echo "reports/smoke/README.md"
 
+# One field for one shape: another kind of experiment file, with the section `fit` alone.
+SHAPE_STAGES := fit_shape ablate_samples report_shape
+SHAPE_TARGETS := fit-shape $(addprefix stage-,$(SHAPE_STAGES))
+$(SHAPE_TARGETS): CONFIG := configs/fit.yaml
+$(SHAPE_TARGETS): NAME = $(basename $(notdir $(CONFIG)))
+check_shape_config = @grep -qs "^fit:" "$(CONFIG)" || { echo "$(CONFIG): no such file with a section fit; CONFIG is one of: $$(echo $$(grep -l '^fit:' configs/*.yaml))" >&2; exit 2; }; \
+	grep -q "^ *shapes: \[[^]]*\b$(NAME)\b" pipeline.yaml || { echo "$(CONFIG): pipeline.yaml has no shape '$(NAME)'; add it to the list shapes" >&2; exit 2; }
+# The mesh is named by the config alone; its checksum is kept in a file, which the engine can watch.
+record_mesh = mesh=$$(sed -n 's/^  mesh: *\([^ ]*\).*/\1/p' "$(CONFIG)"); made=artifacts/$(NAME)/mesh.sha256; \
+	sum=$$(cat "$$mesh" 2>/dev/null | sha256sum); cmp -s $$made <<< "$$sum" || echo "$$sum" > $$made
+
+.PHONY: fit-shape
+fit-shape: $(READY) ## one field for one shape, what each sample type is worth, and their page: [CONFIG=configs/paper_fit.yaml]
+	$(check_shape_config)
+	$(call locked,$(record_mesh) && $(call one_by_one,report_shape)) && echo "reports/$(NAME)/README.md"
+
+.PHONY: $(addprefix stage-,$(SHAPE_STAGES))
+$(addprefix stage-,$(SHAPE_STAGES)): stage-%: $(READY)
+	$(check_shape_config)
+	$(call locked,$(record_mesh) && $(call one_by_one,$*))
+
 STAGES := dataset meshes samples train_ddf train_pcsiren export_onnx pointclouds evaluate report
 .PHONY: $(addprefix stage-,$(STAGES))
 $(addprefix stage-,$(STAGES)): stage-%: $(READY) ## one stage (dataset, meshes, ..., report) and what it needs

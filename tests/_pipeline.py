@@ -27,8 +27,9 @@ def expand(seeds: int = 1) -> dict[str, dict[str, Any]]:
             lists[group] = lists[group] | items
     stages = {}
     for name, entry in data["stages"].items():
-        for key, item in lists[entry["foreach"].strip("${}")].items():
-            stages[f"{name}@{key}"] = _fill(entry["do"], item)
+        items = lists[entry["foreach"].strip("${}")]
+        for key in items:
+            stages[f"{name}@{key}"] = _fill(entry["do"], items[key] if isinstance(items, dict) else key)
     return stages
 
 
@@ -73,12 +74,15 @@ def sync() -> None:
     PIPELINE.write_text(head + "".join(entries))
 
 
-def _fill(value: Any, item: dict[str, Any]) -> Any:
+def _fill(value: Any, item: dict[str, Any] | str) -> Any:
+    """With the parts of the item in place; an item of a plain list is itself what is filled in."""
     if isinstance(value, dict):
         return {_fill(key, item): _fill(inner, item) for key, inner in value.items()}
     if isinstance(value, list):
         return [_fill(inner, item) for inner in value]
-    if isinstance(value, str):
+    if isinstance(value, str) and isinstance(item, str):
+        return value.replace("${item}", item)
+    if isinstance(value, str) and isinstance(item, dict):
         for key, replacement in item.items():
             value = value.replace("${item." + key + "}", str(replacement))
     return value

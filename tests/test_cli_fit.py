@@ -51,6 +51,8 @@ TINY = {
         "log_every": 5,
         "checkpoint_seconds": 100.0,
     },
+    "page": {"picture_size": 12, "up": "y", "rays": 50},
+    "ablation": {"samples": 600, "held_out": 50, "steps": 3, "minutes": None},
 }
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -21,6 +21,7 @@ ROOMS: dict[str, list[str]] = {
         "raycast",
         "packing",
         "sampling",
+        "shape_mesh",
         "sample_shards",
         "clouds",
         "cloud_io",
@@ -39,6 +40,8 @@ ROOMS: dict[str, list[str]] = {
         "si3dr_inference",
         "shape_field",
         "single_shape",
+        "shape_diagnostics",
+        "sample_ablation",
         "onnx_outputs",
         "onnx_graphs",
         "onnx_parity",
@@ -55,6 +58,12 @@ ROOMS: dict[str, list[str]] = {
         "seed_means",
         "strips",
         "shape_pictures",
+        "shape_views",
+        "paper_ablation",
+        "shape_errors",
+        "shape_results",
+        "shape_tables",
+        "shape_reports",
         "figures",
         "pages",
         "report_charts",
@@ -82,6 +91,7 @@ LIGHT_MODULES = [
     "si3dr_inference",
     "curvature",
     "shape_field",
+    "shape_diagnostics",
 ]
 LIGHT_PACKAGES = {"torch", "torchvision", "numpy", "safetensors", "jaxtyping", "tqdm"}
 

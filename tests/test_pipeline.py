@@ -13,7 +13,9 @@ from ddf import config
 STAGES = _pipeline.expand()
 SEEDED = _pipeline.expand(seeds=3)
 ONE_OF_EACH = list({name.split("@")[0]: name for name in STAGES}.values())
-CONFIGS = [path for path in sorted((_pipeline.ROOT / "configs").glob("*.yaml")) if not path.stem.endswith("fit")]
+FILES = sorted((_pipeline.ROOT / "configs").glob("*.yaml"))
+SHAPES = [path for path in FILES if path.stem.endswith("fit")]
+CONFIGS = [path for path in FILES if path not in SHAPES]
 
 
 def _plain_paths(entries: list[Any]) -> list[str]:
@@ -42,7 +44,7 @@ def test_deps_exist_or_are_made_by_earlier_stages(name):
             break
         earlier += _plain_paths(stage["outs"])
     for dep in _plain_paths(SEEDED[name]["deps"]):
-        by_make = re.fullmatch(r"artifacts/\w+/(data_root|evaluate_seeds)", dep)
+        by_make = re.fullmatch(r"artifacts/\w+/(data_root|evaluate_seeds|mesh\.sha256)", dep)
         assert by_make or _makes(dep, earlier) or (_pipeline.ROOT / dep).is_file(), dep
 
 
@@ -76,7 +78,7 @@ def test_params_are_the_sections_that_the_script_reads(name):
 
 
 def test_params_exist_in_the_config():
-    contents = {path.relative_to(_pipeline.ROOT).as_posix(): set(config.read(path)) for path in CONFIGS}
+    contents = {path.relative_to(_pipeline.ROOT).as_posix(): set(config.read(path)) for path in FILES}
     for name, stage in STAGES.items():
         for entry in stage["params"]:
             for file, sections in entry.items():
@@ -95,19 +97,23 @@ def test_tasks_are_the_categories_of_the_config(path):
 
 def test_every_experiment_has_a_config():
     assert set(_pipeline.load()["vars"][0]["experiments"]) == {path.stem for path in CONFIGS}
+    assert set(_pipeline.load()["vars"][0]["shapes"]) == {path.stem for path in SHAPES}
+
+
+RESUMING = ("dataset", "meshes", "samples", "train_ddf", "train_pcsiren", "fit_shape", "ablate_samples")
 
 
 def test_training_and_resumable_folders_persist():
     for name, stage in SEEDED.items():
         options = {key: value for entry in stage["outs"] for key, value in entry.items()}
-        resumes = name.split("@")[0] in ("dataset", "meshes", "samples", "train_ddf", "train_pcsiren")
+        resumes = name.split("@")[0] in RESUMING
         assert all(option.get("persist", False) == resumes for option in options.values()), name
         assert all(option["cache"] is False for option in options.values()), name
 
 
 def test_trainings_can_be_launched_elsewhere():
     for name, stage in SEEDED.items():
-        assert stage["cmd"].startswith("$LAUNCH ") == name.startswith("train_")
+        assert stage["cmd"].startswith("$LAUNCH ") == name.startswith(("train_", "fit_shape", "ablate_samples"))
 
 
 # Command after the script, data dependencies and output of every stage of one experiment and category. Whatever changes
@@ -150,6 +156,9 @@ RECORDED = {
         "dataset samples/car train_ddf_seeds/2/car train_pcsiren_seeds/2/car",
         "pointclouds_seeds/2/car",
     ),
+    "fit_shape@fit": ("fit_shape", "", "mesh.sha256", "fit_shape"),
+    "ablate_samples@fit": ("ablate_samples", "", "mesh.sha256", "ablate_samples"),
+    "report_shape@fit": ("write_shape_report", "", "fit_shape ablate_samples", None),
     "evaluate@cpu-2": ("evaluate_clouds", " --seed 2", "dataset samples pointclouds_seeds/2", "evaluate_seeds/2"),
 }
 
@@ -158,11 +167,12 @@ RECORDED = {
 def test_commands_and_paths_are_those_of_the_record(name):
     stage = SEEDED[name]
     script, arguments, deps, out = RECORDED[name]
-    launch = "$LAUNCH " if name.startswith("train_") else ""
-    assert stage["cmd"] == f"{launch}python stages/{script}.py --config configs/cpu.yaml{arguments}"
+    launch = "$LAUNCH " if name.startswith(("train_", "fit_shape", "ablate_samples")) else ""
+    experiment = name.split("@")[1].split("-")[0]
+    assert stage["cmd"] == f"{launch}python stages/{script}.py --config configs/{experiment}.yaml{arguments}"
     data = [dep for dep in stage["deps"] if dep.startswith("artifacts/")]
-    assert data == [f"artifacts/cpu/{dep}" for dep in deps.split()]
-    assert _plain_paths(stage["outs"]) == [f"artifacts/cpu/{out}" if out else "reports/cpu"]
+    assert data == [f"artifacts/{experiment}/{dep}" for dep in deps.split()]
+    assert _plain_paths(stage["outs"]) == [f"artifacts/{experiment}/{out}" if out else f"reports/{experiment}"]
 
 
 def test_further_seeds_leave_the_stages_of_the_first_as_they_are():

@@ -5,7 +5,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from ddf import checks, curvature, fields, pointclouds, rays, shape_field, storage, training, transforms
+from ddf import checks, curvature, derivatives, fields, pointclouds, rays, shape_field, storage, training, transforms
 
 CONFIG = fields.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 10.0)
 LOWER, UPPER = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
@@ -137,6 +137,30 @@ def test_no_rays_and_all_missing_give_empty_and_background(shape):
     found, evaluated = shape_field.query(shape, _in_mesh_frame(p, v), shape_field.OUTPUTS)
     assert evaluated == 0
     assert found["depth"].tolist() == [np.inf]
+
+
+def test_components_are_weight_and_normals_of_both_depths(shape):
+    p, v = _rays()
+    found, _ = shape_field.query(shape, _in_mesh_frame(p, v), ["visibility", "normals", *shape_field.COMPONENT_OUTPUTS])
+    seen = found["visibility"] >= 0.5
+    start = p.float().requires_grad_()
+    raw = shape.field(start, v.float())
+    np.testing.assert_allclose(found["weight_1"][seen], torch.sigmoid(raw[:, 2]).detach().numpy()[seen], atol=1e-4)
+    for i in range(2):
+        (gradient,) = torch.autograd.grad(shape.field.depths(raw)[:, i].sum(), start, retain_graph=True)
+        expected = derivatives.normals(gradient, v.float()).numpy()
+        np.testing.assert_allclose(found[f"normals_{i + 1}"][seen], expected[seen], atol=1e-3)
+        heavier = seen & ((found["weight_1"] >= 0.5) == (i == 0))
+        np.testing.assert_allclose(found[f"normals_{i + 1}"][heavier], found["normals"][heavier], atol=1e-5)
+    assert seen.any()
+    assert not found["normals_1"][~seen].any()
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_camera_at_a_point_stands_there(shape, up):
+    for place in (np.array([0.3, -0.2, 0.7]), np.array([0.0, 0.4, 0.0]), np.zeros(3)):
+        starts, _ = shape_field.camera_rays(shape, shape_field.camera_at(shape, place, up), 2, up)
+        np.testing.assert_allclose(starts[0], place, atol=1e-12)
 
 
 @pytest.mark.parametrize("up", ["y", "z"])

@@ -187,6 +187,44 @@ def test_bad_configs_are_refused(changes, message):
         dataclasses.replace(TINY, **changes)
 
 
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: single_shape.PageConfig(4, "y", 10), "fit.page.picture_size must be in 8..1024; got 4"),
+        (lambda: single_shape.PageConfig(8, "y", 0), "fit.page.rays must be >= 1; got 0"),
+        (lambda: single_shape.AblationConfig(5, 10, 1, None), "fit.ablation.samples must be >= 6; got 5"),
+        (lambda: single_shape.AblationConfig(6, 0, 1, None), "fit.ablation.held_out must be >= 1; got 0"),
+        (lambda: single_shape.AblationConfig(6, 1, None, None), "fit.ablation.steps or fit.ablation.minutes must be"),
+        (lambda: single_shape.AblationConfig(6, 1, None, -1.0), "fit.ablation.minutes must be > 0 or null; got -1.0"),
+    ],
+)
+def test_bad_page_and_ablation_sections_are_refused(make, message):
+    with pytest.raises(checks.InputError, match=message):
+        make()
+
+
+def test_page_and_ablation_are_no_part_of_the_fit(tmp_path, monkeypatch):
+    first = single_shape.fit(cube(), TINY, tmp_path)
+    changed = dataclasses.replace(
+        TINY, page=single_shape.PageConfig(9, "z", 7), ablation=single_shape.AblationConfig(60, 7, 7, None)
+    )
+    monkeypatch.setattr(single_shape, "step_loss", lambda *_: pytest.fail("trained again"))
+    assert single_shape.fit(cube(), changed, tmp_path)["held_out"] == first["held_out"]
+
+
+def test_a_left_out_type_gives_its_share_of_a_step_to_the_others():
+    samples, _ = single_shape.draw_samples(cube(), TINY, TINY.samples, "train")
+    counts = {"U": 400, "A": 400, "B": 200, "S": 100, "T": 200, "O": 150, "E": 50}
+    assert samples.batch_counts(counts) == counts
+    fewer = samples.without("S").batch_counts(counts)
+    assert "S" not in fewer and fewer["E"] == 50
+    assert abs(sum(fewer.values()) - sum(counts.values())) <= 3
+    assert fewer["U"] == round(400 * 1450 / 1350)
+    batch = samples.without("S").batch(fewer, np.random.default_rng(0))
+    assert batch.positions.shape == (1, sum(fewer.values()), 3)
+    assert batch.span("S", "S").start == batch.span("S", "S").stop
+
+
 def test_mesh_without_area_is_refused(tmp_path):
     line = mesh_io.Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2]]))
     with pytest.raises(checks.InputError, match="must have a triangle with an area"):

@@ -3,7 +3,7 @@
 Rays come in the mesh's own frame and unit. They are moved to the field frame in float64, enter the field's box by the
 slab test, and are narrowed to float32 only there, so that a camera 1e3 box lengths away costs no precision. Rays that
 miss the box are never evaluated. Where the box is missed, or visibility is below 1/2, nothing is seen: depth is `inf`,
-normals and curvatures are 0.
+every other output is 0.
 """
 
 from collections.abc import Collection
@@ -16,11 +16,23 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ddf import cameras, checks, curvature, pointclouds, rays, rendering, storage, training, transforms
-from ddf.fields import PDDF, PDDFConfig, visibility
+from ddf import (
+    cameras,
+    checks,
+    curvature,
+    derivatives,
+    pointclouds,
+    rays,
+    rendering,
+    storage,
+    training,
+    transforms,
+)
+from ddf.fields import NUM_COMPONENTS, PDDF, WEIGHT_ROW, PDDFConfig, visibility
 
 KIND = "single_shape"  # of the file's record
-OUTPUTS = (*rendering.OUTPUTS, *curvature.OUTPUTS)
+COMPONENT_OUTPUTS = ("weight_1", "normals_1", "normals_2")  # w_1, n_1, n_2 of the mixture's two components
+OUTPUTS = (*rendering.OUTPUTS, *curvature.OUTPUTS, *COMPONENT_OUTPUTS)
 SEEN = 0.5  # visibility from which on a surface counts as seen
 CHUNK_RAYS = 16384  # speed and memory only
 _UP_FROM_Y = {"y": np.eye(3), "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])}
@@ -80,7 +92,9 @@ def load(path: Path) -> ShapeField:
 def evaluate(
     field: PDDF, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], outputs: Collection[str]
 ) -> dict[str, Tensor]:
-    """Named outputs in the field frame, as `rendering.query`, and the curvatures; no pass that nothing asks for.
+    """Named outputs in the field frame: those of `rendering.query`, the curvatures and those of `components`.
+
+    No pass that nothing asks for.
 
     Raises:
       InputError: an output that does not exist.
@@ -88,9 +102,13 @@ def evaluate(
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
         raise checks.InputError(f"outputs must be among {', '.join(OUTPUTS)}; got {', '.join(unknown)}")
+    parts = components(field, positions, directions, outputs)
+    others = [name for name in outputs if name not in COMPONENT_OUTPUTS]
     curvatures = [name for name in curvature.OUTPUTS if name in outputs]
-    if not curvatures:
-        return rendering.query(field, positions, directions, None, outputs)
+    if others and not curvatures:
+        return parts | rendering.query(field, positions, directions, None, others)
+    if not others:
+        return parts
     surface = curvature.surface(field, positions, directions, None, curvatures)
     found = {
         "visibility": visibility(surface.raw),
@@ -99,7 +117,29 @@ def evaluate(
         "mean_curvature": surface.mean,
         "gaussian_curvature": surface.gaussian,
     }
-    return {name: values for name, values in found.items() if name in outputs and values is not None}
+    return parts | {name: values for name, values in found.items() if name in outputs and values is not None}
+
+
+def components(
+    field: PDDF, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], outputs: Collection[str]
+) -> dict[str, Tensor]:
+    """What the components of the mixture say by themselves, field frame; only what is asked for.
+
+    weight_1 (n) is w_1 in [0, 1]; where it is at least 1/2 component 1 gives the output. normals_1, normals_2 (n, 3)
+    are n_i = ±∇_p d_i/‖∇_p d_i‖, facing back, of both components, whichever is heavier: the lighter one may show the
+    surface behind the visible one. Source: [DDF22] §3.3, fig. `seethrough`.
+    """
+    if not set(outputs) & set(COMPONENT_OUTPUTS):
+        return {}
+    trace = derivatives.trace(field.network, torch.cat((positions, directions), dim=-1))
+    found = {}
+    if "weight_1" in outputs:
+        found["weight_1"] = torch.sigmoid(trace.outputs[..., WEIGHT_ROW])
+    for row, name in zip(torch.eye(NUM_COMPONENTS).to(trace.outputs), ("normals_1", "normals_2"), strict=True):
+        if name in outputs:
+            gradient = derivatives.adjoint(field.network, trace.slopes, row.expand(len(positions), -1))
+            found[name] = derivatives.normals(gradient, directions)
+    return found
 
 
 @torch.no_grad()
@@ -113,7 +153,8 @@ def query(
       outputs: some of `OUTPUTS`.
     Returns:
       visibility (n) in [0, 1], 0 where the box is missed; depth (n) in mesh units; normals (n, 3), unit, facing back;
-      mean_curvature (n) in 1/mesh unit and gaussian_curvature (n) in 1/mesh unit², signs as in `curvature.surface`.
+      mean_curvature (n) in 1/mesh unit and gaussian_curvature (n) in 1/mesh unit², signs as in `curvature.surface`;
+      weight_1 (n), normals_1 and normals_2 (n, 3) as in `components`.
     Raises:
       InputError: an output that does not exist.
     """
@@ -123,8 +164,9 @@ def query(
     scale = shape.field_from_mesh.scale
     if "depth" in found:
         found["depth"] = found["depth"] / scale
-    if "normals" in found:
-        found["normals"] = shape.field_from_mesh.inverse().apply_directions(found["normals"])
+    for name in ("normals", "normals_1", "normals_2"):
+        if name in found:
+            found[name] = shape.field_from_mesh.inverse().apply_directions(found[name])
     if "mean_curvature" in found:
         found["mean_curvature"] = found["mean_curvature"] * scale
     if "gaussian_curvature" in found:
@@ -180,10 +222,23 @@ def camera_rays(
     azimuth, elevation, radius = torch.tensor(camera, dtype=torch.float64)
     pixels = cameras.pixel_directions(size, torch.float64).reshape(-1, 3)
     centre, world = cameras.pixel_rays(torch.deg2rad(azimuth), torch.deg2rad(elevation), radius, pixels)
-    diagonal = np.linalg.norm(shape.upper - shape.lower)
-    turn = shape.field_from_mesh.rotation @ _UP_FROM_Y[up]
-    start = (diagonal / transforms.BENCHMARK_FROM_V1) * (turn @ centre.numpy()) + (shape.lower + shape.upper) / 2
+    box_centre, unit, turn = _camera_frame(shape, up)
+    start = unit * (turn @ centre.numpy()) + box_centre
     return np.broadcast_to(start, world.shape).copy(), world.numpy() @ turn.T
+
+
+def camera_at(shape: ShapeField, position: Float[np.ndarray, "3"], up: str = "y") -> tuple[float, float, float]:
+    """Azimuth and elevation (degrees) and radius of the camera of `camera_rays` that stands at a point, field frame."""
+    box_centre, unit, turn = _camera_frame(shape, up)
+    x, y, z = turn.T @ (position - box_centre) / unit
+    level = np.hypot(x, z)
+    return float(np.degrees(np.arctan2(z, x))), float(np.degrees(np.arctan2(y, level))), float(np.hypot(level, y))
+
+
+def _camera_frame(shape: ShapeField, up: str) -> tuple[Float[np.ndarray, "3"], float, Float[np.ndarray, "3 3"]]:
+    """The box's centre, field units per benchmark unit, and the rotation from benchmark to field axes."""
+    unit = float(np.linalg.norm(shape.upper - shape.lower)) / transforms.BENCHMARK_FROM_V1
+    return (shape.lower + shape.upper) / 2, unit, shape.field_from_mesh.rotation @ _UP_FROM_Y[up]
 
 
 def render(

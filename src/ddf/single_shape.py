@@ -9,6 +9,7 @@ these steps, so the learning rate still ends at zero. Their number is kept in `p
 """
 
 import copy
+import dataclasses
 import functools
 import hashlib
 import time
@@ -47,6 +48,59 @@ _WARM_UP_STEPS = 3  # of a calibration, not counted: allocation, first touches
 _LEAST_STEPS = 10
 
 
+def _check_budget(where: str, steps: int | None, minutes: float | None) -> None:
+    """Raise unless a fit has at least one budget, and a possible one."""
+    if steps is None and minutes is None:
+        raise checks.InputError(f"{where}.steps or {where}.minutes must be given; both are null")
+    if steps is not None and steps < 1:
+        raise checks.InputError(f"{where}.steps must be >= 1 or null; got {steps}")
+    if minutes is not None and not 0 < minutes < float("inf"):
+        raise checks.InputError(f"{where}.minutes must be > 0 or null; got {minutes}")
+
+
+@dataclass(frozen=True)
+class PageConfig:
+    """Section `fit.page`: pictures and diagnostics of the fitted field.
+
+    picture_size: pixels a side. up: axis of the mesh that points up. rays: random rays that the diagnostics are over.
+    """
+
+    picture_size: int
+    up: Literal["y", "z"]
+    rays: int
+
+    def __post_init__(self) -> None:
+        if not 8 <= self.picture_size <= 1024:
+            raise checks.InputError(f"fit.page.picture_size must be in 8..1024; got {self.picture_size}")
+        if self.rays < 1:
+            raise checks.InputError(f"fit.page.rays must be >= 1; got {self.rays}")
+
+
+@dataclass(frozen=True)
+class AblationConfig:
+    """Section `fit.ablation`: one fit without each sample type and one with all (`sample_ablation`).
+
+    samples: drawn for each fit, all types together. held_out: per type, for the errors.
+    steps, minutes: the budget of each fit, as in `FitConfig`; minutes set the steps of the fit with all types, and the
+      other fits take as many.
+    """
+
+    samples: int
+    held_out: int
+    steps: int | None
+    minutes: float | None
+
+    def __post_init__(self) -> None:
+        if self.samples < len(losses.ORDER) - 1:
+            raise checks.InputError(f"fit.ablation.samples must be >= {len(losses.ORDER) - 1}; got {self.samples}")
+        if self.held_out < 1:
+            raise checks.InputError(f"fit.ablation.held_out must be >= 1; got {self.held_out}")
+        _check_budget("fit.ablation", self.steps, self.minutes)
+
+
+_PAGE, _ABLATION = PageConfig(168, "y", 20_000), AblationConfig(500_000, 25_000, None, 0.75)
+
+
 @dataclass(frozen=True)
 class FitConfig:
     """Section `fit`: a field, and how it is fitted to one shape.
@@ -58,6 +112,8 @@ class FitConfig:
     batch: oriented points per type in a step, E the extra uniform ones.
     epsilon_o: offset of O samples, field units.
     box: the shape's own box (a cube, where that is too thin) or the cube [-1, 1]^3.
+    page, ablation: read by the stages `fit_shape` and `ablate_samples` alone; no part of the fit itself, and not needed
+      for `ddf fit`.
     """
 
     mesh: str | None
@@ -71,21 +127,23 @@ class FitConfig:
     epsilon_o: float
     box: Literal["tight", "cube"]
     loop: training.LoopConfig
+    page: PageConfig = _PAGE
+    ablation: AblationConfig = _ABLATION
 
     def __post_init__(self) -> None:
         if sorted(self.batch) != sorted(losses.ORDER) or min(self.batch.values()) < 1:
             raise checks.InputError(f"fit.batch must give each of {', '.join(losses.ORDER)} >= 1; got {self.batch}")
-        if self.steps is None and self.minutes is None:
-            raise checks.InputError("fit.steps or fit.minutes must be given; both are null")
-        if self.steps is not None and self.steps < 1:
-            raise checks.InputError(f"fit.steps must be >= 1 or null; got {self.steps}")
-        if self.minutes is not None and not 0 < self.minutes < float("inf"):
-            raise checks.InputError(f"fit.minutes must be > 0 or null; got {self.minutes}")
+        _check_budget("fit", self.steps, self.minutes)
         self.draw(self.box, self.samples, 0)
 
     def draw(self, box: Literal["tight", "cube"], counts: sampling.Counts, seed: int) -> sampling.SamplesConfig:
         """What `sampling.extract` draws."""
         return sampling.SamplesConfig(counts, self.epsilon_o, "fixed", box, seed=seed)
+
+    def recipe(self) -> dict[str, Any]:
+        """What decides the fitted field: everything but `page` and `ablation`."""
+        own = [item.name for item in dataclasses.fields(self) if item.name not in ("page", "ablation")]
+        return {name: getattr(self, name) for name in own}
 
 
 DEFAULT = FitConfig(
@@ -105,14 +163,31 @@ DEFAULT = FitConfig(
 
 @dataclass(frozen=True)
 class ShapeSamples:
-    """Decoded samples of one shape by type, float32, and its box, field frame; depth is 0 on a miss."""
+    """Decoded samples of one shape by type, float32, and its box, field frame; depth is 0 on a miss.
+
+    A type may be absent: the field is then fitted without it.
+    """
 
     arrays: Mapping[str, Mapping[str, Tensor]]
     lower: Float[np.ndarray, "3"]
     upper: Float[np.ndarray, "3"]
 
+    def without(self, kind: str) -> "ShapeSamples":
+        """The same without one type."""
+        return ShapeSamples({name: part for name, part in self.arrays.items() if name != kind}, self.lower, self.upper)
+
+    def batch_counts(self, counts: Mapping[str, int]) -> dict[str, int]:
+        """The counts per step with the share of absent types given to the others, in their proportions.
+
+        So a step sees as many supervised points whichever type is left out ([DDF22] app. `dataablation` keeps the
+        number of samples; what a minibatch holds it does not say).
+        """
+        whole = sum(counts[kind] for kind in losses.ORDER[1:])
+        kept = sum(counts[kind] for kind in self.arrays)
+        return {"E": counts["E"], **{kind: round(counts[kind] * whole / kept) for kind in self.arrays}}
+
     def batch(self, counts: Mapping[str, int], random: np.random.Generator) -> losses.SampleBatch:
-        """Random samples of every type, with repetition, and `counts["E"]` uniform points of the box without truth."""
+        """Random samples of each type that is there, with repetition, and `counts["E"]` uniform points of the box."""
         extra = counts["E"]
         position = random.uniform(self.lower, self.upper, (extra, 3)).astype(np.float32)
         direction = random.standard_normal((extra, 3)).astype(np.float32)
@@ -126,7 +201,7 @@ class ShapeSamples:
                 "normals": torch.zeros(extra, 3),
             }
         ]
-        for kind in losses.ORDER[1:]:
+        for kind in [name for name in losses.ORDER if name in self.arrays]:
             stored = self.arrays[kind]
             rows = torch.from_numpy(random.integers(0, len(stored["depth"]), counts[kind]))
             chosen.append({name: values[rows] for name, values in stored.items()})
@@ -166,7 +241,7 @@ def step_loss(
 ) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
     """𝔏_S of the batch of one step, which depends on the seed and the step's number alone."""
     random = np.random.default_rng((config.loop.seed, step))
-    batch = samples.batch(config.batch, random).to(field.network.head.weight.device)
+    batch = samples.batch(samples.batch_counts(config.batch), random).to(field.network.head.weight.device)
     return losses.shape_loss(field, batch, None, config.weights)
 
 
@@ -209,13 +284,20 @@ def _plan(
     return steps
 
 
-def fit(raw: mesh_io.Mesh, config: FitConfig, out_dir: Path, source: Mapping[str, str] | None = None) -> dict[str, Any]:
+def fit(
+    raw: mesh_io.Mesh,
+    config: FitConfig,
+    out_dir: Path,
+    source: Mapping[str, str] | None = None,
+    without: str | None = None,
+) -> dict[str, Any]:
     """Fit a field to a mesh in its own frame; write model.safetensors (`shape_field.load`), log.csv and fit.json.
 
     Resumes from `out_dir` if an earlier run with the same mesh, config and code was stopped there.
 
     Args:
       source: name to checksum of the file that the mesh came from, for the record.
+      without: a sample type that the field is not trained on; the held-out errors are of all six.
     Returns:
       The content of fit.json: held_out (`held_out_errors`), seconds, parameters, steps, seconds_per_step, box.
     Raises:
@@ -226,9 +308,10 @@ def fit(raw: mesh_io.Mesh, config: FitConfig, out_dir: Path, source: Mapping[str
     field_from_mesh = transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)])
     mesh = mesh_io.Mesh(np.clip(field_from_mesh.apply(raw.vertices), -1.0, 1.0), raw.faces)
     samples, packing_errors = draw_samples(mesh, config, config.samples, "train")
+    samples = samples if without is None else samples.without(without)
     field = fields.PDDF(config.field).to(training.device())
     content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
-    identity = provenance.fingerprint([config, content], (), "ddf.single_shape")
+    identity = provenance.fingerprint([config.recipe(), content, without], (), "ddf.single_shape")
     steps = _plan(field, samples, config, out_dir, identity, time.monotonic() - started)
     fingerprint = provenance.fingerprint([identity, steps])
     record = {
@@ -241,7 +324,9 @@ def fit(raw: mesh_io.Mesh, config: FitConfig, out_dir: Path, source: Mapping[str
     loss = functools.partial(step_loss, field, samples, config)
     groups = [{"params": list(field.parameters()), "weight_decay": 0.0}]  # without decay AdamW is Adam
     trained = time.monotonic()
-    training.fit(field, groups, loss, steps, config.loop, out_dir, record, "fit")
+    training.fit(
+        field, groups, loss, steps, config.loop, out_dir, record, f"fit without {without}" if without else "fit"
+    )
     finished = time.monotonic()
     held_out, _ = draw_samples(mesh, config, config.held_out, "held_out")
     result = {

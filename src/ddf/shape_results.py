@@ -1,0 +1,35 @@
+"""What the stage `fit_shape` writes beside the field: errors, diagnostics and pictures."""
+
+from pathlib import Path
+
+from ddf import (
+    mesh_io,
+    provenance,
+    shape_diagnostics,
+    shape_errors,
+    shape_field,
+    shape_views,
+    single_shape,
+    storage,
+    training,
+)
+
+VIEWS, SLICES, VIEW_RECORD, DIAGNOSTICS = "views.webp", "slices.webp", "views.json", "diagnostics.json"
+
+
+def write(mesh: mesh_io.Mesh, fit: single_shape.FitConfig, out_dir: Path) -> None:
+    """fit.csv, diagnostics.json, views.webp, slices.webp and views.json of the field in `out_dir`.
+
+    Args:
+      mesh: in its own frame, the one that was fitted.
+    """
+    shape = shape_field.load(out_dir)
+    held_out = storage.read_json(out_dir / single_shape.METRICS)["held_out"]
+    model, seed = out_dir / training.MODEL, fit.loop.seed
+    record = provenance.record(provenance.fingerprint([fit], [model], __name__), seed, [model])
+    storage.save_table(out_dir / shape_errors.FIT, shape_errors.fit_table(held_out), record)
+    storage.write_json(out_dir / DIAGNOSTICS, shape_diagnostics.measure(shape, fit.page.rays, seed))
+    views = shape_views.render(shape, mesh, fit.page.picture_size, fit.page.up, seed)
+    storage.write_bytes(out_dir / VIEWS, shape_views.view_strip(views))
+    storage.write_bytes(out_dir / SLICES, shape_views.slice_strip(shape, mesh, fit.page.picture_size))
+    storage.write_json(out_dir / VIEW_RECORD, [view.summary() for view in views])

@@ -1,0 +1,15 @@
+"""Stage `report_shape`: the page on a single shape, as Markdown and self-contained HTML, in reports/<experiment>/."""
+
+from pathlib import Path
+
+from ddf import config, shape_reports, single_shape, stage
+
+
+def run(config_path: Path) -> None:
+    """Read what `fit_shape` and `ablate_samples` left behind and write the page."""
+    fit = config.load(config_path, "fit", single_shape.FitConfig)
+    shape_reports.write(config_path, fit, Path("reports") / config_path.stem)
+
+
+if __name__ == "__main__":
+    stage.main(run, __doc__)
