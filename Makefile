@@ -124,7 +124,7 @@ sync-deps: $(READY) ## write the real imports of every stage into pipeline.yaml
 
 .PHONY: bench
 bench: $(READY) ## speed against error (reports/bench/*.json) and the page of hard cases
-	@for file in bench/[a-z]*.py; do $(RUN) "$$file" || exit 1; done
+	@status=0; for file in bench/[a-z]*.py; do $(RUN) "$$file" || { echo "$$file failed" >&2; status=1; }; done; exit $$status
 
 ##@ Household
 .PHONY: setup

@@ -24,7 +24,7 @@ from ddf import (
     transforms,
 )
 
-CONFIG, TAU_SQ, IMAGES = Path("configs/cpu.yaml"), 1e-4, 6
+CONFIG, TAU_SQ, IMAGES = Path("configs/cpu.yaml"), 1e-4, 4
 PAPER = {"num_directions": 128, "thinning": 1.0, "jitter": 0.0, "recheck": ()}
 OURS = {"num_directions": 48, "thinning": 1.0, "jitter": 0.2, "recheck": (0.05, 0.1, 0.2)}
 SETTINGS = (
