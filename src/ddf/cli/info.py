@@ -46,10 +46,12 @@ def _stages(config_path: Path) -> list[str]:
     data = yaml.safe_load(pipeline.read_text(encoding="utf-8"))
     try:
         lists = data["vars"][0]
+        of_stages = {stage: lists[entry["foreach"].strip("${}")] for stage, entry in data["stages"].items()}
         return [
             f"{stage}@{key}"
-            for stage, entry in data["stages"].items()
-            for key, item in lists[entry["foreach"].strip("${}")].items()
+            for stage, items in of_stages.items()
+            if isinstance(items, dict)  # a plain list names single shapes, another kind of file
+            for key, item in items.items()
             if item["config"] == config_path.stem
         ]
     except (KeyError, TypeError, IndexError, AttributeError) as error:
