@@ -154,7 +154,7 @@ def _ablation_section(results: Results) -> pages.Section:
     full = results.ablation[sample_ablation.NONE]
     whole = len(TYPES)
     most = max(found["samples"] for found in results.ablation.values())
-    for metric, name in (("depth_l1_x10", "L1 × 10 of depth"), ("visibility_bce", "BCE of visibility")):
+    for metric, name in shape_tables.METRIC_NAMES.items():
         caption = fill(_ABLATION, metric=name, samples=f"{most:,}", steps=f"{full['steps']:,}")
         tables.append(shape_tables.ablation(results.ablation_errors, metric, caption))
         ours, theirs = (

@@ -7,7 +7,7 @@ import pandas as pd
 from ddf import pages, paper_ablation, sample_ablation, shape_diagnostics
 from ddf.shape_errors import ALL, MEASURED, TYPES
 
-_METRIC_NAMES = {"depth_l1_x10": "L1 × 10 of depth", "visibility_bce": "BCE of visibility"}
+METRIC_NAMES = {"depth_l1_x10": "L1 × 10 of depth", "visibility_bce": "BCE of visibility"}
 _DIAGNOSTICS = {
     "eikonal_depth": ("directed eikonal, depth", "|∇<sub>p</sub>d · v + 1|"),
     "eikonal_visibility": ("directed eikonal, visibility", "|∇<sub>p</sub>ξ · v|"),
@@ -20,7 +20,7 @@ _DIAGNOSTICS = {
 def errors(table: pd.DataFrame, caption: str) -> pages.Table:
     """fit.csv as printed: a row per metric, ours and the paper's beside, a column per held-out type."""
     rows: list[list[pages.Cell | str]] = []
-    for metric, name in _METRIC_NAMES.items():
+    for metric, name in METRIC_NAMES.items():
         for source in (MEASURED, paper_ablation.SOURCE):
             own = table[(table["metric"] == metric) & (table["source"] == source)].set_index("type")["value"]
             rows.append([name, "here" if source == MEASURED else source, *(number(own[kind]) for kind in TYPES), ""])
@@ -37,10 +37,7 @@ def ablation(table: pd.DataFrame, metric: str, caption: str) -> pages.Table:
 
     The largest error of every column is bold.
     """
-    blocks = []
-    for source in (MEASURED, paper_ablation.SOURCE):
-        part = table[(table["metric"] == metric) & (table["source"] == source)]
-        blocks.append(part.pivot(index="without", columns="type", values="value"))
+    blocks = [_left_out_by_held_out(table, metric, source) for source in (MEASURED, paper_ablation.SOURCE)]
     rows: list[list[pages.Cell | str]] = []
     for without in (*TYPES, sample_ablation.NONE):
         cells = [
@@ -49,7 +46,7 @@ def ablation(table: pd.DataFrame, metric: str, caption: str) -> pages.Table:
             for kind in TYPES
         ]
         rows.append([without, *cells])
-    name = _METRIC_NAMES[metric]
+    name = METRIC_NAMES[metric]
     layout = [
         ("", 1, False),
         (f"{name}, here", len(TYPES), False),
@@ -60,9 +57,13 @@ def ablation(table: pd.DataFrame, metric: str, caption: str) -> pages.Table:
 
 def worst_for_itself(table: pd.DataFrame, metric: str, source: str) -> list[str]:
     """The held-out types whose largest error is that of the fit without them."""
-    part = table[(table["metric"] == metric) & (table["source"] == source)]
-    values = part.pivot(index="without", columns="type", values="value")
+    values = _left_out_by_held_out(table, metric, source)
     return [kind for kind in TYPES if values.loc[kind, kind] == values[kind].max()]
+
+
+def _left_out_by_held_out(table: pd.DataFrame, metric: str, source: str) -> pd.DataFrame:
+    part = table[(table["metric"] == metric) & (table["source"] == source)]
+    return part.pivot(index="without", columns="type", values="value")
 
 
 def diagnostics(found: Mapping[str, Mapping[str, float]], caption: str) -> pages.Table:
