@@ -10,9 +10,10 @@ CONFIG = pointclouds.CloudConfig(  # the paper's way
     num_directions=128,
     cycles=3,
     oversampling=0.1,
-    thinning=1.0,
     jitter=0.0,
     recheck=(),
+    spread=None,
+    outliers=0.0,
     temperature=0.05,
     inverse_depth=0.01,
     chunk_rays=4096,
@@ -45,7 +46,7 @@ def _sample(count, config=CONFIG, seed=0, field=None):
 
 
 def test_points_land_on_the_surface_and_cover_it():
-    (points,) = _sample(2000)[-1].clouds([2000], CONFIG)
+    (points,) = pointclouds.select(_sample(2000), [2000], CONFIG)
     assert points.shape == (2000, 3)
     assert float((points.norm(dim=-1) - RADIUS).abs().max()) < 1e-4
     octants = ((points > 0).long() * torch.tensor([1, 2, 4])).sum(-1).bincount(minlength=8)
@@ -97,10 +98,15 @@ def test_invisible_and_on_surface_candidates_stay_finite_and_unit(visibility, de
     torch.testing.assert_close(found.norm(dim=-1), torch.ones(20))
 
 
+def _projected(points, visibility):
+    return pointclouds.ProjectedPoints(points, visibility, visibility)
+
+
 def test_most_visible_drops_the_least_visible():
-    projected = pointclouds.ProjectedPoints(torch.arange(33.0).reshape(11, 3), torch.arange(11.0))
+    early = _projected(100 + torch.arange(33.0).reshape(11, 3), torch.ones(11))
+    last = _projected(torch.arange(33.0).reshape(11, 3), torch.arange(11.0))
     assert CONFIG.num_drawn(10) == 11
-    kept, fewer = projected.clouds([10, 4], CONFIG)
+    kept, fewer = pointclouds.select([early, last], [10, 4], CONFIG)
     assert sorted(kept[:, 0].tolist()) == [3.0 * i for i in range(1, 11)]
     # a smaller cloud is made from the first draws alone
     assert sorted(fewer[:, 0].tolist()) == [3.0, 6.0, 9.0, 12.0]
@@ -136,16 +142,17 @@ def test_recheck_outvotes_a_wrong_depth_from_afar():
     directions = torch.nn.functional.normalize(torch.randn(60, 3, generator=generator), dim=-1)
     wrong = (RADIUS - 0.07) * directions  # where a ray from outside, looking inwards, would have landed
     for offsets in ((0.1,), (0.05, 0.1, 0.2)):
-        found = pointclouds.recheck(_Blurred(), None, wrong, -directions, offsets)
+        found, _ = pointclouds.recheck(_Blurred(), None, wrong, -directions, torch.ones(60), offsets)
         assert float((found.norm(dim=-1) - RADIUS).abs().max()) < 1e-4
 
 
 def test_recheck_asks_twice_per_offset_and_not_at_all_without():
     field = _Sphere()
     points, directions = torch.full((5, 3), 0.3), torch.nn.functional.normalize(torch.ones(5, 3), dim=-1)
-    assert pointclouds.recheck(field, None, points, directions, ()) is points
-    assert field.queries == 0
-    pointclouds.recheck(field, None, points, directions, (0.1, 0.2))
+    seen = torch.full((5,), 0.7)
+    same, confidence = pointclouds.recheck(field, None, points, directions, seen, ())
+    assert same is points and confidence is seen and field.queries == 0
+    pointclouds.recheck(field, None, points, directions, seen, (0.1, 0.2))
     assert field.queries == 5 * 4
 
 
@@ -160,8 +167,10 @@ class _Plane(_Sphere):
 def test_recheck_asks_nothing_of_starts_outside_the_cube():
     point, looking = torch.tensor([[0.95, 0.0, 0.0]]), torch.tensor([[-1.0, 0.0, 0.0]])
     for offset, expected in ((0.04, 0.93), (0.06, 0.95)):  # 1.01 is outside: one answer from behind is no majority
-        found = pointclouds.recheck(_Plane(), None, point, looking, (offset,))
+        found, confidence = pointclouds.recheck(_Plane(), None, point, looking, torch.tensor([0.2]), (offset,))
         torch.testing.assert_close(found, torch.tensor([[expected, 0.0, 0.0]]))
+        yes = float(torch.tensor(1.0).sigmoid())
+        assert float(confidence) == pytest.approx((0.2 + yes + (yes if offset == 0.04 else 0.2)) / 3)
 
 
 def test_farthest_points_equal_a_slow_loop():
@@ -178,16 +187,53 @@ def test_farthest_points_of_repeated_points_are_finite():
     assert pointclouds.farthest_point_order(points, 5).tolist() == [0] * 5
 
 
-def test_thinning_spreads_the_points_and_nests_the_sizes():
-    thinned = dataclasses.replace(CONFIG, num_directions=64, thinning=2.0)
-    plain = dataclasses.replace(thinned, thinning=1.0)
-    assert thinned.num_drawn(400) == 880
-    large, small = _sample(400, thinned)[-1].clouds([400, 150], thinned)
+def test_weights_space_points_by_their_inverse():
+    generator = torch.Generator().manual_seed(0)
+    points = torch.rand(4000, 3, generator=generator)
+    points[:, 2] = 0
+    heavy = points[:, 0] > 0.5
+    order = pointclouds.farthest_point_order(points, 500, torch.where(heavy, 1.0, 0.5))
+    assert heavy[order[0]]
+    share = float(heavy[order].float().mean())
+    assert share == pytest.approx(0.8, abs=0.03)  # spacing twice as wide: a quarter of the points on equal area
+
+
+SPREAD = dataclasses.replace(CONFIG, num_directions=64, spread=2.0)
+
+
+def test_spread_covers_evenly_and_nests_the_sizes():
+    cycles = _sample(400, SPREAD)
+    large, small = pointclouds.select(cycles, [400, 150], SPREAD)
     assert (large.shape, small.shape) == ((400, 3), (150, 3))
     assert torch.equal(large[:150], small)
-    (uneven,) = _sample(400, plain)[-1].clouds([400], plain)
+    (uneven,) = pointclouds.select(cycles, [400], dataclasses.replace(SPREAD, spread=None))
     spread, crowded = (_nearest_neighbour_spread(cloud) for cloud in (large, uneven))
-    assert spread < 0.5 * crowded
+    assert spread < 0.8 * crowded
+
+
+def test_spread_chooses_from_the_second_cycle_on_or_from_the_only_one():
+    cycles = [_projected(torch.rand(11, 3) + 2 * i, torch.ones(11)) for i in range(3)]
+    (cloud,) = pointclouds.select(cycles, [10], SPREAD)
+    assert float(cloud.min()) >= 2 and bool((cloud >= 4).any()) and bool((cloud < 4).any())
+    (alone,) = pointclouds.select(cycles[:1], [10], SPREAD)
+    assert float(alone.max()) <= 1
+
+
+def test_spread_sets_few_points_where_the_field_doubts():
+    sure, doubtful = torch.rand(300, 3), torch.rand(300, 3) + torch.tensor([2.0, 0, 0])
+    confidence = torch.cat((torch.ones(300), torch.full((300,), 0.5)))
+    (cloud,) = pointclouds.select([_projected(torch.cat((sure, doubtful)), confidence)], [100], SPREAD)
+    share = float((cloud[:, 0] > 1.5).float().mean())
+    assert 0 < share < 0.15
+
+
+def test_outliers_are_the_candidates_with_the_emptiest_surroundings():
+    config = dataclasses.replace(SPREAD, outliers=0.05)
+    points = torch.cat((torch.rand(60, 3), torch.tensor([[3.0, 0, 0], [-3.0, 0, 0]])))
+    (cloud,) = pointclouds.select([_projected(points, torch.ones(62))], [50], config)
+    assert float(cloud.abs().max()) <= 1
+    (kept,) = pointclouds.select([_projected(points, torch.ones(62))], [50], SPREAD)
+    assert float(kept.abs().max()) == 3
 
 
 def _nearest_neighbour_spread(points):
@@ -201,7 +247,8 @@ def _nearest_neighbour_spread(points):
     [
         ({"num_directions": 0}, "num_directions must be >= 1; got 0"),
         ({"temperature": 0.0}, "temperature must be > 0"),
-        ({"thinning": 0.5}, r"thinning must be >= 1; got 0\.5"),
+        ({"spread": -1.0}, r"spread must be >= 0, or null; got -1\.0"),
+        ({"outliers": 0.2}, r"outliers must be in \[0, .*got 0\.2 with oversampling 0\.1"),
         ({"jitter": -0.1}, "jitter must be >= 0"),
         ({"recheck": (0.1, 1.5)}, r"recheck must list offsets in \(0, 1\)"),
     ],

@@ -14,7 +14,7 @@ from .field_cases import SATURATED, constant_field
 
 METRICS = case.Group("metrics")
 CLOUDS = case.Group("clouds")
-PAPER = pointclouds.CloudConfig(64, 3, 0.1, 1.0, 0.0, (), 0.05, 0.01, 4096)
+PAPER = pointclouds.CloudConfig(64, 3, 0.1, 0.0, (), None, 0.0, 0.05, 0.01, 4096)
 
 
 def _array(points: object, dtype: torch.dtype) -> np.ndarray:
@@ -228,7 +228,7 @@ def _invisible(dtype: torch.dtype) -> case.Outcome:
 def _sees_nothing(dtype: torch.dtype) -> case.Outcome:
     field = constant_field((0.3, 0.3, 9, -SATURATED), dtype)
     cycles = pointclouds.sample(field, None, 20, PAPER, torch.Generator().manual_seed(0))
-    (points,) = cycles[-1].clouds([20], PAPER)
+    (points,) = pointclouds.select(cycles, [20], PAPER)
     return case.every(
         case.true("20 finite points", torch.isfinite(points).all() and points.shape == (20, 3)),
         case.exact(cycles[-1].visibility, torch.zeros(22)),
@@ -269,7 +269,7 @@ def _again(dtype: torch.dtype) -> case.Outcome:
 )
 def _one_place(dtype: torch.dtype) -> case.Outcome:
     points = torch.tensor([[0.1, 0, 0], [0.2, 0, 0]], dtype=dtype)
-    projected = pointclouds.ProjectedPoints(points, torch.tensor([0.2, 0.9], dtype=dtype))
-    (kept,) = projected.clouds([1], PAPER)
+    seen = torch.tensor([0.2, 0.9], dtype=dtype)
+    (kept,) = pointclouds.select([pointclouds.ProjectedPoints(points, seen, seen)], [1], PAPER)
     order = pointclouds.farthest_point_order(torch.ones(5, 3, dtype=dtype), 5)
     return case.every(case.exact(kept, points[1:]), case.exact(order, [0] * 5))

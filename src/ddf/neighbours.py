@@ -43,6 +43,11 @@ class Neighbours:
         """Squared distance to the nearest point of the cloud for each query."""
         return self.nearest(queries, name)[0]
 
+    def spacing_sq(self, k: int) -> Float[np.ndarray, " n"]:
+        """Squared distance of each point of the cloud to the k-th nearest of the others (the farthest, if fewer)."""
+        _, dist_sq = self._search.knn_search(o3d.core.Tensor(self.points), min(k + 1, len(self.points)))
+        return dist_sq.numpy()[:, -1]
+
 
 def validated(points: Float[np.ndarray, "n 3"], name: str) -> Float[np.ndarray, "n 3"]:
     """The cloud as contiguous float64, checked: at least one point, three columns, all finite.

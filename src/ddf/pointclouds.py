@@ -9,8 +9,11 @@ Three departures, each off in the paper's way (derived here):
   next cycle starts from q + σ N(0, I), which also spreads the points by area of the surface, not by volume of the box.
 - A single depth is one opinion. With `recheck` offsets s_j the field is asked again on the line of the ray, from
   q - s_j v̂* along v̂* and from q + s_j v̂* back, and q moves to the median of all answers.
-- Points crowd where much of the box is nearest to little of the surface ("not uniform", says the paper). With
-  `thinning` m > 1, m times as many are drawn and kept, and of these a farthest-point subset; it favours strays too.
+- The most visible points of one cycle crowd where much of the box looks at little of the surface ("not uniform", says
+  the paper), and thin parts, of which the field is less sure, get none. With `spread` p all points of the second and
+  later cycles (of the first, if it is alone) are candidates, and the cloud is their farthest-point order with distances
+  multiplied by c^p, where the confidence c is the mean of ξ over the hit and its rechecks: even where the field is
+  sure, sparse where it doubts. Of the candidates the share `outliers` with the emptiest surroundings is dropped first.
 """
 
 import math
@@ -22,11 +25,13 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf import checks
+from ddf import checks, neighbours
 from ddf.fields import PDDF, visibility
 
 # a mean direction shorter than this has cancelled (a point between two sheets): take the best candidate
 SMALL_MEAN = 0.05
+CROWD = 8  # neighbours that tell how empty a candidate's surroundings are
+LEAST_WEIGHT = 1e-6  # of a candidate: its square is still a float32, and those of no confidence keep an order
 
 
 @dataclass(frozen=True)
@@ -34,17 +39,18 @@ class CloudConfig:
     """How clouds are drawn.
 
     num_directions: n_v. cycles: N_H. oversampling: ε_p. temperature: η_T. inverse_depth: ε_s.
-    thinning: m, candidates per point of the cloud, >= 1. jitter: σ, field units. recheck: s_j, field units. The paper's
-    way: 1, 0 and none.
+    jitter: σ, field units. recheck: s_j, field units. spread: p, null for the most visible points of the last cycle.
+    outliers: share of the candidates, for `spread` alone. The paper's way: 0, none, null, 0.
     chunk_rays: candidates evaluated at a time; speed only.
     """
 
     num_directions: int
     cycles: int
     oversampling: float
-    thinning: float
     jitter: float
     recheck: tuple[float, ...]
+    spread: float | None
+    outliers: float
     temperature: float
     inverse_depth: float
     chunk_rays: int
@@ -60,44 +66,49 @@ class CloudConfig:
         for name in ("oversampling", "jitter"):
             if not getattr(self, name) >= 0:
                 raise checks.InputError(f"pointclouds.cloud.{name} must be >= 0; got {getattr(self, name)}")
-        if not self.thinning >= 1:
-            raise checks.InputError(f"pointclouds.cloud.thinning must be >= 1; got {self.thinning}")
+        if self.spread is not None and not self.spread >= 0:
+            raise checks.InputError(f"pointclouds.cloud.spread must be >= 0, or null; got {self.spread}")
+        if not 0 <= self.outliers <= self.oversampling / (1 + self.oversampling):
+            raise checks.InputError(
+                "pointclouds.cloud.outliers must be in [0, oversampling / (1 + oversampling)], so that enough points "
+                f"are left; got {self.outliers} with oversampling {self.oversampling}"
+            )
         if not all(0 < offset < 1 for offset in self.recheck):
             raise checks.InputError(f"pointclouds.cloud.recheck must list offsets in (0, 1); got {list(self.recheck)}")
 
-    def num_kept(self, count: int) -> int:
-        """m n_p, the most visible points that a cloud of `count` is chosen from."""
-        return _ceil(count * self.thinning)
-
     def num_drawn(self, count: int) -> int:
-        """(1 + ε_p) m n_p, the points that are projected for a cloud of `count`."""
-        return _ceil(self.num_kept(count) * (1 + self.oversampling))
+        """(1 + ε_p) n_p, the points that are projected for a cloud of `count`."""
+        return _ceil(count * (1 + self.oversampling))
 
 
 @dataclass(frozen=True)
 class ProjectedPoints:
-    """Points after one cycle, and the visibility ξ(p, v̂*) that the field gave each."""
+    """Points after one cycle; ξ(p, v̂*) that the field gave each; the mean of that and of the rechecks' ξ."""
 
     points: Float[Tensor, "n 3"]
     visibility: Float[Tensor, "n"]
+    confidence: Float[Tensor, "n"]
 
-    def most_visible(self, count: int, drawn: int) -> Float[Tensor, "count 3"]:
-        """The `count` most visible among the first `drawn`: the draw that a smaller cloud would make."""
-        keep = self.visibility[:drawn].topk(count).indices
-        return self.points[:drawn][keep]
 
-    def clouds(self, counts: Sequence[int], config: CloudConfig) -> list[Float[Tensor, "_ 3"]]:
-        """A cloud of each size, from the points that `sample` projected for the largest.
+def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: CloudConfig) -> list[Float[Tensor, "_ 3"]]:
+    """A cloud of each size, from the cycles that `sample` projected for the largest.
 
-        Without thinning each is what a draw of its own size would give. With it they are the first points of one
-        farthest-point order of the candidates for the largest.
-        """
-        if config.thinning == 1:
-            return [self.most_visible(count, config.num_drawn(count)) for count in counts]
-        largest = max(counts)
-        candidates = self.most_visible(config.num_kept(largest), config.num_drawn(largest))
-        spread = candidates[farthest_point_order(candidates, largest)]
-        return [spread[:count] for count in counts]
+    Without `spread`, the most visible points of the last cycle, among as many as a draw of that size would have made.
+    With it, the first points of one order of the candidates of all sizes.
+    """
+    if config.spread is None:
+        last = cycles[-1]
+        drawn = [config.num_drawn(count) for count in counts]
+        best = [last.visibility[:n].topk(count).indices for n, count in zip(drawn, counts, strict=True)]
+        return [last.points[rows] for rows in best]
+    pool = cycles[1:] or cycles
+    points, confidence = (torch.cat([getattr(c, name) for c in pool]) for name in ("points", "confidence"))
+    if config.outliers:
+        dist_sq = torch.from_numpy(neighbours.Neighbours(points.cpu().numpy()).spacing_sq(CROWD))
+        crowded = dist_sq.argsort()[: len(points) - int(config.outliers * len(points))].to(points.device)
+        points, confidence = points[crowded], confidence[crowded]
+    order = farthest_point_order(points, max(counts), confidence.pow(config.spread).clamp_min(LEAST_WEIGHT))
+    return [points[order[:count]] for count in counts]
 
 
 def _ceil(count: float) -> int:
@@ -105,19 +116,27 @@ def _ceil(count: float) -> int:
     return math.ceil(count - 1e-6)
 
 
-def farthest_point_order(points: Float[Tensor, "n 3"], count: int) -> Int[Tensor, "count"]:
-    """Indices in the order in which each point is the farthest from all before it; the first is point 0.
+def farthest_point_order(
+    points: Float[Tensor, "n 3"], count: int, weights: Float[Tensor, "n"] | None = None
+) -> Int[Tensor, "count"]:
+    """Indices in the order in which each point is the farthest from all before it, its distance times its weight.
 
-    Source: Gonzalez 1985; costs n distances per index. With repeated points, indices repeat once all places are taken.
+    The first is the heaviest (point 0 without weights). Source: Gonzalez 1985; weights derived here. Costs n distances
+    per index. With repeated points, indices repeat once all places are taken.
+
+    Args:
+      weights: > 0. Around points of weight w the spacing is proportional to 1 / w.
     """
     x, y, z = np.ascontiguousarray(points.T.cpu().numpy())
+    scale = np.ones(len(x), dtype=x.dtype) if weights is None else np.square(weights.cpu().numpy())
     distance_sq = np.full(len(x), np.inf, dtype=x.dtype)
     order = np.zeros(count, dtype=np.int64)
+    order[0] = scale.argmax()
     for i in range(1, count):
         latest = order[i - 1]
         gap_sq = np.square(x - x[latest]) + np.square(y - y[latest]) + np.square(z - z[latest])
         np.minimum(distance_sq, gap_sq, out=distance_sq)
-        order[i] = distance_sq.argmax()
+        order[i] = (distance_sq if weights is None else distance_sq * scale).argmax()
     return torch.from_numpy(order).to(points.device)
 
 
@@ -147,7 +166,7 @@ def project(
     generator: torch.Generator,
 ) -> ProjectedPoints:
     """One cycle: q = p + d(p, v̂*) v̂*, rechecked. Costs n (n_v + 1 + 2 `recheck`) queries, values only."""
-    parts: list[tuple[Tensor, Tensor]] = []
+    parts: list[tuple[Tensor, Tensor, Tensor]] = []
     for chunk in points.split(max(1, config.chunk_rays // config.num_directions)):
         shape = (len(chunk), config.num_directions, 3)
         candidates = torch.nn.functional.normalize(
@@ -158,8 +177,10 @@ def project(
         direction = closest_directions(candidates, visibility(raw), field.depth(raw), config)
         raw = field(chunk, direction, modulations)
         hit = chunk + field.depth(raw)[:, None] * direction
-        parts.append((recheck(field, modulations, hit, direction, config.recheck), visibility(raw)))
-    return ProjectedPoints(*(torch.cat(tensors) for tensors in zip(*parts, strict=True)))
+        seen = visibility(raw)
+        parts.append((*recheck(field, modulations, hit, direction, seen, config.recheck), seen))
+    points, confidence, seen = (torch.cat(tensors) for tensors in zip(*parts, strict=True))
+    return ProjectedPoints(points, seen, confidence)
 
 
 def recheck(
@@ -167,23 +188,32 @@ def recheck(
     modulations: Sequence[Float[Tensor, "1 _"]] | None,
     points: Float[Tensor, "n 3"],
     directions: Float[Tensor, "n 3"],
+    seen: Float[Tensor, "n"],
     offsets: Sequence[float],
-) -> Float[Tensor, "n 3"]:
+) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n"]]:
     """Points moved along their rays to the median of what the field says from before and from behind them.
 
     Before, at q - s v, it says that the surface is d(q - s v, v) - s ahead of q; behind, at q + s v, s - d(q + s v, -v)
     (property I: a surface has no inside). Starts outside the cube are not asked and agree with q. No offsets, no query.
+
+    Args:
+      seen: ξ of the rays that led to the points.
+    Returns:
+      The points, and the mean of `seen` and of ξ of all answers.
     """
     if not offsets:
-        return points
+        return points, seen
     step = torch.tensor(offsets, dtype=points.dtype, device=points.device).repeat_interleave(2)
     step = step * torch.tensor([-1.0, 1.0], dtype=points.dtype, device=points.device).repeat(len(offsets))
     starts = points + step[:, None, None] * directions
     looking = -step.sign()[:, None, None] * directions
-    depth = field.depth(field(starts.reshape(-1, 3), looking.reshape(-1, 3), modulations)).reshape(len(step), -1)
-    ahead = step[:, None] - step.sign()[:, None] * depth
-    ahead = torch.where((starts.abs() <= 1).all(dim=-1), ahead, 0.0)
-    return points + torch.cat((torch.zeros_like(ahead[:1]), ahead)).median(dim=0).values[:, None] * directions
+    raw = field(starts.reshape(-1, 3), looking.reshape(-1, 3), modulations)
+    depth, answers = field.depth(raw).reshape(len(step), -1), visibility(raw).reshape(len(step), -1)
+    inside = (starts.abs() <= 1).all(dim=-1)
+    ahead = torch.where(inside, step[:, None] - step.sign()[:, None] * depth, 0.0)
+    moved = torch.cat((torch.zeros_like(ahead[:1]), ahead)).median(dim=0).values
+    confidence = torch.cat((seen[None], torch.where(inside, answers, seen))).mean(dim=0)
+    return points + moved[:, None] * directions, confidence
 
 
 @torch.no_grad()
@@ -195,7 +225,7 @@ def sample(
     generator: torch.Generator,
     box: tuple[Sequence[float], Sequence[float]] = ((-1.0,) * 3, (1.0,) * 3),
 ) -> list[ProjectedPoints]:
-    """Project the (1 + ε_p) m n_p points p ~ U[B] that a cloud of n_p = `count` asks for.
+    """Project the (1 + ε_p) n_p points p ~ U[B] that a cloud of n_p = `count` asks for.
 
     Args:
       box: lower and upper corner of B, where the field was trained.

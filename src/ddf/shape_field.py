@@ -271,7 +271,7 @@ def render(
 def cloud(
     shape: ShapeField, count: int, config: pointclouds.CloudConfig, seed: int = 0
 ) -> Float[np.ndarray, "count 3"]:
-    """Points on the surface, mesh frame: points of the box projected N_H times, the most visible kept.
+    """Points on the surface, mesh frame: points of the box projected N_H times.
 
     As `pointclouds.sample`, with B the field's own box.
     """
@@ -280,5 +280,5 @@ def cloud(
     generator = torch.Generator(shape.field.network.head.weight.device).manual_seed(seed)
     box = (shape.lower.tolist(), shape.upper.tolist())
     cycles = pointclouds.sample(shape.field, None, count, config, generator, box)
-    (kept,) = cycles[-1].clouds([count], config)
+    (kept,) = pointclouds.select(cycles, [count], config)
     return shape.field_from_mesh.inverse().apply(kept.double().cpu().numpy())

@@ -115,7 +115,7 @@ def reconstruct_ddf(
         own = [m[image] for m in modulations]
         cycles = pointclouds.sample(model.field, own, config.large, config.cloud, _generator(config, image))
         for cycle, name in names.items():
-            large, small = cycles[cycle - 1].clouds((config.large, config.small), config.cloud)
+            large, small = pointclouds.select(cycles[:cycle], (config.large, config.small), config.cloud)
             clouds[f"L.{name}"].append(large)
             clouds[f"S.{name}"].append(small)
         scales.append(scale_from_cloud(clouds[f"L.h{config.cloud.cycles}"][-1], config.scale_quantile))

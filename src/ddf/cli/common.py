@@ -11,12 +11,13 @@ from PIL import Image
 from ddf import pointclouds
 
 CLOUD = pointclouds.CloudConfig(  # as configs/cpu.yaml draws them
-    num_directions=48,
+    num_directions=16,
     cycles=3,
     oversampling=0.1,
-    thinning=1.0,
     jitter=0.2,
     recheck=(0.05, 0.1, 0.2),
+    spread=6.0,
+    outliers=0.02,
     temperature=0.05,
     inverse_depth=0.05,
     chunk_rays=2048,

@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     with _timed(seconds, "cloud"):
         generator = torch.Generator(training.device()).manual_seed(args.seed)
         cycles = pointclouds.sample(model.field, modulations, args.points, common.CLOUD, generator)
-        (cloud,) = cycles[-1].clouds([args.points], common.CLOUD)
+        (cloud,) = pointclouds.select(cycles, [args.points], common.CLOUD)
     scale = si3dr_inference.scale_from_cloud(cloud)
     with _timed(seconds, "renders"):
         field_scale = torch.tensor(1 / scale, device=camera.device)
