@@ -2,7 +2,8 @@
 
 Both treat the surface as two-sided: a ray that starts inside meets the wall from behind, and normals face back.
 Rays start where they enter the mesh's box, and the box is centred and scaled to 1 first, so that neither a far camera
-nor a mesh far from its origin costs float32 precision.
+nor a mesh far from its origin costs float32 precision. A start next to a face can be rounded through it: so Open3D's
+rays begin a little earlier, and where that meets something, float64 decides what lies before the start and what behind.
 """
 
 import numpy as np
@@ -14,6 +15,7 @@ from ddf import rays
 from ddf.mesh_io import Mesh, face_normals
 
 _MARGIN = 1e-3  # of half the longest side: rays enter a box larger than the mesh, so that flat meshes lie inside it
+_BACK = 1e-3  # of half the longest side: at 1/1000 of right angles still 16 float32 steps off a face at the start
 SURFACE_OFFSET = 1e-5  # of half the longest side: over 80 float32 steps at 1, under a fifth of the stored depth's step
 
 
@@ -45,13 +47,63 @@ class Scene:
     def first_hits(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-        """Depth (float64, `inf` on a miss) and triangle (-1 on a miss) of rays in the mesh's frame."""
+        """Depth (float64, `inf` on a miss) and triangle (-1 on a miss) of rays in the mesh's frame.
+
+        The triangle comes from float32, the depth from its plane (`_plane_depth`). A start nearer to a face than
+        float32 can tell is on the side that float64 gives it, unless the ray runs within 1e-3 of parallel to the face.
+        """
         starts, directions = self.local(positions), np.asarray(directions, dtype=np.float64)
         entry, meets = _enter(starts, directions, self.half_sides)
-        starts = starts + entry[:, None] * directions
-        depth, face = self.cast_local(starts.astype(np.float32), directions.astype(np.float32))
-        hit = meets & (face >= 0)
-        return np.where(hit, (entry + depth) * self.scale, np.inf), np.where(hit, face, -1)
+        begin = entry - _BACK
+        origins = (starts + begin[:, None] * directions).astype(np.float32)
+        depth, face = self.cast_local(origins, directions.astype(np.float32))
+        hit = np.flatnonzero(meets & (face >= 0))
+        depth = begin + depth
+        near = hit[depth[hit] < _BACK]
+        found, triangle = np.full(len(starts), np.inf), np.full(len(starts), -1)
+        triangle[hit] = face[hit]
+        found[hit] = self._plane_depth(positions[hit], directions[hit], face[hit], depth[hit] * self.scale)
+        if len(near):  # Open3D's list of no rays ends the process
+            found[near], triangle[near] = self._first_ahead(
+                positions[near], directions[near], origins[near], begin[near]
+            )
+        return np.where(triangle >= 0, np.maximum(found, 0.0), np.inf), triangle
+
+    def _plane_depth(
+        self,
+        positions: Float[np.ndarray, "k 3"],
+        directions: Float[np.ndarray, "k 3"],
+        face: Int[np.ndarray, "k"],
+        depth: Float[np.ndarray, "k"],
+    ) -> Float[np.ndarray, "k"]:
+        """Depth on each ray's triangle's plane in float64, but float32's `depth` where that is better conditioned."""
+        normal, corner = self.normals[face], self.mesh.vertices[self.mesh.faces[face, 0]]
+        slope = np.einsum("ij,ij->i", normal, directions)
+        exact = np.einsum("ij,ij->i", normal, corner - positions) / np.where(slope == 0, 1.0, slope)
+        close = np.abs(exact - depth) <= 1e-5 * (self.scale + np.abs(depth))  # float32 is; further is ill-posed
+        return np.where((np.abs(slope) > 1e-3) & close, exact, depth)
+
+    def _first_ahead(
+        self,
+        positions: Float[np.ndarray, "k 3"],
+        directions: Float[np.ndarray, "k 3"],
+        origins: Float[np.ndarray, "k 3"],
+        begin: Float[np.ndarray, "k"],
+    ) -> tuple[Float[np.ndarray, "k"], Int[np.ndarray, "k"]]:
+        """First hit at t >= 0 (float64) among all that float32 rays meet, which begin at `begin` in local units."""
+        stacked = np.concatenate([origins, directions.astype(np.float32)], axis=1)
+        met = self._scene.list_intersections(o3d.core.Tensor(stacked))
+        ray = met["ray_ids"].numpy().astype(np.int64)
+        face = self.kept[met["primitive_ids"].numpy().astype(np.int64)]
+        rough = (begin[ray] + met["t_hit"].numpy()) * self.scale
+        depth = self._plane_depth(positions[ray], directions[ray], face, rough)
+        ahead = depth >= 0
+        ray, face, depth = ray[ahead], face[ahead], depth[ahead]
+        order = np.lexsort((depth, ray))
+        first = order[np.flatnonzero(np.diff(ray[order], prepend=-1))]
+        found, triangle = np.full(len(positions), np.inf), np.full(len(positions), -1)
+        found[ray[first]], triangle[ray[first]] = depth[first], face[first]
+        return found, triangle
 
     def cast_local(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
@@ -119,12 +171,6 @@ def cast(scene: Scene | Mesh, points: rays.OrientedPoints) -> rays.RayHits:
     positions = points.positions.detach().cpu().double().numpy().reshape(-1, 3)
     directions = points.directions.detach().cpu().double().numpy().reshape(-1, 3)
     depth, face = scene.first_hits(positions, directions)
-    hit = face >= 0
-    normal, corner = scene.normals[face[hit]], scene.mesh.triangles[face[hit], 0]
-    slope = np.einsum("ij,ij->i", normal, directions[hit])
-    exact = np.einsum("ij,ij->i", normal, corner - positions[hit]) / np.where(slope == 0, 1.0, slope)
-    close = np.abs(exact - depth[hit]) <= 1e-5 * (scene.scale + depth[hit])  # float32 is; further is ill-posed
-    depth[hit] = np.where((np.abs(slope) > 1e-3) & close, np.maximum(exact, 0.0), depth[hit])
     return _hits(scene, directions, depth, face, points.positions.shape[:-1])
 
 
