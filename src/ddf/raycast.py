@@ -27,8 +27,8 @@ class Scene:
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
-        self.normals, areas = face_normals(mesh)
-        self.kept = np.flatnonzero(areas > 0)
+        self.normals, self.areas = face_normals(mesh)
+        self.kept = np.flatnonzero(self.areas > 0)
         used = mesh.triangles[self.kept].reshape(-1, 3)
         lower, upper = (used.min(axis=0), used.max(axis=0)) if len(used) else (np.zeros(3), np.zeros(3))
         self.centre = lower + (upper - lower) / 2
