@@ -50,11 +50,12 @@ def encode_unit(vectors: Float[np.ndarray, "*n 3"], dtype: type[np.signedinteger
 
 def decode_unit(codes: Tensor) -> Float[Tensor, "*n 3"]:
     """Unit vectors, float32, of octahedral codes of either width."""
-    plane = codes.float() / torch.iinfo(codes.dtype).max
-    height = 1 - plane.abs().sum(-1, keepdim=True)
-    fold = (-height).clamp_min(0.0)
-    plane = plane - torch.where(plane >= 0, fold, -fold)
-    return torch.nn.functional.normalize(torch.cat([plane, height], dim=-1), dim=-1)
+    x, y = (codes.float() / torch.iinfo(codes.dtype).max).unbind(-1)
+    z = 1 - x.abs() - y.abs()
+    fold = (-z).clamp_min(0.0)
+    x, y = x - torch.copysign(fold, x), y - torch.copysign(fold, y)
+    length = (x * x + y * y + z * z).sqrt()
+    return torch.stack((x / length, y / length, z / length), dim=-1)
 
 
 def encode_positions(positions: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n 3"]:

@@ -224,9 +224,10 @@ def facing_back(
     """Unit normals of the triangles hit, turned so that n·v <= 0; zero on a miss."""
     if len(scene.normals) == 0:
         return np.zeros((len(face), 3))
-    normals = np.where((face >= 0)[:, None], scene.normals[face], 0.0)
+    normals = scene.normals[face]
     slope = np.einsum("ij,ij->i", normals, directions)
-    return normals * np.where(slope > 0, -1.0, 1.0)[:, None]
+    normals *= np.where(face < 0, 0.0, np.where(slope > 0, -1.0, 1.0))[:, None]
+    return normals
 
 
 def sphere_directions(count: int) -> Float[np.ndarray, "count 3"]:
