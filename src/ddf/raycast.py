@@ -249,7 +249,7 @@ def visible_from_outside(
     """
     starts, normals = scene.local(points), scene.normals[face]
     visible = np.zeros(len(starts), dtype=bool)
-    for block in np.array_split(_spread_order(count), max(count // 16, 1)):
+    for block in _spread_blocks(count):
         left = np.flatnonzero(~visible)
         if len(left) == 0:
             break
@@ -262,8 +262,9 @@ def visible_from_outside(
     return visible
 
 
-def _spread_order(count: int) -> Float[np.ndarray, "count 3"]:
-    """The spread directions, ordered so that every leading block already covers the sphere."""
-    stride = max(count // 16, 1)
-    order = np.concatenate([np.arange(start, count, stride) for start in range(stride)])
-    return sphere_directions(count)[order]
+def _spread_blocks(count: int) -> list[Float[np.ndarray, "b 3"]]:
+    """The spread directions in blocks of 4, 4, 8, 16, ...: each alone covers the sphere (every 2^k-th, bit-reversed)."""
+    bits = max(count - 1, 1).bit_length()
+    order = sorted(range(count), key=lambda index: int(f"{index:0{bits}b}"[::-1], 2))
+    ends = [1 << k for k in range(2, bits)]
+    return np.split(sphere_directions(count)[order], ends)
