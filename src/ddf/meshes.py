@@ -220,19 +220,19 @@ class Surface:
         return cls(mesh.triangles, *face_normals(mesh))
 
     def draw(
-        self, count: int, rng: np.random.Generator
+        self, count: int, rng: np.random.Generator, dtype: type[np.floating] = np.float64
     ) -> tuple[Float[np.ndarray, "count 3"], Int[np.ndarray, "count"]]:
-        """Points, float64, and the triangle of each, in random order."""
+        """Points and the triangle of each, in random order."""
         total = np.cumsum(self.areas)
         steps = np.cumsum(rng.standard_exponential(count + 1))  # over their end: uniform numbers in ascending order
         ends = np.searchsorted(steps[:-1], total * (steps[-1] / total[-1]))
         ends[np.flatnonzero(self.areas > 0)[-1] :] = count  # whatever rounding says
         face = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
         rng.shuffle(face)
-        root, along = np.sqrt(rng.random(count)), rng.random(count)
+        root, along = np.sqrt(rng.random(count)).astype(dtype), rng.random(count).astype(dtype)
         second = root * along
         first = root - second
-        rows = self.corners.reshape(-1, 9).take(face, axis=0).T
+        rows = self.corners.astype(dtype).reshape(-1, 9).take(face, axis=0).T
         corners = zip(rows[:3], rows[3:6], rows[6:], strict=True)
         points = np.stack([a + first * (b - a) + second * (c - a) for a, b, c in corners])
         return points.T, face

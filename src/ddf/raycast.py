@@ -55,8 +55,8 @@ class Scene:
         starts, directions = self.local(positions), np.asarray(directions, dtype=np.float64)
         entry, meets = _enter(starts, directions, self.half_sides)
         begin = entry - _BACK
-        origins = (starts + begin[:, None] * directions).astype(np.float32)
-        depth, face = self.cast_local(origins, directions.astype(np.float32))
+        local = np.concatenate([starts + begin[:, None] * directions, directions], axis=1).astype(np.float32)
+        depth, face = self.cast_local(local)
         hit = np.flatnonzero(meets & (face >= 0))
         depth = begin + depth
         near = hit[depth[hit] < _BACK]
@@ -64,9 +64,8 @@ class Scene:
         triangle[hit] = face[hit]
         found[hit] = self._plane_depth(positions[hit], directions[hit], face[hit], depth[hit] * self.scale)
         if len(near):  # Open3D's list of no rays ends the process
-            found[near], triangle[near] = self._first_ahead(
-                positions[near], directions[near], origins[near], begin[near]
-            )
+            first = self._first_ahead(positions[near], directions[near], local[near], begin[near])
+            found[near], triangle[near] = first
         return np.where(triangle >= 0, np.maximum(found, 0.0), np.inf), triangle
 
     def _plane_depth(
@@ -87,12 +86,11 @@ class Scene:
         self,
         positions: Float[np.ndarray, "k 3"],
         directions: Float[np.ndarray, "k 3"],
-        origins: Float[np.ndarray, "k 3"],
+        local: Float[np.ndarray, "k 6"],
         begin: Float[np.ndarray, "k"],
     ) -> tuple[Float[np.ndarray, "k"], Int[np.ndarray, "k"]]:
         """First hit at t >= 0 (float64) among all that float32 rays meet, which begin at `begin` in local units."""
-        stacked = np.concatenate([origins, directions.astype(np.float32)], axis=1)
-        met = self._scene.list_intersections(o3d.core.Tensor(stacked))
+        met = self._scene.list_intersections(o3d.core.Tensor(local))
         ray = met["ray_ids"].numpy().astype(np.int64)
         face = self.kept[met["primitive_ids"].numpy().astype(np.int64)]
         rough = (begin[ray] + met["t_hit"].numpy()) * self.scale
@@ -105,16 +103,13 @@ class Scene:
         found[ray[first]], triangle[ray[first]] = depth[first], face[first]
         return found, triangle
 
-    def cast_local(
-        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-        """As `first_hits` for float32 rays in local coordinates, without entering the box."""
-        if len(self.kept) == 0 or len(positions) == 0:
-            return np.full(len(positions), np.inf, dtype=np.float32), np.full(len(positions), -1)
-        answer = self._scene.cast_rays(o3d.core.Tensor(np.concatenate([positions, directions], axis=1)))
-        depth, face = answer["t_hit"].numpy(), answer["primitive_ids"].numpy().astype(np.int64)
-        hit = np.isfinite(depth)
-        return depth, np.where(hit, self.kept[np.where(hit, face, 0)], -1)
+    def cast_local(self, local: Float[np.ndarray, "n 6"]) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+        """Depth and triangle of float32 rays (position, direction) in local coordinates, `inf` and -1 on a miss."""
+        if len(self.kept) == 0 or len(local) == 0:
+            return np.full(len(local), np.inf, dtype=np.float32), np.full(len(local), -1)
+        answer = self._scene.cast_rays(o3d.core.Tensor(local))
+        depth, face = answer["t_hit"].numpy(), answer["primitive_ids"].numpy()
+        return depth, np.where(np.isfinite(depth), self.kept.take(face, mode="clip"), -1)
 
     def blocked_local(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
@@ -263,7 +258,7 @@ def visible_from_outside(
 
 
 def _spread_blocks(count: int) -> list[Float[np.ndarray, "b 3"]]:
-    """The spread directions in blocks of 4, 4, 8, 16, ...: each alone covers the sphere (every 2^k-th, bit-reversed)."""
+    """The spread directions in blocks of 4, 4, 8, 16, ..., each over the whole sphere (bit-reversed order)."""
     bits = max(count - 1, 1).bit_length()
     order = sorted(range(count), key=lambda index: int(f"{index:0{bits}b}"[::-1], 2))
     ends = [1 << k for k in range(2, bits)]

@@ -152,9 +152,9 @@ def _exit(points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
 
 
 def _inside(points: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "n 3"]:
-    """Points as float32, clipped to the box."""
+    """Points clipped to the box."""
     rows = zip(points.T, box.lower, box.upper, strict=True)
-    return np.stack([np.clip(p.astype(np.float32), lower, upper) for p, lower, upper in rows]).T
+    return np.stack([np.clip(p, lower, upper) for p, lower, upper in rows]).T
 
 
 def _back_along(
@@ -186,7 +186,7 @@ def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray,
 
 def draw_at_surface(surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
     """A: q0 by area, v0 ~ U[S²], p on the segment from q0 along v0 to ∂B, v = -v0."""
-    origins, _ = surface.draw(count, rng)
+    origins, _ = surface.draw(count, rng, np.float32)
     return _back_along(_inside(origins, box), unit_vectors(count, rng), box, rng)
 
 
@@ -195,12 +195,12 @@ def draw_bounding(box: Box, count: int, rng: np.random.Generator) -> Draw:
     sides = box.upper - box.lower
     areas = np.repeat([sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]], 2)
     wall = np.minimum(np.searchsorted(np.cumsum(areas), _shares(count, rng) * areas.sum(), side="right"), 5)
-    rows, axis, upper = np.arange(count), wall // 2, wall % 2 == 1
-    positions = _in_box(box, count, rng)
-    positions[rows, axis] = np.where(upper, box.upper[axis], box.lower[axis])
-    directions = unit_vectors(count, rng)
-    inwards = np.abs(directions[rows, axis])
-    directions[rows, axis] = np.where(upper, -inwards, inwards)
+    positions, directions = _in_box(box, count, rng), unit_vectors(count, rng)
+    for axis in range(3):
+        for side, (place, sign) in enumerate(((box.lower, 1), (box.upper, -1))):
+            rows = np.flatnonzero(wall == 2 * axis + side)
+            positions[rows, axis] = place[axis]
+            directions[rows, axis] = sign * np.abs(directions[rows, axis])
     return Draw(positions, directions)
 
 
@@ -212,19 +212,19 @@ def draw_surface(surface: meshes.Surface, box: Box, count: int, rng: np.random.G
 
 def draw_tangent(surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
     """T: as A, with v0 uniform in the tangent plane at q0."""
-    origins, face = surface.draw(count, rng)
+    origins, face = surface.draw(count, rng, np.float32)
     return _back_along(_inside(origins, box), _tangents(_rows(surface.normals, face), rng), box, rng)
 
 
 def _rows(normals: Float[np.ndarray, "m 3"], face: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
-    return normals[face].T.astype(np.float32, order="C").T
+    return normals.take(face, axis=0).T.astype(np.float32, order="C").T
 
 
 def draw_offset(
     surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator, epsilon: float, uniform: bool
 ) -> Draw:
     """O: the line of a T sample moved by ±ε n0 (by a uniform share of it if `uniform`), p on its part inside B."""
-    origins, face = surface.draw(count, rng)
+    origins, face = surface.draw(count, rng, np.float32)
     origins, normals = _inside(origins, box), _rows(surface.normals, face)
     size = _shares(count, rng) if uniform else np.ones(count, np.float32)
     size *= epsilon
@@ -285,16 +285,19 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> tuple[dict[s
     parts = _parts(drawn)
     positions = np.concatenate([packing.encode_positions(draws.positions) for draws in drawn.values()])
     directions = np.concatenate([packing.encode_unit(draws.directions, np.int16) for draws in drawn.values()])
-    looking = packing.decode_unit(torch.from_numpy(directions)).numpy()
     starts = packing.decode_positions(torch.from_numpy(positions)).numpy()
-    local, ahead = scene.local(starts).astype(np.float32), {}
+    local, ahead = np.zeros((len(starts), 6), np.float32), {}
+    np.subtract(starts, scene.centre.astype(np.float32), out=local[:, :3])
+    local[:, :3] /= np.float32(scene.scale)
+    looking = local[:, 3:]
+    looking[:] = packing.decode_unit(torch.from_numpy(directions)).numpy()
     for kind, draws in drawn.items():
         if draws.normals is not None:
             part = parts[kind]
             lifted = _lifted(scene, draws.positions, draws.normals, looking[part])
-            local[part] = scene.local(lifted)
+            local[part, :3] = scene.local(lifted)
             ahead[kind] = np.einsum("ij,ij->i", lifted - starts[part], looking[part])
-    depth, face = scene.cast_local(local, looking)
+    depth, face = scene.cast_local(local)
     depth *= scene.scale
     for kind, more in ahead.items():
         depth[parts[kind]] += more
