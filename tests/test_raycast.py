@@ -121,6 +121,31 @@ def test_far_camera_and_far_mesh_lose_no_precision():
     assert_close(away.depth, near.depth, atol=1e-8)
 
 
+@pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-9, 1e-8, 1e-7, 3e-7, 1e-5])
+def test_starts_beside_a_face_are_on_the_side_that_float64_gives(gap):
+    """Two nested spheres: a ray rounded through its face would meet the other sphere, or nothing."""
+    mesh = joined(icosphere(3, 0.9), moved(icosphere(2), 0.4, (0.1, 0.0, 0.05)))
+    rng = np.random.default_rng(12)
+    face = rng.integers(0, len(mesh.faces), 3000)
+    weights = rng.dirichlet((2.0, 2.0, 2.0), 3000)
+    normal = mesh_io.face_normals(mesh)[0][face]
+    looking = random_rays(3000, seed=13).directions.numpy()
+    steep = np.abs((normal * looking).sum(1)) > 0.02
+    side = np.where(np.arange(3000) % 2 == 0, gap, -gap)[:, None]
+    starts = np.einsum("ni,nij->nj", weights, mesh.triangles[face]) + side * normal
+    points = _points(starts[steep], looking[steep])
+    if gap == 0:  # on the face as well as rounding allows: the hit is the face itself or what comes after it
+        step = _points(starts[steep] + 1e-6 * looking[steep], looking[steep])
+        hits, beyond = raycast.cast(mesh, points), raycast.cast(mesh, step)
+        own = hits.depth < 1e-12
+        assert 0.2 < own.float().mean() < 0.95
+        assert_close(hits.depth[~own], beyond.depth[~own] + 1e-6, atol=1e-9)
+    else:
+        hits, exact = raycast.cast(mesh, points), raycast.cast_exact(mesh, points)
+        assert (hits.visible == exact.visible).all()
+        assert_close(hits.depth, exact.depth, atol=1e-12)
+
+
 def test_scale_of_the_mesh_does_not_matter():
     points = random_rays(200, seed=9)
     unit = raycast.cast(torus(), points)

@@ -6,7 +6,7 @@ import torch
 from _shapes import cube, icosphere, joined, moved
 from _support import assert_close
 
-from ddf import checks, mesh_io, packing, primitives, raycast, rays, sampling, seeding
+from ddf import checks, mesh_io, meshes, packing, primitives, raycast, rays, sampling, seeding
 
 COUNTS = sampling.Counts(U=3000, A=3000, B=3000, S=3000, T=3000, O=3000)
 CONFIG = sampling.SamplesConfig(counts=COUNTS, offsets="fixed")
@@ -62,11 +62,9 @@ def test_surface_samples_on_a_plane_see_nothing():
 
 
 def test_at_surface_samples_see_the_surface_no_further_than_their_origin():
-    scene, box = raycast.Scene(SLAB), sampling.CUBE
-    rng = _random()
-    drawn = sampling.draw_at_surface(scene, box, 2000, rng)
+    drawn = sampling.draw_at_surface(meshes.Surface.of(SLAB), sampling.CUBE, 2000, _random())
     hits = raycast.cast(
-        scene, rays.OrientedPoints(torch.from_numpy(drawn.positions), torch.from_numpy(drawn.directions))
+        SLAB, rays.OrientedPoints(torch.from_numpy(drawn.positions), torch.from_numpy(drawn.directions))
     )
     assert hits.visible.float().mean() > 0.995
     samples = _decoded(SLAB, "A")
@@ -76,10 +74,10 @@ def test_at_surface_samples_see_the_surface_no_further_than_their_origin():
 @pytest.mark.parametrize("box", [sampling.CUBE, TIGHT], ids=["cube", "tight"])
 @pytest.mark.parametrize("kind", ["A", "T", "O"])
 def test_a_tenth_lies_on_the_boundary_and_all_in_the_box(kind, box):
-    config = sampling.SamplesConfig(box="cube" if box is sampling.CUBE else "tight")
+    config = sampling.SamplesConfig()
     sphere = moved(icosphere(3), np.array([1.0, 0.4, 0.7]), (0, 0, 0))
-    drawn = sampling.draw(kind, raycast.Scene(sphere), config, 5000, _random())
     box = box if box is sampling.CUBE else sampling.Box(*sphere.box())
+    drawn = sampling.draw(kind, meshes.Surface.of(sphere), box, config, 5000, _random())
     on_wall = ((drawn.positions == box.lower) | (drawn.positions == box.upper)).any(axis=1)
     assert abs(on_wall.sum() - 500) <= 5  # in a tight box an origin can touch a wall by itself
     assert (drawn.positions >= box.lower).all() and (drawn.positions <= box.upper).all()
@@ -87,10 +85,10 @@ def test_a_tenth_lies_on_the_boundary_and_all_in_the_box(kind, box):
 
 
 def test_tangent_lines_touch_and_offset_lines_keep_their_distance():
-    scene, radius = raycast.Scene(moved(icosphere(5), 0.8, (0, 0, 0))), 0.8
+    surface, radius = meshes.Surface.of(moved(icosphere(5), 0.8, (0, 0, 0))), 0.8
     for kind, offset in (("T", 0.0), ("O", 0.05)):
         config = sampling.SamplesConfig(epsilon_o=0.05, offsets="fixed")
-        drawn = sampling.draw(kind, scene, config, 4000, _random())
+        drawn = sampling.draw(kind, surface, sampling.CUBE, config, 4000, _random())
         foot = drawn.positions - (drawn.positions * drawn.directions).sum(1, keepdims=True) * drawn.directions
         distance = np.linalg.norm(foot, axis=1) - radius
         assert_close(np.abs(distance), np.full(4000, offset), atol=2e-3)
@@ -99,8 +97,8 @@ def test_tangent_lines_touch_and_offset_lines_keep_their_distance():
 
 
 def test_uniform_offsets_fill_the_interval():
-    scene = raycast.Scene(moved(icosphere(5), 0.8, (0, 0, 0)))
-    drawn = sampling.draw_offset(scene, sampling.CUBE, 4000, _random(), 0.05, uniform=True)
+    surface = meshes.Surface.of(moved(icosphere(5), 0.8, (0, 0, 0)))
+    drawn = sampling.draw_offset(surface, sampling.CUBE, 4000, _random(), 0.05, uniform=True)
     foot = drawn.positions - (drawn.positions * drawn.directions).sum(1, keepdims=True) * drawn.directions
     distance = np.abs(np.linalg.norm(foot, axis=1) - 0.8)
     assert distance.max() < 0.052
@@ -111,7 +109,8 @@ def test_offset_samples_of_a_flat_shape_stay_in_its_tight_box():
     square = mesh_io.Mesh(
         np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
     )
-    drawn = sampling.draw("O", raycast.Scene(square), sampling.SamplesConfig(box="tight"), 500, _random())
+    box, config = sampling.Box(*square.box()), sampling.SamplesConfig(box="tight")
+    drawn = sampling.draw("O", meshes.Surface.of(square), box, config, 500, _random())
     assert (drawn.positions[:, 1] == 0).all() and np.abs(drawn.positions).max() <= 1
 
 
@@ -138,7 +137,7 @@ def test_directions_are_uniform_on_the_sphere():
 def test_surface_points_are_uniform_by_area_and_skip_degenerate_triangles():
     flat = mesh_io.Mesh(np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]]), np.array([[0, 1, 2]]))
     mesh = joined(flat, SLAB, flat)
-    _, face = sampling.meshes.sample_surface(mesh, 20_000, _random())
+    _, face = meshes.sample_surface(mesh, 20_000, _random())
     _, areas = mesh_io.face_normals(mesh)
     share = np.bincount(face, minlength=len(mesh.faces)) / 20_000
     assert share[0] == share[-1] == 0

@@ -198,25 +198,51 @@ def _without_unused(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices[used], faces.reshape(-1, 3))
 
 
-def sample_surface(
-    mesh: Mesh, count: int, rng: np.random.Generator
-) -> tuple[Float[np.ndarray, "count 3"], Int[np.ndarray, "count"]]:
-    """Points uniform by area, and the triangle of each; triangles without an area get none.
+@dataclass(frozen=True)
+class Surface:
+    """Triangles ready for drawing points uniform by area; those without an area get none.
 
     Raises:
       InputError: no triangle has an area.
     """
-    _, areas = face_normals(mesh)
-    total = areas.sum()
-    if not total > 0:
-        raise checks.InputError("the mesh must have a triangle with an area; got none")
-    cumulative = np.cumsum(areas)
-    face = np.searchsorted(cumulative, rng.random(count) * cumulative[-1], side="right")
-    face = np.minimum(face, np.flatnonzero(areas > 0)[-1])
-    root, along = np.sqrt(rng.random(count))[:, None], rng.random(count)[:, None]
-    corners = mesh.triangles[face]
-    points = (1 - root) * corners[:, 0] + root * (1 - along) * corners[:, 1] + root * along * corners[:, 2]
-    return points, face
+
+    corners: Float[np.ndarray, "m 3 3"]
+    normals: Float[np.ndarray, "m 3"]
+    areas: Float[np.ndarray, "m"]
+
+    def __post_init__(self) -> None:
+        if not self.areas.sum() > 0:
+            raise checks.InputError("the mesh must have a triangle with an area; got none")
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> "Surface":
+        """All triangles of a mesh."""
+        return cls(mesh.triangles, *face_normals(mesh))
+
+    def draw(
+        self, count: int, rng: np.random.Generator, dtype: type[np.floating] = np.float64
+    ) -> tuple[Float[np.ndarray, "count 3"], Int[np.ndarray, "count"]]:
+        """Points and the triangle of each, in random order."""
+        total = np.cumsum(self.areas)
+        steps = np.cumsum(rng.standard_exponential(count + 1))  # over their end: uniform numbers in ascending order
+        ends = np.searchsorted(steps[:-1], total * (steps[-1] / total[-1]))
+        ends[np.flatnonzero(self.areas > 0)[-1] :] = count  # whatever rounding says
+        face = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
+        rng.shuffle(face)
+        root, along = np.sqrt(rng.random(count)).astype(dtype), rng.random(count).astype(dtype)
+        second = root * along
+        first = root - second
+        rows = self.corners.astype(dtype).reshape(-1, 9).take(face, axis=0).T
+        corners = zip(rows[:3], rows[3:6], rows[6:], strict=True)
+        points = np.stack([a + first * (b - a) + second * (c - a) for a, b, c in corners])
+        return points.T, face
+
+
+def sample_surface(
+    mesh: Mesh, count: int, rng: np.random.Generator
+) -> tuple[Float[np.ndarray, "count 3"], Int[np.ndarray, "count"]]:
+    """As `Surface.draw`, of a mesh that is drawn from once."""
+    return Surface.of(mesh).draw(count, rng)
 
 
 def measure(raw: Mesh, result: Mesh, points: int, rng: np.random.Generator) -> dict[str, float]:

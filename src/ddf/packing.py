@@ -38,24 +38,29 @@ class Samples(TypedDict):
 
 def encode_unit(vectors: Float[np.ndarray, "*n 3"], dtype: type[np.signedinteger]) -> Int[np.ndarray, "*n 2"]:
     """Octahedral code of unit vectors, rounded to the nearest step of `dtype` in the map's plane."""
-    flat = vectors / np.abs(vectors).sum(axis=-1, keepdims=True)
-    wings = (1 - np.abs(flat[..., 1::-1])) * np.where(flat[..., :2] >= 0, 1.0, -1.0)
-    plane = np.where(flat[..., 2:] >= 0, flat[..., :2], wings)
-    return np.rint(plane * np.iinfo(dtype).max).astype(dtype)
+    x, y, z = (vectors[..., axis] for axis in range(3))
+    length = np.abs(x) + np.abs(y) + np.abs(z)
+    x, y, below = x / length, y / length, z < 0
+    codes = np.zeros((*x.shape, 2), dtype)
+    for axis, (own, other) in enumerate(((x, y), (y, x))):
+        plane = np.where(below, np.copysign(1 - np.abs(other), own), own)
+        codes[..., axis] = np.rint(plane * np.iinfo(dtype).max)
+    return codes
 
 
 def decode_unit(codes: Tensor) -> Float[Tensor, "*n 3"]:
     """Unit vectors, float32, of octahedral codes of either width."""
-    plane = codes.float() / torch.iinfo(codes.dtype).max
-    height = 1 - plane.abs().sum(-1, keepdim=True)
-    fold = (-height).clamp_min(0.0)
-    plane = plane - torch.where(plane >= 0, fold, -fold)
-    return torch.nn.functional.normalize(torch.cat([plane, height], dim=-1), dim=-1)
+    x, y = (codes.float() / torch.iinfo(codes.dtype).max).unbind(-1)
+    z = 1 - x.abs() - y.abs()
+    fold = (-z).clamp_min(0.0)
+    x, y = x - torch.copysign(fold, x), y - torch.copysign(fold, y)
+    length = (x * x + y * y + z * z).sqrt()
+    return torch.stack((x / length, y / length, z / length), dim=-1)
 
 
 def encode_positions(positions: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n 3"]:
     """Positions in [-1, 1]^3 as int16; what lies outside is clamped onto the cube."""
-    return np.rint(np.clip(positions, -1.0, 1.0) * POSITION_STEPS).astype(np.int16)
+    return np.rint(np.clip(positions, -1.0, 1.0) * POSITION_STEPS).astype(np.int16, order="C")
 
 
 def decode_positions(codes: Tensor) -> Float[Tensor, "*n 3"]:

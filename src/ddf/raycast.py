@@ -2,7 +2,8 @@
 
 Both treat the surface as two-sided: a ray that starts inside meets the wall from behind, and normals face back.
 Rays start where they enter the mesh's box, and the box is centred and scaled to 1 first, so that neither a far camera
-nor a mesh far from its origin costs float32 precision.
+nor a mesh far from its origin costs float32 precision. A start next to a face can be rounded through it: so Open3D's
+rays begin a little earlier, and where that meets something, float64 decides what lies before the start and what behind.
 """
 
 import numpy as np
@@ -14,6 +15,7 @@ from ddf import rays
 from ddf.mesh_io import Mesh, face_normals
 
 _MARGIN = 1e-3  # of half the longest side: rays enter a box larger than the mesh, so that flat meshes lie inside it
+_BACK = 1e-3  # of half the longest side: at 1/1000 of right angles still 16 float32 steps off a face at the start
 SURFACE_OFFSET = 1e-5  # of half the longest side: over 80 float32 steps at 1, under a fifth of the stored depth's step
 
 
@@ -25,8 +27,8 @@ class Scene:
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
-        self.normals, areas = face_normals(mesh)
-        self.kept = np.flatnonzero(areas > 0)
+        self.normals, self.areas = face_normals(mesh)
+        self.kept = np.flatnonzero(self.areas > 0)
         used = mesh.triangles[self.kept].reshape(-1, 3)
         lower, upper = (used.min(axis=0), used.max(axis=0)) if len(used) else (np.zeros(3), np.zeros(3))
         self.centre = lower + (upper - lower) / 2
@@ -45,24 +47,69 @@ class Scene:
     def first_hits(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-        """Depth (float64, `inf` on a miss) and triangle (-1 on a miss) of rays in the mesh's frame."""
+        """Depth (float64, `inf` on a miss) and triangle (-1 on a miss) of rays in the mesh's frame.
+
+        The triangle comes from float32, the depth from its plane (`_plane_depth`). A start nearer to a face than
+        float32 can tell is on the side that float64 gives it, unless the ray runs within 1e-3 of parallel to the face.
+        """
         starts, directions = self.local(positions), np.asarray(directions, dtype=np.float64)
         entry, meets = _enter(starts, directions, self.half_sides)
-        starts = starts + entry[:, None] * directions
-        depth, face = self.cast_local(starts.astype(np.float32), directions.astype(np.float32))
-        hit = meets & (face >= 0)
-        return np.where(hit, (entry + depth) * self.scale, np.inf), np.where(hit, face, -1)
+        begin = entry - _BACK
+        local = np.concatenate([starts + begin[:, None] * directions, directions], axis=1).astype(np.float32)
+        depth, face = self.cast_local(local)
+        hit = np.flatnonzero(meets & (face >= 0))
+        depth = begin + depth
+        near = hit[depth[hit] < _BACK]
+        found, triangle = np.full(len(starts), np.inf), np.full(len(starts), -1)
+        triangle[hit] = face[hit]
+        found[hit] = self._plane_depth(positions[hit], directions[hit], face[hit], depth[hit] * self.scale)
+        if len(near):  # Open3D's list of no rays ends the process
+            first = self._first_ahead(positions[near], directions[near], local[near], begin[near])
+            found[near], triangle[near] = first
+        return np.where(triangle >= 0, np.maximum(found, 0.0), np.inf), triangle
 
-    def cast_local(
-        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-        """As `first_hits` for float32 rays in local coordinates, without entering the box."""
-        if len(self.kept) == 0 or len(positions) == 0:
-            return np.full(len(positions), np.inf, dtype=np.float32), np.full(len(positions), -1)
-        answer = self._scene.cast_rays(o3d.core.Tensor(np.concatenate([positions, directions], axis=1)))
-        depth, face = answer["t_hit"].numpy(), answer["primitive_ids"].numpy().astype(np.int64)
-        hit = np.isfinite(depth)
-        return depth, np.where(hit, self.kept[np.where(hit, face, 0)], -1)
+    def _plane_depth(
+        self,
+        positions: Float[np.ndarray, "k 3"],
+        directions: Float[np.ndarray, "k 3"],
+        face: Int[np.ndarray, "k"],
+        depth: Float[np.ndarray, "k"],
+    ) -> Float[np.ndarray, "k"]:
+        """Depth on each ray's triangle's plane in float64, but float32's `depth` where that is better conditioned."""
+        normal, corner = self.normals[face], self.mesh.vertices[self.mesh.faces[face, 0]]
+        slope = np.einsum("ij,ij->i", normal, directions)
+        exact = np.einsum("ij,ij->i", normal, corner - positions) / np.where(slope == 0, 1.0, slope)
+        close = np.abs(exact - depth) <= 1e-5 * (self.scale + np.abs(depth))  # float32 is; further is ill-posed
+        return np.where((np.abs(slope) > 1e-3) & close, exact, depth)
+
+    def _first_ahead(
+        self,
+        positions: Float[np.ndarray, "k 3"],
+        directions: Float[np.ndarray, "k 3"],
+        local: Float[np.ndarray, "k 6"],
+        begin: Float[np.ndarray, "k"],
+    ) -> tuple[Float[np.ndarray, "k"], Int[np.ndarray, "k"]]:
+        """First hit at t >= 0 (float64) among all that float32 rays meet, which begin at `begin` in local units."""
+        met = self._scene.list_intersections(o3d.core.Tensor(local))
+        ray = met["ray_ids"].numpy().astype(np.int64)
+        face = self.kept[met["primitive_ids"].numpy().astype(np.int64)]
+        rough = (begin[ray] + met["t_hit"].numpy()) * self.scale
+        depth = self._plane_depth(positions[ray], directions[ray], face, rough)
+        ahead = depth >= 0
+        ray, face, depth = ray[ahead], face[ahead], depth[ahead]
+        order = np.lexsort((depth, ray))
+        first = order[np.flatnonzero(np.diff(ray[order], prepend=-1))]
+        found, triangle = np.full(len(positions), np.inf), np.full(len(positions), -1)
+        found[ray[first]], triangle[ray[first]] = depth[first], face[first]
+        return found, triangle
+
+    def cast_local(self, local: Float[np.ndarray, "n 6"]) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+        """Depth and triangle of float32 rays (position, direction) in local coordinates, `inf` and -1 on a miss."""
+        if len(self.kept) == 0 or len(local) == 0:
+            return np.full(len(local), np.inf, dtype=np.float32), np.full(len(local), -1)
+        answer = self._scene.cast_rays(o3d.core.Tensor(local))
+        depth, face = answer["t_hit"].numpy(), answer["primitive_ids"].numpy()
+        return depth, np.where(np.isfinite(depth), self.kept.take(face, mode="clip"), -1)
 
     def blocked_local(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
@@ -119,12 +166,6 @@ def cast(scene: Scene | Mesh, points: rays.OrientedPoints) -> rays.RayHits:
     positions = points.positions.detach().cpu().double().numpy().reshape(-1, 3)
     directions = points.directions.detach().cpu().double().numpy().reshape(-1, 3)
     depth, face = scene.first_hits(positions, directions)
-    hit = face >= 0
-    normal, corner = scene.normals[face[hit]], scene.mesh.triangles[face[hit], 0]
-    slope = np.einsum("ij,ij->i", normal, directions[hit])
-    exact = np.einsum("ij,ij->i", normal, corner - positions[hit]) / np.where(slope == 0, 1.0, slope)
-    close = np.abs(exact - depth[hit]) <= 1e-5 * (scene.scale + depth[hit])  # float32 is; further is ill-posed
-    depth[hit] = np.where((np.abs(slope) > 1e-3) & close, np.maximum(exact, 0.0), depth[hit])
     return _hits(scene, directions, depth, face, points.positions.shape[:-1])
 
 
@@ -178,9 +219,10 @@ def facing_back(
     """Unit normals of the triangles hit, turned so that n·v <= 0; zero on a miss."""
     if len(scene.normals) == 0:
         return np.zeros((len(face), 3))
-    normals = np.where((face >= 0)[:, None], scene.normals[face], 0.0)
+    normals = scene.normals[face]
     slope = np.einsum("ij,ij->i", normals, directions)
-    return normals * np.where(slope > 0, -1.0, 1.0)[:, None]
+    normals *= np.where(face < 0, 0.0, np.where(slope > 0, -1.0, 1.0))[:, None]
+    return normals
 
 
 def sphere_directions(count: int) -> Float[np.ndarray, "count 3"]:
@@ -202,7 +244,7 @@ def visible_from_outside(
     """
     starts, normals = scene.local(points), scene.normals[face]
     visible = np.zeros(len(starts), dtype=bool)
-    for block in np.array_split(_spread_order(count), max(count // 16, 1)):
+    for block in _spread_blocks(count):
         left = np.flatnonzero(~visible)
         if len(left) == 0:
             break
@@ -215,8 +257,9 @@ def visible_from_outside(
     return visible
 
 
-def _spread_order(count: int) -> Float[np.ndarray, "count 3"]:
-    """The spread directions, ordered so that every leading block already covers the sphere."""
-    stride = max(count // 16, 1)
-    order = np.concatenate([np.arange(start, count, stride) for start in range(stride)])
-    return sphere_directions(count)[order]
+def _spread_blocks(count: int) -> list[Float[np.ndarray, "b 3"]]:
+    """The spread directions in blocks of 4, 4, 8, 16, ..., each over the whole sphere (bit-reversed order)."""
+    bits = max(count - 1, 1).bit_length()
+    order = sorted(range(count), key=lambda index: int(f"{index:0{bits}b}"[::-1], 2))
+    ends = [1 << k for k in range(2, bits)]
+    return np.split(sphere_directions(count)[order], ends)

@@ -2,7 +2,8 @@
 
 Letters: B the box, S the surface, q0 a point uniform by area on S with normal n0, v0 the direction that a sample looks
 back along. Each `draw_*` gives positions and directions only; `extract` rounds them to their stored form, casts
-exactly those rays and packs the answers. Everything is in the field frame.
+exactly those rays and packs the answers. Everything is in the field frame. Draws are float32, of which a stored step
+has 256, but for starts on the surface; their memory holds one coordinate after the other.
 
 Choices where the paper is silent:
 - S starts on the surface. It is lifted by `raycast.SURFACE_OFFSET` (1e-5 of half the box's longest side) off its own
@@ -20,13 +21,13 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ddf import checks, meshes, packing, raycast, seeding
 from ddf.mesh_io import Mesh
 
 BOUNDARY_SHARE = 0.1  # of the positions of types A, T and O lie on the boundary of B. Source: [DDF22] app. A
-_ERROR_PROBE = 2000  # samples of each type whose packing error is measured
+_ERROR_PROBE = 100  # samples of each type whose packing error is measured
 
 
 @dataclass(frozen=True)
@@ -84,10 +85,14 @@ class SamplesConfig:
 
 @dataclass(frozen=True)
 class Box:
-    """Axis-aligned box B."""
+    """Axis-aligned box B, float32."""
 
     lower: Float[np.ndarray, "3"]
     upper: Float[np.ndarray, "3"]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "lower", self.lower.astype(np.float32))
+        object.__setattr__(self, "upper", self.upper.astype(np.float32))
 
 
 @dataclass(frozen=True)
@@ -104,28 +109,52 @@ CUBE = Box(-np.ones(3), np.ones(3))
 
 def unit_vectors(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
     """Directions uniform on the sphere (Archimedes: height and turn are uniform)."""
-    height, turn = 2 * rng.random(count) - 1, 2 * np.pi * rng.random(count)
-    radius = np.sqrt(1 - height**2)
-    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+    height = 2 * _shares(count, rng) - 1
+    radius = np.sqrt((1 - height) * (1 + height))
+    turn = _turns(count, rng)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height]).T
+
+
+def _shares(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count"]:
+    """Uniform on [0, 1), float32."""
+    return rng.random(count, dtype=np.float32)
+
+
+def _turns(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count"]:
+    return _shares(count, rng) * np.float32(2 * np.pi)
 
 
 def _tangents(normals: Float[np.ndarray, "n 3"], rng: np.random.Generator) -> Float[np.ndarray, "n 3"]:
     """Directions uniform on the circle normal to each vector, on the basis of Duff et al. 2017 (revisiting Frisvad)."""
     x, y, z = normals.T
-    sign = np.where(z >= 0, 1.0, -1.0)
-    a = -1.0 / (sign + z)
+    sign = np.copysign(np.float32(1), z)
+    a = -1 / (sign + z)
     b = x * y * a
-    first = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=1)
-    second = np.stack([b, sign + y * y * a, -y], axis=1)
-    turn = 2 * np.pi * rng.random(len(normals))[:, None]
-    return np.cos(turn) * first + np.sin(turn) * second
+    turn = _turns(len(normals), rng)
+    first, second = np.cos(turn), np.sin(turn)
+    signed = sign * first
+    return np.stack(
+        [
+            first + signed * x * x * a + second * b,
+            signed * b + second * (sign + y * y * a),
+            -signed * x - second * y,
+        ]
+    ).T
 
 
-def _exit(points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "n 3"]:
+def _exit(points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "3 n"]:
     """Distance along each axis at which a ray from inside the box leaves it; `inf` on axes it runs normal to."""
-    wall = np.where(directions > 0, box.upper, box.lower) - points
-    still = directions == 0
-    return np.where(still, np.inf, np.maximum(wall / np.where(still, 1.0, directions), 0.0))
+    walls = zip(points.T, directions.T, box.lower, box.upper, strict=True)
+    with np.errstate(divide="ignore", invalid="ignore"):  # 0/0 on a wall, which the ray runs along: never leaves there
+        reach = np.stack([np.fmax((lower - p) / v, (upper - p) / v) for p, v, lower, upper in walls])
+    reach[np.isnan(reach)] = np.inf
+    return np.maximum(reach, 0, out=reach)
+
+
+def _inside(points: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "n 3"]:
+    """Points clipped to the box."""
+    rows = zip(points.T, box.lower, box.upper, strict=True)
+    return np.stack([np.clip(p, lower, upper) for p, lower, upper in rows]).T
 
 
 def _back_along(
@@ -134,80 +163,91 @@ def _back_along(
     """p on the segment from each origin along v0 to the boundary of B (a tenth exactly on it), and v = -v0."""
     count = len(origins)
     axes = _exit(origins, directions, box)
-    axis, reach = axes.argmin(axis=1), axes.min(axis=1)
-    on_boundary = rng.permutation(count) < round(BOUNDARY_SHARE * count)
-    share = np.where(on_boundary, 1.0, rng.random(count))
-    positions = np.clip(origins + (share * reach)[:, None] * directions, box.lower, box.upper)
-    rows = np.flatnonzero(on_boundary)
-    walls = np.where(directions > 0, box.upper, box.lower)
-    positions[rows, axis[rows]] = walls[rows, axis[rows]]
+    reach = _shares(count, rng)
+    reach *= np.minimum(np.minimum(axes[0], axes[1]), axes[2])
+    positions = _inside(origins + reach[:, None] * directions, box)
+    rows = rng.choice(count, round(BOUNDARY_SHARE * count), replace=False, shuffle=False)
+    axes, looking = axes[:, rows], directions[rows]
+    axis, ends = axes.argmin(axis=0), np.arange(len(rows))
+    positions[rows] = _inside(origins[rows] + axes[axis, ends][:, None] * looking, box)
+    positions[rows, axis] = np.where(looking[ends, axis] > 0, box.upper[axis], box.lower[axis])
     return Draw(positions, -directions)
 
 
 def draw_uniform(box: Box, count: int, rng: np.random.Generator) -> Draw:
     """U: p ~ U[B], v ~ U[S²]."""
-    positions = box.lower + (box.upper - box.lower) * rng.random((count, 3))
-    return Draw(positions, unit_vectors(count, rng))
+    return Draw(_in_box(box, count, rng), unit_vectors(count, rng))
 
 
-def draw_at_surface(scene: raycast.Scene, box: Box, count: int, rng: np.random.Generator) -> Draw:
+def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
+    shares = rng.random((3, count), dtype=np.float32)
+    return (box.lower[:, None] + (box.upper - box.lower)[:, None] * shares).T
+
+
+def draw_at_surface(surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
     """A: q0 by area, v0 ~ U[S²], p on the segment from q0 along v0 to ∂B, v = -v0."""
-    origins, _ = meshes.sample_surface(scene.mesh, count, rng)
-    return _back_along(np.clip(origins, box.lower, box.upper), unit_vectors(count, rng), box, rng)
+    origins, _ = surface.draw(count, rng, np.float32)
+    return _back_along(_inside(origins, box), unit_vectors(count, rng), box, rng)
 
 
 def draw_bounding(box: Box, count: int, rng: np.random.Generator) -> Draw:
     """B: p ~ U[∂B], v uniform on the hemisphere that points inwards."""
     sides = box.upper - box.lower
     areas = np.repeat([sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]], 2)
-    wall = np.minimum(np.searchsorted(np.cumsum(areas), rng.random(count) * areas.sum(), side="right"), 5)
-    rows, axis, upper = np.arange(count), wall // 2, wall % 2 == 1
-    positions = box.lower + sides * rng.random((count, 3))
-    positions[rows, axis] = np.where(upper, box.upper[axis], box.lower[axis])
-    directions = unit_vectors(count, rng)
-    inwards = np.abs(directions[rows, axis])
-    directions[rows, axis] = np.where(upper, -inwards, inwards)
+    wall = np.minimum(np.searchsorted(np.cumsum(areas), _shares(count, rng) * areas.sum(), side="right"), 5)
+    positions, directions = _in_box(box, count, rng), unit_vectors(count, rng)
+    for axis in range(3):
+        for side, (place, sign) in enumerate(((box.lower, 1), (box.upper, -1))):
+            rows = np.flatnonzero(wall == 2 * axis + side)
+            positions[rows, axis] = place[axis]
+            directions[rows, axis] = sign * np.abs(directions[rows, axis])
     return Draw(positions, directions)
 
 
-def draw_surface(scene: raycast.Scene, box: Box, count: int, rng: np.random.Generator) -> Draw:
-    """S: p by area on S, v ~ U[S²]."""
-    positions, face = meshes.sample_surface(scene.mesh, count, rng)
-    return Draw(np.clip(positions, box.lower, box.upper), unit_vectors(count, rng), scene.normals[face])
+def draw_surface(surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """S: p by area on S, v ~ U[S²]. Positions are float64: they are lifted off the surface by little."""
+    positions, face = surface.draw(count, rng)
+    return Draw(np.clip(positions, box.lower, box.upper), unit_vectors(count, rng), surface.normals[face])
 
 
-def draw_tangent(scene: raycast.Scene, box: Box, count: int, rng: np.random.Generator) -> Draw:
+def draw_tangent(surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
     """T: as A, with v0 uniform in the tangent plane at q0."""
-    origins, face = meshes.sample_surface(scene.mesh, count, rng)
-    return _back_along(np.clip(origins, box.lower, box.upper), _tangents(scene.normals[face], rng), box, rng)
+    origins, face = surface.draw(count, rng, np.float32)
+    return _back_along(_inside(origins, box), _tangents(_rows(surface.normals, face), rng), box, rng)
+
+
+def _rows(normals: Float[np.ndarray, "m 3"], face: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
+    return normals.take(face, axis=0).T.astype(np.float32, order="C").T
 
 
 def draw_offset(
-    scene: raycast.Scene, box: Box, count: int, rng: np.random.Generator, epsilon: float, uniform: bool
+    surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator, epsilon: float, uniform: bool
 ) -> Draw:
     """O: the line of a T sample moved by ±ε n0 (by a uniform share of it if `uniform`), p on its part inside B."""
-    origins, face = meshes.sample_surface(scene.mesh, count, rng)
-    origins, normals = np.clip(origins, box.lower, box.upper), scene.normals[face]
-    size = epsilon * (rng.random(count) if uniform else np.ones(count))
-    side = np.where(rng.random(count) < 0.5, -1.0, 1.0)[:, None] * normals
-    room, other = _exit(origins, side, box).min(axis=1), _exit(origins, -side, box).min(axis=1)
+    origins, face = surface.draw(count, rng, np.float32)
+    origins, normals = _inside(origins, box), _rows(surface.normals, face)
+    size = _shares(count, rng) if uniform else np.ones(count, np.float32)
+    size *= epsilon
+    side = np.where(_shares(count, rng) < 0.5, np.float32(-1), np.float32(1))[:, None] * normals
+    room, other = _exit(origins, side, box).min(axis=0), _exit(origins, -side, box).min(axis=0)
     turned = (room < size) & (other > room)
     step = np.minimum(size, np.where(turned, other, room))
-    moved = np.clip(origins + step[:, None] * np.where(turned[:, None], -side, side), box.lower, box.upper)
+    moved = _inside(origins + np.where(turned, -step, step)[:, None] * side, box)
     return _back_along(moved, _tangents(normals, rng), box, rng)
 
 
-def draw(kind: str, scene: raycast.Scene, config: SamplesConfig, count: int, rng: np.random.Generator) -> Draw:
+def draw(
+    kind: str, surface: meshes.Surface, box: Box, config: SamplesConfig, count: int, rng: np.random.Generator
+) -> Draw:
     """`count` oriented points of one type, not yet rounded."""
-    box = CUBE if config.box == "cube" else Box(*scene.mesh.box())
     if kind == "U":
         return draw_uniform(box, count, rng)
     if kind == "B":
         return draw_bounding(box, count, rng)
     if kind == "O":
-        return draw_offset(scene, box, count, rng, config.epsilon_o, config.offsets == "uniform")
+        return draw_offset(surface, box, count, rng, config.epsilon_o, config.offsets == "uniform")
     functions = {"A": draw_at_surface, "S": draw_surface, "T": draw_tangent}
-    return functions[kind](scene, box, count, rng)
+    return functions[kind](surface, box, count, rng)
 
 
 def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, np.ndarray], dict[str, float]]:
@@ -222,56 +262,92 @@ def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, n
     Raises:
       InputError: the mesh leaves the cube, or has no triangle with an area.
     """
-    lower, upper = mesh.box()
-    if lower.min() < -1 - 1e-6 or upper.max() > 1 + 1e-6:
-        raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {lower} to {upper}")
-    scene, arrays, worst = raycast.Scene(mesh), {}, {}
-    for kind, count in config.counts.items():
-        drawn = draw(kind, scene, config, count, seeding.generator(config.seed, *names, kind))
-        packed, errors = _cast_and_pack(scene, drawn)
-        arrays |= {f"{kind}.{field}": values for field, values in packed.items()}
-        worst = {name: max(value, worst.get(name, 0.0)) for name, value in errors.items()}
-    return arrays, worst
+    if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
+        raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
+    scene = raycast.Scene(mesh)
+    surface = meshes.Surface(mesh.triangles, scene.normals, scene.areas)
+    box = CUBE if config.box == "cube" else Box(*mesh.box())
+    streams = {kind: seeding.generator(config.seed, *names, kind) for kind, _ in config.counts.items()}
+    drawn = {kind: draw(kind, surface, box, config, count, streams[kind]) for kind, count in config.counts.items()}
+    packed, errors = _cast_and_pack(scene, drawn)
+    parts = _parts(drawn).items()
+    return {f"{kind}.{field}": values[part] for kind, part in parts for field, values in packed.items()}, errors
 
 
-def _cast_and_pack(scene: raycast.Scene, drawn: Draw) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    positions = packing.encode_positions(drawn.positions)
-    directions = packing.encode_unit(drawn.directions, np.int16)
-    starts = positions / packing.POSITION_STEPS
-    looking = packing.decode_unit(torch.from_numpy(directions)).numpy()
-    if drawn.normals is not None:
-        slope = np.einsum("ij,ij->i", drawn.normals, looking)
-        side = np.where(slope >= 0, raycast.SURFACE_OFFSET * scene.scale, -raycast.SURFACE_OFFSET * scene.scale)
-        lifted = drawn.positions + side[:, None] * drawn.normals
-        ahead = np.einsum("ij,ij->i", lifted - starts, looking)
-    else:
-        lifted, ahead = starts, np.zeros(len(starts))
-    depth, face = scene.cast_local(scene.local(lifted).astype(np.float32), looking)
-    depth = np.maximum(depth * scene.scale + ahead, 0.0)
-    normals = raycast.facing_back(scene, face, looking)
-    axis = np.array([0.0, 0.0, 1.0])
-    codes = packing.encode_unit(np.where((face >= 0)[:, None], normals, axis), np.int8)
+def _parts(drawn: dict[str, Draw]) -> dict[str, slice]:
+    """Where each type lies when all are put after another."""
+    ends = np.cumsum([0, *(len(draws.positions) for draws in drawn.values())])
+    return {kind: slice(start, end) for kind, start, end in zip(drawn, ends[:-1], ends[1:], strict=True)}
+
+
+def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """All types in one cast: stored arrays, one type after the other, and their errors."""
+    parts = _parts(drawn)
+    positions = np.concatenate([packing.encode_positions(draws.positions) for draws in drawn.values()])
+    directions = np.concatenate([packing.encode_unit(draws.directions, np.int16) for draws in drawn.values()])
+    starts = packing.decode_positions(torch.from_numpy(positions)).numpy()
+    local, ahead = np.zeros((len(starts), 6), np.float32), {}
+    np.subtract(starts, scene.centre.astype(np.float32), out=local[:, :3])
+    local[:, :3] /= np.float32(scene.scale)
+    looking = local[:, 3:]
+    looking[:] = packing.decode_unit(torch.from_numpy(directions)).numpy()
+    for kind, draws in drawn.items():
+        if draws.normals is not None:
+            part = parts[kind]
+            lifted = _lifted(scene, draws.positions, draws.normals, looking[part])
+            local[part, :3] = scene.local(lifted)
+            ahead[kind] = np.einsum("ij,ij->i", lifted - starts[part], looking[part])
+    depth, face = scene.cast_local(local)
+    depth *= scene.scale
+    for kind, more in ahead.items():
+        depth[parts[kind]] += more
+    np.maximum(depth, 0, out=depth)
+    codes = _normal_codes(scene, face, looking)
     packed = {"positions": positions, "directions": directions, "depth": packing.encode_depth(depth), "normals": codes}
-    return packed, _packing_errors(drawn, packed, depth, normals)
+    probes = np.concatenate([np.arange(part.start, part.stop)[:_ERROR_PROBE] for part in parts.values()])
+    first = [(draws.positions[:_ERROR_PROBE], draws.directions[:_ERROR_PROBE]) for draws in drawn.values()]
+    truth = raycast.facing_back(scene, face[probes], looking[probes])
+    few = {name: values[probes] for name, values in packed.items()}
+    return packed, _packing_errors(Draw(*map(np.concatenate, zip(*first, strict=True))), few, depth[probes], truth)
+
+
+def _normal_codes(
+    scene: raycast.Scene, face: Int[np.ndarray, "n"], looking: Float[np.ndarray, "n 3"]
+) -> Int[np.ndarray, "n 2"]:
+    """Codes of `raycast.facing_back`, the axis (0, 0, 1) on a miss: each side of each triangle is coded once."""
+    normals = np.where((scene.areas > 0)[:, None], scene.normals, (0.0, 0.0, 1.0)).astype(np.float32)
+    codes = packing.encode_unit(np.concatenate([normals, -normals, [(0.0, 0.0, 1.0)]]), np.int8)
+    behind = np.einsum("ij,ij->i", normals.take(face, axis=0), looking) > 0
+    return codes.take(np.where(face < 0, len(codes) - 1, face + behind * len(normals)), axis=0)
+
+
+def _lifted(
+    scene: raycast.Scene,
+    positions: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    looking: Float[np.ndarray, "n 3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Surface points lifted off their triangles to the side that they look to."""
+    slope = np.einsum("ij,ij->i", normals, looking)
+    return positions + np.copysign(raycast.SURFACE_OFFSET * scene.scale, slope)[:, None] * normals
 
 
 def _packing_errors(
     drawn: Draw, packed: dict[str, np.ndarray], depth: Float[np.ndarray, "n"], normals: Float[np.ndarray, "n 3"]
 ) -> dict[str, float]:
-    """Largest error of each stored type on the first samples. Positions and directions: how far the stored (and cast)
-    ray is from the drawn one; no error of the truth. Depth and normals: error of the truth itself.
+    """Largest error of each stored type. Positions and directions: how far the stored (and cast) ray is from the drawn
+    one; no error of the truth. Depth and normals: error of the truth itself.
     """
-    part = slice(0, _ERROR_PROBE)
-    hit = np.isfinite(depth[part])
-    as_tensor = {name: torch.from_numpy(values[part]) for name, values in packed.items()}
+    hit = np.isfinite(depth)
+    as_tensor = {name: torch.from_numpy(values) for name, values in packed.items()}
     stored_depth = packing.decode_depth(as_tensor["depth"]).double().numpy()
-    turned = _angle_deg(packing.decode_unit(as_tensor["directions"]).double().numpy(), drawn.directions[part])
-    tilted = _angle_deg(packing.decode_unit(as_tensor["normals"]).double().numpy()[hit], normals[part][hit])
-    moved = np.abs(packing.decode_positions(as_tensor["positions"]).double().numpy() - drawn.positions[part])
+    turned = _angle_deg(packing.decode_unit(as_tensor["directions"]).double().numpy(), drawn.directions)
+    tilted = _angle_deg(packing.decode_unit(as_tensor["normals"]).double().numpy()[hit], normals[hit])
+    moved = np.abs(packing.decode_positions(as_tensor["positions"]).double().numpy() - drawn.positions)
     return {
         "position_shift": float(moved.max(initial=0.0)),
         "direction_shift_deg": float(turned.max(initial=0.0)),
-        "depth_error": float(np.abs(stored_depth[hit] - depth[part][hit]).max(initial=0.0)),
+        "depth_error": float(np.abs(stored_depth[hit] - depth[hit]).max(initial=0.0)),
         "normal_error_deg": float(tilted.max(initial=0.0)),
     }
 
