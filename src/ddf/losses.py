@@ -181,7 +181,7 @@ def shape_loss(
     batch: SampleBatch,
     modulations: list[Tensor] | None,
     weights: LossWeights,
-    matmul: Literal["float32", "tf32", "bfloat16"] = "float32",
+    matmul: passes.Matmul = "float32",
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """𝔏_S and its unweighted terms (detached).
 
@@ -190,7 +190,7 @@ def shape_loss(
     (`passes`), and what autograd sees of it is one node: differentiable once, in the parameters and modulations.
 
     Args:
-      matmul: bfloat16 rounds the factors and results of the matrix products between sine layers; see `training`.
+      matmul: bfloat16 rounds factors and results of the matrix products between sine layers; tf32 is set in `training`.
     """
     inputs = [*(modulations or []), *field.network.parameters()]
     differentiate = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in inputs)
@@ -267,7 +267,7 @@ def _block_loss(
     gradient = states.adjoint(normals, heavier_rows(states.outputs[:, normals]))
     with torch.set_grad_enabled(differentiate):
         leaves = [each.detach().requires_grad_(differentiate) for each in (states.outputs, states.rates, gradient)]
-        terms = _terms(field, block, *leaves, weights, numbers)
+        terms = _terms(field, block, (leaves[0], leaves[1], leaves[2]), weights, numbers)
         total = terms["eikonal"]  # carries its own two weights
         for name in WEIGHTED:
             total = total + getattr(weights, name) * terms[name]
@@ -280,22 +280,21 @@ def _block_loss(
 def _terms(
     field: PDDF,
     block: SampleBatch,
-    raw: Tensor,
-    rates: Tensor,
-    gradient: Tensor,
+    found: tuple[Tensor, Tensor, Tensor],
     weights: LossWeights,
     numbers: Mapping[str, int],
 ) -> dict[str, Float[Tensor, ""]]:
     """What a block adds to every term. The raw d_{i*} gives the normal: a positive slope does not turn it.
 
     Args:
-      raw, rates: as `passes.Block` gives them. gradient: ∇_p of raw d_{i*} on U A B.
+      found: outputs and rates of `passes.Block`, and ∇_p of raw d_{i*} on U A B.
     """
+    raw, rates, gradient = found
     eikonal, transition, normals = block.span(*EIKONAL), block.span(*TRANSITION), block.span(*NORMALS)
     terms = _supervised_terms(field, block, raw, weights, numbers["supervised"])
     facing = derivatives.normals(gradient, block.directions[:, normals])
-    found = normal_loss(facing, block.normals[:, normals], block.visible[:, normals])
-    terms["normals"] = found.sum() / numbers["normals"]
+    alignment = normal_loss(facing, block.normals[:, normals], block.visible[:, normals])
+    terms["normals"] = alignment.sum() / numbers["normals"]
     terms["eikonal"] = _eikonal_sum(field, block, raw[:, eikonal], rates[:, eikonal], weights) / numbers["eikonal"]
     terms["weight_variance"] = bernoulli_variance(raw[:, eikonal, WEIGHT_ROW]).sum() / numbers["eikonal"]
     weight_rate = bernoulli_variance(raw[:, transition, WEIGHT_ROW]) * rates[:, transition, WEIGHT_ROW]

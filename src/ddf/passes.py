@@ -16,10 +16,12 @@ and in reverse, the adjoint pass from the first layer up, the other two from the
   W*_l = Σ a*_l h_{l-1}^T + ȧ*_l ḣ_{l-1}^T + ā_l g*_{l-1}^T          (all derived here)
 
 No graph is kept, one sine and one cosine are taken per unit, and a block of points that fits the cache goes through all
-six passes before the next one comes.
+six passes before the next one comes, in the same memory.
 """
 
+import math
 from collections.abc import Sequence
+from typing import Literal
 
 import torch
 from jaxtyping import Float
@@ -27,6 +29,41 @@ from torch import Tensor, nn
 
 from ddf import siren
 from ddf.derivatives import POSITION
+
+Matmul = Literal["float32", "tf32", "bfloat16"]
+
+
+class Workspace:
+    """Memory that every block uses again: its i-th request gets the i-th buffer, which grows when it must.
+
+    Fresh memory for every result costs up to a tenth of a step, in page faults.
+    """
+
+    def __init__(self, device: torch.device) -> None:
+        self.device, self.buffers, self.scratches, self.taken = device, [], {}, 0
+
+    def restart(self) -> None:
+        """A new block: whatever was taken before is given up."""
+        self.taken = 0
+
+    def take(self, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
+        """A tensor of any content, for as long as the block lasts."""
+        if self.taken == len(self.buffers):
+            self.buffers.append(torch.empty(math.prod(shape), dtype=dtype, device=self.device))
+        self.buffers[self.taken] = buffer = self._fitting(self.buffers[self.taken], shape, dtype)
+        self.taken += 1
+        return buffer[: math.prod(shape)].view(*shape)
+
+    def scratch(self, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
+        """A tensor of any content, until the next call for the same type."""
+        old = self.scratches.get(dtype, torch.empty(0, dtype=dtype, device=self.device))
+        self.scratches[dtype] = buffer = self._fitting(old, shape, dtype)
+        return buffer[: math.prod(shape)].view(*shape)
+
+    def _fitting(self, buffer: Tensor, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
+        if buffer.numel() >= math.prod(shape) and buffer.dtype == dtype:
+            return buffer
+        return torch.empty(math.prod(shape), dtype=dtype, device=self.device)
 
 
 class Parameters:
@@ -45,6 +82,7 @@ class Parameters:
         self.head, self.head_bias = network.head.weight.detach(), network.head.bias.detach()
         self.weight_grads = [torch.zeros_like(weight) for weight in self.weights]
         self.bias_grads = [torch.zeros_like(bias) for bias in self.biases]
+        self.workspace = Workspace(self.head.device)
         self.head_grad, self.head_bias_grad = torch.zeros_like(self.head), torch.zeros_like(self.head_bias)
 
     def gradients(self) -> list[Tensor]:
@@ -54,19 +92,21 @@ class Parameters:
             found += [weight * omega, bias * omega]
         return [*found, self.head_grad, self.head_bias_grad]
 
-    def forwards(self, index: int, inputs: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
-        """W_l x, for an x of the type of the product."""
-        return torch.matmul(inputs, self.factors[index].T).to(self.dtype)
-
     def affine(self, index: int, inputs: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
         """W_l x + b_l."""
-        if inputs.dtype == self.dtype:
-            return nn.functional.linear(inputs, self.weights[index], self.biases[index])
-        return self.forwards(index, inputs).add_(self.biases[index])
+        if inputs.dtype != self.dtype:
+            return self.forwards(index, inputs).add_(self.biases[index])
+        found = self.workspace.take((*inputs.shape[:-1], len(self.biases[index])), self.dtype)
+        torch.addmm(self.biases[index], inputs.flatten(0, -2), self.weights[index].T, out=found.flatten(0, -2))
+        return found
+
+    def forwards(self, index: int, inputs: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
+        """W_l x, for an x in the type of the product."""
+        return self._product(inputs, self.factors[index].T)
 
     def backwards(self, index: int, outputs: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
         """W_l^T x."""
-        return torch.matmul(outputs, self.factors[index]).to(self.dtype)
+        return self._product(outputs, self.factors[index])
 
     def add(self, index: int, outputs: Float[Tensor, "*n _"], inputs: Float[Tensor, "*n _"]) -> None:
         """W*_l += Σ outputs inputs^T."""
@@ -74,6 +114,29 @@ class Parameters:
             _add_outer(self.weight_grads[index], outputs, inputs)
         else:
             self.weight_grads[index] += torch.mm(outputs.flatten(0, -2).T, inputs.flatten(0, -2))
+
+    def times(self, left: Float[Tensor, "*n _"], right: Float[Tensor, "*n _"], index: int) -> Float[Tensor, "*n _"]:
+        """left * right in the type that the product with W_l takes."""
+        inner = 0 < index < len(self.weights)
+        if not inner or self.product == self.dtype:
+            return torch.mul(left, right, out=self.workspace.take(left.shape, self.dtype))
+        return self.factor(torch.mul(left, right, out=self.workspace.scratch(left.shape, self.dtype)), index)
+
+    def factor(self, values: Float[Tensor, "*n _"], index: int) -> Float[Tensor, "*n _"]:
+        """The values themselves in the type that the product with W_l takes."""
+        if self.product == self.dtype or not 0 < index < len(self.weights):
+            return values
+        return self.workspace.take(values.shape, self.product).copy_(values)
+
+    def _product(self, left: Float[Tensor, "*n _"], right: Float[Tensor, "a b"]) -> Float[Tensor, "*n _"]:
+        shape = (*left.shape[:-1], right.shape[-1])
+        found = self.workspace.take(shape, self.dtype)
+        if left.dtype == self.dtype:
+            torch.mm(left.flatten(0, -2), right, out=found.flatten(0, -2))
+            return found
+        rounded = self.workspace.scratch(shape, left.dtype)
+        torch.mm(left.flatten(0, -2), right, out=rounded.flatten(0, -2))
+        return found.copy_(rounded)
 
 
 class Block:
@@ -100,23 +163,23 @@ class Block:
         self.inputs, self.directions, self.count = inputs, directions, directions.shape[1]
         self.values, self.slopes, self.tangents = [], [], []  # h_l, q_l, ȧ_l
         self.value_factors, self.tangent_factors = [], []  # h_l and ḣ_l in the type of the product
-        own, product = parameters.dtype, parameters.product
+        parameters.workspace.restart()
         angles = nn.functional.linear(inputs, parameters.weights[0], parameters.biases[0])
         tangent = torch.matmul(directions, parameters.weights[0][:, POSITION].T)
         for index in range(len(parameters.weights)):
             if index > 0:
                 angles = parameters.affine(index, self.value_factors[-1])
                 tangent = parameters.forwards(index, self.tangent_factors[-1])
-            slope, value = torch.cos(angles), angles.sin_()
+            slope = torch.cos(angles, out=parameters.workspace.take(angles.shape, parameters.dtype))
+            value = angles.sin_()
             if modulations is not None:
                 slope *= modulations[index]
                 value *= modulations[index]
             self.values.append(value)
             self.slopes.append(slope)
             self.tangents.append(tangent)
-            kind = product if index + 1 < len(parameters.weights) else own
-            self.value_factors.append(value.to(kind))
-            self.tangent_factors.append((tangent * slope[:, : self.count]).to(kind))
+            self.value_factors.append(parameters.factor(value, index + 1))
+            self.tangent_factors.append(parameters.times(tangent, slope[:, : self.count], index + 1))
         self.outputs = nn.functional.linear(self.value_factors[-1], parameters.head, parameters.head_bias)
         self.rates = torch.matmul(self.tangent_factors[-1], parameters.head.T)
 
@@ -128,9 +191,8 @@ class Block:
         gradient = torch.matmul(cotangents, parameters.head[: cotangents.shape[-1]])
         for index in reversed(range(len(parameters.weights))):
             self.gradients.append(gradient)
-            factor = gradient * self.slopes[index][:, span]
+            factor = parameters.times(gradient, self.slopes[index][:, span], index)
             if index > 0:
-                factor = factor.to(parameters.product)
                 gradient = parameters.backwards(index, factor)
             self.adjoint_factors.append(factor)
         return torch.matmul(self.adjoint_factors[-1], parameters.weights[0][:, POSITION])
@@ -168,7 +230,7 @@ class Block:
                 _add_outer(parameters.weight_grads[0], value, self.inputs)
                 _add_outer(parameters.weight_grads[0][:, POSITION], tangent, self.directions)
                 break
-            value, tangent = value.to(parameters.product), tangent.to(parameters.product)
+            value, tangent = parameters.factor(value, index), parameters.factor(tangent, index)
             parameters.add(index, value, self.value_factors[index - 1])
             parameters.add(index, tangent, self.tangent_factors[index - 1])
             value, tangent = parameters.backwards(index, value), parameters.backwards(index, tangent)
@@ -184,7 +246,7 @@ class Block:
                 _add_outer(parameters.weight_grads[0][:, POSITION], factor, gradient)
                 found = torch.matmul(gradient, narrow.T)
             else:
-                gradient = gradient.to(parameters.product)
+                gradient = parameters.factor(gradient, index)
                 parameters.add(index, factor, gradient)
                 found = parameters.forwards(index, gradient)
             slopes.append(state.mul_(found))
@@ -196,8 +258,10 @@ class Block:
         """m*_l. A modulation that has underflowed to 0 gets 0: its own slope in the latent is 0 too."""
         if self.modulations is None:
             raise ValueError("there are no modulations")
-        found = (self.values[index] * value).sum(-2, keepdim=True)
-        found += (self.slopes[index][:, : self.count] * slope).sum(-2, keepdim=True)
+        space, dtype = self.parameters.workspace, self.parameters.dtype
+        found = torch.mul(self.values[index], value, out=space.scratch(value.shape, dtype)).sum(-2, keepdim=True)
+        slopes = self.slopes[index][:, : self.count]
+        found += torch.mul(slopes, slope, out=space.scratch(slope.shape, dtype)).sum(-2, keepdim=True)
         return found / self.modulations[index].clamp_min(torch.finfo(found.dtype).tiny)
 
 
