@@ -29,9 +29,8 @@ def _root(raw: Tensor, sharpness: float) -> Tensor:
 def squareplus(raw: Float[Tensor, "*n"], sharpness: float) -> Float[Tensor, "*n"]:
     """(y + r)/2 with r = sqrt(y² + 4/β²), which is 1/β at 0; below zero as (2/β²)/(r - y), where nothing cancels."""
     below = raw.clamp(max=0.0)
-    return torch.where(
-        raw >= 0, (raw + _root(raw, sharpness)) / 2, 2 / sharpness**2 / (_root(below, sharpness) - below)
-    )
+    falling = 2 / sharpness**2 / (_root(below, sharpness) - below)
+    return torch.where(raw >= 0, (raw + _root(raw, sharpness)) / 2, falling)
 
 
 ACTIVATIONS = {
