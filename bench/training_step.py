@@ -1,10 +1,16 @@
 """Loss and parameter gradient of one step: explicit derivative passes against one autograd call per derivative.
 
-Widths and sample mix of the SI3DR training of [DDF22] (two shapes of its 32), float32 and both ways from the same
-numbers; the error is that of the loss and of the parameter gradient against the plain way in float64.
+Widths and sample mix of the SI3DR training of [DDF22] (two shapes of its 32), all ways from the same numbers; the error
+is that of the loss and of the parameter gradient against the plain way in float64.
 """
 
+import argparse
+import functools
 import itertools
+import json
+import statistics
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
 
 import _measure
 import _plain_loss
@@ -36,16 +42,51 @@ def batch(shapes: int, dtype: torch.dtype) -> losses.SampleBatch:
     )
 
 
-def explicit_loss(
-    field: fields.PDDF, points: losses.SampleBatch, modulations: list[Tensor], weights: losses.LossWeights
+def plain(decoder: fields.ConditionalPDDF, points: losses.SampleBatch, latent: Tensor) -> Tensor:
+    """𝔏_S by autograd alone."""
+    return _plain_loss.plain_loss(decoder.field, points, decoder.modulator(latent), WEIGHTS)
+
+
+def explicit(
+    decoder: fields.ConditionalPDDF,
+    points: losses.SampleBatch,
+    latent: Tensor,
+    matmul: Literal["float32", "bfloat16"] = "float32",
 ) -> Tensor:
     """𝔏_S by the package."""
-    return losses.shape_loss(field, points, modulations, weights)[0]
+    return losses.shape_loss(decoder.field, points, decoder.modulator(latent), WEIGHTS, matmul)[0]
 
 
-def matmul_rate(width: int, rows: int) -> float:
-    """GFLOP/s of this machine's float32 product at the field's own sizes."""
-    left, right = torch.randn(rows, width), torch.randn(width, width)
+WAYS = {
+    "plain": plain,
+    "explicit": explicit,
+    "explicit, bfloat16 products": functools.partial(explicit, matmul="bfloat16"),
+}
+
+
+def step_of(loss: Callable[..., Tensor], hidden: tuple[int, ...], dtype: torch.dtype) -> Callable[[], tuple]:
+    """One step, the same numbers whatever the type: loss and gradient of all parameters."""
+    torch.manual_seed(0)
+    decoder = fields.ConditionalPDDF(fields.PDDFConfig(hidden, 3.0, 1.0, "softplus", 100.0), 64).to(dtype)
+    points, latent = batch(2, dtype), torch.randn(2, 64, dtype=torch.float32).to(dtype)
+    parameters = list(decoder.parameters())
+
+    def step() -> tuple[Tensor, tuple[Tensor, ...]]:
+        value = loss(decoder, points, latent)
+        return value.detach(), torch.autograd.grad(value, parameters)
+
+    return step
+
+
+def result(step: Callable[[], tuple]) -> tuple[float, Tensor]:
+    """Loss and gradient as one float64 vector."""
+    value, gradients = step()
+    return float(value), torch.cat([gradient.flatten().double() for gradient in gradients])
+
+
+def matmul_rate(width: int, rows: int, dtype: torch.dtype) -> float:
+    """GFLOP/s of this machine's product at the field's own sizes."""
+    left, right = torch.randn(rows, width).to(dtype), torch.randn(width, width).to(dtype)
     seconds = _measure.interleaved({"product": lambda: left @ right}, REPEATS)["product"]
     return 2 * rows * width**2 / sorted(seconds)[len(seconds) // 2] / 1e9
 
@@ -59,47 +100,52 @@ def gradient_products(hidden: tuple[int, ...]) -> float:
     return 3 * layers * (1 + adjoint + tangent)
 
 
-def main() -> None:
-    """Measure both ways at both widths and write the table."""
+def rows_of(name: str, hidden: tuple[int, ...], repeats: int) -> list[dict[str, Any]]:
+    """One row per way; shares are of the rate in the type that the products are made in."""
+    truth, exact = result(step_of(plain, hidden, torch.float64))
+    steps = {way: step_of(loss, hidden, torch.float32) for way, loss in WAYS.items()}
+    found = {way: result(step) for way, step in steps.items()}
+    points, kinds = 2 * sum(COUNTS.values()), (torch.float32, torch.bfloat16)
+    before = {kind: matmul_rate(max(hidden), points, kind) for kind in kinds}
+    times = _measure.interleaved(steps, repeats)
+    rates = {kind: max(before[kind], matmul_rate(max(hidden), points, kind)) for kind in kinds}
+    rows = []
+    for way, seconds in times.items():
+        value, gradient = found[way]
+        error = {
+            "loss_relative": abs(value - truth) / abs(truth),
+            "gradient_relative": float((gradient - exact).norm() / exact.norm()),
+        }
+        entry = _measure.row(f"{way}, {name}", {"hidden": hidden, "points": points}, seconds, error)
+        used = 2 * gradient_products(hidden) * points / entry["median_s"] / 1e9
+        rate = rates[torch.bfloat16 if "bfloat16" in way else torch.float32]
+        ratios = [slow / fast for slow, fast in zip(times["plain"], seconds, strict=True)]
+        rows.append(
+            {
+                **entry,
+                "points_per_s": points / entry["median_s"],
+                "times_plain": statistics.median(ratios),
+                "matmul_gflops": rate,
+                "share_of_matmul_rate": used / rate,
+            }
+        )
+    return rows
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure every way at every width and write the table; --widths and --repeats for a look at a part, unwritten."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--widths", choices=list(WIDTHS), help="these alone; prints instead of writing")
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    chosen = parser.parse_args(arguments)
     torch.set_num_threads(THREADS)
     rows = []
-    for name, hidden in WIDTHS.items():
-        found: dict[str, tuple[float, Tensor]] = {}
-        candidates = {}
-        for dtype, ways in (
-            (torch.float64, {"plain float64": _plain_loss.plain_loss}),
-            (torch.float32, {"plain": _plain_loss.plain_loss, "explicit": explicit_loss}),
-        ):
-            torch.manual_seed(0)
-            decoder = fields.ConditionalPDDF(fields.PDDFConfig(hidden, 3.0, 1.0, "softplus", 100.0), 64).to(dtype)
-            points, latent = batch(2, dtype), torch.randn(2, 64, dtype=dtype)
-            parameters = list(decoder.parameters())
-            for way, loss in ways.items():
-
-                def step(loss=loss, decoder=decoder, points=points, latent=latent, parameters=parameters):
-                    value = loss(decoder.field, points, decoder.modulator(latent), WEIGHTS)
-                    return value.detach(), torch.autograd.grad(value, parameters)
-
-                value, gradients = step()
-                found[way] = (float(value), torch.cat([gradient.flatten().double() for gradient in gradients]))
-                if dtype == torch.float32:
-                    candidates[way] = step
-        truth, exact = found["plain float64"]
-        times = _measure.interleaved(candidates, REPEATS)
-        points_per_step = 2 * sum(COUNTS.values())
-        for way, seconds in times.items():
-            value, gradient = found[way]
-            error = {
-                "loss_relative": abs(value - truth) / abs(truth),
-                "gradient_relative": float((gradient - exact).norm() / exact.norm()),
-            }
-            entry = _measure.row(f"{way}, {name}", {"hidden": hidden, "points": points_per_step}, seconds, error)
-            rate = matmul_rate(max(hidden), points_per_step)
-            used = 2 * gradient_products(hidden) * points_per_step / entry["median_s"] / 1e9
-            rows.append(
-                {**entry, "points_per_s": points_per_step / entry["median_s"], "share_of_matmul_rate": used / rate}
-            )
-    _measure.write("training_step", THREADS, rows)
+    for name in [chosen.widths] if chosen.widths else list(WIDTHS):
+        rows += rows_of(name, WIDTHS[name], chosen.repeats)
+    if chosen.widths:
+        print(json.dumps(rows, indent=1))
+    else:
+        _measure.write("training_step", THREADS, rows)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ PCSIREN = si3dr_training.PCSirenConfig((24, 16), 1.0, 1.0, 1, 8)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 
-def field(activation: Literal["relu", "softplus"] = "softplus") -> fields.PDDF:
+def field(activation: Literal["relu", "softplus", "squareplus"] = "softplus") -> fields.PDDF:
     torch.manual_seed(0)
     return fields.PDDF(fields.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0)).requires_grad_(False)
 

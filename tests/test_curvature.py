@@ -11,7 +11,7 @@ from ddf import checks, curvature, fields, primitives, rays, siren
 WIDTHS = (16, 16, 8)
 
 
-def _field(activation: Literal["relu", "softplus"] = "softplus", dtype=torch.float64):
+def _field(activation: Literal["relu", "softplus", "squareplus"] = "softplus", dtype=torch.float64):
     torch.manual_seed(3)
     return fields.PDDF(fields.PDDFConfig(WIDTHS, 3.0, 2.0, activation, 10.0)).to(dtype)
 
@@ -39,7 +39,7 @@ def _autograd_hessian(field, p, v, modulations):
 
 
 @pytest.mark.parametrize("modulated", [False, True])
-@pytest.mark.parametrize("activation", ["softplus", "relu"])
+@pytest.mark.parametrize("activation", ["softplus", "relu", "squareplus"])
 @pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float64, 1e-8), (torch.float32, 1e-4)])
 def test_hessian_form_equals_autograd(modulated, activation, dtype, tolerance):
     field, modulations = _field(activation), _modulations(2) if modulated else None

@@ -14,7 +14,7 @@ COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+":
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
 
 
-def _field(activation: Literal["relu", "softplus"] = "softplus"):
+def _field(activation: Literal["relu", "softplus", "squareplus"] = "softplus"):
     torch.manual_seed(0)
     return fields.PDDF(fields.PDDFConfig((12, 10), 2.0, 3.0, activation, 5.0)).double()
 
@@ -35,7 +35,7 @@ def _batch(shapes=2):
     )
 
 
-@pytest.mark.parametrize("activation", ["softplus", "relu"])
+@pytest.mark.parametrize("activation", ["softplus", "relu", "squareplus"])
 @pytest.mark.parametrize("modulated", [False, True])
 def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, modulated):
     field, batch, modulations = _field(activation), _batch(), None
@@ -148,3 +148,65 @@ def test_terms_by_hand():
 def test_bad_weight_is_refused():
     with pytest.raises(checks.InputError, match=r"weights\.depth must be >= 0 and finite; got -1"):
         dataclasses.replace(WEIGHTS, depth=-1.0)
+
+
+@pytest.mark.parametrize("points", [1, 4, 11, 36, 40, 80, 1000])
+def test_blocks_are_the_batch_in_parts(points):
+    batch = dataclasses.replace(_batch(3), visible=torch.arange(3 * sum(COUNTS.values())).view(3, -1).double())
+    rows = {kind: [] for kind in COUNTS}
+    for shapes, block in batch.blocks(points):
+        assert block.visible.shape == (shapes.stop - shapes.start, sum(block.counts.values()))
+        assert len(block.visible) == 1 or block.visible.numel() <= max(points, block.visible.shape[1])
+        assert block.visible.numel() <= max(points, 1)
+        for kind in COUNTS:
+            rows[kind] += block.visible[:, block.span(kind, kind)].flatten().tolist()
+    for kind, found in rows.items():
+        assert sorted(found) == sorted(batch.visible[:, batch.span(kind, kind)].flatten().tolist())
+
+
+@pytest.mark.parametrize("values", [12, 12 * 5, 12 * 40])
+def test_loss_and_gradient_do_not_depend_on_the_blocks(monkeypatch, values):
+    field, batch = _field(), _batch()
+    torch.manual_seed(3)
+    modulator = siren.Modulator(4, (12, 10)).double()
+    parameters = [*field.parameters(), *modulator.parameters()]
+
+    def step():
+        loss, terms = losses.shape_loss(field, batch, modulator(torch.ones(2, 4, dtype=torch.float64)), WEIGHTS)
+        return [loss, *terms.values(), *torch.autograd.grad(3 * loss, parameters)]
+
+    whole = step()
+    monkeypatch.setitem(losses.BLOCK_VALUES, "cpu", values)
+    for mine, theirs in zip(step(), whole, strict=True):
+        torch.testing.assert_close(mine, theirs, rtol=1e-10, atol=1e-12)
+
+
+def test_bfloat16_products_change_the_loss_a_little_and_keep_its_type():
+    field, batch = _field().float(), _batch()
+    names = ("positions", "directions", "visible", "depth", "normals")
+    batch = dataclasses.replace(batch, **{name: getattr(batch, name).float() for name in names})
+    found = [losses.shape_loss(field, batch, None, WEIGHTS, kind)[0] for kind in ("float32", "bfloat16")]
+    assert found[1].dtype == torch.float32
+    exact, rounded = (float(loss.detach()) for loss in found)
+    assert 0 < abs(rounded - exact) < 0.01 * abs(exact)
+    parameters = list(field.parameters())
+    slopes = [torch.cat([g.flatten() for g in torch.autograd.grad(loss, parameters)]) for loss in found]
+    assert 0 < float((slopes[1] - slopes[0]).norm()) < 0.05 * float(slopes[0].norm())
+
+
+def test_loss_without_gradients_is_the_same_number():
+    field, batch = _field(), _batch()
+    with torch.no_grad():
+        plain = losses.shape_loss(field, batch, None, WEIGHTS)[0]
+    frozen = losses.shape_loss(_field().requires_grad_(False), batch, None, WEIGHTS)[0]
+    trained = losses.shape_loss(field, batch, None, WEIGHTS)[0]
+    assert not plain.requires_grad and not frozen.requires_grad and trained.requires_grad
+    assert float(plain) == float(frozen) == float(trained.detach())
+
+
+def test_depth_of_a_miss_is_never_read():
+    field, batch = _field(), _batch()
+    spoiled = dataclasses.replace(batch, depth=torch.where(batch.visible > 0, batch.depth, float("nan")))
+    exact, found = (losses.shape_loss(field, each, None, WEIGHTS)[0] for each in (batch, spoiled))
+    assert torch.equal(exact, found)
+    assert all(bool(g.isfinite().all()) for g in torch.autograd.grad(found, list(field.parameters())))

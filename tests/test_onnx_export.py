@@ -42,7 +42,7 @@ def _truth(field, positions, directions):
     }
 
 
-@pytest.mark.parametrize("activation", ["relu", "softplus"])
+@pytest.mark.parametrize("activation", ["relu", "softplus", "squareplus"])
 def test_plain_field_gives_float64_values_at_any_length(activation):
     graph = onnx_graphs.FieldGraph(_models.field(activation), ALL)
     data = onnx_export.to_onnx(graph, SOURCE)

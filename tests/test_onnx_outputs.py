@@ -5,7 +5,7 @@ import torch
 from ddf import checks, curvature, onnx_outputs, rendering
 
 
-@pytest.mark.parametrize("activation", ["relu", "softplus"])
+@pytest.mark.parametrize("activation", ["relu", "softplus", "squareplus"])
 def test_outputs_are_those_of_rendering(activation):
     field = _models.field(activation)
     positions, directions = _models.points(200)

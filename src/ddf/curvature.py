@@ -9,8 +9,8 @@ g_l = ∂y/∂h_l and two tangents ȧ_l, ȧ'_l of the pre-activations give (deri
 One forward pass, one adjoint pass and two tangents give normals and both curvatures; no entry of H is formed that
 nothing reads, no graph is kept, and all of it exports to ONNX.
 
-Depth is d = φ(y): H[d] = φ' H[y] + φ'' ∇y ∇y^T. φ'' is 0 for ReLU and β σ(βy) σ(-βy) for softplus; along tangents of
-the surface, which are normal to ∇y, its term vanishes whatever it is.
+Depth is d = φ(y) (`activations`): H[d] = φ' H[y] + φ'' ∇y ∇y^T. Along tangents of the surface, which are normal to ∇y,
+the term of φ'' vanishes whatever it is.
 """
 
 from collections.abc import Collection, Sequence
@@ -111,10 +111,7 @@ def hessian_form(
 
 def depth_bend(field: PDDF, raw_depth: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
     """φ'' of the depth activation d = φ(y); `PDDF.depth_slopes` has φ'."""
-    if field.config.depth_activation == "relu":
-        return torch.zeros_like(raw_depth)
-    sharpness = field.config.depth_sharpness
-    return sharpness * torch.sigmoid(sharpness * raw_depth) * torch.sigmoid(-sharpness * raw_depth)
+    return field.activation.bend(raw_depth, field.config.depth_sharpness)
 
 
 def depth_hessian_form(

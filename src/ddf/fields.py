@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from ddf import checks, siren
+from ddf import activations, checks, siren
 
 NUM_COMPONENTS = 2
 WEIGHT_ROW, VISIBILITY_ROW, NUM_OUTPUTS = 2, 3, 4
@@ -23,19 +23,20 @@ class PDDFConfig:
     """Config section `ddf`: the directed distance field of a model.
 
     depth_activation: `relu` is the paper's (its gradient dies below zero), `softplus` has `depth_sharpness` β:
-      softplus(β x)/β, which is within log(2)/β of ReLU.
+      softplus(β x)/β, which is within log(2)/β of ReLU; `squareplus`, within 1/β of it, never dies (`activations`).
     """
 
     hidden: tuple[int, ...]
     omega_first: float
     omega_hidden: float
-    depth_activation: Literal["relu", "softplus"]
+    depth_activation: Literal["relu", "softplus", "squareplus"]
     depth_sharpness: float
 
     def __post_init__(self) -> None:
         self.layout()
-        if self.depth_activation not in ("relu", "softplus"):
-            raise checks.InputError(f"ddf.depth_activation must be relu or softplus; got {self.depth_activation!r}")
+        if self.depth_activation not in activations.ACTIVATIONS:
+            known = ", ".join(activations.ACTIVATIONS)
+            raise checks.InputError(f"ddf.depth_activation must be one of {known}; got {self.depth_activation!r}")
         if not self.depth_sharpness > 0:
             raise checks.InputError(f"ddf.depth_sharpness must be > 0; got {self.depth_sharpness}")
 
@@ -65,26 +66,23 @@ class PDDF(nn.Module):
         """Raw outputs at oriented points of the field frame; see `visibility`, `depth`."""
         return self.network(torch.cat((positions, directions), dim=-1), modulations)
 
+    @property
+    def activation(self) -> activations.Activation:
+        """Of depth; its functions take the sharpness of the config."""
+        return activations.ACTIVATIONS[self.config.depth_activation]
+
     def depths(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
         """d_1, d_2 >= 0, field units."""
-        values = raw[..., :NUM_COMPONENTS]
-        if self.config.depth_activation == "relu":
-            return torch.relu(values)
-        return nn.functional.softplus(values, beta=self.config.depth_sharpness)
+        return self.activation.value(raw[..., :NUM_COMPONENTS], self.config.depth_sharpness)
 
     def depth_slopes(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
         """∂d_i/∂raw_i, the factor between a raw derivative and that of the depth."""
-        values = raw[..., :NUM_COMPONENTS]
-        if self.config.depth_activation == "relu":
-            return (values > 0).to(values.dtype)
-        return torch.sigmoid(self.config.depth_sharpness * values)
+        return self.activation.slope(raw[..., :NUM_COMPONENTS], self.config.depth_sharpness)
 
     def depth(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch"]:
         """d_{i*}, the depth of the heavier component; only that one's activation is evaluated."""
         chosen = torch.where(first_is_heavier(raw), raw[..., 0], raw[..., 1])
-        if self.config.depth_activation == "relu":
-            return torch.relu(chosen)
-        return nn.functional.softplus(chosen, beta=self.config.depth_sharpness)
+        return self.activation.value(chosen, self.config.depth_sharpness)
 
 
 class ConditionalPDDF(nn.Module):

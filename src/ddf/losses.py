@@ -7,7 +7,9 @@ costs less than half, and depth is what a small budget should buy first. Every t
 that it applies to (the paper does not say; derived here).
 """
 
-from collections.abc import Mapping
+import itertools
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from dataclasses import fields as dataclass_fields
 from typing import Literal
@@ -17,8 +19,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from ddf import checks, derivatives
-from ddf.fields import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, first_is_heavier
+from ddf import checks, derivatives, passes
+from ddf.fields import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows
 
 ORDER = ("E", "U", "A", "B", "S", "T", "O")  # E: extra uniform points, regularised, without ground truth
 VALUES_ONLY = ("U+", "A+", "B+", "S+", "T+")  # O has no derivatives anyway
@@ -26,7 +28,10 @@ SUPERVISED = (*ORDER[1:], *VALUES_ONLY)
 # what applies where: first and last type of the slice that a term covers
 EIKONAL, NORMALS, TRANSITION, GROUND_TRUTH = ("E", "B"), ("U", "B"), ("S", "T"), ("U", "T+")
 DOUBLED_DEPTH = (("U", "A"), ("U+", "A+"))
-TANGENTS = (EIKONAL[0], TRANSITION[1])
+COVERED = {"supervised": GROUND_TRUTH, "normals": NORMALS, "eikonal": EIKONAL, "transition": TRANSITION}
+WEIGHTED = ("depth", "visibility", "normals", "weight_variance", "transition", "visibility_variance")
+TERMS = (*WEIGHTED, "eikonal")
+BLOCK_VALUES = {"cpu": 2**19, "cuda": 2**25}  # points times widest layer: what stays in a CPU's cache, fills a GPU
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,7 @@ class SampleBatch:
     """Oriented points of several shapes in the order of `ORDER` and `VALUES_ONLY`, with their ground truth.
 
     counts: points per type and shape, none of a type that is absent. The ground truth has entries for E too (never
-    read), so that one index fits all. depth: anything finite on a miss. normals: at the hit for U A B, at q_0 for
+    read), so that one index fits all. depth: never read on a miss. normals: at the hit for U A B, at q_0 for
     S T O.
     """
 
@@ -90,6 +95,30 @@ class SampleBatch:
         through = sum(self.counts.get(name, 0) for name in order[: order.index(last) + 1])
         return slice(before, through)
 
+    def number(self, first: str, last: str) -> int:
+        """How many points of all shapes `span` covers; at least 1, so that it can be divided by."""
+        span = self.span(first, last)
+        return max(1, len(self.positions) * (span.stop - span.start))
+
+    def blocks(self, points: int) -> Iterator[tuple[slice, "SampleBatch"]]:
+        """The same in parts of about `points` points, each a batch in the same order: whole shapes, or parts of one.
+
+        Yields the shapes of each part with it.
+        """
+        shapes, count = self.visible.shape
+        together, parts = max(1, points // count), math.ceil(count / points)
+        edges = [round(count * part / parts) for part in range(parts + 1)]
+        for first in range(0, shapes, together):
+            chosen = slice(first, min(first + together, shapes))
+            for rows in itertools.starmap(slice, itertools.pairwise(edges)):
+                yield chosen, self._part(chosen, rows)
+
+    def _part(self, shapes: slice, rows: slice) -> "SampleBatch":
+        spans = {name: self.span(name, name) for name in self.counts}
+        counts = {name: max(0, min(span.stop, rows.stop) - max(span.start, rows.start)) for name, span in spans.items()}
+        tensors = (self.positions, self.directions, self.visible, self.depth, self.normals)
+        return SampleBatch(*(tensor[shapes, rows] for tensor in tensors), counts=counts)
+
 
 def depth_error(
     depth: Float[Tensor, "*n"], truth: Float[Tensor, "*n"], huber: float | None = None
@@ -111,7 +140,8 @@ def depth_loss(
     visible: Float[Tensor, "*n"],
     weights: LossWeights,
 ) -> Float[Tensor, "*n"]:
-    """L_d = ξ |d_{i*} - d|², or the mixture ξ Σ w_i |d_i - d|². The truth may be anything finite where ξ = 0."""
+    """L_d = ξ |d_{i*} - d|², or the mixture ξ Σ w_i |d_i - d|². Where ξ = 0 the truth is not read."""
+    truth = torch.where(visible > 0, truth, 0.0)  # before it is squared: 0 times the overflow of a large one is NaN
     if weights.depth_of == "chosen":
         return visible * depth_error(field.depth(raw), truth, weights.depth_huber)
     first, second = (depth_error(depth, truth, weights.depth_huber) for depth in field.depths(raw).unbind(-1))
@@ -147,61 +177,152 @@ def transition_loss(weight_rate: Float[Tensor, "*n"], speed: float) -> Float[Ten
 
 
 def shape_loss(
-    field: PDDF, batch: SampleBatch, modulations: list[Tensor] | None, weights: LossWeights
+    field: PDDF,
+    batch: SampleBatch,
+    modulations: list[Tensor] | None,
+    weights: LossWeights,
+    matmul: passes.Matmul = "float32",
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """𝔏_S and its unweighted terms (detached).
 
     Evaluates: the network at all points, the adjoint of d_{i*} on U A B, one tangent on E U A B (along v) and S T
-    (along n), nothing more.
+    (along n), nothing more. 𝔏_S is a sum over points, so its gradient is made block by block together with its value
+    (`passes`), and what autograd sees of it is one node: differentiable once, in the parameters and modulations.
+
+    Args:
+      matmul: bfloat16 rounds factors and results of the matrix products between sine layers; tf32 is set in `training`.
     """
-    eikonal, transition = batch.span(*EIKONAL), batch.span(*TRANSITION)
-    inputs = torch.cat((batch.positions, batch.directions), dim=-1)
-    trace = derivatives.trace(field.network, inputs, modulations, num_slopes=batch.span(*TANGENTS).stop)
-    raw = trace.outputs
-    along = torch.cat((batch.directions[:, eikonal], batch.normals[:, transition]), dim=1)
-    rates = derivatives.tangent(field.network, trace.slopes, along)
+    inputs = [*(modulations or []), *field.network.parameters()]
+    differentiate = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in inputs)
+    own = field.network.head.weight.dtype
+    product = torch.bfloat16 if matmul == "bfloat16" else own
+    count = len(modulations or [])
+    total, *terms = _ShapeLoss.apply(field, batch, weights, product, count, differentiate, *inputs)
+    return total, dict(zip(TERMS, terms, strict=True))
 
-    terms = _supervised_terms(field, batch, raw, weights)
-    terms["normals"] = _normal_term(field, batch, trace)
-    terms["eikonal"] = _eikonal_term(field, batch, raw[:, eikonal], rates[:, eikonal], weights)
-    terms["weight_variance"] = bernoulli_variance(raw[:, eikonal, WEIGHT_ROW]).mean()
+
+class _ShapeLoss(torch.autograd.Function):
+    """𝔏_S and its terms; the gradient is made in the forward pass and scaled in the backward pass."""
+
+    @staticmethod
+    def forward(
+        ctx,
+        field: PDDF,
+        batch: SampleBatch,
+        weights: LossWeights,
+        product: torch.dtype,
+        count: int,
+        differentiate: bool,
+        *inputs: Tensor,
+    ) -> tuple[Tensor, ...]:
+        modulations = [modulation.detach() for modulation in inputs[:count]]
+        parameters = passes.Parameters(field.network, product)
+        found = [torch.zeros_like(modulation) for modulation in modulations]
+        sums = torch.zeros(1 + len(TERMS), dtype=parameters.dtype, device=parameters.head.device)
+        numbers = {name: batch.number(*span) for name, span in COVERED.items()}
+        for shapes, block in batch.blocks(_block_points(field)):
+            part = [modulation[shapes] for modulation in modulations] if count else None
+            values, gradients = _block_loss(field, block, part, weights, parameters, numbers, differentiate)
+            sums += values
+            for whole, gradient in zip(found, gradients, strict=False):
+                whole[shapes] += gradient
+        total, *terms = sums.unbind()
+        ctx.mark_non_differentiable(*terms)
+        if differentiate:
+            ctx.save_for_backward(*found, *parameters.gradients())
+        return total, *terms
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, grad_total: Tensor, *_: Tensor) -> tuple[Tensor | None, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        needed = ctx.needs_input_grad[6:]
+        scaled = [grad_total * saved if need else None for saved, need in zip(ctx.saved_tensors, needed, strict=True)]
+        return *([None] * 6), *scaled
+
+
+def _block_points(field: PDDF) -> int:
+    """Points in a block."""
+    weight = field.network.head.weight
+    return max(1, BLOCK_VALUES.get(weight.device.type, BLOCK_VALUES["cuda"]) // max(field.config.hidden))
+
+
+def _block_loss(
+    field: PDDF,
+    block: SampleBatch,
+    modulations: list[Tensor] | None,
+    weights: LossWeights,
+    parameters: passes.Parameters,
+    numbers: Mapping[str, int],
+    differentiate: bool,
+) -> tuple[Float[Tensor, "terms"], list[Tensor]]:
+    """𝔏_S and its terms, as far as a block goes, and the gradient in the block's modulations.
+
+    Args:
+      numbers: points of the whole batch that each entry of `COVERED` covers.
+    """
+    eikonal, transition, normals = block.span(*EIKONAL), block.span(*TRANSITION), block.span(*NORMALS)
+    along = torch.cat((block.directions[:, eikonal], block.normals[:, transition]), dim=1)
+    inputs = torch.cat((block.positions, block.directions), dim=-1)
+    states = passes.Block(parameters, inputs, along, modulations)
+    gradient = states.adjoint(normals, heavier_rows(states.outputs[:, normals]))
+    with torch.set_grad_enabled(differentiate):
+        leaves = [each.detach().requires_grad_(differentiate) for each in (states.outputs, states.rates, gradient)]
+        terms = _terms(field, block, (leaves[0], leaves[1], leaves[2]), weights, numbers)
+        total = terms["eikonal"]  # carries its own two weights
+        for name in WEIGHTED:
+            total = total + getattr(weights, name) * terms[name]
+        found = []
+        if differentiate:
+            found = states.reverse(*torch.autograd.grad(total, leaves, materialize_grads=True))
+    return torch.stack([total, *(terms[name] for name in TERMS)]).detach(), found
+
+
+def _terms(
+    field: PDDF,
+    block: SampleBatch,
+    found: tuple[Tensor, Tensor, Tensor],
+    weights: LossWeights,
+    numbers: Mapping[str, int],
+) -> dict[str, Float[Tensor, ""]]:
+    """What a block adds to every term. The raw d_{i*} gives the normal: a positive slope does not turn it.
+
+    Args:
+      found: outputs and rates of `passes.Block`, and ∇_p of raw d_{i*} on U A B.
+    """
+    raw, rates, gradient = found
+    eikonal, transition, normals = block.span(*EIKONAL), block.span(*TRANSITION), block.span(*NORMALS)
+    terms = _supervised_terms(field, block, raw, weights, numbers["supervised"])
+    facing = derivatives.normals(gradient, block.directions[:, normals])
+    alignment = normal_loss(facing, block.normals[:, normals], block.visible[:, normals])
+    terms["normals"] = alignment.sum() / numbers["normals"]
+    terms["eikonal"] = _eikonal_sum(field, block, raw[:, eikonal], rates[:, eikonal], weights) / numbers["eikonal"]
+    terms["weight_variance"] = bernoulli_variance(raw[:, eikonal, WEIGHT_ROW]).sum() / numbers["eikonal"]
     weight_rate = bernoulli_variance(raw[:, transition, WEIGHT_ROW]) * rates[:, transition, WEIGHT_ROW]
-    terms["transition"] = transition_loss(weight_rate, weights.transition_speed).mean()
-    total = terms["eikonal"]  # carries its own two weights
-    for name in ("depth", "visibility", "normals", "weight_variance", "transition", "visibility_variance"):
-        total = total + getattr(weights, name) * terms[name]
-    return total, {name: value.detach() for name, value in terms.items()}
+    terms["transition"] = transition_loss(weight_rate, weights.transition_speed).sum() / numbers["transition"]
+    return terms
 
 
-def _supervised_terms(field: PDDF, batch: SampleBatch, raw: Tensor, weights: LossWeights) -> dict[str, Tensor]:
+def _supervised_terms(
+    field: PDDF, block: SampleBatch, raw: Tensor, weights: LossWeights, number: int
+) -> dict[str, Tensor]:
     """Depth, visibility and visibility variance over everything that has ground truth."""
-    known = batch.span(*GROUND_TRUTH)
-    visible, logits = batch.visible[:, known], raw[:, known, VISIBILITY_ROW]
-    depth = depth_loss(field, raw[:, known], batch.depth[:, known], visible, weights)
-    doubled = [batch.span(*types) for types in DOUBLED_DEPTH]
+    known = block.span(*GROUND_TRUTH)
+    visible, logits = block.visible[:, known], raw[:, known, VISIBILITY_ROW]
+    depth = depth_loss(field, raw[:, known], block.depth[:, known], visible, weights)
+    doubled = [block.span(*types) for types in DOUBLED_DEPTH]
     again = sum(depth[:, span.start - known.start : span.stop - known.start].sum() for span in doubled)
     return {
-        "depth": (depth.sum() + again) / depth.numel(),
-        "visibility": functional.binary_cross_entropy_with_logits(logits, visible),
-        "visibility_variance": bernoulli_variance(logits).mean(),
+        "depth": (depth.sum() + again) / number,
+        "visibility": functional.binary_cross_entropy_with_logits(logits, visible, reduction="sum") / number,
+        "visibility_variance": bernoulli_variance(logits).sum() / number,
     }
 
 
-def _normal_term(field: PDDF, batch: SampleBatch, trace: derivatives.Trace) -> Tensor:
-    """Mean L_n, from the raw d_{i*}: the positive slope of the depth activation does not turn a normal."""
-    span = batch.span(*NORMALS)
-    first = first_is_heavier(trace.outputs[:, span]).to(trace.outputs.dtype)
-    cotangents = torch.stack((first, 1 - first), dim=-1)
-    gradient = derivatives.adjoint(field.network, [slope[:, span] for slope in trace.slopes], cotangents)
-    normals = derivatives.normals(gradient, batch.directions[:, span])
-    return normal_loss(normals, batch.normals[:, span], batch.visible[:, span]).mean()
-
-
-def _eikonal_term(field: PDDF, batch: SampleBatch, raw: Tensor, rates: Tensor, weights: LossWeights) -> Tensor:
-    """Mean L_DE; where there is no ground truth (E) the predicted visibility, detached, stands for ξ."""
-    extra, known = batch.span("E", "E"), batch.span(*NORMALS)
+def _eikonal_sum(field: PDDF, block: SampleBatch, raw: Tensor, rates: Tensor, weights: LossWeights) -> Tensor:
+    """Sum of L_DE; where there is no ground truth (E) the predicted visibility, detached, stands for ξ."""
+    extra, known = block.span("E", "E"), block.span(*NORMALS)
     predicted = torch.sigmoid(raw[:, extra, VISIBILITY_ROW]).detach()
-    visible = torch.cat((predicted, batch.visible[:, known]), dim=1)
+    visible = torch.cat((predicted, block.visible[:, known]), dim=1)
     depth_rates = field.depth_slopes(raw) * rates[..., :NUM_COMPONENTS]
     visibility_rate = bernoulli_variance(raw[..., VISIBILITY_ROW]) * rates[..., VISIBILITY_ROW]
-    return directed_eikonal_loss(depth_rates, visibility_rate, visible, weights).mean()
+    return directed_eikonal_loss(depth_rates, visibility_rate, visible, weights).sum()

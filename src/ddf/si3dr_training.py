@@ -145,7 +145,7 @@ def ddf_step(
     place = batch.images.device
     modulations = model.modulations(model.shape_encoder(batch.images))
     points = samples.draw(batch.shapes, config.counts, batch.random).to(place)
-    shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights)
+    shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights, train.loop.matmul)
     scores = model.camera_encoder(batch.images)
     camera_loss = model.camera_head.loss(scores, batch.cameras)
     mask_loss = reconstruction.mask_loss(

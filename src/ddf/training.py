@@ -18,7 +18,7 @@ import torch
 import tqdm
 from torch import Tensor, nn
 
-from ddf import checks, storage
+from ddf import checks, passes, storage
 
 LOGGER = logging.getLogger(__name__)
 CHECKPOINT, MODEL, LOG = "checkpoint.safetensors", "model.safetensors", "log.csv"
@@ -34,6 +34,8 @@ class LoopConfig:
     rise of `warmup_steps`.
     clip_norm: gradients longer than this are shortened; null for none.
     threads: CPU threads; part of the result (sums are ordered by it).
+    matmul: how large products of matrices are made, around parameters and sums in float32. `tf32`: on a GPU with its
+      ten-bit factors, on a CPU as float32. `bfloat16`: those between sine layers of the shape loss (`passes`).
     """
 
     learning_rate: float
@@ -44,6 +46,7 @@ class LoopConfig:
     seed: int
     log_every: int
     checkpoint_seconds: float
+    matmul: passes.Matmul = "float32"
 
     def __post_init__(self) -> None:
         for name in ("learning_rate", "threads", "log_every"):
@@ -69,11 +72,13 @@ def device() -> torch.device:
 
 
 def prepare(config: LoopConfig) -> None:
-    """Fix threads and seed; on the CPU only deterministic operators are allowed."""
+    """Fix threads, seed and the precision of products; on the CPU only deterministic operators are allowed."""
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed)
     if device().type == "cpu":
         torch.use_deterministic_algorithms(True)
+    else:
+        torch.set_float32_matmul_precision("high" if config.matmul == "tf32" else "highest")
 
 
 def fit(
