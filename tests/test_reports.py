@@ -219,7 +219,7 @@ def test_times_are_summed_over_categories_and_memory_is_the_largest(reported, tm
     storage.write_json(folder / "make_dataset.json", noted)
     storage.write_json(folder / "evaluate_clouds.json", {"seconds": 9.0})  # of a version that noted no memory
     costs = report_inputs.read_results(config_path).costs
-    assert costs["train_ddf"] == report_inputs.Cost(123, 1100.0, None)  # the sum, the largest, no workers
+    assert costs["train_ddf"] == report_inputs.Cost(123.0, 1100.0, None)  # the sum, the largest, no workers
     assert costs["train_pcsiren"] == report_inputs.Cost(None, None, None)
     assert costs["dataset"] == report_inputs.Cost(7.0, 300.0, 400.0)
     assert costs["evaluate"] == report_inputs.Cost(9.0, None, None)
