@@ -13,8 +13,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-_KIB_PER_MIB = 1024  # Linux gives ru_maxrss in KiB
-
 
 def main(run: Callable[..., None], description: str | None, category: bool = False, seed: bool = False) -> None:
     """Parse `--config FILE [--category NAME] [--seed S]` and call `run(config_path[, category][, seed])`.
@@ -60,14 +58,22 @@ def _run_alone(run: Callable[..., None], config: Path, **arguments: Any) -> None
             except BlockingIOError:
                 sys.stderr.write(f"an earlier process of this stage is still at work on {config}; waiting for it\n")
                 fcntl.flock(lock, fcntl.LOCK_EX)
+        imported = _largest_child_kib()
         started = time.monotonic()
         run(config, *arguments.values())
         seconds = round(time.monotonic() - started, 2)
-        record.write_text(json.dumps({"seconds": seconds, **peak_memory()}) + "\n", encoding="utf-8")
+        record.write_text(json.dumps({"seconds": seconds, **_peak_memory(imported)}) + "\n", encoding="utf-8")
 
 
-def peak_memory() -> dict[str, float]:
+def _largest_child_kib() -> int:
+    """Largest resident memory of the processes that this one has started and that have ended."""
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss  # KiB on Linux
+
+
+def _peak_memory(imported: int) -> dict[str, float]:
     """Largest resident memory so far, MiB: of this process, and of the largest worker process that it started.
+
+    `imported` is that of the programs which imports ran before the work: only what is larger is a worker's.
 
     Pages that processes share, such as those of libraries and of mapped files, count in each of them, and the peaks
     need not coincide: all workers together take at most their number times the second figure. Workers of a Dask
@@ -76,8 +82,9 @@ def peak_memory() -> dict[str, float]:
     loky = sys.modules.get("joblib.externals.loky")
     if loky is not None:  # the kernel counts children that have ended
         loky.get_reusable_executor(reuse=True).shutdown(wait=True)
-    own, workers = (resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return {"peak_mib": round(own / _KIB_PER_MIB, 1), "worker_peak_mib": round(workers / _KIB_PER_MIB, 1)}
+    own, largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, _largest_child_kib()
+    workers = largest if largest > imported else 0
+    return {"peak_mib": round(own / 1024, 1), "worker_peak_mib": round(workers / 1024, 1)}
 
 
 def time_path(config_path: Path, script: str, category: str | None = None, seed: int = 0) -> Path:
