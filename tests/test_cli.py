@@ -167,6 +167,17 @@ def test_stage_scripts_pass_arguments_and_note_their_time(tmp_path):
     assert (result.returncode, result.stdout, result.stderr) == (0, "configs/a.yaml chair\n", "")
     times = json.loads((tmp_path / stage.time_path(Path("configs/a.yaml"), "do_it", "chair")).read_text())
     assert times["seconds"] >= 0
+    assert times["worker_peak_mib"] == 0  # it started none
+
+
+def test_stage_scripts_note_the_memory_of_their_own_process_and_of_workers(tmp_path):
+    spend = "joblib.Parallel(n_jobs=2)(joblib.delayed(bytearray)(n << 20) for n in (1, 300))"
+    body = f"import joblib; own = bytearray(200 << 20); own[::4096] = own[::4096]; {spend}"
+    result = _stage(tmp_path, body, "--config", "configs/a.yaml", "--category", "chair")
+    assert (result.returncode, result.stderr) == (0, "")
+    noted = json.loads((tmp_path / stage.time_path(Path("configs/a.yaml"), "do_it", "chair")).read_text())
+    assert 200 < noted["peak_mib"]
+    assert 300 < noted["worker_peak_mib"]
 
 
 def test_stages_of_further_seeds_have_a_lock_and_a_time_of_their_own(tmp_path):

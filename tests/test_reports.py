@@ -208,14 +208,25 @@ def test_pictures_and_paired_charts_are_of_the_first_seed(seeded):
     assert same == names - {"README.md", "index.html", "si3dr.csv", "baselines.svg"}
 
 
-def test_times_are_summed_over_categories(reported):
+def test_times_are_summed_over_categories_and_memory_is_the_largest(reported, tmp_path):
     _, config_path, _ = reported
     folder = Path("artifacts") / "fake" / "times"
     for name, seconds in (("train_ddf-chair", 100), ("train_ddf-plane", 20), ("train_ddf-primitives", 3)):
-        storage.write_json(folder / f"{name}.json", {"seconds": seconds})
-    storage.write_json(folder / "train_pcsiren-chair.json", {"seconds": 5})
-    results = report_inputs.read_results(config_path)
-    assert results.seconds["train_ddf"] == 123 and results.seconds["train_pcsiren"] is None
+        memory = {"peak_mib": 1000.0 + seconds, "worker_peak_mib": 0.0}
+        storage.write_json(folder / f"{name}.json", {"seconds": seconds, **memory})
+    storage.write_json(folder / "train_pcsiren-chair.json", {"seconds": 5, "peak_mib": 900.0, "worker_peak_mib": 0.0})
+    noted = {"seconds": 7.0, "peak_mib": 300.0, "worker_peak_mib": 400.0}
+    storage.write_json(folder / "make_dataset.json", noted)
+    storage.write_json(folder / "evaluate_clouds.json", {"seconds": 9.0})  # of a version that noted no memory
+    costs = report_inputs.read_results(config_path).costs
+    assert costs["train_ddf"] == report_inputs.Cost(123.0, 1100.0, None)  # the sum, the largest, no workers
+    assert costs["train_pcsiren"] == report_inputs.Cost(None, None, None)
+    assert costs["dataset"] == report_inputs.Cost(7.0, 300.0, 400.0)
+    assert costs["evaluate"] == report_inputs.Cost(9.0, None, None)
+    reports.write(config_path, tmp_path, reports.ReportConfig(examples=3))
+    lines = (tmp_path / "README.md").read_text().splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    assert ["dataset", "7 s", "300", "400"] in rows and ["train_ddf", "2.0 min", "1,100", "–"] in rows
     assert [reports.duration(s) for s in (0.4, 89.0, 123.0, 7200.0)] == ["0 s", "89 s", "2.0 min", "2.0 h"]
     for path in folder.glob("*.json"):
         path.unlink()

@@ -19,10 +19,12 @@ from ddf import (
     si3dr_data,
     si3dr_inference,
     si3dr_training,
+    storage,
     transforms,
 )
 
 TRAIN = _models.TRAIN
+PLACES = [(0, 0), (0, 1), (1, 0)]  # of the shapes: shard, and row in it
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
 FIELD = fields.PDDFConfig((12, 12), 3.0, 1.0, "softplus", 20.0)
 DDF = si3dr_training.DDFConfig(FIELD, 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.0, 16, 20)
@@ -63,7 +65,8 @@ def _samples(shapes=3, stored=40):
         arrays[f"{kind}.directions"] = packing.encode_unit(directions, np.int16)
         arrays[f"{kind}.depth"] = packing.encode_depth(depth)
         arrays[f"{kind}.normals"] = packing.encode_unit(-directions, np.int8)
-    return si3dr_data.SampleSet({name: torch.from_numpy(values) for name, values in arrays.items()})
+    first = {name: values[:2] for name, values in arrays.items()}
+    return si3dr_data.SampleSet([first, {name: values[2:] for name, values in arrays.items()}], PLACES[:shapes])
 
 
 def test_drawn_samples_belong_to_their_shapes_and_types():
@@ -80,6 +83,54 @@ def test_drawn_samples_belong_to_their_shapes_and_types():
         assert bool((batch.depth[row, known][~seen] == 0).all())
     cosine = (batch.normals * batch.directions).sum(-1)[:, known]
     assert float(cosine.max()) < -0.99
+
+
+def test_shards_give_what_was_written_however_many_are_open(tmp_path, monkeypatch):
+    monkeypatch.setattr(si3dr_data, "OPEN_SHARDS", 1)
+    ids, samples = [f"shape{i}" for i in range(3)], _samples()
+    points = [np.random.default_rng(i).random((5 + i, 3)).astype(np.float32) for i in range(3)]
+    for number, rows in enumerate(([0, 1], [2])):
+        names = [ids[i] for i in rows]
+        frames = {name: transforms.Similarity(2.0 + i).to_dict() for i, name in zip(rows, names, strict=True)}
+        written = {f"{number}{si3dr_data.SAMPLES}": "", f"{number}{si3dr_data.CLOUDS}": ""}
+        path = tmp_path / f"{number}{si3dr_data.SAMPLES}"
+        storage.save_tensors(path, samples.shards[number], {"ids": names, "field_from_raw": frames})
+        arrays = {"points": np.concatenate([points[i] for i in rows])}
+        arrays["offsets"] = np.cumsum([0, *(len(points[i]) for i in rows)])
+        storage.save_tensors(tmp_path / f"{number}{si3dr_data.CLOUDS}", arrays, {"ids": names})
+        storage.write_json(tmp_path / f"{number:03d}.json", {"files": written})
+    read, shapes = si3dr_data.read_samples(tmp_path, ids[::-1]), si3dr_data.read_shapes(tmp_path, ids[::-1])
+    drawn = (
+        whole.draw(np.array(order), COUNTS, np.random.default_rng(0))
+        for whole, order in ((samples, [2, 0, 1]), (read, [0, 2, 1]))
+    )
+    for one, two in zip(*(vars(batch).values() for batch in drawn), strict=True):
+        assert torch.equal(one, two) if isinstance(one, torch.Tensor) else one == two
+    for i in range(3):
+        torch.testing.assert_close(shapes.clouds[i], torch.from_numpy((4.0 - i) * points[2 - i]), rtol=1e-6, atol=0)
+    _flip_last_byte(tmp_path / f"1{si3dr_data.CLOUDS}")
+    with pytest.raises(checks.InputError, match=r"1\.clouds\.safetensors is damaged"):
+        si3dr_data.read_shapes(tmp_path, ids)
+    with pytest.raises(checks.InputError, match="no samples of shape other"):
+        si3dr_data.read_samples(tmp_path, [*ids, "other"])
+
+
+def test_images_come_back_from_their_file():
+    bytes_of = torch.randint(0, 256, (3, 5, 5, 4), generator=torch.Generator().manual_seed(0)).to(torch.uint8)
+    file = si3dr_data.ImageFile(5)
+    for image in bytes_of:
+        file.append(image.permute(2, 0, 1).float() / 255)  # as pictures are read: not contiguous
+    whole = bytes_of.permute(0, 3, 1, 2)
+    cameras = torch.zeros(3, 3)
+    read, kept = (si3dr_data.ImageSet(["a"], [0, 1, 2], np.zeros(3, int), images, cameras) for images in (file, whole))
+    rows = np.array([2, 0, 2])
+    assert torch.equal(read.batch(rows), whole[rows].float() / 255)
+    assert torch.equal(read.alpha(rows, 2), kept.alpha(rows, 2)) and read.digest() == kept.digest()
+
+
+def _flip_last_byte(path):
+    data = path.read_bytes()
+    path.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
 
 
 def test_same_step_draws_the_same_batch_and_another_does_not():

@@ -2,14 +2,17 @@
 
 import errno
 import os
+import resource
+import signal
 import zipfile
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
+from joblib.externals import loky
 
-from ddf import checks, storage
+from ddf import checks, stage, storage
 
 ARRAYS = {
     "positions": np.arange(12, dtype=np.int16).reshape(2, 2, 3),
@@ -137,9 +140,49 @@ def test_a_full_disk_is_an_os_error_and_leaves_nothing(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(OSError, match=r"No space left on device.*a\.safetensors"):
         storage.save_tensors(tmp_path / "a.safetensors", ARRAYS, {})
     assert os.listdir(tmp_path) == []
+
+
+def _fill_disk(folder: str, name: str) -> None:
+    """Write more than the limit on the size of files, which stands for a full disk."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+    storage.write_bytes(os.path.join(folder, name), b"x" * 2000)
+
+
+def test_an_error_of_the_disk_names_the_file_even_from_another_process(tmp_path):
+    with loky.ProcessPoolExecutor(max_workers=1) as executor, pytest.raises(OSError, match="too large") as caught:
+        executor.submit(_fill_disk, str(tmp_path), "a.csv").result()
+    assert stage.describe(caught.value) == f"File too large: {tmp_path / 'a.csv'}"
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("error", "name"),
+    [
+        (OSError(errno.ENOSPC, "full"), "a.txt"),
+        (OSError(errno.ENOENT, "absent", "other.txt"), "other.txt"),
+        (OSError("a message of its own"), None),
+    ],
+)
+def test_only_an_error_without_a_name_gets_one(error, name):
+    with pytest.raises(OSError) as caught, storage.naming("a.txt"):
+        raise error
+    assert caught.value is error and error.filename == name
+
+
+def test_mapped_tensors_are_those_that_were_written(tmp_path):
+    storage.save_tensors(tmp_path / "a.safetensors", ARRAYS, {})
+    mapped = storage.map_tensors(tmp_path / "a.safetensors")
+    assert set(mapped) == set(ARRAYS)
+    for name, array in ARRAYS.items():
+        assert mapped[name].dtype == array.dtype
+        np.testing.assert_array_equal(mapped[name], array)
+    (tmp_path / "b.safetensors").write_bytes(b"hello")
+    with pytest.raises(checks.InputError, match=r"b\.safetensors is damaged"):
+        storage.map_tensors(tmp_path / "b.safetensors")
 
 
 def test_folders_and_devices_are_not_replaced(tmp_path):

@@ -1,4 +1,4 @@
-"""What the stages left behind for the report: tables, logs, losses of preparation, failures, times."""
+"""What the stages left behind for the report: tables, logs, losses of preparation, failures, time and memory."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -24,6 +24,19 @@ _WHOLE = ("dataset", "evaluate")  # stages that run once for all categories
 
 
 @dataclass(frozen=True)
+class Cost:
+    """Of a stage's last runs: wall time, and peak memory of the stage's process and of its largest worker process.
+
+    seconds: summed over categories. peak_mib, worker_peak_mib: largest of the categories. None: a part of it has no
+    note; no worker is None too.
+    """
+
+    seconds: float | None
+    peak_mib: float | None
+    worker_peak_mib: float | None
+
+
+@dataclass(frozen=True)
 class Results:
     """Everything that the stages left behind for the report.
 
@@ -40,7 +53,7 @@ class Results:
     measures: Mapping[str, pd.DataFrame]
     packing_errors: Mapping[str, Mapping[str, float]]
     failures: pd.DataFrame
-    seconds: Mapping[str, float | None]
+    costs: Mapping[str, Cost]
     settings: Mapping[str, Any]
     seeds: int = 1
 
@@ -110,7 +123,7 @@ def read_results(config_path: Path) -> Results:
             name: _packing_errors(config.artifact_dir(config_path, "samples", name)) for name in categories
         },
         failures=_read_failures(config_path, categories),
-        seconds={name: _stage_seconds(config_path, name, categories) for name in _SCRIPTS},
+        costs={name: _stage_cost(config_path, name, categories) for name in _SCRIPTS},
         settings=config.read(config_path),
         seeds=seeds,
     )
@@ -145,10 +158,15 @@ def _read_failures(config_path: Path, categories: Sequence[str]) -> pd.DataFrame
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=["id", "stage", "reason"])
 
 
-def _stage_seconds(config_path: Path, name: str, categories: Sequence[str]) -> float | None:
-    """Seconds of a stage's last run, summed over categories; None when a part of it was not timed."""
+def _stage_cost(config_path: Path, name: str, categories: Sequence[str]) -> Cost:
+    """What the notes of a stage's last runs say; notes of earlier versions have no memory."""
     names = [None] if name in _WHOLE else list(categories)
     paths = [stage.time_path(config_path, _SCRIPTS[name], category) for category in names]
-    if not all(path.exists() for path in paths):
-        return None
-    return sum((storage.read_json(path)["seconds"] for path in paths), 0.0)
+    notes = [storage.read_json(path) if path.exists() else {} for path in paths]
+    known = ([note[key] for note in notes if key in note] for key in ("seconds", "peak_mib", "worker_peak_mib"))
+    seconds, own, workers = (values if len(values) == len(notes) else [] for values in known)
+    return Cost(
+        sum(seconds, 0.0) if seconds else None,
+        max(own, default=None),
+        max(workers, default=None) or None,
+    )

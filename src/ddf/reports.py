@@ -259,11 +259,23 @@ def _data_row(results: report_inputs.Results, category: str, shapes: list[dict])
 
 
 def _times_section(results: report_inputs.Results) -> pages.Section:
-    rows = [[name, "not timed" if value is None else duration(value)] for name, value in results.seconds.items()]
-    known = [value for value in results.seconds.values() if value is not None]
-    rows.append(["together", duration(sum(known, 0.0))])
+    rows = [
+        [
+            name,
+            "not timed" if cost.seconds is None else duration(cost.seconds),
+            *map(_mib, (cost.peak_mib, cost.worker_peak_mib)),
+        ]
+        for name, cost in results.costs.items()
+    ]
+    known = [cost.seconds for cost in results.costs.values() if cost.seconds is not None]
+    rows.append(["together", duration(sum(known, 0.0)), "", ""])
     caption = _of_seed_zero(results, texts.fill(texts.TIMES, threads=os.cpu_count()))
-    return pages.Section("Times", [pages.Table(caption, [("", 2, False)], ["stage", "time"], rows)])
+    header = ["stage", "time", "memory, MiB", "of a worker, MiB"]
+    return pages.Section("Times and memory", [pages.Table(caption, [("", len(header), False)], header, rows)])
+
+
+def _mib(value: float | None) -> str:
+    return "–" if value is None else f"{value:,.0f}"
 
 
 def _limits_section(results: report_inputs.Results) -> pages.Section:

@@ -1,27 +1,68 @@
 """The training and test images of one category with what belongs to them: cameras, masks, samples, clouds.
 
 Everything is read from the artefacts of the stages `dataset` and `samples`; a batch depends on (seed, step) alone.
+Memory does not grow with the number of shapes: samples and clouds stay in their shards, which are mapped a few at a
+time, and images are kept in a temporary file.
 """
 
+import functools
 import hashlib
+import math
+import os
+import tempfile
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 import torch
 import tqdm
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int, Shaped, UInt8
 from torch import Tensor
 
 from ddf import cameras, checks, losses, packing, shapenet, storage, transforms
 
 SAMPLES, CLOUDS = ".samples.safetensors", ".clouds.safetensors"  # as the stage `samples` names them
+OPEN_SHARDS = 8  # of each kind, whatever the number of shapes; to open one more takes a millisecond
+
+Shard = Mapping[str, np.ndarray]
+Value = TypeVar("Value", covariant=True)
+
+
+@runtime_checkable
+class Numbered(Protocol[Value]):
+    """What is asked for by its number: a list, or something that reads it then."""
+
+    def __getitem__(self, index: int, /) -> Value: ...
+
+
+class ImageFile:
+    """Images of one size in a file without a name, in the folder for temporary files (`TMPDIR`), which needs space for
+    them: 4 size^2 bytes each.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._shape = (4, size, size)
+        self._file = tempfile.TemporaryFile()
+        weakref.finalize(self, self._file.close)
+
+    def append(self, image: Float[Tensor, "4 size size"]) -> None:
+        """Add an image in [0, 1], rounded to bytes."""
+        with storage.naming(tempfile.gettempdir()):
+            self._file.write((image * 255).round().to(torch.uint8).numpy().tobytes())
+            self._file.flush()
+
+    def __getitem__(self, index: int, /) -> UInt8[Tensor, "4 size size"]:
+        length = math.prod(self._shape)
+        data = os.pread(self._file.fileno(), length, index * length)
+        return torch.frombuffer(bytearray(data), dtype=torch.uint8).reshape(self._shape)
 
 
 @dataclass(frozen=True)
 class ImageSet:
-    """Images of some shapes, kept as bytes.
+    """Images of some shapes, as bytes.
 
     images: RGBA. cameras: azimuth and elevation in radians, radius in benchmark units. shapes: index into `ids`.
     """
@@ -29,12 +70,12 @@ class ImageSet:
     ids: Sequence[str]
     views: Sequence[int]
     shapes: Int[np.ndarray, "n"]
-    images: UInt8[Tensor, "n 4 size size"]
+    images: Numbered[UInt8[Tensor, "4 size size"]]
     cameras: Float[Tensor, "n 3"]
 
     def batch(self, rows: Int[np.ndarray, "b"]) -> Float[Tensor, "b 4 size size"]:
         """Images in [0, 1]."""
-        return self.images[torch.from_numpy(rows)].float() / 255
+        return torch.stack([self.images[int(row)] for row in rows]).float() / 255
 
     def names(self) -> list[dict[str, str | int]]:
         """Shape id and view of every image."""
@@ -42,12 +83,45 @@ class ImageSet:
 
     def digest(self) -> str:
         """SHA-256 of images and cameras: a training goes on only with what it began with."""
-        return hashlib.sha256(self.images.numpy().tobytes() + self.cameras.numpy().tobytes()).hexdigest()
+        digest = hashlib.sha256()
+        for row in range(len(self.shapes)):
+            digest.update(self.images[row].numpy().tobytes())
+        digest.update(self.cameras.numpy().tobytes())
+        return digest.hexdigest()
 
     def alpha(self, rows: Int[np.ndarray, "b"], size: int) -> Float[Tensor, "b size size"]:
         """Alpha channels in [0, 1], averaged down (never up) to size x size."""
-        alpha = self.images[torch.from_numpy(rows), 3].float() / 255
+        alpha = torch.stack([self.images[int(row)][3] for row in rows]).float() / 255
         return torch.nn.functional.interpolate(alpha[:, None], (size, size), mode="area")[:, 0]
+
+
+class MappedShards:
+    """Arrays of safetensors files whose checksums have been verified, mapped when they are asked for."""
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self._paths = list(paths)
+        self._open = functools.lru_cache(maxsize=OPEN_SHARDS)(storage.map_tensors)
+
+    def __getitem__(self, index: int, /) -> Shard:
+        return self._open(self._paths[index])
+
+
+@dataclass(frozen=True)
+class PlacedClouds:
+    """Ground-truth clouds in the field frame, each read and placed when it is asked for.
+
+    places: shard and row in it of each shape. similarities: field from v1.
+    """
+
+    shards: Numbered[Shard]
+    places: Sequence[tuple[int, int]]
+    similarities: Sequence[transforms.Similarity]
+
+    def __getitem__(self, index: int, /) -> Float[Tensor, "n 3"]:
+        number, row = self.places[index]
+        shard = self.shards[number]
+        start, end = shard["offsets"][row : row + 2]
+        return torch.from_numpy(self.similarities[index].apply(shard["points"][start:end])).float()
 
 
 @dataclass(frozen=True)
@@ -56,7 +130,7 @@ class ShapeSet:
 
     ids: Sequence[str]
     similarities: Sequence[transforms.Similarity]
-    clouds: Sequence[Float[Tensor, "n 3"]]
+    clouds: Numbered[Float[Tensor, "n 3"]]
 
     def field_scales(self, shapes: Int[np.ndarray, "b"]) -> Float[Tensor, "b"]:
         """Field units per v1 unit."""
@@ -70,9 +144,13 @@ class ShapeSet:
 
 @dataclass(frozen=True)
 class SampleSet:
-    """Stored oriented-point samples of some shapes: `arrays["U.positions"]` is (shapes, n, 3), as `packing` says."""
+    """Stored oriented-point samples of some shapes, as `packing` says.
 
-    arrays: Mapping[str, Tensor]
+    shards: `shards[k]["U.positions"]` is (shapes, n, 3). places: shard and row in it of each shape.
+    """
+
+    shards: Numbered[Shard]
+    places: Sequence[tuple[int, int]]
 
     def draw(
         self, shapes: Int[np.ndarray, "b"], counts: Mapping[str, int], random: np.random.Generator
@@ -90,14 +168,16 @@ class SampleSet:
             "depth": [unknown],
             "normals": [unknown[..., None].expand(size, extra, 3)],
         }
-        shape_rows = torch.from_numpy(shapes)[:, None]
+        numbers, rows_in = zip(*(self.places[i] for i in shapes), strict=True)
+        opened = {number: self.shards[number] for number in set(numbers)}
+        tables = [(opened[number], row) for number, row in zip(numbers, rows_in, strict=True)]
         for wanted in losses.SUPERVISED:
             if not counts.get(wanted):
                 continue
             kind = wanted.removesuffix("+")  # U+ are U samples, of which no derivative is read
-            stored = self.arrays[f"{kind}.depth"].shape[1]
-            rows = torch.from_numpy(random.integers(0, stored, (size, counts[wanted])))
-            chosen = {f"{kind}.{name}": self.arrays[f"{kind}.{name}"][shape_rows, rows] for name in packing.FIELDS}
+            stored = tables[0][0][f"{kind}.depth"].shape[1]
+            rows = random.integers(0, stored, (size, counts[wanted]))
+            chosen = {name: _gather(tables, name, rows) for name in (f"{kind}.{field}" for field in packing.FIELDS)}
             samples = packing.decode(chosen, kind)
             visible = samples["visible"]
             parts["positions"].append(samples["positions"])
@@ -108,26 +188,33 @@ class SampleSet:
         return losses.SampleBatch(**{name: torch.cat(values, dim=1) for name, values in parts.items()}, counts=counts)
 
 
+def _gather(
+    tables: Sequence[tuple[Shard, int]], name: str, rows: Int[np.ndarray, "b n"]
+) -> Shaped[Tensor, "b n *rest"]:
+    """Rows `rows[k]` of the array `name` of the k-th shape, which is row `tables[k][1]` of its shard."""
+    parts = [shard[name][shape].take(own, axis=0) for (shard, shape), own in zip(tables, rows, strict=True)]
+    return torch.from_numpy(np.stack(parts))
+
+
 def read_images(
     dataset: shapenet.Dataset, category: str, shapes: Sequence[tuple[str, Sequence[int]]], size: int
 ) -> ImageSet:
-    """Load the given (id, views) of one category at size x size.
+    """Read the given (id, views) of one category at size x size.
 
     Raises:
       InputError: a file is missing, damaged or of another size; it is named.
     """
-    images, poses, index, all_views = [], [], [], []
+    images, poses, index, all_views = ImageFile(size), [], [], []
     for i, (shape_id, views) in enumerate(tqdm.tqdm(shapes, desc=f"images {category}", unit="shape", mininterval=2)):
         table = torch.tensor(dataset.cameras(category, shape_id), dtype=torch.float64)
         for view in views:
-            image = dataset.image(category, shape_id, view, size)
-            images.append((image * 255).round().to(torch.uint8))
+            images.append(dataset.image(category, shape_id, view, size))
             poses.append(cameras.degrees_to_radians(table[view]).float())
             index.append(i)
             all_views.append(view)
-    if not images:
+    if not index:
         raise checks.InputError(f"{dataset.root}: category {category} has no images for this split; use more shapes")
-    return ImageSet([s for s, _ in shapes], all_views, np.array(index), torch.stack(images), torch.stack(poses))
+    return ImageSet([s for s, _ in shapes], all_views, np.array(index), images, torch.stack(poses))
 
 
 def training_views(dataset: shapenet.Dataset, category: str, count: int | None) -> list[tuple[str, Sequence[int]]]:
@@ -173,40 +260,34 @@ def read_shapes(folder: Path, ids: Sequence[str]) -> ShapeSet:
     """Similarities and ground-truth clouds of the given shapes, from the shards of stage `samples`.
 
     Raises:
-      InputError: a shape is in no shard.
+      InputError: a shape is in no shard, or a shard is damaged; it is named.
     """
     maps: dict[str, dict] = {}
     for path in storage.shard_files(folder, SAMPLES, "samples"):
         maps |= storage.load_metadata(path)["field_from_raw"]
     _require(folder, ids, maps)
     similarities = [transforms.Similarity.from_dict(maps[name]) for name in ids]
-    clouds: dict[str, np.ndarray] = {}
-    for path in storage.shard_files(folder, CLOUDS, "samples"):
-        tensors, metadata = storage.load_tensors(path)
-        for i, name in enumerate(metadata["ids"]):
-            clouds[name] = tensors["points"][tensors["offsets"][i] : tensors["offsets"][i + 1]]
-    placed = [frame.apply(clouds[name]) for name, frame in zip(ids, similarities, strict=True)]
-    return ShapeSet(list(ids), similarities, [torch.from_numpy(points).float() for points in placed])
+    return ShapeSet(list(ids), similarities, PlacedClouds(*_find(folder, CLOUDS, ids), similarities))
 
 
 def read_samples(folder: Path, ids: Sequence[str]) -> SampleSet:
     """Stored samples of the given shapes, in their order, from the shards of stage `samples`.
 
     Raises:
-      InputError: a shape is in no shard.
+      InputError: a shape is in no shard, or a shard is damaged; it is named.
     """
-    parts: dict[str, list[Tensor]] = {}
-    row_of: dict[str, int] = {}
-    wanted = set(ids)
-    for path in storage.shard_files(folder, SAMPLES, "samples"):
-        tensors, metadata = storage.load_tensors(path, framework="torch")
-        rows = [i for i, name in enumerate(metadata["ids"]) if name in wanted]
-        row_of |= {metadata["ids"][i]: len(row_of) + k for k, i in enumerate(rows)}
-        for name, values in tensors.items():
-            parts.setdefault(name, []).append(values[rows])
-    _require(folder, ids, row_of)
-    order = torch.tensor([row_of[name] for name in ids])
-    return SampleSet({name: torch.cat(values)[order] for name, values in parts.items()})
+    return SampleSet(*_find(folder, SAMPLES, ids))
+
+
+def _find(folder: Path, kind: str, ids: Sequence[str]) -> tuple[MappedShards, list[tuple[int, int]]]:
+    """The shards of one kind, each verified, and the place of each of the given shapes: shard and row in it."""
+    paths = storage.shard_files(folder, kind, "samples")
+    places: dict[str, tuple[int, int]] = {}
+    for number, path in enumerate(paths):
+        _, metadata = storage.load_tensors(path, framework="torch")
+        places |= {name: (number, row) for row, name in enumerate(metadata["ids"])}
+    _require(folder, ids, places)
+    return MappedShards(paths), [places[name] for name in ids]
 
 
 def _require(folder: Path, ids: Sequence[str], found: Mapping) -> None:

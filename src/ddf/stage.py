@@ -6,6 +6,7 @@ import fcntl
 import json
 import logging
 import os
+import resource
 import sys
 import time
 from collections.abc import Callable
@@ -42,7 +43,7 @@ def label(category: str, seed: int) -> str:
 
 
 def _run_alone(run: Callable[..., None], config: Path, **arguments: Any) -> None:
-    """Run while holding the stage's lock, then note the time.
+    """Run while holding the stage's lock, then note time and memory.
 
     A killed engine can leave a stage's process behind that still writes the same files. The lock is the kernel's and
     goes with that process; of the processes of one distributed training only the first takes it.
@@ -57,14 +58,37 @@ def _run_alone(run: Callable[..., None], config: Path, **arguments: Any) -> None
             except BlockingIOError:
                 sys.stderr.write(f"an earlier process of this stage is still at work on {config}; waiting for it\n")
                 fcntl.flock(lock, fcntl.LOCK_EX)
+        imported = _largest_child_kib()
         started = time.monotonic()
         run(config, *arguments.values())
         seconds = round(time.monotonic() - started, 2)
-        record.write_text(json.dumps({"seconds": seconds}) + "\n", encoding="utf-8")
+        record.write_text(json.dumps({"seconds": seconds, **_peak_memory(imported)}) + "\n", encoding="utf-8")
+
+
+def _largest_child_kib() -> int:
+    """Largest resident memory of the processes that this one has started and that have ended."""
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss  # KiB on Linux
+
+
+def _peak_memory(imported: int) -> dict[str, float]:
+    """Largest resident memory so far, MiB: of this process, and of the largest worker process that it started.
+
+    `imported` is that of the programs which imports ran before the work: only what is larger is a worker's.
+
+    Pages that processes share, such as those of libraries and of mapped files, count in each of them, and the peaks
+    need not coincide: all workers together take at most their number times the second figure. Workers of a Dask
+    cluster are not counted. `worker_peak_mib` is 0 without workers.
+    """
+    loky = sys.modules.get("joblib.externals.loky")
+    if loky is not None:  # the kernel counts children that have ended
+        loky.get_reusable_executor(reuse=True).shutdown(wait=True)
+    own, largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, _largest_child_kib()
+    workers = largest if largest > imported else 0
+    return {"peak_mib": round(own / 1024, 1), "worker_peak_mib": round(workers / 1024, 1)}
 
 
 def time_path(config_path: Path, script: str, category: str | None = None, seed: int = 0) -> Path:
-    """Where a stage notes how long its last run took, for the report; not an artefact: times differ from run to run."""
+    """Where a stage notes time and memory of its last run, for the report; not an artefact: they differ each time."""
     name = "-".join([script, *([category] if category else []), *([str(seed)] if seed else [])])
     return Path("artifacts") / Path(config_path).stem / "times" / f"{name}.json"
 

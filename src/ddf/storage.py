@@ -40,9 +40,10 @@ _DIGEST_LENGTH = 64  # hex digits of SHA-256
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """A temporary sibling of `path`, flushed to disk and renamed to it if the body succeeds, removed if it fails.
 
-    A link is followed; devices and folders are refused, because renaming would put a file in place of /dev/null.
+    A link is followed; devices and folders are refused, because renaming would put a file in place of /dev/null. An
+    error of the disk names `path`.
     """
-    path = Path(os.path.realpath(path))
+    given, path = path, Path(os.path.realpath(path))
     if path.exists() and not path.is_file():
         raise checks.InputError(f"{path} is not a regular file; give the name of a file to write")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,16 +51,30 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     os.close(handle)
     temporary = Path(name)
     try:
-        yield temporary
-        # mkstemp makes private files; give the file what open() would have given it.
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        with temporary.open("rb+") as file:
-            os.fsync(file.fileno())
-        temporary.replace(path)
+        with naming(given):
+            yield temporary
+            # mkstemp makes private files; give the file what open() would have given it.
+            mask = os.umask(0)
+            os.umask(mask)
+            temporary.chmod(0o666 & ~mask)
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+            temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def naming(path: str | Path) -> Iterator[None]:
+    """Give `path` as the file's name to an error of the operating system that has none: `write` says no more than
+    that the disk is full.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno is not None and error.filename is None:
+            error.filename = str(path)
+        raise
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
@@ -119,6 +134,21 @@ def load_tensors(
     if _content_checksum({name: _as_array(value) for name, value in tensors.items()}, record) != expected:
         raise _damaged(path, "its checksum does not fit")
     return tensors, record
+
+
+def map_tensors(path: str | Path) -> dict[str, np.ndarray]:
+    """Arrays of a file from `save_tensors` as views of the mapped file: only what is read of them takes memory, and
+    nothing is verified. The map ends with the last view.
+
+    Raises:
+      FileNotFoundError, InputError: as `load_tensors`, but damage inside the arrays goes unnoticed.
+    """
+    path = _existing(path)
+    try:
+        with safetensors.safe_open(path, framework="pt") as file:
+            return {name: file.get_tensor(name).numpy() for name in file.keys()}
+    except safetensors.SafetensorError as error:
+        raise _damaged(path, error) from error
 
 
 def load_metadata(path: str | Path) -> dict[str, Any]:

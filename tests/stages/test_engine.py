@@ -296,7 +296,7 @@ def test_an_output_that_cannot_be_written_is_one_line(workspace):
     limited = ["bash", "-c", f"ulimit -f 1; trap '' XFSZ; exec {' '.join(script)}"]
     result = subprocess.run(limited, cwd=workspace.root, env=environment, capture_output=True, text=True)
     assert result.returncode == 2
-    assert result.stderr.splitlines()[-1].startswith("ddf: error: File too large")
+    assert result.stderr.splitlines()[-1].startswith("ddf: error: File too large: artifacts/smoke/evaluate/")
     assert "Traceback" not in result.stderr
     assert not list(evaluate.glob("*"))
     workspace.smoke()

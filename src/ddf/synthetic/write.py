@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from ddf import shapenet
+from ddf import shapenet, storage
 from ddf.synthetic import assemble, cars, chairs, planes, primitives, render
 from ddf.synthetic.parts import Part
 
@@ -58,16 +58,19 @@ def write_shape(root: Path, seed: int, category: str, index: int, num_views: int
     images = shapenet.rendering_dir(root, synset, name)
     for folder in (files[0].parent, images):
         folder.mkdir(parents=True, exist_ok=True)
-    files[0].write_text(obj_text(shape))
+    with storage.naming(files[0]):
+        files[0].write_text(obj_text(shape))
     views = make_views(seed, category, index, num_views)
     renderer = render.Renderer(shape)
     for number, view in enumerate(views):
         files.append(images / f"{number:02d}.png")
-        Image.fromarray(renderer.render(view)).save(files[-1], compress_level=PNG_LEVEL)
+        with storage.naming(files[-1]):
+            Image.fromarray(renderer.render(view)).save(files[-1], compress_level=PNG_LEVEL)
     lines = [f"{view.azimuth_deg:.6f} {view.elevation_deg:.6f} 0 {view.ratio:.6f} {DUMMY}\n" for view in views]
     listing = [f"{path.name}\n" for path in files[1:]]
     for path, text in ((images / "rendering_metadata.txt", lines), (images / "renderings.txt", listing)):
-        path.write_text("".join(text))
+        with storage.naming(path):
+            path.write_text("".join(text))
         files.append(path)
     return files
 
