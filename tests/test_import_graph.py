@@ -67,6 +67,7 @@ ROOMS: dict[str, list[str]] = {
         "figures",
         "pages",
         "report_charts",
+        "report_diagnosis",
         "report_inputs",
         "report_pictures",
         "report_tables",
