@@ -38,6 +38,7 @@ ROOMS: dict[str, list[str]] = {
         "training",
         "si3dr_training",
         "si3dr_inference",
+        "step_cost",
         "shape_field",
         "single_shape",
         "shape_diagnostics",
@@ -73,6 +74,7 @@ ROOMS: dict[str, list[str]] = {
         "report_tables",
         "report_texts",
         "reports",
+        "experiment_cost",
         "cli",
     ],
 }
