@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from ddf import baselines, config, evaluation, provenance, stage, storage
+from ddf import baselines, config, evaluation, metrics, neighbours, provenance, stage, storage
 
-FACTS = ("id", "points", "hidden_share", "oracle_id")
+FACTS = ("id", "points", "hidden_share", "spacing_variation", "oracle_id")
 
 
 def evaluate_category(
@@ -41,6 +41,7 @@ def evaluate_category(
             "id": shape,
             "points": len(truths[shape].points),
             "hidden_share": float(truths[shape].hidden.mean()),
+            "spacing_variation": metrics.spacing_variation(neighbours.Neighbours(truths[shape].points)),
             "oracle_id": chosen,
         }
         for shape, chosen in oracle.items()

@@ -104,7 +104,7 @@ def test_scores_do_not_depend_on_the_number_of_processes(experiment):
 def test_mean_over_images_and_standard_error():
     scores = {
         name: [0.1, 0.3, 0.2]
-        for name in ("chamfer_l2_sq", "f_score_tau", "f_score_2tau", "precision_tau", "recall_tau")
+        for name in ("chamfer_l2_sq", "f_score_tau", "f_score_2tau", "precision_tau", "recall_tau", "spacing_variation")
     }
     table = pd.DataFrame({"category": "chair", "method": "ddf", "column": "Pi_g-L", **scores})
     none = pd.DataFrame(columns=["category", "method", "column"])
@@ -122,8 +122,25 @@ def test_camera_errors_in_closed_form(experiment):
     assert np.allclose(errors.loc["Pi_pred", "azimuth_error_deg"], np.degrees(0.1), rtol=1e-4)
     assert np.allclose(errors.loc["Pi_corrected", "elevation_error_deg"], np.degrees(0.01), rtol=1e-4)
     assert np.allclose(errors["scale_error_percent"], 1.0, rtol=1e-4)
+    azimuth = errors.loc["Pi_pred", "azimuth_deg"].to_numpy()
+    assert np.allclose(azimuth, np.degrees(ddf.tensors["camera_true"][:, 0]), rtol=1e-6) and np.ptp(azimuth) > 90
     only = evaluation.camera_errors("pc_siren", pc_siren)
     assert set(only["column"]) == {"Pi_pred"} and np.allclose(only["radius_error"], 0.02, rtol=1e-4)
+
+
+def test_evenness_is_of_each_cloud_and_of_the_truth(experiment):
+    ddf, _, truths = _load(experiment)
+    shape = ddf.images[0][0]
+    lattice = np.stack(np.meshgrid(*[np.arange(5.0)] * 3), axis=-1).reshape(-1, 3)
+    cloud = truths[shape].benchmark_points()
+    cases = [evaluation.Case("ddf", column, [(shape, 0)], points) for column, points in (("a", lattice), ("b", cloud))]
+    table = evaluation.score_all([(truths[shape], cases)], 1e-4, jobs=1).set_index("column")["spacing_variation"]
+    assert table["a"] == pytest.approx(0.0, abs=1e-12) and table["b"] > 0.4
+    shapes = pd.DataFrame({"category": "chair", "hidden_share": [0.1, 0.3], "spacing_variation": [0.2, 0.4]})
+    none = pd.DataFrame(columns=["category", "method", "column"])
+    means = evaluation.summary(none, none, shapes).set_index(["method", "column", "metric"])["value"]
+    assert means[(*evaluation.TRUTH, "hidden_share_percent")] == pytest.approx(20.0)
+    assert means[(*evaluation.TRUTH, "spacing_variation")] == pytest.approx(0.3)
 
 
 def test_baselines_choose_as_brute_force_does(experiment):

@@ -58,6 +58,30 @@ def test_nearest_index_attains_the_distance():
     np.testing.assert_allclose(dist_sq, _brute_dist_sq(queries, points), rtol=1e-12)
 
 
+def test_spacing_is_the_distance_to_the_nearest_other_point():
+    points = np.concatenate([_cloud(1, 250), _cloud(1, 3)])  # three places are taken twice
+    dist_sq = ((points[:, None] - points[None]) ** 2).sum(-1)
+    np.fill_diagonal(dist_sq, np.inf)
+    np.testing.assert_allclose(neighbours.Neighbours(points).spacing() ** 2, dist_sq.min(1), rtol=1e-12)
+    with pytest.raises(checks.InputError, match="two points or more; got 1"):
+        neighbours.Neighbours(points[:1]).spacing()
+
+
+def test_variation_of_spacing_of_a_lattice_of_even_and_of_crowded_points():
+    generator = np.random.default_rng(0)
+    lattice = np.stack(np.meshgrid(np.arange(70.0), np.arange(70.0), [0.0]), axis=-1).reshape(-1, 3)
+    even = generator.uniform(size=(40_000, 3)) * [1, 1, 0]
+    crowded = even**2  # three quarters of the area hold half of the points
+    variation = [metrics.spacing_variation(neighbours.Neighbours(points)) for points in (lattice, even, crowded)]
+    assert variation[0] == pytest.approx(0.0, abs=1e-12)
+    assert variation[1] == pytest.approx(np.sqrt(4 / np.pi - 1), abs=0.01)  # its error at this count is 0.003
+    assert variation[2] > 0.7
+    scaled = metrics.spacing_variation(neighbours.Neighbours(7.0 * even + 1.0))
+    assert scaled == pytest.approx(variation[1], rel=1e-6)
+    for nowhere in (even[:1], np.repeat(even[:5], 2, axis=0)):
+        assert np.isnan(metrics.spacing_variation(neighbours.Neighbours(nowhere)))
+
+
 def test_shifted_grid_in_closed_form():
     axis = np.arange(8) * 0.125  # binary fractions: every distance is exact
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)

@@ -1,9 +1,12 @@
 """The report of a small experiment: every number comes from the table, nothing is loaded from outside."""
 
+import dataclasses
+import itertools
 import re
 import runpy
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from _fake_experiment import EVALUATE_SECTION, SIZES, FakeExperiment
@@ -14,6 +17,7 @@ from ddf import (
     config,
     evaluation,
     paper_results,
+    report_charts,
     report_inputs,
     report_pictures,
     report_tables,
@@ -24,6 +28,7 @@ from ddf import (
 
 _ROOT = Path(__file__).resolve().parents[1]
 _FILES = {"README.md", "index.html", "si3dr.csv", "baselines.svg", "losses.svg", "images.svg", "cameras.svg"}
+_FILES |= {"shapes.svg", "azimuth.svg"}
 
 
 def _experiment_file(experiment):
@@ -61,6 +66,12 @@ def _markdown_tables(text):
     return tables
 
 
+def _measured(folder):
+    table = pd.read_csv(folder / "si3dr.csv")
+    table = table[table["source"] == evaluation.MEASURED]
+    return table.set_index(["category", "method", "column", "metric"])["value"]
+
+
 def test_every_file_and_category_is_there(reported):
     experiment, _, folder = reported
     names = _FILES | {f"strip_{category}.webp" for category in experiment.categories}
@@ -78,7 +89,7 @@ def test_html_is_self_contained(reported):
     text = (reported[2] / "index.html").read_text()
     without_data = re.sub(r'src="data:[^"]+"', "", text)
     assert "http" not in without_data and "src=" not in without_data and "url(" not in without_data
-    assert text.count('src="data:image/webp;base64,') == 3 and text.count('src="data:image/svg+xml;base64,') == 4
+    assert text.count('src="data:image/webp;base64,') == 3 and text.count('src="data:image/svg+xml;base64,') == 6
 
 
 def test_printed_values_are_those_of_the_table(reported):
@@ -125,13 +136,93 @@ def test_bold_is_the_better_model_of_each_column(reported):
 
 def test_one_cycle_and_baseline_tables_have_every_row(reported):
     text = (reported[2] / "README.md").read_text()
-    baseline, one_cycle = _markdown_tables(text)[1:3]
+    baseline, _, one_cycle = _markdown_tables(text)[1:4]
     assert len(baseline) == 2 + 3 * len(report_tables.BASELINE_ORDER)
     assert len(one_cycle) == 2 + 9 and len(one_cycle[0]) == 3 + 4 + 4 + 4
     ceiling = next(row for row in baseline if row[1] == "ceiling: truth against itself")
     mean = next(row for row in baseline if row[1] == "mean shape")
     assert float(ceiling[3]) < float(mean[3]) and float(ceiling[4]) > float(mean[4])
     assert ceiling[2] == mean[2] == "4"
+
+
+def test_shape_and_camera_add_up_to_the_score_with_the_predicted_camera(reported):
+    _, _, folder = reported
+    value = _measured(folder)
+    split = next(rows for rows in _markdown_tables((folder / "README.md").read_text()) if "camera" in rows[0][4])
+    assert len(split) == 2 + 9
+    for row in split[2:]:
+        for numbers in (row[2:6], row[6:10]):
+            ceiling, shape, camera, whole = map(float, numbers)
+            assert ceiling + shape + camera == pytest.approx(whole, abs=0.021)  # of numbers rounded to 0.01
+    ceiling, placed, whole = (
+        value["plane", *head, "chamfer_l2_sq_x1000"]
+        for head in (("ceiling", "Pi_g-S"), ("ddf", "Pi_g-S"), ("ddf", "Pi_corrected-S"))
+    )
+    row = split[2 + 4]
+    assert row[1].startswith("DDF, Π̂<sub>∇</sub>")
+    assert row[2:6] == [f"{ceiling:.3f}", f"{placed - ceiling:+.3f}", f"{whole - placed:+.3f}", f"{whole:.3f}"]
+
+
+def test_distances_from_ceiling_and_retrieval_are_those_of_the_table(reported):
+    _, _, folder = reported
+    value = _measured(folder)
+    text = (folder / "README.md").read_text()
+    rows = _markdown_tables(text)[2]
+    assert len(rows) == 2 + 6 and "from the ceiling" in rows[0][2]
+    for row, (category, method) in zip(
+        rows[2:], itertools.product(("chair", "plane", "primitives"), ("ddf", "pc_siren")), strict=True
+    ):
+        own, ceiling, retrieved = (
+            [value[category, who, "Pi_g-L", metric] for metric in ("chamfer_l2_sq_x1000", "f_score_tau_x100")]
+            for who in (method, "ceiling", "retrieval")
+        )
+        assert row[2:4] == [f"{own[0] - ceiling[0]:+.3f}", f"{own[0] - retrieved[0]:+.3f}"]
+        assert row[4:6] == [f"{own[1] - ceiling[1]:+.2f}", f"{own[1] - retrieved[1]:+.2f}"]
+        assert (f"**{row[3]}**" in text) == (own[0] < retrieved[0])
+        assert (f"**{row[5]}**" in text) == (own[1] > retrieved[1])
+
+
+def test_evenness_of_the_clouds_is_printed_beside_that_of_the_truth(reported):
+    _, _, folder = reported
+    value = _measured(folder)
+    rows = next(rows for rows in _markdown_tables((folder / "README.md").read_text()) if "of the truth's" in rows[0][2])
+    names = ["true cloud", "as many of its points at random", "DDF", "DDF, N<sub>H</sub> = 1", "PC-SIREN"]
+    assert [row[0] for row in rows[2:]] == names
+    truth = value["plane", *evaluation.TRUTH, "spacing_variation"]
+    ddf = value["plane", "ddf", "Pi_g-L", "spacing_variation"]
+    assert rows[2][3:5] == [f"{truth:.2f}", "1.00"] and rows[4][3:5] == [f"{ddf:.2f}", f"{ddf / truth:.2f}"]
+    assert 0.2 < truth < 1 and 0.2 < ddf < 1
+
+
+def test_training_budgets_are_stated_with_their_difference(reported):
+    results = report_inputs.read_results(reported[1])
+    longer = {name: log.assign(seconds=1.2 * log["seconds"]) for name, log in results.logs["DDF"].items()}
+    text = reports.budget(dataclasses.replace(results, logs={**results.logs, "DDF": longer}))
+    assert "did not train for the same wall time" in text
+    assert "DDF 12.0 min, PC-SIREN 10.0 min, the longer 20 % above the shorter" in text
+    text = (reported[2] / "README.md").read_text()
+    assert reports.budget(results) in text and "the same wall time within 0 %" in text
+
+
+def test_shapes_are_means_over_their_images(reported):
+    results = report_inputs.read_results(reported[1])
+    images, shapes = (report_charts.pairs(results, by)["plane"] for by in (["id", "view"], ["id"]))
+    assert len(images[0]) == 4 and len(shapes[0]) == 2
+    for one, other in zip(images, shapes, strict=True):
+        assert one.reshape(2, 2).mean(axis=1) == pytest.approx(other)
+
+
+def test_errors_over_azimuth_belong_to_their_images(reported):
+    experiment, config_path, _ = reported
+    results = report_inputs.read_results(config_path)
+    ddf = evaluation.load_predictions(experiment.artifacts / "pointclouds" / "plane" / "ddf.safetensors")
+    (_, chamfer), (_, errors) = report_charts.over_azimuth(results)
+    angles, values = chamfer["plane"][0][3]
+    assert angles == pytest.approx(np.degrees(ddf.tensors["camera_true"][:, 0]), rel=1e-5)
+    rows = results.per_image.set_index(["category", "method", "column"]).loc[("plane", "ddf", "Pi_g-L")]
+    assert values == pytest.approx(1000 * rows["chamfer_l2_sq"].to_numpy())
+    assert [curve[:3] for curve in chamfer["plane"]] == [("DDF", "ddf", False), ("PC-SIREN", "pc_siren", False)]
+    assert [curve[3][1].mean() for curve in errors["plane"]] == pytest.approx(np.degrees([0.1, 0.05, 0.2]), rel=1e-4)
 
 
 def test_failures_losses_and_limits_are_named(reported):
@@ -195,8 +286,10 @@ def test_trained_rows_of_several_seeds_are_printed_with_their_spread(seeded):
     by_name = {line[1]: line[3:] for line in tables[1][2:]}
     assert all("±" in cell for cell in by_name["retrieval (nearest training image)"])
     assert not any("±" in cell for cell in by_name["mean shape"])
-    assert all("±" in cell for line in tables[3][2:] for cell in line[3:])  # cameras
-    assert text.count("are means over 2 seeds") == 4 and text.count("Of the first of the 2 seeds.") == 6
+    cameras = next(rows for rows in tables if "azimuth" in rows[0][3])
+    assert all("±" in cell for line in cameras[2:] for cell in line[3:])
+    assert text.count("are means over 2 seeds") == 5 and text.count("Of the first of the 2 seeds.") == 9
+    assert text.count("Of means over 2 seeds.") == 2
     assert "2 seeds were trained" in text and "One seed was trained" not in text and "SEEDS=2`" in text
 
 

@@ -23,14 +23,17 @@ from ddf import cameras, checks, metrics, neighbours, storage, transforms
 DDF, PC_SIREN, DDF_ONE_CYCLE = "ddf", "pc_siren", "ddf_nh1"
 CAMERA_COLUMNS = {"Pi_g": "camera_true", "Pi_corrected": "camera_corrected", "Pi_pred": "camera_pred"}
 MEASURED = "measured"
-# Metric names of si3dr.csv: field of metrics.CloudScores, factor of the paper's tables.
+# Metric names of si3dr.csv: column of the table per image, factor of the paper's tables.
 SCALED_METRICS = {
     "chamfer_l2_sq_x1000": ("chamfer_l2_sq", 1000.0),
     "f_score_tau_x100": ("f_score_tau", 100.0),
     "f_score_2tau_x100": ("f_score_2tau", 100.0),
     "precision_tau_x100": ("precision_tau", 100.0),
     "recall_tau_x100": ("recall_tau", 100.0),
+    "spacing_variation": ("spacing_variation", 1.0),
 }
+TRUTH = ("truth", "test shapes")  # method and column of what the long table says of the true clouds
+TRUTH_METRICS = {"hidden_share_percent": ("hidden_share", 100.0), "spacing_variation": ("spacing_variation", 1.0)}
 TABLE_FIELDS = ("category", "method", "column", "metric", "value", "images", "seeds", "spread", "source")
 
 
@@ -232,12 +235,15 @@ def _score_shape(cases: Sequence[Case], truth: TruthCloud, tau_sq: float) -> lis
         name = f"{case.method} {case.column} of {case.images[0][0]} view {case.images[0][1]:02d}"
         prediction = neighbours.Neighbours(case.prediction, name)
         scores = vars(metrics.compare_clouds(prediction, trees[case.visible_truth], tau_sq))
+        scores = scores | {"spacing_variation": metrics.spacing_variation(prediction)}
         rows += [{"method": case.method, "column": case.column, "id": i, "view": v, **scores} for i, v in case.images]
     return rows
 
 
 def camera_errors(method: str, predictions: Predictions) -> pd.DataFrame:
-    """Absolute errors of predicted and corrected cameras and of the scale, one row per image and column."""
+    """Absolute errors of predicted and corrected cameras and of the scale, one row per image and column, each with the
+    true azimuth in [0, 360).
+    """
     truth = predictions.tensors["camera_true"].astype(np.float64)
     scale_ratio = predictions.tensors["scale_pred"].astype(np.float64) / predictions.tensors["scale_true"]
     tables = []
@@ -248,6 +254,7 @@ def camera_errors(method: str, predictions: Predictions) -> pd.DataFrame:
         table = pd.DataFrame(predictions.images, columns=["id", "view"])
         table.insert(0, "column", column)
         table.insert(0, "method", method)
+        table["azimuth_deg"] = np.degrees(truth[:, 0]) % 360.0
         table["azimuth_error_deg"] = metrics.angle_difference_deg(guess[:, 0], truth[:, 0])
         table["elevation_error_deg"] = np.degrees(np.abs(guess[:, 1] - truth[:, 1]))
         table["radius_error"] = np.abs(guess[:, 2] - truth[:, 2])
@@ -257,7 +264,8 @@ def camera_errors(method: str, predictions: Predictions) -> pd.DataFrame:
 
 
 def summary(per_image: pd.DataFrame, camera_table: pd.DataFrame, shapes: pd.DataFrame) -> pd.DataFrame:
-    """The long table: means of scores over images, medians of camera errors, share of hidden points.
+    """The long table: means of scores over images, medians of camera errors, and of the true clouds the share of hidden
+    points and the variation of the spacing.
 
     `spread` is the standard error over images (one seed was trained; it says nothing about other seeds).
     """
@@ -271,8 +279,9 @@ def summary(per_image: pd.DataFrame, camera_table: pd.DataFrame, shapes: pd.Data
             values = group[name].to_numpy(dtype=np.float64)
             rows.append((category, method, column, f"{name}_median", np.median(values), len(values), 1, np.nan))
     for category, group in shapes.groupby("category", sort=False):
-        share = 100.0 * group["hidden_share"].to_numpy(dtype=np.float64)
-        rows.append((category, "truth", "test shapes", "hidden_share_percent", share.mean(), len(share), 1, np.nan))
+        for metric, (name, factor) in TRUTH_METRICS.items():
+            values = factor * group[name].to_numpy(dtype=np.float64)
+            rows.append((category, *TRUTH, metric, values.mean(), len(values), 1, np.nan))
     table = pd.DataFrame(rows, columns=list(TABLE_FIELDS[:-1]))
     table["source"] = MEASURED
     return table

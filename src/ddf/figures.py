@@ -18,6 +18,10 @@ from jaxtyping import Float
 from matplotlib import figure, ticker
 from PIL import ImageFont
 
+Samples = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]
+AngleCurve = tuple[str, str, bool, Samples]  # name, method for the colour, dashed, (angles in degrees, values)
+RANGE = 2000  # of a logarithmic axis over the angle, largest to smallest
+SECTORS = 6  # of the full turn, over each of which a median is taken
 METHOD_COLOURS = {"ddf": "#1F5FA8", "ddf_nh1": "#7FA7D6", "pc_siren": "#D5702A"}
 BASELINE_COLOUR, CEILING_COLOUR = "#A9AFBA", "#5E6673"
 _MAX_POINTS = 400  # of a curve: more cannot be told apart, and the file stays small
@@ -179,6 +183,49 @@ def cumulative_shares(
         panels[0].set_ylabel("images, %")
         panels[-1].legend(loc="lower right", fontsize=7.5)
         return _svg(chart)
+
+
+def medians_over_angle(rows: Sequence[tuple[str, Mapping[str, Sequence[AngleCurve]]]], label: str) -> str:
+    """A row of panels per quantity, a panel per category: every image as a point over an angle, and the median of each
+    sector of the full turn as a line. Logarithmic values; those below 1/`RANGE` of the row's largest are drawn there.
+
+    Args:
+      rows: (label of the value axis, category to its curves).
+      label: of the angle axis.
+    """
+    with matplotlib.rc_context(_STYLE):
+        categories = list(rows[0][1])
+        size = (2.75 * len(categories) + 1.6, 2.1 * len(rows))
+        chart = figure.Figure(figsize=size, layout="constrained")
+        grid = chart.subplots(len(rows), len(categories), sharex=True, sharey="row", squeeze=False)
+        for panels, (name, curves) in zip(grid, rows, strict=True):
+            largest = max(float(line[3][1].max()) for lines in curves.values() for line in lines)
+            for panel, (category, lines) in zip(panels, curves.items(), strict=True):
+                for line in lines:
+                    _draw_sectors(panel, *line, (largest or 1.0) / RANGE)
+                panel.set_title(category)
+                panel.set(xlim=(0, 360), yscale="log")
+                panel.xaxis.set_major_locator(ticker.MultipleLocator(90))
+                panel.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+                panel.yaxis.set_minor_formatter(ticker.NullFormatter())
+            panels[0].set_ylabel(name)
+            panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), fontsize=7.5, handlelength=1.6)
+        for panel in grid[-1]:
+            panel.set_xlabel(label)
+        return _svg(chart)
+
+
+def _draw_sectors(panel: Any, name: str, method: str, dashed: bool, samples: Samples, least: float) -> None:
+    angles, values = samples[0], np.maximum(samples[1], least)
+    colour = METHOD_COLOURS[method]
+    faces = "none" if dashed else colour
+    panel.scatter(angles, values, s=9, facecolors=faces, edgecolors=colour, alpha=0.45, linewidths=0.6 * dashed)
+    edges = np.linspace(0.0, 360.0, SECTORS + 1)
+    sector = np.clip(np.digitize(angles, edges) - 1, 0, SECTORS - 1)
+    medians = [np.median(values[sector == i]) if (sector == i).any() else np.nan for i in range(SECTORS)]
+    panel.stairs(
+        medians, edges, baseline=None, lw=1.5, ls=(0, (3, 1.5)) if dashed else "solid", color=colour, label=name
+    )
 
 
 def _panels(count: int, size: tuple[float, float], share_y: bool) -> tuple[figure.Figure, list[Any]]:

@@ -78,6 +78,19 @@ def compare_clouds(
     )
 
 
+def spacing_variation(cloud: neighbours.Neighbours) -> float:
+    """How unevenly a cloud lies: standard deviation over mean of the distances to the nearest other point.
+
+    Without unit, of any scale and, for one way of drawing, of any number of points: 0 for a lattice, sqrt(4/pi - 1) =
+    0.52 for independent points spread evenly over a surface, more where they crowd (derived here: those distances are
+    Rayleigh's). NaN for a single point, or when every place is taken twice.
+    """
+    if len(cloud) < 2:
+        return float("nan")
+    spacing = cloud.spacing()
+    return float(spacing.std() / spacing.mean()) if spacing.any() else float("nan")
+
+
 def depth_l1(
     depth: Float[np.ndarray, " n"], depth_truth: Float[np.ndarray, " n"], visible_truth: Bool[np.ndarray, " n"]
 ) -> float:

@@ -104,8 +104,8 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
     pool = cycles[1:] or cycles
     points, confidence = (torch.cat([getattr(c, name) for c in pool]) for name in ("points", "confidence"))
     if config.outliers:
-        dist_sq = torch.from_numpy(neighbours.Neighbours(points.cpu().numpy()).spacing_sq(CROWD))
-        crowded = dist_sq.argsort()[: len(points) - int(config.outliers * len(points))].to(points.device)
+        spacing = torch.from_numpy(neighbours.Neighbours(points.cpu().numpy()).spacing(CROWD))
+        crowded = spacing.argsort()[: len(points) - int(config.outliers * len(points))].to(points.device)
         points, confidence = points[crowded], confidence[crowded]
     order = farthest_point_order(points, max(counts), confidence.pow(config.spread).clamp_min(LEAST_WEIGHT))
     return [points[order[:count]] for count in counts]

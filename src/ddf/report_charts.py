@@ -33,20 +33,30 @@ def draw(results: report_inputs.Results) -> dict[str, bytes]:
     charts = {
         "baselines.svg": figures.score_bars(bars, "F(τ) × 100, true camera, L"),
         "losses.svg": figures.loss_curves(results.logs),
-        "images.svg": figures.paired_scatter(pairs(results), "PC-SIREN, D_C × 1000", "DDF, D_C × 1000"),
+        "images.svg": _scatter(pairs(results, ["id", "view"])),
+        "shapes.svg": _scatter(pairs(results, ["id"])),
+        "azimuth.svg": figures.medians_over_angle(over_azimuth(results), "true azimuth, degrees"),
         "cameras.svg": figures.cumulative_shares(camera_errors(results), "azimuth error, degrees", 180.0),
     }
     return {name: text.encode() for name, text in charts.items()}
 
 
-def pairs(results: report_inputs.Results) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """D_C x 1000 of PC-SIREN and of DDF for the same images, true camera, L points, by category."""
+def _scatter(values: dict[str, figures.Samples]) -> str:
+    return figures.paired_scatter(values, "PC-SIREN, D_C × 1000", "DDF, D_C × 1000")
+
+
+def pairs(results: report_inputs.Results, by: list[str]) -> dict[str, figures.Samples]:
+    """D_C x 1000 of PC-SIREN and of DDF, true camera, L points, by category.
+
+    Args:
+      by: columns of the table per image that make a point of the chart; of several images the mean is taken.
+    """
     found = {}
     for category in results.categories:
         rows = results.per_image
         rows = rows[(rows["category"] == category) & (rows["column"] == "Pi_g-L")]
         by_method = {
-            method: 1000.0 * rows[rows["method"] == method].set_index(["id", "view"])["chamfer_l2_sq"]
+            method: 1000.0 * rows[rows["method"] == method].groupby(by)["chamfer_l2_sq"].mean()
             for method in (evaluation.PC_SIREN, evaluation.DDF)
         }
         both = pd.concat(by_method, axis=1, join="inner")
@@ -65,3 +75,26 @@ def camera_errors(results: report_inputs.Results) -> dict[str, list[tuple[str, s
                 errors = rows["azimuth_error_deg"].to_numpy(dtype=np.float64)
                 curves.setdefault(category, []).append((name, method, column == "Pi_corrected", errors))
     return curves
+
+
+def over_azimuth(results: report_inputs.Results) -> list[tuple[str, dict[str, list[figures.AngleCurve]]]]:
+    """Of every test image the errors of the shape (D_C x 1000, true camera, L points) and of the predicted camera."""
+    chamfer: dict[str, list[figures.AngleCurve]] = {}
+    azimuth: dict[str, list[figures.AngleCurve]] = {}
+    scores = results.per_image[results.per_image["column"] == "Pi_g-L"]
+    for category in results.categories:
+        for name, method, column in _CAMERAS:
+            rows = results.cameras
+            rows = rows[(rows["category"] == category) & (rows["method"] == method) & (rows["column"] == column)]
+            if not len(rows):
+                continue
+            corrected = column == "Pi_corrected"
+            azimuth.setdefault(category, []).append((name, method, corrected, _samples(rows, "azimuth_error_deg", 1.0)))
+            if not corrected:
+                rows = rows.merge(scores, on=["category", "method", "id", "view"])
+                chamfer.setdefault(category, []).append((name, method, False, _samples(rows, "chamfer_l2_sq", 1000.0)))
+    return [("D_C × 1000", chamfer), ("azimuth error, degrees", azimuth)]
+
+
+def _samples(rows: pd.DataFrame, name: str, factor: float) -> figures.Samples:
+    return rows["azimuth_deg"].to_numpy(dtype=np.float64), factor * rows[name].to_numpy(dtype=np.float64)

@@ -37,7 +37,7 @@ BASELINE_ORDER = (
     baselines.MEAN_SHAPE,
 )
 _COMPETITORS = (evaluation.DDF, evaluation.PC_SIREN, baselines.RETRIEVAL, baselines.MEAN_SHAPE)
-_NOTHING = "–"
+NOTHING = "–"
 
 Head = tuple[str, str]  # method, column
 
@@ -70,7 +70,7 @@ class Scores:
         """The number as printed, `mean ± standard deviation` for a mean over seeds; a dash where there is none."""
         row = self.rows.get((category, *head, metric))
         if row is None:
-            return _NOTHING
+            return NOTHING
         value = f"{float(row['value']):.{digits}f}"
         return f"{value} ± {float(row['spread']):.{digits}f}" if row["seeds"] > 1 else value
 
@@ -78,7 +78,7 @@ class Scores:
         """A printed number with what its spread is and its image count as a note; `count` prints the count too."""
         row = self.rows.get((category, *head, metric))
         if row is None:
-            return Cell(_NOTHING)
+            return Cell(NOTHING)
         text = self.text(category, head, metric, METRIC_LABELS[metric][1])
         if pd.isna(row["images"]):
             return Cell(text, best)
@@ -105,7 +105,7 @@ def comparison(
         for metric, (label, _, _) in METRIC_LABELS.items():
             counts = set(scores[evaluation.MEASURED].images(category, own, metric))
             cells: list[Cell | str] = [category if label.startswith("D") else "", label]
-            cells.append(str(counts.copy().pop()) if len(counts) == 1 else _NOTHING)
+            cells.append(str(counts.copy().pop()) if len(counts) == 1 else NOTHING)
             for _, source, heads in kept:
                 for head in heads:
                     measured = source == evaluation.MEASURED
@@ -171,7 +171,7 @@ def baseline_table(table: pd.DataFrame, categories: Sequence[str], caption: str)
             heads = [(method, column) for column in columns]
             counts = scores.images(category, heads, "chamfer_l2_sq_x1000")
             cells: list[Cell | str] = [category if method == BASELINE_ORDER[0] else "", METHOD_LABELS[method]]
-            cells.append(str(counts[0]) if counts else _NOTHING)
+            cells.append(str(counts[0]) if counts else NOTHING)
             for head in heads:
                 rivals = [(rival, head[1]) for rival in _COMPETITORS]
                 for metric in METRIC_LABELS:
@@ -199,6 +199,6 @@ def camera_table(table: pd.DataFrame, categories: Sequence[str], caption: str) -
             texts = [scores.text(category, head, metric, digits) for metric, digits in metrics.items()]
             label = f"{METHOD_LABELS[head[0]]}, {CAMERA_LABELS[head[1]]}"
             counts = scores.images(category, [head], next(iter(metrics)))
-            rows.append([category if head == heads[0] else "", label, str(counts[0]) if counts else _NOTHING, *texts])
+            rows.append([category if head == heads[0] else "", label, str(counts[0]) if counts else NOTHING, *texts])
     header = ["", "", "images", "azimuth, degrees", "elevation, degrees", "radius, benchmark units", "scale, %"]
     return Table(caption, [("", len(header), False)], header, rows, labels=2, rule_every=len(heads))

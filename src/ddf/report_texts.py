@@ -15,6 +15,7 @@ SEEDS: Final = """
 Numbers with ± are means over {seeds} seeds of training and cloud drawing, ± the sample standard deviation over seeds;
 no training changes the other numbers.
 """
+SEED_MEANS: Final = "Of means over {seeds} seeds."
 SEED_ZERO: Final = "Of the first of the {seeds} seeds."
 
 RESULTS: Final = """
@@ -65,6 +66,33 @@ CAMERA_CURVES: Final = "Share of test images whose azimuth error is at most so l
 SCATTER: Final = """
 Every test image as a point, true camera, L points: below the diagonal DDF has the smaller D<sub>C</sub>.
 Logarithmic axes.
+"""
+SHAPES: Final = """
+Every test shape as a point, the mean over its images, true camera, L points: below the diagonal DDF has the smaller
+D<sub>C</sub>. Logarithmic axes.
+"""
+DISTANCES: Final = """
+Both models at the true camera, L points: their scores less those of the ceiling (truth against itself), and less those
+of the retrieved training shape. Bold: better than retrieval.
+"""
+SPLIT: Final = """
+Where the error comes from, S points. Ceiling: the truth against itself. Shape: what the model adds at the true camera
+and scale. Camera: what the predicted camera (Π̂, or Π̂<sub>∇</sub> after gradient descent on the mask) and the
+estimated scale add to that.
+"""
+AZIMUTH: Final = """
+Errors over the true azimuth of the camera, about the upright axis: above, of the shape (true camera, L points); below,
+of the predicted camera. Every test image as a point, lines are medians over {sectors} equal sectors. Logarithmic
+values; those below 1/{range} of the largest are drawn there.
+"""
+EVENNESS: Final = """
+How evenly the clouds lie, L points: standard deviation over mean of the distance from a point to the nearest other
+one, mean over images. The true clouds are Poisson-disk samples, whose points keep a distance; independent points
+spread evenly over a surface have 0.52 (Rayleigh's distribution), and more says that points crowd.
+"""
+SAME_BUDGET: Final = "Both models trained for the same wall time within {more} %, summed over categories: {spent}."
+OTHER_BUDGET: Final = """
+The models did not train for the same wall time: summed over categories {spent}, the longer {more} % above the shorter.
 """
 CURVES: Final = "Total loss (thick, smoothed) and its terms without their weights."
 TRAINING: Final = "Training losses. The two models minimise different losses: compare within one model only."

@@ -14,8 +14,10 @@ from ddf import (
     checks,
     config,
     evaluation,
+    figures,
     pages,
     report_charts,
+    report_diagnosis,
     report_inputs,
     report_pictures,
     report_tables,
@@ -56,6 +58,7 @@ SETTINGS = (
     ("points S", "pointclouds.small", "2466"),
     ("test images per shape", "pointclouds.test_views", "5"),
 )
+_SAME_PERCENT = 10.0  # wall times of training no farther apart than this are one budget
 _ALL_VIEWS = "all"  # null in the file: the five views of the split
 
 
@@ -115,8 +118,11 @@ def build(results: report_inputs.Results, strips: Mapping[str, bytes], rendered:
         _pictures_section(results, list(strips), rendered),
         _baselines_section(results),
         _one_cycle_section(results),
+        _split_section(results),
         _cameras_section(results),
         _images_section(results),
+        _azimuth_section(results),
+        _evenness_section(results),
         _training_section(results),
         _data_section(results),
         _times_section(results),
@@ -132,6 +138,11 @@ def build(results: report_inputs.Results, strips: Mapping[str, bytes], rendered:
 def _over_seeds(results: report_inputs.Results, text: str) -> str:
     """A text on numbers of the long table, with what they are means over when there are several seeds."""
     return f"{text} {texts.fill(texts.SEEDS, seeds=results.seeds)}" if results.seeds > 1 else text
+
+
+def _of_means(results: report_inputs.Results, text: str) -> str:
+    """A text on differences of numbers of the long table, with the same."""
+    return f"{text} {texts.fill(texts.SEED_MEANS, seeds=results.seeds)}" if results.seeds > 1 else text
 
 
 def _of_seed_zero(results: report_inputs.Results, text: str) -> str:
@@ -187,13 +198,21 @@ def _baselines_section(results: report_inputs.Results) -> pages.Section:
     caption = _over_seeds(results, texts.fill(texts.BASELINES))
     table = report_tables.baseline_table(results.table, results.categories, caption)
     bars = pages.Figure("baselines.svg", texts.fill(texts.BARS), "bar charts of F-scores")
-    return pages.Section("Baselines and ceilings", [bars, table])
+    caption = _of_means(results, texts.fill(texts.DISTANCES))
+    distances = report_diagnosis.distance_table(results.table, results.categories, caption)
+    return pages.Section("Baselines and ceilings", [bars, table, distances])
 
 
 def _one_cycle_section(results: report_inputs.Results) -> pages.Section:
     caption = texts.fill(texts.ONE_CYCLE, cycles=results.setting("pointclouds.cloud.cycles"))
     table = report_tables.one_cycle_table(results.table, results.categories, _over_seeds(results, caption))
     return pages.Section("One projection cycle", [table])
+
+
+def _split_section(results: report_inputs.Results) -> pages.Section:
+    caption = _of_means(results, texts.fill(texts.SPLIT))
+    table = report_diagnosis.split_table(results.table, results.categories, caption)
+    return pages.Section("Shape and camera", [table])
 
 
 def _cameras_section(results: report_inputs.Results) -> pages.Section:
@@ -205,8 +224,23 @@ def _cameras_section(results: report_inputs.Results) -> pages.Section:
 
 
 def _images_section(results: report_inputs.Results) -> pages.Section:
-    caption = _of_seed_zero(results, texts.fill(texts.SCATTER))
-    return pages.Section("Image by image", [pages.Figure("images.svg", caption, "scatter plots of Chamfer distances")])
+    blocks = []
+    for name, text in (("shapes", texts.SHAPES), ("images", texts.SCATTER)):
+        caption = _of_seed_zero(results, texts.fill(text))
+        blocks.append(pages.Figure(f"{name}.svg", caption, f"scatter plots of Chamfer distances of {name}"))
+    return pages.Section("Shape by shape, image by image", blocks)
+
+
+def _azimuth_section(results: report_inputs.Results) -> pages.Section:
+    caption = _of_seed_zero(results, texts.fill(texts.AZIMUTH, sectors=figures.SECTORS, range=figures.RANGE))
+    alt = "Chamfer distances and azimuth errors over the azimuth of the camera"
+    return pages.Section("Errors by azimuth", [pages.Figure("azimuth.svg", caption, alt)])
+
+
+def _evenness_section(results: report_inputs.Results) -> pages.Section:
+    caption = _over_seeds(results, texts.fill(texts.EVENNESS))
+    table = report_diagnosis.evenness_table(results.table, results.categories, caption)
+    return pages.Section("Evenness of the clouds", [table])
 
 
 def _training_section(results: report_inputs.Results) -> pages.Section:
@@ -221,7 +255,20 @@ def _training_section(results: report_inputs.Results) -> pages.Section:
     caption = _of_seed_zero(results, texts.TRAINING)
     table = pages.Table(caption, layout, header, rows, labels=2, rule_every=len(results.categories))
     caption = _of_seed_zero(results, texts.CURVES)
-    return pages.Section("Training", [pages.Figure("losses.svg", caption, "loss curves per model and category"), table])
+    curves = pages.Figure("losses.svg", caption, "loss curves per model and category")
+    return pages.Section("Training", [curves, budget(results), table])
+
+
+def budget(results: report_inputs.Results) -> str:
+    """The wall time that each model trained for, over all categories, and by how much the two differ."""
+    seconds = {
+        model: sum(float(log["seconds"].iloc[-1]) for log in logs.values()) for model, logs in results.logs.items()
+    }
+    least, most = min(seconds.values()), max(seconds.values())
+    spent = ", ".join(f"{model} {duration(value)}" for model, value in seconds.items())
+    more = 100 * (most / least - 1) if least > 0 else 0.0
+    text = texts.SAME_BUDGET if more <= _SAME_PERCENT else texts.OTHER_BUDGET
+    return _of_seed_zero(results, texts.fill(text, spent=spent, more=f"{more:.0f}"))
 
 
 def _data_section(results: report_inputs.Results) -> pages.Section:

@@ -1,0 +1,114 @@
+"""One optimisation step at the sizes of configs/paper.yaml, on random data: seconds by part, and peak memory.
+
+Each model has a process of its own, whose largest resident size is the memory. The parts are timed inside the package's
+own step, by wrapping what it calls: `data` draws the batch, `encoders` are both networks forwards, `field` the value
+and derivative losses of the DDF or decoder and Chamfer distance of PC-SIREN, `mask` the rendered mask; `backward` is
+all of them back.
+"""
+
+import contextlib
+import dataclasses
+import json
+import resource
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import _measure
+
+from ddf import config, fields, losses, reconstruction, si3dr_data, si3dr_training, step_cost, training
+
+CONFIG, THREADS = Path("configs/paper.yaml"), 2
+REPEATS = {"ddf": 2, "pcsiren": 4}
+# What is wrapped: part of the split, owner, name.
+PARTS = (
+    ("data", si3dr_training.Batch, "draw"),
+    ("data", si3dr_data.SampleSet, "draw"),
+    ("data", si3dr_data.ShapeSet, "subset"),
+    ("encoders", reconstruction.Encoder, "forward"),
+    ("field", losses, "shape_loss"),
+    ("field", fields.PointDecoder, "forward"),
+    ("field", si3dr_training, "chamfer_loss"),
+    ("mask", reconstruction, "mask_loss"),
+)
+
+
+@contextlib.contextmanager
+def split(seconds: dict[str, float]) -> Iterator[None]:
+    """While this lasts, the calls named in `PARTS` add their seconds to `seconds`."""
+
+    def timed(part: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:
+            started = step_cost.now()
+            result = function(*arguments, **named)
+            seconds[part] = seconds.get(part, 0.0) + step_cost.now() - started
+            return result
+
+        return call
+
+    with contextlib.ExitStack() as stack:
+        for part, owner, name in PARTS:
+            function = timed(part, getattr(owner, name))
+            is_class_method = isinstance(vars(owner).get(name), classmethod)
+            stack.enter_context(mock.patch.object(owner, name, staticmethod(function) if is_class_method else function))
+        yield
+
+
+def one_step(trial: step_cost.Trial, number: int) -> dict[str, float]:
+    """Seconds of the parts of one whole step."""
+    seconds: dict[str, float] = {}
+    times = [step_cost.now()]
+    with split(seconds):
+        loss, _ = trial.loss(number)
+    times.append(step_cost.now())
+    trial.optimiser.zero_grad(set_to_none=True)
+    loss.backward()
+    times.append(step_cost.now())
+    trial.optimiser.step()
+    times.append(step_cost.now())
+    whole = {"backward": times[2] - times[1], "optimiser": times[3] - times[2], "step": times[3] - times[0]}
+    return seconds | {"other": times[1] - times[0] - sum(seconds.values())} | whole | {"loss": float(loss.detach())}
+
+
+def measure(model: str, images: int) -> dict[str, Any]:
+    """Steps of one model with `images` images, after one of two images that warms up; and this process's memory."""
+    train = config.load(CONFIG, "train", si3dr_training.TrainConfig)
+    train = dataclasses.replace(train, loop=dataclasses.replace(train.loop, threads=THREADS))
+    training.prepare(train.loop)
+
+    def trial(batch_size: int) -> step_cost.Trial:
+        sized = dataclasses.replace(train, batch_size=batch_size)
+        if model == "ddf":
+            return step_cost.ddf_trial(sized, config.load(CONFIG, "ddf", si3dr_training.DDFConfig))
+        return step_cost.pcsiren_trial(sized, config.load(CONFIG, "pcsiren", si3dr_training.PCSirenConfig))
+
+    one_step(trial(2), 0)
+    own = trial(images)
+    steps = [one_step(own, number) for number in range(REPEATS[model])]
+    peak_gib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    return {"steps": steps, "peak_gib": peak_gib, "parameters": fields.count_parameters(own.model)}
+
+
+def main(images: int | None) -> None:
+    """Measure both models, each in a process of its own, and write the table."""
+    images = images or config.load(CONFIG, "train", si3dr_training.TrainConfig).batch_size
+    rows = []
+    for model in REPEATS:
+        command = [sys.executable, __file__, model, str(images)]
+        found = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
+        steps = found["steps"]
+        size = {"images": images, "parameters": found["parameters"], "repeats": len(steps), "device": "cpu"}
+        row = _measure.row(model, size, [step.pop("step") for step in steps], {"loss": steps[-1]["loss"]})
+        parts = {name: sum(step[name] for step in steps) / len(steps) for name in steps[0] if name != "loss"}
+        rows.append({**row, "parts_s": parts, "peak_gib": found["peak_gib"]})
+    _measure.write("full_size_step", THREADS, rows)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 3:
+        print(json.dumps(measure(sys.argv[1], int(sys.argv[2]))))
+    else:
+        main(int(sys.argv[1]) if len(sys.argv) == 2 else None)

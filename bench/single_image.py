@@ -1,0 +1,217 @@
+"""Seconds per image of single-image reconstruction, DDF against PC-SIREN: encoders, clouds and depth pictures.
+
+At the widths of configs/cpu.yaml with the models of `make reproduce-table` where they are there, whose clouds are
+scored against the truth, and at those of configs/paper.yaml with random weights, whose clouds mean nothing: time alone.
+Clouds are drawn as both files say, with N_H = 3 and 1, and with fewer directions. Depth of PC-SIREN is what its cloud
+can give: the nearest point of each pixel, with holes.
+"""
+
+import dataclasses
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import _measure
+import numpy as np
+import torch
+from torch import Tensor
+
+from ddf import (
+    cameras,
+    config,
+    metrics,
+    pointclouds,
+    reconstruction,
+    rendering,
+    shapenet,
+    si3dr_data,
+    si3dr_inference,
+    si3dr_training,
+    stage,
+    step_cost,
+    training,
+    transforms,
+)
+
+CPU, PAPER = Path("configs/cpu.yaml"), Path("configs/paper.yaml")
+CATEGORY, THREADS, IMAGES = "chair", 2, 3
+WARM_SECONDS, MOST_SECONDS = 1.0, 4.0  # what takes longer needs no warm-up; what took longer is not repeated
+CYCLES, FEWER_DIRECTIONS, DEPTH_SIZES = (3, 1), 16, (64, 256)
+Pair = tuple[reconstruction.DDFModel, reconstruction.PCSirenModel]
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """What a set of rows is measured on.
+
+    truths: clouds in benchmark units with the factor that takes the field there; none for random weights.
+    """
+
+    name: str
+    models: Pair
+    section: si3dr_inference.PointcloudsConfig
+    images: si3dr_data.ImageSet
+    field_scales: list[float]
+    truths: list[tuple[np.ndarray, float]]
+
+
+def read(config_path: Path) -> tuple[si3dr_training.TrainConfig, Pair, si3dr_inference.PointcloudsConfig]:
+    """The training section, both models freshly initialised, and how clouds are drawn."""
+    train = config.load(config_path, "train", si3dr_training.TrainConfig)
+    torch.manual_seed(0)
+    ddf = si3dr_training.ddf_model(train, config.load(config_path, "ddf", si3dr_training.DDFConfig))
+    section = config.load(config_path, "pcsiren", si3dr_training.PCSirenConfig)
+    models = (ddf.eval(), si3dr_training.pcsiren_model(train, section).eval())
+    return train, models, config.load(config_path, "pointclouds", si3dr_inference.PointcloudsConfig)
+
+
+def random_scene(config_path: Path) -> Scene:
+    """Random weights on random images."""
+    train, models, section = read(config_path)
+    images = step_cost.random_images(IMAGES, train.image_size)
+    for model in models:
+        model.camera_head.fit(images.cameras)
+    return Scene(f"{config_path.name}, random weights", models, section, images, [2.0] * IMAGES, [])
+
+
+def trained_scene(config_path: Path) -> Scene:
+    """The experiment's own models on the first views of its first test shapes."""
+    train, models, section = read(config_path)
+    for name, model in zip(("ddf", "pcsiren"), models, strict=True):
+        training.load_model(model, config.artifact_dir(config_path, f"train_{name}", CATEGORY))
+    dataset = shapenet.Dataset.open(config.artifact_dir(config_path, "dataset") / "index.json")
+    samples = config.artifact_dir(config_path, "samples", CATEGORY)
+    shown = si3dr_data.available(samples, si3dr_data.test_views(dataset, CATEGORY, 1))[:IMAGES]
+    images = si3dr_data.read_images(dataset, CATEGORY, shown, train.image_size)
+    shapes = si3dr_data.read_shapes(samples, images.ids)
+    scales = shapes.field_scales(images.shapes).tolist()
+    factors = [transforms.BENCHMARK_FROM_V1 / scale for scale in scales]
+    truths = [
+        (shapes.clouds[shape].numpy().astype(np.float64) * factor, factor)
+        for shape, factor in zip(images.shapes, factors, strict=True)
+    ]
+    return Scene(f"{config_path.name}, trained, {CATEGORY}", models, section, images, scales, truths)
+
+
+def per_image(work: Callable[[int], Any]) -> tuple[list[float], list[Any]]:
+    """Seconds and results of one image after another, as many as the time allows, at least one."""
+    started = time.perf_counter()
+    results = [work(0)]
+    seconds = [time.perf_counter() - started]
+    if seconds[0] < WARM_SECONDS:
+        results, seconds = [], []
+    while len(seconds) < IMAGES and sum(seconds) < MOST_SECONDS:
+        started = time.perf_counter()
+        results.append(work(len(seconds)))
+        seconds.append(time.perf_counter() - started)
+    return seconds, results
+
+
+def score(scene: Scene, clouds: list[Tensor]) -> dict[str, float]:
+    """Mean errors of the clouds of the first images; nothing for random weights."""
+    found = [
+        metrics.compare_clouds(points.numpy().astype(np.float64) * factor, truth)
+        for points, (truth, factor) in zip(clouds, scene.truths, strict=False)
+    ]
+    if not found:
+        return {}
+    return {
+        "chamfer_l2_sq_x1000": statistics.fmean(1e3 * value.chamfer_l2_sq for value in found),
+        "f_score_tau_x100": statistics.fmean(100 * value.f_score_tau for value in found),
+    }
+
+
+def splat(points: Tensor, camera: Tensor, field_scale: float, size: int) -> Tensor:
+    """Depth along the camera's axis of the nearest point in each pixel, inf where there is none."""
+    cloud = points * (transforms.BENCHMARK_FROM_V1 / field_scale)
+    extrinsics = cameras.extrinsics(*camera)
+    z_depth = -cameras.to_camera(cloud, *extrinsics)[..., 2]
+    column, row = (value * (size / cameras.IMAGE_SIZE) for value in cameras.project(cloud, *extrinsics))
+    inside = (column >= 0) & (column < size) & (row >= 0) & (row < size) & (z_depth > 0)
+    pixel = (row[inside].long() * size + column[inside].long()).clamp(0, size * size - 1)
+    depth = torch.full((size * size,), torch.inf).scatter_reduce(0, pixel, z_depth[inside], "amin")
+    return depth.reshape(size, size)
+
+
+def changed(cloud: pointclouds.CloudConfig, **values: Any) -> pointclouds.CloudConfig:
+    """The same way of drawing clouds with other values, of those that it has."""
+    known = {field.name for field in dataclasses.fields(cloud)}
+    return dataclasses.replace(cloud, **{name: value for name, value in values.items() if name in known})
+
+
+def settings() -> dict[pointclouds.CloudConfig, str]:
+    """Ways of drawing a cloud, and what to call them: as both files say, and with fewer directions."""
+    found: dict[pointclouds.CloudConfig, str] = {}
+    for path in (CPU, PAPER):
+        cloud = config.load(path, "pointclouds", si3dr_inference.PointcloudsConfig).cloud
+        for cycles in CYCLES:
+            found.setdefault(changed(cloud, cycles=cycles), f"as {path.name}")
+    cloud = config.load(CPU, "pointclouds", si3dr_inference.PointcloudsConfig).cloud
+    for cycles in CYCLES:
+        fewer = changed(cloud, cycles=cycles, num_directions=FEWER_DIRECTIONS)
+        found.setdefault(fewer, f"as {CPU.name}, fewer directions")
+    return found
+
+
+@torch.no_grad()
+def measure(scene: Scene) -> list[dict[str, Any]]:
+    """All rows of one scene."""
+    ddf, pcsiren = scene.models
+    count = scene.section.large
+    rows = []
+
+    def add(what: str, size: dict[str, Any], work: Callable[[int], Any], clouds: bool = False) -> None:
+        seconds, results = per_image(work)
+        doubled = seconds if len(seconds) > 1 else 2 * seconds
+        error = score(scene, results) if clouds else {}
+        rows.append(_measure.row(f"{what}; {scene.name}", {**size, "images": len(seconds)}, doubled, error))
+
+    def encode(model: reconstruction.ReconstructionModel, image: int) -> tuple[Tensor, Tensor]:
+        batch = scene.images.batch(np.array([image]))
+        return model.shape_encoder(batch), model.camera_head(model.camera_encoder(batch))[0]
+
+    size = scene.images.images.shape[-1]
+    for name, model in (("DDF", ddf), ("PC-SIREN", pcsiren)):
+        add(f"{name} encoders", {"image_size": size}, lambda image, model=model: encode(model, image))
+    latents = [[encode(model, image)[0] for image in range(IMAGES)] for model in scene.models]
+    modulations = [[m[0] for m in ddf.modulations(latent)] for latent in latents[0]]
+
+    def decode(image: int) -> Tensor:
+        uniform = torch.rand((1, count, 3), generator=torch.Generator().manual_seed(image))
+        return pcsiren.decoder(uniform * 2 - 1, latents[1][image])[0]
+
+    add("PC-SIREN cloud", {"points": count}, decode, clouds=True)
+    for setting, name in settings().items():
+
+        def draw(image: int, setting=setting) -> Tensor:
+            generator = torch.Generator().manual_seed(image)
+            cycles = pointclouds.sample(ddf.field, modulations[image], count, setting, generator)
+            return cycles[-1].clouds([count], setting)[0]
+
+        add(f"DDF cloud {name}", {"points": count, **dataclasses.asdict(setting)}, draw, clouds=True)
+    for pixels in DEPTH_SIZES:
+
+        def depth(image: int, pixels: int = pixels) -> Tensor:
+            camera, scale = scene.images.cameras[image], torch.tensor(scene.field_scales[image])
+            return rendering.render(ddf.field, modulations[image], camera, scale, pixels, ("depth",))[0]["depth"]
+
+        def points_depth(image: int, pixels: int = pixels) -> Tensor:
+            return splat(decode(image), scene.images.cameras[image], scene.field_scales[image], pixels)
+
+        add("DDF depth", {"pixels": pixels}, depth)
+        add("PC-SIREN depth, cloud drawn as points", {"pixels": pixels, "points": count}, points_depth)
+    return rows
+
+
+def main() -> None:
+    """Measure both widths."""
+    torch.set_num_threads(THREADS)
+    trained = (config.artifact_dir(CPU, "train_ddf", CATEGORY) / training.MODEL).exists()
+    scenes = (trained_scene(CPU) if trained else random_scene(CPU), random_scene(PAPER))
+    _measure.write("single_image", THREADS, [row for scene in scenes for row in measure(scene)])
+
+
+if __name__ == "__main__":
+    raise SystemExit(stage.guarded(main, "single_image"))

@@ -1,0 +1,138 @@
+"""Whole optimisation steps of both models on random data, to be timed before any data set is there.
+
+The arithmetic of a step is the same whatever the images and samples are, so its seconds and memory are those of a
+training with the same sizes on this machine.
+"""
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from ddf import packing, reconstruction, si3dr_data, si3dr_training, training, transforms
+
+STORED = 20_000  # random samples per shape and type to draw from, as many as the paper stores
+CLOUD_POINTS = 8_000
+MOST_POINTS, MOST_IMAGES = 40_000, 8  # of a trial that is scaled up: about 3 GiB at the paper's widths
+REPEATS = 3
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A model, the loss of its steps and its optimiser, all as in a training."""
+
+    model: reconstruction.ReconstructionModel
+    loss: training.StepLoss
+    optimiser: torch.optim.Optimizer
+
+    def backward(self, step: int) -> None:
+        """Everything of a step but the optimiser: batch, loss and gradients."""
+        loss, _ = self.loss(step)
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+
+
+@dataclass(frozen=True)
+class StepCost:
+    """Seconds of a step of `batch_size` images: those of the optimiser, and all others, measured at `trial_images`."""
+
+    batch_size: int
+    trial_images: int
+    trial_seconds: float
+    optimiser_seconds: float
+
+    @property
+    def seconds(self) -> float:
+        """Of a whole step; what depends on the batch is scaled from the trial in proportion to the images."""
+        return self.optimiser_seconds + self.trial_seconds * self.batch_size / self.trial_images
+
+
+def random_images(count: int, size: int) -> si3dr_data.ImageSet:
+    """One image of noise of each of `count` shapes, cameras in the range of the 3D-R2N2 renders."""
+    random = np.random.default_rng(0)
+    pixels = torch.from_numpy(random.integers(0, 256, (count, 4, size, size), dtype=np.uint8))
+    poses = random.uniform((0.0, 0.43, 0.65), (2 * np.pi, 0.52, 0.95), (count, 3)).astype(np.float32)
+    ids = [f"random{i}" for i in range(count)]
+    return si3dr_data.ImageSet(ids, [0] * count, np.arange(count), pixels, torch.from_numpy(poses))
+
+
+def random_shapes(count: int) -> si3dr_data.ShapeSet:
+    """Clouds of points in the cube, which is twice the size of the shape in the v1 frame."""
+    random = np.random.default_rng(1)
+    clouds = [torch.from_numpy(random.uniform(-1, 1, (CLOUD_POINTS, 3))).float() for _ in range(count)]
+    return si3dr_data.ShapeSet([f"random{i}" for i in range(count)], [transforms.Similarity(2.0)] * count, clouds)
+
+
+def random_samples(count: int) -> si3dr_data.SampleSet:
+    """Samples of every type in their stored form, any code being a valid one."""
+    random = np.random.default_rng(2)
+    forms = {"positions": (np.int16, 3), "directions": (np.int16, 2), "depth": (np.uint16, 0), "normals": (np.int8, 2)}
+    arrays = {}
+    for kind in packing.KINDS:
+        for name, (dtype, width) in forms.items():
+            ends, shape = np.iinfo(dtype), (count, STORED, width)[: 3 if width else 2]
+            values = random.integers(-ends.max if ends.min else 0, ends.max, shape, dtype=dtype, endpoint=True)
+            arrays[f"{kind}.{name}"] = torch.from_numpy(values)
+    return si3dr_data.SampleSet(arrays)
+
+
+def ddf_trial(train: si3dr_training.TrainConfig, config: si3dr_training.DDFConfig) -> Trial:
+    """Steps of the DDF model at the config's sizes."""
+    images, shapes = random_images(train.batch_size, train.image_size), random_shapes(train.batch_size)
+    samples = random_samples(train.batch_size)
+    model = si3dr_training.ddf_model(train, config).to(training.device())
+    model.camera_head.fit(images.cameras)
+    return _trial(
+        model, train, lambda step: si3dr_training.ddf_step(model, images, shapes, samples, train, config, step)
+    )
+
+
+def pcsiren_trial(train: si3dr_training.TrainConfig, config: si3dr_training.PCSirenConfig) -> Trial:
+    """Steps of the PC-SIREN model at the config's sizes."""
+    images, shapes = random_images(train.batch_size, train.image_size), random_shapes(train.batch_size)
+    model = si3dr_training.pcsiren_model(train, config).to(training.device())
+    model.camera_head.fit(images.cameras)
+    return _trial(model, train, lambda step: si3dr_training.pcsiren_step(model, images, shapes, train, config, step))
+
+
+def _trial(
+    model: reconstruction.ReconstructionModel, train: si3dr_training.TrainConfig, loss: training.StepLoss
+) -> Trial:
+    groups = model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera)
+    return Trial(model.train(), loss, torch.optim.AdamW(groups, lr=train.loop.learning_rate, fused=True))
+
+
+def measure(
+    train: si3dr_training.TrainConfig, config: si3dr_training.DDFConfig | si3dr_training.PCSirenConfig
+) -> StepCost:
+    """Seconds of a step on this machine: medians of a few at no more than `MOST_POINTS` points and `MOST_IMAGES`."""
+    is_ddf = isinstance(config, si3dr_training.DDFConfig)
+    points = _points_per_image(config) if is_ddf else config.points
+    images = min(train.batch_size, max(2, min(MOST_IMAGES, MOST_POINTS // points)))
+    smaller = replace(train, batch_size=images)
+    trial = ddf_trial(smaller, config) if is_ddf else pcsiren_trial(smaller, config)
+    trial.backward(0)
+    trial.optimiser.step()
+    rest = [_seconds(lambda step=step: trial.backward(step)) for step in range(1, 1 + REPEATS)]
+    optimiser = [_seconds(trial.optimiser.step) for _ in range(REPEATS)]
+    return StepCost(train.batch_size, images, statistics.median(rest), statistics.median(optimiser))
+
+
+def _points_per_image(config: si3dr_training.DDFConfig) -> int:
+    return sum(config.counts.values()) + (config.mask_pixels or config.mask_size**2)
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    started = now()
+    work()
+    return now() - started
+
+
+def now() -> float:
+    """Seconds on a clock of its own, after all that the device was asked for is done."""
+    if training.device().type == "cuda":
+        torch.cuda.synchronize()
+    return time.perf_counter()
