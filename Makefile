@@ -9,6 +9,7 @@ CONFIG ?= configs/cpu.yaml#   the experiment file
 DATA   ?=#                    root that holds ShapeNetCore.v1/ and ShapeNetRendering/ (configs with dataset.source: shapenet)
 LAUNCH ?=#                    goes before every training command
 SEEDS  ?= 1#                  trainings of each model that the tables average; the first is that of SEEDS=1
+BENCH  ?=#                    some of the benchmarks, by name; all without it
 JOBS   ?= $(shell nproc)#     trainings side by side; each takes train.loop.threads
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 
@@ -122,9 +123,22 @@ lint: $(READY) ## format check, lint and types
 sync-deps: $(READY) ## write the real imports of every stage into pipeline.yaml
 	@$(RUN) tests/_pipeline.py
 
+BENCH_NAMES := $(basename $(notdir $(wildcard bench/[a-z]*.py)))
+check_bench = @unknown="$(filter-out $(BENCH_NAMES),$(BENCH))"; \
+	[ -z "$$unknown" ] || { echo "BENCH=$$unknown: no such benchmark; there are $(BENCH_NAMES)" >&2; exit 2; }
+benches = status=0; for name in $(1); do $(RUN) "bench/$$name.py" || { echo "bench/$$name.py failed" >&2; status=1; }; done
+
 .PHONY: bench
-bench: $(READY) ## speed against error (reports/bench/*.json) and the page of hard cases
-	@status=0; for file in bench/[a-z]*.py; do $(RUN) "$$file" || { echo "$$file failed" >&2; status=1; }; done; exit $$status
+bench: $(READY) ## speed against error (reports/bench) and the page of hard cases: [BENCH="evaluation rendering"]
+	$(check_bench)
+	@$(call benches,$(or $(BENCH),$(BENCH_NAMES))); $(RUN) bench/_page.py || status=1; exit $$status
+
+.PHONY: bench-check
+bench-check: $(READY) ## the benchmarks once more, compared with reports/bench: [BENCH="evaluation rendering"]
+	$(check_bench)
+	@rm -rf .make/bench; export DDF_BENCH_OUT=$(CURDIR)/.make/bench; \
+	$(call benches,$(filter-out hard_cases,$(or $(BENCH),$(BENCH_NAMES)))); \
+	$(RUN) bench/_compare.py reports/bench .make/bench || status=1; exit $$status
 
 ##@ Household
 .PHONY: setup

@@ -1,4 +1,7 @@
-"""What every benchmark writes: one JSON file of rows in `reports/bench`, always speed beside error."""
+"""What every benchmark writes: one JSON file of rows in `reports/bench`, always speed beside error.
+
+The environment variable DDF_BENCH_OUT names another folder.
+"""
 
 import importlib.metadata
 import json
@@ -10,7 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-OUT = Path(__file__).resolve().parents[1] / "reports" / "bench"
+REPORTS = Path(__file__).resolve().parents[1] / "reports"
+OUT = Path(os.environ.get("DDF_BENCH_OUT") or REPORTS / "bench")
 PACKAGES = ("torch", "numpy", "open3d", "onnxruntime")
 
 
@@ -34,10 +38,21 @@ def interleaved(candidates: Mapping[str, Callable[[], Any]], repeats: int) -> di
     return times
 
 
-def row(what: str, size: Mapping[str, Any], seconds: Sequence[float], error: Mapping[str, float]) -> dict[str, Any]:
-    """One line: median and quartiles of the seconds, and the error that belongs to them."""
-    low, middle, high = statistics.quantiles(seconds, n=4)
-    return {"what": what, "size": dict(size), "median_s": middle, "quartiles_s": [low, high], "error": dict(error)}
+def row(
+    what: str,
+    size: Mapping[str, Any],
+    seconds: Sequence[float],
+    error: Mapping[str, float],
+    error_tolerance: float = 0.0,
+) -> dict[str, Any]:
+    """One line: median and quartiles of the seconds, and the error that belongs to them.
+
+    Args:
+      error_tolerance: relative difference of errors from one run to the next; 0 where they do not depend on the run.
+    """
+    low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive") if len(seconds) > 1 else seconds * 3
+    line = {"what": what, "size": dict(size), "median_s": middle, "quartiles_s": [low, high], "error": dict(error)}
+    return line | ({"error_tolerance": error_tolerance} if error_tolerance else {})
 
 
 def write(name: str, threads: int, rows: Sequence[Mapping[str, Any]]) -> None:

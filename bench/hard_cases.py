@@ -15,7 +15,7 @@ import torch
 
 from ddf import pages
 
-OUT = _measure.OUT.parent
+OUT = _measure.REPORTS
 TITLE = "Hard cases"
 
 

@@ -33,7 +33,7 @@ ROOMS: dict[str, list[str]] = {
         "dataset",
     ],
     "2": ["siren", "derivatives", "fields", "losses", "curvature"],
-    "3": ["rendering", "pointclouds", "metrics", "reconstruction", "si3dr_data"],
+    "3": ["rendering", "composition", "pointclouds", "metrics", "reconstruction", "si3dr_data"],
     "4": [
         "training",
         "si3dr_training",
