@@ -1,0 +1,156 @@
+"""The rival of a DDF render: a signed-distance network of the same size, and sphere tracing through it.
+
+Letters: f signed distance (negative inside), p + t v the ray, r = |f| the sphere that holds no surface.
+Sources: Hart 1996, "Sphere tracing"; Keinert et al. 2014, "Enhanced sphere tracing", §3.1 (over-relaxation);
+Gropp et al. 2020, "Implicit geometric regularization" (‖∇f‖ = 1).
+"""
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf import derivatives, meshes, raycast, rays, seeding, siren, training
+from ddf.mesh_io import Mesh
+
+Distance = Callable[[Tensor], Tensor]  # points (n, 3) to f (n)
+
+
+@dataclass(frozen=True)
+class Tracing:
+    """How far and how finely to march.
+
+    max_steps: network queries of one ray, at most. threshold: f below which a ray has arrived. within: f below which a
+    ray that ran out of steps still counts as arrived. relaxation: steps are this times f, 1 to 2; a ray whose spheres
+    then leave a gap goes back and on without. chunk: rays marched together, speed and memory only.
+    """
+
+    max_steps: int
+    threshold: float
+    within: float
+    relaxation: float = 1.0
+    chunk: int = 4096
+
+
+def trace(
+    distance: Distance,
+    starts: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "n 3"],
+    lower: Float[Tensor, "3"],
+    upper: Float[Tensor, "3"],
+    how: Tracing,
+) -> tuple[Float[Tensor, "n"], int]:
+    """Depth along each ray from its start, `inf` on a miss, and the number of queries; the surface lies in the box.
+
+    Rays enter the box first and are given up where they leave it; those that miss it cost nothing.
+    """
+    entry, leave = rays.box_span(starts, directions, lower, upper)
+    meets = torch.nonzero(entry <= leave).squeeze(-1)
+    depth, queries = torch.full_like(entry, torch.inf), 0
+    for chosen in meets.split(how.chunk):
+        depth[chosen], spent = _march(distance, starts[chosen], directions[chosen], entry[chosen], leave[chosen], how)
+        queries += spent
+    return depth, queries
+
+
+def _march(
+    distance: Distance,
+    starts: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "n 3"],
+    entry: Float[Tensor, "n"],
+    leave: Float[Tensor, "n"],
+    how: Tracing,
+) -> tuple[Float[Tensor, "n"], int]:
+    """One chunk; only rays that are still under way are queried."""
+    depth, left, queries = torch.full_like(entry, torch.inf), torch.arange(len(entry)), 0
+    t, factor = entry, torch.full_like(entry, how.relaxation)
+    step, radius = torch.zeros_like(entry), torch.zeros_like(entry)  # of the last move
+    for index in range(how.max_steps):
+        f = distance(torch.addcmul(starts, t[:, None], directions))
+        queries += len(f)
+        gap = (factor > 1) & (f.abs() + radius < step)
+        arrived = (f < (how.threshold if index < how.max_steps - 1 else how.within)) & ~gap
+        depth[left[arrived]] = (t + f)[arrived]
+        step, radius = torch.where(gap, radius - step, factor * f), f.abs()
+        factor = torch.where(gap, torch.ones_like(factor), factor)
+        t = t + step
+        on = torch.nonzero(~arrived & (t <= leave)).squeeze(-1)
+        if not len(on):
+            break
+        left, starts, directions, leave = left[on], starts[on], directions[on], leave[on]
+        t, factor, step, radius = t[on], factor[on], step[on], radius[on]
+    return depth, queries
+
+
+@dataclass(frozen=True)
+class DistanceConfig:
+    """A signed-distance network and its training.
+
+    points: drawn, half of them near the surface (normal distances of `spreads`), half uniform in the box; batch: of
+    them in a step. eikonal: weight of (‖∇f‖ - 1)² beside |f - truth|.
+    """
+
+    layout: siren.SineLayout
+    loop: training.LoopConfig
+    points: int = 400_000
+    batch: int = 4096
+    spreads: tuple[float, ...] = (0.005, 0.05)
+    eikonal: float = 0.05
+
+
+def signed_distances(scene: raycast.Scene, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+    """f of a closed mesh, in its unit: Open3D's nearest triangle, its distance in float64, sign by parity."""
+    return scene.distance(points) * np.where(scene.outside(points), 1.0, -1.0)
+
+
+def fit_distance(
+    mesh: Mesh, config: DistanceConfig, seconds: float, steps: int | None = None
+) -> tuple[siren.SineNetwork, int]:
+    """A network for f of a closed mesh, trained for so many seconds, its samples included; and its number of steps.
+
+    Args:
+      steps: decide, where given.
+    """
+    started = time.monotonic()
+    training.prepare(config.loop)
+    random = seeding.generator(config.loop.seed, "sphere_tracing")
+    lower, upper = mesh.box()
+    near, _ = meshes.sample_surface(mesh, config.points // 2, random)
+    spread = np.resize(config.spreads, len(near))[:, None]
+    near = near + spread * random.standard_normal(near.shape)
+    drawn = np.concatenate([near, random.uniform(lower, upper, (config.points - len(near), 3))])
+    truth = torch.from_numpy(signed_distances(raycast.Scene(mesh), drawn)).float()
+    points = torch.from_numpy(drawn).float()
+    network = siren.SineNetwork(3, config.layout, 1)
+
+    def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
+        rows = torch.from_numpy(np.random.default_rng((config.loop.seed, step)).integers(0, len(points), config.batch))
+        found = derivatives.trace(network, points[rows])
+        gradient = derivatives.adjoint(network, found.slopes, torch.ones(len(rows), 1))
+        error = (found.outputs.squeeze(-1) - truth[rows]).abs().mean()
+        eikonal = (gradient.norm(dim=-1) - 1).square().mean()
+        return error + config.eikonal * eikonal, {"error": error.detach(), "eikonal": eikonal.detach()}
+
+    if steps is None:
+        each = _seconds_per_step(network, loss)
+        steps = max(1, int((seconds - (time.monotonic() - started)) / each))
+    groups = [{"params": list(network.parameters()), "weight_decay": 0.0}]
+    with tempfile.TemporaryDirectory() as folder:
+        training.fit(network, groups, loss, steps, config.loop, Path(folder), {"fingerprint": ""}, "signed distance")
+    return network.eval(), steps
+
+
+def _seconds_per_step(network: siren.SineNetwork, loss: training.StepLoss, count: int = 20) -> float:
+    """Median time of loss and gradient; the network stays as it is, and the optimiser's own time is small beside it."""
+    times = []
+    for index in range(count):
+        begun = time.monotonic()
+        torch.autograd.grad(loss(index)[0], list(network.parameters()))
+        times.append(time.monotonic() - begun)
+    return float(np.median(times))

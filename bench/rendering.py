@@ -1,0 +1,302 @@
+"""Depth images: a DDF against casting its mesh and against sphere tracing a signed-distance network of the same size.
+
+Both networks have the hidden layers of configs/fit.yaml and are trained here, each for `TRAIN_SECONDS`, samples
+included, on one closed procedural shape. Rows hold ms per image, over two cameras, with errors against float64 casting
+of the mesh: depth (field units; half the box's longest side is 1) over the pixels that both see, the share of all
+pixels whose visibility is wrong, the silhouettes' intersection over union, the median angle of the normals. Timed is
+the way from camera rays to depth and visibility. The growth with resolution and with the mesh's triangles is drawn in
+reports/bench/rendering.png.
+"""
+
+import dataclasses
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import _curves
+import _measure
+import _sphere_tracing
+import numpy as np
+import torch
+import trimesh
+from torch import Tensor
+
+from ddf import (
+    config,
+    derivatives,
+    mesh_config,
+    mesh_io,
+    meshes,
+    raycast,
+    rays,
+    rendering,
+    seeding,
+    shape_field,
+    shape_mesh,
+    shape_views,
+    single_shape,
+    siren,
+    stage,
+)
+
+CONFIG, THREADS, REPEATS, TRAIN_SECONDS = Path("configs/fit.yaml"), 2, 5, 75.0
+CHUNK = 4096  # rays: their activations stay in the cache; the same for both networks
+SIZES, COMPARED, LARGEST = (64, 128, 256, 512), 256, 512
+FACES, SUBDIVISIONS = 4_000, 4  # of the mesh at most, and how often they are cut in four to see casting grow
+BUDGETS = tuple(
+    _sphere_tracing.Tracing(steps, threshold, within, relaxation, CHUNK)
+    for steps, threshold, within, relaxation in (
+        (4, 3e-2, 6e-2, 1.0),
+        (6, 2e-2, 4e-2, 1.0),
+        (8, 1e-2, 2e-2, 1.0),
+        (12, 1e-2, 1e-2, 1.0),
+        (16, 5e-3, 5e-3, 1.0),
+        (16, 5e-3, 5e-3, 1.3),
+        (32, 2e-3, 5e-3, 1.0),
+        (64, 1e-3, 5e-3, 1.0),
+        (64, 1e-3, 5e-3, 1.3),
+    )
+)
+DISTANCE_OMEGA, DISTANCE_RATE = 10.0, 2e-3  # omega_first and learning rate of the signed-distance network
+Image = Callable[[], tuple[Tensor, int]]  # depth, `inf` where nothing is seen, and the number of queries
+
+
+@dataclasses.dataclass(frozen=True)
+class Views:
+    """The pixels of both cameras as rays of the field frame, and what the mesh shows there."""
+
+    starts: Tensor
+    directions: Tensor
+    truth: rays.RayHits
+
+
+def closed_shape(seed: int) -> mesh_io.Mesh:
+    """A procedural chair without openings, field frame."""
+    raw, _ = shape_mesh.read(None, seed)
+    found = meshes.prepare(raw, mesh_config.MeshesConfig(faces=FACES, wrap="always"), seeding.generator(seed, "bench"))
+    return found.mesh
+
+
+def views(shape: shape_field.ShapeField, mesh: mesh_io.Mesh, size: int) -> Views:
+    """Both cameras of the reference page that stand outside."""
+    both = [shape_field.camera_rays(shape, camera, size) for _, camera in shape_views.OUTSIDE]
+    starts, directions = (torch.from_numpy(np.concatenate(part)) for part in zip(*both, strict=True))
+    truth = raycast.cast(mesh, rays.OrientedPoints(starts, directions))
+    return Views(starts.float(), directions.float(), truth)
+
+
+@torch.inference_mode()
+def ddf_depth(
+    shape: shape_field.ShapeField, starts: Tensor, directions: Tensor, box: bool = True
+) -> tuple[Tensor, int]:
+    """One query per ray that meets the box; without `box` one for every ray, as if nothing were known of it."""
+    lower, upper = (torch.from_numpy(corner).float() for corner in (shape.lower, shape.upper))
+    entry, distance, meets = rays.enter_box(starts, directions, lower, upper)
+    asked = torch.nonzero(meets | (not box)).squeeze(-1)
+    depth = torch.full_like(distance, torch.inf)
+    for chosen in asked.split(CHUNK):
+        found = rendering.query(shape.field, entry[chosen], directions[chosen], None, ("visibility", "depth"))
+        seen = found["visibility"] >= shape_field.SEEN
+        depth[chosen] = torch.where(seen, found["depth"] + distance[chosen], torch.inf)
+    return depth, len(asked)
+
+
+@torch.inference_mode()
+def traced_depth(
+    network: siren.SineNetwork,
+    shape: shape_field.ShapeField,
+    starts: Tensor,
+    directions: Tensor,
+    how: _sphere_tracing.Tracing,
+) -> tuple[Tensor, int]:
+    """Sphere tracing in the same box."""
+    lower, upper = (torch.from_numpy(corner).float() for corner in (shape.lower, shape.upper))
+    return _sphere_tracing.trace(lambda p: network(p).squeeze(-1), starts, directions, lower, upper, how)
+
+
+def cast_depth(scene: raycast.Scene, starts: np.ndarray, directions: np.ndarray) -> tuple[Tensor, int]:
+    """Open3D in float32, rays ready in the scene's own frame; nothing but the casting is timed."""
+    depth, _ = scene.cast_local(starts, directions)
+    return torch.from_numpy(depth) * scene.scale, len(depth)
+
+
+def errors(depth: Tensor, normals: Tensor | None, truth: rays.RayHits) -> dict[str, float]:
+    """Against the truth; normals only where both see a surface."""
+    seen = torch.isfinite(depth)
+    both = seen & truth.visible
+    off = (depth[both].double() - truth.depth[both]).abs()
+    found = {
+        "depth_median": float(off.median()),
+        "depth_mean": float(off.mean()),
+        "wrong_visibility": float((seen != truth.visible).double().mean()),
+        "silhouette_iou": int(both.sum()) / int((seen | truth.visible).sum()),
+    }
+    if normals is not None:
+        cosine = (normals[both].double() * truth.normals[both]).sum(-1).clamp(-1, 1)
+        found["normal_angle_deg_median"] = float(torch.rad2deg(torch.acos(cosine)).median())
+    return found
+
+
+def ddf_normals(shape: shape_field.ShapeField, starts: Tensor, directions: Tensor) -> Tensor:
+    """Of every ray that meets the box, 0 elsewhere."""
+    lower, upper = (torch.from_numpy(corner).float() for corner in (shape.lower, shape.upper))
+    entry, _, meets = rays.enter_box(starts, directions, lower, upper)
+    normals = torch.zeros_like(starts)
+    normals[meets] = rendering.query(shape.field, entry[meets], directions[meets], None, ("normals",))["normals"]
+    return normals
+
+
+def distance_normals(network: siren.SineNetwork, starts: Tensor, directions: Tensor, depth: Tensor) -> Tensor:
+    """∇f/‖∇f‖ at the hits, facing back; 0 elsewhere."""
+    hit = torch.isfinite(depth)
+    found = derivatives.trace(network, rays.surface_points(starts[hit], directions[hit], depth[hit]))
+    gradient = derivatives.adjoint(network, found.slopes, torch.ones_like(found.outputs))
+    normals = torch.zeros_like(starts)
+    normals[hit] = derivatives.normals(gradient, directions[hit])
+    return normals
+
+
+def measured(
+    candidates: Mapping[str, Image],
+    size: int,
+    seen: Views,
+    normals: Mapping[str, Callable[[Tensor], Tensor]],
+    extra: Mapping[str, Any],
+) -> list[dict[str, Any]]:
+    """A row per candidate: seconds of one image of `size` pixels a side."""
+    images = len(seen.starts) / size**2
+    times = _measure.interleaved(candidates, REPEATS)
+    rows = []
+    for name, seconds in times.items():
+        depth, queries = candidates[name]()
+        error = errors(depth, normals[name](depth) if name in normals else None, seen.truth)
+        row = _measure.row(name, {"pixels_a_side": size, **extra}, [t / images for t in seconds], error)
+        per_pixel = 0.0 if name == CASTING else queries / len(seen.starts)
+        rows.append({**row, "ms_per_image": 1e3 * row["median_s"], "queries_per_pixel": per_pixel})
+    return rows
+
+
+DDF, CASTING = "DDF", "mesh casting"
+
+
+def tracing_name(how: _sphere_tracing.Tracing) -> str:
+    """Of a budget, in tables and pictures."""
+    relaxed = f", relaxed {how.relaxation:g}" if how.relaxation > 1 else ""
+    return f"sphere tracing, {how.max_steps} steps, f < {how.threshold:g}{relaxed}"
+
+
+def rivals(rows: Sequence[dict[str, Any]]) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """The DDF's row and that of the fastest tracing whose depth and visibility are as good; None where none is."""
+    (own,) = [row for row in rows if row["what"] == DDF]
+    good = [
+        row
+        for row in rows
+        if row["what"].startswith("sphere tracing")
+        and all(row["error"][name] <= own["error"][name] for name in ("depth_median", "wrong_visibility"))
+    ]
+    return own, min(good, key=lambda row: row["median_s"], default=None)
+
+
+def growing_mesh(mesh: mesh_io.Mesh, seen: Views, size: int) -> list[dict[str, Any]]:
+    """Casting of the same surface in ever more triangles."""
+    rows, vertices, faces = [], mesh.vertices, mesh.faces
+    for _ in range(SUBDIVISIONS + 1):
+        scene = raycast.Scene(mesh_io.Mesh(vertices, faces))
+        starts, directions = _local(scene, seen)
+        image = {CASTING: lambda s=scene, p=starts, v=directions: cast_depth(s, p, v)}
+        rows += measured(image, size, seen, {}, {"triangles": len(faces)})
+        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
+    return rows
+
+
+def _local(scene: raycast.Scene, seen: Views) -> tuple[np.ndarray, np.ndarray]:
+    return scene.local(seen.starts.numpy()).astype(np.float32), seen.directions.numpy()
+
+
+def fitted(mesh: mesh_io.Mesh) -> tuple[shape_field.ShapeField, siren.SineNetwork, list[dict[str, Any]]]:
+    """Both networks after equal time, and what their trainings were."""
+    section = config.load(CONFIG, "fit", single_shape.FitConfig)
+    loop = dataclasses.replace(section.loop, threads=THREADS)
+    section = dataclasses.replace(section, steps=None, minutes=TRAIN_SECONDS / 60, loop=loop)
+    with tempfile.TemporaryDirectory() as folder:
+        result = single_shape.fit(mesh, section, Path(folder))
+        shape = shape_field.load(Path(folder))
+    shape.field.cpu()
+    layout = siren.SineLayout(section.field.hidden, DISTANCE_OMEGA)
+    rival = _sphere_tracing.DistanceConfig(layout, dataclasses.replace(loop, learning_rate=DISTANCE_RATE))
+    network, steps = _sphere_tracing.fit_distance(mesh, rival, TRAIN_SECONDS)
+    sizes = {"hidden": list(section.field.hidden), "train_seconds": TRAIN_SECONDS}
+    return shape, network, [sizes | {"ddf_steps": result["steps"], "signed_distance_steps": steps}]
+
+
+def measure() -> list[dict[str, Any]]:
+    """All rows, and the picture of growth."""
+    mesh = closed_shape(0)
+    shape, network, (trained,) = fitted(mesh)
+    torch.set_num_threads(THREADS)
+    torch.use_deterministic_algorithms(False)  # as in `ddf render`; training switches it on
+    scene = raycast.Scene(mesh)
+
+    def images(seen: Views, budgets: Sequence[_sphere_tracing.Tracing]) -> dict[str, Image]:
+        local = _local(scene, seen)
+        found: dict[str, Image] = {DDF: lambda: ddf_depth(shape, seen.starts, seen.directions)}
+        for how in budgets:
+            found[tracing_name(how)] = lambda how=how: traced_depth(network, shape, seen.starts, seen.directions, how)
+        return found | {CASTING: lambda: cast_depth(scene, *local)}
+
+    seen = views(shape, mesh, COMPARED)
+    candidates = images(seen, BUDGETS)
+    with torch.no_grad():
+        normals = {DDF: lambda _: ddf_normals(shape, seen.starts, seen.directions)} | {
+            tracing_name(how): lambda depth: distance_normals(network, seen.starts, seen.directions, depth)
+            for how in BUDGETS
+        }
+        facts = {**trained, "triangles": len(mesh.faces)}
+        rows = measured(candidates, COMPARED, seen, normals, facts)
+    own, rival = rivals(rows)
+    for row in rows:
+        row["times_ddf"] = row["median_s"] / own["median_s"]
+        row["fastest_as_good_as_ddf"] = row is rival
+    chosen = next((how for how in BUDGETS if rival and tracing_name(how) == rival["what"]), BUDGETS[-1])
+    by_size = [row for row in rows if row["what"] in (DDF, CASTING, tracing_name(chosen))]
+    for size in SIZES:
+        if size != COMPARED:
+            now = views(shape, mesh, size)
+            new = measured(images(now, [chosen]), size, now, {}, facts)
+            rows, by_size = rows + new, by_size + new
+    largest = views(shape, mesh, LARGEST)
+    everywhere = {"DDF, every pixel evaluated": lambda: ddf_depth(shape, largest.starts, largest.directions, box=False)}
+    rows += measured(everywhere, LARGEST, largest, {}, facts)
+    by_faces = growing_mesh(mesh, seen, COMPARED)
+    draw(by_size, by_faces, own)
+    return rows + by_faces
+
+
+def draw(by_size: Sequence[dict[str, Any]], by_faces: Sequence[dict[str, Any]], own: dict[str, Any]) -> None:
+    """ms per image against pixels a side, and against the mesh's triangles, on which a field does not depend."""
+    sides: dict[str, list[tuple[float, float]]] = {}
+    for row in by_size:
+        sides.setdefault(row["what"], []).append((row["size"]["pixels_a_side"], row["ms_per_image"]))
+    faces = [(row["size"]["triangles"], row["ms_per_image"]) for row in by_faces]
+    flat = [(count, own["ms_per_image"]) for count, _ in faces]
+    panels = [
+        ("Resolution", "pixels a side", sides),
+        (f"Size of the mesh, {COMPARED} × {COMPARED}", "triangles", {DDF: flat, CASTING: faces}),
+    ]
+    _curves.draw("rendering", panels, "ms per image")
+
+
+def main() -> None:
+    """Train, measure, write."""
+    rows = measure()
+    _measure.write("rendering", THREADS, rows)
+    own, rival = rivals([row for row in rows if row["size"]["pixels_a_side"] == COMPARED and "times_ddf" in row])
+    told = (
+        "none" if rival is None else f"{rival['what']}, {rival['ms_per_image'] / own['ms_per_image']:.1f} times as long"
+    )
+    print(f"DDF {own['ms_per_image']:.1f} ms; fastest tracing that is as good: {told}")
+
+
+if __name__ == "__main__":
+    raise SystemExit(stage.guarded(main, "rendering"))
