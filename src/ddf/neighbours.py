@@ -44,7 +44,7 @@ class Neighbours:
         return self.nearest(queries, name)[0]
 
     def spacing(self, k: int = 1) -> Float[np.ndarray, " n"]:
-        """Distance, not squared, from each point of the cloud to the k-th nearest of the others (the farthest, if fewer).
+        """Distance, not squared, from each point of the cloud to its k-th nearest other one (the farthest, if fewer).
 
         0 where a place is taken often enough.
 
