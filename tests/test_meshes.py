@@ -215,7 +215,11 @@ def test_far_offset_mesh_loses_no_precision(shared_dir):
     centred = transforms.field_from_mesh(raw.vertices)
     near = meshes.prepare(mesh_io.Mesh(centred.apply(raw.vertices), raw.faces), CONFIG, _random())
     assert done.watertight and done.lost == 0
-    assert_close(done.mean_distance, np.array(near.mean_distance), atol=1e-6)
+    found, expected = (np.sort(prepared.mesh.vertices, axis=0) for prepared in (done, near))
+    assert_close(found, expected, atol=1e-9)
+    assert_close(
+        done.mean_distance, np.array(near.mean_distance), atol=1e-4
+    )  # faces come in another order: other points
     gap = raycast.Scene(raw).distance(done.field_from_raw.inverse().apply(done.mesh.vertices)) / raw.diagonal()
     assert gap.max() < 0.02 and np.median(gap) < 1.5 * CONFIG.offset
 

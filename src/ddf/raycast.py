@@ -29,7 +29,9 @@ class Scene:
         self.mesh = mesh
         self.normals, self.areas = face_normals(mesh)
         self.kept = np.flatnonzero(self.areas > 0)
-        used = mesh.triangles[self.kept].reshape(-1, 3)
+        met = np.zeros(len(mesh.vertices), dtype=bool)
+        met[mesh.faces[self.kept]] = True
+        used = mesh.vertices[met]
         lower, upper = (used.min(axis=0), used.max(axis=0)) if len(used) else (np.zeros(3), np.zeros(3))
         self.centre = lower + (upper - lower) / 2
         self.scale = float((upper - lower).max()) / 2 or 1.0

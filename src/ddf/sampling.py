@@ -163,14 +163,14 @@ def _back_along(
     """p on the segment from each origin along v0 to the boundary of B (a tenth exactly on it), and v = -v0."""
     count = len(origins)
     axes = _exit(origins, directions, box)
-    reach = _shares(count, rng)
-    reach *= np.minimum(np.minimum(axes[0], axes[1]), axes[2])
-    positions = _inside(origins + reach[:, None] * directions, box)
+    reach = np.minimum(np.minimum(axes[0], axes[1]), axes[2])
     rows = rng.choice(count, round(BOUNDARY_SHARE * count), replace=False, shuffle=False)
-    axes, looking = axes[:, rows], directions[rows]
-    axis, ends = axes.argmin(axis=0), np.arange(len(rows))
-    positions[rows] = _inside(origins[rows] + axes[axis, ends][:, None] * looking, box)
-    positions[rows, axis] = np.where(looking[ends, axis] > 0, box.upper[axis], box.lower[axis])
+    share = _shares(count, rng)
+    share[rows] = 1
+    positions = _inside(origins + (share * reach)[:, None] * directions, box)
+    for axis in range(3):
+        there = rows[axes[axis].take(rows) == reach.take(rows)]
+        positions[there, axis] = np.where(directions[there, axis] > 0, box.upper[axis], box.lower[axis])
     return Draw(positions, -directions)
 
 

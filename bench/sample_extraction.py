@@ -1,0 +1,138 @@
+"""Samples of a shape, drawn, cast, packed and written, against what Open3D alone needs to cast the same rays.
+
+Shapes of 10,000 triangles in the field frame, the numbers of samples of configs/cpu.yaml and of [DDF22]; the clouds of
+the stage `samples` have rows of their own. "Open3D alone" holds the rays ready in memory: with the building of its
+scene, which every shape needs once, and without. A file holds a shard of shapes, its seconds are shared among them. The
+error is that of the stored form.
+"""
+
+import concurrent.futures
+import functools
+import multiprocessing
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import _measure
+import _shapes
+import numpy as np
+import open3d as o3d
+import torch
+
+from ddf import clouds, config, meshes, packing, raycast, sampling, stage, storage
+from ddf.mesh_config import MeshesConfig
+from ddf.mesh_io import Mesh
+
+CONFIGS = ("configs/cpu.yaml", "configs/paper.yaml")
+FACES, REPEATS, SHARD, CLOUD_POINTS, THREADS = 10_000, 9, 10, 8000, (1, 2)
+
+
+def field_meshes() -> dict[str, Mesh]:
+    """A chair as the stage `meshes` gives it, with its inner faces, and a sphere of as many triangles as it allows."""
+    chair = meshes.prepare(_shapes.procedural("chair", 3), MeshesConfig(wrap="never"), np.random.default_rng(0)).mesh
+    return {"sphere": _shapes.sphere(FACES), "chair": chair}
+
+
+def stored_rays(mesh: Mesh, arrays: dict[str, np.ndarray]) -> o3d.core.Tensor:
+    """The rays of stored samples, in the frame of `raycast.Scene`."""
+    tensors = {name: torch.from_numpy(values) for name, values in arrays.items()}
+    decoded = [packing.decode(tensors, kind) for kind in packing.KINDS]
+    positions = raycast.Scene(mesh).local(torch.cat([samples["positions"] for samples in decoded]).numpy())
+    directions = torch.cat([samples["directions"] for samples in decoded]).numpy()
+    return o3d.core.Tensor(np.concatenate([positions, directions], axis=1).astype(np.float32))
+
+
+def built(mesh: Mesh) -> o3d.t.geometry.RaycastingScene:
+    """Open3D's own scene of a mesh, as Open3D's user builds it; it is finished by its first cast."""
+    scene = o3d.t.geometry.RaycastingScene()
+    vertices = raycast.Scene(mesh).local(mesh.vertices).astype(np.float32)
+    scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(mesh.faces.astype(np.uint32)))
+    return scene
+
+
+def extract_and_write(mesh: Mesh, drawn: sampling.SamplesConfig, path: Path) -> None:
+    """What the stage does for the samples of a shard."""
+    found = [sampling.extract(mesh, drawn, str(index)) for index in range(SHARD)]
+    arrays = {name: np.stack([arrays[name] for arrays, _ in found]) for name in found[0][0]}
+    storage.save_tensors(path, arrays, {"packing_errors": found[0][1]})
+
+
+def occlusion_rays(scene: raycast.Scene, points: np.ndarray, face: np.ndarray) -> list[o3d.core.Tensor]:
+    """The rays that decide which points of a cloud are seen from outside, portion by portion."""
+    asked: list[o3d.core.Tensor] = []
+
+    class Recorder(raycast.Scene):
+        def blocked_local(self, positions: np.ndarray, directions: np.ndarray) -> np.ndarray:
+            asked.append(o3d.core.Tensor(np.concatenate([positions, directions], axis=1).astype(np.float32)))
+            return super().blocked_local(positions, directions)
+
+    raycast.visible_from_outside(Recorder(scene.mesh), points, face)
+    return asked
+
+
+def measure(name: str, mesh: Mesh, path: Path, folder: Path) -> list[dict[str, Any]]:
+    """Rows of one shape and one experiment's counts."""
+    drawn = config.load(Path(path), "samples", sampling.SamplesConfig)
+    arrays, errors = sampling.extract(mesh, drawn, "bench")
+    tensor, scene = stored_rays(mesh, arrays), built(mesh)
+    faces, corners = mesh.faces.astype(np.uint32), raycast.Scene(mesh).local(mesh.vertices).astype(np.float32)
+
+    def alone() -> Any:
+        fresh = o3d.t.geometry.RaycastingScene()
+        fresh.add_triangles(o3d.core.Tensor(corners), o3d.core.Tensor(faces))
+        return fresh.cast_rays(tensor)
+
+    ways: dict[str, Callable[[], Any]] = {
+        "Open3D alone": functools.partial(scene.cast_rays, tensor),
+        "Open3D alone, scene built": alone,
+        "samples": functools.partial(sampling.extract, mesh, drawn, "bench"),
+        "samples, file written": functools.partial(extract_and_write, mesh, drawn, folder / "samples.safetensors"),
+    }
+    times = _measure.interleaved(ways, REPEATS)
+    times["samples, file written"] = [seconds / SHARD for seconds in times["samples, file written"]]
+    size = {"shape": name, "triangles": len(mesh.faces), "rays": tensor.shape[0], "counts": path.stem}
+    return [_measure.row(way, size, seconds, errors) for way, seconds in times.items()]
+
+
+def measure_cloud(name: str, mesh: Mesh) -> list[dict[str, Any]]:
+    """Rows of the ground-truth cloud: points, and which are hidden. The error: points beside the number wanted."""
+    scene = raycast.Scene(mesh)
+    points, face = clouds.poisson_disk(mesh, CLOUD_POINTS, np.random.default_rng(0))
+    asked, own = occlusion_rays(scene, points, face), built(mesh)
+    ways: dict[str, Callable[[], Any]] = {
+        "cloud, Open3D alone": lambda: [own.test_occlusions(part) for part in asked],
+        "cloud, points": lambda: clouds.poisson_disk(mesh, CLOUD_POINTS, np.random.default_rng(0)),
+        "cloud": lambda: clouds.draw(mesh, CLOUD_POINTS, np.random.default_rng(0)),
+    }
+    rays = sum(part.shape[0] for part in asked)
+    size = {"shape": name, "triangles": len(mesh.faces), "rays": rays, "points": len(points)}
+    error = {"count_share": abs(len(points) / CLOUD_POINTS - 1)}
+    return [_measure.row(way, size, seconds, error) for way, seconds in _measure.interleaved(ways, REPEATS).items()]
+
+
+def measure_all(threads: int) -> list[dict[str, Any]]:
+    """All rows on so many cores; in a process of its own, because Open3D counts the cores once."""
+    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:threads])
+    torch.set_num_threads(threads)
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, mesh in field_meshes().items():
+            for path in CONFIGS:
+                rows += measure(name, mesh, Path(path), Path(folder))
+            rows += measure_cloud(name, mesh)
+    return [{**row, "size": {**row["size"], "threads": threads}} for row in rows]
+
+
+def main() -> None:
+    """Measure both shapes with the counts of both experiments, and their clouds, on one core and on two."""
+    rows = []
+    for threads in THREADS:
+        with concurrent.futures.ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
+            rows += process.submit(measure_all, threads).result()
+    _measure.write("sample_extraction", max(THREADS), rows)
+
+
+if __name__ == "__main__":
+    raise SystemExit(stage.guarded(main, "sample_extraction"))

@@ -1,0 +1,142 @@
+"""Making meshes watertight: alpha x decimator x triangles -> seconds, distances lost, and whether the result is closed.
+
+Procedural shapes, and real ones where they lie beside the project. What is timed is `meshes.prepare` itself where the
+row says `ddf`, with its loss measured as part of it; the other decimators get the same wrap, are timed alone and their
+result is measured outside the clock. Distances are shares of the raw box's diagonal.
+"""
+
+import statistics
+import time
+from collections.abc import Callable
+from typing import Any
+
+import _measure
+import _shapes
+import fast_simplification
+import numpy as np
+import pymeshlab
+import torch
+
+from ddf import checks, meshes, stage, transforms
+from ddf.mesh_config import MeshesConfig
+from ddf.mesh_io import Mesh
+
+DEFAULT = MeshesConfig()
+ALPHAS, FACES = (0.01, 0.02, 0.04), (2500, 10_000)
+SEEDS = {"chair": 3, "plane": 1, "car": 2}
+REAL = ("mug.stl", "car_kaykit_sedan.obj", "chair_aws_A.ply", "hard_winding_wallclock.stl", "spot_23k.obj")
+THREADS, PROBES = 2, 10_000
+
+Decimator = Callable[[Mesh, int], Mesh]
+
+
+def quadric(mesh: Mesh, faces: int) -> Mesh:
+    """MeshLab's quadric edge collapse that preserves the topology."""
+    work = pymeshlab.MeshSet(verbose=False)
+    work.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    work.meshing_decimation_quadric_edge_collapse(
+        targetfacenum=faces, preservetopology=True, preservenormal=True, planarquadric=True
+    )
+    current = work.current_mesh()
+    return Mesh(current.vertex_matrix(), current.face_matrix())
+
+
+def fast(mesh: Mesh, faces: int) -> Mesh:
+    """fast-simplification's edge collapse, which does not look at the topology."""
+    corners = np.ascontiguousarray(mesh.faces, dtype=np.int32)
+    return Mesh(*fast_simplification.simplify(np.ascontiguousarray(mesh.vertices), corners, target_count=faces))
+
+
+DECIMATORS: dict[str, Decimator] = {"pymeshlab quadric": quadric, "fast-simplification": fast, "ddf": meshes.decimate}
+
+
+def shapes() -> dict[str, Mesh]:
+    """Procedural ones always, real ones where they are."""
+    made = {f"procedural {kind}": _shapes.procedural(kind, seed) for kind, seed in SEEDS.items()}
+    return {**made, **_shapes.real(REAL)}
+
+
+def timed(work: Callable[[], Mesh]) -> tuple[Mesh, float]:
+    """A result and its seconds."""
+    started = time.perf_counter()
+    result = work()
+    return result, time.perf_counter() - started
+
+
+def closed(raw: Mesh, alpha: float) -> tuple[Mesh, Mesh, float]:
+    """The cleaned mesh in a frame of order 1, its wrap, and the seconds of both."""
+    started = time.perf_counter()
+    unit = meshes.clean(
+        Mesh(transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)]).apply(raw.vertices), raw.faces)
+    )
+    wrap = meshes.close(unit, alpha, DEFAULT.offset)
+    return unit, wrap, time.perf_counter() - started
+
+
+def row_of(what: str, size: dict[str, Any], results: list[tuple[float, dict[str, float]]]) -> dict[str, Any]:
+    """A row over shapes: seconds of each; medians and worst of the distances, share of closed ones."""
+    seconds, losses = [time for time, _ in results], [loss for _, loss in results]
+    error = {
+        "hausdorff_median": statistics.median(loss["hausdorff"] for loss in losses),
+        "hausdorff_max": max(loss["hausdorff"] for loss in losses),
+        "mean_distance_median": statistics.median(loss["mean_distance"] for loss in losses),
+        "watertight_share": statistics.mean(loss["watertight"] for loss in losses),
+    }
+    return _measure.row(what, {**size, "shapes": len(results)}, seconds, error)
+
+
+def loss(unit: Mesh, small: Mesh) -> dict[str, float]:
+    """Distances of `meshes.measure` and whether the result is closed."""
+    figures = meshes.measure(unit, small, PROBES, np.random.default_rng(0))
+    return {**figures, "watertight": float(meshes.is_watertight(small))}
+
+
+def sweep(raw: dict[str, Mesh]) -> list[dict[str, Any]]:
+    """One row per alpha, number of triangles and decimator, over all shapes; wraps are made once per alpha."""
+    rows = []
+    for alpha in ALPHAS:
+        wraps = [closed(mesh, alpha) for mesh in raw.values()]
+        for faces in FACES:
+            for name, decimate in DECIMATORS.items():
+                results = []
+                for unit, wrap, wrap_seconds in wraps:
+                    try:
+                        small, seconds = timed(lambda w=wrap, f=faces, d=decimate: d(w, f) if len(w.faces) > f else w)
+                    except checks.InputError:  # ddf's own refuses what cannot stay closed
+                        continue
+                    results.append((wrap_seconds + seconds, loss(unit, small)))
+                size = {"alpha": alpha, "faces": faces, "refused": len(wraps) - len(results)}
+                rows.append(row_of(f"wrap, {name}", size, results))
+    return rows
+
+
+def default_quality(raw: dict[str, Mesh]) -> list[dict[str, Any]]:
+    """The whole of `meshes.prepare` at its defaults: what the stage does with a shape when it must be closed."""
+    results = []
+    for mesh in raw.values():
+        started = time.perf_counter()
+        prepared = meshes.prepare(mesh, DEFAULT, np.random.default_rng(0))
+        seconds = time.perf_counter() - started
+        figures = {"hausdorff": prepared.hausdorff, "mean_distance": prepared.mean_distance}
+        results.append((seconds, {**figures, "watertight": float(prepared.watertight)}))
+    size = {"alpha": DEFAULT.alpha, "faces": DEFAULT.faces}
+    each = [
+        _measure.row(f"prepare, {name}", size, [seconds] * 2, figures)
+        for name, (seconds, figures) in zip(raw, results, strict=True)
+    ]
+    return [row_of("prepare, default quality", size, results), *each]
+
+
+def main() -> None:
+    """The default quality first, then the sweep."""
+    torch.set_num_threads(THREADS)
+    raw = shapes()
+    rows = default_quality(raw)
+    print(
+        f"default quality: median {rows[0]['median_s']:.2f} s, worst Hausdorff {rows[0]['error']['hausdorff_max']:.4f}"
+    )
+    _measure.write("watertight", THREADS, rows + sweep(raw))
+
+
+if __name__ == "__main__":
+    raise SystemExit(stage.guarded(main, "watertight"))
