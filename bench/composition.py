@@ -20,7 +20,7 @@ from ddf import cameras, composition, fields, primitives, transforms
 
 THREADS, REPEATS, PIXELS = 2, 7, 96
 COUNTS = (1, 4, 16, 64)
-TEMPERATURE, INVERSE_DEPTH = 1e-3, 0.05
+TEMPERATURE, INVERSE_DEPTH = 3e-3, 0.05
 HIDDEN = (96, 96, 96)
 MARGIN = 1.05  # boxes a little larger than the closed forms
 HALF = (1.0, 0.4, 0.7)  # sides of the closed box
@@ -34,7 +34,7 @@ def placements(count: int) -> list[transforms.Similarity]:
     cells = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     chosen = rng.permutation(cells)[:count]
     turns = transform.Rotation.random(count, rng=rng).as_matrix()
-    scales = rng.uniform(0.4, 0.6, count) / side / MARGIN
+    scales = rng.uniform(0.6, 0.75, count) / side / MARGIN
     centres = (2 * chosen + 1) / side - 1
     return [transforms.Similarity(s, r, c) for s, r, c in zip(scales, turns, centres, strict=True)]
 
@@ -50,7 +50,7 @@ def scene(count: int, query: Callable[[int], composition.Query]) -> list[composi
 
 def camera_rays() -> tuple[Tensor, Tensor]:
     """Starts and directions of one camera, float64, world frame; it sees the whole cube."""
-    azimuth, elevation, radius = torch.tensor([0.7, 0.4, 5.0], dtype=torch.float64)
+    azimuth, elevation, radius = torch.tensor([0.7, 0.4, 4.5], dtype=torch.float64)
     pixels = cameras.pixel_directions(PIXELS, torch.float64).reshape(-1, 3)
     centre, world = cameras.pixel_rays(azimuth, elevation, radius, pixels)
     return centre.expand_as(world).contiguous(), world

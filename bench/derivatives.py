@@ -1,8 +1,9 @@
 """Normals, depth gradients and mean curvature: explicit passes against autograd and finite differences.
 
-A single-shape network of the paper's width (random weights: the arithmetic is the same) at oriented points of its box,
-float32; errors are against autograd in float64. Finite differences are central, with the step that is best in float32.
-The mean curvature by autograd takes a gradient of each component of the gradient.
+A network of five layers of 256 (random weights: the arithmetic is the same) at oriented points of its box, in float32;
+errors are against autograd in float64. Finite differences are central, with the step that is best in float32.
+The mean curvature by autograd takes a gradient of each component of the gradient. The 99.9 % errors of finite
+differences are those across a change of the heavier component, where depth jumps.
 """
 
 from collections.abc import Callable
@@ -18,6 +19,7 @@ THREADS, REPEATS, POINTS, SEED = 2, 7, 4096, 0
 CONFIG = fields.PDDFConfig((256,) * 5, 3.0, 1.0, "softplus", 100.0)
 FIRST_STEP, SECOND_STEP = 5e-3, 3e-2
 GRAZING = 0.1  # rays with a smaller |n·v| are left out: rounding decides which side faces the viewer
+FLAT = 1e-3  # and so are those where the depth's activation all but vanishes, with a shorter gradient: no surface there
 Ways = dict[str, Callable[[fields.PDDF, Tensor, Tensor], Tensor]]
 
 
@@ -135,7 +137,9 @@ def main() -> None:
     torch.set_num_threads(THREADS)
     field, inputs = network(torch.float32), points(torch.float32)
     precise = network(torch.float64), *(values.double() for values in inputs)
-    clear = (normals_by(autograd_gradient)(*precise) * precise[2]).sum(-1).abs() > GRAZING
+    gradient = autograd_gradient(*precise)
+    steep = gradient.norm(dim=-1) > FLAT * gradient.norm(dim=-1).median()
+    clear = steep & ((derivatives.normals(gradient, precise[2]) * precise[2]).sum(-1).abs() > GRAZING)
     rows = []
     for quantity, ways in QUANTITIES.items():
         truth = ways["autograd"](*precise)

@@ -82,7 +82,7 @@ def open3d_metrics(prediction: np.ndarray, truth: np.ndarray) -> list[float]:
         o3d.t.geometry.PointCloud(o3d.core.Tensor(points.astype(np.float32))) for points in (prediction, truth)
     )
     kinds = (o3d.t.geometry.Metric.ChamferDistance, o3d.t.geometry.Metric.FScore)
-    radius = o3d.t.geometry.MetricParameters(fscore_radius=o3d.utility.FloatVector((TAU_SQ**0.5,)))
+    radius = o3d.t.geometry.MetricParameters(fscore_radius=[TAU_SQ**0.5])
     return left.compute_metrics(right, kinds, radius).numpy().tolist()
 
 
