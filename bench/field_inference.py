@@ -1,0 +1,265 @@
+"""Rays per second of a plain field by width, precision and runtime, with the error of each against float64.
+
+Fields have the layers of `LAYERS` and are as initialised, not trained: the arithmetic and the rounding are those of a
+trained one. Torch is given its best path by hand (`LayerLoop`: frequencies folded into the weights, sines in place,
+chunks that stay in the cache), onnxruntime the exported file in such chunks. With two threads both are also run as two
+workers of one thread each, on chunks of their own. Errors are over the first `CHECKED` rays, away from those where
+rounding chooses the other component or the normal's side (`onnx_outputs`).
+"""
+
+import copy
+import shutil
+import sysconfig
+from collections.abc import Callable, Iterable, Sequence
+from concurrent import futures
+from pathlib import Path
+from typing import Any
+
+import _measure
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ddf import derivatives, fields, onnx_export, onnx_graphs, onnx_parity, onnx_precision, rendering, stage
+
+RAYS, CHECKED = 65_536, 8_192
+CHUNK_VALUES = 2**18  # of one layer, rays times width: 1 MiB, which stays in the cache
+PARITY_RAYS = 16_384  # curvature keeps every layer of every ray in memory
+LAYERS = {128: 6, 256: 6, 512: 7}
+REPEATS = {128: 7, 256: 5, 512: 3}
+OMEGA_FIRST = 6.0  # of configs/fit.yaml
+VALUES, WITH_NORMALS = ("visibility", "depth"), ("visibility", "depth", "normals")
+COMPILERS = ("g++", "clang++", "c++")
+THREADS = 2
+Answer = list[np.ndarray]  # one array per output, in order
+
+
+class LayerLoop:
+    """A plain field as the shortest torch program: products and in-place sines, nothing allocated twice.
+
+    products: type of the matrix products and their weights. sines: type that the angles are kept in.
+    """
+
+    def __init__(self, field: fields.PDDF, outputs: Sequence[str], products: torch.dtype, sines: torch.dtype) -> None:
+        network = field.network
+        self.field, self.outputs, self.products, self.sines = field, outputs, products, sines
+        self.layers = [
+            ((layer.weight.detach() * omega).to(products), (layer.bias.detach() * omega).to(products))
+            for layer, omega in zip(network.layers, network.omegas, strict=True)
+        ]
+        self.head = (network.head.weight.detach().to(products), network.head.bias.detach().to(products))
+
+    @torch.inference_mode()
+    def __call__(self, positions: Tensor, directions: Tensor) -> list[Tensor]:
+        """The outputs in order."""
+        hidden, slopes = torch.cat((positions, directions), dim=-1), []
+        for weight, bias in self.layers:
+            angles = functional.linear(hidden.to(self.products), weight, bias).to(self.sines)
+            if "normals" in self.outputs:
+                slopes.append(torch.cos(angles))
+            hidden = angles.sin_()
+        raw = functional.linear(hidden.to(self.products), *self.head).float()
+        found = [fields.visibility(raw), self.field.depth(raw)]
+        if "normals" in self.outputs:
+            rows = fields.heavier_rows(raw).to(self.products)
+            gradient = rows @ self.head[0][: fields.NUM_COMPONENTS]
+            for (weight, _), slope in zip(reversed(self.layers[1:]), reversed(slopes[1:]), strict=True):
+                gradient = gradient.mul_(slope) @ weight
+            along = gradient.mul_(slopes[0]) @ self.layers[0][0][:, derivatives.POSITION]
+            found.append(derivatives.normals(along.float(), directions))
+        return found
+
+
+Program = Callable[[Tensor, Tensor], Sequence[Tensor | np.ndarray]]  # a chunk of rays to its outputs
+
+
+def in_chunks(program: Program, rays: tuple[Tensor, Tensor], chunk: int, workers: int | None = None) -> Answer:
+    """Every ray, `chunk` at a time, in turn or by so many workers."""
+    pieces = list(zip(*(part.split(chunk) for part in rays), strict=True))
+    if workers is None:
+        parts: Iterable[Sequence[Any]] = (program(*piece) for piece in pieces)
+    else:
+        with futures.ThreadPoolExecutor(workers) as pool:
+            parts = list(pool.map(lambda piece: program(*piece), pieces))
+    return [np.concatenate([np.asarray(value) for value in values]) for values in zip(*parts, strict=True)]
+
+
+def random_rays(count: int) -> tuple[Tensor, Tensor]:
+    """Uniform in the box and on the sphere."""
+    generator = torch.Generator().manual_seed(0)
+    positions = 2 * torch.rand((count, 3), generator=generator) - 1
+    return positions, functional.normalize(torch.randn((count, 3), generator=generator), dim=-1)
+
+
+def onnx_program(data: bytes, outputs: Sequence[str], threads: int) -> Program:
+    """A session on the file."""
+    session = onnx_parity.session(data, threads)
+
+    def program(positions: Tensor, directions: Tensor) -> list[np.ndarray]:
+        inputs = {"positions": positions, "directions": directions}
+        return list(onnx_parity.run(session, inputs, outputs).values())
+
+    return program
+
+
+def errors(answer: Answer, graph: onnx_graphs.FieldGraph, rays: tuple[Tensor, Tensor]) -> dict[str, float]:
+    """Against the same field in float64."""
+    inputs = {"positions": rays[0][:CHECKED].double(), "directions": rays[1][:CHECKED].double()}
+    with torch.no_grad():
+        exact = dict(zip(graph.meanings, graph(*inputs.values()), strict=True))
+        clear = graph.clear(inputs)
+    found = {}
+    for (name, truth), values in zip(exact.items(), answer, strict=True):
+        keep = clear[name].numpy()
+        got, want = values[:CHECKED].astype(np.float64)[keep], truth.numpy()[keep]
+        if name == "normals":
+            angle = np.degrees(2 * np.arcsin(np.clip(np.linalg.norm(got - want, axis=-1) / 2, 0, 1)))
+            found |= {"normal_angle_deg_median": float(np.median(angle))}
+            found |= {"normal_angle_deg_p999": float(np.quantile(angle, 0.999))}
+        else:
+            found |= {f"{name}_mean": float(np.abs(got - want).mean()), f"{name}_max": float(np.abs(got - want).max())}
+    return found
+
+
+def programs(field: fields.PDDF, outputs: Sequence[str], threads: int) -> dict[tuple[str, str], Program]:
+    """(runtime, precision) to program; all but float32 and what needs a compiler at `threads` > 1 only."""
+    full, half, brain = torch.float32, torch.float16, torch.bfloat16
+    with torch.no_grad():
+        data = onnx_export.to_onnx(onnx_graphs.FieldGraph(field, outputs), {})
+    found: dict[tuple[str, str], Program] = {
+        ("torch", "float32"): LayerLoop(field, outputs, full, full),
+        ("onnxruntime", "float32"): onnx_program(data, outputs, threads),
+    }
+    if threads == 1:
+        return found
+    found["rendering.query", "float32"] = torch.inference_mode()(
+        lambda p, v: list(rendering.query(field, p, v, None, outputs).values())
+    )
+    found["torch", "bfloat16 products"] = LayerLoop(field, outputs, brain, full)
+    found["torch", "bfloat16"] = LayerLoop(field, outputs, brain, brain)
+    found["torch", "float16 products"] = LayerLoop(field, outputs, half, full)
+    for precision in onnx_precision.PRECISIONS:
+        found["onnxruntime", precision] = onnx_program(onnx_precision.reduce(data, precision), outputs, threads)
+    return found
+
+
+def candidates(
+    field: fields.PDDF, outputs: Sequence[str], threads: int, rays: tuple[Tensor, Tensor]
+) -> dict[tuple[str, str, str], Callable[[], Answer]]:
+    """(runtime, precision, how it is called) to the whole batch; with normals in float32 only."""
+    found: dict[tuple[str, str, str], Callable[[], Answer]] = {}
+
+    def add(key: tuple[str, str], program: Program, length: int, workers: int | None = None) -> None:
+        how = "one call" if length == RAYS else f"chunks of {length:,}"
+        each = 1 if workers else threads
+        key_how = (*key, f"{how}, {workers} workers" if workers else how)
+        found[key_how] = lambda: threaded(program, rays, length, each, workers)
+
+    width = field.config.hidden[0]
+    chunk = CHUNK_VALUES // width
+    for key, program in programs(field, outputs, threads).items():
+        if outputs == VALUES or key[1] == "float32":
+            add(key, program, chunk)
+        if outputs == VALUES and key[1] == "float32" and width < max(LAYERS):
+            add(key, program, RAYS)
+    if threads == 1:
+        return found
+    for key, program in programs(field, outputs, 1).items():
+        add(key, program, chunk, threads)
+    if outputs == VALUES and has_compiler():
+        loop = LayerLoop(field, outputs, torch.float32, torch.float32)
+        add(("torch.compile", "float32"), torch.compile(loop.__call__, dynamic=False), chunk)
+    return found
+
+
+def has_compiler() -> bool:
+    """Whether torch.compile can work here."""
+    headers = Path(sysconfig.get_path("include")) / "Python.h"
+    return headers.exists() and any(shutil.which(name) for name in COMPILERS)
+
+
+def measure(field: fields.PDDF, outputs: Sequence[str], threads: int) -> list[dict[str, Any]]:
+    """Every program on one field, one row each; `best` marks the fastest float32 one of onnxruntime and of the rest."""
+    width, rays = field.config.hidden[0], random_rays(RAYS)
+    chosen = candidates(field, outputs, threads, rays)
+    named = {", ".join(key): run for key, run in chosen.items()}
+    times = _measure.interleaved(named, REPEATS[width])
+    error = checked_errors(field, threads, rays)
+    rows = []
+    for (runtime, precision, how), (name, seconds) in zip(chosen, times.items(), strict=True):
+        size = {"width": width, "layers": LAYERS[width], "rays": RAYS, "threads": threads, "outputs": list(outputs)}
+        same = (runtime.removesuffix(".compile"), precision)  # compiled: the same operations in the same precision
+        row = _measure.row(name, size, seconds, error[same])
+        told = {"runtime": runtime, "precision": precision, "how": how, "rays_per_s": RAYS / row["median_s"]}
+        rows.append({**row, **told})
+    return mark_best(rows)
+
+
+def checked_errors(
+    field: fields.PDDF, threads: int, rays: tuple[Tensor, Tensor]
+) -> dict[tuple[str, str], dict[str, float]]:
+    """Of every program with normals, on the first rays."""
+    truth = onnx_graphs.FieldGraph(copy.deepcopy(field).double(), WITH_NORMALS)
+    few, chunk = (rays[0][:CHECKED], rays[1][:CHECKED]), CHUNK_VALUES // field.config.hidden[0]
+    return {
+        key: errors(threaded(program, few, chunk, threads), truth, few)
+        for key, program in programs(field, WITH_NORMALS, threads).items()
+    }
+
+
+def threaded(
+    program: Program, rays: tuple[Tensor, Tensor], chunk: int, threads: int, workers: int | None = None
+) -> Answer:
+    """`in_chunks` with so many torch threads in each worker."""
+    torch.set_num_threads(threads)
+    return in_chunks(program, rays, chunk, workers)
+
+
+def mark_best(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows with `best`: the fastest in float32 of onnxruntime, and of everything that is torch."""
+    full = [row for row in rows if row["precision"] == "float32"]
+    sides = ([r for r in full if r["runtime"] == "onnxruntime"], [r for r in full if r["runtime"] != "onnxruntime"])
+    fastest = [min(side, key=lambda row: row["median_s"]) for side in sides]
+    return [{**row, "best": any(row is one for one in fastest)} for row in rows]
+
+
+def parity(field: fields.PDDF) -> list[dict[str, Any]]:
+    """onnxruntime against torch, every output of a field; no time is taken."""
+    graph = onnx_graphs.FieldGraph(field, (*WITH_NORMALS, "mean_curvature", "gaussian_curvature"))
+    width = field.config.hidden[0]
+    rows = onnx_parity.compare(onnx_export.to_onnx(graph, {}), f"field of {width}", graph, (PARITY_RAYS,), 0)
+    return [
+        {
+            "what": f"onnxruntime against torch, {row.output}, {row.cases}",
+            "size": {"width": width, "layers": LAYERS[width], "rays": row.rows},
+            "error": {"max": row.max_abs, "p999": row.q999_abs, "unclear_rays": row.unclear},
+        }
+        for row in rows
+    ]
+
+
+def main() -> None:
+    """Measure every width, say which is faster, write."""
+    rows, parities = [], []
+    for width, layers in LAYERS.items():
+        torch.manual_seed(0)
+        field = fields.PDDF(fields.PDDFConfig((width,) * layers, OMEGA_FIRST, 1.0, "softplus", 100.0)).eval()
+        for threads, outputs in ((THREADS, VALUES), (THREADS, WITH_NORMALS), (1, VALUES)):
+            found = measure(field, outputs, threads)
+            ours, theirs = sorted(
+                (row for row in found if row["best"]), key=lambda row: row["runtime"] != "onnxruntime"
+            )
+            ratio = theirs["median_s"] / ours["median_s"]
+            print(
+                f"{width}, {threads} threads, {outputs[-1]}: {ours['what']}: {ratio:.2f} x {theirs['what']}", flush=True
+            )
+            rows += found
+        parities += parity(field)
+    if not has_compiler():
+        print("torch.compile left out: there is no C++ compiler with the headers of Python")
+    _measure.write("field_inference", THREADS, rows + parities)
+
+
+if __name__ == "__main__":
+    raise SystemExit(stage.guarded(main, "field_inference"))
