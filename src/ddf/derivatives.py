@@ -6,7 +6,8 @@ With a_l, h_l, m_l, ω_l as in `siren` and the slope c_l = m_l ω_l cos(ω_l a_l
   adjoint   g_{l-1} = (g_l * c_l) W_l, from a row of the head; the gradient of *one* output for about one forward pass
 
 Both are plain operators, so their own gradient in the parameters is ordinary first-order autograd, and they export to
-ONNX. Only ∂/∂p is ever formed (the first three inputs); derived here, see also [DDF22] §3.1 for what reads it.
+ONNX; `passes` has them once more for training, with that gradient written out. Only ∂/∂p is ever formed (the first
+three inputs); derived here, see also [DDF22] §3.1 for what reads it.
 """
 
 from collections.abc import Sequence
@@ -21,51 +22,29 @@ from ddf import siren
 POSITION = slice(0, 3)  # the inputs are (p, v): derivatives are taken in p
 
 
-class _SineCosine(torch.autograd.Function):
-    """sin and cos together; the backward pass reads them again instead of computing either anew."""
-
-    @staticmethod
-    def forward(ctx, angles: Tensor) -> tuple[Tensor, Tensor]:
-        sine, cosine = torch.sin(angles), torch.cos(angles)
-        ctx.save_for_backward(sine, cosine)
-        return sine, cosine
-
-    @staticmethod
-    def backward(ctx, grad_sine: Tensor, grad_cosine: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
-        sine, cosine = ctx.saved_tensors
-        return torch.addcmul(grad_sine * cosine, grad_cosine, sine, value=-1.0)
-
-
 @dataclass(frozen=True)
 class Trace:
     """What one forward pass leaves for the derivative passes.
 
     outputs: y, of all n points.
-    slopes: per layer c_l, of the first `k` points only.
+    slopes: per layer c_l.
     """
 
     outputs: Float[Tensor, "*shapes n out"]
-    slopes: list[Float[Tensor, "*shapes k _"]]
-
-    def narrow(self, count: int) -> "Trace":
-        """The first `count` points of every shape."""
-        return Trace(self.outputs[..., :count, :], [slope[..., :count, :] for slope in self.slopes])
+    slopes: list[Float[Tensor, "*shapes n _"]]
 
 
 def trace(
     network: siren.SineNetwork,
     inputs: Float[Tensor, "*shapes n in"],
     modulations: Sequence[Tensor] | None = None,
-    num_slopes: int | None = None,
 ) -> Trace:
-    """Forward pass that keeps the slopes of the first `num_slopes` points (all of them by default)."""
-    count = inputs.shape[-2] if num_slopes is None else num_slopes
+    """Forward pass that keeps the slopes."""
     hidden, slopes = inputs, []
     for index, layer in enumerate(network.layers):
         omega = network.omegas[index]
         angles = siren.scaled_linear(hidden, layer, omega)
-        hidden, cosine = _SineCosine.apply(angles)
-        slope = cosine[..., :count, :]
+        hidden, slope = torch.sin(angles), torch.cos(angles)
         scale = None if modulations is None else modulations[index]
         if scale is not None:
             hidden = hidden * scale

@@ -14,7 +14,6 @@ from torch import Tensor
 
 from ddf import checks, curvature, derivatives, fields
 
-ALL_POINTS = 2**63 - 1  # as a count of slopes: a slice to the last index is no operation in the exported graph
 SWITCH_LOGIT = 1e-4  # |logit w_1| below which rounding may choose the other component
 GRAZING_COSINE = 1e-3  # |n·v| below which rounding may turn the normal round
 VANISHING_GRADIENT = 1e-3  # ‖∇_p d‖ over the largest of the batch, below which its direction is rounding
@@ -36,7 +35,7 @@ class FieldValues:
     def trace(self) -> derivatives.Trace:
         """The forward pass with the slopes that derivative passes read."""
         inputs = torch.cat((self.positions, self.directions), dim=-1)
-        return derivatives.trace(self.field.network, inputs, self.modulations, ALL_POINTS)
+        return derivatives.trace(self.field.network, inputs, self.modulations)
 
     @property
     def raw(self) -> Float[Tensor, "n 4"]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 import torch
+import torch.utils.deterministic
 import tqdm
 from torch import Tensor, nn
 
@@ -77,6 +78,7 @@ def prepare(config: LoopConfig) -> None:
     torch.manual_seed(config.seed)
     if device().type == "cpu":
         torch.use_deterministic_algorithms(True)
+        torch.utils.deterministic.fill_uninitialized_memory = False  # a step writes all that it reads
     else:
         torch.set_float32_matmul_precision("high" if config.matmul == "tf32" else "highest")
 
