@@ -5,6 +5,7 @@ that the stages note; reads disk and memory of the reference run from artifacts/
 a shape costs at the settings of configs/paper.yaml. Writes reports/bench/growth.json and reports/growth.md.
 """
 
+import csv
 import json
 import os
 import subprocess
@@ -102,9 +103,8 @@ def reference_disk(artifacts: Path) -> list[dict[str, Any]]:
     if index is None:
         return []
     shapes = [shape for entry in index["categories"].values() for shape in entry["shapes"]]
-    clouds = artifacts / "evaluate" / "per_image.csv"
-    lines = clouds.read_text(encoding="utf-8").splitlines()[1:] if clouds.exists() else []
-    images = len({tuple(line.split(",")[i] for i in _columns(clouds)) for line in lines})
+    scores = artifacts / "evaluate" / "per_image.csv"
+    images = _counts(scores)[1] if scores.exists() else 0
     parts = {
         "dataset: meshes": ("dataset/ShapeNetCore.v1", "shape", len(shapes)),
         "dataset: renders": ("dataset/ShapeNetRendering", "shape", len(shapes)),
@@ -124,17 +124,18 @@ def reference_disk(artifacts: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def _columns(path: Path) -> list[int]:
-    with path.open(encoding="utf-8") as file:
-        header = file.readline().strip().split(",")
-    return [header.index(name) for name in ("category", "id", "view")]
+def _counts(scores: Path) -> tuple[int, int]:
+    """Rows of a table of scores, and images that they are of."""
+    with scores.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return len(rows), len({(row["category"], row["id"], row["view"]) for row in rows})
 
 
 def _read(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
-def paper_costs(folder: Path, cases_per_image: int) -> dict[str, Any]:
+def paper_costs(folder: Path, images: Mapping[str, float]) -> dict[str, Any]:
     """CPU seconds and bytes per unit at the settings of paper.yaml; see `_shape_costs`."""
     import _shape_costs  # here: the kernel counts this process's memory as a peak of the stages that it starts
 
@@ -145,8 +146,7 @@ def paper_costs(folder: Path, cases_per_image: int) -> dict[str, Any]:
         "dataset": {"cpu_s": _shape_costs.check(index, CATEGORY, 10)},
         **_shape_costs.prepare(PAPER, folder),
         "pointclouds": _shape_costs.reconstruct(PAPER),
-        "evaluate": _shape_costs.evaluate(PAPER, settings["samples"]["cloud_points"])
-        | {"cases_per_image": cases_per_image},
+        "evaluate": _shape_costs.evaluate(PAPER, settings["samples"]["cloud_points"]) | images,
         "steps": {"train_ddf": settings["ddf"]["steps"], "train_pcsiren": settings["pcsiren"]["steps"]},
     }
 
@@ -165,7 +165,7 @@ def project(costs: Mapping[str, Any], step: Mapping[str, Any] | None) -> list[di
             split.test_images,
             evaluate["case_cpu_s"] * evaluate["cases_per_image"]
             + evaluate["pair_cpu_s"] * split.pairs / split.test_images,
-            None,
+            split.test_images * evaluate["bytes_per_image"],
         ),
     }
     rows: dict[str, dict[str, Any]] = {}
@@ -214,8 +214,8 @@ def _training(stage: str, model: str, costs: Mapping[str, Any], step: Mapping[st
 def page(record: Mapping[str, Any]) -> pages.Page:
     """Four tables, each with what it takes for granted."""
     lead = [
-        f"Made by `python bench/growth.py` on {record['cpu']}, {record['cores']} CPU threads. Peak memory is what the "
-        "kernel counted for the stage's process, and for the largest of its worker processes."
+        f"Made by `python bench/growth.py` on {_measure.cpu_name()}, {os.cpu_count()} CPU threads. Peak "
+        "memory is what the kernel counted for the stage's process, and for the largest of its worker processes."
     ]
     sections = [_growth_section(record), _memory_section(record), _disk_section(record), _projection_section(record)]
     return pages.Page("Memory, disk and time against the number of shapes", lead, sections)
@@ -287,42 +287,47 @@ def _projection_section(record: Mapping[str, Any]) -> pages.Section:
             row["stage"],
             f"{row['units']:,}",
             row["unit"],
-            _number(row["seconds"], "{:.3g}"),
-            *(_number(row["hours"][name], "{:,.1f}") for name in machines),
-            _number(None if row["bytes"] is None else row["bytes"] / GIB, "{:,.1f}"),
+            _number(row["seconds"]),
+            *(_number(row["hours"][name]) for name in machines),
+            _number(row["bytes"] / GIB),
         ]
         for row in record["projection"]
     ]
     maps = [row for row in record["projection"] if row["unit"] != "step"]
     for title, parts in (("without the trainings", maps), ("together", record["projection"])):
         totals = [_projection.together([row["hours"][name] for row in parts]) for name in machines]
-        size = sum(row["bytes"] or 0 for row in parts)
-        rows.append([title, "", "", "", *(_number(total, "{:,.1f}") for total in totals), f"{size / GIB:,.1f}"])
+        size = sum(row["bytes"] for row in parts)
+        rows.append([title, "", "", "", *map(_number, totals), _number(size / GIB)])
     header = ["stage", "units", "unit", "s a unit", *(f"hours, {name}" for name in machines), "GiB"]
     split, evaluate = _projection.Split.of(_projection.LINES), record["costs"]["evaluate"]
     caption = (
         f"configs/paper.yaml on the {split.shapes:,} chairs, planes and cars of ShapeNet v1: {split.train_images:,} "
-        f"training and {split.test_images:,} test images, the lines of the lists of the Pixel2Mesh split. Evaluation "
-        "writes tables of a few MiB."
+        f"training and {split.test_images:,} test images, the lines of the lists of the Pixel2Mesh split. One stage "
+        "after another."
     )
     assumed = (
         "Meshes, samples, clouds and scores: CPU seconds measured on synthetic shapes (one of each category), taken to "
         "be linear in units and cores. ShapeNet's meshes differ; one of millions of triangles costs more.",
         f"A cloud: a DDF of full size with random weights, {record['costs']['pointclouds']['large']:,} points "
         "extrapolated from few, and all steps of the correction from few.",
-        f"Evaluation: {evaluate['cases_per_image']} comparisons per image of {1e3 * evaluate['case_cpu_s']:.1f} ms, "
-        f"and the oracle row's {split.pairs:,} pairs of a test and a training shape of "
-        f"{1e3 * evaluate['pair_cpu_s']:.1f} ms: the one cost that grows with the square of the shapes.",
+        f"Evaluation: {evaluate['cases_per_image']:.0f} comparisons per image of "
+        f"{1e3 * evaluate['case_cpu_s']:.1f} ms, and the oracle row's {split.pairs:,} pairs of a test and a "
+        f"training shape of {1e3 * evaluate['pair_cpu_s']:.1f} ms: the one cost that grows with the square of "
+        "the shapes.",
         "Trainings: the measured step (reports/bench/full_size_step.json) times the steps of paper.yaml, three "
         "categories; on 64 cores side by side, none faster than it was measured.",
-        "Disk: arrays as written, without the data set itself; trainings as model and checkpoint in float32.",
+        "Disk: arrays as written, without the data set itself, which is only checked; trainings as model and "
+        "checkpoint in float32.",
         "One GPU: no stage but the trainings was measured on one.",
     )
     return pages.Section("Projection to the published setting", [_table(caption, header, rows), assumed])
 
 
-def _number(value: float | None, form: str) -> str:
-    return "not measured" if value is None else form.format(value)
+def _number(value: float | None) -> str:
+    """Two digits, or as many as stand before the point."""
+    if value is None:
+        return "not measured"
+    return f"{value:,.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def main() -> None:
@@ -331,18 +336,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         growth = {str(size): run_stages(folder, size) for size in SIZES}
-        table = folder / "artifacts" / f"growth{SIZES[0]}" / "evaluate" / "per_image.csv"
-        lines = table.read_text(encoding="utf-8").splitlines()[1:]
-        places = _columns(table)
-        images = len({tuple(line.split(",")[i] for i in places) for line in lines})
+        evaluated = folder / "artifacts" / f"growth{SIZES[-1]}" / "evaluate"
+        cases, images = _counts(evaluated / "per_image.csv")
+        size = sum(path.stat().st_size for path in evaluated.iterdir())
         artifacts = ROOT / "artifacts" / "cpu"
         memory, disk = reference_memory(artifacts), reference_disk(artifacts)
-        costs = paper_costs(folder, round(len(lines) / images))
+        costs = paper_costs(folder, {"cases_per_image": cases / images, "bytes_per_image": size / images})
         os.chdir(ROOT)
-    record = {
-        "benchmark": "growth",
-        "cpu": _measure.cpu_name(),
-        "cores": os.cpu_count(),
+    found = {
         "workers": workers(),
         "growth": growth,
         "reference_memory": memory,
@@ -350,10 +351,9 @@ def main() -> None:
         "costs": costs,
         "projection": project(costs, _read(STEP)),
     }
-    _measure.OUT.mkdir(parents=True, exist_ok=True)
-    (_measure.OUT / "growth.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    _measure.write("growth", os.cpu_count() or 1, [{"what": what, "found": value} for what, value in found.items()])
     out = _measure.OUT.parent / "growth.md"
-    out.write_text(pages.markdown(page(record)), encoding="utf-8")
+    out.write_text(pages.markdown(page(found)), encoding="utf-8")
     print(f"{out}: {time.perf_counter() - started:.0f} s")
 
 
