@@ -20,6 +20,7 @@ from ddf import pages, stage
 SCRIPTS = Path(__file__).resolve().parent
 TITLE = "Speed against error"
 PAPER_CLOUD = (128, 3)  # n_v and N_H of [DDF22]
+CLOUD_DEPARTURES = ("jitter", "recheck", "spread")  # from it
 
 
 @dataclass(frozen=True)
@@ -188,8 +189,7 @@ def cloud_sentence(benchmark: Benchmark) -> str | None:
         i
         for i, row in enumerate(rows)
         if (row.size["num_directions"], row.size["cycles"]) == PAPER_CLOUD
-        and not any(row.size.get(name) for name in ("jitter", "recheck"))
-        and row.size.get("thinning", 1) == 1
+        and not any(row.size.get(name) for name in CLOUD_DEPARTURES)
     ]
     words = f"of {len(rows)} settings {len(best)} are on the frontier, from {told[0]} to {told[1]}"
     if plain:
@@ -198,7 +198,7 @@ def cloud_sentence(benchmark: Benchmark) -> str | None:
 
 
 def _cloud_words(row: Row, seconds: float, score: float) -> str:
-    extras = [name for name in ("jitter", "recheck") if row.size.get(name)]
+    extras = [name for name in CLOUD_DEPARTURES if row.size.get(name)]
     cycles = f"{row.size['cycles']} cycle{'s' if row.size['cycles'] > 1 else ''}"
     how = " with ".join(
         [f"{row.size['num_directions']} directions and {cycles}", *filter(None, [" and ".join(extras)])]

@@ -29,26 +29,27 @@ from ddf import (
 CONFIG, CATEGORIES = Path("configs/cpu.yaml"), ("chair", "plane", "car")
 TAU_SQ, IMAGES, THREADS = 1e-4, 2, 2
 DIRECTIONS, CYCLES = (4, 16, 48, 128), (1, 3)
-PLAIN = {"thinning": 1.0, "jitter": 0.0, "recheck": ()}  # the paper's way; whatever else the config sets stays
+DEPARTURES = (("jitter",), ("recheck",), ("spread", "outliers"))  # measured alone, then together
+PLAIN = {"jitter": 0.0, "recheck": (), "spread": None, "outliers": 0.0}  # the paper's way; whatever else is set stays
 AFTER_A_CYCLE = {"jitter"}  # departures that make no difference to a single cycle
+OWN_DIRECTIONS = (4, 16, 48)  # with all departures
 
 
 def settings(own: pointclouds.CloudConfig) -> list[pointclouds.CloudConfig]:
     """The paper's way over n_v and N_H; then at the config's own n_v each of its departures alone, and all of them."""
-    plain = {name: value for name, value in PLAIN.items() if hasattr(own, name)}
-    departures = {name: getattr(own, name) for name, value in plain.items() if getattr(own, name) != value}
-    paper = dataclasses.replace(own, **plain)
+    paper = dataclasses.replace(own, **PLAIN)
     chosen = [dataclasses.replace(paper, num_directions=n, cycles=h) for n in DIRECTIONS for h in CYCLES]
-    for name, value in departures.items():
-        cycles = CYCLES[1:] if name in AFTER_A_CYCLE else CYCLES
-        chosen += [dataclasses.replace(paper, **{name: value}, cycles=h) for h in cycles]
-    chosen += [dataclasses.replace(own, cycles=max(CYCLES), num_directions=n) for n in (16, own.num_directions)]
+    for names in DEPARTURES:
+        cycles = CYCLES[1:] if AFTER_A_CYCLE.issuperset(names) else CYCLES
+        change = {name: getattr(own, name) for name in names}
+        chosen += [dataclasses.replace(paper, cycles=h, **change) for h in cycles]
+    chosen += [dataclasses.replace(own, num_directions=n, cycles=max(CYCLES)) for n in OWN_DIRECTIONS]
     return list(dict.fromkeys(chosen))
 
 
 def told(cloud: pointclouds.CloudConfig, points: int) -> dict[str, Any]:
     """The settings of a row."""
-    departures = {name: getattr(cloud, name) for name in PLAIN if hasattr(cloud, name)}
+    departures = {name: getattr(cloud, name) for name in PLAIN}
     listed = {name: list(value) if isinstance(value, tuple) else value for name, value in departures.items()}
     return {"num_directions": cloud.num_directions, "cycles": cloud.cycles, **listed, "points": points}
 
@@ -78,8 +79,8 @@ def measure(category: str) -> list[dict]:
             truth = shapes.clouds[shape].numpy().astype(np.float64) * factors[image]
             generator = torch.Generator().manual_seed(image)
             started = time.perf_counter()
-            found = pointclouds.sample(model.field, own, section.large, cloud, generator)[-1]
-            (points,) = found.clouds([section.large], cloud)
+            cycles = pointclouds.sample(model.field, own, section.large, cloud, generator)
+            (points,) = pointclouds.select(cycles, [section.large], cloud)
             seconds.append(time.perf_counter() - started)
             value = metrics.compare_clouds(points.numpy().astype(np.float64) * factors[image], truth, TAU_SQ)
             scores.append((1e3 * value.chamfer_l2_sq, 100 * value.f_score_tau))
