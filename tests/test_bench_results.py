@@ -153,11 +153,13 @@ def test_clouds_come_first_with_measured_figures():
     rows = [row(category, n, h, t, f + up) for category, up in (("chair", 0), ("car", 10)) for n, h, t, f in grid]
     clouds = dataclasses.replace(_benchmark("cloud_sampling"), rows=rows)
     made = _page.page({"cloud_sampling": clouds, "training_step": _benchmark()})
-    (sentence,) = made.sections[0].blocks[0]
+    sentences, picture = made.sections[0].blocks[:2]
+    assert isinstance(sentences, tuple) and isinstance(picture, pages.Figure)
+    (sentence,) = sentences
     assert "of 3 settings 2 are on the frontier, from 4 directions and 1 cycle (1 s, F(τ) × 100 = 45.0)" in sentence
     assert "48 directions and 3 cycles (4 s, F(τ) × 100 = 75.0)" in sentence
     assert "the paper's way is 128 directions and 3 cycles (16 s, F(τ) × 100 = 71.0)" in sentence
-    assert made.sections[0].blocks[1].name == "cloud_sampling_pareto.png"
+    assert picture.name == "cloud_sampling_pareto.png"
     assert pages.markdown(made).count("](cloud_sampling_pareto.png)") == 1
 
 

@@ -64,7 +64,7 @@ def test_values_are_those_of_float64_over_many_turns(kinds, reader):
     for kind, values in zip(kinds, found, strict=True):
         exact = np.sin(angles) if kind == "Sin" else np.cos(angles)
         expected = exact @ weights["w2"].T + weights["b2"] if reader == "Gemm" else np.abs(exact)
-        assert_close(values, expected, atol=SPAN * np.finfo(np.float32).eps * 4, rtol=0.0)
+        assert_close(values, expected, atol=SPAN * float(np.finfo(np.float32).eps) * 4, rtol=0.0)
 
 
 def test_a_sine_that_a_modulation_scales_keeps_its_value():

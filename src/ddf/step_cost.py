@@ -75,8 +75,8 @@ def random_samples(count: int) -> si3dr_data.SampleSet:
         for name, (dtype, width) in forms.items():
             ends, shape = np.iinfo(dtype), (count, STORED, width)[: 3 if width else 2]
             values = random.integers(-ends.max if ends.min else 0, ends.max, shape, dtype=dtype, endpoint=True)
-            arrays[f"{kind}.{name}"] = torch.from_numpy(values)
-    return si3dr_data.SampleSet(arrays)
+            arrays[f"{kind}.{name}"] = values
+    return si3dr_data.SampleSet([arrays], [(0, row) for row in range(count)])
 
 
 def ddf_trial(train: si3dr_training.TrainConfig, config: si3dr_training.DDFConfig) -> Trial:

@@ -78,7 +78,8 @@ def prepare(config: LoopConfig) -> None:
     torch.manual_seed(config.seed)
     if device().type == "cpu":
         torch.use_deterministic_algorithms(True)
-        torch.utils.deterministic.fill_uninitialized_memory = False  # a step writes all that it reads
+        # a step writes all that it reads
+        torch.utils.deterministic.fill_uninitialized_memory = False  # pyright: ignore[reportAttributeAccessIssue]
     else:
         torch.set_float32_matmul_precision("high" if config.matmul == "tf32" else "highest")
 
