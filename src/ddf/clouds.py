@@ -16,7 +16,7 @@ from ddf.mesh_io import Mesh, face_normals
 _CANDIDATES = 6  # per point wanted: enough darts for a set that is nearly maximal
 _DENSITY = 0.47  # points of a set, times radius squared, by area: 0.6 on planes, 0.45 to 0.52 on shapes with thin parts
 _TOLERANCE = 0.1  # of the count wanted; official clouds have 7 to 9 thousand points
-_MAX_ROUNDS = 8
+_MAX_ROUNDS = 16  # one or two do, but for threads
 _ROWS = 1 << 16  # starts of rows of cells, shared by a hash: more would leave the processor's cache
 _CELLS = 1 << 13  # at most along each axis, so that float32 places are good to 1/1000 of a cell
 _HASH = (np.int32(73856093), np.int32(19349663))  # Teschner et al. 2003, "Optimized spatial hashing"; products wrap
