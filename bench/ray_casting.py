@@ -79,7 +79,7 @@ def trimesh_caster(mesh: Mesh) -> Caster:
 
     def cast(points: rays.OrientedPoints) -> Depths:
         start, looking = points.positions.numpy(), points.directions.numpy()
-        _, ray, place = tracer.intersects_id(start, looking, multiple_hits=True, return_locations=True)
+        place, ray, _ = tracer.intersects_location(start, looking, multiple_hits=True)
         depth = np.full(len(start), np.inf)
         np.minimum.at(depth, ray, np.einsum("ij,ij->i", place - start[ray], looking[ray]))
         return depth

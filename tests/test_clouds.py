@@ -45,6 +45,16 @@ def test_no_darts_stay_closer_than_the_radius():
     assert kept.tolist() == by_hand
 
 
+@pytest.mark.parametrize("width", [1e-3, 1e-9])
+def test_slivers_get_their_points_whatever_their_width(width):
+    """All area on a thread: the radius is a tiny share of the box."""
+    corners = np.array([[-1.0, 0, 0], [1.0, 0, 0], [1.0, width, 0], [-1.0, width, 0]])
+    points, _ = clouds.poisson_disk(mesh_io.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), 300, _random(4))
+    assert 270 <= len(points) <= 330
+    gaps = np.diff(np.sort(points[:, 0]))
+    assert gaps.max() < 8 * 2 / 300
+
+
 def test_inner_sphere_is_hidden_and_stays_in_the_cloud():
     cloud = clouds.draw(joined(icosphere(4, 0.9), icosphere(4, 0.4)), 2000, _random())
     inner = np.linalg.norm(cloud.points, axis=1) < 0.6

@@ -16,8 +16,9 @@ from ddf.mesh_io import Mesh, face_normals
 _CANDIDATES = 6  # per point wanted: enough darts for a set that is nearly maximal
 _DENSITY = 0.47  # points of a set, times radius squared, by area: 0.6 on planes, 0.45 to 0.52 on shapes with thin parts
 _TOLERANCE = 0.1  # of the count wanted; official clouds have 7 to 9 thousand points
-_MAX_ROUNDS = 8
+_MAX_ROUNDS = 16  # one or two do, but for threads
 _ROWS = 1 << 16  # starts of rows of cells, shared by a hash: more would leave the processor's cache
+_CELLS = 1 << 13  # at most along each axis, so that float32 places are good to 1/1000 of a cell
 _HASH = (np.int32(73856093), np.int32(19349663))  # Teschner et al. 2003, "Optimized spatial hashing"; products wrap
 
 
@@ -64,8 +65,10 @@ def _throw(darts: Float[np.ndarray, "n 3"], radius: float) -> Int[np.ndarray, "k
 
     In portions: darts near one that stayed from an earlier portion go at once, so that few pairs are left to compare.
     """
-    places = ((darts - darts.min(axis=0)) / radius).astype(np.float32)
-    grid = _Grid(places, places.astype(np.int32).T)
+    from_corner = darts - darts.min(axis=0)
+    cell = max(radius, from_corner.max(initial=0.0) / _CELLS)
+    places = (from_corner / cell).astype(np.float32)
+    grid = _Grid(places, places.astype(np.int32).T, radius / cell)
     stay = np.zeros(0, dtype=np.intp)
     for portion in np.array_split(np.arange(len(darts)), _CANDIDATES):
         near, _ = grid.near(portion, stay)
@@ -98,18 +101,19 @@ def _first_come(early: Int[np.ndarray, "p"], late: Int[np.ndarray, "p"], count: 
 
 @dataclass(frozen=True)
 class _Grid:
-    """Places in units of the radius, and the cells of that size that they lie in.
+    """Places in units of a cell, the cells that they lie in, and how far apart is near (at most 1).
 
     The cells of a row along x follow each other in one list, from a start that rows share by a hash.
     """
 
     places: Float[np.ndarray, "n 3"]
     cells: Int[np.ndarray, "3 n"]
+    reach: float
 
     def near(
         self, asking: Int[np.ndarray, "a"], known: Int[np.ndarray, "b"]
     ) -> tuple[Int[np.ndarray, "p"], Int[np.ndarray, "p"]]:
-        """Pairs of positions in `asking` and in `known` of places no further apart than 1: of 27 cells, in 9 rows."""
+        """Pairs of positions in `asking` and in `known` of places no further apart than that: 27 cells in 9 rows."""
         x, y, z = self.cells.take(known, axis=1)
         in_list = _row(y * _HASH[0], z * _HASH[1]) + x
         order = np.argsort(in_list, kind="stable").astype(np.int32)
@@ -125,7 +129,7 @@ class _Grid:
         other = order.take(np.arange(len(one), dtype=np.int32) + np.repeat(skip, counts))
         apart = self.places.take(asking.take(one), axis=0)
         apart -= self.places.take(known.take(other), axis=0)
-        close = np.flatnonzero(np.einsum("ij,ij->i", apart, apart) <= 1)
+        close = np.flatnonzero(np.einsum("ij,ij->i", apart, apart) <= self.reach**2)
         return one[close], other[close]
 
 
