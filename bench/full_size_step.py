@@ -22,6 +22,7 @@ import _measure
 from ddf import config, fields, losses, reconstruction, si3dr_data, si3dr_training, step_cost, training
 
 CONFIG, THREADS = Path("configs/paper.yaml"), 2
+SECTIONS = {"ddf": si3dr_training.DDFConfig, "pcsiren": si3dr_training.PCSirenConfig}
 REPEATS = {"ddf": 2, "pcsiren": 4}
 # What is wrapped: part of the split, owner, name.
 PARTS = (
@@ -79,14 +80,9 @@ def measure(model: str, images: int) -> dict[str, Any]:
     train = dataclasses.replace(train, loop=dataclasses.replace(train.loop, threads=THREADS))
     training.prepare(train.loop)
 
-    def trial(batch_size: int) -> step_cost.Trial:
-        sized = dataclasses.replace(train, batch_size=batch_size)
-        if model == "ddf":
-            return step_cost.ddf_trial(sized, config.load(CONFIG, "ddf", si3dr_training.DDFConfig))
-        return step_cost.pcsiren_trial(sized, config.load(CONFIG, "pcsiren", si3dr_training.PCSirenConfig))
-
-    one_step(trial(2), 0)
-    own = trial(images)
+    section = config.load(CONFIG, model, SECTIONS[model])
+    one_step(step_cost.trial(dataclasses.replace(train, batch_size=2), section), 0)
+    own = step_cost.trial(dataclasses.replace(train, batch_size=images), section)
     steps = [one_step(own, number) for number in range(REPEATS[model])]
     peak_gib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return {"steps": steps, "peak_gib": peak_gib, "parameters": fields.count_parameters(own.model)}

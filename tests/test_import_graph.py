@@ -32,7 +32,7 @@ ROOMS: dict[str, list[str]] = {
         "synthetic",
         "dataset",
     ],
-    "2": ["siren", "derivatives", "fields", "losses", "curvature"],
+    "2": ["siren", "activations", "derivatives", "passes", "fields", "losses", "curvature"],
     "3": ["rendering", "composition", "pointclouds", "metrics", "reconstruction", "si3dr_data"],
     "4": [
         "training",

@@ -43,18 +43,16 @@ class Neighbours:
         """Squared distance to the nearest point of the cloud for each query."""
         return self.nearest(queries, name)[0]
 
-    def spacing(self, k: int = 1) -> Float[np.ndarray, " n"]:
-        """Distance, not squared, from each point of the cloud to its k-th nearest other one (the farthest, if fewer).
-
-        0 where a place is taken often enough.
+    def spacing(self) -> Float[np.ndarray, " n"]:
+        """Distance, not squared, from each point of the cloud to the nearest other one; 0 where a place is taken twice.
 
         Raises:
           InputError: the cloud is a single point.
         """
         if len(self) < 2:
             raise checks.InputError("the spacing of a cloud needs two points or more; got 1")
-        _, dist_sq = self._search.knn_search(o3d.core.Tensor(self.points), min(k + 1, len(self)))
-        return np.sqrt(dist_sq.numpy()[:, -1])
+        _, dist_sq = self._search.knn_search(o3d.core.Tensor(self.points), 2)
+        return np.sqrt(dist_sq.numpy()[:, 1])
 
 
 def validated(points: Float[np.ndarray, "n 3"], name: str) -> Float[np.ndarray, "n 3"]:

@@ -25,7 +25,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf import checks, neighbours
+from ddf import checks
 from ddf.fields import PDDF, visibility
 
 # a mean direction shorter than this has cancelled (a point between two sheets): take the best candidate
@@ -104,8 +104,7 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
     pool = cycles[1:] or cycles
     points, confidence = (torch.cat([getattr(c, name) for c in pool]) for name in ("points", "confidence"))
     if config.outliers:
-        spacing = torch.from_numpy(neighbours.Neighbours(points.cpu().numpy()).spacing(CROWD))
-        crowded = spacing.argsort()[: len(points) - int(config.outliers * len(points))].to(points.device)
+        crowded = _spacing(points).argsort()[: len(points) - int(config.outliers * len(points))]
         points, confidence = points[crowded], confidence[crowded]
     order = farthest_point_order(points, max(counts), confidence.pow(config.spread).clamp_min(LEAST_WEIGHT))
     return [points[order[:count]] for count in counts]
@@ -114,6 +113,13 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
 def _ceil(count: float) -> int:
     """Rounded up; the small number keeps 1.1 x 100 = 110.00000000000001 from becoming 111."""
     return math.ceil(count - 1e-6)
+
+
+def _spacing(points: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
+    """Distance of each point to the `CROWD`-th nearest of the others; some rows at a time, for memory."""
+    k = min(CROWD + 1, len(points))
+    nearest = [torch.cdist(rows, points).topk(k, dim=1, largest=False).values[:, -1] for rows in points.split(512)]
+    return torch.cat(nearest)
 
 
 def farthest_point_order(

@@ -4,6 +4,7 @@ The arithmetic of a step is the same whatever the images and samples are, so its
 training with the same sizes on this machine.
 """
 
+import functools
 import statistics
 import time
 from collections.abc import Callable
@@ -18,6 +19,7 @@ STORED = 20_000  # random samples per shape and type to draw from, as many as th
 CLOUD_POINTS = 8_000
 MOST_POINTS, MOST_IMAGES = 40_000, 8  # of a trial that is scaled up: about 3 GiB at the paper's widths
 REPEATS = 3
+Section = si3dr_training.DDFConfig | si3dr_training.PCSirenConfig
 
 
 @dataclass(frozen=True)
@@ -79,49 +81,44 @@ def random_samples(count: int) -> si3dr_data.SampleSet:
     return si3dr_data.SampleSet([arrays], [(0, row) for row in range(count)])
 
 
-def ddf_trial(train: si3dr_training.TrainConfig, config: si3dr_training.DDFConfig) -> Trial:
-    """Steps of the DDF model at the config's sizes."""
+def trial(train: si3dr_training.TrainConfig, config: Section) -> Trial:
+    """Steps of the model that the section describes, at the sizes of both sections."""
     images, shapes = random_images(train.batch_size, train.image_size), random_shapes(train.batch_size)
-    samples = random_samples(train.batch_size)
-    model = si3dr_training.ddf_model(train, config).to(training.device())
-    model.camera_head.fit(images.cameras)
-    return _trial(
-        model, train, lambda step: si3dr_training.ddf_step(model, images, shapes, samples, train, config, step)
-    )
-
-
-def pcsiren_trial(train: si3dr_training.TrainConfig, config: si3dr_training.PCSirenConfig) -> Trial:
-    """Steps of the PC-SIREN model at the config's sizes."""
-    images, shapes = random_images(train.batch_size, train.image_size), random_shapes(train.batch_size)
-    model = si3dr_training.pcsiren_model(train, config).to(training.device())
-    model.camera_head.fit(images.cameras)
-    return _trial(model, train, lambda step: si3dr_training.pcsiren_step(model, images, shapes, train, config, step))
+    if isinstance(config, si3dr_training.DDFConfig):
+        ddf, samples = si3dr_training.ddf_model(train, config), random_samples(train.batch_size)
+        loss = functools.partial(si3dr_training.ddf_step, ddf, images, shapes, samples, train, config)
+        return _trial(ddf, images, train, loss)
+    pcsiren = si3dr_training.pcsiren_model(train, config)
+    loss = functools.partial(si3dr_training.pcsiren_step, pcsiren, images, shapes, train, config)
+    return _trial(pcsiren, images, train, loss)
 
 
 def _trial(
-    model: reconstruction.ReconstructionModel, train: si3dr_training.TrainConfig, loss: training.StepLoss
+    model: reconstruction.ReconstructionModel,
+    images: si3dr_data.ImageSet,
+    train: si3dr_training.TrainConfig,
+    loss: training.StepLoss,
 ) -> Trial:
+    model.camera_head.fit(images.cameras)
+    model.to(training.device()).train()
     groups = model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera)
-    return Trial(model.train(), loss, torch.optim.AdamW(groups, lr=train.loop.learning_rate, fused=True))
+    return Trial(model, loss, torch.optim.AdamW(groups, lr=train.loop.learning_rate, fused=True))
 
 
-def measure(
-    train: si3dr_training.TrainConfig, config: si3dr_training.DDFConfig | si3dr_training.PCSirenConfig
-) -> StepCost:
+def measure(train: si3dr_training.TrainConfig, config: Section) -> StepCost:
     """Seconds of a step on this machine: medians of a few at no more than `MOST_POINTS` points and `MOST_IMAGES`."""
-    is_ddf = isinstance(config, si3dr_training.DDFConfig)
-    points = _points_per_image(config) if is_ddf else config.points
-    images = min(train.batch_size, max(2, min(MOST_IMAGES, MOST_POINTS // points)))
-    smaller = replace(train, batch_size=images)
-    trial = ddf_trial(smaller, config) if is_ddf else pcsiren_trial(smaller, config)
-    trial.backward(0)
-    trial.optimiser.step()
-    rest = [_seconds(lambda step=step: trial.backward(step)) for step in range(1, 1 + REPEATS)]
-    optimiser = [_seconds(trial.optimiser.step) for _ in range(REPEATS)]
+    images = min(train.batch_size, max(2, min(MOST_IMAGES, MOST_POINTS // _points_per_image(config))))
+    tried = trial(replace(train, batch_size=images), config)
+    tried.backward(0)
+    tried.optimiser.step()
+    rest = [_seconds(lambda step=step: tried.backward(step)) for step in range(1, 1 + REPEATS)]
+    optimiser = [_seconds(tried.optimiser.step) for _ in range(REPEATS)]
     return StepCost(train.batch_size, images, statistics.median(rest), statistics.median(optimiser))
 
 
-def _points_per_image(config: si3dr_training.DDFConfig) -> int:
+def _points_per_image(config: Section) -> int:
+    if isinstance(config, si3dr_training.PCSirenConfig):
+        return config.points
     return sum(config.counts.values()) + (config.mask_pixels or config.mask_size**2)
 
 
