@@ -47,7 +47,6 @@ ROOMS: dict[str, list[str]] = {
         "onnx_graphs",
         "onnx_parity",
         "onnx_precision",
-        "onnx_sines",
         "onnx_export",
         "onnx_models",
         "trained",

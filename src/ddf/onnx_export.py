@@ -1,11 +1,10 @@
 """A trained model as ONNX files: written only after onnxruntime gave what torch gives, and saying what they are.
 
 The graph is recorded by torch's TorchScript exporter from the very functions that the package runs, so a new output
-needs no second definition; its sines are then written as polynomials, which run faster (`onnx_sines`). Against its
-successor (`dynamo=True`), on a field of six layers: some thirty times faster, no further packages (onnxscript,
-onnx-ir), and no paths of the machine inside the file. It is deprecated, which is why its warning is silenced here, and
-it is called in this one place; every file is compared with the model whoever made it. Building
-the graph by hand would need a second definition of every network and of every derivative pass.
+needs no second definition. Against its successor (`dynamo=True`), on a field of six layers: some thirty times faster,
+no further packages (onnxscript, onnx-ir), and no paths of the machine inside the file. It is deprecated, which is why
+its warning is silenced here, and it is called in this one place; every file is compared with the model whoever made
+it. Building the graph by hand would need a second definition of every network and of every derivative pass.
 """
 
 import importlib.metadata
@@ -20,7 +19,7 @@ from typing import Any
 import onnx
 import torch
 
-from ddf import checks, onnx_outputs, onnx_parity, onnx_precision, onnx_sines, storage
+from ddf import checks, onnx_outputs, onnx_parity, onnx_precision, storage
 from ddf.onnx_graphs import DYNAMIC, Graph
 
 OPSET = 18
@@ -110,7 +109,6 @@ def to_onnx(graph: Graph, source: Mapping[str, Any]) -> bytes:
     for value in model.graph.output:
         lengths = [DYNAMIC if i == 0 and value.name in axes else n for i, n in enumerate(shapes[value.name])]
         value.CopyFrom(onnx.helper.make_tensor_value_info(value.name, onnx.TensorProto.FLOAT, lengths))
-    onnx_sines.rewrite(model)
     _describe(model, graph, source)
     onnx.checker.check_model(model, full_check=True)
     return model.SerializeToString(deterministic=True)
