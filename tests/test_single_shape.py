@@ -28,7 +28,7 @@ TINY = dataclasses.replace(
 SPHERE = dataclasses.replace(
     TINY,
     field=fields.PDDFConfig((48, 48, 48), 3.0, 1.0, "softplus", 100.0),
-    steps=800,
+    steps=1200,
     samples=_counts(10_000),
     held_out=_counts(1000),
     batch={"U": 250, "A": 250, "B": 125, "S": 60, "T": 60, "O": 60, "E": 20},
