@@ -66,7 +66,7 @@ def compare_clouds(
         prediction = neighbours.Neighbours(prediction, "prediction")
     if not isinstance(truth, neighbours.Neighbours):
         truth = neighbours.Neighbours(truth, "truth")
-    to_truth, to_prediction = truth.dist_sq(prediction.points), prediction.dist_sq(truth.points)
+    to_truth, to_prediction = truth.dist_sq(prediction), prediction.dist_sq(truth)
     return CloudScores(
         chamfer_l2_sq=chamfer_l2_sq(to_truth, to_prediction),
         f_score_tau=f_score(to_truth, to_prediction, tau_sq),

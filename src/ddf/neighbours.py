@@ -39,9 +39,12 @@ class Neighbours:
         index, dist_sq = self._search.knn_search(o3d.core.Tensor(validated(queries, name)), 1)
         return dist_sq.numpy()[:, 0], index.numpy()[:, 0].astype(np.int64)
 
-    def dist_sq(self, queries: Float[np.ndarray, "m 3"], name: str = "queries") -> Float[np.ndarray, " m"]:
-        """Squared distance to the nearest point of the cloud for each query."""
-        return self.nearest(queries, name)[0]
+    def dist_sq(
+        self, queries: "Float[np.ndarray, 'm 3'] | Neighbours", name: str = "queries"
+    ) -> Float[np.ndarray, " m"]:
+        """Squared distance to the nearest point of the cloud for each query; another cloud is checked already."""
+        points = queries.points if isinstance(queries, Neighbours) else validated(queries, name)
+        return self._search.knn_search(o3d.core.Tensor(points), 1)[1].numpy()[:, 0]
 
     def spacing(self) -> Float[np.ndarray, " n"]:
         """Distance, not squared, from each point of the cloud to the nearest other one; 0 where a place is taken twice.
