@@ -205,7 +205,8 @@ def growing_mesh(mesh: mesh_io.Mesh, seen: Views, size: int) -> list[dict[str, A
     rows, vertices, faces = [], mesh.vertices, mesh.faces
     for _ in range(SUBDIVISIONS + 1):
         scene = raycast.Scene(mesh_io.Mesh(vertices, faces))
-        image = {CASTING: lambda scene=scene, local=_local(scene, seen): cast_depth(scene, local)}
+        local = _local(scene, seen)
+        image = {CASTING: lambda scene=scene, local=local: cast_depth(scene, local)}
         rows += measured(image, size, seen, {}, {"triangles": len(faces)})
         vertices, faces = trimesh.remesh.subdivide(vertices, faces)
     return rows
