@@ -23,7 +23,7 @@ from ddf import config, fields, losses, reconstruction, si3dr_data, si3dr_traini
 
 CONFIG, THREADS = Path("configs/paper.yaml"), 2
 SECTIONS = {"ddf": si3dr_training.DDFConfig, "pcsiren": si3dr_training.PCSirenConfig}
-REPEATS = {"ddf": 2, "pcsiren": 4}
+REPEATS, MOST_SECONDS = 3, 30.0  # a model's steps are not repeated any more once they took that long
 # What is wrapped: part of the split, owner, name.
 PARTS = (
     ("data", si3dr_training.Batch, "draw"),
@@ -83,7 +83,9 @@ def measure(model: str, images: int) -> dict[str, Any]:
     section = config.load(CONFIG, model, SECTIONS[model])
     one_step(step_cost.trial(dataclasses.replace(train, batch_size=2), section), 0)
     own = step_cost.trial(dataclasses.replace(train, batch_size=images), section)
-    steps = [one_step(own, number) for number in range(REPEATS[model])]
+    steps: list[dict[str, float]] = []
+    while len(steps) < REPEATS and sum(step["step"] for step in steps) < MOST_SECONDS:
+        steps.append(one_step(own, len(steps)))
     peak_gib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return {"steps": steps, "peak_gib": peak_gib, "parameters": fields.count_parameters(own.model)}
 
@@ -92,13 +94,15 @@ def main(images: int | None) -> None:
     """Measure both models, each in a process of its own, and write the table."""
     images = images or config.load(CONFIG, "train", si3dr_training.TrainConfig).batch_size
     rows = []
-    for model in REPEATS:
+    for model in SECTIONS:
         command = [sys.executable, __file__, model, str(images)]
         found = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
         steps = found["steps"]
         size = {"images": images, "parameters": found["parameters"], "repeats": len(steps), "device": "cpu"}
-        row = _measure.row(model, size, [step.pop("step") for step in steps], {"loss": steps[-1]["loss"]})
-        parts = {name: sum(step[name] for step in steps) / len(steps) for name in steps[0] if name != "loss"}
+        seconds = [step["step"] for step in steps]
+        row = _measure.row(model, size, seconds if len(seconds) > 1 else 2 * seconds, {"loss": steps[-1]["loss"]})
+        names = [name for name in steps[0] if name not in ("step", "loss")]
+        parts = {name: sum(step[name] for step in steps) / len(steps) for name in names}
         rows.append({**row, "parts_s": parts, "peak_gib": found["peak_gib"]})
     _measure.write("full_size_step", THREADS, rows)
 
