@@ -18,7 +18,7 @@ from torch import Tensor
 
 from ddf import cameras, composition, fields, primitives, transforms
 
-THREADS, REPEATS, PIXELS = 2, 7, 96
+THREADS, REPEATS, PIXELS = 2, 5, 64
 COUNTS = (1, 4, 16, 64)
 TEMPERATURE, INVERSE_DEPTH = 3e-3, 0.05
 HIDDEN = (96, 96, 96)

@@ -20,7 +20,7 @@ from torch.nn import functional
 
 from ddf import fields, losses
 
-THREADS, REPEATS = 2, 9
+THREADS, REPEATS = 2, 5
 COUNTS = {"E": 1000, "U": 1200, "A": 1200, "B": 300, "S": 300, "T": 300, "O": 300}
 WIDTHS = {"paper": (512, 512, 512, 256, 256, 256, 256), "cpu.yaml": (192, 192, 192, 128, 128, 128)}
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
