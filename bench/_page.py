@@ -254,6 +254,8 @@ def _rendering_words(row: Row) -> str:
     return f"{row.what} ({time} ms, median error of depth {number(row.error['depth_median'])})"
 
 
+OWN_PAGES = {"growth": "../growth.md"}  # benchmarks whose findings are no rows of seconds and errors
+
 FIRST: Mapping[str, Callable[[Benchmark], str | None]] = {
     "cloud_sampling": cloud_sentence,
     "field_inference": inference_sentence,
@@ -269,12 +271,13 @@ def page(found: Mapping[str, Benchmark], pictures: Sequence[str] = ()) -> pages.
     """
     files: dict[str, bytes] = {}
     ordered = [*(name for name in FIRST if name in found), *(name for name in found if name not in FIRST)]
-    sections = [section(found[name], files, pictures) for name in ordered]
+    sections = [section(found[name], files, pictures) for name in ordered if name not in OWN_PAGES]
     sentences = [sentence for name in FIRST if name in found and (sentence := FIRST[name](found[name]))]
     figures = [block for part in sections[: len(sentences)] for block in part.blocks if _is_pareto(block)]
     lead = [
         'Made by `make bench` (`make bench BENCH="evaluation rendering"` runs some). Times are medians; a second run '
         "on the same machine has its medians within the factor `spread` of them, `make bench-check` tries it.",
+        *(f"With a page of its own: [{_title(name)}]({link})." for name, link in OWN_PAGES.items() if name in found),
     ]
     first = [pages.Section("What matters most", [*([tuple(sentences)] if sentences else []), *figures])]
     if not sentences:
