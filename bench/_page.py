@@ -215,8 +215,8 @@ def inference_sentence(benchmark: Benchmark) -> str | None:
     for width in sorted({row.size["width"] for row in rows}):
         group = [row for row in rows if row.size["width"] == width]
         full = [row for row in group if row.told.get("precision") == "float32"] or group
-        chosen = dict.fromkeys((_fastest(full).key, _fastest(group).key))
-        told = [_inference_words(row) for row in group if row.key in chosen]
+        chosen = {row.key: row for row in (_fastest(full), _fastest(group))}
+        told = [_inference_words(row) for row in chosen.values()]
         parts.append(f"width {width}: {' against '.join(told)}")
     return f"**Fields**, fastest in float32 against fastest of all: {'; '.join(parts)}."
 
