@@ -115,9 +115,9 @@ def measure(name: str, mesh: Mesh, points: rays.OrientedPoints) -> list[dict[str
     times, rows = _measure.interleaved(ways, REPEATS), []
     for caster, seconds in times.items():
         rays_cast = len(asked[caster].positions)
-        rate = rays_cast / float(np.median(seconds)) / 1e6
-        size = {"rays": name, "triangles": len(mesh.faces), "count": rays_cast, "million_rays_per_s": rate}
-        rows.append(_measure.row(caster, size, seconds, compared(casters[caster][0](probes), truth)))
+        size = {"rays": name, "triangles": len(mesh.faces), "count": rays_cast}
+        row = _measure.row(caster, size, seconds, compared(casters[caster][0](probes), truth))
+        rows.append({**row, "million_rays_per_s": rays_cast / row["median_s"] / 1e6})
     return rows
 
 
