@@ -9,7 +9,7 @@ from torch.nn import functional
 from ddf import fields, losses
 
 KINDS = (*losses.ORDER, *losses.VALUES_ONLY)
-DOUBLED = ("U", "A", "U+", "A+")  # samples whose depth error counts twice
+DOUBLED = ("U", "A", "U+", "A+", "P")  # samples whose depth error counts twice
 
 
 def plain_loss(

@@ -4,7 +4,7 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from ddf import config, provenance, si3dr_data, si3dr_training, stage, training
+from ddf import config, proposed_rays, provenance, si3dr_data, si3dr_training, stage, training
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:
@@ -18,7 +18,11 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     images, shapes, sources = si3dr_data.read_training(
         index_path, samples_dir, category, train.train_views, train.image_size
     )
-    samples = si3dr_data.read_samples(samples_dir, images.ids)
+    samples, propose = si3dr_data.read_samples(samples_dir, images.ids), None
+    if section.proposals is not None:
+        scenes = proposed_rays.Scenes(config.artifact_dir(config_path, "meshes", category), images.ids)
+        propose = proposed_rays.Proposer(shapes, scenes, section.proposals)
+        sources = [*sources, *scenes.paths]
 
     model = si3dr_training.ddf_model(train, section).to(training.device())
     model.camera_head.fit(images.cameras)
@@ -27,7 +31,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     training.fit(
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera),
-        functools.partial(si3dr_training.ddf_step, model, images, shapes, samples, train, section),
+        functools.partial(si3dr_training.ddf_step, model, images, shapes, samples, train, section, propose=propose),
         section.steps,
         section.loop(train.loop),
         config.artifact_dir(config_path, "train_ddf", category, seed),

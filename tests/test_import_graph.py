@@ -32,11 +32,12 @@ ROOMS: dict[str, list[str]] = {
         "synthetic",
         "dataset",
     ],
-    "2": ["siren", "activations", "derivatives", "passes", "fields", "losses", "curvature"],
+    "2": ["siren", "activations", "derivatives", "passes", "fields", "losses", "curvature", "nearest_rays"],
     "3": ["rendering", "composition", "pointclouds", "metrics", "reconstruction", "si3dr_data"],
     "4": [
         "training",
         "si3dr_training",
+        "proposed_rays",
         "si3dr_inference",
         "step_cost",
         "shape_field",

@@ -4,7 +4,7 @@ import math
 import pytest
 import torch
 
-from ddf import checks, fields, pointclouds
+from ddf import checks, fields, nearest_rays, pointclouds
 
 CONFIG = pointclouds.CloudConfig(  # the paper's way
     num_directions=128,
@@ -82,7 +82,7 @@ def test_direction_is_towards_the_nearest_point_of_the_sphere():
 def test_cancelling_candidates_fall_back_to_the_best():
     candidates = torch.tensor([[[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]]])
     equal, depth = torch.ones(1, 4), torch.full((1, 4), 0.5)
-    found = pointclouds.closest_directions(candidates, equal, depth, CONFIG)
+    found = nearest_rays.closest_directions(candidates, equal, depth, CONFIG.temperature, CONFIG.inverse_depth)
     assert float(found.norm()) == pytest.approx(1.0)
     assert any(torch.equal(found[0], c) for c in candidates[0])
 
@@ -94,7 +94,9 @@ def test_invisible_and_on_surface_candidates_stay_finite_and_unit(visibility, de
     )
     tiny = dataclasses.replace(CONFIG, num_directions=64, temperature=1e-4, inverse_depth=1e-6)
     ones = torch.ones(20, 64)
-    found = pointclouds.closest_directions(candidates, visibility * ones, depth * ones, tiny)
+    found = nearest_rays.closest_directions(
+        candidates, visibility * ones, depth * ones, tiny.temperature, tiny.inverse_depth
+    )
     torch.testing.assert_close(found.norm(dim=-1), torch.ones(20))
 
 

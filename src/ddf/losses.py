@@ -2,9 +2,9 @@
 
 A batch holds, for every shape, its samples in the order of `ORDER`, so that what each term reads is one slice: the
 directed eikonal E U A B, normals U A B, the transition S T, supervision U A B S T O; nothing reads a derivative on O.
-After these may come samples of the same types that are supervised alone, `VALUES_ONLY`: a point without derivatives
-costs less than half, and depth is what a small budget should buy first. Every term is the mean over the oriented points
-that it applies to (the paper does not say; derived here).
+After these may come samples that are supervised alone, `VALUES_ONLY`, of the same types or proposed by the field: a
+point without derivatives costs less than half, and depth is what a small budget should buy first. Every term is the
+mean over the oriented points that it applies to (the paper does not say; derived here).
 """
 
 import itertools
@@ -23,11 +23,12 @@ from ddf import checks, derivatives, passes
 from ddf.fields import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows
 
 ORDER = ("E", "U", "A", "B", "S", "T", "O")  # E: extra uniform points, regularised, without ground truth
-VALUES_ONLY = ("U+", "A+", "B+", "S+", "T+")  # O has no derivatives anyway
-SUPERVISED = (*ORDER[1:], *VALUES_ONLY)
+STORED_VALUES = ("U+", "A+", "B+", "S+", "T+")  # O has no derivatives anyway
+VALUES_ONLY = (*STORED_VALUES, "P")  # P: rays that the field proposes, see `proposed_rays`
+STORED = (*ORDER[1:], *STORED_VALUES)
 # what applies where: first and last type of the slice that a term covers
-EIKONAL, NORMALS, TRANSITION, GROUND_TRUTH = ("E", "B"), ("U", "B"), ("S", "T"), ("U", "T+")
-DOUBLED_DEPTH = (("U", "A"), ("U+", "A+"))
+EIKONAL, NORMALS, TRANSITION, GROUND_TRUTH = ("E", "B"), ("U", "B"), ("S", "T"), ("U", "P")
+DOUBLED_DEPTH = (("U", "A"), ("U+", "A+"), ("P", "P"))
 COVERED = {"supervised": GROUND_TRUTH, "normals": NORMALS, "eikonal": EIKONAL, "transition": TRANSITION}
 WEIGHTED = ("depth", "visibility", "normals", "weight_variance", "transition", "visibility_variance")
 TERMS = (*WEIGHTED, "eikonal")
@@ -38,7 +39,7 @@ BLOCK_VALUES = {"cpu": 2**19, "cuda": 2**25}  # points times widest layer: what 
 class LossWeights:
     """γ of every term, and ε_T, the transition speed that L_T asks for (the paper gives no value).
 
-    depth is doubled on A and U samples. depth_of: `chosen` is the paper's |d_{i*} - d|, which gives the weights w_i no
+    depth is doubled on A, U and P. depth_of: `chosen` is the paper's |d_{i*} - d|, which gives the weights w_i no
     gradient; `mixture` is Σ w_i |d_i - d|, which also moves weight to the better component (derived here).
     depth_huber: error from which L_d grows linearly, see `depth_error`; null for the paper's square.
     """
@@ -85,8 +86,12 @@ class SampleBatch:
 
     def to(self, device: torch.device) -> "SampleBatch":
         """The same batch on another device."""
-        tensors = (self.positions, self.directions, self.visible, self.depth, self.normals)
-        return SampleBatch(*(tensor.to(device) for tensor in tensors), counts=self.counts)
+        return SampleBatch(*(tensor.to(device) for tensor in self._tensors()), counts=self.counts)
+
+    def followed_by(self, other: "SampleBatch") -> "SampleBatch":
+        """This batch with the points of another one, of later types of the same shapes, behind its own."""
+        pairs = zip(self._tensors(), other._tensors(), strict=True)
+        return SampleBatch(*(torch.cat(pair, dim=1) for pair in pairs), counts={**self.counts, **other.counts})
 
     def span(self, first: str, last: str) -> slice:
         """The points from type `first` to type `last`, both included."""
@@ -116,8 +121,10 @@ class SampleBatch:
     def _part(self, shapes: slice, rows: slice) -> "SampleBatch":
         spans = {name: self.span(name, name) for name in self.counts}
         counts = {name: max(0, min(span.stop, rows.stop) - max(span.start, rows.start)) for name, span in spans.items()}
-        tensors = (self.positions, self.directions, self.visible, self.depth, self.normals)
-        return SampleBatch(*(tensor[shapes, rows] for tensor in tensors), counts=counts)
+        return SampleBatch(*(tensor[shapes, rows] for tensor in self._tensors()), counts=counts)
+
+    def _tensors(self) -> tuple[Tensor, ...]:
+        return self.positions, self.directions, self.visible, self.depth, self.normals
 
 
 def depth_error(

@@ -27,9 +27,8 @@ from torch import Tensor
 
 from ddf import checks
 from ddf.fields import PDDF, visibility
+from ddf.nearest_rays import closest_directions
 
-# a mean direction shorter than this has cancelled (a point between two sheets): take the best candidate
-SMALL_MEAN = 0.05
 CROWD = 8  # neighbours that tell how empty a candidate's surroundings are
 LEAST_WEIGHT = 1e-6  # of a candidate: its square is still a float32, and those of no confidence keep an order
 
@@ -146,24 +145,6 @@ def farthest_point_order(
     return torch.from_numpy(order).to(points.device)
 
 
-def closest_directions(
-    candidates: Float[Tensor, "n k 3"],
-    visibilities: Float[Tensor, "n k"],
-    depths: Float[Tensor, "n k"],
-    config: CloudConfig,
-) -> Float[Tensor, "n 3"]:
-    """v̂*, the direction to the nearest visible surface. Source: [DDF22] §4.2-4.3 (weights as in composition).
-
-    Where the weighted mean all but vanishes, the heaviest candidate is taken instead (derived here).
-    """
-    score = visibilities / (config.temperature * (config.inverse_depth + depths))
-    weights = torch.softmax(score, dim=-1)
-    mean = (weights[..., None] * candidates).sum(dim=-2)
-    best = candidates[torch.arange(len(candidates), device=candidates.device), weights.argmax(dim=-1)]
-    length = mean.norm(dim=-1, keepdim=True)
-    return torch.where(length < SMALL_MEAN, best, mean / length.clamp_min(SMALL_MEAN))
-
-
 def project(
     field: PDDF,
     modulations: Sequence[Float[Tensor, "1 _"]] | None,
@@ -180,7 +161,9 @@ def project(
         )
         raw = field(chunk[:, None].expand(shape).reshape(-1, 3), candidates.reshape(-1, 3), modulations)
         raw = raw.reshape(*shape[:2], -1)
-        direction = closest_directions(candidates, visibility(raw), field.depth(raw), config)
+        direction = closest_directions(
+            candidates, visibility(raw), field.depth(raw), config.temperature, config.inverse_depth
+        )
         raw = field(chunk, direction, modulations)
         hit = chunk + field.depth(raw)[:, None] * direction
         seen = visibility(raw)

@@ -171,7 +171,7 @@ class SampleSet:
         numbers, rows_in = zip(*(self.places[i] for i in shapes), strict=True)
         opened = {number: self.shards[number] for number in set(numbers)}
         tables = [(opened[number], row) for number, row in zip(numbers, rows_in, strict=True)]
-        for wanted in losses.SUPERVISED:
+        for wanted in losses.STORED:
             if not counts.get(wanted):
                 continue
             kind = wanted.removesuffix("+")  # U+ are U samples, of which no derivative is read

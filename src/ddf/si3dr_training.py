@@ -1,10 +1,12 @@
 """One optimisation step of single-image reconstruction, for the DDF model and for PC-SIREN. [DDF22] §4.3, app. E."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf import checks, fields, losses, reconstruction, si3dr_data, siren, training
@@ -40,6 +42,33 @@ class TrainConfig:
 
 
 @dataclass(frozen=True)
+class ProposalConfig:
+    """How many rays the field proposes per shape of a batch, and how; see `proposed_rays`.
+
+    points: starts, of which the share `near` is at true surface points + σ N(0, I) with σ = `jitter` (field units),
+    where later cycles of cloud drawing start, the rest uniform in the cube. directions: candidates at each.
+    temperature, inverse_depth: η_T and ε_s, as in cloud drawing.
+    """
+
+    points: int
+    directions: int
+    near: float
+    jitter: float
+    temperature: float
+    inverse_depth: float
+
+    def __post_init__(self) -> None:
+        for name in ("points", "directions"):
+            if getattr(self, name) < 1:
+                raise checks.InputError(f"ddf.proposals.{name} must be >= 1; got {getattr(self, name)}")
+        for name in ("jitter", "temperature", "inverse_depth"):
+            if not getattr(self, name) > 0:
+                raise checks.InputError(f"ddf.proposals.{name} must be > 0; got {getattr(self, name)}")
+        if not 0 <= self.near <= 1:
+            raise checks.InputError(f"ddf.proposals.near must be in [0, 1]; got {self.near}")
+
+
+@dataclass(frozen=True)
 class DDFConfig:
     """Section `ddf`: field, loss and batch of the DDF model.
 
@@ -47,7 +76,8 @@ class DDFConfig:
     are samples of these types that are supervised without derivatives. learning_rate: in place of the one in
     `train.loop`, null for that one: the two models do not bear the same. shape_weight: γ_RS.
     mask_weight: γ_RM. mask_size: side of the rendered mask. mask_pixels: pixels of it that are evaluated per image,
-    drawn among those whose ray meets the box; null for all of them.
+    drawn among those whose ray meets the box; null for all of them. proposals: rays that the field chooses itself; null
+    for none.
     """
 
     field: fields.PDDFConfig
@@ -59,11 +89,12 @@ class DDFConfig:
     mask_weight: float
     mask_size: int
     mask_pixels: int | None
+    proposals: ProposalConfig | None
 
     def __post_init__(self) -> None:
-        known = {*losses.ORDER, *losses.VALUES_ONLY}
+        known = {*losses.ORDER, *losses.STORED_VALUES}
         if not set(losses.ORDER) <= set(self.counts) <= known or min(self.counts.values()) < 1:
-            must, may = ", ".join(losses.ORDER), ", ".join(losses.VALUES_ONLY)
+            must, may = ", ".join(losses.ORDER), ", ".join(losses.STORED_VALUES)
             raise checks.InputError(f"ddf.counts must give each of {must} >= 1, may give {may} >= 1; got {self.counts}")
         if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
             raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (mask_pixels or null)")
@@ -107,6 +138,23 @@ def pcsiren_model(train: TrainConfig, config: PCSirenConfig) -> reconstruction.P
     return reconstruction.PCSirenModel(config.layout(), train.latent_features, train.encoder_width)
 
 
+@runtime_checkable
+class Proposer(Protocol):
+    """Adds rays that the field chooses to the stored samples of a batch."""
+
+    def __call__(
+        self,
+        stored: losses.SampleBatch,
+        field: fields.PDDF,
+        modulations: Sequence[Float[Tensor, "b 1 _"]],
+        chosen: Int[np.ndarray, "b"],
+        random: np.random.Generator,
+        /,
+    ) -> losses.SampleBatch:
+        """The stored samples of the shapes `chosen`, with others behind them."""
+        ...
+
+
 @dataclass(frozen=True)
 class Batch:
     """Images of one step with the cameras and shapes that they show; everything on the model's device."""
@@ -139,12 +187,19 @@ def ddf_step(
     train: TrainConfig,
     config: DDFConfig,
     step: int,
+    propose: Proposer | None = None,
 ) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
-    """γ_RS 𝔏_S + γ_RΠ L_Π + γ_RM L_M, the mask with the predicted camera and the true scale."""
+    """γ_RS 𝔏_S + γ_RΠ L_Π + γ_RM L_M, the mask with the predicted camera and the true scale.
+
+    Args:
+      propose: adds the rays that the config's `proposals` ask for.
+    """
     batch = Batch.draw(images, train, step)
     place = batch.images.device
     modulations = model.modulations(model.shape_encoder(batch.images))
     points = samples.draw(batch.shapes, config.counts, batch.random).to(place)
+    if propose is not None:
+        points = propose(points, model.field, modulations, batch.shapes, batch.random)
     shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights, train.loop.matmul)
     scores = model.camera_encoder(batch.images)
     camera_loss = model.camera_head.loss(scores, batch.cameras)

@@ -13,10 +13,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from ddf import packing, reconstruction, si3dr_data, si3dr_training, training, transforms
+from ddf import (
+    mesh_io,
+    packing,
+    proposed_rays,
+    raycast,
+    reconstruction,
+    si3dr_data,
+    si3dr_training,
+    training,
+    transforms,
+)
 
 STORED = 20_000  # random samples per shape and type to draw from, as many as the paper stores
-CLOUD_POINTS = 8_000
+CLOUD_POINTS, FACES = 8_000, 10_000
 MOST_POINTS, MOST_IMAGES = 40_000, 8  # of a trial that is scaled up: about 3 GiB at the paper's widths
 REPEATS = 3
 Section = si3dr_training.DDFConfig | si3dr_training.PCSirenConfig
@@ -81,12 +91,22 @@ def random_samples(count: int) -> si3dr_data.SampleSet:
     return si3dr_data.SampleSet([arrays], [(0, row) for row in range(count)])
 
 
+def random_scene() -> raycast.Scene:
+    """Small triangles in the cube, as many as a training mesh has."""
+    random = np.random.default_rng(3)
+    corners = random.uniform(-1, 1, (FACES, 1, 3)) + random.normal(0, 0.02, (FACES, 3, 3))
+    return raycast.Scene(mesh_io.Mesh(corners.reshape(-1, 3), np.arange(3 * FACES).reshape(-1, 3)))
+
+
 def trial(train: si3dr_training.TrainConfig, config: Section) -> Trial:
     """Steps of the model that the section describes, at the sizes of both sections."""
     images, shapes = random_images(train.batch_size, train.image_size), random_shapes(train.batch_size)
     if isinstance(config, si3dr_training.DDFConfig):
         ddf, samples = si3dr_training.ddf_model(train, config), random_samples(train.batch_size)
-        loss = functools.partial(si3dr_training.ddf_step, ddf, images, shapes, samples, train, config)
+        propose = None
+        if config.proposals is not None:
+            propose = proposed_rays.Proposer(shapes, [random_scene()] * train.batch_size, config.proposals)
+        loss = functools.partial(si3dr_training.ddf_step, ddf, images, shapes, samples, train, config, propose=propose)
         return _trial(ddf, images, train, loss)
     pcsiren = si3dr_training.pcsiren_model(train, config)
     loss = functools.partial(si3dr_training.pcsiren_step, pcsiren, images, shapes, train, config)
@@ -119,7 +139,8 @@ def measure(train: si3dr_training.TrainConfig, config: Section) -> StepCost:
 def _points_per_image(config: Section) -> int:
     if isinstance(config, si3dr_training.PCSirenConfig):
         return config.points
-    return sum(config.counts.values()) + (config.mask_pixels or config.mask_size**2)
+    proposed = 0 if config.proposals is None else config.proposals.points * config.proposals.directions
+    return sum(config.counts.values()) + proposed + (config.mask_pixels or config.mask_size**2)
 
 
 def _seconds(work: Callable[[], object]) -> float:

@@ -1,0 +1,125 @@
+"""Rays that the field itself proposes in training, with the first hits that they really have (derived here).
+
+Cloud drawing follows, from each point, the ray that the field holds to be the nearest visible surface. Of many rays it
+takes the most inviting, so it finds every place where silhouettes are too fat: rays past an edge that are believed to
+hit. Stored samples, drawn without regard to the field, rarely show it these. So a batch gets some of the rays that the
+present field would choose, cast against the training mesh: values alone, no derivative is read.
+"""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ddf import checks, fields, losses, mesh_shards, nearest_rays, raycast, si3dr_data, si3dr_training, storage
+
+OPEN_PACKS = 8  # of training meshes, with their ray casting scenes; a shape of another one costs some 20 ms
+
+
+class Scenes:
+    """The training mesh of each shape, in the field frame, ready for ray casting; a few packs are kept open."""
+
+    def __init__(self, folder: Path, ids: Sequence[str]) -> None:
+        """Scenes of the given shapes, in their order, from the packs of stage `meshes`.
+
+        Raises:
+          InputError: a shape is in no pack, or a pack is damaged; it is named.
+        """
+        self.paths = storage.shard_files(folder, ".zip", "meshes")
+        places = {name: path for path in self.paths for name in storage.load_pack(path)[1]["ids"]}
+        missing = [name for name in ids if name not in places]
+        if missing:
+            raise checks.InputError(f"{folder}: no prepared mesh of shape {missing[0]}; run the meshes stage again")
+        self._places = [(places[name], name) for name in ids]
+        self._open = functools.lru_cache(maxsize=OPEN_PACKS)(_Pack)
+
+    def __getitem__(self, index: int, /) -> raycast.Scene:
+        path, name = self._places[index]
+        return self._open(path).scene(name)
+
+
+class _Pack:
+    """The meshes of one pack, each made a scene when it is first asked for."""
+
+    def __init__(self, path: Path) -> None:
+        self._meshes = mesh_shards.read_pack(path).meshes
+        self._scenes: dict[str, raycast.Scene] = {}
+
+    def scene(self, name: str) -> raycast.Scene:
+        if name not in self._scenes:
+            self._scenes[name] = raycast.Scene(self._meshes[name])
+        return self._scenes[name]
+
+
+@torch.no_grad()
+def propose(
+    field: fields.PDDF,
+    modulations: Sequence[Float[Tensor, "b 1 _"]],
+    starts: Float[Tensor, "b n 3"],
+    candidates: Float[Tensor, "b n k 3"],
+    config: si3dr_training.ProposalConfig,
+) -> Float[Tensor, "b n 3"]:
+    """v̂* of each start among its candidates, for the shape of each row. Costs b n k queries, values only."""
+    shape = candidates.shape
+    raw = field(starts[:, :, None].expand(shape).flatten(1, 2), candidates.flatten(1, 2), modulations)
+    seen, depth = fields.visibility(raw), field.depth(raw)
+    found = nearest_rays.closest_directions(
+        candidates.flatten(0, 1),
+        seen.reshape(-1, shape[2]),
+        depth.reshape(-1, shape[2]),
+        config.temperature,
+        config.inverse_depth,
+    )
+    return torch.nn.functional.normalize(found, dim=-1).view_as(starts)
+
+
+@dataclass(frozen=True)
+class Proposer:
+    """Puts proposed rays behind the stored samples of a batch; a `si3dr_training.Proposer`.
+
+    scenes: of the shapes of the set, in its order.
+    """
+
+    shapes: si3dr_data.ShapeSet
+    scenes: Scenes | Sequence[raycast.Scene]
+    config: si3dr_training.ProposalConfig
+
+    def __call__(
+        self,
+        stored: losses.SampleBatch,
+        field: fields.PDDF,
+        modulations: Sequence[Float[Tensor, "b 1 _"]],
+        chosen: Int[np.ndarray, "b"],
+        random: np.random.Generator,
+    ) -> losses.SampleBatch:
+        """`stored`, of the shapes `chosen`, with rays of type P behind; all on the device of `stored`."""
+        place = stored.positions.device
+        starts = self._starts(chosen, random)
+        size = (*starts.shape[:2], self.config.directions, 3)
+        candidates = torch.from_numpy(random.standard_normal(size, dtype=np.float32))
+        candidates = torch.nn.functional.normalize(candidates, dim=-1)
+        directions = propose(field, modulations, starts.to(place), candidates.to(place), self.config).cpu()
+        hits = [
+            self.scenes[int(shape)].first_hits(positions.double().numpy(), own.double().numpy())
+            for shape, positions, own in zip(chosen, starts, directions, strict=True)
+        ]
+        depth, triangle = (torch.from_numpy(np.stack(parts)) for parts in zip(*hits, strict=True))
+        visible = triangle >= 0
+        depth = depth.float().masked_fill(~visible, 0.0)
+        normals = torch.zeros_like(starts)  # never read
+        counts = {"P": self.config.points}
+        proposed = losses.SampleBatch(starts, directions, visible.float(), depth, normals, counts)
+        return stored.followed_by(proposed.to(place))
+
+    def _starts(self, chosen: Int[np.ndarray, "b"], random: np.random.Generator) -> Float[Tensor, "b n 3"]:
+        near = round(self.config.near * self.config.points)
+        uniform = random.uniform(-1, 1, (len(chosen), self.config.points - near, 3)).astype(np.float32)
+        noise = random.standard_normal((len(chosen), near, 3), dtype=np.float32)
+        surface = torch.stack([self.shapes.subset(int(shape), near, random) for shape in chosen])
+        starts = torch.cat((torch.from_numpy(uniform), surface + self.config.jitter * torch.from_numpy(noise)), dim=1)
+        return starts.clamp(-1, 1)
