@@ -15,7 +15,7 @@ from scipy import spatial
 
 from ddf import metrics, neighbours
 
-THREADS, REPEATS = 2, 21
+THREADS, REPEATS = 2, 41
 NUM_PRED, NUM_TRUTH, NOISE = 5000, 8000, 0.005
 TAU_SQ = metrics.TAU_SQ
 Distances = tuple[np.ndarray, np.ndarray]
