@@ -18,6 +18,7 @@ _STARTED = time.perf_counter()  # of the script that imports this
 REPORTS = Path(__file__).resolve().parents[1] / "reports"
 OUT = Path(os.environ.get("DDF_BENCH_OUT") or REPORTS / "bench")
 TICK, WARM, LEAST, MOST_SECONDS = 0.01, 1.0, 5, 4.0  # seconds, seconds, samples, seconds: see `interleaved`
+COLD = 10  # by no larger factor is a first call slower than the next ones
 SETTLED = 0.02  # error of a median, as a share of it, that more samples need not make smaller
 MEDIAN_ERROR = 0.93  # of normal samples: standard error of the median, 1.253 σ/√n, with σ = (q3 - q1)/1.349
 PACKAGES = ("torch", "numpy", "open3d", "onnxruntime")
@@ -48,8 +49,7 @@ def interleaved(
     for name, candidate in candidates.items():
         first = _seconds(candidate, 1)
         times[name] = [first] if first >= WARM else []
-        if not times[name]:
-            calls[name] = max(1, math.ceil(TICK / _seconds(candidate, 1)))
+        calls[name] = max(1, math.ceil(TICK / _seconds(candidate, 1))) if first < COLD * TICK else 1
     spent = {name: sum(values) for name, values in times.items()}
 
     def open_still(name: str) -> bool:
@@ -60,7 +60,7 @@ def interleaved(
         if all(len(times[name]) >= LEAST and settled(times[name]) for name in asked):
             break
         for name in asked:
-            count = calls.get(name, 1)
+            count = calls[name]
             times[name].append(_seconds(candidates[name], count))
             spent[name] += count * times[name][-1]
     return times
