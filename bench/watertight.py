@@ -60,7 +60,7 @@ def shapes() -> dict[str, Mesh]:
 
 def timed(work: Callable[[], Any]) -> tuple[Any, list[float]]:
     """A result, and the seconds of so many repeats as the time allows."""
-    seconds: list[float] = []
+    result, seconds = None, list[float]()
     while not seconds or (len(seconds) < REPEATS and sum(seconds) < MOST_SECONDS):
         started = time.perf_counter()
         result = work()

@@ -97,7 +97,10 @@ def test_spread_holds_the_medians_of_second_runs():
         runs = np.exp(drifts + rng.normal(0, noise, (2, 2000, samples)))
         low, middle, high = np.quantile(runs, (0.25, 0.5, 0.75), axis=-1)
         spreads = [
-            [_results.spread(_results.Row("a", {}, times, {}, samples=samples)) for times in zip(*run, strict=True)]
+            [
+                _results.spread(_results.Row("a", {}, (q1, q2, q3), {}, samples=samples))
+                for q1, q2, q3 in zip(*run, strict=True)
+            ]
             for run in zip(low, middle, high, strict=True)
         ]
         outside = np.abs(np.log(middle[1] / middle[0])) > np.log(np.max(spreads, axis=0))
