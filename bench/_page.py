@@ -152,7 +152,11 @@ def section(benchmark: Benchmark, files: dict[str, bytes], pictures: Sequence[st
     """Sentence, machine, picture, table; the picture is added to `files`. pictures: drawn by the benchmark itself."""
     versions = ", ".join(f"{name} {version}" for name, version in benchmark.versions.items())
     threads = f"{benchmark.threads} thread{'s' if benchmark.threads > 1 else ''}"
-    blocks: list[Any] = [about(benchmark.name), f"{benchmark.cpu}, {benchmark.cores} cores, {threads}; {versions}."]
+    took = "" if benchmark.took_s is None else f"; {benchmark.took_s:.0f} s in all"
+    blocks: list[Any] = [
+        about(benchmark.name),
+        f"{benchmark.cpu}, {benchmark.cores} cores, {threads}; {versions}{took}.",
+    ]
     shown = view(benchmark)
     drawn = panels(benchmark, shown) if shown else []
     if shown and drawn:
@@ -276,7 +280,9 @@ def page(found: Mapping[str, Benchmark], pictures: Sequence[str] = ()) -> pages.
     figures = [block for part in sections[: len(sentences)] for block in part.blocks if _is_pareto(block)]
     lead = [
         'Made by `make bench` (`make bench BENCH="evaluation rendering"` runs some). Times are medians; a second run '
-        "on the same machine has its medians within the factor `spread` of them, `make bench-check` tries it.",
+        "on the same machine has its medians within the factor `spread` of them, but for one in a hundred, once the "
+        "factor that all rows of a benchmark share is taken off; `make bench-check` tries it. Spread follows from "
+        "quartiles and number of samples, and from what differs from run to run (`bench/_results.py`).",
         *(f"With a page of its own: [{_title(name)}]({link})." for name, link in OWN_PAGES.items() if name in found),
     ]
     first = [pages.Section("What matters most", [*([tuple(sentences)] if sentences else []), *figures])]

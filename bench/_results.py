@@ -1,8 +1,11 @@
 """What the benchmarks wrote: rows, how far a median may move in a second run, the frontier, two runs compared.
 
-Spread of a row: the factor q3/q1 of its seconds, at least 1.25, because the other users of a machine are not there all
-the time. A second run agrees when its median lies within that factor, above or below, of the first one's; or when it
-does after the factor by which all rows of that benchmark moved together (the median of their ratios) is taken off: a
+Spread of a row: the factor within which a second run's median lies, but for one row of a hundred. The difference of
+two medians of logarithms has the variance 2 (drift² + π/2 σ²/n). σ, of one sample, is what the quartiles show, widened
+by 1 + 2/n, as those of few samples are close together, and no less than `LEAST_NOISE`; n is the number of samples;
+`DRIFT` is what a run's own quartiles cannot show: other users, clocks and memory differ from one minute to another. A
+second run agrees when its median is within that factor of the first one's, the larger of both rows' factors; or when it
+is after the factor by which all rows of that benchmark moved together (the median of their ratios) is taken off: a
 busier or a slower machine moves them all. Errors must be equal, or as near as the row says (`error_tolerance`); errors
 that are rounding itself, within a factor of 2.
 """
@@ -17,7 +20,10 @@ from typing import Any
 
 from ddf import checks
 
-SMALLEST_SPREAD = 1.25
+DRIFT = 0.06  # standard deviation of a median's logarithm from run to run, on a machine that others use too
+LEAST_NOISE = 0.10  # σ is taken to be no less: the quartiles of few samples are close together by chance
+QUARTILES = 1.349  # distance of a normal distribution's quartiles, in standard deviations
+CERTAINTY = 2.6  # standard deviations: 99 % of normal differences
 EQUAL = 1e-6  # relative difference at which errors count as equal: sums over threads may be ordered anew
 ROUNDING = 1e-5  # errors below this are rounding itself, which depends on how work was split over threads
 SHARED_ROWS = 3  # from so many rows on their common factor can be told from their own
@@ -25,13 +31,17 @@ SHARED_ROWS = 3  # from so many rows on their common factor can be told from the
 
 @dataclass(frozen=True)
 class Row:
-    """One line. seconds: (q1, median, q3), or None where only the error was measured. told: everything else."""
+    """One line.
+
+    seconds: (q1, median, q3) of `samples` samples, or None where only the error was measured. told: everything else.
+    """
 
     what: str
     size: dict[str, Any]
     seconds: tuple[float, float, float] | None
     error: dict[str, float]
     told: dict[str, Any] = field(default_factory=dict)
+    samples: int = 1
 
     @property
     def key(self) -> str:
@@ -46,7 +56,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A file of rows and where they were measured."""
+    """A file of rows and where they were measured. took_s: seconds of the whole script, None where unknown."""
 
     name: str
     cpu: str
@@ -54,6 +64,7 @@ class Benchmark:
     threads: int
     versions: dict[str, str]
     rows: list[Row]
+    took_s: float | None = None
 
 
 def load(file: Path) -> Benchmark:
@@ -65,9 +76,8 @@ def load(file: Path) -> Benchmark:
     try:
         record = json.loads(file.read_text(encoding="utf-8"))
         rows = [_row(entry) for entry in record["rows"]]
-        return Benchmark(
-            record["benchmark"], record["cpu"], record["cores"], record["threads"], record["versions"], rows
-        )
+        machine = (record["cpu"], record["cores"], record["threads"], record["versions"])
+        return Benchmark(record["benchmark"], *machine, rows, record.get("took_s"))
     except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
         raise checks.InputError(f"{file}: not the result of a benchmark ({type(error).__name__}: {error})") from error
 
@@ -80,10 +90,10 @@ def _row(entry: dict[str, Any]) -> Row:
         if not 0 < seconds[0] <= seconds[1] <= seconds[2] < math.inf:
             raise ValueError(f"seconds must be positive and in order; got {seconds} in {entry['what']}")
     told = {name: value for name, value in entry.items() if name not in _OWN}
-    return Row(entry["what"], dict(entry["size"]), seconds, dict(entry["error"]), told)
+    return Row(entry["what"], dict(entry["size"]), seconds, dict(entry["error"]), told, entry.get("samples", 1))
 
 
-_OWN = ("what", "size", "median_s", "quartiles_s", "error")
+_OWN = ("what", "size", "median_s", "quartiles_s", "samples", "error")
 
 
 def load_folder(folder: Path) -> dict[str, Benchmark]:
@@ -100,7 +110,12 @@ def load_folder(folder: Path) -> dict[str, Benchmark]:
 
 def spread(row: Row) -> float:
     """The factor within which a second run's median lies (module docstring); 1 where nothing was timed."""
-    return 1.0 if row.seconds is None else max(SMALLEST_SPREAD, row.seconds[2] / row.seconds[0])
+    if row.seconds is None:
+        return 1.0
+    seen = math.log(row.seconds[2] / row.seconds[0]) / QUARTILES
+    noise = max(LEAST_NOISE, seen * (1 + 2 / row.samples))
+    variance = 2 * (DRIFT**2 + math.pi / 2 * noise**2 / row.samples)
+    return math.exp(CERTAINTY * math.sqrt(variance))
 
 
 def frontier(points: Sequence[tuple[float, float]]) -> list[int]:

@@ -5,29 +5,19 @@ over few images: they rank ways of drawing on the same images and are not those 
 """
 
 import dataclasses
+import statistics
 import time
 from pathlib import Path
 from typing import Any
 
 import _measure
-import numpy as np
+import _test_views
 import torch
 
-from ddf import (
-    config,
-    metrics,
-    pointclouds,
-    shapenet,
-    si3dr_data,
-    si3dr_inference,
-    si3dr_training,
-    stage,
-    training,
-    transforms,
-)
+from ddf import config, pointclouds, si3dr_inference, si3dr_training, stage, training
 
 CONFIG, CATEGORIES = Path("configs/cpu.yaml"), ("chair", "plane", "car")
-TAU_SQ, IMAGES, THREADS = 1e-4, 2, 2
+IMAGES, THREADS = 2, 2
 DIRECTIONS, CYCLES = (4, 16, 48, 128), (1, 3)
 DEPARTURES = (("jitter",), ("recheck",), ("spread", "outliers"))  # measured alone, then together
 PLAIN = {"jitter": 0.0, "recheck": (), "spread": None, "outliers": 0.0}  # the paper's way; whatever else is set stays
@@ -61,40 +51,32 @@ def measure(category: str) -> list[dict]:
     model = si3dr_training.ddf_model(train, config.load(CONFIG, "ddf", si3dr_training.DDFConfig))
     training.prepare(train.loop)
     torch.set_num_threads(THREADS)
-    training.load_model(model, config.artifact_dir(CONFIG, "train_ddf", category))
-    dataset = shapenet.Dataset.open(config.artifact_dir(CONFIG, "dataset") / "index.json")
-    samples = config.artifact_dir(CONFIG, "samples", category)
-    shown = si3dr_data.available(samples, si3dr_data.test_views(dataset, category, 1))[:IMAGES]
-    images = si3dr_data.read_images(dataset, category, shown, train.image_size)
-    shapes = si3dr_data.read_shapes(samples, images.ids)
-    factors = transforms.BENCHMARK_FROM_V1 / shapes.field_scales(images.shapes).numpy()
-    _, latents, _ = si3dr_inference.encode(model, images)
+    views = _test_views.read(CONFIG, category, IMAGES, {"train_ddf": model})
+    _, latents, _ = si3dr_inference.encode(model, views.images)
     with torch.no_grad():
         modulations = model.modulations(latents)
     rows = []
     for cloud in settings(section.cloud):
         seconds, scores = [], []
-        for image, shape in enumerate(images.shapes):
+        for image in range(len(views.truths)):
             own = [m[image] for m in modulations]
-            truth = shapes.clouds[shape].numpy().astype(np.float64) * factors[image]
             generator = torch.Generator().manual_seed(image)
             started = time.perf_counter()
             cycles = pointclouds.sample(model.field, own, section.large, cloud, generator)
             (points,) = pointclouds.select(cycles, [section.large], cloud)
             seconds.append(time.perf_counter() - started)
-            value = metrics.compare_clouds(points.numpy().astype(np.float64) * factors[image], truth, TAU_SQ)
-            scores.append((1e3 * value.chamfer_l2_sq, 100 * value.f_score_tau))
-        chamfer, f_score = np.mean(scores, axis=0)
-        error = {"chamfer_l2_sq_x1000": float(chamfer), "f_score_tau_x100": float(f_score)}
+            scores.append(views.scores(image, points.numpy()))
+        error = {name: statistics.fmean(score[name] for score in scores) for name in scores[0]}
         rows.append(_measure.row(category, told(cloud, section.large), seconds, error))
     return rows
 
 
 def main() -> None:
     """Measure every category of the experiment; without its trained models say so and leave the results as they are."""
-    lacking = [folder for name in CATEGORIES if not (folder := config.artifact_dir(CONFIG, "train_ddf", name)).exists()]
+    lacking = [name for name in CATEGORIES if not _test_views.trained(CONFIG, name)]
     if lacking:
-        print(f"cloud_sampling: skipped, {lacking[0]} is not there; `make reproduce-table` makes it")
+        folder = config.artifact_dir(CONFIG, "train_ddf", lacking[0])
+        print(f"cloud_sampling: skipped, {folder} is not there; `make reproduce-table` makes it")
         return
     _measure.write("cloud_sampling", THREADS, [row for category in CATEGORIES for row in measure(category)])
 

@@ -7,6 +7,7 @@ hard choice; those of the networks, soft only, against the same scene in float64
 """
 
 import copy
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -18,7 +19,7 @@ from torch import Tensor
 
 from ddf import cameras, composition, fields, primitives, transforms
 
-THREADS, REPEATS, PIXELS = 2, 5, 64
+THREADS, REPEATS, PIXELS = 2, 25, 64
 COUNTS = (1, 4, 16, 64)
 TEMPERATURE, INVERSE_DEPTH = 3e-3, 0.05
 HIDDEN = (96, 96, 96)
@@ -80,45 +81,56 @@ def hard_errors(found: composition.Composite, depth: Tensor) -> dict[str, float]
     return {"nearest_depth_max": float(off.max()), "wrong_visibility": float((seen != truth).double().mean())}
 
 
-def measured(
-    what: str,
-    objects: Sequence[composition.Placed],
-    rays: tuple[Tensor, Tensor],
-    error: Callable[[composition.Composite], dict[str, float]],
-) -> list[dict[str, Any]]:
-    """Two rows, with and without culling."""
+@dataclasses.dataclass(frozen=True)
+class Image:
+    """One way of composing one scene: a row."""
 
-    def image(cull: bool) -> composition.Composite:
-        return composition.compose(objects, *rays, TEMPERATURE, INVERSE_DEPTH, cull)
+    what: str
+    objects: Sequence[composition.Placed]
+    cull: bool
+    error: Callable[[composition.Composite], dict[str, float]]
 
-    times = _measure.interleaved({"culled": lambda: image(True), "all": lambda: image(False)}, REPEATS)
-    rows = []
-    for name, seconds in times.items():
-        found = image(name == "culled")
-        size = {"objects": len(objects), "culling": name == "culled", "pixels_a_side": PIXELS}
-        row = _measure.row(what, size, seconds, error(found))
-        rows.append({**row, "queries_per_pixel": found.queries / PIXELS**2})
-    return rows
+    @property
+    def size(self) -> dict[str, Any]:
+        """As in the row."""
+        return {"objects": len(self.objects), "culling": self.cull, "pixels_a_side": PIXELS}
+
+    def compose(self, rays: tuple[Tensor, Tensor]) -> composition.Composite:
+        """What is timed."""
+        return composition.compose(self.objects, *rays, TEMPERATURE, INVERSE_DEPTH, self.cull)
+
+
+def images(count: int, rays: tuple[Tensor, Tensor], network: fields.PDDF, precise: fields.PDDF) -> list[Image]:
+    """Closed forms and networks of so many objects, with and without culling."""
+    closed = scene(count, lambda i: composition.primitive_query(SHAPES[i % len(SHAPES)]))
+    truth = exact_depth(count, *rays)
+    slow = scene(count, lambda _: composition.field_query(precise))
+    exact = composition.compose(slow, *rays, TEMPERATURE, INVERSE_DEPTH, cull=False).depth
+    fast = scene(count, lambda _: composition.field_query(network))
+    return [
+        Image(what, objects, cull, error)
+        for what, objects, error in (
+            ("closed forms", closed, lambda found: soft_error(found, truth) | hard_errors(found, truth)),
+            ("networks", fast, lambda found: soft_error(found, exact)),
+        )
+        for cull in (True, False)
+    ]
 
 
 def main() -> None:
-    """Closed forms and networks at every number of objects."""
+    """Closed forms and networks at every number of objects, all in turn."""
     torch.set_num_threads(THREADS)
     rays = camera_rays()
     torch.manual_seed(0)
     network = fields.PDDF(fields.PDDFConfig(HIDDEN, 3.0, 1.0, "softplus", 100.0)).requires_grad_(False)
     precise = copy.deepcopy(network).double()
+    chosen = [image for count in COUNTS for image in images(count, rays, network, precise)]
+    ways = {f"{image.what}, {image.size}": (lambda image=image: image.compose(rays)) for image in chosen}
     rows = []
-    for count in COUNTS:
-        closed = scene(count, lambda i: composition.primitive_query(SHAPES[i % len(SHAPES)]))
-        truth = exact_depth(count, *rays)
-        errors = [lambda found, d=truth: soft_error(found, d) | hard_errors(found, d)]
-        slow = scene(count, lambda _: composition.field_query(precise))
-        exact = composition.compose(slow, *rays, TEMPERATURE, INVERSE_DEPTH, cull=False).depth
-        errors.append(lambda found, d=exact: soft_error(found, d))
-        fast = scene(count, lambda _: composition.field_query(network))
-        for what, objects, error in zip(("closed forms", "networks"), (closed, fast), errors, strict=True):
-            rows += measured(what, objects, rays, error)
+    for image, seconds in zip(chosen, _measure.interleaved(ways, REPEATS).values(), strict=True):
+        found = image.compose(rays)
+        row = _measure.row(image.what, image.size, seconds, image.error(found))
+        rows.append({**row, "queries_per_pixel": found.queries / PIXELS**2})
     _measure.write("composition", THREADS, rows)
 
 

@@ -10,7 +10,7 @@ rounding chooses the other component or the normal's side (`onnx_outputs`).
 import copy
 import shutil
 import sysconfig
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent import futures
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ RAYS, CHECKED = 65_536, 8_192
 CHUNK_VALUES = 2**18  # of one layer, rays times width: 1 MiB, which stays in the cache
 PARITY_RAYS = 16_384  # curvature keeps every layer of every ray in memory
 LAYERS = {128: 6, 256: 6, 512: 7}
-REPEATS = {128: 5, 256: 3, 512: 2}
+REPEATS, MOST_SECONDS = 7, 1.5
 OMEGA_FIRST = 6.0  # of configs/fit.yaml
 VALUES, WITH_NORMALS = ("visibility", "depth"), ("visibility", "depth", "normals")
 COMPILERS = ("g++", "clang++", "c++")
@@ -122,14 +122,32 @@ def errors(answer: Answer, graph: onnx_graphs.FieldGraph, rays: tuple[Tensor, Te
     return found
 
 
-def programs(field: fields.PDDF, outputs: Sequence[str], threads: int) -> dict[tuple[str, str], Program]:
+class Exported:
+    """A field, and its ONNX files: each is made once."""
+
+    def __init__(self, field: fields.PDDF) -> None:
+        self.field = field
+        self._files: dict[tuple[tuple[str, ...], str | None], bytes] = {}
+
+    def data(self, outputs: Sequence[str], precision: str | None = None) -> bytes:
+        """The file with these outputs, as it is or in a reduced precision."""
+        key = (tuple(outputs), precision)
+        if key not in self._files:
+            if precision is None:
+                with torch.no_grad():
+                    self._files[key] = onnx_export.to_onnx(onnx_graphs.FieldGraph(self.field, outputs), {})
+            else:
+                self._files[key] = onnx_precision.reduce(self.data(outputs), precision)
+        return self._files[key]
+
+
+def programs(exported: Exported, outputs: Sequence[str], threads: int) -> dict[tuple[str, str], Program]:
     """(runtime, precision) to program; all but float32 and what needs a compiler at `threads` > 1 only."""
-    full, half, brain = torch.float32, torch.float16, torch.bfloat16
-    with torch.no_grad():
-        data = onnx_export.to_onnx(onnx_graphs.FieldGraph(field, outputs), {})
+    full, brain = torch.float32, torch.bfloat16
+    field = exported.field
     found: dict[tuple[str, str], Program] = {
         ("torch", "float32"): LayerLoop(field, outputs, full, full),
-        ("onnxruntime", "float32"): onnx_program(data, outputs, threads),
+        ("onnxruntime", "float32"): onnx_program(exported.data(outputs), outputs, threads),
     }
     if threads == 1:
         return found
@@ -138,14 +156,13 @@ def programs(field: fields.PDDF, outputs: Sequence[str], threads: int) -> dict[t
     )
     found["torch", "bfloat16 products"] = LayerLoop(field, outputs, brain, full)
     found["torch", "bfloat16"] = LayerLoop(field, outputs, brain, brain)
-    found["torch", "float16 products"] = LayerLoop(field, outputs, half, full)
     for precision in onnx_precision.PRECISIONS:
-        found["onnxruntime", precision] = onnx_program(onnx_precision.reduce(data, precision), outputs, threads)
+        found["onnxruntime", precision] = onnx_program(exported.data(outputs, precision), outputs, threads)
     return found
 
 
 def candidates(
-    field: fields.PDDF, outputs: Sequence[str], threads: int, rays: tuple[Tensor, Tensor]
+    exported: Exported, outputs: Sequence[str], threads: int, rays: tuple[Tensor, Tensor]
 ) -> dict[tuple[str, str, str], Callable[[], Answer]]:
     """(runtime, precision, how it is called) to the whole batch; with normals in float32 only."""
     found: dict[tuple[str, str, str], Callable[[], Answer]] = {}
@@ -156,20 +173,23 @@ def candidates(
         key_how = (*key, f"{how}, {workers} workers" if workers else how)
         found[key_how] = lambda: threaded(program, rays, length, each, workers)
 
+    field = exported.field
     width = field.config.hidden[0]
     chunk = CHUNK_VALUES // width
-    for key, program in programs(field, outputs, threads).items():
+    for key, program in programs(exported, outputs, threads).items():
         if outputs == VALUES or key[1] == "float32":
             add(key, program, chunk)
         if outputs == VALUES and key[1] == "float32" and width < max(LAYERS):
             add(key, program, RAYS)
     if threads == 1:
         return found
-    for key, program in programs(field, outputs, 1).items():
+    for key, program in programs(exported, outputs, 1).items():
         add(key, program, chunk, threads)
     if outputs == VALUES and has_compiler():
-        loop = LayerLoop(field, outputs, torch.float32, torch.float32)
-        add(("torch.compile", "float32"), torch.compile(loop.__call__, dynamic=False), chunk)
+        compiled = torch.compile(LayerLoop(field, outputs, torch.float32, torch.float32).__call__, dynamic=False)
+        torch.set_num_threads(threads)
+        compiled(rays[0][:chunk], rays[1][:chunk])  # compiles, which is no part of any sample
+        add(("torch.compile", "float32"), compiled, chunk)
     return found
 
 
@@ -179,13 +199,18 @@ def has_compiler() -> bool:
     return headers.exists() and any(shutil.which(name) for name in COMPILERS)
 
 
-def measure(field: fields.PDDF, outputs: Sequence[str], threads: int) -> list[dict[str, Any]]:
-    """Every program on one field, one row each; `best` marks the fastest float32 one of onnxruntime and of the rest."""
-    width, rays = field.config.hidden[0], random_rays(RAYS)
-    chosen = candidates(field, outputs, threads, rays)
+def measure(
+    exported: Exported, outputs: Sequence[str], threads: int, error: Mapping[tuple[str, str], dict[str, float]]
+) -> list[dict[str, Any]]:
+    """Every program on one field, one row each; `best` marks the fastest float32 one of onnxruntime and of the rest.
+
+    Args:
+      error: of every runtime and precision (`checked_errors`).
+    """
+    width, rays = exported.field.config.hidden[0], random_rays(RAYS)
+    chosen = candidates(exported, outputs, threads, rays)
     named = {", ".join(key): run for key, run in chosen.items()}
-    times = _measure.interleaved(named, REPEATS[width])
-    error = checked_errors(field, threads, rays)
+    times = _measure.interleaved(named, REPEATS, MOST_SECONDS)
     rows = []
     for (runtime, precision, how), (name, seconds) in zip(chosen, times.items(), strict=True):
         size = {"width": width, "layers": LAYERS[width], "rays": RAYS, "threads": threads, "outputs": list(outputs)}
@@ -196,15 +221,14 @@ def measure(field: fields.PDDF, outputs: Sequence[str], threads: int) -> list[di
     return mark_best(rows)
 
 
-def checked_errors(
-    field: fields.PDDF, threads: int, rays: tuple[Tensor, Tensor]
-) -> dict[tuple[str, str], dict[str, float]]:
+def checked_errors(exported: Exported) -> dict[tuple[str, str], dict[str, float]]:
     """Of every program with normals, on the first rays."""
+    field, rays = exported.field, random_rays(RAYS)
     truth = onnx_graphs.FieldGraph(copy.deepcopy(field).double(), WITH_NORMALS)
     few, chunk = (rays[0][:CHECKED], rays[1][:CHECKED]), CHUNK_VALUES // field.config.hidden[0]
     return {
-        key: errors(threaded(program, few, chunk, threads), truth, few)
-        for key, program in programs(field, WITH_NORMALS, threads).items()
+        key: errors(threaded(program, few, chunk, THREADS), truth, few)
+        for key, program in programs(exported, WITH_NORMALS, THREADS).items()
     }
 
 
@@ -245,8 +269,10 @@ def main() -> None:
     for width, layers in LAYERS.items():
         torch.manual_seed(0)
         field = fields.PDDF(fields.PDDFConfig((width,) * layers, OMEGA_FIRST, 1.0, "softplus", 100.0)).eval()
+        exported = Exported(field)
+        error = checked_errors(exported)
         for threads, outputs in ((THREADS, VALUES), (THREADS, WITH_NORMALS), (1, VALUES)):
-            found = measure(field, outputs, threads)
+            found = measure(exported, outputs, threads, error)
             ours, theirs = sorted(
                 (row for row in found if row["best"]), key=lambda row: row["runtime"] != "onnxruntime"
             )

@@ -20,23 +20,13 @@ import _measure
 import _projection
 import yaml
 
-from ddf import pages
+from ddf import pages, stage_scripts
 
 ROOT = Path(__file__).resolve().parents[1]
 CONFIG, PAPER = ROOT / "configs" / "cpu.yaml", ROOT / "configs" / "paper.yaml"
 STEP = _measure.OUT / "full_size_step.json"
 CATEGORY, SIZES = "chair", (30, 300)
 LIMIT_MIB = 4096
-STAGES = {  # script by stage; those of one category take its name
-    "dataset": "make_dataset",
-    "meshes": "prepare_meshes",
-    "samples": "extract_samples",
-    "train_ddf": "train_ddf",
-    "train_pcsiren": "train_pcsiren",
-    "pointclouds": "make_pointclouds",
-    "evaluate": "evaluate_clouds",
-}
-WHOLE = ("dataset", "evaluate")
 SMALL = {  # of cpu.yaml, so that 300 shapes take a minute; shards and everything else are as there
     "dataset": {"views": 5},
     "meshes": {"faces": 2000, "measure_points": 1000},
@@ -68,8 +58,8 @@ def run_stages(folder: Path, shapes: int) -> dict[str, dict[str, float]]:
     (folder / "configs").mkdir(exist_ok=True)
     (folder / "configs" / f"{name}.yaml").write_text(yaml.safe_dump(small_config(shapes)), encoding="utf-8")
     notes = {}
-    for stage, script in STAGES.items():
-        category = [] if stage in WHOLE else ["--category", CATEGORY]
+    for stage, script in stage_scripts.SCRIPTS.items():
+        category = [] if stage in stage_scripts.WHOLE else ["--category", CATEGORY]
         command = [sys.executable, str(ROOT / "stages" / f"{script}.py"), "--config", f"configs/{name}.yaml", *category]
         environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
         result = subprocess.run(command, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True)
@@ -89,7 +79,7 @@ def workers() -> int:
 def reference_memory(artifacts: Path) -> dict[str, dict[str, float]]:
     """The largest figures that the stages of the reference run noted; without those that noted no memory."""
     found: dict[str, dict[str, float]] = {}
-    for stage, script in STAGES.items():
+    for stage, script in stage_scripts.SCRIPTS.items():
         paths = sorted((artifacts / "times").glob(f"{script}*.json"))
         notes = [note for note in map(_read, paths) if note is not None and "peak_mib" in note]
         if notes:
@@ -182,7 +172,7 @@ def project(costs: Mapping[str, Any], step: Mapping[str, Any] | None) -> list[di
         }
     for stage, model in (("train_ddf", "ddf"), ("train_pcsiren", "pcsiren")):
         rows[stage] = _training(stage, model, costs, step)
-    return [{"stage": stage, **rows[stage]} for stage in STAGES]
+    return [{"stage": stage, **rows[stage]} for stage in stage_scripts.SCRIPTS]
 
 
 def _cloud_bytes(cloud: Mapping[str, Any], split: _projection.Split) -> int:
@@ -227,7 +217,7 @@ def _table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]], l
 
 def _growth_section(record: Mapping[str, Any]) -> pages.Section:
     rows = []
-    for stage in STAGES:
+    for stage in stage_scripts.SCRIPTS:
         cells = [stage]
         for key in ("peak_mib", "worker_peak_mib"):
             values = [record["growth"][str(size)][stage][key] for size in SIZES]

@@ -40,7 +40,7 @@ from ddf import (
     stage,
 )
 
-CONFIG, THREADS, REPEATS, TRAIN_SECONDS = Path("configs/fit.yaml"), 2, 3, 50.0
+CONFIG, THREADS, REPEATS, TRAIN_SECONDS = Path("configs/fit.yaml"), 2, 5, 50.0
 TRAINED_TOLERANCE = 0.5  # of errors from run to run: who trains for a time takes as many steps as the machine allows
 CHUNK = 4096  # rays: their activations stay in the cache; the same for both networks
 SIZES, COMPARED, LARGEST = (64, 128, 256, 512), 256, 512

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import _measure
+import _test_views
 import numpy as np
 import torch
 from torch import Tensor
@@ -21,17 +22,14 @@ from torch import Tensor
 from ddf import (
     cameras,
     config,
-    metrics,
     pointclouds,
     reconstruction,
     rendering,
-    shapenet,
     si3dr_data,
     si3dr_inference,
     si3dr_training,
     stage,
     step_cost,
-    training,
     transforms,
 )
 
@@ -46,7 +44,7 @@ Pair = tuple[reconstruction.DDFModel, reconstruction.PCSirenModel]
 class Scene:
     """What a set of rows is measured on.
 
-    truths: clouds in benchmark units with the factor that takes the field there; none for random weights.
+    views: what clouds are scored against; None for random weights.
     """
 
     name: str
@@ -54,7 +52,7 @@ class Scene:
     section: si3dr_inference.PointcloudsConfig
     images: si3dr_data.ImageSet
     field_scales: list[float]
-    truths: list[tuple[np.ndarray, float]]
+    views: _test_views.Views | None
 
 
 def read(config_path: Path) -> tuple[si3dr_training.TrainConfig, Pair, si3dr_inference.PointcloudsConfig]:
@@ -73,26 +71,17 @@ def random_scene(config_path: Path) -> Scene:
     images = step_cost.random_images(IMAGES, train.image_size)
     for model in models:
         model.camera_head.fit(images.cameras)
-    return Scene(f"{config_path.name}, random weights", models, section, images, [2.0] * IMAGES, [])
+    return Scene(f"{config_path.name}, random weights", models, section, images, [2.0] * IMAGES, None)
 
 
 def trained_scene(config_path: Path) -> Scene:
     """The experiment's own models on the first views of its first test shapes."""
-    train, models, section = read(config_path)
-    for name, model in zip(("ddf", "pcsiren"), models, strict=True):
-        training.load_model(model, config.artifact_dir(config_path, f"train_{name}", CATEGORY))
-    dataset = shapenet.Dataset.open(config.artifact_dir(config_path, "dataset") / "index.json")
-    samples = config.artifact_dir(config_path, "samples", CATEGORY)
-    shown = si3dr_data.available(samples, si3dr_data.test_views(dataset, CATEGORY, 1))[:IMAGES]
-    images = si3dr_data.read_images(dataset, CATEGORY, shown, train.image_size)
-    shapes = si3dr_data.read_shapes(samples, images.ids)
-    scales = shapes.field_scales(images.shapes).tolist()
-    factors = [transforms.BENCHMARK_FROM_V1 / scale for scale in scales]
-    truths = [
-        (shapes.clouds[shape].numpy().astype(np.float64) * factor, factor)
-        for shape, factor in zip(images.shapes, factors, strict=True)
-    ]
-    return Scene(f"{config_path.name}, trained, {CATEGORY}", models, section, images, scales, truths)
+    _, models, section = read(config_path)
+    views = _test_views.read(
+        config_path, CATEGORY, IMAGES, dict(zip(("train_ddf", "train_pcsiren"), models, strict=True))
+    )
+    name = f"{config_path.name}, trained, {CATEGORY}"
+    return Scene(name, models, section, views.images, views.field_scales, views)
 
 
 def per_image(work: Callable[[int], Any]) -> tuple[list[float], list[Any]]:
@@ -111,16 +100,10 @@ def per_image(work: Callable[[int], Any]) -> tuple[list[float], list[Any]]:
 
 def score(scene: Scene, clouds: list[Tensor]) -> dict[str, float]:
     """Mean errors of the clouds of the first images; nothing for random weights."""
-    found = [
-        metrics.compare_clouds(points.numpy().astype(np.float64) * factor, truth)
-        for points, (truth, factor) in zip(clouds, scene.truths, strict=False)
-    ]
-    if not found:
+    if scene.views is None:
         return {}
-    return {
-        "chamfer_l2_sq_x1000": statistics.fmean(1e3 * value.chamfer_l2_sq for value in found),
-        "f_score_tau_x100": statistics.fmean(100 * value.f_score_tau for value in found),
-    }
+    found = [scene.views.scores(image, points.numpy()) for image, points in enumerate(clouds)]
+    return {name: statistics.fmean(score[name] for score in found) for name in found[0]}
 
 
 def splat(points: Tensor, camera: Tensor, field_scale: float, size: int) -> Tensor:
@@ -141,12 +124,16 @@ def changed(cloud: pointclouds.CloudConfig, **values: Any) -> pointclouds.CloudC
     return dataclasses.replace(cloud, **{name: value for name, value in values.items() if name in known})
 
 
-def settings() -> dict[pointclouds.CloudConfig, str]:
-    """Ways of drawing a cloud, and what to call them: as both files say, and with fewer directions."""
+def settings(trained: bool) -> dict[pointclouds.CloudConfig, str]:
+    """Ways of drawing a cloud, and what to call them: as both files say, and with fewer directions.
+
+    The paper's way takes a minute at its own widths: of random weights, without scores, it is drawn with all cycles
+    alone.
+    """
     found: dict[pointclouds.CloudConfig, str] = {}
     for path in (CPU, PAPER):
         cloud = config.load(path, "pointclouds", si3dr_inference.PointcloudsConfig).cloud
-        for cycles in CYCLES:
+        for cycles in CYCLES if trained or path == CPU else CYCLES[:1]:
             found.setdefault(changed(cloud, cycles=cycles), f"as {path.name}")
     cloud = config.load(CPU, "pointclouds", si3dr_inference.PointcloudsConfig).cloud
     for cycles in CYCLES:
@@ -182,7 +169,7 @@ def measure(scene: Scene) -> list[dict[str, Any]]:
         return pcsiren.decoder(uniform * 2 - 1, latents[1][image])[0]
 
     add("PC-SIREN cloud", {"points": count}, decode, clouds=True)
-    for setting, name in settings().items():
+    for setting, name in settings(scene.views is not None).items():
 
         def draw(image: int, setting=setting) -> Tensor:
             generator = torch.Generator().manual_seed(image)
@@ -207,8 +194,7 @@ def measure(scene: Scene) -> list[dict[str, Any]]:
 def main() -> None:
     """Measure both widths."""
     torch.set_num_threads(THREADS)
-    trained = (config.artifact_dir(CPU, "train_ddf", CATEGORY) / training.MODEL).exists()
-    scenes = (trained_scene(CPU) if trained else random_scene(CPU), random_scene(PAPER))
+    scenes = (trained_scene(CPU) if _test_views.trained(CPU, CATEGORY) else random_scene(CPU), random_scene(PAPER))
     _measure.write("single_image", THREADS, [row for scene in scenes for row in measure(scene)])
 
 

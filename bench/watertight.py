@@ -26,6 +26,8 @@ ALPHAS, FACES = (0.01, 0.02, 0.04), (2500, 10_000)
 SEEDS = {"chair": 3, "plane": 1, "car": 2}
 REAL = ("mug.stl", "car_kaykit_sedan.obj", "chair_aws_A.ply", "hard_winding_wallclock.stl", "spot_23k.obj")
 THREADS, PROBES = 2, 10_000
+REPEATS, MOST_SECONDS = 3, 1.5  # of one shape in one row: no more once they took so long
+Result = tuple[list[float], dict[str, float]]  # of one shape: seconds of each repeat, and what was lost
 
 Decimator = Callable[[Mesh, int], Mesh]
 
@@ -56,33 +58,39 @@ def shapes() -> dict[str, Mesh]:
     return {**made, **_shapes.real(REAL)}
 
 
-def timed(work: Callable[[], Mesh]) -> tuple[Mesh, float]:
-    """A result and its seconds."""
-    started = time.perf_counter()
-    result = work()
-    return result, time.perf_counter() - started
+def timed(work: Callable[[], Any]) -> tuple[Any, list[float]]:
+    """A result, and the seconds of so many repeats as the time allows."""
+    result, seconds = None, list[float]()
+    while not seconds or (len(seconds) < REPEATS and sum(seconds) < MOST_SECONDS):
+        started = time.perf_counter()
+        result = work()
+        seconds.append(time.perf_counter() - started)
+    return result, seconds
 
 
-def closed(raw: Mesh, alpha: float) -> tuple[Mesh, Mesh, float]:
-    """The cleaned mesh in a frame of order 1, its wrap, and the seconds of both."""
-    started = time.perf_counter()
+def wrap_of(raw: Mesh, alpha: float) -> tuple[Mesh, Mesh]:
+    """The cleaned mesh in a frame of order 1, and its wrap."""
     unit = meshes.clean(
         Mesh(transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)]).apply(raw.vertices), raw.faces)
     )
-    wrap = meshes.close(unit, alpha, DEFAULT.offset)
-    return unit, wrap, time.perf_counter() - started
+    return unit, meshes.close(unit, alpha, DEFAULT.offset)
 
 
-def row_of(what: str, size: dict[str, Any], results: list[tuple[float, dict[str, float]]]) -> dict[str, Any]:
-    """A row over shapes: seconds of each; medians and worst of the distances, share of closed ones."""
-    seconds, losses = [time for time, _ in results], [loss for _, loss in results]
+def row_of(what: str, size: dict[str, Any], results: list[Result]) -> dict[str, Any]:
+    """A row over shapes: seconds of the median shape, once per repeat; medians and worst of the distances.
+
+    Shapes differ by far more than repeats do: quartiles over shapes would say nothing of a second run.
+    """
+    repeats = min(len(seconds) for seconds, _ in results)
+    middle = [statistics.median(seconds[i] for seconds, _ in results) for i in range(repeats)]
+    losses = [loss for _, loss in results]
     error = {
         "hausdorff_median": statistics.median(loss["hausdorff"] for loss in losses),
         "hausdorff_max": max(loss["hausdorff"] for loss in losses),
         "mean_distance_median": statistics.median(loss["mean_distance"] for loss in losses),
         "watertight_share": statistics.mean(loss["watertight"] for loss in losses),
     }
-    return _measure.row(what, {**size, "shapes": len(results)}, seconds, error)
+    return _measure.row(what, {**size, "shapes": len(results)}, middle, error)
 
 
 def loss(unit: Mesh, small: Mesh) -> dict[str, float]:
@@ -95,16 +103,17 @@ def sweep(raw: dict[str, Mesh]) -> list[dict[str, Any]]:
     """One row per alpha, number of triangles and decimator, over all shapes; wraps are made once per alpha."""
     rows = []
     for alpha in ALPHAS:
-        wraps = [closed(mesh, alpha) for mesh in raw.values()]
+        wraps = [timed(lambda mesh=mesh, alpha=alpha: wrap_of(mesh, alpha)) for mesh in raw.values()]
         for faces in FACES:
             for name, decimate in DECIMATORS.items():
-                results = []
-                for unit, wrap, wrap_seconds in wraps:
+                results: list[Result] = []
+                for (unit, wrap), wrapping in wraps:
                     try:
                         small, seconds = timed(lambda w=wrap, f=faces, d=decimate: d(w, f) if len(w.faces) > f else w)
                     except checks.InputError:  # ddf's own refuses what cannot stay closed
                         continue
-                    results.append((wrap_seconds + seconds, loss(unit, small)))
+                    both = [a + b for a, b in zip(wrapping, seconds, strict=False)]
+                    results.append((both, loss(unit, small)))
                 size = {"alpha": alpha, "faces": faces, "refused": len(wraps) - len(results)}
                 rows.append(row_of(f"wrap, {name}", size, results))
     return rows
@@ -112,16 +121,14 @@ def sweep(raw: dict[str, Mesh]) -> list[dict[str, Any]]:
 
 def default_quality(raw: dict[str, Mesh]) -> list[dict[str, Any]]:
     """The whole of `meshes.prepare` at its defaults: what the stage does with a shape when it must be closed."""
-    results = []
+    results: list[Result] = []
     for mesh in raw.values():
-        started = time.perf_counter()
-        prepared = meshes.prepare(mesh, DEFAULT, np.random.default_rng(0))
-        seconds = time.perf_counter() - started
+        prepared, seconds = timed(lambda mesh=mesh: meshes.prepare(mesh, DEFAULT, np.random.default_rng(0)))
         figures = {"hausdorff": prepared.hausdorff, "mean_distance": prepared.mean_distance}
         results.append((seconds, {**figures, "watertight": float(prepared.watertight)}))
     size = {"alpha": DEFAULT.alpha, "faces": DEFAULT.faces}
     each = [
-        _measure.row(f"prepare, {name}", size, [seconds] * 2, figures)
+        _measure.row(f"prepare, {name}", size, seconds, figures)
         for name, (seconds, figures) in zip(raw, results, strict=True)
     ]
     return [row_of("prepare, default quality", size, results), *each]

@@ -18,7 +18,13 @@ TIMES = (0.010, 0.020, 0.040)
 
 def _benchmark(name="training_step", factor=1.0, **changes):
     rows = [
-        _results.Row(f"way {i}", {"hidden": [8], "n": i}, (0.9 * t * factor, t * factor, 1.1 * t * factor), {"off": e})
+        _results.Row(
+            f"way {i}",
+            {"hidden": [8], "n": i},
+            (0.9 * t * factor, t * factor, 1.1 * t * factor),
+            {"off": e},
+            samples=21,
+        )
         for i, (t, e) in enumerate(zip(TIMES, (0.3, 0.2, 0.1), strict=True))
     ]
     return _results.Benchmark(
@@ -43,6 +49,73 @@ def test_frontier_is_what_no_other_point_beats_in_both():
     assert _results.frontier([(1.0, 2.0), (1.0, 2.0)]) == [0]
 
 
+class _Clock:
+    """Stands still but for what candidates take."""
+
+    def __init__(self):
+        self.now, self.calls = 0.0, {}
+
+    def candidate(self, name, *seconds):
+        def work():
+            taken = self.calls[name] = self.calls.get(name, 0) + 1
+            self.now += seconds[min(taken, len(seconds)) - 1]
+
+        return work
+
+
+@pytest.fixture
+def _clock(monkeypatch):
+    clock = _Clock()
+    monkeypatch.setattr(_measure.time, "perf_counter", lambda: clock.now)
+    return clock
+
+
+def test_a_sample_of_what_is_fast_is_the_mean_of_calls(_clock):
+    tick, alternating = _measure.TICK, (1.0, 2.0) * 100
+    fast = _clock.candidate("fast", *(seconds * tick / 3 for seconds in alternating))
+    (times,) = _measure.interleaved({"fast": fast}, 7).values()
+    # The second call says how many make a sample: two here, one of either length.
+    assert times == pytest.approx([1.5 * tick / 3] * len(times)) and len(times) == _measure.LEAST
+    assert _clock.calls["fast"] == 2 + 2 * _measure.LEAST
+
+
+def test_candidates_take_turns_and_slow_ones_leave(_clock):
+    order, rough = [], (0.2, 0.2, 0.3, 0.4, 0.7) * 9
+    ways = {"slow": _clock.candidate("slow", _measure.WARM), "rough": _clock.candidate("rough", *rough)}
+    told = {name: (lambda name=name, way=way: (order.append(name), way())) for name, way in ways.items()}
+    times = _measure.interleaved(told, 9, seconds=1.5 * _measure.WARM)
+    assert times["slow"] == pytest.approx([_measure.WARM] * 2)  # its first call is a sample; it leaves after the second
+    assert order == ["slow", "rough", "slow", *["rough"] * len(times["rough"])]
+    assert sum(times["rough"][:-1]) < 1.5 * _measure.WARM <= sum(times["rough"])
+    assert len(_measure.interleaved({"rough": _clock.candidate("again", *rough)}, 3)["rough"]) == 3
+
+
+def test_spread_holds_the_medians_of_second_runs():
+    rng = np.random.default_rng(0)
+    for noise, samples in ((0.02, 21), (0.1, 5), (0.1, 1), (0.3, 21)):
+        drifts = rng.normal(0, _results.DRIFT, (2, 2000, 1))
+        runs = np.exp(drifts + rng.normal(0, noise, (2, 2000, samples)))
+        low, middle, high = np.quantile(runs, (0.25, 0.5, 0.75), axis=-1)
+        spreads = [
+            [
+                _results.spread(_results.Row("a", {}, (q1, q2, q3), {}, samples=samples))
+                for q1, q2, q3 in zip(*run, strict=True)
+            ]
+            for run in zip(low, middle, high, strict=True)
+        ]
+        outside = np.abs(np.log(middle[1] / middle[0])) > np.log(np.max(spreads, axis=0))
+        assert outside.mean() < 0.015, (noise, samples)
+
+
+def test_spread_narrows_with_samples_and_widens_with_quartiles():
+    def spread(low, high, samples):
+        return _results.spread(_results.Row("a", {}, (low, 1.0, high), {}, samples=samples))
+
+    assert spread(0.9, 1.1, 5) > spread(0.9, 1.1, 50) > np.exp(_results.CERTAINTY * _results.DRIFT)
+    assert spread(0.7, 1.4, 5) > spread(0.9, 1.1, 5) > spread(1.0, 1.0, 5)
+    assert _results.spread(_results.Row("a", {}, None, {})) == 1.0
+
+
 def test_rows_are_read_as_they_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(_measure, "OUT", tmp_path)
     timed = _measure.row("a", {"n": 5}, [3.0, 1.0, 2.0, 5.0, 4.0], {"off": 0.1}, error_tolerance=0.02)
@@ -52,7 +125,8 @@ def test_rows_are_read_as_they_are_written(tmp_path, monkeypatch):
     found = _results.load_folder(tmp_path)["x"]
     assert [row.seconds for row in found.rows] == [(2.0, 3.0, 4.0), (0.5, 0.5, 0.5), None]
     assert found.rows[0].told == {"error_tolerance": 0.02, "rate": 7} and found.rows[0].error == {"off": 0.1}
-    assert [_results.spread(row) for row in found.rows] == [2.0, _results.SMALLEST_SPREAD, 1.0]
+    assert [row.samples for row in found.rows] == [5, 1, 1]
+    assert found.took_s is not None and found.took_s >= 0
     assert found.threads == 2 and set(found.versions) == set(_measure.PACKAGES)
 
 
@@ -76,7 +150,7 @@ def test_one_row_that_is_slower_by_itself_is_told():
     slow = _changed(_benchmark(), 1, seconds=(0.035, 0.036, 0.037))
     (fault,) = _results.compare(_benchmark(), slow).faults
     assert fault.startswith("way 1, hidden [8], n 1: 20 ms, then 36 ms") and "1.80" in fault
-    wide = _changed(_benchmark(), 1, seconds=(0.010, 0.020, 0.021))
+    wide = _changed(_benchmark(), 1, seconds=(0.010, 0.020, 0.035))
     assert _results.compare(wide, slow).faults == []
 
 
@@ -130,7 +204,7 @@ def test_page_has_a_line_per_row_and_a_picture_where_there_is_an_error():
     assert made.files["training_step_pareto.png"].startswith(b"\x89PNG")
     assert "![training step: milliseconds against" in text and "What matters most" not in text
     assert text.count("| way ") == 3 and "a CPU, 2 cores, 2 threads; torch 2." in text
-    assert "| 2 | way 1 | 1 | 20 | 18 – 22 | 1.25 | 1e-06 |" in text
+    assert "| 2 | way 1 | 1 | 20 | 18 – 22 | 1.32 | 1e-06 |" in text
     assert _page.page(found).files == made.files
 
 

@@ -58,6 +58,7 @@ ROOMS: dict[str, list[str]] = {
         "paper_results",
         "seed_items",
         "seed_means",
+        "stage_scripts",
         "strips",
         "shape_pictures",
         "shape_views",

@@ -67,6 +67,23 @@ def test_spacing_is_the_distance_to_the_nearest_other_point():
         neighbours.Neighbours(points[:1]).spacing()
 
 
+@pytest.mark.parametrize("name", _PAIRS)
+def test_distances_come_in_the_order_of_the_cloud_that_asked(name):
+    prediction, truth = _PAIRS[name]
+    searched, asking = neighbours.Neighbours(truth), neighbours.Neighbours(prediction)
+    np.testing.assert_array_equal(searched.dist_sq(asking), searched.dist_sq(prediction))
+    np.testing.assert_allclose(searched.dist_sq(asking), _brute_dist_sq(prediction, truth), rtol=1e-6, atol=0)
+
+
+@pytest.mark.parametrize("extent", [0.0, 5e-324, 1e-308, 1e150])
+def test_clouds_of_any_extent_are_searched(extent):
+    points = np.array([[0.0, 0.0, 0.0], [extent, 0.0, extent], [0.0, extent, extent]])
+    dist_sq, index = neighbours.Neighbours(points).nearest(points)
+    np.testing.assert_array_equal(dist_sq, 0.0)
+    if extent == 1e150:  # squares of the others are 0
+        np.testing.assert_array_equal(index, [0, 1, 2])
+
+
 def test_variation_of_spacing_of_a_lattice_of_even_and_of_crowded_points():
     generator = np.random.default_rng(0)
     lattice = np.stack(np.meshgrid(np.arange(70.0), np.arange(70.0), [0.0]), axis=-1).reshape(-1, 3)

@@ -8,19 +8,9 @@ from typing import Any
 
 import pandas as pd
 
-from ddf import checks, config, paper_results, seed_means, stage, storage
+from ddf import checks, config, paper_results, seed_means, stage, stage_scripts, storage
 
 MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN"}
-_SCRIPTS = {
-    "dataset": "make_dataset",
-    "meshes": "prepare_meshes",
-    "samples": "extract_samples",
-    "train_ddf": "train_ddf",
-    "train_pcsiren": "train_pcsiren",
-    "pointclouds": "make_pointclouds",
-    "evaluate": "evaluate_clouds",
-}
-_WHOLE = ("dataset", "evaluate")  # stages that run once for all categories
 
 
 @dataclass(frozen=True)
@@ -123,7 +113,7 @@ def read_results(config_path: Path) -> Results:
             name: _packing_errors(config.artifact_dir(config_path, "samples", name)) for name in categories
         },
         failures=_read_failures(config_path, categories),
-        costs={name: _stage_cost(config_path, name, categories) for name in _SCRIPTS},
+        costs={name: _stage_cost(config_path, name, categories) for name in stage_scripts.SCRIPTS},
         settings=config.read(config_path),
         seeds=seeds,
     )
@@ -160,8 +150,8 @@ def _read_failures(config_path: Path, categories: Sequence[str]) -> pd.DataFrame
 
 def _stage_cost(config_path: Path, name: str, categories: Sequence[str]) -> Cost:
     """What the notes of a stage's last runs say; notes of earlier versions have no memory."""
-    names = [None] if name in _WHOLE else list(categories)
-    paths = [stage.time_path(config_path, _SCRIPTS[name], category) for category in names]
+    names = [None] if name in stage_scripts.WHOLE else list(categories)
+    paths = [stage.time_path(config_path, stage_scripts.SCRIPTS[name], category) for category in names]
     notes = [storage.read_json(path) if path.exists() else {} for path in paths]
     known = ([note[key] for note in notes if key in note] for key in ("seconds", "peak_mib", "worker_peak_mib"))
     seconds, own, workers = (values if len(values) == len(notes) else [] for values in known)

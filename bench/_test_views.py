@@ -1,0 +1,57 @@
+"""Trained models of an experiment on the first view of its first test shapes, and the clouds that are true there."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ddf import config, metrics, reconstruction, shapenet, si3dr_data, si3dr_training, training, transforms
+
+
+@dataclass(frozen=True)
+class Views:
+    """Images, and for each of them the field's scale, the factor from field to benchmark units, and the true cloud.
+
+    truths: float64, benchmark units.
+    """
+
+    images: si3dr_data.ImageSet
+    field_scales: list[float]
+    factors: list[float]
+    truths: list[np.ndarray]
+
+    def scores(self, image: int, points: np.ndarray) -> dict[str, float]:
+        """Errors of a cloud in field units against the truth of an image, as tables print them."""
+        found = metrics.compare_clouds(points.astype(np.float64) * self.factors[image], self.truths[image])
+        return {"chamfer_l2_sq_x1000": 1e3 * found.chamfer_l2_sq, "f_score_tau_x100": 100 * found.f_score_tau}
+
+
+def trained(config_path: Path, category: str) -> bool:
+    """Whether the experiment's DDF of a category is there."""
+    return (config.artifact_dir(config_path, "train_ddf", category) / training.MODEL).exists()
+
+
+def read(
+    config_path: Path, category: str, count: int, models: Mapping[str, reconstruction.ReconstructionModel]
+) -> Views:
+    """The first `count` test shapes; the weights of the models, by stage, are loaded.
+
+    Raises:
+      FileNotFoundError, InputError: a stage has not run, or left a damaged file; it is named.
+    """
+    train = config.load(config_path, "train", si3dr_training.TrainConfig)
+    for name, model in models.items():
+        training.load_model(model, config.artifact_dir(config_path, name, category))
+    dataset = shapenet.Dataset.open(config.artifact_dir(config_path, "dataset") / "index.json")
+    samples = config.artifact_dir(config_path, "samples", category)
+    shown = si3dr_data.available(samples, si3dr_data.test_views(dataset, category, 1))[:count]
+    images = si3dr_data.read_images(dataset, category, shown, train.image_size)
+    shapes = si3dr_data.read_shapes(samples, images.ids)
+    scales = shapes.field_scales(images.shapes).tolist()
+    factors = [transforms.BENCHMARK_FROM_V1 / scale for scale in scales]
+    truths = [
+        shapes.clouds[shape].numpy().astype(np.float64) * factor
+        for shape, factor in zip(images.shapes, factors, strict=True)
+    ]
+    return Views(images, scales, factors, truths)
