@@ -69,7 +69,7 @@ def curves(benchmark: Benchmark) -> list[pages.Section]:
     table = pages.Table(caption, [("", 4, False), ("held-out", 6, False)], ["", "", "s", "steps", *ORDER], rows, 2)
     picture = pages.Figure(
         f"../bench/{fit_curves.NAME}.png",
-        "Errors on held-out samples against seconds of sampling and training, evaluations not counted.",
+        "Errors on held-out samples against seconds of training, sampling and evaluations not counted.",
         "curves of held-out errors against seconds",
     )
     told = tuple(_sentence(row) for row in benchmark.rows if "times" in row.told)
@@ -91,14 +91,14 @@ def _sentence(row: Row) -> str:
     """How much sooner one of ours gets to an A-type depth error than the paper's recipe; nothing is extrapolated."""
     name, told = row.what.partition(",")[0], row.told
     words = (
-        f"`{name}` is at {told['error']:.3g} (A, L1 × 10) after {told['seconds']:,.0f} s, `{fit_curves.PAPER}` after "
-        f"{told['their_seconds']:,.0f} s: {told['times']:.3g} times as long."
+        f"`{name}` is at {told['level']:.3g} (A, L1 × 10) after {told['our_seconds']:,.3g} s, "
+        f"`{fit_curves.PAPER}` after {told['their_seconds']:,.3g} s: {told['times']:.3g} times as long."
     )
     reached = (
         f" `{fit_curves.PAPER}` needs {told['times_to_goal']:.3g} times as long as `{name}` to {told['goal']:.3g}."
     )
     never = (
-        f" It never comes down to the {told['goal']:.3g} that `{name}` reaches after {told['goal_seconds']:,.0f} s: "
+        f" It never comes down to the {told['goal']:.3g} that `{name}` reaches after {told['goal_seconds']:,.3g} s: "
         f"more than {told['times_to_goal']:.3g} times as long."
     )
     return words + (never if told["bound"] else reached)

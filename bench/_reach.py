@@ -8,14 +8,14 @@ Curve = Sequence[tuple[float, float]]  # (seconds, error) in the order of time
 
 @dataclass(frozen=True)
 class Reach:
-    """Seconds that both need to the smallest error that both have reached.
+    """Seconds that both need to `level`, the smallest error that both have reached.
 
     times: theirs / ours. bound: they never reached `goal`, our smallest error, in all their time, so for that one
     `times_to_goal`, their whole time over ours, is only a lower bound; otherwise it is the ratio itself.
     """
 
-    error: float
-    seconds: float
+    level: float
+    our_seconds: float
     their_seconds: float
     times: float
     goal: float
@@ -40,12 +40,12 @@ def compare(ours: Curve, theirs: Curve) -> Reach:
     if not ours or not theirs:
         raise ValueError(f"both curves need a point; got {len(ours)} and {len(theirs)}")
     goal, least = (min(error for _, error in curve) for curve in (ours, theirs))
-    error = max(goal, least)
-    seconds, their_seconds = first_at(ours, error), first_at(theirs, error)
+    level = max(goal, least)
+    seconds, their_seconds = first_at(ours, level), first_at(theirs, level)
     goal_seconds, their_goal = first_at(ours, goal), first_at(theirs, goal)
     assert seconds and their_seconds and goal_seconds  # each curve reaches its own smallest error
     theirs_to_goal = theirs[-1][0] if their_goal is None else their_goal
     return Reach(
-        error, seconds, their_seconds, their_seconds / seconds,
+        level, seconds, their_seconds, their_seconds / seconds,
         goal, goal_seconds, theirs_to_goal / goal_seconds, their_goal is None,
     )  # fmt: skip

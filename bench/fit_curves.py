@@ -1,5 +1,5 @@
 """One shape fitted in several ways: held-out errors of all six sample types against seconds, at times that grow
-geometrically. Seconds are those of sampling, planning and training; evaluations are not counted.
+geometrically. Seconds are those of training; sampling and evaluations are not counted.
 
 Each way is a file of `RECIPES`, fitted by `ddf.single_shape.fit` as `ddf fit` does it; the paper's recipe gets as long
 as the longest of the others. The shape is the Stanford bunny with 10,000 triangles, a procedural chair where its file
@@ -49,7 +49,7 @@ RECIPES = (*OURS, PAPER)  # files of configs/
 BUNNY, FACES = _shapes.REAL / "bunny_60k.obj", 10_000
 OUT = Path("artifacts") / NAME
 CURVE = "curve.json"
-FIRST_SECONDS, FACTOR = 8.0, 1.5  # the first evaluation, and the times from one to the next
+FIRST_SECONDS, FACTOR = 1.0, 1.5  # the first evaluation, and the times from one to the next
 HELD_OUT, FINAL_HELD_OUT = 10_000, 25_000  # of each type: for the curve, and at its end, as in the paper
 DRAWN = ("A", "U", "S")  # types in the picture
 COMPARED = "depth_l1_x10_A"  # the error that the times are to
@@ -90,53 +90,49 @@ class Clock:
     """
 
     def __init__(self, held_out: single_shape.ShapeSamples, folder: Path) -> None:
-        """The clock starts now."""
         self.held_out, self.folder = held_out, folder
-        self.zero = time.monotonic()  # moved on by evaluations
         self.rows: list[dict[str, Any]] = []
+        self.zero: float | None = None  # of the clock, once it runs; moved on by evaluations
 
     def around(self, train: Callable[..., None]) -> Callable[..., None]:
         """`training.fit` with evaluations between steps, whenever one is due, and after the last."""
 
         def call(model: fields.PDDF, groups: list[dict], step_loss: training.StepLoss, steps: int, *rest: Any) -> None:
-            begun = False
-
             def watched(step: int) -> tuple[Tensor, dict[str, Tensor]]:
-                nonlocal begun
-                if step > 0 and not begun:
-                    self._go_on(step)
-                begun = True
-                due = max(FIRST_SECONDS, FACTOR * self.rows[-1]["seconds"] if self.rows else 0.0)
+                if self.zero is None:
+                    self._begin(step)
+                due = FACTOR * self.rows[-1]["seconds"] if self.rows else FIRST_SECONDS
                 if self.seconds() >= due:
                     self._evaluate(model, step)
                 loss, terms = step_loss(step)
                 return loss, {**terms, "clock": torch.tensor(self.seconds())}
 
             train(model, groups, watched, steps, *rest)
-            if begun:
+            if self.zero is None:  # nothing was left to train
+                self._begin(steps)
+            if not self.rows or self.rows[-1]["step"] < steps:
                 self._evaluate(model, steps)
-            else:  # nothing was left to train
-                self.rows = storage.read_json(self.folder / CURVE)
 
         return call
 
     def seconds(self) -> float:
-        """On the clock."""
-        return time.monotonic() - self.zero
+        """On the clock, 0 before it runs."""
+        return 0.0 if self.zero is None else time.monotonic() - self.zero
 
-    def _go_on(self, step: int) -> None:
-        """From a checkpoint: on with the last time of the log, which is the stopped run's."""
+    def _begin(self, step: int) -> None:
+        """At 0, or where the log of a stopped run ends, with the evaluations until then."""
         logged = [row["clock"] for row in training.read_log(self.folder) if row["step"] <= step]
-        self.zero = time.monotonic() - (logged[-1] if logged else 0.0)
         file = self.folder / CURVE
-        self.rows = [row for row in storage.read_json(file) if row["step"] <= step] if file.exists() else []
+        if step > 0 and logged and file.exists():
+            self.rows = [row for row in storage.read_json(file) if row["step"] <= step]
+        self.zero = time.monotonic() - (logged[-1] if step > 0 and logged else 0.0)
 
     def _evaluate(self, model: fields.PDDF, step: int) -> None:
-        seconds, stopped = self.seconds(), time.monotonic()
+        seconds = self.seconds()
         held_out = single_shape.held_out_errors(model, self.held_out)
         self.rows.append({"seconds": seconds, "step": step, "held_out": held_out})
         storage.write_json(self.folder / CURVE, self.rows)
-        self.zero += time.monotonic() - stopped
+        self.zero = time.monotonic() - seconds
 
 
 def fit(name: str, mesh: mesh_io.Mesh, section: single_shape.FitConfig) -> None:

@@ -47,10 +47,10 @@ def cases() -> dict[str, Case]:
     torus = trimesh.creation.torus(0.7, 0.3, major_sections=120, minor_sections=80)
     ring = mesh_io.Mesh(np.array(torus.vertices)[:, [0, 2, 1]], np.array(torus.faces)[:, ::-1])  # around y
     box = trimesh.creation.box(extents=[2 * half for half in HALF])
-    lower, upper = tuple(-half for half in HALF), HALF
+    lower = (-HALF[0], -HALF[1], -HALF[2])
     return {
         "sphere": Case(primitives.Sphere(), _shapes.sphere(FACES), curved=True),
-        "box": Case(primitives.Box(lower, upper), mesh_io.Mesh(np.array(box.vertices), np.array(box.faces)), False),
+        "box": Case(primitives.Box(lower, HALF), mesh_io.Mesh(np.array(box.vertices), np.array(box.faces)), False),
         "torus": Case(primitives.Torus(0.7, 0.3), ring, curved=True),
     }
 
