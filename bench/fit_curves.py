@@ -66,7 +66,8 @@ def target(path: Path | None) -> tuple[mesh_io.Mesh, str]:
     file = path or (BUNNY if BUNNY.is_file() else None)
     raw, _ = shape_mesh.read(None if file is None else str(file), 0)
     prepared = meshes.prepare(raw, mesh_config.MeshesConfig(faces=FACES), np.random.default_rng(0))
-    return prepared.mesh, file.stem if file else "procedural chair"
+    within = np.clip(prepared.mesh.vertices, -1.0, 1.0)  # rounding of the frame's scale
+    return mesh_io.Mesh(within, prepared.mesh.faces), file.stem if file else "procedural chair"
 
 
 def recipe(name: str, minutes: float | None, threads: int) -> single_shape.FitConfig:

@@ -94,7 +94,7 @@ def test_watched_fit_is_the_fit_itself_and_a_second_call_keeps_its_curve(tmp_pat
 
 
 def test_budgets_are_the_configs_own_and_the_paper_gets_the_longest():
-    minutes = {name: fit_curves.recipe(name, None, 1).minutes for name in fit_curves.RECIPES}
+    minutes = {name: fit_curves.recipe(name, None, 1).minutes or 0.0 for name in fit_curves.RECIPES}
     assert minutes[fit_curves.PAPER] == max(minutes[name] for name in fit_curves.OURS) > minutes["fit"]
     assert {fit_curves.recipe(name, 0.5, 1).minutes for name in fit_curves.RECIPES} == {0.5}
 
