@@ -13,7 +13,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-REPORTS = Path(__file__).resolve().parents[1] / "reports"
+ROOT = Path(__file__).resolve().parents[1]
+REPORTS = ROOT / "reports"
+REAL_MESHES = ROOT.parent / "shared" / "meshes"  # beside the project, where somebody has put them
 OUT = Path(os.environ.get("DDF_BENCH_OUT") or REPORTS / "bench")
 PACKAGES = ("torch", "numpy", "open3d", "onnxruntime")
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import _measure
-import _shapes
 import numpy as np
 import pandas as pd
 
@@ -112,7 +111,7 @@ def pictures(item: Fitted, size: int) -> strips.StripRow:
 def main(given: Sequence[str] | None = None) -> None:
     """Fit what is missing, then write sheet and table; a mesh that cannot be fitted is named and left out."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", nargs="?", type=Path, default=_shapes.REAL, help="of meshes")
+    parser.add_argument("folder", nargs="?", type=Path, default=_measure.REAL_MESHES, help="of meshes")
     parser.add_argument("--minutes", type=float, help="of each fit (default: that of configs/fit.yaml)")
     parser.add_argument("--only", nargs="+", metavar="MESH", help="stems of some meshes")
     parser.add_argument("--out", type=Path, default=OUT)

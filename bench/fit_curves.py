@@ -20,7 +20,6 @@ from unittest import mock
 import _curves
 import _measure
 import _reach
-import _shapes
 import numpy as np
 import torch
 from torch import Tensor
@@ -46,7 +45,7 @@ NAME = "fit_curves"
 PAPER = "paper_fit"  # the recipe of [DDF22] app. C
 OURS = ("fit", "long_fit")
 RECIPES = (*OURS, PAPER)  # files of configs/
-BUNNY, FACES = _shapes.REAL / "bunny_60k.obj", 10_000
+BUNNY, FACES = _measure.REAL_MESHES / "bunny_60k.obj", 10_000
 OUT = Path("artifacts") / NAME
 CURVE = "curve.json"
 FIRST_SECONDS, FACTOR = 1.0, 1.5  # the first evaluation, and the times from one to the next

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import _measure
-import _shapes
 import numpy as np
 import torch
 import trimesh
@@ -28,7 +27,6 @@ CONFIG, THREADS = Path("configs/fit.yaml"), 2
 RAYS, DISTANCE = 20_000, 3.0  # rays start on a sphere of so many of the mesh's half diagonals
 STEEP = 0.2  # |n·v| from which on a ray does not graze: derivatives of an exact field grow as 1/|n·v|
 EDGE = 0.1  # of the box's longest half side: nearer to an edge a smooth field has to round it
-FACES = 20_000  # of the sphere and the torus, at most: their facets are off by half a degree
 TRAINED_TOLERANCE = 1.0  # of errors from run to run: who trains for a time takes as many steps as the machine allows
 HALF = (1.0, 0.7, 0.5)  # of the box
 
@@ -46,10 +44,10 @@ def cases() -> dict[str, Case]:
     """The three shapes by name."""
     torus = trimesh.creation.torus(0.7, 0.3, major_sections=120, minor_sections=80)
     ring = mesh_io.Mesh(np.array(torus.vertices)[:, [0, 2, 1]], np.array(torus.faces)[:, ::-1])  # around y
-    box = trimesh.creation.box(extents=[2 * half for half in HALF])
+    box, ball = trimesh.creation.box(extents=[2 * half for half in HALF]), trimesh.creation.icosphere(subdivisions=5)
     lower = (-HALF[0], -HALF[1], -HALF[2])
     return {
-        "sphere": Case(primitives.Sphere(), _shapes.sphere(FACES), curved=True),
+        "sphere": Case(primitives.Sphere(), mesh_io.Mesh(np.array(ball.vertices), np.array(ball.faces)), curved=True),
         "box": Case(primitives.Box(lower, HALF), mesh_io.Mesh(np.array(box.vertices), np.array(box.faces)), False),
         "torus": Case(primitives.Torus(0.7, 0.3), ring, curved=True),
     }
