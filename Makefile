@@ -123,7 +123,8 @@ lint: $(READY) ## format check, lint and types
 sync-deps: $(READY) ## write the real imports of every stage into pipeline.yaml
 	@$(RUN) tests/_pipeline.py
 
-BENCH_NAMES := $(basename $(notdir $(wildcard bench/[a-z]*.py)))
+PROOFS := fit_curves primitive_fits contact_sheet#   these train for long: `make fit-proof`
+BENCH_NAMES := $(filter-out $(PROOFS),$(basename $(notdir $(wildcard bench/[a-z]*.py))))
 check_bench = @unknown="$(filter-out $(BENCH_NAMES),$(BENCH))"; \
 	[ -z "$$unknown" ] || { echo "BENCH=$$unknown: no such benchmark; there are $(BENCH_NAMES)" >&2; exit 2; }
 benches = status=0; for name in $(1); do $(RUN) "bench/$$name.py" || { echo "bench/$$name.py failed" >&2; status=1; }; done
@@ -139,6 +140,10 @@ bench-check: $(READY) ## the benchmarks once more, compared with reports/bench: 
 	@rm -rf .make/bench; export DDF_BENCH_OUT=$(CURDIR)/.make/bench; \
 	$(call benches,$(filter-out hard_cases,$(or $(BENCH),$(BENCH_NAMES)))); \
 	$(RUN) bench/_compare.py reports/bench .make/bench || status=1; exit $$status
+
+.PHONY: fit-proof
+fit-proof: $(READY) ## what fits of single shapes reach, in hours: [PROOFS="fit_curves primitive_fits contact_sheet"]
+	@$(call benches,$(PROOFS)); $(RUN) bench/_fit_page.py || status=1; exit $$status
 
 ##@ Household
 .PHONY: setup

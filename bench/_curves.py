@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import _measure
 from matplotlib import figure, ticker  # noqa: TID251  (the package's own charts belong to its report)
 
+MOST_TICKS = 8  # sizes that are written below the axis; of more, powers of ten
 COLOURS = ("#1F5FA8", "#D5702A", "#5E6673", "#3C8D5A", "#8A4FA3")
 
 
@@ -21,8 +22,11 @@ def draw(name: str, panels: Sequence[tuple[str, str, Mapping[str, Sequence[tuple
             panel.plot(xs, ys, "o-", color=colour, label=method, markersize=4)
         panel.set(xscale="log", yscale="log", title=title, xlabel=size, ylabel=value)
         ticks = sorted({x for points in curves.values() for x, _ in points})
-        panel.set_xticks(ticks, [f"{x:,.0f}" for x in ticks])
-        panel.xaxis.set_minor_locator(ticker.NullLocator())
+        if len(ticks) <= MOST_TICKS:
+            panel.set_xticks(ticks, [f"{x:,.0f}" for x in ticks])
+            panel.xaxis.set_minor_locator(ticker.NullLocator())
+        else:
+            panel.xaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
         panel.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
         panel.grid(color="#E6E9EE")
         panel.spines[["top", "right"]].set_visible(False)

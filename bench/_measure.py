@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import Any
 
 _STARTED = time.perf_counter()  # of the script that imports this
-REPORTS = Path(__file__).resolve().parents[1] / "reports"
+ROOT = Path(__file__).resolve().parents[1]
+REPORTS = ROOT / "reports"
+REAL_MESHES = ROOT.parent / "shared" / "meshes"  # beside the project, where somebody has put them
 OUT = Path(os.environ.get("DDF_BENCH_OUT") or REPORTS / "bench")
 TICK, WARM, LEAST, MOST_SECONDS = 0.01, 1.0, 5, 4.0  # seconds, seconds, samples, seconds: see `interleaved`
 COLD = 10  # by no larger factor is a first call slower than the next ones

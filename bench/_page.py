@@ -258,7 +258,12 @@ def _rendering_words(row: Row) -> str:
     return f"{row.what} ({time} ms, median error of depth {number(row.error['depth_median'])})"
 
 
-OWN_PAGES = {"growth": "../growth.md"}  # benchmarks whose findings are no rows of seconds and errors
+_FITS = "../fit_proof/README.md"
+OWN_PAGES = {
+    "fit_curves": _FITS,
+    "growth": "../growth.md",
+    "primitive_fits": _FITS,
+}  # benchmarks whose findings are no rows of seconds and errors
 
 FIRST: Mapping[str, Callable[[Benchmark], str | None]] = {
     "cloud_sampling": cloud_sentence,

@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
+import _measure
 import numpy as np
 
 from ddf import mesh_io
 from ddf.synthetic import assemble, cars, chairs, planes
 
-REAL = Path(__file__).resolve().parents[2] / "shared" / "meshes"
+REAL = _measure.REAL_MESHES
 _BUILD = {"chair": chairs.build, "plane": planes.build, "car": cars.build}
 
 

@@ -1,0 +1,139 @@
+"""A field for each everyday mesh of a folder, as `ddf fit` makes it, rendered beside the mesh: one sheet, one table.
+
+Everyday are the meshes whose names do not begin with `hard_` or `bad_`. Writes contact_sheet.webp and contact_sheet.csv
+to reports/fit_proof. Fitted fields stay in artifacts/contact_sheet: a second call fits what is missing or has changed.
+"""
+
+import argparse
+import dataclasses
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import _measure
+import numpy as np
+import pandas as pd
+
+from ddf import (
+    checks,
+    config,
+    mesh_io,
+    paper_ablation,
+    provenance,
+    sample_ablation,
+    shape_field,
+    shape_pictures,
+    shape_views,
+    single_shape,
+    stage,
+    storage,
+    strips,
+)
+
+NAME = "contact_sheet"
+CONFIG = Path("configs/fit.yaml")
+FIELDS, OUT = Path("artifacts") / NAME, _measure.REPORTS / "fit_proof"
+SHEET, TABLE, DONE = f"{NAME}.webp", f"{NAME}.csv", "done.json"
+NOT_EVERYDAY = ("hard_", "bad_")
+SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
+UP = {".stl": "z"}  # by habit of programs that write such files; y of all others
+COLUMNS = tuple(f"{name}, {view}" for view, _ in shape_views.OUTSIDE for name in ("depth", "mesh", "normals", "mesh"))
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A mesh, the folder of its field, and the axis that points up."""
+
+    file: Path
+    mesh: mesh_io.Mesh
+    folder: Path
+    up: str
+
+
+def everyday(folder: Path) -> list[Path]:
+    """Mesh files by name.
+
+    Raises:
+      InputError: there is none.
+    """
+    found = [file for file in folder.iterdir() if file.suffix in SUFFIXES] if folder.is_dir() else []
+    chosen = sorted(file for file in found if not file.name.startswith(NOT_EVERYDAY))
+    if not chosen:
+        raise checks.InputError(f"{folder}: holds no everyday mesh ({', '.join(SUFFIXES)}); name a folder of meshes")
+    return chosen
+
+
+def fitted(file: Path, section: single_shape.FitConfig) -> Fitted:
+    """The field of a mesh, fitted now, or before with the same settings, mesh and code."""
+    mesh, folder = mesh_io.load(file), FIELDS / file.stem
+    identity = provenance.fingerprint([section.recipe()], [file], "ddf.single_shape")
+    done = folder / DONE
+    if not (done.exists() and storage.read_json(done).get("fingerprint") == identity):
+        single_shape.fit(mesh, section, folder, {file.name: storage.checksum(file)})
+        storage.write_json(done, {"fingerprint": identity})
+    return Fitted(file, mesh, folder, UP.get(file.suffix, "y"))
+
+
+def row_of(item: Fitted) -> dict[str, Any]:
+    """Of the table: steps, seconds, the twelve held-out figures, angles of normals in degrees."""
+    result = storage.read_json(item.folder / single_shape.METRICS)
+    held_out = result["held_out"]
+    figures = {
+        f"{metric}_{kind}": held_out[metric][kind]
+        for metric in paper_ablation.METRICS
+        for kind in sample_ablation.ORDER
+    }
+    angles = {name: held_out[name] for name in ("normal_angle_deg_median", "normal_angle_deg_p95")}
+    known = {"mesh": item.file.name, "triangles": len(item.mesh.faces)}
+    return {**known, "steps": result["steps"], "seconds": result["seconds"], **figures, **angles}
+
+
+def pictures(item: Fitted, size: int) -> strips.StripRow:
+    """Depth and normals of the field and of its mesh, from both cameras that stand outside."""
+    shape, row = shape_field.load(item.folder), row_of(item)
+    cells: list[strips.Picture | None] = []
+    for view in shape_views.render(shape, item.mesh, size, item.up, seed=0)[: len(shape_views.OUTSIDE)]:
+        images = view.images
+        depth, true_depth = shape_pictures.depth_pictures(images["depth"], images["true_depth"])
+        normals = strips.normals_picture(images["normals"], images["visibility"])
+        true_seen = np.isfinite(images["true_depth"]).astype(np.float64)
+        cells += [depth, true_depth, normals, strips.normals_picture(images["true_normals"], true_seen)]
+    lines = [
+        f"{row['triangles']:,} triangles",
+        f"A: {row['depth_l1_x10_A']:.2f}",
+        f"normals {row['normal_angle_deg_median']:.0f}°",
+    ]
+    return strips.StripRow(item.file.stem[:14], lines, cells)
+
+
+def main(given: Sequence[str] | None = None) -> None:
+    """Fit what is missing, then write sheet and table; a mesh that cannot be fitted is named and left out."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, default=_measure.REAL_MESHES, help="of meshes")
+    parser.add_argument("--minutes", type=float, help="of each fit (default: that of configs/fit.yaml)")
+    parser.add_argument("--only", nargs="+", metavar="MESH", help="stems of some meshes")
+    parser.add_argument("--out", type=Path, default=OUT)
+    arguments = parser.parse_args(given)
+    section = config.load(CONFIG, "fit", single_shape.FitConfig)
+    minutes = section.minutes if arguments.minutes is None else arguments.minutes
+    section = dataclasses.replace(section, steps=None, minutes=minutes)
+    items = []
+    for file in everyday(arguments.folder):
+        if not arguments.only or file.stem in arguments.only:
+            try:
+                items.append(fitted(file, section))
+            except checks.InputError as error:
+                sys.stderr.write(f"{file.name}: left out: {error}\n")
+    if not items:
+        raise checks.InputError(f"{arguments.folder}: no mesh of it was fitted")
+    rows = [pictures(item, section.page.picture_size) for item in items]
+    storage.write_bytes(arguments.out / SHEET, strips.strip(COLUMNS, rows))
+    table = pd.DataFrame([row_of(item) for item in items])
+    storage.write_text(arguments.out / TABLE, table.to_csv(index=False, lineterminator="\n", float_format="%.5g"))
+    print(arguments.out / SHEET)
+
+
+if __name__ == "__main__":
+    raise SystemExit(stage.guarded(main, NAME))

@@ -1,0 +1,140 @@
+"""Fields fitted to a sphere, a box and a torus against the closed forms: normals, mean and Gaussian curvature.
+
+Each is fitted as `ddf fit` does it (configs/fit.yaml), to a mesh of it, and asked along rays from outside that look at
+it. Errors are over the rays where field and closed form both see the surface, without grazing ones. A curvature's error
+is relative: that of the mean curvature to |κ1| + |κ2|, that of the Gaussian one to the larger κ². So 1 is 2/r and 1/r²
+on a sphere of radius r. A box has normals alone, measured away from its edges.
+"""
+
+import argparse
+import dataclasses
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import _measure
+import numpy as np
+import torch
+import trimesh
+from torch import Tensor
+
+from ddf import checks, config, mesh_io, primitives, rays, shape_field, single_shape, stage
+
+NAME = "primitive_fits"
+CONFIG, THREADS = Path("configs/fit.yaml"), 2
+RAYS, DISTANCE = 20_000, 3.0  # rays start on a sphere of so many of the mesh's half diagonals
+STEEP = 0.2  # |n·v| from which on a ray does not graze: derivatives of an exact field grow as 1/|n·v|
+EDGE = 0.1  # of the box's longest half side: nearer to an edge a smooth field has to round it
+TRAINED_TOLERANCE = 1.0  # of errors from run to run: who trains for a time takes as many steps as the machine allows
+HALF = (1.0, 0.7, 0.5)  # of the box
+
+
+@dataclass(frozen=True)
+class Case:
+    """A closed form and its mesh. curved: it has curvatures to compare with."""
+
+    truth: primitives.Primitive
+    mesh: mesh_io.Mesh
+    curved: bool
+
+
+def cases() -> dict[str, Case]:
+    """The three shapes by name."""
+    torus = trimesh.creation.torus(0.7, 0.3, major_sections=120, minor_sections=80)
+    ring = mesh_io.Mesh(np.array(torus.vertices)[:, [0, 2, 1]], np.array(torus.faces)[:, ::-1])  # around y
+    box, ball = trimesh.creation.box(extents=[2 * half for half in HALF]), trimesh.creation.icosphere(subdivisions=5)
+    lower = (-HALF[0], -HALF[1], -HALF[2])
+    return {
+        "sphere": Case(primitives.Sphere(), mesh_io.Mesh(np.array(ball.vertices), np.array(ball.faces)), curved=True),
+        "box": Case(primitives.Box(lower, HALF), mesh_io.Mesh(np.array(box.vertices), np.array(box.faces)), False),
+        "torus": Case(primitives.Torus(0.7, 0.3), ring, curved=True),
+    }
+
+
+def looking_at(mesh: mesh_io.Mesh, count: int, seed: int) -> rays.OrientedPoints:
+    """Rays from a sphere around the mesh to random points of its box, mesh frame, float64."""
+    random = np.random.default_rng(seed)
+    lower, upper = mesh.box()
+    start = random.standard_normal((count, 3))
+    start *= DISTANCE * mesh.diagonal() / 2 / np.linalg.norm(start, axis=1, keepdims=True)
+    start += (lower + upper) / 2
+    along = random.uniform(lower, upper, (count, 3)) - start
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    return rays.OrientedPoints(torch.from_numpy(start), torch.from_numpy(along))
+
+
+def errors(shape: shape_field.ShapeField, case: Case, points: rays.OrientedPoints) -> dict[str, float]:
+    """Medians over the rays that both see (module docstring); depth in units of the mesh."""
+    hits, kappa = primitives.cast(case.truth, points), primitives.curvatures(case.truth, points)
+    outputs = ["visibility", "depth", "normals"]
+    outputs += ["mean_curvature", "gaussian_curvature"] if case.curved else []
+    found = {name: torch.from_numpy(values) for name, values in shape_field.query(shape, points, outputs)[0].items()}
+    seen = found["visibility"] >= shape_field.SEEN
+    both = seen & hits.visible
+    kept = both & ((hits.normals * points.directions).sum(-1).abs() >= STEEP)
+    if isinstance(case.truth, primitives.Box):
+        kept &= edge_distance(case.truth, rays.surface_points(points.positions, points.directions, hits.depth)) >= EDGE
+    angle = torch.rad2deg(torch.acos((found["normals"] * hits.normals).sum(-1)[kept].clamp(-1, 1)))
+    result = {
+        "normal_angle_deg_median": float(angle.median()),
+        "normal_angle_deg_p95": float(angle.quantile(0.95)),
+        "depth_median": float((found["depth"] - hits.depth)[both].abs().median()),
+        "wrong_visibility": float((seen != hits.visible).double().mean()),
+    }
+    return result | (curvature_errors(found, kappa, kept) if case.curved else {})
+
+
+def curvature_errors(found: dict[str, Tensor], kappa: Tensor, kept: Tensor) -> dict[str, float]:
+    """Median of the relative errors, and how far the median value is from the true one's."""
+    first, second = kappa[kept].unbind(-1)
+    scales = {"mean": first.abs() + second.abs(), "gaussian": torch.maximum(first.abs(), second.abs()).square()}
+    truths = {"mean": first + second, "gaussian": first * second}
+    result = {}
+    for name, scale in scales.items():
+        off = (found[f"{name}_curvature"][kept] - truths[name]) / scale
+        result[f"{name}_curvature_median_error"] = float(off.abs().median())
+        result[f"{name}_curvature_error_of_median"] = abs(float(off.median()))
+    return result
+
+
+def edge_distance(box: primitives.Box, points: Tensor) -> Tensor:
+    """From points of a box's surface to its nearest edge."""
+    inside = torch.minimum(points - points.new_tensor(box.lower), points.new_tensor(box.upper) - points).abs()
+    return inside.sort(dim=-1).values[..., 1]  # the smallest is that to the point's own face
+
+
+def measure(name: str, case: Case, section: single_shape.FitConfig) -> dict[str, Any]:
+    """A row: seconds of sampling and training, and the errors."""
+    with tempfile.TemporaryDirectory() as folder:
+        result = single_shape.fit(case.mesh, section, Path(folder))
+        shape = shape_field.load(Path(folder))
+    found = errors(shape, case, looking_at(case.mesh, RAYS, seed=1))
+    size = {"minutes": section.minutes, "rays": RAYS, "triangles": len(case.mesh.faces)}
+    row = _measure.row(name, size, [result["seconds"]], found, TRAINED_TOLERANCE)
+    return {**row, "steps": result["steps"], "parameters": result["parameters"]}
+
+
+def main(given: Sequence[str] | None = None) -> None:
+    """Fit each shape and write the table; with --only, print the rows of some."""
+    known = cases()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, help="of each fit (default: that of configs/fit.yaml)")
+    parser.add_argument("--only", nargs="+", choices=list(known), help="these alone; prints instead of writing")
+    arguments = parser.parse_args(given)
+    section = config.load(CONFIG, "fit", single_shape.FitConfig)
+    minutes = section.minutes if arguments.minutes is None else arguments.minutes
+    if minutes is None or not minutes > 0:
+        raise checks.InputError(f"--minutes must be > 0; got {minutes}")
+    loop = dataclasses.replace(section.loop, threads=THREADS)
+    section = dataclasses.replace(section, steps=None, minutes=minutes, loop=loop)
+    rows = [measure(name, known[name], section) for name in arguments.only or known]
+    for row in rows:
+        print(row["what"], f"{row['steps']:,} steps", {key: round(value, 4) for key, value in row["error"].items()})
+    if not arguments.only:
+        _measure.write(NAME, THREADS, rows)
+
+
+if __name__ == "__main__":
+    raise SystemExit(stage.guarded(main, NAME))

@@ -1,0 +1,188 @@
+"""What `make fit-proof` measures with: clocks, ratios, closed forms, the contact sheet, its page."""
+
+import dataclasses
+import types
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from _shapes import cube
+from test_single_shape import TINY
+
+from bench import _fit_page, _reach, _results, contact_sheet, fit_curves, primitive_fits
+from ddf import checks, mesh_io, pages, paper_ablation, primitives, rays, single_shape, storage, training
+
+NO_SAMPLES = single_shape.ShapeSamples({}, np.zeros(3), np.ones(3))
+
+
+def test_ratio_is_that_of_the_times_at_an_error_both_reach():
+    ours, theirs = [(1.0, 0.9), (2.0, 0.5), (4.0, 0.2)], [(3.0, 0.8), (40.0, 0.5), (60.0, 0.55)]
+    found = _reach.compare(ours, theirs)
+    assert (found.level, found.our_seconds, found.their_seconds, found.times) == (0.5, 2.0, 40.0, 20.0)
+    assert (found.goal, found.goal_seconds, found.times_to_goal, found.bound) == (0.2, 4.0, 15.0, True)
+    back = _reach.compare(theirs, ours)
+    assert (back.level, back.times, back.times_to_goal, back.bound) == (0.5, 2 / 40, 2 / 40, False)
+    with pytest.raises(ValueError, match="need a point"):
+        _reach.compare([], theirs)
+
+
+class _Clocked:
+    """A clock that steps and evaluations move on, instead of the machine's."""
+
+    def __init__(self, monkeypatch, evaluation):
+        self.now = 0.0
+        monkeypatch.setattr(fit_curves, "time", types.SimpleNamespace(monotonic=lambda: self.now))
+        monkeypatch.setattr(single_shape, "held_out_errors", lambda *_: self.passes(evaluation) or {"off": self.now})
+
+    def passes(self, seconds):
+        self.now += seconds
+
+    def train(self, start):
+        def run(model, groups, step_loss, steps, *rest):
+            for step in range(start, steps):
+                self.passes(10.0)
+                _, terms = step_loss(step)
+                assert 0 <= float(terms["clock"]) <= self.now
+
+        return run
+
+    def loss(self, step):
+        return torch.zeros(()), {"depth": torch.zeros(())}
+
+
+def test_curve_has_growing_times_and_leaves_evaluations_out(tmp_path, monkeypatch):
+    clocked = _Clocked(monkeypatch, evaluation=1000.0)
+    clock = fit_curves.Clock(NO_SAMPLES, tmp_path)
+    clock.around(clocked.train(0))(None, [], clocked.loss, 10)
+    rows = storage.read_json(tmp_path / fit_curves.CURVE)
+    assert [row["seconds"] for row in rows] == [10.0, 20.0, 30.0, 50.0, 80.0, 90.0]
+    assert [row["step"] for row in rows] == [1, 2, 3, 5, 8, 10]
+    assert clocked.now == 100.0 + 1000.0 * len(rows)
+
+
+def test_resumed_curve_goes_on_from_the_logged_time(tmp_path, monkeypatch):
+    clocked = _Clocked(monkeypatch, evaluation=0.0)
+    old = [{"seconds": s, "step": k, "held_out": {}} for s, k in ((10.0, 1), (30.0, 3), (70.0, 7))]
+    storage.write_json(tmp_path / fit_curves.CURVE, old)
+    logged = [{"step": float(k), "clock": 10.0 * k} for k in range(1, 8)]
+    monkeypatch.setattr(training, "read_log", lambda folder: logged)
+    clocked.passes(500.0)  # sampling once more is not counted
+    clock = fit_curves.Clock(NO_SAMPLES, tmp_path)
+    clock.around(clocked.train(5))(None, [], clocked.loss, 8)
+    assert [(row["seconds"], row["step"]) for row in clock.rows] == [(10.0, 1), (30.0, 3), (50.0, 5), (70.0, 8)]
+
+
+def test_watched_fit_is_the_fit_itself_and_a_second_call_keeps_its_curve(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(fit_curves, "HELD_OUT", 50)
+    monkeypatch.setattr(fit_curves, "FIRST_SECONDS", 0.0)
+    section = dataclasses.replace(TINY, loop=dataclasses.replace(TINY.loop, log_every=1))
+    fit_curves.fit("fit", cube(), section)
+    plain = single_shape.fit(cube(), section, tmp_path / "plain")
+    folder = fit_curves.OUT / "fit"
+    assert storage.read_json(folder / single_shape.METRICS)["held_out"] == plain["held_out"]
+    curve = storage.read_json(folder / fit_curves.CURVE)
+    assert curve[-1]["step"] == section.steps and len(curve) > 1
+    assert "clock" in training.read_log(folder)[0]
+    fit_curves.fit("fit", cube(), section)
+    assert storage.read_json(folder / fit_curves.CURVE) == curve
+    rows = fit_curves.rows_of("fit", "cube", section)
+    assert [row["what"] for row in rows] == ["fit"] * len(curve) + ["fit, end"]
+    assert rows[-1]["error"]["depth_l1_x10_A"] == pytest.approx(10 * plain["held_out"]["depth_l1"]["A"])
+    assert "at most the paper's" in fit_curves.told("fit", rows[-1]["error"])
+
+
+def test_budgets_are_the_configs_own_and_the_paper_gets_the_longest():
+    minutes = {name: fit_curves.recipe(name, None, 1).minutes or 0.0 for name in fit_curves.RECIPES}
+    assert minutes[fit_curves.PAPER] == max(minutes[name] for name in fit_curves.OURS) > minutes["fit"]
+    assert {fit_curves.recipe(name, 0.5, 1).minutes for name in fit_curves.RECIPES} == {0.5}
+
+
+def test_rays_look_at_the_shape_and_start_outside_its_box():
+    mesh = cube(0.5)
+    points = primitive_fits.looking_at(mesh, 500, seed=0)
+    assert float(points.positions.norm(dim=-1).min()) > mesh.diagonal()
+    hits = primitives.cast(primitives.Box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)), points)
+    assert hits.visible.all()  # they aim at points inside
+
+
+def test_edge_distance_of_points_on_a_box():
+    box = primitives.Box((-1.0, -0.7, -0.5), (1.0, 0.7, 0.5))
+    points = torch.tensor([[1.0, 0.0, 0.0], [1.0, 0.7, 0.0], [0.2, -0.7, 0.45], [-0.95, 0.1, -0.5]])
+    torch.testing.assert_close(primitive_fits.edge_distance(box, points), torch.tensor([0.5, 0.0, 0.05, 0.05]))
+
+
+def test_curvature_errors_are_relative_to_the_scale_of_curvature():
+    kappa = torch.tensor([[-2.0, -2.0], [-2.0, 1.0], [9.0, 9.0]])
+    found = {"mean_curvature": torch.tensor([-4.4, -1.3, 0.0]), "gaussian_curvature": torch.tensor([4.4, -1.6, 0.0])}
+    kept = torch.tensor([True, True, False])
+    result = primitive_fits.curvature_errors(found, kappa, kept)
+    assert result == {name: pytest.approx(0.1, abs=1e-6) for name in result if "mean_c" in name or "error" in name}
+    assert set(result) == {
+        f"{n}_curvature_{k}" for n in ("mean", "gaussian") for k in ("median_error", "error_of_median")
+    }
+
+
+def test_meshes_of_the_primitives_lie_on_their_closed_forms():
+    for case in primitive_fits.cases().values():
+        points = primitive_fits.looking_at(case.mesh, 2000, seed=2)
+        hits = primitives.cast(case.truth, points)
+        q = rays.surface_points(points.positions, points.directions, hits.depth)[hits.visible]
+        lower, upper = case.mesh.box()
+        np.testing.assert_allclose(q.min(dim=0).values.numpy(), lower, atol=0.1)
+        np.testing.assert_allclose(q.max(dim=0).values.numpy(), upper, atol=0.1)
+
+
+def test_contact_sheet_leaves_hard_meshes_out_and_refuses_an_empty_folder(tmp_path):
+    for name in ("b.ply", "a.obj", "hard_c.ply", "bad_d.obj", "notes.md"):
+        (tmp_path / name).touch()
+    assert [file.name for file in contact_sheet.everyday(tmp_path)] == ["a.obj", "b.ply"]
+    with pytest.raises(checks.InputError, match="no everyday mesh"):
+        contact_sheet.everyday(tmp_path / "none")
+
+
+def test_contact_sheet_fits_each_mesh_once_and_draws_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(contact_sheet, "FIELDS", tmp_path / "fields")
+    file = tmp_path / "cube.ply"
+    file.write_bytes(mesh_io.ply_bytes(cube()))
+    item = contact_sheet.fitted(file, TINY)
+    row = contact_sheet.pictures(item, 16)
+    assert len(row.cells) == len(contact_sheet.COLUMNS) and all(cell is not None for cell in row.cells)
+    assert contact_sheet.row_of(item)["steps"] == TINY.steps
+
+    def refuse(*_):
+        raise AssertionError("fitted again")
+
+    monkeypatch.setattr(single_shape, "fit", refuse)
+    assert contact_sheet.fitted(file, TINY).folder == item.folder
+    with pytest.raises(AssertionError, match="fitted again"):
+        contact_sheet.fitted(file, dataclasses.replace(TINY, steps=7))
+
+
+def _curve_rows():
+    figures = {f"{metric}_{kind}": 0.3 for metric in paper_ablation.METRICS for kind in "UABOTS"}
+    size = {"shape": "bunny_60k"}
+    told = {"steps": 1234, "held_out": 25_000}
+    reach = dataclasses.asdict(_reach.compare([(2.0, 0.5), (4.0, 0.2)], [(40.0, 0.5)]))
+    return [
+        _results.Row("fit, end", size, (4.0, 4.0, 4.0), figures, told),
+        _results.Row("fit, to an error that paper_fit reaches", {}, (2.0, 2.0, 2.0), {}, reach),
+    ]
+
+
+def test_page_marks_what_reaches_the_paper_and_states_bounds_as_bounds():
+    versions = {"torch": "2"}
+    found = {"fit_curves": _results.Benchmark("fit_curves", "a CPU", 2, 2, versions, _curve_rows())}
+    text = pages.markdown(_fit_page.build(found, None))
+    ours = next(line for line in text.splitlines() if line.startswith("| BCE of visibility | fit |"))
+    assert ours.count("**0.30**") == 1  # O alone: the paper has .56 there, and less than .30 elsewhere
+    assert "20 times as long" in text and "more than 10 times as long" in text
+    with pytest.raises(checks.InputError, match="nothing to tell"):
+        _fit_page.build({}, None)
+
+
+def test_page_shows_the_sheet_with_its_medians():
+    columns = {f"{metric}_{kind}": [0.1, 0.5, 0.3] for metric in paper_ablation.METRICS for kind in "UABOTS"}
+    text = pages.markdown(_fit_page.build({}, pd.DataFrame({**columns, "seconds": [120.0] * 3})))
+    assert text.count("| 0.30 |") and contact_sheet.SHEET in text and "3 meshes, 120 s each" in text
