@@ -22,6 +22,7 @@ RUN := $(VENV)/bin/python
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONUNBUFFERED := 1
 export LAUNCH := $(strip $(LAUNCH))
+export PET_NO_PYTHON := 1#    torchrun in LAUNCH starts the command behind it, which is not a script
 export SEEDS := $(strip $(SEEDS))
 ifneq ($(strip $(DATA)),)
 export DDF_DATA := $(abspath $(strip $(DATA)))

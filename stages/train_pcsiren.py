@@ -4,7 +4,7 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from ddf import config, provenance, si3dr_data, si3dr_training, stage, training
+from ddf import config, distributed, provenance, si3dr_data, si3dr_training, stage, training
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:
@@ -13,7 +13,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     section = config.load(config_path, "pcsiren", si3dr_training.PCSirenConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     samples_dir = config.artifact_dir(config_path, "samples", category)
-    training.prepare(train.loop)
+    training.prepare(train.loop, train.batch_size)
 
     images, shapes, sources = si3dr_data.read_training(
         index_path, samples_dir, category, train.train_views, train.image_size
@@ -36,4 +36,4 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__, category=True, seed=True)
+    stage.main(distributed.shared(run), __doc__, category=True, seed=True)

@@ -95,7 +95,8 @@ def test_mask_loss_of_random_pixels_is_unbiased_and_spends_only_them():
     alpha = torch.rand(3, 24, 24, generator=torch.Generator().manual_seed(0))
     whole = reconstruction.mask_loss(_BallField(), [], camera, scale, alpha)
     generator = torch.Generator().manual_seed(1)
-    draws = [reconstruction.mask_loss(_BallField(), [], camera, scale, alpha, 40, generator) for _ in range(300)]
+    chances = [torch.rand(3, 24 * 24, generator=generator) for _ in range(300)]
+    draws = [reconstruction.mask_loss(_BallField(), [], camera, scale, alpha, 40, drawn) for drawn in chances]
     spread = torch.stack(draws).std(0) / 300**0.5
     assert bool((spread > 0).all())
     assert bool(((torch.stack(draws).mean(0) - whole).abs() < 4 * spread).all())

@@ -96,12 +96,17 @@ class Proposer:
         modulations: Sequence[Float[Tensor, "b 1 _"]],
         chosen: Int[np.ndarray, "b"],
         random: np.random.Generator,
+        part: slice = slice(None),
     ) -> losses.SampleBatch:
-        """`stored`, of the shapes `chosen`, with rays of type P behind; all on the device of `stored`."""
+        """`stored`, of `part` of the shapes `chosen`, with rays of type P behind; all on the device of `stored`.
+
+        What `random` gives is drawn for all of `chosen`, so that every process of a training goes on with the same.
+        """
         place = stored.positions.device
         starts = self._starts(chosen, random)
         size = (*starts.shape[:2], self.config.directions, 3)
-        candidates = torch.from_numpy(random.standard_normal(size, dtype=np.float32))
+        candidates = torch.from_numpy(random.standard_normal(size, dtype=np.float32))[part]
+        starts, chosen = starts[part], chosen[part]
         candidates = torch.nn.functional.normalize(candidates, dim=-1)
         directions = propose(field, modulations, starts.to(place), candidates.to(place), self.config).cpu()
         hits = [

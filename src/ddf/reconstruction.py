@@ -152,18 +152,19 @@ def mask_loss(
     field_scale: Float[Tensor, "b"],
     alpha: Float[Tensor, "b size size"],
     num_pixels: int | None = None,
-    generator: torch.Generator | None = None,
+    chances: Float[Tensor, "b pixels"] | None = None,
 ) -> Float[Tensor, "b"]:
     """L_M per image: BCE of the alpha channel and the rendered visibility. Source: [DDF22] §4.3.
 
     Only pixels whose ray meets the cube are evaluated (the others render 0 whatever the field); with `num_pixels`, a
-    random subset of those, scaled by the share of the image that they stand for.
+    random subset of those, scaled by the share of the image that they stand for: the ones with the largest `chances`,
+    in [0, 1).
     """
     size = alpha.shape[-1]
     directions = cameras.pixel_directions(size, alpha.dtype).to(alpha.device).reshape(-1, 3)
     with torch.no_grad():
         meets = rendering.field_rays(camera, field_scale, directions)[3]
-        chosen = _choose(meets, num_pixels, generator)
+        chosen = _choose(meets, num_pixels, chances)
     entry, world, _, chosen_meets = rendering.field_rays(camera, field_scale, directions[chosen])
     raw = field(entry, world, modulations)
     target = alpha.flatten(-2).gather(1, chosen)
@@ -172,13 +173,15 @@ def mask_loss(
     return (bce * weight).sum(-1) / weight.sum(-1).clamp_min(1) * meets.to(bce.dtype).mean(-1)
 
 
-def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, generator: torch.Generator | None) -> Tensor:
+def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, chances: Float[Tensor, "b n"] | None) -> Tensor:
     """Indices of pixels that meet the box, random where there are more than `num_pixels`; padded with misses."""
     most = int(meets.sum(-1).max())
     count = max(1, most if num_pixels is None else min(num_pixels, most))
     order = meets.to(torch.float32)
     if num_pixels is not None:
-        order = order * (1 + torch.rand(meets.shape, generator=generator, device=meets.device))
+        if chances is None:
+            raise ValueError("num_pixels needs chances, by which they are chosen")
+        order = order * (1 + chances)
     return order.topk(count, dim=-1).indices
 
 

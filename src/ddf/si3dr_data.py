@@ -22,7 +22,7 @@ import tqdm
 from jaxtyping import Float, Int, Shaped, UInt8
 from torch import Tensor
 
-from ddf import cameras, checks, losses, packing, shapenet, storage, transforms
+from ddf import cameras, checks, distributed, losses, packing, shapenet, storage, transforms
 
 SAMPLES, CLOUDS = ".samples.safetensors", ".clouds.safetensors"  # as the stage `samples` names them
 OPEN_SHARDS = 8  # of each kind, whatever the number of shapes; to open one more takes a millisecond
@@ -153,12 +153,20 @@ class SampleSet:
     places: Sequence[tuple[int, int]]
 
     def draw(
-        self, shapes: Int[np.ndarray, "b"], counts: Mapping[str, int], random: np.random.Generator
+        self,
+        shapes: Int[np.ndarray, "b"],
+        counts: Mapping[str, int],
+        random: np.random.Generator,
+        part: slice = slice(None),
     ) -> losses.SampleBatch:
-        """Random samples of every type for each of the given shapes, and `counts["E"]` uniform points without truth."""
-        size, extra = len(shapes), counts["E"]
-        position = random.uniform(-1, 1, (size, extra, 3)).astype(np.float32)
-        direction = random.standard_normal((size, extra, 3)).astype(np.float32)
+        """Random samples of every type for each of the given shapes, and `counts["E"]` uniform points without truth.
+
+        Args:
+          part: keep these of the shapes alone, with the samples that they have among all.
+        """
+        everyone, size, extra = len(shapes), len(shapes[part]), counts["E"]
+        position = random.uniform(-1, 1, (everyone, extra, 3))[part].astype(np.float32)
+        direction = random.standard_normal((everyone, extra, 3))[part].astype(np.float32)
         direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
         unknown = torch.zeros(size, extra)
         parts = {
@@ -168,7 +176,7 @@ class SampleSet:
             "depth": [unknown],
             "normals": [unknown[..., None].expand(size, extra, 3)],
         }
-        numbers, rows_in = zip(*(self.places[i] for i in shapes), strict=True)
+        numbers, rows_in = zip(*(self.places[i] for i in shapes[part]), strict=True)
         opened = {number: self.shards[number] for number in set(numbers)}
         tables = [(opened[number], row) for number, row in zip(numbers, rows_in, strict=True)]
         for wanted in losses.STORED:
@@ -176,7 +184,7 @@ class SampleSet:
                 continue
             kind = wanted.removesuffix("+")  # U+ are U samples, of which no derivative is read
             stored = tables[0][0][f"{kind}.depth"].shape[1]
-            rows = random.integers(0, stored, (size, counts[wanted]))
+            rows = random.integers(0, stored, (everyone, counts[wanted]))[part]
             chosen = {name: _gather(tables, name, rows) for name in (f"{kind}.{field}" for field in packing.FIELDS)}
             samples = packing.decode(chosen, kind)
             visible = samples["visible"]
@@ -205,7 +213,9 @@ def read_images(
       InputError: a file is missing, damaged or of another size; it is named.
     """
     images, poses, index, all_views = ImageFile(size), [], [], []
-    for i, (shape_id, views) in enumerate(tqdm.tqdm(shapes, desc=f"images {category}", unit="shape", mininterval=2)):
+    others = distributed.rank() > 0  # show no progress
+    progress = tqdm.tqdm(shapes, desc=f"images {category}", unit="shape", mininterval=2, disable=others)
+    for i, (shape_id, views) in enumerate(progress):
         table = torch.tensor(dataset.cameras(category, shape_id), dtype=torch.float64)
         for view in views:
             images.append(dataset.image(category, shape_id, view, size))

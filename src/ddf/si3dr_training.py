@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf import checks, fields, losses, reconstruction, si3dr_data, siren, training
+from ddf import checks, distributed, fields, losses, reconstruction, si3dr_data, siren, training
 
 
 @dataclass(frozen=True)
@@ -149,16 +149,23 @@ class Proposer(Protocol):
         modulations: Sequence[Float[Tensor, "b 1 _"]],
         chosen: Int[np.ndarray, "b"],
         random: np.random.Generator,
+        part: slice,
         /,
     ) -> losses.SampleBatch:
-        """The stored samples of the shapes `chosen`, with others behind them."""
+        """The stored samples of `part` of the shapes `chosen`, with others behind them, drawn for all of `chosen`."""
         ...
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Images of one step with the cameras and shapes that they show; everything on the model's device."""
+    """Images of one step with the cameras and shapes that they show; everything on the model's device.
 
+    Of several processes (`distributed`) each has a part of the images, `part`, and what belongs to them; drawn: the
+    shapes of all. `random` is the same everywhere: every process draws for all images and keeps what is its own.
+    """
+
+    part: slice
+    drawn: np.ndarray
     rows: np.ndarray
     shapes: np.ndarray
     images: Float[Tensor, "b 4 size size"]
@@ -171,8 +178,15 @@ class Batch:
         random = np.random.default_rng((config.loop.seed, step))
         repeated = len(images.shapes) < config.batch_size
         rows = random.choice(len(images.shapes), config.batch_size, replace=repeated)
-        place = training.device()
-        return cls(rows, images.shapes[rows], images.batch(rows).to(place), images.cameras[rows].to(place), random)
+        part, place = distributed.part(config.batch_size), training.device()
+        drawn, rows = images.shapes[rows], rows[part]
+        shown, cameras = images.batch(rows).to(place), images.cameras[rows].to(place)
+        return cls(part, drawn, rows, drawn[part], shown, cameras, random)
+
+    def chances(self, count: int) -> Float[Tensor, "b count"]:
+        """Random numbers in [0, 1) for each image, made on the images' device."""
+        place = self.images.device
+        return torch.rand((len(self.drawn), count), generator=self.generator(place), device=place)[self.part]
 
     def generator(self, device: torch.device) -> torch.Generator:
         """Torch's own generator, seeded from this step's."""
@@ -197,9 +211,9 @@ def ddf_step(
     batch = Batch.draw(images, train, step)
     place = batch.images.device
     modulations = model.modulations(model.shape_encoder(batch.images))
-    points = samples.draw(batch.shapes, config.counts, batch.random).to(place)
+    points = samples.draw(batch.drawn, config.counts, batch.random, batch.part).to(place)
     if propose is not None:
-        points = propose(points, model.field, modulations, batch.shapes, batch.random)
+        points = propose(points, model.field, modulations, batch.drawn, batch.random, batch.part)
     shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights, train.loop.matmul)
     scores = model.camera_encoder(batch.images)
     camera_loss = model.camera_head.loss(scores, batch.cameras)
@@ -210,7 +224,7 @@ def ddf_step(
         shapes.field_scales(batch.shapes).to(place),
         images.alpha(batch.rows, config.mask_size).to(place),
         config.mask_pixels,
-        batch.generator(place),
+        None if config.mask_pixels is None else batch.chances(config.mask_size**2),
     ).mean()
     total = config.shape_weight * shape_loss + train.camera_weight * camera_loss + config.mask_weight * mask_loss
     return total, {**terms, "camera": camera_loss.detach(), "mask": mask_loss.detach()}
@@ -227,8 +241,9 @@ def pcsiren_step(
     """D_C in the field frame + γ_RΠ L_Π."""
     batch = Batch.draw(images, train, step)
     place = batch.images.device
-    truth = torch.stack([shapes.subset(int(i), config.points, batch.random) for i in batch.shapes]).to(place)
-    seeds = batch.random.uniform(-1, 1, (len(batch.shapes), config.points, 3)).astype(np.float32)
+    clouds = [shapes.subset(int(i), config.points, batch.random) for i in batch.drawn]
+    truth = torch.stack(clouds[batch.part]).to(place)
+    seeds = batch.random.uniform(-1, 1, (len(batch.drawn), config.points, 3))[batch.part].astype(np.float32)
     predicted = model.decoder(torch.from_numpy(seeds).to(place), model.shape_encoder(batch.images))
     chamfer = chamfer_loss(predicted, truth)
     camera_loss = model.camera_head.loss(model.camera_encoder(batch.images), batch.cameras)

@@ -1,7 +1,7 @@
 """One training loop: a step that depends on its number alone, checkpoints, a log, and the same result after any kill.
 
 The loss of step k draws its batch from generators seeded with (seed, k), so a run resumed at step k goes on exactly as
-an uninterrupted one would (same machine kind, same number of threads).
+an uninterrupted one would (same machine kind, same number of threads and processes).
 """
 
 import csv
@@ -19,7 +19,7 @@ import torch.utils.deterministic
 import tqdm
 from torch import Tensor, nn
 
-from ddf import checks, passes, storage
+from ddf import checks, distributed, passes, storage
 
 LOGGER = logging.getLogger(__name__)
 CHECKPOINT, MODEL, LOG = "checkpoint.safetensors", "model.safetensors", "log.csv"
@@ -34,9 +34,10 @@ class LoopConfig:
     schedule: `constant`, or `cosine` from the learning rate to zero over all steps; both after a linear
     rise of `warmup_steps`.
     clip_norm: gradients longer than this are shortened; null for none.
-    threads: CPU threads; part of the result (sums are ordered by it).
+    threads: CPU threads of each process; part of the result (sums are ordered by it).
     matmul: how large products of matrices are made, around parameters and sums in float32. `tf32`: on a GPU with its
-      ten-bit factors, on a CPU as float32. `bfloat16`: those between sine layers of the shape loss (`passes`).
+      ten-bit factors, convolutions too, on a CPU as float32. `bfloat16`: those between sine layers of the shape loss
+      (`passes`), the others in float32.
     """
 
     learning_rate: float
@@ -68,12 +69,22 @@ class LoopConfig:
 
 
 def device() -> torch.device:
-    """CUDA when there is one, else the CPU."""
+    """CUDA when there is one, else the CPU; of several GPUs the process's own."""
     return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
-def prepare(config: LoopConfig) -> None:
-    """Fix threads, seed and the precision of products; on the CPU only deterministic operators are allowed."""
+def prepare(config: LoopConfig, batch_size: int | None = None) -> None:
+    """Fix threads, seed and the precision of products; on the CPU only deterministic operators are allowed.
+
+    Args:
+      batch_size: images of a step, of which every process takes a part; None for work that one process does.
+    Raises:
+      InputError: several processes were started for such work, or cannot share the images equally.
+    """
+    if batch_size is None and distributed.launched() > 1:
+        raise checks.InputError(f"this runs on one process; got {distributed.launched()}: leave out torchrun (LAUNCH)")
+    if batch_size is not None:
+        distributed.part(batch_size)
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed)
     if device().type == "cpu":
@@ -82,6 +93,8 @@ def prepare(config: LoopConfig) -> None:
         torch.utils.deterministic.fill_uninitialized_memory = False  # pyright: ignore[reportAttributeAccessIssue]
     else:
         torch.set_float32_matmul_precision("high" if config.matmul == "tf32" else "highest")
+        torch.backends.cudnn.allow_tf32 = config.matmul == "tf32"  # convolutions: on, if nobody says so
+        torch.backends.cuda.matmul.allow_bf16_reduced_precision_reduction = False  # sums stay in float32
 
 
 def fit(
@@ -96,18 +109,32 @@ def fit(
 ) -> None:
     """Optimise `model`, resuming from `out_dir` if its checkpoint has the same fingerprint; write model and log there.
 
+    Of several processes (`distributed`) the first one writes; the others need to read the same folder.
+
     Args:
       groups: AdamW's parameter groups.
-      step_loss: step number to loss and terms for the log.
+      step_loss: step number to loss and terms for the log; means over the part of the batch that is the process's.
       record: metadata of the model file; `record["fingerprint"]` decides whether a checkpoint may be resumed.
     Raises:
       FloatingPointError: the loss is not finite; says at which step, and that the last checkpoint is whole.
+      InputError: processes differ in data, config or checkpoint.
     """
+    first = distributed.rank() == 0
+    distributed.share_batch_statistics(model)
     optimiser = torch.optim.AdamW(groups, lr=config.learning_rate, fused=True)
     start, rows = _resume(model, optimiser, out_dir, record["fingerprint"])
+    distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")
     saved_at = logged_at = time.monotonic()
     spent = rows[-1]["seconds"] if rows else 0.0
-    progress = tqdm.tqdm(range(start, steps), initial=start, total=steps, desc=describe, unit="step", mininterval=2)
+    progress = tqdm.tqdm(
+        range(start, steps),
+        initial=start,
+        total=steps,
+        desc=describe,
+        unit="step",
+        mininterval=2,
+        disable=not first,
+    )
     model.train()
     for step in progress:
         for group in optimiser.param_groups:
@@ -115,6 +142,7 @@ def fit(
         loss, terms = step_loss(step)
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
+        distributed.average_gradients(model.parameters())
         if config.clip_norm is not None:
             nn.utils.clip_grad_norm_(model.parameters(), config.clip_norm)
         optimiser.step()
@@ -124,11 +152,12 @@ def fit(
             spent, logged_at = spent + now - logged_at, now
             rows.append(_log_row(done, loss, terms, spent, out_dir))
             progress.set_postfix(loss=f"{rows[-1]['loss']:.3f}", refresh=False)
-        if done == steps or time.monotonic() - saved_at >= config.checkpoint_seconds:
+        if first and (done == steps or time.monotonic() - saved_at >= config.checkpoint_seconds):
             _save_checkpoint(model, optimiser, done, rows, out_dir, record)
             saved_at = time.monotonic()
-    storage.save_tensors(out_dir / MODEL, dict(model.state_dict()), {**record, "steps": steps})
-    _write_log(out_dir / LOG, rows)
+    if first:
+        storage.save_tensors(out_dir / MODEL, dict(model.state_dict()), {**record, "steps": steps})
+        _write_log(out_dir / LOG, rows)
 
 
 def load_model(model: nn.Module, folder: Path) -> dict:
@@ -166,15 +195,10 @@ def _write_log(path: Path, rows: list[dict[str, float]]) -> None:
 
 
 def _log_row(step: int, loss: Tensor, terms: dict[str, Tensor], seconds: float, out_dir: Path) -> dict[str, float]:
-    value = float(loss.detach())
-    if not math.isfinite(value):
-        raise FloatingPointError(f"loss is {value} at step {step}; the last checkpoint in {out_dir} is whole")
-    return {
-        "step": float(step),
-        "loss": value,
-        **{name: float(term) for name, term in terms.items()},
-        "seconds": seconds,
-    }
+    values = {name: float(value) for name, value in distributed.means({"loss": loss.detach(), **terms}).items()}
+    if not math.isfinite(values["loss"]):
+        raise FloatingPointError(f"loss is {values['loss']} at step {step}; the last checkpoint in {out_dir} is whole")
+    return {"step": float(step), **values, "seconds": seconds}
 
 
 def _save_checkpoint(

@@ -1,0 +1,93 @@
+"""The trainings that test_distributed.py runs on one process and, behind torchrun, on two: `_together.py FOLDER`."""
+
+import dataclasses
+import functools
+import sys
+from pathlib import Path
+
+import _models
+import numpy as np
+import test_si3dr
+import torch
+from torch import nn
+
+from ddf import checks, distributed, si3dr_training, storage, training
+
+STEPS, BATCH = 3, 4
+LOOP = dataclasses.replace(_models.LOOP, clip_norm=0.1, checkpoint_seconds=0.0)
+TRAIN = dataclasses.replace(_models.TRAIN, loop=LOOP)
+KINDS = ("ddf", "pcsiren")
+
+
+def exact_model():
+    """Batch statistics in float64, where sums in another order still agree to ten digits and more."""
+    torch.manual_seed(0)
+    layers = (nn.Conv2d(3, 5, 3), nn.BatchNorm2d(5), nn.Softplus(), nn.Flatten(), nn.Linear(80, 1))
+    return nn.Sequential(*layers).double()
+
+
+def _exact_loss(model, stop_at, step):
+    if step == stop_at:
+        raise KeyboardInterrupt
+    images = torch.from_numpy(np.random.default_rng(step).standard_normal((BATCH, 3, 6, 6)) + 3)
+    own = images[distributed.part(BATCH)]
+    loss = (model(own)[:, 0] - own.amax((1, 2, 3))).square().mean()
+    return loss, {"largest": own.mean()}
+
+
+def fit_exact(folder, stop_at=None, fingerprint="exact"):
+    model = exact_model()
+    loss = functools.partial(_exact_loss, model, stop_at)
+    groups = [{"params": list(model.parameters())}]
+    training.fit(model, groups, loss, STEPS, LOOP, folder, {"fingerprint": fingerprint}, "exact")
+
+
+def fresh(kind):
+    """A reconstruction model and the loss of its steps."""
+    torch.manual_seed(0)
+    images, shapes, samples = test_si3dr._images(), test_si3dr._shapes(), test_si3dr._samples()
+    if kind == "ddf":
+        model = si3dr_training.ddf_model(TRAIN, test_si3dr.DDF)
+        loss = functools.partial(si3dr_training.ddf_step, model, images, shapes, samples, TRAIN, test_si3dr.DDF)
+    else:
+        model = si3dr_training.pcsiren_model(TRAIN, test_si3dr.PCSIREN)
+        loss = functools.partial(si3dr_training.pcsiren_step, model, images, shapes, TRAIN, test_si3dr.PCSIREN)
+    model.camera_head.fit(images.cameras)
+    return model, loss
+
+
+def train_all(folder):
+    training.prepare(LOOP, BATCH)
+    fit_exact(folder / "exact")
+    for kind in KINDS:
+        model, loss = fresh(kind)
+        groups = model.parameter_groups(TRAIN.weight_decay_shape, TRAIN.weight_decay_camera)
+        training.fit(model, groups, loss, STEPS, LOOP, folder / kind, {"fingerprint": kind}, kind)
+
+
+def _refuse(*_):
+    raise AssertionError("only the first process may write")
+
+
+@distributed.shared
+def _together(folder):
+    number = distributed.rank()
+    training.prepare(dataclasses.replace(LOOP, threads=2), BATCH)
+    (folder / f"threads.{number}").write_text(str(torch.get_num_threads()))
+    if number:
+        storage.save_tensors = storage.write_text = _refuse
+    train_all(folder)
+    for stop_at in (1, 2, None):
+        try:
+            fit_exact(folder / "resumed", stop_at)
+        except KeyboardInterrupt:
+            torch.distributed.barrier()  # a process that is started again comes after the first one's checkpoint
+    try:
+        fit_exact(folder / "none", fingerprint=f"data of {number}")
+    except checks.InputError as error:
+        (folder / f"refused.{number}").write_text(str(error))
+
+
+if __name__ == "__main__":
+    _together(Path(sys.argv[1]))
+    Path(sys.argv[1], "after").touch(exist_ok=False)  # by one process
