@@ -24,7 +24,7 @@ def _problem():
     return model, step_loss
 
 
-def _fit(folder, steps=20, record=RECORD, stop_at=None):
+def _fit(folder, steps=20, record=RECORD, stop_at=None, config=CONFIG):
     model, step_loss = _problem()
 
     def stopping(step):
@@ -32,21 +32,45 @@ def _fit(folder, steps=20, record=RECORD, stop_at=None):
             raise KeyboardInterrupt
         return step_loss(step)
 
-    training.fit(model, [{"params": list(model.parameters())}], stopping, steps, CONFIG, folder, record, "test")
+    training.fit(model, [{"params": list(model.parameters())}], stopping, steps, config, folder, record, "test")
     return model
 
 
-def test_interrupted_twice_gives_the_same_model_as_uninterrupted(tmp_path):
-    _fit(tmp_path / "whole")
+@pytest.mark.parametrize("ema", [None, 0.9])
+def test_interrupted_twice_gives_the_same_model_as_uninterrupted(tmp_path, ema):
+    config = dataclasses.replace(CONFIG, ema=ema)
+    _fit(tmp_path / "whole", config=config)
     for stop in (7, 13):
         with pytest.raises(KeyboardInterrupt):
-            _fit(tmp_path / "parts", stop_at=stop)
-    _fit(tmp_path / "parts")
+            _fit(tmp_path / "parts", stop_at=stop, config=config)
+    _fit(tmp_path / "parts", config=config)
     for name in (training.MODEL, training.CHECKPOINT):
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parts" / name).read_bytes()
     logs = [[{**r, "seconds": 0} for r in training.read_log(tmp_path / f)] for f in ("whole", "parts")]
     assert [row["step"] for row in logs[0]] == [4, 8, 12, 16, 20]
     assert logs[0] == logs[1]
+
+
+def test_saved_average_is_that_of_the_models_after_every_step(tmp_path):
+    """The models themselves come from trainings without an average that end after 1, 2, ... steps."""
+    constant = dataclasses.replace(CONFIG, schedule="constant")
+    averaged = dataclasses.replace(constant, ema=0.3)
+    trained = [_fit(tmp_path / str(steps), steps, config=constant).state_dict() for steps in (1, 2, 3, 4, 5)]
+    model = _fit(tmp_path / "ema", 5, config=averaged)
+    saved, checkpoint = (
+        storage.load_tensors(tmp_path / "ema" / name, framework="torch")[0]
+        for name in (training.MODEL, training.CHECKPOINT)
+    )
+    expected = {name: value.double() for name, value in trained[0].items()}
+    for k, state in enumerate(trained[1:], start=1):
+        decay = min(0.3, (1 + k) / (10 + k))
+        expected = {name: decay * value + (1 - decay) * state[name] for name, value in expected.items()}
+    for name, value in saved.items():
+        assert torch.equal(model.state_dict()[name], value)
+        assert torch.equal(checkpoint[f"model.{name}"], trained[-1][name])  # trained as without an average
+        if value.is_floating_point():  # the batches counted are no statistic
+            torch.testing.assert_close(value.double(), expected[name], rtol=1e-5, atol=1e-7)
+            assert not torch.equal(value, trained[-1][name])
 
 
 def test_loss_falls(tmp_path):
@@ -119,5 +143,7 @@ def test_rate_rises_then_falls_to_zero():
 def test_bad_config_is_refused():
     with pytest.raises(checks.InputError, match=r"train.loop.learning_rate must be > 0; got 0"):
         dataclasses.replace(CONFIG, learning_rate=0.0)
+    with pytest.raises(checks.InputError, match=r"train.loop.ema must be in \(0, 1\), or null; got 1.0"):
+        dataclasses.replace(CONFIG, ema=1.0)
     with pytest.raises(checks.InputError, match=r"train.loop.clip_norm"):
         dataclasses.replace(CONFIG, clip_norm=-1.0)

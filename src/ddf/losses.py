@@ -28,10 +28,14 @@ VALUES_ONLY = (*STORED_VALUES, "P")  # P: rays that the field proposes, see `pro
 STORED = (*ORDER[1:], *STORED_VALUES)
 # what applies where: first and last type of the slice that a term covers
 EIKONAL, NORMALS, TRANSITION, GROUND_TRUTH = ("E", "B"), ("U", "B"), ("S", "T"), ("U", "P")
+CONSISTENCY = ("E", "U")  # the uniform points
 DOUBLED_DEPTH = (("U", "A"), ("U+", "A+"), ("P", "P"))
 COVERED = {"supervised": GROUND_TRUTH, "normals": NORMALS, "eikonal": EIKONAL, "transition": TRANSITION}
 WEIGHTED = ("depth", "visibility", "normals", "weight_variance", "transition", "visibility_variance")
 TERMS = (*WEIGHTED, "eikonal")
+GOLDEN_SHARE = (
+    0.6180339887  # of the way to the surface, times 1, 2, 3, ... without the whole: spread evenly over (0, 1)
+)
 BLOCK_VALUES = {"cpu": 2**19, "cuda": 2**25}  # points times widest layer: what stays in a CPU's cache, fills a GPU
 
 
@@ -42,6 +46,7 @@ class LossWeights:
     depth is doubled on A, U and P. depth_of: `chosen` is the paper's |d_{i*} - d|, which gives the weights w_i no
     gradient; `mixture` is Σ w_i |d_i - d|, which also moves weight to the better component (derived here).
     depth_huber: error from which L_d grows linearly, see `depth_error`; null for the paper's square.
+    view_consistency: of `view_consistency_loss`, which the paper does not train with; 0 costs nothing.
     """
 
     depth: float
@@ -55,6 +60,7 @@ class LossWeights:
     transition: float
     visibility_variance: float
     transition_speed: float
+    view_consistency: float = 0.0
 
     def __post_init__(self) -> None:
         for field in dataclass_fields(self):
@@ -205,7 +211,38 @@ def shape_loss(
     product = torch.bfloat16 if matmul == "bfloat16" else own
     count = len(modulations or [])
     total, *terms = _ShapeLoss.apply(field, batch, weights, product, count, differentiate, *inputs)
-    return total, dict(zip(TERMS, terms, strict=True))
+    named = dict(zip(TERMS, terms, strict=True))
+    if weights.view_consistency:
+        consistency = view_consistency_loss(field, batch, modulations, weights)
+        total = total + weights.view_consistency * consistency
+        named["view_consistency"] = consistency.detach()
+    return total, named
+
+
+def view_consistency_loss(
+    field: PDDF, batch: SampleBatch, modulations: list[Tensor] | None, weights: LossWeights
+) -> Float[Tensor, ""]:
+    """A surface point seen from p and from further along the ray: mean of ξ e(d(p + t v, v), d(p, v) - t) over E and U.
+
+    View consistency asks for d(p_2, v_2) <= t from anywhere ([DDF22] app. `viewconsis`; `shape_diagnostics` measures
+    that); along one ray it is this equality, Property I over a finite way, where the directed eikonal loss asks for
+    t -> 0. The loss is derived here. t is a share of d_{i*}(p, v) that differs from point to point and is not
+    differentiated; e is `depth_error`; ξ is the truth on U, the prediction, detached, on E; what leaves the cube, where
+    the field is not trained, counts as 0. Costs two evaluations by autograd.
+    """
+    span = batch.span(*CONSISTENCY)
+    positions, directions = batch.positions[:, span], batch.directions[:, span]
+    raw = field(positions, directions, modulations)
+    depth = field.depth(raw)
+    with torch.no_grad():
+        place = torch.arange(1, depth.shape[1] + 1, dtype=torch.float64, device=depth.device)
+        way = depth * (place * GOLDEN_SHARE).frac().to(depth.dtype)
+        further = positions + way[..., None] * directions
+        inside = (further.abs() <= 1).all(dim=-1)
+        visible = _visible(batch, raw, CONSISTENCY) * inside
+    left = field.depth(field(further, directions, modulations))
+    error = visible * depth_error(left, depth - way, weights.depth_huber)
+    return error.sum() / batch.number(*CONSISTENCY)
 
 
 class _ShapeLoss(torch.autograd.Function):
@@ -325,11 +362,16 @@ def _supervised_terms(
     }
 
 
-def _eikonal_sum(field: PDDF, block: SampleBatch, raw: Tensor, rates: Tensor, weights: LossWeights) -> Tensor:
-    """Sum of L_DE; where there is no ground truth (E) the predicted visibility, detached, stands for ξ."""
-    extra, known = block.span("E", "E"), block.span(*NORMALS)
+def _visible(batch: SampleBatch, raw: Tensor, types: tuple[str, str]) -> Tensor:
+    """ξ of the types from E on; E has no ground truth, so the prediction, detached, stands for it."""
+    extra = batch.span("E", "E")
     predicted = torch.sigmoid(raw[:, extra, VISIBILITY_ROW]).detach()
-    visible = torch.cat((predicted, block.visible[:, known]), dim=1)
+    return torch.cat((predicted, batch.visible[:, extra.stop : batch.span(*types).stop]), dim=1)
+
+
+def _eikonal_sum(field: PDDF, block: SampleBatch, raw: Tensor, rates: Tensor, weights: LossWeights) -> Tensor:
+    """Sum of L_DE."""
+    visible = _visible(block, raw, EIKONAL)
     depth_rates = field.depth_slopes(raw) * rates[..., :NUM_COMPONENTS]
     visibility_rate = bernoulli_variance(raw[..., VISIBILITY_ROW]) * rates[..., VISIBILITY_ROW]
     return directed_eikonal_loss(depth_rates, visibility_rate, visible, weights).sum()

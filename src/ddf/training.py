@@ -18,6 +18,7 @@ import torch
 import torch.utils.deterministic
 import tqdm
 from torch import Tensor, nn
+from torch.optim import swa_utils
 
 from ddf import checks, distributed, passes, storage
 
@@ -38,6 +39,8 @@ class LoopConfig:
     matmul: how large products of matrices are made, around parameters and sums in float32. `tf32`: on a GPU with its
       ten-bit factors, convolutions too, on a CPU as float32. `bfloat16`: those between sine layers of the shape loss
       (`passes`), the others in float32.
+    ema: decay of a moving average of all weights and statistics, which is then the model that is saved; of early steps
+      (1 + k) / (10 + k) where that is less, so that the start is forgotten. null for none, the paper's way.
     """
 
     learning_rate: float
@@ -49,6 +52,7 @@ class LoopConfig:
     log_every: int
     checkpoint_seconds: float
     matmul: passes.Matmul = "float32"
+    ema: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("learning_rate", "threads", "log_every"):
@@ -59,6 +63,8 @@ class LoopConfig:
                 raise checks.InputError(f"train.loop.{name} must be >= 0; got {getattr(self, name)}")
         if self.clip_norm is not None and not self.clip_norm > 0:
             raise checks.InputError(f"train.loop.clip_norm must be > 0 or null; got {self.clip_norm}")
+        if self.ema is not None and not 0 < self.ema < 1:
+            raise checks.InputError(f"train.loop.ema must be in (0, 1), or null; got {self.ema}")
 
     def rate(self, step: int, steps: int) -> float:
         """Learning rate of step `step` (from 0) of `steps`."""
@@ -109,7 +115,8 @@ def fit(
 ) -> None:
     """Optimise `model`, resuming from `out_dir` if its checkpoint has the same fingerprint; write model and log there.
 
-    Of several processes (`distributed`) the first one writes; the others need to read the same folder.
+    Of several processes (`distributed`) the first one writes; the others need to read the same folder. With
+    `config.ema` the file holds the average, and so does `model` in the end.
 
     Args:
       groups: AdamW's parameter groups.
@@ -122,7 +129,8 @@ def fit(
     first = distributed.rank() == 0
     distributed.share_batch_statistics(model)
     optimiser = torch.optim.AdamW(groups, lr=config.learning_rate, fused=True)
-    start, rows = _resume(model, optimiser, out_dir, record["fingerprint"])
+    average = _average(model, config)
+    start, rows = _resume(model, average, optimiser, out_dir, record["fingerprint"])
     distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")
     saved_at = logged_at = time.monotonic()
     spent = rows[-1]["seconds"] if rows else 0.0
@@ -146,6 +154,8 @@ def fit(
         if config.clip_norm is not None:
             nn.utils.clip_grad_norm_(model.parameters(), config.clip_norm)
         optimiser.step()
+        if average is not None:
+            average.update_parameters(model)
         done = step + 1
         if done % config.log_every == 0 or done == steps:
             now = time.monotonic()
@@ -153,8 +163,10 @@ def fit(
             rows.append(_log_row(done, loss, terms, spent, out_dir))
             progress.set_postfix(loss=f"{rows[-1]['loss']:.3f}", refresh=False)
         if first and (done == steps or time.monotonic() - saved_at >= config.checkpoint_seconds):
-            _save_checkpoint(model, optimiser, done, rows, out_dir, record)
+            _save_checkpoint(model, average, optimiser, done, rows, out_dir, record)
             saved_at = time.monotonic()
+    if average is not None:
+        model.load_state_dict(average.module.state_dict())
     if first:
         storage.save_tensors(out_dir / MODEL, dict(model.state_dict()), {**record, "steps": steps})
         _write_log(out_dir / LOG, rows)
@@ -201,11 +213,32 @@ def _log_row(step: int, loss: Tensor, terms: dict[str, Tensor], seconds: float, 
     return {"step": float(step), **values, "seconds": seconds}
 
 
+def _average(model: nn.Module, config: LoopConfig) -> swa_utils.AveragedModel | None:
+    """The moving average of parameters and buffers, which starts as the model after its first step; None for none."""
+    decay = config.ema
+    if decay is None:
+        return None
+
+    def mix(averaged: swa_utils.PARAM_LIST, current: swa_utils.PARAM_LIST, step: Tensor | int) -> None:
+        early = (1 + int(step)) / (10 + int(step))
+        swa_utils.get_ema_multi_avg_fn(min(decay, early))(averaged, current, step)
+
+    return swa_utils.AveragedModel(model, multi_avg_fn=mix, use_buffers=True)
+
+
 def _save_checkpoint(
-    model: nn.Module, optimiser: torch.optim.Optimizer, step: int, rows: list[dict], out_dir: Path, record: dict
+    model: nn.Module,
+    average: swa_utils.AveragedModel | None,
+    optimiser: torch.optim.Optimizer,
+    step: int,
+    rows: list[dict],
+    out_dir: Path,
+    record: dict,
 ) -> None:
     """The log first: rows past the checkpoint's step are dropped on resuming, missing ones could not be made up."""
     tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
+    if average is not None:
+        tensors |= {f"average.{name}": value for name, value in average.state_dict().items()}
     for index, state in optimiser.state_dict()["state"].items():
         tensors |= {f"optimiser.{index}.{name}": value for name, value in state.items()}
     _write_log(out_dir / LOG, rows)
@@ -213,7 +246,11 @@ def _save_checkpoint(
 
 
 def _resume(
-    model: nn.Module, optimiser: torch.optim.Optimizer, out_dir: Path, fingerprint: str
+    model: nn.Module,
+    average: swa_utils.AveragedModel | None,
+    optimiser: torch.optim.Optimizer,
+    out_dir: Path,
+    fingerprint: str,
 ) -> tuple[int, list[dict]]:
     """Step to go on from and log so far; (0, []) where there is nothing to resume."""
     path = out_dir / CHECKPOINT
@@ -228,6 +265,8 @@ def _resume(
         LOGGER.warning("%s: made by another config, data or code; training starts afresh", path)
         return 0, []
     model.load_state_dict(_under("model.", tensors))
+    if average is not None:
+        average.load_state_dict(_under("average.", tensors))
     state: dict[int, dict[str, Tensor]] = {}
     for name, value in _under("optimiser.", tensors).items():
         index, _, key = name.partition(".")
