@@ -238,6 +238,16 @@ def test_outliers_are_the_candidates_with_the_emptiest_surroundings():
     assert float(kept.abs().max()) == 3
 
 
+def test_candidates_of_two_cycles_are_enough_with_fewer_starts_than_points():
+    config = dataclasses.replace(SPREAD, num_directions=8, cycles=3, oversampling=-0.45, jitter=0.1)
+    field = _Sphere()
+    cycles = pointclouds.sample(field, None, 100, config, torch.Generator().manual_seed(0))
+    assert field.queries == 3 * 55 * (8 + 1)
+    (cloud,) = pointclouds.select(cycles, [100], config)
+    assert len(torch.unique(cloud, dim=0)) == 100
+    assert config.candidate_share(1) < 1 <= config.candidate_share(3)
+
+
 def _nearest_neighbour_spread(points):
     """Deviation over mean of the distances to the nearest neighbour: 0 on a lattice, 0.52 for random points."""
     distance = torch.cdist(points, points).fill_diagonal_(torch.inf).amin(dim=1)
@@ -250,7 +260,8 @@ def _nearest_neighbour_spread(points):
         ({"num_directions": 0}, "num_directions must be >= 1; got 0"),
         ({"temperature": 0.0}, "temperature must be > 0"),
         ({"spread": -1.0}, r"spread must be >= 0, or null; got -1\.0"),
-        ({"outliers": 0.2}, r"outliers must be in \[0, .*got 0\.2 with oversampling 0\.1"),
+        ({"outliers": 0.2, "spread": 6.0, "cycles": 2}, "must leave enough candidates.*got 0.88 with oversampling 0.1"),
+        ({"oversampling": -0.1}, "must leave enough candidates.*got 0.9 with"),
         ({"jitter": -0.1}, "jitter must be >= 0"),
         ({"recheck": (0.1, 1.5)}, r"recheck must list offsets in \(0, 1\)"),
     ],

@@ -37,7 +37,8 @@ LEAST_WEIGHT = 1e-6  # of a candidate: its square is still a float32, and those 
 class CloudConfig:
     """How clouds are drawn.
 
-    num_directions: n_v. cycles: N_H. oversampling: ε_p. temperature: η_T. inverse_depth: ε_s.
+    num_directions: n_v. cycles: N_H. oversampling: ε_p; with `spread` and several cycles it may be negative, for all
+    points of the second and later cycles are candidates. temperature: η_T. inverse_depth: ε_s.
     jitter: σ, field units. recheck: s_j, field units. spread: p, null for the most visible points of the last cycle.
     outliers: share of the candidates, for `spread` alone. The paper's way: 0, none, null, 0.
     chunk_rays: candidates evaluated at a time; speed only.
@@ -62,18 +63,26 @@ class CloudConfig:
         for name in ("temperature", "inverse_depth"):
             if not getattr(self, name) > 0:
                 raise checks.InputError(f"pointclouds.cloud.{name} must be > 0; got {getattr(self, name)}")
-        for name in ("oversampling", "jitter"):
-            if not getattr(self, name) >= 0:
-                raise checks.InputError(f"pointclouds.cloud.{name} must be >= 0; got {getattr(self, name)}")
+        if not self.jitter >= 0:
+            raise checks.InputError(f"pointclouds.cloud.jitter must be >= 0; got {self.jitter}")
         if self.spread is not None and not self.spread >= 0:
             raise checks.InputError(f"pointclouds.cloud.spread must be >= 0, or null; got {self.spread}")
-        if not 0 <= self.outliers <= self.oversampling / (1 + self.oversampling):
+        if not 0 <= self.outliers < 1:
+            raise checks.InputError(f"pointclouds.cloud.outliers must be in [0, 1); got {self.outliers}")
+        if not self.candidate_share(self.cycles) >= 1:
             raise checks.InputError(
-                "pointclouds.cloud.outliers must be in [0, oversampling / (1 + oversampling)], so that enough points "
-                f"are left; got {self.outliers} with oversampling {self.oversampling}"
+                "pointclouds.cloud.oversampling must leave enough candidates: (1 + oversampling) (1 - outliers), with "
+                f"spread times cycles - 1 (of several), must be >= 1; got {self.candidate_share(self.cycles):.4g} with "
+                f"oversampling {self.oversampling}"
             )
         if not all(0 < offset < 1 for offset in self.recheck):
             raise checks.InputError(f"pointclouds.cloud.recheck must list offsets in (0, 1); got {list(self.recheck)}")
+
+    def candidate_share(self, cycles: int) -> float:
+        """Candidates among which a point of the cloud is chosen after so many cycles; at least 1 is needed."""
+        if self.spread is None:
+            return 1 + self.oversampling
+        return (1 + self.oversampling) * (1 - self.outliers) * max(1, cycles - 1) + 1e-9  # for rounding
 
     def num_drawn(self, count: int) -> int:
         """(1 + ε_p) n_p, the points that are projected for a cloud of `count`."""

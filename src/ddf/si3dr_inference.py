@@ -107,7 +107,9 @@ def reconstruct_ddf(
     """
     features, latents, cameras = encode(model, images)
     modulations = [m.detach() for m in model.modulations(latents)]
-    names = {config.cloud.cycles: f"h{config.cloud.cycles}", 1: "h1"}
+    names = {config.cloud.cycles: f"h{config.cloud.cycles}"}
+    if config.cloud.candidate_share(1) >= 1:
+        names[1] = "h1"  # with cycles: 1 it is the same
     clouds: dict[str, list[Tensor]] = {f"{size}.{name}": [] for name in names.values() for size in "LS"}
     scales = []
     started = time.monotonic()
