@@ -7,11 +7,12 @@ error is that of the stored form.
 """
 
 import concurrent.futures
+import contextlib
 import functools
 import multiprocessing
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -113,8 +114,7 @@ def measure_cloud(name: str, mesh: Mesh) -> list[dict[str, Any]]:
 
 
 def measure_all(threads: int) -> list[dict[str, Any]]:
-    """All rows on so many cores; in a process of its own, because Open3D counts the cores once."""
-    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:threads])
+    """All rows; in a process of its own that was started on so many cores (`on_cores`)."""
     torch.set_num_threads(threads)
     rows = []
     with tempfile.TemporaryDirectory() as folder:
@@ -125,11 +125,27 @@ def measure_all(threads: int) -> list[dict[str, Any]]:
     return [{**row, "size": {**row["size"], "threads": threads}} for row in rows]
 
 
+@contextlib.contextmanager
+def on_cores(count: int) -> Iterator[None]:
+    """Keep this thread, and the processes that it starts meanwhile, to so many cores.
+
+    A process that limits itself after its imports reaches neither the threads that these have started nor the number
+    of cores that they have counted: Open3D could cast on all cores beside numpy on one.
+    """
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, sorted(before)[:count])
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
 def main() -> None:
     """Measure both shapes with the counts of both experiments, and their clouds, on one core and on two."""
     rows = []
     for threads in THREADS:
-        with concurrent.futures.ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
+        context = multiprocessing.get_context("spawn")
+        with on_cores(threads), concurrent.futures.ProcessPoolExecutor(1, context) as process:
             rows += process.submit(measure_all, threads).result()
     _measure.write("sample_extraction", max(THREADS), rows)
 

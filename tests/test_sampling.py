@@ -19,6 +19,10 @@ def _decoded(mesh: mesh_io.Mesh, kind: str, config: sampling.SamplesConfig = CON
     return packing.decode({name: torch.from_numpy(values) for name, values in arrays.items()}, kind)
 
 
+def _surface(mesh: mesh_io.Mesh) -> meshes.Surface:
+    return sampling.surface_of(raycast.Scene(mesh))
+
+
 def _random() -> np.random.Generator:
     return np.random.default_rng(5)
 
@@ -62,7 +66,7 @@ def test_surface_samples_on_a_plane_see_nothing():
 
 
 def test_at_surface_samples_see_the_surface_no_further_than_their_origin():
-    drawn = sampling.draw_at_surface(meshes.Surface.of(SLAB), sampling.CUBE, 2000, _random())
+    drawn = sampling.draw_at_surface(_surface(SLAB), sampling.CUBE, 2000, _random())
     hits = raycast.cast(
         SLAB, rays.OrientedPoints(torch.from_numpy(drawn.positions), torch.from_numpy(drawn.directions))
     )
@@ -77,7 +81,7 @@ def test_a_tenth_lies_on_the_boundary_and_all_in_the_box(kind, box):
     config = sampling.SamplesConfig()
     sphere = moved(icosphere(3), np.array([1.0, 0.4, 0.7]), (0, 0, 0))
     box = box if box is sampling.CUBE else sampling.Box(*sphere.box())
-    drawn = sampling.draw(kind, meshes.Surface.of(sphere), box, config, 5000, _random())
+    drawn = sampling.draw(kind, _surface(sphere), box, config, 5000, _random())
     on_wall = ((drawn.positions == box.lower) | (drawn.positions == box.upper)).any(axis=1)
     assert abs(on_wall.sum() - 500) <= 5  # in a tight box an origin can touch a wall by itself
     assert (drawn.positions >= box.lower).all() and (drawn.positions <= box.upper).all()
@@ -85,7 +89,7 @@ def test_a_tenth_lies_on_the_boundary_and_all_in_the_box(kind, box):
 
 
 def test_tangent_lines_touch_and_offset_lines_keep_their_distance():
-    surface, radius = meshes.Surface.of(moved(icosphere(5), 0.8, (0, 0, 0))), 0.8
+    surface, radius = _surface(moved(icosphere(5), 0.8, (0, 0, 0))), 0.8
     for kind, offset in (("T", 0.0), ("O", 0.05)):
         config = sampling.SamplesConfig(epsilon_o=0.05, offsets="fixed")
         drawn = sampling.draw(kind, surface, sampling.CUBE, config, 4000, _random())
@@ -97,7 +101,7 @@ def test_tangent_lines_touch_and_offset_lines_keep_their_distance():
 
 
 def test_uniform_offsets_fill_the_interval():
-    surface = meshes.Surface.of(moved(icosphere(5), 0.8, (0, 0, 0)))
+    surface = _surface(moved(icosphere(5), 0.8, (0, 0, 0)))
     drawn = sampling.draw_offset(surface, sampling.CUBE, 4000, _random(), 0.05, uniform=True)
     foot = drawn.positions - (drawn.positions * drawn.directions).sum(1, keepdims=True) * drawn.directions
     distance = np.abs(np.linalg.norm(foot, axis=1) - 0.8)
@@ -110,7 +114,7 @@ def test_offset_samples_of_a_flat_shape_stay_in_its_tight_box():
         np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
     )
     box, config = sampling.Box(*square.box()), sampling.SamplesConfig(box="tight")
-    drawn = sampling.draw("O", meshes.Surface.of(square), box, config, 500, _random())
+    drawn = sampling.draw("O", _surface(square), box, config, 500, _random())
     assert (drawn.positions[:, 1] == 0).all() and np.abs(drawn.positions).max() <= 1
 
 
@@ -142,6 +146,13 @@ def test_surface_points_are_uniform_by_area_and_skip_degenerate_triangles():
     share = np.bincount(face, minlength=len(mesh.faces)) / 20_000
     assert share[0] == share[-1] == 0
     assert_close(share, areas / areas.sum(), atol=0.012, rtol=0)
+
+
+def test_triangles_without_an_area_change_no_sample():
+    flat = mesh_io.Mesh(np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]]), np.array([[0, 1, 2]]))
+    with_them, _ = sampling.extract(joined(flat, SLAB, flat), CONFIG, "test")
+    without, _ = sampling.extract(SLAB, CONFIG, "test")
+    assert all((with_them[name] == without[name]).all() for name in without)
 
 
 def test_equal_seeds_give_equal_bytes_and_types_do_not_share_a_stream():

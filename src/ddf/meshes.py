@@ -6,6 +6,7 @@ narrower than alpha are closed, and everything hidden inside disappears. `measur
 Lengths in `MeshesConfig` and in the measures are relative to the diagonal of the raw mesh's box.
 """
 
+import functools
 import time
 from dataclasses import dataclass
 
@@ -219,22 +220,33 @@ class Surface:
         """All triangles of a mesh."""
         return cls(mesh.triangles, *face_normals(mesh))
 
+    @functools.cached_property
+    def _ends(self) -> Float[np.ndarray, "m"]:
+        return np.cumsum(self.areas)
+
+    @functools.cached_property
+    def _frames(self) -> Float[np.ndarray, "m 9"]:
+        """First corner, and the edges from it to the others."""
+        first, second, third = (self.corners[:, corner] for corner in range(3))
+        return np.concatenate([first, second - first, third - first], axis=1)
+
     def draw(
-        self, count: int, rng: np.random.Generator, dtype: type[np.floating] = np.float64
+        self, count: int, rng: np.random.Generator
     ) -> tuple[Float[np.ndarray, "count 3"], Int[np.ndarray, "count"]]:
-        """Points and the triangle of each, in random order."""
-        total = np.cumsum(self.areas)
+        """Points, of the type of the corners, and the triangle of each, in random order."""
         steps = np.cumsum(rng.standard_exponential(count + 1))  # over their end: uniform numbers in ascending order
-        ends = np.searchsorted(steps[:-1], total * (steps[-1] / total[-1]))
+        ends = np.searchsorted(steps[:-1], self._ends * (steps[-1] / self._ends[-1]))
         ends[np.flatnonzero(self.areas > 0)[-1] :] = count  # whatever rounding says
         face = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
         rng.shuffle(face)
-        root, along = np.sqrt(rng.random(count)).astype(dtype), rng.random(count).astype(dtype)
+        kind = self.corners.dtype
+        root, along = np.sqrt(rng.random(count)).astype(kind), rng.random(count).astype(kind)
         second = root * along
         first = root - second
-        rows = self.corners.astype(dtype).reshape(-1, 9).take(face, axis=0).T
-        corners = zip(rows[:3], rows[3:6], rows[6:], strict=True)
-        points = np.stack([a + first * (b - a) + second * (c - a) for a, b, c in corners])
+        rows = self._frames.take(face, axis=0).T
+        points = np.zeros((3, count), kind)
+        for axis in range(3):
+            points[axis] = rows[axis] + first * rows[3 + axis] + second * rows[6 + axis]
         return points.T, face
 
 

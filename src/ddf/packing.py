@@ -39,28 +39,35 @@ class Samples(TypedDict):
 def encode_unit(vectors: Float[np.ndarray, "*n 3"], dtype: type[np.signedinteger]) -> Int[np.ndarray, "*n 2"]:
     """Octahedral code of unit vectors, rounded to the nearest step of `dtype` in the map's plane."""
     x, y, z = (vectors[..., axis] for axis in range(3))
-    length = np.abs(x) + np.abs(y) + np.abs(z)
-    x, y, below = x / length, y / length, z < 0
+    steps = np.iinfo(dtype).max / (np.abs(x) + np.abs(y) + np.abs(z))
+    folded = np.minimum(z, 0) * steps  # below the equator the triangles are turned out: |x| + |z| = 1 - |y|
     codes = np.zeros((*x.shape, 2), dtype)
-    for axis, (own, other) in enumerate(((x, y), (y, x))):
-        plane = np.where(below, np.copysign(1 - np.abs(other), own), own)
-        codes[..., axis] = np.rint(plane * np.iinfo(dtype).max)
+    for axis, own in enumerate((x, y)):
+        codes[..., axis] = np.rint(own * steps + np.copysign(folded, own))
     return codes
 
 
 def decode_unit(codes: Tensor) -> Float[Tensor, "*n 3"]:
     """Unit vectors, float32, of octahedral codes of either width."""
-    x, y = (codes.float() / torch.iinfo(codes.dtype).max).unbind(-1)
+    return torch.stack(unit_axes(codes), dim=-1)
+
+
+def unit_axes(codes: Tensor) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n"], Float[Tensor, "*n"]]:
+    """The three coordinates of `decode_unit`, each in memory of its own."""
+    x, y = (codes[..., axis].float() / torch.iinfo(codes.dtype).max for axis in range(2))
     z = 1 - x.abs() - y.abs()
     fold = (-z).clamp_min(0.0)
     x, y = x - torch.copysign(fold, x), y - torch.copysign(fold, y)
     length = (x * x + y * y + z * z).sqrt()
-    return torch.stack((x / length, y / length, z / length), dim=-1)
+    return x / length, y / length, z / length
 
 
 def encode_positions(positions: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n 3"]:
     """Positions in [-1, 1]^3 as int16; what lies outside is clamped onto the cube."""
-    return np.rint(np.clip(positions, -1.0, 1.0) * POSITION_STEPS).astype(np.int16, order="C")
+    codes = np.zeros(positions.shape, np.int16)
+    for axis in range(3):
+        codes[..., axis] = np.rint(np.minimum(np.maximum(positions[..., axis], -1.0), 1.0) * POSITION_STEPS)
+    return codes
 
 
 def decode_positions(codes: Tensor) -> Float[Tensor, "*n 3"]:
@@ -74,11 +81,13 @@ def encode_depth(depth: Float[np.ndarray, "*n"]) -> UInt[np.ndarray, "*n"]:
     Raises:
       InputError: a finite depth is negative or longer than the box's diagonal.
     """
-    hit = np.isfinite(depth)
-    steps = np.rint(np.where(hit, depth, 0.0) / DEPTH_STEP)
-    if steps.size and not (steps.min() >= 0 and steps.max() < MISS):
-        raise checks.InputError(f"depth must be in [0, 2 sqrt(3)] or inf; got {depth[hit].min()} to {depth[hit].max()}")
-    return np.where(hit, steps, MISS).astype(np.uint16)
+    steps = np.rint(depth / DEPTH_STEP)
+    codes = np.minimum(steps, MISS)
+    misses = np.count_nonzero(np.isposinf(depth))
+    if steps.size and not (steps.min() >= 0 and np.count_nonzero(codes == MISS) == misses):
+        hit = depth[np.isfinite(depth)]
+        raise checks.InputError(f"depth must be in [0, 2 sqrt(3)] or inf; got {hit.min()} to {hit.max()}")
+    return codes.astype(np.uint16)
 
 
 def decode_depth(codes: Tensor) -> Float[Tensor, "*n"]:

@@ -9,7 +9,7 @@ rays begin a little earlier, and where that meets something, float64 decides wha
 import numpy as np
 import open3d as o3d
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt
 
 from ddf import rays
 from ddf.mesh_io import Mesh, face_normals
@@ -109,9 +109,19 @@ class Scene:
         """Depth and triangle of float32 rays (position, direction) in local coordinates, `inf` and -1 on a miss."""
         if len(self.kept) == 0 or len(local) == 0:
             return np.full(len(local), np.inf, dtype=np.float32), np.full(len(local), -1)
+        depth, kept, _ = self.cast_kept(local)
+        return depth, np.where(np.isfinite(depth), self.kept.take(kept, mode="clip"), -1)
+
+    def cast_kept(
+        self, local: Float[np.ndarray, "n 6"]
+    ) -> tuple[Float[np.ndarray, "n"], UInt[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
+        """As Open3D answers: depth, index into `kept` (above every index on a miss) and the triangle's normal by the
+        order of its corners (zero on a miss), float32.
+
+        The scene must have a triangle with an area.
+        """
         answer = self._scene.cast_rays(o3d.core.Tensor(local))
-        depth, face = answer["t_hit"].numpy(), answer["primitive_ids"].numpy()
-        return depth, np.where(np.isfinite(depth), self.kept.take(face, mode="clip"), -1)
+        return answer["t_hit"].numpy(), answer["primitive_ids"].numpy(), answer["primitive_normals"].numpy()
 
     def blocked_local(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]

@@ -3,13 +3,12 @@
 Letters: B the box, S the surface, q0 a point uniform by area on S with normal n0, v0 the direction that a sample looks
 back along. Each `draw_*` gives positions and directions only; `extract` rounds them to their stored form, casts
 exactly those rays and packs the answers. Everything is in the field frame. Draws are float32, of which a stored step
-has 256, but for starts on the surface; their memory holds one coordinate after the other.
+has 256; their memory holds one coordinate after the other.
 
 Choices where the paper is silent:
 - S starts on the surface. It is lifted by `raycast.SURFACE_OFFSET` (1e-5 of half the box's longest side) off its own
-  triangle,
-  to the side that v points to, and the depth is corrected for that: its own triangle, and others in its plane, cannot
-  be the hit; a second sheet closer than that is not seen.
+  triangle, to the side that v points to, and the depth is corrected for that: its own triangle, and others in its
+  plane, cannot be the hit; a second sheet closer than that is not seen.
 - O: the offset line is shortened where q0 + s eps n0 would leave B (the other side is tried first), then p is drawn on
   the line's part inside B as for T. So p is in B always, and a tenth lies on its boundary exactly.
 - Hits from behind count. Triangles without an area get no samples.
@@ -21,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt
 
 from ddf import checks, meshes, packing, raycast, seeding
 from ddf.mesh_io import Mesh
@@ -153,8 +152,8 @@ def _exit(points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
 
 def _inside(points: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "n 3"]:
     """Points clipped to the box."""
-    rows = zip(points.T, box.lower, box.upper, strict=True)
-    return np.stack([np.clip(p, lower, upper) for p, lower, upper in rows]).T
+    inside = np.maximum(points.T, box.lower[:, None])
+    return np.minimum(inside, box.upper[:, None], out=inside).T
 
 
 def _back_along(
@@ -186,7 +185,7 @@ def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray,
 
 def draw_at_surface(surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
     """A: q0 by area, v0 ~ U[S²], p on the segment from q0 along v0 to ∂B, v = -v0."""
-    origins, _ = surface.draw(count, rng, np.float32)
+    origins, _ = surface.draw(count, rng)
     return _back_along(_inside(origins, box), unit_vectors(count, rng), box, rng)
 
 
@@ -205,26 +204,26 @@ def draw_bounding(box: Box, count: int, rng: np.random.Generator) -> Draw:
 
 
 def draw_surface(surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
-    """S: p by area on S, v ~ U[S²]. Positions are float64: they are lifted off the surface by little."""
+    """S: p by area on S, v ~ U[S²]."""
     positions, face = surface.draw(count, rng)
-    return Draw(np.clip(positions, box.lower, box.upper), unit_vectors(count, rng), surface.normals[face])
+    return Draw(_inside(positions, box), unit_vectors(count, rng), _rows(surface.normals, face))
 
 
 def draw_tangent(surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
     """T: as A, with v0 uniform in the tangent plane at q0."""
-    origins, face = surface.draw(count, rng, np.float32)
+    origins, face = surface.draw(count, rng)
     return _back_along(_inside(origins, box), _tangents(_rows(surface.normals, face), rng), box, rng)
 
 
 def _rows(normals: Float[np.ndarray, "m 3"], face: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
-    return normals.take(face, axis=0).T.astype(np.float32, order="C").T
+    return normals.take(face, axis=0).T.copy().T
 
 
 def draw_offset(
     surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator, epsilon: float, uniform: bool
 ) -> Draw:
     """O: the line of a T sample moved by ±ε n0 (by a uniform share of it if `uniform`), p on its part inside B."""
-    origins, face = surface.draw(count, rng, np.float32)
+    origins, face = surface.draw(count, rng)
     origins, normals = _inside(origins, box), _rows(surface.normals, face)
     size = _shares(count, rng) if uniform else np.ones(count, np.float32)
     size *= epsilon
@@ -265,13 +264,23 @@ def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, n
     if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
         raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
     scene = raycast.Scene(mesh)
-    surface = meshes.Surface(mesh.triangles, scene.normals, scene.areas)
+    surface = surface_of(scene)
     box = CUBE if config.box == "cube" else Box(*mesh.box())
     streams = {kind: seeding.generator(config.seed, *names, kind) for kind, _ in config.counts.items()}
     drawn = {kind: draw(kind, surface, box, config, count, streams[kind]) for kind, count in config.counts.items()}
     packed, errors = _cast_and_pack(scene, drawn)
     parts = _parts(drawn).items()
     return {f"{kind}.{field}": values[part] for kind, part in parts for field, values in packed.items()}, errors
+
+
+def surface_of(scene: raycast.Scene) -> meshes.Surface:
+    """What `draw_*` draw from: the triangles of a scene in float32.
+
+    Raises:
+      InputError: no triangle has an area.
+    """
+    corners = scene.mesh.vertices.astype(np.float32)[scene.mesh.faces]
+    return meshes.Surface(corners, scene.normals.astype(np.float32), scene.areas)
 
 
 def _parts(drawn: dict[str, Draw]) -> dict[str, slice]:
@@ -281,55 +290,86 @@ def _parts(drawn: dict[str, Draw]) -> dict[str, slice]:
 
 
 def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """All types in one cast: stored arrays, one type after the other, and their errors."""
+    """All types in one cast: stored arrays, one type after the other, and their errors.
+
+    Coordinates are taken one after the other: numpy is several times slower along an axis of three.
+    """
     parts = _parts(drawn)
-    positions = np.concatenate([packing.encode_positions(draws.positions) for draws in drawn.values()])
-    directions = np.concatenate([packing.encode_unit(draws.directions, np.int16) for draws in drawn.values()])
-    starts = packing.decode_positions(torch.from_numpy(positions)).numpy()
-    local, ahead = np.zeros((len(starts), 6), np.float32), {}
-    np.subtract(starts, scene.centre.astype(np.float32), out=local[:, :3])
-    local[:, :3] /= np.float32(scene.scale)
-    looking = local[:, 3:]
-    looking[:] = packing.decode_unit(torch.from_numpy(directions)).numpy()
+    total = sum(len(draws.positions) for draws in drawn.values())
+    positions, directions = np.zeros((total, 3), np.int16), np.zeros((total, 2), np.int16)
+    local, ahead = np.zeros((total, 6), np.float32), np.zeros(total, np.float32)
+    for kind, draws in drawn.items():
+        positions[parts[kind]] = packing.encode_positions(draws.positions)
+        directions[parts[kind]] = packing.encode_unit(draws.directions, np.int16)
+    looking = [axis.numpy() for axis in packing.unit_axes(torch.from_numpy(directions))]
+    starts = list(packing.decode_positions(torch.from_numpy(positions)).numpy().T)
     for kind, draws in drawn.items():
         if draws.normals is not None:
             part = parts[kind]
-            lifted = _lifted(scene, draws.positions, draws.normals, looking[part])
-            local[part, :3] = scene.local(lifted)
-            ahead[kind] = np.einsum("ij,ij->i", lifted - starts[part], looking[part])
-    depth, face = scene.cast_local(local)
-    depth *= scene.scale
-    for kind, more in ahead.items():
-        depth[parts[kind]] += more
+            ahead[part] = _lift(scene, draws, [axis[part] for axis in starts], [axis[part] for axis in looking])
+    for axis, centre in enumerate(scene.centre.astype(np.float32)):
+        local[:, axis] = (starts[axis] - centre) / np.float32(scene.scale)
+        local[:, 3 + axis] = looking[axis]
+    depth, kept, normals = scene.cast_kept(local)
+    depth *= np.float32(scene.scale)
+    depth += ahead
     np.maximum(depth, 0, out=depth)
-    codes = _normal_codes(scene, face, looking)
-    packed = {"positions": positions, "directions": directions, "depth": packing.encode_depth(depth), "normals": codes}
+    packed = {
+        "positions": positions,
+        "directions": directions,
+        "depth": packing.encode_depth(depth),
+        "normals": _normal_codes(scene, kept, normals, looking),
+    }
     probes = np.concatenate([np.arange(part.start, part.stop)[:_ERROR_PROBE] for part in parts.values()])
     first = [(draws.positions[:_ERROR_PROBE], draws.directions[:_ERROR_PROBE]) for draws in drawn.values()]
-    truth = raycast.facing_back(scene, face[probes], looking[probes])
+    probed = depth[probes]
+    face = np.where(np.isfinite(probed), scene.kept.take(kept[probes], mode="clip"), -1)
+    truth = raycast.facing_back(scene, face, local[probes, 3:])
     few = {name: values[probes] for name, values in packed.items()}
-    return packed, _packing_errors(Draw(*map(np.concatenate, zip(*first, strict=True))), few, depth[probes], truth)
+    return packed, _packing_errors(Draw(*map(np.concatenate, zip(*first, strict=True))), few, probed, truth)
+
+
+def _lift(
+    scene: raycast.Scene, draws: Draw, starts: list[np.ndarray], looking: list[np.ndarray]
+) -> Float[np.ndarray, "n"]:
+    """Lift starts on the surface off their triangles to the side that they look to, in place.
+
+    Args:
+      starts, looking: the three coordinates of the stored positions, which are replaced, and directions.
+    Returns:
+      How far along each ray the lifted start lies from the stored one.
+    """
+    assert draws.normals is not None
+    normals = draws.normals.T
+    slope = np.sum([normal * v for normal, v in zip(normals, looking, strict=True)], axis=0)
+    lift = np.copysign(np.float32(raycast.SURFACE_OFFSET * scene.scale), slope)
+    ahead = np.zeros(len(slope), np.float32)
+    for start, position, normal, v in zip(starts, draws.positions.T, normals, looking, strict=True):
+        lifted = position + lift * normal
+        ahead += (lifted - start) * v
+        start[:] = lifted
+    return ahead
 
 
 def _normal_codes(
-    scene: raycast.Scene, face: Int[np.ndarray, "n"], looking: Float[np.ndarray, "n 3"]
-) -> Int[np.ndarray, "n 2"]:
-    """Codes of `raycast.facing_back`, the axis (0, 0, 1) on a miss: each side of each triangle is coded once."""
-    normals = np.where((scene.areas > 0)[:, None], scene.normals, (0.0, 0.0, 1.0)).astype(np.float32)
-    codes = packing.encode_unit(np.concatenate([normals, -normals, [(0.0, 0.0, 1.0)]]), np.int8)
-    behind = np.einsum("ij,ij->i", normals.take(face, axis=0), looking) > 0
-    return codes.take(np.where(face < 0, len(codes) - 1, face + behind * len(normals)), axis=0)
-
-
-def _lifted(
     scene: raycast.Scene,
-    positions: Float[np.ndarray, "n 3"],
+    kept: UInt[np.ndarray, "n"],
     normals: Float[np.ndarray, "n 3"],
-    looking: Float[np.ndarray, "n 3"],
-) -> Float[np.ndarray, "n 3"]:
-    """Surface points lifted off their triangles to the side that they look to."""
-    slope = np.einsum("ij,ij->i", normals, looking)
-    return positions + np.copysign(raycast.SURFACE_OFFSET * scene.scale, slope)[:, None] * normals
+    looking: list[np.ndarray],
+) -> Int[np.ndarray, "n 2"]:
+    """Codes of `raycast.facing_back`, the axis (0, 0, 1) on a miss: each side of each triangle is coded once.
+
+    Args:
+      kept, normals: answers of `raycast.Scene.cast_kept` to rays with the directions `looking`, three coordinates.
+    """
+    sides = scene.normals[scene.kept].T.astype(np.float32)
+    codes = packing.encode_unit(np.concatenate([sides, -sides], axis=1).T, np.int8)
+    codes = np.concatenate([codes, np.zeros((1, 2), np.int8)])
+    slope = normals[:, 0] * looking[0]
+    for axis in (1, 2):
+        slope += normals[:, axis] * looking[axis]
+    which = kept + (slope > 0) * np.uint32(len(scene.kept))  # on a miss the slope is 0
+    return codes.view(np.int16)[:, 0].take(np.minimum(which, len(codes) - 1)).view(np.int8).reshape(-1, 2)
 
 
 def _packing_errors(
@@ -353,4 +393,6 @@ def _packing_errors(
 
 
 def _angle_deg(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b)))
+    """Between unit vectors that lie close together: their distance is the chord, 2 sin(angle / 2)."""
+    apart = a - b
+    return np.degrees(2 * np.arcsin(0.5 * np.sqrt(np.einsum("ij,ij->i", apart, apart))))

@@ -219,12 +219,12 @@ def read_images(
         table = torch.tensor(dataset.cameras(category, shape_id), dtype=torch.float64)
         for view in views:
             images.append(dataset.image(category, shape_id, view, size))
-            poses.append(cameras.degrees_to_radians(table[view]).float())
             index.append(i)
             all_views.append(view)
+        poses.append(cameras.degrees_to_radians(table[list(views)]).float())
     if not index:
         raise checks.InputError(f"{dataset.root}: category {category} has no images for this split; use more shapes")
-    return ImageSet([s for s, _ in shapes], all_views, np.array(index), images, torch.stack(poses))
+    return ImageSet([s for s, _ in shapes], all_views, np.array(index), images, torch.cat(poses))
 
 
 def training_views(dataset: shapenet.Dataset, category: str, count: int | None) -> list[tuple[str, Sequence[int]]]:

@@ -16,7 +16,9 @@ from torch import Tensor
 
 from ddf import checks, pointclouds, reconstruction, rendering, si3dr_data, training
 
-ENCODER_BATCH = 64  # images at a time; the networks are in evaluation mode, so the size does not matter to the result
+# Images at a time; the networks are in evaluation mode, so the sizes matter to the result by rounding alone.
+ENCODER_BATCH = 64
+CORRECTION_BATCH = 16  # a step of the correction keeps what its gradient needs of every pixel of the mask
 
 
 @dataclass(frozen=True)
@@ -66,9 +68,9 @@ def scale_from_cloud(points: Float[Tensor, "n 3"], quantile: float = 0.0) -> flo
     return 1.0 / diagonal
 
 
-def _row_batches(images: si3dr_data.ImageSet) -> list[Int[np.ndarray, "_"]]:
+def _row_batches(images: si3dr_data.ImageSet, size: int = ENCODER_BATCH) -> list[Int[np.ndarray, "_"]]:
     count = len(images.shapes)
-    return np.array_split(np.arange(count), -(-count // ENCODER_BATCH))
+    return np.array_split(np.arange(count), -(-count // size))
 
 
 @torch.no_grad()
@@ -168,7 +170,7 @@ def _correct_cameras(
 ) -> Tensor:
     """Π̂_∇ of all images, a batch at a time."""
     corrected = []
-    for rows in _row_batches(images):
+    for rows in _row_batches(images, CORRECTION_BATCH):
         alpha = images.alpha(rows, config.correction.mask_size).to(latents.device)
         index = torch.from_numpy(rows)
         field_scale = (1 / scale[index]).to(latents.device)
