@@ -29,9 +29,9 @@ def points(count, seed=0):
     return positions, nn.functional.normalize(torch.randn((count, 3), generator=generator), dim=-1)
 
 
-def ddf_model():
+def ddf_model(azimuth: Literal["angle", "sincos"] = "angle"):
     torch.manual_seed(0)
-    made = si3dr_training.ddf_model(TRAIN, DDF).eval()
+    made = si3dr_training.ddf_model(dataclasses.replace(TRAIN, azimuth=azimuth), DDF).eval()
     made.camera_head.fit(CAMERAS)
     return made
 

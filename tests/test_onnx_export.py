@@ -103,6 +103,15 @@ def test_every_graph_of_a_model_agrees_with_torch(kind, tmp_path):
         assert cases == {"random 1", "random 7"} | ({"hard"} if "positions" in graph.inputs else set())
 
 
+def test_azimuth_from_sine_and_cosine_agrees_with_torch(tmp_path):
+    graph = onnx_graphs.EncodersGraph(_models.ddf_model("sincos"), 32)
+    rows = onnx_export.export(graph, "encoders", tmp_path / "encoders.onnx", SOURCE, QUICK)
+    assert max(row.max_abs / row.tolerance for row in rows) < 1
+    images = onnx_graphs.example_images(7, 32, torch.Generator().manual_seed(1))
+    (camera,) = _run((tmp_path / "encoders.onnx").read_bytes(), {"images": images}, ("camera",)).values()
+    assert len(set(camera[:, 0])) == 7 and (camera[:, 0] > 0).any()
+
+
 def test_conditional_field_follows_its_latent():
     model = _models.ddf_model()
     graph = onnx_graphs.ddf_graphs(model, 32, ("depth",))["field"]

@@ -15,12 +15,14 @@ BALL_RADIUS = 0.7
 class _BallField(fields.PDDF):
     """Visibility of a ball, as logits proportional to how deep the ray passes: a known mask for every camera."""
 
-    def __init__(self):
+    def __init__(self, centre=None, radius=BALL_RADIUS):
         super().__init__(SMALL_FIELD)
+        self.centre, self.radius = centre, radius
 
     def forward(self, positions, directions, modulations=None):
+        positions = positions if self.centre is None else positions - self.centre
         closest = positions - (positions * directions).sum(-1, keepdim=True) * directions
-        logit = 40 * (BALL_RADIUS - (closest + 1e-9).norm(dim=-1))
+        logit = 40 * (self.radius - (closest + 1e-9).norm(dim=-1))
         zero = torch.zeros_like(logit)
         return torch.stack((zero, zero, zero, logit), dim=-1)
 
@@ -65,6 +67,46 @@ def test_camera_head_inverts_its_scores_and_clamps():
     torch.testing.assert_close(head(torch.full((1, 3), -9.0))[0], truth.amin(0))
     with pytest.raises(checks.InputError, match="must vary"):
         head.fit(truth[:1].expand(4, 3))
+
+
+def test_azimuth_as_sine_and_cosine_is_inverted_and_has_no_end():
+    truth = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.2, 0.47, 0.9]])
+    head = reconstruction.CameraHead("sincos")
+    head.fit(truth)
+    pair = torch.stack((truth[:, 0].sin(), truth[:, 0].cos()), dim=-1)
+    scores = torch.cat((pair, ((truth - truth.mean(0)) / truth.std(0))[:, 1:]), dim=-1)
+    assert scores.shape[-1] == head.num_scores == 4
+    assert float(head.loss(scores, truth)) < 1e-10
+    assert float(head.loss(scores + torch.tensor([0.0, 2.0, 1.0, 0.0]), truth)) == pytest.approx(5.0)
+    turned = truth + torch.tensor([2 * math.pi, 0.0, 0.0])
+    assert float(head.loss(scores, turned)) < 1e-10
+    longer = scores * torch.tensor([3.0, 3.0, 1.0, 1.0])  # the length of the pair says nothing
+    torch.testing.assert_close(head(longer), truth)
+    torch.testing.assert_close(head(torch.full((1, 4), 9.0))[0, 1:], truth.amax(0)[1:])
+
+
+def test_undecided_azimuth_has_no_gradient_and_others_that_of_their_angle():
+    head = reconstruction.CameraHead("sincos")
+    head.fit(torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.2, 0.47, 0.9]]))
+    scores = torch.tensor([[0.0, 0.0, 0.0, 0.0], [0.01, -0.01, 0.0, 0.0], [0.6, -0.8, 0.0, 0.0]], requires_grad=True)
+    azimuth = head(scores)[:, 0]
+    assert azimuth.tolist() == pytest.approx([0.0, 0.0, math.atan2(0.6, -0.8)])
+    (gradient,) = torch.autograd.grad(azimuth.sum(), scores)
+    assert gradient[:2].tolist() == [[0.0] * 4] * 2
+    torch.testing.assert_close(gradient[2], torch.tensor([-0.8, -0.6, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("azimuth", ["angle", "sincos"])
+def test_correction_turns_back_an_azimuth_past_the_end(azimuth):
+    """The ball stands off the centre: its silhouette tells the azimuth. Truth and start lie on either side of 0."""
+    model = reconstruction.DDFModel(SMALL_FIELD, 4, 8, azimuth)
+    model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.65], [6.2, 0.53, 0.95], [3.0, 0.5, 0.8]]))
+    model.decoder.field = _BallField(torch.tensor([0.5, 0.0, 0.2]), 0.3)
+    truth, start, scale = _camera(0.05, 0.48, 0.8), _camera(2 * math.pi - 0.1, 0.48, 0.8), torch.tensor([2.5])
+    image, _ = rendering.render(model.decoder.field, None, truth[0], scale[0], 32, ["visibility"])
+    config = reconstruction.CorrectionConfig(40, 0.02, 32, ("azimuth",))
+    found = reconstruction.correct_camera(model, torch.zeros(1, 4), start, scale, image["visibility"][None], config)
+    assert abs(float(found[0, 0]) - 2 * math.pi - 0.05) < 0.01
 
 
 def test_rendered_ball_has_the_analytic_silhouette():

@@ -4,7 +4,9 @@ An RGBA image goes to a shape latent z_s and to a camera (azimuth, elevation, ra
 turns z_s into a shape. Cameras are (..., 3): azimuth and elevation in radians, radius in benchmark units.
 """
 
+import math
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from jaxtyping import Bool, Float
@@ -16,6 +18,8 @@ from ddf import cameras, checks, fields, rendering, siren
 
 RESNET18_WIDTH = 64
 CAMERA_NUMBERS = ("azimuth", "elevation", "radius")
+Azimuth = Literal["angle", "sincos"]
+LEAST_PAIR = 0.05  # a (sin θ, cos θ) shorter than this says nothing; the slope of its angle is 1 / length
 IMAGE_CHANNELS = 4
 
 
@@ -59,15 +63,21 @@ def _stage(inputs: int, outputs: int, stride: int) -> nn.Sequential:
 
 
 class CameraHead(nn.Module):
-    """z-scores of a camera to physical units and back, by the statistics of the training cameras."""
+    """What the camera encoder gives to physical units, by the statistics of the training cameras.
+
+    azimuth: `angle` is the paper's way, three z-scores, in which 0 and 2π are the farthest apart. `sincos` gives the
+    azimuth as (sin θ, cos θ), which has no end, before the z-scores of elevation and radius; the two have unit variance
+    together, as a z-score has, where azimuths are spread evenly (derived here).
+    """
 
     mean: Tensor
     deviation: Tensor
     lowest: Tensor
     highest: Tensor
 
-    def __init__(self) -> None:
+    def __init__(self, azimuth: Azimuth = "angle") -> None:
         super().__init__()
+        self.azimuth = azimuth
         self.register_buffer("mean", torch.zeros(3))
         self.register_buffer("deviation", torch.ones(3))
         self.register_buffer("lowest", torch.full((3,), -torch.inf))
@@ -89,24 +99,47 @@ class CameraHead(nn.Module):
         self.lowest.copy_(training_cameras.amin(dim=0))
         self.highest.copy_(training_cameras.amax(dim=0))
 
-    def loss(self, scores: Float[Tensor, "b 3"], truth: Float[Tensor, "b 3"]) -> Float[Tensor, ""]:
-        """L_Π = ‖Π_g - Π̂‖² of z-scores, mean over images; before clamping, so that its gradient never dies."""
-        return (scores - (truth - self.mean) / self.deviation).square().sum(-1).mean()
+    @property
+    def num_scores(self) -> int:
+        """Numbers that the encoder gives."""
+        return 3 if self.azimuth == "angle" else 4
 
-    def forward(self, scores: Float[Tensor, "b 3"]) -> Float[Tensor, "b 3"]:
-        """Cameras, clamped to the range of the training set."""
-        camera = scores * self.deviation + self.mean
-        return torch.minimum(torch.maximum(camera, self.lowest), self.highest)
+    def loss(self, scores: Float[Tensor, "b scores"], truth: Float[Tensor, "b 3"]) -> Float[Tensor, ""]:
+        """L_Π = ‖Π_g - Π̂‖² of the scores, mean over images; before clamping, so that its gradient never dies."""
+        wanted = (truth - self.mean) / self.deviation
+        if self.azimuth == "sincos":
+            wanted = torch.cat((torch.sin(truth[:, :1]), torch.cos(truth[:, :1]), wanted[:, 1:]), dim=-1)
+        return (scores - wanted).square().sum(-1).mean()
+
+    def forward(self, scores: Float[Tensor, "b scores"]) -> Float[Tensor, "b 3"]:
+        """Cameras, clamped to the range of the training set; an azimuth from (sin θ, cos θ) is in [0, 2π) instead.
+
+        A pair shorter than `LEAST_PAIR` gives azimuth 0 and no gradient: L_Π alone draws it out.
+        """
+        last = scores if self.azimuth == "angle" else scores[:, 1:]
+        camera = last * self.deviation + self.mean
+        bounded = torch.minimum(torch.maximum(camera, self.lowest), self.highest)
+        return bounded if self.azimuth == "angle" else torch.cat((_angle(scores[:, :2]), bounded[:, 1:]), dim=-1)
+
+
+def _angle(pair: Float[Tensor, "b 2"]) -> Float[Tensor, "b 1"]:
+    """θ in [0, 2π) of (sin θ, cos θ) of any length."""
+    sine, cosine = pair[:, :1], pair[:, 1:]
+    undecided = sine.square() + cosine.square() < LEAST_PAIR**2
+    angle = torch.atan2(torch.where(undecided, 0.0, sine), torch.where(undecided, 1.0, cosine))
+    return torch.where(angle < 0, angle + 2 * math.pi, angle)
 
 
 class ReconstructionModel(nn.Module):
     """Two encoders and a decoder. Parameters at the paper's sizes: 25,647,367 (DDF) and 25,645,574 (PC-SIREN)."""
 
-    def __init__(self, decoder: nn.Module, latent_features: int, encoder_width: int) -> None:
+    def __init__(
+        self, decoder: nn.Module, latent_features: int, encoder_width: int, azimuth: Azimuth = "angle"
+    ) -> None:
         super().__init__()
+        self.camera_head = CameraHead(azimuth)
         self.shape_encoder = Encoder(latent_features, encoder_width)
-        self.camera_encoder = Encoder(3, encoder_width)
-        self.camera_head = CameraHead()
+        self.camera_encoder = Encoder(self.camera_head.num_scores, encoder_width)
         self.decoder = decoder
 
     def parameter_groups(self, weight_decay_shape: float, weight_decay_camera: float) -> list[dict]:
@@ -123,8 +156,10 @@ class DDFModel(ReconstructionModel):
 
     decoder: fields.ConditionalPDDF
 
-    def __init__(self, config: fields.PDDFConfig, latent_features: int, encoder_width: int) -> None:
-        super().__init__(fields.ConditionalPDDF(config, latent_features), latent_features, encoder_width)
+    def __init__(
+        self, config: fields.PDDFConfig, latent_features: int, encoder_width: int, azimuth: Azimuth = "angle"
+    ) -> None:
+        super().__init__(fields.ConditionalPDDF(config, latent_features), latent_features, encoder_width, azimuth)
 
     @property
     def field(self) -> fields.PDDF:
@@ -141,8 +176,10 @@ class PCSirenModel(ReconstructionModel):
 
     decoder: fields.PointDecoder
 
-    def __init__(self, layout: siren.SineLayout, latent_features: int, encoder_width: int) -> None:
-        super().__init__(fields.PointDecoder(layout, latent_features), latent_features, encoder_width)
+    def __init__(
+        self, layout: siren.SineLayout, latent_features: int, encoder_width: int, azimuth: Azimuth = "angle"
+    ) -> None:
+        super().__init__(fields.PointDecoder(layout, latent_features), latent_features, encoder_width, azimuth)
 
 
 def mask_loss(

@@ -18,6 +18,7 @@ class TrainConfig:
 
     image_size: of the encoders' input. encoder_width: 64 is ResNet-18. camera_weight: γ_RΠ.
     train_views: the views of a training shape that are shown; null for those of the split.
+    azimuth: `angle` is the paper's, `sincos` regresses (sin θ, cos θ), see `reconstruction.CameraHead`.
     """
 
     image_size: int
@@ -29,6 +30,7 @@ class TrainConfig:
     weight_decay_shape: float
     weight_decay_camera: float
     loop: training.LoopConfig
+    azimuth: reconstruction.Azimuth = "angle"
 
     def __post_init__(self) -> None:
         for name, least in (("image_size", 32), ("encoder_width", 1), ("latent_features", 1), ("batch_size", 2)):
@@ -130,12 +132,12 @@ class PCSirenConfig:
 
 def ddf_model(train: TrainConfig, config: DDFConfig) -> reconstruction.DDFModel:
     """The DDF model of a config, freshly initialised."""
-    return reconstruction.DDFModel(config.field, train.latent_features, train.encoder_width)
+    return reconstruction.DDFModel(config.field, train.latent_features, train.encoder_width, train.azimuth)
 
 
 def pcsiren_model(train: TrainConfig, config: PCSirenConfig) -> reconstruction.PCSirenModel:
     """The PC-SIREN model of a config, freshly initialised."""
-    return reconstruction.PCSirenModel(config.layout(), train.latent_features, train.encoder_width)
+    return reconstruction.PCSirenModel(config.layout(), train.latent_features, train.encoder_width, train.azimuth)
 
 
 @runtime_checkable
