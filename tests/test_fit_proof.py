@@ -127,9 +127,11 @@ def test_curvature_errors_are_relative_to_the_scale_of_curvature():
 def test_meshes_of_the_primitives_lie_on_their_closed_forms():
     for case in primitive_fits.cases().values():
         points = primitive_fits.looking_at(case.mesh, 2000, seed=2)
-        hits = primitives.cast(case.truth, points)
-        q = rays.surface_points(points.positions, points.directions, hits.depth)[hits.visible]
-        lower, upper = case.mesh.box()
+        own = case.own(points)
+        hits = primitives.cast(case.truth, own)
+        q = rays.surface_points(own.positions, own.directions, hits.depth)[hits.visible]
+        vertices = case.mesh.vertices @ case.turn.numpy()
+        lower, upper = vertices.min(axis=0), vertices.max(axis=0)
         np.testing.assert_allclose(q.min(dim=0).values.numpy(), lower, atol=0.1)
         np.testing.assert_allclose(q.max(dim=0).values.numpy(), upper, atol=0.1)
 
