@@ -10,6 +10,7 @@ DATA   ?=#                    root that holds ShapeNetCore.v1/ and ShapeNetRende
 LAUNCH ?=#                    goes before every training command
 SEEDS  ?= 1#                  trainings of each model that the tables average; the first is that of SEEDS=1
 BENCH  ?=#                    some of the benchmarks, by name; all without it
+OPTIONS ?=#                   of `make ablate-options`
 JOBS   ?= $(shell nproc)#     trainings side by side; each takes train.loop.threads
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 
@@ -123,7 +124,8 @@ lint: $(READY) ## format check, lint and types
 sync-deps: $(READY) ## write the real imports of every stage into pipeline.yaml
 	@$(RUN) tests/_pipeline.py
 
-BENCH_NAMES := $(basename $(notdir $(wildcard bench/[a-z]*.py)))
+ABLATIONS := si3dr_options#   these train: `make ablate-options`
+BENCH_NAMES := $(filter-out $(ABLATIONS),$(basename $(notdir $(wildcard bench/[a-z]*.py))))
 check_bench = @unknown="$(filter-out $(BENCH_NAMES),$(BENCH))"; \
 	[ -z "$$unknown" ] || { echo "BENCH=$$unknown: no such benchmark; there are $(BENCH_NAMES)" >&2; exit 2; }
 benches = status=0; for name in $(1); do $(RUN) "bench/$$name.py" || { echo "bench/$$name.py failed" >&2; status=1; }; done
@@ -139,6 +141,10 @@ bench-check: $(READY) ## the benchmarks once more, compared with reports/bench: 
 	@rm -rf .make/bench; export DDF_BENCH_OUT=$(CURDIR)/.make/bench; \
 	$(call benches,$(filter-out hard_cases,$(or $(BENCH),$(BENCH_NAMES)))); \
 	$(RUN) bench/_compare.py reports/bench .make/bench || status=1; exit $$status
+
+.PHONY: ablate-options
+ablate-options: $(READY) ## every switch of the reconstruction turned alone, half an hour: [OPTIONS="--seconds 300"]
+	@$(RUN) bench/si3dr_options.py $(OPTIONS) && $(RUN) bench/_page.py
 
 ##@ Household
 .PHONY: setup
