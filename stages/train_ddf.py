@@ -18,11 +18,9 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     images, shapes, sources = si3dr_data.read_training(
         index_path, samples_dir, category, train.train_views, train.image_size
     )
-    samples, propose = si3dr_data.read_samples(samples_dir, images.ids), None
-    if section.proposals is not None:
-        scenes = proposed_rays.Scenes(config.artifact_dir(config_path, "meshes", category), images.ids)
-        propose = proposed_rays.Proposer(shapes, scenes, section.proposals)
-        sources = [*sources, *scenes.paths]
+    samples = si3dr_data.read_samples(samples_dir, images.ids)
+    propose = proposed_rays.Proposer.of(section.proposals, shapes, config.artifact_dir(config_path, "meshes", category))
+    sources += propose.sources if propose else []
 
     model = si3dr_training.ddf_model(train, section).to(training.device())
     model.camera_head.fit(images.cameras)

@@ -211,7 +211,7 @@ def shape_loss(
     product = torch.bfloat16 if matmul == "bfloat16" else own
     count = len(modulations or [])
     total, *terms = _ShapeLoss.apply(field, batch, weights, product, count, differentiate, *inputs)
-    named = dict(zip(TERMS, terms, strict=True))
+    named: dict[str, Tensor] = dict(zip(TERMS, terms, strict=True))
     if weights.view_consistency:
         consistency = view_consistency_loss(field, batch, modulations, weights)
         total = total + weights.view_consistency * consistency

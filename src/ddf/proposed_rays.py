@@ -89,6 +89,18 @@ class Proposer:
     scenes: Scenes | Sequence[raycast.Scene]
     config: si3dr_training.ProposalConfig
 
+    @classmethod
+    def of(
+        cls, config: si3dr_training.ProposalConfig | None, shapes: si3dr_data.ShapeSet, folder: Path
+    ) -> "Proposer | None":
+        """With the training meshes of a folder; None where nothing is proposed."""
+        return None if config is None else cls(shapes, Scenes(folder, shapes.ids), config)
+
+    @property
+    def sources(self) -> list[Path]:
+        """The files that are read."""
+        return self.scenes.paths if isinstance(self.scenes, Scenes) else []
+
     def __call__(
         self,
         stored: losses.SampleBatch,

@@ -1,0 +1,285 @@
+"""Switches of single-image reconstruction, each turned alone: D_C and F(τ) on shapes held out of the training.
+
+`make ablate-options` runs it on what `make reproduce-table` prepared (artifacts/cpu): the DDF of one category, trained
+with configs/cpu.yaml (`base`) and with one setting changed, the same wall time each, two side by side with one thread
+each. Held out are the last training shapes; the test set is not touched. Switches of clouds, scale and camera
+correction need no training and are rows on the model of `base`. Seconds are those of the training, or of an image's
+clouds. Rows are kept in artifacts/si3dr_options and made again only when something that they depend on has changed; one
+that was killed goes on from its checkpoint.
+"""
+
+import argparse
+import concurrent.futures
+import dataclasses
+import functools
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import _measure
+import numpy as np
+
+from ddf import (
+    checks,
+    config,
+    evaluation,
+    metrics,
+    proposed_rays,
+    provenance,
+    reconstruction,
+    shapenet,
+    si3dr_data,
+    si3dr_inference,
+    si3dr_training,
+    stage,
+    storage,
+    training,
+)
+
+CONFIG = Path("configs/cpu.yaml")
+OUT = Path("artifacts/si3dr_options")
+PLAN, RESULT = "plan.json", "result.json"
+TRIED = (10, 40)  # steps of a trial: between these two a step is timed
+SIDE_BY_SIDE = 2
+TOLERANCE = 0.3  # relative; the number of steps depends on the moment
+ABSENT = "(left out)"  # a key that the changed config does not have
+# what is changed, by the row's name: the key in configs/cpu.yaml and its other value, the paper's where they differ
+TRAINED: Mapping[str, Mapping[str, Any]] = {
+    "base": {},
+    "azimuth as sine and cosine": {"train.azimuth": "sincos"},
+    "moving average of the weights": {"train.loop.ema": 0.999},
+    "view consistency": {"ddf.weights.view_consistency": 10.0},
+    "depth loss of the mixture": {"ddf.weights.depth_of": "mixture"},
+    "squared depth loss": {"ddf.weights.depth_huber": None},
+    "depth by ReLU": {"ddf.field.depth_activation": "relu"},
+    "no points of values alone": {f"ddf.counts.{kind}+": ABSENT for kind in "UAB"},
+    "no proposed rays": {"ddf.proposals": None},
+    "all pixels of the mask": {"ddf.mask_pixels": None},
+    "the split's views": {"train.train_views": None},
+}
+DRAWN: Mapping[str, Mapping[str, Any]] = {
+    "no jitter": {"pointclouds.cloud.jitter": 0.0},
+    "no recheck": {"pointclouds.cloud.recheck": []},
+    "most visible points": {"pointclouds.cloud.spread": None},
+    "outliers kept": {"pointclouds.cloud.outliers": 0.0},
+    "48 directions": {"pointclouds.cloud.num_directions": 48},
+    "128 directions": {"pointclouds.cloud.num_directions": 128},
+    "one cycle": {"pointclouds.cloud.cycles": 1},
+    "scale of the whole box": {"pointclouds.scale_quantile": 0.0},
+    "radius free in the correction": {"pointclouds.correction.free": list(reconstruction.CAMERA_NUMBERS)},
+}
+OPTIONS = TRAINED | DRAWN
+COLUMNS = {"": ("L", "Pi_g"), "_predicted_camera": ("S", "Pi_pred"), "_corrected_camera": ("S", "Pi_corrected")}
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """What all rows share. seconds: of every training. held_out: shapes. views: first ones of each. seed: of all."""
+
+    category: str
+    seconds: float
+    held_out: int
+    views: int
+    seed: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """The sections of cpu.yaml with a row's change."""
+
+    train: si3dr_training.TrainConfig
+    ddf: si3dr_training.DDFConfig
+    pointclouds: si3dr_inference.PointcloudsConfig
+
+    @classmethod
+    def of(cls, name: str, seed: int) -> "Settings":
+        """Those of a row.
+
+        Raises:
+          InputError: cpu.yaml has no such key, or already has the value.
+        """
+        whole = config.read(CONFIG)
+        for key, value in OPTIONS[name].items():
+            *path, last = key.split(".")
+            section = functools.reduce(lambda inner, part: inner[part], path, whole)
+            if section[last] == value:
+                raise checks.InputError(f"{CONFIG}: {key} is {value} already, so the row {name!r} is base")
+            if value == ABSENT:
+                del section[last]
+            else:
+                section[last] = value
+        sections = cls(
+            config.parse(whole["train"], si3dr_training.TrainConfig, f"{CONFIG}: train"),
+            config.parse(whole["ddf"], si3dr_training.DDFConfig, f"{CONFIG}: ddf"),
+            config.parse(whole["pointclouds"], si3dr_inference.PointcloudsConfig, f"{CONFIG}: pointclouds"),
+        )
+        return config.reseeded(sections, seed)
+
+
+def folder(task: Task, name: str) -> Path:
+    """Where a row is kept."""
+    return OUT / task.category / re.sub(r"\W+", "-", name)
+
+
+def split(task: Task, dataset: shapenet.Dataset, views: int | None) -> tuple[list, list]:
+    """(id, views) of the shapes that are trained on, and of the last ones, which are held out."""
+    samples = config.artifact_dir(CONFIG, "samples", task.category)
+    shapes = si3dr_data.available(samples, si3dr_data.training_views(dataset, task.category, views))
+    held = [(shape, shown[: task.views]) for shape, shown in shapes[-task.held_out :]]
+    return shapes[: -task.held_out], held
+
+
+def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) -> dict[str, float]:
+    """Train the row's model as the stage does, but for the shapes held out; steps and seconds."""
+    samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
+    shown, _ = split(task, dataset, settings.train.train_views)
+    images = si3dr_data.read_images(dataset, task.category, shown, settings.train.image_size)
+    shapes, samples = si3dr_data.read_shapes(samples_dir, images.ids), si3dr_data.read_samples(samples_dir, images.ids)
+    meshes = config.artifact_dir(CONFIG, "meshes", task.category)
+    propose = proposed_rays.Proposer.of(settings.ddf.proposals, shapes, meshes)
+
+    def fit(out: Path, steps: int, loop: training.LoopConfig, fingerprint: str) -> list[float]:
+        training.prepare(loop)
+        model = si3dr_training.ddf_model(settings.train, settings.ddf).to(training.device())
+        model.camera_head.fit(images.cameras)
+        groups = model.parameter_groups(settings.train.weight_decay_shape, settings.train.weight_decay_camera)
+        step = functools.partial(
+            si3dr_training.ddf_step, model, images, shapes, samples, settings.train, settings.ddf, propose=propose
+        )
+        training.fit(model, groups, step, steps, loop, out, {"fingerprint": fingerprint}, name)
+        return [row["seconds"] for row in training.read_log(out)]
+
+    out, loop = folder(task, name), settings.ddf.loop(settings.train.loop)
+    key = provenance.fingerprint(
+        [dataclasses.asdict(task), settings.train, settings.ddf, images.digest()],
+        propose.sources if propose else [],
+        si3dr_training,
+    )
+    plan = storage.read_json(out / PLAN) if (out / PLAN).exists() else {}
+    if plan.get("fingerprint") != key:
+        with tempfile.TemporaryDirectory() as trial:
+            first, *_, last = fit(Path(trial), TRIED[1], dataclasses.replace(loop, log_every=TRIED[0]), key)
+        each = (last - first) / (TRIED[1] - TRIED[0])
+        plan = {"fingerprint": key, "steps": max(1, round(task.seconds / each))}
+        storage.write_json(out / PLAN, plan)
+    return {"steps": plan["steps"], "seconds": fit(out, plan["steps"], loop, f"{key} {plan['steps']}")[-1]}
+
+
+def score(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) -> tuple[dict[str, float], float]:
+    """Means over the held-out images, medians of camera errors; and the seconds of an image's clouds.
+
+    D_C and F of the large cloud with the true camera, of the small one with the predicted and the corrected camera.
+    """
+    training.prepare(settings.train.loop)
+    model = si3dr_training.ddf_model(settings.train, settings.ddf)
+    training.load_model(model, folder(task, name if name in TRAINED else "base"))
+    _, held = split(task, dataset, settings.train.train_views)
+    images = si3dr_data.read_images(dataset, task.category, held, settings.train.image_size)
+    samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
+    section = dataclasses.replace(settings.pointclouds, rendered=0)
+    tensors, facts = si3dr_inference.reconstruct_ddf(model, images, section, name)
+    scales = si3dr_data.read_shapes(samples_dir, images.ids).field_scales(images.shapes)
+    arrays = {key: value.numpy() for key, value in tensors.items()}
+    arrays |= {"camera_true": images.cameras.numpy(), "scale_true": (1 / scales).numpy()}
+    found = evaluation.Predictions(OUT, [(str(row["id"]), int(row["view"])) for row in images.names()], arrays, facts)
+    truths, scores = evaluation.load_truth(samples_dir), {}
+    for suffix, (size, camera) in COLUMNS.items():
+        cloud = f"{size}.h{section.cloud.cycles}"
+        values = [
+            metrics.compare_clouds(found.cloud(cloud, row, camera), truths[shape].benchmark_points())
+            for row, (shape, _) in enumerate(found.images)
+        ]
+        scores[f"chamfer_l2_sq_x1000{suffix}"] = float(np.mean([1e3 * value.chamfer_l2_sq for value in values]))
+        scores[f"f_score_tau_x100{suffix}"] = float(np.mean([100 * value.f_score_tau for value in values]))
+    errors = evaluation.camera_errors(evaluation.DDF, found)
+    predicted = errors[errors["column"] == "Pi_pred"]
+    scores["azimuth_error_deg_median"] = float(predicted["azimuth_error_deg"].median())
+    return scores, facts["cloud_seconds_per_image"]
+
+
+def make(task: Task, name: str) -> None:
+    """Train where the row says so, score, and keep the row."""
+    dataset = shapenet.Dataset.open(config.artifact_dir(CONFIG, "dataset") / "index.json")
+    settings = Settings.of(name, task.seed)
+    trained = train(task, name, settings, dataset) if name in TRAINED else {}
+    error, cloud_seconds = score(task, name, settings, dataset)
+    size = dataclasses.asdict(task) | {"points": settings.pointclouds.large}
+    row = _measure.row(name, size, [trained.get("seconds", cloud_seconds)], error, TOLERANCE)
+    changed = ", ".join(f"{key}: {value}" for key, value in OPTIONS[name].items())
+    told = {"changed": changed, "steps": trained.get("steps", 0), "cloud_seconds": cloud_seconds}
+    storage.write_json(folder(task, name) / RESULT, {"fingerprint": identity(task, name), "row": row | told})
+
+
+def identity(task: Task, name: str) -> str:
+    """Of everything that a row depends on; a row without training, of its model too."""
+    samples = storage.shard_files(config.artifact_dir(CONFIG, "samples", task.category), si3dr_data.SAMPLES, "samples")
+    sources = [config.artifact_dir(CONFIG, "dataset") / "index.json", *samples]
+    sources += [] if name in TRAINED else [folder(task, "base") / training.MODEL]
+    settings = dataclasses.asdict(Settings.of(name, task.seed))
+    return provenance.fingerprint(
+        [dataclasses.asdict(task), settings], sources, [si3dr_training, si3dr_inference, evaluation]
+    )
+
+
+def kept(task: Task, name: str) -> dict[str, Any] | None:
+    """The row if it is there and nothing that it depends on has changed."""
+    path = folder(task, name) / RESULT
+    if not path.exists() or (name not in TRAINED and not (folder(task, "base") / training.MODEL).exists()):
+        return None
+    result = storage.read_json(path)
+    return result["row"] if result["fingerprint"] == identity(task, name) else None
+
+
+def run(task: Task, name: str) -> None:
+    """`make` in a process of its own, unless the row is kept."""
+    if kept(task, name) is None:
+        given = [f"--{key.replace('_', '-')}={value}" for key, value in dataclasses.asdict(task).items()]
+        if subprocess.run([sys.executable, __file__, *given, "--one", name]).returncode:
+            raise checks.InputError(f"the row {name!r} failed; its own message is above")
+
+
+def rows(task: Task, names: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """The rows in order: first those that are trained, two at a time, then the others."""
+    with concurrent.futures.ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+        for group in (TRAINED, DRAWN):
+            list(pool.map(functools.partial(run, task), [name for name in group if name in names]))
+    for name in names:
+        found = kept(task, name)
+        if found is None:
+            raise checks.InputError(
+                f"the row {name!r} is not there, although it was made: its inputs changed meanwhile"
+            )
+        yield found
+
+
+def main() -> None:
+    """Make all rows and write them; --rows for some of them, printed and not written."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--category", default="car")
+    parser.add_argument("--seconds", type=float, default=150.0, help="of every training (default %(default)s)")
+    parser.add_argument("--held-out", type=int, default=8, help="shapes (default %(default)s)")
+    parser.add_argument("--views", type=int, default=2, help="of each held-out shape (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="added to all seeds of the config")
+    parser.add_argument("--rows", nargs="+", choices=list(OPTIONS), help="these alone; prints instead of writing")
+    parser.add_argument("--one", choices=list(OPTIONS), help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    task = Task(given.category, given.seconds, given.held_out, given.views, given.seed)
+    needed = config.artifact_dir(CONFIG, "samples", task.category)
+    if not needed.exists():
+        print(f"si3dr_options: skipped, {needed} is not there; `make reproduce-table` makes it")
+    elif given.one:
+        make(task, given.one)
+    elif given.rows:
+        names = given.rows if TRAINED.keys() >= set(given.rows) else ["base", *given.rows]
+        print(json.dumps(list(rows(task, list(dict.fromkeys(names)))), indent=1))
+    else:
+        _measure.write("si3dr_options", 1, list(rows(task, list(OPTIONS))))
+
+
+if __name__ == "__main__":
+    raise SystemExit(stage.guarded(main, "si3dr_options"))
