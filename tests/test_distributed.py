@@ -48,10 +48,10 @@ def test_parameters_and_batch_statistics_equal_those_of_one_process(runs):
 @pytest.mark.parametrize("kind", _together.KINDS)
 def test_reconstruction_models_learn_the_same_as_on_one_process(runs, kind):
     """float32: Adam turns the rounding of a gradient near zero into a step of any sign, so the path is what counts."""
-    start = _together.fresh(kind)[0].state_dict()
+    start = dict(_together.fresh(kind)[0].named_parameters())
     one, two = (_tensors(folder / kind) for folder in runs)
     path, apart = (
-        sum(float((values - other[name]).double().square().sum()) for name, values in one.items()) ** 0.5
+        sum(float((one[name] - other[name]).detach().double().square().sum()) for name in start) ** 0.5
         for other in (start, two)
     )
     assert path > 0.1
@@ -63,7 +63,7 @@ def test_log_is_that_of_the_whole_batch(runs, kind):
     one, two = (_log(folder / kind) for folder in runs)
     assert len(one) == len(two) == _together.STEPS
     for expected, row in zip(one, two, strict=True):
-        assert row == pytest.approx(expected, rel=1e-4)
+        assert row == pytest.approx(expected, rel=1e-3, abs=1e-6)
 
 
 def test_two_processes_leave_one_set_of_files(runs):
