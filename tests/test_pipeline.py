@@ -122,7 +122,7 @@ RECORDED = {
     "dataset@cpu": ("make_dataset", "", "data_root", "dataset"),
     "meshes@cpu-car": ("prepare_meshes", " --category car", "dataset", "meshes/car"),
     "samples@cpu-car": ("extract_samples", " --category car", "dataset meshes/car", "samples/car"),
-    "train_ddf@cpu-car": ("train_ddf", " --category car", "dataset samples/car meshes/car", "train_ddf/car"),
+    "train_ddf@cpu-car": ("train_ddf", " --category car", "dataset meshes/car samples/car", "train_ddf/car"),
     "train_pcsiren@cpu-car": ("train_pcsiren", " --category car", "dataset samples/car", "train_pcsiren/car"),
     "export_onnx@cpu-car": ("export_onnx", " --category car", "train_ddf/car train_pcsiren/car", "export_onnx/car"),
     "pointclouds@cpu-car": (
@@ -141,7 +141,7 @@ RECORDED = {
     "train_ddf@cpu-car-2": (
         "train_ddf",
         " --category car --seed 2",
-        "dataset samples/car meshes/car",
+        "dataset meshes/car samples/car",
         "train_ddf_seeds/2/car",
     ),
     "train_pcsiren@cpu-car-2": (
