@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import _clouds
 import _measure
 import _test_views
 import torch
@@ -26,7 +27,7 @@ OWN_DIRECTIONS = (4, 16, 48)  # with all departures
 
 
 def settings(own: pointclouds.CloudConfig) -> list[pointclouds.CloudConfig]:
-    """The paper's way over n_v and N_H; then at the config's own n_v each of its departures alone, and all of them."""
+    """The paper's way over n_v and N_H; at the config's own n_v each of its departures alone; all of them; in brief."""
     paper = dataclasses.replace(own, **PLAIN)
     chosen = [dataclasses.replace(paper, num_directions=n, cycles=h) for n in DIRECTIONS for h in CYCLES]
     for names in DEPARTURES:
@@ -34,14 +35,15 @@ def settings(own: pointclouds.CloudConfig) -> list[pointclouds.CloudConfig]:
         change = {name: getattr(own, name) for name in names}
         chosen += [dataclasses.replace(paper, cycles=h, **change) for h in cycles]
     chosen += [dataclasses.replace(own, num_directions=n, cycles=max(CYCLES)) for n in OWN_DIRECTIONS]
-    return list(dict.fromkeys(chosen))
+    return list(dict.fromkeys([*chosen, dataclasses.replace(own, **_clouds.IN_BRIEF)]))
 
 
 def told(cloud: pointclouds.CloudConfig, points: int) -> dict[str, Any]:
     """The settings of a row."""
     departures = {name: getattr(cloud, name) for name in PLAIN}
     listed = {name: list(value) if isinstance(value, tuple) else value for name, value in departures.items()}
-    return {"num_directions": cloud.num_directions, "cycles": cloud.cycles, **listed, "points": points}
+    drawn = {"num_directions": cloud.num_directions, "cycles": cloud.cycles, "oversampling": cloud.oversampling}
+    return {**drawn, **listed, "points": points}
 
 
 def measure(category: str) -> list[dict]:

@@ -2,8 +2,8 @@
 
 At the widths of configs/cpu.yaml with the models of `make reproduce-table` where they are there, whose clouds are
 scored against the truth, and at those of configs/paper.yaml with random weights, whose clouds mean nothing: time alone.
-Clouds are drawn as both files say, with N_H = 3 and 1, and with fewer directions. Depth of PC-SIREN is what its cloud
-can give: the nearest point of each pixel, with holes.
+Clouds are drawn as both files say, with N_H = 3 and 1, with fewer directions, and in brief (`_clouds`). Depth of
+PC-SIREN is what its cloud can give: the nearest point of each pixel, with holes.
 """
 
 import dataclasses
@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import _clouds
 import _measure
 import _test_views
 import numpy as np
@@ -125,7 +126,7 @@ def changed(cloud: pointclouds.CloudConfig, **values: Any) -> pointclouds.CloudC
 
 
 def settings(trained: bool) -> dict[pointclouds.CloudConfig, str]:
-    """Ways of drawing a cloud, and what to call them: as both files say, and with fewer directions.
+    """Ways of drawing a cloud, and what to call them: as both files say, with fewer directions, in brief.
 
     The paper's way takes a minute at its own widths: of random weights, without scores, it is drawn with all cycles
     alone.
@@ -139,6 +140,7 @@ def settings(trained: bool) -> dict[pointclouds.CloudConfig, str]:
     for cycles in CYCLES:
         fewer = changed(cloud, cycles=cycles, num_directions=FEWER_DIRECTIONS)
         found.setdefault(fewer, f"as {CPU.name}, fewer directions")
+    found.setdefault(changed(cloud, **_clouds.IN_BRIEF), f"as {CPU.name}, in brief")
     return found
 
 
