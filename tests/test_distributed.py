@@ -21,7 +21,9 @@ def runs(tmp_path_factory):
     one, two = tmp_path_factory.mktemp("one"), tmp_path_factory.mktemp("two")
     script = Path(_together.__file__)
     path = os.pathsep.join((str(script.parent), str(Path(distributed.__file__).parents[1])))
-    environment = {**os.environ, "PYTHONPATH": path, "CUDA_VISIBLE_DEVICES": ""}
+    # without options of torchrun, which make sets
+    own = {name: value for name, value in os.environ.items() if not name.startswith("PET_")}
+    environment = {**own, "PYTHONPATH": path, "CUDA_VISIBLE_DEVICES": ""}
     started = subprocess.Popen([*TORCHRUN, script, two], env=environment, stderr=subprocess.PIPE, text=True)
     _together.train_all(one)
     _, errors = started.communicate(timeout=240)
