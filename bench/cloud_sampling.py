@@ -20,9 +20,15 @@ from ddf import config, pointclouds, si3dr_inference, si3dr_training, stage, tra
 CONFIG, CATEGORIES = Path("configs/cpu.yaml"), ("chair", "plane", "car")
 IMAGES, THREADS = 2, 2
 DIRECTIONS, CYCLES = (4, 16, 48, 128), (1, 3)
-DEPARTURES = (("jitter",), ("recheck",), ("spread", "outliers"))  # measured alone, then together
-PLAIN = {"jitter": 0.0, "recheck": (), "spread": None, "outliers": 0.0}  # the paper's way; whatever else is set stays
-AFTER_A_CYCLE = {"jitter"}  # departures that make no difference to a single cycle
+DEPARTURES = (
+    ("jitter",),
+    ("jitter", "resample"),
+    ("recheck",),
+    ("spread", "outliers"),
+)  # measured alone, then together
+# the paper's way; whatever else is set stays
+PLAIN = {"jitter": 0.0, "resample": 0.0, "recheck": (), "spread": None, "outliers": 0.0}
+AFTER_A_CYCLE = {"jitter", "resample"}  # departures that make no difference to a single cycle
 OWN_DIRECTIONS = (4, 16, 48)  # with all departures
 
 

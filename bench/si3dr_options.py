@@ -63,7 +63,8 @@ TRAINED: Mapping[str, Mapping[str, Any]] = {
     "the split's views": {"train.train_views": None},
 }
 DRAWN: Mapping[str, Mapping[str, Any]] = {
-    "no jitter": {"pointclouds.cloud.jitter": 0.0},
+    "no jitter": {"pointclouds.cloud.jitter": 0.0, "pointclouds.cloud.resample": 0.0},
+    "no resampling": {"pointclouds.cloud.resample": 0.0},
     "no recheck": {"pointclouds.cloud.recheck": []},
     "most visible points": {"pointclouds.cloud.spread": None},
     "outliers kept": {"pointclouds.cloud.outliers": 0.0},

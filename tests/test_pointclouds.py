@@ -11,6 +11,7 @@ CONFIG = pointclouds.CloudConfig(  # the paper's way
     cycles=3,
     oversampling=0.1,
     jitter=0.0,
+    resample=0.0,
     recheck=(),
     spread=None,
     outliers=0.0,
@@ -238,6 +239,26 @@ def test_outliers_are_the_candidates_with_the_emptiest_surroundings():
     assert float(kept.abs().max()) == 3
 
 
+def test_resampled_starts_leave_doubtful_hits_behind():
+    class _Doubtful(_Sphere):
+        """Hardly sees anything from starts with x > 0."""
+
+        def forward(self, positions, directions, modulations=None):
+            raw = super().forward(positions, directions, modulations)
+            doubtful = positions[..., 0] > 0
+            raw[..., fields.VISIBILITY_ROW] = torch.where(doubtful, -4.0, 4.0)
+            return raw
+
+    plain = dataclasses.replace(SPREAD, num_directions=8, cycles=3, jitter=0.05)
+    last = {}
+    for power in (0.0, 1.0):
+        config = dataclasses.replace(plain, resample=power)
+        last[power] = pointclouds.sample(_Doubtful(), None, 400, config, torch.Generator().manual_seed(0))[-1]
+    doubtful = {power: float((cycle.visibility < 0.5).float().mean()) for power, cycle in last.items()}
+    assert doubtful[1.0] < 0.25 * doubtful[0.0]
+    assert len(last[1.0].points) == len(last[0.0].points)
+
+
 def test_candidates_of_two_cycles_are_enough_with_fewer_starts_than_points():
     config = dataclasses.replace(SPREAD, num_directions=8, cycles=3, oversampling=-0.45, jitter=0.1)
     field = _Sphere()
@@ -263,6 +284,8 @@ def _nearest_neighbour_spread(points):
         ({"outliers": 0.2, "spread": 6.0, "cycles": 2}, "must leave enough candidates.*got 0.88 with oversampling 0.1"),
         ({"oversampling": -0.1}, "must leave enough candidates.*got 0.9 with"),
         ({"jitter": -0.1}, "jitter must be >= 0"),
+        ({"resample": 1.5, "jitter": 0.1}, r"resample must be in \[0, 1\]"),
+        ({"resample": 0.5}, "needs jitter > 0.*got 0.5 with jitter 0.0"),
         ({"recheck": (0.1, 1.5)}, r"recheck must list offsets in \(0, 1\)"),
     ],
 )

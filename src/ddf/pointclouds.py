@@ -4,9 +4,11 @@ For each p, n_v directions v_k are drawn; their weights a = softmax(ξ_k / (η_T
 visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycle repeats from p <- q. Of (1 + ε_p) n_p
 points the n_p most visible are kept. Positions are in the field frame.
 
-Three departures, each off in the paper's way (derived here):
+Four departures, each off in the paper's way (derived here):
 - On the surface itself depth jumps from 0 to the next surface, and a field is at its worst there. With `jitter` σ the
   next cycle starts from q + σ N(0, I), which also spreads the points by area of the surface, not by volume of the box.
+- What strays, stays: a doubtful hit leads to the next. The share `resample` of the next cycle's starts is drawn anew
+  among all hits, with repetition, with chances proportional to their confidence c (below).
 - A single depth is one opinion. With `recheck` offsets s_j the field is asked again on the line of the ray, from
   q - s_j v̂* along v̂* and from q + s_j v̂* back, and q moves to the median of all answers.
 - The most visible points of one cycle crowd where much of the box looks at little of the surface ("not uniform", says
@@ -39,8 +41,9 @@ class CloudConfig:
 
     num_directions: n_v. cycles: N_H. oversampling: ε_p; with `spread` and several cycles it may be negative, for all
     points of the second and later cycles are candidates. temperature: η_T. inverse_depth: ε_s.
-    jitter: σ, field units. recheck: s_j, field units. spread: p, null for the most visible points of the last cycle.
-    outliers: share of the candidates, for `spread` alone. The paper's way: 0, none, null, 0.
+    jitter: σ, field units. resample: share of starts drawn anew. recheck: s_j, field units.
+    spread: p, null for the most visible points of the last cycle. outliers: share of the candidates, for `spread`
+    alone. The paper's way: 0, 0, none, null, 0.
     chunk_rays: candidates evaluated at a time; speed only.
     """
 
@@ -48,6 +51,7 @@ class CloudConfig:
     cycles: int
     oversampling: float
     jitter: float
+    resample: float
     recheck: tuple[float, ...]
     spread: float | None
     outliers: float
@@ -65,6 +69,11 @@ class CloudConfig:
                 raise checks.InputError(f"pointclouds.cloud.{name} must be > 0; got {getattr(self, name)}")
         if not self.jitter >= 0:
             raise checks.InputError(f"pointclouds.cloud.jitter must be >= 0; got {self.jitter}")
+        if not 0 <= self.resample <= 1 or (self.resample and not self.jitter):
+            raise checks.InputError(
+                "pointclouds.cloud.resample must be in [0, 1], and needs jitter > 0 (repeated starts are the same); "
+                f"got {self.resample} with jitter {self.jitter}"
+            )
         if self.spread is not None and not self.spread >= 0:
             raise checks.InputError(f"pointclouds.cloud.spread must be >= 0, or null; got {self.spread}")
         if not 0 <= self.outliers < 1:
@@ -238,6 +247,11 @@ def sample(
     cycles = [project(field, modulations, points, config, generator)]
     for _ in range(config.cycles - 1):
         points = cycles[-1].points
+        anew = round(config.resample * len(points))
+        if anew:
+            chances = cycles[-1].confidence.clamp_min(LEAST_WEIGHT)
+            chosen = chances.multinomial(anew, replacement=True, generator=generator)
+            points = torch.cat((points[chosen], points[anew:]))
         if config.jitter:
             noise = torch.randn(shape, generator=generator, dtype=weight.dtype, device=weight.device)
             points = points + config.jitter * noise

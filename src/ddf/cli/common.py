@@ -15,6 +15,7 @@ CLOUD = pointclouds.CloudConfig(  # as configs/cpu.yaml draws them
     cycles=3,
     oversampling=0.1,
     jitter=0.2,
+    resample=0.5,
     recheck=(0.05, 0.1, 0.2),
     spread=3.0,
     outliers=0.04,
