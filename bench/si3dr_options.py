@@ -71,7 +71,7 @@ DRAWN: Mapping[str, Mapping[str, Any]] = {
     "48 directions": {"pointclouds.cloud.num_directions": 48},
     "128 directions": {"pointclouds.cloud.num_directions": 128},
     "one cycle": {"pointclouds.cloud.cycles": 1},
-    "scale of the whole box": {"pointclouds.scale_quantile": 0.0},
+    "scale of the cloud's box": {"pointclouds.scale_quantile": None},
     "radius free in the correction": {"pointclouds.correction.free": list(reconstruction.CAMERA_NUMBERS)},
 }
 OPTIONS = TRAINED | DRAWN

@@ -31,7 +31,7 @@ DDF = si3dr_training.DDFConfig(FIELD, 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.
 PCSIREN = si3dr_training.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50)
 CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 0.0, 0.0, (), None, 0.0, 0.05, 0.05, 1000)
 POINTCLOUDS = si3dr_inference.PointcloudsConfig(
-    CLOUD, reconstruction.CorrectionConfig(2, 0.05, 16, reconstruction.CAMERA_NUMBERS), 0.0, 60, 30, None, 2, 12, 0
+    CLOUD, reconstruction.CorrectionConfig(2, 0.05, 16, reconstruction.CAMERA_NUMBERS), None, 60, 30, None, 2, 12, 0
 )
 
 
@@ -199,14 +199,22 @@ def test_scale_makes_the_box_diagonal_one():
         si3dr_inference.scale_from_cloud(points[:1])
 
 
-def test_scale_with_a_quantile_ignores_a_stray_point():
+def test_scale_from_all_candidates_leaves_out_strays_and_keeps_doubtful_tips():
     generator = torch.Generator().manual_seed(0)
     points = torch.rand(4000, 3, generator=generator)
-    with_stray = torch.cat((points, torch.tensor([[9.0, 0.0, 0.0]])))
-    clean, robust = (si3dr_inference.scale_from_cloud(cloud, 0.001) for cloud in (points, with_stray))
-    assert robust == pytest.approx(clean, rel=2e-3)
-    assert clean == pytest.approx(1 / 3**0.5, rel=5e-3)
-    assert si3dr_inference.scale_from_cloud(with_stray) < 0.2
+    confidence = torch.ones(4000)
+    tip = torch.rand(200, 3, generator=generator) * torch.tensor([0.0, 1.0, 1.0]) + torch.tensor([2.0, 0.0, 0.0])
+    stray = torch.tensor([[9.0, 0.0, 0.0], [-9.0, 0.0, 0.0]])
+
+    def scale(extra, sure, quantile=0.002):
+        pool = torch.cat((points, extra)), torch.cat((confidence, torch.full((len(extra),), sure)))
+        return si3dr_inference.scale_from_cycles([pointclouds.ProjectedPoints(pool[0], pool[1], pool[1])], quantile)
+
+    clean = scale(stray[:0], 1.0)
+    assert clean == pytest.approx(1 / 3**0.5, rel=1e-2)
+    assert scale(stray, 1.0) == pytest.approx(clean, rel=2e-3)
+    assert scale(tip, 0.2) == pytest.approx(1 / 6**0.5, rel=2e-2)
+    assert scale(stray, 1.0, 0.0) == pytest.approx(1 / (18**2 + 2) ** 0.5, rel=1e-3)
 
 
 def test_reconstruction_has_the_promised_arrays():

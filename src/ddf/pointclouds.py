@@ -118,13 +118,18 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
         drawn = [config.num_drawn(count) for count in counts]
         best = [last.visibility[:n].topk(count).indices for n, count in zip(drawn, counts, strict=True)]
         return [last.points[rows] for rows in best]
-    pool = cycles[1:] or cycles
-    points, confidence = (torch.cat([getattr(c, name) for c in pool]) for name in ("points", "confidence"))
+    points, confidence = candidates(cycles)
     if config.outliers:
         crowded = _spacing(points).argsort()[: len(points) - int(config.outliers * len(points))]
         points, confidence = points[crowded], confidence[crowded]
     order = farthest_point_order(points, max(counts), confidence.pow(config.spread).clamp_min(LEAST_WEIGHT))
     return [points[order[:count]] for count in counts]
+
+
+def candidates(cycles: Sequence[ProjectedPoints]) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n"]]:
+    """All points of the second and later cycles (of the first, if it is alone), and their confidence."""
+    pool = cycles[1:] or cycles
+    return torch.cat([cycle.points for cycle in pool]), torch.cat([cycle.confidence for cycle in pool])
 
 
 def _ceil(count: float) -> int:

@@ -25,7 +25,7 @@ CORRECTION_BATCH = 16  # a step of the correction keeps what its gradient needs 
 class PointcloudsConfig:
     """Section `pointclouds`.
 
-    scale_quantile: see `scale_from_cloud`; 0 is the paper's way.
+    scale_quantile: of the DDF, see `scale_from_cycles`; null for `scale_from_cloud`, the paper's way.
     large, small: L and S, points of the two clouds (5,000 and 2,466 in the paper). test_views: views per test shape
     that are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered
     for the report, render_size pixels wide.
@@ -33,7 +33,7 @@ class PointcloudsConfig:
 
     cloud: pointclouds.CloudConfig
     correction: reconstruction.CorrectionConfig
-    scale_quantile: float
+    scale_quantile: float | None
     large: int
     small: int
     test_views: int | None
@@ -44,25 +44,50 @@ class PointcloudsConfig:
     def __post_init__(self) -> None:
         if not 1 <= self.small <= self.large:
             raise checks.InputError(f"pointclouds needs 1 <= small <= large; got {self.small} and {self.large}")
-        if not 0 <= self.scale_quantile < 0.5:
-            raise checks.InputError(f"pointclouds.scale_quantile must be in [0, 0.5); got {self.scale_quantile}")
+        if self.scale_quantile is not None and not 0 <= self.scale_quantile < 0.5:
+            raise checks.InputError(
+                f"pointclouds.scale_quantile must be in [0, 0.5), or null; got {self.scale_quantile}"
+            )
         if self.rendered < 0 or self.render_size < 1 or self.seed < 0:
             raise checks.InputError("pointclouds.rendered and seed must be >= 0, render_size >= 1")
         if self.test_views is not None and self.test_views < 1:
             raise checks.InputError(f"pointclouds.test_views must be >= 1 or null; got {self.test_views}")
 
 
-def scale_from_cloud(points: Float[Tensor, "n 3"], quantile: float = 0.0) -> float:
-    """v1 units per field unit, from the diagonal of the cloud's box.
+def scale_from_cloud(points: Float[Tensor, "n 3"]) -> float:
+    """v1 units per field unit, from the diagonal of the cloud's box. [DDF22] app. E.
 
-    Args:
-      quantile: share of the points that is left out at either end of every axis. The outermost point sets the box, so
-        one that missed the surface shrinks the whole shape; a thousandth is enough against that.
     Raises:
       InputError: the cloud is a single point.
     """
-    bounds = torch.quantile(points, torch.tensor([quantile, 1 - quantile], device=points.device), dim=0)
-    diagonal = float((bounds[1] - bounds[0]).norm())
+    return _inverse_diagonal(points.amin(dim=0), points.amax(dim=0))
+
+
+def scale_from_cycles(cycles: Sequence[pointclouds.ProjectedPoints], quantile: float) -> float:
+    """v1 units per field unit, from all candidates of a cloud, each as heavy as its confidence (derived here).
+
+    The outermost point sets the box of a cloud: one that missed the surface shrinks the whole shape, and a thin tip of
+    which the field is unsure is missing from it. Of all candidates many lie near any tip, and few far from a surface.
+
+    Args:
+      quantile: share of the weight that is left out at either end of every axis.
+    Raises:
+      InputError: the candidates are a single point, but for that share.
+    """
+    points, confidence = pointclouds.candidates(cycles)
+    weights = confidence.double().clamp_min(pointclouds.LEAST_WEIGHT)
+    return _inverse_diagonal(_lower_end(points, weights, quantile), -_lower_end(-points, weights, quantile))
+
+
+def _lower_end(points: Float[Tensor, "n 3"], weights: Float[Tensor, "n"], quantile: float) -> Float[Tensor, "3"]:
+    """Of each axis the first coordinate below which, itself included, lies more than this share of the weight."""
+    ordered, order = points.sort(dim=0)
+    passed = weights[order].cumsum(dim=0) > quantile * weights.sum()
+    return ordered.gather(0, passed.int().argmax(dim=0, keepdim=True))[0]
+
+
+def _inverse_diagonal(lower: Float[Tensor, "3"], upper: Float[Tensor, "3"]) -> float:
+    diagonal = float((upper - lower).norm())
     if not diagonal > 0:
         raise checks.InputError("the predicted cloud is one point; train the model for longer")
     return 1.0 / diagonal
@@ -122,7 +147,10 @@ def reconstruct_ddf(
             large, small = pointclouds.select(cycles[:cycle], (config.large, config.small), config.cloud)
             clouds[f"L.{name}"].append(large)
             clouds[f"S.{name}"].append(small)
-        scales.append(scale_from_cloud(clouds[f"L.h{config.cloud.cycles}"][-1], config.scale_quantile))
+        if config.scale_quantile is None:
+            scales.append(scale_from_cloud(clouds[f"L.h{config.cloud.cycles}"][-1]))
+        else:
+            scales.append(scale_from_cycles(cycles, config.scale_quantile))
     cloud_seconds = time.monotonic() - started
     scale = torch.tensor(scales)
     corrected = _correct_cameras(model, latents, cameras, scale, images, config)
@@ -149,7 +177,7 @@ def reconstruct_pcsiren(
         "L": torch.stack(large),
         "S": torch.stack([points[: config.small] for points in large]),
         "camera_pred": cameras,
-        "scale_pred": torch.tensor([scale_from_cloud(points, config.scale_quantile) for points in large]),
+        "scale_pred": torch.tensor([scale_from_cloud(points) for points in large]),
     }
     return _on_cpu(tensors), {"cloud_seconds_per_image": seconds}
 

@@ -23,6 +23,7 @@ CLOUD = pointclouds.CloudConfig(  # as configs/cpu.yaml draws them
     inverse_depth=0.05,
     chunk_rays=2048,
 )
+SCALE_QUANTILE = 0.002  # likewise
 
 
 def add_field(parser: argparse.ArgumentParser) -> None:

@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         generator = torch.Generator(training.device()).manual_seed(args.seed)
         cycles = pointclouds.sample(model.field, modulations, args.points, common.CLOUD, generator)
         (cloud,) = pointclouds.select(cycles, [args.points], common.CLOUD)
-    scale = si3dr_inference.scale_from_cloud(cloud)
+    scale = si3dr_inference.scale_from_cycles(cycles, common.SCALE_QUANTILE)
     with _timed(seconds, "renders"):
         field_scale = torch.tensor(1 / scale, device=camera.device)
         pictures, queries = rendering.render(model.field, modulations, camera, field_scale, args.size)
