@@ -34,6 +34,7 @@ VALUES, WITH_NORMALS = ("visibility", "depth"), ("visibility", "depth", "normals
 COMPILERS = ("g++", "clang++", "c++")
 THREADS = 2
 Answer = list[np.ndarray]  # one array per output, in order
+Truths = dict[str, tuple[np.ndarray, np.ndarray]]  # of each output: values, and which of them are clear
 
 
 class LayerLoop:
@@ -102,11 +103,6 @@ def onnx_program(data: bytes, outputs: Sequence[str], threads: int) -> Program:
         return list(onnx_parity.run(session, inputs, outputs).values())
 
     return program
-
-
-Truths = dict[
-    str, tuple[np.ndarray, np.ndarray]
-]  # per output, in order: values, and which of them rounding cannot flip
 
 
 def exact(field: fields.PDDF, rays: tuple[Tensor, Tensor]) -> Truths:
