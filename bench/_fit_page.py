@@ -135,7 +135,7 @@ def everyday(table: pd.DataFrame) -> pages.Section:
         f"each (sampling and training); each mesh: [{contact_sheet.TABLE}]({contact_sheet.TABLE})."
     )
     alt = "each mesh from two cameras: depth and normals of the field beside those of the mesh"
-    words = f"Field and mesh from two cameras. {alt.capitalize()}. White: nothing is seen."
+    words = f"{alt.capitalize()}. White: nothing is seen."
     return pages.Section(
         "Everyday meshes",
         [

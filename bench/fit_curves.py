@@ -184,7 +184,7 @@ def ratios(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         if ours and theirs:
             reach = _reach.compare(ours, theirs)
             what = f"{name}, to an error that {PAPER} reaches"
-            row = _measure.row(what, {}, [reach.seconds], {COMPARED: reach.error}, TRAINED_TOLERANCE)
+            row = _measure.row(what, {}, [reach.our_seconds], {COMPARED: reach.level}, TRAINED_TOLERANCE)
             found.append({**row, **dataclasses.asdict(reach)})
     return found
 

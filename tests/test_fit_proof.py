@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 import os
 import types
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from test_single_shape import TINY
 from bench import _fit_page, _reach, _results, _side_by_side, contact_sheet, fit_curves, primitive_fits
 from ddf import checks, config, mesh_io, pages, paper_ablation, primitives, rays, single_shape, storage, training
 
+ROOT = Path(__file__).resolve().parents[1]
 NO_SAMPLES = single_shape.ShapeSamples({}, np.zeros(3), np.ones(3))
 
 
@@ -93,6 +95,41 @@ def test_watched_fit_is_the_fit_itself_and_a_second_call_keeps_its_curve(tmp_pat
     assert [row["what"] for row in rows] == ["fit"] * len(curve) + ["fit, end"]
     assert rows[-1]["error"]["depth_l1_x10_A"] == pytest.approx(10 * plain["held_out"]["depth_l1"]["A"])
     assert "at most the paper's" in fit_curves.told("fit", rows[-1]["error"])
+
+
+def test_all_ways_end_in_rows_ratios_and_a_picture_that_the_page_can_tell(tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)  # where the configs are
+    monkeypatch.setattr(fit_curves, "OUT", tmp_path)
+    monkeypatch.setattr(fit_curves._measure, "OUT", tmp_path / "bench")
+    monkeypatch.setattr(fit_curves, "target", lambda path: (cube(), "bunny_60k"))
+    held_out = {
+        "normal_angle_deg_median": 5.0,
+        **{metric: dict.fromkeys("UABOTS", 0.5) for metric in paper_ablation.METRICS},
+    }
+    told = {"held_out": held_out, "parameters": 100, "steps": 30}
+
+    def curve(slower):
+        worse = [{**held_out, "depth_l1_x10": dict.fromkeys("UABOTS", error)} for error in (3.0, 1.0, 0.5)]
+        return [{"seconds": slower * 2.0**k, "step": 10 * k, "held_out": one} for k, one in enumerate(worse)]
+
+    def run(commands, at_once):
+        for name in commands:
+            (tmp_path / name).mkdir()
+            storage.write_json(tmp_path / name / fit_curves.CURVE, curve(8.0 if name == fit_curves.PAPER else 1.0))
+            storage.write_json(tmp_path / name / single_shape.METRICS, told)
+        return []
+
+    monkeypatch.setattr(fit_curves._side_by_side, "run", run)
+    fit_curves.main(["--side-by-side", "--threads", "1"])
+    benchmark = _results.load(tmp_path / "bench" / f"{fit_curves.NAME}.json")
+    ratios = [row for row in benchmark.rows if "times" in row.told]
+    assert [row.told["times"] for row in ratios] == [8.0] * len(fit_curves.OURS)
+    assert ratios[0].seconds == (4.0, 4.0, 4.0) and ratios[0].error == {fit_curves.COMPARED: 0.5}
+    assert (tmp_path / "bench" / f"{fit_curves.NAME}.png").exists()
+    assert "8 times as long" in pages.markdown(_fit_page.build({fit_curves.NAME: benchmark}, None))
+    monkeypatch.setattr(fit_curves._side_by_side, "run", lambda commands, at_once: ["fit"])
+    with pytest.raises(checks.InputError, match="not fitted: fit"):
+        fit_curves.main([])
 
 
 def test_budgets_are_the_configs_own_and_the_paper_gets_the_longest():
