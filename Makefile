@@ -10,7 +10,7 @@ DATA   ?=#                    root that holds ShapeNetCore.v1/ and ShapeNetRende
 LAUNCH ?=#                    goes before every training command
 SEEDS  ?= 1#                  trainings of each model that the tables average; the first is that of SEEDS=1
 BENCH  ?=#                    some of the benchmarks, by name; all without it
-OPTIONS ?=#                   of `make ablate-options`
+OPTIONS ?=#                   of `make fit-proof` and of `make ablate-options`
 JOBS   ?= $(shell nproc)#     trainings side by side; each takes train.loop.threads
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 
@@ -130,7 +130,7 @@ ABLATIONS := si3dr_options#   this one too: `make ablate-options`
 BENCH_NAMES := $(filter-out $(PROOFS) $(ABLATIONS),$(basename $(notdir $(wildcard bench/[a-z]*.py))))
 check_bench = @unknown="$(filter-out $(BENCH_NAMES),$(BENCH))"; \
 	[ -z "$$unknown" ] || { echo "BENCH=$$unknown: no such benchmark; there are $(BENCH_NAMES)" >&2; exit 2; }
-benches = status=0; for name in $(1); do $(RUN) "bench/$$name.py" || { echo "bench/$$name.py failed" >&2; status=1; }; done
+benches = status=0; for name in $(1); do $(RUN) "bench/$$name.py" $(2) || { echo "bench/$$name.py failed" >&2; status=1; }; done
 
 .PHONY: bench
 bench: $(READY) ## speed against error (reports/bench) and the page of hard cases: [BENCH="evaluation rendering"]
@@ -145,8 +145,8 @@ bench-check: $(READY) ## the benchmarks once more, compared with reports/bench: 
 	$(RUN) bench/_compare.py reports/bench .make/bench || status=1; exit $$status
 
 .PHONY: fit-proof
-fit-proof: $(READY) ## what fits of single shapes reach, in hours: [PROOFS="fit_curves primitive_fits contact_sheet"]
-	@$(call benches,$(PROOFS)); $(RUN) bench/_fit_page.py || status=1; exit $$status
+fit-proof: $(READY) ## what fits of single shapes reach, in hours: [PROOFS="fit_curves primitive_fits"] [OPTIONS="--side-by-side 2"]
+	@$(call benches,$(PROOFS),$(OPTIONS)); $(RUN) bench/_fit_page.py || status=1; exit $$status
 
 .PHONY: ablate-options
 ablate-options: $(READY) ## every switch of the reconstruction turned alone, half an hour: [OPTIONS="--seconds 300"]

@@ -45,9 +45,12 @@ def build(found: dict[str, Benchmark], sheet: pd.DataFrame | None) -> pages.Page
 
 def machine(benchmark: Benchmark) -> str:
     """Where it was measured."""
-    return (
-        f"{benchmark.cpu}, {benchmark.cores} cores, {benchmark.threads} threads, torch {benchmark.versions['torch']}."
-    )
+    versions = f"torch {benchmark.versions['torch']}"
+    return f"{benchmark.cpu}, {benchmark.cores} cores, {_threads(benchmark.threads)} each, {versions}."
+
+
+def _threads(count: int) -> str:
+    return f"{count} thread{'s' if count > 1 else ''}"
 
 
 def curves(benchmark: Benchmark) -> list[pages.Section]:
@@ -128,11 +131,11 @@ def everyday(table: pd.DataFrame) -> pages.Section:
         for metric, name in shape_tables.METRIC_NAMES.items()
     ]
     caption = (
-        f"Medians over {len(table)} meshes, {table['seconds'].median():.0f} s each (sampling and training); each mesh: "
-        f"[{contact_sheet.TABLE}]({contact_sheet.TABLE})."
+        f"Medians over {len(table)} meshes, {table['seconds'].median():.0f} s and {_threads(table['threads'].max())} "
+        f"each (sampling and training); each mesh: [{contact_sheet.TABLE}]({contact_sheet.TABLE})."
     )
     alt = "each mesh from two cameras: depth and normals of the field beside those of the mesh"
-    words = f"Field and mesh from two cameras. {alt.capitalize()}. White: nothing is seen."
+    words = f"{alt.capitalize()}. White: nothing is seen."
     return pages.Section(
         "Everyday meshes",
         [

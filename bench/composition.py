@@ -19,7 +19,7 @@ from torch import Tensor
 
 from ddf import cameras, composition, fields, primitives, transforms
 
-THREADS, REPEATS, PIXELS = 2, 25, 64
+THREADS, REPEATS, PIXELS = 2, 15, 64
 COUNTS = (1, 4, 16, 64)
 TEMPERATURE, INVERSE_DEPTH = 3e-3, 0.05
 HIDDEN = (96, 96, 96)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import _measure
+import _side_by_side
 import numpy as np
 import pandas as pd
 
@@ -44,12 +45,13 @@ COLUMNS = tuple(f"{name}, {view}" for view, _ in shape_views.OUTSIDE for name in
 
 @dataclass(frozen=True)
 class Fitted:
-    """A mesh, the folder of its field, and the axis that points up."""
+    """A mesh, the folder of its field, the axis that points up, and the threads that the fit had."""
 
     file: Path
     mesh: mesh_io.Mesh
     folder: Path
     up: str
+    threads: int
 
 
 def everyday(folder: Path) -> list[Path]:
@@ -73,11 +75,21 @@ def fitted(file: Path, section: single_shape.FitConfig) -> Fitted:
     if not (done.exists() and storage.read_json(done).get("fingerprint") == identity):
         single_shape.fit(mesh, section, folder, {file.name: storage.checksum(file)})
         storage.write_json(done, {"fingerprint": identity})
-    return Fitted(file, mesh, folder, UP.get(file.suffix, "y"))
+    return Fitted(file, mesh, folder, UP.get(file.suffix, "y"), section.loop.threads)
+
+
+def fit_apart(files: Sequence[Path], section: single_shape.FitConfig, at_once: int) -> list[Path]:
+    """The files whose field is there after all were fitted, each in a process of its own; the others are named."""
+    given = ["--fit-only", "--minutes", str(section.minutes), "--threads", str(section.loop.threads)]
+    commands = {file.name: [__file__, str(file.parent), "--only", file.stem, *given] for file in files}
+    failed = _side_by_side.run(commands, at_once)
+    for name in failed:
+        sys.stderr.write(f"{name}: left out: its fit failed\n")
+    return [file for file in files if file.name not in failed]
 
 
 def row_of(item: Fitted) -> dict[str, Any]:
-    """Of the table: steps, seconds, the twelve held-out figures, angles of normals in degrees."""
+    """Of the table: threads, steps, seconds, the twelve held-out figures, angles of normals in degrees."""
     result = storage.read_json(item.folder / single_shape.METRICS)
     held_out = result["held_out"]
     figures = {
@@ -86,7 +98,7 @@ def row_of(item: Fitted) -> dict[str, Any]:
         for kind in sample_ablation.ORDER
     }
     angles = {name: held_out[name] for name in ("normal_angle_deg_median", "normal_angle_deg_p95")}
-    known = {"mesh": item.file.name, "triangles": len(item.mesh.faces)}
+    known = {"mesh": item.file.name, "triangles": len(item.mesh.faces), "threads": item.threads}
     return {**known, "steps": result["steps"], "seconds": result["seconds"], **figures, **angles}
 
 
@@ -115,19 +127,26 @@ def main(given: Sequence[str] | None = None) -> None:
     parser.add_argument("--minutes", type=float, help="of each fit (default: that of configs/fit.yaml)")
     parser.add_argument("--only", nargs="+", metavar="MESH", help="stems of some meshes")
     parser.add_argument("--out", type=Path, default=OUT)
+    parser.add_argument("--fit-only", action="store_true", help="write no sheet")
+    _side_by_side.add_options(parser)
     arguments = parser.parse_args(given)
     section = config.load(CONFIG, "fit", single_shape.FitConfig)
     minutes = section.minutes if arguments.minutes is None else arguments.minutes
-    section = dataclasses.replace(section, steps=None, minutes=minutes)
+    loop = dataclasses.replace(section.loop, threads=_side_by_side.threads(arguments, section.loop.threads))
+    section = dataclasses.replace(section, steps=None, minutes=minutes, loop=loop)
+    files = [file for file in everyday(arguments.folder) if not arguments.only or file.stem in arguments.only]
+    if arguments.side_by_side > 1:
+        files = fit_apart(files, section, arguments.side_by_side)
     items = []
-    for file in everyday(arguments.folder):
-        if not arguments.only or file.stem in arguments.only:
-            try:
-                items.append(fitted(file, section))
-            except checks.InputError as error:
-                sys.stderr.write(f"{file.name}: left out: {error}\n")
+    for file in files:
+        try:
+            items.append(fitted(file, section))
+        except checks.InputError as error:
+            sys.stderr.write(f"{file.name}: left out: {error}\n")
     if not items:
         raise checks.InputError(f"{arguments.folder}: no mesh of it was fitted")
+    if arguments.fit_only:
+        return
     rows = [pictures(item, section.page.picture_size) for item in items]
     storage.write_bytes(arguments.out / SHEET, strips.strip(COLUMNS, rows))
     table = pd.DataFrame([row_of(item) for item in items])

@@ -15,7 +15,7 @@ from scipy import spatial
 
 from ddf import metrics, neighbours
 
-THREADS, REPEATS = 2, 41
+THREADS, REPEATS, MOST_SECONDS = 2, 41, 1.5
 NUM_PRED, NUM_TRUTH, NOISE = 5000, 8000, 0.005
 TAU_SQ = metrics.TAU_SQ
 Distances = tuple[np.ndarray, np.ndarray]
@@ -107,7 +107,7 @@ def main() -> None:
     candidates = {name: (lambda way=way: scores(*way(prediction, truth))) for name, way in ways.items()}
     candidates["ddf.metrics.compare_clouds"] = lambda: metrics.compare_clouds(prediction, truth, TAU_SQ)
     candidates["Open3D compute_metrics"] = lambda: open3d_metrics(prediction, truth)
-    times = _measure.interleaved(candidates, REPEATS)
+    times = _measure.interleaved(candidates, REPEATS, MOST_SECONDS)
     size = {"num_pred": NUM_PRED, "num_truth": NUM_TRUTH}
     rows = []
     for name, seconds in times.items():

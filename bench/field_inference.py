@@ -2,9 +2,10 @@
 
 Fields have the layers of `LAYERS` and are as initialised, not trained: the arithmetic and the rounding are those of a
 trained one. Torch is given its best path by hand (`LayerLoop`: frequencies folded into the weights, sines in place,
-chunks that stay in the cache), onnxruntime the exported file in such chunks. With two threads both are also run as two
-workers of one thread each, on chunks of their own. Errors are over the first `CHECKED` rays, away from those where
-rounding chooses the other component or the normal's side (`onnx_outputs`).
+chunks that stay in the cache), onnxruntime the exported file in such chunks. Both are also run as two workers of one
+thread each, on chunks of their own. Normals are asked for in float32 and in chunks alone, on fewer rays. Errors are
+over the first `CHECKED` rays, away from those where rounding chooses the other component or the normal's side
+(`onnx_outputs`).
 """
 
 import copy
@@ -23,16 +24,17 @@ from torch.nn import functional
 
 from ddf import derivatives, fields, onnx_export, onnx_graphs, onnx_parity, onnx_precision, rendering, stage
 
-RAYS, CHECKED = 65_536, 8_192
+RAYS, NORMAL_RAYS, CHECKED = 65_536, 16_384, 8_192  # timed; timed with normals; whose errors are taken
 CHUNK_VALUES = 2**18  # of one layer, rays times width: 1 MiB, which stays in the cache
-PARITY_RAYS = 16_384  # curvature keeps every layer of every ray in memory
+PARITY_RAYS = 4_096  # curvature keeps every layer of every ray in memory
 LAYERS = {128: 6, 256: 6, 512: 7}
-REPEATS, MOST_SECONDS = 7, 1.5
+REPEATS, MOST_SECONDS = 7, 1.0
 OMEGA_FIRST = 6.0  # of configs/fit.yaml
 VALUES, WITH_NORMALS = ("visibility", "depth"), ("visibility", "depth", "normals")
 COMPILERS = ("g++", "clang++", "c++")
 THREADS = 2
 Answer = list[np.ndarray]  # one array per output, in order
+Truths = dict[str, tuple[np.ndarray, np.ndarray]]  # of each output: values, and which of them are clear
 
 
 class LayerLoop:
@@ -103,16 +105,21 @@ def onnx_program(data: bytes, outputs: Sequence[str], threads: int) -> Program:
     return program
 
 
-def errors(answer: Answer, graph: onnx_graphs.FieldGraph, rays: tuple[Tensor, Tensor]) -> dict[str, float]:
-    """Against the same field in float64."""
-    inputs = {"positions": rays[0][:CHECKED].double(), "directions": rays[1][:CHECKED].double()}
+def exact(field: fields.PDDF, rays: tuple[Tensor, Tensor]) -> Truths:
+    """What the field gives in float64, normals included."""
+    graph = onnx_graphs.FieldGraph(copy.deepcopy(field).double(), WITH_NORMALS)
+    inputs = {"positions": rays[0].double(), "directions": rays[1].double()}
     with torch.no_grad():
-        exact = dict(zip(graph.meanings, graph(*inputs.values()), strict=True))
         clear = graph.clear(inputs)
+        named = zip(graph.meanings, graph(*inputs.values()), strict=True)
+        return {name: (values.numpy(), clear[name].numpy()) for name, values in named}
+
+
+def errors(answer: Answer, truths: Truths) -> dict[str, float]:
+    """Of the clear values."""
     found = {}
-    for (name, truth), values in zip(exact.items(), answer, strict=True):
-        keep = clear[name].numpy()
-        got, want = values[:CHECKED].astype(np.float64)[keep], truth.numpy()[keep]
+    for (name, (truth, keep)), values in zip(truths.items(), answer, strict=True):
+        got, want = values.astype(np.float64)[keep], truth[keep]
         if name == "normals":
             angle = np.degrees(2 * np.arcsin(np.clip(np.linalg.norm(got - want, axis=-1) / 2, 0, 1)))
             found |= {"normal_angle_deg_median": float(np.median(angle))}
@@ -162,32 +169,31 @@ def programs(exported: Exported, outputs: Sequence[str], threads: int) -> dict[t
 
 
 def candidates(
-    exported: Exported, outputs: Sequence[str], threads: int, rays: tuple[Tensor, Tensor]
+    exported: Exported, outputs: Sequence[str], rays: tuple[Tensor, Tensor]
 ) -> dict[tuple[str, str, str], Callable[[], Answer]]:
     """(runtime, precision, how it is called) to the whole batch; with normals in float32 only."""
     found: dict[tuple[str, str, str], Callable[[], Answer]] = {}
 
     def add(key: tuple[str, str], program: Program, length: int, workers: int | None = None) -> None:
         how = "one call" if length == RAYS else f"chunks of {length:,}"
-        each = 1 if workers else threads
+        each = 1 if workers else THREADS
         key_how = (*key, f"{how}, {workers} workers" if workers else how)
         found[key_how] = lambda: threaded(program, rays, length, each, workers)
 
     field = exported.field
     width = field.config.hidden[0]
     chunk = CHUNK_VALUES // width
-    for key, program in programs(exported, outputs, threads).items():
+    alone = programs(exported, outputs, 1)  # the runtimes themselves, a thread for each worker
+    for key, program in programs(exported, outputs, THREADS).items():
         if outputs == VALUES or key[1] == "float32":
             add(key, program, chunk)
-        if outputs == VALUES and key[1] == "float32" and width < max(LAYERS):
+        if outputs == VALUES and key in alone and width < max(LAYERS):
             add(key, program, RAYS)
-    if threads == 1:
-        return found
-    for key, program in programs(exported, outputs, 1).items():
-        add(key, program, chunk, threads)
+    for key, program in alone.items():
+        add(key, program, chunk, THREADS)
     if outputs == VALUES and has_compiler():
         compiled = torch.compile(LayerLoop(field, outputs, torch.float32, torch.float32).__call__, dynamic=False)
-        torch.set_num_threads(threads)
+        torch.set_num_threads(THREADS)
         compiled(rays[0][:chunk], rays[1][:chunk])  # compiles, which is no part of any sample
         add(("torch.compile", "float32"), compiled, chunk)
     return found
@@ -200,23 +206,23 @@ def has_compiler() -> bool:
 
 
 def measure(
-    exported: Exported, outputs: Sequence[str], threads: int, error: Mapping[tuple[str, str], dict[str, float]]
+    exported: Exported, outputs: Sequence[str], error: Mapping[tuple[str, str], dict[str, float]]
 ) -> list[dict[str, Any]]:
     """Every program on one field, one row each; `best` marks the fastest float32 one of onnxruntime and of the rest.
 
     Args:
       error: of every runtime and precision (`checked_errors`).
     """
-    width, rays = exported.field.config.hidden[0], random_rays(RAYS)
-    chosen = candidates(exported, outputs, threads, rays)
+    width, count = exported.field.config.hidden[0], RAYS if outputs == VALUES else NORMAL_RAYS
+    chosen = candidates(exported, outputs, random_rays(count))
     named = {", ".join(key): run for key, run in chosen.items()}
     times = _measure.interleaved(named, REPEATS, MOST_SECONDS)
     rows = []
     for (runtime, precision, how), (name, seconds) in zip(chosen, times.items(), strict=True):
-        size = {"width": width, "layers": LAYERS[width], "rays": RAYS, "threads": threads, "outputs": list(outputs)}
+        size = {"width": width, "layers": LAYERS[width], "rays": count, "threads": THREADS, "outputs": list(outputs)}
         same = (runtime.removesuffix(".compile"), precision)  # compiled: the same operations in the same precision
         row = _measure.row(name, size, seconds, error[same])
-        told = {"runtime": runtime, "precision": precision, "how": how, "rays_per_s": RAYS / row["median_s"]}
+        told = {"runtime": runtime, "precision": precision, "how": how, "rays_per_s": count / row["median_s"]}
         rows.append({**row, **told})
     return mark_best(rows)
 
@@ -224,10 +230,10 @@ def measure(
 def checked_errors(exported: Exported) -> dict[tuple[str, str], dict[str, float]]:
     """Of every program with normals, on the first rays."""
     field, rays = exported.field, random_rays(RAYS)
-    truth = onnx_graphs.FieldGraph(copy.deepcopy(field).double(), WITH_NORMALS)
     few, chunk = (rays[0][:CHECKED], rays[1][:CHECKED]), CHUNK_VALUES // field.config.hidden[0]
+    truths = exact(field, few)
     return {
-        key: errors(threaded(program, few, chunk, THREADS), truth, few)
+        key: errors(threaded(program, few, chunk, THREADS), truths)
         for key, program in programs(exported, WITH_NORMALS, THREADS).items()
     }
 
@@ -271,15 +277,13 @@ def main() -> None:
         field = fields.PDDF(fields.PDDFConfig((width,) * layers, OMEGA_FIRST, 1.0, "softplus", 100.0)).eval()
         exported = Exported(field)
         error = checked_errors(exported)
-        for threads, outputs in ((THREADS, VALUES), (THREADS, WITH_NORMALS), (1, VALUES)):
-            found = measure(exported, outputs, threads, error)
+        for outputs in (VALUES, WITH_NORMALS):
+            found = measure(exported, outputs, error)
             ours, theirs = sorted(
                 (row for row in found if row["best"]), key=lambda row: row["runtime"] != "onnxruntime"
             )
             ratio = theirs["median_s"] / ours["median_s"]
-            print(
-                f"{width}, {threads} threads, {outputs[-1]}: {ours['what']}: {ratio:.2f} x {theirs['what']}", flush=True
-            )
+            print(f"{width}, {outputs[-1]}: {ours['what']}: {ratio:.2f} x {theirs['what']}", flush=True)
             rows += found
         parities += parity(field)
     if not has_compiler():

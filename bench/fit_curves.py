@@ -9,8 +9,6 @@ way alone and prints its twelve figures beside the paper's.
 
 import argparse
 import dataclasses
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -20,6 +18,7 @@ from unittest import mock
 import _curves
 import _measure
 import _reach
+import _side_by_side
 import numpy as np
 import torch
 from torch import Tensor
@@ -45,6 +44,7 @@ NAME = "fit_curves"
 PAPER = "paper_fit"  # the recipe of [DDF22] app. C
 OURS = ("fit", "long_fit")
 RECIPES = (*OURS, PAPER)  # files of configs/
+THREADS = 2  # of each way, unless it is told
 BUNNY, FACES = _measure.REAL_MESHES / "bunny_60k.obj", 10_000
 OUT = Path("artifacts") / NAME
 CURVE = "curve.json"
@@ -184,7 +184,7 @@ def ratios(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         if ours and theirs:
             reach = _reach.compare(ours, theirs)
             what = f"{name}, to an error that {PAPER} reaches"
-            row = _measure.row(what, {}, [reach.seconds], {COMPARED: reach.error}, TRAINED_TOLERANCE)
+            row = _measure.row(what, {}, [reach.our_seconds], {COMPARED: reach.level}, TRAINED_TOLERANCE)
             found.append({**row, **dataclasses.asdict(reach)})
     return found
 
@@ -217,18 +217,13 @@ def told(name: str, found: Mapping[str, float]) -> str:
     return "\n".join(lines)
 
 
-def _fit_all(arguments: argparse.Namespace) -> None:
-    """One way after the other, or all at once, each in a process of its own."""
-    waiting = []
-    for name in RECIPES:
-        command = [sys.executable, __file__, "--only", name, "--threads", str(arguments.threads)]
-        command += ["--mesh", str(arguments.mesh)] if arguments.mesh else []
-        command += ["--minutes", str(arguments.minutes)] if arguments.minutes else []
-        waiting.append((name, subprocess.Popen(command)))
-        if not arguments.side_by_side:
-            waiting[-1][1].wait()
-    failed = [name for name, process in waiting if process.wait() != 0]
-    if failed:
+def _fit_all(arguments: argparse.Namespace, threads: int) -> None:
+    """Each way in a process of its own, one after the other or side by side."""
+    given = ["--threads", str(threads)]
+    given += ["--mesh", str(arguments.mesh)] if arguments.mesh else []
+    given += ["--minutes", str(arguments.minutes)] if arguments.minutes else []
+    commands = {name: [__file__, "--only", name, *given] for name in RECIPES}
+    if failed := _side_by_side.run(commands, arguments.side_by_side):
         raise checks.InputError(f"not fitted: {', '.join(failed)}")
 
 
@@ -238,26 +233,26 @@ def main(given: Sequence[str] | None = None) -> None:
     parser.add_argument("--mesh", type=Path, help="default: the bunny, or a procedural chair where it is absent")
     parser.add_argument("--minutes", type=float, help="of each way, at most (default: those of its config)")
     parser.add_argument("--only", choices=RECIPES, help="one way alone; prints instead of writing")
-    parser.add_argument("--threads", type=int, default=2, help="of each way")
-    parser.add_argument("--side-by-side", action="store_true", help="all ways at once; with --threads 1 on few cores")
+    _side_by_side.add_options(parser, all_at_once=len(RECIPES))
     arguments = parser.parse_args(given)
+    threads = _side_by_side.threads(arguments, THREADS)
     if arguments.minutes is not None and not arguments.minutes > 0:
         raise checks.InputError(f"--minutes must be > 0; got {arguments.minutes}")
     mesh, shape = target(arguments.mesh)
     if arguments.only:
-        section = recipe(arguments.only, arguments.minutes, arguments.threads)
+        section = recipe(arguments.only, arguments.minutes, threads)
         fit(arguments.only, mesh, section)
         (*_, end) = rows_of(arguments.only, shape, section)
         print(f"{shape}, {arguments.only}: {end['steps']:,} steps, {end['median_s']:.0f} s")
         print(told(arguments.only, end["error"]))
         return
-    _fit_all(arguments)
+    _fit_all(arguments, threads)
     rows: list[dict[str, Any]] = []
     for name in RECIPES:
-        rows += rows_of(name, shape, recipe(name, arguments.minutes, arguments.threads))
+        rows += rows_of(name, shape, recipe(name, arguments.minutes, threads))
     rows += ratios(rows)
     draw(rows, shape)
-    _measure.write(NAME, arguments.threads, rows)
+    _measure.write(NAME, threads, rows)
 
 
 if __name__ == "__main__":

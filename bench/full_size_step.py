@@ -23,7 +23,7 @@ from ddf import config, fields, losses, reconstruction, si3dr_data, si3dr_traini
 
 CONFIG, THREADS = Path("configs/paper.yaml"), 2
 SECTIONS = {"ddf": si3dr_training.DDFConfig, "pcsiren": si3dr_training.PCSirenConfig}
-REPEATS, MOST_SECONDS = 3, 20.0  # a model's steps are not repeated any more once they took that long
+REPEATS, MOST_SECONDS = 2, 20.0  # a model's steps are not repeated any more once they took that long
 # What is wrapped: part of the split, owner, name.
 PARTS = (
     ("data", si3dr_training.Batch, "draw"),

@@ -17,15 +17,16 @@ from pathlib import Path
 from typing import Any
 
 import _measure
+import _side_by_side
 import numpy as np
 import torch
 import trimesh
 from torch import Tensor
 
-from ddf import checks, config, mesh_io, primitives, rays, shape_field, single_shape, stage
+from ddf import checks, config, mesh_io, primitives, rays, shape_field, single_shape, stage, storage
 
 NAME = "primitive_fits"
-CONFIG, THREADS = Path("configs/fit.yaml"), 2
+CONFIG = Path("configs/fit.yaml")
 RAYS, DISTANCE = 20_000, 3.0  # rays start on a sphere of so many of the mesh's half diagonals
 STEEP = 0.2  # |n·v| from which on a ray does not graze: derivatives of an exact field grow as 1/|n·v|
 EDGE = 0.1  # of the box's longest half side: nearer to an edge a smooth field has to round it
@@ -127,24 +128,49 @@ def measure(name: str, case: Case, section: single_shape.FitConfig) -> dict[str,
     return {**row, "steps": result["steps"], "parameters": result["parameters"]}
 
 
+def measure_apart(names: Sequence[str], section: single_shape.FitConfig, at_once: int) -> list[dict[str, Any]]:
+    """The rows of these cases, each measured in a process of its own.
+
+    Raises:
+      InputError: some were not fitted; named.
+    """
+    given = ["--minutes", str(section.minutes), "--threads", str(section.loop.threads)]
+    with tempfile.TemporaryDirectory() as folder:
+        files = {name: Path(folder) / f"{place}.json" for place, name in enumerate(names)}
+        commands = {name: [__file__, "--only", name, *given, "--row", str(file)] for name, file in files.items()}
+        if failed := _side_by_side.run(commands, at_once):
+            raise checks.InputError(f"not fitted: {'; '.join(failed)}")
+        return [storage.read_json(file) for file in files.values()]
+
+
 def main(given: Sequence[str] | None = None) -> None:
     """Fit each shape and write the table; with --only, print the rows of some."""
     known = cases()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, help="of each fit (default: that of configs/fit.yaml)")
     parser.add_argument("--only", nargs="+", choices=list(known), help="these alone; prints instead of writing")
+    parser.add_argument("--row", type=Path, help=argparse.SUPPRESS)  # file for the row of one case
+    _side_by_side.add_options(parser)
     arguments = parser.parse_args(given)
     section = config.load(CONFIG, "fit", single_shape.FitConfig)
     minutes = section.minutes if arguments.minutes is None else arguments.minutes
     if minutes is None or not minutes > 0:
         raise checks.InputError(f"--minutes must be > 0; got {minutes}")
-    loop = dataclasses.replace(section.loop, threads=THREADS)
+    threads = _side_by_side.threads(arguments, section.loop.threads)
+    loop = dataclasses.replace(section.loop, threads=threads)
     section = dataclasses.replace(section, steps=None, minutes=minutes, loop=loop)
-    rows = [measure(name, known[name], section) for name in arguments.only or known]
+    names = arguments.only or list(known)
+    if arguments.side_by_side > 1:
+        rows = measure_apart(names, section, arguments.side_by_side)
+    else:
+        rows = [measure(name, known[name], section) for name in names]
+    if arguments.row:
+        storage.write_json(arguments.row, rows[0])
+        return
     for row in rows:
         print(row["what"], f"{row['steps']:,} steps", {key: round(value, 4) for key, value in row["error"].items()})
     if not arguments.only:
-        _measure.write(NAME, THREADS, rows)
+        _measure.write(NAME, threads, rows)
 
 
 if __name__ == "__main__":

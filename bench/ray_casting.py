@@ -18,7 +18,7 @@ import trimesh
 from ddf import raycast, rays, stage
 from ddf.mesh_io import Mesh
 
-FACES, MANY, FEW, TRUTHS, REPEATS, THREADS = 10_000, 200_000, 1000, 1000, 9, 2
+FACES, MANY, FEW, TRUTHS, REPEATS, THREADS = 10_000, 200_000, 1000, 1000, 5, 2
 
 Depths = np.ndarray
 Caster = Callable[[rays.OrientedPoints], Depths]

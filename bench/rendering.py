@@ -40,11 +40,11 @@ from ddf import (
     stage,
 )
 
-CONFIG, THREADS, REPEATS, TRAIN_SECONDS = Path("configs/fit.yaml"), 2, 5, 50.0
+CONFIG, THREADS, REPEATS, TRAIN_SECONDS = Path("configs/fit.yaml"), 2, 5, 30.0
 TRAINED_TOLERANCE = 0.5  # of errors from run to run: who trains for a time takes as many steps as the machine allows
 CHUNK = 4096  # rays: their activations stay in the cache; the same for both networks
 SIZES, COMPARED, LARGEST = (64, 128, 256, 512), 256, 512
-FACES, SUBDIVISIONS = 4_000, 4  # of the mesh at most, and how often they are cut in four to see casting grow
+FACES, SUBDIVISIONS = 4_000, 3  # of the mesh at most, and how often they are cut in four to see casting grow
 BUDGETS = tuple(
     _sphere_tracing.Tracing(steps, threshold, within, relaxation, CHUNK)
     for steps, threshold, within, relaxation in (

@@ -27,7 +27,7 @@ from ddf.mesh_config import MeshesConfig
 from ddf.mesh_io import Mesh
 
 CONFIGS = ("configs/cpu.yaml", "configs/paper.yaml")
-FACES, REPEATS, SHARD, CLOUD_POINTS, THREADS = 10_000, 5, 10, 8000, (1, 2)
+FACES, REPEATS, SHARD, CLOUD_POINTS, THREADS = 10_000, 5, 5, 8000, (1, 2)
 
 
 def field_meshes() -> dict[str, Mesh]:

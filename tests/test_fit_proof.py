@@ -1,7 +1,10 @@
 """What `make fit-proof` measures with: clocks, ratios, closed forms, the contact sheet, its page."""
 
+import argparse
 import dataclasses
+import os
 import types
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,9 +13,10 @@ import torch
 from _shapes import cube
 from test_single_shape import TINY
 
-from bench import _fit_page, _reach, _results, contact_sheet, fit_curves, primitive_fits
-from ddf import checks, mesh_io, pages, paper_ablation, primitives, rays, single_shape, storage, training
+from bench import _fit_page, _reach, _results, _side_by_side, contact_sheet, fit_curves, primitive_fits
+from ddf import checks, config, mesh_io, pages, paper_ablation, primitives, rays, single_shape, storage, training
 
+ROOT = Path(__file__).resolve().parents[1]
 NO_SAMPLES = single_shape.ShapeSamples({}, np.zeros(3), np.ones(3))
 
 
@@ -93,6 +97,41 @@ def test_watched_fit_is_the_fit_itself_and_a_second_call_keeps_its_curve(tmp_pat
     assert "at most the paper's" in fit_curves.told("fit", rows[-1]["error"])
 
 
+def test_all_ways_end_in_rows_ratios_and_a_picture_that_the_page_can_tell(tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)  # where the configs are
+    monkeypatch.setattr(fit_curves, "OUT", tmp_path)
+    monkeypatch.setattr(fit_curves._measure, "OUT", tmp_path / "bench")
+    monkeypatch.setattr(fit_curves, "target", lambda path: (cube(), "bunny_60k"))
+    held_out = {
+        "normal_angle_deg_median": 5.0,
+        **{metric: dict.fromkeys("UABOTS", 0.5) for metric in paper_ablation.METRICS},
+    }
+    told = {"held_out": held_out, "parameters": 100, "steps": 30}
+
+    def curve(slower):
+        worse = [{**held_out, "depth_l1_x10": dict.fromkeys("UABOTS", error)} for error in (3.0, 1.0, 0.5)]
+        return [{"seconds": slower * 2.0**k, "step": 10 * k, "held_out": one} for k, one in enumerate(worse)]
+
+    def run(commands, at_once):
+        for name in commands:
+            (tmp_path / name).mkdir()
+            storage.write_json(tmp_path / name / fit_curves.CURVE, curve(8.0 if name == fit_curves.PAPER else 1.0))
+            storage.write_json(tmp_path / name / single_shape.METRICS, told)
+        return []
+
+    monkeypatch.setattr(fit_curves._side_by_side, "run", run)
+    fit_curves.main(["--side-by-side", "--threads", "1"])
+    benchmark = _results.load(tmp_path / "bench" / f"{fit_curves.NAME}.json")
+    ratios = [row for row in benchmark.rows if "times" in row.told]
+    assert [row.told["times"] for row in ratios] == [8.0] * len(fit_curves.OURS)
+    assert ratios[0].seconds == (4.0, 4.0, 4.0) and ratios[0].error == {fit_curves.COMPARED: 0.5}
+    assert (tmp_path / "bench" / f"{fit_curves.NAME}.png").exists()
+    assert "8 times as long" in pages.markdown(_fit_page.build({fit_curves.NAME: benchmark}, None))
+    monkeypatch.setattr(fit_curves._side_by_side, "run", lambda commands, at_once: ["fit"])
+    with pytest.raises(checks.InputError, match="not fitted: fit"):
+        fit_curves.main([])
+
+
 def test_budgets_are_the_configs_own_and_the_paper_gets_the_longest():
     minutes = {name: fit_curves.recipe(name, None, 1).minutes or 0.0 for name in fit_curves.RECIPES}
     assert minutes[fit_curves.PAPER] == max(minutes[name] for name in fit_curves.OURS) > minutes["fit"]
@@ -162,6 +201,75 @@ def test_contact_sheet_fits_each_mesh_once_and_draws_it(tmp_path, monkeypatch):
         contact_sheet.fitted(file, dataclasses.replace(TINY, steps=7))
 
 
+def test_fits_side_by_side_share_the_cores_unless_told(monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: 5)
+    parser = argparse.ArgumentParser()
+    _side_by_side.add_options(parser, all_at_once=3)
+    cases = {"": 4, "--side-by-side 2": 2, "--side-by-side": 1, "--side-by-side 9": 1, "--side-by-side --threads 7": 7}
+    for given, expected in cases.items():
+        assert _side_by_side.threads(parser.parse_args(given.split()), own=4) == expected
+    for wrong in ("--side-by-side 0", "--threads -1"):
+        with pytest.raises(checks.InputError, match="must be >= 1"):
+            _side_by_side.threads(parser.parse_args(wrong.split()), own=4)
+
+
+def test_side_by_side_names_those_that_failed(tmp_path):
+    waits = "import pathlib, sys, time\nwhile not pathlib.Path(sys.argv[1]).exists(): time.sleep(0.01)"
+    makes = "import pathlib, sys\npathlib.Path(sys.argv[1]).touch()"
+    commands = {"first": ["-c", "exit(3)"], "waits": ["-c", waits, str(tmp_path / "made")]}
+    commands |= {"makes": ["-c", makes, str(tmp_path / "made")], "last": ["-c", "exit(1)"]}
+    assert _side_by_side.run(commands, at_once=2) == ["first", "last"]  # one after the other it would wait for ever
+
+
+def _called_in_place(monkeypatch, script, section):
+    """Instead of processes, and with another config: what the processes are told is done by the script's main here."""
+    calls = []
+
+    def run(commands, at_once):
+        calls.append((at_once, len(commands)))
+        failed = []
+        for name, (_, *arguments) in commands.items():
+            try:
+                script.main(arguments)
+            except checks.InputError:
+                failed.append(name)
+        return failed
+
+    monkeypatch.setattr(script._side_by_side, "run", run)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(config, "load", lambda *_: section)
+    return calls
+
+
+BRIEF = dataclasses.replace(TINY, minutes=0.001, page=single_shape.PageConfig(8, "y", 1))
+
+
+def test_contact_sheet_fits_side_by_side_and_leaves_out_what_fails(tmp_path, monkeypatch, capsys):
+    calls = _called_in_place(monkeypatch, contact_sheet, BRIEF)
+    monkeypatch.setattr(contact_sheet, "FIELDS", tmp_path / "fields")
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.ply").write_bytes(mesh_io.ply_bytes(cube()))
+    (tmp_path / "broken.ply").write_text("no mesh")
+    contact_sheet.main([str(tmp_path), "--out", str(tmp_path / "out"), "--side-by-side", "2"])
+    table = pd.read_csv(tmp_path / "out" / contact_sheet.TABLE)
+    assert table["mesh"].tolist() == ["a.ply", "b.ply"] and table["threads"].tolist() == [1, 1]
+    assert calls == [(2, 3)] and "broken.ply: left out" in capsys.readouterr().err
+    assert (tmp_path / "out" / contact_sheet.SHEET).exists()
+
+
+def test_primitives_are_measured_side_by_side(monkeypatch, capsys):
+    calls = _called_in_place(monkeypatch, primitive_fits, BRIEF)
+    monkeypatch.setattr(primitive_fits, "RAYS", 200)
+    monkeypatch.setattr(primitive_fits, "errors", lambda *_: {"depth_median": 0.5})
+    written = []
+    monkeypatch.setattr(primitive_fits._measure, "write", lambda *given: written.append(given))
+    primitive_fits.main(["--side-by-side", "4"])
+    (name, threads, rows), known = written[0], list(primitive_fits.cases())
+    assert (name, threads, calls) == (primitive_fits.NAME, 1, [(4, len(known))])
+    assert [row["what"] for row in rows] == known and rows[0]["error"] == {"depth_median": 0.5}
+    assert capsys.readouterr().out.count("depth_median") == len(known)
+
+
 def _curve_rows():
     figures = {f"{metric}_{kind}": 0.3 for metric in paper_ablation.METRICS for kind in "UABOTS"}
     size = {"shape": "bunny_60k"}
@@ -186,5 +294,5 @@ def test_page_marks_what_reaches_the_paper_and_states_bounds_as_bounds():
 
 def test_page_shows_the_sheet_with_its_medians():
     columns = {f"{metric}_{kind}": [0.1, 0.5, 0.3] for metric in paper_ablation.METRICS for kind in "UABOTS"}
-    text = pages.markdown(_fit_page.build({}, pd.DataFrame({**columns, "seconds": [120.0] * 3})))
-    assert text.count("| 0.30 |") and contact_sheet.SHEET in text and "3 meshes, 120 s each" in text
+    text = pages.markdown(_fit_page.build({}, pd.DataFrame({**columns, "seconds": [120.0] * 3, "threads": 1})))
+    assert text.count("| 0.30 |") and contact_sheet.SHEET in text and "3 meshes, 120 s and 1 thread each" in text

@@ -1,0 +1,49 @@
+"""Fits that run side by side, each in a process of its own: a script that calls itself for every one of them."""
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent import futures
+
+from ddf import checks
+
+
+def add_options(parser: argparse.ArgumentParser, all_at_once: int | None = None) -> None:
+    """`--side-by-side N` and `--threads T`.
+
+    Args:
+      all_at_once: what N is where the option is given without it; None: N must be given.
+    """
+    told = "fits at a time, each in a process of its own (default: 1)"
+    option = parser.add_argument("--side-by-side", type=int, default=1, metavar="N", help=told)
+    if all_at_once is not None:
+        option.nargs, option.const = "?", all_at_once
+    parser.add_argument(
+        "--threads", type=int, help="of each fit (default: those of its config; side by side its share of the cores)"
+    )
+
+
+def threads(arguments: argparse.Namespace, own: int) -> int:
+    """Of each fit: as asked for; side by side an equal share of the cores, 1 at least; else its config's `own`.
+
+    Raises:
+      InputError: one of the options is less than 1.
+    """
+    for name in ("side_by_side", "threads"):
+        value = getattr(arguments, name)
+        if value is not None and value < 1:
+            raise checks.InputError(f"--{name.replace('_', '-')} must be >= 1; got {value}")
+    share = max(1, (os.cpu_count() or 1) // arguments.side_by_side)
+    return arguments.threads or (own if arguments.side_by_side == 1 else share)
+
+
+def run(commands: Mapping[str, Sequence[str]], at_once: int) -> list[str]:
+    """Run Python with each of the arguments, `at_once` at a time; the names of those that failed, in order."""
+
+    def failed(arguments: Sequence[str]) -> bool:
+        return subprocess.run([sys.executable, *arguments]).returncode != 0
+
+    with futures.ThreadPoolExecutor(at_once) as pool:
+        return [name for name, bad in zip(commands, pool.map(failed, commands.values()), strict=True) if bad]
