@@ -18,7 +18,7 @@ from _results import Benchmark, Row
 from ddf import checks, pages, paper_ablation, sample_ablation, shape_tables, stage, storage
 
 TITLE = "What fits of single shapes reach"
-ORDER = sample_ablation.ORDER
+ORDER = paper_ablation.COLUMNS
 _LEAD = (
     "Made by `make fit-proof`. Depth errors are L1 × 10 in units of half the box's longest side, over visible held-out "
     "samples of a type; visibility errors are cross-entropies with natural logarithms."

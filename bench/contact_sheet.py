@@ -23,7 +23,6 @@ from ddf import (
     mesh_io,
     paper_ablation,
     provenance,
-    sample_ablation,
     shape_field,
     shape_pictures,
     shape_views,
@@ -95,7 +94,7 @@ def row_of(item: Fitted) -> dict[str, Any]:
     figures = {
         f"{metric}_{kind}": held_out[metric][kind]
         for metric in paper_ablation.METRICS
-        for kind in sample_ablation.ORDER
+        for kind in paper_ablation.COLUMNS
     }
     angles = {name: held_out[name] for name in ("normal_angle_deg_median", "normal_angle_deg_p95")}
     known = {"mesh": item.file.name, "triangles": len(item.mesh.faces), "threads": item.threads}

@@ -151,7 +151,7 @@ def errors(held_out: Mapping[str, Any]) -> dict[str, float]:
     found = {
         f"{metric}_{kind}": held_out[metric][kind]
         for metric in paper_ablation.METRICS
-        for kind in sample_ablation.ORDER
+        for kind in paper_ablation.COLUMNS
     }
     return {**found, "normal_angle_deg_median": held_out["normal_angle_deg_median"]}
 
@@ -209,7 +209,7 @@ def told(name: str, found: Mapping[str, float]) -> str:
     lines = []
     for metric, table in paper_ablation.METRICS.items():
         paper = dict(zip(paper_ablation.COLUMNS, table[sample_ablation.NONE], strict=True))
-        own = {kind: found[f"{metric}_{kind}"] for kind in sample_ablation.ORDER}
+        own = {kind: found[f"{metric}_{kind}"] for kind in paper_ablation.COLUMNS}
         for source, values in ((name, own), (paper_ablation.SOURCE, paper)):
             lines.append(f"{metric:15} {source:13}" + "".join(f" {kind} {values[kind]:5.2f}" for kind in own))
         reached = sum(own[kind] <= paper[kind] for kind in own)

@@ -12,7 +12,7 @@ CONFIG = dataclasses.replace(TINY, ablation=single_shape.AblationConfig(3000, 60
 
 
 def test_every_fit_has_the_same_number_of_samples():
-    for without in (None, *sample_ablation.ORDER):
+    for without in (None, *paper_ablation.COLUMNS):
         chosen = sample_ablation.settings(CONFIG, without, None)
         drawn = {kind: count for kind, count in chosen.samples.items() if kind != without}
         assert set(drawn.values()) == {500 if without is None else 600}
@@ -37,9 +37,9 @@ def test_a_left_out_type_is_in_no_step_and_yet_in_the_errors(tmp_path, monkeypat
 
     monkeypatch.setattr(losses, "shape_loss", watched)
     results = sample_ablation.run(cube(), CONFIG, tmp_path, {"cube.ply": "abc"})
-    assert list(results) == [sample_ablation.NONE, *sample_ablation.ORDER]
+    assert list(results) == [sample_ablation.NONE, *paper_ablation.COLUMNS]
     assert [len(counts) for counts, _ in seen] == [7] * 2 + [6] * 12
-    for i, without in enumerate(sample_ablation.ORDER):
+    for i, without in enumerate(paper_ablation.COLUMNS):
         for counts, total in seen[2 + 2 * i : 4 + 2 * i]:
             assert without not in counts
             assert counts == {kind: 20 if kind == "E" else 24 for kind in losses.ORDER if kind != without}

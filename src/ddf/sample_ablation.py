@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ddf import mesh_io, sampling, single_shape, storage
+from ddf import mesh_io, paper_ablation, sampling, single_shape, storage
 
-ORDER = ("U", "A", "B", "O", "T", "S")  # of the paper's table
 NONE = "none"  # nothing left out
 RESULTS = "ablation.json"
 
@@ -22,12 +21,14 @@ def settings(config: single_shape.FitConfig, without: str | None, steps: int | N
       steps: of the fit with all types, once known.
     """
     budget = config.ablation
-    each = budget.samples // (len(ORDER) - (without is not None))
-    drawn = {kind: 1 if kind == without else each for kind in ORDER}  # one that is dropped: none cannot be drawn
+    each = budget.samples // (len(paper_ablation.COLUMNS) - (without is not None))
+    drawn = {
+        kind: 1 if kind == without else each for kind in paper_ablation.COLUMNS
+    }  # one that is dropped: none cannot be drawn
     return dataclasses.replace(
         config,
         samples=sampling.Counts(**drawn),
-        held_out=sampling.Counts(**dict.fromkeys(ORDER, budget.held_out)),
+        held_out=sampling.Counts(**dict.fromkeys(paper_ablation.COLUMNS, budget.held_out)),
         steps=budget.steps if steps is None else steps,
         minutes=budget.minutes,
     )
@@ -43,7 +44,7 @@ def run(
     """
     results: dict[str, dict[str, Any]] = {}
     steps = None
-    for without in (None, *ORDER):
+    for without in (None, *paper_ablation.COLUMNS):
         name = without or NONE
         chosen = settings(config, without, steps)
         found = single_shape.fit(mesh, chosen, out_dir / f"without_{name}", source, without)

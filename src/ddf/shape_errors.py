@@ -13,7 +13,7 @@ from ddf import paper_ablation, sample_ablation
 
 FIT, ABLATION = "fit.csv", "ablate_samples.csv"
 MEASURED = "measured"
-TYPES = sample_ablation.ORDER
+TYPES = paper_ablation.COLUMNS
 ALL = "UAB"  # the types whose normals count: together
 _FIT_FIELDS = ["type", "metric", "value", "source"]
 
