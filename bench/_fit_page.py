@@ -100,10 +100,9 @@ def _sentence(row: Row) -> str:
     reached = (
         f" `{fit_curves.PAPER}` needs {told['times_to_goal']:.3g} times as long as `{name}` to {told['goal']:.3g}."
     )
-    never = (
-        f" It never comes down to the {told['goal']:.3g} that `{name}` reaches after {told['goal_seconds']:,.3g} s: "
-        f"more than {told['times_to_goal']:.3g} times as long."
-    )
+    whole = told["times_to_goal"] * told["goal_seconds"]
+    level = f"the {told['goal']:.3g} that `{name}` is at after {told['goal_seconds']:,.3g} s"
+    never = f" In all its {whole:,.3g} s it does not come down to {level}."
     return words + (never if told["bound"] else reached)
 
 

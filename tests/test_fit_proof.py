@@ -287,7 +287,7 @@ def test_page_marks_what_reaches_the_paper_and_states_bounds_as_bounds():
     text = pages.markdown(_fit_page.build(found, None))
     ours = next(line for line in text.splitlines() if line.startswith("| BCE of visibility | fit |"))
     assert ours.count("**0.30**") == 1  # O alone: the paper has .56 there, and less than .30 elsewhere
-    assert "20 times as long" in text and "more than 10 times as long" in text
+    assert "20 times as long" in text and "In all its 40 s it does not come down to the 0.2" in text
     with pytest.raises(checks.InputError, match="nothing to tell"):
         _fit_page.build({}, None)
 
