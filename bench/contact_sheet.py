@@ -14,6 +14,7 @@ from typing import Any
 
 import _measure
 import _side_by_side
+import fit_curves
 import numpy as np
 import pandas as pd
 
@@ -21,7 +22,6 @@ from ddf import (
     checks,
     config,
     mesh_io,
-    paper_ablation,
     provenance,
     shape_field,
     shape_pictures,
@@ -91,14 +91,9 @@ def row_of(item: Fitted) -> dict[str, Any]:
     """Of the table: threads, steps, seconds, the twelve held-out figures, angles of normals in degrees."""
     result = storage.read_json(item.folder / single_shape.METRICS)
     held_out = result["held_out"]
-    figures = {
-        f"{metric}_{kind}": held_out[metric][kind]
-        for metric in paper_ablation.METRICS
-        for kind in paper_ablation.COLUMNS
-    }
-    angles = {name: held_out[name] for name in ("normal_angle_deg_median", "normal_angle_deg_p95")}
+    figures = {**fit_curves.errors(held_out), "normal_angle_deg_p95": held_out["normal_angle_deg_p95"]}
     known = {"mesh": item.file.name, "triangles": len(item.mesh.faces), "threads": item.threads}
-    return {**known, "steps": result["steps"], "seconds": result["seconds"], **figures, **angles}
+    return {**known, "steps": result["steps"], "seconds": result["seconds"], **figures}
 
 
 def pictures(item: Fitted, size: int) -> strips.StripRow:

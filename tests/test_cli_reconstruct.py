@@ -6,7 +6,8 @@ import pytest
 import torch
 from PIL import Image
 
-from ddf import checks, cli, cloud_io, shapenet, storage, training
+from ddf import checks, cli, cloud_io, pointclouds, shapenet, si3dr_inference, storage, training
+from ddf.cli import common
 
 
 @pytest.fixture
@@ -20,15 +21,21 @@ def _image(path, mode="RGBA", size=(90, 60)):
     return path
 
 
-def test_reconstruct_writes_cloud_camera_and_renders(model_dir, tmp_path, capsys):
+def test_reconstruct_writes_cloud_camera_and_renders(model_dir, tmp_path, capsys, monkeypatch):
     out = tmp_path / "out"
+    sampled, sample = [], pointclouds.sample
+    monkeypatch.setattr(pointclouds, "sample", lambda *given: sampled.append(sample(*given)) or sampled[-1])
     image = _image(tmp_path / "image.png")
     arguments = ["reconstruct", "--json", str(image), str(model_dir), str(out), "-n", "50", "--size", "24"]
     assert cli.main(arguments) == 0
     result = json.loads(capsys.readouterr().out)
     points = cloud_io.read_points(out / "cloud.ply")
     assert points.shape == (50, 3)
-    assert np.linalg.norm(np.ptp(points, axis=0)) == pytest.approx(1.0, abs=0.05)  # v1 units: all hits have diagonal 1
+    cycles = sampled[0]
+    (cloud,) = pointclouds.select(cycles, [50], common.CLOUD)
+    scale = si3dr_inference.scale_from_cycles(cycles, common.SCALE_QUANTILE)
+    np.testing.assert_allclose(points, scale * cloud.numpy(), atol=1e-5)  # v1 units: the box of all hits has diagonal 1
+    assert result["v1_from_field"]["scale"] == pytest.approx(scale)
     for name in ("visibility", "depth", "normals"):
         with Image.open(out / f"{name}.png") as picture:
             assert picture.size == (24, 24)

@@ -251,10 +251,10 @@ def test_resampled_starts_leave_doubtful_hits_behind():
 
     plain = dataclasses.replace(SPREAD, num_directions=8, cycles=3, jitter=0.05)
     last = {}
-    for power in (0.0, 1.0):
-        config = dataclasses.replace(plain, resample=power)
-        last[power] = pointclouds.sample(_Doubtful(), None, 400, config, torch.Generator().manual_seed(0))[-1]
-    doubtful = {power: float((cycle.visibility < 0.5).float().mean()) for power, cycle in last.items()}
+    for share in (0.0, 1.0):
+        config = dataclasses.replace(plain, resample=share)
+        last[share] = pointclouds.sample(_Doubtful(), None, 400, config, torch.Generator().manual_seed(0))[-1]
+    doubtful = {share: float((cycle.visibility < 0.5).float().mean()) for share, cycle in last.items()}
     assert doubtful[1.0] < 0.25 * doubtful[0.0]
     assert len(last[1.0].points) == len(last[0.0].points)
 
