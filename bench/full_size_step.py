@@ -65,7 +65,7 @@ def one_step(trial: step_cost.Trial, number: int) -> dict[str, float]:
     with split(seconds):
         loss, _ = trial.loss(number)
     times.append(step_cost.now())
-    trial.optimiser.zero_grad(set_to_none=True)
+    trial.optimiser.zero_grad()
     loss.backward()
     times.append(step_cost.now())
     trial.optimiser.step()

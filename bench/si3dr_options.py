@@ -52,6 +52,7 @@ ABSENT = "(left out)"  # a key that the changed config does not have
 TRAINED: Mapping[str, Mapping[str, Any]] = {
     "base": {},
     "azimuth as sine and cosine": {"train.azimuth": "sincos"},
+    "AdamW alone": {"ddf.muon": None},
     "moving average of the weights": {"train.loop.ema": 0.999},
     "view consistency": {"ddf.weights.view_consistency": 10.0},
     "depth loss of the mixture": {"ddf.weights.depth_of": "mixture"},

@@ -35,6 +35,7 @@ ROOMS: dict[str, list[str]] = {
     "2": ["siren", "activations", "derivatives", "passes", "fields", "losses", "curvature", "nearest_rays"],
     "3": ["rendering", "composition", "pointclouds", "metrics", "reconstruction", "si3dr_data"],
     "4": [
+        "optimisers",
         "training",
         "si3dr_training",
         "proposed_rays",

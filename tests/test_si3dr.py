@@ -264,8 +264,13 @@ def test_values_out_of_range_are_named(section, change, message):
         dataclasses.replace(section, **change)
 
 
-def test_own_learning_rate_replaces_that_of_the_loop():
+def test_own_learning_rates_replace_those_of_the_loop():
     assert DDF.loop(TRAIN.loop) == dataclasses.replace(TRAIN.loop, learning_rate=2e-3)
     assert dataclasses.replace(DDF, learning_rate=None).loop(TRAIN.loop) == TRAIN.loop
-    with pytest.raises(checks.InputError, match="learning_rate must be > 0"):
-        dataclasses.replace(DDF, learning_rate=0.0)
+    muon = dataclasses.replace(DDF, muon=0.02)
+    assert muon.loop(TRAIN.loop) == dataclasses.replace(TRAIN.loop, learning_rate=2e-3, muon=0.02)
+    common = dataclasses.replace(TRAIN.loop, muon=0.01)
+    assert (DDF.loop(common).muon, muon.loop(common).muon) == (0.01, 0.02)
+    for name in ("learning_rate", "muon"):
+        with pytest.raises(checks.InputError, match=f"ddf.{name} must be > 0, or null; got 0.0"):
+            dataclasses.replace(DDF, **{name: 0.0})

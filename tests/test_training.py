@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from ddf import checks, storage, training
+from ddf import checks, siren, storage, training
 
 CONFIG = training.LoopConfig(1e-2, "cosine", 3, 1.0, 1, 0, 4, 0.0)
 RECORD = {"fingerprint": "abc", "seed": 0}
@@ -49,6 +49,34 @@ def test_interrupted_twice_gives_the_same_model_as_uninterrupted(tmp_path, ema):
     logs = [[{**r, "seconds": 0} for r in training.read_log(tmp_path / f)] for f in ("whole", "parts")]
     assert [row["step"] for row in logs[0]] == [4, 8, 12, 16, 20]
     assert logs[0] == logs[1]
+
+
+def test_interrupted_training_with_muon_gives_the_same_model(tmp_path):
+    config = dataclasses.replace(CONFIG, muon=0.02)
+
+    def fit(folder, stop_at=None, config=config):
+        torch.manual_seed(0)
+        model = siren.SineNetwork(3, siren.SineLayout((6, 5, 4)), 1)
+
+        def step_loss(step):
+            if step == stop_at:
+                raise KeyboardInterrupt
+            x = torch.rand((16, 3), generator=torch.Generator().manual_seed(step))
+            return (model(x)[:, 0] - x.sum(-1)).square().mean(), {}
+
+        training.fit(model, [{"params": list(model.parameters())}], step_loss, 20, config, folder, RECORD, "test")
+
+    fit(tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        fit(tmp_path / "parts", stop_at=7)
+    fit(tmp_path / "parts")
+    fit(tmp_path / "adamw", config=CONFIG)
+    model, checkpoint = (
+        [(tmp_path / f / name).read_bytes() for f in ("whole", "parts", "adamw")]
+        for name in (training.MODEL, training.CHECKPOINT)
+    )
+    assert model[0] == model[1] != model[2]
+    assert checkpoint[0] == checkpoint[1]
 
 
 def test_saved_average_is_that_of_the_models_after_every_step(tmp_path):
@@ -145,5 +173,7 @@ def test_bad_config_is_refused():
         dataclasses.replace(CONFIG, learning_rate=0.0)
     with pytest.raises(checks.InputError, match=r"train.loop.ema must be in \(0, 1\), or null; got 1.0"):
         dataclasses.replace(CONFIG, ema=1.0)
+    with pytest.raises(checks.InputError, match=r"train.loop.muon must be > 0, or null; got 0"):
+        dataclasses.replace(CONFIG, muon=0.0)
     with pytest.raises(checks.InputError, match=r"train.loop.clip_norm"):
         dataclasses.replace(CONFIG, clip_norm=-1.0)

@@ -34,6 +34,7 @@ SETTINGS = (
     ("images per step", "train.batch_size", "32"),
     ("learning rate", "train.loop.learning_rate", "0.0001"),
     ("DDF learning rate", "ddf.learning_rate", "0.0001"),
+    ("DDF learning rate of the matrices between hidden layers, by Muon", "ddf.muon", "none"),
     ("DDF depth activation", "ddf.field.depth_activation", "relu"),
     ("error beyond which the depth loss is linear", "ddf.weights.depth_huber", "none"),
     ("DDF weight of the depth loss", "ddf.weights.depth", "5.0"),

@@ -75,8 +75,8 @@ class DDFConfig:
     """Section `ddf`: field, loss and batch of the DDF model.
 
     counts: oriented points per shape and type in a batch, E the extra uniform ones; U+ A+ B+ S+ T+ (may be left out)
-    are samples of these types that are supervised without derivatives. learning_rate: in place of the one in
-    `train.loop`, null for that one: the two models do not bear the same. shape_weight: γ_RS.
+    are samples of these types that are supervised without derivatives. learning_rate, muon: in place of those in
+    `train.loop`, null for those: the two models do not bear the same. shape_weight: γ_RS.
     mask_weight: γ_RM. mask_size: side of the rendered mask. mask_pixels: pixels of it that are evaluated per image,
     drawn among those whose ray meets the box; null for all of them. proposals: rays that the field chooses itself; null
     for none.
@@ -92,6 +92,7 @@ class DDFConfig:
     mask_size: int
     mask_pixels: int | None
     proposals: ProposalConfig | None
+    muon: float | None = None
 
     def __post_init__(self) -> None:
         known = {*losses.ORDER, *losses.STORED_VALUES}
@@ -100,14 +101,17 @@ class DDFConfig:
             raise checks.InputError(f"ddf.counts must give each of {must} >= 1, may give {may} >= 1; got {self.counts}")
         if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
             raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (mask_pixels or null)")
-        if self.learning_rate is not None and not self.learning_rate > 0:
-            raise checks.InputError(f"ddf.learning_rate must be > 0, or null; got {self.learning_rate}")
+        for name in ("learning_rate", "muon"):
+            rate = getattr(self, name)
+            if rate is not None and not rate > 0:
+                raise checks.InputError(f"ddf.{name} must be > 0, or null; got {rate}")
         if not (self.shape_weight >= 0 and self.mask_weight >= 0):
             raise checks.InputError("ddf.shape_weight and ddf.mask_weight must be >= 0")
 
     def loop(self, common: training.LoopConfig) -> training.LoopConfig:
-        """The loop that both models share, with this model's learning rate."""
-        return common if self.learning_rate is None else replace(common, learning_rate=self.learning_rate)
+        """The loop that both models share, with this model's learning rates."""
+        rate = common.learning_rate if self.learning_rate is None else self.learning_rate
+        return replace(common, learning_rate=rate, muon=common.muon if self.muon is None else self.muon)
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from ddf import (
     fields,
     losses,
     mesh_io,
+    optimisers,
     packing,
     provenance,
     rendering,
@@ -248,11 +249,12 @@ def step_loss(
 def seconds_per_step(field: fields.PDDF, samples: ShapeSamples, config: FitConfig, budget_seconds: float) -> float:
     """Median time of an optimisation step, measured on a copy; the field and all random streams stay as they are."""
     trial = copy.deepcopy(field).train()
-    optimiser = torch.optim.AdamW(trial.parameters(), lr=1e-6, fused=True)
+    optimiser = optimisers.Optimiser(trial, _groups(trial), config.loop.learning_rate, config.loop.muon)
+    optimiser.set_rate(1e-6)
     started, times = time.monotonic(), []
     while len(times) < _CALIBRATION_STEPS:
         begun = time.monotonic()
-        optimiser.zero_grad(set_to_none=True)
+        optimiser.zero_grad()
         step_loss(trial, samples, config, len(times))[0].backward()
         optimiser.step()
         if trial.network.head.weight.is_cuda:
@@ -262,6 +264,11 @@ def seconds_per_step(field: fields.PDDF, samples: ShapeSamples, config: FitConfi
         if enough and len(times) > _WARM_UP_STEPS:
             break
     return float(np.median(times[_WARM_UP_STEPS:]))
+
+
+def _groups(field: fields.PDDF) -> list[dict[str, Any]]:
+    """Without decay AdamW is Adam."""
+    return [{"params": list(field.parameters()), "weight_decay": 0.0}]
 
 
 def _plan(
@@ -322,10 +329,9 @@ def fit(
         **shape_field.description(config.field, samples.lower, samples.upper, field_from_mesh),
     }
     loss = functools.partial(step_loss, field, samples, config)
-    groups = [{"params": list(field.parameters()), "weight_decay": 0.0}]  # without decay AdamW is Adam
     trained = time.monotonic()
     training.fit(
-        field, groups, loss, steps, config.loop, out_dir, record, f"fit without {without}" if without else "fit"
+        field, _groups(field), loss, steps, config.loop, out_dir, record, f"fit without {without}" if without else "fit"
     )
     finished = time.monotonic()
     held_out, _ = draw_samples(mesh, config, config.held_out, "held_out")

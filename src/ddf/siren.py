@@ -103,3 +103,14 @@ class Modulator(nn.Module):
             modulations.append(modulation.unsqueeze(-2))
             features = torch.cat((modulation, latent), dim=-1)
         return modulations
+
+
+def hidden_matrices(module: nn.Module) -> list[nn.Parameter]:
+    """Weights between the sine layers, and of the modulators, anywhere in a module; not of first layers and heads."""
+    found = []
+    for part in module.modules():
+        if isinstance(part, SineNetwork):
+            found += [layer.weight for layer in part.layers[1:]]
+        elif isinstance(part, Modulator):
+            found += [layer.weight for layer in part.layers]
+    return found

@@ -15,6 +15,7 @@ import torch
 
 from ddf import (
     mesh_io,
+    optimisers,
     packing,
     proposed_rays,
     raycast,
@@ -38,12 +39,12 @@ class Trial:
 
     model: reconstruction.ReconstructionModel
     loss: training.StepLoss
-    optimiser: torch.optim.Optimizer
+    optimiser: optimisers.Optimiser
 
     def backward(self, step: int) -> None:
         """Everything of a step but the optimiser: batch, loss and gradients."""
         loss, _ = self.loss(step)
-        self.optimiser.zero_grad(set_to_none=True)
+        self.optimiser.zero_grad()
         loss.backward()
 
 
@@ -107,22 +108,23 @@ def trial(train: si3dr_training.TrainConfig, config: Section) -> Trial:
         if config.proposals is not None:
             propose = proposed_rays.Proposer(shapes, [random_scene()] * train.batch_size, config.proposals)
         loss = functools.partial(si3dr_training.ddf_step, ddf, images, shapes, samples, train, config, propose=propose)
-        return _trial(ddf, images, train, loss)
+        return _trial(ddf, images, train, config.loop(train.loop), loss)
     pcsiren = si3dr_training.pcsiren_model(train, config)
     loss = functools.partial(si3dr_training.pcsiren_step, pcsiren, images, shapes, train, config)
-    return _trial(pcsiren, images, train, loss)
+    return _trial(pcsiren, images, train, train.loop, loss)
 
 
 def _trial(
     model: reconstruction.ReconstructionModel,
     images: si3dr_data.ImageSet,
     train: si3dr_training.TrainConfig,
+    loop: training.LoopConfig,
     loss: training.StepLoss,
 ) -> Trial:
     model.camera_head.fit(images.cameras)
     model.to(training.device()).train()
     groups = model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera)
-    return Trial(model, loss, torch.optim.AdamW(groups, lr=train.loop.learning_rate, fused=True))
+    return Trial(model, loss, optimisers.Optimiser(model, groups, loop.learning_rate, loop.muon))
 
 
 def measure(train: si3dr_training.TrainConfig, config: Section) -> StepCost:

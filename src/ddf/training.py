@@ -20,7 +20,7 @@ import tqdm
 from torch import Tensor, nn
 from torch.optim import swa_utils
 
-from ddf import checks, distributed, passes, storage
+from ddf import checks, distributed, optimisers, passes, storage
 
 LOGGER = logging.getLogger(__name__)
 CHECKPOINT, MODEL, LOG = "checkpoint.safetensors", "model.safetensors", "log.csv"
@@ -30,9 +30,11 @@ StepLoss = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
 
 @dataclass(frozen=True)
 class LoopConfig:
-    """How a model is optimised with AdamW.
+    """How a model is optimised, with AdamW and Muon (`optimisers`).
 
-    schedule: `constant`, or `cosine` from the learning rate to zero over all steps; both after a linear
+    learning_rate: AdamW's. muon: that of Muon, which takes the matrices between hidden layers; null, the paper's way:
+      AdamW for all.
+    schedule: `constant`, or `cosine` from the learning rates to zero over all steps; both after a linear
     rise of `warmup_steps`.
     clip_norm: gradients longer than this are shortened; null for none.
     threads: CPU threads of each process; part of the result (sums are ordered by it).
@@ -53,6 +55,7 @@ class LoopConfig:
     checkpoint_seconds: float
     matmul: passes.Matmul = "float32"
     ema: float | None = None
+    muon: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("learning_rate", "threads", "log_every"):
@@ -65,9 +68,11 @@ class LoopConfig:
             raise checks.InputError(f"train.loop.clip_norm must be > 0 or null; got {self.clip_norm}")
         if self.ema is not None and not 0 < self.ema < 1:
             raise checks.InputError(f"train.loop.ema must be in (0, 1), or null; got {self.ema}")
+        if self.muon is not None and not self.muon > 0:
+            raise checks.InputError(f"train.loop.muon must be > 0, or null; got {self.muon}")
 
     def rate(self, step: int, steps: int) -> float:
-        """Learning rate of step `step` (from 0) of `steps`."""
+        """AdamW's learning rate in step `step` (from 0) of `steps`; Muon's keeps its ratio to it."""
         rise = min(1.0, (step + 1) / self.warmup_steps) if self.warmup_steps else 1.0
         if self.schedule == "constant":
             return self.learning_rate * rise
@@ -119,7 +124,7 @@ def fit(
     `config.ema` the file holds the average, and so does `model` in the end.
 
     Args:
-      groups: AdamW's parameter groups.
+      groups: the optimiser's parameter groups.
       step_loss: step number to loss and terms for the log; means over the part of the batch that is the process's.
       record: metadata of the model file; `record["fingerprint"]` decides whether a checkpoint may be resumed.
     Raises:
@@ -128,7 +133,7 @@ def fit(
     """
     first = distributed.rank() == 0
     distributed.share_batch_statistics(model)
-    optimiser = torch.optim.AdamW(groups, lr=config.learning_rate, fused=True)
+    optimiser = optimisers.Optimiser(model, groups, config.learning_rate, config.muon)
     average = _average(model, config)
     start, rows = _resume(model, average, optimiser, out_dir, record["fingerprint"])
     distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")
@@ -145,10 +150,9 @@ def fit(
     )
     model.train()
     for step in progress:
-        for group in optimiser.param_groups:
-            group["lr"] = config.rate(step, steps)
+        optimiser.set_rate(config.rate(step, steps))
         loss, terms = step_loss(step)
-        optimiser.zero_grad(set_to_none=True)
+        optimiser.zero_grad()
         loss.backward()
         distributed.average_gradients(model.parameters())
         if config.clip_norm is not None:
@@ -229,7 +233,7 @@ def _average(model: nn.Module, config: LoopConfig) -> swa_utils.AveragedModel | 
 def _save_checkpoint(
     model: nn.Module,
     average: swa_utils.AveragedModel | None,
-    optimiser: torch.optim.Optimizer,
+    optimiser: optimisers.Optimiser,
     step: int,
     rows: list[dict],
     out_dir: Path,
@@ -239,8 +243,7 @@ def _save_checkpoint(
     tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
     if average is not None:
         tensors |= {f"average.{name}": value for name, value in average.state_dict().items()}
-    for index, state in optimiser.state_dict()["state"].items():
-        tensors |= {f"optimiser.{index}.{name}": value for name, value in state.items()}
+    tensors |= dict(optimiser.tensors())
     _write_log(out_dir / LOG, rows)
     storage.save_tensors(out_dir / CHECKPOINT, tensors, {"step": step, "fingerprint": record["fingerprint"]})
 
@@ -248,7 +251,7 @@ def _save_checkpoint(
 def _resume(
     model: nn.Module,
     average: swa_utils.AveragedModel | None,
-    optimiser: torch.optim.Optimizer,
+    optimiser: optimisers.Optimiser,
     out_dir: Path,
     fingerprint: str,
 ) -> tuple[int, list[dict]]:
@@ -267,11 +270,7 @@ def _resume(
     model.load_state_dict(_under("model.", tensors))
     if average is not None:
         average.load_state_dict(_under("average.", tensors))
-    state: dict[int, dict[str, Tensor]] = {}
-    for name, value in _under("optimiser.", tensors).items():
-        index, _, key = name.partition(".")
-        state.setdefault(int(index), {})[key] = value
-    optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
+    optimiser.load(tensors)
     LOGGER.info("%s: resuming at step %d", path, metadata["step"])
     return metadata["step"], [row for row in read_log(out_dir) if row["step"] <= metadata["step"]]
 

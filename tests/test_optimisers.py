@@ -1,0 +1,107 @@
+import pytest
+import torch
+
+from ddf import optimisers, siren
+
+
+def _model():
+    torch.manual_seed(0)
+    network = siren.SineNetwork(3, siren.SineLayout((6, 5, 4)), 2)
+    return torch.nn.ModuleDict({"network": network, "modulator": siren.Modulator(4, (6, 5, 4))})
+
+
+def _loss(model, step=0):
+    generator = torch.Generator().manual_seed(step)
+    points, latent = torch.rand((2, 7, 3), generator=generator), torch.rand((2, 4), generator=generator)
+    return model["network"](points, model["modulator"](latent)).square().mean()
+
+
+def _optimiser(model, muon, weight_decay=0.0):
+    groups = [{"params": list(model.parameters()), "weight_decay": weight_decay}]
+    return optimisers.Optimiser(model, groups, 1e-2, muon)
+
+
+def _steps(model, optimiser, steps):
+    for step in steps:
+        optimiser.zero_grad()
+        _loss(model, step).backward()
+        optimiser.step()
+
+
+def test_hidden_matrices_are_all_but_first_layers_heads_and_biases():
+    model = _model()
+    chosen = {id(weight) for weight in siren.hidden_matrices(model)}
+    names = {name for name, parameter in model.named_parameters() if id(parameter) in chosen}
+    of_network = {f"network.layers.{layer}.weight" for layer in (1, 2)}
+    assert names == of_network | {f"modulator.layers.{layer}.weight" for layer in (0, 1, 2)}
+
+
+def test_step_of_a_hidden_matrix_is_orthogonal_and_as_long_as_asked():
+    """Muon's first step is the rate times U V^T of the gradient, within the error of its iteration."""
+    model = _model()
+    before = {name: value.detach().clone() for name, value in model.named_parameters()}
+    optimiser = _optimiser(model, 0.02)
+    _steps(model, optimiser, [0])
+    weight = model["network"].layers[1].weight
+    gradient, moved = weight.grad, weight.detach() - before["network.layers.1.weight"]
+    singular = torch.linalg.svdvals(moved.double())
+    assert 0.02 * 0.5 < float(singular.min()) <= float(singular.max()) < 0.02 * 1.3
+    left, _, right = torch.linalg.svd(gradient.double(), full_matrices=False)
+    nearest = -(left @ right)
+    alike = float((moved.double() * nearest).sum() / (moved.norm() * nearest.norm()))
+    assert alike > 0.9
+    head = model["network"].head.weight.detach() - before["network.head.weight"]
+    torch.testing.assert_close(head.abs(), torch.full_like(head, 1e-2), rtol=1e-3, atol=0)  # AdamW's first step
+
+
+def test_without_muon_it_is_adamw():
+    model, other = _model(), _model()
+    _steps(model, _optimiser(model, None, 0.1), range(5))
+    adamw = torch.optim.AdamW(other.parameters(), lr=1e-2, weight_decay=0.1, fused=True)
+    _steps(other, adamw, range(5))
+    for one, two in zip(model.parameters(), other.parameters(), strict=True):
+        assert torch.equal(one, two)
+
+
+def test_model_without_hidden_matrices_has_no_muon():
+    model = torch.nn.Linear(3, 2)
+    optimiser = optimisers.Optimiser(model, [{"params": list(model.parameters())}], 1e-2, 0.02)
+    model(torch.ones(1, 3)).sum().backward()
+    optimiser.step()
+    assert {name.partition(".")[0] for name, _ in optimiser.tensors()} == {"optimiser"}
+
+
+@pytest.mark.parametrize("muon", [None, 0.02])
+def test_state_goes_on_where_it_was(muon):
+    model, other = _model(), _model()
+    optimiser = _optimiser(model, muon)
+    _steps(model, optimiser, range(6))
+    first = _optimiser(other, muon)
+    _steps(other, first, range(3))
+    second = _optimiser(other, muon)
+    second.load({name: value.clone() for name, value in first.tensors()} | {"model.weight": torch.ones(1)})
+    _steps(other, second, range(3, 6))
+    for one, two in zip(model.parameters(), other.parameters(), strict=True):
+        assert torch.equal(one, two)
+
+
+def test_rate_keeps_the_ratio_of_the_two():
+    model = _model()
+    optimiser = _optimiser(model, 0.02)
+    before = {name: value.detach().clone() for name, value in model.named_parameters()}
+    optimiser.set_rate(1e-3)  # a tenth
+    _steps(model, optimiser, [0])
+    moved = model["network"].layers[1].weight.detach() - before["network.layers.1.weight"]
+    assert 0.002 * 0.5 < float(torch.linalg.svdvals(moved.double()).max()) < 0.002 * 1.3
+    moved = model["network"].head.bias.detach() - before["network.head.bias"]
+    torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-3), rtol=1e-3, atol=0)
+
+
+def test_weight_decay_of_a_group_goes_with_its_matrices():
+    model = _model()
+    optimiser = _optimiser(model, 0.02, weight_decay=0.5)
+    before = model["modulator"].layers[1].weight.detach().clone()
+    optimiser.zero_grad()
+    (0.0 * _loss(model)).backward()
+    optimiser.step()
+    torch.testing.assert_close(model["modulator"].layers[1].weight.detach(), before * (1 - 0.02 * 0.5))
