@@ -41,8 +41,20 @@ def test_a_trial_makes_the_steps_of_a_training(kind):
     assert still == [] and trial.model.training
     trial.optimiser.step()
     assert all(not torch.equal(old, new) for old, new in zip(before, trial.model.parameters(), strict=True))
-    decay = [group["weight_decay"] for group in trial.optimiser.param_groups]
-    assert decay == [_models.TRAIN.weight_decay_shape, _models.TRAIN.weight_decay_camera, 0.0]
+
+
+@pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
+def test_a_trial_decays_what_a_training_decays(kind):
+    train = dataclasses.replace(_models.TRAIN, weight_decay_shape=20.0, weight_decay_camera=10.0)
+    trial = step_cost.trial(train, _models.DDF if kind == "ddf" else _models.PCSIREN)
+    before = {name: parameter.detach().clone() for name, parameter in trial.model.named_parameters()}
+    for parameter in trial.model.parameters():
+        parameter.grad = torch.zeros_like(parameter)
+    trial.optimiser.step()
+    kept = {"shape_encoder": 0.98, "camera_encoder": 0.99, "decoder": 1.0}
+    for name, parameter in trial.model.named_parameters():
+        expected = kept[name.partition(".")[0]] * before[name]
+        torch.testing.assert_close(parameter.detach(), expected, rtol=1e-5, atol=0)
 
 
 def test_seconds_of_a_step_are_scaled_from_fewer_images(monkeypatch):
