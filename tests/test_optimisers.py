@@ -4,16 +4,22 @@ import torch
 from ddf import optimisers, siren
 
 
+class Decoder(torch.nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.network = siren.SineNetwork(3, siren.SineLayout((6, 5, 4)), 2)
+        self.modulator = siren.Modulator(4, (6, 5, 4))
+
+
 def _model():
     torch.manual_seed(0)
-    network = siren.SineNetwork(3, siren.SineLayout((6, 5, 4)), 2)
-    return torch.nn.ModuleDict({"network": network, "modulator": siren.Modulator(4, (6, 5, 4))})
+    return Decoder()
 
 
 def _loss(model, step=0):
     generator = torch.Generator().manual_seed(step)
     points, latent = torch.rand((2, 7, 3), generator=generator), torch.rand((2, 4), generator=generator)
-    return model["network"](points, model["modulator"](latent)).square().mean()
+    return model.network(points, model.modulator(latent)).square().mean()
 
 
 def _optimiser(model, muon, weight_decay=0.0):
@@ -42,15 +48,16 @@ def test_step_of_a_hidden_matrix_is_orthogonal_and_as_long_as_asked():
     before = {name: value.detach().clone() for name, value in model.named_parameters()}
     optimiser = _optimiser(model, 0.02)
     _steps(model, optimiser, [0])
-    weight = model["network"].layers[1].weight
-    gradient, moved = weight.grad, weight.detach() - before["network.layers.1.weight"]
+    weight = model.network.layers[1].weight
+    moved = weight.detach() - before["network.layers.1.weight"]
     singular = torch.linalg.svdvals(moved.double())
     assert 0.02 * 0.5 < float(singular.min()) <= float(singular.max()) < 0.02 * 1.3
-    left, _, right = torch.linalg.svd(gradient.double(), full_matrices=False)
+    assert weight.grad is not None
+    left, _, right = torch.linalg.svd(weight.grad.double(), full_matrices=False)
     nearest = -(left @ right)
     alike = float((moved.double() * nearest).sum() / (moved.norm() * nearest.norm()))
     assert alike > 0.9
-    head = model["network"].head.weight.detach() - before["network.head.weight"]
+    head = model.network.head.weight.detach() - before["network.head.weight"]
     torch.testing.assert_close(head.abs(), torch.full_like(head, 1e-2), rtol=1e-3, atol=0)  # AdamW's first step
 
 
@@ -91,17 +98,17 @@ def test_rate_keeps_the_ratio_of_the_two():
     before = {name: value.detach().clone() for name, value in model.named_parameters()}
     optimiser.set_rate(1e-3)  # a tenth
     _steps(model, optimiser, [0])
-    moved = model["network"].layers[1].weight.detach() - before["network.layers.1.weight"]
+    moved = model.network.layers[1].weight.detach() - before["network.layers.1.weight"]
     assert 0.002 * 0.5 < float(torch.linalg.svdvals(moved.double()).max()) < 0.002 * 1.3
-    moved = model["network"].head.bias.detach() - before["network.head.bias"]
+    moved = model.network.head.bias.detach() - before["network.head.bias"]
     torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-3), rtol=1e-3, atol=0)
 
 
 def test_weight_decay_of_a_group_goes_with_its_matrices():
     model = _model()
     optimiser = _optimiser(model, 0.02, weight_decay=0.5)
-    before = model["modulator"].layers[1].weight.detach().clone()
+    before = model.modulator.layers[1].weight.detach().clone()
     optimiser.zero_grad()
     (0.0 * _loss(model)).backward()
     optimiser.step()
-    torch.testing.assert_close(model["modulator"].layers[1].weight.detach(), before * (1 - 0.02 * 0.5))
+    torch.testing.assert_close(model.modulator.layers[1].weight.detach(), before * (1 - 0.02 * 0.5))
