@@ -41,6 +41,7 @@ TINY = {
     },
     "epsilon_o": 0.05,
     "box": "tight",
+    "start": "flat",
     "loop": {
         "learning_rate": 1e-3,
         "schedule": "cosine",

@@ -47,6 +47,7 @@ THIN_BOX = (
 _CALIBRATION_SHARE, _CALIBRATION_STEPS = 0.03, 40  # of the budget, at most; and steps, at most
 _WARM_UP_STEPS = 3  # of a calibration, not counted: allocation, first touches
 _LEAST_STEPS = 10
+_FLAT = 0.1  # share of a depth head's first weights that `start_flat` keeps
 
 
 def _check_budget(where: str, steps: int | None, minutes: float | None) -> None:
@@ -113,6 +114,8 @@ class FitConfig:
     batch: oriented points per type in a step, E the extra uniform ones.
     epsilon_o: offset of O samples, field units.
     box: the shape's own box (a cube, where that is too thin) or the cube [-1, 1]^3.
+    start: what the depths begin as: `flat`, nearly their mean over the training samples (`start_flat`), or `random`,
+      the paper's, about `fields.INITIAL_DEPTH`.
     page, ablation: read by the stages `fit_shape` and `ablate_samples` alone; no part of the fit itself, and not needed
       for `ddf fit`.
     """
@@ -127,6 +130,7 @@ class FitConfig:
     weights: losses.LossWeights
     epsilon_o: float
     box: Literal["tight", "cube"]
+    start: Literal["flat", "random"]
     loop: training.LoopConfig
     page: PageConfig = _PAGE
     ablation: AblationConfig = _ABLATION
@@ -149,16 +153,17 @@ class FitConfig:
 
 DEFAULT = FitConfig(
     mesh=None,
-    field=fields.PDDFConfig((160, 160, 160, 160), 6.0, 1.0, "softplus", 100.0),
+    field=fields.PDDFConfig((160, 160, 160, 160, 160), 2.0, 1.0, "softplus", 100.0),
     steps=None,
     minutes=2.0,
     samples=sampling.Counts(U=250_000, A=250_000, B=125_000, S=125_000, T=125_000, O=125_000),
     held_out=sampling.Counts(U=10_000, A=10_000, B=10_000, S=10_000, T=10_000, O=10_000),
-    batch={"U": 400, "A": 400, "B": 200, "S": 100, "T": 200, "O": 150, "E": 50},
-    weights=losses.LossWeights(2.5, "mixture", 0.02, 1.0, 1.0, 0.1, 0.5, 0.01, 0.05, 0.0, 1.0),
+    batch={"U": 350, "A": 350, "B": 200, "S": 200, "T": 200, "O": 150, "E": 50},
+    weights=losses.LossWeights(5.0, "mixture", 0.02, 1.0, 1.0, 0.1, 0.5, 0.01, 0.05, 0.0, 1.0),
     epsilon_o=0.05,
     box="tight",
-    loop=training.LoopConfig(5e-3, "cosine", 50, 1.0, 2, 0, 50, 30.0),
+    start="flat",
+    loop=training.LoopConfig(5e-3, "cosine", 50, 1.0, 2, 0, 50, 30.0, muon=0.03),
 )
 
 
@@ -235,6 +240,19 @@ def draw_samples(
     if box == "cube":
         lower, upper = -np.ones(3), np.ones(3)
     return ShapeSamples(arrays, lower, upper), errors
+
+
+@torch.no_grad()
+def start_flat(field: fields.PDDF, samples: ShapeSamples) -> None:
+    """Make both depths about the mean depth of the visible samples everywhere (derived here).
+
+    From random heads of another mean all samples pull the depths the same way, so that an optimiser with momentum can
+    carry them below zero at all points, where no gradient brings them back: the field then never has a depth.
+    """
+    visible = torch.cat([part["depth"][part["visible"] > 0] for part in samples.arrays.values()])
+    head = field.network.head
+    head.weight[: fields.NUM_COMPONENTS] *= _FLAT
+    head.bias[: fields.NUM_COMPONENTS] = _mean(visible)
 
 
 def step_loss(
@@ -317,6 +335,8 @@ def fit(
     samples, packing_errors = draw_samples(mesh, config, config.samples, "train")
     samples = samples if without is None else samples.without(without)
     field = fields.PDDF(config.field).to(training.device())
+    if config.start == "flat":
+        start_flat(field, samples)
     content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
     identity = provenance.fingerprint([config.recipe(), content, without], (), "ddf.single_shape")
     steps = _plan(field, samples, config, out_dir, identity, time.monotonic() - started)
