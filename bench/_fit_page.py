@@ -97,13 +97,10 @@ def _sentence(row: Row) -> str:
         f"`{name}` is at {told['level']:.3g} (A, L1 × 10) after {told['our_seconds']:,.3g} s, "
         f"`{fit_curves.PAPER}` after {told['their_seconds']:,.3g} s: {told['times']:.3g} times as long."
     )
-    reached = (
-        f" `{fit_curves.PAPER}` needs {told['times_to_goal']:.3g} times as long as `{name}` to {told['goal']:.3g}."
-    )
-    whole = told["times_to_goal"] * told["goal_seconds"]
     level = f"the {told['goal']:.3g} that `{name}` is at after {told['goal_seconds']:,.3g} s"
-    never = f" In all its {whole:,.3g} s it does not come down to {level}."
-    return words + (never if told["bound"] else reached)
+    if told["bound"]:
+        return f"{words} In all its {told['their_goal_seconds']:,.3g} s it does not come down to {level}."
+    return f"{words} It comes down to {level} after {told['their_goal_seconds']:,.3g} s."
 
 
 def closed_forms(benchmark: Benchmark) -> pages.Section:

@@ -10,8 +10,8 @@ Curve = Sequence[tuple[float, float]]  # (seconds, error) in the order of time
 class Reach:
     """Seconds that both need to `level`, the smallest error that both have reached.
 
-    times: theirs / ours. bound: they never reached `goal`, our smallest error, in all their time, so for that one
-    `times_to_goal`, their whole time over ours, is only a lower bound; otherwise it is the ratio itself.
+    times: theirs / ours. goal: our smallest error. bound: they never reached it, and `their_goal_seconds` is all their
+    time, less than they would need.
     """
 
     level: float
@@ -20,7 +20,7 @@ class Reach:
     times: float
     goal: float
     goal_seconds: float
-    times_to_goal: float
+    their_goal_seconds: float
     bound: bool
 
 
@@ -44,8 +44,7 @@ def compare(ours: Curve, theirs: Curve) -> Reach:
     seconds, their_seconds = first_at(ours, level), first_at(theirs, level)
     goal_seconds, their_goal = first_at(ours, goal), first_at(theirs, goal)
     assert seconds and their_seconds and goal_seconds  # each curve reaches its own smallest error
-    theirs_to_goal = theirs[-1][0] if their_goal is None else their_goal
     return Reach(
         level, seconds, their_seconds, their_seconds / seconds,
-        goal, goal_seconds, theirs_to_goal / goal_seconds, their_goal is None,
+        goal, goal_seconds, theirs[-1][0] if their_goal is None else their_goal, their_goal is None,
     )  # fmt: skip

@@ -24,9 +24,9 @@ def test_ratio_is_that_of_the_times_at_an_error_both_reach():
     ours, theirs = [(1.0, 0.9), (2.0, 0.5), (4.0, 0.2)], [(3.0, 0.8), (40.0, 0.5), (60.0, 0.55)]
     found = _reach.compare(ours, theirs)
     assert (found.level, found.our_seconds, found.their_seconds, found.times) == (0.5, 2.0, 40.0, 20.0)
-    assert (found.goal, found.goal_seconds, found.times_to_goal, found.bound) == (0.2, 4.0, 15.0, True)
+    assert (found.goal, found.goal_seconds, found.their_goal_seconds, found.bound) == (0.2, 4.0, 60.0, True)
     back = _reach.compare(theirs, ours)
-    assert (back.level, back.times, back.times_to_goal, back.bound) == (0.5, 2 / 40, 2 / 40, False)
+    assert (back.level, back.times, back.their_goal_seconds, back.bound) == (0.5, 2 / 40, 2.0, False)
     with pytest.raises(ValueError, match="need a point"):
         _reach.compare([], theirs)
 
