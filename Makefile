@@ -125,7 +125,7 @@ lint: $(READY) ## format check, lint and types
 sync-deps: $(READY) ## write the real imports of every stage into pipeline.yaml
 	@$(RUN) tests/_pipeline.py
 
-PROOFS    := fit_curves primitive_fits contact_sheet#   these train for long: `make fit-proof`
+PROOFS    := fit_curves fit_options primitive_fits contact_sheet#   these train for long: `make fit-proof`
 ABLATIONS := si3dr_options#   this one too: `make ablate-options`
 BENCH_NAMES := $(filter-out $(PROOFS) $(ABLATIONS),$(basename $(notdir $(wildcard bench/[a-z]*.py))))
 check_bench = @unknown="$(filter-out $(BENCH_NAMES),$(BENCH))"; \

@@ -1,6 +1,7 @@
 """The page of what fits of single shapes reach, `reports/fit_proof/README.md`; `python bench/_fit_page.py` writes it.
 
-From the rows of `fit_curves` and `primitive_fits` and the table of `contact_sheet`; what has not been made is left out.
+From the rows of `fit_curves`, `fit_options` and `primitive_fits` and the table of `contact_sheet`; what has not been
+made is left out.
 """
 
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ import _measure
 import _results
 import contact_sheet
 import fit_curves
+import fit_options
 import pandas as pd
 import primitive_fits
 from _results import Benchmark, Row
@@ -34,6 +36,8 @@ def build(found: dict[str, Benchmark], sheet: pd.DataFrame | None) -> pages.Page
     sections = []
     if fit_curves.NAME in found:
         sections += curves(found[fit_curves.NAME])
+    if fit_options.NAME in found:
+        sections.append(options(found[fit_options.NAME]))
     if primitive_fits.NAME in found:
         sections.append(closed_forms(found[primitive_fits.NAME]))
     if sheet is not None:
@@ -82,8 +86,24 @@ def curves(benchmark: Benchmark) -> list[pages.Section]:
     ]
 
 
-def _figure(value: float, paper: float) -> pages.Cell:
-    return pages.Cell(shape_tables.number(value), best=value <= paper)
+def options(benchmark: Benchmark) -> pages.Section:
+    """Every setting of a fit that was changed alone, against the base."""
+    base = next(row for row in benchmark.rows if row.what == fit_options.BASE)
+    names = [f"{metric}_{kind}" for metric in paper_ablation.METRICS for kind in ORDER] + ["normal_angle_deg_median"]
+    rows: list[list[pages.Cell | str]] = [
+        [row.what, *_effort(row), *(_figure(row.error[name], base.error[name]) for name in names)]
+        for row in benchmark.rows
+    ]
+    about = " ".join((fit_options.__doc__ or "").partition("\n\n")[2].split())
+    caption = f"{base.size['shape']}. {about} Bold: at most the base's value. {machine(benchmark)}"
+    metrics = [(name, len(ORDER), False) for name in shape_tables.METRIC_NAMES.values()]
+    groups = [("", 3, False), *metrics, ("", 1, False)]
+    header = ["", "s", "steps", *ORDER, *ORDER, "normals, median °"]
+    return pages.Section("What each setting is worth", [pages.Table(caption, groups, header, rows, 1)])
+
+
+def _figure(value: float, bound: float) -> pages.Cell:
+    return pages.Cell(shape_tables.number(value), best=value <= bound)
 
 
 def _effort(row: Row) -> list[str]:
@@ -149,7 +169,8 @@ def load_sheet(folder: Path) -> pd.DataFrame | None:
 
 def main() -> None:
     """Write the page."""
-    files = [_measure.OUT / f"{name}.json" for name in (fit_curves.NAME, primitive_fits.NAME)]
+    names = (fit_curves.NAME, fit_options.NAME, primitive_fits.NAME)
+    files = [_measure.OUT / f"{name}.json" for name in names]
     found: dict[str, Any] = {file.stem: _results.load(file) for file in files if file.exists()}
     page = build(found, load_sheet(contact_sheet.OUT))
     storage.write_text(contact_sheet.OUT / "README.md", pages.markdown(page))

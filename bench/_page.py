@@ -261,6 +261,7 @@ def _rendering_words(row: Row) -> str:
 _FITS = "../fit_proof/README.md"
 OWN_PAGES = {
     "fit_curves": _FITS,
+    "fit_options": _FITS,
     "growth": "../growth.md",
     "primitive_fits": _FITS,
 }  # benchmarks whose findings are no rows of seconds and errors

@@ -4,10 +4,13 @@ import argparse
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from concurrent import futures
+from pathlib import Path
+from typing import Any
 
-from ddf import checks
+from ddf import checks, storage
 
 
 def add_options(parser: argparse.ArgumentParser, all_at_once: int | None = None) -> None:
@@ -37,6 +40,22 @@ def threads(arguments: argparse.Namespace, own: int) -> int:
             raise checks.InputError(f"--{name.replace('_', '-')} must be >= 1; got {value}")
     share = max(1, (os.cpu_count() or 1) // arguments.side_by_side)
     return arguments.threads or (own if arguments.side_by_side == 1 else share)
+
+
+def rows(script: str, names: Sequence[str], given: Sequence[str], at_once: int) -> list[dict[str, Any]]:
+    """What the script writes for each name, called with `--only <name> --row <file>` in a process of its own.
+
+    Args:
+      given: further arguments of every call.
+    Raises:
+      InputError: some calls failed; named.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        files = {name: Path(folder) / f"{place}.json" for place, name in enumerate(names)}
+        commands = {name: [script, "--only", name, *given, "--row", str(file)] for name, file in files.items()}
+        if failed := run(commands, at_once):
+            raise checks.InputError(f"not fitted: {'; '.join(failed)}")
+        return [storage.read_json(file) for file in files.values()]
 
 
 def run(commands: Mapping[str, Sequence[str]], at_once: int) -> list[str]:

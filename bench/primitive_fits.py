@@ -128,22 +128,7 @@ def measure(name: str, case: Case, section: single_shape.FitConfig) -> dict[str,
     return {**row, "steps": result["steps"], "parameters": result["parameters"]}
 
 
-def measure_apart(names: Sequence[str], section: single_shape.FitConfig, at_once: int) -> list[dict[str, Any]]:
-    """The rows of these cases, each measured in a process of its own.
-
-    Raises:
-      InputError: some were not fitted; named.
-    """
-    given = ["--minutes", str(section.minutes), "--threads", str(section.loop.threads)]
-    with tempfile.TemporaryDirectory() as folder:
-        files = {name: Path(folder) / f"{place}.json" for place, name in enumerate(names)}
-        commands = {name: [__file__, "--only", name, *given, "--row", str(file)] for name, file in files.items()}
-        if failed := _side_by_side.run(commands, at_once):
-            raise checks.InputError(f"not fitted: {'; '.join(failed)}")
-        return [storage.read_json(file) for file in files.values()]
-
-
-def main(given: Sequence[str] | None = None) -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     """Fit each shape and write the table; with --only, print the rows of some."""
     known = cases()
     parser = argparse.ArgumentParser(description=__doc__)
@@ -151,7 +136,7 @@ def main(given: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="+", choices=list(known), help="these alone; prints instead of writing")
     parser.add_argument("--row", type=Path, help=argparse.SUPPRESS)  # file for the row of one case
     _side_by_side.add_options(parser)
-    arguments = parser.parse_args(given)
+    arguments = parser.parse_args(argv)
     section = config.load(CONFIG, "fit", single_shape.FitConfig)
     minutes = section.minutes if arguments.minutes is None else arguments.minutes
     if minutes is None or not minutes > 0:
@@ -161,7 +146,8 @@ def main(given: Sequence[str] | None = None) -> None:
     section = dataclasses.replace(section, steps=None, minutes=minutes, loop=loop)
     names = arguments.only or list(known)
     if arguments.side_by_side > 1:
-        rows = measure_apart(names, section, arguments.side_by_side)
+        given = ["--minutes", str(minutes), "--threads", str(threads)]
+        rows = _side_by_side.rows(__file__, names, given, arguments.side_by_side)
     else:
         rows = [measure(name, known[name], section) for name in names]
     if arguments.row:

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import _measure
+import _overrides
 import numpy as np
 
 from ddf import (
@@ -47,7 +48,6 @@ PLAN, RESULT = "plan.json", "result.json"
 TRIED = (10, 40)  # steps of a trial: between these two a step is timed
 SIDE_BY_SIDE = 2
 TOLERANCE = 0.3  # relative; the number of steps depends on the moment
-ABSENT = "(left out)"  # a key that the changed config does not have
 # what is changed, by the row's name: the key in configs/cpu.yaml and its other value, the paper's where they differ
 TRAINED: Mapping[str, Mapping[str, Any]] = {
     "base": {},
@@ -58,7 +58,7 @@ TRAINED: Mapping[str, Mapping[str, Any]] = {
     "depth loss of the mixture": {"ddf.weights.depth_of": "mixture"},
     "squared depth loss": {"ddf.weights.depth_huber": None},
     "depth by ReLU": {"ddf.field.depth_activation": "relu"},
-    "no points of values alone": {f"ddf.counts.{kind}+": ABSENT for kind in "UAB"},
+    "no points of values alone": {f"ddf.counts.{kind}+": _overrides.ABSENT for kind in "UAB"},
     "no proposed rays": {"ddf.proposals": None},
     "all pixels of the mask": {"ddf.mask_pixels": None},
     "the split's views": {"train.train_views": None},
@@ -103,18 +103,9 @@ class Settings:
         """Those of a row.
 
         Raises:
-          InputError: cpu.yaml has no such key, or already has the value.
+          InputError: cpu.yaml already has the value.
         """
-        whole = config.read(CONFIG)
-        for key, value in OPTIONS[name].items():
-            *path, last = key.split(".")
-            section = functools.reduce(lambda inner, part: inner[part], path, whole)
-            if section[last] == value:
-                raise checks.InputError(f"{CONFIG}: {key} is {value} already, so the row {name!r} is base")
-            if value == ABSENT:
-                del section[last]
-            else:
-                section[last] = value
+        whole = _overrides.changed(config.read(CONFIG), OPTIONS[name], str(CONFIG))
         sections = cls(
             config.parse(whole["train"], si3dr_training.TrainConfig, f"{CONFIG}: train"),
             config.parse(whole["ddf"], si3dr_training.DDFConfig, f"{CONFIG}: ddf"),

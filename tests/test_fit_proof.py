@@ -13,7 +13,17 @@ import torch
 from _shapes import cube
 from test_single_shape import TINY
 
-from bench import _fit_page, _reach, _results, _side_by_side, contact_sheet, fit_curves, primitive_fits
+from bench import (
+    _fit_page,
+    _overrides,
+    _reach,
+    _results,
+    _side_by_side,
+    contact_sheet,
+    fit_curves,
+    fit_options,
+    primitive_fits,
+)
 from ddf import checks, config, mesh_io, pages, paper_ablation, primitives, rays, single_shape, storage, training
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -268,6 +278,39 @@ def test_primitives_are_measured_side_by_side(monkeypatch, capsys):
     assert (name, threads, calls) == (primitive_fits.NAME, 1, [(4, len(known))])
     assert [row["what"] for row in rows] == known and rows[0]["error"] == {"depth_median": 0.5}
     assert capsys.readouterr().out.count("depth_median") == len(known)
+
+
+@pytest.mark.parametrize("name", fit_options.OPTIONS)
+def test_every_option_of_a_fit_is_another_fit(name):
+    base, other = (fit_options.section_of(each, 0.1, 2) for each in (fit_options.BASE, name))
+    assert (base == other) == (name == fit_options.BASE)
+    assert (other.minutes, other.steps, other.loop.threads) == (0.1, None, 2)
+
+
+def test_widths_and_batches_of_the_options_are_changes_of_the_config():
+    base = fit_options.section_of(fit_options.BASE, 0.1, 1)
+    assert base.field.hidden == (fit_options.WIDTH,) * fit_options.LAYERS and base.batch == fit_options.BATCH
+
+
+def test_changes_leave_the_settings_alone_and_are_changes():
+    settings = {"a": {"b": 1, "c": 2}}
+    assert _overrides.changed(settings, {"a.b": 3, "a.c": _overrides.ABSENT}, "x") == {"a": {"b": 3}}
+    assert settings == {"a": {"b": 1, "c": 2}}
+    with pytest.raises(checks.InputError, match=r"x: a\.b is 1 already"):
+        _overrides.changed(settings, {"a.b": 1}, "x")
+
+
+def test_options_are_fitted_side_by_side_and_shown_against_the_base(tmp_path, monkeypatch):
+    calls = _called_in_place(monkeypatch, fit_options, BRIEF)
+    monkeypatch.setattr(fit_options, "section_of", lambda *_: BRIEF)
+    monkeypatch.setattr(fit_options, "OPTIONS", {"base": {}, "other": {}})
+    monkeypatch.setattr(fit_curves, "target", lambda _: (cube(), "cube"))
+    monkeypatch.setattr(fit_options._measure, "OUT", tmp_path)
+    fit_options.main(["--side-by-side", "2"])
+    assert calls == [(2, 2)]
+    text = pages.markdown(_fit_page.build({"fit_options": _results.load(tmp_path / "fit_options.json")}, None))
+    base, other = (line for line in text.splitlines() if line.startswith(("| base", "| other")))
+    assert base.count("**") == 2 * 13 and base.replace("base", "other").split("|")[3] == other.split("|")[3]
 
 
 def _curve_rows():

@@ -1,0 +1,109 @@
+"""Settings of a fit, each changed alone: held-out errors after the same wall time.
+
+The base is configs/fit.yaml. The shape is the Stanford bunny with 10,000 triangles, a procedural chair where its file
+is absent. Every row samples, trains with a schedule of its own length and is asked for the six sample types; where a
+step costs more, there are fewer.
+"""
+
+import argparse
+import dataclasses
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import _measure
+import _overrides
+import _side_by_side
+import fit_curves
+
+from ddf import checks, config, mesh_io, single_shape, stage, storage
+
+NAME = "fit_options"
+CONFIG = Path("configs/fit.yaml")
+MINUTES = 0.75  # of every fit
+TRAINED_TOLERANCE = 0.5  # of errors from run to run: who trains for a time takes as many steps as the machine allows
+BASE = "base"
+WIDTH, LAYERS = 160, 5  # of configs/fit.yaml
+BATCH = {"U": 350, "A": 350, "B": 200, "S": 200, "T": 200, "O": 150, "E": 50}  # of configs/fit.yaml
+# what is changed, by the row's name: the key in the config's section `fit` and its other value
+OPTIONS: Mapping[str, Mapping[str, Any]] = {
+    BASE: {},
+    "random start": {"start": "random"},
+    "AdamW alone": {"loop.muon": None},
+    "moving average of the weights": {"loop.ema": 0.995},
+    "constant rate": {"loop.schedule": "constant"},
+    "frequency 1": {"field.omega_first": 1.0},
+    "frequency 6": {"field.omega_first": 6.0},
+    "frequency 30": {"field.omega_first": 30.0},
+    "half the width": {"field.hidden": [WIDTH // 2] * LAYERS},
+    "twice the width": {"field.hidden": [WIDTH * 2] * LAYERS},
+    "three layers": {"field.hidden": [WIDTH] * 3},
+    "seven layers": {"field.hidden": [WIDTH] * 7},
+    "half the points a step": {"batch": {kind: count // 2 for kind, count in BATCH.items()}},
+    "twice the points a step": {"batch": {kind: count * 2 for kind, count in BATCH.items()}},
+    "bfloat16 products": {"loop.matmul": "bfloat16"},
+    "squared depth loss": {"weights.depth_huber": None},
+    "depth loss of the chosen": {"weights.depth_of": "chosen"},
+    "half the weight of depth": {"weights.depth": 2.5},
+    "no normals": {"weights.normals": 0.0},
+    "no eikonal": {"weights.eikonal_depth": 0.0, "weights.eikonal_visibility": 0.0},
+    "depth by ReLU": {"field.depth_activation": "relu"},
+    "in the cube": {"box": "cube"},
+}
+
+
+def section_of(name: str, minutes: float, threads: int) -> single_shape.FitConfig:
+    """The section `fit` of a row.
+
+    Raises:
+      InputError: the config already has the row's value.
+    """
+    section = _overrides.changed(config.read(CONFIG)["fit"], OPTIONS[name], f"{CONFIG}: fit")
+    found = config.parse(section, single_shape.FitConfig, f"{CONFIG}: fit")
+    loop = dataclasses.replace(found.loop, threads=threads)
+    return dataclasses.replace(found, steps=None, minutes=minutes, loop=loop)
+
+
+def measure(name: str, mesh: mesh_io.Mesh, shape: str, minutes: float, threads: int) -> dict[str, Any]:
+    """A row: seconds of sampling and training, and the held-out errors."""
+    with tempfile.TemporaryDirectory() as folder:
+        result = single_shape.fit(mesh, section_of(name, minutes, threads), Path(folder))
+    errors = fit_curves.errors(result["held_out"])
+    row = _measure.row(name, {"shape": shape, "minutes": minutes}, [result["seconds"]], errors, TRAINED_TOLERANCE)
+    return {**row, "steps": result["steps"], "parameters": result["parameters"]}
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Fit with each setting and write the table; with --only, print the rows of some."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--mesh", type=Path, help="default: the bunny, or a procedural chair where it is absent")
+    parser.add_argument("--minutes", type=float, default=MINUTES, help=f"of each fit (default: {MINUTES})")
+    parser.add_argument("--only", nargs="+", choices=list(OPTIONS), help="these alone; prints instead of writing")
+    parser.add_argument("--row", type=Path, help=argparse.SUPPRESS)  # file for the row of one setting
+    _side_by_side.add_options(parser)
+    arguments = parser.parse_args(argv)
+    if not arguments.minutes > 0:
+        raise checks.InputError(f"--minutes must be > 0; got {arguments.minutes}")
+    threads = _side_by_side.threads(arguments, fit_curves.THREADS)
+    names = arguments.only or list(OPTIONS)
+    for name in names:
+        section_of(name, arguments.minutes, threads)  # refused now rather than after an hour
+    if arguments.side_by_side > 1:
+        given = ["--minutes", str(arguments.minutes), "--threads", str(threads)]
+        given += ["--mesh", str(arguments.mesh)] if arguments.mesh else []
+        rows = _side_by_side.rows(__file__, names, given, arguments.side_by_side)
+    else:
+        mesh, shape = fit_curves.target(arguments.mesh)
+        rows = [measure(name, mesh, shape, arguments.minutes, threads) for name in names]
+    if arguments.row:
+        storage.write_json(arguments.row, rows[0])
+        return
+    for row in rows:
+        print(row["what"], f"{row['steps']:,} steps", {key: round(value, 3) for key, value in row["error"].items()})
+    if not arguments.only:
+        _measure.write(NAME, threads, rows)
+
+
+if __name__ == "__main__":
+    raise SystemExit(stage.guarded(main, NAME))
