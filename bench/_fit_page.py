@@ -114,13 +114,17 @@ def _sentence(row: Row) -> str:
     """How much sooner one of ours gets to an A-type depth error than the paper's recipe; nothing is extrapolated."""
     name, told = row.what.partition(",")[0], row.told
     words = (
-        f"`{name}` is at {told['level']:.3g} (A, L1 × 10) after {told['our_seconds']:,.3g} s, "
-        f"`{fit_curves.PAPER}` after {told['their_seconds']:,.3g} s: {told['times']:.3g} times as long."
+        f"`{name}` is at {told['level']:.3g} (A, L1 × 10) after {_seconds(told['our_seconds'])}, "
+        f"`{fit_curves.PAPER}` after {_seconds(told['their_seconds'])}: {told['times']:.3g} times as long."
     )
-    level = f"the {told['goal']:.3g} that `{name}` is at after {told['goal_seconds']:,.3g} s"
+    level = f"the {told['goal']:.3g} that `{name}` is at after {_seconds(told['goal_seconds'])}"
     if told["bound"]:
-        return f"{words} In all its {told['their_goal_seconds']:,.3g} s it does not come down to {level}."
-    return f"{words} It comes down to {level} after {told['their_goal_seconds']:,.3g} s."
+        return f"{words} In all its {_seconds(told['their_goal_seconds'])} it does not come down to {level}."
+    return f"{words} It comes down to {level} after {_seconds(told['their_goal_seconds'])}."
+
+
+def _seconds(value: float) -> str:
+    return f"{value:,.0f} s" if value >= 100 else f"{value:.3g} s"
 
 
 def closed_forms(benchmark: Benchmark) -> pages.Section:
@@ -134,7 +138,14 @@ def closed_forms(benchmark: Benchmark) -> pages.Section:
     about = " ".join((primitive_fits.__doc__ or "").partition("\n\n")[2].split())
     return pages.Section(
         "Against closed forms",
-        [pages.Table(f"{about} {machine(benchmark)}", [("", len(header), False)], header, rows)],
+        [
+            pages.Table(
+                f"{about} At most {benchmark.rows[0].size['minutes']:g} minutes each. {machine(benchmark)}",
+                [("", len(header), False)],
+                header,
+                rows,
+            )
+        ],
     )
 
 
