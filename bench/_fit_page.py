@@ -140,7 +140,7 @@ def closed_forms(benchmark: Benchmark) -> pages.Section:
         "Against closed forms",
         [
             pages.Table(
-                f"{about} At most {benchmark.rows[0].size['minutes']:g} minutes each. {machine(benchmark)}",
+                f"{about} Budget: {benchmark.rows[0].size['minutes']:g} minutes each. {machine(benchmark)}",
                 [("", len(header), False)],
                 header,
                 rows,
