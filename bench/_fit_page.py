@@ -6,6 +6,7 @@ made is left out.
 
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import _measure
@@ -94,8 +95,7 @@ def options(benchmark: Benchmark) -> pages.Section:
         [row.what, *_effort(row), *(_figure(row.error[name], base.error[name]) for name in names)]
         for row in benchmark.rows
     ]
-    about = " ".join((fit_options.__doc__ or "").partition("\n\n")[2].split())
-    caption = f"{base.size['shape']}. {about} Bold: at most the base's value. {machine(benchmark)}"
+    caption = f"{base.size['shape']}. {_about(fit_options)} Bold: at most the base's value. {machine(benchmark)}"
     metrics = [(name, len(ORDER), False) for name in shape_tables.METRIC_NAMES.values()]
     groups = [("", 3, False), *metrics, ("", 1, False)]
     header = ["", "s", "steps", *ORDER, *ORDER, "normals, median °"]
@@ -123,6 +123,11 @@ def _sentence(row: Row) -> str:
     return f"{words} It comes down to {level} after {_seconds(told['their_goal_seconds'])}."
 
 
+def _about(script: ModuleType) -> str:
+    """What its docstring says below the first line."""
+    return " ".join((script.__doc__ or "").partition("\n\n")[2].split())
+
+
 def _seconds(value: float) -> str:
     return f"{value:,.0f} s" if value >= 100 else f"{value:.3g} s"
 
@@ -135,18 +140,9 @@ def closed_forms(benchmark: Benchmark) -> pages.Section:
         for row in benchmark.rows
     ]
     header = ["", "s", "steps", *(name.replace("_", " ") for name in names)]
-    about = " ".join((primitive_fits.__doc__ or "").partition("\n\n")[2].split())
-    return pages.Section(
-        "Against closed forms",
-        [
-            pages.Table(
-                f"{about} Budget: {benchmark.rows[0].size['minutes']:g} minutes each. {machine(benchmark)}",
-                [("", len(header), False)],
-                header,
-                rows,
-            )
-        ],
-    )
+    minutes = benchmark.rows[0].size["minutes"]
+    caption = f"{_about(primitive_fits)} Budget: {minutes:g} minutes each. {machine(benchmark)}"
+    return pages.Section("Against closed forms", [pages.Table(caption, [("", len(header), False)], header, rows)])
 
 
 def everyday(table: pd.DataFrame) -> pages.Section:

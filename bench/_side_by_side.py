@@ -1,16 +1,19 @@
 """Fits that run side by side, each in a process of its own: a script that calls itself for every one of them."""
 
 import argparse
+import dataclasses
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent import futures
 from pathlib import Path
 from typing import Any
 
-from ddf import checks, storage
+import _measure
+
+from ddf import checks, single_shape, storage
 
 
 def add_options(parser: argparse.ArgumentParser, all_at_once: int | None = None) -> None:
@@ -28,6 +31,12 @@ def add_options(parser: argparse.ArgumentParser, all_at_once: int | None = None)
     )
 
 
+def add_rows(parser: argparse.ArgumentParser, known: Iterable[str]) -> None:
+    """`--only NAME ...`, and the file for the row of one name that `rows` gives; `deliver` heeds both."""
+    parser.add_argument("--only", nargs="+", choices=list(known), help="these alone; prints instead of writing")
+    parser.add_argument("--row", type=Path, help=argparse.SUPPRESS)
+
+
 def threads(arguments: argparse.Namespace, own: int) -> int:
     """Of each fit: as asked for; side by side an equal share of the cores, 1 at least; else its config's `own`.
 
@@ -40,6 +49,12 @@ def threads(arguments: argparse.Namespace, own: int) -> int:
             raise checks.InputError(f"--{name.replace('_', '-')} must be >= 1; got {value}")
     share = max(1, (os.cpu_count() or 1) // arguments.side_by_side)
     return arguments.threads or (own if arguments.side_by_side == 1 else share)
+
+
+def budgeted(section: single_shape.FitConfig, minutes: float | None, count: int) -> single_shape.FitConfig:
+    """The same fit for so many minutes, and with so many threads."""
+    loop = dataclasses.replace(section.loop, threads=count)
+    return dataclasses.replace(section, steps=None, minutes=minutes, loop=loop)
 
 
 def rows(script: str, names: Sequence[str], given: Sequence[str], at_once: int) -> list[dict[str, Any]]:
@@ -56,6 +71,21 @@ def rows(script: str, names: Sequence[str], given: Sequence[str], at_once: int) 
         if failed := run(commands, at_once):
             raise checks.InputError(f"not fitted: {'; '.join(failed)}")
         return [storage.read_json(file) for file in files.values()]
+
+
+def deliver(benchmark: str, arguments: argparse.Namespace, count: int, found: Sequence[Mapping[str, Any]]) -> None:
+    """Rows to where the script was told: one to its file, some to the screen alone, all to `reports/bench` too.
+
+    Args:
+      count: threads of each fit.
+    """
+    if arguments.row:
+        storage.write_json(arguments.row, found[0])
+        return
+    for row in found:
+        print(row["what"], f"{row['steps']:,} steps", {key: round(value, 4) for key, value in row["error"].items()})
+    if not arguments.only:
+        _measure.write(benchmark, count, found)
 
 
 def run(commands: Mapping[str, Sequence[str]], at_once: int) -> list[str]:

@@ -5,7 +5,6 @@ to reports/fit_proof. Fitted fields stay in artifacts/contact_sheet: a second ca
 """
 
 import argparse
-import dataclasses
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -126,8 +125,7 @@ def main(given: Sequence[str] | None = None) -> None:
     arguments = parser.parse_args(given)
     section = config.load(CONFIG, "fit", single_shape.FitConfig)
     minutes = section.minutes if arguments.minutes is None else arguments.minutes
-    loop = dataclasses.replace(section.loop, threads=_side_by_side.threads(arguments, section.loop.threads))
-    section = dataclasses.replace(section, steps=None, minutes=minutes, loop=loop)
+    section = _side_by_side.budgeted(section, minutes, _side_by_side.threads(arguments, section.loop.threads))
     files = [file for file in everyday(arguments.folder) if not arguments.only or file.stem in arguments.only]
     if arguments.side_by_side > 1:
         files = fit_apart(files, section, arguments.side_by_side)

@@ -6,7 +6,6 @@ step costs more, there are fewer.
 """
 
 import argparse
-import dataclasses
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,15 +16,16 @@ import _overrides
 import _side_by_side
 import fit_curves
 
-from ddf import checks, config, mesh_io, single_shape, stage, storage
+from ddf import checks, config, mesh_io, single_shape, stage
 
 NAME = "fit_options"
 CONFIG = Path("configs/fit.yaml")
 MINUTES = 0.75  # of every fit
 TRAINED_TOLERANCE = 0.5  # of errors from run to run: who trains for a time takes as many steps as the machine allows
 BASE = "base"
-WIDTH, LAYERS = 160, 5  # of configs/fit.yaml
-BATCH = {"U": 350, "A": 350, "B": 200, "S": 200, "T": 200, "O": 150, "E": 50}  # of configs/fit.yaml
+# of configs/fit.yaml, which is the default
+WIDTH, LAYERS = single_shape.DEFAULT.field.hidden[0], len(single_shape.DEFAULT.field.hidden)
+BATCH = single_shape.DEFAULT.batch
 # what is changed, by the row's name: the key in the config's section `fit` and its other value
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
     BASE: {},
@@ -61,8 +61,7 @@ def section_of(name: str, minutes: float, threads: int) -> single_shape.FitConfi
     """
     section = _overrides.changed(config.read(CONFIG)["fit"], OPTIONS[name], f"{CONFIG}: fit")
     found = config.parse(section, single_shape.FitConfig, f"{CONFIG}: fit")
-    loop = dataclasses.replace(found.loop, threads=threads)
-    return dataclasses.replace(found, steps=None, minutes=minutes, loop=loop)
+    return _side_by_side.budgeted(found, minutes, threads)
 
 
 def measure(name: str, mesh: mesh_io.Mesh, shape: str, minutes: float, threads: int) -> dict[str, Any]:
@@ -79,8 +78,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mesh", type=Path, help="default: the bunny, or a procedural chair where it is absent")
     parser.add_argument("--minutes", type=float, default=MINUTES, help=f"of each fit (default: {MINUTES})")
-    parser.add_argument("--only", nargs="+", choices=list(OPTIONS), help="these alone; prints instead of writing")
-    parser.add_argument("--row", type=Path, help=argparse.SUPPRESS)  # file for the row of one setting
+    _side_by_side.add_rows(parser, OPTIONS)
     _side_by_side.add_options(parser)
     arguments = parser.parse_args(argv)
     if not arguments.minutes > 0:
@@ -96,13 +94,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     else:
         mesh, shape = fit_curves.target(arguments.mesh)
         rows = [measure(name, mesh, shape, arguments.minutes, threads) for name in names]
-    if arguments.row:
-        storage.write_json(arguments.row, rows[0])
-        return
-    for row in rows:
-        print(row["what"], f"{row['steps']:,} steps", {key: round(value, 3) for key, value in row["error"].items()})
-    if not arguments.only:
-        _measure.write(NAME, threads, rows)
+    _side_by_side.deliver(NAME, arguments, threads, rows)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ import torch
 import trimesh
 from torch import Tensor
 
-from ddf import checks, config, mesh_io, primitives, rays, shape_field, single_shape, stage, storage
+from ddf import checks, config, mesh_io, primitives, rays, shape_field, single_shape, stage
 
 NAME = "primitive_fits"
 CONFIG = Path("configs/fit.yaml")
@@ -133,8 +133,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     known = cases()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, help="of each fit (default: that of configs/fit.yaml)")
-    parser.add_argument("--only", nargs="+", choices=list(known), help="these alone; prints instead of writing")
-    parser.add_argument("--row", type=Path, help=argparse.SUPPRESS)  # file for the row of one case
+    _side_by_side.add_rows(parser, known)
     _side_by_side.add_options(parser)
     arguments = parser.parse_args(argv)
     section = config.load(CONFIG, "fit", single_shape.FitConfig)
@@ -142,21 +141,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     if minutes is None or not minutes > 0:
         raise checks.InputError(f"--minutes must be > 0; got {minutes}")
     threads = _side_by_side.threads(arguments, section.loop.threads)
-    loop = dataclasses.replace(section.loop, threads=threads)
-    section = dataclasses.replace(section, steps=None, minutes=minutes, loop=loop)
+    section = _side_by_side.budgeted(section, minutes, threads)
     names = arguments.only or list(known)
     if arguments.side_by_side > 1:
         given = ["--minutes", str(minutes), "--threads", str(threads)]
         rows = _side_by_side.rows(__file__, names, given, arguments.side_by_side)
     else:
         rows = [measure(name, known[name], section) for name in names]
-    if arguments.row:
-        storage.write_json(arguments.row, rows[0])
-        return
-    for row in rows:
-        print(row["what"], f"{row['steps']:,} steps", {key: round(value, 4) for key, value in row["error"].items()})
-    if not arguments.only:
-        _measure.write(NAME, threads, rows)
+    _side_by_side.deliver(NAME, arguments, threads, rows)
 
 
 if __name__ == "__main__":
