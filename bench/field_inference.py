@@ -22,7 +22,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ddf import derivatives, fields, onnx_export, onnx_graphs, onnx_parity, onnx_precision, rendering, stage
+from ddf import derivatives, fields, onnx_export, onnx_graphs, onnx_parity, onnx_precision, passes, rendering, stage
 
 RAYS, NORMAL_RAYS, CHECKED = 65_536, 16_384, 8_192  # timed; timed with normals; whose errors are taken
 CHUNK_VALUES = 2**18  # of one layer, rays times width: 1 MiB, which stays in the cache
@@ -161,8 +161,9 @@ def programs(exported: Exported, outputs: Sequence[str], threads: int) -> dict[t
     found["rendering.query", "float32"] = torch.inference_mode()(
         lambda p, v: list(rendering.query(field, p, v, None, outputs).values())
     )
-    found["torch", "bfloat16 products"] = LayerLoop(field, outputs, brain, full)
-    found["torch", "bfloat16"] = LayerLoop(field, outputs, brain, brain)
+    if passes.has_bfloat16(field.network.head.weight.device):  # in software they would take minutes
+        found["torch", "bfloat16 products"] = LayerLoop(field, outputs, brain, full)
+        found["torch", "bfloat16"] = LayerLoop(field, outputs, brain, brain)
     for precision in onnx_precision.PRECISIONS:
         found["onnxruntime", precision] = onnx_program(exported.data(outputs, precision), outputs, threads)
     return found

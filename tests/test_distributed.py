@@ -57,7 +57,7 @@ def test_reconstruction_models_learn_the_same_as_on_one_process(runs, kind):
         for other in (start, two)
     )
     assert path > 0.1
-    assert apart < 1e-3 * path
+    assert apart < 3e-3 * path
 
 
 @pytest.mark.parametrize("kind", ["exact", *_together.KINDS])

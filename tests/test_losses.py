@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from bench._plain_loss import plain_loss
-from ddf import checks, fields, losses, siren
+from ddf import checks, fields, losses, passes, siren
 
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+": 1, "S+": 2, "P": 3}
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
@@ -244,7 +244,8 @@ def test_loss_and_gradient_do_not_depend_on_the_blocks(monkeypatch, values):
         torch.testing.assert_close(mine, theirs, rtol=1e-10, atol=1e-12)
 
 
-def test_bfloat16_products_change_the_loss_a_little_and_keep_its_type():
+def test_bfloat16_products_change_the_loss_a_little_and_keep_its_type(monkeypatch):
+    monkeypatch.setattr(passes, "has_bfloat16", lambda device: True)
     field, batch = _field().float(), _batch()
     names = ("positions", "directions", "visible", "depth", "normals")
     batch = dataclasses.replace(batch, **{name: getattr(batch, name).float() for name in names})

@@ -125,19 +125,47 @@ def test_rate_ends_at_zero():
     assert loop.rate(9999, 10_000) < 1e-6 * loop.learning_rate
 
 
-def test_samples_stay_in_the_tight_box_and_thin_meshes_get_the_cube():
-    slab = moved(cube(), np.array([1.0, 0.4, 0.7]), (0.0, 0.0, 0.0))
-    samples, _ = single_shape.draw_samples(slab, TINY, TINY.samples, "train")
-    assert samples.upper.tolist() == [1.0, 0.4, 0.7]
+@pytest.mark.parametrize("margin", [0.0, 0.02, 0.1])
+def test_samples_stay_in_the_tight_box_and_thin_meshes_get_the_cube(margin):
+    slab, config = moved(cube(), np.array([1.0, 0.4, 0.7]), (0.0, 0.0, 0.0)), dataclasses.replace(TINY, margin=margin)
+    samples, _ = single_shape.draw_samples(slab, config, TINY.samples, "train")
+    sides = (1 - margin) * np.array([1.0, 0.4, 0.7]) + margin
+    np.testing.assert_allclose(samples.upper, sides, atol=1e-6)
+    np.testing.assert_allclose(samples.lower, -sides, atol=1e-6)
     batch = samples.batch({**TINY.batch, "E": 500}, np.random.default_rng(0))
-    assert bool((batch.positions.abs() <= torch.tensor([1.0, 0.4, 0.7]) + 1e-4).all())
+    assert bool((batch.positions.abs() <= torch.from_numpy(sides) + 1e-4).all())
     assert batch.positions.shape == (1, 620, 3)
     extra = batch.positions[0, :500].abs().amax(0)
-    assert bool((extra > 0.9 * torch.tensor([1.0, 0.4, 0.7])).all())
+    assert bool((extra > 0.9 * torch.from_numpy(sides)).all())
     thin, _ = single_shape.draw_samples(
-        moved(slab, np.array([1.0, 0.01, 1.0]), (0.0, 0.0, 0.0)), TINY, TINY.samples, "x"
+        moved(slab, np.array([1.0, 0.01, 1.0]), (0.0, 0.0, 0.0)), config, TINY.samples, "x"
     )
     assert thin.upper.tolist() == [1.0, 1.0, 1.0]
+
+
+def test_rays_from_the_sides_of_the_box_have_a_margin_of_way_to_faces_in_them():
+    """Samples on the sides of the box that look straight in: the face of a cube is a margin away, not 0 or 2."""
+    config = dataclasses.replace(TINY, margin=0.1)
+    samples, _ = single_shape.draw_samples(cube(), config, _counts(4000), "train")
+    bounding = samples.arrays["B"]
+    places, along = bounding["positions"], bounding["directions"]
+    centred = places.abs().sort(dim=-1).values[:, 1] < 0.8  # and not beside the face
+    facing = centred & (along.abs().amax(-1) > 0.99) & ((places * along).sum(-1) < -0.95)
+    assert int(facing.sum()) > 10
+    torch.testing.assert_close(bounding["depth"][facing], torch.full((int(facing.sum()),), 0.1), rtol=0.05, atol=1e-3)
+
+
+def test_errors_are_those_of_a_shape_of_length_two_whatever_the_margin():
+    field, found = fields.PDDF(TINY.field), {}
+    with torch.no_grad():
+        field.network.head.weight.zero_()
+    for margin in (0.0, 0.5):
+        with torch.no_grad():
+            field.network.head.bias[:2] = (1 - margin) * 0.5  # the same surface, seen in both frames
+        config = dataclasses.replace(TINY, margin=margin)
+        samples, _ = single_shape.draw_samples(cube(), config, _counts(2000), "held_out")
+        found[margin] = single_shape.held_out_errors(field, samples)["depth_l1"]["S"]
+    assert found[0.5] == pytest.approx(found[0.0], rel=0.05)  # S starts on the shape alone
 
 
 def test_training_and_held_out_samples_differ():
@@ -149,13 +177,15 @@ def test_training_and_held_out_samples_differ():
 def test_inner_sheets_are_part_of_the_shape():
     nested = joined(cube(), cube(0.3))
     samples, _ = single_shape.draw_samples(nested, TINY, _counts(2000), "train")
+    half = 0.3 * (1 - TINY.margin)
     u = samples.arrays["U"]
     hits = primitives.cast(
-        primitives.Box((-0.3, -0.3, -0.3), (0.3, 0.3, 0.3)),
+        primitives.Box((-half, -half, -half), (half, half, half)),
         rays.OrientedPoints(u["positions"].double(), torch.nn.functional.normalize(u["directions"].double(), dim=-1)),
     )
-    assert bool(hits.visible.any())
-    torch.testing.assert_close(u["depth"][hits.visible].double(), hits.depth[hits.visible], rtol=0, atol=1e-3)
+    inner = hits.visible & (u["positions"].abs().amax(-1) < 1 - TINY.margin)  # others see the outer cube first
+    assert bool(inner.any())
+    torch.testing.assert_close(u["depth"][inner].double(), hits.depth[inner], rtol=0, atol=1e-3)
 
 
 def test_file_holds_what_made_it(tmp_path):
@@ -165,7 +195,7 @@ def test_file_holds_what_made_it(tmp_path):
     assert record["seed"] == 0
     assert "torch" in record["packages"]
     shape = shape_field.load(tmp_path)
-    np.testing.assert_allclose(shape.field_from_mesh.apply(np.array([[8.0, 9.0, 10.0]])), 1.0)
+    np.testing.assert_allclose(shape.field_from_mesh.apply(np.array([[8.0, 9.0, 10.0]])), 1 - TINY.margin)
     again = tmp_path / "again"
     single_shape.fit(moved(cube(), 7.0, (1.0, 2.0, 3.0)), TINY, again, {"cube.obj": "abc"})
     assert (again / training.MODEL).read_bytes() == (tmp_path / training.MODEL).read_bytes()

@@ -203,12 +203,12 @@ def shape_loss(
     (`passes`), and what autograd sees of it is one node: differentiable once, in the parameters and modulations.
 
     Args:
-      matmul: bfloat16 rounds factors and results of the matrix products between sine layers; tf32 is set in `training`.
+      matmul: bfloat16 rounds factors and results of the matrix products between sine layers (`passes.product_type`);
+        tf32 is set in `training`.
     """
     inputs = [*(modulations or []), *field.network.parameters()]
     differentiate = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in inputs)
-    own = field.network.head.weight.dtype
-    product = torch.bfloat16 if matmul == "bfloat16" else own
+    product = passes.product_type(matmul, field.network.head.weight)
     count = len(modulations or [])
     total, *terms = _ShapeLoss.apply(field, batch, weights, product, count, differentiate, *inputs)
     named: dict[str, Tensor] = dict(zip(TERMS, terms, strict=True))

@@ -31,6 +31,18 @@ from ddf import siren
 from ddf.derivatives import POSITION
 
 Matmul = Literal["float32", "tf32", "bfloat16"]
+_BFLOAT16_FEATURES = ("avx512_bf16", "amx_bf16", "bf16")  # of x86 and ARM processors
+
+
+def has_bfloat16(device: torch.device) -> bool:
+    """Whether products of bfloat16 are made in hardware; in software they take up to a hundred times as long."""
+    found = torch.cpu.get_capabilities()
+    return device.type != "cpu" or any(found.get(name, False) for name in _BFLOAT16_FEATURES)
+
+
+def product_type(matmul: Matmul, values: Tensor) -> torch.dtype:
+    """Type of the factors of a large product: that of the values, or bfloat16 where it is asked for and there."""
+    return torch.bfloat16 if matmul == "bfloat16" and has_bfloat16(values.device) else values.dtype
 
 
 class Workspace:

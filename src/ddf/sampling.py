@@ -56,7 +56,7 @@ class SamplesConfig:
 
     epsilon_o: distance of O samples from the tangent line, in field units (0.05 single shape, 0.02 ShapeNet).
     offsets: every O sample at that distance ("fixed"), or uniform up to it ("uniform"; "maximum" in [DDF22] app. D).
-    box: the cube [-1, 1]^3 ("cube") or the shape's own box ("tight").
+    box: the cube [-1, 1]^3 ("cube") or the shape's own box ("tight"), `margin` field units wider on every side.
     cloud_points: points of the ground-truth cloud, met within 10 %.
     shard_size: shapes in one file.
     """
@@ -65,6 +65,7 @@ class SamplesConfig:
     epsilon_o: float = 0.02
     offsets: Literal["fixed", "uniform"] = "uniform"
     box: Literal["cube", "tight"] = "cube"
+    margin: float = 0.0
     cloud_points: int = 8000
     shard_size: int = 16
     seed: int = 0
@@ -76,6 +77,8 @@ class SamplesConfig:
             raise checks.InputError(f"samples.offsets must be fixed or uniform; got {self.offsets!r}")
         if self.box not in ("cube", "tight"):
             raise checks.InputError(f"samples.box must be cube or tight; got {self.box!r}")
+        if not 0 <= self.margin < 1:
+            raise checks.InputError(f"samples.margin must be in [0, 1); got {self.margin}")
         if not 10 <= self.cloud_points <= 1_000_000:
             raise checks.InputError(f"samples.cloud_points must be in [10, 1e6]; got {self.cloud_points}")
         if self.shard_size < 1:
@@ -265,12 +268,24 @@ def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, n
         raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
     scene = raycast.Scene(mesh)
     surface = surface_of(scene)
-    box = CUBE if config.box == "cube" else Box(*mesh.box())
+    box = CUBE if config.box == "cube" else tight_box(mesh, config.margin)
     streams = {kind: seeding.generator(config.seed, *names, kind) for kind, _ in config.counts.items()}
     drawn = {kind: draw(kind, surface, box, config, count, streams[kind]) for kind, count in config.counts.items()}
     packed, errors = _cast_and_pack(scene, drawn)
     parts = _parts(drawn).items()
     return {f"{kind}.{field}": values[part] for kind, part in parts for field, values in packed.items()}, errors
+
+
+def tight_box(mesh: Mesh, margin: float) -> Box:
+    """The shape's own box, wider on every side.
+
+    Raises:
+      InputError: it leaves the cube, so that points on its sides could not be stored.
+    """
+    lower, upper = mesh.box()
+    if max(-lower.min(), upper.max()) + margin > 1 + 1e-6:
+        raise checks.InputError(f"a margin of {margin} leaves [-1, 1]^3; the mesh spans {lower} to {upper}")
+    return Box(lower - margin, upper + margin)
 
 
 def surface_of(scene: raycast.Scene) -> meshes.Surface:

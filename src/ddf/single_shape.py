@@ -114,6 +114,10 @@ class FitConfig:
     batch: oriented points per type in a step, E the extra uniform ones.
     epsilon_o: offset of O samples, field units.
     box: the shape's own box (a cube, where that is too thin) or the cube [-1, 1]^3.
+    margin: room between the shape and the sides of the box, field units: the longest side of the shape is
+      2 (1 - margin), in the frame of samples and field. With 0, the paper's way, rays from outside begin on faces that
+      lie in a side of the box, where the field is of two minds. Lengths in the config and in results are those of a
+      shape whose longest side is 2.
     start: what the depths begin as: `flat`, nearly their mean over the training samples (`start_flat`), or `random`,
       the paper's, about `fields.INITIAL_DEPTH`.
     page, ablation: read by the stages `fit_shape` and `ablate_samples` alone; no part of the fit itself, and not needed
@@ -130,6 +134,7 @@ class FitConfig:
     weights: losses.LossWeights
     epsilon_o: float
     box: Literal["tight", "cube"]
+    margin: float
     start: Literal["flat", "random"]
     loop: training.LoopConfig
     page: PageConfig = _PAGE
@@ -143,7 +148,8 @@ class FitConfig:
 
     def draw(self, box: Literal["tight", "cube"], counts: sampling.Counts, seed: int) -> sampling.SamplesConfig:
         """What `sampling.extract` draws."""
-        return sampling.SamplesConfig(counts, self.epsilon_o, "fixed", box, seed=seed)
+        epsilon_o = self.epsilon_o * (1 - self.margin)
+        return sampling.SamplesConfig(counts, epsilon_o, "fixed", box, self.margin, seed=seed)
 
     def recipe(self) -> dict[str, Any]:
         """What decides the fitted field: everything but `page` and `ablation`."""
@@ -162,6 +168,7 @@ DEFAULT = FitConfig(
     weights=losses.LossWeights(5.0, "mixture", 0.02, 1.0, 1.0, 0.1, 0.5, 0.01, 0.05, 0.0, 1.0),
     epsilon_o=0.05,
     box="tight",
+    margin=0.02,
     start="flat",
     loop=training.LoopConfig(5e-3, "cosine", 50, 1.0, 2, 0, 50, 30.0, muon=0.03),
 )
@@ -171,16 +178,17 @@ DEFAULT = FitConfig(
 class ShapeSamples:
     """Decoded samples of one shape by type, float32, and its box, field frame; depth is 0 on a miss.
 
-    A type may be absent: the field is then fitted without it.
+    A type may be absent: the field is then fitted without it. unit: half of the shape's longest side, field units.
     """
 
     arrays: Mapping[str, Mapping[str, Tensor]]
     lower: Float[np.ndarray, "3"]
     upper: Float[np.ndarray, "3"]
+    unit: float = 1.0
 
     def without(self, kind: str) -> "ShapeSamples":
         """The same without one type."""
-        return ShapeSamples({name: part for name, part in self.arrays.items() if name != kind}, self.lower, self.upper)
+        return dataclasses.replace(self, arrays={name: part for name, part in self.arrays.items() if name != kind})
 
     def batch_counts(self, counts: Mapping[str, int]) -> dict[str, int]:
         """The counts per step with the share of absent types given to the others, in their proportions.
@@ -218,11 +226,14 @@ class ShapeSamples:
 def draw_samples(
     mesh: mesh_io.Mesh, config: FitConfig, counts: sampling.Counts, stream: str
 ) -> tuple[ShapeSamples, dict[str, float]]:
-    """Samples of a mesh in the field frame, and the largest errors of their stored form (`sampling.extract`).
+    """Samples of a mesh, field frame, and the largest errors of their stored form (`sampling.extract`).
 
     Args:
+      mesh: in [-1, 1]^3; it is shrunk to leave `config.margin`.
       stream: name of the random stream; training and held-out samples have their own.
     """
+    unit = 1 - config.margin
+    mesh = mesh_io.Mesh(unit * mesh.vertices, mesh.faces)
     lower, upper = mesh.box()
     box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else config.box
     packed, errors = sampling.extract(mesh, config.draw(box, counts, config.loop.seed), stream)
@@ -237,9 +248,8 @@ def draw_samples(
             "depth": samples["depth"].masked_fill(~visible, 0.0),
             "normals": samples["normals"],
         }
-    if box == "cube":
-        lower, upper = -np.ones(3), np.ones(3)
-    return ShapeSamples(arrays, lower, upper), errors
+    side = sampling.CUBE if box == "cube" else sampling.tight_box(mesh, config.margin)
+    return ShapeSamples(arrays, side.lower.astype(np.float64), side.upper.astype(np.float64), unit), errors
 
 
 @torch.no_grad()
@@ -267,7 +277,8 @@ def step_loss(
 def seconds_per_step(field: fields.PDDF, samples: ShapeSamples, config: FitConfig, budget_seconds: float) -> float:
     """Median time of an optimisation step, measured on a copy; the field and all random streams stay as they are."""
     trial = copy.deepcopy(field).train()
-    optimiser = optimisers.Optimiser(trial, _groups(trial), config.loop.learning_rate, config.loop.muon)
+    loop = config.loop
+    optimiser = optimisers.Optimiser(trial, _groups(trial), loop.learning_rate, loop.muon, loop.matmul)
     optimiser.set_rate(1e-6)
     started, times = time.monotonic(), []
     while len(times) < _CALIBRATION_STEPS:
@@ -330,8 +341,8 @@ def fit(
     """
     started = time.monotonic()
     training.prepare(config.loop)
-    field_from_mesh = transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)])
-    mesh = mesh_io.Mesh(np.clip(field_from_mesh.apply(raw.vertices), -1.0, 1.0), raw.faces)
+    own_from_mesh = transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)])
+    mesh = mesh_io.Mesh(np.clip(own_from_mesh.apply(raw.vertices), -1.0, 1.0), raw.faces)
     samples, packing_errors = draw_samples(mesh, config, config.samples, "train")
     samples = samples if without is None else samples.without(without)
     field = fields.PDDF(config.field).to(training.device())
@@ -346,7 +357,9 @@ def fit(
         "seed": config.loop.seed,
         "sources": dict(source or {}),
         "packing_errors": packing_errors,
-        **shape_field.description(config.field, samples.lower, samples.upper, field_from_mesh),
+        **shape_field.description(
+            config.field, samples.lower, samples.upper, transforms.Similarity(samples.unit).compose(own_from_mesh)
+        ),
     }
     loss = functools.partial(step_loss, field, samples, config)
     trained = time.monotonic()
@@ -370,10 +383,10 @@ def fit(
 
 @torch.no_grad()
 def held_out_errors(field: fields.PDDF, samples: ShapeSamples) -> dict[str, Any]:
-    """Errors per sample type, field units. Source: [DDF22] table `dataablation`, which prints L1 times ten.
+    """Errors per sample type, in halves of the shape's longest side ([DDF22]'s unit), as its table `dataablation`.
 
     Returns:
-      depth_l1: mean |d_{i*} - d| over visible samples; depth_l1_x10: as printed in the paper. visibility_bce: mean over
+      depth_l1: mean |d_{i*} - d| over visible samples; depth_l1_x10: times ten, as printed. visibility_bce: mean over
       all samples, natural logarithm. normal_angle_deg_median, _p95: between normals over the visible U, A and B samples
       (the types that L_n covers; the truth is known to under 1 degree), and `normal_angle_deg` of each type.
     """
@@ -385,7 +398,7 @@ def held_out_errors(field: fields.PDDF, samples: ShapeSamples) -> dict[str, Any]
         chunks = [(p.to(place), v.to(place)) for p, v in zip(*points, strict=True)]
         raw = torch.cat([field(p, v) for p, v in chunks])
         visible = truth["visible"] > 0
-        error = (field.depth(raw).cpu() - truth["depth"])[visible].abs()
+        error = (field.depth(raw).cpu() - truth["depth"])[visible].abs() / samples.unit
         found["depth_l1"][kind] = _mean(error)
         found["depth_l1_x10"][kind] = 10 * _mean(error)
         logits = raw[:, fields.VISIBILITY_ROW].cpu()

@@ -40,7 +40,7 @@ class LoopConfig:
     threads: CPU threads of each process; part of the result (sums are ordered by it).
     matmul: how large products of matrices are made, around parameters and sums in float32. `tf32`: on a GPU with its
       ten-bit factors, convolutions too, on a CPU as float32. `bfloat16`: those between sine layers of the shape loss
-      (`passes`), the others in float32.
+      (`passes`) and those of Muon, the others in float32; on a processor without such products all in float32.
     ema: decay of a moving average of all weights and statistics, which is then the model that is saved; of early steps
       (1 + k) / (10 + k) where that is less, so that the start is forgotten. null for none, the paper's way.
     """
@@ -98,6 +98,8 @@ def prepare(config: LoopConfig, batch_size: int | None = None) -> None:
         distributed.part(batch_size)
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed)
+    if config.matmul == "bfloat16" and not passes.has_bfloat16(device()):
+        LOGGER.warning("this processor has no products of bfloat16: they are made in float32 (loop.matmul)")
     if device().type == "cpu":
         torch.use_deterministic_algorithms(True)
         # a step writes all that it reads
@@ -133,7 +135,7 @@ def fit(
     """
     first = distributed.rank() == 0
     distributed.share_batch_statistics(model)
-    optimiser = optimisers.Optimiser(model, groups, config.learning_rate, config.muon)
+    optimiser = optimisers.Optimiser(model, groups, config.learning_rate, config.muon, config.matmul)
     average = _average(model, config)
     start, rows = _resume(model, average, optimiser, out_dir, record["fingerprint"])
     distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")
