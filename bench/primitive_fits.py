@@ -1,11 +1,10 @@
 """Fields fitted to a sphere, a box and a torus against the closed forms: normals, mean and Gaussian curvature.
 
-Each is fitted as `ddf fit` does it (configs/fit.yaml), to a mesh of it, and asked along rays from outside that look at
-it. Errors are over the rays where field and closed form both see the surface, without grazing ones. A curvature's error
-is relative: that of the mean curvature to |κ1| + |κ2|, that of the Gaussian one to the larger κ². So 1 is 2/r and 1/r²
-on a sphere of radius r. A box has normals alone, measured away from its edges. It stands askew in its bounding box: a
-face that lies in a side of the field's own box is where rays from outside begin, and there a field is of two minds.
-`box, aligned` shows that.
+Each is fitted as `ddf fit --config configs/simple_fit.yaml` does it, to a mesh of it, and asked along rays from outside
+that look at it. Errors are over the rays where field and closed form both see the surface, without grazing ones. A
+curvature's error is relative: that of the mean curvature to |κ1| + |κ2|, that of the Gaussian one to the larger κ². So
+1 is 2/r and 1/r² on a sphere of radius r. A box has normals alone, measured away from its edges. It stands askew in its
+bounding box; the faces of `box, aligned` are those of its own, but for the margin of the fit.
 """
 
 import argparse
@@ -26,7 +25,7 @@ from torch import Tensor
 from ddf import checks, config, mesh_io, primitives, rays, shape_field, single_shape, stage
 
 NAME = "primitive_fits"
-CONFIG = Path("configs/fit.yaml")
+CONFIG = Path("configs/simple_fit.yaml")
 RAYS, DISTANCE = 20_000, 3.0  # rays start on a sphere of so many of the mesh's half diagonals
 STEEP = 0.2  # |n·v| from which on a ray does not graze: derivatives of an exact field grow as 1/|n·v|
 EDGE = 0.1  # of the box's longest half side: nearer to an edge a smooth field has to round it
@@ -132,7 +131,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Fit each shape and write the table; with --only, print the rows of some."""
     known = cases()
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, help="of each fit (default: that of configs/fit.yaml)")
+    parser.add_argument("--minutes", type=float, help="of each fit (default: that of configs/simple_fit.yaml)")
     _side_by_side.add_rows(parser, known)
     _side_by_side.add_options(parser)
     arguments = parser.parse_args(argv)

@@ -216,8 +216,19 @@ def _local(scene: raycast.Scene, seen: Views) -> np.ndarray:
     return np.concatenate((scene.local(seen.starts.numpy()), seen.directions.numpy()), axis=1).astype(np.float32)
 
 
-def fitted(mesh: mesh_io.Mesh) -> tuple[shape_field.ShapeField, siren.SineNetwork, dict[str, Any], dict[str, int]]:
-    """Both networks after equal time, and what their trainings were."""
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """Both networks after equal time, the mesh in their frame, and what their trainings were."""
+
+    shape: shape_field.ShapeField
+    network: siren.SineNetwork
+    mesh: mesh_io.Mesh
+    sizes: dict[str, Any]
+    steps: dict[str, int]
+
+
+def fitted(mesh: mesh_io.Mesh) -> Fitted:
+    """Train both."""
     section = config.load(CONFIG, "fit", single_shape.FitConfig)
     loop = dataclasses.replace(section.loop, threads=THREADS)
     section = dataclasses.replace(section, steps=None, minutes=TRAIN_SECONDS / 60, loop=loop)
@@ -227,15 +238,16 @@ def fitted(mesh: mesh_io.Mesh) -> tuple[shape_field.ShapeField, siren.SineNetwor
     shape.field.cpu()
     layout = siren.SineLayout(section.field.hidden, DISTANCE_OMEGA)
     rival = _sphere_tracing.DistanceConfig(layout, dataclasses.replace(loop, learning_rate=DISTANCE_RATE))
-    network, steps = _sphere_tracing.fit_distance(mesh, rival, TRAIN_SECONDS)
+    placed = mesh_io.Mesh(shape.field_from_mesh.apply(mesh.vertices), mesh.faces)
+    network, steps = _sphere_tracing.fit_distance(placed, rival, TRAIN_SECONDS)
     sizes = {"hidden": list(section.field.hidden), "train_seconds": TRAIN_SECONDS}
-    return shape, network, sizes, {"ddf_steps": result["steps"], "signed_distance_steps": steps}
+    return Fitted(shape, network, placed, sizes, {"ddf_steps": result["steps"], "signed_distance_steps": steps})
 
 
 def measure() -> list[dict[str, Any]]:
     """All rows, and the picture of growth."""
-    mesh = closed_shape(0)
-    shape, network, sizes, steps = fitted(mesh)
+    both = fitted(closed_shape(0))
+    shape, network, mesh = both.shape, both.network, both.mesh
     torch.set_num_threads(THREADS)
     torch.use_deterministic_algorithms(False)  # as in `ddf render`; training switches it on
     scene = raycast.Scene(mesh)
@@ -254,7 +266,7 @@ def measure() -> list[dict[str, Any]]:
             tracing_name(how): lambda depth: distance_normals(network, seen.starts, seen.directions, depth)
             for how in BUDGETS
         }
-        facts = {**sizes, "triangles": len(mesh.faces)}
+        facts = {**both.sizes, "triangles": len(mesh.faces)}
         rows = measured(candidates, COMPARED, seen, normals, facts)
     own, rival = rivals(rows)
     for row in rows:
@@ -272,7 +284,7 @@ def measure() -> list[dict[str, Any]]:
     rows += measured(everywhere, LARGEST, largest, {}, facts)
     by_faces = growing_mesh(mesh, seen, COMPARED)
     draw(by_size, by_faces, own)
-    return [{**row, **steps} for row in rows] + by_faces
+    return [{**row, **both.steps} for row in rows] + by_faces
 
 
 def draw(by_size: Sequence[dict[str, Any]], by_faces: Sequence[dict[str, Any]], own: dict[str, Any]) -> None:

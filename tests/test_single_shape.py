@@ -209,6 +209,8 @@ def test_file_holds_what_made_it(tmp_path):
         ({"minutes": float("nan")}, "fit.minutes must be > 0"),
         ({"steps": 0}, "fit.steps must be >= 1"),
         ({"batch": {"U": 1}}, "fit.batch must give each of E, U, A, B, S, T, O"),
+        ({"batch": {**TINY.batch, "O+": 1}}, r"may give U\+, A\+, B\+, S\+, T\+ >= 1"),
+        ({"batch": {**TINY.batch, "S+": 0}}, r"may give U\+, A\+, B\+, S\+, T\+ >= 1"),
         ({"epsilon_o": 2.0}, "epsilon_o must be in"),
     ],
 )
@@ -253,6 +255,19 @@ def test_a_left_out_type_gives_its_share_of_a_step_to_the_others():
     batch = samples.without("S").batch(fewer, np.random.default_rng(0))
     assert batch.positions.shape == (1, sum(fewer.values()), 3)
     assert batch.span("S", "S").start == batch.span("S", "S").stop
+
+
+def test_points_of_values_alone_are_of_their_type_and_go_with_it():
+    samples, _ = single_shape.draw_samples(cube(), TINY, TINY.samples, "train")
+    counts = {**dict.fromkeys(single_shape.losses.ORDER, 10), "S+": 300, "U+": 20}
+    batch = samples.batch(samples.batch_counts(counts), np.random.default_rng(0))
+    assert batch.positions.shape == (1, 390, 3)
+    assert batch.span("S+", "S+") == slice(90, 390)
+    stored = {tuple(row) for row in samples.arrays["S"]["positions"].tolist()}
+    assert all(tuple(row) in stored for row in batch.positions[0, 90:].tolist())
+    fewer = samples.without("S").batch_counts(counts)
+    assert "S" not in fewer and "S+" not in fewer
+    assert abs(sum(fewer.values()) - 390) <= 4
 
 
 def test_mesh_without_area_is_refused(tmp_path):

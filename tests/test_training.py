@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from ddf import checks, siren, storage, training
+from ddf import checks, passes, siren, storage, training
 
 CONFIG = training.LoopConfig(1e-2, "cosine", 3, 1.0, 1, 0, 4, 0.0)
 RECORD = {"fingerprint": "abc", "seed": 0}
@@ -177,3 +177,13 @@ def test_bad_config_is_refused():
         dataclasses.replace(CONFIG, muon=0.0)
     with pytest.raises(checks.InputError, match=r"train.loop.clip_norm"):
         dataclasses.replace(CONFIG, clip_norm=-1.0)
+
+
+@pytest.mark.parametrize("hardware", [True, False])
+def test_products_that_the_processor_lacks_are_said_to_be_made_otherwise(monkeypatch, caplog, hardware):
+    monkeypatch.setattr(passes, "has_bfloat16", lambda device: hardware)
+    training.prepare(dataclasses.replace(CONFIG, matmul="bfloat16"))
+    assert ("they are made in float32" in caplog.text) == (not hardware)
+    values = torch.zeros(1)
+    assert passes.product_type("bfloat16", values) == (torch.bfloat16 if hardware else torch.float32)
+    assert passes.product_type("float32", values) == torch.float32

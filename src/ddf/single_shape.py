@@ -45,6 +45,7 @@ THIN_BOX = (
     0.05  # a mesh thinner than this (of its longest side) is fitted in the cube: its own box has no room for rays
 )
 _CALIBRATION_SHARE, _CALIBRATION_STEPS = 0.03, 40  # of the budget, at most; and steps, at most
+_RESERVE = 0.03  # of the time left, for what a calibration does not see: checkpoints, a busier machine
 _WARM_UP_STEPS = 3  # of a calibration, not counted: allocation, first touches
 _LEAST_STEPS = 10
 _FLAT = 0.1  # share of a depth head's first weights that `start_flat` keeps
@@ -111,7 +112,8 @@ class FitConfig:
     steps, minutes: the budget; steps decides where both are given, minutes include sampling but not the held-out
       errors.
     samples, held_out: drawn per type, for training and for the errors.
-    batch: oriented points per type in a step, E the extra uniform ones.
+    batch: oriented points per type in a step, E the extra uniform ones; with + those of a type that are supervised by
+      depth and visibility alone, for less than half the cost (`losses.STORED_VALUES`, may be left out).
     epsilon_o: offset of O samples, field units.
     box: the shape's own box (a cube, where that is too thin) or the cube [-1, 1]^3.
     margin: room between the shape and the sides of the box, field units: the longest side of the shape is
@@ -141,8 +143,11 @@ class FitConfig:
     ablation: AblationConfig = _ABLATION
 
     def __post_init__(self) -> None:
-        if sorted(self.batch) != sorted(losses.ORDER) or min(self.batch.values()) < 1:
-            raise checks.InputError(f"fit.batch must give each of {', '.join(losses.ORDER)} >= 1; got {self.batch}")
+        must, may = losses.ORDER, losses.STORED_VALUES
+        if not set(must) <= set(self.batch) <= {*must, *may} or min(self.batch.values()) < 1:
+            raise checks.InputError(
+                f"fit.batch must give each of {', '.join(must)} >= 1, may give {', '.join(may)} >= 1; got {self.batch}"
+            )
         _check_budget("fit", self.steps, self.minutes)
         self.draw(self.box, self.samples, 0)
 
@@ -159,12 +164,13 @@ class FitConfig:
 
 DEFAULT = FitConfig(
     mesh=None,
-    field=fields.PDDFConfig((160, 160, 160, 160, 160), 2.0, 1.0, "softplus", 100.0),
+    field=fields.PDDFConfig((128, 128, 128, 128, 128), 2.0, 1.0, "softplus", 100.0),
     steps=None,
     minutes=2.0,
     samples=sampling.Counts(U=250_000, A=250_000, B=125_000, S=125_000, T=125_000, O=125_000),
     held_out=sampling.Counts(U=10_000, A=10_000, B=10_000, S=10_000, T=10_000, O=10_000),
-    batch={"U": 350, "A": 350, "B": 200, "S": 200, "T": 200, "O": 150, "E": 50},
+    batch={"U": 120, "A": 140, "B": 60, "S": 60, "T": 60, "O": 200, "E": 50}
+    | {"U+": 350, "A+": 500, "B+": 300, "S+": 550, "T+": 450},
     weights=losses.LossWeights(5.0, "mixture", 0.02, 1.0, 1.0, 0.1, 0.5, 0.01, 0.05, 0.0, 1.0),
     epsilon_o=0.05,
     box="tight",
@@ -196,12 +202,13 @@ class ShapeSamples:
         So a step sees as many supervised points whichever type is left out ([DDF22] app. `dataablation` keeps the
         number of samples; what a minibatch holds it does not say).
         """
-        whole = sum(counts[kind] for kind in losses.ORDER[1:])
-        kept = sum(counts[kind] for kind in self.arrays)
-        return {"E": counts["E"], **{kind: round(counts[kind] * whole / kept) for kind in self.arrays}}
+        supervised = {kind: count for kind, count in counts.items() if kind != "E"}
+        kept = {kind: count for kind, count in supervised.items() if _type_of(kind) in self.arrays}
+        share = sum(supervised.values()) / sum(kept.values())
+        return {"E": counts["E"], **{kind: round(count * share) for kind, count in kept.items()}}
 
     def batch(self, counts: Mapping[str, int], random: np.random.Generator) -> losses.SampleBatch:
-        """Random samples of each type that is there, with repetition, and `counts["E"]` uniform points of the box."""
+        """Random samples of each type in `counts`, with repetition, and `counts["E"]` uniform points of the box."""
         extra = counts["E"]
         position = random.uniform(self.lower, self.upper, (extra, 3)).astype(np.float32)
         direction = random.standard_normal((extra, 3)).astype(np.float32)
@@ -215,12 +222,17 @@ class ShapeSamples:
                 "normals": torch.zeros(extra, 3),
             }
         ]
-        for kind in [name for name in losses.ORDER if name in self.arrays]:
-            stored = self.arrays[kind]
+        for kind in [name for name in losses.STORED if name in counts]:
+            stored = self.arrays[_type_of(kind)]
             rows = torch.from_numpy(random.integers(0, len(stored["depth"]), counts[kind]))
             chosen.append({name: values[rows] for name, values in stored.items()})
         joined = {name: torch.cat([part[name] for part in chosen])[None] for name in chosen[0]}
         return losses.SampleBatch(**joined, counts=counts)
+
+
+def _type_of(kind: str) -> str:
+    """The sample type of an entry of a batch, such as U of U+."""
+    return kind.removesuffix("+")
 
 
 def draw_samples(
@@ -301,9 +313,13 @@ def _groups(field: fields.PDDF) -> list[dict[str, Any]]:
 
 
 def _plan(
-    field: fields.PDDF, samples: ShapeSamples, config: FitConfig, out_dir: Path, identity: str, spent: float
+    field: fields.PDDF, samples: ShapeSamples, config: FitConfig, out_dir: Path, identity: str, started: float
 ) -> int:
-    """Number of steps: as given, as an earlier run of the same fit decided, or what the rest of the minutes allows."""
+    """Number of steps: as given, as an earlier run of the same fit decided, or what the rest of the minutes allows.
+
+    Args:
+      started: when the minutes began, on the clock of `time.monotonic`.
+    """
     if config.steps is not None:
         return config.steps
     if config.minutes is None:
@@ -313,9 +329,9 @@ def _plan(
         plan = storage.read_json(path)
         if plan.get("fingerprint") == identity:
             return int(plan["steps"])
-    left = 60 * config.minutes - spent
     each = seconds_per_step(field, samples, config, 60 * config.minutes)
-    steps = max(_LEAST_STEPS, int((left - _CALIBRATION_SHARE * 60 * config.minutes) / each))
+    left = 60 * config.minutes - (time.monotonic() - started)
+    steps = max(_LEAST_STEPS, int((1 - _RESERVE) * left / each))
     storage.write_json(path, {"fingerprint": identity, "steps": steps, "seconds_per_step": each})
     return steps
 
@@ -350,7 +366,7 @@ def fit(
         start_flat(field, samples)
     content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
     identity = provenance.fingerprint([config.recipe(), content, without], (), "ddf.single_shape")
-    steps = _plan(field, samples, config, out_dir, identity, time.monotonic() - started)
+    steps = _plan(field, samples, config, out_dir, identity, started)
     fingerprint = provenance.fingerprint([identity, steps])
     record = {
         "fingerprint": fingerprint,
