@@ -39,6 +39,22 @@ GOLDEN_SHARE = (
 BLOCK_VALUES = {"cpu": 2**19, "cuda": 2**25}  # points times widest layer: what stays in a CPU's cache, fills a GPU
 
 
+def check_counts(name: str, counts: Mapping[str, int]) -> None:
+    """Raise unless the points per type of a step have every type, and perhaps some that are supervised alone.
+
+    Raises:
+      InputError: a type is missing, unknown or without points; `name` is the config's key.
+    """
+    if not set(ORDER) <= set(counts) <= {*ORDER, *STORED_VALUES} or min(counts.values()) < 1:
+        must, may = ", ".join(ORDER), ", ".join(STORED_VALUES)
+        raise checks.InputError(f"{name} must give each of {must} >= 1, may give {may} >= 1; got {counts}")
+
+
+def sample_type(kind: str) -> str:
+    """The sample type of an entry of `STORED`: U+ are U samples, of which no derivative is read."""
+    return kind.removesuffix("+")
+
+
 @dataclass(frozen=True)
 class LossWeights:
     """γ of every term, and ε_T, the transition speed that L_T asks for (the paper gives no value).

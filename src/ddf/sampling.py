@@ -268,7 +268,7 @@ def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, n
         raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
     scene = raycast.Scene(mesh)
     surface = surface_of(scene)
-    box = CUBE if config.box == "cube" else tight_box(mesh, config.margin)
+    box = box_of(mesh, config)
     streams = {kind: seeding.generator(config.seed, *names, kind) for kind, _ in config.counts.items()}
     drawn = {kind: draw(kind, surface, box, config, count, streams[kind]) for kind, count in config.counts.items()}
     packed, errors = _cast_and_pack(scene, drawn)
@@ -276,16 +276,18 @@ def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, n
     return {f"{kind}.{field}": values[part] for kind, part in parts for field, values in packed.items()}, errors
 
 
-def tight_box(mesh: Mesh, margin: float) -> Box:
-    """The shape's own box, wider on every side.
+def box_of(mesh: Mesh, config: SamplesConfig) -> Box:
+    """The box that a mesh's samples are drawn in.
 
     Raises:
-      InputError: it leaves the cube, so that points on its sides could not be stored.
+      InputError: the margin makes it leave the cube, so that points on its sides could not be stored.
     """
+    if config.box == "cube":
+        return CUBE
     lower, upper = mesh.box()
-    if max(-lower.min(), upper.max()) + margin > 1 + 1e-6:
-        raise checks.InputError(f"a margin of {margin} leaves [-1, 1]^3; the mesh spans {lower} to {upper}")
-    return Box(lower - margin, upper + margin)
+    if max(-lower.min(), upper.max()) + config.margin > 1 + 1e-6:
+        raise checks.InputError(f"a margin of {config.margin} leaves [-1, 1]^3; the mesh spans {lower} to {upper}")
+    return Box(lower - config.margin, upper + config.margin)
 
 
 def surface_of(scene: raycast.Scene) -> meshes.Surface:

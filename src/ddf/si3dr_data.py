@@ -182,7 +182,7 @@ class SampleSet:
         for wanted in losses.STORED:
             if not counts.get(wanted):
                 continue
-            kind = wanted.removesuffix("+")  # U+ are U samples, of which no derivative is read
+            kind = losses.sample_type(wanted)
             stored = tables[0][0][f"{kind}.depth"].shape[1]
             rows = random.integers(0, stored, (everyone, counts[wanted]))[part]
             chosen = {name: _gather(tables, name, rows) for name in (f"{kind}.{field}" for field in packing.FIELDS)}

@@ -95,10 +95,7 @@ class DDFConfig:
     muon: float | None = None
 
     def __post_init__(self) -> None:
-        known = {*losses.ORDER, *losses.STORED_VALUES}
-        if not set(losses.ORDER) <= set(self.counts) <= known or min(self.counts.values()) < 1:
-            must, may = ", ".join(losses.ORDER), ", ".join(losses.STORED_VALUES)
-            raise checks.InputError(f"ddf.counts must give each of {must} >= 1, may give {may} >= 1; got {self.counts}")
+        losses.check_counts("ddf.counts", self.counts)
         if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
             raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (mask_pixels or null)")
         for name in ("learning_rate", "muon"):

@@ -143,11 +143,7 @@ class FitConfig:
     ablation: AblationConfig = _ABLATION
 
     def __post_init__(self) -> None:
-        must, may = losses.ORDER, losses.STORED_VALUES
-        if not set(must) <= set(self.batch) <= {*must, *may} or min(self.batch.values()) < 1:
-            raise checks.InputError(
-                f"fit.batch must give each of {', '.join(must)} >= 1, may give {', '.join(may)} >= 1; got {self.batch}"
-            )
+        losses.check_counts("fit.batch", self.batch)
         _check_budget("fit", self.steps, self.minutes)
         self.draw(self.box, self.samples, 0)
 
@@ -203,7 +199,7 @@ class ShapeSamples:
         number of samples; what a minibatch holds it does not say).
         """
         supervised = {kind: count for kind, count in counts.items() if kind != "E"}
-        kept = {kind: count for kind, count in supervised.items() if _type_of(kind) in self.arrays}
+        kept = {kind: count for kind, count in supervised.items() if losses.sample_type(kind) in self.arrays}
         share = sum(supervised.values()) / sum(kept.values())
         return {"E": counts["E"], **{kind: round(count * share) for kind, count in kept.items()}}
 
@@ -223,16 +219,11 @@ class ShapeSamples:
             }
         ]
         for kind in [name for name in losses.STORED if name in counts]:
-            stored = self.arrays[_type_of(kind)]
+            stored = self.arrays[losses.sample_type(kind)]
             rows = torch.from_numpy(random.integers(0, len(stored["depth"]), counts[kind]))
             chosen.append({name: values[rows] for name, values in stored.items()})
         joined = {name: torch.cat([part[name] for part in chosen])[None] for name in chosen[0]}
         return losses.SampleBatch(**joined, counts=counts)
-
-
-def _type_of(kind: str) -> str:
-    """The sample type of an entry of a batch, such as U of U+."""
-    return kind.removesuffix("+")
 
 
 def draw_samples(
@@ -248,7 +239,8 @@ def draw_samples(
     mesh = mesh_io.Mesh(unit * mesh.vertices, mesh.faces)
     lower, upper = mesh.box()
     box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else config.box
-    packed, errors = sampling.extract(mesh, config.draw(box, counts, config.loop.seed), stream)
+    drawn = config.draw(box, counts, config.loop.seed)
+    packed, errors = sampling.extract(mesh, drawn, stream)
     arrays = {}
     for kind, _ in counts.items():
         samples = packing.decode({name: torch.from_numpy(values) for name, values in packed.items()}, kind)
@@ -260,8 +252,8 @@ def draw_samples(
             "depth": samples["depth"].masked_fill(~visible, 0.0),
             "normals": samples["normals"],
         }
-    side = sampling.CUBE if box == "cube" else sampling.tight_box(mesh, config.margin)
-    return ShapeSamples(arrays, side.lower.astype(np.float64), side.upper.astype(np.float64), unit), errors
+    sides = sampling.box_of(mesh, drawn)
+    return ShapeSamples(arrays, sides.lower.astype(np.float64), sides.upper.astype(np.float64), unit), errors
 
 
 @torch.no_grad()
