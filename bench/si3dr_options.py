@@ -51,11 +51,11 @@ TOLERANCE = 0.3  # relative; the number of steps depends on the moment
 # what is changed, by the row's name: the key in configs/cpu.yaml and its other value, the paper's where they differ
 TRAINED: Mapping[str, Mapping[str, Any]] = {
     "base": {},
-    "azimuth as sine and cosine": {"train.azimuth": "sincos"},
-    "AdamW alone": {"ddf.muon": None},
+    "azimuth as an angle": {"train.azimuth": "angle"},
+    "AdamW alone": {"train.loop.muon": None},
     "moving average of the weights": {"train.loop.ema": 0.999},
     "view consistency": {"ddf.weights.view_consistency": 10.0},
-    "depth loss of the mixture": {"ddf.weights.depth_of": "mixture"},
+    "depth loss of the heavier component": {"ddf.weights.depth_of": "chosen"},
     "squared depth loss": {"ddf.weights.depth_huber": None},
     "depth by ReLU": {"ddf.field.depth_activation": "relu"},
     "no points of values alone": {f"ddf.counts.{kind}+": _overrides.ABSENT for kind in "UAB"},

@@ -14,7 +14,7 @@ TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
 FIELD = fields.PDDFConfig((24, 16, 16), 3.0, 1.0, "softplus", 20.0)
 DDF = si3dr_training.DDFConfig(FIELD, 1, None, dict.fromkeys(losses.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20, None)
-PCSIREN = si3dr_training.PCSirenConfig((24, 16), 1.0, 1.0, 1, 8)
+PCSIREN = si3dr_training.PCSirenConfig((24, 16), 1.0, 1.0, 1, 8, 8)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 

@@ -28,7 +28,7 @@ PLACES = [(0, 0), (0, 1), (1, 0)]  # of the shapes: shard, and row in it
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
 FIELD = fields.PDDFConfig((12, 12), 3.0, 1.0, "softplus", 20.0)
 DDF = si3dr_training.DDFConfig(FIELD, 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.0, 16, 20, None)
-PCSIREN = si3dr_training.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50)
+PCSIREN = si3dr_training.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50, 70)
 CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 0.0, 0.0, (), None, 0.0, 0.05, 0.05, 1000)
 POINTCLOUDS = si3dr_inference.PointcloudsConfig(
     CLOUD, reconstruction.CorrectionConfig(2, 0.05, 16, reconstruction.CAMERA_NUMBERS), None, 60, 30, None, 2, 12, 0
@@ -183,6 +183,15 @@ def test_chamfer_loss_equals_the_double_loop():
     assert torch.autograd.gradcheck(lambda x: si3dr_training.chamfer_loss(x, b), (a,))
 
 
+def test_chamfer_loss_is_the_same_in_blocks(monkeypatch):
+    generator = torch.Generator().manual_seed(1)
+    a, b = torch.randn(3, 40, 3, generator=generator), torch.randn(3, 90, 3, generator=generator)
+    whole = si3dr_training.chamfer_loss(a, b)
+    for block in (1, 40 * 7, 40 * 90, 2 * 40 * 90):  # a column, seven, a shape, two shapes at a time
+        monkeypatch.setitem(losses.BLOCK_VALUES, "cpu", block)
+        assert si3dr_training.chamfer_loss(a, b) == whole
+
+
 def test_training_views_never_show_a_test_view():
     entries = (shapenet.ShapeEntry("a", (0, 1, 2, 3, 4), ()), shapenet.ShapeEntry("b", (0, 1), (2, 3, 4)))
     unseen = shapenet.ShapeEntry("c", (), (0, 1, 2, 3, 4))
@@ -255,7 +264,7 @@ def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():
         (TRAIN, {"train_views": 25}, r"train.train_views must be in 1..24 or null; got 25"),
         (DDF, {"counts": {"U": 3}}, "ddf.counts must give each of E, U, A, B, S, T, O"),
         (DDF, {"mask_pixels": 0}, "ddf.mask_pixels must be >= 1"),
-        (PCSIREN, {"points": 0}, "pcsiren.points must be >= 1; got 5, 0"),
+        (PCSIREN, {"points": 0}, "pcsiren.points must be >= 1; got 0"),
         (POINTCLOUDS, {"small": 61}, "1 <= small <= large; got 61 and 60"),
     ],
 )

@@ -32,7 +32,7 @@ def test_every_row_changes_its_keys_and_nothing_else(name):
 def test_row_that_changes_nothing_is_refused(monkeypatch):
     same = {"train.azimuth": BASE.train.azimuth}
     monkeypatch.setattr(si3dr_options, "OPTIONS", {"same": same})
-    with pytest.raises(checks.InputError, match=r"train\.azimuth is angle already"):
+    with pytest.raises(checks.InputError, match=r"train\.azimuth is sincos already"):
         si3dr_options.Settings.of("same", 0)
 
 

@@ -33,10 +33,13 @@ DOUBLED_DEPTH = (("U", "A"), ("U+", "A+"), ("P", "P"))
 COVERED = {"supervised": GROUND_TRUTH, "normals": NORMALS, "eikonal": EIKONAL, "transition": TRANSITION}
 WEIGHTED = ("depth", "visibility", "normals", "weight_variance", "transition", "visibility_variance")
 TERMS = (*WEIGHTED, "eikonal")
-GOLDEN_SHARE = (
-    0.6180339887  # of the way to the surface, times 1, 2, 3, ... without the whole: spread evenly over (0, 1)
-)
-BLOCK_VALUES = {"cpu": 2**19, "cuda": 2**25}  # points times widest layer: what stays in a CPU's cache, fills a GPU
+GOLDEN_SHARE = 0.6180339887  # the fractions of its multiples are spread evenly over (0, 1)
+BLOCK_VALUES = {"cpu": 2**19, "cuda": 2**25}  # values of a block: what stays in a CPU's cache, fills a GPU
+
+
+def block_values(device: torch.device) -> int:
+    """How many values, such as points times the widest layer, are worked on at a time."""
+    return BLOCK_VALUES.get(device.type, BLOCK_VALUES["cuda"])
 
 
 def check_counts(name: str, counts: Mapping[str, int]) -> None:
@@ -303,7 +306,7 @@ class _ShapeLoss(torch.autograd.Function):
 def _block_points(field: PDDF) -> int:
     """Points in a block."""
     weight = field.network.head.weight
-    return max(1, BLOCK_VALUES.get(weight.device.type, BLOCK_VALUES["cuda"]) // max(field.config.hidden))
+    return max(1, block_values(weight.device) // max(field.config.hidden))
 
 
 def _block_loss(
