@@ -52,7 +52,7 @@ TOLERANCE = 0.3  # relative; the number of steps depends on the moment
 TRAINED: Mapping[str, Mapping[str, Any]] = {
     "base": {},
     "azimuth as an angle": {"train.azimuth": "angle"},
-    "AdamW alone": {"train.loop.muon": None},
+    "AdamW alone": {"ddf.muon": None},
     "moving average of the weights": {"train.loop.ema": 0.999},
     "view consistency": {"ddf.weights.view_consistency": 10.0},
     "depth loss of the heavier component": {"ddf.weights.depth_of": "chosen"},

@@ -116,6 +116,17 @@ def test_mean_over_images_and_standard_error():
     assert tuple(evaluation.summary(table, none, none[["category"]]).columns) == evaluation.TABLE_FIELDS
 
 
+def test_share_of_cameras_in_another_basin():
+    errors = {"azimuth_error_deg": [1.0, 45.0, 45.1, 180.0], "elevation_error_deg": 0.0, "radius_error": 0.0}
+    camera_table = pd.DataFrame(
+        {"category": "chair", "method": "ddf", "column": "Pi_pred", **errors, "scale_error_percent": 0.0}
+    )
+    none = pd.DataFrame(columns=["category", "method", "column"])
+    means = evaluation.summary(none, camera_table, none[["category"]]).set_index("metric")
+    assert means.loc["azimuth_far_x100", "value"] == 50.0 and means.loc["azimuth_far_x100", "images"] == 4
+    assert means.loc["azimuth_error_deg_median", "value"] == pytest.approx(45.05)
+
+
 def test_camera_errors_in_closed_form(experiment):
     ddf, pc_siren, _ = _load(experiment)
     errors = evaluation.camera_errors("ddf", ddf).set_index("column")

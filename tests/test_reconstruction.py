@@ -5,7 +5,7 @@ import pytest
 import torch
 import torchvision
 
-from ddf import cameras, checks, fields, reconstruction, rendering, siren, transforms
+from ddf import cameras, checks, fields, reconstruction, rendering, si3dr_inference, siren, transforms
 
 PAPER_FIELD = fields.PDDFConfig((512, 512, 512, 256, 256, 256, 256), 1.0, 1.0, "relu", 1.0)
 SMALL_FIELD = fields.PDDFConfig((24, 24), 2.0, 1.0, "softplus", 20.0)
@@ -107,6 +107,24 @@ def test_correction_turns_back_an_azimuth_past_the_end(azimuth):
     config = reconstruction.CorrectionConfig(40, 0.02, 32, ("azimuth",))
     found = reconstruction.correct_camera(model, torch.zeros(1, 4), start, scale, image["visibility"][None], config)
     assert abs(float(found[0, 0]) - 2 * math.pi - 0.05) < 0.01
+
+
+def test_of_several_starts_the_best_mask_stays():
+    """The ball stands off the centre; from behind, the descent moves away from it as from a hill."""
+    model = reconstruction.DDFModel(SMALL_FIELD, 4, 8)
+    model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.65], [6.2, 0.53, 0.95], [3.0, 0.5, 0.8]]))
+    model.decoder.field = _BallField(torch.tensor([0.5, 0.0, 0.2]), 0.3)
+    truth, scale = _camera(1.0, 0.48, 0.8), torch.tensor([2.5])
+    image, _ = rendering.render(model.decoder.field, None, truth[0], scale[0], 32, ["visibility"])
+    given = (model, torch.zeros(1, 4), _camera(1.2 + math.pi, 0.48, 0.8), scale, image["visibility"][None])
+    config = reconstruction.CorrectionConfig(40, 0.02, 32, ("azimuth",))
+    once, turned, both = (
+        si3dr_inference.correct_from_turns(*given, config, turns) for turns in ([0.0], [180.0], [0.0, 180.0])
+    )
+    torch.testing.assert_close(once, reconstruction.correct_camera(*given, config))
+    assert abs(math.remainder(float(once[0, 0]) - 1.0, 2 * math.pi)) > 1
+    assert abs(math.remainder(float(both[0, 0]) - 1.0, 2 * math.pi)) < 0.01
+    assert torch.equal(both, turned)
 
 
 def test_rendered_ball_has_the_analytic_silhouette():

@@ -31,7 +31,16 @@ DDF = si3dr_training.DDFConfig(FIELD, 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.
 PCSIREN = si3dr_training.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50, 70)
 CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 0.0, 0.0, (), None, 0.0, 0.05, 0.05, 1000)
 POINTCLOUDS = si3dr_inference.PointcloudsConfig(
-    CLOUD, reconstruction.CorrectionConfig(2, 0.05, 16, reconstruction.CAMERA_NUMBERS), None, 60, 30, None, 2, 12, 0
+    CLOUD,
+    reconstruction.CorrectionConfig(2, 0.05, 16, reconstruction.CAMERA_NUMBERS),
+    (0.0,),
+    None,
+    60,
+    30,
+    None,
+    2,
+    12,
+    0,
 )
 
 
@@ -265,6 +274,7 @@ def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():
         (DDF, {"counts": {"U": 3}}, "ddf.counts must give each of E, U, A, B, S, T, O"),
         (DDF, {"mask_pixels": 0}, "ddf.mask_pixels must be >= 1"),
         (PCSIREN, {"points": 0}, "pcsiren.points must be >= 1; got 0"),
+        (POINTCLOUDS, {"correction_turns": ()}, r"pointclouds.correction_turns must list degrees.*got \[\]"),
         (POINTCLOUDS, {"small": 61}, "1 <= small <= large; got 61 and 60"),
     ],
 )

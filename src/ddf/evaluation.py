@@ -32,6 +32,7 @@ SCALED_METRICS = {
     "recall_tau_x100": ("recall_tau", 100.0),
     "spacing_variation": ("spacing_variation", 1.0),
 }
+FAR_AZIMUTH_DEG = 45.0  # a camera so far off lies in another basin of the mask's loss
 TRUTH = ("truth", "test shapes")  # method and column of what the long table says of the true clouds
 TRUTH_METRICS = {"hidden_share_percent": ("hidden_share", 100.0), "spacing_variation": ("spacing_variation", 1.0)}
 TABLE_FIELDS = ("category", "method", "column", "metric", "value", "images", "seeds", "spread", "source")
@@ -264,8 +265,8 @@ def camera_errors(method: str, predictions: Predictions) -> pd.DataFrame:
 
 
 def summary(per_image: pd.DataFrame, camera_table: pd.DataFrame, shapes: pd.DataFrame) -> pd.DataFrame:
-    """The long table: means of scores over images, medians of camera errors, and of the true clouds the share of hidden
-    points and the variation of the spacing.
+    """The long table: means of scores over images, medians of camera errors and the share of cameras in another basin,
+    and of the true clouds the share of hidden points and the variation of the spacing.
 
     `spread` is the standard error over images (one seed was trained; it says nothing about other seeds).
     """
@@ -278,6 +279,8 @@ def summary(per_image: pd.DataFrame, camera_table: pd.DataFrame, shapes: pd.Data
         for name in ("azimuth_error_deg", "elevation_error_deg", "radius_error", "scale_error_percent"):
             values = group[name].to_numpy(dtype=np.float64)
             rows.append((category, method, column, f"{name}_median", np.median(values), len(values), 1, np.nan))
+        far = 100.0 * (group["azimuth_error_deg"].to_numpy(dtype=np.float64) > FAR_AZIMUTH_DEG)
+        rows.append((category, method, column, "azimuth_far_x100", far.mean(), len(far), 1, _standard_error(far)))
     for category, group in shapes.groupby("category", sort=False):
         for metric, (name, factor) in TRUTH_METRICS.items():
             values = factor * group[name].to_numpy(dtype=np.float64)

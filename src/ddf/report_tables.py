@@ -184,11 +184,12 @@ def baseline_table(table: pd.DataFrame, categories: Sequence[str], caption: str)
 
 
 def camera_table(table: pd.DataFrame, categories: Sequence[str], caption: str) -> Table:
-    """Median errors of predicted and corrected cameras and of the estimated scale."""
+    """Median errors of predicted and corrected cameras and of the estimated scale; how many cameras are far off."""
     scores = Scores(table, evaluation.MEASURED)
     heads = [(evaluation.DDF, "Pi_pred"), (evaluation.DDF, "Pi_corrected"), (evaluation.PC_SIREN, "Pi_pred")]
     metrics = {
         "azimuth_error_deg_median": 1,
+        "azimuth_far_x100": 0,
         "elevation_error_deg_median": 2,
         "radius_error_median": 3,
         "scale_error_percent_median": 1,
@@ -200,5 +201,6 @@ def camera_table(table: pd.DataFrame, categories: Sequence[str], caption: str) -
             label = f"{METHOD_LABELS[head[0]]}, {CAMERA_LABELS[head[1]]}"
             counts = scores.images(category, [head], next(iter(metrics)))
             rows.append([category if head == heads[0] else "", label, str(counts[0]) if counts else NOTHING, *texts])
-    header = ["", "", "images", "azimuth, degrees", "elevation, degrees", "radius, benchmark units", "scale, %"]
+    far = f"azimuth > {evaluation.FAR_AZIMUTH_DEG:.0f}°, % of images"
+    header = ["", "", "images", "azimuth, degrees", far, "elevation, degrees", "radius, benchmark units", "scale, %"]
     return Table(caption, [("", len(header), False)], header, rows, labels=2, rule_every=len(heads))

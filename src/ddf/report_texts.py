@@ -60,7 +60,8 @@ times. Bold: the better of one cycle and {cycles}.
 """
 CAMERAS: Final = """
 Median absolute errors over test images of the predicted cameras, before (Π̂) and after (Π̂<sub>∇</sub>) the
-correction by the mask, and of the scale estimated from the diagonal of the predicted cloud.
+correction by the mask, and of the scale estimated from the diagonal of the predicted cloud; and the share of images
+whose azimuth is so far off that the descent ends in another basin.
 """
 CAMERA_CURVES: Final = "Share of test images whose azimuth error is at most so large."
 SCATTER: Final = """

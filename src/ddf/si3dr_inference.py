@@ -4,6 +4,7 @@ Clouds are in the field frame. `scale` maps the field to the v1 frame: the truth
 as 1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] app. E).
 """
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,6 +26,8 @@ CORRECTION_BATCH = 16  # a step of the correction keeps what its gradient needs 
 class PointcloudsConfig:
     """Section `pointclouds`.
 
+    correction_turns: degrees, in front of a correction, by which the predicted azimuth is turned; of several starts the
+    camera with the least L_M stays (`correct_from_turns`). [0] is the paper's way.
     scale_quantile: of the DDF, see `scale_from_cycles`; null for `scale_from_cloud`, the paper's way.
     large, small: L and S, points of the two clouds (5,000 and 2,466 in the paper). test_views: views per test shape
     that are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered
@@ -33,6 +36,7 @@ class PointcloudsConfig:
 
     cloud: pointclouds.CloudConfig
     correction: reconstruction.CorrectionConfig
+    correction_turns: tuple[float, ...]
     scale_quantile: float | None
     large: int
     small: int
@@ -42,6 +46,11 @@ class PointcloudsConfig:
     seed: int
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "correction_turns", tuple(self.correction_turns))
+        if not self.correction_turns or not np.isfinite(self.correction_turns).all():
+            raise checks.InputError(
+                f"pointclouds.correction_turns must list degrees, [0] for one start; got {list(self.correction_turns)}"
+            )
         if not 1 <= self.small <= self.large:
             raise checks.InputError(f"pointclouds needs 1 <= small <= large; got {self.small} and {self.large}")
         if self.scale_quantile is not None and not 0 <= self.scale_quantile < 0.5:
@@ -202,10 +211,39 @@ def _correct_cameras(
         alpha = images.alpha(rows, config.correction.mask_size).to(latents.device)
         index = torch.from_numpy(rows)
         field_scale = (1 / scale[index]).to(latents.device)
-        corrected.append(
-            reconstruction.correct_camera(model, latents[index], cameras[index], field_scale, alpha, config.correction)
-        )
+        given = (model, latents[index], cameras[index], field_scale, alpha)
+        corrected.append(correct_from_turns(*given, config.correction, config.correction_turns))
     return torch.cat(corrected)
+
+
+def correct_from_turns(
+    model: reconstruction.DDFModel,
+    latent: Float[Tensor, "b z"],
+    camera: Float[Tensor, "b 3"],
+    field_scale: Float[Tensor, "b"],
+    alpha: Float[Tensor, "b size size"],
+    config: reconstruction.CorrectionConfig,
+    turns: Sequence[float],
+) -> Float[Tensor, "b 3"]:
+    """Π̂_∇ of one descent per turn of the azimuth: the camera of the least L_M, the first of equal ones.
+
+    The descent stays in the basin where it starts; seen from behind, many shapes have nearly the same mask. Derived
+    here: the paper starts once, at Π̂. Costs one `reconstruction.correct_camera` per turn.
+
+    Args:
+      turns: degrees that are added to the azimuth of `camera`.
+    """
+    best, least = camera, torch.full_like(field_scale, torch.inf)
+    for turn in turns:
+        start = torch.cat((camera[:, :1] + math.radians(turn), camera[:, 1:]), dim=1)
+        found = reconstruction.correct_camera(model, latent, start, field_scale, alpha, config)
+        if len(turns) == 1:
+            return found
+        with torch.no_grad():
+            loss = reconstruction.mask_loss(model.field, model.modulations(latent), found, field_scale, alpha)
+        better = loss < least
+        best, least = torch.where(better[:, None], found, best), torch.where(better, loss, least)
+    return best
 
 
 def _renders(
