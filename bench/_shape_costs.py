@@ -102,7 +102,8 @@ def reconstruct(config_path: Path) -> dict[str, Any]:
     some = dataclasses.replace(section.correction, steps=CORRECTION_STEPS)
     _, latents, predicted = si3dr_inference.encode(model, images)
     alpha, scale = images.alpha(np.zeros(1, dtype=int), some.mask_size), torch.ones(1)
-    _, spent = timed(lambda: reconstruction.correct_camera(model, latents, predicted, scale, alpha, some))
+    modulations = [m.detach() for m in model.modulations(latents)]
+    _, spent = timed(lambda: reconstruction.correct_camera(model, modulations, predicted, scale, alpha, some))
     step = spent / CORRECTION_STEPS
     _, spent = timed(lambda: si3dr_inference.reconstruct_ddf(model, images, few, ""))
     cloud = (spent - step) / CLOUD_POINTS

@@ -37,7 +37,7 @@ SMALL = {  # of cpu.yaml, so that 300 shapes take a minute or two; shards and ev
     "train": {"train_views": None},
     "ddf": {"steps": 3},
     "pcsiren": {"steps": 3},
-    "pointclouds": {"large": 500, "small": 250, "test_views": 1, "rendered": 2, "correction_turns": [0]},
+    "pointclouds": {"large": 500, "small": 250, "test_views": 1, "rendered": 2},
     "evaluate": {"oracle_points": 250},
 }
 MACHINES = {"2 cores": 2, "64 cores": 64}

@@ -52,7 +52,8 @@ TOLERANCE = 0.3  # relative; the number of steps depends on the moment
 TRAINED: Mapping[str, Mapping[str, Any]] = {
     "base": {},
     "azimuth as an angle": {"train.azimuth": "angle"},
-    "AdamW alone": {"ddf.muon": None},
+    "AdamW alone": {"ddf.muon": None, "train.loop.muon": None, "train.loop.muon_kernels": None},
+    "AdamW for the encoders": {"train.loop.muon_kernels": None},
     "moving average of the weights": {"train.loop.ema": 0.999},
     "view consistency": {"ddf.weights.view_consistency": 10.0},
     "depth loss of the heavier component": {"ddf.weights.depth_of": "chosen"},
@@ -73,6 +74,7 @@ DRAWN: Mapping[str, Mapping[str, Any]] = {
     "128 directions": {"pointclouds.cloud.num_directions": 128},
     "one cycle": {"pointclouds.cloud.cycles": 1},
     "scale of the cloud's box": {"pointclouds.scale_quantile": None},
+    "correction from two sides": {"pointclouds.correction_turns": [0, 180]},
     "radius free in the correction": {"pointclouds.correction.free": list(reconstruction.CAMERA_NUMBERS)},
 }
 OPTIONS = TRAINED | DRAWN

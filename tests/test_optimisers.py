@@ -4,27 +4,29 @@ import torch
 from ddf import optimisers, passes, siren
 
 
-class Decoder(torch.nn.Module):
+class Model(torch.nn.Module):
     def __init__(self):
         super().__init__()
+        self.encoder = torch.nn.Conv2d(3, 4, kernel_size=2)
         self.network = siren.SineNetwork(3, siren.SineLayout((6, 5, 4)), 2)
         self.modulator = siren.Modulator(4, (6, 5, 4))
 
 
 def _model():
     torch.manual_seed(0)
-    return Decoder()
+    return Model()
 
 
 def _loss(model, step=0):
     generator = torch.Generator().manual_seed(step)
-    points, latent = torch.rand((2, 7, 3), generator=generator), torch.rand((2, 4), generator=generator)
+    points, images = torch.rand((6, 7, 3), generator=generator), torch.rand((6, 3, 2, 2), generator=generator)
+    latent = model.encoder(images)[..., 0, 0]
     return model.network(points, model.modulator(latent)).square().mean()
 
 
-def _optimiser(model, muon, weight_decay=0.0):
+def _optimiser(model, muon, muon_kernels=None, weight_decay=0.0):
     groups = [{"params": list(model.parameters()), "weight_decay": weight_decay}]
-    return optimisers.Optimiser(model, groups, 1e-2, muon)
+    return optimisers.Optimiser(model, groups, 1e-2, muon, muon_kernels)
 
 
 def _steps(model, optimiser, steps):
@@ -42,18 +44,19 @@ def test_hidden_matrices_are_all_but_first_layers_heads_and_biases():
     assert names == of_network | {f"modulator.layers.{layer}.weight" for layer in (0, 1, 2)}
 
 
-def test_step_of_a_hidden_matrix_is_orthogonal_and_as_long_as_asked():
+@pytest.mark.parametrize("name", ["network.layers.1.weight", "encoder.weight"])
+def test_step_of_a_matrix_and_of_a_kernel_is_orthogonal_and_as_long_as_asked(name):
     """Muon's first step is the rate times U V^T of the gradient, within the error of its iteration."""
     model = _model()
     before = {name: value.detach().clone() for name, value in model.named_parameters()}
-    optimiser = _optimiser(model, 0.02)
+    optimiser = _optimiser(model, 0.02, 0.02)
     _steps(model, optimiser, [0])
-    weight = model.network.layers[1].weight
-    moved = weight.detach() - before["network.layers.1.weight"]
+    weight = model.get_parameter(name)
+    moved = (weight.detach() - before[name]).flatten(1)
     singular = torch.linalg.svdvals(moved.double())
-    assert 0.02 * 0.4 < float(singular.min()) <= float(singular.max()) < 0.02 * 1.3
+    assert 0.02 * 0.2 < float(singular.min()) <= float(singular.max()) < 0.02 * 1.3
     assert weight.grad is not None
-    left, _, right = torch.linalg.svd(weight.grad.double(), full_matrices=False)
+    left, _, right = torch.linalg.svd(weight.grad.flatten(1).double(), full_matrices=False)
     nearest = -(left @ right)
     alike = float((moved.double() * nearest).sum() / (moved.norm() * nearest.norm()))
     assert alike > 0.9
@@ -86,7 +89,7 @@ def test_muon_keeps_float32_where_asked_and_where_there_is_nothing_else(monkeypa
     assert not torch.equal(found["float32", True], found["bfloat16", True])
 
 
-@pytest.mark.parametrize("shape", [(7, 7), (9, 4), (4, 9)])
+@pytest.mark.parametrize("shape", [(7, 7), (7, 4), (4, 7), (9, 4), (4, 9)])
 def test_nearest_orthogonal(shape):
     """Singular vectors stay, singular values come near 1; with the coefficients that converge they become 1."""
     matrix = torch.randn(shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
@@ -101,7 +104,7 @@ def test_nearest_orthogonal(shape):
 
 def test_without_muon_it_is_adamw():
     model, other = _model(), _model()
-    _steps(model, _optimiser(model, None, 0.1), range(5))
+    _steps(model, _optimiser(model, None, weight_decay=0.1), range(5))
     adamw = torch.optim.AdamW(other.parameters(), lr=1e-2, weight_decay=0.1, fused=True)
     _steps(other, adamw, range(5))
     for one, two in zip(model.parameters(), other.parameters(), strict=True):
@@ -110,20 +113,20 @@ def test_without_muon_it_is_adamw():
 
 def test_model_without_hidden_matrices_has_no_muon():
     model = torch.nn.Linear(3, 2)
-    optimiser = optimisers.Optimiser(model, [{"params": list(model.parameters())}], 1e-2, 0.02)
+    optimiser = optimisers.Optimiser(model, [{"params": list(model.parameters())}], 1e-2, 0.02, 0.02)
     model(torch.ones(1, 3)).sum().backward()
     optimiser.step()
     assert {name.partition(".")[0] for name, _ in optimiser.tensors()} == {"optimiser"}
 
 
-@pytest.mark.parametrize("muon", [None, 0.02])
-def test_state_goes_on_where_it_was(muon):
+@pytest.mark.parametrize(("muon", "kernels"), [(None, None), (0.02, None), (None, 0.02), (0.02, 0.01)])
+def test_state_goes_on_where_it_was(muon, kernels):
     model, other = _model(), _model()
-    optimiser = _optimiser(model, muon)
+    optimiser = _optimiser(model, muon, kernels)
     _steps(model, optimiser, range(6))
-    first = _optimiser(other, muon)
+    first = _optimiser(other, muon, kernels)
     _steps(other, first, range(3))
-    second = _optimiser(other, muon)
+    second = _optimiser(other, muon, kernels)
     second.load({name: value.clone() for name, value in first.tensors()} | {"model.weight": torch.ones(1)})
     _steps(other, second, range(3, 6))
     for one, two in zip(model.parameters(), other.parameters(), strict=True):
@@ -140,6 +143,20 @@ def test_rate_keeps_the_ratio_of_the_two():
     assert 0.002 * 0.5 < float(torch.linalg.svdvals(moved.double()).max()) < 0.002 * 1.3
     moved = model.network.head.bias.detach() - before["network.head.bias"]
     torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-3), rtol=1e-3, atol=0)
+
+
+def test_matrices_and_kernels_have_rates_of_their_own():
+    """AdamW's first step is its rate in every entry; what Muon takes is no longer its."""
+    for muon, kernels in ((None, 0.02), (0.02, None), (0.02, 0.01)):
+        model = _model()
+        before = {name: value.detach().clone() for name, value in model.named_parameters()}
+        _steps(model, _optimiser(model, muon, kernels), [0])
+        for name, rate in (("network.layers.1.weight", muon), ("encoder.weight", kernels)):
+            moved = (model.get_parameter(name).detach() - before[name]).flatten(1)
+            if rate is None:
+                torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-2), rtol=1e-3, atol=0)
+            else:
+                assert rate * 0.6 < float(torch.linalg.svdvals(moved.double()).max()) < rate * 1.3
 
 
 def test_weight_decay_of_a_group_goes_with_its_matrices():

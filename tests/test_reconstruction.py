@@ -105,7 +105,7 @@ def test_correction_turns_back_an_azimuth_past_the_end(azimuth):
     truth, start, scale = _camera(0.05, 0.48, 0.8), _camera(2 * math.pi - 0.1, 0.48, 0.8), torch.tensor([2.5])
     image, _ = rendering.render(model.decoder.field, None, truth[0], scale[0], 32, ["visibility"])
     config = reconstruction.CorrectionConfig(40, 0.02, 32, ("azimuth",))
-    found = reconstruction.correct_camera(model, torch.zeros(1, 4), start, scale, image["visibility"][None], config)
+    found, _ = reconstruction.correct_camera(model, [], start, scale, image["visibility"][None], config)
     assert abs(float(found[0, 0]) - 2 * math.pi - 0.05) < 0.01
 
 
@@ -116,12 +116,12 @@ def test_of_several_starts_the_best_mask_stays():
     model.decoder.field = _BallField(torch.tensor([0.5, 0.0, 0.2]), 0.3)
     truth, scale = _camera(1.0, 0.48, 0.8), torch.tensor([2.5])
     image, _ = rendering.render(model.decoder.field, None, truth[0], scale[0], 32, ["visibility"])
-    given = (model, torch.zeros(1, 4), _camera(1.2 + math.pi, 0.48, 0.8), scale, image["visibility"][None])
+    given = (model, [], _camera(1.2 + math.pi, 0.48, 0.8), scale, image["visibility"][None])
     config = reconstruction.CorrectionConfig(40, 0.02, 32, ("azimuth",))
     once, turned, both = (
         si3dr_inference.correct_from_turns(*given, config, turns) for turns in ([0.0], [180.0], [0.0, 180.0])
     )
-    torch.testing.assert_close(once, reconstruction.correct_camera(*given, config))
+    torch.testing.assert_close(once, reconstruction.correct_camera(*given, config)[0])
     assert abs(math.remainder(float(once[0, 0]) - 1.0, 2 * math.pi)) > 1
     assert abs(math.remainder(float(both[0, 0]) - 1.0, 2 * math.pi)) < 0.01
     assert torch.equal(both, turned)
@@ -185,14 +185,14 @@ def test_correction_finds_the_radius_of_a_ball():
     truth, start, scale = _camera(1.0, 0.48, 0.72), _camera(1.0, 0.48, 0.9), torch.tensor([2.5])
     image, _ = rendering.render(_BallField(), None, truth[0], scale[0], 32, ["visibility"])
     config = reconstruction.CorrectionConfig(60, 0.1, 32, reconstruction.CAMERA_NUMBERS)
-    found = reconstruction.correct_camera(model, torch.zeros(1, 4), start, scale, image["visibility"][None], config)
+    mask = image["visibility"][None]
+    found, loss = reconstruction.correct_camera(model, [], start, scale, mask, config)
     assert abs(float(found[0, 2]) - 0.72) < 0.005
-    same = reconstruction.correct_camera(
-        model, torch.zeros(1, 4), start, scale, image["visibility"][None], dataclasses.replace(config, steps=0)
-    )
+    torch.testing.assert_close(loss, reconstruction.mask_loss(model.field, [], found, scale, mask))
+    same, _ = reconstruction.correct_camera(model, [], start, scale, mask, dataclasses.replace(config, steps=0))
     torch.testing.assert_close(same, start)
     angles = dataclasses.replace(config, steps=5, free=("azimuth", "elevation"))
-    turned = reconstruction.correct_camera(model, torch.zeros(1, 4), start, scale, image["visibility"][None], angles)
+    turned, _ = reconstruction.correct_camera(model, [], start, scale, mask, angles)
     assert float(turned[0, 2]) == pytest.approx(float(start[0, 2]))  # a radius that is not free stays
 
 

@@ -175,6 +175,8 @@ def test_bad_config_is_refused():
         dataclasses.replace(CONFIG, ema=1.0)
     with pytest.raises(checks.InputError, match=r"train.loop.muon must be > 0, or null; got 0"):
         dataclasses.replace(CONFIG, muon=0.0)
+    with pytest.raises(checks.InputError, match=r"train.loop.muon_kernels must be > 0, or null; got -1"):
+        dataclasses.replace(CONFIG, muon_kernels=-1.0)
     with pytest.raises(checks.InputError, match=r"train.loop.clip_norm"):
         dataclasses.replace(CONFIG, clip_norm=-1.0)
 

@@ -246,10 +246,10 @@ def _correction(dtype: torch.dtype) -> case.Outcome:
         torch.tensor([0.6], dtype=dtype),
         reconstruction.CorrectionConfig(3, 0.1, 8, ("azimuth", "radius")),
     )
-    found = []
+    modulations, found = model.modulations(torch.zeros(1, 2, dtype=dtype)), []
     for alpha in (0.0, 1.0):
         mask = torch.full((1, 8, 8), alpha, dtype=dtype)
-        corrected = reconstruction.correct_camera(model, torch.zeros(1, 2, dtype=dtype), camera, scale, mask, settings)
+        corrected, _ = reconstruction.correct_camera(model, modulations, camera, scale, mask, settings)
         found.append(case.close(corrected, camera, 2 * case.step(dtype)))
     return case.worst(*found)
 

@@ -1,7 +1,8 @@
-"""AdamW, and Muon for the matrices between hidden layers: one handle for both.
+"""AdamW, and Muon for the matrices between hidden layers and for the kernels of convolutions: one handle for all.
 
 Muon (Jordan et al. 2024) moves a matrix by the nearest orthogonal one to the average of its gradients, so that no
-direction waits for another. AdamW keeps what is no such matrix: first layers, heads, biases, encoders.
+direction waits for another; a kernel is a matrix of one row per output channel. AdamW keeps what is no such matrix:
+first sine layers, heads, biases, scales.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,29 +14,38 @@ from torch import Tensor, nn
 
 from ddf import passes, siren
 
+MOMENTUM = 0.95
+QUINTIC, QUINTIC_STEPS, LEAST_NORM = (
+    (3.4445, -4.7750, 2.0315),
+    5,
+    1e-7,
+)  # of Newton and Schulz's iteration, as published
 
-class Muon(torch.optim.Muon):
-    """torch's own, with products in a type of choice: torch makes them in bfloat16, whatever the processor."""
+
+class Muon(torch.optim.Optimizer):
+    """As torch's own, but products are of a type of choice, where torch makes them in bfloat16 whatever the processor;
+    and kernels of convolutions are taken too.
+    """
 
     def __init__(self, groups: Sequence[Mapping[str, Any]], learning_rate: float, matmul: passes.Matmul) -> None:
-        super().__init__([dict(group) for group in groups], lr=learning_rate, weight_decay=0.0)
+        super().__init__([dict(group) for group in groups], {"lr": learning_rate, "weight_decay": 0.0})
         self.matmul: passes.Matmul = matmul
 
     @torch.no_grad()
     def step(self) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Move every matrix that has a gradient, as torch does it: Nesterov's average, decay apart from it."""
         for group in self.param_groups:
-            for matrix in (each for each in group["params"] if each.grad is not None):
-                state, rate = self.state[matrix], group["lr"]
+            for weight in (each for each in group["params"] if each.grad is not None):
+                state, rate = self.state[weight], group["lr"]
                 if not state:
-                    state["momentum_buffer"] = torch.zeros_like(matrix)
-                average = state["momentum_buffer"].lerp_(matrix.grad, 1 - group["momentum"])
-                ahead = matrix.grad.lerp(average, group["momentum"])
+                    state["momentum_buffer"] = torch.zeros_like(weight)
+                average = state["momentum_buffer"].lerp_(weight.grad, 1 - MOMENTUM)
+                ahead = weight.grad.lerp(average, MOMENTUM).flatten(1)
                 factors = ahead.to(passes.product_type(self.matmul, ahead))
-                moved = nearest_orthogonal(factors, group["ns_coefficients"], group["ns_steps"], group["eps"])
-                matrix.mul_(1 - rate * group["weight_decay"])
-                taller = max(1.0, matrix.shape[0] / matrix.shape[1])
-                matrix.add_(moved, alpha=-rate * taller**0.5)
+                moved = nearest_orthogonal(factors, QUINTIC, QUINTIC_STEPS, LEAST_NORM).view_as(weight)
+                weight.mul_(1 - rate * group["weight_decay"])
+                taller = max(1.0, ahead.shape[0] / ahead.shape[1])
+                weight.add_(moved, alpha=-rate * taller**0.5)
 
 
 def nearest_orthogonal(
@@ -43,20 +53,33 @@ def nearest_orthogonal(
 ) -> Float[Tensor, "a b"]:
     """About U V^T of U Σ V^T: singular values near 1, by Newton and Schulz's iteration. Source: Jordan et al. 2024.
 
+    All steps multiply X from the left by polynomials of the first X X^T, so for a long matrix they are made on that
+    square, and X is multiplied once in the end (derived here); squares of bfloat16 would lose the small values.
+
     Args:
       coefficients: of X <- a X + (b X X^T + c (X X^T)²) X. eps: least norm that X is divided by at first.
     """
     a, b, c = coefficients
     wide = matrix if matrix.shape[0] <= matrix.shape[1] else matrix.T
     found = wide / wide.norm().clamp(min=eps)
-    for _ in range(steps):
-        gram = found @ found.T
-        found = torch.addmm(found, torch.addmm(gram, gram, gram, beta=b, alpha=c), found, beta=a)
+    if found.shape[1] >= 2 * found.shape[0] and found.dtype != torch.bfloat16:
+        gram, product = found @ found.T, None
+        for step in range(steps):
+            factor = torch.addmm(gram, gram, gram, beta=b, alpha=c)
+            factor.diagonal().add_(a)
+            product = factor if product is None else factor @ product
+            if step + 1 < steps:
+                gram = factor @ gram @ factor
+        found = found if product is None else product @ found
+    else:
+        for _ in range(steps):
+            gram = found @ found.T
+            found = torch.addmm(found, torch.addmm(gram, gram, gram, beta=b, alpha=c), found, beta=a)
     return found if wide is matrix else found.T
 
 
 class Optimiser:
-    """Both optimisers of a model."""
+    """All optimisers of a model."""
 
     def __init__(
         self,
@@ -64,6 +87,7 @@ class Optimiser:
         groups: Sequence[Mapping[str, Any]],
         learning_rate: float,
         muon: float | None,
+        muon_kernels: float | None,
         matmul: passes.Matmul = "float32",
     ) -> None:
         """Fresh state.
@@ -71,18 +95,22 @@ class Optimiser:
         Args:
           groups: AdamW's parameter groups; Muon takes its matrices out of them, and keeps their weight decay.
           learning_rate: AdamW's.
-          muon: Muon's learning rate, the spectral norm of a step; null: AdamW for all.
+          muon: Muon's learning rate for hidden matrices, the spectral norm of a step; null: AdamW for them.
+          muon_kernels: that for the kernels of convolutions; null: AdamW for them.
           matmul: how Muon's products are made.
         """
-        taken = set() if muon is None else {id(weight) for weight in siren.hidden_matrices(model)}
-        rest, matrices = ([_part(group, taken, inside) for group in groups] for inside in (False, True))
-        self._parts: dict[str, torch.optim.Optimizer] = {
-            "optimiser": torch.optim.AdamW(rest, lr=learning_rate, fused=True)
-        }
-        matrices = [group for group in matrices if group["params"]]
-        if muon is not None and matrices:
-            self._parts["muon"] = Muon(matrices, muon, matmul)
-        self._shares = {"optimiser": 1.0, "muon": 0.0 if muon is None else muon / learning_rate}
+        kernels = [part.weight for part in model.modules() if isinstance(part, nn.Conv2d)]
+        wanted = {"muon": (muon, siren.hidden_matrices(model)), "muon_kernels": (muon_kernels, kernels)}
+        self._parts: dict[str, torch.optim.Optimizer] = {}
+        self._shares, rest = {"optimiser": 1.0}, [dict(group) for group in groups]
+        for name, (rate, weights) in wanted.items():
+            taken = set() if rate is None else {id(weight) for weight in weights}
+            matrices = [part for part in (_part(group, taken, True) for group in rest) if part["params"]]
+            rest = [_part(group, taken, False) for group in rest]
+            if rate is not None and matrices:
+                self._parts[name] = Muon(matrices, rate, matmul)
+                self._shares[name] = rate / learning_rate
+        self._parts["optimiser"] = torch.optim.AdamW(rest, lr=learning_rate, fused=True)
 
     def set_rate(self, rate: float) -> None:
         """AdamW's learning rate from now on; Muon's keeps its ratio to it."""

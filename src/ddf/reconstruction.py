@@ -5,6 +5,7 @@ turns z_s into a shape. Cameras are (..., 3): azimuth and elevation in radians, 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -184,7 +185,7 @@ class PCSirenModel(ReconstructionModel):
 
 def mask_loss(
     field: fields.PDDF,
-    modulations: list[Float[Tensor, "b 1 _"]],
+    modulations: Sequence[Float[Tensor, "b 1 _"]],
     camera: Float[Tensor, "b 3"],
     field_scale: Float[Tensor, "b"],
     alpha: Float[Tensor, "b size size"],
@@ -249,20 +250,21 @@ class CorrectionConfig:
 
 def correct_camera(
     model: DDFModel,
-    latent: Float[Tensor, "b z"],
+    modulations: Sequence[Float[Tensor, "b 1 _"]],
     camera: Float[Tensor, "b 3"],
     field_scale: Float[Tensor, "b"],
     alpha: Float[Tensor, "b size size"],
     config: CorrectionConfig,
-) -> Float[Tensor, "b 3"]:
+) -> tuple[Float[Tensor, "b 3"], Float[Tensor, "b"]]:
     """Π̂_∇ = argmin L_M by gradient descent from Π̂; the best camera met on the way. Source: [DDF22] §4.3.
 
+    Args:
+      modulations: of the shapes, see `DDFModel.modulations`.
     Returns:
-      Cameras; elevation and radius stay within the training range, the azimuth may turn past its ends (it is an angle).
+      Cameras, and L_M of each; elevation and radius stay within the training range, the azimuth may turn past its ends
+      (it is an angle).
     """
     head = model.camera_head
-    with torch.no_grad():
-        modulations = [m.detach() for m in model.modulations(latent)]
     scores = ((camera - head.mean) / head.deviation).detach().clone().requires_grad_()
     free = scores.new_tensor([name in config.free for name in CAMERA_NUMBERS])
     optimiser = torch.optim.Adam([scores], lr=config.learning_rate)
@@ -280,4 +282,4 @@ def correct_camera(
             (gradient,) = torch.autograd.grad(loss.sum(), scores)
             scores.grad = gradient * free  # Adam leaves alone what never has a gradient
             optimiser.step()
-    return best
+    return best, best_loss

@@ -33,6 +33,8 @@ SETTINGS = (
     ("latent size", "train.latent_features", "512"),
     ("images per step", "train.batch_size", "32"),
     ("learning rate", "train.loop.learning_rate", "0.0001"),
+    ("learning rate of the matrices between hidden layers, by Muon", "train.loop.muon", "none"),
+    ("learning rate of the encoders' kernels, by Muon", "train.loop.muon_kernels", "none"),
     ("DDF learning rate", "ddf.learning_rate", "0.0001"),
     ("DDF learning rate of the matrices between hidden layers, by Muon", "ddf.muon", "none"),
     ("DDF depth activation", "ddf.field.depth_activation", "relu"),

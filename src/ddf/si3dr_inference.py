@@ -162,7 +162,7 @@ def reconstruct_ddf(
             scales.append(scale_from_cycles(cycles, config.scale_quantile))
     cloud_seconds = time.monotonic() - started
     scale = torch.tensor(scales)
-    corrected = _correct_cameras(model, latents, cameras, scale, images, config)
+    corrected = _correct_cameras(model, modulations, cameras, scale, images, config)
     tensors = {name: torch.stack(values) for name, values in clouds.items()}
     tensors |= {"camera_pred": cameras, "camera_corrected": corrected, "scale_pred": scale, "features": features}
     rendered = spread(len(latents), config.rendered)
@@ -199,7 +199,7 @@ def spread(total: int, count: int) -> list[int]:
 
 def _correct_cameras(
     model: reconstruction.DDFModel,
-    latents: Tensor,
+    modulations: list[Tensor],
     cameras: Tensor,
     scale: Tensor,
     images: si3dr_data.ImageSet,
@@ -208,17 +208,17 @@ def _correct_cameras(
     """Π̂_∇ of all images, a batch at a time."""
     corrected = []
     for rows in _row_batches(images, CORRECTION_BATCH):
-        alpha = images.alpha(rows, config.correction.mask_size).to(latents.device)
+        alpha = images.alpha(rows, config.correction.mask_size).to(cameras.device)
         index = torch.from_numpy(rows)
-        field_scale = (1 / scale[index]).to(latents.device)
-        given = (model, latents[index], cameras[index], field_scale, alpha)
+        field_scale = (1 / scale[index]).to(cameras.device)
+        given = (model, [m[index] for m in modulations], cameras[index], field_scale, alpha)
         corrected.append(correct_from_turns(*given, config.correction, config.correction_turns))
     return torch.cat(corrected)
 
 
 def correct_from_turns(
     model: reconstruction.DDFModel,
-    latent: Float[Tensor, "b z"],
+    modulations: Sequence[Float[Tensor, "b 1 _"]],
     camera: Float[Tensor, "b 3"],
     field_scale: Float[Tensor, "b"],
     alpha: Float[Tensor, "b size size"],
@@ -236,11 +236,7 @@ def correct_from_turns(
     best, least = camera, torch.full_like(field_scale, torch.inf)
     for turn in turns:
         start = torch.cat((camera[:, :1] + math.radians(turn), camera[:, 1:]), dim=1)
-        found = reconstruction.correct_camera(model, latent, start, field_scale, alpha, config)
-        if len(turns) == 1:
-            return found
-        with torch.no_grad():
-            loss = reconstruction.mask_loss(model.field, model.modulations(latent), found, field_scale, alpha)
+        found, loss = reconstruction.correct_camera(model, modulations, start, field_scale, alpha, config)
         better = loss < least
         best, least = torch.where(better[:, None], found, best), torch.where(better, loss, least)
     return best

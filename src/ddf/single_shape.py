@@ -29,7 +29,6 @@ from ddf import (
     fields,
     losses,
     mesh_io,
-    optimisers,
     packing,
     provenance,
     rendering,
@@ -282,7 +281,7 @@ def seconds_per_step(field: fields.PDDF, samples: ShapeSamples, config: FitConfi
     """Median time of an optimisation step, measured on a copy; the field and all random streams stay as they are."""
     trial = copy.deepcopy(field).train()
     loop = config.loop
-    optimiser = optimisers.Optimiser(trial, _groups(trial), loop.learning_rate, loop.muon, loop.matmul)
+    optimiser = loop.optimiser(trial, _groups(trial))
     optimiser.set_rate(1e-6)
     started, times = time.monotonic(), []
     while len(times) < _CALIBRATION_STEPS:

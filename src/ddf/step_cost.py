@@ -124,7 +124,7 @@ def _trial(
     model.camera_head.fit(images.cameras)
     model.to(training.device()).train()
     groups = model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera)
-    return Trial(model, loss, optimisers.Optimiser(model, groups, loop.learning_rate, loop.muon, loop.matmul))
+    return Trial(model, loss, loop.optimiser(model, groups))
 
 
 def measure(train: si3dr_training.TrainConfig, config: Section) -> StepCost:

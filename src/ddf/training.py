@@ -32,8 +32,8 @@ StepLoss = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
 class LoopConfig:
     """How a model is optimised, with AdamW and Muon (`optimisers`).
 
-    learning_rate: AdamW's. muon: that of Muon, which takes the matrices between hidden layers; null, the paper's way:
-      AdamW for all.
+    learning_rate: AdamW's. muon: that of Muon for the matrices between hidden layers; muon_kernels: for the kernels of
+      convolutions. null, the paper's way: AdamW for them too.
     schedule: `constant`, or `cosine` from the learning rates to zero over all steps; both after a linear
     rise of `warmup_steps`.
     clip_norm: gradients longer than this are shortened; null for none.
@@ -56,6 +56,7 @@ class LoopConfig:
     matmul: passes.Matmul = "float32"
     ema: float | None = None
     muon: float | None = None
+    muon_kernels: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("learning_rate", "threads", "log_every"):
@@ -68,8 +69,14 @@ class LoopConfig:
             raise checks.InputError(f"train.loop.clip_norm must be > 0 or null; got {self.clip_norm}")
         if self.ema is not None and not 0 < self.ema < 1:
             raise checks.InputError(f"train.loop.ema must be in (0, 1), or null; got {self.ema}")
-        if self.muon is not None and not self.muon > 0:
-            raise checks.InputError(f"train.loop.muon must be > 0, or null; got {self.muon}")
+        for name in ("muon", "muon_kernels"):
+            rate = getattr(self, name)
+            if rate is not None and not rate > 0:
+                raise checks.InputError(f"train.loop.{name} must be > 0, or null; got {rate}")
+
+    def optimiser(self, model: nn.Module, groups: list[dict]) -> optimisers.Optimiser:
+        """A fresh one of the model, of these parameter groups."""
+        return optimisers.Optimiser(model, groups, self.learning_rate, self.muon, self.muon_kernels, self.matmul)
 
     def rate(self, step: int, steps: int) -> float:
         """AdamW's learning rate in step `step` (from 0) of `steps`; Muon's keeps its ratio to it."""
@@ -135,7 +142,7 @@ def fit(
     """
     first = distributed.rank() == 0
     distributed.share_batch_statistics(model)
-    optimiser = optimisers.Optimiser(model, groups, config.learning_rate, config.muon, config.matmul)
+    optimiser = config.optimiser(model, groups)
     average = _average(model, config)
     start, rows = _resume(model, average, optimiser, out_dir, record["fingerprint"])
     distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")
