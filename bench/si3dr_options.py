@@ -61,13 +61,15 @@ TRAINED: Mapping[str, Mapping[str, Any]] = {
     "depth by ReLU": {"ddf.field.depth_activation": "relu"},
     "no points of values alone": {f"ddf.counts.{kind}+": _overrides.ABSENT for kind in "UAB"},
     "no proposed rays": {"ddf.proposals": None},
+    "weight of the mask as the paper's": {"ddf.mask_weight": 10.0},
     "all pixels of the mask": {"ddf.mask_pixels": None},
     "the split's views": {"train.train_views": None},
 }
 DRAWN: Mapping[str, Mapping[str, Any]] = {
     "no jitter": {"pointclouds.cloud.jitter": 0.0, "pointclouds.cloud.resample": 0.0},
     "no resampling": {"pointclouds.cloud.resample": 0.0},
-    "no recheck": {"pointclouds.cloud.recheck": []},
+    "no recheck": {"pointclouds.cloud.recheck": [], "pointclouds.cloud.agreement": None},
+    "answers need not agree": {"pointclouds.cloud.agreement": None},
     "most visible points": {"pointclouds.cloud.spread": None},
     "outliers kept": {"pointclouds.cloud.outliers": 0.0},
     "48 directions": {"pointclouds.cloud.num_directions": 48},
