@@ -50,7 +50,7 @@ def small_config(shapes: int) -> dict[str, Any]:
     for section, values in SMALL.items():
         settings[section] |= values
     settings["dataset"]["categories"] = {CATEGORY: shapes}
-    settings["pointclouds"]["cloud"] |= {"num_directions": 8, "recheck": [], "agreement": None}
+    settings["pointclouds"]["cloud"] |= {"num_directions": 8, "recheck": []}
     settings["pointclouds"]["correction"]["steps"] = 1
     return settings
 

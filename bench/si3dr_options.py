@@ -68,8 +68,7 @@ TRAINED: Mapping[str, Mapping[str, Any]] = {
 DRAWN: Mapping[str, Mapping[str, Any]] = {
     "no jitter": {"pointclouds.cloud.jitter": 0.0, "pointclouds.cloud.resample": 0.0},
     "no resampling": {"pointclouds.cloud.resample": 0.0},
-    "no recheck": {"pointclouds.cloud.recheck": [], "pointclouds.cloud.agreement": None},
-    "answers need not agree": {"pointclouds.cloud.agreement": None},
+    "no recheck": {"pointclouds.cloud.recheck": []},
     "most visible points": {"pointclouds.cloud.spread": None},
     "outliers kept": {"pointclouds.cloud.outliers": 0.0},
     "48 directions": {"pointclouds.cloud.num_directions": 48},

@@ -13,7 +13,6 @@ CONFIG = pointclouds.CloudConfig(  # the paper's way
     jitter=0.0,
     resample=0.0,
     recheck=(),
-    agreement=None,
     spread=None,
     outliers=0.0,
     temperature=0.05,
@@ -160,19 +159,6 @@ def test_recheck_asks_twice_per_offset_and_not_at_all_without():
     assert field.queries == 5 * 4
 
 
-def test_answers_that_disagree_lower_the_confidence():
-    """Of rays to the centre the offsets 0.1 agree with the surface; those of 0.2 are blurred: 0.07 off."""
-    directions = torch.tensor([[1.0, 0.0, 0.0]])
-    on_surface, seen = RADIUS * directions, torch.ones(1)
-    given = (_Blurred(), None, on_surface, -directions, seen)
-    for offsets, off in (((0.1,), 0), ((0.1, 0.2), 2)):
-        found, plain = pointclouds.recheck(*given, offsets)
-        same, confidence = pointclouds.recheck(*given, offsets, 0.07)
-        torch.testing.assert_close(same, found)
-        count = 1 + 2 * len(offsets)
-        assert float(confidence) == pytest.approx(float(plain) * (1 - 0.5 * off / count), abs=1e-4)
-
-
 class _Plane(_Sphere):
     """The plane x = 0.93."""
 
@@ -300,8 +286,6 @@ def _nearest_neighbour_spread(points):
         ({"jitter": -0.1}, "jitter must be >= 0"),
         ({"resample": 1.5, "jitter": 0.1}, r"resample must be in \[0, 1\]"),
         ({"resample": 0.5}, "needs jitter > 0.*got 0.5 with jitter 0.0"),
-        ({"agreement": 0.1}, r"agreement must be > 0, with offsets in recheck.*got 0.1 with \[\]"),
-        ({"agreement": 0.0, "recheck": (0.1,)}, r"agreement must be > 0.*got 0.0 with \[0.1\]"),
         ({"recheck": (0.1, 1.5)}, r"recheck must list offsets in \(0, 1\)"),
     ],
 )

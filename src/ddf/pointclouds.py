@@ -10,15 +10,12 @@ Four departures, each off in the paper's way (derived here):
 - What strays, stays: a doubtful hit leads to the next. The share `resample` of the next cycle's starts is drawn anew
   among all hits, with repetition, with chances proportional to their confidence c (below).
 - A single depth is one opinion. With `recheck` offsets s_j the field is asked again on the line of the ray, from
-  q - s_j v̂* along v̂* and from q + s_j v̂* back, and q moves to the median of all answers. Where these scatter there is
-  hardly a surface: with `agreement` a, the confidence below is multiplied by the mean of 1 / (1 + (δ/a)²) over the hit
-  and all answers, δ being how far each lies from the median.
+  q - s_j v̂* along v̂* and from q + s_j v̂* back, and q moves to the median of all answers.
 - The most visible points of one cycle crowd where much of the box looks at little of the surface ("not uniform", says
   the paper), and thin parts, of which the field is less sure, get none. With `spread` p all points of the second and
   later cycles (of the first, if it is alone) are candidates, and the cloud is their farthest-point order with distances
-  multiplied by c^p, where the confidence c is the mean of ξ over the hit and its rechecks, times their agreement: even
-  where the field is sure, sparse where it doubts. Of the candidates the share `outliers` with the emptiest surroundings
-  is dropped first.
+  multiplied by c^p, where the confidence c is the mean of ξ over the hit and its rechecks: even where the field is
+  sure, sparse where it doubts. Of the candidates the share `outliers` with the emptiest surroundings is dropped first.
 """
 
 import math
@@ -44,9 +41,9 @@ class CloudConfig:
 
     num_directions: n_v. cycles: N_H. oversampling: ε_p; with `spread` and several cycles it may be negative, for all
     points of the second and later cycles are candidates. temperature: η_T. inverse_depth: ε_s.
-    jitter: σ, field units. resample: share of starts drawn anew. recheck: s_j, field units. agreement: a, field units,
-    null for none. spread: p, null for the most visible points of the last cycle. outliers: share of the candidates, for
-    `spread` alone. The paper's way: 0, 0, none, null, null, 0.
+    jitter: σ, field units. resample: share of starts drawn anew. recheck: s_j, field units.
+    spread: p, null for the most visible points of the last cycle. outliers: share of the candidates, for `spread`
+    alone. The paper's way: 0, 0, none, null, 0.
     chunk_rays: candidates evaluated at a time; speed only.
     """
 
@@ -56,7 +53,6 @@ class CloudConfig:
     jitter: float
     resample: float
     recheck: tuple[float, ...]
-    agreement: float | None
     spread: float | None
     outliers: float
     temperature: float
@@ -77,11 +73,6 @@ class CloudConfig:
             raise checks.InputError(
                 "pointclouds.cloud.resample must be in [0, 1], and needs jitter > 0 (repeated starts are the same); "
                 f"got {self.resample} with jitter {self.jitter}"
-            )
-        if self.agreement is not None and not (self.agreement > 0 and self.recheck):
-            raise checks.InputError(
-                "pointclouds.cloud.agreement must be > 0, with offsets in recheck, or null; "
-                f"got {self.agreement} with {list(self.recheck)}"
             )
         if self.spread is not None and not self.spread >= 0:
             raise checks.InputError(f"pointclouds.cloud.spread must be >= 0, or null; got {self.spread}")
@@ -199,7 +190,7 @@ def project(
         raw = field(chunk, direction, modulations)
         hit = chunk + field.depth(raw)[:, None] * direction
         seen = visibility(raw)
-        parts.append((*recheck(field, modulations, hit, direction, seen, config.recheck, config.agreement), seen))
+        parts.append((*recheck(field, modulations, hit, direction, seen, config.recheck), seen))
     points, confidence, seen = (torch.cat(tensors) for tensors in zip(*parts, strict=True))
     return ProjectedPoints(points, seen, confidence)
 
@@ -211,7 +202,6 @@ def recheck(
     directions: Float[Tensor, "n 3"],
     seen: Float[Tensor, "n"],
     offsets: Sequence[float],
-    agreement: float | None = None,
 ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n"]]:
     """Points moved along their rays to the median of what the field says from before and from behind them.
 
@@ -220,9 +210,8 @@ def recheck(
 
     Args:
       seen: ξ of the rays that led to the points.
-      agreement: distance from the median at which an answer counts half, field units; null: all count in full.
     Returns:
-      The points, and the mean of `seen` and of ξ of all answers, times their agreement.
+      The points, and the mean of `seen` and of ξ of all answers.
     """
     if not offsets:
         return points, seen
@@ -234,11 +223,8 @@ def recheck(
     depth, answers = field.depth(raw).reshape(len(step), -1), visibility(raw).reshape(len(step), -1)
     inside = (starts.abs() <= 1).all(dim=-1)
     ahead = torch.where(inside, step[:, None] - step.sign()[:, None] * depth, 0.0)
-    ahead = torch.cat((torch.zeros_like(ahead[:1]), ahead))
-    moved = ahead.median(dim=0).values
+    moved = torch.cat((torch.zeros_like(ahead[:1]), ahead)).median(dim=0).values
     confidence = torch.cat((seen[None], torch.where(inside, answers, seen))).mean(dim=0)
-    if agreement is not None:
-        confidence = confidence * (1 / (1 + ((ahead - moved) / agreement).square())).mean(dim=0)
     return points + moved[:, None] * directions, confidence
 
 

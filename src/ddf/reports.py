@@ -55,7 +55,6 @@ SETTINGS = (
     ("a cycle starts beside the last hit by, σ", "pointclouds.cloud.jitter", "0.0"),
     ("share of the starts drawn anew among the hits", "pointclouds.cloud.resample", "0.0"),
     ("offsets at which a hit is rechecked", "pointclouds.cloud.recheck", "none"),
-    ("answers count half so far from their median", "pointclouds.cloud.agreement", "none"),
     ("candidates of all cycles spread by the power of their confidence", "pointclouds.cloud.spread", "none"),
     ("share of the hits outside the box that gives DDF's scale", "pointclouds.scale_quantile", "none"),
     ("corrected by the mask", "pointclouds.correction.free", "azimuth, elevation, radius"),
