@@ -4,24 +4,35 @@ import torch
 from ddf import optimisers, passes, siren
 
 
-class Model(torch.nn.Module):
+class Decoder(torch.nn.Module):
     def __init__(self):
         super().__init__()
-        self.encoder = torch.nn.Conv2d(3, 4, kernel_size=2)
         self.network = siren.SineNetwork(3, siren.SineLayout((6, 5, 4)), 2)
         self.modulator = siren.Modulator(4, (6, 5, 4))
 
+    def latent(self, generator):
+        return torch.rand((2, 4), generator=generator)
 
-def _model():
+
+class WithEncoder(Decoder):
+    def __init__(self):
+        super().__init__()
+        self.encoder = torch.nn.Conv2d(3, 4, kernel_size=2)
+
+    def latent(self, generator):
+        images = torch.rand((2, 3, 4, 4), generator=generator)
+        return self.encoder(images).sin().mean(dim=(-2, -1))  # a gradient of full rank, though of two images
+
+
+def _model(kind=WithEncoder):
     torch.manual_seed(0)
-    return Model()
+    return kind()
 
 
 def _loss(model, step=0):
     generator = torch.Generator().manual_seed(step)
-    points, images = torch.rand((6, 7, 3), generator=generator), torch.rand((6, 3, 2, 2), generator=generator)
-    latent = model.encoder(images)[..., 0, 0]
-    return model.network(points, model.modulator(latent)).square().mean()
+    points = torch.rand((2, 7, 3), generator=generator)
+    return model.network(points, model.modulator(model.latent(generator))).square().mean()
 
 
 def _optimiser(model, muon, muon_kernels=None, weight_decay=0.0):
@@ -44,19 +55,17 @@ def test_hidden_matrices_are_all_but_first_layers_heads_and_biases():
     assert names == of_network | {f"modulator.layers.{layer}.weight" for layer in (0, 1, 2)}
 
 
-@pytest.mark.parametrize("name", ["network.layers.1.weight", "encoder.weight"])
-def test_step_of_a_matrix_and_of_a_kernel_is_orthogonal_and_as_long_as_asked(name):
+@pytest.mark.parametrize(("kind", "name"), [(Decoder, "network.layers.1.weight"), (WithEncoder, "encoder.weight")])
+def test_step_of_a_matrix_and_of_a_kernel_is_orthogonal_and_as_long_as_asked(kind, name):
     """Muon's first step is the rate times U V^T of the gradient, within the error of its iteration."""
-    model = _model()
+    model = _model(kind)
     before = {name: value.detach().clone() for name, value in model.named_parameters()}
     optimiser = _optimiser(model, 0.02, 0.02)
     _steps(model, optimiser, [0])
     weight = model.get_parameter(name)
     moved = (weight.detach() - before[name]).flatten(1)
     singular = torch.linalg.svdvals(moved.double())
-    assert (
-        0.02 * 0.6 < float(singular.median()) <= float(singular.max()) < 0.02 * 1.3
-    )  # the least one is still on its way
+    assert 0.02 * 0.4 < float(singular.min()) <= float(singular.max()) < 0.02 * 1.3
     assert weight.grad is not None
     left, _, right = torch.linalg.svd(weight.grad.flatten(1).double(), full_matrices=False)
     nearest = -(left @ right)
