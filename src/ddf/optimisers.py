@@ -15,11 +15,9 @@ from torch import Tensor, nn
 from ddf import passes, siren
 
 MOMENTUM = 0.95
-QUINTIC, QUINTIC_STEPS, LEAST_NORM = (
-    (3.4445, -4.7750, 2.0315),
-    5,
-    1e-7,
-)  # of Newton and Schulz's iteration, as published
+QUINTIC = (3.4445, -4.7750, 2.0315)  # coefficients, steps and least norm of Newton and Schulz's iteration, as published
+QUINTIC_STEPS = 5
+LEAST_NORM = 1e-7
 
 
 class Muon(torch.optim.Optimizer):

@@ -64,18 +64,27 @@ def propose(
     candidates: Float[Tensor, "b n k 3"],
     config: si3dr_training.ProposalConfig,
 ) -> Float[Tensor, "b n 3"]:
-    """v̂* of each start among its candidates, for the shape of each row. Costs b n k queries, values only."""
-    shape = candidates.shape
-    raw = field(starts[:, :, None].expand(shape).flatten(1, 2), candidates.flatten(1, 2), modulations)
-    seen, depth = fields.visibility(raw), field.depth(raw)
-    found = nearest_rays.closest_directions(
-        candidates.flatten(0, 1),
-        seen.reshape(-1, shape[2]),
-        depth.reshape(-1, shape[2]),
-        config.temperature,
-        config.inverse_depth,
-    )
-    return torch.nn.functional.normalize(found, dim=-1).view_as(starts)
+    """v̂* of each start among its candidates, for the shape of each row. Costs b n k queries, values only.
+
+    So many shapes at a time that a layer of their queries stays in the cache.
+    """
+    width = starts.shape[1] * candidates.shape[2] * max(field.config.hidden)
+    rows = max(1, losses.block_values(starts.device) // width)
+    found = []
+    for first in range(0, len(starts), rows):
+        part = slice(first, first + rows)
+        shape = candidates[part].shape
+        queries = starts[part, :, None].expand(shape).flatten(1, 2), candidates[part].flatten(1, 2)
+        raw = field(*queries, [each[part] for each in modulations])
+        direction = nearest_rays.closest_directions(
+            candidates[part].flatten(0, 1),
+            fields.visibility(raw).reshape(-1, shape[2]),
+            field.depth(raw).reshape(-1, shape[2]),
+            config.temperature,
+            config.inverse_depth,
+        )
+        found.append(torch.nn.functional.normalize(direction, dim=-1).view_as(starts[part]))
+    return torch.cat(found)
 
 
 @dataclass(frozen=True)

@@ -65,11 +65,12 @@ class SineNetwork(nn.Module):
         self, inputs: Float[Tensor, "*batch in"], modulations: Sequence[Tensor] | None = None
     ) -> Float[Tensor, "*batch out"]:
         """Values only; `derivatives` has the passes that give derivatives too."""
-        hidden = inputs
+        hidden, in_place = inputs, not torch.is_grad_enabled()
         for index, layer in enumerate(self.layers):
-            hidden = torch.sin(scaled_linear(hidden, layer, self.omegas[index]))
+            hidden = scaled_linear(hidden, layer, self.omegas[index])
+            hidden = hidden.sin_() if in_place else hidden.sin()
             if modulations is not None:
-                hidden = hidden * modulations[index]
+                hidden = hidden.mul_(modulations[index]) if in_place else hidden * modulations[index]
         return self.head(hidden)
 
 
