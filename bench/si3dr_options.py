@@ -71,6 +71,7 @@ DRAWN: Mapping[str, Mapping[str, Any]] = {
     "no recheck": {"pointclouds.cloud.recheck": []},
     "most visible points": {"pointclouds.cloud.spread": None},
     "outliers kept": {"pointclouds.cloud.outliers": 0.0},
+    "strays as wanted as others": {"pointclouds.cloud.crowding": 0.0},
     "48 directions": {"pointclouds.cloud.num_directions": 48},
     "128 directions": {"pointclouds.cloud.num_directions": 128},
     "one cycle": {"pointclouds.cloud.cycles": 1},

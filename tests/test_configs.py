@@ -21,6 +21,7 @@ from ddf import (
 from ddf import (
     fields as ddf_fields,
 )
+from ddf.cli import common
 
 FILES = sorted((Path(__file__).resolve().parents[1] / "configs").glob("*.yaml"))
 FITS = [path for path in FILES if path.stem.endswith("fit")]  # of single shapes: the section `fit` alone
@@ -50,6 +51,12 @@ def test_every_section_loads(path):
     assert set(config.read(path)) == set(CLASSES)
     for section, cls in CLASSES.items():
         assert isinstance(config.load(path, section, cls), cls)
+
+
+def test_commands_draw_clouds_as_the_default_experiment_does():
+    (path,) = (path for path in CONFIGS if path.stem == "cpu")
+    section = config.load(path, "pointclouds", si3dr_inference.PointcloudsConfig)
+    assert (section.cloud, section.scale_quantile) == (common.CLOUD, common.SCALE_QUANTILE)
 
 
 @pytest.mark.parametrize("path", FITS, ids=lambda path: path.stem)

@@ -239,6 +239,26 @@ def test_outliers_are_the_candidates_with_the_emptiest_surroundings():
     assert float(kept.abs().max()) == 3
 
 
+def test_crowding_takes_strays_later():
+    generator = torch.Generator().manual_seed(0)
+    strays = torch.tensor([[3.0, 0, 0], [-3.0, 0, 0], [0, 3.0, 0]])
+    points = torch.cat((torch.rand(400, 3, generator=generator), strays))
+    cycles = [_projected(points, torch.ones(403))]
+    found = {}
+    for power in (0.0, 2.0):
+        config = dataclasses.replace(SPREAD, crowding=power)
+        (cloud,) = pointclouds.select(cycles, [100], config)
+        found[power] = int((cloud.abs() > 1).any(dim=1).sum())
+    assert found == {0.0: 3, 2.0: 0}
+
+
+def test_crowding_of_repeated_points_is_finite():
+    config = dataclasses.replace(SPREAD, crowding=1.0)
+    points = torch.cat((torch.ones(20, 3), torch.zeros(2, 3)))
+    (cloud,) = pointclouds.select([_projected(points, torch.ones(22))], [20], config)
+    assert bool(torch.isfinite(cloud).all()) and bool((cloud[:2].sum(dim=1) == torch.tensor([3.0, 0.0])).all())
+
+
 def test_resampled_starts_leave_doubtful_hits_behind():
     class _Doubtful(_Sphere):
         """Hardly sees anything from starts with x > 0."""
@@ -282,6 +302,7 @@ def _nearest_neighbour_spread(points):
         ({"temperature": 0.0}, "temperature must be > 0"),
         ({"spread": -1.0}, r"spread must be >= 0, or null; got -1\.0"),
         ({"outliers": 0.2, "spread": 6.0, "cycles": 2}, "must leave enough candidates.*got 0.88 with oversampling 0.1"),
+        ({"crowding": -1.0}, r"crowding must be >= 0; got -1\.0"),
         ({"oversampling": -0.1}, "must leave enough candidates.*got 0.9 with"),
         ({"jitter": -0.1}, "jitter must be >= 0"),
         ({"resample": 1.5, "jitter": 0.1}, r"resample must be in \[0, 1\]"),

@@ -16,6 +16,9 @@ Four departures, each off in the paper's way (derived here):
   later cycles (of the first, if it is alone) are candidates, and the cloud is their farthest-point order with distances
   multiplied by c^p, where the confidence c is the mean of ξ over the hit and its rechecks: even where the field is
   sure, sparse where it doubts. Of the candidates the share `outliers` with the emptiest surroundings is dropped first.
+  A stray is far from all others, so such an order takes it early; with `crowding` r the distances of a candidate with
+  emptier surroundings than most are also multiplied by (s_m / s)^r, s the distance to its `CROWD`-th neighbour and s_m
+  the median of these.
 """
 
 import math
@@ -43,7 +46,7 @@ class CloudConfig:
     points of the second and later cycles are candidates. temperature: η_T. inverse_depth: ε_s.
     jitter: σ, field units. resample: share of starts drawn anew. recheck: s_j, field units.
     spread: p, null for the most visible points of the last cycle. outliers: share of the candidates, for `spread`
-    alone. The paper's way: 0, 0, none, null, 0.
+    alone. crowding: r, likewise. The paper's way: 0, 0, none, null, 0, 0.
     chunk_rays: candidates evaluated at a time; speed only.
     """
 
@@ -58,6 +61,7 @@ class CloudConfig:
     temperature: float
     inverse_depth: float
     chunk_rays: int
+    crowding: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "recheck", tuple(self.recheck))
@@ -76,6 +80,8 @@ class CloudConfig:
             )
         if self.spread is not None and not self.spread >= 0:
             raise checks.InputError(f"pointclouds.cloud.spread must be >= 0, or null; got {self.spread}")
+        if not self.crowding >= 0:
+            raise checks.InputError(f"pointclouds.cloud.crowding must be >= 0; got {self.crowding}")
         if not 0 <= self.outliers < 1:
             raise checks.InputError(f"pointclouds.cloud.outliers must be in [0, 1); got {self.outliers}")
         if not self.candidate_share(self.cycles) >= 1:
@@ -119,10 +125,15 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
         best = [last.visibility[:n].topk(count).indices for n, count in zip(drawn, counts, strict=True)]
         return [last.points[rows] for rows in best]
     points, confidence = candidates(cycles)
-    if config.outliers:
-        crowded = _spacing(points).argsort()[: len(points) - int(config.outliers * len(points))]
-        points, confidence = points[crowded], confidence[crowded]
-    order = farthest_point_order(points, max(counts), confidence.pow(config.spread).clamp_min(LEAST_WEIGHT))
+    weights = confidence.pow(config.spread)
+    if config.outliers or config.crowding:
+        spacing = _spacing(points)
+        crowded = spacing.argsort()[: len(points) - int(config.outliers * len(points))]
+        points, weights, spacing = points[crowded], weights[crowded], spacing[crowded]
+        if config.crowding:
+            usual = spacing.median()
+            weights = weights * (usual / spacing.maximum(usual)).nan_to_num(nan=1.0).pow(config.crowding)
+    order = farthest_point_order(points, max(counts), weights.clamp_min(LEAST_WEIGHT))
     return [points[order[:count]] for count in counts]
 
 
