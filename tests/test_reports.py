@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import re
 import runpy
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -200,6 +201,9 @@ def test_training_budgets_are_stated_with_their_difference(reported):
     text = reports.budget(dataclasses.replace(results, logs={**results.logs, "DDF": longer}))
     assert "did not train for the same wall time" in text
     assert "DDF 12.0 min, PC-SIREN 10.0 min, the longer 20 % above the shorter" in text
+    further = {"DDF": [654.0, 3000.0], "PC-SIREN": [600.0, 60.0]}  # beside 600 s of the first
+    text = reports.budget(dataclasses.replace(results, seeds=3, further_seconds=further))
+    assert "within 9 %, summed over categories: DDF 10.9 min, PC-SIREN 10.0 min. Medians over the 3 seeds." in text
     text = (reported[2] / "README.md").read_text()
     assert reports.budget(results) in text and "the same wall time within 0 %" in text
 
@@ -253,6 +257,8 @@ def seeded(reported):
             tensors, metadata = storage.load_tensors(experiment.artifacts / "pointclouds" / name)
             clouds = {key: 1.01 * value for key, value in tensors.items() if key[0] in "LS"}
             storage.save_tensors(further / name, tensors | clouds, metadata)
+    for model in report_inputs.MODELS:
+        shutil.copytree(experiment.artifacts / model, experiment.artifacts / f"{model}_seeds" / "1")
     _run("evaluate_clouds", config_path, 1)
     count = experiment.artifacts / "evaluate_seeds" / seed_means.COUNT
     storage.write_text(count, "2\n")
@@ -288,7 +294,8 @@ def test_trained_rows_of_several_seeds_are_printed_with_their_spread(seeded):
     assert not any("±" in cell for cell in by_name["mean shape"])
     cameras = next(rows for rows in tables if "azimuth" in rows[0][3])
     assert all("±" in cell for line in cameras[2:] for cell in line[3:])
-    assert text.count("are means over 2 seeds") == 5 and text.count("Of the first of the 2 seeds.") == 9
+    assert text.count("are means over 2 seeds") == 5 and text.count("Of the first of the 2 seeds.") == 8
+    assert text.count("Medians over the 2 seeds.") == 1  # the budget
     assert text.count("Of means over 2 seeds.") == 2
     assert "2 seeds were trained" in text and "One seed was trained" not in text and "SEEDS=2`" in text
 

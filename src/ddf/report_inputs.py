@@ -1,8 +1,8 @@
 """What the stages left behind for the report: tables, logs, losses of preparation, failures, time and memory."""
 
+import dataclasses
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from ddf import checks, config, paper_results, seed_means, stage, stage_scripts,
 MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN"}
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Cost:
     """Of a stage's last runs: wall time, and peak memory of the stage's process and of its largest worker process.
 
@@ -26,11 +26,12 @@ class Cost:
     worker_peak_mib: float | None
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Results:
     """Everything that the stages left behind for the report.
 
-    `table` has means over `seeds` trainings; all else is of seed 0.
+    `table` has means over `seeds` trainings; all else is of seed 0. further_seconds: of each model, what a training of
+    all categories took with each of the further seeds.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Results:
     costs: Mapping[str, Cost]
     settings: Mapping[str, Any]
     seeds: int = 1
+    further_seconds: Mapping[str, Sequence[float]] = dataclasses.field(default_factory=dict)
 
     @property
     def categories(self) -> list[str]:
@@ -104,10 +106,7 @@ def read_results(config_path: Path) -> Results:
         per_image=storage.load_table(folder / "per_image.csv", dtype={"id": str})[0],
         cameras=storage.load_table(folder / "cameras.csv", dtype={"id": str})[0],
         shapes=storage.load_table(folder / "shapes.csv", dtype={"id": str})[0],
-        logs={
-            label: {name: _read_log(config.artifact_dir(config_path, model, name)) for name in categories}
-            for model, label in MODELS.items()
-        },
+        logs={label: _read_logs(config_path, model, categories) for model, label in MODELS.items()},
         measures={name: _read_measures(config.artifact_dir(config_path, "meshes", name)) for name in categories},
         packing_errors={
             name: _packing_errors(config.artifact_dir(config_path, "samples", name)) for name in categories
@@ -116,7 +115,20 @@ def read_results(config_path: Path) -> Results:
         costs={name: _stage_cost(config_path, name, categories) for name in stage_scripts.SCRIPTS},
         settings=config.read(config_path),
         seeds=seeds,
+        further_seconds={
+            label: [training_seconds(_read_logs(config_path, model, categories, seed)) for seed in range(1, seeds)]
+            for model, label in MODELS.items()
+        },
     )
+
+
+def training_seconds(logs: Mapping[str, pd.DataFrame]) -> float:
+    """What the trainings of all categories took together."""
+    return sum(float(log["seconds"].iloc[-1]) for log in logs.values())
+
+
+def _read_logs(config_path: Path, model: str, categories: Sequence[str], seed: int = 0) -> dict[str, pd.DataFrame]:
+    return {name: _read_log(config.artifact_dir(config_path, model, name, seed)) for name in categories}
 
 
 def _read_log(folder: Path) -> pd.DataFrame:

@@ -17,6 +17,7 @@ no training changes the other numbers.
 """
 SEED_MEANS: Final = "Of means over {seeds} seeds."
 SEED_ZERO: Final = "Of the first of the {seeds} seeds."
+SEED_MEDIANS: Final = "Medians over the {seeds} seeds."
 
 RESULTS: Final = """
 Single-image reconstruction, laid out as the paper's table `si3dr`. D<sub>C</sub>: Chamfer distance × 1000, the sum

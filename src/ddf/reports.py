@@ -5,6 +5,7 @@ in the files depends on the day; times are those that the stages measured.
 """
 
 import os
+import statistics
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -264,15 +265,19 @@ def _training_section(results: report_inputs.Results) -> pages.Section:
 
 
 def budget(results: report_inputs.Results) -> str:
-    """The wall time that each model trained for, over all categories, and by how much the two differ."""
+    """The wall time that each model trained for, over all categories, and by how much the two differ; of several seeds
+    the median.
+    """
     seconds = {
-        model: sum(float(log["seconds"].iloc[-1]) for log in logs.values()) for model, logs in results.logs.items()
+        model: statistics.median([report_inputs.training_seconds(logs), *results.further_seconds.get(model, [])])
+        for model, logs in results.logs.items()
     }
     least, most = min(seconds.values()), max(seconds.values())
     spent = ", ".join(f"{model} {duration(value)}" for model, value in seconds.items())
     more = 100 * (most / least - 1) if least > 0 else 0.0
     text = texts.SAME_BUDGET if more <= _SAME_PERCENT else texts.OTHER_BUDGET
-    return _of_seed_zero(results, texts.fill(text, spent=spent, more=f"{more:.0f}"))
+    told = texts.fill(text, spent=spent, more=f"{more:.0f}")
+    return f"{told} {texts.fill(texts.SEED_MEDIANS, seeds=results.seeds)}" if results.seeds > 1 else told
 
 
 def _data_section(results: report_inputs.Results) -> pages.Section:
