@@ -155,8 +155,8 @@ def test_values_out_of_range_are_refused(changes, text):
         _config(**changes)
 
 
-@pytest.mark.parametrize("name", ["smoke", "cpu", "paper"])
-def test_experiment_files_have_a_valid_section(name, pytestconfig):
+@pytest.mark.parametrize(("name", "views"), [("smoke", shapenet.NUM_VIEWS), ("cpu", 10), ("paper", shapenet.NUM_VIEWS)])
+def test_experiment_files_have_a_valid_section(name, views, pytestconfig):
     section = config.load(pytestconfig.rootpath / "configs" / f"{name}.yaml", "dataset", dataset.DatasetConfig)
-    assert section.views == shapenet.NUM_VIEWS
+    assert section.views == views
     assert (section.source == "shapenet") == (name == "paper")
