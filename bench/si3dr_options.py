@@ -70,7 +70,7 @@ DRAWN: Mapping[str, Mapping[str, Any]] = {
     "no resampling": {"pointclouds.cloud.resample": 0.0},
     "no recheck": {"pointclouds.cloud.recheck": []},
     "most visible points": {"pointclouds.cloud.spread": None},
-    "outliers kept": {"pointclouds.cloud.outliers": 0.0},
+    "doubtful points kept": {"pointclouds.cloud.least_confidence": 0.0},
     "strays as wanted as others": {"pointclouds.cloud.crowding": 0.0},
     "48 directions": {"pointclouds.cloud.num_directions": 48},
     "128 directions": {"pointclouds.cloud.num_directions": 128},

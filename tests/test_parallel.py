@@ -81,6 +81,21 @@ def test_only_damaged_missing_or_changed_shards_run_again(out_dir):
     assert _calls(out_dir) == [0, 1, 2]
 
 
+def test_the_digest_tells_other_files_and_other_failures_apart(tmp_path):
+    found = {}
+    for name, options in {
+        "first": {},
+        "again": {"fingerprint": "other"},  # made anew, to the same
+        "fewer": {"items": range(9)},
+        "failed": {"items": range(50), "bad": {49}},  # its files are those of 49 items
+        "whole": {"items": range(49), "shard_size": 4},
+    }.items():
+        _map(tmp_path / name, **options)
+        found[name] = parallel.digest(tmp_path / name)
+    assert found["first"] == found["again"]
+    assert len(set(found.values())) == 4
+
+
 def test_a_shorter_data_set_leaves_no_stray_files(out_dir):
     _map(out_dir)
     (out_dir / ".half.tmp").write_text("left by a kill")

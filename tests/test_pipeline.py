@@ -120,46 +120,56 @@ def test_trainings_can_be_launched_elsewhere():
 # here runs again on the next `make reproduce-table`, hours of training included.
 RECORDED = {
     "dataset@cpu": ("make_dataset", "", "data_root", "dataset"),
-    "meshes@cpu-car": ("prepare_meshes", " --category car", "dataset", "meshes/car"),
-    "samples@cpu-car": ("extract_samples", " --category car", "dataset meshes/car", "samples/car"),
-    "train_ddf@cpu-car": ("train_ddf", " --category car", "dataset meshes/car samples/car", "train_ddf/car"),
-    "train_pcsiren@cpu-car": ("train_pcsiren", " --category car", "dataset samples/car", "train_pcsiren/car"),
+    "meshes@cpu-car": ("prepare_meshes", " --category car", "dataset/index.json", "meshes/car"),
+    "samples@cpu-car": ("extract_samples", " --category car", "dataset/index.json meshes/car", "samples/car"),
+    "train_ddf@cpu-car": ("train_ddf", " --category car", "dataset/index.json meshes/car samples/car", "train_ddf/car"),
+    "train_pcsiren@cpu-car": (
+        "train_pcsiren",
+        " --category car",
+        "dataset/index.json samples/car",
+        "train_pcsiren/car",
+    ),
     "export_onnx@cpu-car": ("export_onnx", " --category car", "train_ddf/car train_pcsiren/car", "export_onnx/car"),
     "pointclouds@cpu-car": (
         "make_pointclouds",
         " --category car",
-        "dataset samples/car train_ddf/car train_pcsiren/car",
+        "dataset/index.json samples/car train_ddf/car train_pcsiren/car",
         "pointclouds/car",
     ),
-    "evaluate@cpu": ("evaluate_clouds", "", "dataset samples pointclouds", "evaluate"),
+    "evaluate@cpu": ("evaluate_clouds", "", "dataset/index.json samples pointclouds", "evaluate"),
     "report@cpu": (
         "write_report",
         "",
-        "dataset meshes samples pointclouds evaluate evaluate_seeds train_ddf train_pcsiren",
+        "dataset/index.json meshes samples pointclouds evaluate evaluate_seeds train_ddf train_pcsiren",
         None,
     ),
     "train_ddf@cpu-car-2": (
         "train_ddf",
         " --category car --seed 2",
-        "dataset meshes/car samples/car",
+        "dataset/index.json meshes/car samples/car",
         "train_ddf_seeds/2/car",
     ),
     "train_pcsiren@cpu-car-2": (
         "train_pcsiren",
         " --category car --seed 2",
-        "dataset samples/car",
+        "dataset/index.json samples/car",
         "train_pcsiren_seeds/2/car",
     ),
     "pointclouds@cpu-car-2": (
         "make_pointclouds",
         " --category car --seed 2",
-        "dataset samples/car train_ddf_seeds/2/car train_pcsiren_seeds/2/car",
+        "dataset/index.json samples/car train_ddf_seeds/2/car train_pcsiren_seeds/2/car",
         "pointclouds_seeds/2/car",
     ),
     "fit_shape@fit": ("fit_shape", "", "mesh.sha256", "fit_shape"),
     "ablate_samples@fit": ("ablate_samples", "", "mesh.sha256", "ablate_samples"),
     "report_shape@fit": ("write_shape_report", "", "fit_shape ablate_samples", None),
-    "evaluate@cpu-2": ("evaluate_clouds", " --seed 2", "dataset samples pointclouds_seeds/2", "evaluate_seeds/2"),
+    "evaluate@cpu-2": (
+        "evaluate_clouds",
+        " --seed 2",
+        "dataset/index.json samples pointclouds_seeds/2",
+        "evaluate_seeds/2",
+    ),
 }
 
 

@@ -14,7 +14,6 @@ CONFIG = pointclouds.CloudConfig(  # the paper's way
     resample=0.0,
     recheck=(),
     spread=None,
-    outliers=0.0,
     temperature=0.05,
     inverse_depth=0.01,
     chunk_rays=4096,
@@ -230,13 +229,18 @@ def test_spread_sets_few_points_where_the_field_doubts():
     assert 0 < share < 0.15
 
 
-def test_outliers_are_the_candidates_with_the_emptiest_surroundings():
-    config = dataclasses.replace(SPREAD, outliers=0.05)
-    points = torch.cat((torch.rand(60, 3), torch.tensor([[3.0, 0, 0], [-3.0, 0, 0]])))
-    (cloud,) = pointclouds.select([_projected(points, torch.ones(62))], [50], config)
-    assert float(cloud.abs().max()) <= 1
-    (kept,) = pointclouds.select([_projected(points, torch.ones(62))], [50], SPREAD)
+def test_doubtful_candidates_are_left_out_while_enough_remain():
+    config = dataclasses.replace(SPREAD, least_confidence=0.5)
+    sure = torch.rand(60, 3, generator=torch.Generator().manual_seed(0))
+    strays = torch.tensor([[3.0, 0, 0], [-3.0, 0, 0]])
+    cycles = [_projected(torch.cat((sure, strays)), torch.cat((torch.full((60,), 0.5), torch.full((2,), 0.49))))]
+    (kept,) = pointclouds.select(cycles, [56], dataclasses.replace(config, least_confidence=0.0))
     assert float(kept.abs().max()) == 3
+    for least in (0.5, 1.0):
+        (cloud,) = pointclouds.select(cycles, [56], dataclasses.replace(config, least_confidence=least))
+        assert len(torch.unique(cloud, dim=0)) == 56 and float(cloud.abs().max()) <= 1
+    (needed,) = pointclouds.select(cycles, [62], config)
+    assert len(torch.unique(needed, dim=0)) == 62
 
 
 def test_crowding_takes_strays_later():
@@ -301,7 +305,11 @@ def _nearest_neighbour_spread(points):
         ({"num_directions": 0}, "num_directions must be >= 1; got 0"),
         ({"temperature": 0.0}, "temperature must be > 0"),
         ({"spread": -1.0}, r"spread must be >= 0, or null; got -1\.0"),
-        ({"outliers": 0.2, "spread": 6.0, "cycles": 2}, "must leave enough candidates.*got 0.88 with oversampling 0.1"),
+        ({"least_confidence": 1.5}, r"least_confidence must be in \[0, 1\]; got 1\.5"),
+        (
+            {"oversampling": -0.6, "spread": 6.0, "cycles": 3},
+            "must leave enough candidates.*got 0.8 with oversampling -0",
+        ),
         ({"crowding": -1.0}, r"crowding must be >= 0; got -1\.0"),
         ({"oversampling": -0.1}, "must leave enough candidates.*got 0.9 with"),
         ({"jitter": -0.1}, "jitter must be >= 0"),

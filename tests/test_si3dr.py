@@ -29,7 +29,7 @@ COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
 FIELD = fields.PDDFConfig((12, 12), 3.0, 1.0, "softplus", 20.0)
 DDF = si3dr_training.DDFConfig(FIELD, 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.0, 16, 20, None)
 PCSIREN = si3dr_training.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50, 70)
-CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 0.0, 0.0, (), None, 0.0, 0.05, 0.05, 1000)
+CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 0.0, 0.0, (), None, 0.05, 0.05, 1000)
 POINTCLOUDS = si3dr_inference.PointcloudsConfig(
     CLOUD,
     reconstruction.CorrectionConfig(2, 0.05, 16, reconstruction.CAMERA_NUMBERS),

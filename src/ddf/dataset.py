@@ -107,6 +107,8 @@ def check_shape(root: Path, synset: str, shape_id: str, num_views: int) -> None:
 def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     """Make or check all shapes and return the index; failures go to `out_dir`/failures.csv.
 
+    The index changes when a file of the data set does (`parallel.digest`), so who depends on it need not watch them.
+
     Raises:
       InputError: the root is missing, or more than 2 % of the shapes are broken.
     """
@@ -137,7 +139,8 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
             if shape.id not in broken
         ]
         categories[name] = {"synset": shapenet.SYNSETS[name], "shapes": kept}
-    return {"root": root.as_posix(), "source": config.source, "seed": config.seed, "categories": categories}
+    made = {"source": config.source, "seed": config.seed, "digest": parallel.digest(out_dir)}
+    return {"root": root.as_posix(), **made, "categories": categories}
 
 
 def real_root(environment: Mapping[str, str]) -> Path:
@@ -190,7 +193,7 @@ def remove_strangers(root: Path, items: Sequence[Item]) -> None:
 
 def forget_checks(out_dir: Path) -> None:
     """Delete what earlier checks found, because the user may have mended the data since."""
-    for record in out_dir.glob("[0-9]*.json"):
+    for record in out_dir.glob(storage.RECORDS):
         record.unlink()
 
 

@@ -93,6 +93,13 @@ def map_shards(
     return failures
 
 
+def digest(out_dir: str | Path) -> str:
+    """One checksum of what a finished `map_shards` left in its folder: the files of every shard and the failures."""
+    records = [storage.read_json(path) for path in sorted(Path(out_dir).glob(storage.RECORDS))]
+    left = [[record["files"], record["failures"]] for record in records]
+    return hashlib.sha256(json.dumps(left, sort_keys=True).encode()).hexdigest()
+
+
 @dataclasses.dataclass(frozen=True)
 class _Task:
     function: ShardFunction

@@ -15,10 +15,10 @@ Four departures, each off in the paper's way (derived here):
   the paper), and thin parts, of which the field is less sure, get none. With `spread` p all points of the second and
   later cycles (of the first, if it is alone) are candidates, and the cloud is their farthest-point order with distances
   multiplied by c^p, where the confidence c is the mean of ξ over the hit and its rechecks: even where the field is
-  sure, sparse where it doubts. Of the candidates the share `outliers` with the emptiest surroundings is dropped first.
-  A stray is far from all others, so such an order takes it early; with `crowding` r the distances of a candidate with
-  emptier surroundings than most are also multiplied by (s_m / s)^r, s the distance to its `CROWD`-th neighbour and s_m
-  the median of these.
+  sure, sparse where it doubts. A stray is far from all others, so such an order takes it early. Most strays are
+  doubtful too: candidates of less confidence than `least_confidence` are left out, as far as enough remain. With
+  `crowding` r the distances of a candidate with emptier surroundings than most are also multiplied by (s_m / s)^r, s
+  the distance to its `CROWD`-th neighbour and s_m the median of these.
 """
 
 import math
@@ -45,8 +45,8 @@ class CloudConfig:
     num_directions: n_v. cycles: N_H. oversampling: ε_p; with `spread` and several cycles it may be negative, for all
     points of the second and later cycles are candidates. temperature: η_T. inverse_depth: ε_s.
     jitter: σ, field units. resample: share of starts drawn anew. recheck: s_j, field units.
-    spread: p, null for the most visible points of the last cycle. outliers: share of the candidates, for `spread`
-    alone. crowding: r, likewise. The paper's way: 0, 0, none, null, 0, 0.
+    spread: p, null for the most visible points of the last cycle. least_confidence: c, and crowding: r, for `spread`
+    alone. The paper's way: 0, 0, none, null, 0, 0.
     chunk_rays: candidates evaluated at a time; speed only.
     """
 
@@ -57,11 +57,11 @@ class CloudConfig:
     resample: float
     recheck: tuple[float, ...]
     spread: float | None
-    outliers: float
     temperature: float
     inverse_depth: float
     chunk_rays: int
     crowding: float = 0.0
+    least_confidence: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "recheck", tuple(self.recheck))
@@ -82,12 +82,14 @@ class CloudConfig:
             raise checks.InputError(f"pointclouds.cloud.spread must be >= 0, or null; got {self.spread}")
         if not self.crowding >= 0:
             raise checks.InputError(f"pointclouds.cloud.crowding must be >= 0; got {self.crowding}")
-        if not 0 <= self.outliers < 1:
-            raise checks.InputError(f"pointclouds.cloud.outliers must be in [0, 1); got {self.outliers}")
+        if not 0 <= self.least_confidence <= 1:
+            raise checks.InputError(
+                f"pointclouds.cloud.least_confidence must be in [0, 1]; got {self.least_confidence}"
+            )
         if not self.candidate_share(self.cycles) >= 1:
             raise checks.InputError(
-                "pointclouds.cloud.oversampling must leave enough candidates: (1 + oversampling) (1 - outliers), with "
-                f"spread times cycles - 1 (of several), must be >= 1; got {self.candidate_share(self.cycles):.4g} with "
+                "pointclouds.cloud.oversampling must leave enough candidates: 1 + oversampling, with spread times "
+                f"cycles - 1 (of several), must be >= 1; got {self.candidate_share(self.cycles):.4g} with "
                 f"oversampling {self.oversampling}"
             )
         if not all(0 < offset < 1 for offset in self.recheck):
@@ -97,7 +99,7 @@ class CloudConfig:
         """Candidates among which a point of the cloud is chosen after so many cycles; at least 1 is needed."""
         if self.spread is None:
             return 1 + self.oversampling
-        return (1 + self.oversampling) * (1 - self.outliers) * max(1, cycles - 1) + 1e-9  # for rounding
+        return (1 + self.oversampling) * max(1, cycles - 1) + 1e-9  # for rounding
 
     def num_drawn(self, count: int) -> int:
         """(1 + ε_p) n_p, the points that are projected for a cloud of `count`."""
@@ -125,14 +127,12 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
         best = [last.visibility[:n].topk(count).indices for n, count in zip(drawn, counts, strict=True)]
         return [last.points[rows] for rows in best]
     points, confidence = candidates(cycles)
-    weights = confidence.pow(config.spread)
-    if config.outliers or config.crowding:
+    trusted = _trusted(confidence, config.least_confidence, max(counts))
+    points, weights = points[trusted], confidence[trusted].pow(config.spread)
+    if config.crowding:
         spacing = _spacing(points)
-        crowded = spacing.argsort()[: len(points) - int(config.outliers * len(points))]
-        points, weights, spacing = points[crowded], weights[crowded], spacing[crowded]
-        if config.crowding:
-            usual = spacing.median()
-            weights = weights * (usual / spacing.maximum(usual)).nan_to_num(nan=1.0).pow(config.crowding)
+        usual = spacing.median()
+        weights = weights * (usual / spacing.maximum(usual)).nan_to_num(nan=1.0).pow(config.crowding)
     order = farthest_point_order(points, max(counts), weights.clamp_min(LEAST_WEIGHT))
     return [points[order[:count]] for count in counts]
 
@@ -141,6 +141,12 @@ def candidates(cycles: Sequence[ProjectedPoints]) -> tuple[Float[Tensor, "n 3"],
     """All points of the second and later cycles (of the first, if it is alone), and their confidence."""
     pool = cycles[1:] or cycles
     return torch.cat([cycle.points for cycle in pool]), torch.cat([cycle.confidence for cycle in pool])
+
+
+def _trusted(confidence: Float[Tensor, "n"], least: float, count: int) -> Int[Tensor, "_"]:
+    """Indices in order of those of at least this confidence, or of the `count` most confident if they are fewer."""
+    enough = confidence.topk(min(count, len(confidence))).values[-1]
+    return (confidence >= enough.clamp_max(least)).nonzero()[:, 0]
 
 
 def _ceil(count: float) -> int:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FORMAT_VERSION = 1
+RECORDS = "[0-9]*.json"  # pattern of the records that tell which shards of a folder are done, see `parallel`
 # Packages whose version can change the numbers in an artefact.
 RECORDED_PACKAGES = ("numpy", "open3d", "pymeshlab", "torch", "torchvision")
 _PACK_RECORD = "record.json"
@@ -216,7 +217,7 @@ def shard_files(folder: str | Path, suffix: str, stage: str) -> list[Path]:
       FileNotFoundError: no shard of the folder wrote such a file; the message names `stage`, which makes them.
     """
     folder = Path(folder)
-    records = sorted(folder.glob("[0-9]*.json"))
+    records = sorted(folder.glob(RECORDS))
     names = sorted(name for record in records for name in read_json(record)["files"] if name.endswith(suffix))
     if not names:
         raise FileNotFoundError(f"{folder}: no shards with *{suffix}; run the {stage} stage")
