@@ -308,7 +308,7 @@ def _nearest_neighbour_spread(points):
         ({"least_confidence": 1.5}, r"least_confidence must be in \[0, 1\]; got 1\.5"),
         (
             {"oversampling": -0.6, "spread": 6.0, "cycles": 3},
-            "must leave enough candidates.*got 0.8 with oversampling -0",
+            "must leave enough candidates.*got 0.8 with oversampling -0.6",
         ),
         ({"crowding": -1.0}, r"crowding must be >= 0; got -1\.0"),
         ({"oversampling": -0.1}, "must leave enough candidates.*got 0.9 with"),
