@@ -91,14 +91,18 @@ def views(shape: shape_field.ShapeField, mesh: mesh_io.Mesh, size: int) -> Views
 def ddf_depth(
     shape: shape_field.ShapeField, starts: Tensor, directions: Tensor, box: bool = True
 ) -> tuple[Tensor, int]:
-    """One query per ray that meets the box; without `box` one for every ray, as if nothing were known of it."""
+    """One query per ray that meets the box; without `box` one for every ray.
+
+    What the field says of a ray that misses the box, where it was never trained, differs from fit to fit: such a ray
+    sees nothing.
+    """
     lower, upper = (torch.from_numpy(corner).float() for corner in (shape.lower, shape.upper))
     entry, distance, meets = rays.enter_box(starts, directions, lower, upper)
     asked = torch.nonzero(meets | (not box)).squeeze(-1)
     depth = torch.full_like(distance, torch.inf)
     for chosen in asked.split(CHUNK):
         found = rendering.query(shape.field, entry[chosen], directions[chosen], None, ("visibility", "depth"))
-        seen = found["visibility"] >= shape_field.SEEN
+        seen = meets[chosen] & (found["visibility"] >= shape_field.SEEN)
         depth[chosen] = torch.where(seen, found["depth"] + distance[chosen], torch.inf)
     return depth, len(asked)
 
