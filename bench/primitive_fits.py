@@ -4,7 +4,8 @@ Each is fitted as `ddf fit --config configs/simple_fit.yaml` does it, to a mesh 
 that look at it. Errors are over the rays where field and closed form both see the surface, without grazing ones. A
 curvature's error is relative: that of the mean curvature to |κ1| + |κ2|, that of the Gaussian one to the larger κ². So
 1 is 2/r and 1/r² on a sphere of radius r. A box has normals alone, measured away from its edges. It stands askew in its
-bounding box; the faces of `box, aligned` are those of its own, but for the margin of the fit.
+bounding box; the faces of `box, aligned` are those of its own, but for the margin of the fit. The sphere's mesh is fine
+(327,680 triangles): flat faces curve nowhere, and a fit of minutes finds those of a coarse one.
 """
 
 import argparse
@@ -51,7 +52,7 @@ def cases() -> dict[str, Case]:
     """The shapes by name."""
     torus = trimesh.creation.torus(0.7, 0.3, major_sections=120, minor_sections=80)
     ring = mesh_io.Mesh(np.array(torus.vertices)[:, [0, 2, 1]], np.array(torus.faces)[:, ::-1])  # around y
-    box, ball = trimesh.creation.box(extents=[2 * half for half in HALF]), trimesh.creation.icosphere(subdivisions=5)
+    box, ball = trimesh.creation.box(extents=[2 * half for half in HALF]), trimesh.creation.icosphere(subdivisions=7)
     lower, corners, faces = (-HALF[0], -HALF[1], -HALF[2]), np.array(box.vertices), np.array(box.faces)
     turn = trimesh.transformations.euler_matrix(*TURN)[:3, :3]
     truth = primitives.Box(lower, HALF)
