@@ -65,6 +65,33 @@ def test_surface_samples_on_a_plane_see_nothing():
     assert not _decoded(sheet, "S")["visible"].any()
 
 
+@pytest.mark.parametrize("mesh", [SLAB, moved(icosphere(5), 0.8, (0, 0, 0))], ids=["slab", "sphere"])
+def test_tangent_samples_see_what_they_touch(mesh):
+    """Cast alone, the stored rays miss about every other time: they run in a face, or past a convex shape."""
+    samples = _decoded(mesh, "T")
+    assert samples["visible"].all()
+    drawn = sampling.draw("T", _surface(mesh), sampling.CUBE, CONFIG, 3000, seeding.generator(0, "test", "T"))
+    assert drawn.reach is not None
+    assert (samples["depth"].numpy() <= drawn.reach + packing.DEPTH_STEP).all()
+    cast = raycast.cast(mesh, rays.OrientedPoints(samples["positions"].double(), samples["directions"].double()))
+    assert 0.1 < 1 - cast.visible.float().mean() < 0.9
+    before = cast.visible & (cast.depth < torch.from_numpy(drawn.reach) - 1e-3)
+    assert before.any()
+    apart = (samples["depth"].double() - cast.depth)[before].abs()
+    assert (apart < 1e-3).float().mean() > 0.99  # at right angles to the normal a rounded ray may enter elsewhere
+
+
+@pytest.mark.parametrize("kind", ["S", "T"])
+def test_samples_of_transitions_have_the_normal_at_their_origin(kind):
+    """Also where the ray sees another surface, or none."""
+    samples = _decoded(moved(icosphere(5), 0.8, (0, 0, 0)), kind)
+    p, v = samples["positions"], samples["directions"]
+    origin = p if kind == "S" else p - (p * v).sum(-1, keepdim=True) * v
+    aligned = (torch.nn.functional.normalize(origin, dim=-1) * samples["normals"]).sum(-1)
+    assert (aligned > np.cos(np.radians(3))).all()
+    assert kind == "T" or 0.4 < samples["visible"].float().mean() < 0.6
+
+
 def test_at_surface_samples_see_the_surface_no_further_than_their_origin():
     drawn = sampling.draw_at_surface(_surface(SLAB), sampling.CUBE, 2000, _random())
     hits = raycast.cast(

@@ -99,7 +99,7 @@ class SampleBatch:
 
     counts: points per type and shape, none of a type that is absent. The ground truth has entries for E too (never
     read), so that one index fits all. depth: never read on a miss. normals: at the hit for U A B, at q_0 for
-    S T O.
+    S T.
     """
 
     positions: Float[Tensor, "shapes n 3"]

@@ -3,10 +3,11 @@
 positions   int16 x 3   value / 32767 per coordinate of the box [-1, 1]^3
 directions  int16 x 2   octahedral map of the unit sphere
 depth       uint16      steps of 2 sqrt(3) / 65534 (the box's diagonal); 65535 is a miss
-normals     int8 x 2    octahedral map; the axis (0, 0, 1) on a miss, where the value means nothing
-Positions and directions are rounded before rays are cast, so the truth belongs to exactly the stored ray and only
-depth and
-normals carry an error: half a depth step (2.6e-5), and under 1 degree (`normal_error_deg`).
+normals     int8 x 2    octahedral map; of the hit, on a miss the axis (0, 0, 1), which means nothing; of types S and T
+                        that of the surface where the ray starts or touches it
+Positions and directions are rounded before rays are cast, so the truth belongs to exactly the stored ray (but of T, see
+`sampling`) and only depth and normals carry an error: half a depth step (2.6e-5), and under 1 degree
+(`normal_error_deg`).
 Octahedral map: Cigolle et al. 2014, "A survey of efficient representations for independent unit vectors", §3.3.
 """
 

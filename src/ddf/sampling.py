@@ -9,6 +9,9 @@ Choices where the paper is silent:
 - S starts on the surface. It is lifted by `raycast.SURFACE_OFFSET` (1e-5 of half the box's longest side) off its own
   triangle, to the side that v points to, and the depth is corrected for that: its own triangle, and others in its
   plane, cannot be the hit; a second sheet closer than that is not seen.
+- T touches the surface at q0 and so sees it: no depth is greater than |q0 - p|. Cast, the stored ray runs past q0 on
+  either side by its rounding, and of a convex shape it missed as often as it hit.
+- S and T keep the normal at q0, along which L_T asks for a transition, not that of the hit.
 - O: the offset line is shortened where q0 + s eps n0 would leave B (the other side is tried first), then p is drawn on
   the line's part inside B as for T. So p is in B always, and a tenth lies on its boundary exactly.
 - Hits from behind count. Triangles without an area get no samples.
@@ -99,11 +102,15 @@ class Box:
 
 @dataclass(frozen=True)
 class Draw:
-    """Oriented points before rounding; `normals` only where they start on the surface (the surface's own)."""
+    """Oriented points before rounding.
+
+    normals: n0, of S and T. reach: |q0 - p| of T, which touches the surface there; S starts at q0.
+    """
 
     positions: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     normals: Float[np.ndarray, "n 3"] | None = None
+    reach: Float[np.ndarray, "n"] | None = None
 
 
 CUBE = Box(-np.ones(3), np.ones(3))
@@ -160,20 +167,29 @@ def _inside(points: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "n 
 
 
 def _back_along(
-    origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], box: Box, rng: np.random.Generator
+    origins: Float[np.ndarray, "n 3"],
+    directions: Float[np.ndarray, "n 3"],
+    box: Box,
+    rng: np.random.Generator,
+    normals: Float[np.ndarray, "n 3"] | None = None,
 ) -> Draw:
-    """p on the segment from each origin along v0 to the boundary of B (a tenth exactly on it), and v = -v0."""
+    """p on the segment from each origin along v0 to the boundary of B (a tenth exactly on it), and v = -v0.
+
+    Args:
+      normals: n0, where the segments touch the surface in their origins, q0.
+    """
     count = len(origins)
     axes = _exit(origins, directions, box)
     reach = np.minimum(np.minimum(axes[0], axes[1]), axes[2])
     rows = rng.choice(count, round(BOUNDARY_SHARE * count), replace=False, shuffle=False)
     share = _shares(count, rng)
     share[rows] = 1
-    positions = _inside(origins + (share * reach)[:, None] * directions, box)
+    reach *= share
+    positions = _inside(origins + reach[:, None] * directions, box)
     for axis in range(3):
-        there = rows[axes[axis].take(rows) == reach.take(rows)]
+        there = rows[axes[axis].take(rows) == reach.take(rows)]  # whose share is 1
         positions[there, axis] = np.where(directions[there, axis] > 0, box.upper[axis], box.lower[axis])
-    return Draw(positions, -directions)
+    return Draw(positions, -directions, normals, None if normals is None else reach)
 
 
 def draw_uniform(box: Box, count: int, rng: np.random.Generator) -> Draw:
@@ -215,7 +231,8 @@ def draw_surface(surface: meshes.Surface, box: Box, count: int, rng: np.random.G
 def draw_tangent(surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
     """T: as A, with v0 uniform in the tangent plane at q0."""
     origins, face = surface.draw(count, rng)
-    return _back_along(_inside(origins, box), _tangents(_rows(surface.normals, face), rng), box, rng)
+    normals = _rows(surface.normals, face)
+    return _back_along(_inside(origins, box), _tangents(normals, rng), box, rng, normals)
 
 
 def _rows(normals: Float[np.ndarray, "m 3"], face: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
@@ -321,7 +338,7 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> tuple[dict[s
     looking = [axis.numpy() for axis in packing.unit_axes(torch.from_numpy(directions))]
     starts = list(packing.decode_positions(torch.from_numpy(positions)).numpy().T)
     for kind, draws in drawn.items():
-        if draws.normals is not None:
+        if draws.normals is not None and draws.reach is None:
             part = parts[kind]
             ahead[part] = _lift(scene, draws, [axis[part] for axis in starts], [axis[part] for axis in looking])
     for axis, centre in enumerate(scene.centre.astype(np.float32)):
@@ -331,19 +348,43 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> tuple[dict[s
     depth *= np.float32(scene.scale)
     depth += ahead
     np.maximum(depth, 0, out=depth)
+    codes = _normal_codes(scene, kept, normals, looking)
+    for kind, draws in drawn.items():
+        if draws.reach is not None:
+            depth[parts[kind]] = np.minimum(depth[parts[kind]], draws.reach)
+        if draws.normals is not None:
+            codes[parts[kind]] = packing.encode_unit(draws.normals, np.int8)
     packed = {
         "positions": positions,
         "directions": directions,
         "depth": packing.encode_depth(depth),
-        "normals": _normal_codes(scene, kept, normals, looking),
+        "normals": codes,
     }
-    probes = np.concatenate([np.arange(part.start, part.stop)[:_ERROR_PROBE] for part in parts.values()])
-    first = [(draws.positions[:_ERROR_PROBE], draws.directions[:_ERROR_PROBE]) for draws in drawn.values()]
-    probed = depth[probes]
-    face = np.where(np.isfinite(probed), scene.kept.take(kept[probes], mode="clip"), -1)
-    truth = raycast.facing_back(scene, face, local[probes, 3:])
+    return packed, _few_errors(scene, drawn, packed, depth, kept, local[:, 3:])
+
+
+def _few_errors(
+    scene: raycast.Scene,
+    drawn: dict[str, Draw],
+    packed: dict[str, np.ndarray],
+    depth: Float[np.ndarray, "n"],
+    kept: UInt[np.ndarray, "n"],
+    looking: Float[np.ndarray, "n 3"],
+) -> dict[str, float]:
+    """`_packing_errors` over the first samples of each type."""
+    positions, directions, normals, rows = [], [], [], []
+    for part, draws in zip(_parts(drawn).values(), drawn.values(), strict=True):
+        own = np.arange(part.start, part.stop)[:_ERROR_PROBE]
+        face = np.where(np.isfinite(depth[own]), scene.kept.take(kept[own], mode="clip"), -1)
+        at_hit = raycast.facing_back(scene, face, looking[own])
+        rows.append(own)
+        positions.append(draws.positions[:_ERROR_PROBE])
+        directions.append(draws.directions[:_ERROR_PROBE])
+        normals.append(at_hit if draws.normals is None else draws.normals[:_ERROR_PROBE])
+    probes = np.concatenate(rows)
     few = {name: values[probes] for name, values in packed.items()}
-    return packed, _packing_errors(Draw(*map(np.concatenate, zip(*first, strict=True))), few, probed, truth)
+    first = Draw(np.concatenate(positions), np.concatenate(directions))
+    return _packing_errors(first, few, depth[probes], np.concatenate(normals))
 
 
 def _lift(
