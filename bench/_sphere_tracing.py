@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf import derivatives, meshes, raycast, rays, seeding, siren, training
+from ddf import derivatives, meshes, optimisers, raycast, rays, seeding, siren, training
 from ddf.mesh_io import Mesh
 
 Distance = Callable[[Tensor], Tensor]  # points (n, 3) to f (n)
@@ -137,20 +137,24 @@ def fit_distance(
         eikonal = (gradient.norm(dim=-1) - 1).square().mean()
         return error + config.eikonal * eikonal, {"error": error.detach(), "eikonal": eikonal.detach()}
 
-    if steps is None:
-        each = _seconds_per_step(network, loss)
-        steps = max(1, int((seconds - (time.monotonic() - started)) / each))
     groups = [{"params": list(network.parameters()), "weight_decay": 0.0}]
+    if steps is None:
+        each = _seconds_per_step(config.loop.optimiser(network, groups), loss)
+        steps = max(1, int((seconds - (time.monotonic() - started)) / each))
     with tempfile.TemporaryDirectory() as folder:
         training.fit(network, groups, loss, steps, config.loop, Path(folder), {"fingerprint": ""}, "signed distance")
     return network.eval(), steps
 
 
-def _seconds_per_step(network: siren.SineNetwork, loss: training.StepLoss, count: int = 20) -> float:
-    """Median time of loss and gradient; the network stays as it is, and the optimiser's own time is small beside it."""
+def _seconds_per_step(optimiser: optimisers.Optimiser, loss: training.StepLoss, count: int = 20) -> float:
+    """Median time of a step of a fresh optimiser, which is then used up; at a rate of 0 the network stays as it is."""
+    optimiser.set_rate(0.0)
     times = []
     for index in range(count):
         begun = time.monotonic()
-        torch.autograd.grad(loss(index)[0], list(network.parameters()))
+        optimiser.zero_grad()
+        loss(index)[0].backward()
+        optimiser.step()
         times.append(time.monotonic() - begun)
+    optimiser.zero_grad()
     return float(np.median(times))
