@@ -95,9 +95,21 @@ class Clock:
         self.zero: float | None = None  # of the clock, once it runs; moved on by evaluations
 
     def around(self, train: Callable[..., None]) -> Callable[..., None]:
-        """`training.fit` with evaluations between steps, whenever one is due, and after the last."""
+        """`training.fit` with evaluations between steps, whenever one is due, and after the last; none elsewhere."""
 
-        def call(model: fields.PDDF, groups: list[dict], step_loss: training.StepLoss, steps: int, *rest: Any) -> None:
+        def call(
+            model: fields.PDDF,
+            groups: list[dict],
+            step_loss: training.StepLoss,
+            steps: int,
+            loop: training.LoopConfig,
+            out_dir: Path,
+            *rest: Any,
+        ) -> None:
+            if out_dir != self.folder:
+                train(model, groups, step_loss, steps, loop, out_dir, *rest)  # a trial, of how long a step takes
+                return
+
             def watched(step: int) -> tuple[Tensor, dict[str, Tensor]]:
                 if self.zero is None:
                     self._begin(step)
@@ -107,7 +119,7 @@ class Clock:
                 loss, terms = step_loss(step)
                 return loss, {**terms, "clock": torch.tensor(self.seconds())}
 
-            train(model, groups, watched, steps, *rest)
+            train(model, groups, watched, steps, loop, out_dir, *rest)
             if self.zero is None:  # nothing was left to train
                 self._begin(steps)
             if not self.rows or self.rows[-1]["step"] < steps:

@@ -68,11 +68,21 @@ class _Clocked:
 def test_curve_has_growing_times_and_leaves_evaluations_out(tmp_path, monkeypatch):
     clocked = _Clocked(monkeypatch, evaluation=1000.0)
     clock = fit_curves.Clock(NO_SAMPLES, tmp_path)
-    clock.around(clocked.train(0))(None, [], clocked.loss, 10)
+    clock.around(clocked.train(0))(None, [], clocked.loss, 10, None, tmp_path)
     rows = storage.read_json(tmp_path / fit_curves.CURVE)
     assert [row["seconds"] for row in rows] == [10.0, 20.0, 30.0, 50.0, 80.0, 90.0]
     assert [row["step"] for row in rows] == [1, 2, 3, 5, 8, 10]
     assert clocked.now == 100.0 + 1000.0 * len(rows)
+
+
+def test_trials_in_other_folders_are_not_on_the_clock(tmp_path, monkeypatch):
+    clocked = _Clocked(monkeypatch, evaluation=1000.0)
+    clock = fit_curves.Clock(NO_SAMPLES, tmp_path)
+    seen = []
+    clock.around(lambda *given: seen.append(given))(None, [], clocked.loss, 10, None, tmp_path / "trial")
+    assert seen == [(None, [], clocked.loss, 10, None, tmp_path / "trial")]
+    assert clock.seconds() == 0
+    assert clock.rows == []
 
 
 def test_resumed_curve_goes_on_from_the_logged_time(tmp_path, monkeypatch):
@@ -83,7 +93,7 @@ def test_resumed_curve_goes_on_from_the_logged_time(tmp_path, monkeypatch):
     monkeypatch.setattr(training, "read_log", lambda folder: logged)
     clocked.passes(500.0)  # sampling once more is not counted
     clock = fit_curves.Clock(NO_SAMPLES, tmp_path)
-    clock.around(clocked.train(5))(None, [], clocked.loss, 8)
+    clock.around(clocked.train(5))(None, [], clocked.loss, 8, None, tmp_path)
     assert [(row["seconds"], row["step"]) for row in clock.rows] == [(10.0, 1), (30.0, 3), (50.0, 5), (70.0, 8)]
 
 

@@ -12,6 +12,7 @@ import copy
 import dataclasses
 import functools
 import hashlib
+import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -43,9 +44,9 @@ METRICS, PLAN = "fit.json", "plan.json"
 THIN_BOX = (
     0.05  # a mesh thinner than this (of its longest side) is fitted in the cube: its own box has no room for rays
 )
-_CALIBRATION_SHARE, _CALIBRATION_STEPS = 0.03, 40  # of the budget, at most; and steps, at most
+_CALIBRATION_SHARE, _CALIBRATION_STEPS = 0.03, 400  # of the budget, about; and steps, at most
+_FIRST_TRIAL = 8  # steps, by which those of the calibration are chosen
 _RESERVE = 0.03  # of the time left, for what a calibration does not see: checkpoints, a busier machine
-_WARM_UP_STEPS = 3  # of a calibration, not counted: allocation, first touches
 _LEAST_STEPS = 10
 _FLAT = 0.1  # share of a depth head's first weights that `start_flat` keeps
 
@@ -278,24 +279,21 @@ def step_loss(
 
 
 def seconds_per_step(field: fields.PDDF, samples: ShapeSamples, config: FitConfig, budget_seconds: float) -> float:
-    """Median time of an optimisation step, measured on a copy; the field and all random streams stay as they are."""
-    trial = copy.deepcopy(field).train()
-    loop = config.loop
-    optimiser = loop.optimiser(trial, _groups(trial))
-    optimiser.set_rate(1e-6)
-    started, times = time.monotonic(), []
-    while len(times) < _CALIBRATION_STEPS:
-        begun = time.monotonic()
-        optimiser.zero_grad()
-        step_loss(trial, samples, config, len(times))[0].backward()
-        optimiser.step()
-        if trial.network.head.weight.is_cuda:
-            torch.cuda.synchronize()
-        times.append(time.monotonic() - begun)
-        enough = time.monotonic() - started >= _CALIBRATION_SHARE * budget_seconds
-        if enough and len(times) > _WARM_UP_STEPS:
-            break
-    return float(np.median(times[_WARM_UP_STEPS:]))
+    """Mean time of an optimisation step, measured on copies; the field and all random streams stay as they are."""
+    each = _trial(field, samples, config, _FIRST_TRIAL)
+    steps = min(_CALIBRATION_STEPS, int(_CALIBRATION_SHARE * budget_seconds / each))
+    return _trial(field, samples, config, steps) if steps > _FIRST_TRIAL else each
+
+
+def _trial(field: fields.PDDF, samples: ShapeSamples, config: FitConfig, steps: int) -> float:
+    """Mean time of the second half of so many steps, at least 2; in the first, memory is touched for the first time."""
+    trial, half = copy.deepcopy(field), steps // 2
+    loop = dataclasses.replace(config.loop, log_every=half)
+    loss = functools.partial(step_loss, trial, samples, config)
+    with tempfile.TemporaryDirectory() as folder:
+        training.fit(trial, _groups(trial), loss, 2 * half, loop, Path(folder), {"fingerprint": ""}, "timing a step")
+        first, last = (row["seconds"] for row in training.read_log(Path(folder)))
+    return (last - first) / half
 
 
 def _groups(field: fields.PDDF) -> list[dict[str, Any]]:
