@@ -36,6 +36,7 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
     "frequency 1": {"field.omega_first": 1.0},
     "frequency 6": {"field.omega_first": 6.0},
     "frequency 30": {"field.omega_first": 30.0},
+    "bandwidth of directions as of positions": {"field.direction_scale": 1.0},
     "half the width": {"field.hidden": [WIDTH // 2] * LAYERS},
     "twice the width": {"field.hidden": [WIDTH * 2] * LAYERS},
     "three layers": {"field.hidden": [WIDTH] * 3},

@@ -283,6 +283,25 @@ def test_resampled_starts_leave_doubtful_hits_behind():
     assert len(last[1.0].points) == len(last[0.0].points)
 
 
+@pytest.mark.parametrize("spread", [None, 2.0])
+def test_hits_outside_the_box_are_chosen_last(spread):
+    class _Overshooting(_Sphere):
+        """Puts what it sees from starts with x > 0.5 far outside the box, as sure of it as of all else."""
+
+        def forward(self, positions, directions, modulations=None):
+            raw = super().forward(positions, directions, modulations)
+            raw[..., : fields.NUM_COMPONENTS] += 5.0 * (positions[..., :1] > 0.5)
+            return raw
+
+    config = dataclasses.replace(CONFIG, num_directions=16, cycles=1, oversampling=1.0, spread=spread)
+    cycles = _sample(200, config, field=_Overshooting())
+    outside = (cycles[0].points.abs() > 1 + pointclouds.BEYOND).any(dim=-1)
+    assert 50 < int(outside.sum()) < 150
+    assert float(cycles[0].visibility[outside].max()) == float(cycles[0].confidence[outside].max()) == 0
+    (cloud,) = pointclouds.select(cycles, [200], config)
+    assert float(cloud.abs().max()) <= 1 + pointclouds.BEYOND
+
+
 def test_candidates_of_two_cycles_are_enough_with_fewer_starts_than_points():
     config = dataclasses.replace(SPREAD, num_directions=8, cycles=3, oversampling=-0.45, jitter=0.1)
     field = _Sphere()

@@ -2,7 +2,8 @@
 
 For each p, n_v directions v_k are drawn; their weights a = softmax(ξ_k / (η_T (ε_s + d_k))) favour what is near and
 visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycle repeats from p <- q. Of (1 + ε_p) n_p
-points the n_p most visible are kept. Positions are in the field frame.
+points the n_p most visible are kept. A q outside the box B, which holds the shape, is no hit and is kept last (derived
+here). Positions are in the field frame.
 
 Four departures, each off in the paper's way (derived here):
 - On the surface itself depth jumps from 0 to the next surface, and a field is at its worst there. With `jitter` σ the
@@ -36,6 +37,7 @@ from ddf.nearest_rays import closest_directions
 
 CROWD = 8  # neighbours that tell how empty a candidate's surroundings are
 LEAST_WEIGHT = 1e-6  # of a candidate: its square is still a float32, and those of no confidence keep an order
+BEYOND = 0.05  # field units: a hit so far outside the box, which holds the shape, is none; less is an error of a depth
 
 
 @dataclass(frozen=True)
@@ -257,16 +259,17 @@ def sample(
     """Project the (1 + ε_p) n_p points p ~ U[B] that a cloud of n_p = `count` asks for.
 
     Args:
-      box: lower and upper corner of B, where the field was trained.
+      box: lower and upper corner of B, where the field was trained and which holds the shape.
     Returns:
-      One result per cycle, so that N_H = 1 comes for free with N_H = 3.
+      One result per cycle, so that N_H = 1 comes for free with N_H = 3. Points farther than `BEYOND` outside B have no
+      visibility and no confidence, so they are chosen last.
     """
     weight = field.network.head.weight
     lower, upper = (torch.tensor(corner, dtype=weight.dtype, device=weight.device) for corner in box)
     shape = (config.num_drawn(count), 3)
     unit = torch.rand(shape, generator=generator, dtype=weight.dtype, device=weight.device)
     points = lower + (upper - lower) * unit
-    cycles = [project(field, modulations, points, config, generator)]
+    cycles = [_in_box(project(field, modulations, points, config, generator), lower, upper)]
     for _ in range(config.cycles - 1):
         points = cycles[-1].points
         anew = round(config.resample * len(points))
@@ -278,5 +281,11 @@ def sample(
             noise = torch.randn(shape, generator=generator, dtype=weight.dtype, device=weight.device)
             points = points + config.jitter * noise
         points = torch.minimum(torch.maximum(points, lower), upper)  # what overshoots restarts on the box
-        cycles.append(project(field, modulations, points, config, generator))
+        cycles.append(_in_box(project(field, modulations, points, config, generator), lower, upper))
     return cycles
+
+
+def _in_box(found: ProjectedPoints, lower: Float[Tensor, "3"], upper: Float[Tensor, "3"]) -> ProjectedPoints:
+    """The same points, without visibility and confidence where they lie `BEYOND` the box: such a ray left it unseen."""
+    inside = ((found.points >= lower - BEYOND) & (found.points <= upper + BEYOND)).all(dim=-1)
+    return ProjectedPoints(found.points, found.visibility * inside, found.confidence * inside)

@@ -329,18 +329,16 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> tuple[dict[s
     Coordinates are taken one after the other: numpy is several times slower along an axis of three.
     """
     parts = _parts(drawn)
-    total = sum(len(draws.positions) for draws in drawn.values())
-    positions, directions = np.zeros((total, 3), np.int16), np.zeros((total, 2), np.int16)
-    local, ahead = np.zeros((total, 6), np.float32), np.zeros(total, np.float32)
-    for kind, draws in drawn.items():
-        positions[parts[kind]] = packing.encode_positions(draws.positions)
-        directions[parts[kind]] = packing.encode_unit(draws.directions, np.int16)
+    positions = packing.encode_positions(_joined(drawn, "positions").T)
+    directions = packing.encode_unit(_joined(drawn, "directions").T, np.int16)
     looking = [axis.numpy() for axis in packing.unit_axes(torch.from_numpy(directions))]
-    starts = list(packing.decode_positions(torch.from_numpy(positions)).numpy().T)
+    starts = positions.T.astype(np.float32, order="C")
+    starts /= packing.POSITION_STEPS
+    local, ahead = np.zeros((len(positions), 6), np.float32), np.zeros(len(positions), np.float32)
     for kind, draws in drawn.items():
         if draws.normals is not None and draws.reach is None:
             part = parts[kind]
-            ahead[part] = _lift(scene, draws, [axis[part] for axis in starts], [axis[part] for axis in looking])
+            ahead[part] = _lift(scene, draws, starts[:, part], [axis[part] for axis in looking])
     for axis, centre in enumerate(scene.centre.astype(np.float32)):
         local[:, axis] = (starts[axis] - centre) / np.float32(scene.scale)
         local[:, 3 + axis] = looking[axis]
@@ -372,28 +370,31 @@ def _few_errors(
     looking: Float[np.ndarray, "n 3"],
 ) -> dict[str, float]:
     """`_packing_errors` over the first samples of each type."""
-    positions, directions, normals, rows = [], [], [], []
-    for part, draws in zip(_parts(drawn).values(), drawn.values(), strict=True):
-        own = np.arange(part.start, part.stop)[:_ERROR_PROBE]
-        face = np.where(np.isfinite(depth[own]), scene.kept.take(kept[own], mode="clip"), -1)
-        at_hit = raycast.facing_back(scene, face, looking[own])
-        rows.append(own)
-        positions.append(draws.positions[:_ERROR_PROBE])
-        directions.append(draws.directions[:_ERROR_PROBE])
-        normals.append(at_hit if draws.normals is None else draws.normals[:_ERROR_PROBE])
-    probes = np.concatenate(rows)
+    parts = _parts(drawn)
+    probes = np.concatenate([np.arange(part.start, part.stop)[:_ERROR_PROBE] for part in parts.values()])
+    face = np.where(np.isfinite(depth[probes]), scene.kept.take(kept[probes], mode="clip"), -1)
+    normals = raycast.facing_back(scene, face, looking[probes])
+    for kind, draws in drawn.items():
+        if draws.normals is not None:
+            own = (probes >= parts[kind].start) & (probes < parts[kind].stop)
+            normals[own] = draws.normals[:_ERROR_PROBE]
+    first = Draw(*(_joined(drawn, name, _ERROR_PROBE).T for name in ("positions", "directions")))
     few = {name: values[probes] for name, values in packed.items()}
-    first = Draw(np.concatenate(positions), np.concatenate(directions))
-    return _packing_errors(first, few, depth[probes], np.concatenate(normals))
+    return _packing_errors(first, few, depth[probes], normals)
+
+
+def _joined(drawn: dict[str, Draw], name: str, count: int | None = None) -> Float[np.ndarray, "3 n"]:
+    """Positions or directions of all types, of each the first `count`, one coordinate after the other."""
+    return np.concatenate([getattr(draws, name)[:count].T for draws in drawn.values()], axis=1)
 
 
 def _lift(
-    scene: raycast.Scene, draws: Draw, starts: list[np.ndarray], looking: list[np.ndarray]
+    scene: raycast.Scene, draws: Draw, starts: Float[np.ndarray, "3 n"], looking: list[np.ndarray]
 ) -> Float[np.ndarray, "n"]:
     """Lift starts on the surface off their triangles to the side that they look to, in place.
 
     Args:
-      starts, looking: the three coordinates of the stored positions, which are replaced, and directions.
+      starts, looking: the three coordinates of the stored positions, which are replaced, and of the directions.
     Returns:
       How far along each ray the lifted start lies from the stored one.
     """

@@ -160,7 +160,7 @@ class FitConfig:
 
 DEFAULT = FitConfig(
     mesh=None,
-    field=fields.PDDFConfig((128, 128, 128, 128, 128), 2.0, 1.0, "softplus", 100.0),
+    field=fields.PDDFConfig((128, 128, 128, 128, 128), 2.0, 1.0, "softplus", 100.0, 0.5),
     steps=None,
     minutes=2.0,
     samples=sampling.Counts(U=250_000, A=250_000, B=125_000, S=125_000, T=125_000, O=125_000),

@@ -1,0 +1,26 @@
+import dataclasses
+
+import pytest
+import torch
+
+from ddf import checks, fields
+
+CONFIG = fields.PDDFConfig((16, 12), 3.0, 1.0, "softplus", 100.0)
+
+
+def test_direction_scale_narrows_the_first_weights_of_directions_alone():
+    networks = []
+    for scale in (1.0, 0.25):
+        torch.manual_seed(0)
+        networks.append(fields.PDDF(dataclasses.replace(CONFIG, direction_scale=scale)).state_dict())
+    plain, scaled = networks
+    first = "network.layers.0.weight"
+    assert torch.equal(scaled[first][:, :3], plain[first][:, :3])
+    assert torch.equal(scaled[first][:, 3:], 0.25 * plain[first][:, 3:])
+    assert all(torch.equal(scaled[name], plain[name]) for name in plain if name != first)
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, float("inf"), float("nan")])
+def test_impossible_direction_scale_is_refused(scale):
+    with pytest.raises(checks.InputError, match="direction_scale must be > 0 and finite"):
+        dataclasses.replace(CONFIG, direction_scale=scale)
