@@ -332,8 +332,7 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> tuple[dict[s
     positions = packing.encode_positions(_joined(drawn, "positions").T)
     directions = packing.encode_unit(_joined(drawn, "directions").T, np.int16)
     looking = [axis.numpy() for axis in packing.unit_axes(torch.from_numpy(directions))]
-    starts = positions.T.astype(np.float32, order="C")
-    starts /= packing.POSITION_STEPS
+    starts = np.ascontiguousarray(packing.decode_positions(torch.from_numpy(positions)).numpy().T)
     local, ahead = np.zeros((len(positions), 6), np.float32), np.zeros(len(positions), np.float32)
     for kind, draws in drawn.items():
         if draws.normals is not None and draws.reach is None:
