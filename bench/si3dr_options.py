@@ -59,7 +59,7 @@ TRAINED: Mapping[str, Mapping[str, Any]] = {
     "depth loss of the heavier component": {"ddf.weights.depth_of": "chosen"},
     "squared depth loss": {"ddf.weights.depth_huber": None},
     "depth by ReLU": {"ddf.field.depth_activation": "relu"},
-    "a quarter of the bandwidth of directions": {"ddf.field.direction_scale": 0.25},
+    "bandwidth of directions as of positions": {"ddf.field.direction_scale": 1.0},
     "no points of values alone": {f"ddf.counts.{kind}+": _overrides.ABSENT for kind in "UAB"},
     "no proposed rays": {"ddf.proposals": None},
     "weight of the mask as the paper's": {"ddf.mask_weight": 10.0},
