@@ -5,6 +5,7 @@ Sources: Hart 1996, "Sphere tracing"; Keinert et al. 2014, "Enhanced sphere trac
 Gropp et al. 2020, "Implicit geometric regularization" (‖∇f‖ = 1).
 """
 
+import functools
 import tempfile
 import time
 from collections.abc import Callable
@@ -16,7 +17,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf import derivatives, meshes, optimisers, raycast, rays, seeding, siren, training
+from ddf import derivatives, meshes, raycast, rays, seeding, siren, step_timing, training
 from ddf.mesh_io import Mesh
 
 Distance = Callable[[Tensor], Tensor]  # points (n, 3) to f (n)
@@ -129,7 +130,7 @@ def fit_distance(
     points = torch.from_numpy(drawn).float()
     network = siren.SineNetwork(3, config.layout, 1)
 
-    def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(network: siren.SineNetwork, step: int) -> tuple[Tensor, dict[str, Tensor]]:
         rows = torch.from_numpy(np.random.default_rng((config.loop.seed, step)).integers(0, len(points), config.batch))
         found = derivatives.trace(network, points[rows])
         gradient = derivatives.adjoint(network, found.slopes, torch.ones(len(rows), 1))
@@ -137,24 +138,16 @@ def fit_distance(
         eikonal = (gradient.norm(dim=-1) - 1).square().mean()
         return error + config.eikonal * eikonal, {"error": error.detach(), "eikonal": eikonal.detach()}
 
-    groups = [{"params": list(network.parameters()), "weight_decay": 0.0}]
+    def losses(network: siren.SineNetwork) -> training.StepLoss:
+        return functools.partial(loss, network)
+
+    def groups(network: siren.SineNetwork) -> list[dict]:
+        return [{"params": list(network.parameters()), "weight_decay": 0.0}]
+
     if steps is None:
-        each = _seconds_per_step(config.loop.optimiser(network, groups), loss)
+        each = step_timing.seconds_per_step(network, groups, losses, config.loop, seconds)
         steps = max(1, int((seconds - (time.monotonic() - started)) / each))
     with tempfile.TemporaryDirectory() as folder:
-        training.fit(network, groups, loss, steps, config.loop, Path(folder), {"fingerprint": ""}, "signed distance")
+        told = {"fingerprint": ""}, "signed distance"
+        training.fit(network, groups(network), losses(network), steps, config.loop, Path(folder), *told)
     return network.eval(), steps
-
-
-def _seconds_per_step(optimiser: optimisers.Optimiser, loss: training.StepLoss, count: int = 20) -> float:
-    """Median time of a step of a fresh optimiser, which is then used up; at a rate of 0 the network stays as it is."""
-    optimiser.set_rate(0.0)
-    times = []
-    for index in range(count):
-        begun = time.monotonic()
-        optimiser.zero_grad()
-        loss(index)[0].backward()
-        optimiser.step()
-        times.append(time.monotonic() - begun)
-    optimiser.zero_grad()
-    return float(np.median(times))

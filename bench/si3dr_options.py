@@ -16,7 +16,6 @@ import json
 import re
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -38,6 +37,7 @@ from ddf import (
     si3dr_inference,
     si3dr_training,
     stage,
+    step_timing,
     storage,
     training,
 )
@@ -45,7 +45,6 @@ from ddf import (
 CONFIG = Path("configs/cpu.yaml")
 OUT = Path("artifacts/si3dr_options")
 PLAN, RESULT = "plan.json", "result.json"
-TRIED = (10, 40)  # steps of a trial: between these two a step is timed
 SIDE_BY_SIDE = 2
 TOLERANCE = 0.3  # relative; the number of steps depends on the moment
 # what is changed, by the row's name: the key in configs/cpu.yaml and its other value, the paper's where they differ
@@ -141,16 +140,17 @@ def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
     meshes = config.artifact_dir(CONFIG, "meshes", task.category)
     propose = proposed_rays.Proposer.of(settings.ddf.proposals, shapes, meshes)
 
-    def fit(out: Path, steps: int, loop: training.LoopConfig, fingerprint: str) -> list[float]:
-        training.prepare(loop)
-        model = si3dr_training.ddf_model(settings.train, settings.ddf).to(training.device())
-        model.camera_head.fit(images.cameras)
-        groups = model.parameter_groups(settings.train.weight_decay_shape, settings.train.weight_decay_camera)
-        step = functools.partial(
+    training.prepare(settings.train.loop)
+    model = si3dr_training.ddf_model(settings.train, settings.ddf).to(training.device())
+    model.camera_head.fit(images.cameras)
+
+    def groups(model: reconstruction.DDFModel) -> list[dict]:
+        return model.parameter_groups(settings.train.weight_decay_shape, settings.train.weight_decay_camera)
+
+    def loss(model: reconstruction.DDFModel) -> training.StepLoss:
+        return functools.partial(
             si3dr_training.ddf_step, model, images, shapes, samples, settings.train, settings.ddf, propose=propose
         )
-        training.fit(model, groups, step, steps, loop, out, {"fingerprint": fingerprint}, name)
-        return [row["seconds"] for row in training.read_log(out)]
 
     out, loop = folder(task, name), settings.ddf.loop(settings.train.loop)
     key = provenance.fingerprint(
@@ -160,12 +160,12 @@ def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
     )
     plan = storage.read_json(out / PLAN) if (out / PLAN).exists() else {}
     if plan.get("fingerprint") != key:
-        with tempfile.TemporaryDirectory() as trial:
-            first, *_, last = fit(Path(trial), TRIED[1], dataclasses.replace(loop, log_every=TRIED[0]), key)
-        each = (last - first) / (TRIED[1] - TRIED[0])
+        each = step_timing.seconds_per_step(model, groups, loss, loop, task.seconds)
         plan = {"fingerprint": key, "steps": max(1, round(task.seconds / each))}
         storage.write_json(out / PLAN, plan)
-    return {"steps": plan["steps"], "seconds": fit(out, plan["steps"], loop, f"{key} {plan['steps']}")[-1]}
+    record = {"fingerprint": f"{key} {plan['steps']}"}
+    training.fit(model, groups(model), loss(model), plan["steps"], loop, out, record, name)
+    return {"steps": plan["steps"], "seconds": training.read_log(out)[-1]["seconds"]}
 
 
 def score(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) -> tuple[dict[str, float], float]:

@@ -41,6 +41,7 @@ ROOMS: dict[str, list[str]] = {
         "proposed_rays",
         "si3dr_inference",
         "step_cost",
+        "step_timing",
         "shape_field",
         "single_shape",
         "shape_diagnostics",

@@ -8,11 +8,9 @@ the field, the number of steps follows from what is left of the budget after sam
 these steps, so the learning rate still ends at zero. Their number is kept in `plan.json`, for a resumed run.
 """
 
-import copy
 import dataclasses
 import functools
 import hashlib
-import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -35,6 +33,7 @@ from ddf import (
     rendering,
     sampling,
     shape_field,
+    step_timing,
     storage,
     training,
     transforms,
@@ -44,9 +43,7 @@ METRICS, PLAN = "fit.json", "plan.json"
 THIN_BOX = (
     0.05  # a mesh thinner than this (of its longest side) is fitted in the cube: its own box has no room for rays
 )
-_CALIBRATION_SHARE, _CALIBRATION_STEPS = 0.03, 400  # of the budget, about; and steps, at most
-_FIRST_TRIAL = 8  # steps, by which those of the calibration are chosen
-_RESERVE = 0.03  # of the time left, for what a calibration does not see: checkpoints, a busier machine
+_RESERVE = 0.03  # of the time left, for what timing some steps does not see: checkpoints, a busier machine
 _LEAST_STEPS = 10
 _FLAT = 0.1  # share of a depth head's first weights that `start_flat` keeps
 
@@ -280,20 +277,11 @@ def step_loss(
 
 def seconds_per_step(field: fields.PDDF, samples: ShapeSamples, config: FitConfig, budget_seconds: float) -> float:
     """Mean time of an optimisation step, measured on copies; the field and all random streams stay as they are."""
-    each = _trial(field, samples, config, _FIRST_TRIAL)
-    steps = min(_CALIBRATION_STEPS, int(_CALIBRATION_SHARE * budget_seconds / each))
-    return _trial(field, samples, config, steps) if steps > _FIRST_TRIAL else each
 
+    def loss(trial: fields.PDDF) -> training.StepLoss:
+        return functools.partial(step_loss, trial, samples, config)
 
-def _trial(field: fields.PDDF, samples: ShapeSamples, config: FitConfig, steps: int) -> float:
-    """Mean time of the second half of so many steps, at least 2; in the first, memory is touched for the first time."""
-    trial, half = copy.deepcopy(field), steps // 2
-    loop = dataclasses.replace(config.loop, log_every=half)
-    loss = functools.partial(step_loss, trial, samples, config)
-    with tempfile.TemporaryDirectory() as folder:
-        training.fit(trial, _groups(trial), loss, 2 * half, loop, Path(folder), {"fingerprint": ""}, "timing a step")
-        first, last = (row["seconds"] for row in training.read_log(Path(folder)))
-    return (last - first) / half
+    return step_timing.seconds_per_step(field, _groups, loss, config.loop, budget_seconds)
 
 
 def _groups(field: fields.PDDF) -> list[dict[str, Any]]:
