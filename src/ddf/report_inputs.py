@@ -72,6 +72,8 @@ class Results:
             value = value[part]
         if value is None:
             return "all"
+        if isinstance(value, Mapping):
+            return ", ".join(f"{name} {own}" for name, own in value.items())
         if isinstance(value, list):
             return ", ".join(map(str, value)) or "none"
         return str(value)
