@@ -148,6 +148,6 @@ def fit_distance(
         each = step_timing.seconds_per_step(network, groups, losses, config.loop, seconds)
         steps = max(1, int((seconds - (time.monotonic() - started)) / each))
     with tempfile.TemporaryDirectory() as folder:
-        told = {"fingerprint": ""}, "signed distance"
-        training.fit(network, groups(network), losses(network), steps, config.loop, Path(folder), *told)
+        out, record = Path(folder), {"fingerprint": ""}
+        training.fit(network, groups(network), losses(network), steps, config.loop, out, record, "signed distance")
     return network.eval(), steps

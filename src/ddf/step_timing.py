@@ -31,22 +31,17 @@ def seconds_per_step(
     Args:
       groups, loss: the optimiser's parameter groups and the loss of a step, of a copy.
     """
-    each = _trial(model, groups, loss, loop, FIRST_TRIAL)
+
+    def trial(steps: int) -> float:
+        """Mean of the second half of so many steps, at least 2; in the first, memory is touched for the first time."""
+        own, half = copy.deepcopy(model), steps // 2
+        often = dataclasses.replace(loop, log_every=half)
+        with tempfile.TemporaryDirectory() as folder:
+            out = Path(folder)
+            training.fit(own, groups(own), loss(own), 2 * half, often, out, {"fingerprint": ""}, "timing a step")
+            first, last = (row["seconds"] for row in training.read_log(out))
+        return (last - first) / half
+
+    each = trial(FIRST_TRIAL)
     steps = min(MOST_STEPS, int(SHARE * budget_seconds / each))
-    return _trial(model, groups, loss, loop, steps) if steps > FIRST_TRIAL else each
-
-
-def _trial(
-    model: Model,
-    groups: Callable[[Model], list[dict]],
-    loss: Callable[[Model], training.StepLoss],
-    loop: training.LoopConfig,
-    steps: int,
-) -> float:
-    """Mean time of the second half of so many steps, at least 2; in the first, memory is touched for the first time."""
-    own, half = copy.deepcopy(model), steps // 2
-    loop = dataclasses.replace(loop, log_every=half)
-    with tempfile.TemporaryDirectory() as folder:
-        training.fit(own, groups(own), loss(own), 2 * half, loop, Path(folder), {"fingerprint": ""}, "timing a step")
-        first, last = (row["seconds"] for row in training.read_log(Path(folder)))
-    return (last - first) / half
+    return trial(steps) if steps > FIRST_TRIAL else each
