@@ -77,6 +77,7 @@ DRAWN: Mapping[str, Mapping[str, Any]] = {
     "one cycle": {"pointclouds.cloud.cycles": 1},
     "scale of the cloud's box": {"pointclouds.scale_quantile": None},
     "correction from two sides": {"pointclouds.correction_turns": [0, 180]},
+    "no limit to the correction": {"pointclouds.correction_limit": None},
     "radius free in the correction": {"pointclouds.correction.free": list(reconstruction.CAMERA_NUMBERS)},
 }
 OPTIONS = TRAINED | DRAWN

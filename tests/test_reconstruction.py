@@ -127,6 +127,27 @@ def test_of_several_starts_the_best_mask_stays():
     assert torch.equal(both, turned)
 
 
+def test_a_correction_that_turns_too_far_is_refused():
+    """The same ball and start from behind: the descent ends far away, that from the other side near its start."""
+    model = reconstruction.DDFModel(SMALL_FIELD, 4, 8)
+    model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.65], [6.2, 0.53, 0.95], [3.0, 0.5, 0.8]]))
+    model.decoder.field = _BallField(torch.tensor([0.5, 0.0, 0.2]), 0.3)
+    truth, scale = _camera(1.0, 0.48, 0.8).repeat(2, 1), torch.tensor([2.5, 2.5])
+    image, _ = rendering.render(model.decoder.field, None, truth[0], scale[0], 32, ["visibility"])
+    start = torch.cat((_camera(1.2 + math.pi, 0.48, 0.8), _camera(1.2, 0.48, 0.8)))
+    given = (model, [], start, scale, image["visibility"].repeat(2, 1, 1))
+    config = reconstruction.CorrectionConfig(40, 0.02, 32, ("azimuth",))
+    free, _ = reconstruction.correct_camera(*given, config)
+    far, near = (free[:, 0] - start[:, 0]).abs().rad2deg().tolist()
+    assert far > 20 > 15 > near > 5  # 11.5 degrees lie between start and truth
+    bounded, tight = (si3dr_inference.correct_from_turns(*given, config, [0.0], limit) for limit in (20.0, 5.0))
+    assert torch.equal(bounded, torch.stack((start[0], free[1])))
+    assert torch.equal(tight, start)
+    both = si3dr_inference.correct_from_turns(*given, config, [0.0, 180.0], 20.0)
+    assert abs(math.remainder(float(both[0, 0]) - 1.0, 2 * math.pi)) < 0.01  # the limit is from each start
+    torch.testing.assert_close(both[1], free[1])
+
+
 def test_rendered_ball_has_the_analytic_silhouette():
     camera, scale = torch.tensor([0.8, 0.45, 0.8]), torch.tensor(2.5)
     images, queries = rendering.render(_BallField(), None, camera, scale, 137, ["visibility"])

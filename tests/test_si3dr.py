@@ -35,6 +35,7 @@ POINTCLOUDS = si3dr_inference.PointcloudsConfig(
     reconstruction.CorrectionConfig(2, 0.05, 16, reconstruction.CAMERA_NUMBERS),
     (0.0,),
     None,
+    None,
     60,
     30,
     None,
@@ -275,6 +276,7 @@ def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():
         (DDF, {"mask_pixels": 0}, "ddf.mask_pixels must be >= 1"),
         (PCSIREN, {"points": 0}, "pcsiren.points must be >= 1; got 0"),
         (POINTCLOUDS, {"correction_turns": ()}, r"pointclouds.correction_turns must list degrees.*got \[\]"),
+        (POINTCLOUDS, {"correction_limit": 0.0}, "pointclouds.correction_limit must be > 0, or null; got 0.0"),
         (POINTCLOUDS, {"small": 61}, "1 <= small <= large; got 61 and 60"),
     ],
 )

@@ -68,6 +68,7 @@ SETTINGS = (
     ("power by which lonely ones are taken later", "pointclouds.cloud.crowding", "0.0"),
     ("share of the hits outside the box that gives DDF's scale", "pointclouds.scale_quantile", "none"),
     ("corrected by the mask", "pointclouds.correction.free", "azimuth, elevation, radius"),
+    ("a correction that turns the azimuth farther is refused, degrees", "pointclouds.correction_limit", "none"),
     ("points L", "pointclouds.large", "5000"),
     ("points S", "pointclouds.small", "2466"),
     ("test images per shape", "pointclouds.test_views", "5"),

@@ -28,6 +28,8 @@ class PointcloudsConfig:
 
     correction_turns: degrees, in front of a correction, by which the predicted azimuth is turned; of several starts the
     camera with the least L_M stays (`correct_from_turns`). [0] is the paper's way.
+    correction_limit: degrees of azimuth, a correction that ends farther from its start is refused; null, the paper's
+    way, for none.
     scale_quantile: of the DDF, see `scale_from_cycles`; null for `scale_from_cloud`, the paper's way.
     large, small: L and S, points of the two clouds (5,000 and 2,466 in the paper). test_views: views per test shape
     that are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered
@@ -37,6 +39,7 @@ class PointcloudsConfig:
     cloud: pointclouds.CloudConfig
     correction: reconstruction.CorrectionConfig
     correction_turns: tuple[float, ...]
+    correction_limit: float | None
     scale_quantile: float | None
     large: int
     small: int
@@ -51,6 +54,8 @@ class PointcloudsConfig:
             raise checks.InputError(
                 f"pointclouds.correction_turns must list degrees, [0] for one start; got {list(self.correction_turns)}"
             )
+        if self.correction_limit is not None and not self.correction_limit > 0:
+            raise checks.InputError(f"pointclouds.correction_limit must be > 0, or null; got {self.correction_limit}")
         if not 1 <= self.small <= self.large:
             raise checks.InputError(f"pointclouds needs 1 <= small <= large; got {self.small} and {self.large}")
         if self.scale_quantile is not None and not 0 <= self.scale_quantile < 0.5:
@@ -212,7 +217,8 @@ def _correct_cameras(
         index = torch.from_numpy(rows)
         field_scale = (1 / scale[index]).to(cameras.device)
         given = (model, [m[index] for m in modulations], cameras[index], field_scale, alpha)
-        corrected.append(correct_from_turns(*given, config.correction, config.correction_turns))
+        turns, limit = config.correction_turns, config.correction_limit
+        corrected.append(correct_from_turns(*given, config.correction, turns, limit))
     return torch.cat(corrected)
 
 
@@ -224,19 +230,26 @@ def correct_from_turns(
     alpha: Float[Tensor, "b size size"],
     config: reconstruction.CorrectionConfig,
     turns: Sequence[float],
+    limit: float | None = None,
 ) -> Float[Tensor, "b 3"]:
     """Π̂_∇ of one descent per turn of the azimuth: the camera of the least L_M, the first of equal ones.
 
-    The descent stays in the basin where it starts; seen from behind, many shapes have nearly the same mask. Derived
-    here: the paper starts once, at Π̂. Costs one `reconstruction.correct_camera` per turn.
+    The descent stays in the basin where it starts; seen from behind, many shapes have nearly the same mask. One that
+    turns far has left its basin, mostly for a worse one. Derived here: the paper starts once, at Π̂, and refuses
+    nothing. Costs one `reconstruction.correct_camera` per turn.
 
     Args:
       turns: degrees that are added to the azimuth of `camera`.
+      limit: degrees, a descent that ends farther from its start in azimuth is refused; where all are, the camera
+        stays as predicted.
     """
     best, least = camera, torch.full_like(field_scale, torch.inf)
     for turn in turns:
         start = torch.cat((camera[:, :1] + math.radians(turn), camera[:, 1:]), dim=1)
         found, loss = reconstruction.correct_camera(model, modulations, start, field_scale, alpha, config)
+        if limit is not None:
+            turned = (found[:, 0] - start[:, 0]).abs()
+            loss = loss.masked_fill(turned > math.radians(limit), torch.inf)
         better = loss < least
         best, least = torch.where(better[:, None], found, best), torch.where(better, loss, least)
     return best
