@@ -18,9 +18,12 @@ PCSIREN = si3dr_training.PCSirenConfig((24, 16), 1.0, 1.0, 1, 8, 8)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 
-def field(activation: Literal["relu", "softplus", "squareplus"] = "softplus") -> fields.PDDF:
+def field(
+    activation: Literal["relu", "softplus", "squareplus"] = "softplus", mirror: Literal["x", "y", "z"] | None = None
+) -> fields.PDDF:
     torch.manual_seed(0)
-    return fields.PDDF(fields.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0)).requires_grad_(False)
+    config = fields.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0, mirror=mirror)
+    return fields.PDDF(config).requires_grad_(False)
 
 
 def points(count, seed=0):

@@ -11,9 +11,11 @@ from ddf import checks, curvature, fields, primitives, rays, siren
 WIDTHS = (16, 16, 8)
 
 
-def _field(activation: Literal["relu", "softplus", "squareplus"] = "softplus", dtype=torch.float64):
+def _field(
+    activation: Literal["relu", "softplus", "squareplus"] = "softplus", mirror: Literal["x", "y", "z"] | None = None
+):
     torch.manual_seed(3)
-    return fields.PDDF(fields.PDDFConfig(WIDTHS, 3.0, 2.0, activation, 10.0)).to(dtype)
+    return fields.PDDF(fields.PDDFConfig(WIDTHS, 3.0, 2.0, activation, 10.0, mirror=mirror)).double()
 
 
 def _modulations(shapes):
@@ -38,11 +40,11 @@ def _autograd_hessian(field, p, v, modulations):
     return gradient.detach(), torch.stack(rows, -2)
 
 
-@pytest.mark.parametrize("modulated", [False, True])
+@pytest.mark.parametrize(("modulated", "mirror"), [(False, None), (True, None), (True, "z")])
 @pytest.mark.parametrize("activation", ["softplus", "relu", "squareplus"])
 @pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float64, 1e-8), (torch.float32, 1e-4)])
-def test_hessian_form_equals_autograd(modulated, activation, dtype, tolerance):
-    field, modulations = _field(activation), _modulations(2) if modulated else None
+def test_hessian_form_equals_autograd(modulated, mirror, activation, dtype, tolerance):
+    field, modulations = _field(activation, mirror), _modulations(2) if modulated else None
     p, v = _random(2, 40, 3), functional.normalize(_random(2, 40, 3, seed=2), dim=-1)
     first, second = _random(2, 40, 3, seed=3), _random(2, 40, 3, seed=4)
     _, hessian = _autograd_hessian(field, p, v, modulations)
@@ -55,9 +57,9 @@ def test_hessian_form_equals_autograd(modulated, activation, dtype, tolerance):
     assert (found.double() - expected).abs().max() <= tolerance * expected.abs().max()
 
 
-@pytest.mark.parametrize("modulated", [False, True])
-def test_curvatures_equal_property_v_from_autograd(modulated):
-    field, modulations = _field(), _modulations(2) if modulated else None
+@pytest.mark.parametrize(("modulated", "mirror"), [(False, None), (True, None), (True, "y")])
+def test_curvatures_equal_property_v_from_autograd(modulated, mirror):
+    field, modulations = _field(mirror=mirror), _modulations(2) if modulated else None
     p, v = _random(2, 40, 3), functional.normalize(_random(2, 40, 3, seed=2), dim=-1)
     found = curvature.surface(field, p, v, modulations)
     gradient, hessian = _autograd_hessian(field, p, v, modulations)

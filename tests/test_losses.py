@@ -14,9 +14,11 @@ COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+":
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
 
 
-def _field(activation: Literal["relu", "softplus", "squareplus"] = "softplus"):
+def _field(
+    activation: Literal["relu", "softplus", "squareplus"] = "softplus", mirror: Literal["x", "y", "z"] | None = None
+):
     torch.manual_seed(0)
-    return fields.PDDF(fields.PDDFConfig((12, 10), 2.0, 3.0, activation, 5.0)).double()
+    return fields.PDDF(fields.PDDFConfig((12, 10), 2.0, 3.0, activation, 5.0, mirror=mirror)).double()
 
 
 def _unit(*shape, seed):
@@ -36,9 +38,9 @@ def _batch(shapes=2):
 
 
 @pytest.mark.parametrize("activation", ["softplus", "relu", "squareplus"])
-@pytest.mark.parametrize("modulated", [False, True])
-def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, modulated):
-    field, batch, modulations = _field(activation), _batch(), None
+@pytest.mark.parametrize(("modulated", "mirror"), [(False, None), (True, None), (True, "z")])
+def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, modulated, mirror):
+    field, batch, modulations = _field(activation, mirror), _batch(), None
     parameters = list(field.parameters())
     if modulated:
         torch.manual_seed(3)

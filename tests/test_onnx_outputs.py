@@ -5,9 +5,11 @@ import torch
 from ddf import checks, curvature, onnx_outputs, rendering
 
 
-@pytest.mark.parametrize("activation", ["relu", "softplus", "squareplus"])
-def test_outputs_are_those_of_rendering(activation):
-    field = _models.field(activation)
+@pytest.mark.parametrize(
+    ("activation", "mirror"), [("relu", None), ("softplus", None), ("squareplus", None), ("softplus", "z")]
+)
+def test_outputs_are_those_of_rendering(activation, mirror):
+    field = _models.field(activation, mirror)
     positions, directions = _models.points(200)
     values = onnx_outputs.FieldValues(field, positions, directions, None)
     expected = rendering.query(field, positions, directions, None, rendering.OUTPUTS)

@@ -1,3 +1,5 @@
+import dataclasses
+
 import pytest
 import torch
 
@@ -6,9 +8,9 @@ from ddf import cameras, checks, derivatives, fields, rendering, siren, transfor
 FIELD = fields.PDDFConfig((16, 16), 2.0, 1.0, "softplus", 10.0)
 
 
-def _field():
+def _field(mirror=None):
     torch.manual_seed(0)
-    return fields.PDDF(FIELD)
+    return fields.PDDF(dataclasses.replace(FIELD, mirror=mirror))
 
 
 def _camera():
@@ -26,8 +28,9 @@ def test_each_output_is_that_of_all_together_and_nothing_else():
         torch.testing.assert_close(alone[name], expected)
 
 
-def test_normals_equal_autograd_of_the_chosen_depth():
-    field = _field()
+@pytest.mark.parametrize("mirror", [None, "x"])
+def test_normals_equal_autograd_of_the_chosen_depth(mirror):
+    field = _field(mirror)
     generator = torch.Generator().manual_seed(1)
     p = (torch.rand(40, 3, generator=generator) * 2 - 1).requires_grad_()
     v = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1)

@@ -1,5 +1,7 @@
 """A field file and what is asked of it: frames, units, rays that miss, far cameras; no training needed."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -13,11 +15,11 @@ MAP = transforms.Similarity(0.02, np.eye(3), np.array([-4.0, 0.3, 1.0]))  # the 
 CLOUD = pointclouds.CloudConfig(8, 2, 0.1, 0.0, 0.0, (), None, 0.05, 0.05, 4096)
 
 
-def _write(folder, **changes):
+def _write(folder, config=CONFIG, **changes):
     torch.manual_seed(0)
-    field = fields.PDDF(CONFIG)
+    field = fields.PDDF(config)
     torch.nn.init.constant_(field.network.head.bias[fields.VISIBILITY_ROW], 0.3)
-    record = {"fingerprint": "x", "seed": 0, "sources": {}, **shape_field.description(CONFIG, LOWER, UPPER, MAP)}
+    record = {"fingerprint": "x", "seed": 0, "sources": {}, **shape_field.description(config, LOWER, UPPER, MAP)}
     storage.save_tensors(folder / training.MODEL, dict(field.state_dict()), {**record, **changes})
     return folder
 
@@ -139,7 +141,9 @@ def test_no_rays_and_all_missing_give_empty_and_background(shape):
     assert found["depth"].tolist() == [np.inf]
 
 
-def test_components_are_weight_and_normals_of_both_depths(shape):
+@pytest.mark.parametrize("mirror", [None, "x"])
+def test_components_are_weight_and_normals_of_both_depths(tmp_path, mirror):
+    shape = shape_field.load(_write(tmp_path, dataclasses.replace(CONFIG, mirror=mirror)))
     p, v = _rays()
     found, _ = shape_field.query(shape, _in_mesh_frame(p, v), ["visibility", "normals", *shape_field.COMPONENT_OUTPUTS])
     seen = found["visibility"] >= 0.5

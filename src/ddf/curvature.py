@@ -123,7 +123,8 @@ def depth_hessian_form(
     modulations: Sequence[Tensor] | None = None,
 ) -> Float[Tensor, "*shapes n"]:
     """t'^T H_p[d_{i*}] t, the depth activation included, for any t = `first` and t' = `second`, in 1 / field units."""
-    found = trace(field.network, torch.cat((positions, directions), dim=-1), modulations)
+    found = trace(field.network, field.inputs(positions, directions), modulations)
+    first, second = field.turned(first, directions), field.turned(second, directions)
     rows = heavier_rows(found.outputs)
     adjoints, gradient = adjoint_states(field.network, found.slopes, rows)
     one = tangent_states(field.network, found.slopes, first)
@@ -167,13 +168,13 @@ def surface(
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
         raise checks.InputError(f"outputs must be among {', '.join(OUTPUTS)}; got {', '.join(unknown)}")
-    found = trace(field.network, torch.cat((positions, directions), dim=-1), modulations)
+    found = trace(field.network, field.inputs(positions, directions), modulations)
     rows = heavier_rows(found.outputs)
     adjoints, gradient = adjoint_states(field.network, found.slopes, rows)
-    normals = derivatives.normals(gradient, directions)
+    normals = derivatives.normals(field.turned(gradient, directions), directions)
     if not outputs:
         return Surface(found.outputs, normals, None, None)
-    tangents = tangent_basis(normals)
+    tangents = (field.turned(tangent, directions) for tangent in tangent_basis(normals))
     first, second = (tangent_states(field.network, found.slopes, t) for t in tangents)
     slope = (rows * field.depth_slopes(found.outputs)).sum(-1)  # φ'' meets ∇y · t_i = 0
     factor = slope * (normals * directions).sum(-1)

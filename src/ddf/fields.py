@@ -14,7 +14,8 @@ from torch import Tensor, nn
 from ddf import activations, checks, siren
 
 NUM_COMPONENTS = 2
-DIRECTION = slice(3, 6)  # of the inputs (p, v)
+DIRECTION, SIDE = slice(3, 6), 6  # of the inputs (p, v), or (p, v, s) with s = ±1 where there is a mirror
+AXES = ("x", "y", "z")
 WEIGHT_ROW, VISIBILITY_ROW, NUM_OUTPUTS = 2, 3, 4
 INITIAL_DEPTH = 1.0  # both depth biases start here: a ReLU that starts below zero never learns
 
@@ -27,6 +28,9 @@ class PDDFConfig:
       softplus(β x)/β, which is within log(2)/β of ReLU; `squareplus`, within 1/β of it, never dies (`activations`).
     direction_scale: first weights of v, as a multiple of those of p: the bandwidth in v is this times `omega_first`.
       1 is the paper's; by trial, fields fit faster with less.
+    mirror: normal axis of the plane through the origin about which shapes are all but symmetric: a ray towards its
+      negative side is asked for as its mirror image, and a seventh input says so, whose weights start at 0. What both
+      sides have in common is learned once, and they may still differ. None, the paper's way: no plane. Derived here.
     """
 
     hidden: tuple[int, ...]
@@ -35,6 +39,7 @@ class PDDFConfig:
     depth_activation: Literal["relu", "softplus", "squareplus"]
     depth_sharpness: float
     direction_scale: float = 1.0
+    mirror: Literal["x", "y", "z"] | None = None
 
     def __post_init__(self) -> None:
         self.layout()
@@ -57,13 +62,17 @@ PAPER_SINGLE_SHAPE = PDDFConfig((512,) * 7, 1.0, 1.0, "relu", 1.0)
 class PDDF(nn.Module):
     """A sine network on (p, v) with the outputs of a probabilistic DDF; conditional where modulations are given."""
 
+    mirrored: Bool[Tensor, "3"]
+
     def __init__(self, config: PDDFConfig) -> None:
         super().__init__()
         self.config = config
-        self.network = siren.SineNetwork(6, config.layout(), NUM_OUTPUTS)
+        self.network = siren.SineNetwork(6 if config.mirror is None else 7, config.layout(), NUM_OUTPUTS)
         with torch.no_grad():
             self.network.layers[0].weight[:, DIRECTION] *= config.direction_scale
+            self.network.layers[0].weight[:, SIDE:] = 0.0
         nn.init.constant_(self.network.head.bias[:NUM_COMPONENTS], INITIAL_DEPTH)
+        self.register_buffer("mirrored", torch.tensor([axis == config.mirror for axis in AXES]), persistent=False)
 
     def forward(
         self,
@@ -72,7 +81,24 @@ class PDDF(nn.Module):
         modulations: list[Tensor] | None = None,
     ) -> Float[Tensor, "*batch 4"]:
         """Raw outputs at oriented points of the field frame; see `visibility`, `depth`."""
-        return self.network(torch.cat((positions, directions), dim=-1), modulations)
+        return self.network(self.inputs(positions, directions), modulations)
+
+    def inputs(
+        self, positions: Float[Tensor, "*batch 3"], directions: Float[Tensor, "*batch 3"]
+    ) -> Float[Tensor, "*batch _"]:
+        """What the network is asked: (p, v), or with a mirror (p, v, 1) or the mirror image and -1."""
+        if self.config.mirror is None:
+            return torch.cat((positions, directions), dim=-1)
+        side = 1 - 2 * (self.mirrored & (directions < 0)).any(dim=-1, keepdim=True).to(directions.dtype)
+        return torch.cat((self.turned(positions, directions), self.turned(directions, directions), side), dim=-1)
+
+    def turned(
+        self, vectors: Float[Tensor, "*batch 3"], directions: Float[Tensor, "*batch 3"]
+    ) -> Float[Tensor, "*batch 3"]:
+        """Vectors that belong to rays along `directions`, as the network knows those rays, and back: see `mirror`."""
+        if self.config.mirror is None:
+            return vectors
+        return torch.where(self.mirrored & (directions < 0), -vectors, vectors)
 
     @property
     def activation(self) -> activations.Activation:

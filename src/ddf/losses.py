@@ -323,9 +323,9 @@ def _block_loss(
     Args:
       numbers: points of the whole batch that each entry of `COVERED` covers.
     """
+    inputs, block = field.inputs(block.positions, block.directions), _as_known(field, block)
     eikonal, transition, normals = block.span(*EIKONAL), block.span(*TRANSITION), block.span(*NORMALS)
     along = torch.cat((block.directions[:, eikonal], block.normals[:, transition]), dim=1)
-    inputs = torch.cat((block.positions, block.directions), dim=-1)
     states = passes.Block(parameters, inputs, along, modulations)
     gradient = states.adjoint(normals, heavier_rows(states.outputs[:, normals]))
     with torch.set_grad_enabled(differentiate):
@@ -338,6 +338,14 @@ def _block_loss(
         if differentiate:
             found = states.reverse(*torch.autograd.grad(total, leaves, materialize_grads=True))
     return torch.stack([total, *(terms[name] for name in TERMS)]).detach(), found
+
+
+def _as_known(field: PDDF, block: SampleBatch) -> SampleBatch:
+    """The block as the field's network knows it (`PDDF.turned`): every term is the same for mirror images."""
+    positions, directions, normals = (
+        field.turned(each, block.directions) for each in (block.positions, block.directions, block.normals)
+    )
+    return SampleBatch(positions, directions, block.visible, block.depth, normals, block.counts)
 
 
 def _terms(

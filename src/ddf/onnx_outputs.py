@@ -34,7 +34,7 @@ class FieldValues:
     @cached_property
     def trace(self) -> derivatives.Trace:
         """The forward pass with the slopes that derivative passes read."""
-        inputs = torch.cat((self.positions, self.directions), dim=-1)
+        inputs = self.field.inputs(self.positions, self.directions)
         return derivatives.trace(self.field.network, inputs, self.modulations)
 
     @property
@@ -45,7 +45,8 @@ class FieldValues:
     @cached_property
     def raw_depth_gradient(self) -> Float[Tensor, "n 3"]:
         """∇_p of the raw depth of the heavier component, by the adjoint pass."""
-        return derivatives.adjoint(self.field.network, self.trace.slopes, fields.heavier_rows(self.raw))
+        gradient = derivatives.adjoint(self.field.network, self.trace.slopes, fields.heavier_rows(self.raw))
+        return self.field.turned(gradient, self.directions)
 
     @property
     def normals(self) -> Float[Tensor, "n 3"]:

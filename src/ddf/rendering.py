@@ -66,9 +66,9 @@ def query(
         raw = field(positions, directions, modulations)
         gradient = None
     else:
-        trace = derivatives.trace(field.network, torch.cat((positions, directions), dim=-1), modulations)
+        trace = derivatives.trace(field.network, field.inputs(positions, directions), modulations)
         raw = trace.outputs
-        gradient = derivatives.adjoint(field.network, trace.slopes, heavier_rows(raw))
+        gradient = field.turned(derivatives.adjoint(field.network, trace.slopes, heavier_rows(raw)), directions)
     found = {}
     if "visibility" in outputs:
         found["visibility"] = visibility(raw)

@@ -42,6 +42,7 @@ SETTINGS = (
     ("DDF depth activation", "ddf.field.depth_activation", "relu"),
     ("DDF first frequency, ω", "ddf.field.omega_first", "1.0"),
     ("DDF first weights of directions, times those of positions", "ddf.field.direction_scale", "1.0"),
+    ("plane about which the DDF takes shapes for all but symmetric, by its normal", "ddf.field.mirror", "none"),
     ("component that the depth loss is of", "ddf.weights.depth_of", "chosen"),
     ("error beyond which the depth loss is linear", "ddf.weights.depth_huber", "none"),
     ("DDF weight of the depth loss", "ddf.weights.depth", "5.0"),

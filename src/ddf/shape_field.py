@@ -131,14 +131,14 @@ def components(
     """
     if not set(outputs) & set(COMPONENT_OUTPUTS):
         return {}
-    trace = derivatives.trace(field.network, torch.cat((positions, directions), dim=-1))
+    trace = derivatives.trace(field.network, field.inputs(positions, directions))
     found = {}
     if "weight_1" in outputs:
         found["weight_1"] = torch.sigmoid(trace.outputs[..., WEIGHT_ROW])
     for row, name in zip(torch.eye(NUM_COMPONENTS).to(trace.outputs), ("normals_1", "normals_2"), strict=True):
         if name in outputs:
             gradient = derivatives.adjoint(field.network, trace.slopes, row.expand(len(positions), -1))
-            found[name] = derivatives.normals(gradient, directions)
+            found[name] = derivatives.normals(field.turned(gradient, directions), directions)
     return found
 
 
