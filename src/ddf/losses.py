@@ -10,7 +10,7 @@ mean over the oriented points that it applies to (the paper does not say; derive
 import itertools
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from typing import Literal
 
@@ -20,7 +20,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ddf import checks, derivatives, passes
-from ddf.fields import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows
+from ddf.fields import DIRECTION, NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows
 
 ORDER = ("E", "U", "A", "B", "S", "T", "O")  # E: extra uniform points, regularised, without ground truth
 STORED_VALUES = ("U+", "A+", "B+", "S+", "T+")  # O has no derivatives anyway
@@ -326,7 +326,10 @@ def _block_loss(
     Args:
       numbers: points of the whole batch that each entry of `COVERED` covers.
     """
-    inputs, block = field.inputs(block.positions, block.directions), _as_known(field, block)
+    inputs = field.inputs(block.positions, block.directions)
+    # as the network knows them: every term is the same for mirror images
+    known = field.turned(block.normals, block.directions)
+    block = replace(block, directions=inputs[..., DIRECTION], normals=known)
     eikonal, transition, normals = block.span(*EIKONAL), block.span(*TRANSITION), block.span(*NORMALS)
     along = torch.cat((block.directions[:, eikonal], block.normals[:, transition]), dim=1)
     states = passes.Block(parameters, inputs, along, modulations)
@@ -341,14 +344,6 @@ def _block_loss(
         if differentiate:
             found = states.reverse(*torch.autograd.grad(total, leaves, materialize_grads=True))
     return torch.stack([total, *(terms[name] for name in TERMS)]).detach(), found
-
-
-def _as_known(field: PDDF, block: SampleBatch) -> SampleBatch:
-    """The block as the field's network knows it (`PDDF.turned`): every term is the same for mirror images."""
-    positions, directions, normals = (
-        field.turned(each, block.directions) for each in (block.positions, block.directions, block.normals)
-    )
-    return SampleBatch(positions, directions, block.visible, block.depth, normals, block.counts)
 
 
 def _terms(
