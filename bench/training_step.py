@@ -10,6 +10,7 @@ import itertools
 import json
 import statistics
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Literal
 
 import _measure
@@ -18,11 +19,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ddf import fields, losses, passes
+from ddf import config, fields, losses, passes
 
 THREADS, REPEATS, MOST_SECONDS = 2, 5, 10.0
 COUNTS = {"E": 1000, "U": 1200, "A": 1200, "B": 300, "S": 300, "T": 300, "O": 300}
-WIDTHS = {"paper": (512, 512, 512, 256, 256, 256, 256), "cpu.yaml": (192, 192, 192, 128, 128, 128)}
+CONFIGS = {"paper": Path("configs/paper.yaml"), "cpu.yaml": Path("configs/cpu.yaml")}  # whose widths are measured
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
 
 
@@ -105,6 +106,11 @@ def gradient_products(hidden: tuple[int, ...]) -> float:
     return 3 * layers * (1 + adjoint + tangent)
 
 
+def widths(path: Path) -> tuple[int, ...]:
+    """Of a config's hidden layers of the DDF."""
+    return tuple(config.read(path)["ddf"]["field"]["hidden"])
+
+
 def rows_of(name: str, hidden: tuple[int, ...], repeats: int) -> list[dict[str, Any]]:
     """One row per way; shares are of the rate in the type that the products are made in.
 
@@ -145,13 +151,13 @@ def rows_of(name: str, hidden: tuple[int, ...], repeats: int) -> list[dict[str, 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure every way at every width and write the table; --widths and --repeats for a look at a part, unwritten."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--widths", choices=list(WIDTHS), help="these alone; prints instead of writing")
+    parser.add_argument("--widths", choices=list(CONFIGS), help="these alone; prints instead of writing")
     parser.add_argument("--repeats", type=int, default=REPEATS)
     chosen = parser.parse_args(arguments)
     torch.set_num_threads(THREADS)
     rows = []
-    for name in [chosen.widths] if chosen.widths else list(WIDTHS):
-        rows += rows_of(name, WIDTHS[name], chosen.repeats)
+    for name in [chosen.widths] if chosen.widths else list(CONFIGS):
+        rows += rows_of(name, widths(CONFIGS[name]), chosen.repeats)
     if chosen.widths:
         print(json.dumps(rows, indent=1))
     else:

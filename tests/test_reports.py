@@ -365,7 +365,7 @@ def test_every_experiment_file_has_the_settings_that_the_report_prints(name):
     results = report_inputs.Results(name, {}, empty, empty, empty, empty, {}, {}, {}, empty, {}, settings)
     printed = [results.setting(key) for _, key, _ in reports.SETTINGS]
     if name == "cpu":
-        assert results.setting("ddf.proposals").startswith("points 160, directions 4, near 0.5")
+        assert results.setting("ddf.proposals").startswith("points 160, directions 2, near 0.5")
     if name == "paper":
         wanted = [value for _, _, value in reports.SETTINGS]
         assert all(have in (want, "all") for have, want in zip(printed, wanted, strict=True))
