@@ -29,7 +29,6 @@ from ddf import (
     config,
     evaluation,
     metrics,
-    proposed_rays,
     provenance,
     reconstruction,
     shapenet,
@@ -40,6 +39,7 @@ from ddf import (
     step_timing,
     storage,
     training,
+    training_truth,
 )
 
 CONFIG = Path("configs/cpu.yaml")
@@ -62,6 +62,7 @@ TRAINED: Mapping[str, Mapping[str, Any]] = {
     "mirror images learned apart": {"ddf.field.mirror": None},
     "six layers, the last three narrower": {"ddf.field.hidden": [192, 192, 192, 128, 128, 128]},
     "no points of values alone": {f"ddf.counts.{kind}+": _overrides.ABSENT for kind in "UAB"},
+    "samples cast while training": {"ddf.samples": "fresh"},
     "no proposed rays": {"ddf.proposals": None},
     "four candidates of a proposed ray": {"ddf.proposals.directions": 4},
     "weight of the mask as the paper's": {"ddf.mask_weight": 10.0},
@@ -140,9 +141,8 @@ def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
     samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
     shown, _ = split(task, dataset, settings.train.train_views)
     images = si3dr_data.read_images(dataset, task.category, shown, settings.train.image_size)
-    shapes, samples = si3dr_data.read_shapes(samples_dir, images.ids), si3dr_data.read_samples(samples_dir, images.ids)
-    meshes = config.artifact_dir(CONFIG, "meshes", task.category)
-    propose = proposed_rays.Proposer.of(settings.ddf.proposals, shapes, meshes)
+    shapes = si3dr_data.read_shapes(samples_dir, images.ids)
+    truth = training_truth.read(CONFIG, task.category, shapes, settings.ddf)
 
     training.prepare(settings.train.loop)
     model = si3dr_training.ddf_model(settings.train, settings.ddf).to(training.device())
@@ -153,13 +153,20 @@ def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
 
     def loss(model: reconstruction.DDFModel) -> training.StepLoss:
         return functools.partial(
-            si3dr_training.ddf_step, model, images, shapes, samples, settings.train, settings.ddf, propose=propose
+            si3dr_training.ddf_step,
+            model,
+            images,
+            shapes,
+            truth.samples,
+            settings.train,
+            settings.ddf,
+            propose=truth.propose,
         )
 
     out, loop = folder(task, name), settings.ddf.loop(settings.train.loop)
     key = provenance.fingerprint(
-        [dataclasses.asdict(task), settings.train, settings.ddf, images.digest()],
-        propose.sources if propose else [],
+        [dataclasses.asdict(task), settings.train, settings.ddf, images.digest(), truth.drawn],
+        truth.sources,
         si3dr_training,
     )
     plan = storage.read_json(out / PLAN) if (out / PLAN).exists() else {}

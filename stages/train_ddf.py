@@ -4,7 +4,7 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from ddf import config, distributed, proposed_rays, provenance, si3dr_data, si3dr_training, stage, training
+from ddf import config, distributed, provenance, si3dr_data, si3dr_training, stage, training, training_truth
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:
@@ -18,18 +18,21 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     images, shapes, sources = si3dr_data.read_training(
         index_path, samples_dir, category, train.train_views, train.image_size
     )
-    samples = si3dr_data.read_samples(samples_dir, images.ids)
-    propose = proposed_rays.Proposer.of(section.proposals, shapes, config.artifact_dir(config_path, "meshes", category))
-    sources += propose.sources if propose else []
+    truth = training_truth.read(config_path, category, shapes, section)
+    sources += truth.sources
 
     model = si3dr_training.ddf_model(train, section).to(training.device())
     model.camera_head.fit(images.cameras)
-    fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, si3dr_training)
+    fingerprint = provenance.fingerprint(
+        [train, section, category, images.digest(), truth.drawn], sources, si3dr_training
+    )
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training.fit(
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera),
-        functools.partial(si3dr_training.ddf_step, model, images, shapes, samples, train, section, propose=propose),
+        functools.partial(
+            si3dr_training.ddf_step, model, images, shapes, truth.samples, train, section, propose=truth.propose
+        ),
         section.steps,
         section.loop(train.loop),
         config.artifact_dir(config_path, "train_ddf", category, seed),

@@ -39,6 +39,7 @@ ROOMS: dict[str, list[str]] = {
         "training",
         "si3dr_training",
         "proposed_rays",
+        "training_truth",
         "si3dr_inference",
         "step_cost",
         "step_timing",

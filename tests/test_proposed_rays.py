@@ -1,5 +1,4 @@
 import dataclasses
-import json
 
 import _models
 import _shapes
@@ -12,12 +11,10 @@ from ddf import (
     config,
     fields,
     losses,
-    mesh_io,
     proposed_rays,
     raycast,
     si3dr_data,
     si3dr_training,
-    storage,
     transforms,
 )
 
@@ -116,30 +113,6 @@ def test_same_generator_gives_the_same_rays():
     assert torch.equal(first.positions, again.positions)
     assert torch.equal(first.directions, again.directions)
     assert not torch.equal(first.positions, other.positions)
-
-
-def _write_packs(folder):
-    for number, name in enumerate(("a", "b", "c")):
-        mesh = _shapes.icosphere(1, 0.2 * (number + 1))
-        maps = json.dumps({name: transforms.Similarity(1.0).to_dict()})
-        members = {
-            f"{name}.ply": mesh_io.ply_bytes(mesh),
-            "measures.csv": b"id\n",
-            "field_from_raw.json": maps.encode(),
-        }
-        storage.save_pack(folder / f"{number:03d}.zip", members, {"ids": [name]})
-        storage.write_json(folder / f"{number:03d}.json", {"files": {f"{number:03d}.zip": ""}})
-
-
-def test_scenes_are_in_the_order_asked_for_however_few_packs_are_open(tmp_path, monkeypatch):
-    monkeypatch.setattr(proposed_rays, "OPEN_PACKS", 1)
-    _write_packs(tmp_path)
-    scenes = proposed_rays.Scenes(tmp_path, ["c", "a"])
-    for index, radius in ((0, 0.6), (1, 0.2), (0, 0.6)):
-        depth, _ = scenes[index].first_hits(np.array([[0.01, 0.02, 1.0]]), np.array([[0.0, 0.0, -1.0]]))
-        assert float(depth[0]) == pytest.approx(1 - radius, abs=0.1 * radius)
-    with pytest.raises(checks.InputError, match="no prepared mesh of shape d"):
-        proposed_rays.Scenes(tmp_path, ["a", "d"])
 
 
 @pytest.mark.parametrize(

@@ -6,54 +6,15 @@ hit. Stored samples, drawn without regard to the field, rarely show it these. So
 present field would choose, cast against the training mesh: values alone, no derivative is read.
 """
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf import checks, fields, losses, mesh_shards, nearest_rays, raycast, si3dr_data, si3dr_training, storage
-
-OPEN_PACKS = 8  # of training meshes, with their ray casting scenes; a shape of another one costs some 20 ms
-
-
-class Scenes:
-    """The training mesh of each shape, in the field frame, ready for ray casting; a few packs are kept open."""
-
-    def __init__(self, folder: Path, ids: Sequence[str]) -> None:
-        """Scenes of the given shapes, in their order, from the packs of stage `meshes`.
-
-        Raises:
-          InputError: a shape is in no pack, or a pack is damaged; it is named.
-        """
-        self.paths = storage.shard_files(folder, ".zip", "meshes")
-        places = {name: path for path in self.paths for name in storage.load_pack(path)[1]["ids"]}
-        missing = [name for name in ids if name not in places]
-        if missing:
-            raise checks.InputError(f"{folder}: no prepared mesh of shape {missing[0]}; run the meshes stage again")
-        self._places = [(places[name], name) for name in ids]
-        self._open = functools.lru_cache(maxsize=OPEN_PACKS)(_Pack)
-
-    def __getitem__(self, index: int, /) -> raycast.Scene:
-        path, name = self._places[index]
-        return self._open(path).scene(name)
-
-
-class _Pack:
-    """The meshes of one pack, each made a scene when it is first asked for."""
-
-    def __init__(self, path: Path) -> None:
-        self._meshes = mesh_shards.read_pack(path).meshes
-        self._scenes: dict[str, raycast.Scene] = {}
-
-    def scene(self, name: str) -> raycast.Scene:
-        if name not in self._scenes:
-            self._scenes[name] = raycast.Scene(self._meshes[name])
-        return self._scenes[name]
+from ddf import fields, losses, nearest_rays, raycast, si3dr_data, si3dr_training
 
 
 @torch.no_grad()
@@ -95,20 +56,8 @@ class Proposer:
     """
 
     shapes: si3dr_data.ShapeSet
-    scenes: Scenes | Sequence[raycast.Scene]
+    scenes: si3dr_data.Numbered[raycast.Scene]
     config: si3dr_training.ProposalConfig
-
-    @classmethod
-    def of(
-        cls, config: si3dr_training.ProposalConfig | None, shapes: si3dr_data.ShapeSet, folder: Path
-    ) -> "Proposer | None":
-        """With the training meshes of a folder; None where nothing is proposed."""
-        return None if config is None else cls(shapes, Scenes(folder, shapes.ids), config)
-
-    @property
-    def sources(self) -> list[Path]:
-        """The files that are read."""
-        return self.scenes.paths if isinstance(self.scenes, Scenes) else []
 
     def __call__(
         self,

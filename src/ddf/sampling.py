@@ -18,6 +18,8 @@ Choices where the paper is silent:
 """
 
 import dataclasses
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -181,7 +183,7 @@ def _back_along(
     count = len(origins)
     axes = _exit(origins, directions, box)
     reach = np.minimum(np.minimum(axes[0], axes[1]), axes[2])
-    rows = rng.choice(count, round(BOUNDARY_SHARE * count), replace=False, shuffle=False)
+    rows = rng.choice(count, _boundary_count(count, rng), replace=False, shuffle=False)
     share = _shares(count, rng)
     share[rows] = 1
     reach *= share
@@ -190,6 +192,12 @@ def _back_along(
         there = rows[axes[axis].take(rows) == reach.take(rows)]  # whose share is 1
         positions[there, axis] = np.where(directions[there, axis] > 0, box.upper[axis], box.lower[axis])
     return Draw(positions, -directions, normals, None if normals is None else reach)
+
+
+def _boundary_count(count: int, rng: np.random.Generator) -> int:
+    """`BOUNDARY_SHARE` of `count`, on average where that is no whole number."""
+    rest, whole = math.modf(BOUNDARY_SHARE * count)
+    return int(whole) + int(rest > 0 and rng.random() < rest)
 
 
 def draw_uniform(box: Box, count: int, rng: np.random.Generator) -> Draw:
@@ -281,16 +289,56 @@ def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, n
     Raises:
       InputError: the mesh leaves the cube, or has no triangle with an area.
     """
-    if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
-        raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
+    counts = dict(config.counts.items())
+    streams = {kind: seeding.generator(config.seed, *names, kind) for kind in counts}
     scene = raycast.Scene(mesh)
-    surface = surface_of(scene)
-    box = box_of(mesh, config)
-    streams = {kind: seeding.generator(config.seed, *names, kind) for kind, _ in config.counts.items()}
-    drawn = {kind: draw(kind, surface, box, config, count, streams[kind]) for kind, count in config.counts.items()}
-    packed, errors = _cast_and_pack(scene, drawn)
-    parts = _parts(drawn).items()
-    return {f"{kind}.{field}": values[part] for kind, part in parts for field, values in packed.items()}, errors
+    answers = Sampler(scene, config).cast(counts, streams)
+    return answers.arrays(), _few_errors(scene, answers)
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What samples of several types became, one type after the other.
+
+    drawn: before rounding. packed: in stored form. depth: float32, `inf` on a miss. kept: see
+    `raycast.Scene.cast_kept`. looking: stored directions.
+    """
+
+    drawn: dict[str, Draw]
+    packed: dict[str, np.ndarray]
+    depth: Float[np.ndarray, "n"]
+    kept: UInt[np.ndarray, "n"]
+    looking: Float[np.ndarray, "n 3"]
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """`<type>.<field>` in stored form."""
+        parts = _parts(self.drawn).items()
+        return {f"{kind}.{field}": values[part] for kind, part in parts for field, values in self.packed.items()}
+
+
+class Sampler:
+    """What samples of one mesh are drawn from and cast on, made once for as many draws as wanted.
+
+    Raises:
+      InputError: the mesh leaves the cube, or has no triangle with an area.
+    """
+
+    def __init__(self, scene: raycast.Scene, config: SamplesConfig) -> None:
+        mesh = scene.mesh
+        if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
+            raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
+        self.scene, self.config = scene, config
+        self.surface, self.box = surface_of(scene), box_of(mesh, config)
+
+    def cast(self, counts: Mapping[str, int], streams: Mapping[str, np.random.Generator]) -> Answers:
+        """So many samples of each type, each drawn from its own stream, rounded and cast."""
+        return _cast_and_pack(
+            self.scene,
+            {
+                kind: draw(kind, self.surface, self.box, self.config, count, streams[kind])
+                for kind, count in counts.items()
+            },
+        )
 
 
 def box_of(mesh: Mesh, config: SamplesConfig) -> Box:
@@ -323,8 +371,8 @@ def _parts(drawn: dict[str, Draw]) -> dict[str, slice]:
     return {kind: slice(start, end) for kind, start, end in zip(drawn, ends[:-1], ends[1:], strict=True)}
 
 
-def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """All types in one cast: stored arrays, one type after the other, and their errors.
+def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
+    """All types in one cast.
 
     Coordinates are taken one after the other: numpy is several times slower along an axis of three.
     """
@@ -357,28 +405,22 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> tuple[dict[s
         "depth": packing.encode_depth(depth),
         "normals": codes,
     }
-    return packed, _few_errors(scene, drawn, packed, depth, kept, local[:, 3:])
+    return Answers(drawn, packed, depth, kept, local[:, 3:])
 
 
-def _few_errors(
-    scene: raycast.Scene,
-    drawn: dict[str, Draw],
-    packed: dict[str, np.ndarray],
-    depth: Float[np.ndarray, "n"],
-    kept: UInt[np.ndarray, "n"],
-    looking: Float[np.ndarray, "n 3"],
-) -> dict[str, float]:
+def _few_errors(scene: raycast.Scene, answers: Answers) -> dict[str, float]:
     """`_packing_errors` over the first samples of each type."""
+    drawn, depth = answers.drawn, answers.depth
     parts = _parts(drawn)
     probes = np.concatenate([np.arange(part.start, part.stop)[:_ERROR_PROBE] for part in parts.values()])
-    face = np.where(np.isfinite(depth[probes]), scene.kept.take(kept[probes], mode="clip"), -1)
-    normals = raycast.facing_back(scene, face, looking[probes])
+    face = np.where(np.isfinite(depth[probes]), scene.kept.take(answers.kept[probes], mode="clip"), -1)
+    normals = raycast.facing_back(scene, face, answers.looking[probes])
     for kind, draws in drawn.items():
         if draws.normals is not None:
             own = (probes >= parts[kind].start) & (probes < parts[kind].stop)
             normals[own] = draws.normals[:_ERROR_PROBE]
     first = Draw(*(_joined(drawn, name, _ERROR_PROBE).T for name in ("positions", "directions")))
-    few = {name: values[probes] for name, values in packed.items()}
+    few = {name: values[probes] for name, values in answers.packed.items()}
     return _packing_errors(first, few, depth[probes], normals)
 
 

@@ -164,18 +164,7 @@ class SampleSet:
         Args:
           part: keep these of the shapes alone, with the samples that they have among all.
         """
-        everyone, size, extra = len(shapes), len(shapes[part]), counts["E"]
-        position = random.uniform(-1, 1, (everyone, extra, 3))[part].astype(np.float32)
-        direction = random.standard_normal((everyone, extra, 3))[part].astype(np.float32)
-        direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
-        unknown = torch.zeros(size, extra)
-        parts = {
-            "positions": [torch.from_numpy(position)],
-            "directions": [torch.from_numpy(direction)],
-            "visible": [unknown],
-            "depth": [unknown],
-            "normals": [unknown[..., None].expand(size, extra, 3)],
-        }
+        parts = {"E": without_truth(len(shapes), counts["E"], random, part)}
         numbers, rows_in = zip(*(self.places[i] for i in shapes[part]), strict=True)
         opened = {number: self.shards[number] for number in set(numbers)}
         tables = [(opened[number], row) for number, row in zip(numbers, rows_in, strict=True)]
@@ -184,16 +173,42 @@ class SampleSet:
                 continue
             kind = losses.sample_type(wanted)
             stored = tables[0][0][f"{kind}.depth"].shape[1]
-            rows = random.integers(0, stored, (everyone, counts[wanted]))[part]
+            rows = random.integers(0, stored, (len(shapes), counts[wanted]))[part]
             chosen = {name: _gather(tables, name, rows) for name in (f"{kind}.{field}" for field in packing.FIELDS)}
-            samples = packing.decode(chosen, kind)
-            visible = samples["visible"]
-            parts["positions"].append(samples["positions"])
-            parts["directions"].append(samples["directions"])
-            parts["visible"].append(visible.float())
-            parts["depth"].append(samples["depth"].masked_fill(~visible, 0.0))
-            parts["normals"].append(samples["normals"])
-        return losses.SampleBatch(**{name: torch.cat(values, dim=1) for name, values in parts.items()}, counts=counts)
+            parts[wanted] = packing.decode(chosen, kind)
+        return batch_of(parts)
+
+
+def without_truth(shapes: int, count: int, random: np.random.Generator, part: slice) -> packing.Samples:
+    """Uniform oriented points of so many shapes, without ground truth; those of the shapes `part` are kept."""
+    position = random.uniform(-1, 1, (shapes, count, 3))[part].astype(np.float32)
+    direction = random.standard_normal((shapes, count, 3))[part].astype(np.float32)
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    unknown = torch.zeros(position.shape[:2])
+    positions, directions = torch.from_numpy(position), torch.from_numpy(direction)
+    return packing.Samples(
+        positions=positions,
+        directions=directions,
+        depth=unknown,
+        visible=unknown.bool(),
+        normals=torch.zeros_like(positions),
+    )
+
+
+def batch_of(parts: Mapping[str, packing.Samples]) -> losses.SampleBatch:
+    """Samples of each type of several shapes, in the order of a batch, as one."""
+    columns = {
+        name: torch.cat([samples[name] for samples in parts.values()], dim=1)
+        for name in packing.Samples.__annotations__
+    }
+    return losses.SampleBatch(
+        positions=columns["positions"],
+        directions=columns["directions"],
+        visible=columns["visible"].float(),
+        depth=columns["depth"].masked_fill(~columns["visible"], 0.0),
+        normals=columns["normals"],
+        counts={kind: samples["depth"].shape[1] for kind, samples in parts.items()},
+    )
 
 
 def _gather(

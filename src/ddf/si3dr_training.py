@@ -1,8 +1,8 @@
 """One optimisation step of single-image reconstruction, for the DDF model and for PC-SIREN. [DDF22] §4.3, app. E."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -79,7 +79,7 @@ class DDFConfig:
     `train.loop`, null for those: the two models do not bear the same. shape_weight: γ_RS.
     mask_weight: γ_RM. mask_size: side of the rendered mask. mask_pixels: pixels of it that are evaluated per image,
     drawn among those whose ray meets the box; null for all of them. proposals: rays that the field chooses itself; null
-    for none.
+    for none. samples: those that are stored, the paper's way, or fresh ones in every step (`training_truth`).
     """
 
     field: fields.PDDFConfig
@@ -93,17 +93,25 @@ class DDFConfig:
     mask_pixels: int | None
     proposals: ProposalConfig | None
     muon: float | None = None
+    samples: Literal["stored", "fresh"] = "stored"
 
     def __post_init__(self) -> None:
         losses.check_counts("ddf.counts", self.counts)
         if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
             raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (mask_pixels or null)")
+        if self.samples not in ("stored", "fresh"):
+            raise checks.InputError(f"ddf.samples must be stored or fresh; got {self.samples!r}")
         for name in ("learning_rate", "muon"):
             rate = getattr(self, name)
             if rate is not None and not rate > 0:
                 raise checks.InputError(f"ddf.{name} must be > 0, or null; got {rate}")
         if not (self.shape_weight >= 0 and self.mask_weight >= 0):
             raise checks.InputError("ddf.shape_weight and ddf.mask_weight must be >= 0")
+
+    @property
+    def casts(self) -> bool:
+        """Whether a step casts rays against the training meshes."""
+        return self.proposals is not None or self.samples == "fresh"
 
     def loop(self, common: training.LoopConfig) -> training.LoopConfig:
         """The loop that both models share, with this model's learning rates."""
@@ -148,8 +156,24 @@ def pcsiren_model(train: TrainConfig, config: PCSirenConfig) -> reconstruction.P
 
 
 @runtime_checkable
+class SampleSource(Protocol):
+    """Gives the oriented points of a batch with their ground truth."""
+
+    def draw(
+        self,
+        shapes: Int[np.ndarray, "b"],
+        counts: Mapping[str, int],
+        random: np.random.Generator,
+        part: slice,
+        /,
+    ) -> losses.SampleBatch:
+        """Points of every type for each of `part` of the shapes, drawn for all of them; E points have no truth."""
+        ...
+
+
+@runtime_checkable
 class Proposer(Protocol):
-    """Adds rays that the field chooses to the stored samples of a batch."""
+    """Adds rays that the field chooses to the samples of a batch."""
 
     def __call__(
         self,
@@ -206,7 +230,7 @@ def ddf_step(
     model: reconstruction.DDFModel,
     images: si3dr_data.ImageSet,
     shapes: si3dr_data.ShapeSet,
-    samples: si3dr_data.SampleSet,
+    samples: SampleSource,
     train: TrainConfig,
     config: DDFConfig,
     step: int,

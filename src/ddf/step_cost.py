@@ -20,9 +20,11 @@ from ddf import (
     proposed_rays,
     raycast,
     reconstruction,
+    sampling,
     si3dr_data,
     si3dr_training,
     training,
+    training_truth,
     transforms,
 )
 
@@ -103,10 +105,13 @@ def trial(train: si3dr_training.TrainConfig, config: Section) -> Trial:
     """Steps of the model that the section describes, at the sizes of both sections."""
     images, shapes = random_images(train.batch_size, train.image_size), random_shapes(train.batch_size)
     if isinstance(config, si3dr_training.DDFConfig):
-        ddf, samples = si3dr_training.ddf_model(train, config), random_samples(train.batch_size)
-        propose = None
+        ddf, propose = si3dr_training.ddf_model(train, config), None
+        scenes = [random_scene()] * train.batch_size if config.casts else []
+        samples = training_truth.FreshSamples(scenes, sampling.SamplesConfig())
+        if config.samples == "stored":
+            samples = random_samples(train.batch_size)
         if config.proposals is not None:
-            propose = proposed_rays.Proposer(shapes, [random_scene()] * train.batch_size, config.proposals)
+            propose = proposed_rays.Proposer(shapes, scenes, config.proposals)
         loss = functools.partial(si3dr_training.ddf_step, ddf, images, shapes, samples, train, config, propose=propose)
         return _trial(ddf, images, train, config.loop(train.loop), loss)
     pcsiren = si3dr_training.pcsiren_model(train, config)
