@@ -79,6 +79,7 @@ DRAWN: Mapping[str, Mapping[str, Any]] = {
     "48 directions": {"pointclouds.cloud.num_directions": 48},
     "128 directions": {"pointclouds.cloud.num_directions": 128},
     "one cycle": {"pointclouds.cloud.cycles": 1},
+    "images encoded as they are alone": {"pointclouds.mirror": None},
     "scale of the cloud's box": {"pointclouds.scale_quantile": None},
     "correction from two sides": {"pointclouds.correction_turns": [0, 180]},
     "no limit to the correction": {"pointclouds.correction_limit": None},

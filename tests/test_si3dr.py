@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from ddf import (
+    cameras,
     checks,
     fields,
     losses,
@@ -48,11 +49,9 @@ POINTCLOUDS = si3dr_inference.PointcloudsConfig(
 def _images(count=6, shapes=3):
     generator = torch.Generator().manual_seed(0)
     images = (torch.rand(count, 4, 32, 32, generator=generator) * 255).to(torch.uint8)
-    cameras = torch.rand(count, 3, generator=generator) * torch.tensor([6.0, 0.1, 0.3]) + torch.tensor(
-        [0.0, 0.45, 0.65]
-    )
+    poses = torch.rand(count, 3, generator=generator) * torch.tensor([6.0, 0.1, 0.3]) + torch.tensor([0.0, 0.45, 0.65])
     ids = [f"shape{i}" for i in range(shapes)]
-    return si3dr_data.ImageSet(ids, [i % 5 for i in range(count)], np.arange(count) % shapes, images, cameras)
+    return si3dr_data.ImageSet(ids, [i % 5 for i in range(count)], np.arange(count) % shapes, images, poses)
 
 
 def _shapes(count=3):
@@ -131,8 +130,8 @@ def test_images_come_back_from_their_file():
     for image in bytes_of:
         file.append(image.permute(2, 0, 1).float() / 255)  # as pictures are read: not contiguous
     whole = bytes_of.permute(0, 3, 1, 2)
-    cameras = torch.zeros(3, 3)
-    read, kept = (si3dr_data.ImageSet(["a"], [0, 1, 2], np.zeros(3, int), images, cameras) for images in (file, whole))
+    poses = torch.zeros(3, 3)
+    read, kept = (si3dr_data.ImageSet(["a"], [0, 1, 2], np.zeros(3, int), images, poses) for images in (file, whole))
     rows = np.array([2, 0, 2])
     assert torch.equal(read.batch(rows), whole[rows].float() / 255)
     assert torch.equal(read.alpha(rows, 2), kept.alpha(rows, 2)) and read.digest() == kept.digest()
@@ -255,6 +254,36 @@ def test_reconstruction_has_the_promised_arrays():
         assert torch.equal(values, again[name]), name
     spans = (tensors["L.h2"].amax(1) - tensors["L.h2"].amin(1)).norm(dim=-1)
     torch.testing.assert_close(tensors["scale_pred"], 1 / spans)
+
+
+@pytest.mark.parametrize("azimuth", ["angle", "sincos"])
+def test_with_a_mirror_an_image_and_its_flipped_image_have_one_latent_and_mirrored_cameras(azimuth):
+    model, images = _models.ddf_model(azimuth), _images().batch(np.arange(6))
+    features, latents, seen = si3dr_inference.encode_batch(model, images, "z")
+    _, other_latents, other = si3dr_inference.encode_batch(model, images.flip(-1), "z")
+    torch.testing.assert_close(other_latents, latents)
+    torch.testing.assert_close(other, cameras.mirrored(seen, "z"))
+    alone, one, camera = si3dr_inference.encode_batch(model, images)
+    _, two, flipped = si3dr_inference.encode_batch(model, images.flip(-1))
+    assert torch.equal(features, alone)
+    assert float((one - two).abs().max()) > 1e-3
+    torch.testing.assert_close(latents, (one + two) / 2)
+    torch.testing.assert_close(seen, cameras.between(camera, cameras.mirrored(flipped, "z")))
+
+
+def test_both_models_are_reconstructed_from_what_the_mirror_gives():
+    settings, images = dataclasses.replace(POINTCLOUDS, mirror="z"), _images()
+    ddf, pcsiren = _models.ddf_model(), _models.pcsiren_model()
+    both = [
+        (
+            si3dr_inference.reconstruct_ddf(ddf, images, config, "test")[0],
+            si3dr_inference.reconstruct_pcsiren(pcsiren, images, config)[0],
+        )
+        for config in (settings, POINTCLOUDS)
+    ]
+    for own, alone, model, size in zip(*both, (ddf, pcsiren), ("L.h2", "L"), strict=True):
+        torch.testing.assert_close(own["camera_pred"], si3dr_inference.encode(model, images, "z")[2])
+        assert not torch.equal(own[size], alone[size])
 
 
 def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():

@@ -6,6 +6,7 @@ the origin along -Z of its own frame. Facts checked against the renders: docs/fo
 """
 
 import math
+from typing import Literal
 
 import torch
 from jaxtyping import Float
@@ -14,6 +15,23 @@ from torch import Tensor
 IMAGE_SIZE = 137
 FOCAL_PX = 149.84375  # 35 mm lens, 32 mm sensor, 137 pixels
 CENTRE_PX = 68.5
+Mirror = Literal["x", "z"]  # normal axis of a plane of the benchmark frame that holds the up axis
+
+
+def mirrored(camera: Float[Tensor, "*batch 3"], mirror: Mirror) -> Float[Tensor, "*batch 3"]:
+    """The camera that sees the mirror image of a shape, about a plane through the origin, as the flipped image.
+
+    Derived here: θ becomes -θ (normal z) or π - θ (normal x), in [0, 2π); φ and r stay.
+    """
+    azimuth = (-camera[..., :1] if mirror == "z" else math.pi - camera[..., :1]).remainder(2 * math.pi)
+    return torch.cat((azimuth, camera[..., 1:]), dim=-1)
+
+
+def between(one: Float[Tensor, "*batch 3"], other: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
+    """Means of two cameras' numbers; of the azimuths that on the shorter way round, in [0, 2π)."""
+    azimuths = torch.stack((one[..., :1], other[..., :1]))
+    azimuth = torch.atan2(torch.sin(azimuths).sum(0), torch.cos(azimuths).sum(0)).remainder(2 * math.pi)
+    return torch.cat((azimuth, (one[..., 1:] + other[..., 1:]) / 2), dim=-1)
 
 
 def position(

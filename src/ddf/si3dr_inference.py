@@ -15,7 +15,7 @@ import tqdm
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf import checks, pointclouds, reconstruction, rendering, si3dr_data, training
+from ddf import cameras, checks, pointclouds, reconstruction, rendering, si3dr_data, training
 
 # Images at a time; the networks are in evaluation mode, so the sizes matter to the result by rounding alone.
 ENCODER_BATCH = 64
@@ -33,7 +33,8 @@ class PointcloudsConfig:
     scale_quantile: of the DDF, see `scale_from_cycles`; null for `scale_from_cloud`, the paper's way.
     large, small: L and S, points of the two clouds (5,000 and 2,466 in the paper). test_views: views per test shape
     that are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered
-    for the report, render_size pixels wide.
+    for the report, render_size pixels wide. mirror: encode every image flipped too (`encode_batch`), which keeps the
+    up axis; null, the paper's way, for the image alone.
     """
 
     cloud: pointclouds.CloudConfig
@@ -47,6 +48,7 @@ class PointcloudsConfig:
     rendered: int
     render_size: int
     seed: int
+    mirror: cameras.Mirror | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "correction_turns", tuple(self.correction_turns))
@@ -113,17 +115,31 @@ def _row_batches(images: si3dr_data.ImageSet, size: int = ENCODER_BATCH) -> list
 
 
 @torch.no_grad()
-def encode(
-    model: reconstruction.ReconstructionModel, images: si3dr_data.ImageSet
+def encode_batch(
+    model: reconstruction.ReconstructionModel, batch: Float[Tensor, "n 4 s s"], mirror: cameras.Mirror | None = None
 ) -> tuple[Float[Tensor, "n features"], Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
-    """Features as `image_features` gives them, shape latents and predicted cameras of all images."""
-    parts = []
-    for rows in _row_batches(images):
-        batch = images.batch(rows).to(training.device())
-        features = model.shape_encoder.features(batch)
-        parts.append((features, model.shape_encoder.fc(features), model.camera_head(model.camera_encoder(batch))))
-    features, latents, cameras = (torch.cat(tensors) for tensors in zip(*parts, strict=True))
-    return features, latents, cameras
+    """Features as `image_features` gives them, shape latents and predicted cameras of some images.
+
+    Args:
+      mirror: normal axis of the plane about which shapes are all but symmetric. Flipped, an image then shows the same
+        shape from the mirrored camera: both are encoded, latents and cameras are the means of the two (derived here).
+        Costs twice the encoders' time.
+    """
+    features = model.shape_encoder.features(batch)
+    latents, found = model.shape_encoder.fc(features), model.camera_head(model.camera_encoder(batch))
+    if mirror is not None:
+        _, latents_flipped, seen = encode_batch(model, batch.flip(-1))
+        latents, found = (latents + latents_flipped) / 2, cameras.between(found, cameras.mirrored(seen, mirror))
+    return features, latents, found
+
+
+def encode(
+    model: reconstruction.ReconstructionModel, images: si3dr_data.ImageSet, mirror: cameras.Mirror | None = None
+) -> tuple[Float[Tensor, "n features"], Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
+    """`encode_batch` of all images."""
+    batches = (images.batch(rows).to(training.device()) for rows in _row_batches(images))
+    features, latents, found = zip(*(encode_batch(model, batch, mirror) for batch in batches), strict=True)
+    return torch.cat(features), torch.cat(latents), torch.cat(found)
 
 
 @torch.no_grad()
@@ -146,7 +162,7 @@ def reconstruct_ddf(
     """Clouds L and S after every cycle asked for (the last and the first), cameras, scales, renders, and the features
     for the retrieval row; and the cost.
     """
-    features, latents, cameras = encode(model, images)
+    features, latents, predicted = encode(model, images, config.mirror)
     modulations = [m.detach() for m in model.modulations(latents)]
     names = {config.cloud.cycles: f"h{config.cloud.cycles}"}
     if config.cloud.candidate_share(1) >= 1:
@@ -167,11 +183,11 @@ def reconstruct_ddf(
             scales.append(scale_from_cycles(cycles, config.scale_quantile))
     cloud_seconds = time.monotonic() - started
     scale = torch.tensor(scales)
-    corrected = _correct_cameras(model, modulations, cameras, scale, images, config)
+    corrected = _correct_cameras(model, modulations, predicted, scale, images, config)
     tensors = {name: torch.stack(values) for name, values in clouds.items()}
-    tensors |= {"camera_pred": cameras, "camera_corrected": corrected, "scale_pred": scale, "features": features}
+    tensors |= {"camera_pred": predicted, "camera_corrected": corrected, "scale_pred": scale, "features": features}
     rendered = spread(len(latents), config.rendered)
-    tensors |= _renders(model, modulations, cameras, scale, rendered, config.render_size)
+    tensors |= _renders(model, modulations, predicted, scale, rendered, config.render_size)
     return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": cloud_seconds / len(latents)}
 
 
@@ -179,7 +195,7 @@ def reconstruct_pcsiren(
     model: reconstruction.PCSirenModel, images: si3dr_data.ImageSet, config: PointcloudsConfig
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S (the first points of L, which are as random as any), cameras, scales; and what it cost."""
-    _, latents, cameras = encode(model, images)
+    _, latents, predicted = encode(model, images, config.mirror)
     large = []
     started = time.monotonic()
     with torch.no_grad():
@@ -190,7 +206,7 @@ def reconstruct_pcsiren(
     tensors = {
         "L": torch.stack(large),
         "S": torch.stack([points[: config.small] for points in large]),
-        "camera_pred": cameras,
+        "camera_pred": predicted,
         "scale_pred": torch.tensor([scale_from_cloud(points) for points in large]),
     }
     return _on_cpu(tensors), {"cloud_seconds_per_image": seconds}
@@ -205,7 +221,7 @@ def spread(total: int, count: int) -> list[int]:
 def _correct_cameras(
     model: reconstruction.DDFModel,
     modulations: list[Tensor],
-    cameras: Tensor,
+    predicted: Tensor,
     scale: Tensor,
     images: si3dr_data.ImageSet,
     config: PointcloudsConfig,
@@ -213,10 +229,10 @@ def _correct_cameras(
     """Π̂_∇ of all images, a batch at a time."""
     corrected = []
     for rows in _row_batches(images, CORRECTION_BATCH):
-        alpha = images.alpha(rows, config.correction.mask_size).to(cameras.device)
+        alpha = images.alpha(rows, config.correction.mask_size).to(predicted.device)
         index = torch.from_numpy(rows)
-        field_scale = (1 / scale[index]).to(cameras.device)
-        given = (model, [m[index] for m in modulations], cameras[index], field_scale, alpha)
+        field_scale = (1 / scale[index]).to(predicted.device)
+        given = (model, [m[index] for m in modulations], predicted[index], field_scale, alpha)
         turns, limit = config.correction_turns, config.correction_limit
         corrected.append(correct_from_turns(*given, config.correction, turns, limit))
     return torch.cat(corrected)
@@ -258,7 +274,7 @@ def correct_from_turns(
 def _renders(
     model: reconstruction.DDFModel,
     modulations: list[Tensor],
-    cameras: Tensor,
+    predicted: Tensor,
     scale: Tensor,
     rendered: Sequence[int],
     size: int,
@@ -267,8 +283,8 @@ def _renders(
     pictures: dict[str, list[Tensor]] = {name: [] for name in rendering.OUTPUTS}
     for image in rendered:
         own = [m[image] for m in modulations]
-        field_scale = torch.tensor(1 / float(scale[image]), device=cameras.device)
-        found, _ = rendering.render(model.field, own, cameras[image], field_scale, size)
+        field_scale = torch.tensor(1 / float(scale[image]), device=predicted.device)
+        found, _ = rendering.render(model.field, own, predicted[image], field_scale, size)
         for name, picture in found.items():
             pictures[name].append(picture)
     return {f"render.{name}": torch.stack(values) for name, values in pictures.items() if values}

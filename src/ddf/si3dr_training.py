@@ -99,8 +99,6 @@ class DDFConfig:
         losses.check_counts("ddf.counts", self.counts)
         if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
             raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (mask_pixels or null)")
-        if self.samples not in ("stored", "fresh"):
-            raise checks.InputError(f"ddf.samples must be stored or fresh; got {self.samples!r}")
         for name in ("learning_rate", "muon"):
             rate = getattr(self, name)
             if rate is not None and not rate > 0:

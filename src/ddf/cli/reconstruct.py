@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from ddf import (
+    cameras,
     checks,
     cloud_io,
     pointclouds,
@@ -48,8 +49,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     image = shapenet.read_any_image(args.image, image_size)[None].to(training.device())
     seconds: dict[str, float] = {}
     with _timed(seconds, "encoders"), torch.no_grad():
-        latent, camera = model.shape_encoder(image), model.camera_head(model.camera_encoder(image))[0]
-        modulations = [m[0] for m in model.modulations(latent)]
+        _, latent, seen_from = si3dr_inference.encode_batch(model, image, _mirror(model))
+        camera, modulations = seen_from[0], [m[0] for m in model.modulations(latent)]
     with _timed(seconds, "cloud"):
         generator = torch.Generator(training.device()).manual_seed(args.seed)
         cycles = pointclouds.sample(model.field, modulations, args.points, common.CLOUD, generator)
@@ -88,6 +89,12 @@ def load(folder: Path) -> tuple[reconstruction.DDFModel, int]:
     if record.get("kind") != "ddf":
         raise checks.InputError(f"{folder}: holds no DDF model; give a folder that `make train` wrote under train_ddf/")
     return trained.ddf(folder, record)
+
+
+def _mirror(model: reconstruction.DDFModel) -> cameras.Mirror | None:
+    """Normal of the plane about which the model holds shapes for all but symmetric, where flipped images show it."""
+    axis = model.field.config.mirror
+    return None if axis == "y" else axis
 
 
 def _pictures(found: dict[str, torch.Tensor]) -> dict[str, np.ndarray]:
