@@ -4,7 +4,17 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from ddf import config, distributed, provenance, si3dr_data, si3dr_training, stage, training, training_truth
+from ddf import (
+    config,
+    distributed,
+    mirrored_data,
+    provenance,
+    si3dr_data,
+    si3dr_training,
+    stage,
+    training,
+    training_truth,
+)
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:
@@ -20,6 +30,8 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     )
     truth = training_truth.read(config_path, category, shapes, section)
     sources += truth.sources
+    truth = truth.mirrored(shapes, train.mirror)
+    images, shapes = mirrored_data.of_images(images, train.mirror), mirrored_data.of_shapes(shapes, train.mirror)
 
     model = si3dr_training.ddf_model(train, section).to(training.device())
     model.camera_head.fit(images.cameras)

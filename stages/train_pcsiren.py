@@ -4,7 +4,7 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from ddf import config, distributed, provenance, si3dr_data, si3dr_training, stage, training
+from ddf import config, distributed, mirrored_data, provenance, si3dr_data, si3dr_training, stage, training
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:
@@ -18,6 +18,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     images, shapes, sources = si3dr_data.read_training(
         index_path, samples_dir, category, train.train_views, train.image_size
     )
+    images, shapes = mirrored_data.of_images(images, train.mirror), mirrored_data.of_shapes(shapes, train.mirror)
 
     model = si3dr_training.pcsiren_model(train, section).to(training.device())
     model.camera_head.fit(images.cameras)

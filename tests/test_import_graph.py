@@ -40,6 +40,7 @@ ROOMS: dict[str, list[str]] = {
         "si3dr_training",
         "proposed_rays",
         "training_truth",
+        "mirrored_data",
         "si3dr_inference",
         "step_cost",
         "step_timing",

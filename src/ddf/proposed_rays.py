@@ -8,13 +8,14 @@ present field would choose, cast against the training mesh: values alone, no der
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf import fields, losses, nearest_rays, raycast, si3dr_data, si3dr_training
+from ddf import fields, losses, nearest_rays, si3dr_data, si3dr_training
 
 
 @torch.no_grad()
@@ -48,6 +49,17 @@ def propose(
     return torch.cat(found)
 
 
+@runtime_checkable
+class Casts(Protocol):
+    """What rays are cast against: a `raycast.Scene`, or something that stands for one."""
+
+    def first_hits(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+        """Depth and triangle, `inf` and -1 on a miss."""
+        ...
+
+
 @dataclass(frozen=True)
 class Proposer:
     """Puts proposed rays behind the stored samples of a batch; a `si3dr_training.Proposer`.
@@ -56,7 +68,7 @@ class Proposer:
     """
 
     shapes: si3dr_data.ShapeSet
-    scenes: si3dr_data.Numbered[raycast.Scene]
+    scenes: si3dr_data.Numbered[Casts]
     config: si3dr_training.ProposalConfig
 
     def __call__(

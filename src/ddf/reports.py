@@ -37,6 +37,7 @@ SETTINGS = (
     ("learning rate of the matrices between hidden layers, by Muon", "train.loop.muon", "none"),
     ("learning rate of the encoders' kernels, by Muon", "train.loop.muon_kernels", "none"),
     ("azimuth of the camera", "train.azimuth", "angle"),
+    ("plane by whose mirror images the training set is doubled, by its normal", "train.mirror", "none"),
     ("DDF learning rate", "ddf.learning_rate", "0.0001"),
     ("DDF learning rate of the matrices between hidden layers, by Muon", "ddf.muon", "none"),
     ("DDF depth activation", "ddf.field.depth_activation", "relu"),

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf import checks, distributed, fields, losses, reconstruction, si3dr_data, siren, training
+from ddf import cameras, checks, distributed, fields, losses, reconstruction, si3dr_data, siren, training
 
 
 @dataclass(frozen=True)
@@ -19,6 +19,8 @@ class TrainConfig:
     image_size: of the encoders' input. encoder_width: 64 is ResNet-18. camera_weight: γ_RΠ.
     train_views: the views of a training shape that are shown; null for those of the split.
     azimuth: `angle` is the paper's, `sincos` regresses (sin θ, cos θ), see `reconstruction.CameraHead`.
+    mirror: train on the mirror image of every shape too, about the plane with this normal, seen by flipped images
+    (`mirrored_data`); null, the paper's way, for the shapes as they are.
     """
 
     image_size: int
@@ -31,6 +33,7 @@ class TrainConfig:
     weight_decay_camera: float
     loop: training.LoopConfig
     azimuth: reconstruction.Azimuth = "angle"
+    mirror: cameras.Mirror | None = None
 
     def __post_init__(self) -> None:
         for name, least in (("image_size", 32), ("encoder_width", 1), ("latent_features", 1), ("batch_size", 2)):
@@ -211,8 +214,8 @@ class Batch:
         rows = random.choice(len(images.shapes), config.batch_size, replace=repeated)
         part, place = distributed.part(config.batch_size), training.device()
         drawn, rows = images.shapes[rows], rows[part]
-        shown, cameras = images.batch(rows).to(place), images.cameras[rows].to(place)
-        return cls(part, drawn, rows, drawn[part], shown, cameras, random)
+        shown, poses = images.batch(rows).to(place), images.cameras[rows].to(place)
+        return cls(part, drawn, rows, drawn[part], shown, poses, random)
 
     def chances(self, count: int) -> Float[Tensor, "b count"]:
         """Random numbers in [0, 1) for each image, made on the images' device."""

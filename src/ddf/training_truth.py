@@ -6,18 +6,20 @@ but every step pays for its rays. They are rounded as stored ones are, so that b
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from ddf import (
+    cameras,
     checks,
     config,
     losses,
     mesh_shards,
+    mirrored_data,
     packing,
     proposed_rays,
     raycast,
@@ -127,9 +129,41 @@ class Truth:
     """
 
     samples: si3dr_training.SampleSource
-    propose: si3dr_training.Proposer | None
+    propose: proposed_rays.Proposer | None
     drawn: sampling.SamplesConfig | None
     sources: list[Path]
+
+    def mirrored(self, shapes: si3dr_data.ShapeSet, mirror: cameras.Mirror | None) -> "Truth":
+        """That of `mirrored_data.of_shapes`, where this is that of `shapes`."""
+        if mirror is None:
+            return self
+        count, signs, propose = len(shapes.ids), mirrored_data.signs_of(mirror), self.propose
+        if propose is not None:
+            scenes = _MirroredScenes(propose.scenes, count, signs.double().numpy())
+            propose = replace(propose, shapes=mirrored_data.of_shapes(shapes, mirror), scenes=scenes)
+        return replace(self, samples=mirrored_data.Samples(self.samples, count, signs), propose=propose)
+
+
+@dataclass(frozen=True)
+class _MirroredScene:
+    scene: proposed_rays.Casts
+    signs: Float[np.ndarray, "3"]
+
+    def first_hits(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+        return self.scene.first_hits(positions * self.signs, directions * self.signs)
+
+
+@dataclass(frozen=True)
+class _MirroredScenes:
+    scenes: si3dr_data.Numbered[proposed_rays.Casts]
+    count: int
+    signs: Float[np.ndarray, "3"]
+
+    def __getitem__(self, index: int, /) -> proposed_rays.Casts:
+        scene = self.scenes[index % self.count]
+        return scene if index < self.count else _MirroredScene(scene, self.signs)
 
 
 def read(config_path: Path, category: str, shapes: si3dr_data.ShapeSet, section: si3dr_training.DDFConfig) -> Truth:
