@@ -1,7 +1,9 @@
 """Where a training's oriented points come from: fresh samples against stored ones, and the scenes that are cast on."""
 
+import dataclasses
 import json
 
+import _models
 import _shapes
 import numpy as np
 import pytest
@@ -10,12 +12,15 @@ from _support import assert_close
 
 from ddf import (
     checks,
+    config,
     losses,
     mesh_io,
     packing,
     raycast,
     rays,
     sampling,
+    si3dr_data,
+    si3dr_training,
     storage,
     training_truth,
     transforms,
@@ -121,3 +126,29 @@ def test_scenes_are_in_the_order_asked_for_however_few_packs_are_open(tmp_path, 
         assert float(depth[0]) == pytest.approx(1 - radius, abs=0.1 * radius)
     with pytest.raises(checks.InputError, match="no prepared mesh of shape d"):
         training_truth.Scenes(tmp_path, ["a", "d"])
+
+
+def test_fresh_samples_need_meshes_alone_and_stored_ones_no_mesh(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "small.yaml"
+    path.write_text("samples: {epsilon_o: 0.03}\n")
+    packs = config.artifact_dir(path, "meshes", "ball")
+    packs.mkdir(parents=True)
+    _write_packs(packs)
+    shapes = si3dr_data.ShapeSet(["c", "a"], [transforms.Similarity(1.0)] * 2, [torch.zeros(5, 3)] * 2)
+    proposals = si3dr_training.ProposalConfig(4, 2, 0.5, 0.1, 0.05, 0.05)
+    fresh = dataclasses.replace(_models.DDF, samples="fresh", proposals=proposals)
+    truth = training_truth.read(path, "ball", shapes, fresh)
+    assert truth.drawn is not None and truth.drawn.epsilon_o == 0.03
+    assert truth.sources == sorted(packs.glob("*.zip"))
+    batch = truth.samples.draw(np.array([0, 1]), COUNTS, np.random.default_rng(0), slice(None))
+    radius = batch.positions[:, batch.span("S", "S")].norm(dim=-1)
+    assert_close(radius.numpy(), np.array([[0.6] * 4, [0.2] * 4]), atol=0.06)
+    assert truth.propose is not None and truth.propose.config == proposals
+    with pytest.raises((checks.InputError, FileNotFoundError), match="samples"):
+        training_truth.read(path, "ball", shapes, dataclasses.replace(_models.DDF, proposals=proposals))
+    stored = dataclasses.replace(_models.DDF, samples="stored", proposals=None)
+    assert not stored.casts
+    sets = si3dr_data.SampleSet([], [])
+    monkeypatch.setattr(si3dr_data, "read_samples", lambda folder, ids: sets)
+    assert training_truth.read(path, "no meshes", shapes, stored) == training_truth.Truth(sets, None, None, [])
