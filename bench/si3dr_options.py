@@ -61,7 +61,7 @@ TRAINED: Mapping[str, Mapping[str, Any]] = {
     "depth by ReLU": {"ddf.field.depth_activation": "relu"},
     "bandwidth of directions as of positions": {"ddf.field.direction_scale": 1.0},
     "mirror images learned apart": {"ddf.field.mirror": None},
-    "mirror images of shapes in the training set": {"train.mirror": "z"},
+    "mirror images of shapes in the training set": {"ddf.mirror_shapes": "z"},
     "six layers, the last three narrower": {"ddf.field.hidden": [192, 192, 192, 128, 128, 128]},
     "no points of values alone": {f"ddf.counts.{kind}+": _overrides.ABSENT for kind in "UAB"},
     "samples cast while training": {"ddf.samples": "fresh"},
@@ -145,9 +145,9 @@ def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
     shown, _ = split(task, dataset, settings.train.train_views)
     images = si3dr_data.read_images(dataset, task.category, shown, settings.train.image_size)
     shapes = si3dr_data.read_shapes(samples_dir, images.ids)
-    truth = training_truth.read(CONFIG, task.category, shapes, settings.ddf).mirrored(shapes, settings.train.mirror)
-    images = mirrored_data.of_images(images, settings.train.mirror)
-    shapes = mirrored_data.of_shapes(shapes, settings.train.mirror)
+    mirror = settings.ddf.mirror_shapes
+    truth = training_truth.read(CONFIG, task.category, shapes, settings.ddf).mirrored(shapes, mirror)
+    images, shapes = mirrored_data.of_images(images, mirror), mirrored_data.of_shapes(shapes, mirror)
 
     training.prepare(settings.train.loop)
     model = si3dr_training.ddf_model(settings.train, settings.ddf).to(training.device())

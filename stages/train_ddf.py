@@ -30,8 +30,9 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     )
     truth = training_truth.read(config_path, category, shapes, section)
     sources += truth.sources
-    truth = truth.mirrored(shapes, train.mirror)
-    images, shapes = mirrored_data.of_images(images, train.mirror), mirrored_data.of_shapes(shapes, train.mirror)
+    mirror = section.mirror_shapes
+    truth = truth.mirrored(shapes, mirror)
+    images, shapes = mirrored_data.of_images(images, mirror), mirrored_data.of_shapes(shapes, mirror)
 
     model = si3dr_training.ddf_model(train, section).to(training.device())
     model.camera_head.fit(images.cameras)

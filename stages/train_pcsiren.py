@@ -18,7 +18,8 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     images, shapes, sources = si3dr_data.read_training(
         index_path, samples_dir, category, train.train_views, train.image_size
     )
-    images, shapes = mirrored_data.of_images(images, train.mirror), mirrored_data.of_shapes(shapes, train.mirror)
+    images = mirrored_data.of_images(images, section.mirror_shapes)
+    shapes = mirrored_data.of_shapes(shapes, section.mirror_shapes)
 
     model = si3dr_training.pcsiren_model(train, section).to(training.device())
     model.camera_head.fit(images.cameras)

@@ -120,7 +120,7 @@ def test_without_a_mirror_everything_stays_as_it_is():
 
 
 def test_both_models_train_on_the_doubled_set():
-    train = dataclasses.replace(_models.TRAIN, mirror="z")
+    train = _models.TRAIN
     images, shapes = mirrored_data.of_images(_images(), "z"), mirrored_data.of_shapes(_shape_set(), "z")
     truth = _truth().mirrored(_shape_set(), "z")
     ddf = dataclasses.replace(_models.DDF, proposals=PROPOSALS)

@@ -19,8 +19,6 @@ class TrainConfig:
     image_size: of the encoders' input. encoder_width: 64 is ResNet-18. camera_weight: γ_RΠ.
     train_views: the views of a training shape that are shown; null for those of the split.
     azimuth: `angle` is the paper's, `sincos` regresses (sin θ, cos θ), see `reconstruction.CameraHead`.
-    mirror: train on the mirror image of every shape too, about the plane with this normal, seen by flipped images
-    (`mirrored_data`); null, the paper's way, for the shapes as they are.
     """
 
     image_size: int
@@ -33,7 +31,6 @@ class TrainConfig:
     weight_decay_camera: float
     loop: training.LoopConfig
     azimuth: reconstruction.Azimuth = "angle"
-    mirror: cameras.Mirror | None = None
 
     def __post_init__(self) -> None:
         for name, least in (("image_size", 32), ("encoder_width", 1), ("latent_features", 1), ("batch_size", 2)):
@@ -83,6 +80,8 @@ class DDFConfig:
     mask_weight: γ_RM. mask_size: side of the rendered mask. mask_pixels: pixels of it that are evaluated per image,
     drawn among those whose ray meets the box; null for all of them. proposals: rays that the field chooses itself; null
     for none. samples: those that are stored, the paper's way, or fresh ones in every step (`training_truth`).
+    mirror_shapes: train on the mirror image of every shape too, about the plane with this normal, seen by flipped
+    images (`mirrored_data`); null, the paper's way, for the shapes as they are.
     """
 
     field: fields.PDDFConfig
@@ -97,6 +96,7 @@ class DDFConfig:
     proposals: ProposalConfig | None
     muon: float | None = None
     samples: Literal["stored", "fresh"] = "stored"
+    mirror_shapes: cameras.Mirror | None = None
 
     def __post_init__(self) -> None:
         losses.check_counts("ddf.counts", self.counts)
@@ -126,6 +126,7 @@ class PCSirenConfig:
 
     points: predicted per shape for the Chamfer loss. truth_points: of the true cloud that they are compared with; the
       paper has as many. Few true points lie far from any prediction: that distance hides the error of the shape.
+    mirror_shapes: as in section `ddf`.
     """
 
     hidden: tuple[int, ...]
@@ -134,6 +135,7 @@ class PCSirenConfig:
     steps: int
     points: int
     truth_points: int
+    mirror_shapes: cameras.Mirror | None = None
 
     def __post_init__(self) -> None:
         self.layout()
