@@ -201,6 +201,17 @@ def test_chamfer_loss_is_the_same_in_blocks(monkeypatch):
         assert si3dr_training.chamfer_loss(a, b) == whole
 
 
+@pytest.mark.parametrize(("count", "others"), [(7, 33), (40, 96), (1, 5), (64, 32)])
+def test_nearest_points_are_those_of_all_distances(count, others):
+    """Whole numbers as coordinates: many distances are equal, and of these the first one counts."""
+    generator = torch.Generator().manual_seed(0)
+    a, b = (torch.randint(-2, 3, (3, size, 3), generator=generator).float() for size in (count, others))
+    dist_sq = (a[:, :, None] - b[:, None]).square().sum(-1)
+    to_truth, to_predicted = si3dr_training._nearest(a, b)
+    assert torch.equal(to_truth, dist_sq.argmin(2))
+    assert torch.equal(to_predicted, dist_sq.argmin(1))
+
+
 def test_training_views_never_show_a_test_view():
     entries = (shapenet.ShapeEntry("a", (0, 1, 2, 3, 4), ()), shapenet.ShapeEntry("b", (0, 1), (2, 3, 4)))
     unseen = shapenet.ShapeEntry("c", (), (0, 1, 2, 3, 4))

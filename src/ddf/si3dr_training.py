@@ -1,5 +1,6 @@
 """One optimisation step of single-image reconstruction, for the DDF model and for PC-SIREN. [DDF22] §4.3, app. E."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol, runtime_checkable
@@ -10,6 +11,8 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf import cameras, checks, distributed, fields, losses, reconstruction, si3dr_data, siren, training
+
+GROUP = 32  # distances of which the least is found first, at most
 
 
 @dataclass(frozen=True)
@@ -315,11 +318,25 @@ def _nearest(
             dist_sq = torch.baddbmm(
                 own.square().sum(-1, keepdim=True) + part.square().sum(-1)[:, None], own, part.mT, alpha=-2
             )
-            back.append(dist_sq.argmin(dim=1))
-            least, place = dist_sq.min(dim=2)
+            back.append(_argmin(dist_sq, 1)[1])
+            least, place = _argmin(dist_sq, 2)
             index = torch.where(least < nearest, place + start, index)
             nearest = torch.minimum(least, nearest)
             start += part.shape[1]
         to_truth.append(index)
         to_predicted.append(torch.cat(back, dim=1))
     return torch.cat(to_truth), torch.cat(to_predicted)
+
+
+def _argmin(values: Float[Tensor, "b n m"], dim: int) -> tuple[Float[Tensor, "b _"], Int[Tensor, "b _"]]:
+    """The least along an axis and its index, the first of several: of groups first, as values alone are found some
+    seven times as fast as with their index.
+    """
+    size = math.gcd(values.shape[dim], GROUP)
+    groups = values.unflatten(dim, (-1, size))
+    chosen = groups.amin(dim + 1).argmin(dim).unsqueeze(dim)
+    picked = chosen.unsqueeze(dim + 1)
+    sizes = [*groups.shape]
+    sizes[dim] = 1
+    least, place = groups.gather(dim, picked.expand(sizes)).min(dim + 1)
+    return least.squeeze(dim), (chosen * size + place).squeeze(dim)
