@@ -44,13 +44,19 @@ seeds=artifacts/$(NAME)/evaluate_seeds/count; cmp -s $$seeds <<< $$SEEDS || echo
 python -m ddf.seed_items $(NAME) $$SEEDS || exit 2; \
 $(1)
 endef
-# Stages of one experiment by the name's pattern, side by side: DVC itself runs one at a time. DVC's own lock is held
-# while it looks at files, for longer than the three seconds that it would wait without being told to. Seed 0 goes first.
+# Stages of one experiment by the name's pattern, side by side: DVC itself runs one at a time, so make does it, and knows
+# that a cloud waits for both models. DVC's own lock is held while it looks at files, for longer than the three seconds
+# that it would wait without being told to. Seed 0 goes first; where one fails, the others go on.
 names = dvc stage list --name-only | grep -E '^$(1)@$(NAME)(-|$$)'
-side_by_side = $(names) | sort -s -t- -k3n | xargs -r -P $(JOBS) -n 1 sh -c 'dvc --wait-for-lock repro --single-item "$$0" || exit 1'
+side_by_side = jobs=$$($(names) | sort -s -t- -k3n | sed 's/^/alone-/') && $(MAKE) -k -j $(JOBS) $$jobs
+alone = @dvc --wait-for-lock repro --single-item "$(@:alone-%=%)"
+alone-pointclouds@%: alone-train_ddf@% alone-train_pcsiren@%
+	$(alone)
+alone-train_%:
+	$(alone)
 one_by_one = names=$$($(names)) && dvc repro $$names
-whole_run = dvc status -q --with-deps report@$(NAME) || { $(call one_by_one,samples) && $(call side_by_side,train_[a-z]*) \
-	&& $(call side_by_side,pointclouds) && dvc repro report@$(NAME); }
+whole_run = dvc status -q --with-deps report@$(NAME) || { $(call one_by_one,samples) \
+	&& $(call side_by_side,(train_[a-z]*|pointclouds)) && dvc repro report@$(NAME); }
 check_config = @test -f "$(CONFIG)" || { echo "$(CONFIG): no such experiment file; CONFIG is one of: $$(echo configs/*.yaml)" >&2; exit 2; }; \
 	grep -q "^ *$(NAME):" pipeline.yaml || { echo "$(CONFIG): pipeline.yaml has no experiment '$(NAME)'; add it to the lists under vars" >&2; exit 2; }
 

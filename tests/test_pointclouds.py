@@ -256,6 +256,13 @@ def test_crowding_takes_strays_later():
     assert found == {0.0: 3, 2.0: 0}
 
 
+@pytest.mark.parametrize("count", [1, 5, 9, 16, 17, 300])
+def test_spacing_is_the_distance_to_the_eighth_of_the_others(count):
+    points = torch.rand((count, 3), generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    nearest = torch.cdist(points, points).sort(dim=1).values
+    torch.testing.assert_close(pointclouds._spacing(points), nearest[:, min(8, count - 1)])
+
+
 def test_crowding_of_repeated_points_is_finite():
     config = dataclasses.replace(SPREAD, crowding=1.0)
     points = torch.cat((torch.ones(20, 3), torch.zeros(2, 3)))

@@ -11,6 +11,7 @@ Positions and directions are rounded before rays are cast, so the truth belongs 
 Octahedral map: Cigolle et al. 2014, "A survey of efficient representations for independent unit vectors", §3.3.
 """
 
+from collections.abc import Mapping
 from typing import TypedDict
 
 import numpy as np
@@ -104,11 +105,16 @@ def decode(arrays: dict[str, Tensor], kind: str) -> Samples:
       arrays: `<kind>.positions`, `<kind>.directions`, `<kind>.depth`, `<kind>.normals` as stored.
       kind: one of U, A, B, S, T, O.
     """
-    depth = decode_depth(arrays[f"{kind}.depth"])
+    return decode_fields({field: arrays[f"{kind}.{field}"] for field in FIELDS})
+
+
+def decode_fields(codes: Mapping[str, Tensor]) -> Samples:
+    """Samples out of the codes of each of `FIELDS`, of any types together."""
+    depth = decode_depth(codes["depth"])
     return Samples(
-        positions=decode_positions(arrays[f"{kind}.positions"]),
-        directions=decode_unit(arrays[f"{kind}.directions"]),
+        positions=decode_positions(codes["positions"]),
+        directions=decode_unit(codes["directions"]),
         depth=depth,
         visible=torch.isfinite(depth),
-        normals=decode_unit(arrays[f"{kind}.normals"]),
+        normals=decode_unit(codes["normals"]),
     )

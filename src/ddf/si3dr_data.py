@@ -164,19 +164,20 @@ class SampleSet:
         Args:
           part: keep these of the shapes alone, with the samples that they have among all.
         """
-        parts = {"E": without_truth(len(shapes), counts["E"], random, part)}
+        unknown = without_truth(len(shapes), counts["E"], random, part)
         numbers, rows_in = zip(*(self.places[i] for i in shapes[part]), strict=True)
         opened = {number: self.shards[number] for number in set(numbers)}
         tables = [(opened[number], row) for number, row in zip(numbers, rows_in, strict=True)]
-        for wanted in losses.STORED:
-            if not counts.get(wanted):
-                continue
-            kind = losses.sample_type(wanted)
+        codes: dict[str, list[Tensor]] = {field: [] for field in packing.FIELDS}
+        wanted = {name: counts[name] for name in losses.STORED if counts.get(name)}
+        for name, count in wanted.items():
+            kind = losses.sample_type(name)
             stored = tables[0][0][f"{kind}.depth"].shape[1]
-            rows = random.integers(0, stored, (len(shapes), counts[wanted]))[part]
-            chosen = {name: _gather(tables, name, rows) for name in (f"{kind}.{field}" for field in packing.FIELDS)}
-            parts[wanted] = packing.decode(chosen, kind)
-        return batch_of(parts)
+            rows = random.integers(0, stored, (len(shapes), count))[part]
+            for field, parts in codes.items():
+                parts.append(_gather(tables, f"{kind}.{field}", rows))
+        decoded = packing.decode_fields({field: torch.cat(parts, dim=1) for field, parts in codes.items()})
+        return batch_of([unknown, decoded], {"E": counts["E"], **wanted})
 
 
 def without_truth(shapes: int, count: int, random: np.random.Generator, part: slice) -> packing.Samples:
@@ -195,19 +196,20 @@ def without_truth(shapes: int, count: int, random: np.random.Generator, part: sl
     )
 
 
-def batch_of(parts: Mapping[str, packing.Samples]) -> losses.SampleBatch:
-    """Samples of each type of several shapes, in the order of a batch, as one."""
-    columns = {
-        name: torch.cat([samples[name] for samples in parts.values()], dim=1)
-        for name in packing.Samples.__annotations__
-    }
+def batch_of(parts: Sequence[packing.Samples], counts: Mapping[str, int]) -> losses.SampleBatch:
+    """Samples of several shapes as one batch; all parts together are in its order.
+
+    Args:
+      counts: points of each type and shape.
+    """
+    columns = {name: torch.cat([samples[name] for samples in parts], dim=1) for name in packing.Samples.__annotations__}
     return losses.SampleBatch(
         positions=columns["positions"],
         directions=columns["directions"],
         visible=columns["visible"].float(),
         depth=columns["depth"].masked_fill(~columns["visible"], 0.0),
         normals=columns["normals"],
-        counts={kind: samples["depth"].shape[1] for kind, samples in parts.items()},
+        counts=counts,
     )
 
 

@@ -103,7 +103,8 @@ class FreshSamples:
             decoded = packing.decode(stacked, kind)
             for name, start, end in zip(names, ends[:-1], ends[1:], strict=True):
                 parts[name] = _rows(decoded, slice(start, end))
-        return si3dr_data.batch_of({name: parts[name] for name in ("E", *losses.STORED) if name in parts})
+        order = [name for name in ("E", *losses.STORED) if name in parts]
+        return si3dr_data.batch_of([parts[name] for name in order], {name: counts[name] for name in order})
 
     def _cast(self, shape: int, counts: Mapping[str, int], seed: int) -> dict[str, np.ndarray]:
         random = np.random.default_rng(seed)
