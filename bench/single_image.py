@@ -147,7 +147,7 @@ def measure(scene: Scene) -> list[dict[str, Any]]:
     def add(what: str, size: dict[str, Any], work: Callable[[int], Any], clouds: bool = False) -> None:
         seconds, results = per_image(work)
         error = score(scene, results) if clouds else {}
-        rows.append(_measure.row(f"{what}; {scene.name}", {**size, "images": len(seconds)}, seconds, error))
+        rows.append({**_measure.row(f"{what}; {scene.name}", size, seconds, error), "images": len(seconds)})
 
     def encode(model: reconstruction.ReconstructionModel, image: int) -> tuple[Tensor, Tensor]:
         batch = scene.images.batch(np.array([image]))
