@@ -335,8 +335,5 @@ def _argmin(values: Float[Tensor, "b n m"], dim: int) -> tuple[Float[Tensor, "b 
     size = math.gcd(values.shape[dim], GROUP)
     groups = values.unflatten(dim, (-1, size))
     chosen = groups.amin(dim + 1).argmin(dim).unsqueeze(dim)
-    picked = chosen.unsqueeze(dim + 1)
-    sizes = [*groups.shape]
-    sizes[dim] = 1
-    least, place = groups.gather(dim, picked.expand(sizes)).min(dim + 1)
+    least, place = groups.take_along_dim(chosen.unsqueeze(dim + 1), dim).min(dim + 1)
     return least.squeeze(dim), (chosen * size + place).squeeze(dim)
