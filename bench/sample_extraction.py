@@ -2,8 +2,8 @@
 
 Shapes of 10,000 triangles in the field frame, the numbers of samples of configs/cpu.yaml and of [DDF22]; the clouds of
 the stage `samples` have rows of their own. "Open3D alone" holds the rays ready in memory: with the building of its
-scene, which every shape needs once, and without. A file holds a shard of shapes, its seconds are shared among them. The
-error is that of the stored form.
+scene, which every shape needs once, and without. A file holds a shard of as many shapes as the config says, its seconds
+are shared among them. The error is that of the stored form.
 """
 
 import concurrent.futures
@@ -27,7 +27,7 @@ from ddf.mesh_config import MeshesConfig
 from ddf.mesh_io import Mesh
 
 CONFIGS = ("configs/cpu.yaml", "configs/paper.yaml")
-FACES, REPEATS, SHARD, CLOUD_POINTS, THREADS = 10_000, 5, 5, 8000, (1, 2)
+FACES, REPEATS, CLOUD_POINTS, THREADS = 10_000, 5, 8000, (1, 2)
 
 
 def field_meshes() -> dict[str, Mesh]:
@@ -55,7 +55,7 @@ def built(mesh: Mesh) -> o3d.t.geometry.RaycastingScene:
 
 def extract_and_write(mesh: Mesh, drawn: sampling.SamplesConfig, path: Path) -> None:
     """What the stage does for the samples of a shard."""
-    found = [sampling.extract(mesh, drawn, str(index)) for index in range(SHARD)]
+    found = [sampling.extract(mesh, drawn, str(index)) for index in range(drawn.shard_size)]
     arrays = {name: np.stack([arrays[name] for arrays, _ in found]) for name in found[0][0]}
     storage.save_tensors(path, arrays, {"packing_errors": found[0][1]})
 
@@ -92,7 +92,8 @@ def measure(name: str, mesh: Mesh, path: Path, folder: Path) -> list[dict[str, A
         "samples, file written": functools.partial(extract_and_write, mesh, drawn, folder / "samples.safetensors"),
     }
     times = _measure.interleaved(ways, REPEATS)
-    times["samples, file written"] = [seconds / SHARD for seconds in times["samples, file written"]]
+    written = "samples, file written"
+    times[written] = [seconds / drawn.shard_size for seconds in times[written]]
     size = {"shape": name, "triangles": len(mesh.faces), "rays": tensor.shape[0], "counts": path.stem}
     return [_measure.row(way, size, seconds, errors) for way, seconds in times.items()]
 
