@@ -85,14 +85,14 @@ def measure(name: str, mesh: Mesh, path: Path, folder: Path) -> list[dict[str, A
         fresh.add_triangles(o3d.core.Tensor(corners), o3d.core.Tensor(faces))
         return fresh.cast_rays(tensor)
 
+    written = "samples, file written"
     ways: dict[str, Callable[[], Any]] = {
         "Open3D alone": functools.partial(scene.cast_rays, tensor),
         "Open3D alone, scene built": alone,
         "samples": functools.partial(sampling.extract, mesh, drawn, "bench"),
-        "samples, file written": functools.partial(extract_and_write, mesh, drawn, folder / "samples.safetensors"),
+        written: functools.partial(extract_and_write, mesh, drawn, folder / "samples.safetensors"),
     }
     times = _measure.interleaved(ways, REPEATS)
-    written = "samples, file written"
     times[written] = [seconds / drawn.shard_size for seconds in times[written]]
     size = {"shape": name, "triangles": len(mesh.faces), "rays": tensor.shape[0], "counts": path.stem}
     return [_measure.row(way, size, seconds, errors) for way, seconds in times.items()]
