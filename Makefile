@@ -22,6 +22,7 @@ READY := $(VENV)/.ready-$(shell pwd | cksum | cut -d' ' -f1)#   another folder i
 RUN := $(VENV)/bin/python
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 export PYTHONUNBUFFERED := 1
+unexport PYTHONDONTWRITEBYTECODE # many containers set it: every process then compiles all that it imports, up to 8 s a stage
 export LAUNCH := $(strip $(LAUNCH))
 export PET_NO_PYTHON := 1#    torchrun in LAUNCH starts the command behind it, which is not a script
 export SEEDS := $(strip $(SEEDS))
