@@ -46,18 +46,24 @@ python -m ddf.seed_items $(NAME) $$SEEDS || exit 2; \
 $(1)
 endef
 # Stages of one experiment by the name's pattern, side by side: DVC itself runs one at a time, so make does it, and knows
-# that a cloud waits for both models. DVC's own lock is held while it looks at files, for longer than the three seconds
-# that it would wait without being told to. Seed 0 goes first; where one fails, the others go on.
+# what waits for what. DVC's own lock is held while it looks at files, for longer than the three seconds that it would
+# wait without being told to. Seed 0 goes first; where one fails, the others go on. Of data two stages at a time, each
+# with a process per core: one starts or ends while the other works. Clouds use the cores that trainings leave.
 names = dvc stage list --name-only | grep -E '^$(1)@$(NAME)(-|$$)'
-side_by_side = jobs=$$($(names) | sort -s -t- -k3n | sed 's/^/alone-/') && $(MAKE) -k -j $(JOBS) $$jobs
-alone = @dvc --wait-for-lock repro --single-item "$(@:alone-%=%)"
-alone-pointclouds@%: alone-train_ddf@% alone-train_pcsiren@%
-	$(alone)
+side_by_side = jobs=$$($(names) | sort -s -t- -k3n | sed 's/^/alone-/') && $(MAKE) -k -j $(2) $$jobs
+alone = dvc --wait-for-lock repro --single-item "$(@:alone-%=%)"
+alone-meshes@%:
+	@$(alone)
+alone-samples@%: alone-meshes@%
+	@$(alone)
 alone-train_%:
-	$(alone)
+	@$(alone)
+alone-pointclouds@%: alone-train_ddf@% alone-train_pcsiren@%
+	@nice -n 19 $(alone)
 one_by_one = names=$$($(names)) && dvc repro $$names
-whole_run = dvc status -q --with-deps report@$(NAME) || { $(call one_by_one,samples) \
-	&& $(call side_by_side,(train_[a-z]*|pointclouds)) && dvc repro report@$(NAME); }
+whole_run = dvc status -q --with-deps report@$(NAME) || { $(call one_by_one,dataset) \
+	&& $(call side_by_side,(meshes|samples),2) && $(call side_by_side,(train_[a-z]*|pointclouds),$(JOBS)) \
+	&& dvc repro report@$(NAME); }
 check_config = @test -f "$(CONFIG)" || { echo "$(CONFIG): no such experiment file; CONFIG is one of: $$(echo configs/*.yaml)" >&2; exit 2; }; \
 	grep -q "^ *$(NAME):" pipeline.yaml || { echo "$(CONFIG): pipeline.yaml has no experiment '$(NAME)'; add it to the lists under vars" >&2; exit 2; }
 
@@ -102,7 +108,7 @@ $(addprefix stage-,$(STAGES)): stage-%: $(READY) ## one stage (dataset, meshes, 
 .PHONY: train
 train: $(READY) ## the trainings alone, JOBS=4 side by side, each behind LAUNCH="srun --gres=gpu:1"
 	$(check_config)
-	$(call locked,$(call side_by_side,train_[a-z]*))
+	$(call locked,$(call side_by_side,train_[a-z]*,$(JOBS)))
 
 .PHONY: report
 report: stage-report ## tables, figures and report of CONFIG (makes what is missing)

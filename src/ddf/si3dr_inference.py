@@ -6,16 +6,17 @@ as 1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] a
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import joblib
 import numpy as np
 import torch
 import tqdm
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf import cameras, checks, pointclouds, reconstruction, rendering, si3dr_data, training
+from ddf import cameras, checks, fields, pointclouds, reconstruction, rendering, si3dr_data, training
 
 # Images at a time; the networks are in evaluation mode, so the sizes matter to the result by rounding alone.
 ENCODER_BATCH = 64
@@ -167,28 +168,45 @@ def reconstruct_ddf(
     names = {config.cloud.cycles: f"h{config.cloud.cycles}"}
     if config.cloud.candidate_share(1) >= 1:
         names[1] = "h1"  # with cycles: 1 it is the same
-    clouds: dict[str, list[Tensor]] = {f"{size}.{name}": [] for name in names.values() for size in "LS"}
-    scales = []
     started = time.monotonic()
-    for image in tqdm.trange(len(latents), desc=f"clouds {describe}", unit="image", mininterval=2):
-        own = [m[image] for m in modulations]
-        cycles = pointclouds.sample(model.field, own, config.large, config.cloud, _generator(config, image))
-        for cycle, name in names.items():
-            large, small = pointclouds.select(cycles[:cycle], (config.large, config.small), config.cloud)
-            clouds[f"L.{name}"].append(large)
-            clouds[f"S.{name}"].append(small)
-        if config.scale_quantile is None:
-            scales.append(scale_from_cloud(clouds[f"L.h{config.cloud.cycles}"][-1]))
-        else:
-            scales.append(scale_from_cycles(cycles, config.scale_quantile))
+    drawn = _in_threads(
+        joblib.delayed(_draw)(model.field, [m[image] for m in modulations], names, config, _generator(config, image))
+        for image in range(len(latents))
+    )
+    progress = tqdm.tqdm(drawn, desc=f"clouds {describe}", total=len(latents), unit="image", mininterval=2)
+    clouds, scales = zip(*progress, strict=True)
     cloud_seconds = time.monotonic() - started
     scale = torch.tensor(scales)
     corrected = _correct_cameras(model, modulations, predicted, scale, images, config)
-    tensors = {name: torch.stack(values) for name, values in clouds.items()}
+    tensors = {name: torch.stack([cloud[name] for cloud in clouds]) for name in clouds[0]}
     tensors |= {"camera_pred": predicted, "camera_corrected": corrected, "scale_pred": scale, "features": features}
     rendered = spread(len(latents), config.rendered)
     tensors |= _renders(model, modulations, predicted, scale, rendered, config.render_size)
     return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": cloud_seconds / len(latents)}
+
+
+def _in_threads(calls: Iterable) -> Iterator:
+    """Results of `joblib.delayed` calls in order, as many at a time as the cores hold; on a GPU one after the other."""
+    jobs = max(1, joblib.cpu_count() // torch.get_num_threads()) if training.device().type == "cpu" else 1
+    return joblib.Parallel(n_jobs=jobs, prefer="threads", return_as="generator")(calls)
+
+
+def _draw(
+    field: fields.PDDF,
+    modulations: Sequence[Float[Tensor, "1 _"]],
+    names: Mapping[int, str],
+    config: PointcloudsConfig,
+    generator: torch.Generator,
+) -> tuple[dict[str, Float[Tensor, "_ 3"]], float]:
+    """Clouds L and S of one image after every number of cycles that `names` has, and its scale."""
+    cycles = pointclouds.sample(field, modulations, config.large, config.cloud, generator)
+    clouds = {}
+    for cycle, name in names.items():
+        chosen = pointclouds.select(cycles[:cycle], (config.large, config.small), config.cloud)
+        clouds |= {f"L.{name}": chosen[0], f"S.{name}": chosen[1]}
+    if config.scale_quantile is None:
+        return clouds, scale_from_cloud(clouds[f"L.{names[config.cloud.cycles]}"])
+    return clouds, scale_from_cycles(cycles, config.scale_quantile)
 
 
 def reconstruct_pcsiren(
@@ -227,15 +245,15 @@ def _correct_cameras(
     config: PointcloudsConfig,
 ) -> Tensor:
     """Π̂_∇ of all images, a batch at a time."""
-    corrected = []
+    calls = []
     for rows in _row_batches(images, CORRECTION_BATCH):
         alpha = images.alpha(rows, config.correction.mask_size).to(predicted.device)
         index = torch.from_numpy(rows)
         field_scale = (1 / scale[index]).to(predicted.device)
         given = (model, [m[index] for m in modulations], predicted[index], field_scale, alpha)
         turns, limit = config.correction_turns, config.correction_limit
-        corrected.append(correct_from_turns(*given, config.correction, turns, limit))
-    return torch.cat(corrected)
+        calls.append(joblib.delayed(correct_from_turns)(*given, config.correction, turns, limit))
+    return torch.cat(list(_in_threads(calls)))
 
 
 def correct_from_turns(
@@ -280,14 +298,18 @@ def _renders(
     size: int,
 ) -> dict[str, Tensor]:
     """Pictures as the model sees its own prediction: predicted camera, estimated scale."""
-    pictures: dict[str, list[Tensor]] = {name: [] for name in rendering.OUTPUTS}
-    for image in rendered:
-        own = [m[image] for m in modulations]
-        field_scale = torch.tensor(1 / float(scale[image]), device=predicted.device)
-        found, _ = rendering.render(model.field, own, predicted[image], field_scale, size)
-        for name, picture in found.items():
-            pictures[name].append(picture)
-    return {f"render.{name}": torch.stack(values) for name, values in pictures.items() if values}
+    found = _in_threads(
+        joblib.delayed(rendering.render)(
+            model.field,
+            [m[image] for m in modulations],
+            predicted[image],
+            (1 / scale[image]).to(predicted.device),
+            size,
+        )
+        for image in rendered
+    )
+    pictures = [picture for picture, _ in found]
+    return {f"render.{name}": torch.stack([p[name] for p in pictures]) for name in rendering.OUTPUTS if pictures}
 
 
 def _on_cpu(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
