@@ -5,11 +5,13 @@ as 1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] a
 """
 
 import math
+import os
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
-import joblib
 import numpy as np
 import torch
 import tqdm
@@ -21,6 +23,8 @@ from ddf import cameras, checks, fields, pointclouds, reconstruction, rendering,
 # Images at a time; the networks are in evaluation mode, so the sizes matter to the result by rounding alone.
 ENCODER_BATCH = 64
 CORRECTION_BATCH = 16  # a step of the correction keeps what its gradient needs of every pixel of the mask
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -170,8 +174,8 @@ def reconstruct_ddf(
         names[1] = "h1"  # with cycles: 1 it is the same
     started = time.monotonic()
     drawn = _in_threads(
-        joblib.delayed(_draw)(model.field, [m[image] for m in modulations], names, config, _generator(config, image))
-        for image in range(len(latents))
+        lambda image: _draw(model.field, [m[image] for m in modulations], names, config, _generator(config, image)),
+        range(len(latents)),
     )
     progress = tqdm.tqdm(drawn, desc=f"clouds {describe}", total=len(latents), unit="image", mininterval=2)
     clouds, scales = zip(*progress, strict=True)
@@ -185,10 +189,12 @@ def reconstruct_ddf(
     return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": cloud_seconds / len(latents)}
 
 
-def _in_threads(calls: Iterable) -> Iterator:
-    """Results of `joblib.delayed` calls in order, as many at a time as the cores hold; on a GPU one after the other."""
-    jobs = max(1, joblib.cpu_count() // torch.get_num_threads()) if training.device().type == "cpu" else 1
-    return joblib.Parallel(n_jobs=jobs, prefer="threads", return_as="generator")(calls)
+def _in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:
+    """`map`, in order, of as many items at a time as the cores hold; on a GPU one after the other."""
+    cores = os.cpu_count() or 1
+    at_once = max(1, cores // torch.get_num_threads()) if training.device().type == "cpu" else 1
+    with ThreadPoolExecutor(at_once) as pool:
+        yield from pool.map(function, items)
 
 
 def _draw(
@@ -245,15 +251,15 @@ def _correct_cameras(
     config: PointcloudsConfig,
 ) -> Tensor:
     """Π̂_∇ of all images, a batch at a time."""
-    calls = []
-    for rows in _row_batches(images, CORRECTION_BATCH):
+
+    def correct(rows: Int[np.ndarray, "_"]) -> Tensor:
         alpha = images.alpha(rows, config.correction.mask_size).to(predicted.device)
         index = torch.from_numpy(rows)
         field_scale = (1 / scale[index]).to(predicted.device)
         given = (model, [m[index] for m in modulations], predicted[index], field_scale, alpha)
-        turns, limit = config.correction_turns, config.correction_limit
-        calls.append(joblib.delayed(correct_from_turns)(*given, config.correction, turns, limit))
-    return torch.cat(list(_in_threads(calls)))
+        return correct_from_turns(*given, config.correction, config.correction_turns, config.correction_limit)
+
+    return torch.cat(list(_in_threads(correct, _row_batches(images, CORRECTION_BATCH))))
 
 
 def correct_from_turns(
@@ -298,17 +304,12 @@ def _renders(
     size: int,
 ) -> dict[str, Tensor]:
     """Pictures as the model sees its own prediction: predicted camera, estimated scale."""
-    found = _in_threads(
-        joblib.delayed(rendering.render)(
-            model.field,
-            [m[image] for m in modulations],
-            predicted[image],
-            (1 / scale[image]).to(predicted.device),
-            size,
-        )
-        for image in rendered
-    )
-    pictures = [picture for picture, _ in found]
+
+    def render(image: int) -> dict[str, Tensor]:
+        field_scale = (1 / scale[image]).to(predicted.device)
+        return rendering.render(model.field, [m[image] for m in modulations], predicted[image], field_scale, size)[0]
+
+    pictures = list(_in_threads(render, rendered))
     return {f"render.{name}": torch.stack([p[name] for p in pictures]) for name in rendering.OUTPUTS if pictures}
 
 
