@@ -8,7 +8,7 @@ import pytest
 import torch
 from _fake_experiment import BENCHMARK, NUM_TRUTH, SIZES, FakeExperiment, nearest_train_image
 
-from ddf import baselines, cameras, checks, evaluation, metrics, paper_results, storage
+from ddf import baselines, cameras, checks, evaluation, metrics, neighbours, paper_results, storage
 
 SETTINGS = evaluation.EvaluateConfig(tau_sq=1e-4, oracle_points=100, oracle_shortlist=3, seed=5)
 
@@ -180,6 +180,23 @@ def test_oracle_with_a_full_shortlist_attains_the_smallest_distance(experiment):
             for name in train
         }
         assert choice[shape] == min(scores, key=lambda name: scores[name])
+
+
+@pytest.mark.parametrize("length", [1, 3, 12])
+def test_the_shortlist_is_that_of_all_distances_and_asks_for_fewer(length, monkeypatch):
+    rng = np.random.default_rng(0)
+    clouds = {f"s{i}": rng.normal(size=(50, 3)) * (1 + 0.2 * (i % 6)) for i in range(12)}  # two of every size
+    clouds["s7"] = clouds["s1"]  # equal ones come by name
+    truths = [rng.normal(size=(40, 3)) for _ in range(3)]
+    asked = []
+    dist_sq = neighbours.Neighbours.dist_sq
+    monkeypatch.setattr(neighbours.Neighbours, "dist_sq", lambda *given: asked.append(1) or dist_sq(*given))
+    found = baselines._shortlist(truths, clouds, length)
+    for truth, names in zip(truths, found, strict=True):
+        scores = {name: _brute(cloud, truth) for name, cloud in clouds.items()}
+        assert names == sorted(scores, key=lambda name: (scores[name], name))[:length]
+    both_ways = 2 * len(truths) * len(clouds)
+    assert len(asked) == both_ways if length == len(clouds) else len(asked) < both_ways
 
 
 def test_order_of_rows_ceiling_above_oracle_above_mean(experiment):

@@ -267,6 +267,23 @@ def test_reconstruction_has_the_promised_arrays():
     torch.testing.assert_close(tensors["scale_pred"], 1 / spans)
 
 
+def test_images_at_a_time_change_no_bit(monkeypatch):
+    model, images = _models.ddf_model("angle"), _images()
+    results = []
+    for cores in (1, 3):
+        monkeypatch.setattr(si3dr_inference.os, "cpu_count", lambda cores=cores: cores * torch.get_num_threads())
+        monkeypatch.setattr(si3dr_inference, "CORRECTION_BATCH", 2)
+        results.append(si3dr_inference.reconstruct_ddf(model, images, POINTCLOUDS, "test")[0])
+    for name, values in results[0].items():
+        assert torch.equal(values, results[1][name]), name
+
+
+def test_an_error_of_one_image_comes_through(monkeypatch):
+    monkeypatch.setattr(pointclouds, "select", lambda *_: pytest.fail("no cloud"))
+    with pytest.raises(pytest.fail.Exception, match="no cloud"):
+        si3dr_inference.reconstruct_ddf(_models.ddf_model("angle"), _images(), POINTCLOUDS, "test")
+
+
 @pytest.mark.parametrize("azimuth", ["angle", "sincos"])
 def test_with_a_mirror_an_image_and_its_flipped_image_have_one_latent_and_mirrored_cameras(azimuth):
     model, images = _models.ddf_model(azimuth), _images().batch(np.arange(6))
