@@ -103,9 +103,9 @@ Data, and what preparation lost. Hidden points of the true clouds are those that
 they count in the metrics, as in Pixel2Mesh. Surface lost: distances between the raw and the training mesh.
 """
 TIMES: Final = """
-Wall time of each stage's last run, summed over categories, on a machine with {threads} CPU threads. Trainings and
-clouds of several categories run side by side, so the whole takes less than the sum. Of a stage that was resumed, only
-the last part is counted. Memory: the largest resident memory of the stage's process, and of the largest of its worker
+Wall time of each stage's last run, summed over categories, on a machine with {threads} CPU threads. Those of
+several categories run side by side, so the whole takes less than the sum. Of a stage that was resumed, only the last
+part is counted. Memory: the largest resident memory of the stage's process, and of the largest of its worker
 processes where it has any (one per CPU thread, two at least), in any category; shared pages count in each.
 """
 
