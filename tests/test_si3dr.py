@@ -271,7 +271,8 @@ def test_images_at_a_time_change_no_bit(monkeypatch):
     model, images = _models.ddf_model("angle"), _images()
     results = []
     for cores in (1, 3):
-        monkeypatch.setattr(si3dr_inference.os, "cpu_count", lambda cores=cores: cores * torch.get_num_threads())
+        usable = range(cores * torch.get_num_threads())
+        monkeypatch.setattr(si3dr_inference.os, "sched_getaffinity", lambda _, usable=usable: usable, raising=False)
         monkeypatch.setattr(si3dr_inference, "CORRECTION_BATCH", 2)
         results.append(si3dr_inference.reconstruct_ddf(model, images, POINTCLOUDS, "test")[0])
     for name, values in results[0].items():

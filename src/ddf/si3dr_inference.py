@@ -190,8 +190,8 @@ def reconstruct_ddf(
 
 
 def _in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:
-    """`map`, in order, of as many items at a time as the cores hold; on a GPU one after the other."""
-    cores = os.cpu_count() or 1
+    """`map`, in order, of as many items at a time as this process may use cores; on a GPU one after the other."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     at_once = max(1, cores // torch.get_num_threads()) if training.device().type == "cpu" else 1
     with ThreadPoolExecutor(at_once) as pool:
         yield from pool.map(function, items)
