@@ -59,7 +59,7 @@ alone-samples@%: alone-meshes@%
 alone-train_%:
 	@$(alone)
 alone-pointclouds@%: alone-train_ddf@% alone-train_pcsiren@%
-	@nice -n 19 $(alone)
+	@nice -n 5 $(alone)
 one_by_one = names=$$($(names)) && dvc repro $$names
 whole_run = dvc status -q --with-deps report@$(NAME) || { $(call one_by_one,dataset) \
 	&& $(call side_by_side,(meshes|samples),2) && $(call side_by_side,(train_[a-z]*|pointclouds),$(JOBS)) \
