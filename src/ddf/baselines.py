@@ -197,12 +197,12 @@ def oracle_choice(
     )
     ranked = [names for batch in shortlists for names in batch]
     best = joblib.Parallel(n_jobs=min(jobs or joblib.cpu_count(), len(test_ids)))(
-        joblib.delayed(_best)(
-            truths[shape].benchmark_points(), {name: _stand_in(truths, name, count, config.seed) for name in names}
+        joblib.delayed(_shortlist)(
+            [truths[shape].benchmark_points()], {name: _stand_in(truths, name, count, config.seed) for name in names}, 1
         )
         for shape, names in zip(test_ids, ranked, strict=True)
     )
-    return dict(zip(test_ids, best, strict=True))
+    return {shape: found[0][0] for shape, found in zip(test_ids, best, strict=True)}
 
 
 def _batches(items: Sequence[str], size: int = 16) -> list[Sequence[str]]:
@@ -230,13 +230,3 @@ def _least(trees: Mapping[str, neighbours.Neighbours], truth: neighbours.Neighbo
         score = metrics.chamfer_l2_sq(one_way[name], trees[name].dist_sq(truth))
         best = sorted([*best, (score, name)])[:length]
     return [name for _, name in best]
-
-
-def _best(truth: Float[np.ndarray, "n 3"], candidates: Mapping[str, Float[np.ndarray, "m 3"]]) -> str:
-    tree = neighbours.Neighbours(truth)
-    scores = {name: _chamfer(neighbours.Neighbours(points, name), tree) for name, points in candidates.items()}
-    return min(scores, key=lambda name: (scores[name], name))
-
-
-def _chamfer(prediction: neighbours.Neighbours, truth: neighbours.Neighbours) -> float:
-    return metrics.chamfer_l2_sq(truth.dist_sq(prediction.points), prediction.dist_sq(truth.points))

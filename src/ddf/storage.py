@@ -13,6 +13,7 @@ import importlib.metadata
 import io
 import json
 import os
+import re
 import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -112,7 +113,11 @@ def save_tensors(path: str | Path, tensors: Mapping[str, np.ndarray | Tensor], m
     arrays = {name: _as_array(value) for name, value in tensors.items()}
     record = _record(metadata)
     record["checksum"] = _content_checksum(arrays, record)
-    write_bytes(path, safetensors.numpy.save(arrays, {"ddf": _dump(record)}))
+    with atomic_path(path) as temporary:
+        try:  # from the arrays' own memory to the disk
+            safetensors.numpy.save_file(arrays, temporary, {"ddf": _dump(record)})
+        except safetensors.SafetensorError as error:
+            raise _of_the_disk(error) from error
 
 
 def load_tensors(
@@ -265,6 +270,12 @@ def _content_checksum(arrays: Mapping[str, np.ndarray], record: Mapping[str, Any
         digest.update(f"\n{name} {array.dtype.str} {array.shape}\n".encode())
         digest.update(array.reshape(-1).view(np.uint8).data)
     return digest.hexdigest()
+
+
+def _of_the_disk(error: safetensors.SafetensorError) -> Exception:
+    """The operating system's error that safetensors wrapped into its own, which tells it in words; else the same."""
+    number = re.search(r"\(os error (\d+)\)", str(error))
+    return error if number is None else OSError(int(number[1]), os.strerror(int(number[1])))
 
 
 def _table_record(path: str | Path) -> Path:
