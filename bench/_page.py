@@ -248,6 +248,11 @@ def rendering_sentence(benchmark: Benchmark) -> str | None:
     elif rivals:
         nearest = min(rivals, key=lambda row: row.error["depth_median"])
         words += f"; nearest comes {_rendering_words(nearest)}, {number(nearest.told['times_ddf'])} times as long"
+    refined = next((row for row in rows if row.what == "DDF, refined"), None)
+    if refined:
+        words += f"; {_rendering_words(refined)}"
+    if refined and refined.seconds and equal and equal.seconds:
+        words += f", of which that is {number(equal.seconds[1] / refined.seconds[1])} times"
     casting = next((row for row in rows if row.what == "mesh casting"), None)
     last = f"; {_rendering_words(casting)}" if casting else ""
     return f"**Rendering**, {own.size['pixels_a_side']} pixels a side: {_rendering_words(own)}; {words}{last}."

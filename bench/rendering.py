@@ -4,11 +4,12 @@ Both networks have the hidden layers of configs/fit.yaml and are trained here, e
 included, on one closed procedural shape. Rows hold ms per image, over two cameras, with errors against float64 casting
 of the mesh: depth (field units; half the box's longest side is 1) over the pixels that both see, the share of all
 pixels whose visibility is wrong, the silhouettes' intersection over union, the median angle of the normals. Timed is
-the way from camera rays to depth and visibility. The growth with resolution and with the mesh's triangles is drawn in
-reports/bench/rendering.png.
+the way from camera rays to depth and visibility. "Refined" asks for fewer pixels (`ddf.refinement`), of the DDF and of
+one tracing. The growth with resolution and with the mesh's triangles is drawn in reports/bench/rendering.png.
 """
 
 import dataclasses
+import functools
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -30,6 +31,7 @@ from ddf import (
     meshes,
     raycast,
     rays,
+    refinement,
     rendering,
     seeding,
     shape_field,
@@ -40,7 +42,7 @@ from ddf import (
     stage,
 )
 
-CONFIG, THREADS, REPEATS, TRAIN_SECONDS = Path("configs/fit.yaml"), 2, 5, 30.0
+CONFIG, THREADS, REPEATS, TRAIN_SECONDS = Path("configs/fit.yaml"), 2, 5, 60.0
 TRAINED_TOLERANCE = 0.5  # of errors from run to run: who trains for a time takes as many steps as the machine allows
 CHUNK = 4096  # rays: their activations stay in the cache; the same for both networks
 SIZES, COMPARED, LARGEST = (64, 128, 256, 512), 256, 512
@@ -61,7 +63,9 @@ BUDGETS = tuple(
 )
 GROWN = BUDGETS[4]  # is drawn at other resolutions: the same in every run, for which one is as good as the DDF differs
 DISTANCE_OMEGA, DISTANCE_RATE = 10.0, 2e-3  # omega_first and learning rate of the signed-distance network
+REFINED = refinement.Refinement(tolerance=0.005)  # field units, under half of what either network is off by
 Image = Callable[[], tuple[Tensor, int]]  # depth, `inf` where nothing is seen, and the number of queries
+RayImage = Callable[[Tensor, Tensor], tuple[Tensor, int]]  # the same of some rays: starts, directions
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,6 +131,22 @@ def cast_depth(scene: raycast.Scene, local: np.ndarray) -> tuple[Tensor, int]:
     return torch.from_numpy(depth) * scene.scale, len(depth)
 
 
+def refined(image: RayImage, seen: Views, size: int) -> tuple[Tensor, int]:
+    """Both images from fewer rays: `image` gives depth and number of queries of some."""
+    whole, queries = [], 0
+    for first in range(0, len(seen.starts), size**2):
+
+        def ask(pixels: np.ndarray, first: int = first) -> np.ndarray:
+            nonlocal queries
+            rows = torch.from_numpy(pixels) + first
+            depth, count = image(seen.starts[rows], seen.directions[rows])
+            queries += count
+            return depth.double().numpy()
+
+        whole.append(torch.from_numpy(refinement.depth_image(ask, size, REFINED)[0]).flatten().float())
+    return torch.cat(whole), queries
+
+
 def errors(depth: Tensor, normals: Tensor | None, truth: rays.RayHits) -> dict[str, float]:
     """Against the truth; normals only where both see a surface."""
     seen = torch.isfinite(depth)
@@ -185,6 +205,7 @@ def measured(
 
 
 DDF, CASTING = "DDF", "mesh casting"
+FEWER = ", refined"  # behind the name of what is asked for fewer pixels
 
 
 def tracing_name(how: _sphere_tracing.Tracing) -> str:
@@ -193,13 +214,16 @@ def tracing_name(how: _sphere_tracing.Tracing) -> str:
     return f"sphere tracing, {how.max_steps} steps, f < {how.threshold:g}{relaxed}"
 
 
-def rivals(rows: Sequence[dict[str, Any]]) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """The DDF's row and that of the fastest tracing whose depth and visibility are as good; None where none is."""
-    (own,) = [row for row in rows if row["what"] == DDF]
+def rivals(rows: Sequence[dict[str, Any]], name: str = DDF) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """The DDF's row and that of the fastest tracing, of every pixel, whose depth and visibility are as good; None where
+    none is.
+    """
+    (own,) = [row for row in rows if row["what"] == name]
     good = [
         row
         for row in rows
         if row["what"].startswith("sphere tracing")
+        and not row["what"].endswith(FEWER)
         and all(row["error"][name] <= own["error"][name] for name in ("depth_median", "wrong_visibility"))
     ]
     return own, min(good, key=lambda row: row["median_s"], default=None)
@@ -264,8 +288,17 @@ def measure() -> list[dict[str, Any]]:
             found[tracing_name(how)] = lambda how=how: traced_depth(network, shape, seen.starts, seen.directions, how)
         return found | {CASTING: lambda: cast_depth(scene, local)}
 
+    def fewer(seen: Views, size: int) -> dict[str, Image]:
+        """The DDF and one tracing from fewer pixels."""
+        ddf: RayImage = functools.partial(ddf_depth, shape)
+        traced: RayImage = functools.partial(traced_depth, network, shape, how=GROWN)
+        return {
+            name + FEWER: functools.partial(refined, image, seen, size)
+            for name, image in ((DDF, ddf), (tracing_name(GROWN), traced))
+        }
+
     seen = views(shape, mesh, COMPARED)
-    candidates = images(seen, BUDGETS)
+    candidates = images(seen, BUDGETS) | fewer(seen, COMPARED)
     with torch.no_grad():
         normals = {DDF: lambda _: ddf_normals(shape, seen.starts, seen.directions)} | {
             tracing_name(how): lambda depth: distance_normals(network, seen.starts, seen.directions, depth)
@@ -277,12 +310,13 @@ def measure() -> list[dict[str, Any]]:
     for row in rows:
         row["times_ddf"] = row["median_s"] / own["median_s"]
         row["fastest_as_good_as_ddf"] = row is rival
-    by_size = [row for row in rows if row["what"] in (DDF, CASTING, tracing_name(GROWN))]
+    drawn = (DDF, DDF + FEWER, CASTING, tracing_name(GROWN))
+    by_size = [row for row in rows if row["what"] in drawn]
     for size in SIZES:
         if size != COMPARED:
             now = views(shape, mesh, size)
-            new = measured(images(now, [GROWN]), size, now, {}, facts)
-            rows, by_size = rows + new, by_size + new
+            new = measured(images(now, [GROWN]) | fewer(now, size), size, now, {}, facts)
+            rows, by_size = rows + new, by_size + [row for row in new if row["what"] in drawn]
     largest = views(shape, mesh, LARGEST)
     everywhere = {"DDF, every pixel evaluated": lambda: ddf_depth(shape, largest.starts, largest.directions, box=False)}
     rows += measured(everywhere, LARGEST, largest, {}, facts)
@@ -309,11 +343,12 @@ def main() -> None:
     """Train, measure, write."""
     rows = measure()
     _measure.write("rendering", THREADS, rows)
-    own, rival = rivals([row for row in rows if row["size"]["pixels_a_side"] == COMPARED and "times_ddf" in row])
-    told = (
-        "none" if rival is None else f"{rival['what']}, {rival['ms_per_image'] / own['ms_per_image']:.1f} times as long"
-    )
-    print(f"DDF {own['ms_per_image']:.1f} ms; fastest tracing that is as good: {told}")
+    for name in (DDF, DDF + FEWER):
+        own, rival = rivals([row for row in rows if "times_ddf" in row], name)
+        times = (
+            "" if rival is None else f"{rival['what']}, {rival['ms_per_image'] / own['ms_per_image']:.1f} times as long"
+        )
+        print(f"{name} {own['ms_per_image']:.1f} ms; fastest tracing that is as good: {times or 'none'}")
 
 
 if __name__ == "__main__":

@@ -247,6 +247,9 @@ def test_rendering_names_the_fastest_tracing_that_is_as_good():
     rows.append(row("sphere tracing, 64 steps", 1.5, 0.009, fastest_as_good_as_ddf=True))
     told = _page.rendering_sentence(dataclasses.replace(_benchmark(), rows=rows)) or ""
     assert "sphere tracing, 64 steps (1,500 ms, median error of depth 0.009), takes 15 times as long" in told
+    rows.append(row("DDF, refined", 0.05, 0.011))
+    told = _page.rendering_sentence(dataclasses.replace(_benchmark(), rows=rows)) or ""
+    assert "; DDF, refined (50 ms, median error of depth 0.011), of which that is 30 times; mesh casting" in told
 
 
 def test_pictures_take_exact_and_equal_points():

@@ -194,12 +194,29 @@ def test_render_writes_a_picture(work, fitted, output, capsys):
         assert picture.mode == "RGB"
 
 
+def test_refined_render_evaluates_fewer_rays(work, fitted, capsys):
+    results = {}
+    for extra in ((), ("--refine", "0.01")):
+        out = work / f"refined{len(extra)}.png"
+        assert cli.main(["render", "--json", str(fitted[0]), str(out), "--size", "65", *extra]) == 0
+        results[extra] = json.loads(capsys.readouterr().out)
+        with Image.open(out) as picture:
+            assert picture.size == (65, 65)
+    whole, refined = results.values()
+    assert refined["evaluated"] < 0.8 * whole["evaluated"]
+    assert refined["saved"] == 65 * 65 - refined["evaluated"]
+    assert abs(refined["seen"] - whole["seen"]) < 0.1 * 65 * 65
+
+
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
         (["--camera", "1,2"], "three numbers"),
         (["--camera", "a,b,c"], "three numbers"),
         (["--size", "0"], "size must be"),
+        (["--size", "0", "--refine", "0.1"], "size must be"),
+        (["--refine", "-1"], "tolerance must be >= 0"),
+        (["--refine", "0.1", "--output", "normals"], "--refine goes with --output depth alone; got normals"),
     ],
 )
 def test_bad_renders_are_one_line_and_exit_2(work, fitted, extra, message, capsys):

@@ -245,26 +245,3 @@ def test_every_readable_real_mesh_becomes_watertight(shared_dir):
         done = meshes.prepare(mesh_io.load(path), CONFIG, _random())
         assert done.watertight and len(done.mesh.faces) <= 10_000 and meshes.has_manifold_vertices(done.mesh), path.name
         assert done.lost < 0.003 and done.mean_distance < 0.005, path.name
-
-
-@pytest.mark.parametrize("spread", [0.0, 1.0, 4.0])
-def test_points_fall_on_triangles_by_area_and_evenly_inside(spread):
-    """Whatever the areas: alike, as rounding leaves them, or far apart; none where there is no area."""
-    rng = np.random.default_rng(0)
-    size = rng.random(300) ** spread
-    size[[0, 7, -1]] = 0
-    flat = np.zeros((300, 3, 3))
-    flat[:, 1, 0] = flat[:, 2, 1] = np.sqrt(2 * size)
-    surface = meshes.Surface(flat, np.tile([0.0, 0.0, 1.0], (300, 1)), size)
-    count = 200_000
-    points, face = surface.draw(count, rng)
-    expected = size / size.sum() * count
-    found = np.bincount(face, minlength=300)
-    assert (found[size == 0] == 0).all()
-    assert (np.abs(found - expected) <= 5 * np.sqrt(expected) + 1).all()
-    chi_sq = ((found - expected)[expected > 5] ** 2 / expected[expected > 5]).sum()
-    assert abs(chi_sq / (expected > 5).sum() - 1) < 0.4
-    inside = points[:, :2] / np.sqrt(2 * size[face])[:, None]
-    assert inside.min() >= 0 and inside.sum(axis=1).max() <= 1 + 1e-12
-    np.testing.assert_allclose(inside.mean(axis=0), 1 / 3, atol=0.003)
-    np.testing.assert_allclose(np.cov(inside.T), [[1 / 18, -1 / 36], [-1 / 36, 1 / 18]], atol=0.001)

@@ -1,6 +1,5 @@
 import pytest
 import torch
-from torch.optim import _muon
 
 from ddf import optimisers, passes, siren
 
@@ -66,25 +65,18 @@ def test_step_of_a_matrix_and_of_a_kernel_is_orthogonal_and_as_long_as_asked(kin
     weight = model.get_parameter(name)
     moved = (weight.detach() - before[name]).flatten(1)
     singular = torch.linalg.svdvals(moved.double())
-    assert 0.02 * 0.05 < float(singular.min()) <= float(singular.max()) < 0.02 * 1.4  # the least is 1e-3 of the first
+    assert 0.02 * 0.4 < float(singular.min()) <= float(singular.max()) < 0.02 * 1.3
     assert weight.grad is not None
     left, _, right = torch.linalg.svd(weight.grad.flatten(1).double(), full_matrices=False)
     nearest = -(left @ right)
     alike = float((moved.double() * nearest).sum() / (moved.norm() * nearest.norm()))
-    assert alike > 0.85
+    assert alike > 0.9
     head = model.network.head.weight.detach() - before["network.head.weight"]
     torch.testing.assert_close(head.abs(), torch.full_like(head, 1e-2), rtol=1e-3, atol=0)  # AdamW's first step
 
 
-def test_muon_is_that_of_torch_but_for_its_iteration(monkeypatch):
-    """With the published iteration, which is torch's, in place of our own."""
-
-    def published(matrix, steps):
-        assert tuple(steps) == optimisers.HIDDEN_STEPS
-        return _muon._zeropower_via_newtonschulz(matrix, (3.4445, -4.775, 2.0315), 5, 1e-7)
-
+def test_muon_in_bfloat16_is_that_of_torch(monkeypatch):
     monkeypatch.setattr(passes, "has_bfloat16", lambda device: True)
-    monkeypatch.setattr(optimisers, "nearest_orthogonal", published)
     model, other = _model(), _model()
     ours, theirs = siren.hidden_matrices(model), siren.hidden_matrices(other)
     one = optimisers.Muon([{"params": ours, "weight_decay": 0.1}], 0.02, "bfloat16")
@@ -92,7 +84,7 @@ def test_muon_is_that_of_torch_but_for_its_iteration(monkeypatch):
     _steps(model, one, range(5))
     _steps(other, two, range(5))
     for left, right in zip(ours, theirs, strict=True):
-        torch.testing.assert_close(left, right, rtol=0, atol=1e-6)
+        torch.testing.assert_close(left, right, rtol=0, atol=2e-3)  # rounding of 5 steps of 0.02
 
 
 def test_muon_keeps_float32_where_asked_and_where_there_is_nothing_else(monkeypatch):
@@ -110,35 +102,15 @@ def test_muon_keeps_float32_where_asked_and_where_there_is_nothing_else(monkeypa
 
 @pytest.mark.parametrize("shape", [(7, 7), (7, 4), (4, 7), (9, 4), (4, 9)])
 def test_nearest_orthogonal(shape):
-    """Singular vectors stay; with the coefficients that converge, singular values become 1."""
+    """Singular vectors stay, singular values come near 1; with the coefficients that converge they become 1."""
     matrix = torch.randn(shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     left, _, right = torch.linalg.svd(matrix, full_matrices=False)
     exact = left @ right
-    converged = optimisers.nearest_orthogonal(matrix, [(15 / 8, -10 / 8, 3 / 8)] * 40)
+    converged = optimisers.nearest_orthogonal(matrix, (15 / 8, -10 / 8, 3 / 8), 40, 1e-7)
     torch.testing.assert_close(converged, exact)
-    assert torch.equal(optimisers.nearest_orthogonal(0 * matrix, optimisers.KERNEL_STEPS), 0 * matrix)
-
-
-@pytest.mark.parametrize("dtype", [torch.float64, torch.float32, torch.bfloat16])
-@pytest.mark.parametrize("columns", [48, 64, 200])
-@pytest.mark.parametrize(
-    ("steps", "least", "error"), [(optimisers.KERNEL_STEPS, 0.01, 0.32), (optimisers.HIDDEN_STEPS, 0.002, 0.39)]
-)
-def test_singular_values_come_near_one_down_to_a_share_of_the_norm(steps, least, error, columns, dtype):
-    """As its docstring says, for spectra of three kinds; bfloat16 rounds the small ones away."""
-    generator = torch.Generator().manual_seed(0)
-    left, _ = torch.linalg.qr(torch.randn(48, 48, generator=generator, dtype=torch.float64))
-    right, _ = torch.linalg.qr(torch.randn(columns, 48, generator=generator, dtype=torch.float64))
-    low = dtype == torch.bfloat16
-    slack, least = (0.1, 0.03) if low else (2e-3, least)
-    spiky = torch.cat((torch.ones(1), torch.full((47,), least))).double()
-    for spectrum in (torch.logspace(0, -3, 48).double(), torch.linspace(1, 0.05, 48).double(), spiky):
-        spectrum = spectrum.clamp(min=least * float(spectrum.pow(4).sum()) ** 0.25)
-        matrix = (3e-4 * left * spectrum @ right.T).to(dtype)
-        moved = optimisers.nearest_orthogonal(matrix, steps).double()
-        singular = torch.linalg.svdvals(moved)
-        assert 1 - error - slack < float(singular.min()) <= float(singular.max()) < 1 + error + slack
-        assert float((moved * (left @ right.T)).sum() / (moved.norm() * 48**0.5)) > 0.95
+    quick = torch.linalg.svdvals(optimisers.nearest_orthogonal(matrix, (3.4445, -4.775, 2.0315), 5, 1e-7))
+    assert 0.5 < float(quick.min()) <= float(quick.max()) < 1.3
+    assert torch.equal(optimisers.nearest_orthogonal(0 * matrix, (15 / 8, -10 / 8, 3 / 8), 5, 1e-7), 0 * matrix)
 
 
 def test_without_muon_it_is_adamw():
@@ -179,7 +151,7 @@ def test_rate_keeps_the_ratio_of_the_two():
     optimiser.set_rate(1e-3)  # a tenth
     _steps(model, optimiser, [0])
     moved = model.network.layers[1].weight.detach() - before["network.layers.1.weight"]
-    assert 0.002 * 0.5 < float(torch.linalg.svdvals(moved.double()).max()) < 0.002 * 1.4
+    assert 0.002 * 0.5 < float(torch.linalg.svdvals(moved.double()).max()) < 0.002 * 1.3
     moved = model.network.head.bias.detach() - before["network.head.bias"]
     torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-3), rtol=1e-3, atol=0)
 
@@ -195,7 +167,7 @@ def test_matrices_and_kernels_have_rates_of_their_own():
             if rate is None:
                 torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-2), rtol=1e-3, atol=0)
             else:
-                assert rate * 0.6 < float(torch.linalg.svdvals(moved.double()).max()) < rate * 1.4
+                assert rate * 0.6 < float(torch.linalg.svdvals(moved.double()).max()) < rate * 1.3
 
 
 def test_weight_decay_of_a_group_goes_with_its_matrices():

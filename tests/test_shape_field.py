@@ -7,7 +7,19 @@ import pytest
 import torch
 from torch.nn import functional
 
-from ddf import checks, curvature, derivatives, fields, pointclouds, rays, shape_field, storage, training, transforms
+from ddf import (
+    checks,
+    curvature,
+    derivatives,
+    fields,
+    pointclouds,
+    rays,
+    refinement,
+    shape_field,
+    storage,
+    training,
+    transforms,
+)
 
 CONFIG = fields.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 10.0)
 LOWER, UPPER = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
@@ -191,12 +203,32 @@ def test_renders_are_finite_from_inside_on_and_far_from_the_box(shape, radius):
         assert name == "depth" or bool(np.isfinite(image).all()), name
 
 
+@pytest.mark.parametrize("radius", [0.05, 1.0, 570.0])
+def test_depth_from_fewer_rays_is_that_of_the_render(shape, radius):
+    """Of every ray the same image; of fewer, one that is as close as was asked for wherever both see."""
+    camera, size = (90.0, 10.0, radius), 49
+    images, evaluated = shape_field.render(shape, camera, size, ("depth",), "z")
+    every = refinement.Refinement(0.0, stride=1)
+    image, count = shape_field.render_depth(shape, camera, size, every, "z")
+    assert count == evaluated
+    np.testing.assert_allclose(image, images["depth"], rtol=1e-5)
+    tolerance = 0.01 * 100  # of a mesh that is 100 units long
+    image, count = shape_field.render_depth(shape, camera, size, refinement.Refinement(tolerance), "z")
+    assert count < 0.8 * evaluated if radius == 1.0 else count <= evaluated
+    seen, truth = np.isfinite(image), np.isfinite(images["depth"])
+    both = seen & truth
+    assert (seen == truth).mean() > 0.98
+    assert radius == 570.0 or np.quantile(np.abs(image[both] - images["depth"][both]), 0.95) < tolerance
+
+
 @pytest.mark.parametrize(
     ("camera", "size", "up"), [((0.0, 0.0, -1.0), 4, "y"), ((0.0, 0.0, 1.0), 0, "y"), ((0.0, 0.0, 1.0), 4, "x")]
 )
 def test_bad_cameras_are_refused(shape, camera, size, up):
     with pytest.raises(checks.InputError, match="size must be >= 1, camera radius >= 0, up among y, z"):
         shape_field.render(shape, camera, size, up=up)
+    with pytest.raises(checks.InputError, match="size must be >= 1, camera radius >= 0, up among y, z"):
+        shape_field.render_depth(shape, camera, size, refinement.Refinement(0.1), up)
     with pytest.raises(checks.InputError, match="camera must be finite"):
         shape_field.render(shape, (float("nan"), 0.0, 1.0), 4)
 

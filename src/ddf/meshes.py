@@ -221,49 +221,26 @@ class Surface:
         return cls(mesh.triangles, *face_normals(mesh))
 
     @functools.cached_property
-    def _frames(self) -> Float[np.ndarray, "m 9"]:
-        """First corner, and the edges from it to the others."""
-        frames = self.corners.reshape(-1, 9).copy()
-        for axis in range(3):  # numpy is seven times slower along an axis of three
-            frames[:, 3 + axis] -= frames[:, axis]
-            frames[:, 6 + axis] -= frames[:, axis]
-        return frames
+    def _ends(self) -> Float[np.ndarray, "m"]:
+        return np.cumsum(self.areas)
 
     @functools.cached_property
-    def _columns(self) -> tuple[Float[np.ndarray, "k"], Int[np.ndarray, "k"], Int[np.ndarray, "k"]]:
-        """As many equal columns as triangles have an area: the share of its own, that, and which has the rest.
-
-        Source: Walker 1977, by the sweep of Hübschle-Schneider & Sanders 2022: small triangles, one after the other,
-        are filled up by what the large ones have too much, in their order; a large one that is left with too little is
-        filled up by the next. Which that is, prefix sums of what is missing and of what is over tell.
-        """
-        own = np.flatnonzero(self.areas > 0)
-        share = self.areas[own].astype(np.float64)
-        share *= len(own) / share.sum()
-        full, other = share >= 1, own.copy()
-        full[np.argmax(share)] = True  # whatever rounding says
-        small, large = np.flatnonzero(~full), np.flatnonzero(full)
-        lack = 1 - share[small]
-        missing, over = np.cumsum(lack), np.cumsum(share[large] - 1)[:-1]  # the last has enough for all that are left
-        other[small] = own[large[np.searchsorted(over, missing - lack, side="right")]]
-        last = np.searchsorted(missing, over)  # the small triangle on which each large one runs out
-        share[large] = 1
-        ran_out = np.flatnonzero(last < len(small))
-        share[large[ran_out]] -= missing[last[ran_out]] - over[ran_out]
-        other[large[:-1]] = own[large[1:]]
-        return share, own, other
+    def _frames(self) -> Float[np.ndarray, "m 9"]:
+        """First corner, and the edges from it to the others."""
+        first, second, third = (self.corners[:, corner] for corner in range(3))
+        return np.concatenate([first, second - first, third - first], axis=1)
 
     def draw(
         self, count: int, rng: np.random.Generator
     ) -> tuple[Float[np.ndarray, "count 3"], Int[np.ndarray, "count"]]:
         """Points, of the type of the corners, and the triangle of each, in random order."""
-        share, own, other = self._columns
-        place = rng.random(count) * len(share)
-        column = place.astype(np.int64)  # below their number, as all doubles below 1 are times it
-        place -= column
-        face = np.where(place < share.take(column), own.take(column), other.take(column))
+        steps = np.cumsum(rng.standard_exponential(count + 1))  # over their end: uniform numbers in ascending order
+        ends = np.searchsorted(steps[:-1], self._ends * (steps[-1] / self._ends[-1]))
+        ends[np.flatnonzero(self.areas > 0)[-1] :] = count  # whatever rounding says
+        face = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
+        rng.shuffle(face)
         kind = self.corners.dtype
-        root, along = np.sqrt(rng.random(count, kind)), rng.random(count, kind)
+        root, along = np.sqrt(rng.random(count)).astype(kind), rng.random(count).astype(kind)
         second = root * along
         first = root - second
         rows = self._frames.take(face, axis=0).T

@@ -3,10 +3,6 @@
 Muon (Jordan et al. 2024) moves a matrix by the nearest orthogonal one to the average of its gradients, so that no
 direction waits for another; a kernel is a matrix of one row per output channel. AdamW keeps what is no such matrix:
 first sine layers, heads, biases, scales.
-
-The nearest orthogonal matrix comes from four steps of Newton and Schulz's iteration, of a kernel from three, in place
-of the usual five (derived here): the matrix is divided by a norm that is nearer to its largest singular value, and each
-step has the polynomial that is best for what the one before may have left (Amsel et al. 2025).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,40 +15,19 @@ from torch import Tensor, nn
 from ddf import passes, siren
 
 MOMENTUM = 0.95
-LEAST_NORM = 1e-7  # that a matrix is divided by
-Quintic = tuple[float, float, float]  # a, b, c of a step X <- a X + (b X X^T + c (X X^T)²) X
-
-# Minimax for singular values from 0.002, of kernels 0.01, to 1, then for what is left; with 3 % of room at either end
-# of each, for the rounding of bfloat16. Of averaged gradients in training kernels had none below 0.02, hidden matrices
-# about half, modulators most below 0.01.
-HIDDEN_STEPS: tuple[Quintic, ...] = (
-    (8.1838, -22.8292, 15.9586),
-    (4.0053, -2.8111, 0.4979),
-    (3.6753, -2.5986, 0.4772),
-    (2.8726, -2.0528, 0.4255),
-)
-KERNEL_STEPS: tuple[Quintic, ...] = (
-    (7.8690, -21.6582, 15.0808),
-    (3.5813, -2.5370, 0.4712),
-    (2.7141, -1.9379, 0.4152),
-)
+QUINTIC = (3.4445, -4.7750, 2.0315)  # coefficients, steps and least norm of Newton and Schulz's iteration, as published
+QUINTIC_STEPS = 5
+LEAST_NORM = 1e-7
 
 
 class Muon(torch.optim.Optimizer):
-    """As torch's own, but for the iteration; products are of a type of choice, where torch makes them in bfloat16
-    whatever the processor; and kernels of convolutions are taken too.
+    """As torch's own, but products are of a type of choice, where torch makes them in bfloat16 whatever the processor;
+    and kernels of convolutions are taken too.
     """
 
-    def __init__(
-        self,
-        groups: Sequence[Mapping[str, Any]],
-        learning_rate: float,
-        matmul: passes.Matmul,
-        steps: Sequence[Quintic] = HIDDEN_STEPS,
-    ) -> None:
+    def __init__(self, groups: Sequence[Mapping[str, Any]], learning_rate: float, matmul: passes.Matmul) -> None:
         super().__init__([dict(group) for group in groups], {"lr": learning_rate, "weight_decay": 0.0})
         self.matmul: passes.Matmul = matmul
-        self.steps = steps
 
     @torch.no_grad()
     def step(self) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -65,41 +40,40 @@ class Muon(torch.optim.Optimizer):
                 average = state["momentum_buffer"].lerp_(weight.grad, 1 - MOMENTUM)
                 ahead = weight.grad.lerp(average, MOMENTUM).flatten(1)
                 factors = ahead.to(passes.product_type(self.matmul, ahead))
-                moved = nearest_orthogonal(factors, self.steps).view_as(weight)
+                moved = nearest_orthogonal(factors, QUINTIC, QUINTIC_STEPS, LEAST_NORM).view_as(weight)
                 weight.mul_(1 - rate * group["weight_decay"])
                 taller = max(1.0, ahead.shape[0] / ahead.shape[1])
                 weight.add_(moved, alpha=-rate * taller**0.5)
 
 
-def nearest_orthogonal(matrix: Float[Tensor, "a b"], steps: Sequence[Quintic]) -> Float[Tensor, "a b"]:
-    """About U V^T of U Σ V^T, by Newton and Schulz's iteration. Source: Jordan et al. 2024.
-
-    With `KERNEL_STEPS` singular values come between 0.68 and 1.32, with `HIDDEN_STEPS` between 0.61 and 1.39, but for
-    those below 0.01 and 0.002 of ||X X^T||^(1/2), which is no less than the largest, and at most the fourth root of
-    their number times it.
+def nearest_orthogonal(
+    matrix: Float[Tensor, "a b"], coefficients: tuple[float, float, float], steps: int, eps: float
+) -> Float[Tensor, "a b"]:
+    """About U V^T of U Σ V^T: singular values near 1, by Newton and Schulz's iteration. Source: Jordan et al. 2024.
 
     All steps multiply X from the left by polynomials of the first X X^T, so for a long matrix they are made on that
     square, and X is multiplied once in the end (derived here); squares of bfloat16 would lose the small values.
+
+    Args:
+      coefficients: of X <- a X + (b X X^T + c (X X^T)²) X. eps: least norm that X is divided by at first.
     """
-    found = matrix if matrix.shape[0] <= matrix.shape[1] else matrix.T
-    gram = found @ found.T
-    norm_sq = torch.linalg.vector_norm(gram, dtype=torch.promote_types(gram.dtype, torch.float32))
-    norm_sq = norm_sq.clamp(min=LEAST_NORM**2)
-    gram, found = gram / norm_sq, found / norm_sq.sqrt()
-    on_square = found.shape[1] >= 2 * found.shape[0] and gram.dtype != torch.bfloat16
-    product = None
-    for step, (a, b, c) in enumerate(steps):
-        last = step + 1 == len(steps)
-        factor = torch.addmm(gram, gram, gram, beta=b, alpha=c)
-        if on_square:
+    a, b, c = coefficients
+    wide = matrix if matrix.shape[0] <= matrix.shape[1] else matrix.T
+    found = wide / wide.norm().clamp(min=eps)
+    if found.shape[1] >= 2 * found.shape[0] and found.dtype != torch.bfloat16:
+        gram, product = found @ found.T, None
+        for step in range(steps):
+            factor = torch.addmm(gram, gram, gram, beta=b, alpha=c)
             factor.diagonal().add_(a)
             product = factor if product is None else factor @ product
-            gram = gram if last else factor @ gram @ factor
-        else:
-            found = torch.addmm(found, factor, found, beta=a)
-            gram = gram if last else found @ found.T
-    found = found if product is None else product @ found
-    return found if matrix.shape[0] <= matrix.shape[1] else found.T
+            if step + 1 < steps:
+                gram = factor @ gram @ factor
+        found = found if product is None else product @ found
+    else:
+        for _ in range(steps):
+            gram = found @ found.T
+            found = torch.addmm(found, torch.addmm(gram, gram, gram, beta=b, alpha=c), found, beta=a)
+    return found if wide is matrix else found.T
 
 
 class Optimiser:
@@ -124,18 +98,15 @@ class Optimiser:
           matmul: how Muon's products are made.
         """
         kernels = [part.weight for part in model.modules() if isinstance(part, nn.Conv2d)]
-        wanted = {
-            "muon": (muon, siren.hidden_matrices(model), HIDDEN_STEPS),
-            "muon_kernels": (muon_kernels, kernels, KERNEL_STEPS),
-        }
+        wanted = {"muon": (muon, siren.hidden_matrices(model)), "muon_kernels": (muon_kernels, kernels)}
         self._parts: dict[str, torch.optim.Optimizer] = {}
         self._shares, rest = {"optimiser": 1.0}, [dict(group) for group in groups]
-        for name, (rate, weights, steps) in wanted.items():
+        for name, (rate, weights) in wanted.items():
             taken = set() if rate is None else {id(weight) for weight in weights}
             matrices = [part for part in (_part(group, taken, True) for group in rest) if part["params"]]
             rest = [_part(group, taken, False) for group in rest]
             if rate is not None and matrices:
-                self._parts[name] = Muon(matrices, rate, matmul, steps)
+                self._parts[name] = Muon(matrices, rate, matmul)
                 self._shares[name] = rate / learning_rate
         self._parts["optimiser"] = torch.optim.AdamW(rest, lr=learning_rate, fused=True)
 

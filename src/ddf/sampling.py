@@ -18,6 +18,7 @@ Choices where the paper is silent:
 """
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -29,7 +30,7 @@ from jaxtyping import Float, Int, UInt
 from ddf import checks, meshes, packing, raycast, seeding
 from ddf.mesh_io import Mesh
 
-_BOUNDARY_STEP = 10  # one in ten positions of types A, T and O lies on the boundary of B. Source: [DDF22] app. A
+BOUNDARY_SHARE = 0.1  # of the positions of types A, T and O lie on the boundary of B. Source: [DDF22] app. A
 _ERROR_PROBE = 100  # samples of each type whose packing error is measured
 
 
@@ -179,19 +180,24 @@ def _back_along(
     Args:
       normals: n0, where the segments touch the surface in their origins, q0.
     """
+    count = len(origins)
     axes = _exit(origins, directions, box)
     reach = np.minimum(np.minimum(axes[0], axes[1]), axes[2])
-    share = _shares(len(origins), rng)
-    edge = slice(int(rng.integers(_BOUNDARY_STEP)), None, _BOUNDARY_STEP)  # origins are in random order
-    share[edge] = 1
+    rows = rng.choice(count, _boundary_count(count, rng), replace=False, shuffle=False)
+    share = _shares(count, rng)
+    share[rows] = 1
     reach *= share
     positions = _inside(origins + reach[:, None] * directions, box)
-    for position, wall, ahead, lower, upper in zip(
-        positions[edge].T, axes[:, edge], directions[edge].T, box.lower, box.upper, strict=True
-    ):
-        there = wall == reach[edge]  # whose share is 1
-        position[there] = np.where(ahead[there] > 0, upper, lower)
+    for axis in range(3):
+        there = rows[axes[axis].take(rows) == reach.take(rows)]  # whose share is 1
+        positions[there, axis] = np.where(directions[there, axis] > 0, box.upper[axis], box.lower[axis])
     return Draw(positions, -directions, normals, None if normals is None else reach)
+
+
+def _boundary_count(count: int, rng: np.random.Generator) -> int:
+    """`BOUNDARY_SHARE` of `count`, on average where that is no whole number."""
+    rest, whole = math.modf(BOUNDARY_SHARE * count)
+    return int(whole) + int(rest > 0 and rng.random() < rest)
 
 
 def draw_uniform(box: Box, count: int, rng: np.random.Generator) -> Draw:
@@ -250,12 +256,10 @@ def draw_offset(
     size = _shares(count, rng) if uniform else np.ones(count, np.float32)
     size *= epsilon
     side = np.where(_shares(count, rng) < 0.5, np.float32(-1), np.float32(1))[:, None] * normals
-    near = np.flatnonzero(~((origins > box.lower + epsilon) & (origins < box.upper - epsilon)).all(axis=1))
-    room, other = (_exit(origins[near], towards[near], box).min(axis=0) for towards in (side, -side))
-    turned = (room < size[near]) & (other > room)
-    size[near] = np.minimum(size[near], np.where(turned, other, room))
-    size[near[turned]] *= -1
-    moved = _inside(origins + size[:, None] * side, box)
+    room, other = _exit(origins, side, box).min(axis=0), _exit(origins, -side, box).min(axis=0)
+    turned = (room < size) & (other > room)
+    step = np.minimum(size, np.where(turned, other, room))
+    moved = _inside(origins + np.where(turned, -step, step)[:, None] * side, box)
     return _back_along(moved, _tangents(normals, rng), box, rng)
 
 
@@ -357,7 +361,7 @@ def surface_of(scene: raycast.Scene) -> meshes.Surface:
     Raises:
       InputError: no triangle has an area.
     """
-    corners = scene.mesh.vertices.astype(np.float32).take(scene.mesh.faces, axis=0)
+    corners = scene.mesh.vertices.astype(np.float32)[scene.mesh.faces]
     return meshes.Surface(corners, scene.normals.astype(np.float32), scene.areas)
 
 
@@ -417,7 +421,7 @@ def _few_errors(scene: raycast.Scene, answers: Answers) -> dict[str, float]:
             normals[own] = draws.normals[:_ERROR_PROBE]
     first = Draw(*(_joined(drawn, name, _ERROR_PROBE).T for name in ("positions", "directions")))
     few = {name: values[probes] for name, values in answers.packed.items()}
-    return _packing_errors(first, few, answers.looking[probes], depth[probes], normals)
+    return _packing_errors(first, few, depth[probes], normals)
 
 
 def _joined(drawn: dict[str, Draw], name: str, count: int | None = None) -> Float[np.ndarray, "3 n"]:
@@ -469,22 +473,15 @@ def _normal_codes(
 
 
 def _packing_errors(
-    drawn: Draw,
-    packed: dict[str, np.ndarray],
-    looking: Float[np.ndarray, "n 3"],
-    depth: Float[np.ndarray, "n"],
-    normals: Float[np.ndarray, "n 3"],
+    drawn: Draw, packed: dict[str, np.ndarray], depth: Float[np.ndarray, "n"], normals: Float[np.ndarray, "n 3"]
 ) -> dict[str, float]:
     """Largest error of each stored type. Positions and directions: how far the stored (and cast) ray is from the drawn
     one; no error of the truth. Depth and normals: error of the truth itself.
-
-    Args:
-      looking: stored directions.
     """
     hit = np.isfinite(depth)
     as_tensor = {name: torch.from_numpy(values) for name, values in packed.items()}
     stored_depth = packing.decode_depth(as_tensor["depth"]).double().numpy()
-    turned = _angle_deg(looking.astype(np.float64), drawn.directions)
+    turned = _angle_deg(packing.decode_unit(as_tensor["directions"]).double().numpy(), drawn.directions)
     tilted = _angle_deg(packing.decode_unit(as_tensor["normals"]).double().numpy()[hit], normals[hit])
     moved = np.abs(packing.decode_positions(as_tensor["positions"]).double().numpy() - drawn.positions)
     return {

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from ddf import (
@@ -23,6 +23,7 @@ from ddf import (
     derivatives,
     pointclouds,
     rays,
+    refinement,
     rendering,
     storage,
     training,
@@ -253,18 +254,53 @@ def render(
     Raises:
       InputError: a size below 1, a radius below 0, an unknown axis or output, or a camera that is not finite.
     """
-    checks.require_finite("camera", np.array(camera))
-    if size < 1 or camera[2] < 0 or up not in UP_AXES:
-        raise checks.InputError(
-            f"size must be >= 1, camera radius >= 0, up among {', '.join(UP_AXES)}; got {size}, {camera[2]}, {up}"
-        )
-    starts, directions = camera_rays(shape, camera, size, up)
+    starts, directions = _checked_rays(shape, camera, size, up)
     mesh_from_field = shape.field_from_mesh.inverse()
     points = rays.OrientedPoints(
         torch.from_numpy(mesh_from_field.apply(starts)), torch.from_numpy(mesh_from_field.apply_directions(directions))
     )
     found, evaluated = query(shape, points, outputs)
     return {name: values.reshape(size, size, *values.shape[1:]) for name, values in found.items()}, evaluated
+
+
+def _checked_rays(
+    shape: ShapeField, camera: tuple[float, float, float], size: int, up: str
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """As `camera_rays`.
+
+    Raises:
+      InputError: a size below 1, a radius below 0, an unknown axis, or a camera that is not finite.
+    """
+    checks.require_finite("camera", np.array(camera))
+    if size < 1 or camera[2] < 0 or up not in UP_AXES:
+        raise checks.InputError(
+            f"size must be >= 1, camera radius >= 0, up among {', '.join(UP_AXES)}; got {size}, {camera[2]}, {up}"
+        )
+    return camera_rays(shape, camera, size, up)
+
+
+@torch.no_grad()
+def render_depth(
+    shape: ShapeField, camera: tuple[float, float, float], size: int, how: refinement.Refinement, up: str = "y"
+) -> tuple[Float[np.ndarray, "size size"], int]:
+    """The depth of `render` from fewer rays, interpolated where that is close enough, and how many were evaluated.
+
+    Args:
+      how: its tolerance is in mesh units.
+    Raises:
+      InputError: as `render`.
+    """
+    starts, directions = _checked_rays(shape, camera, size, up)
+    total = 0
+
+    def ask(pixels: Int[np.ndarray, "k"]) -> Float[np.ndarray, "k"]:
+        nonlocal total
+        found, evaluated = _query_field_frame(shape, starts[pixels], directions[pixels], ("depth",))
+        total += evaluated
+        return found["depth"] / shape.field_from_mesh.scale
+
+    image, _ = refinement.depth_image(ask, size, how)
+    return image, total
 
 
 @torch.no_grad()

@@ -1,11 +1,13 @@
-"""`ddf render`: one picture of a fitted field, one query per pixel that meets its box."""
+"""`ddf render`: one picture of a fitted field, one query per pixel that meets its box, or fewer."""
 
 import argparse
 import time
 from pathlib import Path
 from typing import Any
 
-from ddf import checks, shape_field, shape_pictures, storage
+import numpy as np
+
+from ddf import checks, refinement, shape_field, shape_pictures, storage
 from ddf.cli import common
 
 
@@ -23,6 +25,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--size", metavar="N", type=int, default=256, help="pixels a side (default %(default)s)")
     parser.add_argument("--output", choices=shape_field.OUTPUTS, default="depth", help="(default %(default)s)")
     parser.add_argument(
+        "--refine",
+        metavar="SHARE",
+        type=float,
+        help="depth alone: interpolate pixels where that misses by no more than this share of the box's longest side, "
+        "such as 0.001; parts narrower than four pixels may be missed",
+    )
+    parser.add_argument(
         "--up", choices=shape_field.UP_AXES, default="y", help="axis of the mesh that points up (default %(default)s)"
     )
 
@@ -32,7 +41,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     camera = parse_camera(args.camera)
     shape = shape_field.load(args.field)
     started = time.monotonic()
-    images, evaluated = shape_field.render(shape, camera, args.size, {"visibility", args.output}, args.up)
+    if args.refine is None:
+        images, evaluated = shape_field.render(shape, camera, args.size, {"visibility", args.output}, args.up)
+    else:
+        images, evaluated = _refined(shape, camera, args)
     seconds = time.monotonic() - started
     storage.write_bytes(args.out, common.png(shape_pictures.picture(args.output, images)))
     return {
@@ -44,6 +56,18 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "seconds": round(seconds, 4),
         "out": args.out.as_posix(),
     }
+
+
+def _refined(
+    shape: shape_field.ShapeField, camera: tuple[float, float, float], args: argparse.Namespace
+) -> tuple[dict[str, np.ndarray], int]:
+    """Depth from fewer rays, and what is seen by it."""
+    if args.output != "depth":
+        raise checks.InputError(f"--refine goes with --output depth alone; got {args.output}")
+    longest = float((shape.upper - shape.lower).max()) / shape.field_from_mesh.scale
+    how = refinement.Refinement(args.refine * longest)
+    depth, evaluated = shape_field.render_depth(shape, camera, args.size, how, args.up)
+    return {"depth": depth, "visibility": np.isfinite(depth).astype(float)}, evaluated
 
 
 def parse_camera(text: str) -> tuple[float, float, float]:
