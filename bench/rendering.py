@@ -224,7 +224,7 @@ def rivals(rows: Sequence[dict[str, Any]], name: str = DDF) -> tuple[dict[str, A
         for row in rows
         if row["what"].startswith("sphere tracing")
         and not row["what"].endswith(FEWER)
-        and all(row["error"][name] <= own["error"][name] for name in ("depth_median", "wrong_visibility"))
+        and all(row["error"][error] <= own["error"][error] for error in ("depth_median", "wrong_visibility"))
     ]
     return own, min(good, key=lambda row: row["median_s"], default=None)
 

@@ -45,26 +45,24 @@ def depth_image(ask: Ask, size: int, how: Refinement) -> tuple[Float[np.ndarray,
     canvas = _Canvas(ask, size)
     lines = np.unique([*range(0, size, how.stride), size - 1])
     canvas.fetch(*np.meshgrid(lines, lines, indexing="ij"))
-    top, left = (part.ravel() for part in np.meshgrid(lines[:-1], lines[:-1], indexing="ij"))
-    bottom, right = (part.ravel() for part in np.meshgrid(lines[1:], lines[1:], indexing="ij"))
+    top, left = np.meshgrid(lines[:-1], lines[:-1], indexing="ij")
+    bottom, right = np.meshgrid(lines[1:], lines[1:], indexing="ij")
+    cells = np.stack([top, left, bottom, right]).reshape(4, -1)
     step = how.stride
     while step > 1:
-        row, column = np.minimum(top + step // 2, bottom), np.minimum(left + step // 2, right)
-        canvas.fetch(row, column)
-        smooth = canvas.fill(top, left, bottom, right, row, column, step, how.tolerance)
-        top, left, bottom, right, row, column = (part[~smooth] for part in (top, left, bottom, right, row, column))
+        middle = np.minimum(cells[:2] + step // 2, cells[2:])
+        canvas.fetch(*middle)
+        rough = ~canvas.fill(cells, middle, step, how.tolerance)
+        (top, left, bottom, right), (row, column) = cells[:, rough], middle[:, rough]
         canvas.fetch(np.stack([top, bottom, row, row]), np.stack([column, column, left, right]))
-        top, left, bottom, right = (
-            np.concatenate(parts)
-            for parts in (
-                (top, top, row, row),
-                (left, column, left, column),
-                (row, row, bottom, bottom),
-                (column, right, column, right),
-            )
-        )
-        real = (bottom > top) & (right > left)
-        top, left, bottom, right = (part[real] for part in (top, left, bottom, right))
+        parts = [
+            (top, left, row, column),
+            (top, column, row, right),
+            (row, left, bottom, column),
+            (row, column, bottom, right),
+        ]
+        cells = np.concatenate(parts, axis=1)
+        cells = cells[:, (cells[2:] > cells[:2]).all(axis=0)]
         step //= 2
     return canvas.depth(), int(canvas.asked.sum())
 
@@ -86,24 +84,21 @@ class _Canvas:
             self.asked[new] = True
 
     def fill(
-        self,
-        top: Int[np.ndarray, "n"],
-        left: Int[np.ndarray, "n"],
-        bottom: Int[np.ndarray, "n"],
-        right: Int[np.ndarray, "n"],
-        row: Int[np.ndarray, "n"],
-        column: Int[np.ndarray, "n"],
-        step: int,
-        tolerance: float,
+        self, cells: Int[np.ndarray, "4 n"], middle: Int[np.ndarray, "2 n"], step: int, tolerance: float
     ) -> Bool[np.ndarray, "n"]:
-        """Interpolate the cells whose corners foretell their middle (row, column); returns which they are."""
+        """Interpolate the cells whose corners foretell their middle; returns which need no more.
+
+        Args:
+          cells: top, left, bottom and right. middle: row and column. step: the longest side of a cell.
+        """
+        (top, left, bottom, right), (row, column) = cells, middle
         corners = [self.inverse[i * self.size + j] for i in (top, bottom) for j in (left, right)]
-        middle = self.inverse[row * self.size + column]
+        centre = self.inverse[row * self.size + column]
         down, across = (row - top) / (bottom - top), (column - left) / (right - left)
         foretold = _bilinear(corners, down, across)
-        seen = np.stack([*corners, middle]) > 0
+        seen = np.stack([*corners, centre]) > 0
         with np.errstate(divide="ignore", invalid="ignore"):
-            close = np.abs(1 / foretold - 1 / middle) <= tolerance
+            close = np.abs(1 / foretold - 1 / centre) <= tolerance
         shown = seen.all(axis=0) & close  # where nothing is seen, the canvas says so already
         rows, columns = (start[shown, None] + np.arange(step + 1) for start in (top, left))
         down = (rows - top[shown, None]) / (bottom - top)[shown, None]
