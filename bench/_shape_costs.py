@@ -97,7 +97,12 @@ def reconstruct(config_path: Path) -> dict[str, Any]:
     images = si3dr_data.ImageSet(["a"], [0], np.zeros(1, dtype=int), pixels, cameras)
 
     few = dataclasses.replace(
-        section, large=CLOUD_POINTS, small=1, rendered=0, correction=dataclasses.replace(section.correction, steps=1)
+        section,
+        large=CLOUD_POINTS,
+        small=1,
+        rendered=0,
+        correction=dataclasses.replace(section.correction, steps=1),
+        shape_correction=None,
     )
     some = dataclasses.replace(section.correction, steps=CORRECTION_STEPS)
     _, latents, predicted = si3dr_inference.encode(model, images)

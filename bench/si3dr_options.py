@@ -36,6 +36,7 @@ from ddf import (
     si3dr_data,
     si3dr_inference,
     si3dr_training,
+    silhouettes,
     stage,
     step_timing,
     storage,
@@ -82,6 +83,7 @@ DRAWN: Mapping[str, Mapping[str, Any]] = {
     "128 directions": {"pointclouds.cloud.num_directions": 128},
     "one cycle": {"pointclouds.cloud.cycles": 1},
     "images encoded as they are alone": {"pointclouds.mirror": None},
+    "shapes as encoded": {"pointclouds.shape_correction": None},
     "scale of the cloud's box": {"pointclouds.scale_quantile": None},
     "correction from two sides": {"pointclouds.correction_turns": [0, 180]},
     "no limit to the correction": {"pointclouds.correction_limit": None},
@@ -192,11 +194,14 @@ def score(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
     training.prepare(settings.train.loop)
     model = si3dr_training.ddf_model(settings.train, settings.ddf)
     training.load_model(model, folder(task, name if name in TRAINED else "base"))
-    _, held = split(task, dataset, settings.train.train_views)
-    images = si3dr_data.read_images(dataset, task.category, held, settings.train.image_size)
+    shown, held = split(task, dataset, settings.train.train_views)
+    known, images = (
+        si3dr_data.read_images(dataset, task.category, some, settings.train.image_size) for some in (shown, held)
+    )
     samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
     section = dataclasses.replace(settings.pointclouds, rendered=0)
-    tensors, facts = si3dr_inference.reconstruct_ddf(model, images, section, name)
+    deviation = silhouettes.deviation(model, si3dr_inference.image_features(model, known))
+    tensors, facts = si3dr_inference.reconstruct_ddf(model, images, section, name, deviation)
     scales = si3dr_data.read_shapes(samples_dir, images.ids).field_scales(images.shapes)
     arrays = {key: value.numpy() for key, value in tensors.items()}
     arrays |= {"camera_true": images.cameras.numpy(), "scale_true": (1 / scales).numpy()}

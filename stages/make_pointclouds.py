@@ -2,7 +2,18 @@
 
 from pathlib import Path
 
-from ddf import config, provenance, shapenet, si3dr_data, si3dr_inference, si3dr_training, stage, storage, training
+from ddf import (
+    config,
+    provenance,
+    shapenet,
+    si3dr_data,
+    si3dr_inference,
+    si3dr_training,
+    silhouettes,
+    stage,
+    storage,
+    training,
+)
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:
@@ -30,8 +41,10 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
         folder = config.artifact_dir(config_path, f"train_{name}", category, seed)
         training.load_model(model, folder)
         if name == "ddf":
-            tensors, facts = si3dr_inference.reconstruct_ddf(ddf, test, section, stage.label(category, seed))
-            tensors["train_features"] = si3dr_inference.image_features(ddf, trained)  # for the retrieval row
+            features = si3dr_inference.image_features(ddf, trained)
+            given = (ddf, test, section, stage.label(category, seed), silhouettes.deviation(ddf, features))
+            tensors, facts = si3dr_inference.reconstruct_ddf(*given)
+            tensors["train_features"] = features  # for the retrieval row
         else:
             tensors, facts = si3dr_inference.reconstruct_pcsiren(pcsiren, test, section)
         sources = [index_path, folder / training.MODEL]

@@ -7,8 +7,8 @@ import pytest
 import torch
 from PIL import Image
 
-from ddf import checks, cli, cloud_io, pointclouds, shapenet, si3dr_inference, storage, training
-from ddf.cli import common
+from ddf import checks, cli, cloud_io, pointclouds, provenance, shapenet, si3dr_inference, storage, training
+from ddf.cli import common, reconstruct
 
 
 @pytest.fixture
@@ -55,6 +55,41 @@ def test_the_image_is_flipped_where_the_model_has_a_mirror_that_allows_it(mirror
     assert cli.main(["reconstruct", str(image), str(folder), str(tmp_path / "out"), "-n", "20", "--size", "8"]) == 0
     assert asked[0] == (given,)
     assert len(asked) == (1 if given is None else 2)
+
+
+def _known(path, model_dir, count=3):
+    """A file as stage `pointclouds` writes it, of a model."""
+    model, _ = reconstruct.load(model_dir)
+    images = torch.rand(count, 4, 32, 32, generator=torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        features = model.shape_encoder.features(images)
+    record = provenance.record("x", 0, [model_dir / training.MODEL])
+    storage.save_tensors(path / "ddf.safetensors", {"train_features": features}, record)
+    return path
+
+
+def test_with_what_is_known_the_shape_moves_and_the_camera_stays(model_dir, tmp_path, capsys):
+    image, known = _image(tmp_path / "image.png"), _known(tmp_path / "known", model_dir)
+    results, points = [], []
+    for name, more in (("plain", []), ("folder", [str(known)]), ("file", [str(known / "ddf.safetensors")])):
+        arguments = ["reconstruct", "--json", str(image), str(model_dir), str(tmp_path / name), "-n", "50"]
+        assert cli.main([*arguments, "--size", "8", *(["--known", *more] if more else [])]) == 0
+        results.append(json.loads(capsys.readouterr().out))
+        points.append(cloud_io.read_points(tmp_path / name / "cloud.ply"))
+    plain, folder, file = results
+    assert plain["camera"] == folder["camera"] == file["camera"]
+    assert ["silhouette" in result["seconds"] for result in results] == [False, True, True]
+    assert np.array_equal(points[1], points[2]) and not np.array_equal(points[0], points[1])
+
+
+def test_what_is_known_of_another_model_is_refused(model_dir, tmp_path, capsys, monkeypatch):
+    image, known = _image(tmp_path / "image.png"), _known(tmp_path / "known", model_dir)
+    monkeypatch.setattr(_models, "TRAIN", dataclasses.replace(_models.TRAIN, latent_features=7))
+    other = _models.write_model(tmp_path / "other")
+    assert cli.main(["reconstruct", str(image), str(other), str(tmp_path / "out"), "--known", str(known)]) == 2
+    error = capsys.readouterr().err
+    assert "was not made with the model in" in error and "run stage pointclouds" in error and error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

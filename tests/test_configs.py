@@ -57,6 +57,7 @@ def test_commands_draw_clouds_as_the_default_experiment_does():
     (path,) = (path for path in CONFIGS if path.stem == "cpu")
     section = config.load(path, "pointclouds", si3dr_inference.PointcloudsConfig)
     assert (section.cloud, section.scale_quantile) == (common.CLOUD, common.SCALE_QUANTILE)
+    assert section.shape_correction == common.SHAPE_CORRECTION
 
 
 @pytest.mark.parametrize("path", FITS, ids=lambda path: path.stem)

@@ -33,7 +33,16 @@ ROOMS: dict[str, list[str]] = {
         "dataset",
     ],
     "2": ["siren", "activations", "derivatives", "passes", "fields", "losses", "curvature", "nearest_rays"],
-    "3": ["refinement", "rendering", "composition", "pointclouds", "metrics", "reconstruction", "si3dr_data"],
+    "3": [
+        "refinement",
+        "rendering",
+        "composition",
+        "pointclouds",
+        "metrics",
+        "reconstruction",
+        "silhouettes",
+        "si3dr_data",
+    ],
     "4": [
         "optimisers",
         "training",

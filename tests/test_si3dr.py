@@ -20,6 +20,7 @@ from ddf import (
     si3dr_data,
     si3dr_inference,
     si3dr_training,
+    silhouettes,
     storage,
     transforms,
 )
@@ -267,16 +268,44 @@ def test_reconstruction_has_the_promised_arrays():
     torch.testing.assert_close(tensors["scale_pred"], 1 / spans)
 
 
+CORRECTED = dataclasses.replace(POINTCLOUDS, shape_correction=silhouettes.ShapeCorrectionConfig(2, 0.1, 0.05, 0.0, 16))
+
+
 def test_images_at_a_time_change_no_bit(monkeypatch):
-    model, images = _models.ddf_model("angle"), _images()
+    model, images, deviation = _models.ddf_model("angle"), _images(), torch.ones(TRAIN.latent_features)
     results = []
     for cores in (1, 3):
         usable = range(cores * torch.get_num_threads())
         monkeypatch.setattr(si3dr_inference.os, "sched_getaffinity", lambda _, usable=usable: usable, raising=False)
         monkeypatch.setattr(si3dr_inference, "CORRECTION_BATCH", 2)
-        results.append(si3dr_inference.reconstruct_ddf(model, images, POINTCLOUDS, "test")[0])
+        results.append(si3dr_inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation)[0])
     for name, values in results[0].items():
         assert torch.equal(values, results[1][name]), name
+
+
+def test_corrected_shapes_have_other_clouds_from_the_same_predicted_cameras():
+    model, images = _models.ddf_model("angle"), _images()
+    deviation = silhouettes.deviation(model, si3dr_inference.image_features(model, images))
+    plain, _ = si3dr_inference.reconstruct_ddf(model, images, POINTCLOUDS, "test")
+    moved, facts = si3dr_inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation)
+    assert plain.keys() == moved.keys()
+    assert {name for name in plain if torch.equal(plain[name], moved[name])} == {"features", "camera_pred"}
+    assert facts["shape_correction_seconds_per_image"] > 0
+    with pytest.raises(ValueError, match="needs the deviation"):
+        si3dr_inference.reconstruct_ddf(model, images, CORRECTED, "test")
+
+
+@pytest.mark.parametrize("quantile", [None, 0.002])
+def test_a_correction_starts_from_the_scale_that_a_small_cloud_tells(quantile, monkeypatch):
+    model, images, seen = _models.ddf_model("angle"), _images(), []
+    correct = silhouettes.correct_shapes
+    monkeypatch.setattr(silhouettes, "correct_shapes", lambda *given: seen.append(given[4]) or correct(*given))
+    config = dataclasses.replace(CORRECTED, scale_quantile=quantile)
+    si3dr_inference.reconstruct_ddf(model, images, config, "test", torch.ones(TRAIN.latent_features))
+    tensors, _ = si3dr_inference.reconstruct_ddf(
+        model, images, dataclasses.replace(config, shape_correction=None, large=si3dr_inference.ROUGH_POINTS), "test"
+    )
+    torch.testing.assert_close(torch.cat(seen), 1 / tensors["scale_pred"])
 
 
 def test_an_error_of_one_image_comes_through(monkeypatch):

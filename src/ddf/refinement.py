@@ -52,7 +52,7 @@ def depth_image(ask: Ask, size: int, how: Refinement) -> tuple[Float[np.ndarray,
     while step > 1:
         middle = np.minimum(cells[:2] + step // 2, cells[2:])
         canvas.fetch(*middle)
-        rough = ~canvas.fill(cells, middle, step, how.tolerance)
+        rough = ~canvas.fill(cells, middle, how.tolerance)
         (top, left, bottom, right), (row, column) = cells[:, rough], middle[:, rough]
         canvas.fetch(np.stack([top, bottom, row, row]), np.stack([column, column, left, right]))
         parts = [
@@ -68,11 +68,12 @@ def depth_image(ask: Ask, size: int, how: Refinement) -> tuple[Float[np.ndarray,
 
 
 class _Canvas:
-    """Inverse depths of an image under way, 0 where nothing is seen, and which of them were asked for."""
+    """Inverse depths of an image under way, 0 where nothing is seen: those asked for, and those drawn between them."""
 
     def __init__(self, ask: Ask, size: int) -> None:
         self.ask, self.size = ask, size
-        self.inverse, self.asked = np.zeros(size * size), np.zeros(size * size, bool)
+        self.known, self.drawn = np.zeros(size * size), np.zeros(size * size)
+        self.asked = np.zeros(size * size, bool)
 
     def fetch(self, row: Int[np.ndarray, "*n"], column: Int[np.ndarray, "*n"]) -> None:
         """Ask for pixels, each once."""
@@ -80,45 +81,40 @@ class _Canvas:
         wanted[row * self.size + column] = True
         new = np.flatnonzero(wanted & ~self.asked)
         if len(new):
-            self.inverse[new] = 1 / np.maximum(self.ask(new), np.finfo(np.float64).tiny)
+            self.known[new] = 1 / np.maximum(self.ask(new), np.finfo(np.float64).tiny)
             self.asked[new] = True
 
     def fill(
-        self, cells: Int[np.ndarray, "4 n"], middle: Int[np.ndarray, "2 n"], step: int, tolerance: float
+        self, cells: Int[np.ndarray, "4 n"], middle: Int[np.ndarray, "2 n"], tolerance: float
     ) -> Bool[np.ndarray, "n"]:
         """Interpolate the cells whose corners foretell their middle; returns which need no more.
 
         Args:
-          cells: top, left, bottom and right. middle: row and column. step: the longest side of a cell.
+          cells: top, left, bottom and right. middle: row and column.
         """
         (top, left, bottom, right), (row, column) = cells, middle
-        corners = [self.inverse[i * self.size + j] for i in (top, bottom) for j in (left, right)]
-        centre = self.inverse[row * self.size + column]
-        down, across = (row - top) / (bottom - top), (column - left) / (right - left)
-        foretold = _bilinear(corners, down, across)
-        seen = np.stack([*corners, centre]) > 0
+        corners = self.known[np.stack([i * self.size + j for i in (top, bottom) for j in (left, right)])]
+        centre = self.known[row * self.size + column]
+        foretold = (_bilinear((row - top) / (bottom - top), (column - left) / (right - left)) * corners).sum(axis=0)
+        seen = (corners > 0).sum(axis=0) + (centre > 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             close = np.abs(1 / foretold - 1 / centre) <= tolerance
-        shown = seen.all(axis=0) & close  # where nothing is seen, the canvas says so already
-        rows, columns = (start[shown, None] + np.arange(step + 1) for start in (top, left))
-        down = (rows - top[shown, None]) / (bottom - top)[shown, None]
-        across = (columns - left[shown, None]) / (right - left)[shown, None]
-        values = _bilinear([corner[shown, None, None] for corner in corners], down[:, :, None], across[:, None, :])
-        index = rows[:, :, None] * self.size + columns[:, None, :]
-        inside = (down <= 1)[:, :, None] & (across <= 1)[:, None, :]
-        index, values = index[inside], values[inside]
-        new = ~self.asked[index]
-        self.inverse[index[new]] = values[new]
-        return shown | ~seen.any(axis=0)
+        shown = (seen == len(corners) + 1) & close  # where nothing is seen, the canvas says so already
+        shape = (bottom - top) * (self.size + 1) + right - left  # cells at the last row and column may be shorter
+        for one in np.unique(shape[shown]):
+            height, width = divmod(int(one), self.size + 1)
+            alike = np.flatnonzero(shown & (shape == one))
+            down, across = (part.ravel() for part in np.mgrid[: height + 1, : width + 1])
+            index = (top[alike] * self.size + left[alike])[:, None] + (down * self.size + across)
+            self.drawn[index] = corners[:, alike].T @ _bilinear(down / height, across / width)
+        return shown | (seen == 0)
 
     def depth(self) -> Float[np.ndarray, "size size"]:
         """Of all pixels, `inf` where nothing is seen."""
         with np.errstate(divide="ignore"):
-            return (1 / self.inverse).reshape(self.size, self.size)
+            return (1 / np.where(self.asked, self.known, self.drawn)).reshape(self.size, self.size)
 
 
-def _bilinear(corners: list[np.ndarray], down: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """Of the values at the top left, top right, bottom left and bottom right."""
-    first, second, third, fourth = corners
-    top, bottom = first + across * (second - first), third + across * (fourth - third)
-    return top + down * (bottom - top)
+def _bilinear(down: Float[np.ndarray, "n"], across: Float[np.ndarray, "n"]) -> Float[np.ndarray, "4 n"]:
+    """How much of the values at the top left, top right, bottom left and bottom right is there; shares of a cell."""
+    return np.stack([(1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across])

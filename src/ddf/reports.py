@@ -72,6 +72,7 @@ SETTINGS = (
     ("least confidence of these candidates", "pointclouds.cloud.least_confidence", "0.0"),
     ("power by which lonely ones are taken later", "pointclouds.cloud.crowding", "0.0"),
     ("share of the hits outside the box that gives DDF's scale", "pointclouds.scale_quantile", "none"),
+    ("shapes moved towards their silhouettes", "pointclouds.shape_correction", "none"),
     ("corrected by the mask", "pointclouds.correction.free", "azimuth, elevation, radius"),
     ("a correction that turns the azimuth farther is refused, degrees", "pointclouds.correction_limit", "none"),
     ("points L", "pointclouds.large", "5000"),

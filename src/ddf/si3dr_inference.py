@@ -18,11 +18,22 @@ import tqdm
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf import cameras, checks, fields, pointclouds, reconstruction, rendering, si3dr_data, training
+from ddf import (
+    cameras,
+    checks,
+    fields,
+    pointclouds,
+    reconstruction,
+    rendering,
+    si3dr_data,
+    silhouettes,
+    training,
+)
 
 # Images at a time; the networks are in evaluation mode, so the sizes matter to the result by rounding alone.
 ENCODER_BATCH = 64
 CORRECTION_BATCH = 16  # a step of the correction keeps what its gradient needs of every pixel of the mask
+ROUGH_POINTS = 500  # of the cloud that tells the scale of a shape before it is corrected
 
 Result = TypeVar("Result")
 
@@ -40,6 +51,8 @@ class PointcloudsConfig:
     that are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered
     for the report, render_size pixels wide. mirror: encode every image flipped too (`encode_batch`), which keeps the
     up axis; null, the paper's way, for the image alone.
+    shape_correction: of the DDF, latents moved until the shape's silhouette agrees with the image's alpha channel, with
+    the predicted camera to start from; null, the paper's way, for the latent as encoded.
     """
 
     cloud: pointclouds.CloudConfig
@@ -54,6 +67,7 @@ class PointcloudsConfig:
     render_size: int
     seed: int
     mirror: cameras.Mirror | None = None
+    shape_correction: silhouettes.ShapeCorrectionConfig | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "correction_turns", tuple(self.correction_turns))
@@ -162,12 +176,25 @@ def _generator(config: PointcloudsConfig, image: int) -> torch.Generator:
 
 
 def reconstruct_ddf(
-    model: reconstruction.DDFModel, images: si3dr_data.ImageSet, config: PointcloudsConfig, describe: str
+    model: reconstruction.DDFModel,
+    images: si3dr_data.ImageSet,
+    config: PointcloudsConfig,
+    describe: str,
+    deviation: Float[Tensor, "z"] | None = None,
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S after every cycle asked for (the last and the first), cameras, scales, renders, and the features
     for the retrieval row; and the cost.
+
+    Args:
+      deviation: of the latents of training images (`silhouettes.deviation`), which a `shape_correction` needs.
     """
     features, latents, predicted = encode(model, images, config.mirror)
+    started, cost = time.monotonic(), {}
+    if config.shape_correction is not None:
+        if deviation is None:
+            raise ValueError("pointclouds.shape_correction needs the deviation of the latents of training images")
+        latents = _correct_shapes(model, latents, deviation, predicted, images, config, config.shape_correction)
+        cost["shape_correction_seconds_per_image"] = (time.monotonic() - started) / len(latents)
     modulations = [m.detach() for m in model.modulations(latents)]
     names = {config.cloud.cycles: f"h{config.cloud.cycles}"}
     if config.cloud.candidate_share(1) >= 1:
@@ -186,7 +213,52 @@ def reconstruct_ddf(
     tensors |= {"camera_pred": predicted, "camera_corrected": corrected, "scale_pred": scale, "features": features}
     rendered = spread(len(latents), config.rendered)
     tensors |= _renders(model, modulations, predicted, scale, rendered, config.render_size)
-    return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": cloud_seconds / len(latents)}
+    return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": cloud_seconds / len(latents), **cost}
+
+
+def _correct_shapes(
+    model: reconstruction.DDFModel,
+    latents: Float[Tensor, "n z"],
+    deviation: Float[Tensor, "z"],
+    predicted: Float[Tensor, "n 3"],
+    images: si3dr_data.ImageSet,
+    config: PointcloudsConfig,
+    how: silhouettes.ShapeCorrectionConfig,
+) -> Float[Tensor, "n z"]:
+    """`corrected_latents` of all images, a batch at a time."""
+
+    def correct(rows: Int[np.ndarray, "_"]) -> Tensor:
+        index = torch.from_numpy(rows)
+        alpha = images.alpha(rows, how.mask_size).to(latents.device)
+        generators = [_generator(config, int(row)) for row in rows]
+        given = (model, latents[index], deviation, predicted[index], alpha, how)
+        return corrected_latents(*given, config.cloud, config.scale_quantile, generators)
+
+    return torch.cat(list(_in_threads(correct, _row_batches(images, CORRECTION_BATCH))))
+
+
+def corrected_latents(
+    model: reconstruction.DDFModel,
+    latents: Float[Tensor, "b z"],
+    deviation: Float[Tensor, "z"],
+    camera: Float[Tensor, "b 3"],
+    alpha: Float[Tensor, "b size size"],
+    how: silhouettes.ShapeCorrectionConfig,
+    cloud: pointclouds.CloudConfig,
+    scale_quantile: float | None,
+    generators: Sequence[torch.Generator],
+) -> Float[Tensor, "b z"]:
+    """`silhouettes.correct_shapes` from the scales that clouds of `ROUGH_POINTS` tell, one generator for each image."""
+    modulations = [m.detach() for m in model.modulations(latents)]
+    scales = []
+    for row, generator in enumerate(generators):
+        cycles = pointclouds.sample(model.field, [m[row] for m in modulations], ROUGH_POINTS, cloud, generator)
+        if scale_quantile is None:
+            scales.append(scale_from_cloud(pointclouds.select(cycles, [ROUGH_POINTS], cloud)[0]))
+        else:
+            scales.append(scale_from_cycles(cycles, scale_quantile))
+    field_scale = 1 / latents.new_tensor(scales)
+    return silhouettes.correct_shapes(model, latents, deviation, camera, field_scale, alpha, how)
 
 
 def _in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:

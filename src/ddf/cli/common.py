@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from ddf import pointclouds
+from ddf import pointclouds, silhouettes
 
 CLOUD = pointclouds.CloudConfig(  # as configs/cpu.yaml draws them
     num_directions=16,
@@ -25,6 +25,9 @@ CLOUD = pointclouds.CloudConfig(  # as configs/cpu.yaml draws them
     chunk_rays=2048,
 )
 SCALE_QUANTILE = 0.002  # likewise
+SHAPE_CORRECTION = silhouettes.ShapeCorrectionConfig(  # likewise
+    steps=20, learning_rate=0.03, camera_rate=0.03, keep=0.003, mask_size=32
+)
 
 
 def add_field(parser: argparse.ArgumentParser) -> None:

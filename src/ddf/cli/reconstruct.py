@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
 
 from ddf import (
     cameras,
@@ -19,6 +22,7 @@ from ddf import (
     rendering,
     shapenet,
     si3dr_inference,
+    silhouettes,
     storage,
     strips,
     trained,
@@ -28,6 +32,7 @@ from ddf import (
 from ddf.cli import common
 
 DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
+CLOUDS = "ddf.safetensors"  # in the folder of stage `pointclouds`
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,6 +43,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-n", "--points", type=int, default=DEFAULT_POINTS, help="of the cloud (default %(default)s)")
     parser.add_argument("--size", type=int, default=DEFAULT_SIZE, help="of the renders, pixels (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the cloud (default %(default)s)")
+    parser.add_argument(
+        "--known",
+        metavar="POINTCLOUDS",
+        type=Path,
+        help="what stage pointclouds made with the model (artifacts/cpu/pointclouds/chair), which tells how shapes "
+        "vary: the shape then moves until its silhouette agrees with the image",
+    )
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
@@ -46,11 +58,15 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         raise checks.InputError(f"--points must be >= 2 and --size >= 1; got {args.points} and {args.size}")
     folder = args.model.parent if args.model.name == training.MODEL else args.model
     model, image_size = load(folder)
+    deviation = None if args.known is None else _deviation(model, folder, args.known)
     image = shapenet.read_any_image(args.image, image_size)[None].to(training.device())
     seconds: dict[str, float] = {}
     with _timed(seconds, "encoders"), torch.no_grad():
         _, latent, seen_from = si3dr_inference.encode_batch(model, image, _mirror(model))
-        camera, modulations = seen_from[0], [m[0] for m in model.modulations(latent)]
+    if deviation is not None:
+        with _timed(seconds, "silhouette"):
+            latent = _towards_silhouette(model, latent, deviation, seen_from, image, args.seed)
+    camera, modulations = seen_from[0], [m[0].detach() for m in model.modulations(latent)]
     with _timed(seconds, "cloud"):
         generator = torch.Generator(training.device()).manual_seed(args.seed)
         cycles = pointclouds.sample(model.field, modulations, args.points, common.CLOUD, generator)
@@ -77,6 +93,36 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }
     storage.write_json(args.out / "camera.json", result)
     return result
+
+
+def _deviation(model: reconstruction.DDFModel, folder: Path, known: Path) -> Float[Tensor, "z"]:
+    """How latents of the model vary between the training images that stage `pointclouds` encoded.
+
+    Raises:
+      FileNotFoundError: no such file. InputError: it is damaged, or was made with another model.
+    """
+    file = known / CLOUDS if known.is_dir() else known
+    tensors, record = storage.load_tensors(file, "torch")
+    made_with = storage.checksum(folder / training.MODEL)
+    if made_with not in record.get("sources", {}).values() or "train_features" not in tensors:
+        raise checks.InputError(f"{file}: was not made with the model in {folder}; run stage pointclouds on it")
+    return silhouettes.deviation(model, tensors["train_features"])
+
+
+def _towards_silhouette(
+    model: reconstruction.DDFModel,
+    latent: Float[Tensor, "1 z"],
+    deviation: Float[Tensor, "z"],
+    camera: Float[Tensor, "1 3"],
+    image: Float[Tensor, "1 4 size size"],
+    seed: int,
+) -> Float[Tensor, "1 z"]:
+    """The latent of `si3dr_inference.corrected_latents`."""
+    how = common.SHAPE_CORRECTION
+    alpha = functional.interpolate(image[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
+    generators = [torch.Generator(latent.device).manual_seed(seed)]
+    given = (model, latent, deviation, camera, alpha, how, common.CLOUD, common.SCALE_QUANTILE, generators)
+    return si3dr_inference.corrected_latents(*given)
 
 
 def load(folder: Path) -> tuple[reconstruction.DDFModel, int]:
