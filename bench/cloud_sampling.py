@@ -25,10 +25,11 @@ DEPARTURES = (
     ("jitter",),
     ("jitter", "resample"),
     ("recheck",),
-    ("spread", "least_confidence", "crowding"),
+    ("spread", "least_confidence", "crowding", "mirror", "oversampling"),
 )  # measured alone with all cycles, then together
 # the paper's way; whatever else is set stays
 PLAIN = {"jitter": 0.0, "resample": 0.0, "recheck": (), "spread": None, "least_confidence": 0.0, "crowding": 0.0}
+PLAIN |= {"mirror": None, "oversampling": 0.1}
 
 
 def settings(own: pointclouds.CloudConfig) -> list[pointclouds.CloudConfig]:
@@ -47,8 +48,7 @@ def told(cloud: pointclouds.CloudConfig, points: int) -> dict[str, Any]:
     """The settings of a row."""
     departures = {name: getattr(cloud, name) for name in PLAIN}
     listed = {name: list(value) if isinstance(value, tuple) else value for name, value in departures.items()}
-    drawn = {"num_directions": cloud.num_directions, "cycles": cloud.cycles, "oversampling": cloud.oversampling}
-    return {**drawn, **listed, "points": points}
+    return {"num_directions": cloud.num_directions, "cycles": cloud.cycles, **listed, "points": points}
 
 
 def measure(category: str) -> list[dict]:

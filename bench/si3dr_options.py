@@ -76,7 +76,12 @@ DRAWN: Mapping[str, Mapping[str, Any]] = {
     "no jitter": {"pointclouds.cloud.jitter": 0.0, "pointclouds.cloud.resample": 0.0},
     "no resampling": {"pointclouds.cloud.resample": 0.0},
     "no recheck": {"pointclouds.cloud.recheck": []},
-    "most visible points": {"pointclouds.cloud.spread": None},
+    "most visible points": {
+        "pointclouds.cloud.spread": None,
+        "pointclouds.cloud.mirror": None,
+        "pointclouds.cloud.oversampling": 0.1,
+    },
+    "hits alone, more of them": {"pointclouds.cloud.mirror": None, "pointclouds.cloud.oversampling": 0.1},
     "doubtful points kept": {"pointclouds.cloud.least_confidence": 0.0},
     "strays as wanted as others": {"pointclouds.cloud.crowding": 0.0},
     "48 directions": {"pointclouds.cloud.num_directions": 48},

@@ -56,7 +56,8 @@ def test_every_section_loads(path):
 def test_commands_draw_clouds_as_the_default_experiment_does():
     (path,) = (path for path in CONFIGS if path.stem == "cpu")
     section = config.load(path, "pointclouds", si3dr_inference.PointcloudsConfig)
-    assert (section.cloud, section.scale_quantile) == (common.CLOUD, common.SCALE_QUANTILE)
+    assert (section.cloud, section.scale_quantile) == (common.cloud_of("z"), common.SCALE_QUANTILE)
+    assert common.cloud_of(None) == common.CLOUD
     assert section.shape_correction == common.SHAPE_CORRECTION
 
 

@@ -319,6 +319,21 @@ def test_candidates_of_two_cycles_are_enough_with_fewer_starts_than_points():
     assert config.candidate_share(1) < 1 <= config.candidate_share(3)
 
 
+@pytest.mark.parametrize(("axis", "place"), [("x", 0), ("y", 1), ("z", 2)])
+def test_mirror_images_of_hits_are_candidates_without_a_query(axis, place):
+    config = dataclasses.replace(SPREAD, num_directions=8, cycles=2, oversampling=-0.45, mirror=axis)
+    field = _Sphere()
+    cycles = pointclouds.sample(field, None, 100, config, torch.Generator().manual_seed(0))
+    assert field.queries == 2 * 55 * (8 + 1)
+    (cloud,) = pointclouds.select(cycles, [100], config)
+    assert len(torch.unique(cloud, dim=0)) == 100
+    hits, sides = cycles[-1].points, torch.ones(3)
+    sides[place] = -1
+    own, images = ((cloud[:, None] == one).all(-1).any(-1) for one in (hits, sides * hits))
+    assert bool((own | images).all()) and int(own.sum()) > 30 and int(images.sum()) > 30
+    assert config.candidate_share(2) == pytest.approx(1.1)
+
+
 def _nearest_neighbour_spread(points):
     """Deviation over mean of the distances to the nearest neighbour: 0 on a lattice, 0.52 for random points."""
     distance = torch.cdist(points, points).fill_diagonal_(torch.inf).amin(dim=1)
@@ -336,6 +351,7 @@ def _nearest_neighbour_spread(points):
             {"oversampling": -0.6, "spread": 6.0, "cycles": 3},
             "must leave enough candidates.*got 0.8 with oversampling -0.6",
         ),
+        ({"mirror": "z"}, "mirror doubles the candidates of spread, which is null"),
         ({"crowding": -1.0}, r"crowding must be >= 0; got -1\.0"),
         ({"oversampling": -0.1}, "must leave enough candidates.*got 0.9 with"),
         ({"jitter": -0.1}, "jitter must be >= 0"),

@@ -17,6 +17,7 @@ from ddf import (
     checks,
     config,
     evaluation,
+    pages,
     paper_results,
     report_charts,
     report_inputs,
@@ -111,6 +112,15 @@ def test_printed_values_are_those_of_the_table(reported):
         known = category in paper_results.SI3DR
         quoted = paper_results.SI3DR[category][i % 3] if known else None
         assert row[12:] == ([f"{number:.{digits}f}" for number in quoted] if quoted else ["–"] * 11)
+
+
+def test_moved_shapes_are_told_where_shapes_are_moved(reported):
+    _, config_path, folder = reported
+    assert "moves until its silhouette" in (folder / "README.md").read_text()
+    results = report_inputs.read_results(config_path)
+    clouds = {**results.settings["pointclouds"], "shape_correction": None}
+    plain = dataclasses.replace(results, settings={**results.settings, "pointclouds": clouds})
+    assert "moves until its silhouette" not in pages.markdown(reports.build(plain, {}, 0))
 
 
 def test_paper_numbers_are_only_in_columns_that_say_so(reported):

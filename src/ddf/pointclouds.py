@@ -5,7 +5,7 @@ visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycl
 points the n_p most visible are kept. A q outside the box B, which holds the shape, is no hit and is kept last (derived
 here). Positions are in the field frame.
 
-Four departures, each off in the paper's way (derived here):
+Five departures, each off in the paper's way (derived here):
 - On the surface itself depth jumps from 0 to the next surface, and a field is at its worst there. With `jitter` σ the
   next cycle starts from q + σ N(0, I), which also spreads the points by area of the surface, not by volume of the box.
 - What strays, stays: a doubtful hit leads to the next. The share `resample` of the next cycle's starts is drawn anew
@@ -25,6 +25,7 @@ Four departures, each off in the paper's way (derived here):
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -32,7 +33,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf import checks
-from ddf.fields import PDDF, visibility
+from ddf.fields import AXES, PDDF, visibility
 from ddf.nearest_rays import closest_directions
 
 CROWD = 8  # neighbours that tell how empty a candidate's surroundings are
@@ -48,8 +49,8 @@ class CloudConfig:
     num_directions: n_v. cycles: N_H. oversampling: ε_p; with `spread` and several cycles it may be negative, for all
     points of the second and later cycles are candidates. temperature: η_T. inverse_depth: ε_s.
     jitter: σ, field units. resample: share of starts drawn anew. recheck: s_j, field units.
-    spread: p, null for the most visible points of the last cycle. least_confidence: c, and crowding: r, for `spread`
-    alone. The paper's way: 0, 0, none, null, 0, 0.
+    spread: p, null for the most visible points of the last cycle. least_confidence: c, crowding: r, and mirror, for
+    `spread` alone. The paper's way: 0, 0, none, null, 0, 0, null.
     chunk_rays: candidates evaluated at a time; speed only.
     """
 
@@ -65,6 +66,7 @@ class CloudConfig:
     chunk_rays: int
     crowding: float = 0.0
     least_confidence: float = 0.0
+    mirror: Literal["x", "y", "z"] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "recheck", tuple(self.recheck))
@@ -89,6 +91,8 @@ class CloudConfig:
             raise checks.InputError(
                 f"pointclouds.cloud.least_confidence must be in [0, 1]; got {self.least_confidence}"
             )
+        if self.mirror is not None and self.spread is None:
+            raise checks.InputError("pointclouds.cloud.mirror doubles the candidates of spread, which is null")
         if not self.candidate_share(self.cycles) >= 1:
             raise checks.InputError(
                 "pointclouds.cloud.oversampling must leave enough candidates: 1 + oversampling, with spread times "
@@ -102,7 +106,8 @@ class CloudConfig:
         """Candidates among which a point of the cloud is chosen after so many cycles; at least 1 is needed."""
         if self.spread is None:
             return 1 + self.oversampling
-        return (1 + self.oversampling) * max(1, cycles - 1) + 1e-9  # for rounding
+        twice = 1 if self.mirror is None else 2
+        return (1 + self.oversampling) * twice * max(1, cycles - 1) + 1e-9  # for rounding
 
     def num_drawn(self, count: int) -> int:
         """(1 + ε_p) n_p, the points that are projected for a cloud of `count`."""
@@ -130,6 +135,9 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
         best = [last.visibility[:n].topk(count).indices for n, count in zip(drawn, counts, strict=True)]
         return [last.points[rows] for rows in best]
     points, confidence = candidates(cycles)
+    if config.mirror is not None:
+        sides = points.new_tensor([-1.0 if axis == config.mirror else 1.0 for axis in AXES])
+        points, confidence = torch.cat((points, sides * points)), confidence.repeat(2)
     trusted = _trusted(confidence, config.least_confidence, max(counts))
     points, weights = points[trusted], confidence[trusted].pow(config.spread)
     if config.crowding:

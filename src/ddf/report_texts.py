@@ -26,6 +26,10 @@ of both means of squared distances; F<sub>τ</sub>: F-score × 100 at squared di
 camera; Π̂: predicted camera and estimated scale; Π̂<sub>∇</sub>: predicted camera after gradient descent on the
 mask. Means over images. Bold: the better of our two models in the same column.
 """
+SILHOUETTES: Final = """
+Before its clouds are drawn, a shape of DDF moves until its silhouette from the predicted camera agrees with the image's
+alpha channel (`pointclouds.shape_correction`); PC-SIREN has no visibility to do so with.
+"""
 PAPER_COLUMNS: Final = """
 Grey columns are the paper's own numbers on ShapeNet: other data and other sizes, not comparable cell by cell; the
 paper takes P2M and 3DR from Pixel2Mesh, where they predict in the frame of the view.

@@ -71,6 +71,7 @@ SETTINGS = (
     ("candidates of all cycles spread by the power of their confidence", "pointclouds.cloud.spread", "none"),
     ("least confidence of these candidates", "pointclouds.cloud.least_confidence", "0.0"),
     ("power by which lonely ones are taken later", "pointclouds.cloud.crowding", "0.0"),
+    ("their mirror images too, by the plane's normal", "pointclouds.cloud.mirror", "none"),
     ("share of the hits outside the box that gives DDF's scale", "pointclouds.scale_quantile", "none"),
     ("shapes moved towards their silhouettes", "pointclouds.shape_correction", "none"),
     ("corrected by the mask", "pointclouds.correction.free", "azimuth, elevation, radius"),
@@ -176,6 +177,8 @@ def _results_section(results: report_inputs.Results) -> pages.Section:
     large, small = (int(rows[rows["column"] == f"Pi_g-{size}"]["num_pred"].iloc[0]) for size in "LS")
     tau = results.setting("evaluate.tau_sq")
     caption = texts.fill(texts.RESULTS, tau=tau, large=f"{large:,}", small=f"{small:,}")
+    if results.settings["pointclouds"]["shape_correction"] is not None:
+        caption += " " + texts.fill(texts.SILHOUETTES)
     if results.paper_categories:
         caption += " " + texts.fill(texts.PAPER_COLUMNS)
     table = report_tables.paper_table(results.table, results.categories, _over_seeds(results, caption))

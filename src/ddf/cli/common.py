@@ -1,8 +1,10 @@
 """What several commands share: arguments that mean the same, and pictures as PNG, how clouds are drawn."""
 
 import argparse
+import dataclasses
 import io
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from jaxtyping import UInt8
@@ -10,7 +12,7 @@ from PIL import Image
 
 from ddf import pointclouds, silhouettes
 
-CLOUD = pointclouds.CloudConfig(  # as configs/cpu.yaml draws them
+CLOUD = pointclouds.CloudConfig(  # as configs/cpu.yaml draws them, but for its mirror: `cloud_of`
     num_directions=16,
     cycles=3,
     oversampling=0.1,
@@ -24,10 +26,16 @@ CLOUD = pointclouds.CloudConfig(  # as configs/cpu.yaml draws them
     inverse_depth=0.05,
     chunk_rays=2048,
 )
+MIRRORED_OVERSAMPLING = -0.175  # of configs/cpu.yaml: fewer hits, and their mirror images
 SCALE_QUANTILE = 0.002  # likewise
 SHAPE_CORRECTION = silhouettes.ShapeCorrectionConfig(  # likewise
     steps=20, learning_rate=0.03, camera_rate=0.03, keep=0.003, mask_size=32
 )
+
+
+def cloud_of(mirror: Literal["x", "y", "z"] | None) -> pointclouds.CloudConfig:
+    """How clouds of a field are drawn that takes shapes for all but symmetric about the plane with this normal."""
+    return CLOUD if mirror is None else dataclasses.replace(CLOUD, mirror=mirror, oversampling=MIRRORED_OVERSAMPLING)
 
 
 def add_field(parser: argparse.ArgumentParser) -> None:

@@ -69,8 +69,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     camera, modulations = seen_from[0], [m[0].detach() for m in model.modulations(latent)]
     with _timed(seconds, "cloud"):
         generator = torch.Generator(training.device()).manual_seed(args.seed)
-        cycles = pointclouds.sample(model.field, modulations, args.points, common.CLOUD, generator)
-        (cloud,) = pointclouds.select(cycles, [args.points], common.CLOUD)
+        drawn = common.cloud_of(model.field.config.mirror)
+        cycles = pointclouds.sample(model.field, modulations, args.points, drawn, generator)
+        (cloud,) = pointclouds.select(cycles, [args.points], drawn)
     scale = si3dr_inference.scale_from_cycles(cycles, common.SCALE_QUANTILE)
     with _timed(seconds, "renders"):
         field_scale = torch.tensor(1 / scale, device=camera.device)
@@ -121,7 +122,8 @@ def _towards_silhouette(
     how = common.SHAPE_CORRECTION
     alpha = functional.interpolate(image[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
     generators = [torch.Generator(latent.device).manual_seed(seed)]
-    given = (model, latent, deviation, camera, alpha, how, common.CLOUD, common.SCALE_QUANTILE, generators)
+    drawn = common.cloud_of(model.field.config.mirror)
+    given = (model, latent, deviation, camera, alpha, how, drawn, common.SCALE_QUANTILE, generators)
     return si3dr_inference.corrected_latents(*given)
 
 
