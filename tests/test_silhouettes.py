@@ -5,9 +5,8 @@ import dataclasses
 import _models
 import pytest
 import torch
-from torch import nn
 
-from ddf import checks, fields, reconstruction, rendering, silhouettes
+from ddf import checks, fields, reconstruction, rendering, silhouettes, siren
 
 HOW = silhouettes.ShapeCorrectionConfig(steps=60, learning_rate=0.1, camera_rate=0.0, keep=0.0, mask_size=24)
 CAMERA, SCALE = torch.tensor([[0.4, 0.48, 0.8]]), torch.tensor([2.5])
@@ -21,6 +20,7 @@ class _Ball(fields.PDDF):
         super().__init__(_models.FIELD)
 
     def forward(self, positions, directions, modulations=None):
+        assert modulations is not None
         away = positions - modulations[0][..., :3]
         closest = away - (away * directions).sum(-1, keepdim=True) * directions
         logit = 15 * (0.35 - (closest + 1e-9).norm(dim=-1))
@@ -28,8 +28,11 @@ class _Ball(fields.PDDF):
         return torch.stack((zero, zero, zero, logit), dim=-1)
 
 
-class _Told(nn.Module):
+class _Told(siren.Modulator):
     """Modulations that are the latent itself."""
+
+    def __init__(self):
+        super().__init__(5, (5,))
 
     def forward(self, latent):
         return [latent[:, None, :]]
