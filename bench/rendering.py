@@ -63,7 +63,7 @@ BUDGETS = tuple(
 )
 GROWN = BUDGETS[4]  # is drawn at other resolutions: the same in every run, for which one is as good as the DDF differs
 DISTANCE_OMEGA, DISTANCE_RATE = 10.0, 2e-3  # omega_first and learning rate of the signed-distance network
-REFINED = refinement.Refinement(tolerance=0.005)  # field units, under half of what either network is off by
+REFINED = refinement.Refinement(tolerance=0.005, stride=8)  # field units: under half of what either network is off by
 Image = Callable[[], tuple[Tensor, int]]  # depth, `inf` where nothing is seen, and the number of queries
 RayImage = Callable[[Tensor, Tensor], tuple[Tensor, int]]  # the same of some rays: starts, directions
 
