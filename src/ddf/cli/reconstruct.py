@@ -63,13 +63,16 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     seconds: dict[str, float] = {}
     with _timed(seconds, "encoders"), torch.no_grad():
         _, latent, seen_from = si3dr_inference.encode_batch(model, image, _mirror(model))
+    drawn = common.cloud_of(model.field.config.mirror)
     if deviation is not None:
         with _timed(seconds, "silhouette"):
-            latent = _towards_silhouette(model, latent, deviation, seen_from, image, args.seed)
+            how, generators = common.SHAPE_CORRECTION, [torch.Generator(training.device()).manual_seed(args.seed)]
+            alpha = functional.interpolate(image[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
+            given = (model, latent, deviation, seen_from, alpha, how, drawn, common.SCALE_QUANTILE, generators)
+            latent = si3dr_inference.corrected_latents(*given)
     camera, modulations = seen_from[0], [m[0].detach() for m in model.modulations(latent)]
     with _timed(seconds, "cloud"):
         generator = torch.Generator(training.device()).manual_seed(args.seed)
-        drawn = common.cloud_of(model.field.config.mirror)
         cycles = pointclouds.sample(model.field, modulations, args.points, drawn, generator)
         (cloud,) = pointclouds.select(cycles, [args.points], drawn)
     scale = si3dr_inference.scale_from_cycles(cycles, common.SCALE_QUANTILE)
@@ -108,23 +111,6 @@ def _deviation(model: reconstruction.DDFModel, folder: Path, known: Path) -> Flo
     if made_with not in record.get("sources", {}).values() or "train_features" not in tensors:
         raise checks.InputError(f"{file}: was not made with the model in {folder}; run stage pointclouds on it")
     return silhouettes.deviation(model, tensors["train_features"])
-
-
-def _towards_silhouette(
-    model: reconstruction.DDFModel,
-    latent: Float[Tensor, "1 z"],
-    deviation: Float[Tensor, "z"],
-    camera: Float[Tensor, "1 3"],
-    image: Float[Tensor, "1 4 size size"],
-    seed: int,
-) -> Float[Tensor, "1 z"]:
-    """The latent of `si3dr_inference.corrected_latents`."""
-    how = common.SHAPE_CORRECTION
-    alpha = functional.interpolate(image[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
-    generators = [torch.Generator(latent.device).manual_seed(seed)]
-    drawn = common.cloud_of(model.field.config.mirror)
-    given = (model, latent, deviation, camera, alpha, how, drawn, common.SCALE_QUANTILE, generators)
-    return si3dr_inference.corrected_latents(*given)
 
 
 def load(folder: Path) -> tuple[reconstruction.DDFModel, int]:
