@@ -225,40 +225,35 @@ def _correct_shapes(
     config: PointcloudsConfig,
     how: silhouettes.ShapeCorrectionConfig,
 ) -> Float[Tensor, "n z"]:
-    """`corrected_latents` of all images, a batch at a time."""
+    """`silhouettes.correct_shapes` of all images, a batch at a time."""
 
     def correct(rows: Int[np.ndarray, "_"]) -> Tensor:
         index = torch.from_numpy(rows)
+        own, generators = latents[index], [_generator(config, int(row)) for row in rows]
+        field_scale = rough_field_scales(model, own, config.cloud, config.scale_quantile, generators)
         alpha = images.alpha(rows, how.mask_size).to(latents.device)
-        generators = [_generator(config, int(row)) for row in rows]
-        given = (model, latents[index], deviation, predicted[index], alpha, how)
-        return corrected_latents(*given, config.cloud, config.scale_quantile, generators)
+        return silhouettes.correct_shapes(model, own, deviation, predicted[index], field_scale, alpha, how)
 
     return torch.cat(list(_in_threads(correct, _row_batches(images, CORRECTION_BATCH))))
 
 
-def corrected_latents(
+@torch.no_grad()
+def rough_field_scales(
     model: reconstruction.DDFModel,
     latents: Float[Tensor, "b z"],
-    deviation: Float[Tensor, "z"],
-    camera: Float[Tensor, "b 3"],
-    alpha: Float[Tensor, "b size size"],
-    how: silhouettes.ShapeCorrectionConfig,
     cloud: pointclouds.CloudConfig,
     scale_quantile: float | None,
     generators: Sequence[torch.Generator],
-) -> Float[Tensor, "b z"]:
-    """`silhouettes.correct_shapes` from the scales that clouds of `ROUGH_POINTS` tell, one generator for each image."""
-    modulations = [m.detach() for m in model.modulations(latents)]
-    scales = []
+) -> Float[Tensor, "b"]:
+    """Field units per v1 unit of each shape, as a cloud of `ROUGH_POINTS` tells, one generator for each."""
+    modulations, scales = model.modulations(latents), []
     for row, generator in enumerate(generators):
         cycles = pointclouds.sample(model.field, [m[row] for m in modulations], ROUGH_POINTS, cloud, generator)
         if scale_quantile is None:
             scales.append(scale_from_cloud(pointclouds.select(cycles, [ROUGH_POINTS], cloud)[0]))
         else:
             scales.append(scale_from_cycles(cycles, scale_quantile))
-    field_scale = 1 / latents.new_tensor(scales)
-    return silhouettes.correct_shapes(model, latents, deviation, camera, field_scale, alpha, how)
+    return 1 / latents.new_tensor(scales)
 
 
 def _in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:

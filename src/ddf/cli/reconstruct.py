@@ -66,10 +66,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     drawn = common.cloud_of(model.field.config.mirror)
     if deviation is not None:
         with _timed(seconds, "silhouette"):
-            how, generators = common.SHAPE_CORRECTION, [torch.Generator(training.device()).manual_seed(args.seed)]
+            how, generator = common.SHAPE_CORRECTION, torch.Generator(training.device()).manual_seed(args.seed)
+            given = (model, latent, drawn, common.SCALE_QUANTILE, [generator])
+            field_scale = si3dr_inference.rough_field_scales(*given)
             alpha = functional.interpolate(image[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
-            given = (model, latent, deviation, seen_from, alpha, how, drawn, common.SCALE_QUANTILE, generators)
-            latent = si3dr_inference.corrected_latents(*given)
+            latent = silhouettes.correct_shapes(model, latent, deviation, seen_from, field_scale, alpha, how)
     camera, modulations = seen_from[0], [m[0].detach() for m in model.modulations(latent)]
     with _timed(seconds, "cloud"):
         generator = torch.Generator(training.device()).manual_seed(args.seed)
