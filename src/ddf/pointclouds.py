@@ -20,8 +20,8 @@ Five departures, each off in the paper's way (derived here):
   doubtful too: candidates of less confidence than `least_confidence` are left out, as far as enough remain. With
   `crowding` r the distances of a candidate with emptier surroundings than most are also multiplied by (s_m / s)^r, s
   the distance to its `CROWD`-th neighbour and s_m the median of these.
-- Many shapes are all but symmetric. With `mirror`, for `spread` alone, the mirror image of every candidate is one too, of
-  the same confidence and without a query.
+- Many shapes are all but symmetric. With `mirror`, for `spread` alone, the mirror image of every candidate is one too,
+  of the same confidence and without a query.
 """
 
 import math
