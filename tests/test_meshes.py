@@ -116,9 +116,22 @@ def test_never_wrapped_meshes_keep_open_sheets_and_inner_parts():
     done = meshes.prepare(raw, meshes.MeshesConfig(wrap="never", measure_points=2000), _random())
     assert not done.wrapped and not done.watertight
     assert len(done.mesh.faces) == len(raw.faces)
-    assert max(done.hausdorff, done.hausdorff_hidden, done.lost) < 1e-5
+    assert max(meshes.measure(raw, meshes.clean(raw), 2000, _random()).values()) < 1e-5
+    assert {getattr(done, name) for name in meshes.LOSSES} == {0.0}
     closed = meshes.prepare(raw, CONFIG, _random())
     assert closed.hausdorff_hidden > 0.05  # the wrap drops the ball inside
+
+
+@pytest.mark.parametrize(
+    ("faces", "wrap", "times"), [(320, "auto", 0), (320, "never", 0), (300, "auto", 1), (320, "always", 1)]
+)
+def test_only_meshes_that_changed_are_measured(monkeypatch, faces, wrap, times):
+    asked, real = [], meshes.measure
+    monkeypatch.setattr(meshes, "measure", lambda *given: asked.append(given) or real(*given))
+    config = meshes.MeshesConfig(faces=faces, wrap=wrap, measure_points=100)
+    inside_out = icosphere(2)
+    done = meshes.prepare(mesh_io.Mesh(inside_out.vertices, inside_out.faces[:, ::-1]), config, _random())
+    assert len(asked) == times and (done.mean_distance > 0) == bool(times)
 
 
 def test_open_meshes_are_decimated_too():

@@ -20,6 +20,7 @@ from ddf import checks, raycast, transforms
 from ddf.mesh_config import MeshesConfig
 from ddf.mesh_io import Mesh, face_normals
 
+LOSSES = ("hausdorff", "mean_distance", "hausdorff_hidden", "lost")  # as `measure` gives them
 _WELD_TOLERANCE = 1e-5  # of the diagonal: float32 noise of seams in STL files reaches 4e-6, real detail starts at 1e-4
 
 
@@ -290,6 +291,8 @@ def measure(raw: Mesh, result: Mesh, points: int, rng: np.random.Generator) -> d
 def prepare(raw: Mesh, config: MeshesConfig, rng: np.random.Generator) -> Prepared:
     """Clean, close (unless `wrap` is "never"), decimate and normalise one mesh, and measure the loss.
 
+    A mesh that was neither closed nor decimated has lost nothing: no point of it is asked for.
+
     Raises:
       InputError: nothing to close, or the result cannot be both closed and small enough.
     """
@@ -299,7 +302,8 @@ def prepare(raw: Mesh, config: MeshesConfig, rng: np.random.Generator) -> Prepar
     wrapped = config.wrap == "always" or (config.wrap == "auto" and not _is_clean_solid(unit))
     solid = close(unit, config.alpha, config.offset) if wrapped else unit
     small = decimate(_outward(solid) if config.wrap != "never" else solid, config.faces)
-    losses = measure(unit, small, config.measure_points, rng)
+    as_it_was = not wrapped and len(small.faces) == len(unit.faces)  # at most turned inside out
+    losses = dict.fromkeys(LOSSES, 0.0) if as_it_was else measure(unit, small, config.measure_points, rng)
     field_from_unit = transforms.field_from_mesh(small.vertices)
     mesh = Mesh(field_from_unit.apply(small.vertices), small.faces)
     return Prepared(
