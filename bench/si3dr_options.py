@@ -161,7 +161,8 @@ def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
     model.camera_head.fit(images.cameras)
 
     def groups(model: reconstruction.DDFModel) -> list[dict]:
-        return model.parameter_groups(settings.train.weight_decay_shape, settings.train.weight_decay_camera)
+        decays = settings.train.weight_decay_shape, settings.train.weight_decay_camera
+        return model.parameter_groups(*decays, settings.ddf.encoder_share(settings.train.loop))
 
     def loss(model: reconstruction.DDFModel) -> training.StepLoss:
         return functools.partial(

@@ -42,7 +42,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training.fit(
         model,
-        model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera),
+        model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera, section.encoder_share(train.loop)),
         functools.partial(
             si3dr_training.ddf_step, model, images, shapes, truth.samples, train, section, propose=truth.propose
         ),

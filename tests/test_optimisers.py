@@ -156,6 +156,19 @@ def test_rate_keeps_the_ratio_of_the_two():
     torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-3), rtol=1e-3, atol=0)
 
 
+def test_a_groups_share_is_of_adamws_rate_alone():
+    model = _model()
+    before = {name: value.detach().clone() for name, value in model.named_parameters()}
+    optimiser = optimisers.Optimiser(
+        model, [{"params": list(model.parameters()), "weight_decay": 0.0, "share": 0.1}], 0.01, 0.02, None
+    )
+    _steps(model, optimiser, [0])
+    moved = model.network.head.bias.detach() - before["network.head.bias"]
+    torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-3), rtol=1e-3, atol=0)
+    moved = model.network.layers[1].weight.detach() - before["network.layers.1.weight"]
+    assert 0.02 * 0.5 < float(torch.linalg.svdvals(moved.double()).max()) < 0.02 * 1.3
+
+
 def test_matrices_and_kernels_have_rates_of_their_own():
     """AdamW's first step is its rate in every entry; what Muon takes is no longer its."""
     for muon, kernels in ((None, 0.02), (0.02, None), (0.02, 0.01)):

@@ -91,7 +91,8 @@ class Optimiser:
         """Fresh state.
 
         Args:
-          groups: AdamW's parameter groups; Muon takes its matrices out of them, and keeps their weight decay.
+          groups: AdamW's parameter groups; Muon takes its matrices out of them, and keeps their weight decay. `share`:
+            of AdamW's learning rate, for what it keeps of a group; 1 where a group does not say it.
           learning_rate: AdamW's.
           muon: Muon's learning rate for hidden matrices, the spectral norm of a step; null: AdamW for them.
           muon_kernels: that for the kernels of convolutions; null: AdamW for them.
@@ -100,21 +101,23 @@ class Optimiser:
         kernels = [part.weight for part in model.modules() if isinstance(part, nn.Conv2d)]
         wanted = {"muon": (muon, siren.hidden_matrices(model)), "muon_kernels": (muon_kernels, kernels)}
         self._parts: dict[str, torch.optim.Optimizer] = {}
-        self._shares, rest = {"optimiser": 1.0}, [dict(group) for group in groups]
+        self._shares, rest = {"optimiser": 1.0}, [{"share": 1.0, **group} for group in groups]
         for name, (rate, weights) in wanted.items():
             taken = set() if rate is None else {id(weight) for weight in weights}
-            matrices = [part for part in (_part(group, taken, True) for group in rest) if part["params"]]
+            its_own = (_part(group, taken, True) for group in rest)
+            matrices = [part | {"share": 1.0} for part in its_own if part["params"]]
             rest = [_part(group, taken, False) for group in rest]
             if rate is not None and matrices:
                 self._parts[name] = Muon(matrices, rate, matmul)
                 self._shares[name] = rate / learning_rate
         self._parts["optimiser"] = torch.optim.AdamW(rest, lr=learning_rate, fused=True)
+        self.set_rate(learning_rate)
 
     def set_rate(self, rate: float) -> None:
-        """AdamW's learning rate from now on; Muon's keeps its ratio to it."""
+        """AdamW's learning rate from now on; Muon's, and those of groups with a share, keep their ratio to it."""
         for name, part in self._parts.items():
             for group in part.param_groups:
-                group["lr"] = rate * self._shares[name]
+                group["lr"] = rate * self._shares[name] * group["share"]
 
     def zero_grad(self) -> None:
         """Forget all gradients."""

@@ -143,11 +143,18 @@ class ReconstructionModel(nn.Module):
         self.camera_encoder = Encoder(self.camera_head.num_scores, encoder_width)
         self.decoder = decoder
 
-    def parameter_groups(self, weight_decay_shape: float, weight_decay_camera: float) -> list[dict]:
-        """AdamW groups: decay on the two predictors, none on the decoder. Source: [DDF22] app. E."""
+    def parameter_groups(
+        self, weight_decay_shape: float, weight_decay_camera: float, encoder_share: float = 1.0
+    ) -> list[dict]:
+        """AdamW groups: decay on the two predictors, none on the decoder. Source: [DDF22] app. E.
+
+        Args:
+          encoder_share: the predictors' learning rate as a share of the decoder's; 1 is the paper's way.
+        """
+        of_rate = {"share": encoder_share}
         return [
-            {"params": list(self.shape_encoder.parameters()), "weight_decay": weight_decay_shape},
-            {"params": list(self.camera_encoder.parameters()), "weight_decay": weight_decay_camera},
+            {"params": list(self.shape_encoder.parameters()), "weight_decay": weight_decay_shape, **of_rate},
+            {"params": list(self.camera_encoder.parameters()), "weight_decay": weight_decay_camera, **of_rate},
             {"params": list(self.decoder.parameters()), "weight_decay": 0.0},
         ]
 

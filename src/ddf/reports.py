@@ -39,6 +39,7 @@ SETTINGS = (
     ("azimuth of the camera", "train.azimuth", "angle"),
     ("DDF learning rate", "ddf.learning_rate", "0.0001"),
     ("DDF learning rate of the matrices between hidden layers, by Muon", "ddf.muon", "none"),
+    ("learning rate of the DDF's encoders, where it is another", "ddf.encoder_learning_rate", "none"),
     ("DDF depth activation", "ddf.field.depth_activation", "relu"),
     ("DDF first frequency, ω", "ddf.field.omega_first", "1.0"),
     ("DDF first weights of directions, times those of positions", "ddf.field.direction_scale", "1.0"),

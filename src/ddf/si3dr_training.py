@@ -79,7 +79,8 @@ class DDFConfig:
 
     counts: oriented points per shape and type in a batch, E the extra uniform ones; U+ A+ B+ S+ T+ (may be left out)
     are samples of these types that are supervised without derivatives. learning_rate, muon: in place of those in
-    `train.loop`, null for those: the two models do not bear the same. shape_weight: γ_RS.
+    `train.loop`, null for those: the two models do not bear the same. encoder_learning_rate: AdamW's for the two
+    encoders, null for that of the decoder: at rates that a field likes most of their features die. shape_weight: γ_RS.
     mask_weight: γ_RM. mask_size: side of the rendered mask. mask_pixels: pixels of it that are evaluated per image,
     drawn among those whose ray meets the box; null for all of them. proposals: rays that the field chooses itself; null
     for none. samples: those that are stored, the paper's way, or fresh ones in every step (`training_truth`).
@@ -98,6 +99,7 @@ class DDFConfig:
     mask_pixels: int | None
     proposals: ProposalConfig | None
     muon: float | None = None
+    encoder_learning_rate: float | None = None
     samples: Literal["stored", "fresh"] = "stored"
     mirror_shapes: cameras.Mirror | None = None
 
@@ -105,7 +107,7 @@ class DDFConfig:
         losses.check_counts("ddf.counts", self.counts)
         if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
             raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (mask_pixels or null)")
-        for name in ("learning_rate", "muon"):
+        for name in ("learning_rate", "muon", "encoder_learning_rate"):
             rate = getattr(self, name)
             if rate is not None and not rate > 0:
                 raise checks.InputError(f"ddf.{name} must be > 0, or null; got {rate}")
@@ -121,6 +123,11 @@ class DDFConfig:
         """The loop that both models share, with this model's learning rates."""
         rate = common.learning_rate if self.learning_rate is None else self.learning_rate
         return replace(common, learning_rate=rate, muon=common.muon if self.muon is None else self.muon)
+
+    def encoder_share(self, common: training.LoopConfig) -> float:
+        """The encoders' learning rate as a share of the decoder's, for `ReconstructionModel.parameter_groups`."""
+        decoders = self.loop(common).learning_rate
+        return 1.0 if self.encoder_learning_rate is None else self.encoder_learning_rate / decoders
 
 
 @dataclass(frozen=True)
