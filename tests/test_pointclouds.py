@@ -270,6 +270,33 @@ def test_crowding_of_repeated_points_is_finite():
     assert bool(torch.isfinite(cloud).all()) and bool((cloud[:2].sum(dim=1) == torch.tensor([3.0, 0.0])).all())
 
 
+def test_centred_clouds_are_weighted_means_of_their_cells():
+    generator = torch.Generator().manual_seed(0)
+    points, weights = torch.rand(200, 3, generator=generator), torch.rand(200, generator=generator) + 0.1
+    cloud = torch.cat((points[:20], torch.full((1, 3), 9.0)))  # the last is nearest to none
+    cell = torch.cdist(points, cloud).argmin(dim=1)
+    expected = torch.stack(
+        [(points[cell == i] * weights[cell == i, None]).sum(0) / weights[cell == i].sum() for i in range(20)]
+    )
+    found = pointclouds.centred(cloud, points, weights)
+    torch.testing.assert_close(found[:20], expected)
+    assert torch.equal(found[20], cloud[20])
+
+
+def test_centring_takes_noise_from_a_sphere_and_orders_all_sizes_alike():
+    generator = torch.Generator().manual_seed(0)
+    directions = torch.nn.functional.normalize(torch.randn(4000, 3, generator=generator), dim=-1)
+    noise = 0.02 * torch.randn(4000, 1, generator=generator)
+    confidence = torch.exp(-(noise[:, 0] / 0.02).square())  # what is off is doubted
+    cycles = [_projected(directions * (1 + noise), confidence)]
+    off = {}
+    for power in (None, 0.0, 4.0):
+        large, small = pointclouds.select(cycles, [400, 100], dataclasses.replace(SPREAD, spread=0.0, centre=power))
+        off[power] = float((large.norm(dim=-1) - 1).square().mean().sqrt())
+        assert torch.equal(small, large[:100])
+    assert off[4.0] < off[0.0] < off[None]
+
+
 def test_resampled_starts_leave_doubtful_hits_behind():
     class _Doubtful(_Sphere):
         """Hardly sees anything from starts with x > 0."""
@@ -353,6 +380,8 @@ def _nearest_neighbour_spread(points):
         ),
         ({"mirror": "z"}, "mirror doubles the candidates of spread, which is null"),
         ({"crowding": -1.0}, r"crowding must be >= 0; got -1\.0"),
+        ({"centre": 4.0}, r"centre moves points.*needs spread, or be null; got 4\.0 with spread None"),
+        ({"centre": -1.0, "spread": 1.0}, r"centre .* must be >= 0 .*got -1\.0 with spread 1\.0"),
         ({"oversampling": -0.1}, "must leave enough candidates.*got 0.9 with"),
         ({"jitter": -0.1}, "jitter must be >= 0"),
         ({"resample": 1.5, "jitter": 0.1}, r"resample must be in \[0, 1\]"),

@@ -73,6 +73,11 @@ SETTINGS = (
     ("least confidence of these candidates", "pointclouds.cloud.least_confidence", "0.0"),
     ("power by which lonely ones are taken later", "pointclouds.cloud.crowding", "0.0"),
     ("their mirror images too, by the plane's normal", "pointclouds.cloud.mirror", "none"),
+    (
+        "chosen ones moved to the mean of those around, by the power of their confidence",
+        "pointclouds.cloud.centre",
+        "none",
+    ),
     ("share of the hits outside the box that gives DDF's scale", "pointclouds.scale_quantile", "none"),
     ("shapes moved towards their silhouettes", "pointclouds.shape_correction", "none"),
     ("corrected by the mask", "pointclouds.correction.free", "azimuth, elevation, radius"),

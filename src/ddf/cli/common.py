@@ -22,6 +22,7 @@ CLOUD = pointclouds.CloudConfig(  # as configs/cpu.yaml draws them, but for its 
     spread=0.75,
     least_confidence=0.1,
     crowding=1.0,
+    centre=4.0,
     temperature=0.05,
     inverse_depth=0.05,
     chunk_rays=2048,
