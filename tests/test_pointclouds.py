@@ -270,6 +270,14 @@ def test_crowding_of_repeated_points_is_finite():
     assert bool(torch.isfinite(cloud).all()) and bool((cloud[:2].sum(dim=1) == torch.tensor([3.0, 0.0])).all())
 
 
+def test_cells_are_of_the_nearest_in_the_order():
+    points = torch.rand(300, 3, generator=torch.Generator().manual_seed(0))
+    weights = torch.rand(300, generator=torch.Generator().manual_seed(1)) + 0.1
+    order, cells = pointclouds.farthest_point_cells(points, 40, weights)
+    assert torch.equal(order, pointclouds.farthest_point_order(points, 40, weights))
+    assert torch.equal(cells, torch.cdist(points, points[order]).argmin(dim=1))
+
+
 def test_centred_clouds_are_weighted_means_of_their_cells():
     generator = torch.Generator().manual_seed(0)
     points, weights = torch.rand(200, 3, generator=generator), torch.rand(200, generator=generator) + 0.1
@@ -278,7 +286,7 @@ def test_centred_clouds_are_weighted_means_of_their_cells():
     expected = torch.stack(
         [(points[cell == i] * weights[cell == i, None]).sum(0) / weights[cell == i].sum() for i in range(20)]
     )
-    found = pointclouds.centred(cloud, points, weights)
+    found = pointclouds.centred(cloud, points, cell, weights)
     torch.testing.assert_close(found[:20], expected)
     assert torch.equal(found[20], cloud[20])
 

@@ -35,7 +35,6 @@ from typing import Literal
 import numpy as np
 import torch
 from jaxtyping import Float, Int
-from scipy import spatial
 from torch import Tensor
 
 from ddf import checks
@@ -157,20 +156,21 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
         spacing = _spacing(points)
         usual = spacing.median()
         weights = weights * (usual / spacing.maximum(usual)).nan_to_num(nan=1.0).pow(config.crowding)
-    chosen = points[farthest_point_order(points, max(counts), weights.clamp_min(LEAST_WEIGHT))]
+    order, cells = farthest_point_cells(points, max(counts), weights.clamp_min(LEAST_WEIGHT))
+    chosen = points[order]
     if config.centre is not None:
-        chosen = centred(chosen, points, confidence.pow(config.centre).clamp_min(LEAST_WEIGHT))
+        chosen = centred(chosen, points, cells, confidence.pow(config.centre).clamp_min(LEAST_WEIGHT))
     return [chosen[:count] for count in counts]
 
 
 def centred(
-    cloud: Float[Tensor, "k 3"], points: Float[Tensor, "n 3"], weights: Float[Tensor, "n"]
+    cloud: Float[Tensor, "k 3"], points: Float[Tensor, "n 3"], cells: Int[Tensor, "n"], weights: Float[Tensor, "n"]
 ) -> Float[Tensor, "k 3"]:
-    """The weighted mean of the points that are nearest to each of the cloud, one step of Lloyd's; itself without such.
+    """The weighted mean of the points in the cell of each of the cloud, a step of Lloyd's (1982); itself without such.
 
-    Source: Lloyd 1982; weights, > 0, derived here. Costs n searches in a tree of k.
+    Args:
+      cells: of each point, which of the cloud is nearest to it. weights: > 0.
     """
-    cells = torch.from_numpy(spatial.cKDTree(cloud.cpu().numpy()).query(points.cpu().numpy())[1]).to(points.device)
     moments = torch.cat((points, torch.ones_like(points[:, :1])), dim=1) * weights[:, None]
     *first, zeroth = points.new_zeros((len(cloud), 4)).index_add_(0, cells, moments).T
     return torch.where(zeroth > 0, torch.stack(first) / zeroth, cloud.T).T
@@ -223,17 +223,26 @@ def farthest_point_order(
     Args:
       weights: > 0. Around points of weight w the spacing is proportional to 1 / w.
     """
+    return farthest_point_cells(points, count, weights)[0]
+
+
+def farthest_point_cells(
+    points: Float[Tensor, "n 3"], count: int, weights: Float[Tensor, "n"] | None = None
+) -> tuple[Int[Tensor, "count"], Int[Tensor, "n"]]:
+    """`farthest_point_order`, and the place in it of the one that is nearest to each point, the first of equal ones."""
     x, y, z = np.ascontiguousarray(points.T.cpu().numpy())
     scale = np.ones(len(x), dtype=x.dtype) if weights is None else np.square(weights.cpu().numpy())
     distance_sq = np.full(len(x), np.inf, dtype=x.dtype)
-    order = np.zeros(count, dtype=np.int64)
+    order, cells = np.zeros(count, dtype=np.int64), np.zeros(len(x), dtype=np.int64)
     order[0] = scale.argmax()
-    for i in range(1, count):
-        latest = order[i - 1]
+    for i in range(count):
+        latest = order[i]
         gap_sq = np.square(x - x[latest]) + np.square(y - y[latest]) + np.square(z - z[latest])
+        cells[gap_sq < distance_sq] = i
         np.minimum(distance_sq, gap_sq, out=distance_sq)
-        order[i] = (distance_sq if weights is None else distance_sq * scale).argmax()
-    return torch.from_numpy(order).to(points.device)
+        if i + 1 < count:
+            order[i + 1] = (distance_sq if weights is None else distance_sq * scale).argmax()
+    return torch.from_numpy(order).to(points.device), torch.from_numpy(cells).to(points.device)
 
 
 def project(
