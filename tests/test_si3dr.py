@@ -379,6 +379,9 @@ def test_own_learning_rates_replace_those_of_the_loop():
     assert muon.loop(TRAIN.loop) == dataclasses.replace(TRAIN.loop, learning_rate=2e-3, muon=0.02)
     common = dataclasses.replace(TRAIN.loop, muon=0.01)
     assert (DDF.loop(common).muon, muon.loop(common).muon) == (0.01, 0.02)
+    for name in ("learning_rate", "muon"):
+        with pytest.raises(checks.InputError, match=f"ddf.{name} must be > 0, or null; got 0.0"):
+            dataclasses.replace(DDF, **{name: 0.0})
 
 
 def test_encoders_may_learn_at_a_share_of_the_decoders_rate():
@@ -390,6 +393,3 @@ def test_encoders_may_learn_at_a_share_of_the_decoders_rate():
     )
     with pytest.raises(checks.InputError, match=r"ddf\.encoder_learning_rate must be > 0, or null; got 0"):
         dataclasses.replace(DDF, encoder_learning_rate=0.0)
-    for name in ("learning_rate", "muon"):
-        with pytest.raises(checks.InputError, match=f"ddf.{name} must be > 0, or null; got 0.0"):
-            dataclasses.replace(DDF, **{name: 0.0})

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ddf import checks, mesh_io, meshes, parallel, provenance, seeding, storage, transforms
 
-MEASURES = ("id", "faces", "watertight", "wrapped", "hausdorff", "mean_distance", "hausdorff_hidden", "lost")
+MEASURES = ("id", "faces", "watertight", "wrapped", *meshes.LOSSES)
 
 
 @dataclass(frozen=True)

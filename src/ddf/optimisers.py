@@ -101,23 +101,22 @@ class Optimiser:
         kernels = [part.weight for part in model.modules() if isinstance(part, nn.Conv2d)]
         wanted = {"muon": (muon, siren.hidden_matrices(model)), "muon_kernels": (muon_kernels, kernels)}
         self._parts: dict[str, torch.optim.Optimizer] = {}
-        self._shares, rest = {"optimiser": 1.0}, [{"share": 1.0, **group} for group in groups]
+        rest = [{"share": 1.0, **group} for group in groups]
         for name, (rate, weights) in wanted.items():
             taken = set() if rate is None else {id(weight) for weight in weights}
-            its_own = (_part(group, taken, True) for group in rest)
-            matrices = [part | {"share": 1.0} for part in its_own if part["params"]]
+            matrices = [part for part in (_part(group, taken, True) for group in rest) if part["params"]]
             rest = [_part(group, taken, False) for group in rest]
             if rate is not None and matrices:
-                self._parts[name] = Muon(matrices, rate, matmul)
-                self._shares[name] = rate / learning_rate
+                of_adamw = {"share": rate / learning_rate}
+                self._parts[name] = Muon([part | of_adamw for part in matrices], rate, matmul)
         self._parts["optimiser"] = torch.optim.AdamW(rest, lr=learning_rate, fused=True)
         self.set_rate(learning_rate)
 
     def set_rate(self, rate: float) -> None:
         """AdamW's learning rate from now on; Muon's, and those of groups with a share, keep their ratio to it."""
-        for name, part in self._parts.items():
+        for part in self._parts.values():
             for group in part.param_groups:
-                group["lr"] = rate * self._shares[name] * group["share"]
+                group["lr"] = rate * group["share"]
 
     def zero_grad(self) -> None:
         """Forget all gradients."""
