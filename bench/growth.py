@@ -36,7 +36,7 @@ SMALL = {  # of cpu.yaml, so that 300 shapes take a minute or two; everything el
     "dataset": {"views": 5},
     "meshes": {"faces": 2000, "measure_points": 1000, "shard_size": SHARD_SIZE},
     "samples": {"counts": COUNTS, "cloud_points": 1000, "shard_size": SHARD_SIZE},
-    "train": {"train_views": None},
+    "train": {"train_views": None, "step_shares": None},
     "ddf": {"steps": 3},
     "pcsiren": {"steps": 3},
     "pointclouds": {"large": 500, "small": 250, "test_views": 1, "rendered": 2},

@@ -46,7 +46,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
         functools.partial(
             si3dr_training.ddf_step, model, images, shapes, truth.samples, train, section, propose=truth.propose
         ),
-        section.steps,
+        train.steps(section.steps, category),
         section.loop(train.loop),
         config.artifact_dir(config_path, "train_ddf", category, seed),
         provenance.record(fingerprint, train.loop.seed, sources) | architecture,

@@ -29,7 +29,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera),
         functools.partial(si3dr_training.pcsiren_step, model, images, shapes, train, section),
-        section.steps,
+        train.steps(section.steps, category),
         train.loop,
         config.artifact_dir(config_path, "train_pcsiren", category, seed),
         provenance.record(fingerprint, train.loop.seed, sources) | architecture,

@@ -147,6 +147,7 @@ def test_info_counts_and_lists(capsys):
     assert cost["per_shape"] == {"samples": 80_000, "bytes": 80_000 * 14 + 8_000 * 13}
     assert cost["disk_bytes"] == {"samples": None, "trainings": 3 * 4 * 4 * (25_647_367 + 25_645_574)}
     assert cost["steps"] == {"ddf": 100_000, "pcsiren": 100_000} and cost["trainings"] == 6
+    assert cost["steps_in_all"] == {"ddf": 300_000, "pcsiren": 300_000}
     assert cost["training_time"] is None
 
 
@@ -161,11 +162,19 @@ def test_info_states_the_time_of_the_trainings_from_measured_steps(tmp_path, mon
     time = cost["training_time"]
     assert time["threads"] == 1 and time["device"] in ("cpu", "cuda")
     hours = 0.0
-    for name, steps in cost["steps"].items():
+    for name, steps in cost["steps_in_all"].items():
         assert time[name]["step_seconds"] > 0 and 2 <= time[name]["measured_images"] <= time["batch_size"] == 4
         assert time[name]["hours"] == pytest.approx(time[name]["step_seconds"] * steps / 3600)
         hours += time[name]["hours"]
     assert time["hours"] == pytest.approx(hours)
+
+
+def test_info_counts_the_steps_that_each_category_has(tmp_path):
+    path = tmp_path / "mine.yaml"
+    text = (ROOT / "configs" / "smoke.yaml").read_text()
+    path.write_text(text.replace("step_shares: null", "step_shares: {primitives: 0.5}"))
+    cost = experiment_cost.predict(path, measured=False)
+    assert cost["steps_in_all"] == {name: round(stated / 2) for name, stated in cost["steps"].items()}
 
 
 def test_info_counts_the_shapes_that_the_dataset_stage_has_listed(tmp_path, monkeypatch):

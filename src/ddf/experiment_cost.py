@@ -36,6 +36,7 @@ def predict(config_path: Path, measured: bool) -> dict[str, Any]:
     }
     known = [count for count in shapes.values() if count is not None]
     total = sum(known) if len(known) == len(shapes) else None
+    in_all = {name: sum(train.steps(each.steps, category) for category in shapes) for name, each in models.items()}
     trained = len(shapes) * MODEL_COPIES * 4 * _parameters(train, models)
     return {
         "shapes": {**shapes, "all": total},
@@ -47,7 +48,8 @@ def predict(config_path: Path, measured: bool) -> dict[str, Any]:
         },
         "steps": {name: section.steps for name, section in models.items()},
         "trainings": len(shapes) * len(models),
-        "training_time": _training_time(train, models, len(shapes)) if measured else None,
+        "steps_in_all": in_all,
+        "training_time": _training_time(train, models, in_all) if measured else None,
     }
 
 
@@ -70,7 +72,7 @@ def _parameters(train: si3dr_training.TrainConfig, models: dict[str, Any]) -> in
     return sum(fields.count_parameters(model) for model in built)
 
 
-def _training_time(train: si3dr_training.TrainConfig, models: dict[str, Any], categories: int) -> dict[str, Any]:
+def _training_time(train: si3dr_training.TrainConfig, models: dict[str, Any], in_all: dict[str, int]) -> dict[str, Any]:
     """Seconds per step of each model, measured on random data, and hours of all steps of all categories."""
     threads = min(train.loop.threads, os.cpu_count() or 1)
     found: dict[str, Any] = {"device": training.device().type, "threads": threads, "batch_size": train.batch_size}
@@ -78,7 +80,7 @@ def _training_time(train: si3dr_training.TrainConfig, models: dict[str, Any], ca
     with _as_in_training(dataclasses.replace(train.loop, threads=threads)):
         for name, section in models.items():
             cost = step_cost.measure(train, section)
-            spent = cost.seconds * section.steps * categories / 3600
+            spent = cost.seconds * in_all[name] / 3600
             found[name] = {"step_seconds": cost.seconds, "measured_images": cost.trial_images, "hours": spent}
             hours += spent
     return found | {"hours": hours}

@@ -54,6 +54,7 @@ SETTINGS = (
     ("rays that the field proposes while training", "ddf.proposals", "none"),
     ("DDF hidden layers", "ddf.field.hidden", "512, 512, 512, 256, 256, 256, 256"),
     ("DDF steps", "ddf.steps", "100000"),
+    ("steps of a category, times those stated", "train.step_shares", "none"),
     ("PC-SIREN hidden layers", "pcsiren.hidden", "512, 512, 512, 256, 256, 256, 256"),
     ("PC-SIREN steps", "pcsiren.steps", "100000"),
     ("PC-SIREN points in the Chamfer loss", "pcsiren.points", "1024"),

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf import cameras, checks, distributed, fields, losses, reconstruction, si3dr_data, siren, training
+from ddf import cameras, checks, distributed, fields, losses, reconstruction, shapenet, si3dr_data, siren, training
 
 GROUP = 32  # distances of which the least is found first, at most
 
@@ -22,6 +22,8 @@ class TrainConfig:
     image_size: of the encoders' input. encoder_width: 64 is ResNet-18. camera_weight: γ_RΠ.
     train_views: the views of a training shape that are shown; null for those of the split.
     azimuth: `angle` is the paper's, `sincos` regresses (sin θ, cos θ), see `reconstruction.CameraHead`.
+    step_shares: by category, multiples of the steps that each model's own section states; 1, the paper's way, where a
+      category is not named. Of a small budget the hardest category can so have more, of both models alike.
     """
 
     image_size: int
@@ -34,6 +36,7 @@ class TrainConfig:
     weight_decay_camera: float
     loop: training.LoopConfig
     azimuth: reconstruction.Azimuth = "angle"
+    step_shares: dict[str, float] | None = None
 
     def __post_init__(self) -> None:
         for name, least in (("image_size", 32), ("encoder_width", 1), ("latent_features", 1), ("batch_size", 2)):
@@ -44,6 +47,15 @@ class TrainConfig:
         for name in ("camera_weight", "weight_decay_shape", "weight_decay_camera"):
             if not getattr(self, name) >= 0:
                 raise checks.InputError(f"train.{name} must be >= 0; got {getattr(self, name)}")
+        for name, share in (self.step_shares or {}).items():
+            if name not in shapenet.SYNSETS:
+                raise checks.InputError(f"train.step_shares must name categories; got {name!r}")
+            if not 0 < share < math.inf:
+                raise checks.InputError(f"train.step_shares.{name} must be > 0 and finite; got {share}")
+
+    def steps(self, stated: int, category: str) -> int:
+        """How many of one category, of as many as a model's section states."""
+        return max(1, round(stated * (self.step_shares or {}).get(category, 1.0)))
 
 
 @dataclass(frozen=True)
