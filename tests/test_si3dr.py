@@ -354,6 +354,31 @@ def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():
     assert not torch.equal(tensors["L"][0], tensors["L"][3])  # same shape, another image
 
 
+def test_even_points_fill_the_cube_and_random_ones_are_the_plain_draw():
+    drawn = si3dr_inference.cube_points(5, "random", torch.Generator().manual_seed(3))
+    assert torch.equal(drawn, torch.rand((5, 3), generator=torch.Generator().manual_seed(3)) * 2 - 1)
+    found = {}
+    for how in ("random", "even"):
+        points = si3dr_inference.cube_points(4096, how, torch.Generator().manual_seed(3))
+        assert points.dtype == torch.float32 and float(points.abs().max()) <= 1
+        for part in (points[:512], points):  # of S as of L
+            cells = ((part + 1) * 4).long().clamp(0, 7)  # 512 of them
+            counts = torch.bincount(cells @ torch.tensor([64, 8, 1]), minlength=512).double()
+            found[how, len(part)] = float(counts.var()) / (len(part) / 512)  # 1 for independent points
+    assert all(found["even", count] < 0.5 * found["random", count] for count in (512, 4096))
+    first, second = (si3dr_inference.cube_points(9, "even", torch.Generator().manual_seed(i)) for i in (0, 1))
+    assert not torch.equal(first, second)  # another image, another shift
+
+
+def test_pcsiren_maps_the_points_that_the_section_names():
+    model, images = _models.pcsiren_model(), _images()
+    clouds = [
+        si3dr_inference.reconstruct_pcsiren(model, images, dataclasses.replace(POINTCLOUDS, pcsiren_inputs=how))[0]["L"]
+        for how in ("random", "even")
+    ]
+    assert not torch.equal(*clouds)
+
+
 @pytest.mark.parametrize(
     ("section", "change", "message"),
     [

@@ -85,6 +85,7 @@ SETTINGS = (
     ("a correction that turns the azimuth farther is refused, degrees", "pointclouds.correction_limit", "none"),
     ("points L", "pointclouds.large", "5000"),
     ("points S", "pointclouds.small", "2466"),
+    ("points of the cube that PC-SIREN maps to the surface", "pointclouds.pcsiren_inputs", "random"),
     ("test images per shape", "pointclouds.test_views", "5"),
 )
 _SAME_PERCENT = 10.0  # wall times of training no farther apart than this are one budget

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import torch
@@ -33,8 +33,10 @@ from ddf import (
 # Images at a time; the networks are in evaluation mode, so the sizes matter to the result by rounding alone.
 ENCODER_BATCH = 64
 CORRECTION_BATCH = 16  # a step of the correction keeps what its gradient needs of every pixel of the mask
+EVEN_RATIOS = tuple(1.2207440846057596**-axis for axis in (1, 2, 3))  # of the root of x^4 = x + 1: see `cube_points`
 ROUGH_POINTS = 500  # of the cloud that tells the scale of a shape before it is corrected
 
+CubePoints = Literal["random", "even"]
 Result = TypeVar("Result")
 
 
@@ -53,6 +55,7 @@ class PointcloudsConfig:
     up axis; null, the paper's way, for the image alone.
     shape_correction: of the DDF, latents moved until the shape's silhouette agrees with the image's alpha channel, with
     the predicted camera to start from; null, the paper's way, for the latent as encoded.
+    pcsiren_inputs: the points of the cube that PC-SIREN maps to the surface (`cube_points`); random is the paper's way.
     """
 
     cloud: pointclouds.CloudConfig
@@ -68,6 +71,7 @@ class PointcloudsConfig:
     seed: int
     mirror: cameras.Mirror | None = None
     shape_correction: silhouettes.ShapeCorrectionConfig | None = None
+    pcsiren_inputs: CubePoints = "random"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "correction_turns", tuple(self.correction_turns))
@@ -285,14 +289,14 @@ def _draw(
 def reconstruct_pcsiren(
     model: reconstruction.PCSirenModel, images: si3dr_data.ImageSet, config: PointcloudsConfig
 ) -> tuple[dict[str, Tensor], dict]:
-    """Clouds L and S (the first points of L, which are as random as any), cameras, scales; and what it cost."""
+    """Clouds L and S (the first points of L, which are spread as all are), cameras, scales; and what it cost."""
     _, latents, predicted = encode(model, images, config.mirror)
     large = []
     started = time.monotonic()
     with torch.no_grad():
         for image in range(len(latents)):
-            uniform = torch.rand((1, config.large, 3), generator=_generator(config, image), device=latents.device)
-            large.append(model.decoder(uniform * 2 - 1, latents[image : image + 1])[0])
+            inputs = cube_points(config.large, config.pcsiren_inputs, _generator(config, image))
+            large.append(model.decoder(inputs[None], latents[image : image + 1])[0])
     seconds = (time.monotonic() - started) / len(latents)
     tensors = {
         "L": torch.stack(large),
@@ -301,6 +305,21 @@ def reconstruct_pcsiren(
         "scale_pred": torch.tensor([scale_from_cloud(points) for points in large]),
     }
     return _on_cpu(tensors), {"cloud_seconds_per_image": seconds}
+
+
+def cube_points(count: int, how: CubePoints, generator: torch.Generator) -> Float[Tensor, "count 3"]:
+    """Points of the cube [-1, 1]^3 for PC-SIREN's decoder: `random`, each for itself, or `even`, a random shift of the
+    sequence k (g^-1, g^-2, g^-3) mod 1 with g^4 = g + 1, of which any first part fills the cube without gaps or crowds.
+
+    Source of the sequence: Roberts 2018, "The unreasonable effectiveness of quasirandom sequences".
+    """
+    place = generator.device
+    if how == "random":
+        return torch.rand((count, 3), generator=generator, device=place) * 2 - 1
+    ratios = torch.tensor(EVEN_RATIOS, dtype=torch.float64, device=place)
+    steps = torch.arange(count, dtype=torch.float64, device=place)[:, None]  # float64: products of thousands, of which
+    shift = torch.rand(3, generator=generator, dtype=torch.float64, device=place)  # the fraction counts
+    return ((steps * ratios + shift) % 1).float() * 2 - 1
 
 
 def spread(total: int, count: int) -> list[int]:
