@@ -4,7 +4,7 @@ from typing import Final
 
 LEAD: Final = """
 Single-image 3D reconstruction with directed distance fields (DDF) and with PC-SIREN, a baseline of the same
-architecture that maps random points to surface points. Experiment `{name}`: {data}.
+architecture that maps points of a cube to surface points. Experiment `{name}`: {data}.
 """
 SYNTHETIC: Final = "synthetic shapes in ShapeNet's layout"
 SHAPENET: Final = "ShapeNet-v1 with 3D-R2N2 renders"
