@@ -316,10 +316,11 @@ def cube_points(count: int, how: CubePoints, generator: torch.Generator) -> Floa
     place = generator.device
     if how == "random":
         return torch.rand((count, 3), generator=generator, device=place) * 2 - 1
+    # float64, for only the fractions of products up to `count` are kept
     ratios = torch.tensor(EVEN_RATIOS, dtype=torch.float64, device=place)
-    steps = torch.arange(count, dtype=torch.float64, device=place)[:, None]  # float64: products of thousands, of which
-    shift = torch.rand(3, generator=generator, dtype=torch.float64, device=place)  # the fraction counts
-    return ((steps * ratios + shift) % 1).float() * 2 - 1
+    shift = torch.rand(3, generator=generator, dtype=torch.float64, device=place)
+    turns = torch.arange(count, dtype=torch.float64, device=place)[:, None] * ratios + shift
+    return (turns % 1).float() * 2 - 1
 
 
 def spread(total: int, count: int) -> list[int]:
