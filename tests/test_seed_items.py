@@ -16,7 +16,7 @@ def test_every_item_of_the_experiment_is_there_once_per_further_seed():
     added = seed_items.further(LISTS, "cpu", 3)
     assert list(added) == ["runs", "evaluations"]
     assert list(added["evaluations"]) == ["cpu-1", "cpu-2"]
-    categories = ["chair", "plane", "car"]
+    categories = ["car", "plane", "chair"]  # as the pipeline lists them
     assert list(added["runs"]) == [f"cpu-{category}-{seed}" for seed in (1, 2) for category in categories]
     item = added["runs"]["cpu-plane-2"]
     assert item == {"config": "cpu", "category": "plane", "option": " --seed 2", "folder": "_seeds/2"}
