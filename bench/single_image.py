@@ -159,10 +159,9 @@ def measure(scene: Scene) -> list[dict[str, Any]]:
     latents = [[encode(model, image)[0] for image in range(IMAGES)] for model in scene.models]
     modulations = [[m[0] for m in ddf.modulations(latent)] for latent in latents[0]]
 
-    inputs_of_pcsiren = scene.section.pcsiren_inputs
-
     def decode(image: int) -> Tensor:
-        inputs = si3dr_inference.cube_points(count, inputs_of_pcsiren, torch.Generator().manual_seed(image))
+        generator = torch.Generator().manual_seed(image)
+        inputs = si3dr_inference.cube_points(count, scene.section.pcsiren_inputs, generator)
         return pcsiren.decoder(inputs[None], latents[1][image])[0]
 
     add("PC-SIREN cloud", {"points": count}, decode, clouds=True)

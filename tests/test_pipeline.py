@@ -90,7 +90,10 @@ def test_tasks_are_the_categories_of_the_config(path):
     lists = _pipeline.load()["vars"][0]
     tasks = {key: item for key, item in lists["tasks"].items() if item["config"] == path.stem}
     assert set(tasks) == {f"{path.stem}-{item['category']}" for item in tasks.values()}
-    assert sorted(item["category"] for item in tasks.values()) == sorted(config.read(path)["dataset"]["categories"])
+    sections = config.read(path)
+    shares = sections["train"]["step_shares"] or {}  # the longest trainings first, the others as the config has them
+    ordered = sorted(sections["dataset"]["categories"], key=lambda category: -shares.get(category, 1.0))
+    assert [item["category"] for item in tasks.values()] == ordered
     assert lists["experiments"][path.stem] == {"config": path.stem, "option": "", "folder": ""}
     assert all(item["option"] == item["folder"] == "" for item in tasks.values())
 
