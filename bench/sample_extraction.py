@@ -57,7 +57,7 @@ def extract_and_write(mesh: Mesh, drawn: sampling.SamplesConfig, path: Path) -> 
     """What the stage does for the samples of a shard."""
     found = [sampling.extract(mesh, drawn, str(index)) for index in range(drawn.shard_size)]
     arrays = {name: np.stack([arrays[name] for arrays, _ in found]) for name in found[0][0]}
-    storage.save_tensors(path, arrays, {"packing_errors": found[0][1]})
+    storage.save_tensors(path, arrays, {"packing_errors": sampling.packing_errors([probes for _, probes in found])})
 
 
 def occlusion_rays(scene: raycast.Scene, points: np.ndarray, face: np.ndarray) -> list[o3d.core.Tensor]:
@@ -76,7 +76,8 @@ def occlusion_rays(scene: raycast.Scene, points: np.ndarray, face: np.ndarray) -
 def measure(name: str, mesh: Mesh, path: Path, folder: Path) -> list[dict[str, Any]]:
     """Rows of one shape and one experiment's counts."""
     drawn = config.load(Path(path), "samples", sampling.SamplesConfig)
-    arrays, errors = sampling.extract(mesh, drawn, "bench")
+    arrays, probes = sampling.extract(mesh, drawn, "bench")
+    errors = sampling.packing_errors([probes])
     tensor, scene = stored_rays(mesh, arrays), built(mesh)
     faces, corners = mesh.faces.astype(np.uint32), raycast.Scene(mesh).local(mesh.vertices).astype(np.float32)
 

@@ -201,7 +201,8 @@ def test_streams_differ_by_name_and_not_by_joint_spelling():
 
 
 def test_reported_packing_errors_bound_the_real_ones():
-    _, errors = sampling.extract(SLAB, CONFIG, "test")
+    _, probes = sampling.extract(SLAB, CONFIG, "test")
+    errors = sampling.packing_errors([probes])
     assert 0.4 * packing.DEPTH_STEP < errors["depth_error"] < 0.51 * packing.DEPTH_STEP
     assert (
         0.1 < errors["normal_error_deg"] < 1.0 or errors["normal_error_deg"] < 1e-4

@@ -226,6 +226,11 @@ class Surface:
         return np.cumsum(self.areas)
 
     @functools.cached_property
+    def _last(self) -> int:
+        """The last triangle with an area."""
+        return int(np.flatnonzero(self.areas > 0)[-1])
+
+    @functools.cached_property
     def _frames(self) -> Float[np.ndarray, "m 9"]:
         """First corner, and the edges from it to the others."""
         first, second, third = (self.corners[:, corner] for corner in range(3))
@@ -236,9 +241,8 @@ class Surface:
     ) -> tuple[Float[np.ndarray, "count 3"], Int[np.ndarray, "count"]]:
         """Points, of the type of the corners, and the triangle of each, in random order."""
         steps = np.cumsum(rng.standard_exponential(count + 1))  # over their end: uniform numbers in ascending order
-        ends = np.searchsorted(steps[:-1], self._ends * (steps[-1] / self._ends[-1]))
-        ends[np.flatnonzero(self.areas > 0)[-1] :] = count  # whatever rounding says
-        face = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
+        face = np.searchsorted(self._ends * (steps[-1] / self._ends[-1]), steps[:-1], side="right")
+        np.minimum(face, self._last, out=face)  # whatever rounding says
         rng.shuffle(face)
         kind = self.corners.dtype
         root, along = np.sqrt(rng.random(count)).astype(kind), rng.random(count).astype(kind)
@@ -246,8 +250,10 @@ class Surface:
         first = root - second
         rows = self._frames.take(face, axis=0).T
         points = np.zeros((3, count), kind)
-        for axis in range(3):
-            points[axis] = rows[axis] + first * rows[3 + axis] + second * rows[6 + axis]
+        for axis, point in enumerate(points):
+            np.multiply(first, rows[3 + axis], out=point)
+            point += rows[axis]
+            point += second * rows[6 + axis]
         return points.T, face
 
 

@@ -11,7 +11,7 @@ Positions and directions are rounded before rays are cast, so the truth belongs 
 Octahedral map: Cigolle et al. 2014, "A survey of efficient representations for independent unit vectors", §3.3.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TypedDict
 
 import numpy as np
@@ -40,35 +40,64 @@ class Samples(TypedDict):
 
 def encode_unit(vectors: Float[np.ndarray, "*n 3"], dtype: type[np.signedinteger]) -> Int[np.ndarray, "*n 2"]:
     """Octahedral code of unit vectors, rounded to the nearest step of `dtype` in the map's plane."""
-    x, y, z = (vectors[..., axis] for axis in range(3))
-    steps = np.iinfo(dtype).max / (np.abs(x) + np.abs(y) + np.abs(z))
-    folded = np.minimum(z, 0) * steps  # below the equator the triangles are turned out: |x| + |z| = 1 - |y|
-    codes = np.zeros((*x.shape, 2), dtype)
-    for axis, own in enumerate((x, y)):
-        codes[..., axis] = np.rint(own * steps + np.copysign(folded, own))
-    return codes
+    return interleaved(unit_steps([vectors[..., axis] for axis in range(3)], dtype), dtype)
+
+
+def unit_steps(
+    axes: Sequence[Float[np.ndarray, "*n"]], dtype: type[np.signedinteger]
+) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+    """The two whole numbers of `encode_unit`, of the type of the three coordinates: what `unit_axes` reads."""
+    x, y, z = axes
+    steps = np.abs(x)
+    steps += np.abs(y)
+    steps += np.abs(z)
+    steps = np.divide(np.iinfo(dtype).max, steps, out=steps)
+    folded = np.minimum(z, 0)
+    folded *= steps  # below the equator the triangles are turned out: |x| + |z| = 1 - |y|
+    found = []
+    for own in (x, y):
+        code = own * steps
+        code += np.copysign(folded, own)
+        found.append(np.rint(code, out=code))
+    return found[0], found[1]
 
 
 def decode_unit(codes: Tensor) -> Float[Tensor, "*n 3"]:
     """Unit vectors, float32, of octahedral codes of either width."""
-    return torch.stack(unit_axes(codes), dim=-1)
+    x, y = (codes[..., axis].float() for axis in range(2))
+    return torch.stack(unit_axes(x, y, torch.iinfo(codes.dtype).max), dim=-1)
 
 
-def unit_axes(codes: Tensor) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n"], Float[Tensor, "*n"]]:
-    """The three coordinates of `decode_unit`, each in memory of its own."""
-    x, y = (codes[..., axis].float() / torch.iinfo(codes.dtype).max for axis in range(2))
-    z = 1 - x.abs() - y.abs()
-    fold = (-z).clamp_min(0.0)
-    x, y = x - torch.copysign(fold, x), y - torch.copysign(fold, y)
-    length = (x * x + y * y + z * z).sqrt()
-    return x / length, y / length, z / length
+def unit_axes(
+    x: Float[Tensor, "*n"], y: Float[Tensor, "*n"], most: int
+) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n"], Float[Tensor, "*n"]]:
+    """The three coordinates of `decode_unit`, each in memory of its own, of codes from -most to most in float32."""
+    x, y = x / most, y / most
+    z = x.abs().neg_().add_(1).sub_(y.abs())
+    fold = (-z).clamp_min_(0.0)
+    x.sub_(torch.copysign(fold, x))
+    y.sub_(fold.copysign_(y))
+    length = (x * x).add_(y * y).add_(z * z).sqrt_()
+    return x.div_(length), y.div_(length), z.div_(length)
 
 
 def encode_positions(positions: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n 3"]:
     """Positions in [-1, 1]^3 as int16; what lies outside is clamped onto the cube."""
-    codes = np.zeros(positions.shape, np.int16)
-    for axis in range(3):
-        codes[..., axis] = np.rint(np.minimum(np.maximum(positions[..., axis], -1.0), 1.0) * POSITION_STEPS)
+    return interleaved([position_steps(positions[..., axis]) for axis in range(3)], np.int16)
+
+
+def position_steps(positions: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """The whole numbers of `encode_positions`, of the positions' type: what `decode_positions` reads."""
+    steps = np.clip(positions, -1.0, 1.0)
+    steps *= POSITION_STEPS
+    return np.rint(steps, out=steps)
+
+
+def interleaved(steps: Sequence[Float[np.ndarray, "*n"]], dtype: type[np.signedinteger]) -> Int[np.ndarray, "*n axes"]:
+    """Whole numbers of each axis as codes, a point's side by side (numpy is several times slower all at once)."""
+    codes = np.zeros((*steps[0].shape, len(steps)), dtype)
+    for axis, values in enumerate(steps):
+        codes[..., axis] = values
     return codes
 
 
@@ -85,7 +114,7 @@ def encode_depth(depth: Float[np.ndarray, "*n"]) -> UInt[np.ndarray, "*n"]:
     """
     steps = np.rint(depth / DEPTH_STEP)
     codes = np.minimum(steps, MISS)
-    misses = np.count_nonzero(np.isposinf(depth))
+    misses = np.count_nonzero(depth == np.inf)
     if steps.size and not (steps.min() >= 0 and np.count_nonzero(codes == MISS) == misses):
         hit = depth[np.isfinite(depth)]
         raise checks.InputError(f"depth must be in [0, 2 sqrt(3)] or inf; got {hit.min()} to {hit.max()}")

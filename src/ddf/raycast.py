@@ -120,7 +120,7 @@ class Scene:
 
         The scene must have a triangle with an area.
         """
-        answer = self._scene.cast_rays(o3d.core.Tensor(local))
+        answer = self._scene.cast_rays(o3d.core.Tensor.from_numpy(local))
         return answer["t_hit"].numpy(), answer["primitive_ids"].numpy(), answer["primitive_normals"].numpy()
 
     def blocked_local(

@@ -85,7 +85,7 @@ class ExtractShard:
 class _Extracted:
     id: str
     arrays: dict[str, np.ndarray]
-    errors: dict[str, float]
+    probes: sampling.Probes
     cloud: clouds.Cloud
     field_from_raw: transforms.Similarity
 
@@ -93,10 +93,10 @@ class _Extracted:
     def make(
         cls, shape: PreparedShape, pack: mesh_shards.PreparedPack, config: sampling.SamplesConfig, category: str
     ) -> "_Extracted":
-        arrays, errors = sampling.extract(pack.meshes[shape.id], config, category, shape.id)
+        arrays, probes = sampling.extract(pack.meshes[shape.id], config, category, shape.id)
         rng = seeding.generator(config.seed, category, shape.id, "cloud")
         cloud = clouds.draw(mesh_io.load(shape.raw.path), config.cloud_points, rng)
-        return cls(shape.id, arrays, errors, cloud, pack.field_from_raw[shape.id])
+        return cls(shape.id, arrays, probes, cloud, pack.field_from_raw[shape.id])
 
 
 def _write_extracted(done: list[_Extracted], out_dir: Path, index: int, record: dict) -> list[Path]:
@@ -108,7 +108,7 @@ def _write_extracted(done: list[_Extracted], out_dir: Path, index: int, record: 
         "offsets": np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
         "hidden": np.concatenate([item.cloud.hidden for item in done]),
     }
-    errors = {name: max(item.errors[name] for item in done) for name in done[0].errors}
+    errors = sampling.packing_errors([item.probes for item in done])
     maps = {item.id: item.field_from_raw.to_dict() for item in done}
     paths = [out_dir / f"{index:03d}.samples.safetensors", out_dir / f"{index:03d}.clouds.safetensors"]
     storage.save_tensors(paths[0], tensors, {**record, "ids": ids, "field_from_raw": maps, "packing_errors": errors})

@@ -18,8 +18,9 @@ Choices where the paper is silent:
 """
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -155,17 +156,19 @@ def _tangents(normals: Float[np.ndarray, "n 3"], rng: np.random.Generator) -> Fl
 
 def _exit(points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "3 n"]:
     """Distance along each axis at which a ray from inside the box leaves it; `inf` on axes it runs normal to."""
-    walls = zip(points.T, directions.T, box.lower, box.upper, strict=True)
+    reach, other = np.zeros((3, len(points)), np.float32), np.zeros(len(points), np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):  # 0/0 on a wall, which the ray runs along: never leaves there
-        reach = np.stack([np.fmax((lower - p) / v, (upper - p) / v) for p, v, lower, upper in walls])
-    reach[np.isnan(reach)] = np.inf
-    return np.maximum(reach, 0, out=reach)
+        for found, p, v, lower, upper in zip(reach, points.T, directions.T, box.lower, box.upper, strict=True):
+            np.divide(np.subtract(lower, p, out=found), v, out=found)
+            np.divide(np.subtract(upper, p, out=other), v, out=other)
+            np.fmax(found, other, out=found)
+    np.fmin(reach, np.inf, out=reach)  # in place of NaN
+    return np.clip(reach, 0, np.inf, out=reach)
 
 
 def _inside(points: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "n 3"]:
     """Points clipped to the box."""
-    inside = np.maximum(points.T, box.lower[:, None])
-    return np.minimum(inside, box.upper[:, None], out=inside).T
+    return np.clip(points.T, box.lower[:, None], box.upper[:, None]).T
 
 
 def _back_along(
@@ -187,10 +190,13 @@ def _back_along(
     share = _shares(count, rng)
     share[rows] = 1
     reach *= share
-    positions = _inside(origins + reach[:, None] * directions, box)
-    for axis in range(3):
-        there = rows[axes[axis].take(rows) == reach.take(rows)]  # whose share is 1
-        positions[there, axis] = np.where(directions[there, axis] > 0, box.upper[axis], box.lower[axis])
+    positions = directions.T * reach
+    positions += origins.T
+    positions = _inside(positions.T, box)
+    walls = np.where(directions.T.take(rows, axis=1) > 0, box.upper[:, None], box.lower[:, None])
+    ends = positions.T.take(rows, axis=1)
+    np.copyto(ends, walls, where=axes.take(rows, axis=1) == reach.take(rows))  # whose share is 1
+    positions.T[:, rows] = ends
     return Draw(positions, -directions, normals, None if normals is None else reach)
 
 
@@ -206,8 +212,10 @@ def draw_uniform(box: Box, count: int, rng: np.random.Generator) -> Draw:
 
 
 def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
-    shares = rng.random((3, count), dtype=np.float32)
-    return (box.lower[:, None] + (box.upper - box.lower)[:, None] * shares).T
+    positions = rng.random((3, count), dtype=np.float32)
+    positions *= (box.upper - box.lower)[:, None]
+    positions += box.lower[:, None]
+    return positions.T
 
 
 def draw_at_surface(surface: meshes.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
@@ -222,11 +230,11 @@ def draw_bounding(box: Box, count: int, rng: np.random.Generator) -> Draw:
     areas = np.repeat([sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]], 2)
     wall = np.minimum(np.searchsorted(np.cumsum(areas), _shares(count, rng) * areas.sum(), side="right"), 5)
     positions, directions = _in_box(box, count, rng), unit_vectors(count, rng)
-    for axis in range(3):
-        for side, (place, sign) in enumerate(((box.lower, 1), (box.upper, -1))):
-            rows = np.flatnonzero(wall == 2 * axis + side)
-            positions[rows, axis] = place[axis]
-            directions[rows, axis] = sign * np.abs(directions[rows, axis])
+    for axis, (place, turned) in enumerate(zip(positions.T, directions.T, strict=True)):
+        rows = np.flatnonzero(wall >> 1 == axis)
+        upper = wall[rows] % 2 == 1
+        place[rows] = np.where(upper, box.upper[axis], box.lower[axis])
+        turned[rows] = np.copysign(turned[rows], np.where(upper, np.float32(-1), np.float32(1)))
     return Draw(positions, directions)
 
 
@@ -277,15 +285,27 @@ def draw(
     return functions[kind](surface, box, count, rng)
 
 
-def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """All six types of one shape in stored form, and the largest errors of that form.
+@dataclass(frozen=True)
+class Probes:
+    """Some samples of one or more shapes whose errors are measured (`packing_errors`).
+
+    drawn: before rounding. packed: in stored form. depth: `inf` on a miss. normals: before coding.
+    """
+
+    drawn: Draw
+    packed: dict[str, np.ndarray]
+    depth: Float[np.ndarray, "n"]
+    normals: Float[np.ndarray, "n 3"]
+
+
+def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, np.ndarray], Probes]:
+    """All six types of one shape in stored form, and some of them for `packing_errors`.
 
     Args:
       mesh: in the field frame (inside [-1, 1]^3).
       names: what tells this shape's random stream from others (category, id).
     Returns:
-      `<type>.positions`, `.directions`, `.depth`, `.normals` (see `packing`), and the errors of `_packing_errors`, the
-      largest over the types.
+      `<type>.positions`, `.directions`, `.depth`, `.normals` (see `packing`), and the first samples of each type.
     Raises:
       InputError: the mesh leaves the cube, or has no triangle with an area.
     """
@@ -293,7 +313,7 @@ def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, n
     streams = {kind: seeding.generator(config.seed, *names, kind) for kind in counts}
     scene = raycast.Scene(mesh)
     answers = Sampler(scene, config).cast(counts, streams)
-    return answers.arrays(), _few_errors(scene, answers)
+    return answers.arrays(), _probes(scene, answers)
 
 
 @dataclass(frozen=True)
@@ -367,8 +387,8 @@ def surface_of(scene: raycast.Scene) -> meshes.Surface:
 
 def _parts(drawn: dict[str, Draw]) -> dict[str, slice]:
     """Where each type lies when all are put after another."""
-    ends = np.cumsum([0, *(len(draws.positions) for draws in drawn.values())])
-    return {kind: slice(start, end) for kind, start, end in zip(drawn, ends[:-1], ends[1:], strict=True)}
+    ends = itertools.accumulate((len(draws.positions) for draws in drawn.values()), initial=0)
+    return {kind: slice(*pair) for kind, pair in zip(drawn, itertools.pairwise(ends), strict=True)}
 
 
 def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
@@ -377,22 +397,26 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
     Coordinates are taken one after the other: numpy is several times slower along an axis of three.
     """
     parts = _parts(drawn)
-    positions = packing.encode_positions(_joined(drawn, "positions").T)
-    directions = packing.encode_unit(_joined(drawn, "directions").T, np.int16)
-    looking = [axis.numpy() for axis in packing.unit_axes(torch.from_numpy(directions))]
-    starts = np.ascontiguousarray(packing.decode_positions(torch.from_numpy(positions)).numpy().T)
-    local, ahead = np.zeros((len(positions), 6), np.float32), np.zeros(len(positions), np.float32)
-    for kind, draws in drawn.items():
-        if draws.normals is not None and draws.reach is None:
-            part = parts[kind]
-            ahead[part] = _lift(scene, draws, starts[:, part], [axis[part] for axis in looking])
+    starts = packing.position_steps(_joined(drawn, "positions"))
+    positions = packing.interleaved(list(starts), np.int16)
+    starts /= packing.POSITION_STEPS
+    directions = packing.unit_steps(list(_joined(drawn, "directions")), np.int16)
+    x, y = (torch.from_numpy(steps) for steps in directions)
+    looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
+    ahead = {
+        kind: _lift(scene, draws, starts[:, parts[kind]], [axis[parts[kind]] for axis in looking])
+        for kind, draws in drawn.items()
+        if draws.normals is not None and draws.reach is None
+    }
+    local = np.zeros((len(x), 6), np.float32)
     for axis, centre in enumerate(scene.centre.astype(np.float32)):
-        local[:, axis] = (starts[axis] - centre) / np.float32(scene.scale)
+        starts[axis] -= centre
+        np.divide(starts[axis], np.float32(scene.scale), out=local[:, axis])
         local[:, 3 + axis] = looking[axis]
     depth, kept, normals = scene.cast_kept(local)
     depth *= np.float32(scene.scale)
-    depth += ahead
-    np.maximum(depth, 0, out=depth)
+    for kind, lifted in ahead.items():
+        depth[parts[kind]] = np.maximum(depth[parts[kind]] + lifted, 0)
     codes = _normal_codes(scene, kept, normals, looking)
     for kind, draws in drawn.items():
         if draws.reach is not None:
@@ -401,27 +425,28 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
             codes[parts[kind]] = packing.encode_unit(draws.normals, np.int8)
     packed = {
         "positions": positions,
-        "directions": directions,
+        "directions": packing.interleaved(directions, np.int16),
         "depth": packing.encode_depth(depth),
         "normals": codes,
     }
     return Answers(drawn, packed, depth, kept, local[:, 3:])
 
 
-def _few_errors(scene: raycast.Scene, answers: Answers) -> dict[str, float]:
-    """`_packing_errors` over the first samples of each type."""
-    drawn, depth = answers.drawn, answers.depth
-    parts = _parts(drawn)
-    probes = np.concatenate([np.arange(part.start, part.stop)[:_ERROR_PROBE] for part in parts.values()])
-    face = np.where(np.isfinite(depth[probes]), scene.kept.take(answers.kept[probes], mode="clip"), -1)
+def _probes(scene: raycast.Scene, answers: Answers) -> Probes:
+    """The first samples of each type."""
+    drawn, parts = answers.drawn, _parts(answers.drawn)
+    rows = [np.arange(part.start, min(part.stop, part.start + _ERROR_PROBE)) for part in parts.values()]
+    probes = np.concatenate(rows)
+    depth = answers.depth.take(probes)
+    face = np.where(np.isfinite(depth), scene.kept.take(answers.kept.take(probes), mode="clip"), -1)
     normals = raycast.facing_back(scene, face, answers.looking[probes])
-    for kind, draws in drawn.items():
+    start = 0
+    for draws, own in zip(drawn.values(), rows, strict=True):
         if draws.normals is not None:
-            own = (probes >= parts[kind].start) & (probes < parts[kind].stop)
-            normals[own] = draws.normals[:_ERROR_PROBE]
+            normals[start : start + len(own)] = draws.normals[:_ERROR_PROBE]
+        start += len(own)
     first = Draw(*(_joined(drawn, name, _ERROR_PROBE).T for name in ("positions", "directions")))
-    few = {name: values[probes] for name, values in answers.packed.items()}
-    return _packing_errors(first, few, depth[probes], normals)
+    return Probes(first, {name: values.take(probes, axis=0) for name, values in answers.packed.items()}, depth, normals)
 
 
 def _joined(drawn: dict[str, Draw], name: str, count: int | None = None) -> Float[np.ndarray, "3 n"]:
@@ -472,18 +497,22 @@ def _normal_codes(
     return codes.view(np.int16)[:, 0].take(np.minimum(which, len(codes) - 1)).view(np.int8).reshape(-1, 2)
 
 
-def _packing_errors(
-    drawn: Draw, packed: dict[str, np.ndarray], depth: Float[np.ndarray, "n"], normals: Float[np.ndarray, "n 3"]
-) -> dict[str, float]:
-    """Largest error of each stored type. Positions and directions: how far the stored (and cast) ray is from the drawn
-    one; no error of the truth. Depth and normals: error of the truth itself.
+def packing_errors(probes: Sequence[Probes]) -> dict[str, float]:
+    """Largest error of each stored type over all probes. Positions and directions: how far the stored (and cast) ray is
+    from the drawn one; no error of the truth. Depth and normals: error of the truth itself.
     """
+    packed = {
+        name: torch.from_numpy(np.concatenate([probe.packed[name] for probe in probes])) for name in packing.FIELDS
+    }
+    positions, directions = (
+        np.concatenate([getattr(probe.drawn, name) for probe in probes]) for name in ("positions", "directions")
+    )
+    depth, normals = (np.concatenate([getattr(probe, name) for probe in probes]) for name in ("depth", "normals"))
     hit = np.isfinite(depth)
-    as_tensor = {name: torch.from_numpy(values) for name, values in packed.items()}
-    stored_depth = packing.decode_depth(as_tensor["depth"]).double().numpy()
-    turned = _angle_deg(packing.decode_unit(as_tensor["directions"]).double().numpy(), drawn.directions)
-    tilted = _angle_deg(packing.decode_unit(as_tensor["normals"]).double().numpy()[hit], normals[hit])
-    moved = np.abs(packing.decode_positions(as_tensor["positions"]).double().numpy() - drawn.positions)
+    stored_depth = packing.decode_depth(packed["depth"]).double().numpy()
+    turned = _angle_deg(packing.decode_unit(packed["directions"]).double().numpy(), directions)
+    tilted = _angle_deg(packing.decode_unit(packed["normals"]).double().numpy()[hit], normals[hit])
+    moved = np.abs(packing.decode_positions(packed["positions"]).double().numpy() - positions)
     return {
         "position_shift": float(moved.max(initial=0.0)),
         "direction_shift_deg": float(turned.max(initial=0.0)),

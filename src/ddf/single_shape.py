@@ -226,7 +226,7 @@ class ShapeSamples:
 def draw_samples(
     mesh: mesh_io.Mesh, config: FitConfig, counts: sampling.Counts, stream: str
 ) -> tuple[ShapeSamples, dict[str, float]]:
-    """Samples of a mesh, field frame, and the largest errors of their stored form (`sampling.extract`).
+    """Samples of a mesh, field frame, and the largest errors of their stored form (`sampling.packing_errors`).
 
     Args:
       mesh: in [-1, 1]^3; it is shrunk to leave `config.margin`.
@@ -237,7 +237,7 @@ def draw_samples(
     lower, upper = mesh.box()
     box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else config.box
     drawn = config.draw(box, counts, config.loop.seed)
-    packed, errors = sampling.extract(mesh, drawn, stream)
+    packed, probes = sampling.extract(mesh, drawn, stream)
     arrays = {}
     for kind, _ in counts.items():
         samples = packing.decode({name: torch.from_numpy(values) for name, values in packed.items()}, kind)
@@ -250,7 +250,8 @@ def draw_samples(
             "normals": samples["normals"],
         }
     sides = sampling.box_of(mesh, drawn)
-    return ShapeSamples(arrays, sides.lower.astype(np.float64), sides.upper.astype(np.float64), unit), errors
+    samples = ShapeSamples(arrays, sides.lower.astype(np.float64), sides.upper.astype(np.float64), unit)
+    return samples, sampling.packing_errors([probes])
 
 
 @torch.no_grad()

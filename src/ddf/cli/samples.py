@@ -49,12 +49,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         seed=args.seed,
     )
     mesh, field_from_raw = _field_mesh(mesh_io.load(args.mesh), args.watertight)
-    arrays, errors = sampling.extract(mesh, config)
+    arrays, probes = sampling.extract(mesh, config)
     metadata = {
         "seed": args.seed,
         "sources": {args.mesh.name: storage.checksum(args.mesh)},
         "field_from_raw": field_from_raw.to_dict(),
-        "packing_errors": errors,
+        "packing_errors": sampling.packing_errors([probes]),
     }
     storage.save_tensors(args.out, arrays, metadata)
     shares = {
