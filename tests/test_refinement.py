@@ -33,7 +33,7 @@ def test_what_is_asked_for_is_exact_and_asked_for_once(size, stride):
     asked = np.concatenate(calls)
     assert image.shape == (size, size) and count == len(asked) == len(np.unique(asked))
     np.testing.assert_allclose(image.ravel()[asked], truth[asked], rtol=1e-15)
-    assert len(calls) <= 1 + 2 * np.log2(stride)
+    assert len(calls) <= 1 + np.log2(stride)
     if stride == 1:
         assert count == size**2
 

@@ -40,31 +40,34 @@ def depth_image(ask: Ask, size: int, how: Refinement) -> tuple[Float[np.ndarray,
     all see a surface that the four foretell; else it is cut in four, down to single pixels.
 
     Args:
-      ask: depth of pixels, `inf` where nothing is seen. Called at most 1 + 2 log2(stride) times.
+      ask: depth of pixels, `inf` where nothing is seen. Called at most 1 + log2(stride) times.
     """
     canvas = _Canvas(ask, size)
     lines = np.unique([*range(0, size, how.stride), size - 1])
-    canvas.fetch(*np.meshgrid(lines, lines, indexing="ij"))
     top, left = np.meshgrid(lines[:-1], lines[:-1], indexing="ij")
     bottom, right = np.meshgrid(lines[1:], lines[1:], indexing="ij")
-    cells = np.stack([top, left, bottom, right]).reshape(4, -1)
-    step = how.stride
+    cells, step = np.stack([top, left, bottom, right]).reshape(4, -1), how.stride
+    middle = _middle(cells, step)
+    canvas.fetch(np.stack(np.meshgrid(lines, lines, indexing="ij")), middle)
     while step > 1:
-        middle = np.minimum(cells[:2] + step // 2, cells[2:])
-        canvas.fetch(*middle)
         rough = ~canvas.fill(cells, middle, how.tolerance)
         (top, left, bottom, right), (row, column) = cells[:, rough], middle[:, rough]
-        canvas.fetch(np.stack([top, bottom, row, row]), np.stack([column, column, left, right]))
         parts = [
             (top, left, row, column),
             (top, column, row, right),
             (row, left, bottom, column),
             (row, column, bottom, right),
         ]
-        cells = np.concatenate(parts, axis=1)
+        cells, step = np.concatenate(parts, axis=1), step // 2
         cells = cells[:, (cells[2:] > cells[:2]).all(axis=0)]
-        step //= 2
+        middle = _middle(cells, step)
+        canvas.fetch(np.stack([[top, bottom, row, row], [column, column, left, right]]), middle)
     return canvas.depth(), int(canvas.asked.sum())
+
+
+def _middle(cells: Int[np.ndarray, "4 n"], step: int) -> Int[np.ndarray, "2 n"]:
+    """Row and column of the pixel in the middle of each cell, the top left one of a cell of one step."""
+    return np.minimum(cells[:2] + step // 2, cells[2:])
 
 
 class _Canvas:
@@ -75,10 +78,11 @@ class _Canvas:
         self.known, self.drawn = np.zeros(size * size), np.zeros(size * size)
         self.asked = np.zeros(size * size, bool)
 
-    def fetch(self, row: Int[np.ndarray, "*n"], column: Int[np.ndarray, "*n"]) -> None:
-        """Ask for pixels, each once."""
+    def fetch(self, *pixels: Int[np.ndarray, "2 *_"]) -> None:
+        """Ask for pixels by row and column, each once and all in one call."""
         wanted = np.zeros_like(self.asked)
-        wanted[row * self.size + column] = True
+        for row, column in pixels:
+            wanted[row * self.size + column] = True
         new = np.flatnonzero(wanted & ~self.asked)
         if len(new):
             self.known[new] = 1 / np.maximum(self.ask(new), np.finfo(np.float64).tiny)
