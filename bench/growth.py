@@ -234,7 +234,8 @@ def _growth_section(record: Mapping[str, Any]) -> pages.Section:
     header = ["stage", *sizes, "KiB a shape", *[f"worker, {size}" for size in sizes], "KiB a shape"]
     caption = (
         f"Every stage as `make` runs it, on synthetic chairs in shards of {SHARD_SIZE}, with small sizes (fewer "
-        "samples, points, views and steps) so that it takes a minute or two."
+        "samples, points, views and steps) so that it takes a minute or two. `pointclouds` corrects images in batches, "
+        f"which {SIZES[0]} shapes do not fill."
     )
     return pages.Section(f"From {SIZES[0]} to {SIZES[1]} shapes", [_table(caption, header, rows)])
 
