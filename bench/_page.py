@@ -51,6 +51,11 @@ def _values_only(row: Row) -> bool:
     return "normals" not in row.size.get("outputs", ("normals",)) and row.size.get("threads", 1) > 1
 
 
+def _samples_on_one_core(row: Row) -> bool:
+    """Rows of the samples of a shape, not of its cloud."""
+    return "counts" in row.size and row.size.get("threads") == 1
+
+
 VIEWS: Mapping[str, View] = {
     "cloud_sampling": View("f_score_tau_x100", "points missed: 100 - 100 F(τ)", ("what",), best=100.0),
     "composition": View("soft_depth_mean", "mean error of the soft depth", ("what",)),
@@ -58,6 +63,9 @@ VIEWS: Mapping[str, View] = {
     "evaluation": View("chamfer_relative", "relative error of D_C"),
     "field_inference": View("depth_mean", "mean error of depth", ("width",), keep=_values_only),
     "rendering": View("depth_median", "median error of depth", keep=lambda row: "times_ddf" in row.told),
+    "sample_extraction": View(
+        "position_shift", "shift of a stored position", ("shape", "counts"), keep=_samples_on_one_core
+    ),
     "training_step": View("gradient_relative", "relative error of the gradient", ("hidden",)),
 }
 
