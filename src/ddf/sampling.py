@@ -397,9 +397,8 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
     Coordinates are taken one after the other: numpy is several times slower along an axis of three.
     """
     parts = _parts(drawn)
-    starts = packing.position_steps(_joined(drawn, "positions"))
-    positions = packing.interleaved(list(starts), np.int16)
-    starts /= packing.POSITION_STEPS
+    positions = packing.position_steps(_joined(drawn, "positions"))
+    starts = packing.decode_positions(torch.from_numpy(positions)).numpy()
     directions = packing.unit_steps(list(_joined(drawn, "directions")), np.int16)
     x, y = (torch.from_numpy(steps) for steps in directions)
     looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
@@ -424,7 +423,7 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
         if draws.normals is not None:
             codes[parts[kind]] = packing.encode_unit(draws.normals, np.int8)
     packed = {
-        "positions": positions,
+        "positions": packing.interleaved(list(positions), np.int16),
         "directions": packing.interleaved(directions, np.int16),
         "depth": packing.encode_depth(depth),
         "normals": codes,
@@ -435,16 +434,14 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
 def _probes(scene: raycast.Scene, answers: Answers) -> Probes:
     """The first samples of each type."""
     drawn, parts = answers.drawn, _parts(answers.drawn)
-    rows = [np.arange(part.start, min(part.stop, part.start + _ERROR_PROBE)) for part in parts.values()]
-    probes = np.concatenate(rows)
+    probes = np.concatenate([np.arange(part.start, part.stop)[:_ERROR_PROBE] for part in parts.values()])
     depth = answers.depth.take(probes)
     face = np.where(np.isfinite(depth), scene.kept.take(answers.kept.take(probes), mode="clip"), -1)
     normals = raycast.facing_back(scene, face, answers.looking[probes])
-    start = 0
-    for draws, own in zip(drawn.values(), rows, strict=True):
+    for kind, draws in drawn.items():
         if draws.normals is not None:
-            normals[start : start + len(own)] = draws.normals[:_ERROR_PROBE]
-        start += len(own)
+            own = (probes >= parts[kind].start) & (probes < parts[kind].stop)
+            normals[own] = draws.normals[:_ERROR_PROBE]
     first = Draw(*(_joined(drawn, name, _ERROR_PROBE).T for name in ("positions", "directions")))
     return Probes(first, {name: values.take(probes, axis=0) for name, values in answers.packed.items()}, depth, normals)
 
