@@ -398,7 +398,7 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
     """
     parts = _parts(drawn)
     positions = packing.position_steps(_joined(drawn, "positions"))
-    starts = packing.decode_positions(torch.from_numpy(positions)).numpy()
+    starts = packing.decode_positions(torch.from_numpy(positions.T)).numpy().T
     directions = packing.unit_steps(list(_joined(drawn, "directions")), np.int16)
     x, y = (torch.from_numpy(steps) for steps in directions)
     looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
