@@ -162,7 +162,7 @@ fit-proof: $(READY) ## what fits of single shapes reach, in hours: [PROOFS="fit_
 	@$(call benches,$(PROOFS),$(OPTIONS)); $(RUN) bench/_fit_page.py || status=1; exit $$status
 
 .PHONY: ablate-options
-ablate-options: $(READY) ## every switch of the reconstruction turned alone, up to an hour: [OPTIONS="--seconds 300"]
+ablate-options: $(READY) ## every switch of the reconstruction turned alone, up to an hour: [OPTIONS="--steps 800"]
 	@$(RUN) bench/si3dr_options.py $(OPTIONS) && $(RUN) bench/_page.py
 
 ##@ Household

@@ -1,8 +1,10 @@
 """Switches of single-image reconstruction, each turned alone: D_C and F(τ) on shapes held out of the training.
 
 `make ablate-options` runs it on what `make reproduce-table` prepared (artifacts/cpu): the DDF of one category, trained
-with configs/cpu.yaml (`base`) and with one setting changed, the same wall time each, two side by side with one thread
-each. Held out are the last training shapes; the test set is not touched. Switches of clouds, scale and camera
+with configs/cpu.yaml (`base`) and with one setting changed, two side by side with one thread each. Every row is given
+as many steps as take as long as those of `base`, by trials of both in turn (`times_base`: a step's time over one of
+`base`), so the machine may be busier for one row than for another. `base` with other seeds shows what chance alone
+does. Held out are the last training shapes; the test set is not touched. Switches of clouds, scale and camera
 correction need no training and are rows on the model of `base`. Seconds are those of the training, or of an image's
 clouds. Rows are kept in artifacts/si3dr_options and made again only when something that they depend on has changed; one
 that was killed goes on from its checkpoint.
@@ -48,10 +50,12 @@ CONFIG = Path("configs/cpu.yaml")
 OUT = Path("artifacts/si3dr_options")
 PLAN, RESULT = "plan.json", "result.json"
 SIDE_BY_SIDE = 2
-TOLERANCE = 0.3  # relative; the number of steps depends on the moment
+TOLERANCE = 0.3  # relative; the number of steps depends on measured times
 # what is changed, by the row's name: the key in configs/cpu.yaml and its other value, the paper's where they differ
 TRAINED: Mapping[str, Mapping[str, Any]] = {
     "base": {},
+    "base, second seed": {"train.loop.seed": 1},
+    "base, third seed": {"train.loop.seed": 2},
     "azimuth as an angle": {"train.azimuth": "angle"},
     "AdamW alone": {"ddf.muon": None, "train.loop.muon": None, "train.loop.muon_kernels": None},
     "AdamW for the encoders": {"train.loop.muon_kernels": None},
@@ -103,10 +107,10 @@ COLUMNS = {"": ("L", "Pi_g"), "_predicted_camera": ("S", "Pi_pred"), "_corrected
 
 @dataclasses.dataclass(frozen=True)
 class Task:
-    """What all rows share. seconds: of every training. held_out: shapes. views: first ones of each. seed: of all."""
+    """What all rows share. steps: of `base`. held_out: shapes. views: first ones of each. seed: of all."""
 
     category: str
-    seconds: float
+    steps: int
     held_out: int
     views: int
     seed: int
@@ -149,8 +153,16 @@ def split(task: Task, dataset: shapenet.Dataset, views: int | None) -> tuple[lis
     return shapes[: -task.held_out], held
 
 
-def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) -> dict[str, float]:
-    """Train the row's model as the stage does, but for the shapes held out; steps and seconds."""
+@dataclasses.dataclass(frozen=True)
+class Training:
+    """A row's training, ready to start. key: fingerprint of everything that it depends on."""
+
+    trainee: step_timing.Trainee[reconstruction.DDFModel]
+    key: str
+
+
+def prepared(task: Task, settings: Settings, dataset: shapenet.Dataset) -> Training:
+    """A row's training as the stage does it, but for the shapes held out."""
     samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
     shown, _ = split(task, dataset, settings.train.train_views)
     images = si3dr_data.read_images(dataset, task.category, shown, settings.train.image_size)
@@ -179,20 +191,37 @@ def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
             propose=truth.propose,
         )
 
-    out, loop = folder(task, name), settings.ddf.loop(settings.train.loop)
     key = provenance.fingerprint(
         [dataclasses.asdict(task), settings.train, settings.ddf, images.digest(), truth.drawn],
         truth.sources,
         si3dr_training,
     )
-    plan = storage.read_json(out / PLAN) if (out / PLAN).exists() else {}
-    if plan.get("fingerprint") != key:
-        each = step_timing.seconds_per_step(model, groups, loss, loop, task.seconds)
-        plan = {"fingerprint": key, "steps": max(1, round(task.seconds / each))}
-        storage.write_json(out / PLAN, plan)
-    record = {"fingerprint": f"{key} {plan['steps']}"}
-    training.fit(model, groups(model), loss(model), plan["steps"], loop, out, record, name)
-    return {"steps": plan["steps"], "seconds": training.read_log(out)[-1]["seconds"]}
+    return Training(step_timing.Trainee(model, groups, loss, settings.ddf.loop(settings.train.loop)), key)
+
+
+def planned(task: Task, settings: Settings, own: Training, dataset: shapenet.Dataset, path: Path) -> dict[str, Any]:
+    """Steps that take as long as those of `base`, and `times_base`; measured once and kept in a file."""
+    plan = storage.read_json(path) if path.exists() else {}
+    if plan.get("fingerprint") != own.key:
+        base, ratio = Settings.of("base", task.seed), 1.0
+        loop = dataclasses.replace(settings.train.loop, seed=base.train.loop.seed)  # which changes no time
+        if (dataclasses.replace(settings.train, loop=loop), settings.ddf) != (base.train, base.ddf):
+            ratio = step_timing.times_as_long(own.trainee, prepared(task, base, dataset).trainee)
+        plan = {"fingerprint": own.key, "steps": max(1, round(task.steps / ratio)), "times_base": ratio}
+        storage.write_json(path, plan)
+    return plan
+
+
+def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) -> dict[str, float]:
+    """Train the row's model; steps, `times_base` and seconds."""
+    own, out = prepared(task, settings, dataset), folder(task, name)
+    plan = planned(task, settings, own, dataset, out / PLAN)
+    record, trainee = {"fingerprint": f"{own.key} {plan['steps']}"}, own.trainee
+    training.prepare(settings.train.loop)  # trials of other models came between
+    start = trainee.groups(trainee.model), trainee.loss(trainee.model)
+    training.fit(trainee.model, *start, plan["steps"], trainee.loop, out, record, name)
+    seconds = training.read_log(out)[-1]["seconds"]
+    return {"steps": plan["steps"], "times_base": plan["times_base"], "seconds": seconds}
 
 
 def score(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) -> tuple[dict[str, float], float]:
@@ -239,7 +268,8 @@ def make(task: Task, name: str) -> None:
     size = dataclasses.asdict(task) | {"points": settings.pointclouds.large}
     row = _measure.row(name, size, [trained.get("seconds", cloud_seconds)], error, TOLERANCE)
     changed = ", ".join(f"{key}: {value}" for key, value in OPTIONS[name].items())
-    told = {"changed": changed, "steps": trained.get("steps", 0), "cloud_seconds": cloud_seconds}
+    told = {"changed": changed, "steps": trained.get("steps", 0), "times_base": trained.get("times_base")}
+    told |= {"cloud_seconds": cloud_seconds}
     storage.write_json(folder(task, name) / RESULT, {"fingerprint": identity(task, name), "row": row | told})
 
 
@@ -289,14 +319,14 @@ def main() -> None:
     """Make all rows and write them; --rows for some of them, printed and not written."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--category", default="car")
-    parser.add_argument("--seconds", type=float, default=150.0, help="of every training (default %(default)s)")
+    parser.add_argument("--steps", type=int, default=400, help="of `base`; others take as long (default %(default)s)")
     parser.add_argument("--held-out", type=int, default=8, help="shapes (default %(default)s)")
     parser.add_argument("--views", type=int, default=2, help="of each held-out shape (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="added to all seeds of the config")
     parser.add_argument("--rows", nargs="+", choices=list(OPTIONS), help="these alone; prints instead of writing")
     parser.add_argument("--one", choices=list(OPTIONS), help=argparse.SUPPRESS)
     given = parser.parse_args()
-    task = Task(given.category, given.seconds, given.held_out, given.views, given.seed)
+    task = Task(given.category, given.steps, given.held_out, given.views, given.seed)
     needed = config.artifact_dir(CONFIG, "samples", task.category)
     if not needed.exists():
         print(f"si3dr_options: skipped, {needed} is not there; `make reproduce-table` makes it")

@@ -46,7 +46,7 @@ def test_last_shapes_are_held_out_and_no_other(monkeypatch):
     shapes = [(f"shape{i}", list(range(5))) for i in range(10)]
     monkeypatch.setattr(si3dr_data, "training_views", lambda *_: shapes)
     monkeypatch.setattr(si3dr_data, "available", lambda _, views: views)
-    task = si3dr_options.Task("car", 1.0, 3, 2, 0)
+    task = si3dr_options.Task("car", 1, 3, 2, 0)
     trained, held = si3dr_options.split(task, shapenet.Dataset(Path("root"), {}), 24)
     assert trained == shapes[:7]
     assert held == [(f"shape{i}", [0, 1]) for i in (7, 8, 9)]

@@ -27,14 +27,20 @@ def _groups(model):
     return [{"params": list(model.parameters()), "weight_decay": 0.1}]
 
 
+def _trainee(network, loss):
+    return step_timing.Trainee(network, _groups, lambda model: functools.partial(loss, model), LOOP)
+
+
+def _network():
+    return siren.SineNetwork(3, siren.SineLayout((8, 8)), 1)
+
+
 def _measure(monkeypatch, seconds, budget):
     """Seconds of a step by such a clock, the network timed and the steps that were made."""
-    clock, network = Clock(seconds), siren.SineNetwork(3, siren.SineLayout((8, 8)), 1)
+    clock, network = Clock(seconds), _network()
     monkeypatch.setattr(training, "time", clock)
     before = [weight.detach().clone() for weight in network.parameters()]
-    found = step_timing.seconds_per_step(
-        network, _groups, lambda model: functools.partial(clock.loss, model), LOOP, budget
-    )
+    found = step_timing.seconds_per_step(_trainee(network, clock.loss), budget)
     assert all(torch.equal(*pair) for pair in zip(before, network.parameters(), strict=True))
     return found, clock.steps
 
@@ -51,3 +57,22 @@ def test_longer_trial_takes_a_share_of_the_budget(monkeypatch, budget, second):
     found, steps = _measure(monkeypatch, lambda step: 1.0, budget)
     assert found == pytest.approx(1.0)
     assert steps == [*range(8), *range(second)]
+
+
+def test_two_trainings_are_compared_in_turn(monkeypatch):
+    """A busy time meets both, and a moment that meets one alone is outvoted."""
+    clock, timed, turn = Clock(lambda step: 0.0), [], 2 * step_timing.FIRST_TRIAL
+    monkeypatch.setattr(training, "time", clock)
+
+    def trainee(name, seconds):
+        def loss(model, step):
+            timed.append(name)
+            busy = 7.0 if len(timed) > turn else 1.0  # from the second turn on
+            alone = 50.0 if len(timed) == 3 * turn + 6 else 0.0  # in the fourth
+            clock.seconds = lambda step: busy * seconds + alone
+            return clock.loss(model, step)
+
+        return _trainee(_network(), loss)
+
+    assert step_timing.times_as_long(trainee("one", 3.0), trainee("other", 2.0)) == pytest.approx(1.5)
+    assert timed == step_timing.TURNS * [*["one"] * step_timing.FIRST_TRIAL, *["other"] * step_timing.FIRST_TRIAL]

@@ -282,7 +282,7 @@ def seconds_per_step(field: fields.PDDF, samples: ShapeSamples, config: FitConfi
     def loss(trial: fields.PDDF) -> training.StepLoss:
         return functools.partial(step_loss, trial, samples, config)
 
-    return step_timing.seconds_per_step(field, _groups, loss, config.loop, budget_seconds)
+    return step_timing.seconds_per_step(step_timing.Trainee(field, _groups, loss, config.loop), budget_seconds)
 
 
 def _groups(field: fields.PDDF) -> list[dict[str, Any]]:

@@ -2,10 +2,12 @@
 
 import copy
 import dataclasses
+import statistics
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 from torch import nn
 
@@ -13,35 +15,44 @@ from ddf import training
 
 SHARE, MOST_STEPS = 0.03, 400  # of the budget that a trial takes, about; and its steps, at most
 FIRST_TRIAL = 8  # steps, by which those of the longer one are chosen
+TURNS = 5  # trials of each of two trainings that are compared
 
 Model = TypeVar("Model", bound=nn.Module)
 
 
-def seconds_per_step(
-    model: Model,
-    groups: Callable[[Model], list[dict]],
-    loss: Callable[[Model], training.StepLoss],
-    loop: training.LoopConfig,
-    budget_seconds: float,
-) -> float:
-    """Mean time of a step as `training.fit` makes them, on copies; the model stays as it is.
+@dataclass(frozen=True)
+class Trainee(Generic[Model]):
+    """What `training.fit` is given. groups, loss: of a copy, the optimiser's parameter groups and a step's loss."""
 
-    Bare steps, without the loop around them, take up to 12 % less.
+    model: Model
+    groups: Callable[[Model], list[dict]]
+    loss: Callable[[Model], training.StepLoss]
+    loop: training.LoopConfig
 
-    Args:
-      groups, loss: the optimiser's parameter groups and the loss of a step, of a copy.
-    """
+    def trial(self, steps: int) -> float:
+        """Mean seconds of the second half of so many steps, at least 2, as `training.fit` makes them, on a copy.
 
-    def trial(steps: int) -> float:
-        """Mean of the second half of so many steps, at least 2; in the first, memory is touched for the first time."""
-        own, half = copy.deepcopy(model), steps // 2
-        often = dataclasses.replace(loop, log_every=half)
+        In the first half memory is touched for the first time. Bare steps, without the loop around them, take up to
+        12 % less.
+        """
+        own, half = copy.deepcopy(self.model), steps // 2
+        often = dataclasses.replace(self.loop, log_every=half)
         with tempfile.TemporaryDirectory() as folder:
-            out = Path(folder)
-            training.fit(own, groups(own), loss(own), 2 * half, often, out, {"fingerprint": ""}, "timing a step")
+            out, record = Path(folder), {"fingerprint": ""}
+            training.fit(own, self.groups(own), self.loss(own), 2 * half, often, out, record, "timing a step")
             first, last = (row["seconds"] for row in training.read_log(out))
         return (last - first) / half
 
-    each = trial(FIRST_TRIAL)
+
+def seconds_per_step(trainee: Trainee, budget_seconds: float) -> float:
+    """Mean time of a step, by a trial that takes `SHARE` of the budget."""
+    each = trainee.trial(FIRST_TRIAL)
     steps = min(MOST_STEPS, int(SHARE * budget_seconds / each))
-    return trial(steps) if steps > FIRST_TRIAL else each
+    return trainee.trial(steps) if steps > FIRST_TRIAL else each
+
+
+def times_as_long(one: Trainee, other: Trainee) -> float:
+    """A step of `one` as a multiple of one of `other`: the median over trials of both in turn, so that a busy moment
+    meets both.
+    """
+    return statistics.median(one.trial(FIRST_TRIAL) / other.trial(FIRST_TRIAL) for _ in range(TURNS))
