@@ -67,11 +67,17 @@ def bytes_of_training(parameters: int) -> int:
     return 4 * parameters * (1 + 3)
 
 
+def bytes_of_ddf_clouds(large: int, small: int) -> int:
+    """L and S of DDF of an image after one and after all cycles, float32 x 3."""
+    return 12 * 2 * (large + small)
+
+
 def bytes_of_clouds(large: int, small: int, features: int, train_images: int, test_images: int) -> int:
-    """Disk of the predicted clouds: L and S of DDF after one and after all cycles, and of PC-SIREN, float32 x 3; and
-    the encoder's features of every image.
+    """Disk of the predicted clouds: `bytes_of_ddf_clouds`, L and S of PC-SIREN, float32 x 3; and the encoder's features
+    of every image.
     """
-    return 12 * 3 * (large + small) * test_images + 4 * features * (train_images + test_images)
+    clouds = bytes_of_ddf_clouds(large, small) + 12 * (large + small)
+    return clouds * test_images + 4 * features * (train_images + test_images)
 
 
 def together(parts: Sequence[float | None]) -> float | None:

@@ -20,7 +20,7 @@ from typing import Any
 
 from ddf import checks
 
-DRIFT = 0.06  # standard deviation of a median's logarithm from run to run, on a machine that others use too
+DRIFT = 0.08  # standard deviation of a median's logarithm from run to run, on a machine that others use too
 LEAST_NOISE = 0.10  # σ is taken to be no less: the quartiles of few samples are close together by chance
 QUARTILES = 1.349  # distance of a normal distribution's quartiles, in standard deviations
 CERTAINTY = 2.6  # standard deviations: 99 % of normal differences

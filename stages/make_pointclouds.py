@@ -1,9 +1,13 @@
-"""Reconstruct the test images of one category with both trained models: clouds, cameras, renders."""
+"""Reconstruct the test images of one category with both trained models: clouds, cameras, renders.
+
+A run that was killed goes on from the images it had finished.
+"""
 
 from pathlib import Path
 
 from ddf import (
     config,
+    portions,
     provenance,
     shapenet,
     si3dr_data,
@@ -37,23 +41,24 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
 
     ddf = si3dr_training.ddf_model(train, config.load(config_path, "ddf", si3dr_training.DDFConfig))
     pcsiren = si3dr_training.pcsiren_model(train, config.load(config_path, "pcsiren", si3dr_training.PCSirenConfig))
+    out = config.artifact_dir(config_path, "pointclouds", category, seed)
     for name, model in (("ddf", ddf), ("pcsiren", pcsiren)):
         folder = config.artifact_dir(config_path, f"train_{name}", category, seed)
         training.load_model(model, folder)
+        sources = [index_path, folder / training.MODEL]
+        key = provenance.fingerprint([section, category, test.digest()], sources, si3dr_inference)
+        kept = portions.Kept(out, key)
         if name == "ddf":
             features = si3dr_inference.image_features(ddf, trained)
-            given = (ddf, test, section, stage.label(category, seed), silhouettes.deviation(ddf, features))
+            given = (ddf, test, section, stage.label(category, seed), silhouettes.deviation(ddf, features), kept)
             tensors, facts = si3dr_inference.reconstruct_ddf(*given)
             tensors["train_features"] = features  # for the retrieval row
         else:
             tensors, facts = si3dr_inference.reconstruct_pcsiren(pcsiren, test, section)
-        sources = [index_path, folder / training.MODEL]
-        record = provenance.record(
-            provenance.fingerprint([section, category, test.digest()], sources, si3dr_inference), section.seed, sources
-        )
         names = {"images": test.names(), "train_images": trained.names()}
-        out = config.artifact_dir(config_path, "pointclouds", category, seed) / f"{name}.safetensors"
-        storage.save_tensors(out, tensors | common, record | names | facts)
+        record = provenance.record(key, section.seed, sources) | names | facts
+        storage.save_tensors(out / f"{name}.safetensors", tensors | common, record)
+        kept.clear()
 
 
 if __name__ == "__main__":

@@ -204,7 +204,7 @@ def test_page_has_a_line_per_row_and_a_picture_where_there_is_an_error():
     assert made.files["training_step_pareto.png"].startswith(b"\x89PNG")
     assert "![training step: milliseconds against" in text and "What matters most" not in text
     assert text.count("| way ") == 3 and "a CPU, 2 cores, 2 threads; torch 2." in text
-    assert "| 2 | way 1 | 1 | 20 | 18 – 22 | 1.32 | 1e-06 |" in text
+    assert "| 2 | way 1 | 1 | 20 | 18 – 22 | 1.40 | 1e-06 |" in text
     assert _page.page(found).files == made.files
 
 

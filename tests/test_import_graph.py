@@ -11,7 +11,7 @@ from ddf import provenance
 # A module imports its own level or lower. `service` modules serve all levels and so import level 0 and each other only.
 ROOMS: dict[str, list[str]] = {
     "0": ["rays", "checks", "cameras", "transforms"],
-    "service": ["config", "storage", "provenance", "parallel", "distributed", "stage", "seeding"],
+    "service": ["config", "storage", "portions", "provenance", "parallel", "distributed", "stage", "seeding"],
     "1": [
         "primitives",
         "mesh_config",

@@ -103,7 +103,7 @@ def test_every_experiment_has_a_config():
     assert set(_pipeline.load()["vars"][0]["shapes"]) == {path.stem for path in SHAPES}
 
 
-RESUMING = ("dataset", "meshes", "samples", "train_ddf", "train_pcsiren", "fit_shape", "ablate_samples")
+RESUMING = ("dataset", "meshes", "samples", "train_ddf", "train_pcsiren", "pointclouds", "fit_shape", "ablate_samples")
 
 
 def test_training_and_resumable_folders_persist():

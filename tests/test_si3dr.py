@@ -15,6 +15,7 @@ from ddf import (
     losses,
     packing,
     pointclouds,
+    portions,
     reconstruction,
     shapenet,
     si3dr_data,
@@ -281,6 +282,32 @@ def test_images_at_a_time_change_no_bit(monkeypatch):
         results.append(si3dr_inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation)[0])
     for name, values in results[0].items():
         assert torch.equal(values, results[1][name]), name
+
+
+def test_killed_reconstruction_goes_on_to_the_same_bits(tmp_path, monkeypatch):
+    model, images, deviation = _models.ddf_model("angle"), _images(), torch.ones(TRAIN.latent_features)
+    monkeypatch.setattr(si3dr_inference, "CORRECTION_BATCH", 2)
+    monkeypatch.setattr(si3dr_inference, "_threads_at_once", lambda: 1)
+    whole, _ = si3dr_inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation)
+    sample, drawn = pointclouds.sample, []
+
+    def count(field, modulations, count, *rest):
+        drawn.append(count)
+        if drawn.count(CORRECTED.large) == 4:  # the second of the second portion
+            raise KeyboardInterrupt
+        return sample(field, modulations, count, *rest)
+
+    monkeypatch.setattr(pointclouds, "sample", count)
+    kept = portions.Kept(tmp_path, "key")
+    with pytest.raises(KeyboardInterrupt):
+        si3dr_inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation, kept)
+    stopped = len(drawn)
+    resumed, facts = si3dr_inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation, kept)
+    assert drawn[stopped:] == [CORRECTED.large] * 4  # neither a first portion nor a shape's correction once more
+    assert resumed.keys() == whole.keys()
+    for name, values in whole.items():
+        assert torch.equal(values, resumed[name]), name
+    assert min(facts["cloud_seconds_per_image"], facts["shape_correction_seconds_per_image"]) > 0
 
 
 def test_corrected_shapes_have_other_clouds_from_the_same_predicted_cameras():

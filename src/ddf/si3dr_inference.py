@@ -4,10 +4,11 @@ Clouds are in the field frame. `scale` maps the field to the v1 frame: the truth
 as 1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] app. E).
 """
 
+import functools
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
@@ -23,6 +24,7 @@ from ddf import (
     checks,
     fields,
     pointclouds,
+    portions,
     reconstruction,
     rendering,
     si3dr_data,
@@ -37,6 +39,7 @@ EVEN_RATIOS = tuple(1.2207440846057596**-axis for axis in (1, 2, 3))  # of the r
 ROUGH_POINTS = 500  # of the cloud that tells the scale of a shape before it is corrected
 
 CubePoints = Literal["random", "even"]
+Rows = Int[np.ndarray, "_"]  # of images
 Result = TypeVar("Result")
 
 
@@ -132,7 +135,7 @@ def _inverse_diagonal(lower: Float[Tensor, "3"], upper: Float[Tensor, "3"]) -> f
     return 1.0 / diagonal
 
 
-def _row_batches(images: si3dr_data.ImageSet, size: int = ENCODER_BATCH) -> list[Int[np.ndarray, "_"]]:
+def _row_batches(images: si3dr_data.ImageSet, size: int = ENCODER_BATCH) -> list[Rows]:
     count = len(images.shapes)
     return np.array_split(np.arange(count), -(-count // size))
 
@@ -185,39 +188,58 @@ def reconstruct_ddf(
     config: PointcloudsConfig,
     describe: str,
     deviation: Float[Tensor, "z"] | None = None,
+    kept: portions.Kept | None = None,
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S after every cycle asked for (the last and the first), cameras, scales, renders, and the features
     for the retrieval row; and the cost.
 
     Args:
       deviation: of the latents of training images (`silhouettes.deviation`), which a `shape_correction` needs.
+      kept: where portions of what takes long are kept, and found again.
     """
     features, latents, predicted = encode(model, images, config.mirror)
-    started, cost = time.monotonic(), {}
+    run, cost = functools.partial(_by_portion, images, kept), {}
     if config.shape_correction is not None:
         if deviation is None:
             raise ValueError("pointclouds.shape_correction needs the deviation of the latents of training images")
-        latents = _correct_shapes(model, latents, deviation, predicted, images, config, config.shape_correction)
-        cost["shape_correction_seconds_per_image"] = (time.monotonic() - started) / len(latents)
+        given = (model, latents, deviation, predicted, images, config, config.shape_correction)
+        found, seconds = run("latents", lambda batches: {"latents": _correct_shapes(*given, batches)})
+        latents, cost["shape_correction_seconds_per_image"] = found["latents"].to(latents.device), seconds
     modulations = [m.detach() for m in model.modulations(latents)]
-    names = {config.cloud.cycles: f"h{config.cloud.cycles}"}
-    if config.cloud.candidate_share(1) >= 1:
-        names[1] = "h1"  # with cycles: 1 it is the same
-    started = time.monotonic()
-    drawn = _in_threads(
-        lambda image: _draw(model.field, [m[image] for m in modulations], names, config, _generator(config, image)),
-        range(len(latents)),
-    )
-    progress = tqdm.tqdm(drawn, desc=f"clouds {describe}", total=len(latents), unit="image", mininterval=2)
-    clouds, scales = zip(*progress, strict=True)
-    cloud_seconds = time.monotonic() - started
-    scale = torch.tensor(scales)
-    corrected = _correct_cameras(model, modulations, predicted, scale, images, config)
-    tensors = {name: torch.stack([cloud[name] for cloud in clouds]) for name in clouds[0]}
-    tensors |= {"camera_pred": predicted, "camera_corrected": corrected, "scale_pred": scale, "features": features}
+    with tqdm.tqdm(desc=f"clouds {describe}", total=len(latents), unit="image", mininterval=2) as progress:
+        clouds, seconds = run("clouds", lambda batches: _draw(model.field, modulations, config, batches, progress))
+    scale = clouds.pop("scale_pred")
+    cameras_of = (model, modulations, predicted, scale, images, config)
+    corrected, _ = run("cameras", lambda batches: {"camera_corrected": _correct_cameras(*cameras_of, batches)})
+    tensors = clouds | {"camera_pred": predicted, "scale_pred": scale, "features": features} | corrected
     rendered = spread(len(latents), config.rendered)
     tensors |= _renders(model, modulations, predicted, scale, rendered, config.render_size)
-    return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": cloud_seconds / len(latents), **cost}
+    return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": seconds, **cost}
+
+
+def _by_portion(
+    images: si3dr_data.ImageSet,
+    kept: portions.Kept | None,
+    name: str,
+    make: Callable[[Sequence[Rows]], dict[str, Tensor]],
+) -> tuple[dict[str, Tensor], float]:
+    """Tensors of all images, on the CPU, from as many batches at a time as threads take; and seconds an image."""
+
+    def timed(batches: Sequence[Rows]) -> dict[str, Tensor]:
+        started = time.monotonic()
+        tensors = _on_cpu(make(batches))
+        return tensors | {"seconds": torch.tensor([time.monotonic() - started])}
+
+    batches, at_once, parts = _row_batches(images, CORRECTION_BATCH), _threads_at_once(), []
+    for start in range(0, len(batches), at_once):
+        portion = batches[start : start + at_once]
+        if kept is None:
+            parts.append(timed(portion))
+        else:
+            rows = np.concatenate(portion).tolist()
+            parts.append(kept.get(name, rows, functools.partial(timed, portion)))
+    tensors = {key: torch.cat([part[key] for part in parts]) for key in parts[0]}
+    return tensors, float(tensors.pop("seconds").sum()) / len(images.shapes)
 
 
 def _correct_shapes(
@@ -228,17 +250,18 @@ def _correct_shapes(
     images: si3dr_data.ImageSet,
     config: PointcloudsConfig,
     how: silhouettes.ShapeCorrectionConfig,
-) -> Float[Tensor, "n z"]:
-    """`silhouettes.correct_shapes` of all images, a batch at a time."""
+    batches: Sequence[Rows],
+) -> Float[Tensor, "m z"]:
+    """`silhouettes.correct_shapes` of the images of some batches."""
 
-    def correct(rows: Int[np.ndarray, "_"]) -> Tensor:
+    def correct(rows: Rows) -> Tensor:
         index = torch.from_numpy(rows)
         own, generators = latents[index], [_generator(config, int(row)) for row in rows]
         field_scale = rough_field_scales(model, own, config.cloud, config.scale_quantile, generators)
         alpha = images.alpha(rows, how.mask_size).to(latents.device)
         return silhouettes.correct_shapes(model, own, deviation, predicted[index], field_scale, alpha, how)
 
-    return torch.cat(list(_in_threads(correct, _row_batches(images, CORRECTION_BATCH))))
+    return torch.cat(list(_in_threads(correct, batches)))
 
 
 @torch.no_grad()
@@ -262,28 +285,46 @@ def rough_field_scales(
 
 def _in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:
     """`map`, in order, of as many items at a time as this process may use cores; on a GPU one after the other."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    at_once = max(1, cores // torch.get_num_threads()) if training.device().type == "cpu" else 1
-    with ThreadPoolExecutor(at_once) as pool:
+    with ThreadPoolExecutor(_threads_at_once()) as pool:
         yield from pool.map(function, items)
+
+
+def _threads_at_once() -> int:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, cores // torch.get_num_threads()) if training.device().type == "cpu" else 1
 
 
 def _draw(
     field: fields.PDDF,
-    modulations: Sequence[Float[Tensor, "1 _"]],
-    names: Mapping[int, str],
+    modulations: Sequence[Float[Tensor, "n 1 _"]],
     config: PointcloudsConfig,
-    generator: torch.Generator,
-) -> tuple[dict[str, Float[Tensor, "_ 3"]], float]:
-    """Clouds L and S of one image after every number of cycles that `names` has, and its scale."""
-    cycles = pointclouds.sample(field, modulations, config.large, config.cloud, generator)
-    clouds = {}
-    for cycle, name in names.items():
-        chosen = pointclouds.select(cycles[:cycle], (config.large, config.small), config.cloud)
-        clouds |= {f"L.{name}": chosen[0], f"S.{name}": chosen[1]}
-    if config.scale_quantile is None:
-        return clouds, scale_from_cloud(clouds[f"L.{names[config.cloud.cycles]}"])
-    return clouds, scale_from_cycles(cycles, config.scale_quantile)
+    batches: Sequence[Rows],
+    progress: tqdm.tqdm,
+) -> dict[str, Tensor]:
+    """Clouds L and S, after all cycles and after one, and `scale_pred`, of the images of some batches."""
+    names = {config.cloud.cycles: f"h{config.cloud.cycles}"}
+    if config.cloud.candidate_share(1) >= 1:
+        names[1] = "h1"  # with cycles: 1 it is the same
+
+    def draw(row: int) -> dict[str, Tensor]:
+        own, generator = [m[row] for m in modulations], _generator(config, row)
+        cycles = pointclouds.sample(field, own, config.large, config.cloud, generator)
+        clouds = {}
+        for cycle, name in names.items():
+            chosen = pointclouds.select(cycles[:cycle], (config.large, config.small), config.cloud)
+            clouds |= {f"L.{name}": chosen[0], f"S.{name}": chosen[1]}
+        if config.scale_quantile is None:
+            scale = scale_from_cloud(clouds[f"L.{names[config.cloud.cycles]}"])
+        else:
+            scale = scale_from_cycles(cycles, config.scale_quantile)
+        return clouds | {"scale_pred": torch.tensor(scale)}
+
+    rows, drawn = np.concatenate(batches).tolist(), []
+    progress.update(rows[0] - progress.n)  # those before were found
+    for clouds in _in_threads(draw, rows):
+        drawn.append(clouds)
+        progress.update()
+    return {name: torch.stack([clouds[name] for clouds in drawn]) for name in drawn[0]}
 
 
 def reconstruct_pcsiren(
@@ -336,17 +377,18 @@ def _correct_cameras(
     scale: Tensor,
     images: si3dr_data.ImageSet,
     config: PointcloudsConfig,
+    batches: Sequence[Rows],
 ) -> Tensor:
-    """Π̂_∇ of all images, a batch at a time."""
+    """Π̂_∇ of the images of some batches."""
 
-    def correct(rows: Int[np.ndarray, "_"]) -> Tensor:
+    def correct(rows: Rows) -> Tensor:
         alpha = images.alpha(rows, config.correction.mask_size).to(predicted.device)
         index = torch.from_numpy(rows)
         field_scale = (1 / scale[index]).to(predicted.device)
         given = (model, [m[index] for m in modulations], predicted[index], field_scale, alpha)
         return correct_from_turns(*given, config.correction, config.correction_turns, config.correction_limit)
 
-    return torch.cat(list(_in_threads(correct, _row_batches(images, CORRECTION_BATCH))))
+    return torch.cat(list(_in_threads(correct, batches)))
 
 
 def correct_from_turns(
