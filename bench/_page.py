@@ -302,7 +302,7 @@ def page(found: Mapping[str, Benchmark], pictures: Sequence[str] = ()) -> pages.
         "on the same machine has its medians within the factor `spread` of them, but for one in a hundred, once the "
         "factor that all rows of a benchmark share is taken off; `make bench-check` tries it. Spread follows from "
         "quartiles and number of samples, and from what differs from run to run (`bench/_results.py`).",
-        *(f"With a page of its own: [{_title(name)}]({link})." for name, link in OWN_PAGES.items() if name in found),
+        *_elsewhere(found),
     ]
     first = [pages.Section("What matters most", [*([tuple(sentences)] if sentences else []), *figures])]
     if not sentences:
@@ -310,6 +310,16 @@ def page(found: Mapping[str, Benchmark], pictures: Sequence[str] = ()) -> pages.
     shown = {block.name for block in figures}
     kept = [pages.Section(s.title, [b for b in s.blocks if getattr(b, "name", None) not in shown]) for s in sections]
     return pages.Page(TITLE, lead, [*first, *kept], files)
+
+
+def _elsewhere(found: Mapping[str, Benchmark]) -> list[str]:
+    """A line with the pages of `OWN_PAGES`, or none."""
+    titles: dict[str, list[str]] = {}
+    for name, link in OWN_PAGES.items():
+        if name in found:
+            titles.setdefault(link, []).append(_title(name))
+    links = [f"[{', '.join(names)}]({link})" for link, names in titles.items()]
+    return [f"On pages of their own: {'; '.join(links)}."] if links else []
 
 
 def _is_pareto(block: Any) -> bool:

@@ -6,6 +6,7 @@ The mean curvature by autograd takes a gradient of each component of the gradien
 differences are those across a change of the heavier component, where depth jumps.
 """
 
+import functools
 from collections.abc import Callable
 
 import _measure
@@ -140,18 +141,19 @@ def main() -> None:
     gradient = autograd_gradient(*precise)
     steep = gradient.norm(dim=-1) > FLAT * gradient.norm(dim=-1).median()
     clear = steep & ((derivatives.normals(gradient, precise[2]) * precise[2]).sum(-1).abs() > GRAZING)
+    chosen = {(quantity, name): way for quantity, ways in QUANTITIES.items() for name, way in ways.items()}
+    named = {", ".join(key): functools.partial(way, field, *inputs) for key, way in chosen.items()}
+    times = _measure.interleaved(named, REPEATS)
     rows = []
-    for quantity, ways in QUANTITIES.items():
-        truth = ways["autograd"](*precise)
-        times = _measure.interleaved({name: lambda way=way: way(field, *inputs) for name, way in ways.items()}, REPEATS)
-        for name, seconds in times.items():
-            off = ways[name](field, *inputs).double() - truth
-            lengths, errors = ((x if x.ndim > 1 else x[:, None]).norm(dim=-1) for x in (truth, off))
-            share = errors[clear] / lengths.median()
-            error = {"relative_median": float(share.median()), "relative_p999": float(share.quantile(0.999))}
-            size = {"quantity": quantity, "points": POINTS, "hidden": list(CONFIG.hidden)}
-            row = _measure.row(name, size, seconds, error)
-            rows.append({**row, "points_per_s": POINTS / row["median_s"]})
+    for (quantity, name), way in chosen.items():
+        truth = QUANTITIES[quantity]["autograd"](*precise)
+        off = way(field, *inputs).double() - truth
+        lengths, errors = ((x if x.ndim > 1 else x[:, None]).norm(dim=-1) for x in (truth, off))
+        share = errors[clear] / lengths.median()
+        error = {"relative_median": float(share.median()), "relative_p999": float(share.quantile(0.999))}
+        size = {"quantity": quantity, "points": POINTS, "hidden": list(CONFIG.hidden)}
+        row = _measure.row(name, size, times[f"{quantity}, {name}"], error)
+        rows.append({**row, "points_per_s": POINTS / row["median_s"]})
     _measure.write("derivatives", THREADS, rows)
 
 

@@ -218,6 +218,15 @@ def test_what_a_benchmark_drew_itself_is_shown():
     assert "(training_step.png)" in pages.markdown(_page.page({"training_step": _benchmark()}, ["training_step.png"]))
 
 
+def test_pages_of_their_own_share_a_line():
+    found = {name: _benchmark(name) for name in ("fit_curves", "growth", "primitive_fits", "training_step")}
+    (line,) = _page.page(found).lead[1:]
+    assert (
+        line == "On pages of their own: [fit curves, primitive fits](../fit_proof/README.md); [growth](../growth.md)."
+    )
+    assert len(_page.page({"training_step": _benchmark()}).lead) == 1
+
+
 def test_clouds_come_first_with_measured_figures():
     def row(category, directions, cycles, seconds, score):
         size = {"num_directions": directions, "cycles": cycles, "jitter": 0.0, "points": 5000}
