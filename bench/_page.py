@@ -23,20 +23,27 @@ PAPER_CLOUD = (128, 3)  # n_v and N_H of [DDF22]
 CLOUD_DEPARTURES = ("jitter", "recheck", "spread")  # from it
 
 
+def _milliseconds(row: Row) -> float:
+    """Of a row that was timed."""
+    return 1e3 * row.seconds[1] if row.seconds else float("nan")
+
+
 @dataclass(frozen=True)
 class View:
-    """What the picture of a benchmark shows.
+    """What one or more panels of a benchmark's picture show.
 
-    error: key of the error drawn. label: its axis. panels: keys of `size` (or `what`) that rows of one panel share.
-    best: for scores that are better when higher, the score that nothing exceeds; best - score is drawn.
-    keep: rows that can be compared at all.
+    error: key of the error drawn. label: its axis. panels: keys of `size` (or `what`) that rows of one panel share, or
+    what tells its title. best: for scores that are better when higher, the score that nothing exceeds; best - score is
+    drawn. keep: rows that can be compared at all. cost, cost_label: what a row takes, small is good.
     """
 
     error: str
     label: str
-    panels: tuple[str, ...] = ()
+    panels: tuple[str, ...] | Callable[[Row], str] = ()
     best: float | None = None
     keep: Callable[[Row], bool] = lambda _: True
+    cost: Callable[[Row], float] = _milliseconds
+    cost_label: str = "ms"
 
     def value(self, row: Row) -> float | None:
         """The error drawn; None where the row has none."""
@@ -44,6 +51,16 @@ class View:
         if value is None or self.best is None:
             return value
         return self.best - value
+
+    def title(self, row: Row) -> str:
+        """Of the panel that a row belongs to."""
+        if callable(self.panels):
+            return self.panels(row)
+        known = {"what": row.what, **row.size}
+        words = (
+            str(known[name]) if name == "what" else f"{_title(name)} {text(known.get(name))}" for name in self.panels
+        )
+        return ", ".join(words)
 
 
 def _values_only(row: Row) -> bool:
@@ -56,27 +73,67 @@ def _samples_on_one_core(row: Row) -> bool:
     return "counts" in row.size and row.size.get("threads") == 1
 
 
-VIEWS: Mapping[str, View] = {
-    "cloud_sampling": View("f_score_tau_x100", "points missed: 100 - 100 F(τ)", ("what",), best=100.0),
-    "composition": View("soft_depth_mean", "mean error of the soft depth", ("what",)),
-    "derivatives": View("relative_p999", "error over the median value, 99.9 %", ("quantity",)),
-    "evaluation": View("chamfer_relative", "relative error of D_C"),
-    "field_inference": View("depth_mean", "mean error of depth", ("width",), keep=_values_only),
-    "rendering": View("depth_median", "median error of depth", keep=lambda row: "times_ddf" in row.told),
-    "sample_extraction": View(
-        "position_shift", "shift of a stored position", ("shape", "counts"), keep=_samples_on_one_core
+def _of_networks(row: Row) -> bool:
+    """Images of the compared size, but for the mesh itself, which takes a small part of the time at no error."""
+    return "times_ddf" in row.told and row.what != "mesh casting"
+
+
+def _stored(error: str, label: str) -> View:
+    """Bytes of a sample against an error; decoding has the same."""
+    return View(
+        error,
+        label,
+        lambda _: label.partition(",")[0],
+        keep=lambda row: row.what.startswith("encode"),
+        cost=lambda row: row.size["bytes_per_sample"],
+        cost_label="bytes a sample",
+    )
+
+
+VIEWS: Mapping[str, tuple[View, ...]] = {
+    "cloud_sampling": (View("f_score_tau_x100", "points missed: 100 - 100 F(τ)", ("what",), best=100.0),),
+    "composition": (View("soft_depth_mean", "mean error of the soft depth", ("what", "objects")),),
+    "derivatives": (View("relative_p999", "error over the median value, 99.9 %", ("quantity",)),),
+    "evaluation": (View("chamfer_relative", "relative error of D_C"),),
+    "field_inference": (View("depth_mean", "mean error of depth", ("width",), keep=_values_only),),
+    "full_size_step": (),  # steps of two models, which are no alternatives
+    "ray_casting": (
+        View(
+            "depth_median",
+            "median error of depth",
+            ("rays",),
+            cost=lambda row: 1e3 * _milliseconds(row) / row.size["count"],
+            cost_label="µs a ray",
+        ),
     ),
-    "training_step": View("gradient_relative", "relative error of the gradient", ("hidden",)),
+    "rendering": (View("depth_median", "median error of depth", keep=_of_networks),),
+    "sample_extraction": (
+        View("position_shift", "shift of a stored position", ("shape", "counts"), keep=_samples_on_one_core),
+    ),
+    "si3dr_options": (
+        View(
+            "chamfer_l2_sq_x1000",
+            "1000 D_C",
+            lambda row: "a training" if row.told.get("steps") else "an image, model of base",
+        ),
+    ),
+    "storage": (
+        _stored("position_max", "position, field units, largest error"),
+        _stored("direction_deg_max", "direction, degrees, largest error"),
+        _stored("depth_max", "depth, field units, largest error"),
+        _stored("normal_deg_max", "normal, degrees, largest error"),
+    ),
+    "training_step": (View("gradient_relative", "relative error of the gradient", ("hidden",)),),
 }
 
 
-def view(benchmark: Benchmark) -> View | None:
-    """Of a benchmark: that of `VIEWS`, or its first error that is positive somewhere; None where there is none."""
+def views(benchmark: Benchmark) -> tuple[View, ...]:
+    """Of a benchmark: those of `VIEWS`, or its first error that is positive somewhere; none where there is none."""
     if benchmark.name in VIEWS:
         return VIEWS[benchmark.name]
     names = dict.fromkeys(name for row in benchmark.rows for name in row.error)
     found = next((name for name in names if any(row.error.get(name, 0.0) > 0 for row in benchmark.rows)), None)
-    return None if found is None else View(found, found.replace("_", " "))
+    return () if found is None else (View(found, found.replace("_", " ")),)
 
 
 def number(value: float) -> str:
@@ -125,35 +182,29 @@ def _title(name: str) -> str:
     return name.replace("_", " ")
 
 
-def panels(benchmark: Benchmark, shown: View) -> list[tuple[str, list[_pareto.Point]]]:
+def panels(benchmark: Benchmark, shown: View) -> list[_pareto.Panel]:
     """Rows that can be drawn, by panel; a panel of one point has nothing to compare and is left out."""
     groups: dict[str, list[tuple[int, Row, float]]] = {}
     for place, row in enumerate(benchmark.rows, start=1):
         value = shown.value(row)
         if row.seconds and value is not None and value >= 0 and shown.keep(row):
-            known = {"what": row.what, **row.size}
-            title = ", ".join(
-                str(known[name]) if name == "what" else f"{_title(name)} {text(known.get(name))}"
-                for name in shown.panels
-            )
-            groups.setdefault(title, []).append((place, row, value))
+            groups.setdefault(shown.title(row), []).append((place, row, value))
     found = []
     for title, members in groups.items():
         names = [name for name in headings([row for _, row, _ in members], lambda row: row.size)]
         points = [
-            _pareto.Point(place, _name(row, names, shown), row.seconds[1], value)
-            for place, row, value in members
-            if row.seconds
+            _pareto.Point(place, _name(row, names, shown), shown.cost(row), value) for place, row, value in members
         ]
         if len(points) > 1 and any(point.error > 0 for point in points):
-            found.append((title, points))
+            found.append(_pareto.Panel(title, shown.label, shown.cost_label, points))
     return found
 
 
 def _name(row: Row, names: Sequence[str], shown: View) -> str:
     """Of a point: what it is, and the settings that differ within its panel."""
     settings = ", ".join(f"{_title(name)} {text(row.size.get(name))}" for name in names if row.size.get(name))
-    return settings if "what" in shown.panels else ", ".join(filter(None, (row.what, settings)))
+    by_what = not callable(shown.panels) and "what" in shown.panels
+    return settings if by_what and settings else ", ".join(filter(None, (row.what, settings)))
 
 
 def section(benchmark: Benchmark, files: dict[str, bytes], pictures: Sequence[str]) -> pages.Section:
@@ -165,13 +216,15 @@ def section(benchmark: Benchmark, files: dict[str, bytes], pictures: Sequence[st
         about(benchmark.name),
         f"{benchmark.cpu}, {benchmark.cores} cores, {threads}; {versions}{took}.",
     ]
-    shown = view(benchmark)
-    drawn = panels(benchmark, shown) if shown else []
-    if shown and drawn:
+    if benchmark.name in NOTES and (note := NOTES[benchmark.name](benchmark)):
+        blocks.append(note)
+    drawn = [panel for shown in views(benchmark) for panel in panels(benchmark, shown)]
+    if drawn:
         name = f"{benchmark.name}_pareto.png"
-        files[name] = _pareto.draw(drawn, shown.label)
+        files[name] = _pareto.draw(drawn)
         caption = "Left and below is better. Numbers are those of the table's lines; the line is the frontier."
-        blocks.append(pages.Figure(name, caption, f"{_title(benchmark.name)}: milliseconds against {shown.label}"))
+        axes = "; ".join(dict.fromkeys(f"{panel.cost} against {panel.error}" for panel in drawn))
+        blocks.append(pages.Figure(name, caption, f"{_title(benchmark.name)}: {axes}"))
     if f"{benchmark.name}.png" in pictures:
         caption = "How the time grows with the size of the task."
         blocks.append(pages.Figure(f"{benchmark.name}.png", caption, f"{_title(benchmark.name)}: growth"))
@@ -243,33 +296,95 @@ def _inference_words(row: Row) -> str:
 
 
 def rendering_sentence(benchmark: Benchmark) -> str | None:
-    """The DDF against sphere tracing that is as good, and against casting the mesh."""
+    """The DDF, of every pixel and refined, against sphere tracing that is as good, and against casting the mesh."""
     rows = [row for row in benchmark.rows if row.seconds and "times_ddf" in row.told]
     own = next((row for row in rows if row.what == "DDF"), None)
-    if own is None or not own.seconds:
+    if own is None:
         return None
-    rivals = [row for row in rows if row.what.startswith("sphere tracing")]
-    equal = next((row for row in rows if row.told.get("fastest_as_good_as_ddf")), None)
-    words = "no sphere tracing of a network of the same size is as good"
-    if equal:
-        words = f"the fastest as good, {_rendering_words(equal)}, takes {number(equal.told['times_ddf'])} times as long"
-    elif rivals:
-        nearest = min(rivals, key=lambda row: row.error["depth_median"])
-        words += f"; nearest comes {_rendering_words(nearest)}, {number(nearest.told['times_ddf'])} times as long"
     refined = next((row for row in rows if row.what == "DDF, refined"), None)
-    if refined:
-        words += f"; {_rendering_words(refined)}"
-    if refined and refined.seconds and equal and equal.seconds:
-        words += f", of which that is {number(equal.seconds[1] / refined.seconds[1])} times"
     casting = next((row for row in rows if row.what == "mesh casting"), None)
-    last = f"; {_rendering_words(casting)}" if casting else ""
-    return f"**Rendering**, {own.size['pixels_a_side']} pixels a side: {_rendering_words(own)}; {words}{last}."
+    rivals = [row for row in rows if row.what.startswith("sphere tracing")]
+    parts = [_against(own, [row for row in rivals if not row.what.endswith("refined")])]
+    if refined:
+        parts.append(_against(refined, rivals))
+    if casting:
+        parts.append(_rendering_words(casting))
+    return f"**Rendering**, {own.size['pixels_a_side']} pixels a side: {'; '.join(parts)}."
+
+
+def _against(own: Row, rivals: Sequence[Row]) -> str:
+    """A way of drawing, and the fastest of `rivals` whose depth and visibility are as good."""
+    good = [
+        row
+        for row in rivals
+        if all(row.error[name] <= own.error[name] for name in ("depth_median", "wrong_visibility"))
+    ]
+    words = _rendering_words(own)
+    if good:
+        best = _fastest(good)
+        return f"{words}, the fastest tracing as good, {_rendering_words(best)}, {_times(best, own)} times as long"
+    words += ", no sphere tracing of a network of the same size as good"
+    if not rivals:
+        return words
+    nearest = min(rivals, key=lambda row: row.error["depth_median"])
+    return f"{words}, nearest {_rendering_words(nearest)}, {_times(nearest, own)} times as long"
+
+
+def _times(row: Row, other: Row) -> str:
+    return number(row.seconds[1] / other.seconds[1]) if row.seconds and other.seconds else "–"
 
 
 def _rendering_words(row: Row) -> str:
     time = number(1e3 * row.seconds[1]) if row.seconds else "–"
     return f"{row.what} ({time} ms, median error of depth {number(row.error['depth_median'])})"
 
+
+def extraction_note(benchmark: Benchmark) -> str | None:
+    """What a shape's samples take, file written, over Open3D's casting alone."""
+    found: dict[int, list[str]] = {}
+    for row in benchmark.rows:
+        if row.what == "samples, file written":
+            same = [
+                each for each in benchmark.rows if each.size == row.size and each.what == "Open3D alone, scene built"
+            ]
+            words = f"{row.size['shape']} ({row.size['counts']}) {_times(row, same[0])}" if same else ""
+            found.setdefault(row.size["threads"], []).append(words)
+    parts = [f"on {cores} core{'s' if cores > 1 else ''} {', '.join(words)}" for cores, words in found.items()]
+    if not parts:
+        return None
+    return (
+        "Samples of a shape, file written, as a multiple of Open3D's time for the same rays, its scene built: "
+        f"{'; '.join(parts)}. The goal is at most 2."
+    )
+
+
+def runtimes_note(benchmark: Benchmark) -> str | None:
+    """onnxruntime over the fastest of torch's ways, in float32."""
+    parts = []
+    for outputs in (["visibility", "depth"], ["visibility", "depth", "normals"]):
+        rows = [row for row in benchmark.rows if row.seconds and row.size.get("outputs") == outputs]
+        full = [row for row in rows if row.told.get("precision") == "float32"]
+        words = []
+        for width in sorted({row.size["width"] for row in full}):
+            sides = [
+                [row for row in full if row.size["width"] == width and (row.told["runtime"] == "onnxruntime") == onnx]
+                for onnx in (True, False)
+            ]
+            words.append(f"{_times(*map(_fastest, sides))} (width {width})")
+        if words:
+            parts.append(f"{' and '.join((', '.join(outputs[:-1]), outputs[-1]))}: {', '.join(words)}")
+    if not parts:
+        return None
+    return (
+        "The fastest way of onnxruntime as a multiple of the time of the fastest way of torch, float32, two threads: "
+        f"{'; '.join(parts)}. The goal is at most 1."
+    )
+
+
+NOTES: Mapping[str, Callable[[Benchmark], str | None]] = {
+    "field_inference": runtimes_note,
+    "sample_extraction": extraction_note,
+}  # what a benchmark's rows say of its goal
 
 _FITS = "../fit_proof/README.md"
 OWN_PAGES = {

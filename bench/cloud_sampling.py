@@ -35,7 +35,7 @@ PLAIN |= {"mirror": None, "oversampling": 0.1, "centre": None}
 def settings(own: pointclouds.CloudConfig) -> list[pointclouds.CloudConfig]:
     """The paper's way over n_v and N_H; at the config's own n_v each of its departures alone; all of them; in brief."""
     paper, most = dataclasses.replace(own, **PLAIN), max(CYCLES)
-    sizes = [*itertools.product(DIRECTIONS, CYCLES), PAPER]
+    sizes = [*itertools.product(DIRECTIONS, CYCLES), (PAPER[0], 1), PAPER]
     chosen = [dataclasses.replace(paper, num_directions=n, cycles=h) for n, h in sizes]
     for names in DEPARTURES:
         change = {name: getattr(own, name) for name in names}

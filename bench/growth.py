@@ -41,7 +41,10 @@ SMALL = {  # of cpu.yaml, so that 300 shapes take a minute or two; everything el
     "pcsiren": {"steps": 3},
     "pointclouds": {"large": 500, "small": 250, "test_views": 5, "rendered": 2},  # images that fill a batch
     "evaluate": {"oracle_points": 250},
+    "export": {"outputs": ["visibility", "depth", "normals"], "batches": [1, 7], "precisions": []},
 }
+STAGES = stage_scripts.SCRIPTS | {"export_onnx": "export_onnx", "report": "write_report"}
+WHOLE = (*stage_scripts.WHOLE, "report")
 MACHINES = {"2 cores": 2, "64 cores": 64}
 GIB = 2**30
 
@@ -63,8 +66,8 @@ def run_stages(folder: Path, shapes: int) -> dict[str, dict[str, float]]:
     (folder / "configs").mkdir(exist_ok=True)
     (folder / "configs" / f"{name}.yaml").write_text(yaml.safe_dump(small_config(shapes)), encoding="utf-8")
     notes = {}
-    for stage, script in stage_scripts.SCRIPTS.items():
-        category = [] if stage in stage_scripts.WHOLE else ["--category", CATEGORY]
+    for stage, script in STAGES.items():
+        category = [] if stage in WHOLE else ["--category", CATEGORY]
         command = [sys.executable, str(ROOT / "stages" / f"{script}.py"), "--config", f"configs/{name}.yaml", *category]
         environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
         result = subprocess.run(command, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True)
@@ -84,7 +87,7 @@ def workers() -> int:
 def reference_memory(artifacts: Path) -> dict[str, dict[str, float]]:
     """The largest figures that the stages of the reference run noted; without those that noted no memory."""
     found: dict[str, dict[str, float]] = {}
-    for stage, script in stage_scripts.SCRIPTS.items():
+    for stage, script in STAGES.items():
         paths = sorted((artifacts / "times").glob(f"{script}*.json"))
         notes = [note for note in map(_read, paths) if note is not None and "peak_mib" in note]
         if notes:
@@ -222,7 +225,7 @@ def _table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]], l
 
 def _growth_section(record: Mapping[str, Any]) -> pages.Section:
     rows = []
-    for stage in stage_scripts.SCRIPTS:
+    for stage in STAGES:
         cells = [stage]
         for key in ("peak_mib", "worker_peak_mib"):
             values = [record["growth"][str(size)][stage][key] for size in SIZES]
@@ -303,6 +306,7 @@ def _projection_section(record: Mapping[str, Any]) -> pages.Section:
         rows.append([title, "", "", "", *map(_number, totals), _number(size / GIB)])
     header = ["stage", "units", "unit", "s a unit", *(f"hours, {name}" for name in machines), "GiB"]
     split, evaluate = _projection.Split.of(_projection.LINES), record["costs"]["evaluate"]
+    no_gpu = all(row["hours"]["one GPU"] is None for row in record["projection"])
     caption = (
         f"configs/paper.yaml on the {split.shapes:,} chairs, planes and cars of ShapeNet v1: {split.train_images:,} "
         f"training and {split.test_images:,} test images, the lines of the lists of the Pixel2Mesh split. One stage "
@@ -321,7 +325,7 @@ def _projection_section(record: Mapping[str, Any]) -> pages.Section:
         "categories; on 64 cores side by side, none faster than it was measured.",
         "Disk: arrays as written, without the data set itself, which is only checked; trainings as model and "
         "checkpoint in float32.",
-        "One GPU: no stage but the trainings was measured on one.",
+        *(["One GPU: no stage was measured on one."] if no_gpu else ["One GPU: of all stages the trainings alone."]),
     )
     return pages.Section("Projection to the published setting", [_table(caption, header, rows), assumed])
 

@@ -1,9 +1,9 @@
 """Ray casting: Open3D and trimesh against the exact float64 reference, rays a second beside leaks and depth error.
+Of trimesh its own ray-triangle code (rtree, float64) is measured: embree's bindings are not among the packages.
 
 Three questions to one closed mesh of 10,000 triangles: random rays inside its box, rays of a camera, and from its
-centre rays through vertices and middles of edges, where a caster can leak. trimesh has no embree among the pinned
-packages, so it is its own ray-triangle code (rtree, float64) that is measured, on as many rays as its speed allows; the
-exact reference answers the first few. A leak is a miss where the reference hits.
+centre rays through vertices and middles of edges, where a caster can leak. trimesh gets as many rays as its speed
+allows; the exact reference answers the first few. A leak is a miss where the reference hits.
 """
 
 from collections.abc import Callable

@@ -5,7 +5,7 @@ included, on one closed procedural shape. Rows hold ms per image, over two camer
 of the mesh: depth (field units; half the box's longest side is 1) over the pixels that both see, the share of all
 pixels whose visibility is wrong, the silhouettes' intersection over union, the median angle of the normals. Timed is
 the way from camera rays to depth and visibility. "Refined" asks for fewer pixels (`ddf.refinement`), of the DDF and of
-one tracing. The growth with resolution and with the mesh's triangles is drawn in reports/bench/rendering.png.
+the tracings. The growth with resolution and with the mesh's triangles is drawn in reports/bench/rendering.png.
 """
 
 import dataclasses
@@ -215,15 +215,15 @@ def tracing_name(how: _sphere_tracing.Tracing) -> str:
 
 
 def rivals(rows: Sequence[dict[str, Any]], name: str = DDF) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """The DDF's row and that of the fastest tracing, of every pixel, whose depth and visibility are as good; None where
-    none is.
+    """The DDF's row and that of the fastest tracing whose depth and visibility are as good, refined ones only for the
+    refined DDF; None where none is.
     """
     (own,) = [row for row in rows if row["what"] == name]
     good = [
         row
         for row in rows
         if row["what"].startswith("sphere tracing")
-        and not row["what"].endswith(FEWER)
+        and (name.endswith(FEWER) or not row["what"].endswith(FEWER))
         and all(row["error"][error] <= own["error"][error] for error in ("depth_median", "wrong_visibility"))
     ]
     return own, min(good, key=lambda row: row["median_s"], default=None)
@@ -288,17 +288,14 @@ def measure() -> list[dict[str, Any]]:
             found[tracing_name(how)] = lambda how=how: traced_depth(network, shape, seen.starts, seen.directions, how)
         return found | {CASTING: lambda: cast_depth(scene, local)}
 
-    def fewer(seen: Views, size: int) -> dict[str, Image]:
-        """The DDF and one tracing from fewer pixels."""
-        ddf: RayImage = functools.partial(ddf_depth, shape)
-        traced: RayImage = functools.partial(traced_depth, network, shape, how=GROWN)
-        return {
-            name + FEWER: functools.partial(refined, image, seen, size)
-            for name, image in ((DDF, ddf), (tracing_name(GROWN), traced))
-        }
+    def fewer(seen: Views, size: int, budgets: Sequence[_sphere_tracing.Tracing]) -> dict[str, Image]:
+        """The DDF and tracings from fewer pixels."""
+        asked: dict[str, RayImage] = {DDF: functools.partial(ddf_depth, shape)}
+        asked |= {tracing_name(how): functools.partial(traced_depth, network, shape, how=how) for how in budgets}
+        return {name + FEWER: functools.partial(refined, image, seen, size) for name, image in asked.items()}
 
     seen = views(shape, mesh, COMPARED)
-    candidates = images(seen, BUDGETS) | fewer(seen, COMPARED)
+    candidates = images(seen, BUDGETS) | fewer(seen, COMPARED, BUDGETS)
     with torch.no_grad():
         normals = {DDF: lambda _: ddf_normals(shape, seen.starts, seen.directions)} | {
             tracing_name(how): lambda depth: distance_normals(network, seen.starts, seen.directions, depth)
@@ -310,31 +307,33 @@ def measure() -> list[dict[str, Any]]:
     for row in rows:
         row["times_ddf"] = row["median_s"] / own["median_s"]
         row["fastest_as_good_as_ddf"] = row is rival
-    drawn = (DDF, DDF + FEWER, CASTING, tracing_name(GROWN))
+    drawn = (DDF, DDF + FEWER, CASTING, tracing_name(GROWN), tracing_name(GROWN) + FEWER)
     by_size = [row for row in rows if row["what"] in drawn]
     for size in SIZES:
         if size != COMPARED:
             now = views(shape, mesh, size)
-            new = measured(images(now, [GROWN]) | fewer(now, size), size, now, {}, facts)
+            new = measured(images(now, [GROWN]) | fewer(now, size, [GROWN]), size, now, {}, facts)
             rows, by_size = rows + new, by_size + [row for row in new if row["what"] in drawn]
     largest = views(shape, mesh, LARGEST)
     everywhere = {"DDF, every pixel evaluated": lambda: ddf_depth(shape, largest.starts, largest.directions, box=False)}
     rows += measured(everywhere, LARGEST, largest, {}, facts)
     by_faces = growing_mesh(mesh, seen, COMPARED)
-    draw(by_size, by_faces, own)
+    draw(by_size, by_faces)
     return [{**row, **both.steps} for row in rows] + by_faces
 
 
-def draw(by_size: Sequence[dict[str, Any]], by_faces: Sequence[dict[str, Any]], own: dict[str, Any]) -> None:
-    """ms per image against pixels a side, and against the mesh's triangles, on which a field does not depend."""
+def draw(by_size: Sequence[dict[str, Any]], by_faces: Sequence[dict[str, Any]]) -> None:
+    """ms per image against pixels a side, and against the mesh's triangles, on which no field depends."""
     sides: dict[str, list[tuple[float, float]]] = {}
     for row in by_size:
         sides.setdefault(row["what"], []).append((row["size"]["pixels_a_side"], row["ms_per_image"]))
     faces = [(row["size"]["triangles"], row["ms_per_image"]) for row in by_faces]
-    flat = [(count, own["ms_per_image"]) for count, _ in faces]
+    flat = {
+        name: [(count, dict(line)[COMPARED]) for count, _ in faces] for name, line in sides.items() if name != CASTING
+    }
     panels = [
         ("Resolution", "pixels a side", sides),
-        (f"Size of the mesh, {COMPARED} × {COMPARED}", "triangles", {DDF: flat, CASTING: faces}),
+        (f"Mesh at {COMPARED} × {COMPARED}; no field depends on it", "triangles", flat | {CASTING: faces}),
     ]
     _curves.draw("rendering", panels, "ms per image")
 

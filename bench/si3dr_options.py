@@ -1,6 +1,7 @@
-"""Switches of single-image reconstruction, each turned alone: D_C and F(τ) on shapes held out of the training.
+"""Switches of single-image reconstruction, each turned alone (`make ablate-options`): D_C and F(τ) on held-out shapes.
+Trainings take as long as that of `base`, whose two other seeds show what chance alone does.
 
-`make ablate-options` runs it on what `make reproduce-table` prepared (artifacts/cpu): the DDF of one category, trained
+It runs on what `make reproduce-table` prepared (artifacts/cpu): the DDF of one category, trained
 with configs/cpu.yaml (`base`) and with one setting changed, two side by side with one thread each. Every row is given
 as many steps as take as long as those of `base`, by trials of both in turn (`times_base`: a step's time over one of
 `base`), so the machine may be busier for one row than for another. `base` with other seeds shows what chance alone

@@ -202,7 +202,7 @@ def test_page_has_a_line_per_row_and_a_picture_where_there_is_an_error():
     text = pages.markdown(made := _page.page(found))
     assert list(made.files) == ["training_step_pareto.png"]
     assert made.files["training_step_pareto.png"].startswith(b"\x89PNG")
-    assert "![training step: milliseconds against" in text and "What matters most" not in text
+    assert "![training step: ms against" in text and "What matters most" not in text
     assert text.count("| way ") == 3 and "a CPU, 2 cores, 2 threads; torch 2." in text
     assert "| 2 | way 1 | 1 | 20 | 18 – 22 | 1.40 | 1e-06 |" in text
     assert _page.page(found).files == made.files
@@ -247,20 +247,48 @@ def test_clouds_come_first_with_measured_figures():
 
 
 def test_rendering_names_the_fastest_tracing_that_is_as_good():
-    def row(what, seconds, error, **told):
-        told = {"times_ddf": seconds / 0.1, **told}
-        return _results.Row(what, {"pixels_a_side": 256}, (seconds,) * 3, {"depth_median": error}, told)
+    """Every pixel against every pixel; the refined DDF against refined tracing too."""
+
+    def row(what, seconds, median, wrong=0.01):
+        error = {"depth_median": median, "wrong_visibility": wrong}
+        told = {"times_ddf": seconds / 0.1}
+        return _results.Row(what, {"pixels_a_side": 256}, (seconds,) * 3, error, told)
+
+    def sentence(*more):
+        return _page.rendering_sentence(dataclasses.replace(_benchmark(), rows=[*rows, *more])) or ""
 
     rows = [row("DDF", 0.1, 0.01), row("sphere tracing, 8 steps", 0.5, 0.02), row("mesh casting", 0.05, 1e-7)]
-    assert "no sphere tracing" in (_page.rendering_sentence(dataclasses.replace(_benchmark(), rows=rows)) or "")
-    rows.append(row("sphere tracing, 64 steps", 1.5, 0.009, fastest_as_good_as_ddf=True))
-    told = _page.rendering_sentence(dataclasses.replace(_benchmark(), rows=rows)) or ""
-    assert "sphere tracing, 64 steps (1,500 ms, median error of depth 0.009), takes 15 times as long" in told
+    told = sentence(row("sphere tracing, 9 steps", 0.4, 0.005, wrong=0.02))
+    assert "no sphere tracing of a network of the same size as good, nearest sphere tracing, 9 steps" in told
+    rows += [row("sphere tracing, 64 steps", 1.5, 0.009), row("sphere tracing, 64 steps, refined", 0.8, 0.009)]
+    first = "the fastest tracing as good, sphere tracing, 64 steps (1,500 ms, median error of depth 0.009), 15 times"
+    assert first in sentence()
     rows.append(row("DDF, refined", 0.05, 0.011))
-    told = _page.rendering_sentence(dataclasses.replace(_benchmark(), rows=rows)) or ""
-    assert "; DDF, refined (50 ms, median error of depth 0.011), of which that is 30 times; mesh casting" in told
+    told = sentence()
+    assert first in told and told.endswith("; mesh casting (50 ms, median error of depth 1e-07).")
+    assert "; DDF, refined (50 ms, median error of depth 0.011), the fastest tracing as good, " in told
+    assert "sphere tracing, 64 steps, refined (800 ms, median error of depth 0.009), 16 times as long" in told
+
+
+def test_notes_hold_measured_times_against_their_goals():
+    def row(what, size, seconds, **told):
+        return _results.Row(what, size, (seconds,) * 3, {}, told)
+
+    shape = {"shape": "cube", "counts": "cpu", "threads": 1}
+    rows = [row("Open3D alone, scene built", shape, 0.01), row("samples, file written", shape, 0.023)]
+    note = _page.extraction_note(dataclasses.replace(_benchmark("sample_extraction"), rows=rows)) or ""
+    assert "its scene built: on 1 core cube (cpu) 2.3. The goal is at most 2." in note
+    assert _page.extraction_note(dataclasses.replace(_benchmark(), rows=rows[:1])) is None
+
+    size = {"width": 128, "outputs": ["visibility", "depth"]}
+    kinds = (("torch", 0.2), ("torch.compile", 0.1), ("onnxruntime", 0.12), ("onnxruntime", 0.11))
+    rows = [row("", size, seconds, runtime=runtime, precision="float32") for runtime, seconds in kinds]
+    rows.append(row("", size, 0.01, runtime="onnxruntime", precision="int8"))
+    note = _page.runtimes_note(dataclasses.replace(_benchmark("field_inference"), rows=rows)) or ""
+    assert "two threads: visibility and depth: 1.1 (width 128). The goal is at most 1." in note
 
 
 def test_pictures_take_exact_and_equal_points():
     points = [_pareto.Point(1, "a", 0.1, 0.0), _pareto.Point(2, "b", 0.1, 0.0), _pareto.Point(3, "c", 0.01, 0.5)]
-    assert _pareto.draw([("one", points)] * 4, "error") == _pareto.draw([("one", points)] * 4, "error")
+    panels = [_pareto.Panel("one", "error", "ms", points)] * 4
+    assert _pareto.draw(panels) == _pareto.draw(panels)

@@ -1,6 +1,15 @@
 """The hard cases: one list, read by the tests (tests/test_hard_cases.py) and by the page (bench/hard_cases.py)."""
 
-from . import camera_cases, cloud_cases, curvature_cases, field_cases, mesh_cases, ray_cases, training_cases
+from . import (
+    camera_cases,
+    cloud_cases,
+    composition_cases,
+    curvature_cases,
+    field_cases,
+    mesh_cases,
+    ray_cases,
+    training_cases,
+)
 from .case import DTYPES, Case, Outcome
 
 GROUPS = (
@@ -11,6 +20,7 @@ GROUPS = (
     curvature_cases.CURVATURE,
     cloud_cases.METRICS,
     cloud_cases.CLOUDS,
+    composition_cases.SCENES,
     training_cases.TRAINING,
 )
 CASES: tuple[Case, ...] = tuple(case for group in GROUPS for case in group.cases)

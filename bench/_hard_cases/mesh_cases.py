@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import torch
 
-from ddf import mesh_io, meshes, raycast, rays, transforms
+from ddf import mesh_io, meshes, raycast, rays, sampling, transforms
 
 from . import case
 from .ray_cases import DIRECTIONS, LATTICE
@@ -321,4 +321,20 @@ def _sampled(dtype: torch.dtype) -> case.Outcome:
     return case.every(
         case.true("none on a flat one", (face >= 500) & (face < 512)),
         case.close(on_cube, torch.ones(4000), case.step(dtype)),
+    )
+
+
+@MESHES.case(
+    "offset lines beside the wall of the box",
+    "2,000 samples of type O, ε = 0.05, of the cube that fills its box: half of the lines would leave it",
+    "all positions in the box, all lines 0.05 inside the face that they are offset from",
+)
+def _offset(dtype: torch.dtype) -> case.Outcome:
+    surface = sampling.surface_of(raycast.Scene(CUBE))
+    drawn = sampling.draw_offset(surface, sampling.CUBE, 2000, np.random.default_rng(0), 0.05, uniform=False)
+    depth = torch.from_numpy(drawn.positions).to(dtype).abs()
+    off = (depth - 0.95).abs().amin(-1)
+    return case.every(
+        case.true("all in the box", depth.amax(-1) <= 1),
+        case.close(off, torch.zeros(2000), 2 * case.step(torch.float32)),
     )
