@@ -92,7 +92,7 @@ def _stored(error: str, label: str) -> View:
 
 VIEWS: Mapping[str, tuple[View, ...]] = {
     "cloud_sampling": (View("f_score_tau_x100", "points missed: 100 - 100 F(τ)", ("what",), best=100.0),),
-    "composition": (View("soft_depth_mean", "mean error of the soft depth", ("what", "objects")),),
+    "composition": (),  # ways with the same error: their growth is drawn
     "derivatives": (View("relative_p999", "error over the median value, 99.9 %", ("quantity",)),),
     "evaluation": (View("chamfer_relative", "relative error of D_C"),),
     "field_inference": (View("depth_mean", "mean error of depth", ("width",), keep=_values_only),),
@@ -191,7 +191,8 @@ def panels(benchmark: Benchmark, shown: View) -> list[_pareto.Panel]:
             groups.setdefault(shown.title(row), []).append((place, row, value))
     found = []
     for title, members in groups.items():
-        names = [name for name in headings([row for _, row, _ in members], lambda row: row.size)]
+        told_apart = len({row.what for _, row, _ in members}) == len(members)
+        names = [] if told_apart else headings([row for _, row, _ in members], lambda row: row.size)
         points = [
             _pareto.Point(place, _name(row, names, shown), shown.cost(row), value) for place, row, value in members
         ]

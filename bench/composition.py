@@ -8,9 +8,10 @@ hard choice; those of the networks, soft only, against the same scene in float64
 
 import copy
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import _curves
 import _measure
 import numpy as np
 import torch
@@ -131,7 +132,18 @@ def main() -> None:
         found = image.compose(rays)
         row = _measure.row(image.what, image.size, seconds, image.error(found))
         rows.append({**row, "queries_per_pixel": found.queries / PIXELS**2})
+    draw(rows)
     _measure.write("composition", THREADS, rows)
+
+
+def draw(rows: Sequence[Mapping[str, Any]]) -> None:
+    """ms per image against the number of objects, with and without culling."""
+    panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    for row in rows:
+        line = "boxes culled" if row["size"]["culling"] else "every object asked"
+        point = (row["size"]["objects"], 1e3 * row["median_s"])
+        panels.setdefault(row["what"], {}).setdefault(line, []).append(point)
+    _curves.draw("composition", [(title, "objects", lines) for title, lines in panels.items()], "ms per image")
 
 
 if __name__ == "__main__":
