@@ -145,7 +145,7 @@ def fit_distance(
         return [{"params": list(network.parameters()), "weight_decay": 0.0}]
 
     if steps is None:
-        each = step_timing.seconds_per_step(network, groups, losses, config.loop, seconds)
+        each = step_timing.seconds_per_step(step_timing.Trainee(network, groups, losses, config.loop), seconds)
         steps = max(1, int((seconds - (time.monotonic() - started)) / each))
     with tempfile.TemporaryDirectory() as folder:
         out, record = Path(folder), {"fingerprint": ""}
