@@ -94,7 +94,7 @@ def row(
     Args:
       error_tolerance: relative difference of errors from one run to the next; 0 where they do not depend on the run.
     """
-    low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive") if len(seconds) > 1 else seconds * 3
+    low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive") if len(seconds) > 1 else [*seconds] * 3
     times = {"median_s": middle, "quartiles_s": [low, high], "samples": len(seconds)}
     line = {"what": what, "size": dict(size), **times, "error": dict(error)}
     return line | ({"error_tolerance": error_tolerance} if error_tolerance else {})

@@ -424,7 +424,7 @@ def page(found: Mapping[str, Benchmark], pictures: Sequence[str] = ()) -> pages.
     first = [pages.Section("What matters most", [*([tuple(sentences)] if sentences else []), *figures])]
     if not sentences:
         first = []
-    shown = {block.name for block in figures}
+    shown = {block.name for block in figures if isinstance(block, pages.Figure)}
     kept = [pages.Section(s.title, [b for b in s.blocks if getattr(b, "name", None) not in shown]) for s in sections]
     return pages.Page(TITLE, lead, [*first, *kept], files)
 

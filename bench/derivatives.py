@@ -137,10 +137,11 @@ def main() -> None:
     """Measure every way of every quantity."""
     torch.set_num_threads(THREADS)
     field, inputs = network(torch.float32), points(torch.float32)
-    precise = network(torch.float64), *(values.double() for values in inputs)
+    positions, directions = (values.double() for values in inputs)
+    precise = network(torch.float64), positions, directions
     gradient = autograd_gradient(*precise)
     steep = gradient.norm(dim=-1) > FLAT * gradient.norm(dim=-1).median()
-    clear = steep & ((derivatives.normals(gradient, precise[2]) * precise[2]).sum(-1).abs() > GRAZING)
+    clear = steep & ((derivatives.normals(gradient, directions) * directions).sum(-1).abs() > GRAZING)
     chosen = {(quantity, name): way for quantity, ways in QUANTITIES.items() for name, way in ways.items()}
     named = {", ".join(key): functools.partial(way, field, *inputs) for key, way in chosen.items()}
     times = _measure.interleaved(named, REPEATS)

@@ -104,7 +104,9 @@ def main() -> None:
         "torch.cdist float32": torch_pairs(torch.float32),
         "torch.cdist float64": torch_pairs(torch.float64),
     }
-    candidates = {name: (lambda way=way: scores(*way(prediction, truth))) for name, way in ways.items()}
+    candidates: dict[str, Callable[[], object]] = {
+        name: (lambda way=way: scores(*way(prediction, truth))) for name, way in ways.items()
+    }
     candidates["ddf.metrics.compare_clouds"] = lambda: metrics.compare_clouds(prediction, truth, TAU_SQ)
     candidates["Open3D compute_metrics"] = lambda: open3d_metrics(prediction, truth)
     times = _measure.interleaved(candidates, REPEATS, MOST_SECONDS)

@@ -220,8 +220,8 @@ def told(name: str, found: Mapping[str, float]) -> str:
     """The twelve figures as lines, the paper's below ours."""
     lines = []
     for metric, table in paper_ablation.METRICS.items():
-        paper = dict(zip(paper_ablation.COLUMNS, table[sample_ablation.NONE], strict=True))
-        own = {kind: found[f"{metric}_{kind}"] for kind in paper_ablation.COLUMNS}
+        paper: dict[str, float] = dict(zip(paper_ablation.COLUMNS, table[sample_ablation.NONE], strict=True))
+        own: dict[str, float] = {kind: found[f"{metric}_{kind}"] for kind in paper_ablation.COLUMNS}
         for source, values in ((name, own), (paper_ablation.SOURCE, paper)):
             lines.append(f"{metric:15} {source:13}" + "".join(f" {kind} {values[kind]:5.2f}" for kind in own))
         reached = sum(own[kind] <= paper[kind] for kind in own)

@@ -133,7 +133,7 @@ def _read(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
-def paper_costs(folder: Path, images: Mapping[str, float]) -> dict[str, Any]:
+def paper_costs(folder: Path, images: dict[str, float]) -> dict[str, Any]:
     """CPU seconds and bytes per unit at the settings of paper.yaml; see `_shape_costs`."""
     import _shape_costs  # here: the kernel counts this process's memory as a peak of the stages that it starts
 

@@ -237,7 +237,7 @@ def growing_mesh(mesh: mesh_io.Mesh, seen: Views, size: int) -> list[dict[str, A
         local = _local(scene, seen)
         image = {CASTING: lambda scene=scene, local=local: cast_depth(scene, local)}
         rows += measured(image, size, seen, {}, {"triangles": len(faces)})
-        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
+        vertices, faces = trimesh.remesh.subdivide(vertices, faces)[:2]
     return rows
 
 

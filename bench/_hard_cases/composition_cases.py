@@ -1,5 +1,6 @@
 """Hard scenes of several fields: nothing visible, touching, far away, extreme constants. Truth: constant fields."""
 
+import functools
 import math
 
 import numpy as np
@@ -131,11 +132,8 @@ def _far(dtype: torch.dtype) -> case.Outcome:
 def _constants(dtype: torch.dtype) -> case.Outcome:
     outcomes = []
     for value in (0.0, -1.0, math.inf, math.nan):
-        for name in ("temperature", "inverse_depth"):
-
-            def call(name: str = name, value: float = value) -> None:
-                _ray([_fixed(1.0, 0.5)], dtype, **{name: value})
-
+        for name, constants in (("temperature", (value, INVERSE_DEPTH)), ("inverse_depth", (TEMPERATURE, value))):
+            call = functools.partial(_ray, [_fixed(1.0, 0.5)], dtype, *constants)
             outcomes.append(case.refused(call, f"{name} must be positive and finite"))
     return case.worst(*outcomes)
 
