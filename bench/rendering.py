@@ -328,9 +328,7 @@ def draw(by_size: Sequence[dict[str, Any]], by_faces: Sequence[dict[str, Any]]) 
     for row in by_size:
         sides.setdefault(row["what"], []).append((row["size"]["pixels_a_side"], row["ms_per_image"]))
     faces = [(row["size"]["triangles"], row["ms_per_image"]) for row in by_faces]
-    flat = {
-        name: [(count, dict(line)[COMPARED]) for count, _ in faces] for name, line in sides.items() if name != CASTING
-    }
+    flat = {name: [(count, dict(line)[COMPARED]) for count, _ in faces] for name, line in sides.items()}
     panels = [
         ("Resolution", "pixels a side", sides),
         (f"Mesh at {COMPARED} × {COMPARED}; no field depends on it", "triangles", flat | {CASTING: faces}),
