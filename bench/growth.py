@@ -245,7 +245,8 @@ def _growth_section(record: Mapping[str, Any]) -> pages.Section:
         "What no shard limits: `pointclouds` holds the predicted clouds of one category until all are there, and "
         "`evaluate` reads them beside the true ones. Of the DDF, at the sizes of configs/paper.yaml, they take "
         f"{held / 2**10:.0f} KiB an image, {held * most / GIB:.1f} GiB for the {most:,} test images of the largest "
-        "category."
+        "category. Decoded images are read from a mapped file, whose pages count here and go when memory is short: 4 "
+        "size² bytes each."
     )
     return pages.Section(f"From {SIZES[0]} to {SIZES[1]} shapes", [_table(caption, header, rows), note])
 
