@@ -172,7 +172,7 @@ def test_changed_code_runs_the_stages_that_import_it(workspace):
         ("train_ddf", "train_ddf/primitives/checkpoint.safetensors", True),
         ("train_ddf", "train_ddf/primitives/checkpoint.safetensors", False),
         ("train_pcsiren", "train_pcsiren/primitives/checkpoint.safetensors", True),
-        ("pointclouds", "times/make_pointclouds-primitives.lock", True),
+        ("pointclouds", "pointclouds/primitives/*.part.safetensors", True),
     ],
 )
 def test_sigkill_and_again_gives_the_same_table(workspace, stage, sign, whole_group):
