@@ -102,7 +102,7 @@ def _number(axes, points: Sequence[Point], places: Sequence[tuple[float, float]]
         wide = 4.6 * len(str(points[i].number))
         x, y = spots[i]
         boxes = {offset: _box(x, y, wide, *offset) for offset in _OFFSETS}
-        offset = min(_OFFSETS, key=lambda o: (sum(_overlap(boxes[o], other) for other in taken), _OFFSETS.index(o)))
+        offset = min(_OFFSETS, key=lambda o: sum(_overlap(boxes[o], other) for other in taken))  # of equals the first
         taken.append(boxes[offset])
         axes.annotate(
             str(points[i].number), places[i], (boxes[offset][0] - x, boxes[offset][1] - y), textcoords="offset points",

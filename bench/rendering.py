@@ -17,6 +17,8 @@ from typing import Any
 
 import _curves
 import _measure
+import _page
+import _results
 import _sphere_tracing
 import numpy as np
 import torch
@@ -214,21 +216,6 @@ def tracing_name(how: _sphere_tracing.Tracing) -> str:
     return f"sphere tracing, {how.max_steps} steps, f < {how.threshold:g}{relaxed}"
 
 
-def rivals(rows: Sequence[dict[str, Any]], name: str = DDF) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """The DDF's row and that of the fastest tracing whose depth and visibility are as good, refined ones only for the
-    refined DDF; None where none is.
-    """
-    (own,) = [row for row in rows if row["what"] == name]
-    good = [
-        row
-        for row in rows
-        if row["what"].startswith("sphere tracing")
-        and (name.endswith(FEWER) or not row["what"].endswith(FEWER))
-        and all(row["error"][error] <= own["error"][error] for error in ("depth_median", "wrong_visibility"))
-    ]
-    return own, min(good, key=lambda row: row["median_s"], default=None)
-
-
 def growing_mesh(mesh: mesh_io.Mesh, seen: Views, size: int) -> list[dict[str, Any]]:
     """Casting of the same surface in ever more triangles."""
     rows, vertices, faces = [], mesh.vertices, mesh.faces
@@ -303,10 +290,9 @@ def measure() -> list[dict[str, Any]]:
         }
         facts = {**both.sizes, "triangles": len(mesh.faces)}
         rows = measured(candidates, COMPARED, seen, normals, facts)
-    own, rival = rivals(rows)
+    (own,) = [row for row in rows if row["what"] == DDF]
     for row in rows:
         row["times_ddf"] = row["median_s"] / own["median_s"]
-        row["fastest_as_good_as_ddf"] = row is rival
     drawn = (DDF, DDF + FEWER, CASTING, tracing_name(GROWN), tracing_name(GROWN) + FEWER)
     by_size = [row for row in rows if row["what"] in drawn]
     for size in SIZES:
@@ -337,15 +323,9 @@ def draw(by_size: Sequence[dict[str, Any]], by_faces: Sequence[dict[str, Any]]) 
 
 
 def main() -> None:
-    """Train, measure, write."""
-    rows = measure()
-    _measure.write("rendering", THREADS, rows)
-    for name in (DDF, DDF + FEWER):
-        own, rival = rivals([row for row in rows if "times_ddf" in row], name)
-        times = (
-            "" if rival is None else f"{rival['what']}, {rival['ms_per_image'] / own['ms_per_image']:.1f} times as long"
-        )
-        print(f"{name} {own['ms_per_image']:.1f} ms; fastest tracing that is as good: {times or 'none'}")
+    """Train, measure, write, and say how the DDF compares."""
+    _measure.write("rendering", THREADS, measure())
+    print(_page.rendering_sentence(_results.load(_measure.OUT / "rendering.json")))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,13 @@
 """Switches of single-image reconstruction, each turned alone (`make ablate-options`): D_C and F(τ) on held-out shapes.
 Trainings take as long as that of `base`, whose two other seeds show what chance alone does.
 
-It runs on what `make reproduce-table` prepared (artifacts/cpu): the DDF of one category, trained
-with configs/cpu.yaml (`base`) and with one setting changed, two side by side with one thread each. Every row is given
-as many steps as take as long as those of `base`, by trials of both in turn (`times_base`: a step's time over one of
-`base`), so the machine may be busier for one row than for another. `base` with other seeds shows what chance alone
-does. Held out are the last training shapes; the test set is not touched. Switches of clouds, scale and camera
-correction need no training and are rows on the model of `base`. Seconds are those of the training, or of an image's
-clouds. Rows are kept in artifacts/si3dr_options and made again only when something that they depend on has changed; one
-that was killed goes on from its checkpoint.
+It runs on what `make reproduce-table` prepared (artifacts/cpu): the DDF of one category, trained with configs/cpu.yaml
+(`base`) and with one setting changed, two side by side with one thread each. Every row is given as many steps as take
+as long as those of `base`, by trials of both in turn (`times_base`: a step's time over one of `base`), so the machine
+may be busier for one row than for another. Held out are the last training shapes; the test set is not touched. Switches
+of clouds, scale and camera correction need no training and are rows on the model of `base`. Seconds are those of the
+training, or of an image's clouds. Rows are kept in artifacts/si3dr_options and made again only when something that they
+depend on has changed; one that was killed goes on from its checkpoint.
 """
 
 import argparse
