@@ -8,7 +8,8 @@ from pathlib import Path
 
 import _results
 
-from ddf import checks, stage
+from ddf.core import checks
+from ddf.pipeline import stage
 
 
 def main() -> None:

@@ -18,7 +18,11 @@ import pandas as pd
 import primitive_fits
 from _results import Benchmark, Row
 
-from ddf import checks, pages, paper_ablation, sample_ablation, shape_tables, stage, storage
+from ddf.core import checks, storage
+from ddf.pipeline import stage
+from ddf.report import pages
+from ddf.report.shape import shape_tables
+from ddf.shape import leave_one_out, paper_ablation
 
 TITLE = "What fits of single shapes reach"
 ORDER = paper_ablation.COLUMNS
@@ -64,7 +68,7 @@ def curves(benchmark: Benchmark) -> list[pages.Section]:
     shape = str(ends[0].size["shape"])
     rows: list[list[pages.Cell | str]] = []
     for metric, name in shape_tables.METRIC_NAMES.items():
-        paper = dict(zip(paper_ablation.COLUMNS, paper_ablation.METRICS[metric][sample_ablation.NONE], strict=True))
+        paper = dict(zip(paper_ablation.COLUMNS, paper_ablation.METRICS[metric][leave_one_out.NONE], strict=True))
         for row in ends:
             cells = [_figure(row.error[f"{metric}_{kind}"], paper[kind]) for kind in ORDER]
             rows.append([name, row.what.removesuffix(", end"), *_effort(row), *cells])

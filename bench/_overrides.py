@@ -5,7 +5,7 @@ import functools
 from collections.abc import Mapping
 from typing import Any
 
-from ddf import checks
+from ddf.core import checks
 
 ABSENT = "(left out)"  # a key that the changed config does not have
 

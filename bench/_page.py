@@ -15,7 +15,8 @@ import _pareto
 import _results
 from _results import Benchmark, Row
 
-from ddf import pages, stage
+from ddf.pipeline import stage
+from ddf.report import pages
 
 SCRIPTS = Path(__file__).resolve().parent
 TITLE = "Speed against error"

@@ -6,14 +6,14 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ddf import fields, losses
+from ddf.fields import losses, pddf
 
 KINDS = (*losses.ORDER, *losses.VALUES_ONLY)
 DOUBLED = ("U", "A", "U+", "A+", "P")  # samples whose depth error counts twice
 
 
 def plain_loss(
-    field: fields.PDDF, batch: losses.SampleBatch, modulations: list[Tensor] | None, weights: losses.LossWeights
+    field: pddf.PDDF, batch: losses.SampleBatch, modulations: list[Tensor] | None, weights: losses.LossWeights
 ) -> Tensor:
     """𝔏_S by create_graph, written from the paper's formulas, one type at a time; none of the package's terms.
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ddf import checks
+from ddf.core import checks
 
 DRIFT = 0.08  # standard deviation of a median's logarithm from run to run, on a machine that others use too
 LEAST_NOISE = 0.10  # σ is taken to be no less: the quartiles of few samples are close together by chance

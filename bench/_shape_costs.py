@@ -13,23 +13,12 @@ from typing import Any, TypeVar
 import numpy as np
 import torch
 
-from ddf import (
-    clouds,
-    config,
-    dataset,
-    evaluation,
-    mesh_io,
-    meshes,
-    metrics,
-    neighbours,
-    reconstruction,
-    sampling,
-    shapenet,
-    si3dr_data,
-    si3dr_inference,
-    si3dr_training,
-)
-from ddf.synthetic import write
+from ddf.core import config
+from ddf.data import dataset, mesh_preparation, sampling, shapenet, true_clouds
+from ddf.data.synthetic import write
+from ddf.evaluation import metrics, scoring
+from ddf.geometry import mesh_io, neighbours
+from ddf.reconstruction import category_data, inference, reconstruction_models, training_steps
 
 CATEGORIES = ("chair", "plane", "car")
 CLOUD_POINTS = 200  # of the L points of a cloud: its time is linear in them
@@ -47,7 +36,7 @@ def timed(work: Callable[[], Result]) -> tuple[Result, float]:
 def prepare(config_path: Path, folder: Path) -> dict[str, dict[str, Any]]:
     """One shape of each category through the stages `meshes` and `samples`: mean CPU seconds and bytes per shape."""
     sections = {
-        "meshes": config.load(config_path, "meshes", meshes.MeshesConfig),
+        "meshes": config.load(config_path, "meshes", mesh_preparation.MeshesConfig),
         "samples": config.load(config_path, "samples", sampling.SamplesConfig),
     }
     seconds: dict[str, list[float]] = {name: [] for name in sections}
@@ -57,7 +46,7 @@ def prepare(config_path: Path, folder: Path) -> dict[str, dict[str, Any]]:
         path.write_text(write.obj_text(write.make_shape(0, category, 0)))
         rng = np.random.default_rng(0)
         raw = mesh_io.load(path)
-        prepared, spent = timed(lambda raw=raw, rng=rng: meshes.prepare(raw, sections["meshes"], rng))
+        prepared, spent = timed(lambda raw=raw, rng=rng: mesh_preparation.prepare(raw, sections["meshes"], rng))
         seconds["meshes"].append(spent)
         sizes["meshes"].append(len(mesh_io.ply_bytes(prepared.mesh)))
 
@@ -65,7 +54,7 @@ def prepare(config_path: Path, folder: Path) -> dict[str, dict[str, Any]]:
             arrays, _ = sampling.extract(mesh, sections["samples"], category, "0")
             return [
                 *arrays.values(),
-                *vars(clouds.draw(mesh_io.load(path), sections["samples"].cloud_points, rng)).values(),
+                *vars(true_clouds.draw(mesh_io.load(path), sections["samples"].cloud_points, rng)).values(),
             ]
 
         arrays, spent = timed(extract)
@@ -88,13 +77,13 @@ def reconstruct(config_path: Path) -> dict[str, Any]:
 
     Clouds of few points and few steps of correction are measured, and taken to be linear in both.
     """
-    train = config.load(config_path, "train", si3dr_training.TrainConfig)
-    section = config.load(config_path, "pointclouds", si3dr_inference.PointcloudsConfig)
-    model = si3dr_training.ddf_model(train, config.load(config_path, "ddf", si3dr_training.DDFConfig)).eval()
+    train = config.load(config_path, "train", training_steps.TrainConfig)
+    section = config.load(config_path, "pointclouds", inference.PointcloudsConfig)
+    model = training_steps.ddf_model(train, config.load(config_path, "ddf", training_steps.DDFConfig)).eval()
     pixels = torch.zeros((1, 4, train.image_size, train.image_size), dtype=torch.uint8)
     cameras = torch.tensor([[0.5, 0.45, 0.8]])
     model.camera_head.fit(cameras.repeat(2, 1) + torch.tensor([[0.0], [0.1]]))
-    images = si3dr_data.ImageSet(["a"], [0], np.zeros(1, dtype=int), pixels, cameras)
+    images = category_data.ImageSet(["a"], [0], np.zeros(1, dtype=int), pixels, cameras)
 
     few = dataclasses.replace(
         section,
@@ -105,12 +94,12 @@ def reconstruct(config_path: Path) -> dict[str, Any]:
         shape_correction=None,
     )
     some = dataclasses.replace(section.correction, steps=CORRECTION_STEPS)
-    _, latents, predicted = si3dr_inference.encode(model, images)
+    _, latents, predicted = inference.encode(model, images)
     alpha, scale = images.alpha(np.zeros(1, dtype=int), some.mask_size), torch.ones(1)
     modulations = [m.detach() for m in model.modulations(latents)]
-    _, spent = timed(lambda: reconstruction.correct_camera(model, modulations, predicted, scale, alpha, some))
+    _, spent = timed(lambda: reconstruction_models.correct_camera(model, modulations, predicted, scale, alpha, some))
     step = spent / CORRECTION_STEPS
-    _, spent = timed(lambda: si3dr_inference.reconstruct_ddf(model, images, few, ""))
+    _, spent = timed(lambda: inference.reconstruct_ddf(model, images, few, ""))
     cloud = (spent - step) / CLOUD_POINTS
     return {
         "cpu_s": cloud * section.large + step * section.correction.steps,
@@ -125,12 +114,12 @@ def reconstruct(config_path: Path) -> dict[str, Any]:
 
 def evaluate(config_path: Path, cloud_points: int) -> dict[str, float]:
     """CPU seconds of one comparison of a cloud L with a truth, and of one pair of shapes that the oracle row ranks."""
-    section = config.load(config_path, "evaluate", evaluation.EvaluateConfig)
-    large = config.load(config_path, "pointclouds", si3dr_inference.PointcloudsConfig).large
+    section = config.load(config_path, "evaluate", scoring.EvaluateConfig)
+    large = config.load(config_path, "pointclouds", inference.PointcloudsConfig).large
     shapes = [write.make_shape(0, category, 0) for category in CATEGORIES]
     rng = np.random.default_rng(0)
     points = [
-        clouds.draw(mesh_io.Mesh(s.vertices, s.triangles), cloud_points, rng).points.astype(float) for s in shapes
+        true_clouds.draw(mesh_io.Mesh(s.vertices, s.triangles), cloud_points, rng).points.astype(float) for s in shapes
     ]
     case = [
         timed(lambda one=one, two=two: metrics.compare_clouds(one[:large], two, section.tau_sq))[1]

@@ -13,7 +13,8 @@ from typing import Any
 
 import _measure
 
-from ddf import checks, single_shape, storage
+from ddf.core import checks, storage
+from ddf.shape import fitting
 
 
 def add_options(parser: argparse.ArgumentParser, all_at_once: int | None = None) -> None:
@@ -51,7 +52,7 @@ def threads(arguments: argparse.Namespace, own: int) -> int:
     return arguments.threads or (own if arguments.side_by_side == 1 else share)
 
 
-def budgeted(section: single_shape.FitConfig, minutes: float | None, count: int) -> single_shape.FitConfig:
+def budgeted(section: fitting.FitConfig, minutes: float | None, count: int) -> fitting.FitConfig:
     """The same fit for so many minutes, and with so many threads."""
     loop = dataclasses.replace(section.loop, threads=count)
     return dataclasses.replace(section, steps=None, minutes=minutes, loop=loop)

@@ -17,8 +17,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf import derivatives, meshes, raycast, rays, seeding, siren, step_timing, training
-from ddf.mesh_io import Mesh
+from ddf.core import seeding
+from ddf.data import mesh_preparation
+from ddf.fields import derivatives, siren
+from ddf.geometry import raycast, rays
+from ddf.geometry.mesh_io import Mesh
+from ddf.training import step_timing, training_loop
 
 Distance = Callable[[Tensor], Tensor]  # points (n, 3) to f (n)
 
@@ -98,7 +102,7 @@ class DistanceConfig:
     """
 
     layout: siren.SineLayout
-    loop: training.LoopConfig
+    loop: training_loop.LoopConfig
     points: int = 400_000
     batch: int = 4096
     spreads: tuple[float, ...] = (0.005, 0.05)
@@ -119,10 +123,10 @@ def fit_distance(
       steps: decide, where given.
     """
     started = time.monotonic()
-    training.prepare(config.loop)
+    training_loop.prepare(config.loop)
     random = seeding.generator(config.loop.seed, "sphere_tracing")
     lower, upper = mesh.box()
-    near, _ = meshes.sample_surface(mesh, config.points // 2, random)
+    near, _ = mesh_preparation.sample_surface(mesh, config.points // 2, random)
     spread = np.resize(config.spreads, len(near))[:, None]
     near = near + spread * random.standard_normal(near.shape)
     drawn = np.concatenate([near, random.uniform(lower, upper, (config.points - len(near), 3))])
@@ -138,7 +142,7 @@ def fit_distance(
         eikonal = (gradient.norm(dim=-1) - 1).square().mean()
         return error + config.eikonal * eikonal, {"error": error.detach(), "eikonal": eikonal.detach()}
 
-    def losses(network: siren.SineNetwork) -> training.StepLoss:
+    def losses(network: siren.SineNetwork) -> training_loop.StepLoss:
         return functools.partial(loss, network)
 
     def groups(network: siren.SineNetwork) -> list[dict]:
@@ -149,5 +153,5 @@ def fit_distance(
         steps = max(1, int((seconds - (time.monotonic() - started)) / each))
     with tempfile.TemporaryDirectory() as folder:
         out, record = Path(folder), {"fingerprint": ""}
-        training.fit(network, groups(network), losses(network), steps, config.loop, out, record, "signed distance")
+        training_loop.fit(network, groups(network), losses(network), steps, config.loop, out, record, "signed distance")
     return network.eval(), steps

@@ -6,7 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ddf import config, metrics, reconstruction, shapenet, si3dr_data, si3dr_training, training, transforms
+from ddf.core import config
+from ddf.data import shapenet
+from ddf.evaluation import metrics
+from ddf.geometry import transforms
+from ddf.reconstruction import category_data, reconstruction_models, training_steps
+from ddf.training import training_loop
 
 
 @dataclass(frozen=True)
@@ -16,7 +21,7 @@ class Views:
     truths: float64, benchmark units.
     """
 
-    images: si3dr_data.ImageSet
+    images: category_data.ImageSet
     field_scales: list[float]
     factors: list[float]
     truths: list[np.ndarray]
@@ -29,25 +34,25 @@ class Views:
 
 def trained(config_path: Path, category: str) -> bool:
     """Whether the experiment's DDF of a category is there."""
-    return (config.artifact_dir(config_path, "train_ddf", category) / training.MODEL).exists()
+    return (config.artifact_dir(config_path, "train_ddf", category) / training_loop.MODEL).exists()
 
 
 def read(
-    config_path: Path, category: str, count: int, models: Mapping[str, reconstruction.ReconstructionModel]
+    config_path: Path, category: str, count: int, models: Mapping[str, reconstruction_models.ReconstructionModel]
 ) -> Views:
     """The first `count` test shapes; the weights of the models, by stage, are loaded.
 
     Raises:
       FileNotFoundError, InputError: a stage has not run, or left a damaged file; it is named.
     """
-    train = config.load(config_path, "train", si3dr_training.TrainConfig)
+    train = config.load(config_path, "train", training_steps.TrainConfig)
     for name, model in models.items():
-        training.load_model(model, config.artifact_dir(config_path, name, category))
+        training_loop.load_model(model, config.artifact_dir(config_path, name, category))
     dataset = shapenet.Dataset.open(config.artifact_dir(config_path, "dataset") / "index.json")
     samples = config.artifact_dir(config_path, "samples", category)
-    shown = si3dr_data.available(samples, si3dr_data.test_views(dataset, category, 1))[:count]
-    images = si3dr_data.read_images(dataset, category, shown, train.image_size)
-    shapes = si3dr_data.read_shapes(samples, images.ids)
+    shown = category_data.available(samples, category_data.test_views(dataset, category, 1))[:count]
+    images = category_data.read_images(dataset, category, shown, train.image_size)
+    shapes = category_data.read_shapes(samples, images.ids)
     scales = shapes.field_scales(images.shapes).tolist()
     factors = [transforms.BENCHMARK_FROM_V1 / scale for scale in scales]
     truths = [

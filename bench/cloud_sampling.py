@@ -16,7 +16,11 @@ import _measure
 import _test_views
 import torch
 
-from ddf import config, pointclouds, si3dr_inference, si3dr_training, stage, training
+from ddf.core import config
+from ddf.fields import cloud_projection
+from ddf.pipeline import stage
+from ddf.reconstruction import inference, training_steps
+from ddf.training import training_loop
 
 CONFIG, CATEGORIES = Path("configs/cpu.yaml"), ("chair", "plane", "car")
 IMAGES, THREADS = 2, 2
@@ -32,7 +36,7 @@ PLAIN = {"jitter": 0.0, "resample": 0.0, "recheck": (), "spread": None, "least_c
 PLAIN |= {"mirror": None, "oversampling": 0.1, "centre": None}
 
 
-def settings(own: pointclouds.CloudConfig) -> list[pointclouds.CloudConfig]:
+def settings(own: cloud_projection.CloudConfig) -> list[cloud_projection.CloudConfig]:
     """The paper's way over n_v and N_H; at the config's own n_v each of its departures alone; all of them; in brief."""
     paper, most = dataclasses.replace(own, **PLAIN), max(CYCLES)
     sizes = [*itertools.product(DIRECTIONS, CYCLES), (PAPER[0], 1), PAPER]
@@ -44,7 +48,7 @@ def settings(own: pointclouds.CloudConfig) -> list[pointclouds.CloudConfig]:
     return list(dict.fromkeys([*chosen, dataclasses.replace(own, **_clouds.IN_BRIEF)]))
 
 
-def told(cloud: pointclouds.CloudConfig, points: int) -> dict[str, Any]:
+def told(cloud: cloud_projection.CloudConfig, points: int) -> dict[str, Any]:
     """The settings of a row."""
     departures = {name: getattr(cloud, name) for name in PLAIN}
     listed = {name: list(value) if isinstance(value, tuple) else value for name, value in departures.items()}
@@ -53,13 +57,13 @@ def told(cloud: pointclouds.CloudConfig, points: int) -> dict[str, Any]:
 
 def measure(category: str) -> list[dict]:
     """All settings on the first view of the first test shapes; one row per setting."""
-    train = config.load(CONFIG, "train", si3dr_training.TrainConfig)
-    section = config.load(CONFIG, "pointclouds", si3dr_inference.PointcloudsConfig)
-    model = si3dr_training.ddf_model(train, config.load(CONFIG, "ddf", si3dr_training.DDFConfig))
-    training.prepare(train.loop)
+    train = config.load(CONFIG, "train", training_steps.TrainConfig)
+    section = config.load(CONFIG, "pointclouds", inference.PointcloudsConfig)
+    model = training_steps.ddf_model(train, config.load(CONFIG, "ddf", training_steps.DDFConfig))
+    training_loop.prepare(train.loop)
     torch.set_num_threads(THREADS)
     views = _test_views.read(CONFIG, category, IMAGES, {"train_ddf": model})
-    _, latents, _ = si3dr_inference.encode(model, views.images)
+    _, latents, _ = inference.encode(model, views.images)
     with torch.no_grad():
         modulations = model.modulations(latents)
     rows = []
@@ -69,8 +73,8 @@ def measure(category: str) -> list[dict]:
             own = [m[image] for m in modulations]
             generator = torch.Generator().manual_seed(image)
             started = time.perf_counter()
-            cycles = pointclouds.sample(model.field, own, section.large, cloud, generator)
-            (points,) = pointclouds.select(cycles, [section.large], cloud)
+            cycles = cloud_projection.sample(model.field, own, section.large, cloud, generator)
+            (points,) = cloud_projection.select(cycles, [section.large], cloud)
             seconds.append(time.perf_counter() - started)
             scores.append(views.scores(image, points.numpy()))
         error = {name: statistics.fmean(score[name] for score in scores) for name in scores[0]}

@@ -18,7 +18,8 @@ import torch
 from scipy.spatial import transform
 from torch import Tensor
 
-from ddf import cameras, composition, fields, primitives, transforms
+from ddf.fields import composition, pddf
+from ddf.geometry import cameras, primitives, transforms
 
 THREADS, REPEATS, PIXELS = 2, 15, 64
 COUNTS = (1, 4, 16, 64)
@@ -101,7 +102,7 @@ class Image:
         return composition.compose(self.objects, *rays, TEMPERATURE, INVERSE_DEPTH, self.cull)
 
 
-def images(count: int, rays: tuple[Tensor, Tensor], network: fields.PDDF, precise: fields.PDDF) -> list[Image]:
+def images(count: int, rays: tuple[Tensor, Tensor], network: pddf.PDDF, precise: pddf.PDDF) -> list[Image]:
     """Closed forms and networks of so many objects, with and without culling."""
     closed = scene(count, lambda i: composition.primitive_query(SHAPES[i % len(SHAPES)]))
     truth = exact_depth(count, *rays)
@@ -123,7 +124,7 @@ def main() -> None:
     torch.set_num_threads(THREADS)
     rays = camera_rays()
     torch.manual_seed(0)
-    network = fields.PDDF(fields.PDDFConfig(HIDDEN, 3.0, 1.0, "softplus", 100.0)).requires_grad_(False)
+    network = pddf.PDDF(pddf.PDDFConfig(HIDDEN, 3.0, 1.0, "softplus", 100.0)).requires_grad_(False)
     precise = copy.deepcopy(network).double()
     chosen = [image for count in COUNTS for image in images(count, rays, network, precise)]
     ways = {f"{image.what}, {image.size}": (lambda image=image: image.compose(rays)) for image in chosen}

@@ -17,19 +17,12 @@ import fit_curves
 import numpy as np
 import pandas as pd
 
-from ddf import (
-    checks,
-    config,
-    mesh_io,
-    provenance,
-    shape_field,
-    shape_pictures,
-    shape_views,
-    single_shape,
-    stage,
-    storage,
-    strips,
-)
+from ddf.core import checks, config, provenance, storage
+from ddf.geometry import mesh_io
+from ddf.pipeline import stage
+from ddf.report import field_pictures, picture_strips
+from ddf.report.shape import shape_views
+from ddf.shape import fitting, shape_field
 
 NAME = "contact_sheet"
 CONFIG = Path("configs/fit.yaml")
@@ -65,18 +58,18 @@ def everyday(folder: Path) -> list[Path]:
     return chosen
 
 
-def fitted(file: Path, section: single_shape.FitConfig) -> Fitted:
+def fitted(file: Path, section: fitting.FitConfig) -> Fitted:
     """The field of a mesh, fitted now, or before with the same settings, mesh and code."""
     mesh, folder = mesh_io.load(file), FIELDS / file.stem
-    identity = provenance.fingerprint([section.recipe()], [file], "ddf.single_shape")
+    identity = provenance.fingerprint([section.recipe()], [file], "ddf.shape.fitting")
     done = folder / DONE
     if not (done.exists() and storage.read_json(done).get("fingerprint") == identity):
-        single_shape.fit(mesh, section, folder, {file.name: storage.checksum(file)})
+        fitting.fit(mesh, section, folder, {file.name: storage.checksum(file)})
         storage.write_json(done, {"fingerprint": identity})
     return Fitted(file, mesh, folder, UP.get(file.suffix, "y"), section.loop.threads)
 
 
-def fit_apart(files: Sequence[Path], section: single_shape.FitConfig, at_once: int) -> list[Path]:
+def fit_apart(files: Sequence[Path], section: fitting.FitConfig, at_once: int) -> list[Path]:
     """The files whose field is there after all were fitted, each in a process of its own; the others are named."""
     given = ["--fit-only", "--minutes", str(section.minutes), "--threads", str(section.loop.threads)]
     commands = {file.name: [__file__, str(file.parent), "--only", file.stem, *given] for file in files}
@@ -88,29 +81,29 @@ def fit_apart(files: Sequence[Path], section: single_shape.FitConfig, at_once: i
 
 def row_of(item: Fitted) -> dict[str, Any]:
     """Of the table: threads, steps, seconds, the twelve held-out figures, angles of normals in degrees."""
-    result = storage.read_json(item.folder / single_shape.METRICS)
+    result = storage.read_json(item.folder / fitting.METRICS)
     held_out = result["held_out"]
     figures = {**fit_curves.errors(held_out), "normal_angle_deg_p95": held_out["normal_angle_deg_p95"]}
     known = {"mesh": item.file.name, "triangles": len(item.mesh.faces), "threads": item.threads}
     return {**known, "steps": result["steps"], "seconds": result["seconds"], **figures}
 
 
-def pictures(item: Fitted, size: int) -> strips.StripRow:
+def pictures(item: Fitted, size: int) -> picture_strips.StripRow:
     """Depth and normals of the field and of its mesh, from both cameras that stand outside."""
     shape, row = shape_field.load(item.folder), row_of(item)
-    cells: list[strips.Picture | None] = []
+    cells: list[picture_strips.Picture | None] = []
     for view in shape_views.render(shape, item.mesh, size, item.up, seed=0)[: len(shape_views.OUTSIDE)]:
         images = view.images
-        depth, true_depth = shape_pictures.depth_pictures(images["depth"], images["true_depth"])
-        normals = strips.normals_picture(images["normals"], images["visibility"])
+        depth, true_depth = field_pictures.depth_pictures(images["depth"], images["true_depth"])
+        normals = picture_strips.normals_picture(images["normals"], images["visibility"])
         true_seen = np.isfinite(images["true_depth"]).astype(np.float64)
-        cells += [depth, true_depth, normals, strips.normals_picture(images["true_normals"], true_seen)]
+        cells += [depth, true_depth, normals, picture_strips.normals_picture(images["true_normals"], true_seen)]
     lines = [
         f"{row['triangles']:,} triangles",
         f"A: {row['depth_l1_x10_A']:.2f}",
         f"normals {row['normal_angle_deg_median']:.0f}°",
     ]
-    return strips.StripRow(item.file.stem[:14], lines, cells)
+    return picture_strips.StripRow(item.file.stem[:14], lines, cells)
 
 
 def main(given: Sequence[str] | None = None) -> None:
@@ -123,7 +116,7 @@ def main(given: Sequence[str] | None = None) -> None:
     parser.add_argument("--fit-only", action="store_true", help="write no sheet")
     _side_by_side.add_options(parser)
     arguments = parser.parse_args(given)
-    section = config.load(CONFIG, "fit", single_shape.FitConfig)
+    section = config.load(CONFIG, "fit", fitting.FitConfig)
     minutes = section.minutes if arguments.minutes is None else arguments.minutes
     section = _side_by_side.budgeted(section, minutes, _side_by_side.threads(arguments, section.loop.threads))
     files = [file for file in everyday(arguments.folder) if not arguments.only or file.stem in arguments.only]
@@ -140,7 +133,7 @@ def main(given: Sequence[str] | None = None) -> None:
     if arguments.fit_only:
         return
     rows = [pictures(item, section.page.picture_size) for item in items]
-    storage.write_bytes(arguments.out / SHEET, strips.strip(COLUMNS, rows))
+    storage.write_bytes(arguments.out / SHEET, picture_strips.strip(COLUMNS, rows))
     table = pd.DataFrame([row_of(item) for item in items])
     storage.write_text(arguments.out / TABLE, table.to_csv(index=False, lineterminator="\n", float_format="%.5g"))
     print(arguments.out / SHEET)

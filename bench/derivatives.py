@@ -14,37 +14,37 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ddf import curvature, derivatives, fields
+from ddf.fields import curvature, derivatives, pddf
 
 THREADS, REPEATS, POINTS, SEED = 2, 7, 4096, 0
-CONFIG = fields.PDDFConfig((256,) * 5, 3.0, 1.0, "softplus", 100.0)
+CONFIG = pddf.PDDFConfig((256,) * 5, 3.0, 1.0, "softplus", 100.0)
 FIRST_STEP, SECOND_STEP = 5e-3, 3e-2
 GRAZING = 0.1  # rays with a smaller |n·v| are left out: rounding decides which side faces the viewer
 FLAT = 1e-3  # and so are those where the depth's activation all but vanishes, with a shorter gradient: no surface there
-Ways = dict[str, Callable[[fields.PDDF, Tensor, Tensor], Tensor]]
+Ways = dict[str, Callable[[pddf.PDDF, Tensor, Tensor], Tensor]]
 
 
-def chosen_raw(field: fields.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
+def chosen_raw(field: pddf.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
     """Depth of the heavier component."""
     return field.depth(field(positions, directions))
 
 
-def explicit_gradient(field: fields.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
+def explicit_gradient(field: pddf.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
     """∇_p d by one adjoint pass."""
     found = derivatives.trace(field.network, torch.cat((positions, directions), dim=-1))
-    rows = fields.heavier_rows(found.outputs)
+    rows = pddf.heavier_rows(found.outputs)
     slope = (rows * field.depth_slopes(found.outputs)).sum(-1, keepdim=True)
     return slope * derivatives.adjoint(field.network, found.slopes, rows)
 
 
-def autograd_gradient(field: fields.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
+def autograd_gradient(field: pddf.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
     """∇_p d by the reverse pass of torch."""
     p = positions.clone().requires_grad_()
     with torch.enable_grad():
         return torch.autograd.grad(chosen_raw(field, p, directions).sum(), p)[0]
 
 
-def difference_gradient(field: fields.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
+def difference_gradient(field: pddf.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
     """∇_p d from six more queries."""
     steps = FIRST_STEP * torch.eye(3).to(positions)
     ahead, behind = (
@@ -54,19 +54,19 @@ def difference_gradient(field: fields.PDDF, positions: Tensor, directions: Tenso
     return (ahead - behind) / (2 * FIRST_STEP)
 
 
-def normals_by(gradient: Callable[[fields.PDDF, Tensor, Tensor], Tensor]) -> Callable[..., Tensor]:
+def normals_by(gradient: Callable[[pddf.PDDF, Tensor, Tensor], Tensor]) -> Callable[..., Tensor]:
     """Unit normals from a gradient."""
     return lambda field, positions, directions: derivatives.normals(gradient(field, positions, directions), directions)
 
 
-def explicit_normals(field: fields.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
+def explicit_normals(field: pddf.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
     """From the raw gradient: the depth's activation changes its length alone."""
     found = derivatives.trace(field.network, torch.cat((positions, directions), dim=-1))
-    gradient = derivatives.adjoint(field.network, found.slopes, fields.heavier_rows(found.outputs))
+    gradient = derivatives.adjoint(field.network, found.slopes, pddf.heavier_rows(found.outputs))
     return derivatives.normals(gradient, directions)
 
 
-def explicit_mean(field: fields.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
+def explicit_mean(field: pddf.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
     """Mean curvature by one forward, one adjoint and two tangent passes."""
     found = curvature.surface(field, positions, directions, outputs=("mean_curvature",))
     assert found.mean is not None
@@ -80,7 +80,7 @@ def trace_in_surface(hessian: Tensor, gradient: Tensor, directions: Tensor) -> T
     return (normals * directions).sum(-1) * sums
 
 
-def autograd_mean(field: fields.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
+def autograd_mean(field: pddf.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
     """Mean curvature by differentiating the gradient again."""
     p = positions.clone().requires_grad_()
     with torch.enable_grad():
@@ -89,7 +89,7 @@ def autograd_mean(field: fields.PDDF, positions: Tensor, directions: Tensor) -> 
     return trace_in_surface(torch.stack(rows, dim=1), gradient.detach(), directions)
 
 
-def difference_mean(field: fields.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
+def difference_mean(field: pddf.PDDF, positions: Tensor, directions: Tensor) -> Tensor:
     """Mean curvature from five queries along the surface and six for its normal."""
     gradient = difference_gradient(field, positions, directions)
     normals = derivatives.normals(gradient, directions)
@@ -127,10 +127,10 @@ def points(dtype: torch.dtype) -> tuple[Tensor, Tensor]:
     return positions.to(dtype), directions.to(dtype)
 
 
-def network(dtype: torch.dtype) -> fields.PDDF:
+def network(dtype: torch.dtype) -> pddf.PDDF:
     """The same weights in any type."""
     torch.manual_seed(SEED)
-    return fields.PDDF(CONFIG).requires_grad_(False).to(dtype)
+    return pddf.PDDF(CONFIG).requires_grad_(False).to(dtype)
 
 
 def main() -> None:

@@ -13,7 +13,8 @@ import open3d as o3d
 import torch
 from scipy import spatial
 
-from ddf import metrics, neighbours
+from ddf.evaluation import metrics
+from ddf.geometry import neighbours
 
 THREADS, REPEATS, MOST_SECONDS = 2, 41, 1.5
 NUM_PRED, NUM_TRUTH, NOISE = 5000, 8000, 0.005
@@ -98,7 +99,7 @@ def main() -> None:
     exact = all_pairs(prediction, truth)
     chamfer, f_score = scores(*exact)
     ways: dict[str, Callable[[np.ndarray, np.ndarray], Distances]] = {
-        "ddf.neighbours": ours,
+        "ddf.geometry.neighbours": ours,
         "Open3D compute_point_cloud_distance": open3d_legacy,
         "scipy cKDTree": scipy_tree,
         "torch.cdist float32": torch_pairs(torch.float32),
@@ -107,7 +108,7 @@ def main() -> None:
     candidates: dict[str, Callable[[], object]] = {
         name: (lambda way=way: scores(*way(prediction, truth))) for name, way in ways.items()
     }
-    candidates["ddf.metrics.compare_clouds"] = lambda: metrics.compare_clouds(prediction, truth, TAU_SQ)
+    candidates["ddf.evaluation.metrics.compare_clouds"] = lambda: metrics.compare_clouds(prediction, truth, TAU_SQ)
     candidates["Open3D compute_metrics"] = lambda: open3d_metrics(prediction, truth)
     times = _measure.interleaved(candidates, REPEATS, MOST_SECONDS)
     size = {"num_pred": NUM_PRED, "num_truth": NUM_TRUTH}

@@ -22,7 +22,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ddf import derivatives, fields, onnx_export, onnx_graphs, onnx_parity, onnx_precision, passes, rendering, stage
+from ddf.export import onnx_file, onnx_graphs, onnx_parity, weight_precision
+from ddf.fields import derivatives, passes, pddf, rendering
+from ddf.pipeline import stage
 
 RAYS, NORMAL_RAYS, CHECKED = 65_536, 16_384, 8_192  # timed; timed with normals; whose errors are taken
 CHUNK_VALUES = 2**18  # of one layer, rays times width: 1 MiB, which stays in the cache
@@ -43,7 +45,7 @@ class LayerLoop:
     products: type of the matrix products and their weights. sines: type that the angles are kept in.
     """
 
-    def __init__(self, field: fields.PDDF, outputs: Sequence[str], products: torch.dtype, sines: torch.dtype) -> None:
+    def __init__(self, field: pddf.PDDF, outputs: Sequence[str], products: torch.dtype, sines: torch.dtype) -> None:
         network = field.network
         self.field, self.outputs, self.products, self.sines = field, outputs, products, sines
         self.layers = [
@@ -62,10 +64,10 @@ class LayerLoop:
                 slopes.append(torch.cos(angles))
             hidden = angles.sin_()
         raw = functional.linear(hidden.to(self.products), *self.head).float()
-        found = [fields.visibility(raw), self.field.depth(raw)]
+        found = [pddf.visibility(raw), self.field.depth(raw)]
         if "normals" in self.outputs:
-            rows = fields.heavier_rows(raw).to(self.products)
-            gradient = rows @ self.head[0][: fields.NUM_COMPONENTS]
+            rows = pddf.heavier_rows(raw).to(self.products)
+            gradient = rows @ self.head[0][: pddf.NUM_COMPONENTS]
             for (weight, _), slope in zip(reversed(self.layers[1:]), reversed(slopes[1:]), strict=True):
                 gradient = gradient.mul_(slope) @ weight
             along = gradient.mul_(slopes[0]) @ self.layers[0][0][:, derivatives.POSITION]
@@ -105,7 +107,7 @@ def onnx_program(data: bytes, outputs: Sequence[str], threads: int) -> Program:
     return program
 
 
-def exact(field: fields.PDDF, rays: tuple[Tensor, Tensor]) -> Truths:
+def exact(field: pddf.PDDF, rays: tuple[Tensor, Tensor]) -> Truths:
     """What the field gives in float64, normals included."""
     graph = onnx_graphs.FieldGraph(copy.deepcopy(field).double(), WITH_NORMALS)
     inputs = {"positions": rays[0].double(), "directions": rays[1].double()}
@@ -132,7 +134,7 @@ def errors(answer: Answer, truths: Truths) -> dict[str, float]:
 class Exported:
     """A field, and its ONNX files: each is made once."""
 
-    def __init__(self, field: fields.PDDF) -> None:
+    def __init__(self, field: pddf.PDDF) -> None:
         self.field = field
         self._files: dict[tuple[tuple[str, ...], str | None], bytes] = {}
 
@@ -142,9 +144,9 @@ class Exported:
         if key not in self._files:
             if precision is None:
                 with torch.no_grad():
-                    self._files[key] = onnx_export.to_onnx(onnx_graphs.FieldGraph(self.field, outputs), {})
+                    self._files[key] = onnx_file.to_onnx(onnx_graphs.FieldGraph(self.field, outputs), {})
             else:
-                self._files[key] = onnx_precision.reduce(self.data(outputs), precision)
+                self._files[key] = weight_precision.reduce(self.data(outputs), precision)
         return self._files[key]
 
 
@@ -164,7 +166,7 @@ def programs(exported: Exported, outputs: Sequence[str], threads: int) -> dict[t
     if passes.has_bfloat16(field.network.head.weight.device):  # in software they would take minutes
         found["torch", "bfloat16 products"] = LayerLoop(field, outputs, brain, full)
         found["torch", "bfloat16"] = LayerLoop(field, outputs, brain, brain)
-    for precision in onnx_precision.PRECISIONS:
+    for precision in weight_precision.PRECISIONS:
         found["onnxruntime", precision] = onnx_program(exported.data(outputs, precision), outputs, threads)
     return found
 
@@ -255,11 +257,11 @@ def mark_best(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{**row, "best": any(row is one for one in fastest)} for row in rows]
 
 
-def parity(field: fields.PDDF) -> list[dict[str, Any]]:
+def parity(field: pddf.PDDF) -> list[dict[str, Any]]:
     """onnxruntime against torch, every output of a field; no time is taken."""
     graph = onnx_graphs.FieldGraph(field, (*WITH_NORMALS, "mean_curvature", "gaussian_curvature"))
     width = field.config.hidden[0]
-    rows = onnx_parity.compare(onnx_export.to_onnx(graph, {}), f"field of {width}", graph, (PARITY_RAYS,), 0)
+    rows = onnx_parity.compare(onnx_file.to_onnx(graph, {}), f"field of {width}", graph, (PARITY_RAYS,), 0)
     return [
         {
             "what": f"onnxruntime against torch, {row.output}, {row.cases}",
@@ -275,7 +277,7 @@ def main() -> None:
     rows, parities = [], []
     for width, layers in LAYERS.items():
         torch.manual_seed(0)
-        field = fields.PDDF(fields.PDDFConfig((width,) * layers, OMEGA_FIRST, 1.0, "softplus", 100.0)).eval()
+        field = pddf.PDDF(pddf.PDDFConfig((width,) * layers, OMEGA_FIRST, 1.0, "softplus", 100.0)).eval()
         exported = Exported(field)
         error = checked_errors(exported)
         for outputs in (VALUES, WITH_NORMALS):

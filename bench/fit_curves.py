@@ -1,7 +1,7 @@
 """One shape fitted in several ways: held-out errors of all six sample types against seconds, at times that grow
 geometrically. Seconds are those of training; sampling and evaluations are not counted.
 
-Each way is a file of `RECIPES`, fitted by `ddf.single_shape.fit` as `ddf fit` does it; the paper's recipe gets as long
+Each way is a file of `RECIPES`, fitted by `ddf.shape.fitting.fit` as `ddf fit` does it; the paper's recipe gets as long
 as the longest of the others. The shape is the Stanford bunny with 10,000 triangles, a procedural chair where its file
 is absent. A stopped run goes on from its checkpoints in artifacts/fit_curves. `--only long_fit` fits in one
 way alone and prints its twelve figures beside the paper's.
@@ -23,22 +23,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ddf import (
-    checks,
-    config,
-    fields,
-    mesh_config,
-    mesh_io,
-    meshes,
-    paper_ablation,
-    sample_ablation,
-    sampling,
-    shape_mesh,
-    single_shape,
-    stage,
-    storage,
-    training,
-)
+from ddf.core import checks, config, storage
+from ddf.data import mesh_config, mesh_preparation, sampling
+from ddf.fields import pddf
+from ddf.geometry import mesh_io
+from ddf.pipeline import stage
+from ddf.shape import fitting, leave_one_out, paper_ablation, source_mesh
+from ddf.training import training_loop
 
 NAME = "fit_curves"
 PAPER = "paper_fit"  # the recipe of [DDF22] app. C
@@ -63,13 +54,13 @@ def target(path: Path | None) -> tuple[mesh_io.Mesh, str]:
       FileNotFoundError: there is no such file. InputError: it holds no mesh, or none that can be closed.
     """
     file = path or (BUNNY if BUNNY.is_file() else None)
-    raw, _ = shape_mesh.read(None if file is None else str(file), 0)
-    prepared = meshes.prepare(raw, mesh_config.MeshesConfig(faces=FACES), np.random.default_rng(0))
+    raw, _ = source_mesh.read(None if file is None else str(file), 0)
+    prepared = mesh_preparation.prepare(raw, mesh_config.MeshesConfig(faces=FACES), np.random.default_rng(0))
     within = np.clip(prepared.mesh.vertices, -1.0, 1.0)  # rounding of the frame's scale
     return mesh_io.Mesh(within, prepared.mesh.faces), file.stem if file else "procedural chair"
 
 
-def recipe(name: str, minutes: float | None, threads: int) -> single_shape.FitConfig:
+def recipe(name: str, minutes: float | None, threads: int) -> fitting.FitConfig:
     """One of `RECIPES` with a budget of wall time: its own, the longest of ours for the paper's, `minutes` at most."""
     section = _section(name)
     budget = section.minutes or max(_section(own).minutes or 0.0 for own in OURS)
@@ -79,30 +70,30 @@ def recipe(name: str, minutes: float | None, threads: int) -> single_shape.FitCo
     return dataclasses.replace(section, steps=None, minutes=budget, held_out=held_out, loop=loop)
 
 
-def _section(name: str) -> single_shape.FitConfig:
-    return config.load(Path("configs") / f"{name}.yaml", "fit", single_shape.FitConfig)
+def _section(name: str) -> fitting.FitConfig:
+    return config.load(Path("configs") / f"{name}.yaml", "fit", fitting.FitConfig)
 
 
 class Clock:
     """Evaluates a field while it is trained, and leaves the time of that out; goes on where a stopped run was.
 
-    rows: seconds, step and `single_shape.held_out_errors` of every evaluation so far; written to `CURVE` each time.
+    rows: seconds, step and `fitting.held_out_errors` of every evaluation so far; written to `CURVE` each time.
     """
 
-    def __init__(self, held_out: single_shape.ShapeSamples, folder: Path) -> None:
+    def __init__(self, held_out: fitting.ShapeSamples, folder: Path) -> None:
         self.held_out, self.folder = held_out, folder
         self.rows: list[dict[str, Any]] = []
         self.zero: float | None = None  # of the clock, once it runs; moved on by evaluations
 
     def around(self, train: Callable[..., None]) -> Callable[..., None]:
-        """`training.fit` with evaluations between steps, whenever one is due, and after the last; none elsewhere."""
+        """`training_loop.fit` with evaluations between steps, when one is due, and after the last; none elsewhere."""
 
         def call(
-            model: fields.PDDF,
+            model: pddf.PDDF,
             groups: list[dict],
-            step_loss: training.StepLoss,
+            step_loss: training_loop.StepLoss,
             steps: int,
-            loop: training.LoopConfig,
+            loop: training_loop.LoopConfig,
             out_dir: Path,
             *rest: Any,
         ) -> None:
@@ -133,29 +124,29 @@ class Clock:
 
     def _begin(self, step: int) -> None:
         """At 0, or where the log of a stopped run ends, with the evaluations until then."""
-        logged = [row["clock"] for row in training.read_log(self.folder) if row["step"] <= step]
+        logged = [row["clock"] for row in training_loop.read_log(self.folder) if row["step"] <= step]
         file = self.folder / CURVE
         if step > 0 and logged and file.exists():
             self.rows = [row for row in storage.read_json(file) if row["step"] <= step]
         self.zero = time.monotonic() - (logged[-1] if step > 0 and logged else 0.0)
 
-    def _evaluate(self, model: fields.PDDF, step: int) -> None:
+    def _evaluate(self, model: pddf.PDDF, step: int) -> None:
         seconds = self.seconds()
-        held_out = single_shape.held_out_errors(model, self.held_out)
+        held_out = fitting.held_out_errors(model, self.held_out)
         self.rows.append({"seconds": seconds, "step": step, "held_out": held_out})
         storage.write_json(self.folder / CURVE, self.rows)
         self.zero = time.monotonic() - seconds
 
 
-def fit(name: str, mesh: mesh_io.Mesh, section: single_shape.FitConfig) -> None:
-    """Fit in one way, or go on with it; `OUT`/<name> then holds what `single_shape.fit` writes, and `CURVE`."""
+def fit(name: str, mesh: mesh_io.Mesh, section: fitting.FitConfig) -> None:
+    """Fit in one way, or go on with it; `OUT`/<name> then holds what `fitting.fit` writes, and `CURVE`."""
     folder = OUT / name
     folder.mkdir(parents=True, exist_ok=True)
     counts = sampling.Counts(**dict.fromkeys(paper_ablation.COLUMNS, HELD_OUT))
-    held_out, _ = single_shape.draw_samples(mesh, section, counts, "curve")
+    held_out, _ = fitting.draw_samples(mesh, section, counts, "curve")
     clock = Clock(held_out, folder)
-    with mock.patch.object(training, "fit", clock.around(training.fit)):
-        single_shape.fit(mesh, section, folder)
+    with mock.patch.object(training_loop, "fit", clock.around(training_loop.fit)):
+        fitting.fit(mesh, section, folder)
 
 
 def errors(held_out: Mapping[str, Any]) -> dict[str, float]:
@@ -168,10 +159,10 @@ def errors(held_out: Mapping[str, Any]) -> dict[str, float]:
     return {**found, "normal_angle_deg_median": held_out["normal_angle_deg_median"]}
 
 
-def rows_of(name: str, shape: str, section: single_shape.FitConfig) -> list[dict[str, Any]]:
+def rows_of(name: str, shape: str, section: fitting.FitConfig) -> list[dict[str, Any]]:
     """A row per evaluation, and one more, `<name>, end`, with the errors over `FINAL_HELD_OUT` samples of each type."""
     curve = storage.read_json(OUT / name / CURVE)
-    result = storage.read_json(OUT / name / single_shape.METRICS)
+    result = storage.read_json(OUT / name / fitting.METRICS)
     size = {"shape": shape, "minutes": section.minutes, "parameters": result["parameters"]}
     rows = []
     for place, point in enumerate(curve, start=1):
@@ -209,7 +200,7 @@ def draw(rows: Sequence[Mapping[str, Any]], shape: str) -> None:
         curves = {name: points for name, points in curves.items() if points}
         if shape == BUNNY.stem:
             place = paper_ablation.COLUMNS.index(kind)
-            value = paper_ablation.DEPTH_L1_X10[sample_ablation.NONE][place]
+            value = paper_ablation.DEPTH_L1_X10[leave_one_out.NONE][place]
             ends = [x for points in curves.values() for x, _ in points]
             curves["the paper's value"] = [(min(ends), value), (max(ends), value)]
         panels.append((f"held-out {kind}", "seconds", curves))
@@ -220,7 +211,7 @@ def told(name: str, found: Mapping[str, float]) -> str:
     """The twelve figures as lines, the paper's below ours."""
     lines = []
     for metric, table in paper_ablation.METRICS.items():
-        paper: dict[str, float] = dict(zip(paper_ablation.COLUMNS, table[sample_ablation.NONE], strict=True))
+        paper: dict[str, float] = dict(zip(paper_ablation.COLUMNS, table[leave_one_out.NONE], strict=True))
         own: dict[str, float] = {kind: found[f"{metric}_{kind}"] for kind in paper_ablation.COLUMNS}
         for source, values in ((name, own), (paper_ablation.SOURCE, paper)):
             lines.append(f"{metric:15} {source:13}" + "".join(f" {kind} {values[kind]:5.2f}" for kind in own))

@@ -16,7 +16,10 @@ import _overrides
 import _side_by_side
 import fit_curves
 
-from ddf import checks, config, mesh_io, single_shape, stage
+from ddf.core import checks, config
+from ddf.geometry import mesh_io
+from ddf.pipeline import stage
+from ddf.shape import fitting
 
 NAME = "fit_options"
 CONFIG = Path("configs/fit.yaml")
@@ -24,8 +27,8 @@ MINUTES = 0.75  # of every fit
 TRAINED_TOLERANCE = 0.5  # of errors from run to run: who trains for a time takes as many steps as the machine allows
 BASE = "base"
 # of configs/fit.yaml, which is the default
-WIDTH, LAYERS = single_shape.DEFAULT.field.hidden[0], len(single_shape.DEFAULT.field.hidden)
-BATCH = single_shape.DEFAULT.batch
+WIDTH, LAYERS = fitting.DEFAULT.field.hidden[0], len(fitting.DEFAULT.field.hidden)
+BATCH = fitting.DEFAULT.batch
 # what is changed, by the row's name: the key in the config's section `fit` and its other value
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
     BASE: {},
@@ -54,21 +57,21 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
 }
 
 
-def section_of(name: str, minutes: float, threads: int) -> single_shape.FitConfig:
+def section_of(name: str, minutes: float, threads: int) -> fitting.FitConfig:
     """The section `fit` of a row.
 
     Raises:
       InputError: the config already has the row's value.
     """
     section = _overrides.changed(config.read(CONFIG)["fit"], OPTIONS[name], f"{CONFIG}: fit")
-    found = config.parse(section, single_shape.FitConfig, f"{CONFIG}: fit")
+    found = config.parse(section, fitting.FitConfig, f"{CONFIG}: fit")
     return _side_by_side.budgeted(found, minutes, threads)
 
 
 def measure(name: str, mesh: mesh_io.Mesh, shape: str, minutes: float, threads: int) -> dict[str, Any]:
     """A row: seconds of sampling and training, and the held-out errors."""
     with tempfile.TemporaryDirectory() as folder:
-        result = single_shape.fit(mesh, section_of(name, minutes, threads), Path(folder))
+        result = fitting.fit(mesh, section_of(name, minutes, threads), Path(folder))
     errors = fit_curves.errors(result["held_out"])
     row = _measure.row(name, {"shape": shape, "minutes": minutes}, [result["seconds"]], errors, TRAINED_TOLERANCE)
     return {**row, "steps": result["steps"], "parameters": result["parameters"]}

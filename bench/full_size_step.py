@@ -19,21 +19,24 @@ from unittest import mock
 
 import _measure
 
-from ddf import config, fields, losses, reconstruction, si3dr_data, si3dr_training, step_cost, training
+from ddf.core import config
+from ddf.fields import losses, pddf
+from ddf.reconstruction import category_data, reconstruction_models, step_cost, training_steps
+from ddf.training import training_loop
 
 CONFIG, THREADS = Path("configs/paper.yaml"), 2
-SECTIONS = {"ddf": si3dr_training.DDFConfig, "pcsiren": si3dr_training.PCSirenConfig}
+SECTIONS = {"ddf": training_steps.DDFConfig, "pcsiren": training_steps.PCSirenConfig}
 REPEATS, MOST_SECONDS = 2, 20.0  # a model's steps are not repeated any more once they took that long
 # What is wrapped: part of the split, owner, name.
 PARTS = (
-    ("data", si3dr_training.Batch, "draw"),
-    ("data", si3dr_data.SampleSet, "draw"),
-    ("data", si3dr_data.ShapeSet, "subset"),
-    ("encoders", reconstruction.Encoder, "forward"),
+    ("data", training_steps.Batch, "draw"),
+    ("data", category_data.SampleSet, "draw"),
+    ("data", category_data.ShapeSet, "subset"),
+    ("encoders", reconstruction_models.Encoder, "forward"),
     ("field", losses, "shape_loss"),
-    ("field", fields.PointDecoder, "forward"),
-    ("field", si3dr_training, "chamfer_loss"),
-    ("mask", reconstruction, "mask_loss"),
+    ("field", pddf.PointDecoder, "forward"),
+    ("field", training_steps, "chamfer_loss"),
+    ("mask", reconstruction_models, "mask_loss"),
 )
 
 
@@ -76,9 +79,9 @@ def one_step(trial: step_cost.Trial, number: int) -> dict[str, float]:
 
 def measure(model: str, images: int) -> dict[str, Any]:
     """Steps of one model with `images` images, after one of two images that warms up; and this process's memory."""
-    train = config.load(CONFIG, "train", si3dr_training.TrainConfig)
+    train = config.load(CONFIG, "train", training_steps.TrainConfig)
     train = dataclasses.replace(train, loop=dataclasses.replace(train.loop, threads=THREADS))
-    training.prepare(train.loop)
+    training_loop.prepare(train.loop)
 
     section = config.load(CONFIG, model, SECTIONS[model])
     one_step(step_cost.trial(dataclasses.replace(train, batch_size=2), section), 0)
@@ -87,12 +90,12 @@ def measure(model: str, images: int) -> dict[str, Any]:
     while len(steps) < REPEATS and sum(step["step"] for step in steps) < MOST_SECONDS:
         steps.append(one_step(own, len(steps)))
     peak_gib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    return {"steps": steps, "peak_gib": peak_gib, "parameters": fields.count_parameters(own.model)}
+    return {"steps": steps, "peak_gib": peak_gib, "parameters": pddf.count_parameters(own.model)}
 
 
 def main(images: int | None) -> None:
     """Measure both models, each in a process of its own, and write the table."""
-    images = images or config.load(CONFIG, "train", si3dr_training.TrainConfig).batch_size
+    images = images or config.load(CONFIG, "train", training_steps.TrainConfig).batch_size
     rows = []
     for model in SECTIONS:
         command = [sys.executable, __file__, model, str(images)]

@@ -23,7 +23,8 @@ import _measure
 import _projection
 import yaml
 
-from ddf import pages, stage_scripts
+from ddf.core import stage_notes
+from ddf.report import pages
 
 ROOT = Path(__file__).resolve().parents[1]
 CONFIG, PAPER = ROOT / "configs" / "cpu.yaml", ROOT / "configs" / "paper.yaml"
@@ -43,8 +44,8 @@ SMALL = {  # of cpu.yaml, so that 300 shapes take a minute or two; everything el
     "evaluate": {"oracle_points": 250},
     "export": {"outputs": ["visibility", "depth", "normals"], "batches": [1, 7], "precisions": []},
 }
-STAGES = stage_scripts.SCRIPTS | {"export_onnx": "export_onnx", "report": "write_report"}
-WHOLE = (*stage_scripts.WHOLE, "report")
+STAGES = stage_notes.SCRIPTS | {"export_onnx": "export_onnx", "report": "write_report"}
+WHOLE = (*stage_notes.WHOLE, "report")
 MACHINES = {"2 cores": 2, "64 cores": 64}
 GIB = 2**30
 
@@ -180,7 +181,7 @@ def project(costs: Mapping[str, Any], step: Mapping[str, Any] | None) -> list[di
         }
     for stage, model in (("train_ddf", "ddf"), ("train_pcsiren", "pcsiren")):
         rows[stage] = _training(stage, model, costs, step)
-    return [{"stage": stage, **rows[stage]} for stage in stage_scripts.SCRIPTS]
+    return [{"stage": stage, **rows[stage]} for stage in stage_notes.SCRIPTS]
 
 
 def _cloud_bytes(cloud: Mapping[str, Any], split: _projection.Split) -> int:

@@ -1,6 +1,6 @@
 """The page of hard cases: what goes in, what must come out, what came out in float32 and in float64, pass or fail.
 
-Runs the list that tests/test_hard_cases.py runs; writes reports/hard_cases.md and reports/hard_cases.json.
+Runs the list that tests/hard_cases runs; writes reports/hard_cases.md and reports/hard_cases.json.
 """
 
 import importlib.metadata
@@ -9,11 +9,11 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-import _hard_cases
 import _measure
 import torch
 
-from ddf import pages
+from ddf.report import pages
+from tests import hard_cases as _hard_cases
 
 OUT = _measure.REPORTS
 TITLE = "Hard cases"

@@ -12,7 +12,10 @@ from typing import Any
 
 import _measure
 
-from ddf import config, onnx_export, onnx_models, onnx_parity, stage, training
+from ddf.core import config
+from ddf.export import exportable, onnx_file, onnx_parity
+from ddf.pipeline import stage
+from ddf.training import training_loop
 
 CONFIG, CATEGORY, MODELS, THREADS = Path("configs/cpu.yaml"), "car", ("ddf", "pcsiren"), 1
 FIGURES = ("max_abs", "mean_abs", "q999_abs", "max_relative", "torch_error", "onnx_error")
@@ -22,16 +25,16 @@ TOLERANCE = 0.5  # relative: rounding, which another processor does in another o
 
 def compared(category: str) -> list[onnx_parity.Row]:
     """All rows of both models' graphs; a float32 file outside its tolerance ends it."""
-    section = config.load(CONFIG, "export", onnx_export.ExportConfig)
+    section = config.load(CONFIG, "export", onnx_file.ExportConfig)
     rows: list[onnx_parity.Row] = []
     with tempfile.TemporaryDirectory() as folder:
         for model in MODELS:
-            graphs, source = onnx_models.load(config.artifact_dir(CONFIG, f"train_{model}", category), section.outputs)
+            graphs, source = exportable.load(config.artifact_dir(CONFIG, f"train_{model}", category), section.outputs)
             for name, graph in graphs.items():
                 out = Path(folder) / f"{name}.onnx"
-                rows += onnx_export.export(graph, name, out, source, section)
+                rows += onnx_file.export(graph, name, out, source, section)
                 if name not in TOGETHER:
-                    rows += onnx_export.measure_precisions(graph, name, out.read_bytes(), section)
+                    rows += onnx_file.measure_precisions(graph, name, out.read_bytes(), section)
     return rows
 
 
@@ -54,7 +57,7 @@ def together(rows: Sequence[onnx_parity.Row]) -> list[dict[str, Any]]:
 def main() -> None:
     """Compare and write; without trained models say so and leave the results as they are."""
     folders = [config.artifact_dir(CONFIG, f"train_{model}", CATEGORY) for model in MODELS]
-    absent = [folder for folder in folders if not (folder / training.MODEL).exists()]
+    absent = [folder for folder in folders if not (folder / training_loop.MODEL).exists()]
     if absent:
         print(f"onnx_parity: skipped, {absent[0]} is not there; `make reproduce-table` makes it")
         return

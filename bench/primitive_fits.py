@@ -23,7 +23,10 @@ import torch
 import trimesh
 from torch import Tensor
 
-from ddf import checks, config, mesh_io, primitives, rays, shape_field, single_shape, stage
+from ddf.core import checks, config
+from ddf.geometry import mesh_io, primitives, rays
+from ddf.pipeline import stage
+from ddf.shape import fitting, shape_field
 
 NAME = "primitive_fits"
 CONFIG = Path("configs/simple_fit.yaml")
@@ -117,10 +120,10 @@ def edge_distance(box: primitives.Box, points: Tensor) -> Tensor:
     return inside.sort(dim=-1).values[..., 1]  # the smallest is that to the point's own face
 
 
-def measure(name: str, case: Case, section: single_shape.FitConfig) -> dict[str, Any]:
+def measure(name: str, case: Case, section: fitting.FitConfig) -> dict[str, Any]:
     """A row: seconds of sampling and training, and the errors."""
     with tempfile.TemporaryDirectory() as folder:
-        result = single_shape.fit(case.mesh, section, Path(folder))
+        result = fitting.fit(case.mesh, section, Path(folder))
         shape = shape_field.load(Path(folder))
     found = errors(shape, case, looking_at(case.mesh, RAYS, seed=1))
     size = {"minutes": section.minutes, "rays": RAYS, "triangles": len(case.mesh.faces)}
@@ -136,7 +139,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     _side_by_side.add_rows(parser, known)
     _side_by_side.add_options(parser)
     arguments = parser.parse_args(argv)
-    section = config.load(CONFIG, "fit", single_shape.FitConfig)
+    section = config.load(CONFIG, "fit", fitting.FitConfig)
     minutes = section.minutes if arguments.minutes is None else arguments.minutes
     if minutes is None or not minutes > 0:
         raise checks.InputError(f"--minutes must be > 0; got {minutes}")

@@ -10,13 +10,14 @@ from collections.abc import Callable
 from typing import Any
 
 import _measure
-import _shapes
+import _measured_shapes
 import numpy as np
 import torch
 import trimesh
 
-from ddf import raycast, rays, stage
-from ddf.mesh_io import Mesh
+from ddf.geometry import raycast, rays
+from ddf.geometry.mesh_io import Mesh
+from ddf.pipeline import stage
 
 FACES, MANY, FEW, TRUTHS, REPEATS, THREADS = 10_000, 200_000, 1000, 1000, 5, 2
 
@@ -106,7 +107,7 @@ def measure(name: str, mesh: Mesh, points: rays.OrientedPoints) -> list[dict[str
     truth = raycast.cast_exact(mesh, probes).depth.numpy()
     casters: dict[str, tuple[Caster, int]] = {
         "Open3D": (open3d_caster(mesh), MANY),
-        "ddf.raycast.cast": (package_caster(mesh), MANY),
+        "ddf.geometry.raycast.cast": (package_caster(mesh), MANY),
         "trimesh (rtree)": (trimesh_caster(mesh), FEW),
         "exact float64 reference": (lambda some: raycast.cast_exact(mesh, some).depth.numpy(), FEW // 5),
     }
@@ -124,7 +125,7 @@ def measure(name: str, mesh: Mesh, points: rays.OrientedPoints) -> list[dict[str
 def main() -> None:
     """Ask all three questions."""
     torch.set_num_threads(THREADS)
-    mesh = _shapes.sphere(FACES)
+    mesh = _measured_shapes.sphere(FACES)
     questions = {"random": random_rays(MANY), "camera": camera_rays(MANY), "edges": edge_rays(mesh, MANY)}
     _measure.write("ray_casting", THREADS, [row for name, ask in questions.items() for row in measure(name, mesh, ask)])
 

@@ -4,7 +4,7 @@ Both networks have the hidden layers of configs/fit.yaml and are trained here, e
 included, on one closed procedural shape. Rows hold ms per image, over two cameras, with errors against float64 casting
 of the mesh: depth (field units; half the box's longest side is 1) over the pixels that both see, the share of all
 pixels whose visibility is wrong, the silhouettes' intersection over union, the median angle of the normals. Timed is
-the way from camera rays to depth and visibility. "Refined" asks for fewer pixels (`ddf.refinement`), of the DDF and of
+the way from camera rays to depth and visibility. "Refined" asks for fewer pixels (`sparse_depth`), of the DDF and of
 the tracings. The growth with resolution and with the mesh's triangles is drawn in reports/bench/rendering.png.
 """
 
@@ -25,24 +25,13 @@ import torch
 import trimesh
 from torch import Tensor
 
-from ddf import (
-    config,
-    derivatives,
-    mesh_config,
-    mesh_io,
-    meshes,
-    raycast,
-    rays,
-    refinement,
-    rendering,
-    seeding,
-    shape_field,
-    shape_mesh,
-    shape_views,
-    single_shape,
-    siren,
-    stage,
-)
+from ddf.core import config, seeding
+from ddf.data import mesh_config, mesh_preparation
+from ddf.fields import derivatives, rendering, siren, sparse_depth
+from ddf.geometry import mesh_io, raycast, rays
+from ddf.pipeline import stage
+from ddf.report.shape import shape_views
+from ddf.shape import fitting, shape_field, source_mesh
 
 CONFIG, THREADS, REPEATS, TRAIN_SECONDS = Path("configs/fit.yaml"), 2, 5, 60.0
 TRAINED_TOLERANCE = 0.5  # of errors from run to run: who trains for a time takes as many steps as the machine allows
@@ -65,7 +54,7 @@ BUDGETS = tuple(
 )
 GROWN = BUDGETS[4]  # is drawn at other resolutions: the same in every run, for which one is as good as the DDF differs
 DISTANCE_OMEGA, DISTANCE_RATE = 10.0, 2e-3  # omega_first and learning rate of the signed-distance network
-REFINED = refinement.Refinement(tolerance=0.005, stride=8)  # field units: under half of what either network is off by
+REFINED = sparse_depth.Refinement(tolerance=0.005, stride=8)  # field units: under half of what either network is off by
 Image = Callable[[], tuple[Tensor, int]]  # depth, `inf` where nothing is seen, and the number of queries
 RayImage = Callable[[Tensor, Tensor], tuple[Tensor, int]]  # the same of some rays: starts, directions
 
@@ -81,8 +70,10 @@ class Views:
 
 def closed_shape(seed: int) -> mesh_io.Mesh:
     """A procedural chair without openings, field frame."""
-    raw, _ = shape_mesh.read(None, seed)
-    found = meshes.prepare(raw, mesh_config.MeshesConfig(faces=FACES, wrap="always"), seeding.generator(seed, "bench"))
+    raw, _ = source_mesh.read(None, seed)
+    found = mesh_preparation.prepare(
+        raw, mesh_config.MeshesConfig(faces=FACES, wrap="always"), seeding.generator(seed, "bench")
+    )
     return found.mesh
 
 
@@ -145,7 +136,7 @@ def refined(image: RayImage, seen: Views, size: int) -> tuple[Tensor, int]:
             queries += count
             return depth.double().numpy()
 
-        whole.append(torch.from_numpy(refinement.depth_image(ask, size, REFINED)[0]).flatten().float())
+        whole.append(torch.from_numpy(sparse_depth.depth_image(ask, size, REFINED)[0]).flatten().float())
     return torch.cat(whole), queries
 
 
@@ -245,11 +236,11 @@ class Fitted:
 
 def fitted(mesh: mesh_io.Mesh) -> Fitted:
     """Train both."""
-    section = config.load(CONFIG, "fit", single_shape.FitConfig)
+    section = config.load(CONFIG, "fit", fitting.FitConfig)
     loop = dataclasses.replace(section.loop, threads=THREADS)
     section = dataclasses.replace(section, steps=None, minutes=TRAIN_SECONDS / 60, loop=loop)
     with tempfile.TemporaryDirectory() as folder:
-        result = single_shape.fit(mesh, section, Path(folder))
+        result = fitting.fit(mesh, section, Path(folder))
         shape = shape_field.load(Path(folder))
     shape.field.cpu()
     layout = siren.SineLayout(section.field.hidden, DISTANCE_OMEGA)

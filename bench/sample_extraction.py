@@ -17,14 +17,17 @@ from pathlib import Path
 from typing import Any
 
 import _measure
-import _shapes
+import _measured_shapes
 import numpy as np
 import open3d as o3d
 import torch
 
-from ddf import clouds, config, meshes, packing, raycast, sampling, stage, storage
-from ddf.mesh_config import MeshesConfig
-from ddf.mesh_io import Mesh
+from ddf.core import config, storage
+from ddf.data import mesh_preparation, packing, sampling, true_clouds
+from ddf.data.mesh_config import MeshesConfig
+from ddf.geometry import raycast
+from ddf.geometry.mesh_io import Mesh
+from ddf.pipeline import stage
 
 CONFIGS = ("configs/cpu.yaml", "configs/paper.yaml")
 FACES, REPEATS, CLOUD_POINTS, THREADS = 10_000, 5, 8000, (1, 2)
@@ -32,8 +35,10 @@ FACES, REPEATS, CLOUD_POINTS, THREADS = 10_000, 5, 8000, (1, 2)
 
 def field_meshes() -> dict[str, Mesh]:
     """A chair as the stage `meshes` gives it, with its inner faces, and a sphere of as many triangles as it allows."""
-    chair = meshes.prepare(_shapes.procedural("chair", 3), MeshesConfig(wrap="never"), np.random.default_rng(0)).mesh
-    return {"sphere": _shapes.sphere(FACES), "chair": chair}
+    chair = mesh_preparation.prepare(
+        _measured_shapes.procedural("chair", 3), MeshesConfig(wrap="never"), np.random.default_rng(0)
+    ).mesh
+    return {"sphere": _measured_shapes.sphere(FACES), "chair": chair}
 
 
 def stored_rays(mesh: Mesh, arrays: dict[str, np.ndarray]) -> o3d.core.Tensor:
@@ -106,12 +111,12 @@ def measure(name: str, mesh: Mesh, path: Path, folder: Path) -> list[dict[str, A
 def measure_cloud(name: str, mesh: Mesh) -> list[dict[str, Any]]:
     """Rows of the ground-truth cloud: points, and which are hidden. The error: points beside the number wanted."""
     scene = raycast.Scene(mesh)
-    points, face = clouds.poisson_disk(mesh, CLOUD_POINTS, np.random.default_rng(0))
+    points, face = true_clouds.poisson_disk(mesh, CLOUD_POINTS, np.random.default_rng(0))
     asked, own = occlusion_rays(scene, points, face), built(mesh)
     ways: dict[str, Callable[[], Any]] = {
         "cloud, Open3D alone": lambda: [own.test_occlusions(part) for part in asked],
-        "cloud, points": lambda: clouds.poisson_disk(mesh, CLOUD_POINTS, np.random.default_rng(0)),
-        "cloud": lambda: clouds.draw(mesh, CLOUD_POINTS, np.random.default_rng(0)),
+        "cloud, points": lambda: true_clouds.poisson_disk(mesh, CLOUD_POINTS, np.random.default_rng(0)),
+        "cloud": lambda: true_clouds.draw(mesh, CLOUD_POINTS, np.random.default_rng(0)),
     }
     rays = sum(part.shape[0] for part in asked)
     size = {"shape": name, "triangles": len(mesh.faces), "rays": rays, "points": len(points)}

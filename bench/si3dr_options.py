@@ -26,25 +26,20 @@ import _measure
 import _overrides
 import numpy as np
 
-from ddf import (
-    checks,
-    config,
-    evaluation,
-    metrics,
+from ddf.core import checks, config, provenance, storage
+from ddf.data import shapenet
+from ddf.evaluation import metrics, scoring
+from ddf.pipeline import stage
+from ddf.reconstruction import (
+    category_data,
+    inference,
     mirrored_data,
-    provenance,
-    reconstruction,
-    shapenet,
-    si3dr_data,
-    si3dr_inference,
-    si3dr_training,
+    reconstruction_models,
     silhouettes,
-    stage,
-    step_timing,
-    storage,
-    training,
+    training_steps,
     training_truth,
 )
+from ddf.training import step_timing, training_loop
 
 CONFIG = Path("configs/cpu.yaml")
 OUT = Path("artifacts/si3dr_options")
@@ -99,7 +94,7 @@ DRAWN: Mapping[str, Mapping[str, Any]] = {
     "scale of the cloud's box": {"pointclouds.scale_quantile": None},
     "correction from two sides": {"pointclouds.correction_turns": [0, 180]},
     "no limit to the correction": {"pointclouds.correction_limit": None},
-    "radius free in the correction": {"pointclouds.correction.free": list(reconstruction.CAMERA_NUMBERS)},
+    "radius free in the correction": {"pointclouds.correction.free": list(reconstruction_models.CAMERA_NUMBERS)},
 }
 OPTIONS = TRAINED | DRAWN
 COLUMNS = {"": ("L", "Pi_g"), "_predicted_camera": ("S", "Pi_pred"), "_corrected_camera": ("S", "Pi_corrected")}
@@ -120,9 +115,9 @@ class Task:
 class Settings:
     """The sections of cpu.yaml with a row's change."""
 
-    train: si3dr_training.TrainConfig
-    ddf: si3dr_training.DDFConfig
-    pointclouds: si3dr_inference.PointcloudsConfig
+    train: training_steps.TrainConfig
+    ddf: training_steps.DDFConfig
+    pointclouds: inference.PointcloudsConfig
 
     @classmethod
     def of(cls, name: str, seed: int) -> "Settings":
@@ -133,9 +128,9 @@ class Settings:
         """
         whole = _overrides.changed(config.read(CONFIG), OPTIONS[name], str(CONFIG))
         sections = cls(
-            config.parse(whole["train"], si3dr_training.TrainConfig, f"{CONFIG}: train"),
-            config.parse(whole["ddf"], si3dr_training.DDFConfig, f"{CONFIG}: ddf"),
-            config.parse(whole["pointclouds"], si3dr_inference.PointcloudsConfig, f"{CONFIG}: pointclouds"),
+            config.parse(whole["train"], training_steps.TrainConfig, f"{CONFIG}: train"),
+            config.parse(whole["ddf"], training_steps.DDFConfig, f"{CONFIG}: ddf"),
+            config.parse(whole["pointclouds"], inference.PointcloudsConfig, f"{CONFIG}: pointclouds"),
         )
         return config.reseeded(sections, seed)
 
@@ -148,7 +143,7 @@ def folder(task: Task, name: str) -> Path:
 def split(task: Task, dataset: shapenet.Dataset, views: int | None) -> tuple[list, list]:
     """(id, views) of the shapes that are trained on, and of the last ones, which are held out."""
     samples = config.artifact_dir(CONFIG, "samples", task.category)
-    shapes = si3dr_data.available(samples, si3dr_data.training_views(dataset, task.category, views))
+    shapes = category_data.available(samples, category_data.training_views(dataset, task.category, views))
     held = [(shape, shown[: task.views]) for shape, shown in shapes[-task.held_out :]]
     return shapes[: -task.held_out], held
 
@@ -157,7 +152,7 @@ def split(task: Task, dataset: shapenet.Dataset, views: int | None) -> tuple[lis
 class Training:
     """A row's training, ready to start. key: fingerprint of everything that it depends on."""
 
-    trainee: step_timing.Trainee[reconstruction.DDFModel]
+    trainee: step_timing.Trainee[reconstruction_models.DDFModel]
     key: str
 
 
@@ -165,23 +160,23 @@ def prepared(task: Task, settings: Settings, dataset: shapenet.Dataset) -> Train
     """A row's training as the stage does it, but for the shapes held out."""
     samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
     shown, _ = split(task, dataset, settings.train.train_views)
-    images = si3dr_data.read_images(dataset, task.category, shown, settings.train.image_size)
-    shapes = si3dr_data.read_shapes(samples_dir, images.ids)
+    images = category_data.read_images(dataset, task.category, shown, settings.train.image_size)
+    shapes = category_data.read_shapes(samples_dir, images.ids)
     mirror = settings.ddf.mirror_shapes
     truth = training_truth.read(CONFIG, task.category, shapes, settings.ddf).mirrored(shapes, mirror)
     images, shapes = mirrored_data.of_images(images, mirror), mirrored_data.of_shapes(shapes, mirror)
 
-    training.prepare(settings.train.loop)
-    model = si3dr_training.ddf_model(settings.train, settings.ddf).to(training.device())
+    training_loop.prepare(settings.train.loop)
+    model = training_steps.ddf_model(settings.train, settings.ddf).to(training_loop.device())
     model.camera_head.fit(images.cameras)
 
-    def groups(model: reconstruction.DDFModel) -> list[dict]:
+    def groups(model: reconstruction_models.DDFModel) -> list[dict]:
         decays = settings.train.weight_decay_shape, settings.train.weight_decay_camera
         return model.parameter_groups(*decays, settings.ddf.encoder_share(settings.train.loop))
 
-    def loss(model: reconstruction.DDFModel) -> training.StepLoss:
+    def loss(model: reconstruction_models.DDFModel) -> training_loop.StepLoss:
         return functools.partial(
-            si3dr_training.ddf_step,
+            training_steps.ddf_step,
             model,
             images,
             shapes,
@@ -194,7 +189,7 @@ def prepared(task: Task, settings: Settings, dataset: shapenet.Dataset) -> Train
     key = provenance.fingerprint(
         [dataclasses.asdict(task), settings.train, settings.ddf, images.digest(), truth.drawn],
         truth.sources,
-        si3dr_training,
+        training_steps,
     )
     return Training(step_timing.Trainee(model, groups, loss, settings.ddf.loop(settings.train.loop)), key)
 
@@ -217,10 +212,10 @@ def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
     own, out = prepared(task, settings, dataset), folder(task, name)
     plan = planned(task, settings, own, dataset, out / PLAN)
     record, trainee = {"fingerprint": f"{own.key} {plan['steps']}"}, own.trainee
-    training.prepare(settings.train.loop)  # trials of other models came between
+    training_loop.prepare(settings.train.loop)  # trials of other models came between
     start = trainee.groups(trainee.model), trainee.loss(trainee.model)
-    training.fit(trainee.model, *start, plan["steps"], trainee.loop, out, record, name)
-    seconds = training.read_log(out)[-1]["seconds"]
+    training_loop.fit(trainee.model, *start, plan["steps"], trainee.loop, out, record, name)
+    seconds = training_loop.read_log(out)[-1]["seconds"]
     return {"steps": plan["steps"], "times_base": plan["times_base"], "seconds": seconds}
 
 
@@ -229,22 +224,22 @@ def score(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
 
     D_C and F of the large cloud with the true camera, of the small one with the predicted and the corrected camera.
     """
-    training.prepare(settings.train.loop)
-    model = si3dr_training.ddf_model(settings.train, settings.ddf)
-    training.load_model(model, folder(task, name if name in TRAINED else "base"))
+    training_loop.prepare(settings.train.loop)
+    model = training_steps.ddf_model(settings.train, settings.ddf)
+    training_loop.load_model(model, folder(task, name if name in TRAINED else "base"))
     shown, held = split(task, dataset, settings.train.train_views)
     known, images = (
-        si3dr_data.read_images(dataset, task.category, some, settings.train.image_size) for some in (shown, held)
+        category_data.read_images(dataset, task.category, some, settings.train.image_size) for some in (shown, held)
     )
     samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
     section = dataclasses.replace(settings.pointclouds, rendered=0)
-    deviation = silhouettes.deviation(model, si3dr_inference.image_features(model, known))
-    tensors, facts = si3dr_inference.reconstruct_ddf(model, images, section, name, deviation)
-    scales = si3dr_data.read_shapes(samples_dir, images.ids).field_scales(images.shapes)
+    deviation = silhouettes.deviation(model, inference.image_features(model, known))
+    tensors, facts = inference.reconstruct_ddf(model, images, section, name, deviation)
+    scales = category_data.read_shapes(samples_dir, images.ids).field_scales(images.shapes)
     arrays = {key: value.numpy() for key, value in tensors.items()}
     arrays |= {"camera_true": images.cameras.numpy(), "scale_true": (1 / scales).numpy()}
-    found = evaluation.Predictions(OUT, [(str(row["id"]), int(row["view"])) for row in images.names()], arrays, facts)
-    truths, scores = evaluation.load_truth(samples_dir), {}
+    found = scoring.Predictions(OUT, [(str(row["id"]), int(row["view"])) for row in images.names()], arrays, facts)
+    truths, scores = scoring.load_truth(samples_dir), {}
     for suffix, (size, camera) in COLUMNS.items():
         cloud = f"{size}.h{section.cloud.cycles}"
         values = [
@@ -253,7 +248,7 @@ def score(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
         ]
         scores[f"chamfer_l2_sq_x1000{suffix}"] = float(np.mean([1e3 * value.chamfer_l2_sq for value in values]))
         scores[f"f_score_tau_x100{suffix}"] = float(np.mean([100 * value.f_score_tau for value in values]))
-    errors = evaluation.camera_errors(evaluation.DDF, found)
+    errors = scoring.camera_errors(scoring.DDF, found)
     predicted = errors[errors["column"] == "Pi_pred"]
     scores["azimuth_error_deg_median"] = float(predicted["azimuth_error_deg"].median())
     return scores, facts["cloud_seconds_per_image"]
@@ -275,19 +270,19 @@ def make(task: Task, name: str) -> None:
 
 def identity(task: Task, name: str) -> str:
     """Of everything that a row depends on; a row without training, of its model too."""
-    samples = storage.shard_files(config.artifact_dir(CONFIG, "samples", task.category), si3dr_data.SAMPLES, "samples")
-    sources = [config.artifact_dir(CONFIG, "dataset") / "index.json", *samples]
-    sources += [] if name in TRAINED else [folder(task, "base") / training.MODEL]
-    settings = dataclasses.asdict(Settings.of(name, task.seed))
-    return provenance.fingerprint(
-        [dataclasses.asdict(task), settings], sources, [si3dr_training, si3dr_inference, evaluation]
+    samples = storage.shard_files(
+        config.artifact_dir(CONFIG, "samples", task.category), category_data.SAMPLES, "samples"
     )
+    sources = [config.artifact_dir(CONFIG, "dataset") / "index.json", *samples]
+    sources += [] if name in TRAINED else [folder(task, "base") / training_loop.MODEL]
+    settings = dataclasses.asdict(Settings.of(name, task.seed))
+    return provenance.fingerprint([dataclasses.asdict(task), settings], sources, [training_steps, inference, scoring])
 
 
 def kept(task: Task, name: str) -> dict[str, Any] | None:
     """The row if it is there and nothing that it depends on has changed."""
     path = folder(task, name) / RESULT
-    if not path.exists() or (name not in TRAINED and not (folder(task, "base") / training.MODEL).exists()):
+    if not path.exists() or (name not in TRAINED and not (folder(task, "base") / training_loop.MODEL).exists()):
         return None
     result = storage.read_json(path)
     return result["row"] if result["fingerprint"] == identity(task, name) else None

@@ -22,26 +22,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ddf import (
-    cameras,
-    config,
-    pointclouds,
-    reconstruction,
-    rendering,
-    si3dr_data,
-    si3dr_inference,
-    si3dr_training,
-    stage,
-    step_cost,
-    transforms,
-)
+from ddf.core import config
+from ddf.fields import cloud_projection, rendering
+from ddf.geometry import cameras, transforms
+from ddf.pipeline import stage
+from ddf.reconstruction import category_data, inference, reconstruction_models, step_cost, training_steps
 
 CPU, PAPER = Path("configs/cpu.yaml"), Path("configs/paper.yaml")
 CATEGORY, THREADS, IMAGES = "chair", 2, 2
 WARM_SECONDS, MOST_SECONDS = 1.0, 4.0  # what takes longer needs no warm-up; what took longer is not repeated
 CYCLES, FEWER_DIRECTIONS, DEPTH_SIZES = (3, 1), 4, (64, 256)
 PAPER_POINTS = 500  # of clouds drawn as paper.yaml says; `cloud_sampling` draws all of them, and scores them
-Pair = tuple[reconstruction.DDFModel, reconstruction.PCSirenModel]
+Pair = tuple[reconstruction_models.DDFModel, reconstruction_models.PCSirenModel]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,20 +45,20 @@ class Scene:
 
     name: str
     models: Pair
-    section: si3dr_inference.PointcloudsConfig
-    images: si3dr_data.ImageSet
+    section: inference.PointcloudsConfig
+    images: category_data.ImageSet
     field_scales: list[float]
     views: _test_views.Views | None
 
 
-def read(config_path: Path) -> tuple[si3dr_training.TrainConfig, Pair, si3dr_inference.PointcloudsConfig]:
+def read(config_path: Path) -> tuple[training_steps.TrainConfig, Pair, inference.PointcloudsConfig]:
     """The training section, both models freshly initialised, and how clouds are drawn."""
-    train = config.load(config_path, "train", si3dr_training.TrainConfig)
+    train = config.load(config_path, "train", training_steps.TrainConfig)
     torch.manual_seed(0)
-    ddf = si3dr_training.ddf_model(train, config.load(config_path, "ddf", si3dr_training.DDFConfig))
-    section = config.load(config_path, "pcsiren", si3dr_training.PCSirenConfig)
-    models = (ddf.eval(), si3dr_training.pcsiren_model(train, section).eval())
-    return train, models, config.load(config_path, "pointclouds", si3dr_inference.PointcloudsConfig)
+    ddf = training_steps.ddf_model(train, config.load(config_path, "ddf", training_steps.DDFConfig))
+    section = config.load(config_path, "pcsiren", training_steps.PCSirenConfig)
+    models = (ddf.eval(), training_steps.pcsiren_model(train, section).eval())
+    return train, models, config.load(config_path, "pointclouds", inference.PointcloudsConfig)
 
 
 def random_scene(config_path: Path) -> Scene:
@@ -122,15 +114,15 @@ def splat(points: Tensor, camera: Tensor, field_scale: float, size: int) -> Tens
     return depth.reshape(size, size)
 
 
-def changed(cloud: pointclouds.CloudConfig, **values: Any) -> pointclouds.CloudConfig:
+def changed(cloud: cloud_projection.CloudConfig, **values: Any) -> cloud_projection.CloudConfig:
     """The same way of drawing clouds with other values, of those that it has."""
     known = {field.name for field in dataclasses.fields(cloud)}
     return dataclasses.replace(cloud, **{name: value for name, value in values.items() if name in known})
 
 
-def settings() -> dict[pointclouds.CloudConfig, str]:
+def settings() -> dict[cloud_projection.CloudConfig, str]:
     """Ways of drawing a cloud, and what to call them: as cpu.yaml says, with fewer directions, in brief."""
-    cloud = config.load(CPU, "pointclouds", si3dr_inference.PointcloudsConfig).cloud
+    cloud = config.load(CPU, "pointclouds", inference.PointcloudsConfig).cloud
     found = {changed(cloud, cycles=cycles): f"as {CPU.name}" for cycles in CYCLES}
     found.setdefault(changed(cloud, num_directions=FEWER_DIRECTIONS), f"as {CPU.name}, fewer directions")
     found.setdefault(changed(cloud, **_clouds.IN_BRIEF), f"as {CPU.name}, in brief")
@@ -149,7 +141,7 @@ def measure(scene: Scene) -> list[dict[str, Any]]:
         error = score(scene, results) if clouds else {}
         rows.append({**_measure.row(f"{what}; {scene.name}", size, seconds, error), "images": len(seconds)})
 
-    def encode(model: reconstruction.ReconstructionModel, image: int) -> tuple[Tensor, Tensor]:
+    def encode(model: reconstruction_models.ReconstructionModel, image: int) -> tuple[Tensor, Tensor]:
         batch = scene.images.batch(np.array([image]))
         return model.shape_encoder(batch), model.camera_head(model.camera_encoder(batch))[0]
 
@@ -161,21 +153,21 @@ def measure(scene: Scene) -> list[dict[str, Any]]:
 
     def decode(image: int) -> Tensor:
         generator = torch.Generator().manual_seed(image)
-        inputs = si3dr_inference.cube_points(count, scene.section.pcsiren_inputs, generator)
+        inputs = inference.cube_points(count, scene.section.pcsiren_inputs, generator)
         return pcsiren.decoder(inputs[None], latents[1][image])[0]
 
     add("PC-SIREN cloud", {"points": count}, decode, clouds=True)
 
-    def draw(image: int, setting: pointclouds.CloudConfig, points: int = count) -> Tensor:
+    def draw(image: int, setting: cloud_projection.CloudConfig, points: int = count) -> Tensor:
         generator = torch.Generator().manual_seed(image)
-        cycles = pointclouds.sample(ddf.field, modulations[image], points, setting, generator)
-        return pointclouds.select(cycles, [points], setting)[0]
+        cycles = cloud_projection.sample(ddf.field, modulations[image], points, setting, generator)
+        return cloud_projection.select(cycles, [points], setting)[0]
 
     for setting, name in settings().items():
         work = functools.partial(draw, setting=setting)
         add(f"DDF cloud {name}", {"points": count, **dataclasses.asdict(setting)}, work, clouds=True)
     if scene.views is None:
-        paper = config.load(PAPER, "pointclouds", si3dr_inference.PointcloudsConfig).cloud
+        paper = config.load(PAPER, "pointclouds", inference.PointcloudsConfig).cloud
         size = {"points": PAPER_POINTS, **dataclasses.asdict(paper)}
         add(f"DDF cloud as {PAPER.name}", size, functools.partial(draw, setting=paper, points=PAPER_POINTS))
     for pixels in DEPTH_SIZES:

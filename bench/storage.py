@@ -10,13 +10,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import _measure
-import _shapes
+import _measured_shapes
 import numpy as np
 import torch
 from torch import Tensor
 
-from ddf import meshes, packing, raycast, rays, stage
-from ddf.mesh_config import MeshesConfig
+from ddf.data import mesh_preparation, packing
+from ddf.data.mesh_config import MeshesConfig
+from ddf.geometry import raycast, rays
+from ddf.pipeline import stage
 
 COUNT, REPEATS, THREADS = 200_000, 21, 1
 _SPAN = 2 * 3**0.5  # the largest depth in the cube
@@ -33,7 +35,9 @@ class Storage:
 
 def truth() -> Arrays:
     """What random rays see of a procedural chair, exact: float64 rays and hits."""
-    mesh = meshes.prepare(_shapes.procedural("chair", 3), MeshesConfig(wrap="never"), np.random.default_rng(0)).mesh
+    mesh = mesh_preparation.prepare(
+        _measured_shapes.procedural("chair", 3), MeshesConfig(wrap="never"), np.random.default_rng(0)
+    ).mesh
     rng = np.random.default_rng(0)
     positions, directions = rng.uniform(-1, 1, (COUNT, 3)), rng.standard_normal((COUNT, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -71,7 +75,7 @@ def integers(positions: int, directions: int, depth: int, normals: int) -> Stora
 
 
 def as_packed() -> Storage:
-    """What `ddf.packing` does."""
+    """What `ddf.data.packing` does."""
     return Storage(
         {
             "positions": packing.encode_positions,

@@ -19,7 +19,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ddf import config, fields, losses, passes
+from ddf.core import config
+from ddf.fields import losses, passes, pddf
 
 THREADS, REPEATS, MOST_SECONDS = 2, 5, 10.0
 COUNTS = {"E": 1000, "U": 1200, "A": 1200, "B": 300, "S": 300, "T": 300, "O": 300}
@@ -43,13 +44,13 @@ def batch(shapes: int, dtype: torch.dtype) -> losses.SampleBatch:
     )
 
 
-def plain(decoder: fields.ConditionalPDDF, points: losses.SampleBatch, latent: Tensor) -> Tensor:
+def plain(decoder: pddf.ConditionalPDDF, points: losses.SampleBatch, latent: Tensor) -> Tensor:
     """𝔏_S by autograd alone."""
     return _plain_loss.plain_loss(decoder.field, points, decoder.modulator(latent), WEIGHTS)
 
 
 def explicit(
-    decoder: fields.ConditionalPDDF,
+    decoder: pddf.ConditionalPDDF,
     points: losses.SampleBatch,
     latent: Tensor,
     matmul: Literal["float32", "bfloat16"] = "float32",
@@ -73,7 +74,7 @@ def kind_of(way: str) -> torch.dtype:
 def step_of(loss: Callable[..., Tensor], hidden: tuple[int, ...], dtype: torch.dtype) -> Callable[[], tuple]:
     """One step, the same numbers whatever the type: loss and gradient of all parameters."""
     torch.manual_seed(0)
-    decoder = fields.ConditionalPDDF(fields.PDDFConfig(hidden, 3.0, 1.0, "softplus", 100.0), 64).to(dtype)
+    decoder = pddf.ConditionalPDDF(pddf.PDDFConfig(hidden, 3.0, 1.0, "softplus", 100.0), 64).to(dtype)
     points, latent = batch(2, dtype), torch.randn(2, 64, dtype=torch.float32).to(dtype)
     parameters = list(decoder.parameters())
 

@@ -1,9 +1,9 @@
 """Making meshes watertight: alpha x decimator x triangles -> seconds, distances lost, and whether the result is closed.
 
-Procedural shapes, and real ones where they lie beside the project. What is timed is `meshes.prepare` itself where the
-row says `prepare`, with its loss measured as part of it; for the rows over alpha, triangles and decimators each of the
-shapes `SWEPT` is wrapped and decimated once, and the result is measured outside the clock. Distances are shares of the
-raw box's diagonal.
+Procedural shapes, and real ones where they lie beside the project. What is timed is `mesh_preparation.prepare` itself
+where a row says `prepare`, with its loss measured as part of it; for the rows over alpha, triangles and decimators
+each of the shapes `SWEPT` is wrapped and decimated once, and the result is measured outside the clock. Distances are
+shares of the raw box's diagonal.
 """
 
 import functools
@@ -13,15 +13,18 @@ from collections.abc import Callable
 from typing import Any
 
 import _measure
-import _shapes
+import _measured_shapes
 import fast_simplification
 import numpy as np
 import pymeshlab
 import torch
 
-from ddf import checks, meshes, stage, transforms
-from ddf.mesh_config import MeshesConfig
-from ddf.mesh_io import Mesh
+from ddf.core import checks
+from ddf.data import mesh_preparation
+from ddf.data.mesh_config import MeshesConfig
+from ddf.geometry import transforms
+from ddf.geometry.mesh_io import Mesh
+from ddf.pipeline import stage
 
 DEFAULT = MeshesConfig()
 ALPHAS, FACES = (0.01, 0.02, 0.04), (2500, 10_000)
@@ -57,13 +60,17 @@ def shrunk(wrap: Mesh, faces: int, decimate: Decimator) -> Mesh:
     return decimate(wrap, faces) if len(wrap.faces) > faces else wrap
 
 
-DECIMATORS: dict[str, Decimator] = {"pymeshlab quadric": quadric, "fast-simplification": fast, "ddf": meshes.decimate}
+DECIMATORS: dict[str, Decimator] = {
+    "pymeshlab quadric": quadric,
+    "fast-simplification": fast,
+    "ddf": mesh_preparation.decimate,
+}
 
 
 def shapes() -> dict[str, Mesh]:
     """Procedural ones always, real ones where they are."""
-    made = {f"procedural {kind}": _shapes.procedural(kind, seed) for kind, seed in SEEDS.items()}
-    return {**made, **_shapes.real(REAL)}
+    made = {f"procedural {kind}": _measured_shapes.procedural(kind, seed) for kind, seed in SEEDS.items()}
+    return {**made, **_measured_shapes.real(REAL)}
 
 
 def timed(work: Callable[[], Any], repeats: int = REPEATS) -> tuple[Any, list[float]]:
@@ -78,10 +85,10 @@ def timed(work: Callable[[], Any], repeats: int = REPEATS) -> tuple[Any, list[fl
 
 def wrap_of(raw: Mesh, alpha: float) -> tuple[Mesh, Mesh]:
     """The cleaned mesh in a frame of order 1, and its wrap."""
-    unit = meshes.clean(
+    unit = mesh_preparation.clean(
         Mesh(transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)]).apply(raw.vertices), raw.faces)
     )
-    return unit, meshes.close(unit, alpha, DEFAULT.offset)
+    return unit, mesh_preparation.close(unit, alpha, DEFAULT.offset)
 
 
 def row_of(what: str, size: dict[str, Any], results: list[Result]) -> dict[str, Any]:
@@ -102,9 +109,9 @@ def row_of(what: str, size: dict[str, Any], results: list[Result]) -> dict[str, 
 
 
 def loss(unit: Mesh, small: Mesh) -> dict[str, float]:
-    """Distances of `meshes.measure` and whether the result is closed."""
-    figures = meshes.measure(unit, small, PROBES, np.random.default_rng(0))
-    return {**figures, "watertight": float(meshes.is_watertight(small))}
+    """Distances of `mesh_preparation.measure` and whether the result is closed."""
+    figures = mesh_preparation.measure(unit, small, PROBES, np.random.default_rng(0))
+    return {**figures, "watertight": float(mesh_preparation.is_watertight(small))}
 
 
 def sweep(raw: dict[str, Mesh]) -> list[dict[str, Any]]:
@@ -128,10 +135,10 @@ def sweep(raw: dict[str, Mesh]) -> list[dict[str, Any]]:
 
 
 def default_quality(raw: dict[str, Mesh]) -> list[dict[str, Any]]:
-    """The whole of `meshes.prepare` at its defaults: what the stage does with a shape when it must be closed."""
+    """The whole of `mesh_preparation.prepare` at its defaults: what the stage does with a shape that must be closed."""
     results: list[Result] = []
     for mesh in raw.values():
-        prepared, seconds = timed(lambda mesh=mesh: meshes.prepare(mesh, DEFAULT, np.random.default_rng(0)))
+        prepared, seconds = timed(lambda mesh=mesh: mesh_preparation.prepare(mesh, DEFAULT, np.random.default_rng(0)))
         figures = {"hausdorff": prepared.hausdorff, "mean_distance": prepared.mean_distance}
         results.append((seconds, {**figures, "watertight": float(prepared.watertight)}))
     size = {"alpha": DEFAULT.alpha, "faces": DEFAULT.faces}

@@ -4,25 +4,28 @@ from pathlib import Path
 
 import pandas as pd
 
-from ddf import config, onnx_export, onnx_models, provenance, stage, storage, training
+from ddf.core import config, provenance, storage
+from ddf.export import exportable, onnx_file
+from ddf.pipeline import stage
+from ddf.training import training_loop
 
 
 def run(config_path: Path, category: str) -> None:
     """Write one file per graph and onnx_parity.csv, which also says what smaller weights would cost."""
-    section = config.load(config_path, "export", onnx_export.ExportConfig)
+    section = config.load(config_path, "export", onnx_file.ExportConfig)
     out_dir = config.artifact_dir(config_path, "export_onnx", category)
     sources, rows = [], []
     for model in ("ddf", "pcsiren"):
         folder = config.artifact_dir(config_path, f"train_{model}", category)
-        graphs, source = onnx_models.load(folder, section.outputs)
-        sources.append(folder / training.MODEL)
+        graphs, source = exportable.load(folder, section.outputs)
+        sources.append(folder / training_loop.MODEL)
         for name, graph in graphs.items():
             out = out_dir / f"{name}.onnx"
-            rows += onnx_export.export(graph, name, out, source, section)
-            rows += onnx_export.measure_precisions(graph, name, out.read_bytes(), section)
+            rows += onnx_file.export(graph, name, out, source, section)
+            rows += onnx_file.measure_precisions(graph, name, out.read_bytes(), section)
     table = pd.DataFrame([row.to_dict() for row in rows])
     table.insert(0, "category", category)
-    record = provenance.record(provenance.fingerprint([section], sources, onnx_models), section.seed, sources)
+    record = provenance.record(provenance.fingerprint([section], sources, exportable), section.seed, sources)
     storage.save_table(out_dir / "onnx_parity.csv", table, record)
 
 

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from ddf import config, mesh_shards, parallel, provenance, sample_shards, sampling, stage
+from ddf.core import config, parallel, provenance
+from ddf.data import mesh_shards, sample_shards, sampling
+from ddf.pipeline import stage
 
 
 def run(config_path: Path, category: str) -> None:

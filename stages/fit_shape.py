@@ -2,15 +2,18 @@
 
 from pathlib import Path
 
-from ddf import config, shape_mesh, shape_results, single_shape, stage
+from ddf.core import config
+from ddf.pipeline import stage
+from ddf.report.shape import shape_results
+from ddf.shape import fitting, source_mesh
 
 
 def run(config_path: Path) -> None:
     """Read or make the mesh, fit it; write field, log, held-out errors, diagnostics and pictures."""
-    fit = config.load(config_path, "fit", single_shape.FitConfig)
+    fit = config.load(config_path, "fit", fitting.FitConfig)
     out_dir = config.artifact_dir(config_path, "fit_shape")
-    mesh, source = shape_mesh.read(fit.mesh, fit.loop.seed)
-    single_shape.fit(mesh, fit, out_dir, source)
+    mesh, source = source_mesh.read(fit.mesh, fit.loop.seed)
+    fitting.fit(mesh, fit, out_dir, source)
     shape_results.write(mesh, fit, out_dir)
 
 

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from ddf import config, dataset, stage
+from ddf.core import config
+from ddf.data import dataset
+from ddf.pipeline import stage
 
 
 def run(config_path: Path) -> None:

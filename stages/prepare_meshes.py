@@ -2,12 +2,14 @@
 
 from pathlib import Path
 
-from ddf import config, mesh_shards, meshes, parallel, provenance, stage
+from ddf.core import config, parallel, provenance
+from ddf.data import mesh_preparation, mesh_shards
+from ddf.pipeline import stage
 
 
 def run(config_path: Path, category: str) -> None:
     """Read the data set's index, prepare every shape of the category, write packs."""
-    section = config.load(config_path, "meshes", meshes.MeshesConfig)
+    section = config.load(config_path, "meshes", mesh_preparation.MeshesConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     out_dir = config.artifact_dir(config_path, "meshes", category)
     fingerprint = provenance.fingerprint(section, [], mesh_shards)

@@ -4,28 +4,21 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from ddf import (
-    config,
-    distributed,
-    mirrored_data,
-    provenance,
-    si3dr_data,
-    si3dr_training,
-    stage,
-    training,
-    training_truth,
-)
+from ddf.core import config, provenance
+from ddf.pipeline import stage
+from ddf.reconstruction import category_data, mirrored_data, training_steps, training_truth
+from ddf.training import distributed, training_loop
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:
     """Read training images and samples of the category, train, write model and log."""
-    train = config.reseeded(config.load(config_path, "train", si3dr_training.TrainConfig), seed)
-    section = config.load(config_path, "ddf", si3dr_training.DDFConfig)
+    train = config.reseeded(config.load(config_path, "train", training_steps.TrainConfig), seed)
+    section = config.load(config_path, "ddf", training_steps.DDFConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     samples_dir = config.artifact_dir(config_path, "samples", category)
-    training.prepare(train.loop, train.batch_size)
+    training_loop.prepare(train.loop, train.batch_size)
 
-    images, shapes, sources = si3dr_data.read_training(
+    images, shapes, sources = category_data.read_training(
         index_path, samples_dir, category, train.train_views, train.image_size
     )
     truth = training_truth.read(config_path, category, shapes, section)
@@ -34,17 +27,17 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     truth = truth.mirrored(shapes, mirror)
     images, shapes = mirrored_data.of_images(images, mirror), mirrored_data.of_shapes(shapes, mirror)
 
-    model = si3dr_training.ddf_model(train, section).to(training.device())
+    model = training_steps.ddf_model(train, section).to(training_loop.device())
     model.camera_head.fit(images.cameras)
     fingerprint = provenance.fingerprint(
-        [train, section, category, images.digest(), truth.drawn], sources, si3dr_training
+        [train, section, category, images.digest(), truth.drawn], sources, training_steps
     )
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
-    training.fit(
+    training_loop.fit(
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera, section.encoder_share(train.loop)),
         functools.partial(
-            si3dr_training.ddf_step, model, images, shapes, truth.samples, train, section, propose=truth.propose
+            training_steps.ddf_step, model, images, shapes, truth.samples, train, section, propose=truth.propose
         ),
         train.steps(section.steps, category),
         section.loop(train.loop),

@@ -4,31 +4,34 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from ddf import config, distributed, mirrored_data, provenance, si3dr_data, si3dr_training, stage, training
+from ddf.core import config, provenance
+from ddf.pipeline import stage
+from ddf.reconstruction import category_data, mirrored_data, training_steps
+from ddf.training import distributed, training_loop
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:
     """Read training images and clouds of the category, train, write model and log."""
-    train = config.reseeded(config.load(config_path, "train", si3dr_training.TrainConfig), seed)
-    section = config.load(config_path, "pcsiren", si3dr_training.PCSirenConfig)
+    train = config.reseeded(config.load(config_path, "train", training_steps.TrainConfig), seed)
+    section = config.load(config_path, "pcsiren", training_steps.PCSirenConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     samples_dir = config.artifact_dir(config_path, "samples", category)
-    training.prepare(train.loop, train.batch_size)
+    training_loop.prepare(train.loop, train.batch_size)
 
-    images, shapes, sources = si3dr_data.read_training(
+    images, shapes, sources = category_data.read_training(
         index_path, samples_dir, category, train.train_views, train.image_size
     )
     images = mirrored_data.of_images(images, section.mirror_shapes)
     shapes = mirrored_data.of_shapes(shapes, section.mirror_shapes)
 
-    model = si3dr_training.pcsiren_model(train, section).to(training.device())
+    model = training_steps.pcsiren_model(train, section).to(training_loop.device())
     model.camera_head.fit(images.cameras)
-    fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, si3dr_training)
+    fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, training_steps)
     architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
-    training.fit(
+    training_loop.fit(
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera),
-        functools.partial(si3dr_training.pcsiren_step, model, images, shapes, train, section),
+        functools.partial(training_steps.pcsiren_step, model, images, shapes, train, section),
         train.steps(section.steps, category),
         train.loop,
         config.artifact_dir(config_path, "train_pcsiren", category, seed),

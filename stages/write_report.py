@@ -2,13 +2,15 @@
 
 from pathlib import Path
 
-from ddf import config, reports, stage
+from ddf.core import config
+from ddf.pipeline import stage
+from ddf.report.experiment import experiment_page
 
 
 def run(config_path: Path) -> None:
     """Read what all stages left behind and write the report."""
-    settings = config.load(config_path, "report", reports.ReportConfig)
-    reports.write(config_path, Path("reports") / config_path.stem, settings)
+    settings = config.load(config_path, "report", experiment_page.ReportConfig)
+    experiment_page.write(config_path, Path("reports") / config_path.stem, settings)
 
 
 if __name__ == "__main__":

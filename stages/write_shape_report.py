@@ -2,13 +2,16 @@
 
 from pathlib import Path
 
-from ddf import config, shape_reports, single_shape, stage
+from ddf.core import config
+from ddf.pipeline import stage
+from ddf.report.shape import shape_page
+from ddf.shape import fitting
 
 
 def run(config_path: Path) -> None:
     """Read what `fit_shape` and `ablate_samples` left behind and write the page."""
-    fit = config.load(config_path, "fit", single_shape.FitConfig)
-    shape_reports.write(config_path, fit, Path("reports") / config_path.stem)
+    fit = config.load(config_path, "fit", fitting.FitConfig)
+    shape_page.write(config_path, fit, Path("reports") / config_path.stem)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 from PIL import Image
 
-from ddf import storage, transforms
+from ddf.core import storage
+from ddf.geometry import transforms
 
 SIZES = {"L": 400, "S": 150}
 NUM_TRUTH = 700

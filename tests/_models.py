@@ -7,23 +7,28 @@ import numpy as np
 import torch
 from torch import nn
 
-from ddf import fields, losses, shape_field, si3dr_training, storage, training, transforms
+from ddf.core import storage
+from ddf.fields import losses, pddf
+from ddf.geometry import transforms
+from ddf.reconstruction import training_steps
+from ddf.shape import shape_field
+from ddf.training import training_loop
 
-LOOP = training.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
-TRAIN = si3dr_training.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
+LOOP = training_loop.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
+TRAIN = training_steps.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
-FIELD = fields.PDDFConfig((24, 16, 16), 3.0, 1.0, "softplus", 20.0)
-DDF = si3dr_training.DDFConfig(FIELD, 1, None, dict.fromkeys(losses.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20, None)
-PCSIREN = si3dr_training.PCSirenConfig((24, 16), 1.0, 1.0, 1, 8, 8)
+FIELD = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, "softplus", 20.0)
+DDF = training_steps.DDFConfig(FIELD, 1, None, dict.fromkeys(losses.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20, None)
+PCSIREN = training_steps.PCSirenConfig((24, 16), 1.0, 1.0, 1, 8, 8)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 
 def field(
     activation: Literal["relu", "softplus", "squareplus"] = "softplus", mirror: Literal["x", "y", "z"] | None = None
-) -> fields.PDDF:
+) -> pddf.PDDF:
     torch.manual_seed(0)
-    config = fields.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0, mirror=mirror)
-    return fields.PDDF(config).requires_grad_(False)
+    config = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0, mirror=mirror)
+    return pddf.PDDF(config).requires_grad_(False)
 
 
 def points(count, seed=0):
@@ -34,14 +39,14 @@ def points(count, seed=0):
 
 def ddf_model(azimuth: Literal["angle", "sincos"] = "angle"):
     torch.manual_seed(0)
-    made = si3dr_training.ddf_model(dataclasses.replace(TRAIN, azimuth=azimuth), DDF).eval()
+    made = training_steps.ddf_model(dataclasses.replace(TRAIN, azimuth=azimuth), DDF).eval()
     made.camera_head.fit(CAMERAS)
     return made
 
 
 def pcsiren_model():
     torch.manual_seed(0)
-    made = si3dr_training.pcsiren_model(TRAIN, PCSIREN).eval()
+    made = training_steps.pcsiren_model(TRAIN, PCSIREN).eval()
     made.camera_head.fit(CAMERAS)
     return made
 
@@ -51,7 +56,7 @@ def write_shape_field(folder):
     lower, upper = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
     frame = transforms.Similarity(0.02, np.eye(3), np.array([-4.0, 0.3, 1.0]))
     record = {"fingerprint": "x", "seed": 0, "sources": {}, **shape_field.description(FIELD, lower, upper, frame)}
-    storage.save_tensors(folder / training.MODEL, dict(field().state_dict()), record)
+    storage.save_tensors(folder / training_loop.MODEL, dict(field().state_dict()), record)
     return folder
 
 
@@ -59,5 +64,5 @@ def write_model(folder, kind="ddf"):
     """A model file as the training stages write it; returns its folder."""
     section, model = (DDF, ddf_model()) if kind == "ddf" else (PCSIREN, pcsiren_model())
     record = {"kind": kind, "train": dataclasses.asdict(TRAIN), "section": dataclasses.asdict(section)}
-    storage.save_tensors(folder / training.MODEL, dict(model.state_dict()), record)
+    storage.save_tensors(folder / training_loop.MODEL, dict(model.state_dict()), record)
     return folder

@@ -7,7 +7,8 @@ from typing import Any
 
 import yaml
 
-from ddf import config, provenance, seed_items
+from ddf.core import config, provenance
+from ddf.pipeline import further_seeds
 
 ROOT = Path(__file__).resolve().parents[1]
 PIPELINE = ROOT / "pipeline.yaml"
@@ -23,7 +24,7 @@ def expand(seeds: int = 1) -> dict[str, dict[str, Any]]:
     data = load()
     lists = dict(data["vars"][0])
     for name in lists["experiments"]:
-        for group, items in seed_items.further(data["vars"][0], name, seeds).items():
+        for group, items in further_seeds.further(data["vars"][0], name, seeds).items():
             lists[group] = lists[group] | items
     stages = {}
     for name, entry in data["stages"].items():

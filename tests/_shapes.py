@@ -4,7 +4,7 @@ import numpy as np
 import torch
 import trimesh
 
-from ddf import mesh_io, rays
+from ddf.geometry import mesh_io, rays
 
 
 def icosphere(level: int, radius: float = 1.0) -> mesh_io.Mesh:

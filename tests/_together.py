@@ -7,11 +7,13 @@ from pathlib import Path
 
 import _models
 import numpy as np
-import test_si3dr
+import test_reconstruction_steps
 import torch
 from torch import nn
 
-from ddf import checks, distributed, si3dr_training, storage, training
+from ddf.core import checks, storage
+from ddf.reconstruction import training_steps
+from ddf.training import distributed, training_loop
 
 STEPS, BATCH = 3, 4
 LOOP = dataclasses.replace(_models.LOOP, clip_norm=0.1, checkpoint_seconds=0.0)
@@ -39,30 +41,38 @@ def fit_exact(folder, stop_at=None, fingerprint="exact"):
     model = exact_model()
     loss = functools.partial(_exact_loss, model, stop_at)
     groups = [{"params": list(model.parameters())}]
-    training.fit(model, groups, loss, STEPS, LOOP, folder, {"fingerprint": fingerprint}, "exact")
+    training_loop.fit(model, groups, loss, STEPS, LOOP, folder, {"fingerprint": fingerprint}, "exact")
 
 
 def fresh(kind):
     """A reconstruction model and the loss of its steps."""
     torch.manual_seed(0)
-    images, shapes, samples = test_si3dr._images(), test_si3dr._shapes(), test_si3dr._samples()
+    images, shapes, samples = (
+        test_reconstruction_steps._images(),
+        test_reconstruction_steps._shapes(),
+        test_reconstruction_steps._samples(),
+    )
     if kind == "ddf":
-        model = si3dr_training.ddf_model(TRAIN, test_si3dr.DDF)
-        loss = functools.partial(si3dr_training.ddf_step, model, images, shapes, samples, TRAIN, test_si3dr.DDF)
+        model = training_steps.ddf_model(TRAIN, test_reconstruction_steps.DDF)
+        loss = functools.partial(
+            training_steps.ddf_step, model, images, shapes, samples, TRAIN, test_reconstruction_steps.DDF
+        )
     else:
-        model = si3dr_training.pcsiren_model(TRAIN, test_si3dr.PCSIREN)
-        loss = functools.partial(si3dr_training.pcsiren_step, model, images, shapes, TRAIN, test_si3dr.PCSIREN)
+        model = training_steps.pcsiren_model(TRAIN, test_reconstruction_steps.PCSIREN)
+        loss = functools.partial(
+            training_steps.pcsiren_step, model, images, shapes, TRAIN, test_reconstruction_steps.PCSIREN
+        )
     model.camera_head.fit(images.cameras)
     return model, loss
 
 
 def train_all(folder):
-    training.prepare(LOOP, BATCH)
+    training_loop.prepare(LOOP, BATCH)
     fit_exact(folder / "exact")
     for kind in KINDS:
         model, loss = fresh(kind)
         groups = model.parameter_groups(TRAIN.weight_decay_shape, TRAIN.weight_decay_camera)
-        training.fit(model, groups, loss, STEPS, LOOP, folder / kind, {"fingerprint": kind}, kind)
+        training_loop.fit(model, groups, loss, STEPS, LOOP, folder / kind, {"fingerprint": kind}, kind)
 
 
 def _refuse(*_):
@@ -72,7 +82,7 @@ def _refuse(*_):
 @distributed.shared
 def _together(folder):
     number = distributed.rank()
-    training.prepare(dataclasses.replace(LOOP, threads=2), BATCH)
+    training_loop.prepare(dataclasses.replace(LOOP, threads=2), BATCH)
     (folder / f"threads.{number}").write_text(str(torch.get_num_threads()))
     if number:
         storage.save_tensors = storage.write_text = _refuse

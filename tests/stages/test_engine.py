@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ddf import storage
+from ddf.core import storage
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
@@ -157,7 +157,7 @@ def test_a_changed_comment_of_the_config_runs_nothing(workspace):
 
 
 def test_changed_code_runs_the_stages_that_import_it(workspace):
-    with workspace.edited("src/ddf/paper_results.py", r"\Z", "\n# a remark\n"):
+    with workspace.edited("src/ddf/evaluation/paper_results.py", r"\Z", "\n# a remark\n"):
         assert set(workspace.smoke()) <= {"evaluate", "report"}
     workspace.smoke()
 

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ddf import stage
+from ddf.pipeline import stage
 
 COMMANDS = {
     "doctor": "what this machine has, what is missing and the command for it",

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ddf import mesh_io, ray_io, raycast, storage
 from ddf.cli import common
+from ddf.core import storage
+from ddf.geometry import mesh_io, ray_io, raycast
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

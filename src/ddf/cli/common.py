@@ -10,9 +10,10 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from ddf import pointclouds, silhouettes
+from ddf.fields import cloud_projection
+from ddf.reconstruction import silhouettes
 
-CLOUD = pointclouds.CloudConfig(  # as configs/cpu.yaml draws them, but for its mirror: `cloud_of`
+CLOUD = cloud_projection.CloudConfig(  # as configs/cpu.yaml draws them, but for its mirror: `cloud_of`
     num_directions=16,
     cycles=3,
     oversampling=0.1,
@@ -34,7 +35,7 @@ SHAPE_CORRECTION = silhouettes.ShapeCorrectionConfig(  # likewise
 )
 
 
-def cloud_of(mirror: Literal["x", "y", "z"] | None) -> pointclouds.CloudConfig:
+def cloud_of(mirror: Literal["x", "y", "z"] | None) -> cloud_projection.CloudConfig:
     """How clouds of a field are drawn that takes shapes for all but symmetric about the plane with this normal."""
     return CLOUD if mirror is None else dataclasses.replace(CLOUD, mirror=mirror, oversampling=MIRRORED_OVERSAMPLING)
 

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ddf import checks, cloud_io, metrics
+from ddf.core import checks
+from ddf.evaluation import metrics
+from ddf.geometry import point_io
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,6 +34,6 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _read(path: Path) -> Float[np.ndarray, "n 3"]:
     try:
-        return cloud_io.read_points(path)
+        return point_io.read_points(path)
     except MemoryError as fault:
         raise checks.InputError(f"{path}: does not fit into memory") from fault

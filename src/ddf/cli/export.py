@@ -4,9 +4,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ddf import checks, config, onnx_export, onnx_models, onnx_outputs, onnx_precision, training
+from ddf.core import checks, config
+from ddf.export import exportable, onnx_file, weight_precision
+from ddf.fields import field_outputs
+from ddf.training import training_loop
 
-DEFAULTS = onnx_export.ExportConfig(tuple(onnx_outputs.OUTPUTS), (1, 7, 65536), (), 0)
+DEFAULTS = onnx_file.ExportConfig(tuple(field_outputs.OUTPUTS), (1, 7, 65536), (), 0)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,13 +29,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--outputs",
         type=lambda text: tuple(text.split(",")),
         metavar="NAME,...",
-        help=f"of a field, among {','.join(onnx_outputs.OUTPUTS)} (default: all, or those of --config)",
+        help=f"of a field, among {','.join(field_outputs.OUTPUTS)} (default: all, or those of --config)",
     )
     parser.add_argument("--config", type=Path, metavar="CONFIG", help="experiment file; its section `export` is used")
     parser.add_argument(
         "--precision",
-        default=onnx_precision.FULL,
-        choices=(onnx_precision.FULL, *onnx_precision.PRECISIONS),
+        default=weight_precision.FULL,
+        choices=(weight_precision.FULL, *weight_precision.PRECISIONS),
         help="of the weights; below float32 the error is reported and held to no tolerance (default %(default)s)",
     )
 
@@ -41,19 +44,19 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Export, compare, write; `parity` has the worst difference of every output over all inputs tried."""
     settings = DEFAULTS
     if args.config is not None:
-        settings = config.load(args.config, "export", onnx_export.ExportConfig)
-    outputs = settings.outputs if args.outputs is None else onnx_outputs.require_outputs(args.outputs)
-    folder = args.model.parent if args.model.name == training.MODEL else args.model
-    graphs, source = onnx_models.load(folder, outputs)
+        settings = config.load(args.config, "export", onnx_file.ExportConfig)
+    outputs = settings.outputs if args.outputs is None else field_outputs.require_outputs(args.outputs)
+    folder = args.model.parent if args.model.name == training_loop.MODEL else args.model
+    graphs, source = exportable.load(folder, outputs)
     name = args.graph or next(iter(graphs))
     if name not in graphs:
         raise checks.InputError(f"--graph must be one of {', '.join(graphs)} for {folder}; got {name!r}")
-    rows = onnx_export.export(graphs[name], name, args.out, source, settings, args.precision)
+    rows = onnx_file.export(graphs[name], name, args.out, source, settings, args.precision)
     return {
         "graph": name,
-        "opset": onnx_export.OPSET,
+        "opset": onnx_file.OPSET,
         "precision": args.precision,
         "bytes": rows[0].bytes,
         "inputs": {key: list(shape) for key, shape in graphs[name].inputs.items()},
-        "parity": onnx_export.figures(rows),
+        "parity": onnx_file.figures(rows),
     }

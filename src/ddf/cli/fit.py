@@ -5,7 +5,9 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from ddf import checks, config, mesh_io, single_shape, storage
+from ddf.core import checks, config, storage
+from ddf.geometry import mesh_io
+from ddf.shape import fitting
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Fit the mesh; returns the held-out errors, times and sizes, as fit.json has them."""
-    fit = single_shape.DEFAULT if args.config is None else config.load(args.config, "fit", single_shape.FitConfig)
+    fit = fitting.DEFAULT if args.config is None else config.load(args.config, "fit", fitting.FitConfig)
     if args.minutes is not None:
         fit = dataclasses.replace(fit, steps=None, minutes=args.minutes)
     if args.steps is not None:
@@ -35,5 +37,5 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     mesh = mesh_io.load(args.mesh)
     if args.out.exists() and not args.out.is_dir():
         raise checks.InputError(f"{args.out}: is a file; give a folder to write")
-    result = single_shape.fit(mesh, fit, args.out, {args.mesh.name: storage.checksum(args.mesh)})
+    result = fitting.fit(mesh, fit, args.out, {args.mesh.name: storage.checksum(args.mesh)})
     return {**result, "out": args.out.as_posix()}

@@ -12,7 +12,10 @@ from typing import Any
 import torch
 import yaml
 
-from ddf import checks, config, experiment_cost, fields, reconstruction, si3dr_training
+from ddf.core import checks, config
+from ddf.fields import pddf
+from ddf.pipeline import experiment_cost
+from ddf.reconstruction import reconstruction_models, training_steps
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,16 +29,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Counts come from the models themselves, built without memory for their values."""
     sections = config.read(args.config)
-    train = config.load(args.config, "train", si3dr_training.TrainConfig)
-    ddf = config.load(args.config, "ddf", si3dr_training.DDFConfig)
-    pcsiren = config.load(args.config, "pcsiren", si3dr_training.PCSirenConfig)
+    train = config.load(args.config, "train", training_steps.TrainConfig)
+    ddf = config.load(args.config, "ddf", training_steps.DDFConfig)
+    pcsiren = config.load(args.config, "pcsiren", training_steps.PCSirenConfig)
     models: dict[str, torch.nn.Module] = {}
     with torch.device("meta"):
-        models["ddf"] = si3dr_training.ddf_model(train, ddf)
-        models["pc_siren"] = si3dr_training.pcsiren_model(train, pcsiren)
-        models["single_shape"] = fields.PDDF(fields.PAPER_SINGLE_SHAPE)
-        models["ddf_encoder"] = reconstruction.Encoder(train.latent_features, train.encoder_width)
-    parameters = {name: fields.count_parameters(model) for name, model in models.items()}
+        models["ddf"] = training_steps.ddf_model(train, ddf)
+        models["pc_siren"] = training_steps.pcsiren_model(train, pcsiren)
+        models["single_shape"] = pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)
+        models["ddf_encoder"] = reconstruction_models.Encoder(train.latent_features, train.encoder_width)
+    parameters = {name: pddf.count_parameters(model) for name, model in models.items()}
     return {
         "config": str(args.config),
         "parameters": parameters,

@@ -4,11 +4,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ddf import mesh_config, mesh_io
+from ddf.data import mesh_config
+from ddf.geometry import mesh_io
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the two files and the settings of `meshes.MeshesConfig`."""
+    """Declare the two files and the settings of `mesh_preparation.MeshesConfig`."""
     default = mesh_config.MeshesConfig()
     kinds = ", ".join(mesh_io.SUFFIXES)
     parser.add_argument("source", metavar="IN", type=Path, help=f"mesh to read ({kinds})")
@@ -47,9 +48,13 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     config = mesh_config.MeshesConfig(faces=args.faces, alpha=args.alpha, offset=args.offset, wrap=args.wrap)
     mesh_io.require_suffix(args.out.suffix)
     raw = mesh_io.load(args.source)
-    from ddf import meshes, seeding, storage  # a bad file is refused before these load 0.9 GiB of packages
+    from ddf.core import (
+        seeding,
+        storage,  # a bad file is refused before these load 0.9 GiB of packages
+    )
+    from ddf.data import mesh_preparation
 
-    prepared = meshes.prepare(raw, config, seeding.generator(config.seed, "measure"))
+    prepared = mesh_preparation.prepare(raw, config, seeding.generator(config.seed, "measure"))
     storage.write_bytes(args.out, mesh_io.export_bytes(prepared.mesh, args.out.suffix))
     return {
         "watertight": prepared.watertight,

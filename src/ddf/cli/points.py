@@ -6,8 +6,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from ddf import cloud_io, shape_field, storage
 from ddf.cli import common
+from ddf.core import storage
+from ddf.geometry import point_io
+from ddf.shape import shape_field
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,5 +37,5 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     started = time.monotonic()
     points = shape_field.cloud(shape, args.points, config, args.seed)
     seconds = time.monotonic() - started
-    storage.write_bytes(args.out, cloud_io.points_ply(points))
+    storage.write_bytes(args.out, point_io.points_ply(points))
     return {"points": len(points), "seconds": round(seconds, 4), "out": args.out.as_posix()}

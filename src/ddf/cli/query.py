@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ddf import checks, ray_io, shape_field, storage
 from ddf.cli import common
+from ddf.core import checks, storage
+from ddf.geometry import ray_io
+from ddf.shape import shape_field
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

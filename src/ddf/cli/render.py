@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ddf import checks, refinement, shape_field, shape_pictures, storage
 from ddf.cli import common
+from ddf.core import checks, storage
+from ddf.fields import sparse_depth
+from ddf.report import field_pictures
+from ddf.shape import shape_field
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +49,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     else:
         images, evaluated = _refined(shape, camera, args)
     seconds = time.monotonic() - started
-    storage.write_bytes(args.out, common.png(shape_pictures.picture(args.output, images)))
+    storage.write_bytes(args.out, common.png(field_pictures.picture(args.output, images)))
     return {
         "output": args.output,
         "pixels": args.size**2,
@@ -65,7 +68,7 @@ def _refined(
     if args.output != "depth":
         raise checks.InputError(f"--refine goes with --output depth alone; got {args.output}")
     longest = float((shape.upper - shape.lower).max()) / shape.field_from_mesh.scale
-    how = refinement.Refinement(args.refine * longest)
+    how = sparse_depth.Refinement(args.refine * longest)
     depth, evaluated = shape_field.render_depth(shape, camera, args.size, how, args.up)
     return {"depth": depth, "visibility": np.isfinite(depth).astype(float)}, evaluated
 

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ddf import checks, mesh_io, meshes, sampling, seeding, storage, transforms
+from ddf.core import checks, seeding, storage
+from ddf.data import mesh_preparation, sampling
+from ddf.geometry import mesh_io, transforms
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,8 +67,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _field_mesh(raw: mesh_io.Mesh, watertight: bool) -> tuple[mesh_io.Mesh, transforms.Similarity]:
     if watertight:
-        config = meshes.MeshesConfig()
-        prepared = meshes.prepare(raw, config, seeding.generator(config.seed, "measure"))
+        config = mesh_preparation.MeshesConfig()
+        prepared = mesh_preparation.prepare(raw, config, seeding.generator(config.seed, "measure"))
         return prepared.mesh, prepared.field_from_raw
     field_from_raw = transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)])
     return mesh_io.Mesh(field_from_raw.apply(raw.vertices), raw.faces), field_from_raw

@@ -5,7 +5,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ddf import checks, shapenet, splits, storage
+from ddf.core import checks, storage
+from ddf.data import shapenet, splits
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,0 +1,189 @@
+"""Strict reading of experiment files: one YAML file is one experiment, one top-level section per stage.
+
+The dataclass of a section lives in the module that uses it, so that a change of its schema touches only the code that
+reads it. `load` refuses unknown and missing keys, repeated keys and wrong types; ranges are checked by the dataclass.
+"""
+
+import dataclasses
+import functools
+import re
+import types
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import yaml
+
+from ddf.core import checks
+
+SECTIONS = ("dataset", "meshes", "samples", "train", "ddf", "pcsiren", "pointclouds", "evaluate", "report", "export")
+FIT_SECTIONS = ("fit",)  # of files of their own, configs/*fit.yaml: no part of an experiment
+
+T = TypeVar("T")
+
+
+class _Loader(yaml.SafeLoader):
+    """safe_load that also reads `1e-4` as a number (as YAML 1.2 and DVC do) and refuses repeated keys."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: set[Any] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if key in seen:
+                raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is given twice", key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
+)
+
+
+def load(path: str | Path, section: str, cls: type[T]) -> T:
+    """The named section of an experiment file as an instance of its dataclass.
+
+    Args:
+      path: a YAML file whose top-level keys are a subset of `SECTIONS` and `FIT_SECTIONS`.
+      section: the section to read.
+      cls: a dataclass; every field without a default must be given, every given key must be a field.
+    Raises:
+      InputError: naming the file and the key, for anything that does not fit.
+    """
+    sections = read(path)
+    if section not in sections:
+        raise checks.InputError(f"{path}: section {section!r} is missing; give it as configs/cpu.yaml does")
+    return parse(sections[section], cls, f"{path}: {section}")
+
+
+def read(path: str | Path) -> dict[str, Any]:
+    """All sections of an experiment file as plain dicts, section names checked."""
+    try:
+        # CSafeLoader is faster, but does not run the checks above; the files have about a hundred lines.
+        data = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise checks.InputError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+    except UnicodeDecodeError as error:
+        raise checks.InputError(f"{path}: not a UTF-8 text file") from error
+    if not isinstance(data, dict):
+        raise checks.InputError(f"{path}: must hold the sections {', '.join(SECTIONS)}; got {type(data).__name__}")
+    for name in data:
+        if name not in (*SECTIONS, *FIT_SECTIONS):
+            raise checks.InputError(f"{path}: unknown section {name!r}; the sections are {', '.join(SECTIONS)}")
+    return data
+
+
+def parse(data: Any, cls: type[T], where: str) -> T:
+    """A plain dict as an instance of the dataclass `cls`; `where` names file and section in errors."""
+    if not isinstance(data, Mapping):
+        raise checks.InputError(f"{where} must be a mapping of keys to values; got {data!r}")
+    hints = _hints(cls)
+    fields = {field.name: field for field in dataclasses.fields(typing.cast(Any, cls))}
+    unknown = [str(key) for key in data if key not in fields]
+    if unknown:
+        raise checks.InputError(f"{where}: unknown key {unknown[0]!r}; the keys are {', '.join(fields)}")
+    missing = [name for name, field in fields.items() if name not in data and _is_required(field)]
+    if missing:
+        raise checks.InputError(f"{where}: key {missing[0]!r} is missing")
+    values = {name: _convert(value, hints[name], f"{where}.{name}") for name, value in data.items()}
+    try:
+        return cls(**values)
+    except ValueError as error:
+        file, _, section = where.rpartition(": ")
+        own_name = str(error).startswith(f"{section}.")  # range checks may name section and key themselves
+        raise checks.InputError(f"{file if own_name else where}: {error}") from error
+
+
+def artifact_dir(config_path: str | Path, stage: str, category: str | None = None, seed: int = 0) -> Path:
+    """artifacts/<experiment>/<stage>[/<category>], relative to the repository root, which is where stages run.
+
+    Of seed 1 and on artifacts/<experiment>/<stage>_seeds/<seed>[/<category>]: a folder that seed 0 never sees.
+    """
+    folder = Path("artifacts") / Path(config_path).stem / (f"{stage}_seeds/{seed}" if seed else stage)
+    return folder / category if category else folder
+
+
+def reseeded(section: T, seed: int) -> T:
+    """A section (a dataclass) with `seed` added to every key `seed` in it, however deep; 0 leaves it as it is."""
+    changes: dict[str, Any] = {}
+    for field in dataclasses.fields(typing.cast(Any, section)):
+        value = getattr(section, field.name)
+        if field.name == "seed":
+            changes["seed"] = value + seed
+        elif dataclasses.is_dataclass(value):
+            changes[field.name] = reseeded(value, seed)
+    return dataclasses.replace(typing.cast(Any, section), **changes)
+
+
+@functools.cache
+def _hints(cls: type) -> dict[str, Any]:
+    return typing.get_type_hints(cls)
+
+
+def _is_required(field: dataclasses.Field[Any]) -> bool:
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
+def _convert(value: Any, hint: Any, where: str) -> Any:
+    """`value` as read from YAML, checked against (and, for tuples, floats and dataclasses, turned into) `hint`."""
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if hint is Any:
+        return value
+    if origin is Literal:
+        if any(value == choice and type(value) is type(choice) for choice in arguments):
+            return value
+        raise checks.InputError(f"{where} must be one of {', '.join(map(str, arguments))}; got {value!r}")
+    if origin in (types.UnionType, typing.Union):
+        return _convert_union(value, arguments, where)
+    if origin in (tuple, list):
+        return _convert_sequence(value, origin, arguments, where)
+    if origin in (dict, Mapping):
+        if not isinstance(value, dict):
+            raise checks.InputError(f"{where} must be a mapping; got {value!r}")
+        return {
+            _convert(key, arguments[0], f"{where} (key)"): _convert(item, arguments[1], f"{where}.{key}")
+            for key, item in value.items()
+        }
+    if dataclasses.is_dataclass(hint):
+        return parse(value, typing.cast(Any, hint), where)
+    return _convert_scalar(value, hint, where)
+
+
+def _convert_union(value: Any, choices: tuple[Any, ...], where: str) -> Any:
+    if value is None and type(None) in choices:
+        return None
+    others = [choice for choice in choices if choice is not type(None)]
+    for choice in others[:-1]:
+        try:
+            return _convert(value, choice, where)
+        except checks.InputError:
+            continue
+    return _convert(value, others[-1], where)
+
+
+def _convert_sequence(value: Any, origin: Any, arguments: tuple[Any, ...], where: str) -> Any:
+    if not isinstance(value, list):
+        raise checks.InputError(f"{where} must be a list; got {value!r}")
+    if origin is tuple and not (len(arguments) == 2 and arguments[1] is Ellipsis):
+        if len(value) != len(arguments):
+            raise checks.InputError(f"{where} must have {len(arguments)} entries; got {len(value)}")
+        hints = arguments
+    else:
+        hints = (arguments[0],) * len(value)
+    return origin(
+        _convert(item, hint, f"{where}[{i}]") for i, (item, hint) in enumerate(zip(value, hints, strict=True))
+    )
+
+
+def _convert_scalar(value: Any, hint: Any, where: str) -> Any:
+    if hint is Path and isinstance(value, str):
+        return Path(value)
+    if hint is float and type(value) is int:
+        return float(value)
+    if type(value) is not hint:
+        kind = getattr(hint, "__name__", str(hint))
+        raise checks.InputError(f"{where} must be of type {kind}; got {value!r}")
+    if hint is float and not abs(value) < float("inf"):
+        raise checks.InputError(f"{where} must be finite; got {value!r}")
+    return value

@@ -1,0 +1,227 @@
+"""Maps over many shapes: shards on local processes, or on a Dask cluster when DASK_SCHEDULER_ADDRESS is set.
+
+A shard is done when its record file says so: `NNN.json` holds the fingerprint, the checksums of the files that the
+shard wrote and its failures. A run that was killed continues with the shards that have no (or another) record.
+"""
+
+import contextlib
+import csv
+import dataclasses
+import hashlib
+import io
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any, TypeVar
+
+import joblib
+import tqdm
+from joblib.externals import loky
+
+from ddf.core import checks, storage
+
+MAX_FAILURE_SHARE = 0.02
+SCHEDULER_SECONDS = 20  # to wait for the Dask scheduler
+SMALL_RUN = 50  # below this many items, one failure is allowed although it is more than 2 %
+
+Item = TypeVar("Item")
+
+
+@dataclasses.dataclass(frozen=True)
+class Failure:
+    """One item that could not be processed."""
+
+    id: str
+    stage: str
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class ShardResult:
+    """What one shard did: the files it wrote (inside the output folder) and the items it left out."""
+
+    files: Sequence[Path]
+    failures: Sequence[Failure] = ()
+
+
+ShardFunction = Callable[[Sequence[Any], int], ShardResult]
+
+
+def map_shards(
+    function: ShardFunction,
+    items: Sequence[Item],
+    *,
+    shard_size: int,
+    out_dir: str | Path,
+    fingerprint: str,
+    describe: str,
+    max_failure_share: float = MAX_FAILURE_SHARE,
+    name_of: Callable[[Item], str] = str,
+    jobs: int | None = None,
+) -> list[Failure]:
+    """Run `function(shard_items, shard_index)` for every shard that is not done yet; progress goes to stderr.
+
+    The function writes its files into `out_dir` (through `storage`), named by the shard index, catches what a broken
+    item raises and reports it as a Failure. An item that kills its process is found, reported and left out. Files
+    that no current shard owns are removed. All failures are written to `failures.csv`.
+
+    Args:
+      items: JSON-like values or dataclasses, in the order of the data set; they are sent to other processes.
+      fingerprint: of everything that the result depends on besides the items themselves.
+      describe: the stage's name, for the progress bar and failures.
+      name_of: the id of an item.
+    Returns:
+      The failures of all shards, in the order of the items.
+    Raises:
+      InputError: more than `max_failure_share` of the items failed (one of fewer than 50 is allowed).
+    """
+    out_dir = Path(out_dir)
+    out_dir.mkdir(parents=True, exist_ok=True)
+    shards = [items[start : start + shard_size] for start in range(0, len(items), shard_size)]
+    tasks = [_Task(function, shard, i, out_dir, _shard_key(fingerprint, shard)) for i, shard in enumerate(shards)]
+    waiting = [task for task in tasks if not task.is_done()]
+    _run_all(waiting, describe, len(tasks), jobs)
+    for task in waiting:
+        if not task.record_path.exists():
+            _run_isolated(task, describe, name_of)
+    _remove_strangers(out_dir, tasks)
+    failures = [failure for task in tasks for failure in task.failures()]
+    _write_failures(out_dir / "failures.csv", failures)
+    _check_failures(failures, len(items), max_failure_share, describe, out_dir)
+    return failures
+
+
+def digest(out_dir: str | Path) -> str:
+    """One checksum of what a finished `map_shards` left in its folder: the files of every shard and the failures."""
+    records = [storage.read_json(path) for path in sorted(Path(out_dir).glob(storage.RECORDS))]
+    left = [[record["files"], record["failures"]] for record in records]
+    return hashlib.sha256(json.dumps(left, sort_keys=True).encode()).hexdigest()
+
+
+@dataclasses.dataclass(frozen=True)
+class _Task:
+    function: ShardFunction
+    items: Sequence[Any]
+    index: int
+    out_dir: Path
+    key: str
+
+    @property
+    def record_path(self) -> Path:
+        return self.out_dir / f"{self.index:03d}.json"
+
+    def is_done(self) -> bool:
+        """Whether the record fits and every file it names is there with the checksum it had."""
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+            record = storage.read_json(self.record_path)
+            if record["key"] == self.key:
+                return all(storage.checksum(self.out_dir / name) == sha for name, sha in record["files"].items())
+        return False
+
+    def run(self, extra: Sequence[Failure] = ()) -> None:
+        """Do the work, then write the record: in this order, so that a record means a whole shard."""
+        self.record_path.unlink(missing_ok=True)
+        result = self.function(self.items, self.index)
+        failures = [dataclasses.asdict(failure) for failure in [*result.failures, *extra]]
+        files = {path.relative_to(self.out_dir).as_posix(): storage.checksum(path) for path in result.files}
+        storage.write_json(self.record_path, {"key": self.key, "files": files, "failures": failures})
+
+    def files(self) -> set[Path]:
+        record = storage.read_json(self.record_path)
+        return {self.record_path, *(self.out_dir / name for name in record["files"])}
+
+    def failures(self) -> list[Failure]:
+        return [Failure(**failure) for failure in storage.read_json(self.record_path)["failures"]]
+
+
+def _run_all(tasks: Sequence[_Task], describe: str, total: int, jobs: int | None) -> None:
+    """All tasks on the workers; returns early, leaving tasks without a record, when a worker process dies."""
+    done = total - len(tasks)
+    for task in tasks:
+        task.record_path.unlink(missing_ok=True)
+    with tqdm.tqdm(total=total, initial=done, desc=describe, unit="shard") as progress:
+        # At least two, because joblib runs a single job inside this process, which a bad mesh could then kill.
+        workers = max(2, jobs or joblib.cpu_count())
+        with _backend(), contextlib.suppress(BrokenProcessPool):
+            for _ in joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(
+                joblib.delayed(_Task.run)(task) for task in tasks
+            ):
+                progress.update()
+
+
+@contextlib.contextmanager
+def _backend() -> Iterator[None]:
+    address = os.environ.get("DASK_SCHEDULER_ADDRESS")
+    if not address:
+        yield
+        return
+    try:
+        from dask import distributed
+    except ImportError as error:
+        raise checks.InputError(
+            "DASK_SCHEDULER_ADDRESS is set, but dask.distributed is not installed; install it or unset the variable"
+        ) from error
+    with distributed.Client(address, timeout=SCHEDULER_SECONDS), joblib.parallel_config(backend="dask"):
+        yield
+
+
+def _run_isolated(task: _Task, describe: str, name_of: Callable[[Any], str]) -> None:
+    """A shard that lost its process: try each item alone, then run the shard without those that kill a process."""
+    survivors, extra = [], []
+    for item in task.items:
+        if _survives(dataclasses.replace(task, items=[item]), ()):
+            survivors.append(item)
+        else:
+            extra.append(Failure(name_of(item), describe, "its process died (crash in native code, or out of memory)"))
+    if not _survives(dataclasses.replace(task, items=survivors), extra):
+        raise checks.InputError(
+            f"{describe}: shard {task.index} ({name_of(task.items[0])} ...) ended its process, although its items pass "
+            "one by one; check the memory, or use smaller shards"
+        )
+
+
+def _survives(task: _Task, extra: Sequence[Failure]) -> bool:
+    """Run a task in a process of its own; False when that process died. Exceptions of the task come through."""
+    with loky.ProcessPoolExecutor(max_workers=1) as executor:
+        try:
+            executor.submit(task.run, extra).result()
+        except BrokenProcessPool:
+            return False
+    return True
+
+
+def _shard_key(fingerprint: str, items: Sequence[Any]) -> str:
+    text = json.dumps([_plain(item) for item in items], sort_keys=True, default=str)
+    return hashlib.sha256(f"{fingerprint}\n{text}".encode()).hexdigest()
+
+
+def _plain(item: Any) -> Any:
+    return dataclasses.asdict(item) if dataclasses.is_dataclass(item) and not isinstance(item, type) else item
+
+
+def _remove_strangers(out_dir: Path, tasks: Sequence[_Task]) -> None:
+    """Leftovers of killed runs and of earlier, longer data sets."""
+    owned = {path for task in tasks for path in task.files()}
+    for path in out_dir.iterdir():
+        if path.is_file() and path not in owned:
+            path.unlink()
+
+
+def _write_failures(path: Path, failures: Sequence[Failure]) -> None:
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(["id", "stage", "reason"])
+    writer.writerows([failure.id, failure.stage, " ".join(failure.reason.split())] for failure in failures)
+    storage.write_text(path, buffer.getvalue())
+
+
+def _check_failures(failures: Sequence[Failure], total: int, share: float, describe: str, out_dir: Path) -> None:
+    allowed = max(int(share * total), 1 if 1 < total < SMALL_RUN else 0)
+    if len(failures) > allowed:
+        first = failures[0]
+        raise checks.InputError(
+            f"{describe}: {len(failures)} of {total} shapes failed (at most {allowed} may), the first one "
+            f"{first.id}: {' '.join(first.reason.split())}; all are listed in {out_dir / 'failures.csv'}"
+        )

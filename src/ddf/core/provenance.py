@@ -1,0 +1,143 @@
+"""What made an artefact: configuration, data and the code that was really used, as one fingerprint.
+
+The code version of a module is a hash over its import closure inside the package, taken from syntax trees without
+docstrings: a comment or a docstring does not make a trained network stale, a changed constant does.
+"""
+
+import ast
+import dataclasses
+import functools
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from ddf.core import storage
+
+PACKAGE_ROOT = Path(__file__).resolve().parents[1]
+_PACKAGE = PACKAGE_ROOT.name
+
+
+def fingerprint(
+    section: Any, sources: Sequence[str | Path] = (), module: str | ModuleType | Sequence[str | ModuleType] = ()
+) -> str:
+    """Hex digest over a config section, the contents of source files and folders, and a code version.
+
+    Args:
+      section: a dataclass, or a list or dict of dataclasses and plain values.
+      sources: files or folders; their contents count, their places do not.
+      module: one or more modules of the package, as names or module objects, whose import closure counts.
+    """
+    modules = [module] if isinstance(module, str | ModuleType) else list(module)
+    names = [item if isinstance(item, str) else item.__name__ for item in modules]
+    content = {
+        "config": _plain(section),
+        "sources": [storage.checksum(path) for path in sources],
+        "code": code_version(tuple(sorted(names))),
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def record(fingerprint: str, seed: int, sources: Iterable[str | Path] = ()) -> dict[str, Any]:
+    """The metadata that every artefact carries, to be merged with its own: fingerprint, seed, source checksums."""
+    return {
+        "fingerprint": fingerprint,
+        "seed": seed,
+        "sources": {Path(path).as_posix(): storage.checksum(path) for path in sources},
+    }
+
+
+@functools.cache
+def code_version(modules: tuple[str, ...]) -> str:
+    """Hash of the syntax trees, docstrings left out, of everything the named modules import from the package."""
+    files = sorted({file for name in modules for file in import_closure(module_file(name))})
+    digest = hashlib.sha256()
+    for file in files:
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        _strip_docstrings(tree)
+        digest.update(f"{file.relative_to(PACKAGE_ROOT).as_posix()}\0{ast.dump(tree)}\n".encode())
+    return digest.hexdigest()
+
+
+def import_closure(script: str | Path) -> list[Path]:
+    """`script` (if inside the package) and every file of the package that it imports, directly or not, sorted.
+
+    Imports inside functions count too. Importing a.b.c runs a/__init__.py and a/b/__init__.py, so these are included.
+    """
+    script = Path(script).resolve()
+    found: set[Path] = set()
+    waiting = [script]
+    while waiting:
+        file = waiting.pop()
+        if file in found:
+            continue
+        found.add(file)
+        for name in imported_modules(file):
+            waiting.extend(_package_files(name))
+    return sorted(file for file in found if file.is_relative_to(PACKAGE_ROOT))
+
+
+def imported_modules(file: str | Path) -> list[str]:
+    """Dotted names of all modules that a Python file imports, anywhere in it (`from a import b` gives a and a.b)."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(Path(file).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            if node.level:
+                raise ValueError(f"{file}:{node.lineno}: imports must be absolute")
+            names.add(node.module or "")
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return sorted(names)
+
+
+def module_file(name: str) -> Path:
+    """The file of a module of the package, by its dotted name."""
+    files = _package_files(name)
+    expected = PACKAGE_ROOT.joinpath(*name.split(".")[1:])
+    if not files or files[-1] not in (expected.with_suffix(".py"), expected / "__init__.py"):
+        raise ValueError(f"{name} is not a module of the package {_PACKAGE}")
+    return files[-1]
+
+
+def _package_files(name: str) -> list[Path]:
+    """Files that importing `name` runs, outermost first; empty for other packages, shorter for names in a module."""
+    parts = name.split(".")
+    if parts[0] != _PACKAGE:
+        return []
+    files = [PACKAGE_ROOT / "__init__.py"]
+    for i in range(1, len(parts)):
+        base = PACKAGE_ROOT.joinpath(*parts[1 : i + 1])
+        if (base / "__init__.py").is_file():
+            files.append(base / "__init__.py")
+        elif base.with_suffix(".py").is_file():
+            files.append(base.with_suffix(".py"))
+            break
+        else:
+            break
+    return [file for file in files if file.is_file()]
+
+
+def _strip_docstrings(tree: ast.AST) -> None:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            first = node.body[0] if node.body else None
+            if (
+                isinstance(first, ast.Expr)
+                and isinstance(first.value, ast.Constant)
+                and isinstance(first.value.value, str)
+            ):
+                node.body = node.body[1:]
+
+
+def _plain(value: Any) -> Any:
+    """Dataclasses, paths and tuples as what JSON can hold."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value.as_posix() if isinstance(value, Path) else value

@@ -1,0 +1,294 @@
+"""Files that are whole or absent: atomic writing, a checksum inside every file, and the record of what made it.
+
+- Arrays: safetensors. One metadata entry, `ddf`, holds JSON: the caller's metadata, format version, package versions
+  and a SHA-256 over names, types, shapes, contents and that metadata.
+- Packs of small files: ZIP, stored, fixed timestamps; the archive comment is the SHA-256 of all bytes before it.
+- Tables: CSV, with the same record beside it in `<name>.json`.
+Equal input gives equal bytes. No pickle anywhere.
+"""
+
+import contextlib
+import hashlib
+import importlib.metadata
+import io
+import json
+import os
+import re
+import tempfile
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import safetensors
+import safetensors.numpy
+from torch import Tensor
+
+from ddf.core import checks
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FORMAT_VERSION = 1
+RECORDS = "[0-9]*.json"  # pattern of the records that tell which shards of a folder are done, see `parallel`
+# Packages whose version can change the numbers in an artefact.
+RECORDED_PACKAGES = ("numpy", "open3d", "pymeshlab", "torch", "torchvision")
+_PACK_RECORD = "record.json"
+_DIGEST_LENGTH = 64  # hex digits of SHA-256
+
+
+@contextlib.contextmanager
+def atomic_path(path: str | Path) -> Iterator[Path]:
+    """A temporary sibling of `path`, flushed to disk and renamed to it if the body succeeds, removed if it fails.
+
+    A link is followed; devices and folders are refused, because renaming would put a file in place of /dev/null. An
+    error of the disk names `path`.
+    """
+    given, path = path, Path(os.path.realpath(path))
+    if path.exists() and not path.is_file():
+        raise checks.InputError(f"{path} is not a regular file; give the name of a file to write")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=f".tmp{path.suffix}", dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        with naming(given):
+            yield temporary
+            # mkstemp makes private files; give the file what open() would have given it.
+            mask = os.umask(0)
+            os.umask(mask)
+            temporary.chmod(0o666 & ~mask)
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+            temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def naming(path: str | Path) -> Iterator[None]:
+    """Give `path` as the file's name to an error of the operating system that has none: `write` says no more than
+    that the disk is full.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno is not None and error.filename is None:
+            error.filename = str(path)
+        raise
+
+
+def write_bytes(path: str | Path, data: bytes) -> None:
+    """`data` under its final name at once."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """`text` as UTF-8 with its line ends untouched, under its final name at once."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_json(path: str | Path, data: Any) -> None:
+    """`data` as indented JSON with a final newline; NaN and infinity are errors, because JSON has neither."""
+    write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
+
+
+def read_json(path: str | Path) -> Any:
+    """The content of a JSON file; InputError names the file when it is not JSON."""
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise checks.InputError(f"{path}: not valid JSON ({error}); remove it and run its stage again") from error
+
+
+def save_tensors(path: str | Path, tensors: Mapping[str, np.ndarray | Tensor], metadata: Mapping[str, Any]) -> None:
+    """Arrays and their record as one safetensors file.
+
+    Args:
+      tensors: name to array; types are kept (bfloat16 is not supported, because NumPy has none).
+      metadata: anything JSON can hold; by convention `fingerprint`, `seed` and `sources` (path to checksum).
+    """
+    arrays = {name: _as_array(value) for name, value in tensors.items()}
+    record = _record(metadata)
+    record["checksum"] = _content_checksum(arrays, record)
+    with atomic_path(path) as temporary:
+        try:  # from the arrays' own memory to the disk
+            safetensors.numpy.save_file(arrays, temporary, {"ddf": _dump(record)})
+        except safetensors.SafetensorError as error:
+            raise _of_the_disk(error) from error
+
+
+def load_tensors(
+    path: str | Path, framework: Literal["numpy", "torch"] = "numpy"
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Arrays and metadata of a file from `save_tensors`, checksum verified; torch tensors are memory-mapped.
+
+    Raises:
+      FileNotFoundError: there is no such file.
+      InputError: the file is damaged, or was not written by `save_tensors`; it is named.
+    """
+    path = _existing(path)
+    try:
+        with safetensors.safe_open(path, framework="pt" if framework == "torch" else "numpy") as file:
+            record = json.loads((file.metadata() or {})["ddf"])
+            tensors = {name: file.get_tensor(name) for name in file.keys()}
+        expected = record.pop("checksum")
+    except (safetensors.SafetensorError, KeyError, ValueError, TypeError, AttributeError) as error:
+        raise _damaged(path, error) from error
+    if _content_checksum({name: _as_array(value) for name, value in tensors.items()}, record) != expected:
+        raise _damaged(path, "its checksum does not fit")
+    return tensors, record
+
+
+def map_tensors(path: str | Path) -> dict[str, np.ndarray]:
+    """Arrays of a file from `save_tensors` as views of the mapped file: only what is read of them takes memory, and
+    nothing is verified. The map ends with the last view.
+
+    Raises:
+      FileNotFoundError, InputError: as `load_tensors`, but damage inside the arrays goes unnoticed.
+    """
+    path = _existing(path)
+    try:
+        with safetensors.safe_open(path, framework="pt") as file:
+            return {name: file.get_tensor(name).numpy() for name in file.keys()}
+    except safetensors.SafetensorError as error:
+        raise _damaged(path, error) from error
+
+
+def load_metadata(path: str | Path) -> dict[str, Any]:
+    """The record of a file from `save_tensors`, without reading its arrays (and so without verifying them)."""
+    path = _existing(path)
+    try:
+        with safetensors.safe_open(path, framework="numpy") as file:
+            return json.loads((file.metadata() or {})["ddf"])
+    except (safetensors.SafetensorError, KeyError, ValueError) as error:
+        raise _damaged(path, error) from error
+
+
+def save_pack(path: str | Path, members: Mapping[str, bytes], metadata: Mapping[str, Any]) -> None:
+    """Many small files and their record as one ZIP file, in the order given."""
+    if _PACK_RECORD in members:
+        raise ValueError(f"members must not use the reserved name {_PACK_RECORD!r}")
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        for name, data in {_PACK_RECORD: _dump(_record(metadata)).encode(), **members}.items():
+            entry = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, data)
+        archive.comment = b"0" * _DIGEST_LENGTH
+    body = buffer.getvalue()[:-_DIGEST_LENGTH]
+    write_bytes(path, body + hashlib.sha256(body).hexdigest().encode())
+
+
+def load_pack(path: str | Path) -> tuple[dict[str, bytes], dict[str, Any]]:
+    """Members and metadata of a file from `save_pack`, checksum verified. Raises as `load_tensors` does."""
+    path = _existing(path)
+    data = path.read_bytes()
+    body, digest = data[:-_DIGEST_LENGTH], data[-_DIGEST_LENGTH:]
+    if hashlib.sha256(body).hexdigest().encode() != digest:
+        raise _damaged(path, "its checksum does not fit")
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    return members, json.loads(members.pop(_PACK_RECORD))
+
+
+def save_table(path: str | Path, table: "pd.DataFrame", metadata: Mapping[str, Any]) -> None:
+    """A table as CSV (no index column, shortest digits that give the same floats), its record in `<path>.json`."""
+    data = table.to_csv(index=False, lineterminator="\n").encode("utf-8")
+    record = _record(metadata)
+    record["checksum"] = hashlib.sha256(data).hexdigest()
+    write_bytes(path, data)
+    write_json(_table_record(path), record)
+
+
+def load_table(path: str | Path, **options: Any) -> tuple["pd.DataFrame", dict[str, Any]]:
+    """Table and metadata of a file from `save_table`, checksum verified; `options` go to pandas.read_csv."""
+    import pandas as pd
+
+    path = _existing(path)
+    data = path.read_bytes()
+    record = read_json(_existing(_table_record(path)))
+    if not isinstance(record, dict) or record.pop("checksum", None) != hashlib.sha256(data).hexdigest():
+        raise _damaged(path, f"its checksum in {_table_record(path).name} does not fit")
+    return pd.read_csv(io.BytesIO(data), **options), record
+
+
+def shard_files(folder: str | Path, suffix: str, stage: str) -> list[Path]:
+    """The files of one kind that the shards of a folder wrote, in order, as their records `NNN.json` name them.
+
+    Raises:
+      FileNotFoundError: no shard of the folder wrote such a file; the message names `stage`, which makes them.
+    """
+    folder = Path(folder)
+    records = sorted(folder.glob(RECORDS))
+    names = sorted(name for record in records for name in read_json(record)["files"] if name.endswith(suffix))
+    if not names:
+        raise FileNotFoundError(f"{folder}: no shards with *{suffix}; run the {stage} stage")
+    return [folder / name for name in names]
+
+
+def checksum(path: str | Path) -> str:
+    """SHA-256 of a file, or of a folder: of its files' relative names and checksums in sorted order."""
+    path = _existing(path)
+    if path.is_dir():
+        digest = hashlib.sha256()
+        for file in sorted(entry for entry in path.rglob("*") if entry.is_file()):
+            digest.update(f"{file.relative_to(path).as_posix()}\0{checksum(file)}\n".encode())
+        return digest.hexdigest()
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def package_versions() -> dict[str, str]:
+    """Versions of the installed packages that can change the numbers in an artefact."""
+    versions = {}
+    for name in RECORDED_PACKAGES:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            versions[name] = importlib.metadata.version(name)
+    return versions
+
+
+def _record(metadata: Mapping[str, Any]) -> dict[str, Any]:
+    return {"format_version": FORMAT_VERSION, "packages": package_versions(), **metadata}
+
+
+def _dump(record: Mapping[str, Any]) -> str:
+    return json.dumps(record, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _as_array(value: np.ndarray | Tensor) -> np.ndarray:
+    array = value.detach().cpu().numpy() if isinstance(value, Tensor) else np.asarray(value)
+    return array if array.flags.c_contiguous else np.ascontiguousarray(array)
+
+
+def _content_checksum(arrays: Mapping[str, np.ndarray], record: Mapping[str, Any]) -> str:
+    digest = hashlib.sha256(_dump(record).encode())
+    for name in sorted(arrays):
+        array = arrays[name]
+        digest.update(f"\n{name} {array.dtype.str} {array.shape}\n".encode())
+        digest.update(array.reshape(-1).view(np.uint8).data)
+    return digest.hexdigest()
+
+
+def _of_the_disk(error: safetensors.SafetensorError) -> Exception:
+    """The operating system's error that safetensors wrapped into its own, which tells it in words; else the same."""
+    number = re.search(r"\(os error (\d+)\)", str(error))
+    return error if number is None else OSError(int(number[1]), os.strerror(int(number[1])))
+
+
+def _table_record(path: str | Path) -> Path:
+    return Path(f"{path}.json")
+
+
+def _existing(path: str | Path) -> Path:
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path} does not exist; run the stage that makes it (`make help` lists the stages)")
+    return path
+
+
+def _damaged(path: Path, reason: object) -> checks.InputError:
+    text = " ".join(str(reason).split()) or type(reason).__name__
+    return checks.InputError(f"{path} is damaged or not one of our files ({text}); remove it and run its stage again")

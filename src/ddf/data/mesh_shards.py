@@ -1,0 +1,102 @@
+"""The map from raw meshes to training meshes, one shard at a time.
+
+`NNN.zip` (written through `storage`): `<id>.ply` (float32, field frame) per shape, `measures.csv` (see `MEASURES`) and
+`field_from_raw.json`, the similarity of each shape from the raw file's frame (v1 for ShapeNet).
+"""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ddf.core import checks, parallel, provenance, seeding, storage
+from ddf.data import mesh_preparation
+from ddf.geometry import mesh_io, transforms
+
+MEASURES = ("id", "faces", "watertight", "wrapped", *mesh_preparation.LOSSES)
+
+
+@dataclass(frozen=True)
+class RawShape:
+    """A shape's raw mesh file; the checksum makes a shard stale when the file changes."""
+
+    id: str
+    path: str
+    checksum: str
+
+
+@dataclass(frozen=True)
+class PreparedPack:
+    """What a pack of prepared meshes holds."""
+
+    meshes: dict[str, mesh_io.Mesh]
+    field_from_raw: dict[str, transforms.Similarity]
+    measures: list[dict[str, str]]
+
+
+def raw_shapes(index_path: Path, category: str) -> list[RawShape]:
+    """The category's shapes in the order of the data set.
+
+    Raises:
+      InputError: an unknown category, or a shape without its mesh file.
+    """
+    index = storage.read_json(index_path)
+    if category not in index["categories"]:
+        raise checks.InputError(f"{index_path}: no category {category!r}; it has {', '.join(index['categories'])}")
+    entry = index["categories"][category]
+    folder = Path(index["root"]) / "ShapeNetCore.v1" / entry["synset"]
+    paths = [(shape["id"], folder / shape["id"] / "model.obj") for shape in entry["shapes"]]
+    return [RawShape(name, path.as_posix(), storage.checksum(path) if path.is_file() else "") for name, path in paths]
+
+
+@dataclass(frozen=True)
+class PrepareShard:
+    """Map over raw meshes: writes `NNN.zip`."""
+
+    config: mesh_preparation.MeshesConfig
+    category: str
+    out_dir: Path
+    fingerprint: str
+
+    def __call__(self, shapes: Sequence[RawShape], index: int) -> parallel.ShardResult:
+        """Prepare the shapes of one shard; a broken shape becomes a failure."""
+        members, rows, maps, failures = {}, [], {}, []
+        for shape in shapes:
+            try:
+                rng = seeding.generator(self.config.seed, self.category, shape.id, "measure")
+                prepared = mesh_preparation.prepare(mesh_io.load(shape.path), self.config, rng)
+            except (checks.InputError, OSError) as error:
+                failures.append(parallel.Failure(shape.id, "meshes", str(error)))
+                continue
+            members[f"{shape.id}.ply"] = mesh_io.ply_bytes(prepared.mesh)
+            values = {"id": shape.id, "faces": len(prepared.mesh.faces)}
+            rows.append({name: values.get(name, getattr(prepared, name, None)) for name in MEASURES})
+            maps[shape.id] = prepared.field_from_raw.to_dict()
+        members["measures.csv"] = _csv_bytes(rows)
+        members["field_from_raw.json"] = json.dumps(maps, indent=1).encode()
+        record = provenance.record(self.fingerprint, self.config.seed)
+        sources = {shape.path: shape.checksum for shape in shapes}
+        path = self.out_dir / f"{index:03d}.zip"
+        storage.save_pack(path, members, {**record, "sources": sources, "ids": list(maps)})
+        return parallel.ShardResult([path], failures)
+
+
+def _csv_bytes(rows: list[dict]) -> bytes:
+    buffer = io.StringIO()
+    writer = csv.DictWriter(buffer, MEASURES, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return buffer.getvalue().encode()
+
+
+def read_pack(path: Path | str) -> PreparedPack:
+    """The prepared meshes of one shard, checksum verified."""
+    members, _ = storage.load_pack(path)
+    maps = json.loads(members["field_from_raw.json"])
+    return PreparedPack(
+        meshes={name: mesh_io.parse(members[f"{name}.ply"], ".ply") for name in maps},
+        field_from_raw={name: transforms.Similarity.from_dict(values) for name, values in maps.items()},
+        measures=list(csv.DictReader(io.StringIO(members["measures.csv"].decode()))),
+    )

@@ -1,0 +1,149 @@
+"""Oriented-point samples as small integers, and back; needs numpy and torch only, so training can read them.
+
+positions   int16 x 3   value / 32767 per coordinate of the box [-1, 1]^3
+directions  int16 x 2   octahedral map of the unit sphere
+depth       uint16      steps of 2 sqrt(3) / 65534 (the box's diagonal); 65535 is a miss
+normals     int8 x 2    octahedral map; of the hit, on a miss the axis (0, 0, 1), which means nothing; of types S and T
+                        that of the surface where the ray starts or touches it
+Positions and directions are rounded before rays are cast, so the truth belongs to exactly the stored ray (but of T, see
+`sampling`) and only depth and normals carry an error: half a depth step (2.6e-5), and under 1 degree
+(`normal_error_deg`).
+Octahedral map: Cigolle et al. 2014, "A survey of efficient representations for independent unit vectors", §3.3.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TypedDict
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int, UInt
+from torch import Tensor
+
+from ddf.core import checks
+
+POSITION_STEPS = 32767
+DEPTH_STEP = 2 * 3**0.5 / 65534
+MISS = 65535
+FIELDS = ("positions", "directions", "depth", "normals")
+KINDS = ("U", "A", "B", "S", "T", "O")
+
+
+class Samples(TypedDict):
+    """Decoded samples of one type, float32 but for `visible`; depth is `inf` on a miss."""
+
+    positions: Float[Tensor, "*batch 3"]
+    directions: Float[Tensor, "*batch 3"]
+    depth: Float[Tensor, "*batch"]
+    visible: Tensor
+    normals: Float[Tensor, "*batch 3"]
+
+
+def encode_unit(vectors: Float[np.ndarray, "*n 3"], dtype: type[np.signedinteger]) -> Int[np.ndarray, "*n 2"]:
+    """Octahedral code of unit vectors, rounded to the nearest step of `dtype` in the map's plane."""
+    return interleaved(unit_steps([vectors[..., axis] for axis in range(3)], dtype), dtype)
+
+
+def unit_steps(
+    axes: Sequence[Float[np.ndarray, "*n"]], dtype: type[np.signedinteger]
+) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+    """The two whole numbers of `encode_unit`, of the type of the three coordinates: what `unit_axes` reads."""
+    x, y, z = axes
+    steps = np.abs(x)
+    steps += np.abs(y)
+    steps += np.abs(z)
+    steps = np.divide(np.iinfo(dtype).max, steps, out=steps)
+    folded = np.minimum(z, 0)
+    folded *= steps  # below the equator the triangles are turned out: |x| + |z| = 1 - |y|
+    found = []
+    for own in (x, y):
+        code = own * steps
+        code += np.copysign(folded, own)
+        found.append(np.rint(code, out=code))
+    return found[0], found[1]
+
+
+def decode_unit(codes: Tensor) -> Float[Tensor, "*n 3"]:
+    """Unit vectors, float32, of octahedral codes of either width."""
+    x, y = (codes[..., axis].float() for axis in range(2))
+    return torch.stack(unit_axes(x, y, torch.iinfo(codes.dtype).max), dim=-1)
+
+
+def unit_axes(
+    x: Float[Tensor, "*n"], y: Float[Tensor, "*n"], most: int
+) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n"], Float[Tensor, "*n"]]:
+    """The three coordinates of `decode_unit`, each in memory of its own, of codes from -most to most in float32."""
+    x, y = x / most, y / most
+    z = x.abs().neg_().add_(1).sub_(y.abs())
+    fold = (-z).clamp_min_(0.0)
+    x.sub_(torch.copysign(fold, x))
+    y.sub_(fold.copysign_(y))
+    length = (x * x).add_(y * y).add_(z * z).sqrt_()
+    return x.div_(length), y.div_(length), z.div_(length)
+
+
+def encode_positions(positions: Float[np.ndarray, "*n 3"]) -> Int[np.ndarray, "*n 3"]:
+    """Positions in [-1, 1]^3 as int16; what lies outside is clamped onto the cube."""
+    return interleaved([position_steps(positions[..., axis]) for axis in range(3)], np.int16)
+
+
+def position_steps(positions: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """The whole numbers of `encode_positions`, of the positions' type: what `decode_positions` reads."""
+    steps = np.clip(positions, -1.0, 1.0)
+    steps *= POSITION_STEPS
+    return np.rint(steps, out=steps)
+
+
+def interleaved(steps: Sequence[Float[np.ndarray, "*n"]], dtype: type[np.signedinteger]) -> Int[np.ndarray, "*n axes"]:
+    """Whole numbers of each axis as codes, a point's side by side (numpy is several times slower all at once)."""
+    codes = np.zeros((*steps[0].shape, len(steps)), dtype)
+    for axis, values in enumerate(steps):
+        codes[..., axis] = values
+    return codes
+
+
+def decode_positions(codes: Tensor) -> Float[Tensor, "*n 3"]:
+    """Positions in [-1, 1]^3, float32."""
+    return codes.float() / POSITION_STEPS
+
+
+def encode_depth(depth: Float[np.ndarray, "*n"]) -> UInt[np.ndarray, "*n"]:
+    """Depths as uint16; `inf` becomes the code of a miss.
+
+    Raises:
+      InputError: a finite depth is negative or longer than the box's diagonal.
+    """
+    steps = np.rint(depth / DEPTH_STEP)
+    codes = np.minimum(steps, MISS)
+    misses = np.count_nonzero(depth == np.inf)
+    if steps.size and not (steps.min() >= 0 and np.count_nonzero(codes == MISS) == misses):
+        hit = depth[np.isfinite(depth)]
+        raise checks.InputError(f"depth must be in [0, 2 sqrt(3)] or inf; got {hit.min()} to {hit.max()}")
+    return codes.astype(np.uint16)
+
+
+def decode_depth(codes: Tensor) -> Float[Tensor, "*n"]:
+    """Depths, float32, `inf` on a miss."""
+    steps = codes.to(torch.int32)
+    return torch.where(steps == MISS, torch.inf, steps.float() * DEPTH_STEP)
+
+
+def decode(arrays: dict[str, Tensor], kind: str) -> Samples:
+    """Samples of one type out of a shard's tensors, whole or already indexed along any leading axes.
+
+    Args:
+      arrays: `<kind>.positions`, `<kind>.directions`, `<kind>.depth`, `<kind>.normals` as stored.
+      kind: one of U, A, B, S, T, O.
+    """
+    return decode_fields({field: arrays[f"{kind}.{field}"] for field in FIELDS})
+
+
+def decode_fields(codes: Mapping[str, Tensor]) -> Samples:
+    """Samples out of the codes of each of `FIELDS`, of any types together."""
+    depth = decode_depth(codes["depth"])
+    return Samples(
+        positions=decode_positions(codes["positions"]),
+        directions=decode_unit(codes["directions"]),
+        depth=depth,
+        visible=torch.isfinite(depth),
+        normals=decode_unit(codes["normals"]),
+    )

@@ -1,0 +1,108 @@
+"""The map from training meshes to oriented-point samples and ground-truth clouds, one shard at a time.
+
+Written through `storage`:
+- `NNN.samples.safetensors`: `<type>.<field>` of shape (shapes, samples, ...) as in `packing`; metadata `ids`,
+  `field_from_raw` (similarity by id), `packing_errors`.
+- `NNN.clouds.safetensors`: `points` float32 (total, 3) in the raw frame (v1 for ShapeNet), `offsets` int64 (shapes +
+  1,),
+  `hidden` bool (total,); metadata `ids`, `hidden_share`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ddf.core import checks, parallel, provenance, seeding, storage
+from ddf.data import mesh_shards, sampling, true_clouds
+from ddf.geometry import mesh_io, transforms
+
+
+@dataclass(frozen=True)
+class PreparedShape:
+    """A shape inside a pack of prepared meshes, and its raw mesh file."""
+
+    id: str
+    pack: str
+    pack_checksum: str
+    raw: mesh_shards.RawShape
+
+
+def prepared_shapes(folder: Path, raw: Sequence[mesh_shards.RawShape]) -> list[PreparedShape]:
+    """The shapes that the packs of a folder hold, in the order of the data set.
+
+    Raises:
+      FileNotFoundError: no packs there: the stage before has not run.
+    """
+    packs = sorted(folder.glob("*.zip"))
+    if not packs:
+        raise FileNotFoundError(f"{folder}: no prepared meshes; run stage meshes first")
+    by_id = {shape.id: shape for shape in raw}
+    shapes = []
+    for pack in packs:
+        _, metadata = storage.load_pack(pack)
+        checksum = storage.checksum(pack)
+        shapes += [PreparedShape(name, pack.as_posix(), checksum, by_id[name]) for name in metadata["ids"]]
+    return shapes
+
+
+@dataclass(frozen=True)
+class ExtractShard:
+    """Map over prepared meshes: writes `NNN.samples.safetensors` and `NNN.clouds.safetensors`."""
+
+    config: sampling.SamplesConfig
+    category: str
+    out_dir: Path
+    fingerprint: str
+
+    def __call__(self, shapes: Sequence[PreparedShape], index: int) -> parallel.ShardResult:
+        """Sample the shapes of one shard; a broken shape becomes a failure."""
+        packs = {pack: mesh_shards.read_pack(pack) for pack in dict.fromkeys(shape.pack for shape in shapes)}
+        done, failures = [], []
+        for shape in shapes:
+            try:
+                done.append(_Extracted.make(shape, packs[shape.pack], self.config, self.category))
+            except (checks.InputError, OSError) as error:
+                failures.append(parallel.Failure(shape.id, "samples", str(error)))
+        if not done:
+            return parallel.ShardResult([], failures)
+        record = provenance.record(self.fingerprint, self.config.seed)
+        record["sources"] = {shape.pack: shape.pack_checksum for shape in shapes}
+        return parallel.ShardResult([*_write_extracted(done, self.out_dir, index, record)], failures)
+
+
+@dataclass(frozen=True)
+class _Extracted:
+    id: str
+    arrays: dict[str, np.ndarray]
+    probes: sampling.Probes
+    cloud: true_clouds.Cloud
+    field_from_raw: transforms.Similarity
+
+    @classmethod
+    def make(
+        cls, shape: PreparedShape, pack: mesh_shards.PreparedPack, config: sampling.SamplesConfig, category: str
+    ) -> "_Extracted":
+        arrays, probes = sampling.extract(pack.meshes[shape.id], config, category, shape.id)
+        rng = seeding.generator(config.seed, category, shape.id, "cloud")
+        cloud = true_clouds.draw(mesh_io.load(shape.raw.path), config.cloud_points, rng)
+        return cls(shape.id, arrays, probes, cloud, pack.field_from_raw[shape.id])
+
+
+def _write_extracted(done: list[_Extracted], out_dir: Path, index: int, record: dict) -> list[Path]:
+    ids = [item.id for item in done]
+    tensors = {name: np.stack([item.arrays[name] for item in done]) for name in done[0].arrays}
+    sizes = [len(item.cloud.points) for item in done]
+    cloud_tensors = {
+        "points": np.concatenate([item.cloud.points for item in done]).astype(np.float32),
+        "offsets": np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+        "hidden": np.concatenate([item.cloud.hidden for item in done]),
+    }
+    errors = sampling.packing_errors([item.probes for item in done])
+    maps = {item.id: item.field_from_raw.to_dict() for item in done}
+    paths = [out_dir / f"{index:03d}.samples.safetensors", out_dir / f"{index:03d}.clouds.safetensors"]
+    storage.save_tensors(paths[0], tensors, {**record, "ids": ids, "field_from_raw": maps, "packing_errors": errors})
+    share = {item.id: float(item.cloud.hidden.mean()) for item in done}
+    storage.save_tensors(paths[1], cloud_tensors, {**record, "ids": ids, "hidden_share": share})
+    return paths

@@ -1,0 +1,526 @@
+"""Oriented-point samples of a mesh: the six types of [DDF22] appendix A, their truth by ray casting, packed.
+
+Letters: B the box, S the surface, q0 a point uniform by area on S with normal n0, v0 the direction that a sample looks
+back along. Each `draw_*` gives positions and directions only; `extract` rounds them to their stored form, casts
+exactly those rays and packs the answers. Everything is in the field frame. Draws are float32, of which a stored step
+has 256; their memory holds one coordinate after the other.
+
+Choices where the paper is silent:
+- S starts on the surface. It is lifted by `raycast.SURFACE_OFFSET` (1e-5 of half the box's longest side) off its own
+  triangle, to the side that v points to, and the depth is corrected for that: its own triangle, and others in its
+  plane, cannot be the hit; a second sheet closer than that is not seen.
+- T touches the surface at q0 and so sees it: no depth is greater than |q0 - p|. Cast, the stored ray runs past q0 on
+  either side by its rounding, and of a convex shape it missed as often as it hit.
+- S and T keep the normal at q0, along which L_T asks for a transition, not that of the hit.
+- O: the offset line is shortened where q0 + s eps n0 would leave B (the other side is tried first), then p is drawn on
+  the line's part inside B as for T. So p is in B always, and a tenth lies on its boundary exactly.
+- Hits from behind count. Triangles without an area get no samples.
+"""
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int, UInt
+
+from ddf.core import checks, seeding
+from ddf.data import mesh_preparation, packing
+from ddf.geometry import raycast
+from ddf.geometry.mesh_io import Mesh
+
+BOUNDARY_SHARE = 0.1  # of the positions of types A, T and O lie on the boundary of B. Source: [DDF22] app. A
+_ERROR_PROBE = 100  # samples of each type whose packing error is measured
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Samples of each type per shape."""
+
+    U: int = 20_000
+    A: int = 20_000
+    B: int = 10_000
+    S: int = 10_000
+    T: int = 10_000
+    O: int = 10_000  # noqa: E741  (the paper's letter)
+
+    def __post_init__(self) -> None:
+        for kind, count in self.items():
+            if count < 1:
+                raise checks.InputError(f"samples.counts.{kind} must be >= 1; got {count}")
+
+    def items(self) -> list[tuple[str, int]]:
+        """Pairs of type and count in the fixed order of `packing.KINDS`."""
+        return [(kind, getattr(self, kind)) for kind in packing.KINDS]
+
+
+@dataclass(frozen=True)
+class SamplesConfig:
+    """What is drawn from each shape.
+
+    epsilon_o: distance of O samples from the tangent line, in field units (0.05 single shape, 0.02 ShapeNet).
+    offsets: every O sample at that distance ("fixed"), or uniform up to it ("uniform"; "maximum" in [DDF22] app. D).
+    box: the cube [-1, 1]^3 ("cube") or the shape's own box ("tight"), `margin` field units wider on every side.
+    cloud_points: points of the ground-truth cloud, met within 10 %.
+    shard_size: shapes in one file.
+    """
+
+    counts: Counts = dataclasses.field(default_factory=Counts)
+    epsilon_o: float = 0.02
+    offsets: Literal["fixed", "uniform"] = "uniform"
+    box: Literal["cube", "tight"] = "cube"
+    margin: float = 0.0
+    cloud_points: int = 8000
+    shard_size: int = 16
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.epsilon_o < 1:
+            raise checks.InputError(f"samples.epsilon_o must be in (0, 1); got {self.epsilon_o}")
+        if self.offsets not in ("fixed", "uniform"):
+            raise checks.InputError(f"samples.offsets must be fixed or uniform; got {self.offsets!r}")
+        if self.box not in ("cube", "tight"):
+            raise checks.InputError(f"samples.box must be cube or tight; got {self.box!r}")
+        if not 0 <= self.margin < 1:
+            raise checks.InputError(f"samples.margin must be in [0, 1); got {self.margin}")
+        if not 10 <= self.cloud_points <= 1_000_000:
+            raise checks.InputError(f"samples.cloud_points must be in [10, 1e6]; got {self.cloud_points}")
+        if self.shard_size < 1:
+            raise checks.InputError(f"samples.shard_size must be >= 1; got {self.shard_size}")
+
+
+@dataclass(frozen=True)
+class Box:
+    """Axis-aligned box B, float32."""
+
+    lower: Float[np.ndarray, "3"]
+    upper: Float[np.ndarray, "3"]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "lower", self.lower.astype(np.float32))
+        object.__setattr__(self, "upper", self.upper.astype(np.float32))
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Oriented points before rounding.
+
+    normals: n0, of S and T. reach: |q0 - p| of T, which touches the surface there; S starts at q0.
+    """
+
+    positions: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
+    normals: Float[np.ndarray, "n 3"] | None = None
+    reach: Float[np.ndarray, "n"] | None = None
+
+
+CUBE = Box(-np.ones(3), np.ones(3))
+
+
+def unit_vectors(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
+    """Directions uniform on the sphere (Archimedes: height and turn are uniform)."""
+    height = 2 * _shares(count, rng) - 1
+    radius = np.sqrt((1 - height) * (1 + height))
+    turn = _turns(count, rng)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height]).T
+
+
+def _shares(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count"]:
+    """Uniform on [0, 1), float32."""
+    return rng.random(count, dtype=np.float32)
+
+
+def _turns(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count"]:
+    return _shares(count, rng) * np.float32(2 * np.pi)
+
+
+def _tangents(normals: Float[np.ndarray, "n 3"], rng: np.random.Generator) -> Float[np.ndarray, "n 3"]:
+    """Directions uniform on the circle normal to each vector, on the basis of Duff et al. 2017 (revisiting Frisvad)."""
+    x, y, z = normals.T
+    sign = np.copysign(np.float32(1), z)
+    a = -1 / (sign + z)
+    b = x * y * a
+    turn = _turns(len(normals), rng)
+    first, second = np.cos(turn), np.sin(turn)
+    signed = sign * first
+    return np.stack(
+        [
+            first + signed * x * x * a + second * b,
+            signed * b + second * (sign + y * y * a),
+            -signed * x - second * y,
+        ]
+    ).T
+
+
+def _exit(points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "3 n"]:
+    """Distance along each axis at which a ray from inside the box leaves it; `inf` on axes it runs normal to."""
+    reach, other = np.zeros((3, len(points)), np.float32), np.zeros(len(points), np.float32)
+    with np.errstate(divide="ignore", invalid="ignore"):  # 0/0 on a wall, which the ray runs along: never leaves there
+        for found, p, v, lower, upper in zip(reach, points.T, directions.T, box.lower, box.upper, strict=True):
+            np.divide(np.subtract(lower, p, out=found), v, out=found)
+            np.divide(np.subtract(upper, p, out=other), v, out=other)
+            np.fmax(found, other, out=found)
+    np.fmin(reach, np.inf, out=reach)  # in place of NaN
+    return np.clip(reach, 0, np.inf, out=reach)
+
+
+def _inside(points: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "n 3"]:
+    """Points clipped to the box."""
+    return np.clip(points.T, box.lower[:, None], box.upper[:, None]).T
+
+
+def _back_along(
+    origins: Float[np.ndarray, "n 3"],
+    directions: Float[np.ndarray, "n 3"],
+    box: Box,
+    rng: np.random.Generator,
+    normals: Float[np.ndarray, "n 3"] | None = None,
+) -> Draw:
+    """p on the segment from each origin along v0 to the boundary of B (a tenth exactly on it), and v = -v0.
+
+    Args:
+      normals: n0, where the segments touch the surface in their origins, q0.
+    """
+    count = len(origins)
+    axes = _exit(origins, directions, box)
+    reach = np.minimum(np.minimum(axes[0], axes[1]), axes[2])
+    rows = rng.choice(count, _boundary_count(count, rng), replace=False, shuffle=False)
+    share = _shares(count, rng)
+    share[rows] = 1
+    reach *= share
+    positions = directions.T * reach
+    positions += origins.T
+    positions = _inside(positions.T, box)
+    walls = np.where(directions.T.take(rows, axis=1) > 0, box.upper[:, None], box.lower[:, None])
+    ends = positions.T.take(rows, axis=1)
+    np.copyto(ends, walls, where=axes.take(rows, axis=1) == reach.take(rows))  # whose share is 1
+    positions.T[:, rows] = ends
+    return Draw(positions, -directions, normals, None if normals is None else reach)
+
+
+def _boundary_count(count: int, rng: np.random.Generator) -> int:
+    """`BOUNDARY_SHARE` of `count`, on average where that is no whole number."""
+    rest, whole = math.modf(BOUNDARY_SHARE * count)
+    return int(whole) + int(rest > 0 and rng.random() < rest)
+
+
+def draw_uniform(box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """U: p ~ U[B], v ~ U[S²]."""
+    return Draw(_in_box(box, count, rng), unit_vectors(count, rng))
+
+
+def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
+    positions = rng.random((3, count), dtype=np.float32)
+    positions *= (box.upper - box.lower)[:, None]
+    positions += box.lower[:, None]
+    return positions.T
+
+
+def draw_at_surface(surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """A: q0 by area, v0 ~ U[S²], p on the segment from q0 along v0 to ∂B, v = -v0."""
+    origins, _ = surface.draw(count, rng)
+    return _back_along(_inside(origins, box), unit_vectors(count, rng), box, rng)
+
+
+def draw_bounding(box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """B: p ~ U[∂B], v uniform on the hemisphere that points inwards."""
+    sides = box.upper - box.lower
+    areas = np.repeat([sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]], 2)
+    wall = np.minimum(np.searchsorted(np.cumsum(areas), _shares(count, rng) * areas.sum(), side="right"), 5)
+    positions, directions = _in_box(box, count, rng), unit_vectors(count, rng)
+    for axis, (place, turned) in enumerate(zip(positions.T, directions.T, strict=True)):
+        rows = np.flatnonzero(wall >> 1 == axis)
+        upper = wall[rows] % 2 == 1
+        place[rows] = np.where(upper, box.upper[axis], box.lower[axis])
+        turned[rows] = np.copysign(turned[rows], np.where(upper, np.float32(-1), np.float32(1)))
+    return Draw(positions, directions)
+
+
+def draw_surface(surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """S: p by area on S, v ~ U[S²]."""
+    positions, face = surface.draw(count, rng)
+    return Draw(_inside(positions, box), unit_vectors(count, rng), _rows(surface.normals, face))
+
+
+def draw_tangent(surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """T: as A, with v0 uniform in the tangent plane at q0."""
+    origins, face = surface.draw(count, rng)
+    normals = _rows(surface.normals, face)
+    return _back_along(_inside(origins, box), _tangents(normals, rng), box, rng, normals)
+
+
+def _rows(normals: Float[np.ndarray, "m 3"], face: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
+    return normals.take(face, axis=0).T.copy().T
+
+
+def draw_offset(
+    surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator, epsilon: float, uniform: bool
+) -> Draw:
+    """O: the line of a T sample moved by ±ε n0 (by a uniform share of it if `uniform`), p on its part inside B."""
+    origins, face = surface.draw(count, rng)
+    origins, normals = _inside(origins, box), _rows(surface.normals, face)
+    size = _shares(count, rng) if uniform else np.ones(count, np.float32)
+    size *= epsilon
+    side = np.where(_shares(count, rng) < 0.5, np.float32(-1), np.float32(1))[:, None] * normals
+    room, other = _exit(origins, side, box).min(axis=0), _exit(origins, -side, box).min(axis=0)
+    turned = (room < size) & (other > room)
+    step = np.minimum(size, np.where(turned, other, room))
+    moved = _inside(origins + np.where(turned, -step, step)[:, None] * side, box)
+    return _back_along(moved, _tangents(normals, rng), box, rng)
+
+
+def draw(
+    kind: str, surface: mesh_preparation.Surface, box: Box, config: SamplesConfig, count: int, rng: np.random.Generator
+) -> Draw:
+    """`count` oriented points of one type, not yet rounded."""
+    if kind == "U":
+        return draw_uniform(box, count, rng)
+    if kind == "B":
+        return draw_bounding(box, count, rng)
+    if kind == "O":
+        return draw_offset(surface, box, count, rng, config.epsilon_o, config.offsets == "uniform")
+    functions = {"A": draw_at_surface, "S": draw_surface, "T": draw_tangent}
+    return functions[kind](surface, box, count, rng)
+
+
+@dataclass(frozen=True)
+class Probes:
+    """Some samples of one or more shapes whose errors are measured (`packing_errors`).
+
+    drawn: before rounding. packed: in stored form. depth: `inf` on a miss. normals: before coding.
+    """
+
+    drawn: Draw
+    packed: dict[str, np.ndarray]
+    depth: Float[np.ndarray, "n"]
+    normals: Float[np.ndarray, "n 3"]
+
+
+def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, np.ndarray], Probes]:
+    """All six types of one shape in stored form, and some of them for `packing_errors`.
+
+    Args:
+      mesh: in the field frame (inside [-1, 1]^3).
+      names: what tells this shape's random stream from others (category, id).
+    Returns:
+      `<type>.positions`, `.directions`, `.depth`, `.normals` (see `packing`), and the first samples of each type.
+    Raises:
+      InputError: the mesh leaves the cube, or has no triangle with an area.
+    """
+    counts = dict(config.counts.items())
+    streams = {kind: seeding.generator(config.seed, *names, kind) for kind in counts}
+    scene = raycast.Scene(mesh)
+    answers = Sampler(scene, config).cast(counts, streams)
+    return answers.arrays(), _probes(scene, answers)
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What samples of several types became, one type after the other.
+
+    drawn: before rounding. packed: in stored form. depth: float32, `inf` on a miss. kept: see
+    `raycast.Scene.cast_kept`. looking: stored directions.
+    """
+
+    drawn: dict[str, Draw]
+    packed: dict[str, np.ndarray]
+    depth: Float[np.ndarray, "n"]
+    kept: UInt[np.ndarray, "n"]
+    looking: Float[np.ndarray, "n 3"]
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """`<type>.<field>` in stored form."""
+        parts = _parts(self.drawn).items()
+        return {f"{kind}.{field}": values[part] for kind, part in parts for field, values in self.packed.items()}
+
+
+class Sampler:
+    """What samples of one mesh are drawn from and cast on, made once for as many draws as wanted.
+
+    Raises:
+      InputError: the mesh leaves the cube, or has no triangle with an area.
+    """
+
+    def __init__(self, scene: raycast.Scene, config: SamplesConfig) -> None:
+        mesh = scene.mesh
+        if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
+            raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
+        self.scene, self.config = scene, config
+        self.surface, self.box = surface_of(scene), box_of(mesh, config)
+
+    def cast(self, counts: Mapping[str, int], streams: Mapping[str, np.random.Generator]) -> Answers:
+        """So many samples of each type, each drawn from its own stream, rounded and cast."""
+        return _cast_and_pack(
+            self.scene,
+            {
+                kind: draw(kind, self.surface, self.box, self.config, count, streams[kind])
+                for kind, count in counts.items()
+            },
+        )
+
+
+def box_of(mesh: Mesh, config: SamplesConfig) -> Box:
+    """The box that a mesh's samples are drawn in.
+
+    Raises:
+      InputError: the margin makes it leave the cube, so that points on its sides could not be stored.
+    """
+    if config.box == "cube":
+        return CUBE
+    lower, upper = mesh.box()
+    if max(-lower.min(), upper.max()) + config.margin > 1 + 1e-6:
+        raise checks.InputError(f"a margin of {config.margin} leaves [-1, 1]^3; the mesh spans {lower} to {upper}")
+    return Box(lower - config.margin, upper + config.margin)
+
+
+def surface_of(scene: raycast.Scene) -> mesh_preparation.Surface:
+    """What `draw_*` draw from: the triangles of a scene in float32.
+
+    Raises:
+      InputError: no triangle has an area.
+    """
+    corners = scene.mesh.vertices.astype(np.float32)[scene.mesh.faces]
+    return mesh_preparation.Surface(corners, scene.normals.astype(np.float32), scene.areas)
+
+
+def _parts(drawn: dict[str, Draw]) -> dict[str, slice]:
+    """Where each type lies when all are put after another."""
+    ends = itertools.accumulate((len(draws.positions) for draws in drawn.values()), initial=0)
+    return {kind: slice(*pair) for kind, pair in zip(drawn, itertools.pairwise(ends), strict=True)}
+
+
+def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
+    """All types in one cast.
+
+    Coordinates are taken one after the other: numpy is several times slower along an axis of three.
+    """
+    parts = _parts(drawn)
+    positions = packing.position_steps(_joined(drawn, "positions"))
+    starts = packing.decode_positions(torch.from_numpy(positions.T)).numpy().T
+    directions = packing.unit_steps(list(_joined(drawn, "directions")), np.int16)
+    x, y = (torch.from_numpy(steps) for steps in directions)
+    looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
+    ahead = {
+        kind: _lift(scene, draws, starts[:, parts[kind]], [axis[parts[kind]] for axis in looking])
+        for kind, draws in drawn.items()
+        if draws.normals is not None and draws.reach is None
+    }
+    local = np.zeros((len(x), 6), np.float32)
+    for axis, centre in enumerate(scene.centre.astype(np.float32)):
+        starts[axis] -= centre
+        np.divide(starts[axis], np.float32(scene.scale), out=local[:, axis])
+        local[:, 3 + axis] = looking[axis]
+    depth, kept, normals = scene.cast_kept(local)
+    depth *= np.float32(scene.scale)
+    for kind, lifted in ahead.items():
+        depth[parts[kind]] = np.maximum(depth[parts[kind]] + lifted, 0)
+    codes = _normal_codes(scene, kept, normals, looking)
+    for kind, draws in drawn.items():
+        if draws.reach is not None:
+            depth[parts[kind]] = np.minimum(depth[parts[kind]], draws.reach)
+        if draws.normals is not None:
+            codes[parts[kind]] = packing.encode_unit(draws.normals, np.int8)
+    packed = {
+        "positions": packing.interleaved(list(positions), np.int16),
+        "directions": packing.interleaved(directions, np.int16),
+        "depth": packing.encode_depth(depth),
+        "normals": codes,
+    }
+    return Answers(drawn, packed, depth, kept, local[:, 3:])
+
+
+def _probes(scene: raycast.Scene, answers: Answers) -> Probes:
+    """The first samples of each type."""
+    drawn, parts = answers.drawn, _parts(answers.drawn)
+    probes = np.concatenate([np.arange(part.start, part.stop)[:_ERROR_PROBE] for part in parts.values()])
+    depth = answers.depth.take(probes)
+    face = np.where(np.isfinite(depth), scene.kept.take(answers.kept.take(probes), mode="clip"), -1)
+    normals = raycast.facing_back(scene, face, answers.looking[probes])
+    for kind, draws in drawn.items():
+        if draws.normals is not None:
+            own = (probes >= parts[kind].start) & (probes < parts[kind].stop)
+            normals[own] = draws.normals[:_ERROR_PROBE]
+    first = Draw(*(_joined(drawn, name, _ERROR_PROBE).T for name in ("positions", "directions")))
+    return Probes(first, {name: values.take(probes, axis=0) for name, values in answers.packed.items()}, depth, normals)
+
+
+def _joined(drawn: dict[str, Draw], name: str, count: int | None = None) -> Float[np.ndarray, "3 n"]:
+    """Positions or directions of all types, of each the first `count`, one coordinate after the other."""
+    return np.concatenate([getattr(draws, name)[:count].T for draws in drawn.values()], axis=1)
+
+
+def _lift(
+    scene: raycast.Scene, draws: Draw, starts: Float[np.ndarray, "3 n"], looking: list[np.ndarray]
+) -> Float[np.ndarray, "n"]:
+    """Lift starts on the surface off their triangles to the side that they look to, in place.
+
+    Args:
+      starts, looking: the three coordinates of the stored positions, which are replaced, and of the directions.
+    Returns:
+      How far along each ray the lifted start lies from the stored one.
+    """
+    assert draws.normals is not None
+    normals = draws.normals.T
+    slope = np.sum([normal * v for normal, v in zip(normals, looking, strict=True)], axis=0)
+    lift = np.copysign(np.float32(raycast.SURFACE_OFFSET * scene.scale), slope)
+    ahead = np.zeros(len(slope), np.float32)
+    for start, position, normal, v in zip(starts, draws.positions.T, normals, looking, strict=True):
+        lifted = position + lift * normal
+        ahead += (lifted - start) * v
+        start[:] = lifted
+    return ahead
+
+
+def _normal_codes(
+    scene: raycast.Scene,
+    kept: UInt[np.ndarray, "n"],
+    normals: Float[np.ndarray, "n 3"],
+    looking: list[np.ndarray],
+) -> Int[np.ndarray, "n 2"]:
+    """Codes of `raycast.facing_back`, the axis (0, 0, 1) on a miss: each side of each triangle is coded once.
+
+    Args:
+      kept, normals: answers of `raycast.Scene.cast_kept` to rays with the directions `looking`, three coordinates.
+    """
+    sides = scene.normals[scene.kept].T.astype(np.float32)
+    codes = packing.encode_unit(np.concatenate([sides, -sides], axis=1).T, np.int8)
+    codes = np.concatenate([codes, np.zeros((1, 2), np.int8)])
+    slope = normals[:, 0] * looking[0]
+    for axis in (1, 2):
+        slope += normals[:, axis] * looking[axis]
+    which = kept + (slope > 0) * np.uint32(len(scene.kept))  # on a miss the slope is 0
+    return codes.view(np.int16)[:, 0].take(np.minimum(which, len(codes) - 1)).view(np.int8).reshape(-1, 2)
+
+
+def packing_errors(probes: Sequence[Probes]) -> dict[str, float]:
+    """Largest error of each stored type over all probes. Positions and directions: how far the stored (and cast) ray is
+    from the drawn one; no error of the truth. Depth and normals: error of the truth itself.
+    """
+    packed = {
+        name: torch.from_numpy(np.concatenate([probe.packed[name] for probe in probes])) for name in packing.FIELDS
+    }
+    positions, directions = (
+        np.concatenate([getattr(probe.drawn, name) for probe in probes]) for name in ("positions", "directions")
+    )
+    depth, normals = (np.concatenate([getattr(probe, name) for probe in probes]) for name in ("depth", "normals"))
+    hit = np.isfinite(depth)
+    stored_depth = packing.decode_depth(packed["depth"]).double().numpy()
+    turned = _angle_deg(packing.decode_unit(packed["directions"]).double().numpy(), directions)
+    tilted = _angle_deg(packing.decode_unit(packed["normals"]).double().numpy()[hit], normals[hit])
+    moved = np.abs(packing.decode_positions(packed["positions"]).double().numpy() - positions)
+    return {
+        "position_shift": float(moved.max(initial=0.0)),
+        "direction_shift_deg": float(turned.max(initial=0.0)),
+        "depth_error": float(np.abs(stored_depth[hit] - depth[hit]).max(initial=0.0)),
+        "normal_error_deg": float(tilted.max(initial=0.0)),
+    }
+
+
+def _angle_deg(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+    """Between unit vectors that lie close together: their distance is the chord, 2 sin(angle / 2)."""
+    apart = a - b
+    return np.degrees(2 * np.arcsin(0.5 * np.sqrt(np.einsum("ij,ij->i", apart, apart))))

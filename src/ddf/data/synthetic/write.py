@@ -1,0 +1,93 @@
+"""One synthetic shape into the folders of ShapeNet v1 and 3D-R2N2."""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from ddf.core import storage
+from ddf.data import shapenet
+from ddf.data.synthetic import assemble, cars, chairs, planes, primitives, render
+from ddf.data.synthetic.parts import Part
+
+AZIMUTH_DEG = (0.0, 360.0)
+ELEVATION_DEG = (25.0, 30.0)
+RATIO = (0.65, 0.95)
+DUMMY = 25  # the last number of a metadata line, which means nothing
+PNG_LEVEL = 1  # fast; the files are read far more often than they are sent
+
+
+# Functions that design one shape of a category.
+CATEGORIES: dict[str, Callable[[np.random.Generator], list[Part]]] = {
+    "chair": chairs.build,
+    "plane": planes.build,
+    "car": cars.build,
+    "primitives": primitives.build,
+}
+
+
+def shape_id(seed: int, category: str, index: int) -> str:
+    """32 hexadecimal digits from seed, category and index, so that a sorted listing mixes the styles."""
+    return hashlib.sha256(f"{seed}/{category}/{index}".encode()).hexdigest()[:32]
+
+
+def make_shape(seed: int, category: str, index: int) -> assemble.Shape:
+    """The mesh of one synthetic shape; the same for the same arguments."""
+    rng = _generator(seed, category, index, "mesh")
+    return assemble.shape(CATEGORIES[category](rng), rng)
+
+
+def make_views(seed: int, category: str, index: int, count: int) -> list[render.View]:
+    """Cameras drawn as in the 3D-R2N2 renders, rounded to the digits that the metadata holds."""
+    rng = _generator(seed, category, index, "views")
+    views = []
+    for _ in range(count):
+        azimuth, elevation, ratio = (
+            round(float(rng.uniform(*span)), 6) for span in (AZIMUTH_DEG, ELEVATION_DEG, RATIO)
+        )
+        views.append(render.View(azimuth, elevation, ratio, rng.uniform(-60, 60), rng.uniform(40, 70)))
+    return views
+
+
+def write_shape(root: Path, seed: int, category: str, index: int, num_views: int) -> list[Path]:
+    """Write mesh, renders and metadata of one shape under `root`; returns all files, renderings.txt last."""
+    name, synset = shape_id(seed, category, index), shapenet.SYNSETS[category]
+    shape = make_shape(seed, category, index)
+    files = [shapenet.model_path(root, synset, name)]
+    images = shapenet.rendering_dir(root, synset, name)
+    for folder in (files[0].parent, images):
+        folder.mkdir(parents=True, exist_ok=True)
+    with storage.naming(files[0]):
+        files[0].write_text(obj_text(shape))
+    views = make_views(seed, category, index, num_views)
+    renderer = render.Renderer(shape)
+    for number, view in enumerate(views):
+        files.append(images / f"{number:02d}.png")
+        with storage.naming(files[-1]):
+            Image.fromarray(renderer.render(view)).save(files[-1], compress_level=PNG_LEVEL)
+    lines = [f"{view.azimuth_deg:.6f} {view.elevation_deg:.6f} 0 {view.ratio:.6f} {DUMMY}\n" for view in views]
+    listing = [f"{path.name}\n" for path in files[1:]]
+    for path, text in ((images / "rendering_metadata.txt", lines), (images / "renderings.txt", listing)):
+        with storage.naming(path):
+            path.write_text("".join(text))
+        files.append(path)
+    return files
+
+
+def obj_text(shape: assemble.Shape) -> str:
+    """The mesh as OBJ text: vertices, then triangles by part."""
+    lines = [f"v {x:.8f} {y:.8f} {z:.8f}" for x, y, z in shape.vertices.tolist()]
+    faces = [f"f {a} {b} {c}" for a, b, c in (shape.triangles + 1).tolist()]
+    start = 0
+    for name, count in shape.parts:
+        lines += [f"g {name}", *faces[start : start + count]]
+        start += count
+    return "\n".join(lines) + "\n"
+
+
+def _generator(seed: int, category: str, index: int, purpose: str) -> np.random.Generator:
+    """An independent stream per shape and purpose."""
+    digest = hashlib.sha256(f"{seed}/{category}/{index}/{purpose}".encode()).digest()
+    return np.random.default_rng(int.from_bytes(digest[:16], "little"))

@@ -1,0 +1,364 @@
+"""Point clouds from a conditional field: project random points onto the surface, N_H times. [DDF22] §4.3, app. E.
+
+For each p, n_v directions v_k are drawn; their weights a = softmax(ξ_k / (η_T (ε_s + d_k))) favour what is near and
+visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycle repeats from p <- q. Of (1 + ε_p) n_p
+points the n_p most visible are kept. A q outside the box B, which holds the shape, is no hit and is kept last (derived
+here). Positions are in the field frame.
+
+Six departures, each off in the paper's way (derived here):
+- On the surface itself depth jumps from 0 to the next surface, and a field is at its worst there. With `jitter` σ the
+  next cycle starts from q + σ N(0, I), which also spreads the points by area of the surface, not by volume of the box.
+- What strays, stays: a doubtful hit leads to the next. The share `resample` of the next cycle's starts is drawn anew
+  among all hits, with repetition, with chances proportional to their confidence c (below).
+- A single depth is one opinion. With `recheck` offsets s_j the field is asked again on the line of the ray, from
+  q - s_j v̂* along v̂* and from q + s_j v̂* back, and q moves to the median of all answers.
+- The most visible points of one cycle crowd where much of the box looks at little of the surface ("not uniform", says
+  the paper), and thin parts, of which the field is less sure, get none. With `spread` p all points of the second and
+  later cycles (of the first, if it is alone) are candidates, and the cloud is their farthest-point order with distances
+  multiplied by c^p, where the confidence c is the mean of ξ over the hit and its rechecks: even where the field is
+  sure, sparse where it doubts. A stray is far from all others, so such an order takes it early. Most strays are
+  doubtful too: candidates of less confidence than `least_confidence` are left out, as far as enough remain. With
+  `crowding` r the distances of a candidate with emptier surroundings than most are also multiplied by (s_m / s)^r, s
+  the distance to its `CROWD`-th neighbour and s_m the median of these.
+- Many shapes are all but symmetric. With `mirror`, for `spread` alone, the mirror image of every candidate is one too,
+  of the same confidence and without a query.
+- A farthest-point order likes points beside the surface. With `centre` e, for `spread` alone, every point of the
+  largest cloud moves to the mean of the candidates that no other point of it is nearer to (a step of Lloyd's), each
+  weighted by c^e: two thirds of the candidates are in no cloud, and say where the surface is at no query.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ddf.core import checks
+from ddf.fields.nearest_rays import closest_directions
+from ddf.fields.pddf import AXES, PDDF, visibility
+
+CROWD = 8  # neighbours that tell how empty a candidate's surroundings are
+GROUP, SPACING_ROWS = 16, 32  # points in a group and rows at a time of `_spacing`; speed only
+LEAST_WEIGHT = 1e-6  # of a candidate: its square is still a float32, and those of no confidence keep an order
+BEYOND = 0.05  # field units: a hit so far outside the box, which holds the shape, is none; less is an error of a depth
+
+
+@dataclass(frozen=True)
+class CloudConfig:
+    """How clouds are drawn.
+
+    num_directions: n_v. cycles: N_H. oversampling: ε_p; with `spread` and several cycles it may be negative, for all
+    points of the second and later cycles are candidates. temperature: η_T. inverse_depth: ε_s.
+    jitter: σ, field units. resample: share of starts drawn anew. recheck: s_j, field units.
+    spread: p, null for the most visible points of the last cycle. least_confidence: c, crowding: r, mirror, and
+    centre: e, for `spread` alone. The paper's way: 0, 0, none, null, 0, 0, null, null.
+    chunk_rays: candidates evaluated at a time; speed only.
+    """
+
+    num_directions: int
+    cycles: int
+    oversampling: float
+    jitter: float
+    resample: float
+    recheck: tuple[float, ...]
+    spread: float | None
+    temperature: float
+    inverse_depth: float
+    chunk_rays: int
+    crowding: float = 0.0
+    least_confidence: float = 0.0
+    mirror: Literal["x", "y", "z"] | None = None
+    centre: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "recheck", tuple(self.recheck))
+        for name in ("num_directions", "cycles", "chunk_rays"):
+            if getattr(self, name) < 1:
+                raise checks.InputError(f"pointclouds.cloud.{name} must be >= 1; got {getattr(self, name)}")
+        for name in ("temperature", "inverse_depth"):
+            if not getattr(self, name) > 0:
+                raise checks.InputError(f"pointclouds.cloud.{name} must be > 0; got {getattr(self, name)}")
+        if not self.jitter >= 0:
+            raise checks.InputError(f"pointclouds.cloud.jitter must be >= 0; got {self.jitter}")
+        if not 0 <= self.resample <= 1 or (self.resample and not self.jitter):
+            raise checks.InputError(
+                "pointclouds.cloud.resample must be in [0, 1], and needs jitter > 0 (repeated starts are the same); "
+                f"got {self.resample} with jitter {self.jitter}"
+            )
+        if self.spread is not None and not self.spread >= 0:
+            raise checks.InputError(f"pointclouds.cloud.spread must be >= 0, or null; got {self.spread}")
+        if not self.crowding >= 0:
+            raise checks.InputError(f"pointclouds.cloud.crowding must be >= 0; got {self.crowding}")
+        if not 0 <= self.least_confidence <= 1:
+            raise checks.InputError(
+                f"pointclouds.cloud.least_confidence must be in [0, 1]; got {self.least_confidence}"
+            )
+        if self.mirror is not None and self.spread is None:
+            raise checks.InputError("pointclouds.cloud.mirror doubles the candidates of spread, which is null")
+        if self.centre is not None and not (self.centre >= 0 and self.spread is not None):
+            raise checks.InputError(
+                "pointclouds.cloud.centre moves points to means of candidates: it must be >= 0 and needs spread, or be "
+                f"null; got {self.centre} with spread {self.spread}"
+            )
+        if not self.candidate_share(self.cycles) >= 1:
+            raise checks.InputError(
+                "pointclouds.cloud.oversampling must leave enough candidates: 1 + oversampling, with spread times "
+                f"cycles - 1 (of several), must be >= 1; got {self.candidate_share(self.cycles):.4g} with "
+                f"oversampling {self.oversampling}"
+            )
+        if not all(0 < offset < 1 for offset in self.recheck):
+            raise checks.InputError(f"pointclouds.cloud.recheck must list offsets in (0, 1); got {list(self.recheck)}")
+
+    def candidate_share(self, cycles: int) -> float:
+        """Candidates among which a point of the cloud is chosen after so many cycles; at least 1 is needed."""
+        if self.spread is None:
+            return 1 + self.oversampling
+        twice = 1 if self.mirror is None else 2
+        return (1 + self.oversampling) * twice * max(1, cycles - 1) + 1e-9  # for rounding
+
+    def num_drawn(self, count: int) -> int:
+        """(1 + ε_p) n_p, the points that are projected for a cloud of `count`."""
+        return _ceil(count * (1 + self.oversampling))
+
+
+@dataclass(frozen=True)
+class ProjectedPoints:
+    """Points after one cycle; ξ(p, v̂*) that the field gave each; the mean of that and of the rechecks' ξ."""
+
+    points: Float[Tensor, "n 3"]
+    visibility: Float[Tensor, "n"]
+    confidence: Float[Tensor, "n"]
+
+
+def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: CloudConfig) -> list[Float[Tensor, "_ 3"]]:
+    """A cloud of each size, from the cycles that `sample` projected for the largest.
+
+    Without `spread`, the most visible points of the last cycle, among as many as a draw of that size would have made.
+    With it, the first points of one order of the candidates of all sizes.
+    """
+    if config.spread is None:
+        last = cycles[-1]
+        drawn = [config.num_drawn(count) for count in counts]
+        best = [last.visibility[:n].topk(count).indices for n, count in zip(drawn, counts, strict=True)]
+        return [last.points[rows] for rows in best]
+    points, confidence = candidates(cycles)
+    if config.mirror is not None:
+        sides = points.new_tensor([-1.0 if axis == config.mirror else 1.0 for axis in AXES])
+        points, confidence = torch.cat((points, sides * points)), confidence.repeat(2)
+    trusted = _trusted(confidence, config.least_confidence, max(counts))
+    points, confidence = points[trusted], confidence[trusted]
+    weights = confidence.pow(config.spread)
+    if config.crowding:
+        spacing = _spacing(points)
+        usual = spacing.median()
+        weights = weights * (usual / spacing.maximum(usual)).nan_to_num(nan=1.0).pow(config.crowding)
+    weights = weights.clamp_min(LEAST_WEIGHT)
+    if config.centre is None:
+        chosen = points[farthest_point_order(points, max(counts), weights)]
+    else:
+        order, cells = farthest_point_cells(points, max(counts), weights)
+        chosen = centred(points[order], points, cells, confidence.pow(config.centre).clamp_min(LEAST_WEIGHT))
+    return [chosen[:count] for count in counts]
+
+
+def centred(
+    cloud: Float[Tensor, "k 3"], points: Float[Tensor, "n 3"], cells: Int[Tensor, "n"], weights: Float[Tensor, "n"]
+) -> Float[Tensor, "k 3"]:
+    """The weighted mean of the points in the cell of each of the cloud, a step of Lloyd's (1982); itself without such.
+
+    Args:
+      cells: of each point, which of the cloud is nearest to it. weights: > 0.
+    """
+    moments = torch.cat((points, torch.ones_like(points[:, :1])), dim=1) * weights[:, None]
+    *first, zeroth = points.new_zeros((len(cloud), 4)).index_add_(0, cells, moments).T
+    return torch.where(zeroth > 0, torch.stack(first) / zeroth, cloud.T).T
+
+
+def candidates(cycles: Sequence[ProjectedPoints]) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n"]]:
+    """All points of the second and later cycles (of the first, if it is alone), and their confidence."""
+    pool = cycles[1:] or cycles
+    return torch.cat([cycle.points for cycle in pool]), torch.cat([cycle.confidence for cycle in pool])
+
+
+def _trusted(confidence: Float[Tensor, "n"], least: float, count: int) -> Int[Tensor, "_"]:
+    """Indices in order of those of at least this confidence, or of the `count` most confident if they are fewer."""
+    enough = confidence.topk(min(count, len(confidence))).values[-1]
+    return (confidence >= enough.clamp_max(least)).nonzero()[:, 0]
+
+
+def _ceil(count: float) -> int:
+    """Rounded up; the small number keeps 1.1 x 100 = 110.00000000000001 from becoming 111."""
+    return math.ceil(count - 1e-6)
+
+
+def _spacing(points: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
+    """Distance of each point to the `CROWD`-th nearest of the others.
+
+    It is among the points of the groups that have the nearest members. These are found first, for a minimum alone takes
+    much less time than the least of many with their places; few rows at a time, which stay in the cache.
+    """
+    k, spare = min(CROWD + 1, len(points)), -len(points) % GROUP
+    others = torch.nn.functional.pad(points, (0, 0, 0, spare)).T
+    offset = torch.nn.functional.pad(points.square().sum(-1), (0, spare), value=torch.inf)
+    found = []
+    for rows in points.split(SPACING_ROWS):
+        dist_sq = torch.addmm(offset + rows.square().sum(-1, keepdim=True), rows, others, alpha=-2)
+        groups = dist_sq.unflatten(1, (GROUP, -1))
+        chosen = groups.amin(dim=1).topk(min(k, groups.shape[2]), dim=1, largest=False).indices
+        picked = groups.gather(2, chosen[:, None].expand(-1, GROUP, -1)).flatten(1)
+        found.append(picked.topk(k, dim=1, largest=False).values[:, -1])
+    return torch.cat(found).clamp_min(0).sqrt()
+
+
+def farthest_point_order(
+    points: Float[Tensor, "n 3"], count: int, weights: Float[Tensor, "n"] | None = None
+) -> Int[Tensor, "count"]:
+    """Indices in the order in which each point is the farthest from all before it, its distance times its weight.
+
+    The first is the heaviest (point 0 without weights). Source: Gonzalez 1985; weights derived here. Costs n distances
+    per index. With repeated points, indices repeat once all places are taken.
+
+    Args:
+      weights: > 0. Around points of weight w the spacing is proportional to 1 / w.
+    """
+    return _farthest_points(points, count, weights, None)
+
+
+def farthest_point_cells(
+    points: Float[Tensor, "n 3"], count: int, weights: Float[Tensor, "n"] | None = None
+) -> tuple[Int[Tensor, "count"], Int[Tensor, "n"]]:
+    """`farthest_point_order`, and the place in it of the one that is nearest to each point, the first of equal ones.
+
+    The order has asked for all these distances already: costs a third more than it alone.
+    """
+    cells = np.zeros(len(points), dtype=np.int64)
+    order = _farthest_points(points, count, weights, cells)
+    return order, torch.from_numpy(cells).to(points.device)
+
+
+def _farthest_points(
+    points: Float[Tensor, "n 3"], count: int, weights: Float[Tensor, "n"] | None, cells: Int[np.ndarray, "n"] | None
+) -> Int[Tensor, "count"]:
+    """The order; `cells`, if there are, are filled in."""
+    x, y, z = np.ascontiguousarray(points.T.cpu().numpy())
+    scale = np.ones(len(x), dtype=x.dtype) if weights is None else np.square(weights.cpu().numpy())
+    distance_sq = np.full(len(x), np.inf, dtype=x.dtype)
+    order = np.zeros(count, dtype=np.int64)
+    order[0] = scale.argmax()
+    for i in range(count):
+        latest = order[i]
+        gap_sq = np.square(x - x[latest]) + np.square(y - y[latest]) + np.square(z - z[latest])
+        if cells is not None:
+            cells[gap_sq < distance_sq] = i
+        np.minimum(distance_sq, gap_sq, out=distance_sq)
+        if i + 1 < count:
+            order[i + 1] = (distance_sq if weights is None else distance_sq * scale).argmax()
+    return torch.from_numpy(order).to(points.device)
+
+
+def project(
+    field: PDDF,
+    modulations: Sequence[Float[Tensor, "1 _"]] | None,
+    points: Float[Tensor, "n 3"],
+    config: CloudConfig,
+    generator: torch.Generator,
+) -> ProjectedPoints:
+    """One cycle: q = p + d(p, v̂*) v̂*, rechecked. Costs n (n_v + 1 + 2 `recheck`) queries, values only."""
+    parts: list[tuple[Tensor, Tensor, Tensor]] = []
+    for chunk in points.split(max(1, config.chunk_rays // config.num_directions)):
+        shape = (len(chunk), config.num_directions, 3)
+        candidates = torch.nn.functional.normalize(
+            torch.randn(shape, generator=generator, dtype=points.dtype, device=points.device), dim=-1
+        )
+        raw = field(chunk[:, None].expand(shape).reshape(-1, 3), candidates.reshape(-1, 3), modulations)
+        raw = raw.reshape(*shape[:2], -1)
+        direction = closest_directions(
+            candidates, visibility(raw), field.depth(raw), config.temperature, config.inverse_depth
+        )
+        raw = field(chunk, direction, modulations)
+        hit = chunk + field.depth(raw)[:, None] * direction
+        seen = visibility(raw)
+        parts.append((*recheck(field, modulations, hit, direction, seen, config.recheck), seen))
+    points, confidence, seen = (torch.cat(tensors) for tensors in zip(*parts, strict=True))
+    return ProjectedPoints(points, seen, confidence)
+
+
+def recheck(
+    field: PDDF,
+    modulations: Sequence[Float[Tensor, "1 _"]] | None,
+    points: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "n 3"],
+    seen: Float[Tensor, "n"],
+    offsets: Sequence[float],
+) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n"]]:
+    """Points moved along their rays to the median of what the field says from before and from behind them.
+
+    Before, at q - s v, it says that the surface is d(q - s v, v) - s ahead of q; behind, at q + s v, s - d(q + s v, -v)
+    (property I: a surface has no inside). Starts outside the cube are not asked and agree with q. No offsets, no query.
+
+    Args:
+      seen: ξ of the rays that led to the points.
+    Returns:
+      The points, and the mean of `seen` and of ξ of all answers.
+    """
+    if not offsets:
+        return points, seen
+    step = torch.tensor(offsets, dtype=points.dtype, device=points.device).repeat_interleave(2)
+    step = step * torch.tensor([-1.0, 1.0], dtype=points.dtype, device=points.device).repeat(len(offsets))
+    starts = points + step[:, None, None] * directions
+    looking = -step.sign()[:, None, None] * directions
+    raw = field(starts.reshape(-1, 3), looking.reshape(-1, 3), modulations)
+    depth, answers = field.depth(raw).reshape(len(step), -1), visibility(raw).reshape(len(step), -1)
+    inside = (starts.abs() <= 1).all(dim=-1)
+    ahead = torch.where(inside, step[:, None] - step.sign()[:, None] * depth, 0.0)
+    moved = torch.cat((torch.zeros_like(ahead[:1]), ahead)).median(dim=0).values
+    confidence = torch.cat((seen[None], torch.where(inside, answers, seen))).mean(dim=0)
+    return points + moved[:, None] * directions, confidence
+
+
+@torch.no_grad()
+def sample(
+    field: PDDF,
+    modulations: Sequence[Float[Tensor, "1 _"]] | None,
+    count: int,
+    config: CloudConfig,
+    generator: torch.Generator,
+    box: tuple[Sequence[float], Sequence[float]] = ((-1.0,) * 3, (1.0,) * 3),
+) -> list[ProjectedPoints]:
+    """Project the (1 + ε_p) n_p points p ~ U[B] that a cloud of n_p = `count` asks for.
+
+    Args:
+      box: lower and upper corner of B, where the field was trained and which holds the shape.
+    Returns:
+      One result per cycle, so that N_H = 1 comes for free with N_H = 3. Points farther than `BEYOND` outside B have no
+      visibility and no confidence, so they are chosen last.
+    """
+    weight = field.network.head.weight
+    lower, upper = (torch.tensor(corner, dtype=weight.dtype, device=weight.device) for corner in box)
+    shape = (config.num_drawn(count), 3)
+    unit = torch.rand(shape, generator=generator, dtype=weight.dtype, device=weight.device)
+    points = lower + (upper - lower) * unit
+    cycles = [_in_box(project(field, modulations, points, config, generator), lower, upper)]
+    for _ in range(config.cycles - 1):
+        points = cycles[-1].points
+        anew = round(config.resample * len(points))
+        if anew:
+            chances = cycles[-1].confidence.clamp_min(LEAST_WEIGHT)
+            chosen = chances.multinomial(anew, replacement=True, generator=generator)
+            points = torch.cat((points[chosen], points[anew:]))
+        if config.jitter:
+            noise = torch.randn(shape, generator=generator, dtype=weight.dtype, device=weight.device)
+            points = points + config.jitter * noise
+        points = torch.minimum(torch.maximum(points, lower), upper)  # what overshoots restarts on the box
+        cycles.append(_in_box(project(field, modulations, points, config, generator), lower, upper))
+    return cycles
+
+
+def _in_box(found: ProjectedPoints, lower: Float[Tensor, "3"], upper: Float[Tensor, "3"]) -> ProjectedPoints:
+    """The same points, without visibility and confidence where they lie `BEYOND` the box: such a ray left it unseen."""
+    inside = ((found.points >= lower - BEYOND) & (found.points <= upper + BEYOND)).all(dim=-1)
+    return ProjectedPoints(found.points, found.visibility * inside, found.confidence * inside)

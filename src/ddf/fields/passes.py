@@ -1,0 +1,282 @@
+"""Value, tangent and adjoint pass of a sine network with their reverse written out: the work of a training step.
+
+Letters as in `siren` and `derivatives`, with ω_l folded into W_l and b_l, q_l = m_l cos a_l, and x* for ∂loss/∂x:
+
+  value    a_l = W_l h_{l-1} + b_l, h_l = m_l sin a_l, y = W h_L + b
+  tangent  ȧ_l = W_l ḣ_{l-1}, ḣ_l = q_l ȧ_l, ẏ = W ḣ_L
+  adjoint  g_L = W^T g, ā_l = q_l g_l, g_{l-1} = W_l^T ā_l, ∇_p = g_0
+
+and in reverse, the adjoint pass from the first layer up, the other two from the last one down:
+
+  ā*_l = W_l g*_{l-1}, g*_l = q_l ā*_l
+  ȧ*_l = q_l ḣ*_l, ḣ*_{l-1} = W_l^T ȧ*_l
+  a*_l = q_l h*_l - h_l q*_l, h*_{l-1} = W_l^T a*_l
+
+  q*_l = ȧ_l ḣ*_l + g_l ā*_l,   m*_l = Σ (h_l h*_l + q_l q*_l) / m_l,   b*_l = Σ a*_l,
+  W*_l = Σ a*_l h_{l-1}^T + ȧ*_l ḣ_{l-1}^T + ā_l g*_{l-1}^T          (all derived here)
+
+No graph is kept, one sine and one cosine are taken per unit, and a block of points that fits the cache goes through all
+six passes before the next one comes, in the same memory.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ddf.fields import siren
+from ddf.fields.derivatives import POSITION
+
+Matmul = Literal["float32", "tf32", "bfloat16"]
+_BFLOAT16_FEATURES = ("avx512_bf16", "amx_bf16", "bf16")  # of x86 and ARM processors
+
+
+def has_bfloat16(device: torch.device) -> bool:
+    """Whether products of bfloat16 are made in hardware; in software they take up to a hundred times as long."""
+    found = torch.cpu.get_capabilities()
+    return device.type != "cpu" or any(found.get(name, False) for name in _BFLOAT16_FEATURES)
+
+
+def product_type(matmul: Matmul, values: Tensor) -> torch.dtype:
+    """Type of the factors of a large product: that of the values, or bfloat16 where it is asked for and there."""
+    return torch.bfloat16 if matmul == "bfloat16" and has_bfloat16(values.device) else values.dtype
+
+
+class Workspace:
+    """Memory that every block uses again: its i-th request gets the i-th buffer, which grows when it must.
+
+    Fresh memory for every result costs up to a tenth of a step, in page faults.
+    """
+
+    def __init__(self, device: torch.device) -> None:
+        self.device, self.buffers, self.scratches, self.taken = device, [], {}, 0
+
+    def restart(self) -> None:
+        """A new block: whatever was taken before is given up."""
+        self.taken = 0
+
+    def take(self, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
+        """A tensor of any content, for as long as the block lasts."""
+        if self.taken == len(self.buffers):
+            self.buffers.append(torch.empty(math.prod(shape), dtype=dtype, device=self.device))
+        self.buffers[self.taken] = buffer = self._fitting(self.buffers[self.taken], shape, dtype)
+        self.taken += 1
+        return buffer[: math.prod(shape)].view(*shape)
+
+    def scratch(self, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
+        """A tensor of any content, until the next call for the same type."""
+        old = self.scratches.get(dtype, torch.empty(0, dtype=dtype, device=self.device))
+        self.scratches[dtype] = buffer = self._fitting(old, shape, dtype)
+        return buffer[: math.prod(shape)].view(*shape)
+
+    def _fitting(self, buffer: Tensor, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
+        if buffer.numel() >= math.prod(shape) and buffer.dtype == dtype:
+            return buffer
+        return torch.empty(math.prod(shape), dtype=dtype, device=self.device)
+
+
+class Parameters:
+    """The parameters of a sine network as the passes read them, and the sums of their gradients over blocks.
+
+    product: type of the factors of the matrix products between sine layers, whose results go back to the parameters'
+      own type. The first layer and the head always keep that type: they are narrow, and carry positions and outputs.
+    """
+
+    def __init__(self, network: siren.SineNetwork, product: torch.dtype) -> None:
+        self.omegas, self.product, self.dtype = network.omegas, product, network.head.weight.dtype
+        scaled = list(zip(network.layers, network.omegas, strict=True))
+        self.weights = [layer.weight.detach() * omega for layer, omega in scaled]
+        self.biases = [layer.bias.detach() * omega for layer, omega in scaled]
+        self.factors = [weight.to(product) for weight in self.weights]
+        self.head, self.head_bias = network.head.weight.detach(), network.head.bias.detach()
+        self.weight_grads = [torch.zeros_like(weight) for weight in self.weights]
+        self.bias_grads = [torch.zeros_like(bias) for bias in self.biases]
+        self.workspace = Workspace(self.head.device)
+        self.head_grad, self.head_bias_grad = torch.zeros_like(self.head), torch.zeros_like(self.head_bias)
+
+    def gradients(self) -> list[Tensor]:
+        """The sums, in the order of `network.parameters()`."""
+        found = []
+        for weight, bias, omega in zip(self.weight_grads, self.bias_grads, self.omegas, strict=True):
+            found += [weight * omega, bias * omega]
+        return [*found, self.head_grad, self.head_bias_grad]
+
+    def affine(self, index: int, inputs: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
+        """W_l x + b_l."""
+        if inputs.dtype != self.dtype:
+            return self.forwards(index, inputs).add_(self.biases[index])
+        found = self.workspace.take((*inputs.shape[:-1], len(self.biases[index])), self.dtype)
+        torch.addmm(self.biases[index], inputs.flatten(0, -2), self.weights[index].T, out=found.flatten(0, -2))
+        return found
+
+    def forwards(self, index: int, inputs: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
+        """W_l x, for an x in the type of the product."""
+        return self._product(inputs, self.factors[index].T)
+
+    def backwards(self, index: int, outputs: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
+        """W_l^T x."""
+        return self._product(outputs, self.factors[index])
+
+    def add(self, index: int, outputs: Float[Tensor, "*n _"], inputs: Float[Tensor, "*n _"]) -> None:
+        """W*_l += Σ outputs inputs^T."""
+        if outputs.dtype == self.dtype:
+            _add_outer(self.weight_grads[index], outputs, inputs)
+        else:
+            self.weight_grads[index] += torch.mm(outputs.flatten(0, -2).T, inputs.flatten(0, -2))
+
+    def times(self, left: Float[Tensor, "*n _"], right: Float[Tensor, "*n _"], index: int) -> Float[Tensor, "*n _"]:
+        """left * right in the type that the product with W_l takes."""
+        inner = 0 < index < len(self.weights)
+        if not inner or self.product == self.dtype:
+            return torch.mul(left, right, out=self.workspace.take(left.shape, self.dtype))
+        return self.factor(torch.mul(left, right, out=self.workspace.scratch(left.shape, self.dtype)), index)
+
+    def factor(self, values: Float[Tensor, "*n _"], index: int) -> Float[Tensor, "*n _"]:
+        """The values themselves in the type that the product with W_l takes."""
+        if self.product == self.dtype or not 0 < index < len(self.weights):
+            return values
+        return self.workspace.take(values.shape, self.product).copy_(values)
+
+    def _product(self, left: Float[Tensor, "*n _"], right: Float[Tensor, "a b"]) -> Float[Tensor, "*n _"]:
+        shape = (*left.shape[:-1], right.shape[-1])
+        found = self.workspace.take(shape, self.dtype)
+        if left.dtype == self.dtype:
+            torch.mm(left.flatten(0, -2), right, out=found.flatten(0, -2))
+            return found
+        rounded = self.workspace.scratch(shape, left.dtype)
+        torch.mm(left.flatten(0, -2), right, out=rounded.flatten(0, -2))
+        return found.copy_(rounded)
+
+
+class Block:
+    """A block of points of several shapes on its way through the passes: `__init__`, `adjoint`, then `reverse`.
+
+    outputs: y of all points. rates: ẏ = ∇_p y · t of the first k points.
+
+    Args:
+      directions: t, any length, of the first k points; k may be 0.
+      modulations: one per layer, positive, or None.
+    """
+
+    outputs: Float[Tensor, "shapes n out"]
+    rates: Float[Tensor, "shapes k out"]
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        inputs: Float[Tensor, "shapes n in"],
+        directions: Float[Tensor, "shapes k 3"],
+        modulations: Sequence[Float[Tensor, "shapes 1 _"]] | None,
+    ) -> None:
+        self.parameters, self.modulations = parameters, modulations
+        self.inputs, self.directions, self.count = inputs, directions, directions.shape[1]
+        self.values, self.slopes, self.tangents = [], [], []  # h_l, q_l, ȧ_l
+        self.value_factors, self.tangent_factors = [], []  # h_l and ḣ_l in the type of the product
+        parameters.workspace.restart()
+        angles = nn.functional.linear(inputs, parameters.weights[0], parameters.biases[0])
+        tangent = torch.matmul(directions, parameters.weights[0][:, POSITION].T)
+        for index in range(len(parameters.weights)):
+            if index > 0:
+                angles = parameters.affine(index, self.value_factors[-1])
+                tangent = parameters.forwards(index, self.tangent_factors[-1])
+            slope = torch.cos(angles, out=parameters.workspace.take(angles.shape, parameters.dtype))
+            value = angles.sin_()
+            if modulations is not None:
+                slope *= modulations[index]
+                value *= modulations[index]
+            self.values.append(value)
+            self.slopes.append(slope)
+            self.tangents.append(tangent)
+            self.value_factors.append(parameters.factor(value, index + 1))
+            self.tangent_factors.append(parameters.times(tangent, slope[:, : self.count], index + 1))
+        self.outputs = nn.functional.linear(self.value_factors[-1], parameters.head, parameters.head_bias)
+        self.rates = torch.matmul(self.tangent_factors[-1], parameters.head.T)
+
+    def adjoint(self, span: slice, cotangents: Float[Tensor, "shapes m rows"]) -> Float[Tensor, "shapes m 3"]:
+        """∇_p (g · y) of the points of `span`, which is among the first k; `cotangents` is g over the first outputs."""
+        parameters = self.parameters
+        self.span, self.cotangents = span, cotangents
+        self.gradients, self.adjoint_factors = [], []  # g_l and ā_l in the type of the product, last layer first
+        gradient = torch.matmul(cotangents, parameters.head[: cotangents.shape[-1]])
+        for index in reversed(range(len(parameters.weights))):
+            self.gradients.append(gradient)
+            factor = parameters.times(gradient, self.slopes[index][:, span], index)
+            if index > 0:
+                gradient = parameters.backwards(index, factor)
+            self.adjoint_factors.append(factor)
+        return torch.matmul(self.adjoint_factors[-1], parameters.weights[0][:, POSITION])
+
+    def reverse(
+        self,
+        outputs: Float[Tensor, "shapes n out"],
+        rates: Float[Tensor, "shapes k out"],
+        gradient: Float[Tensor, "shapes m 3"],
+    ) -> list[Float[Tensor, "shapes 1 _"]]:
+        """Add the block's part to the sums of the parameters; once, for the states of the block are used up.
+
+        Args:
+          outputs, rates, gradient: y*, ẏ* and that of what `adjoint` gave.
+        Returns:
+          m*_l of every layer; nothing without modulations.
+        """
+        parameters = self.parameters
+        slopes = self._reverse_adjoint(gradient)
+        _add_outer(parameters.head_grad, outputs, self.value_factors[-1])
+        _add_outer(parameters.head_grad, rates, self.tangent_factors[-1])
+        parameters.head_bias_grad += outputs.sum((0, 1))
+        value, tangent = torch.matmul(outputs, parameters.head), torch.matmul(rates, parameters.head)
+        modulations = []
+        for index in reversed(range(len(parameters.weights))):
+            slope = self.tangents[index].mul_(tangent)
+            slope[:, self.span] += slopes[index]
+            if self.modulations is not None:
+                modulations.append(self._modulation_gradient(index, value, slope))
+            tangent *= self.slopes[index][:, : self.count]
+            value *= self.slopes[index]
+            value[:, : self.count].addcmul_(self.values[index][:, : self.count], slope, value=-1.0)
+            parameters.bias_grads[index] += value.sum((0, 1))
+            if index == 0:
+                _add_outer(parameters.weight_grads[0], value, self.inputs)
+                _add_outer(parameters.weight_grads[0][:, POSITION], tangent, self.directions)
+                break
+            value, tangent = parameters.factor(value, index), parameters.factor(tangent, index)
+            parameters.add(index, value, self.value_factors[index - 1])
+            parameters.add(index, tangent, self.tangent_factors[index - 1])
+            value, tangent = parameters.backwards(index, value), parameters.backwards(index, tangent)
+        return modulations[::-1]
+
+    def _reverse_adjoint(self, gradient: Float[Tensor, "shapes m 3"]) -> list[Float[Tensor, "shapes m _"]]:
+        """What the adjoint pass adds to q*_l, first layer first."""
+        parameters, slopes = self.parameters, []
+        narrow = parameters.weights[0][:, POSITION]
+        states = zip(reversed(self.gradients), reversed(self.adjoint_factors), strict=True)
+        for index, (state, factor) in enumerate(states):
+            if index == 0:
+                _add_outer(parameters.weight_grads[0][:, POSITION], factor, gradient)
+                found = torch.matmul(gradient, narrow.T)
+            else:
+                gradient = parameters.factor(gradient, index)
+                parameters.add(index, factor, gradient)
+                found = parameters.forwards(index, gradient)
+            slopes.append(state.mul_(found))
+            gradient = found.mul_(self.slopes[index][:, self.span])
+        _add_outer(parameters.head_grad[: self.cotangents.shape[-1]], self.cotangents, gradient)
+        return slopes
+
+    def _modulation_gradient(self, index: int, value: Tensor, slope: Tensor) -> Float[Tensor, "shapes 1 _"]:
+        """m*_l. A modulation that has underflowed to 0 gets 0: its own slope in the latent is 0 too."""
+        if self.modulations is None:
+            raise ValueError("there are no modulations")
+        space, dtype = self.parameters.workspace, self.parameters.dtype
+        found = torch.mul(self.values[index], value, out=space.scratch(value.shape, dtype)).sum(-2, keepdim=True)
+        slopes = self.slopes[index][:, : self.count]
+        found += torch.mul(slopes, slope, out=space.scratch(slope.shape, dtype)).sum(-2, keepdim=True)
+        return found / self.modulations[index].clamp_min(torch.finfo(found.dtype).tiny)
+
+
+def _add_outer(total: Float[Tensor, "a b"], outputs: Float[Tensor, "*n a"], inputs: Float[Tensor, "*n b"]) -> None:
+    """total += Σ outputs inputs^T, over all points."""
+    total.addmm_(outputs.flatten(0, -2).T, inputs.flatten(0, -2))

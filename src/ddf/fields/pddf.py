@@ -1,0 +1,165 @@
+"""Probabilistic directed distance fields, plain and conditional, and the point-cloud decoder of the baseline.
+
+A PDDF maps (p, v) to K = 2 depths d_i, a weight w_1 (w_2 = 1 - w_1) and a visibility ξ. Source: [DDF22] §3.3. The
+network's raw outputs are (d_1, d_2, logit w_1, logit ξ) before any activation; every loss works on logits.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from ddf.core import checks
+from ddf.fields import activations, siren
+
+NUM_COMPONENTS = 2
+DIRECTION, SIDE = slice(3, 6), 6  # of the inputs (p, v), or (p, v, s) with s = ±1 where there is a mirror
+AXES = ("x", "y", "z")
+WEIGHT_ROW, VISIBILITY_ROW, NUM_OUTPUTS = 2, 3, 4
+INITIAL_DEPTH = 1.0  # both depth biases start here: a ReLU that starts below zero never learns
+
+
+@dataclass(frozen=True)
+class PDDFConfig:
+    """Config section `ddf`: the directed distance field of a model.
+
+    depth_activation: `relu` is the paper's (its gradient dies below zero), `softplus` has `depth_sharpness` β:
+      softplus(β x)/β, which is within log(2)/β of ReLU; `squareplus`, within 1/β of it, never dies (`activations`).
+    direction_scale: first weights of v, as a multiple of those of p: the bandwidth in v is this times `omega_first`.
+      1 is the paper's; by trial, fields fit faster with less.
+    mirror: normal axis of the plane through the origin about which shapes are all but symmetric: a ray towards its
+      negative side is asked for as its mirror image, and a seventh input says so, whose weights start at 0. What both
+      sides have in common is learned once, and they may still differ. None, the paper's way: no plane. Derived here.
+    """
+
+    hidden: tuple[int, ...]
+    omega_first: float
+    omega_hidden: float
+    depth_activation: Literal["relu", "softplus", "squareplus"]
+    depth_sharpness: float
+    direction_scale: float = 1.0
+    mirror: Literal["x", "y", "z"] | None = None
+
+    def __post_init__(self) -> None:
+        self.layout()
+        if self.depth_activation not in activations.ACTIVATIONS:
+            known = ", ".join(activations.ACTIVATIONS)
+            raise checks.InputError(f"ddf.depth_activation must be one of {known}; got {self.depth_activation!r}")
+        if not self.depth_sharpness > 0:
+            raise checks.InputError(f"ddf.depth_sharpness must be > 0; got {self.depth_sharpness}")
+        if not 0 < self.direction_scale < float("inf"):
+            raise checks.InputError(f"ddf.direction_scale must be > 0 and finite; got {self.direction_scale}")
+
+    def layout(self) -> siren.SineLayout:
+        """Sizes and frequencies of the sine network."""
+        return siren.SineLayout(self.hidden, self.omega_first, self.omega_hidden)
+
+
+PAPER_SINGLE_SHAPE = PDDFConfig((512,) * 7, 1.0, 1.0, "relu", 1.0)
+
+
+class PDDF(nn.Module):
+    """A sine network on (p, v) with the outputs of a probabilistic DDF; conditional where modulations are given."""
+
+    mirrored: Bool[Tensor, "3"]
+
+    def __init__(self, config: PDDFConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.network = siren.SineNetwork(6 if config.mirror is None else 7, config.layout(), NUM_OUTPUTS)
+        with torch.no_grad():
+            self.network.layers[0].weight[:, DIRECTION] *= config.direction_scale
+            self.network.layers[0].weight[:, SIDE:] = 0.0
+        nn.init.constant_(self.network.head.bias[:NUM_COMPONENTS], INITIAL_DEPTH)
+        self.register_buffer("mirrored", torch.tensor([axis == config.mirror for axis in AXES]), persistent=False)
+
+    def forward(
+        self,
+        positions: Float[Tensor, "*batch 3"],
+        directions: Float[Tensor, "*batch 3"],
+        modulations: list[Tensor] | None = None,
+    ) -> Float[Tensor, "*batch 4"]:
+        """Raw outputs at oriented points of the field frame; see `visibility`, `depth`."""
+        return self.network(self.inputs(positions, directions), modulations)
+
+    def inputs(
+        self, positions: Float[Tensor, "*batch 3"], directions: Float[Tensor, "*batch 3"]
+    ) -> Float[Tensor, "*batch _"]:
+        """What the network is asked: (p, v), or with a mirror (p, v, 1) or the mirror image and -1."""
+        if self.config.mirror is None:
+            return torch.cat((positions, directions), dim=-1)
+        side = 1 - 2 * (self.mirrored & (directions < 0)).any(dim=-1, keepdim=True).to(directions.dtype)
+        return torch.cat((self.turned(positions, directions), self.turned(directions, directions), side), dim=-1)
+
+    def turned(
+        self, vectors: Float[Tensor, "*batch 3"], directions: Float[Tensor, "*batch 3"]
+    ) -> Float[Tensor, "*batch 3"]:
+        """Vectors that belong to rays along `directions`, as the network knows those rays, and back: see `mirror`."""
+        if self.config.mirror is None:
+            return vectors
+        return torch.where(self.mirrored & (directions < 0), -vectors, vectors)
+
+    @property
+    def activation(self) -> activations.Activation:
+        """Of depth; its functions take the sharpness of the config."""
+        return activations.ACTIVATIONS[self.config.depth_activation]
+
+    def depths(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
+        """d_1, d_2 >= 0, field units."""
+        return self.activation.value(raw[..., :NUM_COMPONENTS], self.config.depth_sharpness)
+
+    def depth_slopes(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
+        """∂d_i/∂raw_i, the factor between a raw derivative and that of the depth."""
+        return self.activation.slope(raw[..., :NUM_COMPONENTS], self.config.depth_sharpness)
+
+    def depth(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch"]:
+        """d_{i*}, the depth of the heavier component; only that one's activation is evaluated."""
+        chosen = torch.where(first_is_heavier(raw), raw[..., 0], raw[..., 1])
+        return self.activation.value(chosen, self.config.depth_sharpness)
+
+
+class ConditionalPDDF(nn.Module):
+    """A PDDF whose sine layers are modulated by a shape latent z_s. Source: [DDF22] §4.3, app. E."""
+
+    def __init__(self, config: PDDFConfig, latent_features: int) -> None:
+        super().__init__()
+        self.field = PDDF(config)
+        self.modulator = siren.Modulator(latent_features, config.hidden)
+
+
+class PointDecoder(nn.Module):
+    """PC-SIREN: a modulated sine network from p ~ U[-1,1]^3 to a point of the shape. Source: [DDF22] app. E."""
+
+    def __init__(self, layout: siren.SineLayout, latent_features: int) -> None:
+        super().__init__()
+        self.network = siren.SineNetwork(3, layout, 3)
+        self.modulator = siren.Modulator(latent_features, layout.hidden)
+
+    def forward(
+        self, seeds: Float[Tensor, "*shapes n 3"], latent: Float[Tensor, "*shapes z"]
+    ) -> Float[Tensor, "*shapes n 3"]:
+        """Points of the shapes, field frame."""
+        return self.network(seeds, self.modulator(latent))
+
+
+def first_is_heavier(raw: Float[Tensor, "*batch 4"]) -> Bool[Tensor, "*batch"]:
+    """i* = 1, that is w_1 >= 1/2."""
+    return raw[..., WEIGHT_ROW] >= 0
+
+
+def heavier_rows(raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
+    """One-hot rows of i*: the cotangents by which an adjoint pass gives the gradient of raw d_{i*}."""
+    first = first_is_heavier(raw).to(raw.dtype)
+    return torch.stack((first, 1 - first), dim=-1)
+
+
+def visibility(raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch"]:
+    """ξ in [0, 1]."""
+    return torch.sigmoid(raw[..., VISIBILITY_ROW])
+
+
+def count_parameters(module: nn.Module) -> int:
+    """Number of trained values."""
+    return sum(parameter.numel() for parameter in module.parameters())

@@ -1,0 +1,108 @@
+"""Pictures from a field: one query per pixel, only for rays that meet the box, only the outputs asked for.
+
+Source: [DDF22] §3.2. Cameras are those of `cameras` (benchmark frame); the field lives in the field frame, its box is
+[lower, upper]. Depth is along the ray, in the unit of the frame that the function names.
+"""
+
+from collections.abc import Collection, Sequence
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from ddf.core import checks
+from ddf.fields import derivatives
+from ddf.fields.pddf import PDDF, heavier_rows, visibility
+from ddf.geometry import cameras, rays, transforms
+
+OUTPUTS = ("visibility", "depth", "normals")
+CUBE_HALF = 1.0  # conditional fields fill the cube [-1, 1]^3: at test time the shape's own box is not known
+
+
+def cube(like: Tensor) -> tuple[Float[Tensor, "3"], Float[Tensor, "3"]]:
+    """Lower and upper corner of the box of every conditional field."""
+    upper = torch.full((3,), CUBE_HALF, dtype=like.dtype, device=like.device)
+    return -upper, upper
+
+
+def field_rays(
+    camera: Float[Tensor, "*batch 3"], field_scale: Float[Tensor, "*batch"], directions: Float[Tensor, "*#batch n 3"]
+) -> tuple[
+    Float[Tensor, "*batch n 3"], Float[Tensor, "*batch n 3"], Float[Tensor, "*batch n"], Bool[Tensor, "*batch n"]
+]:
+    """Pixel rays in the field frame, moved to the cube; differentiable in the camera and the scale.
+
+    Args:
+      camera: azimuth and elevation in radians, radius in benchmark units.
+      field_scale: field units per v1 unit (`transforms.Similarity.scale` of field from v1).
+      directions: camera-frame unit directions (`cameras.pixel_directions`), shared or each camera's own.
+    Returns:
+      Entry points, directions, distance from the camera to the entry (field units), whether the ray meets the cube.
+    """
+    centre, world = cameras.pixel_rays(camera[..., 0], camera[..., 1], camera[..., 2], directions)
+    start = centre * (field_scale / transforms.BENCHMARK_FROM_V1)[..., None]
+    start = start[..., None, :].expand_as(world)
+    entry, distance, meets = rays.enter_box(start, world, *cube(world))
+    return entry, world, distance, meets
+
+
+def query(
+    field: PDDF,
+    positions: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "n 3"],
+    modulations: Sequence[Float[Tensor, "1 _"]] | None,
+    outputs: Collection[str],
+) -> dict[str, Tensor]:
+    """Named outputs of one field at oriented points of its frame; without gradients kept for training.
+
+    Returns:
+      visibility (n,) in [0, 1]; depth (n,) in field units; normals (n, 3) unit, facing back. Depth and normals are what
+      the field says there whether or not it says that anything is visible.
+    Raises:
+      InputError: an output that does not exist.
+    """
+    unknown = sorted(set(outputs) - set(OUTPUTS))
+    if unknown:
+        raise checks.InputError(f"outputs must be among {', '.join(OUTPUTS)}; got {', '.join(unknown)}")
+    if "normals" not in outputs:
+        raw = field(positions, directions, modulations)
+        gradient = None
+    else:
+        trace = derivatives.trace(field.network, field.inputs(positions, directions), modulations)
+        raw = trace.outputs
+        gradient = field.turned(derivatives.adjoint(field.network, trace.slopes, heavier_rows(raw)), directions)
+    found = {}
+    if "visibility" in outputs:
+        found["visibility"] = visibility(raw)
+    if "depth" in outputs:
+        found["depth"] = field.depth(raw)
+    if gradient is not None:
+        found["normals"] = derivatives.normals(gradient, directions)
+    return found
+
+
+@torch.no_grad()
+def render(
+    field: PDDF,
+    modulations: Sequence[Float[Tensor, "1 _"]] | None,
+    camera: Float[Tensor, "3"],
+    field_scale: Float[Tensor, ""],
+    size: int,
+    outputs: Collection[str] = OUTPUTS,
+) -> tuple[dict[str, Tensor], int]:
+    """Images of one field from one camera, and the number of queries spent.
+
+    Returns:
+      visibility (size, size), 0 where the ray misses the box; depth (size, size) from the camera in field units, `inf`
+      where the ray misses the box; normals (size, size, 3) in the field frame, zero where the ray misses the box.
+    """
+    directions = cameras.pixel_directions(size, camera.dtype).to(camera.device).reshape(-1, 3)
+    entry, world, distance, meets = field_rays(camera, field_scale, directions)
+    found = query(field, entry[meets], world[meets], modulations, outputs)
+    images = {}
+    for name, values in found.items():
+        background = torch.inf if name == "depth" else 0.0
+        image = values.new_full((size * size, *values.shape[1:]), background)
+        image[meets] = values + distance[meets] if name == "depth" else values
+        images[name] = image.reshape(size, size, *values.shape[1:])
+    return images, int(meets.sum())

@@ -1,0 +1,1 @@
+"""Level 1: rays, cameras, frames, closed forms, mesh and point files, ray casting, nearest neighbours."""

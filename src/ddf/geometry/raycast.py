@@ -1,0 +1,277 @@
+"""First hits of oriented points on triangle meshes: Open3D (float32, fast) and an exact float64 reference.
+
+Both treat the surface as two-sided: a ray that starts inside meets the wall from behind, and normals face back.
+Rays start where they enter the mesh's box, and the box is centred and scaled to 1 first, so that neither a far camera
+nor a mesh far from its origin costs float32 precision. A start next to a face can be rounded through it: so Open3D's
+rays begin a little earlier, and where that meets something, float64 decides what lies before the start and what behind.
+"""
+
+import numpy as np
+import open3d as o3d
+import torch
+from jaxtyping import Bool, Float, Int, UInt
+
+from ddf.geometry import rays
+from ddf.geometry.mesh_io import Mesh, face_normals
+
+_MARGIN = 1e-3  # of half the longest side: rays enter a box larger than the mesh, so that flat meshes lie inside it
+_BACK = 1e-3  # of half the longest side: at 1/1000 of right angles still 16 float32 steps off a face at the start
+SURFACE_OFFSET = 1e-5  # of half the longest side: over 80 float32 steps at 1, under a fifth of the stored depth's step
+
+
+class Scene:
+    """A mesh ready for ray casting and distance queries; triangles without an area are left out.
+
+    `mesh` keeps all triangles, and every face index that comes back refers to it.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
+        self.normals, self.areas = face_normals(mesh)
+        self.kept = np.flatnonzero(self.areas > 0)
+        met = np.zeros(len(mesh.vertices), dtype=bool)
+        met[mesh.faces[self.kept]] = True
+        used = mesh.vertices[met]
+        lower, upper = (used.min(axis=0), used.max(axis=0)) if len(used) else (np.zeros(3), np.zeros(3))
+        self.centre = lower + (upper - lower) / 2
+        self.scale = float((upper - lower).max()) / 2 or 1.0
+        self.half_sides = (upper - lower) / 2 / self.scale + _MARGIN
+        self._scene = o3d.t.geometry.RaycastingScene()
+        if len(self.kept):
+            vertices = np.clip(self.local(mesh.vertices), -2.0, 2.0).astype(np.float32)  # clips only what nothing uses
+            corners = mesh.faces[self.kept].astype(np.uint32)
+            self._scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(corners))
+
+    def local(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Positions with the mesh's box centred at 0 and half its longest side as unit."""
+        return (np.asarray(positions, dtype=np.float64) - self.centre) / self.scale
+
+    def first_hits(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+        """Depth (float64, `inf` on a miss) and triangle (-1 on a miss) of rays in the mesh's frame.
+
+        The triangle comes from float32, the depth from its plane (`_plane_depth`). A start nearer to a face than
+        float32 can tell is on the side that float64 gives it, unless the ray runs within 1e-3 of parallel to the face.
+        """
+        starts, directions = self.local(positions), np.asarray(directions, dtype=np.float64)
+        entry, meets = _enter(starts, directions, self.half_sides)
+        begin = entry - _BACK
+        local = np.concatenate([starts + begin[:, None] * directions, directions], axis=1).astype(np.float32)
+        depth, face = self.cast_local(local)
+        hit = np.flatnonzero(meets & (face >= 0))
+        depth = begin + depth
+        near = hit[depth[hit] < _BACK]
+        found, triangle = np.full(len(starts), np.inf), np.full(len(starts), -1)
+        triangle[hit] = face[hit]
+        found[hit] = self._plane_depth(positions[hit], directions[hit], face[hit], depth[hit] * self.scale)
+        if len(near):  # Open3D's list of no rays ends the process
+            first = self._first_ahead(positions[near], directions[near], local[near], begin[near])
+            found[near], triangle[near] = first
+        return np.where(triangle >= 0, np.maximum(found, 0.0), np.inf), triangle
+
+    def _plane_depth(
+        self,
+        positions: Float[np.ndarray, "k 3"],
+        directions: Float[np.ndarray, "k 3"],
+        face: Int[np.ndarray, "k"],
+        depth: Float[np.ndarray, "k"],
+    ) -> Float[np.ndarray, "k"]:
+        """Depth on each ray's triangle's plane in float64, but float32's `depth` where that is better conditioned."""
+        normal, corner = self.normals[face], self.mesh.vertices[self.mesh.faces[face, 0]]
+        slope = np.einsum("ij,ij->i", normal, directions)
+        exact = np.einsum("ij,ij->i", normal, corner - positions) / np.where(slope == 0, 1.0, slope)
+        close = np.abs(exact - depth) <= 1e-5 * (self.scale + np.abs(depth))  # float32 is; further is ill-posed
+        return np.where((np.abs(slope) > 1e-3) & close, exact, depth)
+
+    def _first_ahead(
+        self,
+        positions: Float[np.ndarray, "k 3"],
+        directions: Float[np.ndarray, "k 3"],
+        local: Float[np.ndarray, "k 6"],
+        begin: Float[np.ndarray, "k"],
+    ) -> tuple[Float[np.ndarray, "k"], Int[np.ndarray, "k"]]:
+        """First hit at t >= 0 (float64) among all that float32 rays meet, which begin at `begin` in local units."""
+        met = self._scene.list_intersections(o3d.core.Tensor(local))
+        ray = met["ray_ids"].numpy().astype(np.int64)
+        face = self.kept[met["primitive_ids"].numpy().astype(np.int64)]
+        rough = (begin[ray] + met["t_hit"].numpy()) * self.scale
+        depth = self._plane_depth(positions[ray], directions[ray], face, rough)
+        ahead = depth >= 0
+        ray, face, depth = ray[ahead], face[ahead], depth[ahead]
+        order = np.lexsort((depth, ray))
+        first = order[np.flatnonzero(np.diff(ray[order], prepend=-1))]
+        found, triangle = np.full(len(positions), np.inf), np.full(len(positions), -1)
+        found[ray[first]], triangle[ray[first]] = depth[first], face[first]
+        return found, triangle
+
+    def cast_local(self, local: Float[np.ndarray, "n 6"]) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+        """Depth and triangle of float32 rays (position, direction) in local coordinates, `inf` and -1 on a miss."""
+        if len(self.kept) == 0 or len(local) == 0:
+            return np.full(len(local), np.inf, dtype=np.float32), np.full(len(local), -1)
+        depth, kept, _ = self.cast_kept(local)
+        return depth, np.where(np.isfinite(depth), self.kept.take(kept, mode="clip"), -1)
+
+    def cast_kept(
+        self, local: Float[np.ndarray, "n 6"]
+    ) -> tuple[Float[np.ndarray, "n"], UInt[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
+        """As Open3D answers: depth, index into `kept` (above every index on a miss) and the triangle's normal by the
+        order of its corners (zero on a miss), float32.
+
+        The scene must have a triangle with an area.
+        """
+        answer = self._scene.cast_rays(o3d.core.Tensor.from_numpy(local))
+        return answer["t_hit"].numpy(), answer["primitive_ids"].numpy(), answer["primitive_normals"].numpy()
+
+    def blocked_local(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> Bool[np.ndarray, "n"]:
+        """Whether float32 rays in local coordinates meet anything (faster than finding what)."""
+        stacked = np.concatenate([positions, directions], axis=1).astype(np.float32)
+        return self._scene.test_occlusions(o3d.core.Tensor(stacked)).numpy()
+
+    def distance(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Unsigned distance to the surface, in the mesh's unit: nearest triangle by Open3D, its distance in float64."""
+        local = self.local(positions)
+        answer = self._scene.compute_closest_points(o3d.core.Tensor(local.astype(np.float32)))
+        face = self.kept[answer["primitive_ids"].numpy().astype(np.int64)]
+        return distance_to_triangles(np.asarray(positions, dtype=np.float64), self.mesh.triangles[face])
+
+    def outside(self, positions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+        """Whether points lie outside a closed mesh (parity of crossings along three rays, by majority)."""
+        query = o3d.core.Tensor(self.local(positions).astype(np.float32))
+        return self._scene.compute_occupancy(query, nsamples=3).numpy() < 0.5
+
+
+def distance_to_triangles(
+    points: Float[np.ndarray, "n 3"], corners: Float[np.ndarray, "n 3 3"]
+) -> Float[np.ndarray, "n"]:
+    """Distance of each point to its own triangle: the least over its plane (if the foot lies inside) and its edges."""
+    starts, edges = corners, np.roll(corners, -1, axis=1) - corners
+    to_point = points[:, None] - starts
+    length_sq = (edges**2).sum(-1)
+    along = np.clip((to_point * edges).sum(-1) / np.where(length_sq > 0, length_sq, 1.0), 0.0, 1.0)
+    to_edge_sq = ((to_point - along[..., None] * edges) ** 2).sum(-1).min(axis=1)
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    inside = (np.einsum("nij,nij->ni", np.cross(normal[:, None], edges), to_point) >= 0).all(axis=1)
+    norm = np.linalg.norm(normal, axis=1)
+    to_plane = np.abs(np.einsum("ij,ij->i", normal, to_point[:, 0])) / np.where(norm > 0, norm, 1.0)
+    return np.where(inside & (norm > 0), to_plane, np.sqrt(to_edge_sq))
+
+
+def _enter(
+    starts: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], half_sides: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+    upper = torch.from_numpy(half_sides)
+    entry, leave = rays.box_span(torch.from_numpy(starts), torch.from_numpy(directions), -upper, upper)
+    meets = (entry <= leave).numpy()
+    return np.where(meets, entry.numpy(), 0.0), meets
+
+
+def cast(scene: Scene | Mesh, points: rays.OrientedPoints) -> rays.RayHits:
+    """What each oriented point sees first, in the mesh's own frame. Depth and normals are float64.
+
+    The triangle comes from Open3D (float32, no leaks through edges); the depth is then solved on that triangle's plane
+    in float64, except at grazing incidence, where float32 is better conditioned than the plane.
+    """
+    scene = scene if isinstance(scene, Scene) else Scene(scene)
+    positions = points.positions.detach().cpu().double().numpy().reshape(-1, 3)
+    directions = points.directions.detach().cpu().double().numpy().reshape(-1, 3)
+    depth, face = scene.first_hits(positions, directions)
+    return _hits(scene, directions, depth, face, points.positions.shape[:-1])
+
+
+def cast_exact(mesh: Mesh, points: rays.OrientedPoints) -> rays.RayHits:
+    """The same by brute force in float64: every ray against every triangle. Slow; the reference for tests.
+
+    Source: Woop et al. 2013, "Watertight ray/triangle intersection": sheared edge functions, whose signs agree between
+    the triangles of an edge; zero counts as inside, so no ray slips between two triangles.
+    """
+    scene = Scene(mesh)
+    positions = points.positions.detach().cpu().double().numpy().reshape(-1, 3)
+    directions = points.directions.detach().cpu().double().numpy().reshape(-1, 3)
+    depth, face = np.full(len(positions), np.inf), np.full(len(positions), -1)
+    corners = mesh.triangles[scene.kept]
+    for i in range(len(positions) if len(corners) else 0):
+        t = _meet_triangles(corners - positions[i], directions[i])
+        nearest = int(np.argmin(t))
+        if np.isfinite(t[nearest]):
+            depth[i], face[i] = t[nearest], scene.kept[nearest]
+    return _hits(scene, directions, depth, face, points.positions.shape[:-1])
+
+
+def _meet_triangles(corners: Float[np.ndarray, "m 3 3"], direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m"]:
+    """Depth of one ray from the origin on every triangle, `inf` where it passes by or lies in the plane."""
+    z = int(np.argmax(np.abs(direction)))
+    x, y = (z + 1) % 3, (z + 2) % 3
+    shear = direction / direction[z]
+    px, py = corners[..., x] - shear[x] * corners[..., z], corners[..., y] - shear[y] * corners[..., z]
+    nx, ny = np.roll(px, -1, axis=1), np.roll(py, -1, axis=1)
+    edges = np.roll(px * ny - py * nx, -1, axis=1)  # edge function opposite to each corner
+    inside = (edges >= 0).all(axis=1) | (edges <= 0).all(axis=1)
+    total = edges.sum(axis=1)
+    t = (edges * corners[..., z]).sum(axis=1) / np.where(total == 0, 1.0, total) / direction[z]
+    return np.where(inside & (total != 0) & (t >= 0), t, np.inf)
+
+
+def _hits(scene: Scene, directions: np.ndarray, depth: np.ndarray, face: np.ndarray, shape: torch.Size) -> rays.RayHits:
+    visible = face >= 0
+    normals = facing_back(scene, face, directions)
+    return rays.RayHits(
+        depth=torch.from_numpy(depth).reshape(shape),
+        visible=torch.from_numpy(visible).reshape(shape),
+        normals=torch.from_numpy(normals).reshape(*shape, 3),
+        face=torch.from_numpy(face).reshape(shape),
+    )
+
+
+def facing_back(
+    scene: Scene, face: Int[np.ndarray, "n"], directions: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """Unit normals of the triangles hit, turned so that n·v <= 0; zero on a miss."""
+    if len(scene.normals) == 0:
+        return np.zeros((len(face), 3))
+    normals = scene.normals[face]
+    slope = np.einsum("ij,ij->i", normals, directions)
+    normals *= np.where(face < 0, 0.0, np.where(slope > 0, -1.0, 1.0))[:, None]
+    return normals
+
+
+def sphere_directions(count: int) -> Float[np.ndarray, "count 3"]:
+    """Evenly spread unit vectors (Fibonacci spiral, offset 1/2), without randomness."""
+    index = np.arange(count) + 0.5
+    height, turn = 1 - 2 * index / count, np.pi * (1 + 5**0.5) * index
+    radius = np.sqrt(1 - height**2)
+    return np.stack([radius * np.cos(turn), height, radius * np.sin(turn)], axis=1)
+
+
+def visible_from_outside(
+    scene: Scene, points: Float[np.ndarray, "n 3"], face: Int[np.ndarray, "n"], count: int = 64
+) -> Bool[np.ndarray, "n"]:
+    """Whether surface points are the first hit of some ray from outside the mesh.
+
+    A point is visible if a ray from it escapes along one of `count` spread directions. The start is lifted off the
+    point's own triangle to the ray's side. Points seen only through narrow gaps (under about 4 pi / count steradians)
+    can be called hidden.
+    """
+    starts, normals = scene.local(points), scene.normals[face]
+    visible = np.zeros(len(starts), dtype=bool)
+    for block in _spread_blocks(count):
+        left = np.flatnonzero(~visible)
+        if len(left) == 0:
+            break
+        directions = np.tile(block, (len(left), 1))
+        normal = np.repeat(normals[left], len(block), axis=0)
+        side = np.where(np.einsum("ij,ij->i", normal, directions) >= 0, 1.0, -1.0)
+        lifted = np.repeat(starts[left], len(block), axis=0) + SURFACE_OFFSET * side[:, None] * normal
+        escaped = ~scene.blocked_local(lifted, directions)
+        visible[left] = escaped.reshape(len(left), len(block)).any(axis=1)
+    return visible
+
+
+def _spread_blocks(count: int) -> list[Float[np.ndarray, "b 3"]]:
+    """The spread directions in blocks of 4, 4, 8, 16, ..., each over the whole sphere (bit-reversed order)."""
+    bits = max(count - 1, 1).bit_length()
+    order = sorted(range(count), key=lambda index: int(f"{index:0{bits}b}"[::-1], 2))
+    ends = [1 << k for k in range(2, bits)]
+    return np.split(sphere_directions(count)[order], ends)

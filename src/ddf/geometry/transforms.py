@@ -1,0 +1,92 @@
+"""Frames and scales: one invertible type for all of them.
+
+Frames: mesh (the file's own) | v1 (ShapeNet OBJ: Y up, box centred at 0, diagonal 1) | field (box centred at 0, longest
+side exactly 2) | benchmark (0.57 x v1, see `cameras`). Everything here is float64 numpy: centring and scaling happen
+before any narrowing to float32.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from ddf.core import checks
+
+BENCHMARK_FROM_V1 = 0.57  # 1/1.75 rounded; published numbers are in these units (docs/formats.md)
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """y = scale R x + translation.
+
+    Raises:
+      InputError: the scale is not positive and finite, or the rotation is not orthonormal with determinant 1.
+    """
+
+    scale: float = 1.0
+    rotation: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    translation: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "scale", float(self.scale))
+        object.__setattr__(self, "rotation", np.asarray(self.rotation, dtype=np.float64))
+        object.__setattr__(self, "translation", np.asarray(self.translation, dtype=np.float64))
+        if not (np.isfinite(self.scale) and self.scale > 0):
+            raise checks.InputError(f"scale must be positive and finite; got {self.scale}")
+        checks.require_finite("translation", self.translation)
+        residual = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
+        if not (residual <= 1e-9 and np.linalg.det(self.rotation) > 0):
+            raise checks.InputError(f"rotation must be orthonormal with determinant 1; residual {residual:.3g}")
+
+    def apply(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Transform points, in float64."""
+        return self.scale * (np.asarray(points, dtype=np.float64) @ self.rotation.T) + self.translation
+
+    def apply_directions(self, directions: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Rotate directions or normals; lengths stay."""
+        return np.asarray(directions, dtype=np.float64) @ self.rotation.T
+
+    def scale_depth(self, depth: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Scale distances along a ray; `inf` stays `inf`."""
+        return np.asarray(depth, dtype=np.float64) * self.scale
+
+    def inverse(self) -> "Similarity":
+        """x = R^T (y - translation) / scale."""
+        rotation = self.rotation.T
+        return Similarity(1.0 / self.scale, rotation, -(rotation @ self.translation) / self.scale)
+
+    def compose(self, inner: "Similarity") -> "Similarity":
+        """The map x -> self(inner(x))."""
+        return Similarity(self.scale * inner.scale, self.rotation @ inner.rotation, self.apply(inner.translation))
+
+    def to_dict(self) -> dict:
+        """Plain numbers for JSON, exact to the last bit."""
+        return {
+            "scale": self.scale,
+            "rotation": self.rotation.tolist(),
+            "translation": self.translation.tolist(),
+        }
+
+    @classmethod
+    def from_dict(cls, values: dict) -> "Similarity":
+        """The inverse of `to_dict`."""
+        return cls(values["scale"], np.array(values["rotation"]), np.array(values["translation"]))
+
+
+def field_from_mesh(vertices: Float[np.ndarray, "n 3"]) -> Similarity:
+    """The map that centres the vertices' box at 0 and makes its longest side exactly 2. Source: [DDF22] app. B.
+
+    Raises:
+      InputError: no vertices, a value that is not finite, or a box without extent.
+    """
+    checks.require_vectors("vertices", vertices)
+    if len(vertices) == 0:
+        raise checks.InputError("vertices must hold at least one point; got none")
+    checks.require_finite("vertices", vertices)
+    vertices = np.asarray(vertices, dtype=np.float64)
+    lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+    longest = float((upper - lower).max())
+    if longest <= 0:
+        raise checks.InputError("vertices must span a box; all of them coincide")
+    scale = 2.0 / longest
+    return Similarity(scale, np.eye(3), -scale * (lower + (upper - lower) / 2))

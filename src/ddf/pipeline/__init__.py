@@ -1,0 +1,1 @@
+"""Level 7: the frame around stages, and what an experiment costs."""

@@ -1,0 +1,443 @@
+"""From trained models and images to clouds, cameras and renders: the artefact that the evaluation reads.
+
+Clouds are in the field frame. `scale` maps the field to the v1 frame: the truth's from the data set, the prediction's
+as 1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] app. E).
+"""
+
+import functools
+import math
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+import torch
+import tqdm
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ddf.core import checks, resume
+from ddf.fields import cloud_projection, pddf, rendering
+from ddf.geometry import cameras
+from ddf.reconstruction import category_data, reconstruction_models, silhouettes
+from ddf.training import training_loop
+
+# Images at a time; the networks are in evaluation mode, so the sizes matter to the result by rounding alone.
+ENCODER_BATCH = 64
+CORRECTION_BATCH = 16  # a step of the correction keeps what its gradient needs of every pixel of the mask
+EVEN_RATIOS = tuple(1.2207440846057596**-axis for axis in (1, 2, 3))  # of the root of x^4 = x + 1: see `cube_points`
+ROUGH_POINTS = 500  # of the cloud that tells the scale of a shape before it is corrected
+
+CubePoints = Literal["random", "even"]
+Rows = Int[np.ndarray, "_"]  # of images
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class PointcloudsConfig:
+    """Section `pointclouds`.
+
+    correction_turns: degrees, in front of a correction, by which the predicted azimuth is turned; of several starts the
+    camera with the least L_M stays (`correct_from_turns`). [0] is the paper's way.
+    correction_limit: degrees of azimuth, a correction that ends farther from its start is refused; null, the paper's
+    way, for none.
+    scale_quantile: of the DDF, see `scale_from_cycles`; null for `scale_from_cloud`, the paper's way.
+    large, small: L and S, points of the two clouds (5,000 and 2,466 in the paper). test_views: views per test shape
+    that are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered
+    for the report, render_size pixels wide. mirror: encode every image flipped too (`encode_batch`), which keeps the
+    up axis; null, the paper's way, for the image alone.
+    shape_correction: of the DDF, latents moved until the shape's silhouette agrees with the image's alpha channel, with
+    the predicted camera to start from; null, the paper's way, for the latent as encoded.
+    pcsiren_inputs: the points of the cube that PC-SIREN maps to the surface (`cube_points`); random is the paper's way.
+    """
+
+    cloud: cloud_projection.CloudConfig
+    correction: reconstruction_models.CorrectionConfig
+    correction_turns: tuple[float, ...]
+    correction_limit: float | None
+    scale_quantile: float | None
+    large: int
+    small: int
+    test_views: int | None
+    rendered: int
+    render_size: int
+    seed: int
+    mirror: cameras.Mirror | None = None
+    shape_correction: silhouettes.ShapeCorrectionConfig | None = None
+    pcsiren_inputs: CubePoints = "random"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "correction_turns", tuple(self.correction_turns))
+        if not self.correction_turns or not np.isfinite(self.correction_turns).all():
+            raise checks.InputError(
+                f"pointclouds.correction_turns must list degrees, [0] for one start; got {list(self.correction_turns)}"
+            )
+        if self.correction_limit is not None and not self.correction_limit > 0:
+            raise checks.InputError(f"pointclouds.correction_limit must be > 0, or null; got {self.correction_limit}")
+        if not 1 <= self.small <= self.large:
+            raise checks.InputError(f"pointclouds needs 1 <= small <= large; got {self.small} and {self.large}")
+        if self.scale_quantile is not None and not 0 <= self.scale_quantile < 0.5:
+            raise checks.InputError(
+                f"pointclouds.scale_quantile must be in [0, 0.5), or null; got {self.scale_quantile}"
+            )
+        if self.rendered < 0 or self.render_size < 1 or self.seed < 0:
+            raise checks.InputError("pointclouds.rendered and seed must be >= 0, render_size >= 1")
+        if self.test_views is not None and self.test_views < 1:
+            raise checks.InputError(f"pointclouds.test_views must be >= 1 or null; got {self.test_views}")
+
+
+def scale_from_cloud(points: Float[Tensor, "n 3"]) -> float:
+    """v1 units per field unit, from the diagonal of the cloud's box. [DDF22] app. E.
+
+    Raises:
+      InputError: the cloud is a single point.
+    """
+    return _inverse_diagonal(points.amin(dim=0), points.amax(dim=0))
+
+
+def scale_from_cycles(cycles: Sequence[cloud_projection.ProjectedPoints], quantile: float) -> float:
+    """v1 units per field unit, from all candidates of a cloud, each as heavy as its confidence (derived here).
+
+    The outermost point sets the box of a cloud: one that missed the surface shrinks the whole shape, and a thin tip of
+    which the field is unsure is missing from it. Of all candidates many lie near any tip, and few far from a surface.
+
+    Args:
+      quantile: share of the weight that is left out at either end of every axis.
+    Raises:
+      InputError: the candidates are a single point, but for that share.
+    """
+    points, confidence = cloud_projection.candidates(cycles)
+    weights = confidence.double().clamp_min(cloud_projection.LEAST_WEIGHT)
+    return _inverse_diagonal(_lower_end(points, weights, quantile), -_lower_end(-points, weights, quantile))
+
+
+def _lower_end(points: Float[Tensor, "n 3"], weights: Float[Tensor, "n"], quantile: float) -> Float[Tensor, "3"]:
+    """Of each axis the first coordinate below which, itself included, lies more than this share of the weight."""
+    ordered, order = points.sort(dim=0)
+    passed = weights[order].cumsum(dim=0) > quantile * weights.sum()
+    return ordered.gather(0, passed.int().argmax(dim=0, keepdim=True))[0]
+
+
+def _inverse_diagonal(lower: Float[Tensor, "3"], upper: Float[Tensor, "3"]) -> float:
+    diagonal = float((upper - lower).norm())
+    if not diagonal > 0:
+        raise checks.InputError("the predicted cloud is one point; train the model for longer")
+    return 1.0 / diagonal
+
+
+def _row_batches(images: category_data.ImageSet, size: int = ENCODER_BATCH) -> list[Rows]:
+    count = len(images.shapes)
+    return np.array_split(np.arange(count), -(-count // size))
+
+
+@torch.no_grad()
+def encode_batch(
+    model: reconstruction_models.ReconstructionModel,
+    batch: Float[Tensor, "n 4 s s"],
+    mirror: cameras.Mirror | None = None,
+) -> tuple[Float[Tensor, "n features"], Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
+    """Features as `image_features` gives them, shape latents and predicted cameras of some images.
+
+    Args:
+      mirror: normal axis of the plane about which shapes are all but symmetric. Flipped, an image then shows the same
+        shape from the mirrored camera: both are encoded, latents and cameras are the means of the two (derived here).
+        Costs twice the encoders' time.
+    """
+    features = model.shape_encoder.features(batch)
+    latents, found = model.shape_encoder.fc(features), model.camera_head(model.camera_encoder(batch))
+    if mirror is not None:
+        _, latents_flipped, seen = encode_batch(model, batch.flip(-1))
+        latents, found = (latents + latents_flipped) / 2, cameras.between(found, cameras.mirrored(seen, mirror))
+    return features, latents, found
+
+
+def encode(
+    model: reconstruction_models.ReconstructionModel,
+    images: category_data.ImageSet,
+    mirror: cameras.Mirror | None = None,
+) -> tuple[Float[Tensor, "n features"], Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
+    """`encode_batch` of all images."""
+    batches = (images.batch(rows).to(training_loop.device()) for rows in _row_batches(images))
+    features, latents, found = zip(*(encode_batch(model, batch, mirror) for batch in batches), strict=True)
+    return torch.cat(features), torch.cat(latents), torch.cat(found)
+
+
+@torch.no_grad()
+def image_features(
+    model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet
+) -> Float[Tensor, "n features"]:
+    """Pooled features of the shape encoder, by which the retrieval row finds the nearest training image."""
+    batches = (images.batch(rows).to(training_loop.device()) for rows in _row_batches(images))
+    return torch.cat([model.shape_encoder.features(batch) for batch in batches]).cpu()
+
+
+def _generator(config: PointcloudsConfig, image: int) -> torch.Generator:
+    """Each image has its own random stream, so that a subset of images gives the same clouds."""
+    return torch.Generator(training_loop.device()).manual_seed(config.seed * 1_000_003 + image)
+
+
+def reconstruct_ddf(
+    model: reconstruction_models.DDFModel,
+    images: category_data.ImageSet,
+    config: PointcloudsConfig,
+    describe: str,
+    deviation: Float[Tensor, "z"] | None = None,
+    kept: resume.Kept | None = None,
+) -> tuple[dict[str, Tensor], dict]:
+    """Clouds L and S after every cycle asked for (the last and the first), cameras, scales, renders, and the features
+    for the retrieval row; and the cost.
+
+    Args:
+      deviation: of the latents of training images (`silhouettes.deviation`), which a `shape_correction` needs.
+      kept: where portions of what takes long are kept, and found again.
+    """
+    features, latents, predicted = encode(model, images, config.mirror)
+    run, cost = functools.partial(_by_portion, images, kept), {}
+    if config.shape_correction is not None:
+        if deviation is None:
+            raise ValueError("pointclouds.shape_correction needs the deviation of the latents of training images")
+        given = (model, latents, deviation, predicted, images, config, config.shape_correction)
+        found, seconds = run("latents", lambda batches: {"latents": _correct_shapes(*given, batches)})
+        latents, cost["shape_correction_seconds_per_image"] = found["latents"].to(latents.device), seconds
+    modulations = [m.detach() for m in model.modulations(latents)]
+    with tqdm.tqdm(desc=f"clouds {describe}", total=len(latents), unit="image", mininterval=2) as progress:
+        clouds, seconds = run("clouds", lambda batches: _draw(model.field, modulations, config, batches, progress))
+    scale = clouds.pop("scale_pred")
+    cameras_of = (model, modulations, predicted, scale, images, config)
+    corrected, _ = run("cameras", lambda batches: {"camera_corrected": _correct_cameras(*cameras_of, batches)})
+    tensors = clouds | {"camera_pred": predicted, "scale_pred": scale, "features": features} | corrected
+    rendered = spread(len(latents), config.rendered)
+    tensors |= _renders(model, modulations, predicted, scale, rendered, config.render_size)
+    return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": seconds, **cost}
+
+
+def _by_portion(
+    images: category_data.ImageSet,
+    kept: resume.Kept | None,
+    name: str,
+    make: Callable[[Sequence[Rows]], dict[str, Tensor]],
+) -> tuple[dict[str, Tensor], float]:
+    """Tensors of all images, on the CPU, from as many batches at a time as threads take; and seconds an image."""
+
+    def timed(batches: Sequence[Rows]) -> dict[str, Tensor]:
+        started = time.monotonic()
+        tensors = _on_cpu(make(batches))
+        return tensors | {"seconds": torch.tensor([time.monotonic() - started])}
+
+    batches, at_once, parts = _row_batches(images, CORRECTION_BATCH), _threads_at_once(), []
+    for start in range(0, len(batches), at_once):
+        portion = batches[start : start + at_once]
+        if kept is None:
+            parts.append(timed(portion))
+        else:
+            rows = np.concatenate(portion).tolist()
+            parts.append(kept.get(name, rows, functools.partial(timed, portion)))
+    tensors = {key: torch.cat([part[key] for part in parts]) for key in parts[0]}
+    return tensors, float(tensors.pop("seconds").sum()) / len(images.shapes)
+
+
+def _correct_shapes(
+    model: reconstruction_models.DDFModel,
+    latents: Float[Tensor, "n z"],
+    deviation: Float[Tensor, "z"],
+    predicted: Float[Tensor, "n 3"],
+    images: category_data.ImageSet,
+    config: PointcloudsConfig,
+    how: silhouettes.ShapeCorrectionConfig,
+    batches: Sequence[Rows],
+) -> Float[Tensor, "m z"]:
+    """`silhouettes.correct_shapes` of the images of some batches."""
+
+    def correct(rows: Rows) -> Tensor:
+        index = torch.from_numpy(rows)
+        own, generators = latents[index], [_generator(config, int(row)) for row in rows]
+        field_scale = rough_field_scales(model, own, config.cloud, config.scale_quantile, generators)
+        alpha = images.alpha(rows, how.mask_size).to(latents.device)
+        return silhouettes.correct_shapes(model, own, deviation, predicted[index], field_scale, alpha, how)
+
+    return torch.cat(list(_in_threads(correct, batches)))
+
+
+@torch.no_grad()
+def rough_field_scales(
+    model: reconstruction_models.DDFModel,
+    latents: Float[Tensor, "b z"],
+    cloud: cloud_projection.CloudConfig,
+    scale_quantile: float | None,
+    generators: Sequence[torch.Generator],
+) -> Float[Tensor, "b"]:
+    """Field units per v1 unit of each shape, as a cloud of `ROUGH_POINTS` tells, one generator for each."""
+    modulations, scales = model.modulations(latents), []
+    for row, generator in enumerate(generators):
+        cycles = cloud_projection.sample(model.field, [m[row] for m in modulations], ROUGH_POINTS, cloud, generator)
+        if scale_quantile is None:
+            scales.append(scale_from_cloud(cloud_projection.select(cycles, [ROUGH_POINTS], cloud)[0]))
+        else:
+            scales.append(scale_from_cycles(cycles, scale_quantile))
+    return 1 / latents.new_tensor(scales)
+
+
+def _in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:
+    """`map`, in order, of as many items at a time as this process may use cores; on a GPU one after the other."""
+    with ThreadPoolExecutor(_threads_at_once()) as pool:
+        yield from pool.map(function, items)
+
+
+def _threads_at_once() -> int:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, cores // torch.get_num_threads()) if training_loop.device().type == "cpu" else 1
+
+
+def _draw(
+    field: pddf.PDDF,
+    modulations: Sequence[Float[Tensor, "n 1 _"]],
+    config: PointcloudsConfig,
+    batches: Sequence[Rows],
+    progress: tqdm.tqdm,
+) -> dict[str, Tensor]:
+    """Clouds L and S, after all cycles and after one, and `scale_pred`, of the images of some batches."""
+    names = {config.cloud.cycles: f"h{config.cloud.cycles}"}
+    if config.cloud.candidate_share(1) >= 1:
+        names[1] = "h1"  # with cycles: 1 it is the same
+
+    def draw(row: int) -> dict[str, Tensor]:
+        own, generator = [m[row] for m in modulations], _generator(config, row)
+        cycles = cloud_projection.sample(field, own, config.large, config.cloud, generator)
+        clouds = {}
+        for cycle, name in names.items():
+            chosen = cloud_projection.select(cycles[:cycle], (config.large, config.small), config.cloud)
+            clouds |= {f"L.{name}": chosen[0], f"S.{name}": chosen[1]}
+        if config.scale_quantile is None:
+            scale = scale_from_cloud(clouds[f"L.{names[config.cloud.cycles]}"])
+        else:
+            scale = scale_from_cycles(cycles, config.scale_quantile)
+        return clouds | {"scale_pred": torch.tensor(scale)}
+
+    rows, drawn = np.concatenate(batches).tolist(), []
+    progress.update(rows[0] - progress.n)  # those before were found
+    for clouds in _in_threads(draw, rows):
+        drawn.append(clouds)
+        progress.update()
+    return {name: torch.stack([clouds[name] for clouds in drawn]) for name in drawn[0]}
+
+
+def reconstruct_pcsiren(
+    model: reconstruction_models.PCSirenModel, images: category_data.ImageSet, config: PointcloudsConfig
+) -> tuple[dict[str, Tensor], dict]:
+    """Clouds L and S (the first points of L, which are spread as all are), cameras, scales; and what it cost."""
+    _, latents, predicted = encode(model, images, config.mirror)
+    large = []
+    started = time.monotonic()
+    with torch.no_grad():
+        for image in range(len(latents)):
+            inputs = cube_points(config.large, config.pcsiren_inputs, _generator(config, image))
+            large.append(model.decoder(inputs[None], latents[image : image + 1])[0])
+    seconds = (time.monotonic() - started) / len(latents)
+    tensors = {
+        "L": torch.stack(large),
+        "S": torch.stack([points[: config.small] for points in large]),
+        "camera_pred": predicted,
+        "scale_pred": torch.tensor([scale_from_cloud(points) for points in large]),
+    }
+    return _on_cpu(tensors), {"cloud_seconds_per_image": seconds}
+
+
+def cube_points(count: int, how: CubePoints, generator: torch.Generator) -> Float[Tensor, "count 3"]:
+    """Points of the cube [-1, 1]^3 for PC-SIREN's decoder: `random`, each for itself, or `even`, a random shift of the
+    sequence k (g^-1, g^-2, g^-3) mod 1 with g^4 = g + 1, of which any first part fills the cube without gaps or crowds.
+
+    Source of the sequence: Roberts 2018, "The unreasonable effectiveness of quasirandom sequences".
+    """
+    place = generator.device
+    if how == "random":
+        return torch.rand((count, 3), generator=generator, device=place) * 2 - 1
+    # float64, for only the fractions of products up to `count` are kept
+    ratios = torch.tensor(EVEN_RATIOS, dtype=torch.float64, device=place)
+    shift = torch.rand(3, generator=generator, dtype=torch.float64, device=place)
+    turns = torch.arange(count, dtype=torch.float64, device=place)[:, None] * ratios + shift
+    return (turns % 1).float() * 2 - 1
+
+
+def spread(total: int, count: int) -> list[int]:
+    """`count` indices spread evenly over range(total)."""
+    count = min(count, total)
+    return [int(i) for i in np.linspace(0, total - 1, count).round()] if count else []
+
+
+def _correct_cameras(
+    model: reconstruction_models.DDFModel,
+    modulations: list[Tensor],
+    predicted: Tensor,
+    scale: Tensor,
+    images: category_data.ImageSet,
+    config: PointcloudsConfig,
+    batches: Sequence[Rows],
+) -> Tensor:
+    """Π̂_∇ of the images of some batches."""
+
+    def correct(rows: Rows) -> Tensor:
+        alpha = images.alpha(rows, config.correction.mask_size).to(predicted.device)
+        index = torch.from_numpy(rows)
+        field_scale = (1 / scale[index]).to(predicted.device)
+        given = (model, [m[index] for m in modulations], predicted[index], field_scale, alpha)
+        return correct_from_turns(*given, config.correction, config.correction_turns, config.correction_limit)
+
+    return torch.cat(list(_in_threads(correct, batches)))
+
+
+def correct_from_turns(
+    model: reconstruction_models.DDFModel,
+    modulations: Sequence[Float[Tensor, "b 1 _"]],
+    camera: Float[Tensor, "b 3"],
+    field_scale: Float[Tensor, "b"],
+    alpha: Float[Tensor, "b size size"],
+    config: reconstruction_models.CorrectionConfig,
+    turns: Sequence[float],
+    limit: float | None = None,
+) -> Float[Tensor, "b 3"]:
+    """Π̂_∇ of one descent per turn of the azimuth: the camera of the least L_M, the first of equal ones.
+
+    The descent stays in the basin where it starts; seen from behind, many shapes have nearly the same mask. One that
+    turns far has left its basin, mostly for a worse one. Derived here: the paper starts once, at Π̂, and refuses
+    nothing. Costs one `reconstruction_models.correct_camera` per turn.
+
+    Args:
+      turns: degrees that are added to the azimuth of `camera`.
+      limit: degrees, a descent that ends farther from its start in azimuth is refused; where all are, the camera
+        stays as predicted.
+    """
+    best, least = camera, torch.full_like(field_scale, torch.inf)
+    for turn in turns:
+        start = torch.cat((camera[:, :1] + math.radians(turn), camera[:, 1:]), dim=1)
+        found, loss = reconstruction_models.correct_camera(model, modulations, start, field_scale, alpha, config)
+        if limit is not None:
+            turned = (found[:, 0] - start[:, 0]).abs()
+            loss = loss.masked_fill(turned > math.radians(limit), torch.inf)
+        better = loss < least
+        best, least = torch.where(better[:, None], found, best), torch.where(better, loss, least)
+    return best
+
+
+def _renders(
+    model: reconstruction_models.DDFModel,
+    modulations: list[Tensor],
+    predicted: Tensor,
+    scale: Tensor,
+    rendered: Sequence[int],
+    size: int,
+) -> dict[str, Tensor]:
+    """Pictures as the model sees its own prediction: predicted camera, estimated scale."""
+
+    def render(image: int) -> dict[str, Tensor]:
+        field_scale = (1 / scale[image]).to(predicted.device)
+        return rendering.render(model.field, [m[image] for m in modulations], predicted[image], field_scale, size)[0]
+
+    pictures = list(_in_threads(render, rendered))
+    return {f"render.{name}": torch.stack([p[name] for p in pictures]) for name in rendering.OUTPUTS if pictures}
+
+
+def _on_cpu(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {name: value.detach().cpu().float().contiguous() for name, value in tensors.items()}

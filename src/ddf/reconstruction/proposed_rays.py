@@ -1,0 +1,113 @@
+"""Rays that the field itself proposes in training, with the first hits that they really have (derived here).
+
+Cloud drawing follows, from each point, the ray that the field holds to be the nearest visible surface. Of many rays it
+takes the most inviting, so it finds every place where silhouettes are too fat: rays past an edge that are believed to
+hit. Stored samples, drawn without regard to the field, rarely show it these. So a batch gets some of the rays that the
+present field would choose, cast against the training mesh: values alone, no derivative is read.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ddf.fields import losses, nearest_rays, pddf
+from ddf.reconstruction import category_data, training_steps
+
+
+@torch.no_grad()
+def propose(
+    field: pddf.PDDF,
+    modulations: Sequence[Float[Tensor, "b 1 _"]],
+    starts: Float[Tensor, "b n 3"],
+    candidates: Float[Tensor, "b n k 3"],
+    config: training_steps.ProposalConfig,
+) -> Float[Tensor, "b n 3"]:
+    """v̂* of each start among its candidates, for the shape of each row. Costs b n k queries, values only.
+
+    So many shapes at a time that a layer of their queries stays in the cache.
+    """
+    width = starts.shape[1] * candidates.shape[2] * max(field.config.hidden)
+    rows = max(1, losses.block_values(starts.device) // width)
+    found = []
+    for first in range(0, len(starts), rows):
+        part = slice(first, first + rows)
+        shape = candidates[part].shape
+        queries = starts[part, :, None].expand(shape).flatten(1, 2), candidates[part].flatten(1, 2)
+        raw = field(*queries, [each[part] for each in modulations])
+        direction = nearest_rays.closest_directions(
+            candidates[part].flatten(0, 1),
+            pddf.visibility(raw).reshape(-1, shape[2]),
+            field.depth(raw).reshape(-1, shape[2]),
+            config.temperature,
+            config.inverse_depth,
+        )
+        found.append(torch.nn.functional.normalize(direction, dim=-1).view_as(starts[part]))
+    return torch.cat(found)
+
+
+@runtime_checkable
+class Casts(Protocol):
+    """What rays are cast against: a `raycast.Scene`, or something that stands for one."""
+
+    def first_hits(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+        """Depth and triangle, `inf` and -1 on a miss."""
+        ...
+
+
+@dataclass(frozen=True)
+class Proposer:
+    """Puts proposed rays behind the stored samples of a batch; a `training_steps.Proposer`.
+
+    scenes: of the shapes of the set, in its order.
+    """
+
+    shapes: category_data.ShapeSet
+    scenes: category_data.Numbered[Casts]
+    config: training_steps.ProposalConfig
+
+    def __call__(
+        self,
+        stored: losses.SampleBatch,
+        field: pddf.PDDF,
+        modulations: Sequence[Float[Tensor, "b 1 _"]],
+        chosen: Int[np.ndarray, "b"],
+        random: np.random.Generator,
+        part: slice = slice(None),
+    ) -> losses.SampleBatch:
+        """`stored`, of `part` of the shapes `chosen`, with rays of type P behind; all on the device of `stored`.
+
+        What `random` gives is drawn for all of `chosen`, so that every process of a training goes on with the same.
+        """
+        place = stored.positions.device
+        starts = self._starts(chosen, random)
+        size = (*starts.shape[:2], self.config.directions, 3)
+        candidates = torch.from_numpy(random.standard_normal(size, dtype=np.float32))[part]
+        starts, chosen = starts[part], chosen[part]
+        candidates = torch.nn.functional.normalize(candidates, dim=-1)
+        directions = propose(field, modulations, starts.to(place), candidates.to(place), self.config).cpu()
+        hits = [
+            self.scenes[int(shape)].first_hits(positions.double().numpy(), own.double().numpy())
+            for shape, positions, own in zip(chosen, starts, directions, strict=True)
+        ]
+        depth, triangle = (torch.from_numpy(np.stack(parts)) for parts in zip(*hits, strict=True))
+        visible = triangle >= 0
+        depth = depth.float().masked_fill(~visible, 0.0)
+        normals = torch.zeros_like(starts)  # never read
+        counts = {"P": self.config.points}
+        proposed = losses.SampleBatch(starts, directions, visible.float(), depth, normals, counts)
+        return stored.followed_by(proposed.to(place))
+
+    def _starts(self, chosen: Int[np.ndarray, "b"], random: np.random.Generator) -> Float[Tensor, "b n 3"]:
+        near = round(self.config.near * self.config.points)
+        uniform = random.uniform(-1, 1, (len(chosen), self.config.points - near, 3)).astype(np.float32)
+        noise = random.standard_normal((len(chosen), near, 3), dtype=np.float32)
+        surface = torch.stack([self.shapes.subset(int(shape), near, random) for shape in chosen])
+        starts = torch.cat((torch.from_numpy(uniform), surface + self.config.jitter * torch.from_numpy(noise)), dim=1)
+        return starts.clamp(-1, 1)

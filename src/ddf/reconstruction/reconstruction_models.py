@@ -1,0 +1,294 @@
+"""Single-image 3D reconstruction: encoders, the two models, camera regression and correction. [DDF22] §4.3, app. E.
+
+An RGBA image goes to a shape latent z_s and to a camera (azimuth, elevation, radius); a conditional PDDF or PC-SIREN
+turns z_s into a shape. Cameras are (..., 3): azimuth and elevation in radians, radius in benchmark units.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+from torch.nn import functional
+from torchvision.models import resnet
+
+from ddf.core import checks
+from ddf.fields import pddf, rendering, siren
+from ddf.geometry import cameras
+
+RESNET18_WIDTH = 64
+CAMERA_NUMBERS = ("azimuth", "elevation", "radius")
+Azimuth = Literal["angle", "sincos"]
+LEAST_PAIR = 0.05  # a (sin θ, cos θ) shorter than this says nothing; the slope of its angle is 1 / length
+IMAGE_CHANNELS = 4
+
+
+class Encoder(nn.Module):
+    """ResNet-18 on RGBA images with a chosen first width; 64 is torchvision's own network, not pretrained."""
+
+    def __init__(self, out_features: int, width: int = RESNET18_WIDTH) -> None:
+        super().__init__()
+        self.conv1 = nn.Conv2d(IMAGE_CHANNELS, width, kernel_size=7, stride=2, padding=3, bias=False)
+        self.bn1 = nn.BatchNorm2d(width)
+        self.relu = nn.ReLU(inplace=True)
+        self.maxpool = nn.MaxPool2d(kernel_size=3, stride=2, padding=1)
+        self.layer1 = _stage(width, width, stride=1)
+        self.layer2 = _stage(width, 2 * width, stride=2)
+        self.layer3 = _stage(2 * width, 4 * width, stride=2)
+        self.layer4 = _stage(4 * width, 8 * width, stride=2)
+        self.fc = nn.Linear(8 * width, out_features)
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
+
+    def features(self, images: Float[Tensor, "b 4 h w"]) -> Float[Tensor, "b features"]:
+        """Pooled features, before the last linear layer."""
+        hidden = self.maxpool(self.relu(self.bn1(self.conv1(images))))
+        hidden = self.layer4(self.layer3(self.layer2(self.layer1(hidden))))
+        return hidden.mean(dim=(-2, -1))
+
+    def forward(self, images: Float[Tensor, "b 4 h w"]) -> Float[Tensor, "b out"]:
+        """Latent or camera of each image; values in [0, 1]."""
+        return self.fc(self.features(images))
+
+
+def _stage(inputs: int, outputs: int, stride: int) -> nn.Sequential:
+    downsample = None
+    if stride != 1 or inputs != outputs:
+        downsample = nn.Sequential(
+            nn.Conv2d(inputs, outputs, kernel_size=1, stride=stride, bias=False), nn.BatchNorm2d(outputs)
+        )
+    first = resnet.BasicBlock(inputs, outputs, stride, downsample)
+    return nn.Sequential(first, resnet.BasicBlock(outputs, outputs))
+
+
+class CameraHead(nn.Module):
+    """What the camera encoder gives to physical units, by the statistics of the training cameras.
+
+    azimuth: `angle` is the paper's way, three z-scores, in which 0 and 2π are the farthest apart. `sincos` gives the
+    azimuth as (sin θ, cos θ), which has no end, before the z-scores of elevation and radius; the two have unit variance
+    together, as a z-score has, where azimuths are spread evenly (derived here).
+    """
+
+    mean: Tensor
+    deviation: Tensor
+    lowest: Tensor
+    highest: Tensor
+
+    def __init__(self, azimuth: Azimuth = "angle") -> None:
+        super().__init__()
+        self.azimuth = azimuth
+        self.register_buffer("mean", torch.zeros(3))
+        self.register_buffer("deviation", torch.ones(3))
+        self.register_buffer("lowest", torch.full((3,), -torch.inf))
+        self.register_buffer("highest", torch.full((3,), torch.inf))
+
+    def fit(self, training_cameras: Float[Tensor, "n 3"]) -> None:
+        """Take mean, deviation and range from the training set.
+
+        Raises:
+          InputError: fewer than two cameras, or one of the three numbers never varies.
+        """
+        if len(training_cameras) < 2:
+            raise checks.InputError(f"training cameras must be at least 2; got {len(training_cameras)}")
+        deviation = training_cameras.std(dim=0)
+        if not bool((deviation > 0).all()):
+            raise checks.InputError(f"azimuth, elevation and radius must vary over the training set; got {deviation}")
+        self.mean.copy_(training_cameras.mean(dim=0))
+        self.deviation.copy_(deviation)
+        self.lowest.copy_(training_cameras.amin(dim=0))
+        self.highest.copy_(training_cameras.amax(dim=0))
+
+    @property
+    def num_scores(self) -> int:
+        """Numbers that the encoder gives."""
+        return 3 if self.azimuth == "angle" else 4
+
+    def loss(self, scores: Float[Tensor, "b scores"], truth: Float[Tensor, "b 3"]) -> Float[Tensor, ""]:
+        """L_Π = ‖Π_g - Π̂‖² of the scores, mean over images; before clamping, so that its gradient never dies."""
+        wanted = (truth - self.mean) / self.deviation
+        if self.azimuth == "sincos":
+            wanted = torch.cat((torch.sin(truth[:, :1]), torch.cos(truth[:, :1]), wanted[:, 1:]), dim=-1)
+        return (scores - wanted).square().sum(-1).mean()
+
+    def forward(self, scores: Float[Tensor, "b scores"]) -> Float[Tensor, "b 3"]:
+        """Cameras, clamped to the range of the training set; an azimuth from (sin θ, cos θ) is in [0, 2π) instead.
+
+        A pair shorter than `LEAST_PAIR` gives azimuth 0 and no gradient: L_Π alone draws it out.
+        """
+        last = scores if self.azimuth == "angle" else scores[:, 1:]
+        camera = last * self.deviation + self.mean
+        bounded = torch.minimum(torch.maximum(camera, self.lowest), self.highest)
+        return bounded if self.azimuth == "angle" else torch.cat((_angle(scores[:, :2]), bounded[:, 1:]), dim=-1)
+
+
+def _angle(pair: Float[Tensor, "b 2"]) -> Float[Tensor, "b 1"]:
+    """θ in [0, 2π) of (sin θ, cos θ) of any length."""
+    sine, cosine = pair[:, :1], pair[:, 1:]
+    undecided = sine.square() + cosine.square() < LEAST_PAIR**2
+    angle = torch.atan2(torch.where(undecided, 0.0, sine), torch.where(undecided, 1.0, cosine))
+    return torch.where(angle < 0, angle + 2 * math.pi, angle)
+
+
+class ReconstructionModel(nn.Module):
+    """Two encoders and a decoder. Parameters at the paper's sizes: 25,647,367 (DDF) and 25,645,574 (PC-SIREN)."""
+
+    def __init__(
+        self, decoder: nn.Module, latent_features: int, encoder_width: int, azimuth: Azimuth = "angle"
+    ) -> None:
+        super().__init__()
+        self.camera_head = CameraHead(azimuth)
+        self.shape_encoder = Encoder(latent_features, encoder_width)
+        self.camera_encoder = Encoder(self.camera_head.num_scores, encoder_width)
+        self.decoder = decoder
+
+    def parameter_groups(
+        self, weight_decay_shape: float, weight_decay_camera: float, encoder_share: float = 1.0
+    ) -> list[dict]:
+        """AdamW groups: decay on the two predictors, none on the decoder. Source: [DDF22] app. E.
+
+        Args:
+          encoder_share: the predictors' learning rate as a share of the decoder's; 1 is the paper's way.
+        """
+        of_rate = {"share": encoder_share}
+        return [
+            {"params": list(self.shape_encoder.parameters()), "weight_decay": weight_decay_shape, **of_rate},
+            {"params": list(self.camera_encoder.parameters()), "weight_decay": weight_decay_camera, **of_rate},
+            {"params": list(self.decoder.parameters()), "weight_decay": 0.0},
+        ]
+
+
+class DDFModel(ReconstructionModel):
+    """Single-image reconstruction with the conditional probabilistic DDF."""
+
+    decoder: pddf.ConditionalPDDF
+
+    def __init__(
+        self, config: pddf.PDDFConfig, latent_features: int, encoder_width: int, azimuth: Azimuth = "angle"
+    ) -> None:
+        super().__init__(pddf.ConditionalPDDF(config, latent_features), latent_features, encoder_width, azimuth)
+
+    @property
+    def field(self) -> pddf.PDDF:
+        """The field that the modulations of `modulations` condition."""
+        return self.decoder.field
+
+    def modulations(self, latent: Float[Tensor, "b z"]) -> list[Float[Tensor, "b 1 _"]]:
+        """One modulation per sine layer and shape."""
+        return self.decoder.modulator(latent)
+
+
+class PCSirenModel(ReconstructionModel):
+    """Single-image reconstruction with the PC-SIREN baseline."""
+
+    decoder: pddf.PointDecoder
+
+    def __init__(
+        self, layout: siren.SineLayout, latent_features: int, encoder_width: int, azimuth: Azimuth = "angle"
+    ) -> None:
+        super().__init__(pddf.PointDecoder(layout, latent_features), latent_features, encoder_width, azimuth)
+
+
+def mask_loss(
+    field: pddf.PDDF,
+    modulations: Sequence[Float[Tensor, "b 1 _"]],
+    camera: Float[Tensor, "b 3"],
+    field_scale: Float[Tensor, "b"],
+    alpha: Float[Tensor, "b size size"],
+    num_pixels: int | None = None,
+    chances: Float[Tensor, "b pixels"] | None = None,
+) -> Float[Tensor, "b"]:
+    """L_M per image: BCE of the alpha channel and the rendered visibility. Source: [DDF22] §4.3.
+
+    Only pixels whose ray meets the cube are evaluated (the others render 0 whatever the field); with `num_pixels`, a
+    random subset of those, scaled by the share of the image that they stand for: the ones with the largest `chances`,
+    in [0, 1).
+    """
+    size = alpha.shape[-1]
+    directions = cameras.pixel_directions(size, alpha.dtype).to(alpha.device).reshape(-1, 3)
+    with torch.no_grad():
+        meets = rendering.field_rays(camera, field_scale, directions)[3]
+        chosen = _choose(meets, num_pixels, chances)
+    entry, world, _, chosen_meets = rendering.field_rays(camera, field_scale, directions[chosen])
+    raw = field(entry, world, modulations)
+    target = alpha.flatten(-2).gather(1, chosen)
+    bce = functional.binary_cross_entropy_with_logits(raw[..., pddf.VISIBILITY_ROW], target, reduction="none")
+    weight = chosen_meets.to(bce.dtype)
+    return (bce * weight).sum(-1) / weight.sum(-1).clamp_min(1) * meets.to(bce.dtype).mean(-1)
+
+
+def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, chances: Float[Tensor, "b n"] | None) -> Tensor:
+    """Indices of pixels that meet the box, random where there are more than `num_pixels`; padded with misses."""
+    most = int(meets.sum(-1).max())
+    count = max(1, most if num_pixels is None else min(num_pixels, most))
+    order = meets.to(torch.float32)
+    if num_pixels is not None:
+        if chances is None:
+            raise ValueError("num_pixels needs chances, by which they are chosen")
+        order = order * (1 + chances)
+    return order.topk(count, dim=-1).indices
+
+
+@dataclass(frozen=True)
+class CorrectionConfig:
+    """Gradient descent on L_M from Π̂: number of steps, Adam's learning rate in z-scores, mask size in pixels.
+
+    free: what may change, of `CAMERA_NUMBERS`; all three is the paper's way. The mask alone cannot tell a far camera
+    from a small shape, so an error of the estimated scale moves a free radius away from the better prediction.
+    """
+
+    steps: int
+    learning_rate: float
+    mask_size: int
+    free: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "free", tuple(self.free))
+        if not self.free or not set(self.free) <= set(CAMERA_NUMBERS):
+            raise checks.InputError(
+                f"pointclouds.correction.free must list some of {', '.join(CAMERA_NUMBERS)}; got {list(self.free)}"
+            )
+        if self.steps < 0 or self.mask_size < 1 or not self.learning_rate > 0:
+            raise checks.InputError(
+                f"pointclouds.correction: steps must be >= 0, mask_size >= 1, learning_rate > 0; got {self}"
+            )
+
+
+def correct_camera(
+    model: DDFModel,
+    modulations: Sequence[Float[Tensor, "b 1 _"]],
+    camera: Float[Tensor, "b 3"],
+    field_scale: Float[Tensor, "b"],
+    alpha: Float[Tensor, "b size size"],
+    config: CorrectionConfig,
+) -> tuple[Float[Tensor, "b 3"], Float[Tensor, "b"]]:
+    """Π̂_∇ = argmin L_M by gradient descent from Π̂; the best camera met on the way. Source: [DDF22] §4.3.
+
+    Args:
+      modulations: of the shapes, see `DDFModel.modulations`.
+    Returns:
+      Cameras, and L_M of each; elevation and radius stay within the training range, the azimuth may turn past its ends
+      (it is an angle).
+    """
+    head = model.camera_head
+    scores = ((camera - head.mean) / head.deviation).detach().clone().requires_grad_()
+    free = scores.new_tensor([name in config.free for name in CAMERA_NUMBERS])
+    optimiser = torch.optim.Adam([scores], lr=config.learning_rate)
+    best, best_loss = camera.detach().clone(), torch.full_like(field_scale, torch.inf)
+    for step in range(config.steps + 1):
+        current = scores * head.deviation + head.mean
+        bounded = torch.minimum(torch.maximum(current, head.lowest), head.highest)
+        current = torch.cat((current[:, :1], bounded[:, 1:]), -1)
+        loss = mask_loss(model.field, modulations, current, field_scale, alpha)
+        better = loss.detach() < best_loss
+        best = torch.where(better[:, None], current.detach(), best)
+        best_loss = torch.where(better, loss.detach(), best_loss)
+        if step < config.steps:
+            optimiser.zero_grad()
+            (gradient,) = torch.autograd.grad(loss.sum(), scores)
+            scores.grad = gradient * free  # Adam leaves alone what never has a gradient
+            optimiser.step()
+    return best, best_loss

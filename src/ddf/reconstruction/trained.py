@@ -1,0 +1,33 @@
+"""Trained models from the files that `training_loop.fit` wrote: the record inside says how they are built."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ddf.core import config
+from ddf.reconstruction import reconstruction_models, training_steps
+from ddf.training import training_loop
+
+
+def ddf(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.DDFModel, int]:
+    """The DDF model of a folder, in evaluation mode, and the image size that it takes.
+
+    Args:
+      record: of its model file (`storage.load_metadata`), of kind `ddf`.
+    Raises:
+      InputError: the file is damaged, or its record names unknown settings.
+    """
+    train = config.parse(record["train"], training_steps.TrainConfig, f"{folder}: train")
+    section = config.parse(record["section"], training_steps.DDFConfig, f"{folder}: ddf")
+    model = training_steps.ddf_model(train, section)
+    training_loop.load_model(model, folder)
+    return model, train.image_size
+
+
+def pcsiren(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.PCSirenModel, int]:
+    """As `ddf`, for a record of kind `pcsiren`."""
+    train = config.parse(record["train"], training_steps.TrainConfig, f"{folder}: train")
+    section = config.parse(record["section"], training_steps.PCSirenConfig, f"{folder}: pcsiren")
+    model = training_steps.pcsiren_model(train, section)
+    training_loop.load_model(model, folder)
+    return model, train.image_size

@@ -1,0 +1,173 @@
+"""Where the oriented points of a DDF's training come from, with their ground truth: stored, or cast while training.
+
+Fresh samples ([DDF22] stores its own) are drawn and cast anew in every step: none is seen twice and none needs disk,
+but every step pays for its rays. They are rounded as stored ones are, so that both have one distribution.
+"""
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+
+from ddf.core import checks, config, storage
+from ddf.data import mesh_shards, packing, sampling
+from ddf.fields import losses
+from ddf.geometry import cameras, raycast
+from ddf.reconstruction import category_data, mirrored_data, proposed_rays, training_steps
+
+OPEN_PACKS = 8  # of training meshes, with their ray casting scenes; a shape of another one costs some 20 ms
+
+
+class Scenes:
+    """The training mesh of each shape, in the field frame, ready for ray casting; a few packs are kept open."""
+
+    def __init__(self, folder: Path, ids: Sequence[str]) -> None:
+        """Scenes of the given shapes, in their order, from the packs of stage `meshes`.
+
+        Raises:
+          InputError: a shape is in no pack, or a pack is damaged; it is named.
+        """
+        self.paths = storage.shard_files(folder, ".zip", "meshes")
+        places = {name: path for path in self.paths for name in storage.load_pack(path)[1]["ids"]}
+        missing = [name for name in ids if name not in places]
+        if missing:
+            raise checks.InputError(f"{folder}: no prepared mesh of shape {missing[0]}; run the meshes stage again")
+        self._places = [(places[name], name) for name in ids]
+        self._open = functools.lru_cache(maxsize=OPEN_PACKS)(_Pack)
+
+    def __getitem__(self, index: int, /) -> raycast.Scene:
+        path, name = self._places[index]
+        return self._open(path).scene(name)
+
+
+class _Pack:
+    """The meshes of one pack, each made a scene when it is first asked for."""
+
+    def __init__(self, path: Path) -> None:
+        self._meshes = mesh_shards.read_pack(path).meshes
+        self._scenes: dict[str, raycast.Scene] = {}
+
+    def scene(self, name: str) -> raycast.Scene:
+        if name not in self._scenes:
+            self._scenes[name] = raycast.Scene(self._meshes[name])
+        return self._scenes[name]
+
+
+@dataclass(frozen=True)
+class FreshSamples:
+    """Samples drawn and cast when they are asked for; a `training_steps.SampleSource`.
+
+    scenes: of the training shapes, in the order of their set. config: how samples are drawn; its counts are not read.
+    """
+
+    scenes: category_data.Numbered[raycast.Scene]
+    config: sampling.SamplesConfig
+
+    def draw(
+        self,
+        shapes: Int[np.ndarray, "b"],
+        counts: Mapping[str, int],
+        random: np.random.Generator,
+        part: slice = slice(None),
+    ) -> losses.SampleBatch:
+        """As `category_data.SampleSet.draw`.
+
+        Raises:
+          InputError: a mesh leaves the cube, or has no triangle with an area.
+        """
+        parts = {"E": category_data.without_truth(len(shapes), counts["E"], random, part)}
+        seeds = random.integers(2**63, size=len(shapes))[part]
+        wanted = {
+            kind: [name for name in losses.STORED if counts.get(name) and losses.sample_type(name) == kind]
+            for kind in packing.KINDS
+        }
+        totals = {kind: sum(counts[name] for name in names) for kind, names in wanted.items()}
+        cast = [self._cast(int(shape), totals, int(seed)) for shape, seed in zip(shapes[part], seeds, strict=True)]
+        stacked = {name: torch.from_numpy(np.stack([arrays[name] for arrays in cast])) for name in cast[0]}
+        for kind, names in wanted.items():
+            ends = np.cumsum([0, *(counts[name] for name in names)])
+            decoded = packing.decode(stacked, kind)
+            for name, start, end in zip(names, ends[:-1], ends[1:], strict=True):
+                parts[name] = _rows(decoded, slice(start, end))
+        order = [name for name in ("E", *losses.STORED) if name in parts]
+        return category_data.batch_of([parts[name] for name in order], {name: counts[name] for name in order})
+
+    def _cast(self, shape: int, counts: Mapping[str, int], seed: int) -> dict[str, np.ndarray]:
+        random = np.random.default_rng(seed)
+        sampler = sampling.Sampler(self.scenes[shape], self.config)
+        return sampler.cast(counts, dict.fromkeys(counts, random)).arrays()
+
+
+def _rows(samples: packing.Samples, rows: slice) -> packing.Samples:
+    return packing.Samples(
+        positions=samples["positions"][:, rows],
+        directions=samples["directions"][:, rows],
+        depth=samples["depth"][:, rows],
+        visible=samples["visible"][:, rows],
+        normals=samples["normals"][:, rows],
+    )
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a step of the DDF asks for its points, and what that depends on beside the stored samples.
+
+    drawn: how fresh samples are drawn; None where none are. sources: files of the meshes, where rays are cast.
+    """
+
+    samples: training_steps.SampleSource
+    propose: proposed_rays.Proposer | None
+    drawn: sampling.SamplesConfig | None
+    sources: list[Path]
+
+    def mirrored(self, shapes: category_data.ShapeSet, mirror: cameras.Mirror | None) -> "Truth":
+        """That of `mirrored_data.of_shapes`, where this is that of `shapes`."""
+        if mirror is None:
+            return self
+        count, signs, propose = len(shapes.ids), mirrored_data.signs_of(mirror), self.propose
+        if propose is not None:
+            scenes = _MirroredScenes(propose.scenes, count, signs.double().numpy())
+            propose = replace(propose, shapes=mirrored_data.of_shapes(shapes, mirror), scenes=scenes)
+        return replace(self, samples=mirrored_data.Samples(self.samples, count, signs), propose=propose)
+
+
+@dataclass(frozen=True)
+class _MirroredScene:
+    scene: proposed_rays.Casts
+    signs: Float[np.ndarray, "3"]
+
+    def first_hits(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+        return self.scene.first_hits(positions * self.signs, directions * self.signs)
+
+
+@dataclass(frozen=True)
+class _MirroredScenes:
+    scenes: category_data.Numbered[proposed_rays.Casts]
+    count: int
+    signs: Float[np.ndarray, "3"]
+
+    def __getitem__(self, index: int, /) -> proposed_rays.Casts:
+        scene = self.scenes[index % self.count]
+        return scene if index < self.count else _MirroredScene(scene, self.signs)
+
+
+def read(config_path: Path, category: str, shapes: category_data.ShapeSet, section: training_steps.DDFConfig) -> Truth:
+    """As the section asks for it, of the given shapes, from the artefacts of `samples` and, for casting, `meshes`.
+
+    Raises:
+      InputError: a shape is in no shard, or a file is damaged; it is named.
+    """
+    scenes = Scenes(config.artifact_dir(config_path, "meshes", category), shapes.ids) if section.casts else None
+    drawn = config.load(config_path, "samples", sampling.SamplesConfig) if section.samples == "fresh" else None
+    if scenes and drawn:
+        samples = FreshSamples(scenes, drawn)
+    else:
+        samples = category_data.read_samples(config.artifact_dir(config_path, "samples", category), shapes.ids)
+    propose = proposed_rays.Proposer(shapes, scenes, section.proposals) if scenes and section.proposals else None
+    return Truth(samples, propose, drawn, scenes.paths if scenes else [])

@@ -1,0 +1,144 @@
+"""Strips of pictures, as the paper's figure: input, visibility, depth, normals, clouds, truth. Pixels only, no axes.
+
+Every cell is a square RGB image (uint8) on white. Clouds are drawn as small discs, nearest on top, from a camera of the
+benchmark frame; their colours are 3D coordinates within the box of the truth, darker with distance.
+"""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int, UInt8
+from PIL import Image, ImageDraw
+
+from ddf.geometry import cameras
+from ddf.report import figures
+
+CELL = 168  # pixels of a cell's side
+_OVERSAMPLING = 3  # discs are drawn this much larger and averaged down
+_DISC_RADIUS = 0.9  # of a point, in pixels of the 137-pixel camera
+_GAP, _HEADER, _LABEL = 6, 30, 132
+_INK, _FAINT = (32, 36, 44), (110, 116, 128)
+_QUALITY = 90  # of WebP: no difference to be seen, a quarter of the size of a PNG
+
+Picture = UInt8[np.ndarray, "_ _ 3"]  # square, of any size
+
+
+@dataclass(frozen=True)
+class StripRow:
+    """One example: a heading, small lines below it, and one picture per column (None leaves the cell empty)."""
+
+    heading: str
+    lines: Sequence[str]
+    cells: Sequence[Picture | None]
+
+
+def on_white(rgba: Float[np.ndarray, "size size 4"]) -> Picture:
+    """A straight-alpha RGBA image in [0, 1] over white."""
+    rgb, alpha = rgba[..., :3], rgba[..., 3:]
+    return _to_bytes(rgb * alpha + (1.0 - alpha))
+
+
+def visibility_picture(visibility: Float[np.ndarray, "size size"]) -> Picture:
+    """Probability from white (0) to dark (1)."""
+    return _to_bytes(1.0 - visibility[..., None] * (1.0 - np.array([0.13, 0.17, 0.25])))
+
+
+def depth_picture(depth: Float[np.ndarray, "size size"], visibility: Float[np.ndarray, "size size"]) -> Picture:
+    """Viridis over the range of the visible pixels, near yellow, far violet; white where visibility is below 1/2."""
+    seen = (visibility >= 0.5) & np.isfinite(depth)
+    if not seen.any():
+        return _to_bytes(np.ones((*depth.shape, 3)))
+    near, far = np.percentile(depth[seen], [1, 99])
+    level = np.clip((np.where(seen, depth, far) - near) / max(far - near, 1e-12), 0.0, 1.0)
+    return _to_bytes(np.where(seen[..., None], figures.viridis(1.0 - level), 1.0))
+
+
+def normals_picture(normals: Float[np.ndarray, "size size 3"], visibility: Float[np.ndarray, "size size"]) -> Picture:
+    """(n + 1)/2 as RGB, field axes; white where visibility is below 1/2."""
+    return _to_bytes(np.where((visibility >= 0.5)[..., None], (normals + 1.0) / 2.0, 1.0))
+
+
+def coordinate_colours(
+    points: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "m 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """RGB = position within the box of `reference`, clipped, kept away from white and black."""
+    lower, upper = reference.min(axis=0), reference.max(axis=0)
+    return 0.08 + 0.84 * np.clip((points - lower) / np.maximum(upper - lower, 1e-9), 0.0, 1.0)
+
+
+def cloud_picture(
+    points: Float[np.ndarray, "n 3"],
+    colours: Float[np.ndarray, "n 3"],
+    camera: Float[np.ndarray, "3"],
+    size: int = CELL,
+) -> Picture:
+    """Points of the benchmark frame seen from a camera (azimuth_rad, elevation_rad, radius), as shaded discs."""
+    extrinsics = cameras.extrinsics(*torch.from_numpy(np.asarray(camera, dtype=np.float64)))
+    cloud = torch.from_numpy(np.asarray(points, dtype=np.float64))
+    z_depth = -cameras.to_camera(cloud, *extrinsics)[..., 2].numpy()
+    column, row = (value.numpy() for value in cameras.project(cloud, *extrinsics))
+    front = z_depth > 1e-6
+    order = np.flatnonzero(front)[np.argsort(-z_depth[front], kind="stable")]  # far first: the nearest is written last
+    side = size * _OVERSAMPLING
+    scale = side / cameras.IMAGE_SIZE
+    offsets = _disc(_DISC_RADIUS * scale)
+    place = np.stack([row, column], axis=-1)[order] * scale
+    pixel = (np.floor(place).astype(np.int64)[:, None] + offsets[None]).reshape(-1, 2)
+    shaded = (colours[order] * _shade(z_depth[order])[:, None]).repeat(len(offsets), axis=0)
+    inside = ((pixel >= 0) & (pixel < side)).all(axis=1)
+    canvas = np.ones((side, side, 3))
+    canvas[pixel[inside, 0], pixel[inside, 1]] = shaded[inside]
+    return _to_bytes(canvas.reshape(size, _OVERSAMPLING, size, _OVERSAMPLING, 3).mean(axis=(1, 3)))
+
+
+def _disc(radius: float) -> Int[np.ndarray, "k 2"]:
+    reach = int(np.ceil(radius))
+    offsets = np.stack(tuple(np.mgrid[-reach : reach + 1, -reach : reach + 1]), axis=-1).reshape(-1, 2)
+    return offsets[(offsets**2).sum(axis=1) <= radius**2]
+
+
+def _shade(z_depth: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """1 for the nearest, 0.68 for the farthest point: tells front from back."""
+    near, far = (z_depth.min(), z_depth.max()) if len(z_depth) else (0.0, 1.0)
+    return 1.0 - 0.32 * (z_depth - near) / max(far - near, 1e-12)
+
+
+def _to_bytes(rgb: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    return np.rint(np.clip(rgb, 0.0, 1.0) * 255).astype(np.uint8)
+
+
+def strip(columns: Sequence[str], rows: Sequence[StripRow]) -> bytes:
+    """The rows below one header of column names, as WebP."""
+    width = _LABEL + len(columns) * (CELL + _GAP)
+    height = _HEADER + len(rows) * (CELL + _GAP)
+    canvas = Image.new("RGB", (width, height), "white")
+    draw = ImageDraw.Draw(canvas)
+    for i, name in enumerate(columns):
+        middle = _LABEL + i * (CELL + _GAP) + CELL / 2
+        draw.text((middle, _HEADER / 2), name, fill=_INK, font=figures.font(14, bold=True), anchor="mm")
+    for j, row in enumerate(rows):
+        top = _HEADER + j * (CELL + _GAP)
+        draw.line([(0, top - _GAP / 2), (width, top - _GAP / 2)], fill=(226, 229, 234))
+        _write_label(draw, row, top)
+        for i, cell in enumerate(row.cells):
+            if cell is not None:
+                picture = Image.fromarray(cell).resize((CELL, CELL), Image.Resampling.BILINEAR)
+                canvas.paste(picture, (_LABEL + i * (CELL + _GAP), top))
+    return webp_bytes(canvas)
+
+
+def _write_label(draw: ImageDraw.ImageDraw, row: StripRow, top: int) -> None:
+    line = top + CELL / 2 - 9 * (len(row.lines) + 1) + 9
+    draw.text((8, line), row.heading, fill=_INK, font=figures.font(15, bold=True), anchor="lm")
+    for i, text in enumerate(row.lines, start=1):
+        draw.text((8, line + 18 * i), text, fill=_FAINT, font=figures.font(12), anchor="lm")
+
+
+def webp_bytes(image: Image.Image) -> bytes:
+    """An RGB image as WebP; the same bytes for the same pixels."""
+    buffer = io.BytesIO()
+    image.save(buffer, "WEBP", quality=_QUALITY, method=6, use_sharp_yuv=True)
+    return buffer.getvalue()

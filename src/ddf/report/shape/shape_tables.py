@@ -1,0 +1,83 @@
+"""The tables of the single-shape page, from the long tables of `shape_errors`."""
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from ddf.report import pages
+from ddf.shape import field_diagnostics, leave_one_out, paper_ablation
+from ddf.shape.fit_errors import ALL, MEASURED, TYPES
+
+METRIC_NAMES = {"depth_l1_x10": "L1 × 10 of depth", "visibility_bce": "BCE of visibility"}
+_DIAGNOSTICS = {
+    "eikonal_depth": ("directed eikonal, depth", "|∇<sub>p</sub>d · v + 1|"),
+    "eikonal_visibility": ("directed eikonal, visibility", "|∇<sub>p</sub>ξ · v|"),
+    "gradient_consistency": ("gradient consistency", "‖(∇<sub>v</sub>d - d ∇<sub>p</sub>d)(I - vvᵀ)‖"),
+    "view_depth": ("view consistency, depth", "max(0, d(p₂, v₂) - t)"),
+    "view_visibility": ("view consistency, visibility", "1 - ξ(p₂, v₂)"),
+}
+
+
+def errors(table: pd.DataFrame, caption: str) -> pages.Table:
+    """fit.csv as printed: a row per metric, ours and the paper's beside, a column per held-out type."""
+    rows: list[list[pages.Cell | str]] = []
+    for metric, name in METRIC_NAMES.items():
+        for source in (MEASURED, paper_ablation.SOURCE):
+            own = table[(table["metric"] == metric) & (table["source"] == source)].set_index("type")["value"]
+            rows.append([name, "here" if source == MEASURED else source, *(number(own[kind]) for kind in TYPES), ""])
+    for metric, name in (("median", "normals, median angle"), ("p95", "normals, 95 % angle")):
+        own = table[table["metric"] == f"normal_angle_deg_{metric}"].set_index("type")["value"]
+        cells = [f"{own[kind]:.1f}°" if kind in own else "" for kind in (*TYPES, ALL)]
+        rows.append([name, "here", *cells])
+    layout = [("", 2, False), ("held-out", len(TYPES), False), ("", 1, False)]
+    return pages.Table(caption, layout, ["", "", *TYPES, "U, A, B"], rows, labels=2)
+
+
+def ablation(table: pd.DataFrame, metric: str, caption: str) -> pages.Table:
+    """One metric of ablate_samples.csv: a row per left-out type, a column per held-out type, ours and the paper's.
+
+    The largest error of every column is bold.
+    """
+    blocks = [_left_out_by_held_out(table, metric, source) for source in (MEASURED, paper_ablation.SOURCE)]
+    rows: list[list[pages.Cell | str]] = []
+    for without in (*TYPES, leave_one_out.NONE):
+        cells = [
+            pages.Cell(number(values.loc[without, kind]), best=bool(values.loc[without, kind] == values[kind].max()))
+            for values in blocks
+            for kind in TYPES
+        ]
+        rows.append([without, *cells])
+    name = METRIC_NAMES[metric]
+    layout = [
+        ("", 1, False),
+        (f"{name}, here", len(TYPES), False),
+        (f"{name}, {paper_ablation.SOURCE}", len(TYPES), True),
+    ]
+    return pages.Table(caption, layout, ["left out", *TYPES, *TYPES], rows)
+
+
+def worst_for_itself(table: pd.DataFrame, metric: str, source: str) -> list[str]:
+    """The held-out types whose largest error is that of the fit without them."""
+    values = _left_out_by_held_out(table, metric, source)
+    return [kind for kind in TYPES if values.loc[kind, kind] == values[kind].max()]
+
+
+def _left_out_by_held_out(table: pd.DataFrame, metric: str, source: str) -> pd.DataFrame:
+    part = table[(table["metric"] == metric) & (table["source"] == source)]
+    return part.pivot(index="without", columns="type", values="value")
+
+
+def diagnostics(found: Mapping[str, Mapping[str, float]], caption: str) -> pages.Table:
+    """Residuals of `field_diagnostics.measure`."""
+    rows: list[list[pages.Cell | str]] = []
+    for name in field_diagnostics.NAMES:
+        title, formula = _DIAGNOSTICS[name]
+        values = [number(found[name][key]) for key in ("median", "p95", "worst")]
+        rows.append([title, formula, *values, f"{found[name]['rays']:,}"])
+    header = ["", "0 for an exact field", "median", "95 %", "worst", "rays"]
+    return pages.Table(caption, [("", len(header), False)], header, rows, labels=2)
+
+
+def number(value: float) -> str:
+    """Two decimals, as the paper prints, and more where that would say 0."""
+    return f"{value:.2f}" if value == 0 or abs(value) >= 0.095 else f"{value:.2g}"

@@ -1,0 +1,1 @@
+"""Level 3: the training loop, its optimisers, processes, and the time of a step."""

@@ -1,0 +1,290 @@
+"""One training loop: a step that depends on its number alone, checkpoints, a log, and the same result after any kill.
+
+The loss of step k draws its batch from generators seeded with (seed, k), so a run resumed at step k goes on exactly as
+an uninterrupted one would (same machine kind, same number of threads and processes).
+"""
+
+import csv
+import io
+import logging
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import torch
+import torch.utils.deterministic
+import tqdm
+from torch import Tensor, nn
+from torch.optim import swa_utils
+
+from ddf.core import checks, storage
+from ddf.fields import passes
+from ddf.training import distributed, optimisers
+
+LOGGER = logging.getLogger(__name__)
+CHECKPOINT, MODEL, LOG = "checkpoint.safetensors", "model.safetensors", "log.csv"
+
+StepLoss = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
+
+
+@dataclass(frozen=True)
+class LoopConfig:
+    """How a model is optimised, with AdamW and Muon (`optimisers`).
+
+    learning_rate: AdamW's. muon: that of Muon for the matrices between hidden layers; muon_kernels: for the kernels of
+      convolutions. null, the paper's way: AdamW for them too.
+    schedule: `constant`, or `cosine` from the learning rates to zero over all steps; both after a linear
+    rise of `warmup_steps`.
+    clip_norm: gradients longer than this are shortened; null for none.
+    threads: CPU threads of each process; part of the result (sums are ordered by it).
+    matmul: how large products of matrices are made, around parameters and sums in float32. `tf32`: on a GPU with its
+      ten-bit factors, convolutions too, on a CPU as float32. `bfloat16`: those between sine layers of the shape loss
+      (`passes`) and those of Muon, the others in float32; on a processor without such products all in float32.
+    ema: decay of a moving average of all weights and statistics, which is then the model that is saved; of early steps
+      (1 + k) / (10 + k) where that is less, so that the start is forgotten. null for none, the paper's way.
+    """
+
+    learning_rate: float
+    schedule: Literal["constant", "cosine"]
+    warmup_steps: int
+    clip_norm: float | None
+    threads: int
+    seed: int
+    log_every: int
+    checkpoint_seconds: float
+    matmul: passes.Matmul = "float32"
+    ema: float | None = None
+    muon: float | None = None
+    muon_kernels: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("learning_rate", "threads", "log_every"):
+            if not getattr(self, name) > 0:
+                raise checks.InputError(f"train.loop.{name} must be > 0; got {getattr(self, name)}")
+        for name in ("warmup_steps", "seed", "checkpoint_seconds"):
+            if not getattr(self, name) >= 0:
+                raise checks.InputError(f"train.loop.{name} must be >= 0; got {getattr(self, name)}")
+        if self.clip_norm is not None and not self.clip_norm > 0:
+            raise checks.InputError(f"train.loop.clip_norm must be > 0 or null; got {self.clip_norm}")
+        if self.ema is not None and not 0 < self.ema < 1:
+            raise checks.InputError(f"train.loop.ema must be in (0, 1), or null; got {self.ema}")
+        for name in ("muon", "muon_kernels"):
+            rate = getattr(self, name)
+            if rate is not None and not rate > 0:
+                raise checks.InputError(f"train.loop.{name} must be > 0, or null; got {rate}")
+
+    def optimiser(self, model: nn.Module, groups: list[dict]) -> optimisers.Optimiser:
+        """A fresh one of the model, of these parameter groups."""
+        return optimisers.Optimiser(model, groups, self.learning_rate, self.muon, self.muon_kernels, self.matmul)
+
+    def rate(self, step: int, steps: int) -> float:
+        """AdamW's learning rate in step `step` (from 0) of `steps`; Muon's keeps its ratio to it."""
+        rise = min(1.0, (step + 1) / self.warmup_steps) if self.warmup_steps else 1.0
+        if self.schedule == "constant":
+            return self.learning_rate * rise
+        return self.learning_rate * rise * 0.5 * (1 + math.cos(math.pi * step / steps))
+
+
+def device() -> torch.device:
+    """CUDA when there is one, else the CPU; of several GPUs the process's own."""
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+
+def prepare(config: LoopConfig, batch_size: int | None = None) -> None:
+    """Fix threads, seed and the precision of products; on the CPU only deterministic operators are allowed.
+
+    Args:
+      batch_size: images of a step, of which every process takes a part; None for work that one process does.
+    Raises:
+      InputError: several processes were started for such work, or cannot share the images equally.
+    """
+    if batch_size is None and distributed.launched() > 1:
+        raise checks.InputError(f"this runs on one process; got {distributed.launched()}: leave out torchrun (LAUNCH)")
+    if batch_size is not None:
+        distributed.part(batch_size)
+    torch.set_num_threads(config.threads)
+    torch.manual_seed(config.seed)
+    if config.matmul == "bfloat16" and not passes.has_bfloat16(device()):
+        LOGGER.warning("this processor has no products of bfloat16: they are made in float32 (loop.matmul)")
+    if device().type == "cpu":
+        torch.use_deterministic_algorithms(True)
+        # a step writes all that it reads
+        torch.utils.deterministic.fill_uninitialized_memory = False  # pyright: ignore[reportAttributeAccessIssue]
+    else:
+        torch.set_float32_matmul_precision("high" if config.matmul == "tf32" else "highest")
+        torch.backends.cudnn.allow_tf32 = config.matmul == "tf32"  # convolutions: on, if nobody says so
+        torch.backends.cuda.matmul.allow_bf16_reduced_precision_reduction = False  # sums stay in float32
+
+
+def fit(
+    model: nn.Module,
+    groups: list[dict],
+    step_loss: StepLoss,
+    steps: int,
+    config: LoopConfig,
+    out_dir: Path,
+    record: dict,
+    describe: str,
+) -> None:
+    """Optimise `model`, resuming from `out_dir` if its checkpoint has the same fingerprint; write model and log there.
+
+    Of several processes (`distributed`) the first one writes; the others need to read the same folder. With
+    `config.ema` the file holds the average, and so does `model` in the end.
+
+    Args:
+      groups: the optimiser's parameter groups.
+      step_loss: step number to loss and terms for the log; means over the part of the batch that is the process's.
+      record: metadata of the model file; `record["fingerprint"]` decides whether a checkpoint may be resumed.
+    Raises:
+      FloatingPointError: the loss is not finite; says at which step, and that the last checkpoint is whole.
+      InputError: processes differ in data, config or checkpoint.
+    """
+    first = distributed.rank() == 0
+    distributed.share_batch_statistics(model)
+    optimiser = config.optimiser(model, groups)
+    average = _average(model, config)
+    start, rows = _resume(model, average, optimiser, out_dir, record["fingerprint"])
+    distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")
+    saved_at = logged_at = time.monotonic()
+    spent = rows[-1]["seconds"] if rows else 0.0
+    progress = tqdm.tqdm(
+        range(start, steps),
+        initial=start,
+        total=steps,
+        desc=describe,
+        unit="step",
+        mininterval=2,
+        disable=not first,
+    )
+    model.train()
+    for step in progress:
+        optimiser.set_rate(config.rate(step, steps))
+        loss, terms = step_loss(step)
+        optimiser.zero_grad()
+        loss.backward()
+        distributed.average_gradients(model.parameters())
+        if config.clip_norm is not None:
+            nn.utils.clip_grad_norm_(model.parameters(), config.clip_norm)
+        optimiser.step()
+        if average is not None:
+            average.update_parameters(model)
+        done = step + 1
+        if done % config.log_every == 0 or done == steps:
+            now = time.monotonic()
+            spent, logged_at = spent + now - logged_at, now
+            rows.append(_log_row(done, loss, terms, spent, out_dir))
+            progress.set_postfix(loss=f"{rows[-1]['loss']:.3f}", refresh=False)
+        if first and (done == steps or time.monotonic() - saved_at >= config.checkpoint_seconds):
+            _save_checkpoint(model, average, optimiser, done, rows, out_dir, record)
+            saved_at = time.monotonic()
+    if average is not None:
+        model.load_state_dict(average.module.state_dict())
+    if first:
+        storage.save_tensors(out_dir / MODEL, dict(model.state_dict()), {**record, "steps": steps})
+        _write_log(out_dir / LOG, rows)
+
+
+def load_model(model: nn.Module, folder: Path) -> dict:
+    """Fill `model` from the file that `fit` wrote, and return its record; the model is left in evaluation mode.
+
+    Raises:
+      InputError: the file is damaged, or holds another architecture.
+    """
+    path = folder / MODEL
+    tensors, record = storage.load_tensors(path, framework="torch")
+    try:
+        model.load_state_dict(tensors)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split())[:200]
+        raise checks.InputError(f"{path}: does not fit the architecture of its config: {reason}") from error
+    model.to(device()).eval()
+    return record
+
+
+def read_log(folder: Path) -> list[dict[str, float]]:
+    """Rows of the log that `fit` wrote: step, loss, its terms, seconds since the start; empty where there is none."""
+    path = folder / LOG
+    if not path.exists():
+        return []
+    rows = csv.DictReader(io.StringIO(path.read_text(encoding="utf-8")))
+    return [{name: float(value) for name, value in row.items()} for row in rows]
+
+
+def _write_log(path: Path, rows: list[dict[str, float]]) -> None:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(rows[0]) if rows else ["step"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    storage.write_text(path, text.getvalue())
+
+
+def _log_row(step: int, loss: Tensor, terms: dict[str, Tensor], seconds: float, out_dir: Path) -> dict[str, float]:
+    values = {name: float(value) for name, value in distributed.means({"loss": loss.detach(), **terms}).items()}
+    if not math.isfinite(values["loss"]):
+        raise FloatingPointError(f"loss is {values['loss']} at step {step}; the last checkpoint in {out_dir} is whole")
+    return {"step": float(step), **values, "seconds": seconds}
+
+
+def _average(model: nn.Module, config: LoopConfig) -> swa_utils.AveragedModel | None:
+    """The moving average of parameters and buffers, which starts as the model after its first step; None for none."""
+    decay = config.ema
+    if decay is None:
+        return None
+
+    def mix(averaged: swa_utils.PARAM_LIST, current: swa_utils.PARAM_LIST, step: Tensor | int) -> None:
+        early = (1 + int(step)) / (10 + int(step))
+        swa_utils.get_ema_multi_avg_fn(min(decay, early))(averaged, current, step)
+
+    return swa_utils.AveragedModel(model, multi_avg_fn=mix, use_buffers=True)
+
+
+def _save_checkpoint(
+    model: nn.Module,
+    average: swa_utils.AveragedModel | None,
+    optimiser: optimisers.Optimiser,
+    step: int,
+    rows: list[dict],
+    out_dir: Path,
+    record: dict,
+) -> None:
+    """The log first: rows past the checkpoint's step are dropped on resuming, missing ones could not be made up."""
+    tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
+    if average is not None:
+        tensors |= {f"average.{name}": value for name, value in average.state_dict().items()}
+    tensors |= dict(optimiser.tensors())
+    _write_log(out_dir / LOG, rows)
+    storage.save_tensors(out_dir / CHECKPOINT, tensors, {"step": step, "fingerprint": record["fingerprint"]})
+
+
+def _resume(
+    model: nn.Module,
+    average: swa_utils.AveragedModel | None,
+    optimiser: optimisers.Optimiser,
+    out_dir: Path,
+    fingerprint: str,
+) -> tuple[int, list[dict]]:
+    """Step to go on from and log so far; (0, []) where there is nothing to resume."""
+    path = out_dir / CHECKPOINT
+    if not path.exists():
+        return 0, []
+    try:
+        tensors, metadata = storage.load_tensors(path, framework="torch")
+    except checks.InputError as error:
+        LOGGER.warning("%s; training starts afresh", error)
+        return 0, []
+    if metadata["fingerprint"] != fingerprint:
+        LOGGER.warning("%s: made by another config, data or code; training starts afresh", path)
+        return 0, []
+    model.load_state_dict(_under("model.", tensors))
+    if average is not None:
+        average.load_state_dict(_under("average.", tensors))
+    optimiser.load(tensors)
+    LOGGER.info("%s: resuming at step %d", path, metadata["step"])
+    return metadata["step"], [row for row in read_log(out_dir) if row["step"] <= metadata["step"]]
+
+
+def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}

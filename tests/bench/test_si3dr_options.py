@@ -1,0 +1,54 @@
+"""The table of switches that `make ablate-options` turns: against configs/cpu.yaml, without training anything."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from bench import si3dr_options
+from ddf.core import checks
+from ddf.data import shapenet
+from ddf.reconstruction import category_data
+
+BASE = si3dr_options.Settings.of("base", 0)
+
+
+def _flat(value, prefix=""):
+    if not isinstance(value, dict):
+        return {prefix: value}
+    return {key: leaf for name, inner in value.items() for key, leaf in _flat(inner, f"{prefix}.{name}").items()}
+
+
+@pytest.mark.parametrize("name", [name for name in si3dr_options.OPTIONS if name != "base"])
+def test_every_row_changes_its_keys_and_nothing_else(name):
+    before, after = (_flat(dataclasses.asdict(each)) for each in (BASE, si3dr_options.Settings.of(name, 0)))
+    changed = {key.lstrip(".") for key in before.keys() | after.keys() if before.get(key) != after.get(key)}
+    # a section that is left out takes its keys with it
+    whole = {key for key in si3dr_options.OPTIONS[name] for each in changed if f"{each}.".startswith(f"{key}.")}
+    assert whole == set(si3dr_options.OPTIONS[name])
+    assert all(any(f"{each}.".startswith(f"{key}.") for key in whole) for each in changed)
+    trains = {key.partition(".")[0] for key in changed} <= {"train", "ddf"}
+    assert trains == (name in si3dr_options.TRAINED)
+
+
+def test_row_that_changes_nothing_is_refused(monkeypatch):
+    same = {"train.azimuth": BASE.train.azimuth}
+    monkeypatch.setattr(si3dr_options, "OPTIONS", {"same": same})
+    with pytest.raises(checks.InputError, match=r"train\.azimuth is sincos already"):
+        si3dr_options.Settings.of("same", 0)
+
+
+def test_seed_is_added_to_all_seeds():
+    settings = si3dr_options.Settings.of("base", 3)
+    assert settings.train.loop.seed == BASE.train.loop.seed + 3
+    assert settings.pointclouds.seed == BASE.pointclouds.seed + 3
+
+
+def test_last_shapes_are_held_out_and_no_other(monkeypatch):
+    shapes = [(f"shape{i}", list(range(5))) for i in range(10)]
+    monkeypatch.setattr(category_data, "training_views", lambda *_: shapes)
+    monkeypatch.setattr(category_data, "available", lambda _, views: views)
+    task = si3dr_options.Task("car", 1, 3, 2, 0)
+    trained, held = si3dr_options.split(task, shapenet.Dataset(Path("root"), {}), 24)
+    assert trained == shapes[:7]
+    assert held == [(f"shape{i}", [0, 1]) for i in (7, 8, 9)]

@@ -1,0 +1,92 @@
+import json
+
+import _models
+import onnx
+import pytest
+
+from ddf import cli
+from ddf.core import storage
+from ddf.fields import field_outputs
+from ddf.training import training_loop
+
+
+@pytest.fixture
+def quick(tmp_path):
+    path = tmp_path / "quick.yaml"
+    path.write_text("export: {outputs: [depth, normals], batches: [1, 7], precisions: [], seed: 0}\n")
+    return path
+
+
+def _export(*arguments):
+    return cli.main(["export", "--json", *map(str, arguments)])
+
+
+def test_export_reports_parity_and_opset(tmp_path, capsys):
+    folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "field.onnx"
+    assert _export(folder / training_loop.MODEL, out) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["opset"] == 18
+    assert set(result["parity"]) == set(field_outputs.OUTPUTS)
+    assert all(0 < entry["max_abs"] <= entry["tolerance"] for entry in result["parity"].values())
+    assert result["inputs"] == {"positions": ["n", 3], "directions": ["n", 3], "latent": [1, 6]}
+    assert result["bytes"] == out.stat().st_size
+    onnx.checker.check_model(out)
+
+
+def test_outputs_graph_config_and_precision_are_chosen(tmp_path, quick, capsys):
+    folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "out.onnx"
+    assert _export(folder, out, "--config", quick) == 0
+    assert set(json.loads(capsys.readouterr().out)["parity"]) == {"depth", "normals"}
+    assert _export(folder, out, "--config", quick, "--outputs", "visibility") == 0
+    assert set(json.loads(capsys.readouterr().out)["parity"]) == {"visibility"}
+    assert _export(folder, out, "--config", quick, "--graph", "encoders", "--precision", "float16") == 0
+    result = json.loads(capsys.readouterr().out)
+    assert (result["graph"], result["precision"], set(result["parity"])) == (
+        "encoders",
+        "float16",
+        {"latent", "camera"},
+    )
+    folder = _models.write_model(tmp_path / "pc", "pcsiren")
+    assert _export(folder, out, "--config", quick) == 0
+    assert set(json.loads(capsys.readouterr().out)["parity"]) == {"points"}
+
+
+def test_a_fitted_field_is_exported_with_its_box_and_frame(tmp_path, quick, capsys):
+    folder, out = _models.write_shape_field(tmp_path / "bunny"), tmp_path / "out.onnx"
+    assert _export(folder, out, "--config", quick) == 0
+    assert json.loads(capsys.readouterr().out)["inputs"] == {"positions": ["n", 3], "directions": ["n", 3]}
+    facts = {entry.key: entry.value for entry in onnx.load(out).metadata_props}
+    assert json.loads(facts["box"]) == [[-1.0, -0.5, -0.8], [1.0, 0.5, 0.8]]
+    assert json.loads(facts["transform"])["scale"] == 0.02
+    assert json.loads(facts["config"])["hidden"] == [24, 16, 16]
+
+
+def _damage(path):
+    data = bytearray(path.read_bytes())
+    data[-5] ^= 1
+    path.write_bytes(data)
+
+
+def _rename_kind(path):
+    tensors, record = storage.load_tensors(path)
+    storage.save_tensors(path, tensors, {**record, "kind": "other"})
+
+
+@pytest.mark.parametrize(
+    ("spoil", "arguments", "message"),
+    [
+        (_damage, [], "is damaged or not one of our files"),
+        (_rename_kind, [], "holds no DDF or PC-SIREN model"),
+        (lambda path: path.unlink(), [], "does not exist"),
+        (lambda path: None, ["--outputs", "depth,colour"], "outputs must be one or more of"),
+        (lambda path: None, ["--graph", "pcsiren"], "--graph must be one of field, encoders, image_field"),
+    ],
+)
+def test_unusable_input_is_one_line_and_leaves_nothing(spoil, arguments, message, tmp_path, quick, capsys):
+    folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "out" / "field.onnx"
+    spoil(folder / training_loop.MODEL)
+    assert _export(folder, out, "--config", quick, *arguments) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not out.parent.exists()

@@ -1,0 +1,144 @@
+"""Strict reading of experiment files."""
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import pytest
+
+from ddf.core import checks, config
+
+
+@dataclass(frozen=True)
+class Inner:
+    width: int
+    rate: float = 0.5
+
+
+@dataclass(frozen=True)
+class Section:
+    faces: int
+    scale: float
+    mode: Literal["fast", "exact"]
+    names: tuple[str, ...]
+    range: tuple[float, float]
+    inner: Inner
+    counts: dict[str, int] = field(default_factory=dict)
+    limit: int | None = None
+    flag: bool = False
+
+    def __post_init__(self) -> None:
+        if self.faces < 4:
+            raise checks.InputError(f"meshes.faces must be >= 4; got {self.faces}")
+
+
+GOOD: dict[str, Any] = {
+    "faces": "10",
+    "scale": "1e-4",
+    "mode": "fast",
+    "names": "[a, b]",
+    "range": "[0, 1.5]",
+    "inner": "{width: 3}",
+}
+
+
+def _write(tmp_path, changes: dict[str, str | None], section: str = "meshes"):
+    entries = {key: value for key, value in {**GOOD, **changes}.items() if value is not None}
+    path = tmp_path / "experiment.yaml"
+    path.write_text(f"{section}:\n" + "".join(f"  {key}: {value}\n" for key, value in entries.items()))
+    return path
+
+
+def test_load_gives_typed_values(tmp_path):
+    path = _write(tmp_path, {"counts": "{U: 3}", "limit": "null"})
+    assert config.load(path, "meshes", Section) == Section(
+        faces=10, scale=1e-4, mode="fast", names=("a", "b"), range=(0.0, 1.5), inner=Inner(3, 0.5), counts={"U": 3}
+    )
+    assert isinstance(config.load(path, "meshes", Section).range[0], float)
+
+
+@pytest.mark.parametrize("text", ["1e-4", "1.0e-4", "1E-04", "+1e-4", ".1e-3", "0.0001"])
+def test_numbers_with_exponents_are_numbers(tmp_path, text):
+    assert config.load(_write(tmp_path, {"scale": text}), "meshes", Section).scale == pytest.approx(1e-4, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"face": "3"}, r"experiment.yaml: meshes: unknown key 'face'; the keys are faces, scale"),
+        ({"scale": None}, r"experiment.yaml: meshes: key 'scale' is missing"),
+        ({"faces": "3"}, r"experiment.yaml: meshes.faces must be >= 4; got 3"),
+        ({"faces": "3.0"}, r"meshes.faces must be of type int; got 3.0"),
+        ({"faces": "true"}, r"meshes.faces must be of type int; got True"),
+        ({"faces": "'7'"}, r"meshes.faces must be of type int; got '7'"),
+        ({"faces": "null"}, r"meshes.faces must be of type int; got None"),
+        ({"scale": ".nan"}, r"meshes.scale must be finite; got nan"),
+        ({"scale": "-.inf"}, r"meshes.scale must be finite; got -inf"),
+        ({"scale": "fast"}, r"meshes.scale must be of type float; got 'fast'"),
+        ({"flag": "1"}, r"meshes.flag must be of type bool; got 1"),
+        ({"mode": "slow"}, r"meshes.mode must be one of fast, exact; got 'slow'"),
+        ({"names": "a"}, r"meshes.names must be a list; got 'a'"),
+        ({"names": "[a, 3]"}, r"meshes.names\[1\] must be of type str; got 3"),
+        ({"range": "[1]"}, r"meshes.range must have 2 entries; got 1"),
+        ({"inner": "3"}, r"meshes.inner must be a mapping of keys to values; got 3"),
+        ({"inner": "{width: 3, depth: 2}"}, r"meshes.inner: unknown key 'depth'"),
+        ({"limit": "x"}, r"meshes.limit must be of type int; got 'x'"),
+        ({"counts": "{U: a}"}, r"meshes.counts.U must be of type int; got 'a'"),
+    ],
+)
+def test_load_refuses_what_does_not_fit(tmp_path, changes, message):
+    with pytest.raises(checks.InputError, match=message):
+        config.load(_write(tmp_path, changes), "meshes", Section)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "must hold the sections"),
+        ("- 1", "must hold the sections"),
+        ("meshes: {a: 1", "not valid YAML"),
+        ("meshs: {a: 1}", "unknown section 'meshs'"),
+        ("samples: {a: 1}", "section 'meshes' is missing"),
+        ("meshes: {faces: 1, faces: 2}", "not valid YAML.*'faces' is given twice"),
+        ("meshes: 3", "meshes must be a mapping"),
+        ("meshes: !!python/object/apply:os.getcwd []", "not valid YAML"),
+    ],
+)
+def test_read_refuses_other_files(tmp_path, text, message):
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(checks.InputError, match=message) as caught:
+        config.load(path, "meshes", Section)
+    assert "\n" not in str(caught.value)
+    assert "bad.yaml" in str(caught.value)
+
+
+def test_read_refuses_binary_files_and_names_missing_ones(tmp_path):
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(checks.InputError, match=r"binary.yaml"):
+        config.read(tmp_path / "binary.yaml")
+    with pytest.raises(FileNotFoundError, match=r"absent\.yaml"):
+        config.read(tmp_path / "absent.yaml")
+
+
+def test_artifact_dir_is_named_after_the_file():
+    assert config.artifact_dir("some/where/cpu.yaml", "meshes", "chair").as_posix() == "artifacts/cpu/meshes/chair"
+    assert config.artifact_dir("cpu.yaml", "evaluate").as_posix() == "artifacts/cpu/evaluate"
+    assert config.artifact_dir("cpu.yaml", "evaluate", seed=2).as_posix() == "artifacts/cpu/evaluate_seeds/2"
+    assert config.artifact_dir("a/cpu.yaml", "train_ddf", "car", 1).as_posix() == "artifacts/cpu/train_ddf_seeds/1/car"
+
+
+def test_a_further_seed_moves_every_seed_of_a_section_and_nothing_else():
+    @dataclass(frozen=True)
+    class Loop:
+        seed: int
+        seeds: int
+
+    @dataclass(frozen=True)
+    class Train:
+        loop: Loop
+        name: str
+        seed: int
+
+    section = Train(Loop(5, 7), "a", 0)
+    assert config.reseeded(section, 0) == section
+    assert config.reseeded(section, 2) == Train(Loop(7, 7), "a", 2)

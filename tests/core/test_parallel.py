@@ -1,0 +1,201 @@
+"""Maps in shards: resumed, repaired, and stopped by too many failures, but not by one."""
+
+import os
+import signal
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from ddf.core import checks, parallel, storage
+
+
+def _square(out_dir: Path, bad: set[int], killers: set[int], items, index: int) -> parallel.ShardResult:
+    failures, lines = [], []
+    for item in items:
+        if item in killers:
+            os.kill(os.getpid(), signal.SIGKILL)
+        elif item in bad:
+            failures.append(parallel.Failure(str(item), "square", "is\nbad"))
+        else:
+            lines.append(str(item * item))
+    path = out_dir / f"{index:03d}.txt"
+    storage.write_text(path, "\n".join(lines))
+    with (out_dir.parent / "calls").open("a") as log:
+        log.write(f"{index}\n")
+    return parallel.ShardResult([path], failures)
+
+
+def _map(out_dir: Path, items: Sequence[int] = range(10), bad=(), killers=(), **options):
+    (out_dir.parent / "calls").write_text("")
+    options = {"shard_size": 4, "fingerprint": "f", "describe": "square", **options}
+    return parallel.map_shards(
+        partial(_square, out_dir, set(bad), set(killers)), list(items), out_dir=out_dir, **options
+    )
+
+
+def _calls(out_dir: Path) -> list[int]:
+    """Shards that were computed, sorted."""
+    return sorted(map(int, (out_dir.parent / "calls").read_text().split()))
+
+
+@pytest.fixture
+def out_dir(tmp_path: Path) -> Path:
+    return tmp_path / "out"
+
+
+def test_every_item_is_mapped_once_in_order(out_dir):
+    assert _map(out_dir) == []
+    assert _calls(out_dir) == [0, 1, 2]
+    text = [(out_dir / f"{i:03d}.txt").read_text().split() for i in range(3)]
+    assert [int(word) for words in text for word in words] == [i * i for i in range(10)]
+    assert [len(words) for words in text] == [4, 4, 2]
+    assert (out_dir / "failures.csv").read_text() == "id,stage,reason\n"
+
+
+def test_finished_shards_are_not_run_again(out_dir):
+    _map(out_dir)
+    _map(out_dir)
+    assert _calls(out_dir) == []
+
+
+def test_only_damaged_missing_or_changed_shards_run_again(out_dir):
+    _map(out_dir)
+    good = (out_dir / "001.txt").read_bytes()
+    for damage in (good[:-1], good[:-1] + b"x", None):
+        if damage is None:
+            (out_dir / "001.txt").unlink()
+        else:
+            (out_dir / "001.txt").write_bytes(damage)
+        _map(out_dir)
+        assert _calls(out_dir) == [1]
+        assert (out_dir / "001.txt").read_bytes() == good
+    (out_dir / "002.json").write_text('{"key": "half')
+    _map(out_dir)
+    assert _calls(out_dir) == [2]
+    _map(out_dir, items=[0, 1, 2, 3, 4, 5, 6, 70, 8, 9])
+    assert _calls(out_dir) == [1]
+    _map(out_dir, items=[0, 1, 2, 3, 4, 5, 6, 70, 8, 9], fingerprint="g")
+    assert _calls(out_dir) == [0, 1, 2]
+
+
+def test_the_digest_tells_other_files_and_other_failures_apart(tmp_path):
+    found = {}
+    for name, options in {
+        "first": {},
+        "again": {"fingerprint": "other"},  # made anew, to the same
+        "fewer": {"items": range(9)},
+        "failed": {"items": range(50), "bad": {49}},  # its files are those of 49 items
+        "whole": {"items": range(49), "shard_size": 4},
+    }.items():
+        _map(tmp_path / name, **options)
+        found[name] = parallel.digest(tmp_path / name)
+    assert found["first"] == found["again"]
+    assert len(set(found.values())) == 4
+
+
+def test_a_shorter_data_set_leaves_no_stray_files(out_dir):
+    _map(out_dir)
+    (out_dir / ".half.tmp").write_text("left by a kill")
+    _map(out_dir, items=range(4))
+    assert sorted(os.listdir(out_dir)) == ["000.json", "000.txt", "failures.csv"]
+
+
+def test_failures_are_recorded_and_survive_a_resume(out_dir):
+    expected = [parallel.Failure("5", "square", "is\nbad")]
+    assert _map(out_dir, bad=[5]) == expected
+    assert _map(out_dir, bad=[5]) == expected
+    assert _calls(out_dir) == []
+    assert (out_dir / "failures.csv").read_text() == "id,stage,reason\n5,square,is bad\n"
+    assert (out_dir / "001.txt").read_text().split() == ["16", "36", "49"]
+
+
+@pytest.mark.parametrize(
+    ("total", "bad", "ok"), [(10, 1, True), (10, 2, False), (1, 1, False), (50, 1, True), (60, 2, False)]
+)
+def test_more_than_two_percent_stop_the_run(out_dir, total, bad, ok):
+    if ok:
+        assert len(_map(out_dir, items=range(total), bad=range(bad), shard_size=30)) == bad
+        return
+    with pytest.raises(
+        checks.InputError, match=rf"square: {bad} of {total} shapes failed .* the first one 0: is bad;"
+    ) as caught:
+        _map(out_dir, items=range(total), bad=range(bad), shard_size=30)
+    assert "\n" not in str(caught.value)
+    assert len((out_dir / "failures.csv").read_text().splitlines()) == 1 + bad
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:A worker stopped")
+def test_an_item_that_kills_its_process_is_left_out(out_dir):
+    failures = _map(out_dir, killers=[6])
+    assert [(failure.id, failure.stage) for failure in failures] == [("6", "square")]
+    assert "process died" in failures[0].reason
+    assert [(out_dir / f"{i:03d}.txt").read_text().split() for i in range(3)] == [
+        ["0", "1", "4", "9"],
+        ["16", "25", "49"],
+        ["64", "81"],
+    ]
+
+
+def _broken(items, index: int) -> parallel.ShardResult:
+    raise OSError(28, "No space left on device")
+
+
+def test_errors_of_the_disk_come_through(out_dir):
+    with pytest.raises(OSError, match="No space left"):
+        parallel.map_shards(_broken, [1], shard_size=1, out_dir=out_dir, fingerprint="f", describe="x")
+
+
+def test_no_items_are_no_shards(out_dir):
+    assert _map(out_dir, items=[]) == []
+    assert os.listdir(out_dir) == ["failures.csv"]
+
+
+def _slow(out_dir: Path, items, index: int) -> parallel.ShardResult:
+    time.sleep(0.01 * (5 - index))
+    return _square(out_dir, set(), set(), items, index)
+
+
+def test_result_does_not_depend_on_the_number_of_workers(tmp_path):
+    contents = []
+    for jobs in (2, 4):
+        out_dir = tmp_path / str(jobs) / "out"
+        out_dir.mkdir(parents=True)
+        parallel.map_shards(
+            partial(_slow, out_dir),
+            list(range(10)),
+            shard_size=2,
+            out_dir=out_dir,
+            fingerprint="f",
+            describe="x",
+            jobs=jobs,
+        )
+        contents.append({path.name: path.read_bytes() for path in out_dir.iterdir()})
+    assert contents[0] == contents[1]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_dask_backend_gives_the_same_files(tmp_path, monkeypatch):
+    from dask import distributed  # a backend for clusters: nothing else in the suite needs it
+
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    _map(tmp_path / "a" / "out", bad=[5])
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", cluster.scheduler_address)
+        _map(tmp_path / "b" / "out", bad=[5])
+    names = sorted(os.listdir(tmp_path / "a" / "out"))
+    assert sorted(os.listdir(tmp_path / "b" / "out")) == names
+    for name in names:
+        assert (tmp_path / "a" / "out" / name).read_bytes() == (tmp_path / "b" / "out" / name).read_bytes()
+
+
+def test_an_unreachable_scheduler_is_one_line(out_dir, monkeypatch):
+    monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", "tcp://127.0.0.1:1")
+    monkeypatch.setattr(parallel, "SCHEDULER_SECONDS", 1)
+    with pytest.raises(OSError, match=r"127\.0\.0\.1:1"):
+        _map(out_dir)

@@ -1,0 +1,272 @@
+"""Closing, decimating and measuring meshes."""
+
+import numpy as np
+import pytest
+import trimesh
+from _shapes import cube, icosphere, joined, moved, torus
+from _support import assert_close
+
+from ddf.core import checks
+from ddf.data import mesh_preparation
+from ddf.geometry import mesh_io, raycast, transforms
+
+CONFIG = mesh_preparation.MeshesConfig(measure_points=2000)
+
+
+def _random() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def _unwelded(mesh: mesh_io.Mesh, noise: float = 0.0) -> mesh_io.Mesh:
+    corners = mesh.triangles.reshape(-1, 3)
+    return mesh_io.Mesh(
+        corners + noise * _random().standard_normal(corners.shape), np.arange(len(corners)).reshape(-1, 3)
+    )
+
+
+def _plate(lower: tuple[float, float, float], upper: tuple[float, float, float], steps: int = 4) -> mesh_io.Mesh:
+    """A flat open grid in the plane of its two extended axes."""
+    low, high = np.array(lower), np.array(upper)
+    axes = np.flatnonzero(high > low)
+    grid = np.stack([g.ravel() for g in np.meshgrid(np.linspace(0, 1, steps), np.linspace(0, 1, steps))], axis=1)
+    vertices = np.tile(low.astype(np.float64), (steps * steps, 1))
+    vertices[:, axes] += grid * (high - low)[axes]
+    index = np.arange(steps * steps).reshape(steps, steps)
+    a, b, c, d = (i.ravel() for i in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
+    return mesh_io.Mesh(vertices, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
+
+
+def test_watertight_means_every_edge_twice_in_opposite_ways():
+    mesh = icosphere(1)
+    assert mesh_preparation.is_watertight(mesh) and mesh_preparation.is_watertight(torus(sections=8))
+    flipped = mesh.faces.copy()
+    flipped[3] = flipped[3, ::-1]
+    assert not mesh_preparation.is_watertight(mesh_io.Mesh(mesh.vertices, flipped))
+    assert not mesh_preparation.is_watertight(mesh_io.Mesh(mesh.vertices, mesh.faces[1:]))
+    assert not mesh_preparation.is_watertight(mesh_io.Mesh(mesh.vertices, np.concatenate([mesh.faces, mesh.faces[:1]])))
+    assert not mesh_preparation.is_watertight(_unwelded(mesh))
+
+
+def test_cones_that_touch_at_their_tips_are_not_a_manifold():
+    upper = moved(cube(0.5), 1.0, (0.5, 0.5, 0.5))
+    lower = moved(cube(0.5), 1.0, (-0.5, -0.5, -0.5))
+    touching = mesh_preparation._weld(joined(upper, lower), 0.0)
+    assert len(touching.vertices) == 15 and mesh_preparation.is_watertight(touching)
+    assert not mesh_preparation.has_manifold_vertices(touching)
+    assert mesh_preparation.has_manifold_vertices(joined(upper, lower)) and mesh_preparation.has_manifold_vertices(
+        torus(sections=8)
+    )
+
+
+def test_clean_welds_and_drops_without_moving_anything():
+    mesh = icosphere(1)
+    soup = _unwelded(mesh)
+    worse = mesh_io.Mesh(soup.vertices, np.concatenate([soup.faces, soup.faces[:5, [1, 2, 0]], [[0, 0, 1], [3, 3, 3]]]))
+    cleaned = mesh_preparation.clean(worse)
+    assert len(cleaned.vertices) == len(mesh.vertices) and len(cleaned.faces) == len(mesh.faces)
+    assert mesh_preparation.is_watertight(cleaned)
+    assert set(map(tuple, cleaned.vertices)) == set(map(tuple, mesh.vertices))
+
+
+def test_clean_welds_noisy_seams_only_if_that_closes_the_mesh():
+    noisy = _unwelded(icosphere(2), noise=1e-6)
+    assert mesh_preparation.is_watertight(mesh_preparation.clean(noisy))
+    opened = mesh_io.Mesh(noisy.vertices, noisy.faces[2:])
+    assert len(mesh_preparation.clean(opened).vertices) == 3 * len(opened.faces)
+
+
+def test_clean_refuses_a_mesh_without_area():
+    with pytest.raises(checks.InputError, match="no triangle has an area"):
+        mesh_preparation.clean(mesh_io.Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])))
+
+
+def test_closed_mesh_goes_through_unchanged():
+    raw = moved(torus(sections=24), 3.0, (5.0, 6.0, 7.0))
+    done = mesh_preparation.prepare(raw, CONFIG, _random())
+    assert done.watertight and not done.wrapped and len(done.mesh.faces) == len(raw.faces)
+    assert done.hausdorff < 1e-9 and done.mean_distance < 1e-9 and done.lost < 1e-9
+    lower, upper = done.mesh.box()
+    assert_close((upper - lower).max(), np.array(2.0), atol=1e-12)
+    assert_close(lower + upper, np.zeros(3), atol=1e-12)
+    ordered = [
+        np.array(sorted(map(tuple, points.round(9))))
+        for points in (done.field_from_raw.apply(raw.vertices), done.mesh.vertices)
+    ]
+    assert_close(ordered[0], ordered[1], atol=2e-9)
+
+
+def test_inside_out_mesh_comes_out_with_positive_volume():
+    raw = mesh_io.Mesh(icosphere(2).vertices, icosphere(2).faces[:, ::-1])
+    mesh = mesh_preparation.prepare(raw, CONFIG, _random()).mesh
+    corners = mesh.triangles
+    assert np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6 > 4
+
+
+def test_thin_parts_of_mixed_winding_survive_the_wrap():
+    """Neighbours that run along their edge the same way once made whole panels vanish."""
+    panel, rng = _plate((-1, -1, 0), (1, 1, 0), steps=9), _random()
+    flips = rng.random(len(panel.faces)) < 0.5
+    mixed = mesh_io.Mesh(panel.vertices, np.where(flips[:, None], panel.faces[:, ::-1], panel.faces))
+    raw = joined(mixed, moved(cube(), np.array([0.02, 0.5, 0.02]), (0.9, -1.4, 0.1)))
+    done = mesh_preparation.prepare(raw, CONFIG, rng)
+    assert done.watertight and done.wrapped and done.lost == 0
+    probes = done.field_from_raw.apply(raw.triangles.mean(axis=1))
+    assert raycast.Scene(done.mesh).distance(probes).max() < 0.02
+    assert not raycast.Scene(done.mesh).outside(probes).any()
+
+
+def test_never_wrapped_meshes_keep_open_sheets_and_inner_parts():
+    raw = joined(cube(), moved(icosphere(2), 0.3, (0.0, 0.0, 0.0)), _plate((-1, -1, 1.2), (1, 1, 1.2)))
+    done = mesh_preparation.prepare(raw, mesh_preparation.MeshesConfig(wrap="never", measure_points=2000), _random())
+    assert not done.wrapped and not done.watertight
+    assert len(done.mesh.faces) == len(raw.faces)
+    assert max(mesh_preparation.measure(raw, mesh_preparation.clean(raw), 2000, _random()).values()) < 1e-5
+    assert {getattr(done, name) for name in mesh_preparation.LOSSES} == {0.0}
+    closed = mesh_preparation.prepare(raw, CONFIG, _random())
+    assert closed.hausdorff_hidden > 0.05  # the wrap drops the ball inside
+
+
+@pytest.mark.parametrize(
+    ("faces", "wrap", "times"), [(320, "auto", 0), (320, "never", 0), (300, "auto", 1), (320, "always", 1)]
+)
+def test_only_meshes_that_changed_are_measured(monkeypatch, faces, wrap, times):
+    asked, real = [], mesh_preparation.measure
+    monkeypatch.setattr(mesh_preparation, "measure", lambda *given: asked.append(given) or real(*given))
+    config = mesh_preparation.MeshesConfig(faces=faces, wrap=wrap, measure_points=100)
+    inside_out = icosphere(2)
+    done = mesh_preparation.prepare(mesh_io.Mesh(inside_out.vertices, inside_out.faces[:, ::-1]), config, _random())
+    assert len(asked) == times and (done.mean_distance > 0) == bool(times)
+
+
+def test_open_meshes_are_decimated_too():
+    ball = icosphere(4)
+    bowl = mesh_io.Mesh(ball.vertices, ball.faces[ball.triangles[:, :, 1].max(axis=1) < 0])
+    small = mesh_preparation.decimate(bowl, 200)
+    assert 0 < len(small.faces) <= 200 and not mesh_preparation.is_watertight(small)
+    assert raycast.Scene(bowl).distance(small.vertices).max() < 0.05
+
+
+def test_wrap_encloses_the_soup_within_its_offset():
+    raw = joined(
+        moved(cube(), 0.5, (0.4, 0, 0)), moved(icosphere(2), 0.6, (-0.3, 0, 0)), _plate((-1, 0.2, -1), (1, 0.2, 1))
+    )
+    wrap = mesh_preparation.close(raw, alpha=0.03, offset=0.004)
+    scene = raycast.Scene(wrap)
+    assert mesh_preparation.is_watertight(wrap) and mesh_preparation.has_manifold_vertices(wrap)
+    assert not scene.outside(raw.vertices).any()
+    assert raycast.Scene(raw).distance(wrap.vertices).max() < 0.05 * raw.diagonal()
+
+
+def test_hidden_inner_parts_vanish_and_are_reported():
+    raw = joined(icosphere(3), moved(icosphere(2), 0.3, (0, 0, 0)))
+    done = mesh_preparation.prepare(raw, CONFIG, _random())
+    radii = np.linalg.norm(done.mesh.vertices, axis=1)
+    assert radii.min() > 0.9
+    assert 0.6 < done.hausdorff_hidden * raw.diagonal() < 0.75
+    assert done.hausdorff < 0.01 and done.mean_distance < 0.005
+
+
+def test_wrap_and_decimation_keep_the_offset_error():
+    raw = mesh_io.Mesh(icosphere(3).vertices, icosphere(3).faces[5:])
+    errors = [
+        mesh_preparation.prepare(
+            raw, mesh_preparation.MeshesConfig(offset=offset, measure_points=2000), _random()
+        ).mean_distance
+        for offset in (0.008, 0.004, 0.002)
+    ]
+    assert errors[0] > errors[1] > errors[2]
+    assert 0.5 * 0.008 < errors[0] < 1.5 * 0.008
+
+
+@pytest.mark.parametrize("faces", [2000, 500])
+def test_decimation_reaches_its_bound_and_stays_closed(faces):
+    for mesh in (icosphere(5), torus(sections=60)):
+        small = mesh_preparation.decimate(mesh, faces)
+        assert (
+            len(small.faces) <= faces
+            and mesh_preparation.is_watertight(small)
+            and mesh_preparation.has_manifold_vertices(small)
+        )
+        holes = (2 - (len(small.vertices) - len(small.faces) // 2)) // 2
+        assert holes == (2 - (len(mesh.vertices) - len(mesh.faces) // 2)) // 2
+        figures = mesh_preparation.measure(mesh, small, 2000, _random())
+        assert figures["hausdorff"] < 12 / faces
+
+
+def test_decimation_that_cannot_stay_closed_says_so():
+    block = trimesh.creation.annulus(0.5, 1.0, 1.0, sections=8)
+    torus_like = mesh_io.Mesh(np.array(block.vertices), np.array(block.faces))
+    with pytest.raises(checks.InputError, match="stay closed"):
+        mesh_preparation.decimate(torus_like, 6)
+
+
+def test_measured_distances_equal_closed_form_for_concentric_spheres():
+    raw, result = icosphere(5), moved(icosphere(5), 0.9, (0, 0, 0))
+    figures = mesh_preparation.measure(raw, result, 4000, _random())
+    expected = 0.1 / (2 * np.sqrt(3))
+    for name in ("hausdorff", "mean_distance", "lost"):
+        assert_close(figures[name], np.array(expected), atol=2e-4)
+    assert figures["hausdorff_hidden"] == 0
+    assert mesh_preparation.measure(result, raw, 4000, _random())["lost"] == 0
+
+
+def test_scale_and_place_of_the_raw_mesh_do_not_matter():
+    raw = joined(moved(cube(), 0.5, (0.4, 0, 0)), moved(icosphere(2), 0.6, (-0.3, 0.1, 0)))
+    here = mesh_preparation.prepare(raw, CONFIG, _random())
+    there = mesh_preparation.prepare(moved(raw, 2.0**10, (2.0**20, -(2.0**21), 2.0**22)), CONFIG, _random())
+    assert_close(there.mean_distance, np.array(here.mean_distance), atol=3e-4)
+    back = there.field_from_raw.inverse().apply(there.mesh.vertices)
+    assert (
+        raycast.Scene(moved(raw, 2.0**10, (2.0**20, -(2.0**21), 2.0**22))).distance(back).max()
+        < 0.05 * raw.diagonal() * 2**10
+    )
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("faces", 3), ("alpha", 0.0), ("alpha", 0.9), ("offset", 0.1), ("wrap", "sometimes"), ("measure_points", 0)],
+)
+def test_settings_out_of_range_are_refused(key, value):
+    with pytest.raises(checks.InputError, match=f"meshes.{key}"):
+        mesh_preparation.MeshesConfig(**{key: value})
+
+
+@pytest.mark.real
+def test_far_offset_mesh_loses_no_precision(shared_dir):
+    raw = mesh_io.load(shared_dir / "meshes" / "hard_far_offset_gebco.stl")
+    done = mesh_preparation.prepare(raw, CONFIG, _random())
+    centred = transforms.field_from_mesh(raw.vertices)
+    near = mesh_preparation.prepare(mesh_io.Mesh(centred.apply(raw.vertices), raw.faces), CONFIG, _random())
+    assert done.watertight and done.lost == 0
+    found, expected = (np.sort(prepared.mesh.vertices, axis=0) for prepared in (done, near))
+    assert_close(found, expected, atol=1e-9)
+    assert_close(
+        done.mean_distance, np.array(near.mean_distance), atol=1e-4
+    )  # faces come in another order: other points
+    gap = raycast.Scene(raw).distance(done.field_from_raw.inverse().apply(done.mesh.vertices)) / raw.diagonal()
+    assert gap.max() < 0.02 and np.median(gap) < 1.5 * CONFIG.offset
+
+
+@pytest.mark.real
+@pytest.mark.parametrize(
+    "name", ["eyeglasses.stl", "chair_kaykit_A.obj", "hard_winding_wallclock.stl", "cad_featuretype_unwelded.stl"]
+)
+def test_real_thin_and_broken_meshes_keep_their_parts(shared_dir, name):
+    done = mesh_preparation.prepare(mesh_io.load(shared_dir / "meshes" / name), CONFIG, _random())
+    assert done.watertight and len(done.mesh.faces) <= CONFIG.faces
+    assert done.lost < 1e-3 and done.hausdorff < 0.03 and done.mean_distance < 0.003
+
+
+@pytest.mark.real
+@pytest.mark.slow
+def test_every_readable_real_mesh_becomes_watertight(shared_dir):
+    paths = [
+        p for p in sorted((shared_dir / "meshes").iterdir()) if p.suffix in mesh_io.SUFFIXES and "bad_" not in p.name
+    ]
+    assert len(paths) == 24
+    for path in paths:
+        done = mesh_preparation.prepare(mesh_io.load(path), CONFIG, _random())
+        assert (
+            done.watertight and len(done.mesh.faces) <= 10_000 and mesh_preparation.has_manifold_vertices(done.mesh)
+        ), path.name
+        assert done.lost < 0.003 and done.mean_distance < 0.005, path.name

@@ -1,0 +1,225 @@
+"""The six sample types: distributions, truth on shapes with closed forms, seeds, corner cases."""
+
+import numpy as np
+import pytest
+import torch
+from _shapes import cube, icosphere, joined, moved
+from _support import assert_close
+
+from ddf.core import checks, seeding
+from ddf.data import mesh_preparation, packing, sampling
+from ddf.geometry import mesh_io, primitives, raycast, rays
+
+COUNTS = sampling.Counts(U=3000, A=3000, B=3000, S=3000, T=3000, O=3000)
+CONFIG = sampling.SamplesConfig(counts=COUNTS, offsets="fixed")
+SLAB = moved(cube(), np.array([1.0, 0.4, 0.7]), (0, 0, 0))
+TIGHT = sampling.Box(np.array([-1.0, -0.4, -0.7]), np.array([1.0, 0.4, 0.7]))
+
+
+def _decoded(mesh: mesh_io.Mesh, kind: str, config: sampling.SamplesConfig = CONFIG) -> packing.Samples:
+    arrays, _ = sampling.extract(mesh, config, "test")
+    return packing.decode({name: torch.from_numpy(values) for name, values in arrays.items()}, kind)
+
+
+def _surface(mesh: mesh_io.Mesh) -> mesh_preparation.Surface:
+    return sampling.surface_of(raycast.Scene(mesh))
+
+
+def _random() -> np.random.Generator:
+    return np.random.default_rng(5)
+
+
+@pytest.mark.parametrize("kind", ["U", "A", "B", "O"])
+def test_truth_equals_closed_form_of_box(kind):
+    samples = _decoded(SLAB, kind)
+    p, v = samples["positions"].double(), torch.nn.functional.normalize(samples["directions"].double(), dim=-1)
+    truth = primitives.cast(primitives.Box((-1.0, -0.4, -0.7), (1.0, 0.4, 0.7)), rays.OrientedPoints(p, v))
+    same = truth.visible == samples["visible"]
+    assert same.float().mean() > 0.99  # rays that start on the surface, or run in it, may go either way
+    seen = same & truth.visible & ((truth.normals * v).sum(-1) < -0.01) & (truth.depth > 1e-4)
+    assert seen.sum() > 100
+    assert_close(samples["depth"][seen], truth.depth[seen], atol=1e-4, rtol=0)
+    aligned = (samples["normals"][seen].double() * truth.normals[seen]).sum(-1)
+    assert (aligned > np.cos(np.radians(1))).float().mean() > 0.995  # but for hits within rounding of an edge
+
+
+def test_surface_samples_see_past_their_own_triangle():
+    mesh = icosphere(4)
+    samples = _decoded(mesh, "S")
+    p, v = samples["positions"].double(), samples["directions"].double()
+    assert_close(p.norm(dim=-1), torch.ones(len(p), dtype=torch.float64), atol=3e-3)
+    inward = (p * v).sum(-1)
+    assert not samples["visible"][inward > 0.06].any()
+    crossing = inward < -0.06
+    assert samples["visible"][crossing].all()
+    assert_close(samples["depth"][crossing], -2 * inward[crossing], atol=2e-2)  # chord of the sphere, facets by h²
+    assert abs(float(samples["visible"].float().mean()) - 0.5) < 0.03
+
+
+def test_surface_samples_on_a_plane_see_nothing():
+    """All hits would be of the own triangle or of coplanar neighbours."""
+    grid = np.linspace(-1, 1, 21)
+    x, z = (g.ravel() for g in np.meshgrid(grid, grid))
+    vertices = np.stack([x, 0 * x, z], axis=1) @ np.linalg.qr(_random().standard_normal((3, 3)))[0] * 0.7
+    index = np.arange(441).reshape(21, 21)
+    a, b, c, d = (i.ravel() for i in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
+    sheet = mesh_io.Mesh(vertices, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
+    assert not _decoded(sheet, "S")["visible"].any()
+
+
+@pytest.mark.parametrize("mesh", [SLAB, moved(icosphere(5), 0.8, (0, 0, 0))], ids=["slab", "sphere"])
+def test_tangent_samples_see_what_they_touch(mesh):
+    """Cast alone, the stored rays miss about every other time: they run in a face, or past a convex shape."""
+    samples = _decoded(mesh, "T")
+    assert samples["visible"].all()
+    drawn = sampling.draw("T", _surface(mesh), sampling.CUBE, CONFIG, 3000, seeding.generator(0, "test", "T"))
+    assert drawn.reach is not None
+    assert (samples["depth"].numpy() <= drawn.reach + packing.DEPTH_STEP).all()
+    cast = raycast.cast(mesh, rays.OrientedPoints(samples["positions"].double(), samples["directions"].double()))
+    assert 0.1 < 1 - cast.visible.float().mean() < 0.9
+    before = cast.visible & (cast.depth < torch.from_numpy(drawn.reach) - 1e-3)
+    assert before.any()
+    apart = (samples["depth"].double() - cast.depth)[before].abs()
+    assert (apart < 1e-3).float().mean() > 0.99  # at right angles to the normal a rounded ray may enter elsewhere
+
+
+@pytest.mark.parametrize("kind", ["S", "T"])
+def test_samples_of_transitions_have_the_normal_at_their_origin(kind):
+    """Also where the ray sees another surface, or none."""
+    samples = _decoded(moved(icosphere(5), 0.8, (0, 0, 0)), kind)
+    p, v = samples["positions"], samples["directions"]
+    origin = p if kind == "S" else p - (p * v).sum(-1, keepdim=True) * v
+    aligned = (torch.nn.functional.normalize(origin, dim=-1) * samples["normals"]).sum(-1)
+    assert (aligned > np.cos(np.radians(3))).all()
+    assert kind == "T" or 0.4 < samples["visible"].float().mean() < 0.6
+
+
+def test_at_surface_samples_see_the_surface_no_further_than_their_origin():
+    drawn = sampling.draw_at_surface(_surface(SLAB), sampling.CUBE, 2000, _random())
+    hits = raycast.cast(
+        SLAB, rays.OrientedPoints(torch.from_numpy(drawn.positions), torch.from_numpy(drawn.directions))
+    )
+    assert hits.visible.float().mean() > 0.995
+    samples = _decoded(SLAB, "A")
+    assert samples["visible"].float().mean() > 0.995
+
+
+@pytest.mark.parametrize("box", [sampling.CUBE, TIGHT], ids=["cube", "tight"])
+@pytest.mark.parametrize("kind", ["A", "T", "O"])
+def test_a_tenth_lies_on_the_boundary_and_all_in_the_box(kind, box):
+    config = sampling.SamplesConfig()
+    sphere = moved(icosphere(3), np.array([1.0, 0.4, 0.7]), (0, 0, 0))
+    box = box if box is sampling.CUBE else sampling.Box(*sphere.box())
+    drawn = sampling.draw(kind, _surface(sphere), box, config, 5000, _random())
+    on_wall = ((drawn.positions == box.lower) | (drawn.positions == box.upper)).any(axis=1)
+    assert abs(on_wall.sum() - 500) <= 5  # in a tight box an origin can touch a wall by itself
+    assert (drawn.positions >= box.lower).all() and (drawn.positions <= box.upper).all()
+    assert_close(np.linalg.norm(drawn.directions, axis=1), np.ones(5000))
+
+
+def test_tangent_lines_touch_and_offset_lines_keep_their_distance():
+    surface, radius = _surface(moved(icosphere(5), 0.8, (0, 0, 0))), 0.8
+    for kind, offset in (("T", 0.0), ("O", 0.05)):
+        config = sampling.SamplesConfig(epsilon_o=0.05, offsets="fixed")
+        drawn = sampling.draw(kind, surface, sampling.CUBE, config, 4000, _random())
+        foot = drawn.positions - (drawn.positions * drawn.directions).sum(1, keepdims=True) * drawn.directions
+        distance = np.linalg.norm(foot, axis=1) - radius
+        assert_close(np.abs(distance), np.full(4000, offset), atol=2e-3)
+        if kind == "O":
+            assert abs((distance > 0).mean() - 0.5) < 0.03
+
+
+def test_uniform_offsets_fill_the_interval():
+    surface = _surface(moved(icosphere(5), 0.8, (0, 0, 0)))
+    drawn = sampling.draw_offset(surface, sampling.CUBE, 4000, _random(), 0.05, uniform=True)
+    foot = drawn.positions - (drawn.positions * drawn.directions).sum(1, keepdims=True) * drawn.directions
+    distance = np.abs(np.linalg.norm(foot, axis=1) - 0.8)
+    assert distance.max() < 0.052
+    assert_close(np.histogram(distance, bins=5, range=(0, 0.05))[0] / 4000, np.full(5, 0.2), atol=0.03)
+
+
+def test_offset_samples_of_a_flat_shape_stay_in_its_tight_box():
+    square = mesh_io.Mesh(
+        np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
+    )
+    box, config = sampling.Box(*square.box()), sampling.SamplesConfig(box="tight")
+    drawn = sampling.draw("O", _surface(square), box, config, 500, _random())
+    assert (drawn.positions[:, 1] == 0).all() and np.abs(drawn.positions).max() <= 1
+
+
+@pytest.mark.parametrize("box", [sampling.CUBE, TIGHT], ids=["cube", "tight"])
+def test_bounding_samples_are_uniform_by_area_and_look_inwards(box):
+    drawn = sampling.draw_bounding(box, 20_000, _random())
+    on_lower, on_upper = drawn.positions == box.lower, drawn.positions == box.upper
+    assert (on_lower.sum(axis=1) + on_upper.sum(axis=1) == 1).all()
+    assert (drawn.directions[on_lower] >= 0).all() and (drawn.directions[on_upper] <= 0).all()
+    sides = box.upper - box.lower
+    areas = np.array([sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]])
+    expected = np.concatenate([areas, areas]) / (2 * areas.sum())
+    assert_close(np.concatenate([on_lower.mean(axis=0), on_upper.mean(axis=0)]), expected, atol=0.012, rtol=0)
+    inward = np.concatenate([drawn.directions[on_lower], -drawn.directions[on_upper]])
+    assert abs(inward.mean() - 0.5) < 0.01  # the cosine is uniform on [0, 1] on a hemisphere
+
+
+def test_directions_are_uniform_on_the_sphere():
+    directions = sampling.unit_vectors(40_000, _random())
+    assert_close(directions.mean(axis=0), np.zeros(3), atol=0.012)
+    assert_close(directions.T @ directions / 40_000, np.eye(3) / 3, atol=0.006)
+
+
+def test_surface_points_are_uniform_by_area_and_skip_degenerate_triangles():
+    flat = mesh_io.Mesh(np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]]), np.array([[0, 1, 2]]))
+    mesh = joined(flat, SLAB, flat)
+    _, face = mesh_preparation.sample_surface(mesh, 20_000, _random())
+    _, areas = mesh_io.face_normals(mesh)
+    share = np.bincount(face, minlength=len(mesh.faces)) / 20_000
+    assert share[0] == share[-1] == 0
+    assert_close(share, areas / areas.sum(), atol=0.012, rtol=0)
+
+
+def test_triangles_without_an_area_change_no_sample():
+    flat = mesh_io.Mesh(np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]]), np.array([[0, 1, 2]]))
+    with_them, _ = sampling.extract(joined(flat, SLAB, flat), CONFIG, "test")
+    without, _ = sampling.extract(SLAB, CONFIG, "test")
+    assert all((with_them[name] == without[name]).all() for name in without)
+
+
+def test_equal_seeds_give_equal_bytes_and_types_do_not_share_a_stream():
+    first, _ = sampling.extract(SLAB, CONFIG, "chair", "a")
+    again, _ = sampling.extract(SLAB, CONFIG, "chair", "a")
+    other, _ = sampling.extract(SLAB, CONFIG, "chair", "b")
+    assert all((first[name] == again[name]).all() for name in first)
+    assert not (first["U.positions"] == other["U.positions"]).all()
+    fewer = sampling.SamplesConfig(counts=sampling.Counts(U=10, A=3000, B=10, S=10, T=10, O=10), offsets="fixed")
+    assert (sampling.extract(SLAB, fewer, "chair", "a")[0]["A.depth"] == first["A.depth"]).all()
+
+
+def test_streams_differ_by_name_and_not_by_joint_spelling():
+    draws = {
+        names: seeding.generator(0, *names).integers(1 << 60) for names in (("a", "b"), ("ab",), ("a", "c"), ("b", "a"))
+    }
+    assert len(set(draws.values())) == 4
+    assert seeding.generator(1, "a").integers(1 << 60) != seeding.generator(0, "a").integers(1 << 60)
+
+
+def test_reported_packing_errors_bound_the_real_ones():
+    _, probes = sampling.extract(SLAB, CONFIG, "test")
+    errors = sampling.packing_errors([probes])
+    assert 0.4 * packing.DEPTH_STEP < errors["depth_error"] < 0.51 * packing.DEPTH_STEP
+    assert (
+        0.1 < errors["normal_error_deg"] < 1.0 or errors["normal_error_deg"] < 1e-4
+    )  # a box's normals are exact codes
+    assert 1e-5 < errors["position_shift"] < 1.6e-5
+    assert 5e-4 < errors["direction_shift_deg"] < 4e-3
+
+
+def test_mesh_outside_the_cube_and_bad_settings_are_refused():
+    with pytest.raises(checks.InputError, match=r"must lie in \[-1, 1\]"):
+        sampling.extract(cube(1.1), CONFIG, "x")
+    with pytest.raises(checks.InputError, match=r"samples\.counts\.A must be >= 1"):
+        sampling.Counts(A=0)
+    with pytest.raises(checks.InputError, match="epsilon_o"):
+        sampling.SamplesConfig(epsilon_o=0.0)
+    flat = mesh_io.Mesh(np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]]), np.array([[0, 1, 2]]))
+    with pytest.raises(checks.InputError, match="triangle with an area"):
+        sampling.extract(flat, CONFIG, "x")

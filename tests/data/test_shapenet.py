@@ -1,0 +1,155 @@
+import json
+
+import numpy as np
+import pytest
+import torch
+from _support import assert_close
+from PIL import Image
+
+from ddf.core import checks
+from ddf.data import shapenet
+
+CHAIR = "03001627"
+
+
+def _save(path, pixels, mode="RGBA"):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(pixels, mode if mode == "L" else None).save(path)
+
+
+def _disc(seed=0):
+    """An opaque disc of random colours on nothing."""
+    random = np.random.default_rng(seed)
+    y, x = np.mgrid[:137, :137]
+    pixels = np.zeros((137, 137, 4), dtype=np.uint8)
+    inside = (x - 68) ** 2 + (y - 68) ** 2 < 40**2
+    pixels[inside, :3] = random.integers(0, 256, (int(inside.sum()), 3))
+    pixels[inside, 3] = 255
+    return pixels
+
+
+def test_image_is_read_as_it_is(tmp_path):
+    pixels = _disc()
+    _save(tmp_path / "00.png", pixels)
+    image = shapenet.read_image(tmp_path / "00.png", 137)
+    assert image.dtype == torch.float32
+    assert_close(image, np.moveaxis(pixels, -1, 0).astype(np.float32) / 255, atol=1e-7)
+
+
+def test_resized_image_keeps_area_and_colour(tmp_path):
+    pixels = _disc()
+    pixels[pixels[..., 3] > 0] = (200, 100, 50, 255)
+    _save(tmp_path / "00.png", pixels)
+    for size in (128, 64, 32):
+        image = shapenet.read_image(tmp_path / "00.png", size)
+        assert image.shape == (4, size, size)
+        assert_close(image[3].mean(), pixels[..., 3].mean() / 255, atol=2e-3)
+        # Weighted by alpha: the empty surroundings do not darken the rim.
+        rim = image[3] > 0.05
+        assert_close(image[:3, rim].T, np.broadcast_to(np.array([200, 100, 50]) / 255, (int(rim.sum()), 3)), atol=0.06)
+        assert (image[:3, image[3] == 0] == 0).all()
+
+
+def _message(call, *arguments):
+    with pytest.raises(checks.InputError) as caught:
+        call(*arguments)
+    return str(caught.value)
+
+
+def test_bad_images_are_named(tmp_path):
+    good = tmp_path / "good.png"
+    _save(good, _disc())
+    data = good.read_bytes()
+    (tmp_path / "truncated.png").write_bytes(data[: len(data) // 2])
+    (tmp_path / "headless.png").write_bytes(data[20:])
+    (tmp_path / "empty.png").write_bytes(b"")
+    flipped = bytearray(data)
+    flipped[len(data) // 2] ^= 0xFF
+    (tmp_path / "flipped.png").write_bytes(flipped)
+    _save(tmp_path / "rgb.png", _disc()[..., :3])
+    _save(tmp_path / "small.png", _disc()[:100, :100])
+    expected = {
+        "missing": "no such image",
+        "truncated": "not a readable PNG",
+        "headless": "not a readable PNG",
+        "empty": "not a readable PNG",
+        "flipped": "not a readable PNG",
+        "rgb": "must be RGBA, its alpha is the mask of the shape; got RGB",
+        "small": "must be 137 x 137 pixels, as the camera model is; got 100 x 100",
+    }
+    for name, text in expected.items():
+        path = tmp_path / f"{name}.png"
+        message = _message(shapenet.read_image, path, 64)
+        assert message.startswith(f"{path}: ") and text in message
+
+
+def test_cameras_are_read_row_by_row(tmp_path):
+    (tmp_path / "rendering_metadata.txt").write_text("293.4 27.9 0 0.79 25\n-10 -90 0 1e0 25\r\n0 90 0 0.65 25\n\n")
+    expected = [[293.4, 27.9, 0.79], [-10, -90, 1], [0, 90, 0.65]]
+    assert_close(shapenet.read_cameras(tmp_path), np.array(expected), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ("1 2 0 0.7", "five numbers"),
+        ("1 2 0 0.7 25 6", "five numbers"),
+        ("", "five numbers"),
+        ("1 x 0 0.7 25", "five numbers"),
+        ("1 91 0 0.7 25", "elevation must be"),
+        ("1 25 0 0 25", "ratio > 0"),
+        ("nan 25 0 0.7 25", "finite"),
+        ("1 25 0 inf 25", "finite"),
+    ],
+)
+def test_bad_metadata_lines_are_named_with_their_number(tmp_path, line, text):
+    path = tmp_path / "rendering_metadata.txt"
+    path.write_text(f"1 25 0 0.7 25\n{line}\n1 25 0 0.7 25\n")
+    message = _message(shapenet.read_cameras, tmp_path)
+    assert message.startswith(f"{path}:2: ") and text in message and repr(line) in message
+
+
+def test_missing_metadata_and_folders_are_named(tmp_path):
+    assert "rendering_metadata.txt: no such file" in _message(shapenet.read_cameras, tmp_path)
+    (tmp_path / "rendering_metadata.txt").write_bytes(b"\xff\xfe\x00")
+    assert "not a text file" in _message(shapenet.read_cameras, tmp_path)
+    nowhere = tmp_path / "nowhere"
+    assert f"{nowhere}: no such folder" in _message(shapenet.list_shapes, nowhere, CHAIR)
+    assert "ShapeNetRendering: no such folder" in _message(shapenet.list_shapes, tmp_path, CHAIR)
+    (tmp_path / "ShapeNetRendering").mkdir()
+    assert "has no classes" in _message(shapenet.list_classes, tmp_path)
+    assert f"{CHAIR}: no such folder" in _message(shapenet.list_shapes, tmp_path, CHAIR)
+    (tmp_path / "ShapeNetRendering" / CHAIR).mkdir()
+    assert "has no shapes" in _message(shapenet.list_shapes, tmp_path, CHAIR)
+
+
+@pytest.mark.parametrize("name", ["..", "../x", "a/../../x", "/etc", "a\\b", ""])
+def test_no_id_leads_out_of_its_folder(tmp_path, name):
+    for call in (shapenet.model_path, shapenet.rendering_dir):
+        for synset, shape in ((CHAIR, name), (name, "abc")):
+            assert "letters, digits" in _message(call, tmp_path, synset, shape)
+    index = {"root": str(tmp_path), "categories": {"chair": {"synset": CHAIR, "shapes": []}}}
+    index["categories"]["chair"]["shapes"] = [{"id": name, "train_views": [0], "test_views": []}]
+    (tmp_path / "index.json").write_text(json.dumps(index))
+    assert "index.json" in _message(shapenet.Dataset.open, tmp_path / "index.json")
+
+
+def test_data_set_gives_views_by_side(tmp_path):
+    shapes = [
+        {"id": "a", "train_views": [0, 1], "test_views": []},
+        {"id": "b", "train_views": [0], "test_views": [1]},
+        {"id": "c", "train_views": [], "test_views": [0, 1]},
+    ]
+    index = {"root": "some/where", "categories": {"chair": {"synset": CHAIR, "shapes": shapes}}}
+    (tmp_path / "index.json").write_text(json.dumps(index))
+    dataset = shapenet.Dataset.open(tmp_path / "index.json")
+    assert dataset.train("chair") == [("a", (0, 1)), ("b", (0,))]
+    assert dataset.test("chair") == [("b", (1,)), ("c", (0, 1))]
+    assert dataset.model("chair", "a").as_posix() == f"some/where/ShapeNetCore.v1/{CHAIR}/a/model.obj"
+    assert "it has chair" in _message(dataset.category, "plane")
+
+
+@pytest.mark.parametrize("text", ["[]", "{}", '{"root": "x", "categories": {"chair": {}}}', "{"])
+def test_damaged_index_is_named(tmp_path, text):
+    (tmp_path / "index.json").write_text(text)
+    assert "index.json" in _message(shapenet.Dataset.open, tmp_path / "index.json")

@@ -1,0 +1,125 @@
+"""Raw meshes to packs, packs to samples and clouds: contents, failures, and independence of the sharding."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from _shapes import cube, icosphere, joined, moved
+from _support import assert_close
+
+from ddf.core import checks, storage
+from ddf.data import mesh_preparation, mesh_shards, packing, sample_shards, sampling
+from ddf.geometry import mesh_io, raycast, transforms
+
+MESHES = mesh_preparation.MeshesConfig(faces=600, alpha=0.05, offset=0.004, measure_points=500)
+SAMPLES = sampling.SamplesConfig(counts=sampling.Counts(U=200, A=200, B=100, S=100, T=100, O=100), cloud_points=300)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    """Three shapes in the v1 frame, the second one broken."""
+    root = tmp_path_factory.mktemp("data")
+    parts = joined(moved(cube(), 0.5, (0.3, 0.1, 0)), moved(icosphere(2), 0.5, (-0.3, 0, 0)))
+    shapes = {"a": icosphere(2), "broken": None, "c": parts}
+    for name, mesh in shapes.items():
+        folder = root / "ShapeNetCore.v1" / "007" / name
+        folder.mkdir(parents=True)
+        data = b"v 0 0 0\nf 1 2 3\n"
+        if mesh is not None:
+            unit = moved(mesh, 1 / mesh.diagonal(), (0, 0, 0))
+            lower, upper = unit.box()
+            data = mesh_io.export_bytes(moved(unit, 1.0, tuple(-(lower + upper) / 2)), ".obj")
+        (folder / "model.obj").write_bytes(data)
+    listing = [{"id": name, "train_views": [0], "test_views": []} for name in shapes]
+    index = {"root": root.as_posix(), "categories": {"thing": {"synset": "007", "shapes": listing}}}
+    (root / "index.json").write_text(json.dumps(index))
+    return root
+
+
+@pytest.fixture(scope="module")
+def packs(dataset, tmp_path_factory):
+    out = tmp_path_factory.mktemp("meshes")
+    shapes = mesh_shards.raw_shapes(dataset / "index.json", "thing")
+    result = mesh_shards.PrepareShard(MESHES, "thing", out, "f")(shapes, 0)
+    return out, shapes, result
+
+
+def test_pack_holds_closed_meshes_with_measures_and_failures(packs):
+    out, _, result = packs
+    assert [failure.id for failure in result.failures] == ["broken"]
+    assert "broken" in result.failures[0].reason and result.files == [out / "000.zip"]
+    pack = mesh_shards.read_pack(out / "000.zip")
+    assert list(pack.meshes) == ["a", "c"] == [row["id"] for row in pack.measures]
+    for row, mesh in zip(pack.measures, pack.meshes.values(), strict=True):
+        assert mesh_preparation.is_watertight(mesh) and len(mesh.faces) == int(row["faces"]) <= 600
+        assert tuple(row) == mesh_shards.MEASURES and float(row["hausdorff"]) < 0.1
+        lower, upper = mesh.box()
+        assert_close((upper - lower).max(), np.array(2.0), atol=1e-6)
+
+
+def test_stored_similarity_leads_from_the_raw_frame(packs):
+    out, shapes, _ = packs
+    pack = mesh_shards.read_pack(out / "000.zip")
+    raw = mesh_io.load(shapes[0].path)
+    moved_raw = pack.field_from_raw["a"].apply(raw.vertices)
+    assert raycast.Scene(pack.meshes["a"]).distance(moved_raw).max() < 1e-6
+
+
+def test_same_shapes_give_the_same_bytes(packs, tmp_path):
+    out, shapes, _ = packs
+    first = (out / "000.zip").read_bytes()
+    mesh_shards.PrepareShard(MESHES, "thing", tmp_path, "f")(shapes, 0)
+    assert (tmp_path / "000.zip").read_bytes() == first
+
+
+def test_samples_and_clouds_do_not_depend_on_the_sharding(packs, tmp_path):
+    out, raw, _ = packs
+    shapes = sample_shards.prepared_shapes(out, raw)
+    assert [shape.id for shape in shapes] == ["a", "c"]
+    whole = sample_shards.ExtractShard(SAMPLES, "thing", tmp_path, "f")(shapes, 0)
+    single = sample_shards.ExtractShard(SAMPLES, "thing", tmp_path, "f")(shapes[1:], 1)
+    assert [path.name for path in whole.files] == ["000.samples.safetensors", "000.clouds.safetensors"]
+    assert not whole.failures and not single.failures
+    both, metadata = storage.load_tensors(whole.files[0])
+    one, _ = storage.load_tensors(single.files[0])
+    assert metadata["ids"] == ["a", "c"] and metadata["packing_errors"]["depth_error"] < packing.DEPTH_STEP
+    assert set(both) == {f"{kind}.{name}" for kind in packing.KINDS for name in packing.FIELDS}
+    assert all((both[name][1] == one[name][0]).all() for name in both)
+    clouds, info = storage.load_tensors(whole.files[1])
+    alone, _ = storage.load_tensors(single.files[1])
+    start, stop = clouds["offsets"][1:3]
+    assert (clouds["points"][start:stop] == alone["points"]).all() and len(clouds["hidden"]) == stop
+    assert info["hidden_share"]["a"] == 0 and info["hidden_share"]["c"] > 0.05
+
+
+def test_stored_samples_see_the_stored_mesh(packs, tmp_path):
+    out, raw, _ = packs
+    shapes = sample_shards.prepared_shapes(out, raw)[:1]
+    result = sample_shards.ExtractShard(SAMPLES, "thing", tmp_path, "f")(shapes, 0)
+    tensors, metadata = storage.load_tensors(result.files[0], framework="torch")
+    samples = packing.decode({name: value[0] for name, value in tensors.items()}, "A")
+    seen = samples["visible"]
+    q = samples["positions"][seen] + samples["depth"][seen, None] * samples["directions"][seen]
+    assert seen.float().mean() > 0.95
+    field_from_raw = transforms.Similarity.from_dict(metadata["field_from_raw"]["a"])
+    surface = mesh_io.Mesh(field_from_raw.apply(mesh_io.load(raw[0].path).vertices), mesh_io.load(raw[0].path).faces)
+    assert raycast.Scene(surface).distance(q.double().numpy()).max() < 1e-4
+    assert ((samples["normals"] * samples["directions"]).sum(-1)[seen] < 0.02).all()
+    assert torch.isinf(samples["depth"][~seen]).all()
+
+
+def test_unknown_category_and_missing_packs_are_named(dataset, tmp_path):
+    with pytest.raises(checks.InputError, match="no category 'sofa'; it has thing"):
+        mesh_shards.raw_shapes(dataset / "index.json", "sofa")
+    with pytest.raises(FileNotFoundError, match="run stage meshes first"):
+        sample_shards.prepared_shapes(tmp_path, [])
+
+
+def test_damaged_pack_is_refused_by_name(packs, tmp_path):
+    out, _, _ = packs
+    data = bytearray((out / "000.zip").read_bytes())
+    data[len(data) // 2] ^= 1
+    (tmp_path / "000.zip").write_bytes(bytes(data))
+    with pytest.raises(checks.InputError, match=r"000\.zip"):
+        mesh_shards.read_pack(tmp_path / "000.zip")

@@ -1,0 +1,141 @@
+import json
+
+import numpy as np
+import pytest
+
+from ddf import cli
+from ddf.core import checks
+from ddf.data import splits
+
+CHAIR, CAR = "03001627", "02958343"
+
+
+def test_natural_order_compares_runs_of_digits_as_numbers():
+    names = ["b", "a", "a10", "a9", "a09", "a9b", "10", "9", "9a", "", "a-2", "a10b2", "a10b10"]
+    # "a09" and "a9" have equal keys: the plain strings decide.
+    expected = ["", "9", "9a", "10", "a", "a09", "a9", "a9b", "a10", "a10b2", "a10b10", "a-2", "b"]
+    shuffled = np.random.default_rng(0).permutation(names).tolist()
+    assert sorted(shuffled, key=splits.natural_key) == expected
+
+
+def test_first_four_fifths_of_the_lines_train():
+    """7 shapes give 35 lines: 28 train, so the sixth shape in order has 3 views on this side and 2 on the other."""
+    ids = ["a10", "a9", "b", "c", "d2", "d10", "e"]
+    shapes = splits.split_class(CHAIR, ids)
+    assert [shape.id for shape in shapes] == ["a9", "a10", "b", "c", "d2", "d10", "e"]
+    assert [len(shape.train_views) for shape in shapes] == [5, 5, 5, 5, 5, 3, 0]
+    assert shapes[5].train_views == (0, 1, 2) and shapes[5].test_views == (3, 4) and shapes[5].straddles
+    assert [shape.straddles for shape in shapes] == [False] * 5 + [True, False]
+    strict = splits.split_class(CHAIR, ids, strict=True)
+    assert [len(shape.train_views) for shape in strict] == [5, 5, 5, 5, 5, 5, 0]
+    assert not any(shape.straddles for shape in strict)
+
+
+@pytest.mark.parametrize("count", range(1, 31))
+def test_every_view_is_on_exactly_one_side(count):
+    for strict in (False, True):
+        shapes = splits.split_class(CHAIR, [f"s{i}" for i in range(count)], strict=strict)
+        assert all(shape.train_views + shape.test_views == splits.VIEWS for shape in shapes)
+        num_train = sum(len(shape.train_views) for shape in shapes)
+        assert num_train == 4 * count if not strict else 4 * count <= num_train < 4 * count + 5
+
+
+def test_lists_follow_the_class_order_and_leave_the_broken_car_out():
+    listing = {CAR: ["f9c1d7748c15499c6f2bd1c4e9adb41", "x"], "99999999": ["z"], CHAIR: ["b", "a"]}
+    classes = splits.split(listing)
+    assert list(classes) == [CHAIR, CAR, "99999999"]
+    assert [shape.id for shape in classes[CAR]] == ["x"]
+    lines = splits.list_text(classes, "train").splitlines() + splits.list_text(classes, "test").splitlines()
+    assert len(lines) == 5 * 4
+    assert splits.list_text(classes, "train").startswith(f"Data/ShapeNetP2M/{CHAIR}/a/rendering/00.dat\n")
+    assert splits.list_text(classes, "test").startswith(f"Data/ShapeNetP2M/{CHAIR}/b/rendering/03.dat\n")
+    assert splits.list_text(classes, "test").endswith("/99999999/z/rendering/04.dat\n")
+
+
+def test_blob_id_is_that_of_git():
+    assert splits.git_blob_id("") == "e69de29bb2d1d6434b8b29ae775ad8c2e48c5391"
+    assert splits.git_blob_id("hello\n") == "ce013625030ba8dba906f756967f9e9ca394464a"
+
+
+@pytest.mark.parametrize("name", ["../etc", "a/b", "a\\b", "..", ".", "", "a b", "a\n"])
+def test_ids_that_could_leave_their_folder_are_refused(name):
+    with pytest.raises(checks.InputError, match="letters, digits"):
+        splits.split_class(CHAIR, ["good", name])
+    with pytest.raises(checks.InputError, match="letters, digits"):
+        splits.split({name: ["good"]})
+
+
+def test_repeated_id_is_refused():
+    with pytest.raises(checks.InputError, match="shape a is listed twice"):
+        splits.split_class(CHAIR, ["a", "b", "a"])
+
+
+def _split_command(capsys, *arguments):
+    code = cli.main(["split", *map(str, arguments)])
+    return code, capsys.readouterr()
+
+
+def test_command_writes_both_lists_and_reports_them(tmp_path, capsys):
+    source = tmp_path / "ids.json"
+    source.write_text(json.dumps({CHAIR: ["a", "b", "c"]}))
+    code, captured = _split_command(capsys, source, "--out", tmp_path / "out", "--json")
+    result = json.loads(captured.out)
+    assert code == 0
+    for part, count in (("train", 12), ("test", 3)):
+        data = (tmp_path / "out" / f"{part}_list.txt").read_text()
+        assert result[part]["lines"] == count == data.count("\n")
+        assert result[part]["git_blob"] == splits.git_blob_id(data)
+    assert result["classes"] == {CHAIR: {"shapes": 3, "train": 12, "test": 3}}
+    assert result["straddling"] == [f"{CHAIR}/c"]
+    code, captured = _split_command(capsys, source, "--out", tmp_path / "strict", "--json", "--strict")
+    assert json.loads(captured.out)["straddling"] == []
+
+
+def test_folder_and_json_give_the_same_lists(tmp_path, capsys):
+    ids = {CHAIR: ["a10", "a9", "b1"], CAR: ["u2-1", "u10"]}
+    for synset, names in ids.items():
+        for name in names:
+            (tmp_path / "root" / "ShapeNetRendering" / synset / name / "rendering").mkdir(parents=True)
+    (tmp_path / "ids.json").write_text(json.dumps(ids))
+    texts = []
+    for source in (tmp_path / "root", tmp_path / "ids.json"):
+        code, _ = _split_command(capsys, source, "--out", tmp_path / "out")
+        assert code == 0
+        texts.append([(tmp_path / "out" / f"{part}_list.txt").read_bytes() for part in ("train", "test")])
+    assert texts[0] == texts[1]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "no such file or folder"),
+        ("{", "not valid JSON"),
+        ("[1]", "one JSON object"),
+        ('{"03001627": "abc"}', "one JSON object"),
+        ('{"03001627": ["../../x"]}', "letters, digits"),
+        ('{"03001627": ["a", 7]}', "letters, digits"),
+        ('{"03001627": ["a", "a"]}', "listed twice"),
+    ],
+)
+def test_command_refuses_bad_listings_in_one_line(tmp_path, capsys, content, message):
+    source = tmp_path / "ids.json"
+    if content is not None:
+        source.write_text(content)
+    code, captured = _split_command(capsys, source, "--out", tmp_path / "out")
+    assert code == 2
+    assert message in captured.err and captured.err.count("\n") == 1 and captured.out == ""
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.real
+def test_official_lists_come_out_byte_for_byte(shared_dir, tmp_path, capsys):
+    code, captured = _split_command(capsys, shared_dir / "p2m" / "r2n2_ids.json", "--out", tmp_path, "--json")
+    result = json.loads(captured.out)
+    assert code == 0
+    assert (tmp_path / "train_list.txt").stat().st_size == 13_287_304
+    assert result["train"]["git_blob"] == "da744d32c3894d9aebd1bce28560725275f1f560"
+    assert result["test"]["git_blob"] == "0a7f7c537eadaa43926f93b76b022b6b860483b2"
+    counts = {synset: (entry["train"], entry["test"]) for synset, entry in result["classes"].items()}
+    assert (counts[CHAIR], counts["02691156"], counts[CAR]) == ((27112, 6778), (16180, 4045), (29984, 7496))
+    assert len(result["straddling"]) == 11
+    assert [name.split("/")[0] for name in result["straddling"]].count("02691156") == 0

@@ -1,0 +1,52 @@
+"""What README.md and the docs tell people to type and to open is there."""
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import ddf.cli
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+TARGETS = set(re.findall(r"(?m)^([a-z-]+):(?:.*)## ", (ROOT / "Makefile").read_text())) | {
+    f"stage-{name}" for name in re.findall(r"(?m)^STAGES := (.*)$", (ROOT / "Makefile").read_text())[0].split()
+}
+
+
+def test_readme_lists_every_command():
+    assert set(re.findall(r"`ddf ([a-z]+)[ `]", (ROOT / "README.md").read_text())) == set(ddf.cli.COMMANDS)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_and_links_exist(page):
+    text = page.read_text()
+    assert set(re.findall(r"(?:^    |`)ddf ([a-z]+)\b", text, re.MULTILINE)) <= set(ddf.cli.COMMANDS)
+    assert set(re.findall(r"(?:^    |`)make ([a-z_-]+)\b", text, re.MULTILINE)) <= TARGETS
+    links = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if not link.startswith("http")]
+    missing = [link for link in links if not (page.parent / link).exists()]
+    made_by_a_run = [link for link in missing if link.startswith("reports/cpu/")]
+    assert missing == made_by_a_run
+    if (ROOT / "reports" / "cpu").exists():
+        assert missing == []
+
+
+def test_make_alone_lists_every_target():
+    output = subprocess.run(["make"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    listed = set(re.findall(r"(?m)^  ([a-z-]+) ", output))
+    assert listed == {target for target in TARGETS if not target.startswith("stage-")}
+    assert "stage-<name>" in output
+
+
+def test_recipes_keep_the_bytecode_that_a_container_may_forbid(tmp_path):
+    (tmp_path / "Makefile").write_text(f"include {ROOT / 'Makefile'}\nshown:\n\t@env\n")
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    shown = subprocess.run(["make", "shown"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    assert "PYTHONUNBUFFERED=1" in shown.stdout and "PYTHONDONTWRITEBYTECODE" not in shown.stdout
+
+
+def test_continuous_integration_runs_the_test_command_of_the_readme():
+    assert "make test" in (ROOT / "README.md").read_text()
+    assert (ROOT / ".ci" / "run").read_text().splitlines()[-1] == "exec make test"

@@ -1,0 +1,201 @@
+"""Scenes of several fields: against closed forms and a slow loop over the paper's formulas."""
+
+import dataclasses
+import math
+
+import _models
+import numpy as np
+import pytest
+import torch
+from _shapes import random_rays
+from _support import assert_close
+
+from ddf.core import checks
+from ddf.fields import composition
+from ddf.geometry import primitives, rays, transforms
+
+TEMPERATURE, INVERSE_DEPTH = 1e-4, 0.05
+
+
+def _turn(axis, angle):
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.eye(3)
+    i, j = [k for k in range(3) if k != axis]
+    turn[[i, i, j, j], [i, j, i, j]] = c, -s, s, c
+    return turn
+
+
+def _placed(shape, scale=1.0, rotation=None, at=(0.0, 0.0, 0.0)):
+    """A primitive of the unit cube, scaled, turned, then moved; returns it with its map to the world."""
+    world = transforms.Similarity(scale, np.eye(3) if rotation is None else rotation, np.array(at))
+    return composition.Placed(composition.primitive_query(shape), world.inverse())
+
+
+def _fixed(visibility, depth):
+    """A field that says the same everywhere."""
+    return composition.Placed(
+        lambda p, _: (torch.full_like(p[:, 0], visibility), torch.full_like(p[:, 0], depth)), transforms.Similarity()
+    )
+
+
+SPHERE = primitives.Sphere(radius=0.8)
+SCENE = [
+    _placed(SPHERE, 0.5, None, (0.3, 0.1, -0.6)),
+    _placed(primitives.Torus(), 0.7, _turn(0, 0.7) @ _turn(1, 0.4), (-0.8, 0.2, 0.3)),
+    _placed(primitives.Box((-0.9, -0.4, -0.6), (0.5, 0.7, 0.8)), 0.4, _turn(2, 1.1), (0.7, -0.7, 0.5)),
+]
+
+
+def _compose(objects, points, temperature=TEMPERATURE, inverse_depth=INVERSE_DEPTH, cull=True):
+    return composition.compose(objects, points.positions, points.directions, temperature, inverse_depth, cull)
+
+
+def test_scaled_and_moved_spheres_equal_the_union_in_the_world():
+    objects = [
+        _placed(SPHERE, 0.5, _turn(1, 0.3), (0.7, 0.1, 0.0)),
+        _placed(SPHERE, 0.25, _turn(0, 2.0), (-0.6, 0, 0.2)),
+    ]
+    truth = primitives.Union((primitives.Sphere((0.7, 0.1, 0.0), 0.4), primitives.Sphere((-0.6, 0.0, 0.2), 0.2)))
+    points = random_rays(4000, seed=1, spread=1.2)
+    hits, found = primitives.cast(truth, points), _compose(objects, points)
+    assert 100 < hits.visible.sum() < 3900
+    assert_close(found.visibility, hits.visible.double())
+    assert_close(found.nearest_depth, hits.depth)
+    assert_close(torch.isfinite(found.depth), hits.visible)
+
+
+def test_rotated_box_equals_the_rays_turned_the_other_way():
+    turn, scale, at = _turn(0, 0.8) @ _turn(2, -0.5), 0.6, np.array([0.2, -0.3, 0.1])
+    box = primitives.Box((-0.95, -0.5, -0.25), (0.75, 0.5, 0.9))
+    points = random_rays(3000, seed=2, spread=2.0)
+    inner = rays.OrientedPoints(
+        torch.from_numpy((points.positions.numpy() - at) @ turn / scale),
+        torch.from_numpy(points.directions.numpy() @ turn),
+    )
+    found = _compose([_placed(box, scale, turn, at)], points)
+    assert_close(found.depth, scale * primitives.cast(box, inner).depth)
+
+
+def test_nearer_object_hides_the_other_and_distance_does_not_change_that():
+    front, back = _placed(SPHERE, 0.5, None, (1.0, 0, 0)), _placed(SPHERE, 1.0, None, (4.0, 0, 0))
+    for away in (1.0, 100.0):
+        start = torch.tensor([[-away, 0.0, 0.0]], dtype=torch.float64)
+        ray = rays.OrientedPoints(start, torch.tensor([[1.0, 0.0, 0.0]], dtype=torch.float64))
+        for objects in ([front, back], [back, front]):
+            found = _compose(objects, ray, temperature=1e-6)
+            assert_close(found.depth, torch.tensor([away + 0.6], dtype=torch.float64))
+            assert_close(found.nearest_depth, found.depth)
+
+
+def test_soft_depth_is_the_paper_s_sum_over_the_objects_whose_box_is_met():
+    points = random_rays(500, seed=3, spread=1.5)
+    seen = [0.9, 0.6, 0.2]
+    objects = [
+        dataclasses.replace(placed, query=lambda p, v, s=s: (torch.full_like(p[:, 0], s), 0.3 + p.norm(dim=-1)))
+        for placed, s in zip(SCENE, seen, strict=True)
+    ]
+    found = _compose(objects, points, temperature=0.3, inverse_depth=0.2)
+    for i, (p, v) in enumerate(zip(points.positions, points.directions, strict=True)):
+        visible, depths = [], []
+        for placed, s in zip(objects, seen, strict=True):
+            transform = placed.field_from_world
+            inner, looking = (
+                torch.from_numpy(f(x.numpy())) for f, x in ((transform.apply, p), (transform.apply_directions, v))
+            )
+            entry, leave = rays.box_span(inner, looking, torch.full_like(p, -1), torch.full_like(p, 1))
+            if entry <= leave:
+                visible.append(s)
+                depths.append(float(entry + 0.3 + (inner + entry * looking).norm()) / transform.scale)
+        assert found.visibility[i].item() == pytest.approx(1 - math.prod(1 - s for s in visible))
+        if not depths:
+            assert found.depth[i] == torch.inf and found.nearest_depth[i] == torch.inf
+            continue
+        powers = [math.exp(s / (0.3 * (0.2 + d))) for s, d in zip(visible, depths, strict=True)]
+        expected = sum(a * d for a, d in zip(powers, depths, strict=True)) / sum(powers)
+        assert found.depth[i].item() == pytest.approx(expected, rel=1e-9)
+        nearest = min((d for s, d in zip(visible, depths, strict=True) if s >= 0.5), default=math.inf)
+        assert found.nearest_depth[i].item() == pytest.approx(nearest)
+
+
+def test_soft_depth_goes_to_the_nearest_as_the_temperature_falls():
+    points = random_rays(3000, seed=4, spread=2.0)
+    errors = []
+    for temperature in (0.1, 0.01, 1e-5):
+        found = _compose(SCENE, points, temperature=temperature)
+        hit = torch.isfinite(found.depth)
+        errors.append((found.depth - found.nearest_depth)[hit].abs().mean().item())
+    assert errors[0] > 3 * errors[1] > 9 * errors[2]
+    assert errors[2] < 1e-3
+
+
+def test_order_of_objects_does_not_matter():
+    points = random_rays(2000, seed=5, spread=2.0)
+    one, other = _compose(SCENE, points, 0.05), _compose(SCENE[::-1], points, 0.05)
+    assert_close(one.visibility, other.visibility)
+    assert_close(one.depth, other.depth)
+    assert_close(one.nearest_depth, other.nearest_depth)
+    assert one.queries == other.queries
+
+
+@pytest.mark.parametrize("networks", [False, True])
+def test_culling_saves_queries_and_changes_nothing(networks):
+    objects = SCENE
+    if networks:
+        query = composition.field_query(_models.field())
+        objects = [dataclasses.replace(placed, query=query) for placed in SCENE]
+    points = random_rays(2000, seed=6, spread=2.0)
+    culled, whole = _compose(objects, points, 0.05), _compose(objects, points, 0.05, cull=False)
+    assert_close(culled.visibility, whole.visibility, atol=1e-6)
+    assert_close(culled.depth, whole.depth, atol=1e-6)
+    assert_close(culled.nearest_depth, whole.nearest_depth, atol=1e-6)
+    assert whole.queries == 6000
+    assert 0 < culled.queries < 3000
+
+
+def test_rays_that_miss_every_box_ask_no_field():
+    def refuse(positions, _):
+        assert len(positions) == 0
+        return positions[:, 0], positions[:, 0]
+
+    points = rays.OrientedPoints(torch.tensor([[0.0, 5.0, 0.0]] * 3), torch.tensor([[1.0, 0.0, 0.0]] * 3))
+    found = _compose([composition.Placed(refuse, transforms.Similarity())] * 2, points)
+    assert found.queries == 0
+    assert_close(found.visibility, torch.zeros(3))
+    assert bool(torch.isinf(found.depth).all()) and bool(torch.isinf(found.nearest_depth).all())
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("temperature, inverse_depth", [(1e-30, 1e-30), (1e-300, 1e-300), (1e30, 1e30)])
+@pytest.mark.parametrize("visibility, depth", [(1.0, 0.0), (0.0, 0.0), (0.0, 0.5)])
+def test_extreme_constants_stay_finite(dtype, temperature, inverse_depth, visibility, depth):
+    points = rays.OrientedPoints(torch.zeros(1, 3, dtype=dtype), torch.tensor([[0.0, 0.0, 1.0]], dtype=dtype))
+    found = _compose([_fixed(visibility, depth)] * 2, points, temperature, inverse_depth)
+    assert_close(found.depth, torch.tensor([depth], dtype=dtype))
+    assert_close(found.visibility, torch.tensor([visibility], dtype=dtype))
+
+
+def test_depth_gradient_is_that_of_the_spheres():
+    points = random_rays(1000, seed=7, spread=1.5)
+    positions = points.positions.clone().requires_grad_()
+    objects = [_placed(SPHERE, 0.5, _turn(1, 0.3), (0.7, 0.1, 0.0)), _placed(SPHERE, 0.5, None, (-0.6, 0.0, 0.2))]
+    found = composition.compose(objects, positions, points.directions, 1e-9, INVERSE_DEPTH)
+    hit = torch.isfinite(found.depth)
+    (gradient,) = torch.autograd.grad(found.depth[hit].sum(), positions)
+    slope = (gradient * points.directions).sum(-1)
+    assert hit.sum() > 20
+    assert_close(slope[hit], torch.full_like(slope[hit], -1.0), atol=1e-6)
+    assert_close(slope[~hit], torch.zeros_like(slope[~hit]))
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
+@pytest.mark.parametrize("name", ["temperature", "inverse_depth"])
+def test_constants_must_be_positive_and_finite(name, value):
+    with pytest.raises(checks.InputError, match=f"{name} must be positive and finite; got {value}"):
+        _compose(SCENE, random_rays(1, seed=0), **{name: value})
+
+
+def test_empty_scene_and_empty_box_are_refused():
+    with pytest.raises(checks.InputError, match="at least one object; got none"):
+        _compose([], random_rays(1, seed=0))
+    with pytest.raises(checks.InputError, match="lower must be below upper"):
+        dataclasses.replace(SCENE[0], lower=(1.0, -1.0, -1.0))

@@ -1,0 +1,146 @@
+"""Second derivatives: float64 autograd is the reference; signs and factors are those of the closed-form sphere."""
+
+from typing import Literal
+
+import pytest
+import torch
+from torch.nn import functional
+
+from ddf.core import checks
+from ddf.fields import curvature, pddf, siren
+from ddf.geometry import primitives, rays
+
+WIDTHS = (16, 16, 8)
+
+
+def _field(
+    activation: Literal["relu", "softplus", "squareplus"] = "softplus", mirror: Literal["x", "y", "z"] | None = None
+):
+    torch.manual_seed(3)
+    return pddf.PDDF(pddf.PDDFConfig(WIDTHS, 3.0, 2.0, activation, 10.0, mirror=mirror)).double()
+
+
+def _modulations(shapes):
+    torch.manual_seed(7)
+    return [m.detach() for m in siren.Modulator(5, WIDTHS).double()(torch.randn(shapes, 5, dtype=torch.float64))]
+
+
+def _random(*shape, seed=1):
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
+def _depth(field, p, v, modulations):
+    """d_{i*} written out, for autograd."""
+    raw = field(p, v, modulations)
+    return torch.where(raw[..., 2] >= 0, field.depths(raw)[..., 0], field.depths(raw)[..., 1])
+
+
+def _autograd_hessian(field, p, v, modulations):
+    p = p.clone().requires_grad_()
+    (gradient,) = torch.autograd.grad(_depth(field, p, v, modulations).sum(), p, create_graph=True)
+    rows = [torch.autograd.grad(gradient[..., i].sum(), p, retain_graph=True)[0] for i in range(3)]
+    return gradient.detach(), torch.stack(rows, -2)
+
+
+@pytest.mark.parametrize(("modulated", "mirror"), [(False, None), (True, None), (True, "z")])
+@pytest.mark.parametrize("activation", ["softplus", "relu", "squareplus"])
+@pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float64, 1e-8), (torch.float32, 1e-4)])
+def test_hessian_form_equals_autograd(modulated, mirror, activation, dtype, tolerance):
+    field, modulations = _field(activation, mirror), _modulations(2) if modulated else None
+    p, v = _random(2, 40, 3), functional.normalize(_random(2, 40, 3, seed=2), dim=-1)
+    first, second = _random(2, 40, 3, seed=3), _random(2, 40, 3, seed=4)
+    _, hessian = _autograd_hessian(field, p, v, modulations)
+    expected = (second[..., None, :] @ hessian @ first[..., None])[..., 0, 0]
+    assert expected.abs().max() > 0.1
+    field = field.to(dtype)
+    lower = None if modulations is None else [m.to(dtype) for m in modulations]
+    found = curvature.depth_hessian_form(field, p.to(dtype), v.to(dtype), first.to(dtype), second.to(dtype), lower)
+    assert found.dtype == dtype
+    assert (found.double() - expected).abs().max() <= tolerance * expected.abs().max()
+
+
+@pytest.mark.parametrize(("modulated", "mirror"), [(False, None), (True, None), (True, "y")])
+def test_curvatures_equal_property_v_from_autograd(modulated, mirror):
+    field, modulations = _field(mirror=mirror), _modulations(2) if modulated else None
+    p, v = _random(2, 40, 3), functional.normalize(_random(2, 40, 3, seed=2), dim=-1)
+    found = curvature.surface(field, p, v, modulations)
+    gradient, hessian = _autograd_hessian(field, p, v, modulations)
+    n = functional.normalize(gradient, dim=-1)
+    n = torch.where((n * v).sum(-1, keepdim=True) > 0, -n, n)
+    project = torch.eye(3, dtype=torch.float64) - n[..., :, None] * n[..., None, :]
+    form = project @ hessian @ project * (n * v).sum(-1)[..., None, None]  # II on the tangent plane, 0 along n
+    mean = form.diagonal(dim1=-2, dim2=-1).sum(-1)
+    gaussian = (mean.square() - (form @ form).diagonal(dim1=-2, dim2=-1).sum(-1)) / 2
+    assert found.mean is not None
+    assert found.gaussian is not None
+    assert (found.normals - n).abs().max() <= 1e-10
+    assert (found.mean - mean).abs().max() <= 1e-8 * mean.abs().max()
+    assert (found.gaussian - gaussian).abs().max() <= 1e-8 * gaussian.abs().max()
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_property_v_on_exact_depth_has_the_signs_of_the_primitives(inside):
+    sphere = primitives.Sphere((0.1, -0.2, 0.3), 0.6)
+    centre = torch.tensor(sphere.centre, dtype=torch.float64)
+    spread = functional.normalize(_random(30, 3), dim=-1)
+    p = centre + (0.3 if inside else 2.0) * spread
+    v = functional.normalize(
+        spread + 0.2 * _random(30, 3, seed=5) if inside else -spread + 0.1 * _random(30, 3), dim=-1
+    )
+    points = rays.OrientedPoints(p, v)
+    start = p.clone().requires_grad_()
+    depth, _ = sphere.first(start, v)
+    assert bool(torch.isfinite(depth).all())
+    (gradient,) = torch.autograd.grad(depth.sum(), start, create_graph=True)
+    hessian = torch.stack([torch.autograd.grad(gradient[:, i].sum(), start, retain_graph=True)[0] for i in range(3)], 1)
+    n = primitives.cast(sphere, points).normals
+    t_1, t_2 = curvature.tangent_basis(n)
+    slope = (n * v).sum(-1)
+    form = [[slope * torch.einsum("ni,nij,nj->n", a, hessian, b) for a in (t_1, t_2)] for b in (t_1, t_2)]
+    expected = primitives.curvatures(sphere, points)
+    torch.testing.assert_close(form[0][0] + form[1][1], expected.sum(-1), rtol=1e-8, atol=1e-8)
+    determinant = form[0][0] * form[1][1] - form[0][1] * form[1][0]
+    torch.testing.assert_close(determinant, expected.prod(-1), rtol=1e-8, atol=1e-8)
+    assert bool((expected.sum(-1) * (1 if inside else -1) > 0).all())
+
+
+def test_only_what_is_asked_is_computed(monkeypatch):
+    field = _field()
+    p, v = _random(5, 3), functional.normalize(_random(5, 3, seed=2), dim=-1)
+    calls = []
+    form = curvature.hessian_form
+    monkeypatch.setattr(
+        curvature, "hessian_form", lambda bends, g, one, two: calls.append(1) or form(bends, g, one, two)
+    )
+    both = curvature.surface(field, p, v)
+    assert len(calls) == 3
+    mean = curvature.surface(field, p, v, None, ["mean_curvature"])
+    assert len(calls) == 5
+    assert mean.gaussian is None
+    assert mean.mean is not None and both.mean is not None
+    assert torch.equal(mean.mean, both.mean)
+    none = curvature.surface(field, p, v, None, [])
+    assert len(calls) == 5
+    assert none.mean is None and none.gaussian is None
+    gaussian = curvature.surface(field, p, v, None, ["gaussian_curvature"])
+    assert gaussian.mean is None
+    with pytest.raises(checks.InputError, match="outputs must be among mean_curvature, gaussian_curvature; got depth"):
+        curvature.surface(field, p, v, None, ["depth"])
+
+
+def test_tangent_basis_is_orthonormal_and_finite_at_zero():
+    n = torch.cat((functional.normalize(_random(50, 3), dim=-1), torch.eye(3).double(), -torch.eye(3).double()))
+    frame = torch.stack((*curvature.tangent_basis(n), n), dim=-1)
+    torch.testing.assert_close(frame.transpose(-1, -2) @ frame, torch.eye(3).double().expand(56, 3, 3))
+    assert all(bool(torch.isfinite(t).all()) for t in curvature.tangent_basis(torch.zeros(2, 3)))
+
+
+def test_parameters_receive_the_gradient_of_a_curvature():
+    field = _field()
+    p, v = _random(6, 3), functional.normalize(_random(6, 3, seed=2), dim=-1)
+    found = curvature.surface(field, p, v)
+    assert found.mean is not None and found.gaussian is not None
+    (found.mean.square().sum() + found.gaussian.square().sum()).backward()
+    weight = field.network.layers[1].weight.grad
+    assert weight is not None
+    assert bool(torch.isfinite(weight).all()) and float(weight.abs().max()) > 0

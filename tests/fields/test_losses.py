@@ -1,0 +1,280 @@
+"""The fused shape loss against the plain way: one autograd call per derivative."""
+
+import dataclasses
+import math
+from typing import Literal
+
+import pytest
+import torch
+
+from bench._plain_loss import plain_loss
+from ddf.core import checks
+from ddf.fields import losses, passes, pddf, siren
+
+COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+": 1, "S+": 2, "P": 3}
+WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
+
+
+def _field(
+    activation: Literal["relu", "softplus", "squareplus"] = "softplus", mirror: Literal["x", "y", "z"] | None = None
+):
+    torch.manual_seed(0)
+    return pddf.PDDF(pddf.PDDFConfig((12, 10), 2.0, 3.0, activation, 5.0, mirror=mirror)).double()
+
+
+def _unit(*shape, seed):
+    vectors = torch.randn(*shape, 3, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    return torch.nn.functional.normalize(vectors, dim=-1)
+
+
+def _batch(shapes=2):
+    generator = torch.Generator().manual_seed(5)
+    n = sum(COUNTS.values())
+    uniform = torch.rand(shapes, n, 5, generator=generator, dtype=torch.float64)
+    positions = uniform[..., :3] * 2 - 1
+    visible = (uniform[..., 3] > 0.4).double()
+    return losses.SampleBatch(
+        positions, _unit(shapes, n, seed=1), visible, uniform[..., 4] * 2, _unit(shapes, n, seed=2), COUNTS
+    )
+
+
+@pytest.mark.parametrize("activation", ["softplus", "relu", "squareplus"])
+@pytest.mark.parametrize(("modulated", "mirror"), [(False, None), (True, None), (True, "z")])
+def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, modulated, mirror):
+    field, batch, modulations = _field(activation, mirror), _batch(), None
+    parameters = list(field.parameters())
+    if modulated:
+        torch.manual_seed(3)
+        modulator = siren.Modulator(4, (12, 10)).double()
+        parameters += list(modulator.parameters())
+        modulations = modulator(torch.randn(2, 4, dtype=torch.float64))
+    expected = plain_loss(field, batch, modulations, WEIGHTS)
+    slow = torch.autograd.grad(expected, parameters, retain_graph=True)
+    found, terms = losses.shape_loss(field, batch, modulations, WEIGHTS)
+    torch.testing.assert_close(found, expected, rtol=1e-10, atol=0)
+    for mine, theirs in zip(torch.autograd.grad(found, parameters), slow, strict=True):
+        assert theirs.abs().max() > 0
+        assert (mine - theirs).abs().max() <= 1e-8 * theirs.abs().max()
+    assert not any(term.requires_grad for term in terms.values())
+
+
+_NAMES = [field.name for field in dataclasses.fields(losses.LossWeights)]
+
+
+_CHOICES = ("depth_of", "depth_huber", "transition_speed")  # settings that scale no term
+_NOTHING = losses.LossWeights(
+    **dict.fromkeys([name for name in _NAMES if name not in _CHOICES], 0.0),
+    depth_of="chosen",
+    depth_huber=None,
+    transition_speed=1.5,
+)
+
+
+@pytest.mark.parametrize("name", [name for name in _NAMES if name not in _CHOICES])
+def test_every_weight_scales_its_own_term(name):
+    field, batch = _field(), _batch()
+    one, two = (dataclasses.replace(_NOTHING, **{name: factor}) for factor in (1.0, 2.0))
+    single, double = (float(losses.shape_loss(field, batch, None, w)[0].detach()) for w in (one, two))
+    assert single != 0
+    assert double == pytest.approx(2 * single, rel=1e-12)
+    assert float(losses.shape_loss(field, batch, None, _NOTHING)[0].detach()) == 0
+
+
+def test_huber_depth_error_is_quadratic_then_linear():
+    error = torch.tensor([0.0, 0.01, 0.02, 0.52, -0.52])
+    found = losses.depth_error(1 + error, torch.ones(5), 0.02)
+    torch.testing.assert_close(found, torch.tensor([0.0, 0.0025, 0.01, 0.51, 0.51]))
+    torch.testing.assert_close(losses.depth_error(1 + error, torch.ones(5)), error.square())
+
+
+def test_mixture_depth_loss_weighs_both_components_and_moves_weight_to_the_better():
+    field = _field("relu")
+    raw = torch.tensor([[1.0, 3.0, 2.0, 0.0], [1.0, 3.0, -2.0, 0.0]], dtype=torch.float64, requires_grad=True)
+    truth, visible = torch.full((2,), 1.5, dtype=torch.float64), torch.ones(2, dtype=torch.float64)
+    mixture = dataclasses.replace(WEIGHTS, depth_of="mixture")
+    found = losses.depth_loss(field, raw, truth, visible, mixture)
+    heavy, light = 1 / (1 + math.exp(-2)), 1 / (1 + math.exp(2))
+    assert found.tolist() == pytest.approx([heavy * 0.25 + light * 2.25, light * 0.25 + heavy * 2.25])
+    (gradient,) = torch.autograd.grad(found.sum(), raw)
+    assert bool((gradient[:, 2] < 0).all())  # both rows: more weight to the first, which is nearer to the truth
+    chosen = losses.depth_loss(field, raw, truth, visible, WEIGHTS)
+    assert chosen.tolist() == pytest.approx([0.25, 2.25])
+    assert bool((torch.autograd.grad(chosen.sum(), raw)[0][:, 2] == 0).all())
+    assert bool((losses.depth_loss(field, raw, truth, 0 * visible, mixture) == 0).all())
+
+
+def test_shape_loss_uses_the_huber_threshold():
+    field, batch = _field(), _batch()
+    depth = dataclasses.replace(_NOTHING, depth=1.0)
+    square, huber = (
+        losses.shape_loss(field, batch, None, dataclasses.replace(depth, depth_huber=value))[0]
+        for value in (None, 1e9)  # so wide that no error is beyond it: e²/(2β)
+    )
+    assert float((2e9 * huber / square).detach()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("inf")])
+def test_bad_huber_threshold_is_refused(value):
+    with pytest.raises(checks.InputError, match="depth_huber must be > 0"):
+        dataclasses.replace(WEIGHTS, depth_huber=value)
+
+
+class _Exact(pddf.PDDF):
+    """Depth to the plane z = `height`, plus an error that grows with the distance from the start of the ray's box."""
+
+    def __init__(self, error):
+        super().__init__(pddf.PDDFConfig((4,), 1.0, 1.0, "relu", 1.0))
+        self.error = torch.nn.Parameter(torch.tensor(error, dtype=torch.float64))
+
+    def forward(self, positions, directions, modulations=None):
+        depth = (0.9 - positions[..., 2]) / directions[..., 2] * (1 + self.error)
+        return torch.stack((depth, depth, torch.ones_like(depth), torch.full_like(depth, 50.0)), dim=-1)
+
+
+def _upward(shapes=2):
+    """Rays that meet the plane z = 0.9 inside the cube, straight up."""
+    batch = _batch(shapes)
+    up = torch.zeros_like(batch.directions)
+    up[..., 2] = 1
+    positions = batch.positions * torch.tensor([1.0, 1.0, 0.8], dtype=torch.float64)
+    return dataclasses.replace(batch, positions=positions, directions=up, visible=torch.ones_like(batch.visible))
+
+
+def test_view_consistency_of_an_exact_field_is_zero_and_of_a_scaled_one_by_hand():
+    batch = _upward()
+    exact = losses.view_consistency_loss(_Exact(0.0), batch, None, WEIGHTS)
+    assert float(exact.detach()) == pytest.approx(0.0, abs=1e-20)
+    field = _Exact(0.25)
+    found = losses.view_consistency_loss(field, batch, None, WEIGHTS)
+    number = COUNTS["E"] + COUNTS["U"]
+    expected, slope = 0.0, 0.0
+    for positions in batch.positions:
+        for k, position in enumerate(positions[:number], start=1):
+            depth = 0.9 - float(position[2])
+            way = (k * losses.GOLDEN_SHARE) % 1 * 1.25 * depth
+            inside = float(position[2]) + way <= 1
+            gap = max(0.0, (depth - way) * 1.25) - (1.25 * depth - way)  # the ReLU: behind the plane depth is 0
+            expected += inside * gap**2 / (2 * number)
+            own = (depth - way if depth > way else 0.0) - depth  # d gap / d error, t held
+            slope += inside * 2 * gap * own / (2 * number)
+    assert expected > 1e-3
+    assert float(found.detach()) == pytest.approx(expected)
+    (gradient,) = torch.autograd.grad(found, field.error)
+    assert float(gradient) == pytest.approx(slope)
+
+
+def test_view_consistency_counts_what_is_visible_and_takes_part_only_with_a_weight(monkeypatch):
+    batch, field = _upward(), _Exact(0.25)
+    extra = slice(0, COUNTS["E"])
+    nothing = torch.zeros_like(batch.visible)
+    hidden = losses.view_consistency_loss(field, dataclasses.replace(batch, visible=nothing), None, WEIGHTS)
+    seen = losses.view_consistency_loss(field, batch, None, WEIGHTS)
+    assert 0 < float(hidden.detach()) < float(seen.detach())  # what is left is E, of which the field says visible
+    spoiled = batch.visible.clone()
+    spoiled[:, extra] = float("nan")
+    same = losses.view_consistency_loss(field, dataclasses.replace(batch, visible=spoiled), None, WEIGHTS)
+    assert torch.equal(same, seen)
+    plain, terms = losses.shape_loss(_field(), _batch(), None, WEIGHTS)
+    weighed, named = losses.shape_loss(_field(), _batch(), None, dataclasses.replace(WEIGHTS, view_consistency=3.0))
+    assert set(named) == {*terms, "view_consistency"}
+    torch.testing.assert_close(weighed, plain + 3 * named["view_consistency"])
+    monkeypatch.setattr(losses, "view_consistency_loss", None)
+    assert torch.equal(losses.shape_loss(_field(), _batch(), None, WEIGHTS)[0], plain)
+
+
+def test_ground_truth_of_extra_points_is_never_read():
+    field, batch = _field(), _batch()
+    spoiled = {name: getattr(batch, name).clone() for name in ("visible", "depth", "normals")}
+    for values in spoiled.values():
+        values[:, : COUNTS["E"]] = float("nan")
+    assert torch.equal(
+        losses.shape_loss(field, batch, None, WEIGHTS)[0],
+        losses.shape_loss(field, dataclasses.replace(batch, **spoiled), None, WEIGHTS)[0],
+    )
+
+
+def test_saturated_logits_keep_loss_and_gradient_finite():
+    field, batch = _field(), _batch()
+    with torch.no_grad():
+        field.network.head.bias[2:] = torch.tensor([-2000.0, 2000.0])
+    loss, _ = losses.shape_loss(field, batch, None, WEIGHTS)
+    gradients = torch.autograd.grad(loss, list(field.parameters()))
+    assert all(bool(torch.isfinite(g).all()) for g in (loss, *gradients))
+
+
+def test_terms_by_hand():
+    zero, one = torch.zeros(1), torch.ones(1)
+    assert float(losses.transition_loss(torch.tensor([-0.5]), 2.0)) == 2.25
+    assert float(losses.transition_loss(torch.tensor([-3.0]), 2.0)) == 0.0
+    assert float(losses.bernoulli_variance(zero)) == 0.25
+    n = torch.tensor([[0.0, 0.6, 0.8]])
+    assert float(losses.normal_loss(-n, n, one)) == pytest.approx(-1.0)
+
+
+def test_bad_weight_is_refused():
+    with pytest.raises(checks.InputError, match=r"weights\.depth must be >= 0 and finite; got -1"):
+        dataclasses.replace(WEIGHTS, depth=-1.0)
+
+
+@pytest.mark.parametrize("points", [1, 4, 11, 36, 40, 80, 1000])
+def test_blocks_are_the_batch_in_parts(points):
+    batch = dataclasses.replace(_batch(3), visible=torch.arange(3 * sum(COUNTS.values())).view(3, -1).double())
+    rows = {kind: [] for kind in COUNTS}
+    for shapes, block in batch.blocks(points):
+        assert block.visible.shape == (shapes.stop - shapes.start, sum(block.counts.values()))
+        assert len(block.visible) == 1 or block.visible.numel() <= max(points, block.visible.shape[1])
+        assert block.visible.numel() <= max(points, 1)
+        for kind in COUNTS:
+            rows[kind] += block.visible[:, block.span(kind, kind)].flatten().tolist()
+    for kind, found in rows.items():
+        assert sorted(found) == sorted(batch.visible[:, batch.span(kind, kind)].flatten().tolist())
+
+
+@pytest.mark.parametrize("points", [1, 5, 40])
+def test_loss_and_gradient_do_not_depend_on_the_blocks(monkeypatch, points):
+    field, batch = _field(), _batch()
+    torch.manual_seed(3)
+    modulator = siren.Modulator(4, (12, 10)).double()
+    parameters = [*field.parameters(), *modulator.parameters()]
+
+    def step():
+        loss, terms = losses.shape_loss(field, batch, modulator(torch.ones(2, 4, dtype=torch.float64)), WEIGHTS)
+        return [loss, *terms.values(), *torch.autograd.grad(3 * loss, parameters)]
+
+    whole = step()
+    monkeypatch.setattr(losses, "BLOCK_POINTS", points)
+    monkeypatch.setattr(torch, "get_num_threads", lambda: 1)
+    for mine, theirs in zip(step(), whole, strict=True):
+        torch.testing.assert_close(mine, theirs, rtol=1e-10, atol=1e-12)
+
+
+def test_bfloat16_products_change_the_loss_a_little_and_keep_its_type(monkeypatch):
+    monkeypatch.setattr(passes, "has_bfloat16", lambda device: True)
+    field, batch = _field().float(), _batch()
+    names = ("positions", "directions", "visible", "depth", "normals")
+    batch = dataclasses.replace(batch, **{name: getattr(batch, name).float() for name in names})
+    found = [losses.shape_loss(field, batch, None, WEIGHTS, kind)[0] for kind in ("float32", "bfloat16")]
+    assert found[1].dtype == torch.float32
+    exact, rounded = (float(loss.detach()) for loss in found)
+    assert 0 < abs(rounded - exact) < 0.01 * abs(exact)
+    parameters = list(field.parameters())
+    slopes = [torch.cat([g.flatten() for g in torch.autograd.grad(loss, parameters)]) for loss in found]
+    assert 0 < float((slopes[1] - slopes[0]).norm()) < 0.05 * float(slopes[0].norm())
+
+
+def test_loss_without_gradients_is_the_same_number():
+    field, batch = _field(), _batch()
+    with torch.no_grad():
+        plain = losses.shape_loss(field, batch, None, WEIGHTS)[0]
+    frozen = losses.shape_loss(_field().requires_grad_(False), batch, None, WEIGHTS)[0]
+    trained = losses.shape_loss(field, batch, None, WEIGHTS)[0]
+    assert not plain.requires_grad and not frozen.requires_grad and trained.requires_grad
+    assert float(plain) == float(frozen) == float(trained.detach())
+
+
+def test_depth_of_a_miss_is_never_read():
+    field, batch = _field(), _batch()
+    spoiled = dataclasses.replace(batch, depth=torch.where(batch.visible > 0, batch.depth, float("nan")))
+    exact, found = (losses.shape_loss(field, each, None, WEIGHTS)[0] for each in (batch, spoiled))
+    assert torch.equal(exact, found)
+    assert all(bool(g.isfinite().all()) for g in torch.autograd.grad(found, list(field.parameters())))

@@ -1,0 +1,78 @@
+import dataclasses
+
+import pytest
+import torch
+
+from ddf.core import checks
+from ddf.fields import derivatives, pddf, rendering, siren
+from ddf.geometry import cameras, transforms
+
+FIELD = pddf.PDDFConfig((16, 16), 2.0, 1.0, "softplus", 10.0)
+
+
+def _field(mirror=None):
+    torch.manual_seed(0)
+    return pddf.PDDF(dataclasses.replace(FIELD, mirror=mirror))
+
+
+def _camera():
+    return torch.tensor([0.9, 0.45, 0.8]), torch.tensor(2.6)
+
+
+def test_each_output_is_that_of_all_together_and_nothing_else():
+    field, (camera, scale) = _field(), _camera()
+    together, queries = rendering.render(field, None, camera, scale, 24)
+    assert set(together) == {"visibility", "depth", "normals"}
+    for name, expected in together.items():
+        alone, same = rendering.render(field, None, camera, scale, 24, [name])
+        assert same == queries
+        assert set(alone) == {name}
+        torch.testing.assert_close(alone[name], expected)
+
+
+@pytest.mark.parametrize("mirror", [None, "x"])
+def test_normals_equal_autograd_of_the_chosen_depth(mirror):
+    field = _field(mirror)
+    generator = torch.Generator().manual_seed(1)
+    p = (torch.rand(40, 3, generator=generator) * 2 - 1).requires_grad_()
+    v = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1)
+    raw = field(p, v)
+    (gradient,) = torch.autograd.grad(torch.where(raw[:, 2] >= 0, raw[:, 0], raw[:, 1]).sum(), p)
+    found = rendering.query(field, p.detach(), v, None, ["normals"])["normals"]
+    torch.testing.assert_close(found, derivatives.normals(gradient, v), rtol=1e-4, atol=1e-5)
+    assert bool(((found * v).sum(-1) <= 1e-6).all())
+
+
+def test_rays_that_miss_the_box_are_background_and_cost_nothing():
+    field, (camera, scale) = _field(), _camera()
+    images, queries = rendering.render(field, None, camera, scale, 32)
+    background = torch.isinf(images["depth"])
+    assert queries == int((~background).sum())
+    assert 0 < queries < 32 * 32
+    assert bool((images["visibility"][background] == 0).all())
+    assert bool((images["normals"][background] == 0).all())
+
+
+def test_depth_is_measured_from_the_camera():
+    field, (camera, scale) = _field(), _camera()
+    images, _ = rendering.render(field, None, camera, scale, 32, ["depth"])
+    entry, world, distance, meets = rendering.field_rays(camera, scale, cameras.pixel_directions(32).reshape(-1, 3))
+    expected = field.depth(field(entry[meets], world[meets])) + distance[meets]
+    torch.testing.assert_close(images["depth"].reshape(-1)[meets], expected)
+    origin = cameras.position(camera[0], camera[1], camera[2]) * scale / transforms.BENCHMARK_FROM_V1
+    torch.testing.assert_close(origin + distance[meets, None] * world[meets], entry[meets], rtol=0, atol=1e-5)
+
+
+def test_conditional_field_uses_its_modulations():
+    torch.manual_seed(0)
+    modulator = siren.Modulator(4, FIELD.hidden)
+    field, (camera, scale) = _field(), _camera()
+    one, two = (modulator(torch.randn(4)) for _ in range(2))
+    first, _ = rendering.render(field, one, camera, scale, 16, ["depth"])
+    second, _ = rendering.render(field, two, camera, scale, 16, ["depth"])
+    assert not torch.equal(first["depth"], second["depth"])
+
+
+def test_unknown_output_is_refused():
+    with pytest.raises(checks.InputError, match="outputs must be among visibility, depth, normals; got colour"):
+        rendering.query(_field(), torch.zeros(1, 3), torch.tensor([[1.0, 0, 0]]), None, ["colour"])

@@ -1,0 +1,63 @@
+import math
+
+import pytest
+import torch
+
+from ddf.core import checks
+from ddf.fields import siren
+
+
+def test_network_is_the_formula():
+    torch.manual_seed(0)
+    network = siren.SineNetwork(2, siren.SineLayout((3, 4), 2.0, 5.0), 1).double()
+    x = torch.randn(7, 2, dtype=torch.float64)
+    modulations = [torch.full((1, 3), 0.5, dtype=torch.float64), torch.full((1, 4), 2.0, dtype=torch.float64)]
+    first, second = network.layers
+    hidden = 0.5 * torch.sin(2.0 * (x @ first.weight.T + first.bias))
+    hidden = 2.0 * torch.sin(5.0 * (hidden @ second.weight.T + second.bias))
+    expected = hidden @ network.head.weight.T + network.head.bias
+    torch.testing.assert_close(network(x, modulations), expected, rtol=1e-12, atol=1e-12)
+
+
+def test_initial_weights_fill_their_bounds():
+    torch.manual_seed(0)
+    network = siren.SineNetwork(6, siren.SineLayout((256, 256), 1.0, 4.0), 4)
+    for layer, bound in ((network.layers[0], 1.0), (network.layers[1], math.sqrt(6 / 256) / 4)):
+        largest = float(layer.weight.detach().abs().max())
+        assert 0.98 * bound < largest <= bound
+
+
+def test_omega_hidden_leaves_the_initial_activations_alone():
+    outputs = []
+    for omega in (1.0, 30.0):
+        torch.manual_seed(0)
+        network = siren.SineNetwork(6, siren.SineLayout((64, 64, 64), 1.0, omega), 4)
+        for layer in (*network.layers[1:], network.head):
+            torch.nn.init.zeros_(layer.bias)
+        x = torch.randn(500, 6, generator=torch.Generator().manual_seed(1))
+        outputs.append(torch.sin(siren.scaled_linear(torch.sin(network.layers[0](x)), network.layers[1], omega)))
+    torch.testing.assert_close(outputs[0], outputs[1], rtol=1e-4, atol=1e-5)
+
+
+def test_modulator_chains_previous_modulation_and_latent():
+    torch.manual_seed(0)
+    modulator = siren.Modulator(3, (4, 5)).double()
+    z = torch.randn(2, 3, dtype=torch.float64)
+    first = torch.nn.functional.softplus(modulator.layers[0](z))
+    second = torch.nn.functional.softplus(modulator.layers[1](torch.cat((first, z), dim=-1)))
+    found = modulator(z)
+    assert [tuple(m.shape) for m in found] == [(2, 1, 4), (2, 1, 5)]
+    assert torch.equal(found[0][:, 0], first)
+    assert torch.equal(found[1][:, 0], second)
+
+
+def test_modulations_start_at_about_one():
+    torch.manual_seed(0)
+    for modulation in siren.Modulator(32, (64,) * 3)(torch.zeros(1, 32)):
+        assert 0.5 < float(modulation.detach().mean()) < 1.6
+
+
+@pytest.mark.parametrize("arguments", [((),), ((3, 0),), ((3,), 0.0), ((3,), 1.0, -1.0)])
+def test_impossible_layout_is_refused(arguments):
+    with pytest.raises(checks.InputError, match=r"hidden must list|omega must be positive"):
+        siren.SineLayout(*arguments)

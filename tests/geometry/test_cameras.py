@@ -1,0 +1,92 @@
+"""Facts of the 3D-R2N2 cameras, and what follows from them."""
+
+import math
+
+import pytest
+import torch
+
+from ddf.geometry import cameras
+
+
+def _tensor(*values):
+    return torch.tensor(values, dtype=torch.float64)
+
+
+def test_known_camera():
+    rotation, centre = cameras.extrinsics(
+        *(x.squeeze() for x in _tensor(math.radians(30), math.radians(25), 0.8).split(1))
+    )
+    expected = _tensor(
+        [0.5, 0, -0.8660254], [-0.36599815, 0.90630779, -0.21130913], [0.78488557, 0.42261826, 0.45315389]
+    )
+    torch.testing.assert_close(rotation, expected, rtol=0, atol=1e-6)
+    torch.testing.assert_close(centre, _tensor(0.62790845, 0.33809461, 0.36252311), rtol=0, atol=1e-6)
+    torch.testing.assert_close(rotation @ -centre, _tensor(0, 0, -0.8), rtol=0, atol=1e-12)
+
+
+def test_rotations_are_orthonormal_also_at_the_poles():
+    azimuth = torch.linspace(0, 2 * math.pi, 13, dtype=torch.float64)
+    for elevation in (-math.pi / 2, -0.3, 0.5, math.pi / 2):
+        rotation = cameras.rotation(azimuth, torch.full_like(azimuth, elevation))
+        identity = torch.eye(3, dtype=torch.float64).expand(13, 3, 3)
+        torch.testing.assert_close(rotation @ rotation.transpose(-1, -2), identity, rtol=0, atol=1e-12)
+        assert bool((torch.linalg.det(rotation) > 0.999).all())
+
+
+def test_closed_form_equals_cross_products():
+    azimuth, elevation = _tensor(0.3, 2.0, 5.1), _tensor(0.1, 0.45, -0.6)
+    rotation, centre = cameras.extrinsics(azimuth, elevation, _tensor(0.7, 0.8, 0.9))
+    backwards = torch.nn.functional.normalize(centre, dim=-1)
+    right = torch.nn.functional.normalize(torch.linalg.cross(_tensor(0, 1, 0).expand(3, 3), backwards), dim=-1)
+    expected = torch.stack((right, torch.linalg.cross(backwards, right), backwards), dim=-2)
+    torch.testing.assert_close(rotation, expected, rtol=0, atol=1e-12)
+
+
+def test_points_along_a_pixel_ray_project_to_that_pixel():
+    camera = _tensor(1.1, 0.4, 0.75)
+    rotation, centre = cameras.extrinsics(camera[0], camera[1], camera[2])
+    for size in (137, 64, 32):
+        directions = cameras.pixel_directions(size, torch.float64)
+        origin, world = cameras.pixel_rays(camera[0], camera[1], camera[2], directions.reshape(-1, 3))
+        u, v = cameras.project(origin + 0.6 * world, rotation, centre)
+        centres = (torch.arange(size, dtype=torch.float64) + 0.5) * 137 / size
+        torch.testing.assert_close(u.reshape(size, size), centres.expand(size, size), rtol=0, atol=1e-9)
+        torch.testing.assert_close(v.reshape(size, size), centres[:, None].expand(size, size), rtol=0, atol=1e-9)
+
+
+def test_field_of_view_is_that_of_the_renders():
+    half = math.atan(cameras.CENTRE_PX / cameras.FOCAL_PX)
+    assert abs(2 * math.degrees(half) - 49.134) < 1e-3
+
+
+def test_up_in_the_world_is_up_in_the_image():
+    rotation, centre = cameras.extrinsics(*_tensor(0.7, 0.45, 0.8).unbind())
+    u, v = cameras.project(_tensor([0, 0, 0], [0, 0.1, 0]), rotation, centre)
+    torch.testing.assert_close(u, _tensor(68.5, 68.5))
+    assert v[1] < v[0]
+
+
+@pytest.mark.parametrize(("mirror", "axis"), [("x", 0), ("z", 2)])
+def test_the_mirrored_camera_sees_the_mirror_image_as_the_flipped_image(mirror, axis):
+    points = torch.rand(50, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64) - 0.5
+    flipped = points.clone()
+    flipped[:, axis] *= -1
+    for azimuth in (0.0, 0.3, 2.0, 4.4, 6.2):
+        camera = _tensor(azimuth, 0.4, 0.8)
+        other = cameras.mirrored(camera, mirror)
+        assert 0 <= float(other[0]) < 2 * math.pi
+        u, v = cameras.project(points, *cameras.extrinsics(*camera))
+        across, down = cameras.project(flipped, *cameras.extrinsics(*other))
+        torch.testing.assert_close(across, 137 - u)
+        torch.testing.assert_close(down, v)
+        again = cameras.extrinsics(*cameras.mirrored(other, mirror))
+        torch.testing.assert_close(again, cameras.extrinsics(*camera))
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "between"), [(0.2, 0.6, 0.4), (0.1, -0.3, -0.1), (6.2, 0.3, 3.25 - math.pi), (3.0, 3.4, 3.2)]
+)
+def test_between_two_azimuths_is_the_shorter_way_round(one, other, between):
+    found = cameras.between(_tensor(one, 0.4, 0.6), _tensor(other, 0.2, 0.8))
+    assert 0 <= float(found[0]) < 2 * math.pi
+    torch.testing.assert_close(found, _tensor(between % (2 * math.pi), 0.3, 0.7))

@@ -1,0 +1,151 @@
+"""Reading meshes: every format to the same triangles, every broken file to one line, before anything is allocated."""
+
+import json
+import resource
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+from _shapes import cube, icosphere, moved
+from _support import assert_close
+
+from ddf.core import checks
+from ddf.geometry import mesh_io
+
+
+@pytest.mark.parametrize("suffix", mesh_io.SUFFIXES)
+def test_round_trip_keeps_triangles(suffix, tmp_path):
+    mesh = icosphere(2)
+    path = tmp_path / f"shape{suffix}"
+    path.write_bytes(mesh_io.export_bytes(mesh, suffix))
+    again = mesh_io.load(path)
+    exact = suffix in (".ply", ".obj", ".off")
+    assert_close(again.triangles, mesh.triangles, atol=0 if exact else 1e-7, rtol=0)
+
+
+def test_obj_reads_polygons_negative_indices_texture_and_continued_lines(tmp_path):
+    text = "# c\nmtllib no.mtl\nv 0 0 0\nv 1 0 0 1 1 1\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\n"
+    text += "f 1/1/1 2//1 3/1 \\\n 4\nf -4 -2 -1\n"
+    path = tmp_path / "a.obj"
+    path.write_text(text)
+    mesh = mesh_io.load(path)
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 2, 3]]
+    assert mesh.vertices.dtype == np.float64
+
+
+def test_obj_keeps_every_bit_of_far_coordinates(tmp_path):
+    mesh = moved(icosphere(1), 1e-3, (123456.789, -98765.4321, 5e6))
+    path = tmp_path / "far.obj"
+    path.write_bytes(mesh_io.export_bytes(mesh, ".obj"))
+    assert (mesh_io.load(path).vertices == mesh.vertices).all()
+
+
+def test_glb_applies_the_transforms_of_its_scene(tmp_path):
+    scene = trimesh.Scene()
+    part = trimesh.creation.box(extents=(2, 2, 2))
+    scene.add_geometry(part, transform=trimesh.transformations.translation_matrix([5, 0, 0]))
+    scene.add_geometry(part, transform=trimesh.transformations.scale_matrix(0.5))
+    path = tmp_path / "scene.glb"
+    path.write_bytes(scene.export(file_type="glb"))
+    lower, upper = mesh_io.load(path).box()
+    assert_close(np.stack([lower, upper]), np.array([[-0.5, -1, -1], [6, 1, 1]]), atol=1e-6)
+
+
+def _glb(tree: dict) -> bytes:
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A) + text
+
+
+BAD = {
+    "empty.obj": (b"", "empty"),
+    "blank.stl": (b"\0" * 100, "empty"),
+    "points.obj": (b"v 0 0 0\n", "no triangles"),
+    "text.obj": (b"hello\nworld\n", "no triangles"),
+    "range.obj": (b"v 0 0 0\nf 1 2 3\n", "uses vertex 3"),
+    "zero.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "indices start at 1"),
+    "before.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 1 2\n", "uses vertex -4"),
+    "word.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf a b c\n", "not an index"),
+    "short.obj": (b"v 0 0\n", "three coordinates"),
+    "letters.obj": (b"v 0 x 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not a readable obj"),
+    "nan.obj": (b"v 0 nan 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite"),
+    "huge.off": (b"OFF\n99999999999 1 0\n0 0 0\n", "claims 99999999999 vertices"),
+    "faces.off": (b"OFF\n1 99999999999 0\n0 0 0\n", "claims 99999999999 faces"),
+    "header.off": (b"NOFF\n", "no OFF header"),
+    "huge.stl": (b"x" * 80 + struct.pack("<I", 4_000_000_000), "claims 4000000000 triangles"),
+    "short.stl": (b"x" * 40, "shorter than its header"),
+    "huge.ply": (
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 9999999999\nproperty float x\nproperty float y\n"
+        b"property float z\nend_header\n",
+        "claims 9999999999 vertex",
+    ),
+    "huge2.ply": (
+        b"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nelement face 9999999999\n"
+        b"property list uchar int vertex_indices\nend_header\n",
+        "claims 9999999999 face",
+    ),
+    "header.ply": (b"ply\nformat", "no ply header"),
+    "noise.glb": (b"\x01\x02" * 40, "no glTF header"),
+    "json.glb": (struct.pack("<4sIIII", b"glTF", 2, 24, 4, 0x4E4F534A) + b"{{{{", "JSON chunk"),
+    "count.glb": (_glb({"asset": {"version": "2.0"}, "accessors": [{"count": 10**12}]}), "accessor entries"),
+    "outside.glb": (_glb({"asset": {"version": "2.0"}, "buffers": [{"uri": "../secret.bin"}]}), "points outside"),
+    "mesh.xyz": (b"0 0 0", "must end in"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_broken_files_are_refused_in_one_line_that_names_them(name, tmp_path):
+    data, reason = BAD[name]
+    path = tmp_path / name
+    path.write_bytes(data)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(checks.InputError, match=reason) as caught:
+        mesh_io.load(path)
+    assert name in str(caught.value) and "\n" not in str(caught.value)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 64 * 1024
+
+
+def test_truncated_files_are_refused(tmp_path):
+    for suffix in (".ply", ".stl", ".glb", ".off"):
+        path = tmp_path / f"cut{suffix}"
+        path.write_bytes(mesh_io.export_bytes(icosphere(2), suffix)[:-200])
+        with pytest.raises(checks.InputError, match=f"cut{suffix}"):
+            mesh_io.load(path)
+
+
+def test_missing_file_and_folder_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"gone\.obj"):
+        mesh_io.load(tmp_path / "gone.obj")
+    with pytest.raises(checks.InputError, match="not a file"):
+        mesh_io.load(tmp_path)
+
+
+def test_unwritable_suffix_is_refused():
+    with pytest.raises(checks.InputError, match="must end in"):
+        mesh_io.export_bytes(cube(), ".doc")
+
+
+def test_box_ignores_vertices_that_no_triangle_uses():
+    mesh = mesh_io.Mesh(np.concatenate([cube().vertices, [[100.0, 0, 0]]]), cube().faces)
+    assert mesh.box()[1].max() == 1
+    assert_close(mesh.diagonal(), 2 * np.sqrt(3))
+
+
+@pytest.mark.real
+def test_real_bad_files_are_refused(shared_dir):
+    for path in sorted((shared_dir / "meshes").glob("bad_*")):
+        with pytest.raises(checks.InputError, match=path.name):
+            mesh_io.load(path)
+
+
+@pytest.mark.real
+def test_every_readable_real_mesh_loads(shared_dir):
+    known = {
+        "teapot.obj": 2464,
+        "hard_degenerate_truck_green.glb": 1104,
+        "hard_far_offset_gebco.stl": 3108,
+        "mug.stl": 6116,
+    }
+    for name, faces in known.items():
+        assert len(mesh_io.load(shared_dir / "meshes" / name).faces) == faces

@@ -1,0 +1,85 @@
+"""PLY clouds: every encoding gives the same points, and broken files are refused in one line."""
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from ddf.core import checks
+from ddf.geometry import point_io
+
+_POINTS = np.random.default_rng(0).normal(size=(37, 3))
+
+
+def _header(form, count, kind="double", extra=""):
+    return f"ply\nformat {form} 1.0\ncomment x\nelement vertex {count}\n{extra}" + "".join(
+        f"property {kind} {axis}\n" for axis in "xyz"
+    )
+
+
+@pytest.mark.parametrize(("form", "order"), [("binary_little_endian", "<"), ("binary_big_endian", ">"), ("ascii", "")])
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_all_encodings_give_the_points(tmp_path, form, order, newline):
+    header = (_header(form, len(_POINTS)) + "end_header\n").replace("\n", newline).encode()
+    rows = [" ".join(map(repr, row)) for row in _POINTS.tolist()]
+    body = _POINTS.astype(f"{order}f8").tobytes() if order else "\n".join(rows).encode()
+    path = tmp_path / "a.ply"
+    path.write_bytes(header + body)
+    np.testing.assert_array_equal(point_io.read_points(path), _POINTS)
+
+
+def test_extra_properties_and_faces_are_passed_over(tmp_path):
+    row = np.dtype([("red", "u1"), ("x", "<f4"), ("z", "<f8"), ("y", "<f4")])
+    table = np.zeros(len(_POINTS), row)
+    table["x"], table["y"], table["z"] = _POINTS.T
+    header = "ply\nformat binary_little_endian 1.0\nelement vertex 37\nproperty uchar red\nproperty float x\n"
+    header += (
+        "property double z\nproperty float y\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    path = tmp_path / "a.ply"
+    path.write_bytes(header.encode() + table.tobytes() + b"\x03" + np.arange(3, dtype="<i4").tobytes())
+    expected = np.stack([table["x"], table["y"], table["z"]], axis=1)
+    np.testing.assert_array_equal(point_io.read_points(path), expected)
+
+
+@pytest.mark.parametrize("ascii_form", [False, True])
+def test_reads_what_open3d_writes_and_writes_what_open3d_reads(tmp_path, ascii_form):
+    path = str(tmp_path / "a.ply")
+    o3d.io.write_point_cloud(path, o3d.geometry.PointCloud(o3d.utility.Vector3dVector(_POINTS)), write_ascii=ascii_form)
+    np.testing.assert_allclose(point_io.read_points(path), _POINTS, atol=1e-5)
+    (tmp_path / "b.ply").write_bytes(point_io.points_ply(_POINTS))
+    read = np.asarray(o3d.io.read_point_cloud(str(tmp_path / "b.ply")).points)
+    np.testing.assert_array_equal(read, _POINTS.astype(np.float32))
+    np.testing.assert_array_equal(point_io.read_points(tmp_path / "b.ply"), _POINTS.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "not a PLY file"),
+        (b"solid\nend_header\n", "not a PLY file"),
+        (_header("ascii", 3).encode(), "not a PLY file"),
+        ((_header("ascii", 3) + "end_header\n1 2 3\n4 5").encode(), "claims 3 points"),
+        ((_header("ascii", 1) + "end_header\n1 2 east\n").encode(), "not a number"),
+        ((_header("ascii", 1) + "end_header\n1 nan 3\n").encode(), "finite"),
+        ((_header("ascii", 0) + "end_header\n").encode(), "no points"),
+        ((_header("binary_little_endian", 99999999999) + "end_header\n1").encode(), "claims 99999999999 points"),
+        ((_header("ascii", 99999999999) + "end_header\n1").encode(), "claims 99999999999 points"),
+        ((_header("middle_endian", 1) + "end_header\n1 2 3").encode(), "ascii or binary"),
+        (b"ply\nformat ascii 1.0\nelement face 1\nend_header\n", "must begin with 'element vertex"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1", "must have x, y and z"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty list uchar int x\nend_header\n1", "plain number"),
+    ],
+)
+def test_broken_files_are_refused_by_name(tmp_path, data, message):
+    path = tmp_path / "broken.ply"
+    path.write_bytes(data)
+    with pytest.raises(checks.InputError, match=message) as caught:
+        point_io.read_points(path)
+    assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)
+
+
+def test_missing_file_and_folder(tmp_path):
+    with pytest.raises(FileNotFoundError, match="nothing"):
+        point_io.read_points(tmp_path / "nothing.ply")
+    with pytest.raises(checks.InputError, match="not a file"):
+        point_io.read_points(tmp_path)

@@ -1,0 +1,213 @@
+"""Ray casting: the fast and the exact path on the same questions."""
+
+import numpy as np
+import pytest
+import torch
+from _shapes import cube, icosphere, joined, moved, random_rays, torus
+from _support import assert_close
+
+from ddf.core import checks
+from ddf.geometry import mesh_io, primitives, raycast, rays
+
+PATHS = {"fast": raycast.cast, "exact": raycast.cast_exact}
+
+
+@pytest.fixture(params=PATHS, name="cast")
+def _cast(request):
+    return PATHS[request.param]
+
+
+def _points(positions, directions) -> rays.OrientedPoints:
+    looking = torch.as_tensor(np.asarray(directions, dtype=np.float64))
+    looking = looking / looking.norm(dim=-1, keepdim=True)
+    return rays.OrientedPoints(torch.as_tensor(np.asarray(positions, dtype=np.float64)), looking)
+
+
+def test_box_hits_equal_closed_form(cast):
+    points = random_rays(600, seed=1, spread=2.0)
+    hits, truth = cast(cube(0.9), points), primitives.cast(primitives.Box((-0.9, -0.9, -0.9), (0.9, 0.9, 0.9)), points)
+    assert (hits.visible == truth.visible).all() and 100 < hits.visible.sum() < 500
+    assert_close(hits.depth, truth.depth, atol=1e-9)
+    assert_close(hits.normals, truth.normals, atol=1e-9)
+    assert (hits.face >= 0).eq(hits.visible).all()
+
+
+def test_icosphere_error_falls_with_square_of_edge_length(cast):
+    points = _points(np.zeros((300, 3)), random_rays(300, seed=2).directions.numpy())
+    errors = [float((cast(icosphere(level), points).depth - 1).abs().mean()) for level in (1, 2, 3)]
+    rates = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert (np.abs(rates - 2) < 0.15).all(), errors
+
+
+def test_fast_equals_exact_on_open_overlapping_mesh():
+    soup = joined(torus(), moved(cube(), 0.3, (0.5, 0.1, 0.0)), moved(icosphere(2), 0.5, (-0.4, 0.2, 0.3)))
+    soup = mesh_io.Mesh(soup.vertices, soup.faces[np.arange(len(soup.faces)) % 7 != 0])
+    points = random_rays(500, seed=3)
+    fast, exact = raycast.cast(soup, points), raycast.cast_exact(soup, points)
+    assert (fast.visible == exact.visible).all() and fast.visible.any() and not fast.visible.all()
+    assert_close(fast.depth, exact.depth, atol=2e-6)
+    same = fast.face == exact.face
+    assert same.float().mean() > 0.98  # rays near an edge may take either side
+    assert_close(fast.normals[same], exact.normals[same])
+
+
+def test_rays_through_edges_and_vertices_do_not_leak(cast):
+    mesh = icosphere(2)
+    corners = mesh.triangles
+    targets = np.concatenate(
+        [mesh.vertices, corners.mean(axis=1), (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3) / 2]
+    )
+    directions = targets / np.linalg.norm(targets, axis=1, keepdims=True)
+    hits = cast(mesh, _points(np.zeros_like(targets), directions))
+    assert hits.visible.all()
+    assert_close(hits.depth, np.linalg.norm(targets, axis=1), atol=2e-6)
+    assert cast(mesh, _points(3 * directions, -directions)).visible.all()
+
+
+def test_zero_direction_components_are_exact(cast):
+    start = [[-3.0, 0.2, 0.3], [0.2, 3.0, -0.3], [0.1, 0.2, -3.0], [-3.0, 1.2, 0.0], [0.0, 0.0, 0.0]]
+    looking = [[1.0, 0, 0], [0, -1.0, 0], [0, 0, 1.0], [1.0, 0, 0], [0, 0, -1.0]]
+    hits = cast(cube(1.0), _points(start, looking))
+    assert_close(hits.depth, np.array([2.0, 2.0, 2.0, np.inf, 1.0]), atol=1e-12)
+
+
+def test_hits_from_behind_count_and_face_back(cast):
+    points = random_rays(200, seed=4, spread=0.4)
+    for mesh in (icosphere(2), mesh_io.Mesh(icosphere(2).vertices, icosphere(2).faces[:, ::-1])):
+        hits = cast(mesh, points)
+        assert hits.visible.all()
+        assert ((hits.normals * points.directions).sum(-1) < 0).all()
+
+
+def test_degenerate_triangles_are_never_hit(cast):
+    flat = mesh_io.Mesh(np.array([[0.0, 0, -2], [0, 0, 2], [0, 0, 0]]), np.array([[0, 1, 2], [0, 0, 1]]))
+    mesh = joined(flat, cube(0.5))
+    hits = cast(mesh, _points([[-2.0, 0, 0], [-2.0, 0, 1.0]], [[1.0, 0, 0], [1.0, 0, 0]]))
+    assert_close(hits.depth, np.array([1.5, np.inf]))
+    assert hits.face[0] >= len(flat.faces) and hits.face[1] == -1
+    assert not cast(flat, random_rays(10, seed=5)).visible.any()
+
+
+def test_no_rays_and_empty_mesh(cast):
+    empty = mesh_io.Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
+    hits = cast(empty, random_rays(4, seed=6))
+    assert not hits.visible.any() and torch.isinf(hits.depth).all() and (hits.normals == 0).all()
+    none = cast(cube(), rays.OrientedPoints(torch.zeros(0, 3), torch.zeros(0, 3)))
+    assert none.depth.shape == (0,) and none.normals.shape == (0, 3)
+
+
+def test_batch_shape_is_kept(cast):
+    points = random_rays(12, seed=7)
+    folded = rays.OrientedPoints(points.positions.reshape(3, 4, 3), points.directions.reshape(3, 4, 3))
+    assert_close(cast(cube(), folded).depth, cast(cube(), points).depth.reshape(3, 4))
+    assert cast(cube(), folded).normals.shape == (3, 4, 3)
+
+
+def test_far_camera_and_far_mesh_lose_no_precision():
+    mesh = icosphere(3)
+    points = random_rays(200, seed=8)
+    near = raycast.cast(mesh, points)
+    back = rays.OrientedPoints(points.positions - 1e5 * points.directions, points.directions)
+    from_far = raycast.cast(mesh, back)
+    outside = points.positions.norm(dim=-1) > 1.01
+    comes_in = outside & near.visible & (from_far.depth > 1e5)
+    assert comes_in.sum() > 5
+    assert_close(from_far.depth[comes_in] - 1e5, near.depth[comes_in], atol=1e-9, rtol=0)
+    shift = (4e6, -2e6, 1e6)
+    away = raycast.cast(
+        moved(mesh, 1.0, shift),
+        rays.OrientedPoints(points.positions + points.positions.new_tensor(shift), points.directions),
+    )
+    assert (away.visible == near.visible).all()
+    assert_close(away.depth, near.depth, atol=1e-8)
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-9, 1e-8, 1e-7, 3e-7, 1e-5])
+def test_starts_beside_a_face_are_on_the_side_that_float64_gives(gap):
+    """Two nested spheres: a ray rounded through its face would meet the other sphere, or nothing."""
+    mesh = joined(icosphere(3, 0.9), moved(icosphere(2), 0.4, (0.1, 0.0, 0.05)))
+    rng = np.random.default_rng(12)
+    face = rng.integers(0, len(mesh.faces), 3000)
+    weights = rng.dirichlet((2.0, 2.0, 2.0), 3000)
+    normal = mesh_io.face_normals(mesh)[0][face]
+    looking = random_rays(3000, seed=13).directions.numpy()
+    steep = np.abs((normal * looking).sum(1)) > 0.02
+    side = np.where(np.arange(3000) % 2 == 0, gap, -gap)[:, None]
+    starts = np.einsum("ni,nij->nj", weights, mesh.triangles[face]) + side * normal
+    points = _points(starts[steep], looking[steep])
+    if gap == 0:  # on the face as well as rounding allows: the hit is the face itself or what comes after it
+        step = _points(starts[steep] + 1e-6 * looking[steep], looking[steep])
+        hits, beyond = raycast.cast(mesh, points), raycast.cast(mesh, step)
+        own = hits.depth < 1e-12
+        assert 0.2 < own.float().mean() < 0.95
+        assert_close(hits.depth[~own], beyond.depth[~own] + 1e-6, atol=1e-9)
+    else:
+        hits, exact = raycast.cast(mesh, points), raycast.cast_exact(mesh, points)
+        assert (hits.visible == exact.visible).all()
+        assert_close(hits.depth, exact.depth, atol=1e-12)
+
+
+def test_scale_of_the_mesh_does_not_matter():
+    points = random_rays(200, seed=9)
+    unit = raycast.cast(torus(), points)
+    for scale in (1e-6, 1e6):
+        scaled = raycast.cast(
+            moved(torus(), scale, (0, 0, 0)), rays.OrientedPoints(scale * points.positions, points.directions)
+        )
+        assert (scaled.visible == unit.visible).all()
+        assert_close(scaled.depth / scale, unit.depth, atol=1e-6)
+
+
+def test_flat_mesh_can_be_seen(cast):
+    square = mesh_io.Mesh(
+        np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
+    )
+    hits = cast(square, _points([[0.3, 2, 0.1], [0.3, -2, 0.1]], [[0, -1.0, 0], [0, 1.0, 0]]))
+    assert_close(hits.depth, np.array([2.0, 2.0]))
+    assert_close(hits.normals, np.array([[0, 1.0, 0], [0, -1.0, 0]]))
+
+
+def test_directions_must_be_unit():
+    with pytest.raises(checks.InputError, match="unit length"):
+        rays.OrientedPoints(torch.zeros(1, 3), torch.tensor([[0.0, 0.0, 2.0]]))
+
+
+def test_distance_equals_closed_form_of_box():
+    points = random_rays(500, seed=10, spread=1.5).positions.numpy()
+    outside = np.maximum(np.abs(points) - 0.8, 0)
+    inside = 0.8 - np.abs(points).max(axis=1)
+    expected = np.where(inside > 0, inside, np.linalg.norm(outside, axis=1))
+    scene = raycast.Scene(cube(0.8))
+    assert_close(scene.distance(points), expected, atol=1e-12)
+    assert (scene.outside(points) == (inside < 0)).all()
+
+
+def test_distance_to_triangles_equals_dense_search():
+    rng = np.random.default_rng(11)
+    corners, points = rng.standard_normal((60, 3, 3)), 2 * rng.standard_normal((60, 3))
+    grid = np.linspace(0, 1, 201)
+    u, v = (g.ravel() for g in np.meshgrid(grid, grid))
+    u, v = u[u + v <= 1], v[u + v <= 1]
+    weights = np.stack([1 - u - v, u, v], axis=1)
+    dense = np.linalg.norm(weights @ corners - points[:, None], axis=2).min(axis=1)
+    found = raycast.distance_to_triangles(points, corners)
+    assert (found <= dense + 1e-12).all()
+    assert_close(found, dense, atol=2e-3, rtol=5e-3)
+
+
+def test_visibility_from_outside_of_nested_spheres_and_cup():
+    mesh = joined(icosphere(3, 0.9), icosphere(2, 0.4))
+    corners = mesh.triangles.mean(axis=1)
+    seen = raycast.visible_from_outside(raycast.Scene(mesh), corners, np.arange(len(corners)))
+    assert (seen == (np.linalg.norm(corners, axis=1) > 0.6)).all()
+    open_cube = mesh_io.Mesh(cube().vertices, cube().faces[cube().triangles.mean(axis=1)[:, 1] < 0.9])
+    middle = open_cube.triangles.mean(axis=1)
+    assert raycast.visible_from_outside(raycast.Scene(open_cube), middle, np.arange(len(middle))).all()
+
+
+def test_spread_directions_are_unit_and_balanced():
+    directions = raycast.sphere_directions(64)
+    assert_close(np.linalg.norm(directions, axis=1), np.ones(64))
+    assert np.linalg.norm(directions.mean(axis=0)) < 0.02
+    nearest = np.sort(directions @ directions.T, axis=1)[:, -2]
+    assert np.degrees(np.arccos(nearest)).min() > 15  # 64 even directions are about 26 degrees apart

@@ -1,0 +1,58 @@
+"""The stage that exports both models of a category, and the example of docs/onnx.md on what it wrote."""
+
+import re
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import _models
+import pytest
+
+from ddf.core import storage
+
+ROOT = Path(__file__).resolve().parents[2]
+EXPORT = "export: {outputs: [visibility, depth, normals], batches: [1, 7], precisions: [float16], seed: 0}\n"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    root = tmp_path_factory.mktemp("experiment")
+    for kind in ("ddf", "pcsiren"):
+        _models.write_model(root / f"artifacts/tiny/train_{kind}/chair", kind)
+    (root / "configs").mkdir()
+    (root / "configs/tiny.yaml").write_text(EXPORT)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(root)
+        runpy.run_path(str(ROOT / "stages/export_onnx.py"))["run"](Path("configs/tiny.yaml"), "chair")
+    return root / "artifacts/tiny/export_onnx/chair"
+
+
+def test_every_graph_is_written_with_one_table(written):
+    names = {"field", "encoders", "image_field", "pcsiren", "pcsiren_encoders"}
+    assert {path.name for path in written.iterdir()} == {f"{name}.onnx" for name in names} | {
+        "onnx_parity.csv",
+        "onnx_parity.csv.json",
+    }
+    table, record = storage.load_table(written / "onnx_parity.csv")
+    assert set(table["graph"]) == names
+    assert set(table["precision"]) == {"float32", "float16"}
+    assert (table["category"] == "chair").all()
+    full = table[table["precision"] == "float32"]
+    assert (full["max_abs"] <= full["tolerance"]).all()
+    assert (full["bytes"] == [(written / f"{name}.onnx").stat().st_size for name in full["graph"]]).all()
+    assert set(record["sources"]) == {
+        f"artifacts/tiny/train_{kind}/chair/model.safetensors" for kind in ("ddf", "pcsiren")
+    }
+
+
+def test_example_of_the_docs_runs_without_this_package(written):
+    (example,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/onnx.md").read_text(), re.DOTALL)
+    assert len(example.strip().splitlines()) <= 20
+    assert set(re.findall(r"(?m)^(?:import|from) (\w+)", example)) == {"json", "numpy", "onnxruntime"}
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", example], cwd=written, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"\d+ of 4096 rays hit; normals have shape \(4096, 3\)", done.stdout)
+    assert "box [[-1, -1, -1], [1, 1, 1]]" in done.stdout

@@ -1,0 +1,194 @@
+import pytest
+import torch
+
+from ddf.fields import passes, siren
+from ddf.training import optimisers
+
+
+class Decoder(torch.nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.network = siren.SineNetwork(3, siren.SineLayout((6, 5, 4)), 2)
+        self.modulator = siren.Modulator(4, (6, 5, 4))
+
+    def latent(self, generator):
+        return torch.rand((2, 4), generator=generator)
+
+
+class WithEncoder(Decoder):
+    def __init__(self):
+        super().__init__()
+        self.encoder = torch.nn.Conv2d(3, 4, kernel_size=2)
+
+    def latent(self, generator):
+        images = torch.rand((2, 3, 4, 4), generator=generator)
+        return self.encoder(images).sin().mean(dim=(-2, -1))  # a gradient of full rank, though of two images
+
+
+def _model(kind=WithEncoder):
+    torch.manual_seed(0)
+    return kind()
+
+
+def _loss(model, step=0):
+    generator = torch.Generator().manual_seed(step)
+    points = torch.rand((2, 7, 3), generator=generator)
+    return model.network(points, model.modulator(model.latent(generator))).square().mean()
+
+
+def _optimiser(model, muon, muon_kernels=None, weight_decay=0.0):
+    groups = [{"params": list(model.parameters()), "weight_decay": weight_decay}]
+    return optimisers.Optimiser(model, groups, 1e-2, muon, muon_kernels)
+
+
+def _steps(model, optimiser, steps):
+    for step in steps:
+        optimiser.zero_grad()
+        _loss(model, step).backward()
+        optimiser.step()
+
+
+def test_hidden_matrices_are_all_but_first_layers_heads_and_biases():
+    model = _model()
+    chosen = {id(weight) for weight in siren.hidden_matrices(model)}
+    names = {name for name, parameter in model.named_parameters() if id(parameter) in chosen}
+    of_network = {f"network.layers.{layer}.weight" for layer in (1, 2)}
+    assert names == of_network | {f"modulator.layers.{layer}.weight" for layer in (0, 1, 2)}
+
+
+@pytest.mark.parametrize(("kind", "name"), [(Decoder, "network.layers.1.weight"), (WithEncoder, "encoder.weight")])
+def test_step_of_a_matrix_and_of_a_kernel_is_orthogonal_and_as_long_as_asked(kind, name):
+    """Muon's first step is the rate times U V^T of the gradient, within the error of its iteration."""
+    model = _model(kind)
+    before = {name: value.detach().clone() for name, value in model.named_parameters()}
+    optimiser = _optimiser(model, 0.02, 0.02)
+    _steps(model, optimiser, [0])
+    weight = model.get_parameter(name)
+    moved = (weight.detach() - before[name]).flatten(1)
+    singular = torch.linalg.svdvals(moved.double())
+    assert 0.02 * 0.4 < float(singular.min()) <= float(singular.max()) < 0.02 * 1.3
+    assert weight.grad is not None
+    left, _, right = torch.linalg.svd(weight.grad.flatten(1).double(), full_matrices=False)
+    nearest = -(left @ right)
+    alike = float((moved.double() * nearest).sum() / (moved.norm() * nearest.norm()))
+    assert alike > 0.9
+    head = model.network.head.weight.detach() - before["network.head.weight"]
+    torch.testing.assert_close(head.abs(), torch.full_like(head, 1e-2), rtol=1e-3, atol=0)  # AdamW's first step
+
+
+def test_muon_in_bfloat16_is_that_of_torch(monkeypatch):
+    monkeypatch.setattr(passes, "has_bfloat16", lambda device: True)
+    model, other = _model(), _model()
+    ours, theirs = siren.hidden_matrices(model), siren.hidden_matrices(other)
+    one = optimisers.Muon([{"params": ours, "weight_decay": 0.1}], 0.02, "bfloat16")
+    two = torch.optim.Muon(theirs, lr=0.02, weight_decay=0.1)
+    _steps(model, one, range(5))
+    _steps(other, two, range(5))
+    for left, right in zip(ours, theirs, strict=True):
+        torch.testing.assert_close(left, right, rtol=0, atol=2e-3)  # rounding of 5 steps of 0.02
+
+
+def test_muon_keeps_float32_where_asked_and_where_there_is_nothing_else(monkeypatch):
+    found = {}
+    cases: list[tuple[passes.Matmul, bool]] = [("float32", True), ("bfloat16", False), ("bfloat16", True)]
+    for matmul, hardware in cases:
+        monkeypatch.setattr(passes, "has_bfloat16", lambda device, hardware=hardware: hardware)
+        model = _model()
+        optimiser = optimisers.Muon([{"params": siren.hidden_matrices(model)}], 0.02, matmul)
+        _steps(model, optimiser, range(3))
+        found[matmul, hardware] = model.modulator.layers[1].weight.detach()
+    assert torch.equal(found["float32", True], found["bfloat16", False])
+    assert not torch.equal(found["float32", True], found["bfloat16", True])
+
+
+@pytest.mark.parametrize("shape", [(7, 7), (7, 4), (4, 7), (9, 4), (4, 9)])
+def test_nearest_orthogonal(shape):
+    """Singular vectors stay, singular values come near 1; with the coefficients that converge they become 1."""
+    matrix = torch.randn(shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    left, _, right = torch.linalg.svd(matrix, full_matrices=False)
+    exact = left @ right
+    converged = optimisers.nearest_orthogonal(matrix, (15 / 8, -10 / 8, 3 / 8), 40, 1e-7)
+    torch.testing.assert_close(converged, exact)
+    quick = torch.linalg.svdvals(optimisers.nearest_orthogonal(matrix, (3.4445, -4.775, 2.0315), 5, 1e-7))
+    assert 0.5 < float(quick.min()) <= float(quick.max()) < 1.3
+    assert torch.equal(optimisers.nearest_orthogonal(0 * matrix, (15 / 8, -10 / 8, 3 / 8), 5, 1e-7), 0 * matrix)
+
+
+def test_without_muon_it_is_adamw():
+    model, other = _model(), _model()
+    _steps(model, _optimiser(model, None, weight_decay=0.1), range(5))
+    adamw = torch.optim.AdamW(other.parameters(), lr=1e-2, weight_decay=0.1, fused=True)
+    _steps(other, adamw, range(5))
+    for one, two in zip(model.parameters(), other.parameters(), strict=True):
+        assert torch.equal(one, two)
+
+
+def test_model_without_hidden_matrices_has_no_muon():
+    model = torch.nn.Linear(3, 2)
+    optimiser = optimisers.Optimiser(model, [{"params": list(model.parameters())}], 1e-2, 0.02, 0.02)
+    model(torch.ones(1, 3)).sum().backward()
+    optimiser.step()
+    assert {name.partition(".")[0] for name, _ in optimiser.tensors()} == {"optimiser"}
+
+
+@pytest.mark.parametrize(("muon", "kernels"), [(None, None), (0.02, None), (None, 0.02), (0.02, 0.01)])
+def test_state_goes_on_where_it_was(muon, kernels):
+    model, other = _model(), _model()
+    optimiser = _optimiser(model, muon, kernels)
+    _steps(model, optimiser, range(6))
+    first = _optimiser(other, muon, kernels)
+    _steps(other, first, range(3))
+    second = _optimiser(other, muon, kernels)
+    second.load({name: value.clone() for name, value in first.tensors()} | {"model.weight": torch.ones(1)})
+    _steps(other, second, range(3, 6))
+    for one, two in zip(model.parameters(), other.parameters(), strict=True):
+        assert torch.equal(one, two)
+
+
+def test_rate_keeps_the_ratio_of_the_two():
+    model = _model()
+    optimiser = _optimiser(model, 0.02)
+    before = {name: value.detach().clone() for name, value in model.named_parameters()}
+    optimiser.set_rate(1e-3)  # a tenth
+    _steps(model, optimiser, [0])
+    moved = model.network.layers[1].weight.detach() - before["network.layers.1.weight"]
+    assert 0.002 * 0.5 < float(torch.linalg.svdvals(moved.double()).max()) < 0.002 * 1.3
+    moved = model.network.head.bias.detach() - before["network.head.bias"]
+    torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-3), rtol=1e-3, atol=0)
+
+
+def test_a_groups_share_is_of_adamws_rate_alone():
+    model = _model()
+    before = {name: value.detach().clone() for name, value in model.named_parameters()}
+    optimiser = optimisers.Optimiser(
+        model, [{"params": list(model.parameters()), "weight_decay": 0.0, "share": 0.1}], 0.01, 0.02, None
+    )
+    _steps(model, optimiser, [0])
+    moved = model.network.head.bias.detach() - before["network.head.bias"]
+    torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-3), rtol=1e-3, atol=0)
+    moved = model.network.layers[1].weight.detach() - before["network.layers.1.weight"]
+    assert 0.02 * 0.5 < float(torch.linalg.svdvals(moved.double()).max()) < 0.02 * 1.3
+
+
+def test_matrices_and_kernels_have_rates_of_their_own():
+    """AdamW's first step is its rate in every entry; what Muon takes is no longer its."""
+    for muon, kernels in ((None, 0.02), (0.02, None), (0.02, 0.01)):
+        model = _model()
+        before = {name: value.detach().clone() for name, value in model.named_parameters()}
+        _steps(model, _optimiser(model, muon, kernels), [0])
+        for name, rate in (("network.layers.1.weight", muon), ("encoder.weight", kernels)):
+            moved = (model.get_parameter(name).detach() - before[name]).flatten(1)
+            if rate is None:
+                torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-2), rtol=1e-3, atol=0)
+            else:
+                assert rate * 0.6 < float(torch.linalg.svdvals(moved.double()).max()) < rate * 1.3
+
+
+def test_weight_decay_of_a_group_goes_with_its_matrices():
+    model = _model()
+    optimiser = _optimiser(model, 0.02, weight_decay=0.5)
+    before = model.modulator.layers[1].weight.detach().clone()
+    optimiser.zero_grad()
+    (0.0 * _loss(model)).backward()
+    optimiser.step()
+    torch.testing.assert_close(model.modulator.layers[1].weight.detach(), before * (1 - 0.02 * 0.5))

@@ -1,0 +1,193 @@
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+import torch
+
+from ddf.core import checks, storage
+from ddf.fields import passes, siren
+from ddf.training import training_loop
+
+CONFIG = training_loop.LoopConfig(1e-2, "cosine", 3, 1.0, 1, 0, 4, 0.0)
+RECORD = {"fingerprint": "abc", "seed": 0}
+
+
+def _problem():
+    torch.manual_seed(0)
+    model = torch.nn.Sequential(torch.nn.Linear(3, 8), torch.nn.BatchNorm1d(8), torch.nn.Linear(8, 1))
+
+    def step_loss(step):
+        random = np.random.default_rng((0, step))
+        x = torch.from_numpy(random.standard_normal((16, 3)).astype(np.float32))
+        loss = (model(x)[:, 0] - x.sum(-1)).square().mean()
+        return loss, {"square": loss.detach()}
+
+    return model, step_loss
+
+
+def _fit(folder, steps=20, record=RECORD, stop_at=None, config=CONFIG):
+    model, step_loss = _problem()
+
+    def stopping(step):
+        if step == stop_at:
+            raise KeyboardInterrupt
+        return step_loss(step)
+
+    training_loop.fit(model, [{"params": list(model.parameters())}], stopping, steps, config, folder, record, "test")
+    return model
+
+
+@pytest.mark.parametrize("ema", [None, 0.9])
+def test_interrupted_twice_gives_the_same_model_as_uninterrupted(tmp_path, ema):
+    config = dataclasses.replace(CONFIG, ema=ema)
+    _fit(tmp_path / "whole", config=config)
+    for stop in (7, 13):
+        with pytest.raises(KeyboardInterrupt):
+            _fit(tmp_path / "parts", stop_at=stop, config=config)
+    _fit(tmp_path / "parts", config=config)
+    for name in (training_loop.MODEL, training_loop.CHECKPOINT):
+        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parts" / name).read_bytes()
+    logs = [[{**r, "seconds": 0} for r in training_loop.read_log(tmp_path / f)] for f in ("whole", "parts")]
+    assert [row["step"] for row in logs[0]] == [4, 8, 12, 16, 20]
+    assert logs[0] == logs[1]
+
+
+def test_interrupted_training_with_muon_gives_the_same_model(tmp_path):
+    config = dataclasses.replace(CONFIG, muon=0.02)
+
+    def fit(folder, stop_at=None, config=config):
+        torch.manual_seed(0)
+        model = siren.SineNetwork(3, siren.SineLayout((6, 5, 4)), 1)
+
+        def step_loss(step):
+            if step == stop_at:
+                raise KeyboardInterrupt
+            x = torch.rand((16, 3), generator=torch.Generator().manual_seed(step))
+            return (model(x)[:, 0] - x.sum(-1)).square().mean(), {}
+
+        training_loop.fit(model, [{"params": list(model.parameters())}], step_loss, 20, config, folder, RECORD, "test")
+
+    fit(tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        fit(tmp_path / "parts", stop_at=7)
+    fit(tmp_path / "parts")
+    fit(tmp_path / "adamw", config=CONFIG)
+    model, checkpoint = (
+        [(tmp_path / f / name).read_bytes() for f in ("whole", "parts", "adamw")]
+        for name in (training_loop.MODEL, training_loop.CHECKPOINT)
+    )
+    assert model[0] == model[1] != model[2]
+    assert checkpoint[0] == checkpoint[1]
+
+
+def test_saved_average_is_that_of_the_models_after_every_step(tmp_path):
+    """The models themselves come from trainings without an average that end after 1, 2, ... steps."""
+    constant = dataclasses.replace(CONFIG, schedule="constant")
+    averaged = dataclasses.replace(constant, ema=0.3)
+    trained = [_fit(tmp_path / str(steps), steps, config=constant).state_dict() for steps in (1, 2, 3, 4, 5)]
+    model = _fit(tmp_path / "ema", 5, config=averaged)
+    saved, checkpoint = (
+        storage.load_tensors(tmp_path / "ema" / name, framework="torch")[0]
+        for name in (training_loop.MODEL, training_loop.CHECKPOINT)
+    )
+    expected = {name: value.double() for name, value in trained[0].items()}
+    for k, state in enumerate(trained[1:], start=1):
+        decay = min(0.3, (1 + k) / (10 + k))
+        expected = {name: decay * value + (1 - decay) * state[name] for name, value in expected.items()}
+    for name, value in saved.items():
+        assert torch.equal(model.state_dict()[name], value)
+        assert torch.equal(checkpoint[f"model.{name}"], trained[-1][name])  # trained as without an average
+        if value.is_floating_point():  # the batches counted are no statistic
+            torch.testing.assert_close(value.double(), expected[name], rtol=1e-5, atol=1e-7)
+            assert not torch.equal(value, trained[-1][name])
+
+
+def test_loss_falls(tmp_path):
+    _fit(tmp_path, steps=60)
+    log = training_loop.read_log(tmp_path)
+    assert log[-1]["loss"] < 0.5 * log[0]["loss"]
+    assert log[-1]["square"] == log[-1]["loss"]
+
+
+def test_checkpoint_of_another_fingerprint_or_damaged_is_not_resumed(tmp_path, caplog):
+    _fit(tmp_path / "a", record={**RECORD, "fingerprint": "old"})
+    _fit(tmp_path / "b")
+    _fit(tmp_path / "a")
+    assert "made by another config, data or code; training starts afresh" in caplog.text
+    assert (tmp_path / "a" / training_loop.MODEL).read_bytes() == (tmp_path / "b" / training_loop.MODEL).read_bytes()
+    path = tmp_path / "a" / training_loop.CHECKPOINT
+    data = bytearray(path.read_bytes())
+    data[-1] ^= 1
+    path.write_bytes(data)
+    _fit(tmp_path / "a")
+    assert str(path) in caplog.text.splitlines()[-1]
+    assert (tmp_path / "a" / training_loop.MODEL).read_bytes() == (tmp_path / "b" / training_loop.MODEL).read_bytes()
+
+
+def test_finished_training_runs_no_step_again(tmp_path):
+    _fit(tmp_path)
+    before = (tmp_path / training_loop.MODEL).read_bytes()
+    _fit(tmp_path, stop_at=0)
+    assert (tmp_path / training_loop.MODEL).read_bytes() == before
+
+
+def test_model_of_another_architecture_is_refused_by_name(tmp_path):
+    _fit(tmp_path)
+    other = torch.nn.Linear(3, 1)
+    with pytest.raises(checks.InputError, match=r"model.safetensors: does not fit the architecture"):
+        training_loop.load_model(other, tmp_path)
+    model, _ = _problem()
+    record = training_loop.load_model(model, tmp_path)
+    assert record["steps"] == 20
+    assert not model.training
+    saved, _ = storage.load_tensors(tmp_path / training_loop.MODEL, framework="torch")
+    assert torch.equal(dict(model.named_parameters())["0.weight"], saved["0.weight"])
+
+
+def test_loss_that_is_not_finite_stops_with_the_step(tmp_path):
+    model, _ = _problem()
+    with pytest.raises(FloatingPointError, match="loss is nan at step 4"):
+        training_loop.fit(
+            model,
+            [{"params": list(model.parameters())}],
+            lambda step: (model(torch.full((2, 3), torch.nan)).sum(), {}),
+            8,
+            CONFIG,
+            tmp_path,
+            RECORD,
+            "test",
+        )
+
+
+def test_rate_rises_then_falls_to_zero():
+    rates = [CONFIG.rate(step, 100) for step in range(100)]
+    assert rates[0] == pytest.approx(1e-2 / 3, rel=1e-3)
+    assert max(rates) <= 1e-2
+    assert rates[-1] < 1e-5
+    assert all(a > b for a, b in itertools.pairwise(rates[3:]))
+    constant = dataclasses.replace(CONFIG, schedule="constant", warmup_steps=0)
+    assert {constant.rate(step, 100) for step in range(100)} == {1e-2}
+
+
+def test_bad_config_is_refused():
+    with pytest.raises(checks.InputError, match=r"train.loop.learning_rate must be > 0; got 0"):
+        dataclasses.replace(CONFIG, learning_rate=0.0)
+    with pytest.raises(checks.InputError, match=r"train.loop.ema must be in \(0, 1\), or null; got 1.0"):
+        dataclasses.replace(CONFIG, ema=1.0)
+    with pytest.raises(checks.InputError, match=r"train.loop.muon must be > 0, or null; got 0"):
+        dataclasses.replace(CONFIG, muon=0.0)
+    with pytest.raises(checks.InputError, match=r"train.loop.muon_kernels must be > 0, or null; got -1"):
+        dataclasses.replace(CONFIG, muon_kernels=-1.0)
+    with pytest.raises(checks.InputError, match=r"train.loop.clip_norm"):
+        dataclasses.replace(CONFIG, clip_norm=-1.0)
+
+
+@pytest.mark.parametrize("hardware", [True, False])
+def test_products_that_the_processor_lacks_are_said_to_be_made_otherwise(monkeypatch, caplog, hardware):
+    monkeypatch.setattr(passes, "has_bfloat16", lambda device: hardware)
+    training_loop.prepare(dataclasses.replace(CONFIG, matmul="bfloat16"))
+    assert ("they are made in float32" in caplog.text) == (not hardware)
+    values = torch.zeros(1)
+    assert passes.product_type("bfloat16", values) == (torch.bfloat16 if hardware else torch.float32)
+    assert passes.product_type("float32", values) == torch.float32
