@@ -1,0 +1,22 @@
+"""Write the models that come with the package, src/ddf/models: fields of our own shapes, and trained reconstructions.
+
+Fields are fitted here, in minutes; reconstructions are those of the experiment's seed 0, which must be there.
+"""
+
+from pathlib import Path
+
+from ddf.core import config
+from ddf.pipeline import stage
+from ddf.report import model_cards
+
+OUT = Path("src/ddf/models")
+
+
+def run(config_path: Path) -> None:
+    """Fit the fields that are not there, round, export, describe."""
+    fitted = config.artifact_dir(config_path, "shipped_fields")
+    model_cards.write_all(config_path, fitted, OUT)
+
+
+if __name__ == "__main__":
+    stage.main(run, __doc__)

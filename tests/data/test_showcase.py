@@ -1,0 +1,45 @@
+"""The shapes of the shipped fields: closed where they should be, of the right size, the same in every run."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from ddf.data.synthetic import showcase
+
+
+@pytest.fixture(scope="module")
+def rabbit():
+    return showcase.rabbit()
+
+
+def test_rabbit_is_one_closed_surface(rabbit):
+    mesh = trimesh.Trimesh(rabbit.vertices, rabbit.faces, process=True)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.volume > 0.3  # outward, and not a shell
+    assert mesh.body_count == 1
+
+
+def test_rabbit_is_symmetric_and_stands_upright(rabbit):
+    lower, upper = rabbit.vertices.min(axis=0), rabbit.vertices.max(axis=0)
+    assert np.allclose(lower[0], -upper[0], atol=0.02)
+    assert np.argmax(upper - lower) == 1  # the ears
+
+
+def test_nested_boxes_do_not_touch_and_the_window_opens_the_outer_one():
+    mesh = showcase.nested()
+    inner = mesh.vertices[-8:]
+    assert np.abs(inner).max() < 1.0
+    lengths = np.linalg.norm(inner, axis=1)
+    assert np.allclose(lengths, np.sqrt(3) * 0.42)
+    outer = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
+    parts = sorted(outer.split(only_watertight=False), key=lambda part: part.area)
+    assert [part.is_watertight for part in parts] == [True, False]
+    assert parts[1].area == pytest.approx(6 * 4 - 1.1**2)
+
+
+@pytest.mark.parametrize("name", ["armchair", "airliner"])
+def test_procedural_shapes_are_the_same_in_every_run(name):
+    first, second = showcase.SHAPES[name](), showcase.SHAPES[name]()
+    assert np.array_equal(first.vertices, second.vertices) and np.array_equal(first.faces, second.faces)
+    assert np.linalg.norm(np.ptp(first.vertices[np.unique(first.faces)], axis=0)) == pytest.approx(1.0, abs=1e-6)
