@@ -134,10 +134,6 @@ test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged f
 lint: $(READY) ## format check, lint and types
 	@ruff format --check -q . && ruff check -q . && pyright --warnings
 
-.PHONY: sync-deps
-sync-deps: $(READY) ## write the real imports of every stage into pipeline.yaml
-	@$(RUN) tests/_pipeline.py
-
 PROOFS    := fit_curves fit_options primitive_fits contact_sheet#   these train for long: `make fit-proof`
 ABLATIONS := si3dr_options#   this one too: `make ablate-options`
 BENCH_NAMES := $(filter-out $(PROOFS) $(ABLATIONS),$(basename $(notdir $(wildcard bench/[a-z]*.py))))

@@ -44,7 +44,7 @@ SMALL = {  # of cpu.yaml, so that 300 shapes take a minute or two; everything el
     "evaluate": {"oracle_points": 250},
     "export": {"outputs": ["visibility", "depth", "normals"], "batches": [1, 7], "precisions": []},
 }
-STAGES = stage_notes.SCRIPTS | {"export_onnx": "export_onnx", "report": "write_report"}
+STAGES = (*stage_notes.STAGES, "export_onnx", "report")
 WHOLE = (*stage_notes.WHOLE, "report")
 MACHINES = {"2 cores": 2, "64 cores": 64}
 GIB = 2**30
@@ -67,15 +67,15 @@ def run_stages(folder: Path, shapes: int) -> dict[str, dict[str, float]]:
     (folder / "configs").mkdir(exist_ok=True)
     (folder / "configs" / f"{name}.yaml").write_text(yaml.safe_dump(small_config(shapes)), encoding="utf-8")
     notes = {}
-    for stage, script in STAGES.items():
+    for stage in STAGES:
         category = [] if stage in WHOLE else ["--category", CATEGORY]
-        command = [sys.executable, str(ROOT / "stages" / f"{script}.py"), "--config", f"configs/{name}.yaml", *category]
+        command = [sys.executable, str(ROOT / "stages" / f"{stage}.py"), "--config", f"configs/{name}.yaml", *category]
         environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
         result = subprocess.run(command, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True)
         if result.returncode:
             raise SystemExit(f"{' '.join(command)} failed:\n{result.stderr}")
         print(f"{stage} on {shapes} shapes", file=sys.stderr)
-        note = "-".join([script, *category[1:]])
+        note = "-".join([stage, *category[1:]])
         notes[stage] = json.loads((folder / "artifacts" / name / "times" / f"{note}.json").read_text())
     return notes
 
@@ -88,8 +88,8 @@ def workers() -> int:
 def reference_memory(artifacts: Path) -> dict[str, dict[str, float]]:
     """The largest figures that the stages of the reference run noted; without those that noted no memory."""
     found: dict[str, dict[str, float]] = {}
-    for stage, script in STAGES.items():
-        paths = sorted((artifacts / "times").glob(f"{script}*.json"))
+    for stage in STAGES:
+        paths = sorted((artifacts / "times").glob(f"{stage}*.json"))
         notes = [note for note in map(_read, paths) if note is not None and "peak_mib" in note]
         if notes:
             found[stage] = {key: max(note[key] for note in notes) for key in ("peak_mib", "worker_peak_mib")}
@@ -181,7 +181,7 @@ def project(costs: Mapping[str, Any], step: Mapping[str, Any] | None) -> list[di
         }
     for stage, model in (("train_ddf", "ddf"), ("train_pcsiren", "pcsiren")):
         rows[stage] = _training(stage, model, costs, step)
-    return [{"stage": stage, **rows[stage]} for stage in stage_notes.SCRIPTS]
+    return [{"stage": stage, **rows[stage]} for stage in stage_notes.STAGES]
 
 
 def _cloud_bytes(cloud: Mapping[str, Any], split: _projection.Split) -> int:

@@ -1,4 +1,4 @@
-"""The stage graph as tests see it; run as a script, it writes the real imports of every stage into pipeline.yaml."""
+"""The stage graph as tests see it."""
 
 import ast
 import re
@@ -12,7 +12,6 @@ from ddf.pipeline import further_seeds
 
 ROOT = Path(__file__).resolve().parents[1]
 PIPELINE = ROOT / "pipeline.yaml"
-_MARK = "        # code\n"
 
 
 def load() -> dict[str, Any]:
@@ -42,9 +41,10 @@ def script_of(stage: dict[str, Any]) -> Path:
 
 
 def code_of(script: Path) -> list[str]:
-    """The script and everything it imports from the package, relative to the repository."""
-    closure = provenance.import_closure(script)
-    return [script.relative_to(ROOT).as_posix(), *(file.relative_to(ROOT).as_posix() for file in closure)]
+    """The script and the packages of src/ddf that it imports from, directly or not, relative to the repository."""
+    closure = (file.relative_to(provenance.PACKAGE_ROOT) for file in provenance.import_closure(script))
+    packages = sorted({file.parts[0] for file in closure if len(file.parts) > 1})
+    return [script.relative_to(ROOT).as_posix(), *(f"src/ddf/{name}" for name in packages)]
 
 
 def sections_read(script: Path) -> set[str]:
@@ -62,19 +62,6 @@ def sections_read(script: Path) -> set[str]:
     return sections
 
 
-def sync() -> None:
-    """Rewrite the code part of every `deps` list."""
-    text = PIPELINE.read_text()
-    head, *entries = re.split(r"(?m)^(?=  \w+:\n    foreach:)", text)
-    for i, entry in enumerate(entries):
-        script = ROOT / re.findall(r"stages/\w+\.py", entry)[0]
-        if script.exists():
-            before, after = entry.split(_MARK)
-            after = re.sub(r"\A(        - (src|stages)/.*\n)*", "", after)
-            entries[i] = before + _MARK + "".join(f"        - {file}\n" for file in code_of(script)) + after
-    PIPELINE.write_text(head + "".join(entries))
-
-
 def _fill(value: Any, item: dict[str, Any] | str) -> Any:
     """With the parts of the item in place; an item of a plain list is itself what is filled in."""
     if isinstance(value, dict):
@@ -87,7 +74,3 @@ def _fill(value: Any, item: dict[str, Any] | str) -> Any:
         for key, replacement in item.items():
             value = value.replace("${item." + key + "}", str(replacement))
     return value
-
-
-if __name__ == "__main__":
-    sync()

@@ -284,7 +284,7 @@ def test_an_unknown_key_is_one_line(workspace):
 def test_an_output_that_cannot_be_written_is_one_line(workspace):
     evaluate = workspace.artifacts / "evaluate"
     shutil.rmtree(evaluate)
-    script = [sys.executable, "stages/evaluate_clouds.py", "--config", "configs/smoke.yaml"]
+    script = [sys.executable, "stages/evaluate.py", "--config", "configs/smoke.yaml"]
     environment = {**os.environ, "PYTHONPATH": str(workspace.root / "src")}
     evaluate.write_text("a file where the folder should be")
     result = subprocess.run(script, cwd=workspace.root, env=environment, capture_output=True, text=True)

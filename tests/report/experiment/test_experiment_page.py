@@ -40,8 +40,8 @@ def reported(tmp_path_factory):
         experiment = FakeExperiment(root, categories=("chair", "plane", "primitives"), train=4, test=2)
         patch.chdir(root)
         config_path = _experiment_file(experiment)
-        _run("evaluate_clouds", config_path)
-        _run("write_report", config_path)
+        _run("evaluate", config_path)
+        _run("report", config_path)
         yield experiment, config_path, root / "reports" / "fake"
 
 
@@ -258,7 +258,7 @@ def seeded(reported):
             storage.save_tensors(further / name, tensors | clouds, metadata)
     for model in stage_results.MODELS:
         shutil.copytree(experiment.artifacts / model, experiment.artifacts / f"{model}_seeds" / "1")
-    _run("evaluate_clouds", config_path, 1)
+    _run("evaluate", config_path, 1)
     count = experiment.artifacts / "evaluate_seeds" / seed_means.COUNT
     storage.write_text(count, "2\n")
     experiment_page.write(config_path, folder.parent / "seeded", experiment_page.ReportConfig(examples=3))
@@ -315,8 +315,8 @@ def test_times_are_summed_over_categories_and_memory_is_the_largest(reported, tm
         storage.write_json(folder / f"{name}.json", {"seconds": seconds, **memory})
     storage.write_json(folder / "train_pcsiren-chair.json", {"seconds": 5, "peak_mib": 900.0, "worker_peak_mib": 0.0})
     noted = {"seconds": 7.0, "peak_mib": 300.0, "worker_peak_mib": 400.0}
-    storage.write_json(folder / "make_dataset.json", noted)
-    storage.write_json(folder / "evaluate_clouds.json", {"seconds": 9.0})  # of a version that noted no memory
+    storage.write_json(folder / "dataset.json", noted)
+    storage.write_json(folder / "evaluate.json", {"seconds": 9.0})  # of a version that noted no memory
     costs = stage_results.read_results(config_path).costs
     assert costs["train_ddf"] == stage_results.Cost(123.0, 1100.0, None)  # the sum, the largest, no workers
     assert costs["train_pcsiren"] == stage_results.Cost(None, None, None)

@@ -33,7 +33,7 @@ def reported(tmp_path_factory):
         patch.chdir(folder)
         Path("torus.ply").write_bytes(mesh_io.ply_bytes(torus(sections=16)))
         Path("tiny_fit.yaml").write_text(yaml.safe_dump({"fit": {**TINY, "mesh": "torus.ply"}}))
-        for name in ("fit_shape", "ablate_samples", "write_shape_report"):
+        for name in ("fit_shape", "ablate_samples", "report_shape"):
             _run(name)
         yield folder
 
@@ -142,7 +142,7 @@ def test_report_before_its_stages_is_one_clear_line(reported, tmp_path, monkeypa
     text = (reported / "tiny_fit.yaml").read_text()
     monkeypatch.chdir(tmp_path)
     Path("tiny_fit.yaml").write_text(text)
-    assert stage.guarded(lambda: _run("write_shape_report"), "ddf") == 2
+    assert stage.guarded(lambda: _run("report_shape"), "ddf") == 2
     assert re.fullmatch(r"ddf: error: .*fit_shape/fit\.json.*\n", capsys.readouterr().err)
 
 

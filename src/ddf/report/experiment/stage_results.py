@@ -115,7 +115,7 @@ def read_results(config_path: Path) -> Results:
             name: _packing_errors(config.artifact_dir(config_path, "samples", name)) for name in categories
         },
         failures=_read_failures(config_path, categories),
-        costs={name: _stage_cost(config_path, name, categories) for name in stage_notes.SCRIPTS},
+        costs={name: _stage_cost(config_path, name, categories) for name in stage_notes.STAGES},
         settings=config.read(config_path),
         seeds=seeds,
         further_seconds={
@@ -166,7 +166,7 @@ def _read_failures(config_path: Path, categories: Sequence[str]) -> pd.DataFrame
 def _stage_cost(config_path: Path, name: str, categories: Sequence[str]) -> Cost:
     """What the notes of a stage's last runs say; notes of earlier versions have no memory."""
     names = [None] if name in stage_notes.WHOLE else list(categories)
-    paths = [stage_notes.time_path(config_path, stage_notes.SCRIPTS[name], category) for category in names]
+    paths = [stage_notes.time_path(config_path, name, category) for category in names]
     notes = [storage.read_json(path) if path.exists() else {} for path in paths]
     known = ([note[key] for note in notes if key in note] for key in ("seconds", "peak_mib", "worker_peak_mib"))
     seconds, own, workers = (values if len(values) == len(notes) else [] for values in known)
