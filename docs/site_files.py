@@ -1,0 +1,24 @@
+"""A hook of mkdocs: the site holds the pages where the repository has them, so that their links work in both places."""
+
+import subprocess
+from pathlib import Path
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/*.md", "reports/**/*.md"]
+LINKED = ["LICENSE", "CITATION.cff", "pipeline.yaml", "configs/*.yaml", "src/ddf/**/*.py", "reports/**", "examples/**"]
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Replaces the files of docs/ by those of the repository that a page shows or links to; the theme's own stay."""
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "--", *PAGES, *LINKED]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    theme = [file for file in files if file.src_dir != config.docs_dir]
+    own = [
+        File.generated(config, name, abs_src_path=str(ROOT / name))
+        for name in sorted(set(listed))
+        if (ROOT / name).is_file()
+    ]
+    return Files([*theme, *own])
