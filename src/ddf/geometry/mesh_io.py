@@ -2,13 +2,10 @@
 
 A file is judged before anything is allocated for it: its size, and the counts that its header claims against the bytes
 that are there. Coordinates stay float64 and untouched (no welding, no reordering); scene graphs are flattened with
-their transforms applied.
+their transforms applied. `ddf.geometry.formats` holds the readers; trimesh writes the formats other than PLY.
 """
 
-import io
-import json
 import re
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,16 +13,19 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ddf.core import checks
+from ddf.geometry.formats import gltf, obj, off, ply, stl
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
-MAX_FILE_BYTES = 2 << 30  # a mesh of this project has 1e4 to 1e6 triangles; 2 GiB is a wrong file
-_PLY_BYTES = {"char": 1, "uchar": 1, "int8": 1, "uint8": 1, "short": 2, "ushort": 2, "int16": 2, "uint16": 2}
-_PLY_BYTES |= {"int": 4, "uint": 4, "int32": 4, "uint32": 4, "float": 4, "float32": 4, "double": 8, "float64": 8}
+MAX_FILE_BYTES = 512 << 20  # of meshes and clouds: five million triangles as text, ten million as numbers
+_READERS = {".obj": obj.parse, ".ply": ply.parse, ".stl": stl.parse, ".off": off.parse, ".glb": gltf.parse}
+_NOT_BLANK = re.compile(rb"[^\0 \t\r\n]")
 
 
 @dataclass(frozen=True)
 class Mesh:
     """Vertices (float64) and triangles (indices into them), in one frame.
+
+    remarks: what the reader of its file left out or could not take as it was, one line each.
 
     Raises:
       InputError: a coordinate is not finite, or an index points at no vertex.
@@ -33,6 +33,7 @@ class Mesh:
 
     vertices: Float[np.ndarray, "n 3"]
     faces: Int[np.ndarray, "m 3"]
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3)
@@ -105,128 +106,17 @@ def parse(data: bytes, suffix: str) -> Mesh:
       InputError: as `load`, without the file's name.
     """
     require_suffix(suffix)
-    if not data.strip(b"\0 \t\r\n"):
+    if not _NOT_BLANK.search(data):
         raise checks.InputError("the file is empty")
-    if suffix == ".obj":
-        mesh = _parse_obj(data)
-    else:
-        {".ply": _check_ply, ".stl": _check_stl, ".off": _check_off, ".glb": _check_glb}[suffix](data)
-        mesh = _parse_with_trimesh(data, suffix)
-    if len(mesh.faces) == 0:
-        raise checks.InputError("no triangles found: not a mesh, or an empty one")
-    return mesh
-
-
-def _parse_with_trimesh(data: bytes, suffix: str) -> Mesh:
-    import trimesh  # half a second and 80 MiB, which files that the checks refuse should not cost
-
     try:
-        scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], process=False)
-        geometry = scene.to_mesh()
+        read = _READERS[suffix](data)
+        mesh = Mesh(read.vertices, read.faces, read.remarks)
     except MemoryError as fault:
-        raise checks.InputError("the file claims more than memory holds") from fault
-    except Exception as fault:  # a third-party parser on foreign bytes raises anything; the user needs one line
-        reason = " ".join(str(fault).split())[:160]
-        raise checks.InputError(f"not a readable {suffix[1:]} mesh ({type(fault).__name__}: {reason})") from fault
-    return Mesh(np.asarray(geometry.vertices), np.asarray(geometry.faces))
-
-
-def _parse_obj(data: bytes) -> Mesh:
-    """Positions and polygons of an OBJ file; polygons become fans; materials, normals and texture are not read."""
-    vertices: list[list[bytes]] = []
-    faces: list[tuple[int, int, int]] = []
-    for number, line in enumerate(data.replace(b"\\\n", b" ").replace(b"\\\r\n", b" ").split(b"\n"), start=1):
-        fields = line.split()
-        if not fields:
-            continue
-        if fields[0] == b"v":
-            if len(fields) < 4:
-                raise checks.InputError(f"line {number}: a vertex needs three coordinates; got {len(fields) - 1}")
-            vertices.append(fields[1:4])
-        elif fields[0] == b"f":
-            corners = [_obj_index(field, len(vertices), number) for field in fields[1:]]
-            faces.extend((corners[0], corners[i], corners[i + 1]) for i in range(1, len(corners) - 1))
-    try:
-        positions = np.array(vertices, dtype=np.float64).reshape(-1, 3)
-    except ValueError as fault:
-        raise checks.InputError(f"not a readable obj mesh ({fault})") from fault
-    triangles = np.array(faces, dtype=np.int64).reshape(-1, 3)
-    if len(triangles) and triangles.max() >= len(positions):
-        raise checks.InputError(f"a face uses vertex {triangles.max() + 1}, but there are only {len(positions)}")
-    return Mesh(positions, triangles)
-
-
-def _obj_index(field: bytes, num_vertices: int, line: int) -> int:
-    """Zero-based vertex of one face corner; negative indices count back from the last vertex read."""
-    try:
-        index = int(field.split(b"/", 1)[0])
-    except ValueError as fault:
-        raise checks.InputError(f"line {line}: face corner {field[:40]!r} is not an index") from fault
-    zero_based = index - 1 if index > 0 else num_vertices + index
-    if index == 0 or zero_based < 0:
-        raise checks.InputError(f"line {line}: a face uses vertex {index}; indices start at 1")
-    return zero_based
-
-
-def _require_room(kind: str, claimed: int, least_bytes: int, data: bytes) -> None:
-    if claimed < 0 or claimed * least_bytes > len(data):
-        raise checks.InputError(f"the header claims {claimed} {kind}, but the file has only {len(data)} bytes")
-
-
-def _check_off(data: bytes) -> None:
-    text = re.sub(rb"#[^\n]*", b"", data)
-    match = re.match(rb"\s*(?:ST|C|N|4)*OFF\s+(\d+)\s+(\d+)", text)
-    if not match:
-        raise checks.InputError("not an off mesh: no OFF header with counts")
-    _require_room("vertices", int(match[1]), 6, data)
-    _require_room("faces", int(match[2]), 8, data)
-    rows = sum(1 for line in text[match.end() :].splitlines()[1:] if line.strip())
-    if rows < int(match[1]) + int(match[2]):
-        raise checks.InputError(
-            f"cut short: {match[1].decode()} vertices and {match[2].decode()} faces, but {rows} rows"
-        )
-
-
-def _check_stl(data: bytes) -> None:
-    if data[:5].lower() == b"solid" and b"facet" in data[:4096]:
-        return
-    if len(data) < 84:
-        raise checks.InputError("not an stl mesh: shorter than its header")
-    (claimed,) = struct.unpack("<I", data[80:84])
-    _require_room("triangles", claimed, 50, data)
-
-
-def _check_ply(data: bytes) -> None:
-    end = data.find(b"end_header")
-    if not data.startswith(b"ply") or end < 0:
-        raise checks.InputError("not a ply mesh: no ply header")
-    header = data[:end].decode("ascii", "replace").splitlines()
-    ascii_format = any(line.split()[:2] == ["format", "ascii"] for line in header)
-    name, count, row = "", 0, 0
-    for words in [line.split() for line in header] + [["element", "", "0"]]:
-        if words[:1] == ["element"] and len(words) == 3 and words[2].isdigit():
-            _require_room(name or "elements", count, row, data)
-            name, count, row = words[1], int(words[2]), 0
-        elif words[:1] == ["element"]:
-            raise checks.InputError(f"not a ply mesh: bad header line {' '.join(words)!r}")
-        elif words[:1] == ["property"] and len(words) >= 3:
-            row += 2 if ascii_format else _PLY_BYTES.get(words[2] if words[1] == "list" else words[1], 1)
-
-
-def _check_glb(data: bytes) -> None:
-    if len(data) < 20 or data[:4] != b"glTF":
-        raise checks.InputError("not a glb mesh: no glTF header")
-    (length,) = struct.unpack("<I", data[12:16])
-    try:
-        tree = json.loads(data[20 : 20 + length])
-        counts = [int(accessor["count"]) for accessor in tree.get("accessors", [])]
-        buffers = [buffer for buffer in tree.get("buffers", []) if "uri" in buffer]
-    except (ValueError, KeyError, TypeError, AttributeError) as fault:
-        raise checks.InputError("not a glb mesh: its JSON chunk cannot be read") from fault
-    if buffers:
-        raise checks.InputError("glb files must hold their own buffers; this one points outside itself")
-    for count in counts:
-        _require_room("accessor entries", count, 1, data)
+        raise checks.InputError("the file holds more than memory does") from fault
+    if len(mesh.faces) == 0:
+        left_out = f" ({'; '.join(mesh.remarks)})" if mesh.remarks else ""
+        raise checks.InputError(f"no triangles found: not a mesh, or an empty one{left_out}")
+    return mesh
 
 
 def ply_bytes(mesh: Mesh, double: bool = False) -> bytes:

@@ -1,0 +1,136 @@
+"""The nodes of a glTF scene with their transforms, and the triangles of the meshes that hang on them."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ddf.core import checks
+from ddf.geometry.formats import raw
+from ddf.geometry.formats.gltf_accessors import Accessors, whole
+
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_NO_TRIANGLES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
+
+
+def parts(
+    tree: dict[str, Any], accessors: Accessors
+) -> tuple[list[tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]], tuple[str, ...]]:
+    """Vertices and triangles of every primitive of every node of the scene, in the scene's frame, and remarks.
+
+    A mirroring transform turns the triangles, as the format says.
+
+    Raises:
+      InputError: nodes in a circle or with two parents, indices to nothing, more than 20 million triangles.
+    """
+    meshes, found, total = tree.get("meshes", []), [], 0
+    skipped: dict[str, int] = {}
+    for node, matrix in _nodes(tree):
+        if "mesh" not in node:
+            continue
+        mesh = meshes[whole(node["mesh"], "mesh")]
+        if "skin" in node:
+            skipped["skins are not applied: the mesh is read as modelled"] = 1
+        if any(mesh.get("weights", node.get("weights", ()))):
+            skipped["morph targets are not applied"] = 1
+        for primitive in mesh["primitives"]:
+            mode = primitive.get("mode", _TRIANGLES)
+            if mode in _NO_TRIANGLES:
+                remark = f"primitives of {_NO_TRIANGLES[mode]} are left out"
+                skipped[remark] = skipped.get(remark, 0) + 1
+                continue
+            total += _num_entries(primitive, accessors)
+            if total > raw.MAX_TRIANGLES:
+                raise checks.InputError(f"the scene has more than {raw.MAX_TRIANGLES} triangles")
+            found.append(_placed(*_primitive(primitive, mode, accessors), matrix))
+    return found, tuple(skipped)
+
+
+def _num_entries(primitive: dict[str, Any], accessors: Accessors) -> int:
+    vertices = accessors.count(primitive["attributes"]["POSITION"])
+    return max(vertices, accessors.count(primitive["indices"]) if "indices" in primitive else vertices)
+
+
+def _placed(
+    vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], matrix: Float[np.ndarray, "4 4"]
+) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
+    raw.require_coordinates(vertices)
+    if (matrix == np.eye(4)).all():
+        return vertices, faces
+    with np.errstate(over="ignore", invalid="ignore"):  # the caller refuses what is not finite
+        moved = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+        mirrored = np.linalg.det(matrix[:3, :3]) < 0
+    return moved, faces[:, ::-1] if mirrored else faces
+
+
+def _primitive(
+    primitive: dict[str, Any], mode: Any, accessors: Accessors
+) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
+    vertices = accessors.positions(primitive["attributes"]["POSITION"])
+    index = accessors.indices(primitive["indices"]) if "indices" in primitive else np.arange(len(vertices))
+    if len(index) and index.max() >= len(vertices):
+        raise checks.InputError(f"a triangle uses vertex {index.max()}, but there are only {len(vertices)}")
+    if mode == _TRIANGLES:
+        if len(index) % 3:
+            raise checks.InputError(f"{len(index)} indices of triangles: not a multiple of three")
+        return vertices, index.reshape(-1, 3)
+    if len(index) < 3:
+        return vertices, np.zeros((0, 3), dtype=np.int64)
+    first, second, third = index[:-2], index[1:-1], index[2:]
+    if mode == _STRIP:
+        odd = np.arange(len(first)) % 2 == 1
+        return vertices, np.stack([first, np.where(odd, third, second), np.where(odd, second, third)], axis=1)
+    if mode == _FAN:
+        return vertices, np.stack([second, third, np.full(len(second), index[0])], axis=1)
+    raise checks.InputError(f"primitive mode {str(mode)[:20]} is none of glTF's")
+
+
+def _nodes(tree: dict[str, Any]) -> list[tuple[dict[str, Any], Float[np.ndarray, "4 4"]]]:
+    """Nodes of the scene from its roots down, each with the product of the transforms above it."""
+    nodes, found = tree.get("nodes", []), []
+    stack = [(root, np.eye(4)) for root in reversed(_roots(tree, nodes))]
+    seen: set[int] = set()
+    while stack:
+        index, above = stack.pop()
+        if whole(index, "node") >= len(nodes):
+            raise checks.InputError(f"node {index} does not exist; there are {len(nodes)}")
+        if index in seen:
+            raise checks.InputError(f"node {index} hangs in the scene twice, or in a circle")
+        seen.add(index)
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrix = above @ _local(nodes[index])
+        found.append((nodes[index], matrix))
+        stack += [(child, matrix) for child in reversed(nodes[index].get("children", []))]
+    return found
+
+
+def _roots(tree: dict[str, Any], nodes: list[dict[str, Any]]) -> list[int]:
+    scenes = tree.get("scenes", [])
+    if scenes:
+        return list(scenes[whole(tree.get("scene", 0), "scene")].get("nodes", []))
+    below = {child for node in nodes for child in node.get("children", [])}
+    return [i for i in range(len(nodes)) if i not in below]
+
+
+def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
+    """The node's own transform: a matrix by columns, or scale, then rotation (x, y, z, w), then translation."""
+    if "matrix" in node:
+        return _numbers(node["matrix"], 16, "matrix").reshape(4, 4).T
+    matrix = np.eye(4)
+    x, y, z, w = _numbers(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), 4, "rotation")
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    matrix[:3, :3] = turn * _numbers(node.get("scale", (1.0, 1.0, 1.0)), 3, "scale")
+    matrix[:3, 3] = _numbers(node.get("translation", (0.0, 0.0, 0.0)), 3, "translation")
+    return matrix
+
+
+def _numbers(values: Any, count: int, name: str) -> Float[np.ndarray, "k"]:
+    if len(values) != count or not all(isinstance(v, int | float) and abs(v) <= raw.LARGEST for v in values):
+        raise checks.InputError(f"{name} of a node must be {count} finite numbers")
+    return np.array(values, dtype=np.float64)
