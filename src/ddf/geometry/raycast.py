@@ -11,7 +11,7 @@ import open3d as o3d
 import torch
 from jaxtyping import Bool, Float, Int, UInt
 
-from ddf.geometry import rays
+from ddf.geometry import rays, sphere
 from ddf.geometry.mesh_io import Mesh, face_normals
 
 _MARGIN = 1e-3  # of half the longest side: rays enter a box larger than the mesh, so that flat meshes lie inside it
@@ -237,14 +237,6 @@ def facing_back(
     return normals
 
 
-def sphere_directions(count: int) -> Float[np.ndarray, "count 3"]:
-    """Evenly spread unit vectors (Fibonacci spiral, offset 1/2), without randomness."""
-    index = np.arange(count) + 0.5
-    height, turn = 1 - 2 * index / count, np.pi * (1 + 5**0.5) * index
-    radius = np.sqrt(1 - height**2)
-    return np.stack([radius * np.cos(turn), height, radius * np.sin(turn)], axis=1)
-
-
 def visible_from_outside(
     scene: Scene, points: Float[np.ndarray, "n 3"], face: Int[np.ndarray, "n"], count: int = 64
 ) -> Bool[np.ndarray, "n"]:
@@ -274,4 +266,4 @@ def _spread_blocks(count: int) -> list[Float[np.ndarray, "b 3"]]:
     bits = max(count - 1, 1).bit_length()
     order = sorted(range(count), key=lambda index: int(f"{index:0{bits}b}"[::-1], 2))
     ends = [1 << k for k in range(2, bits)]
-    return np.split(sphere_directions(count)[order], ends)
+    return np.split(sphere.evenly_spread(count)[order], ends)

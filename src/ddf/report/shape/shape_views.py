@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from ddf.core import seeding
 from ddf.data import mesh_preparation
-from ddf.geometry import raycast, rays
+from ddf.geometry import raycast, rays, sphere
 from ddf.geometry.mesh_io import Mesh
 from ddf.report import field_pictures, picture_strips
 from ddf.shape import shape_field
@@ -86,7 +86,7 @@ def _inner_points(scene: raycast.Scene, random: np.random.Generator) -> Float[np
     middles = starts[met] + 0.5 * depth[met, None] * inwards[met]
     if not len(middles):
         return middles
-    looks = raycast.sphere_directions(_LOOKS)
+    looks = sphere.evenly_spread(_LOOKS)
     along = np.tile(looks, (len(middles), 1))
     blocked = scene.blocked_local(scene.local(np.repeat(middles, _LOOKS, axis=0)), along)
     share = blocked.reshape(len(middles), _LOOKS).mean(axis=1)

@@ -1,0 +1,157 @@
+"""Unsigned distances and the direction v* of the closest point, from a directed distance field. [DDF22] §4.2, app. D.
+
+UDF(p) = min over visible v of d(p, v), and v*(p) is where that is reached; ∇UDF = -v*^T wherever v* is unique, that is
+neither on the surface nor on its medial surface. Two ways, of different cost:
+
+- `search`: evenly spread directions, then steps v <- -n(p, v). Nothing to train.
+- `CandidateNetwork`, the paper's g_v: a small sine network gives K_c candidates, trained once per field by `loss`.
+
+A field is asked through an `Ask`, so closed forms, plain and conditional fields and scenes all serve. Letters: n
+points, k candidates; ξ visibility, d depth; η_T, ε_s as in `composition`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ddf.fields import nearest_rays, siren
+from ddf.geometry import sphere
+
+SEEN = 0.5  # visibility from which on a depth counts
+NUM_CANDIDATES = 5  # K_c. Source: [DDF22] app. D
+PAPER_LAYOUT = siren.SineLayout((128,) * 5)  # of g_v. Source: [DDF22] app. D
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a field says along rays: ξ in [0, 1], depth, and the unit normal that faces back (None where not asked)."""
+
+    visibility: Float[Tensor, "*n"]
+    depth: Float[Tensor, "*n"]
+    normals: Float[Tensor, "*n 3"] | None = None
+
+
+Ask = Callable[[Float[Tensor, "*n 3"], Float[Tensor, "*n 3"], bool], Answer]
+"""A field as a function of positions, unit directions, and whether normals are wanted."""
+
+
+@dataclass(frozen=True)
+class Closest:
+    """Distances to the surface and unit directions v* towards it; `inf` and 0 where no candidate sees anything."""
+
+    distances: Float[Tensor, "n"]
+    directions: Float[Tensor, "n 3"]
+
+
+class CandidateNetwork(nn.Module):
+    """g_v: a position to K_c unit candidates for v*. Source: [DDF22] app. D."""
+
+    def __init__(self, layout: siren.SineLayout = PAPER_LAYOUT, num_candidates: int = NUM_CANDIDATES) -> None:
+        super().__init__()
+        self.num_candidates = num_candidates
+        self.network = siren.SineNetwork(3, layout, 3 * num_candidates)
+
+    def forward(self, positions: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n k 3"]:
+        """Candidates of length 1."""
+        raw = self.network(positions).unflatten(-1, (self.num_candidates, 3))
+        return nn.functional.normalize(raw, dim=-1)
+
+
+def loss(
+    ask: Ask,
+    positions: Float[Tensor, "n 3"],
+    candidates: Float[Tensor, "n k 3"],
+    spread: float = 5e-3,
+    alignment: float = 0.1,
+) -> Float[Tensor, ""]:
+    """L_v* = mean_i (d_i - ξ_i) + 2 τ_n/(K² - K) Σ_i Σ_{j≠i} v_i·v_j + τ_d mean_i (v_i·n_i + 1)², mean over points.
+
+    Source: [DDF22] app. D, eq. `vstartermone` and the two terms below it.
+
+    Args:
+      spread: τ_n, which keeps candidates apart. alignment: τ_d, which makes them run against the normal.
+    """
+    count = candidates.shape[-2]
+    answer = ask(positions.unsqueeze(-2).expand_as(candidates), candidates, True)
+    assert answer.normals is not None
+    near = (answer.depth - answer.visibility).mean()
+    total = candidates.sum(dim=-2)
+    pairs = (total * total).sum(-1) - count  # Σ_i Σ_{j≠i} v_i·v_j, for |v_i| = 1
+    apart = 2 * spread / (count * count - count) * pairs.mean()
+    along = ((candidates * answer.normals).sum(-1) + 1).square().mean()
+    return near + apart + alignment * along
+
+
+@torch.no_grad()
+def from_candidates(
+    ask: Ask,
+    positions: Float[Tensor, "n 3"],
+    candidates: Float[Tensor, "n k 3"],
+    temperature: float = 0.05,
+    inverse_depth: float = 0.05,
+    soft_value: bool = False,
+) -> Closest:
+    """Distances and v* from candidates, by weights softmax(ξ_i / (η_T (ε_s + d_i))); one query a candidate.
+
+    Args:
+      soft_value: the distance is Σ w_i d_i, the paper's, which is too large (by .09 at η_T = 1); else the least depth
+        that is seen (derived here). The direction is the weighted mean in both cases.
+    """
+    answer = ask(positions.unsqueeze(-2).expand_as(candidates), candidates, False)
+    directions = nearest_rays.closest_directions(
+        candidates, answer.visibility, answer.depth, temperature, inverse_depth
+    )
+    seen = answer.visibility >= SEEN
+    if soft_value:
+        weights = torch.softmax(answer.visibility / (temperature * (inverse_depth + answer.depth)), dim=-1)
+        distances = torch.where(seen.any(-1), (weights * answer.depth).sum(-1), torch.inf)
+    else:
+        distances = answer.depth.masked_fill(~seen, torch.inf).amin(-1)
+    return Closest(distances, torch.where(seen.any(-1, keepdim=True), directions, 0.0))
+
+
+@torch.no_grad()
+def search(ask: Ask, positions: Float[Tensor, "n 3"], num_directions: int = 32, steps: int = 4) -> Closest:
+    """Distances and v* by evenly spread directions and then steps towards v = -n(p, v) (derived here).
+
+    At v* the ray runs against the normal. A full step overshoots beyond the radius of curvature, so after one that does
+    not come nearer all further steps of that point are half as long. One query a direction, and one with a normal a step.
+    """
+    spread = torch.from_numpy(sphere.evenly_spread(num_directions)).to(positions)
+    candidates = spread.expand(len(positions), -1, -1)
+    answer = ask(positions[:, None].expand_as(candidates), candidates, False)
+    depths = answer.depth.masked_fill(answer.visibility < SEEN, torch.inf)
+    best, index = depths.min(dim=-1)
+    found = best.isfinite().nonzero().squeeze(-1)
+    directions = spread[index]
+    if len(found) and steps:
+        best[found], directions[found] = _descend(ask, positions[found], directions[found], best[found], steps)
+    return Closest(best, torch.where(best.isfinite()[:, None], directions, 0.0))
+
+
+def _descend(
+    ask: Ask, positions: Float[Tensor, "n 3"], start: Float[Tensor, "n 3"], depth: Float[Tensor, "n"], steps: int
+) -> tuple[Float[Tensor, "n"], Float[Tensor, "n 3"]]:
+    """`steps` steps from directions that see something; a step counts where the surface is seen and nearer."""
+    kept, target = start, _against_normals(ask, positions, start)
+    best, share = depth, torch.ones_like(depth)
+    for step in range(steps):
+        tried = nn.functional.normalize(kept + share[:, None] * (target - kept), dim=-1)
+        answer = ask(positions, tried, step + 1 < steps)
+        better = (answer.visibility >= SEEN) & (answer.depth < best)
+        kept, best = torch.where(better[:, None], tried, kept), torch.where(better, answer.depth, best)
+        if answer.normals is not None:
+            target = torch.where(better[:, None], -answer.normals, target)
+            share = torch.where(better, share, share / 2)
+    return best, kept
+
+
+def _against_normals(
+    ask: Ask, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+) -> Float[Tensor, "n 3"]:
+    normals = ask(positions, directions, True).normals
+    assert normals is not None
+    return -normals

@@ -1,0 +1,144 @@
+"""Unsigned distances and v*: on closed forms whose distances, directions and medial surfaces are known."""
+
+import math
+
+import pytest
+import torch
+from _support import assert_close
+
+from ddf.fields import udf
+from ddf.geometry import primitives, rays
+
+
+def _ask(shape):
+    """An exact field as an `udf.Ask`."""
+
+    def ask(positions, directions, normals):
+        flat = rays.OrientedPoints(positions.reshape(-1, 3), directions.reshape(-1, 3))
+        hits = primitives.cast(shape, flat)
+        where = positions.shape[:-1]
+        depth = torch.where(hits.visible, hits.depth, 0.0).reshape(where)
+        return udf.Answer(
+            hits.visible.to(positions).reshape(where), depth, hits.normals.reshape(positions.shape) if normals else None
+        )
+
+    return ask
+
+
+def _points(count, seed=0):
+    generator = torch.Generator().manual_seed(seed)
+    return 2 * torch.rand((count, 3), generator=generator, dtype=torch.float64) - 1
+
+
+SPHERE = primitives.Sphere(radius=0.6)
+
+
+def test_search_finds_the_distance_to_a_sphere_and_the_way_to_it():
+    positions = _points(400)
+    found = udf.search(_ask(SPHERE), positions, 128, 16)
+    distance = (positions.norm(dim=-1) - 0.6).abs()
+    assert (found.distances - distance).abs().quantile(0.95) < 2e-3
+    towards = torch.nn.functional.normalize(positions, dim=-1) * (0.6 - positions.norm(dim=-1)).sign()[:, None]
+    far = distance > 0.05
+    angle = torch.rad2deg(torch.acos((found.directions * towards).sum(-1).clamp(-1, 1)))
+    assert angle[far].median() < 1.0
+
+
+def test_search_gets_better_with_steps_and_never_worse():
+    positions, previous = _points(200), None
+    for steps in (0, 1, 2, 4):
+        found = udf.search(_ask(SPHERE), positions, 16, steps).distances
+        if previous is not None:
+            assert (found <= previous + 1e-12).all()
+            seen = found.isfinite()
+            assert found[seen].mean() < previous[seen].mean()
+        previous = found
+
+
+def test_search_sees_the_medial_plane_of_two_spheres():
+    left = primitives.Sphere((-0.5, 0.0, 0.0), 0.3)
+    right = primitives.Sphere((0.5, 0.0, 0.0), 0.3)
+    ask = _ask(primitives.Union((left, right)))
+    near = torch.tensor([[-0.01, 0.1, 0.0], [0.01, 0.1, 0.0]], dtype=torch.float64)
+    found = udf.search(ask, near, 256, 6)
+    assert found.directions[0, 0] < -0.9 and found.directions[1, 0] > 0.9  # v* jumps across the plane x = 0
+    expected = torch.hypot(torch.tensor(0.49), torch.tensor(0.1)) - 0.3
+    assert_close(found.distances, expected.expand(2), rtol=1e-2)
+
+
+def test_nothing_seen_is_infinitely_far_and_has_no_direction():
+    def blind(positions, directions, normals):
+        zero = positions.new_zeros(positions.shape[:-1])
+        return udf.Answer(zero, zero, torch.zeros_like(positions) if normals else None)
+
+    for found in (
+        udf.search(blind, _points(5), 8, 2),
+        udf.from_candidates(blind, _points(5), udf.CandidateNetwork().double()(_points(5))),
+    ):
+        assert found.distances.isinf().all()
+        assert (found.directions == 0).all()
+
+
+def test_search_takes_no_points_and_no_steps():
+    assert udf.search(_ask(SPHERE), _points(0), 8, 2).distances.shape == (0,)
+
+
+def test_candidate_network_has_the_papers_size_and_unit_outputs():
+    network = udf.CandidateNetwork()
+    assert sum(value.numel() for value in network.parameters()) == 4 * 128 + 4 * (128 * 128 + 128) + 128 * 15 + 15
+    candidates = network(torch.rand(7, 3))
+    assert candidates.shape == (7, 5, 3)
+    assert_close(candidates.norm(dim=-1), torch.ones(7, 5))
+
+
+def test_loss_equals_the_papers_formula_written_as_loops():
+    positions = _points(6)
+    candidates = torch.nn.functional.normalize(_points(30, 1).reshape(6, 5, 3), dim=-1)
+    ask = _ask(SPHERE)
+    total = 0.0
+    for point, row in zip(positions, candidates, strict=True):
+        answers = [ask(point[None], v[None], True) for v in row]
+        total += sum(float(a.depth - a.visibility) for a in answers) / 5
+        pairs = sum(float(row[i] @ row[j]) for i in range(5) for j in range(5) if j != i)
+        total += 2 * 5e-3 / (25 - 5) * pairs
+        aligned = [
+            (float(v @ a.normals[0]) + 1) ** 2 for v, a in zip(row, answers, strict=True) if a.normals is not None
+        ]
+        total += 0.1 * sum(aligned) / 5
+    assert float(udf.loss(ask, positions, candidates)) == pytest.approx(total / 6, rel=1e-12)
+
+
+def test_loss_is_least_at_the_way_to_the_surface():
+    positions = torch.tensor([[0.0, 0.0, 0.9]], dtype=torch.float64)
+    values = []
+    for degrees in (0.0, 10.0, 30.0):
+        v = torch.tensor([math.sin(math.radians(degrees)), 0.0, -math.cos(math.radians(degrees))], dtype=torch.float64)
+        values.append(float(udf.loss(_ask(SPHERE), positions, v.expand(1, 5, 3), spread=0.0)))
+    assert values == sorted(values)
+    assert values[0] == pytest.approx(0.3 - 1.0)
+
+
+def test_loss_has_gradients_in_the_network():
+    network = udf.CandidateNetwork().double()
+
+    def ask(positions, directions, normals):
+        depth = (positions + directions).square().sum(-1)
+        return udf.Answer(torch.sigmoid(depth), depth, torch.nn.functional.normalize(positions - directions, dim=-1))
+
+    udf.loss(ask, _points(8), network(_points(8))).backward()
+    assert all(value.grad is not None and value.grad.abs().sum() > 0 for value in network.parameters())
+
+
+def test_soft_value_is_larger_than_the_nearest_and_tends_to_it():
+    positions = _points(50)
+    candidates = torch.nn.functional.normalize(-positions[:, None] + 0.3 * _points(250, 2).reshape(50, 5, 3), dim=-1)
+    outside = positions.norm(dim=-1) > 0.65
+    ask = _ask(SPHERE)
+    hard = udf.from_candidates(ask, positions, candidates).distances[outside]
+    soft = [
+        udf.from_candidates(ask, positions, candidates, temperature, soft_value=True).distances[outside]
+        for temperature in (1.0, 0.003)
+    ]
+    seen = hard.isfinite()
+    assert (soft[0] >= hard)[seen].float().mean() > 0.95
+    assert (soft[1] - hard)[seen].abs().median() < (soft[0] - hard)[seen].abs().median() / 5
