@@ -134,32 +134,21 @@ test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged f
 lint: $(READY) ## format check, lint and types
 	@ruff format --check -q . && ruff check -q . && pyright --warnings
 
-PROOFS    := fit_curves fit_options primitive_fits contact_sheet#   these train for long: `make fit-proof`
-ABLATIONS := si3dr_options#   this one too: `make ablate-options`
-BENCH_NAMES := $(filter-out $(PROOFS) $(ABLATIONS),$(basename $(notdir $(wildcard bench/[a-z]*.py))))
-check_bench = @unknown="$(filter-out $(BENCH_NAMES),$(BENCH))"; \
-	[ -z "$$unknown" ] || { echo "BENCH=$$unknown: no such benchmark; there are $(BENCH_NAMES)" >&2; exit 2; }
-benches = status=0; for name in $(1); do $(RUN) "bench/$$name.py" $(2) || { echo "bench/$$name.py failed" >&2; status=1; }; done
-
 .PHONY: bench
 bench: $(READY) ## speed against error (reports/bench) and the page of hard cases: [BENCH="evaluation rendering"]
-	$(check_bench)
-	@$(call benches,$(or $(BENCH),$(BENCH_NAMES))); $(RUN) bench/_page.py || status=1; exit $$status
+	@$(RUN) -m bench run $(BENCH)
 
 .PHONY: bench-check
 bench-check: $(READY) ## the benchmarks once more, compared with reports/bench: [BENCH="evaluation rendering"]
-	$(check_bench)
-	@rm -rf .make/bench; export DDF_BENCH_OUT=$(CURDIR)/.make/bench; \
-	$(call benches,$(filter-out hard_cases,$(or $(BENCH),$(BENCH_NAMES)))); \
-	$(RUN) bench/_compare.py reports/bench .make/bench || status=1; exit $$status
+	@$(RUN) -m bench check $(BENCH)
 
 .PHONY: fit-proof
 fit-proof: $(READY) ## what fits of single shapes reach, in hours: [PROOFS="fit_curves primitive_fits"] [OPTIONS="--side-by-side 2"]
-	@$(call benches,$(PROOFS),$(OPTIONS)); $(RUN) bench/_fit_page.py || status=1; exit $$status
+	@$(RUN) -m bench run $(or $(PROOFS),fits) -- $(OPTIONS)
 
 .PHONY: ablate-options
 ablate-options: $(READY) ## every switch of the reconstruction turned alone, up to an hour: [OPTIONS="--steps 800"]
-	@$(RUN) bench/si3dr_options.py $(OPTIONS) && $(RUN) bench/_page.py
+	@$(RUN) -m bench run si3dr_options -- $(OPTIONS)
 
 ##@ Household
 .PHONY: setup

@@ -9,30 +9,30 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-import _measure
 import torch
 
+from bench.lib import measuring
 from ddf.report import pages
-from tests import hard_cases as _hard_cases
+from tests import hard_cases
 
-OUT = _measure.REPORTS
+OUT = measuring.PAGES
 TITLE = "Hard cases"
 
 
-def run(case: _hard_cases.Case, dtype: torch.dtype) -> _hard_cases.Outcome:
+def run(case: hard_cases.Case, dtype: torch.dtype) -> hard_cases.Outcome:
     """The outcome of one case; a crash is an outcome too."""
     try:
         return case.check(dtype)
     except Exception as error:  # whatever it is, the row fails and tells it
-        return _hard_cases.Outcome(f"{type(error).__name__}: {error}", False)
+        return hard_cases.Outcome(f"{type(error).__name__}: {error}", False)
 
 
-def measure(cases: Sequence[_hard_cases.Case]) -> list[dict[str, Any]]:
+def measure(cases: Sequence[hard_cases.Case]) -> list[dict[str, Any]]:
     """One row per case, with an outcome for each type."""
     rows = []
     for case in cases:
         outcomes = {
-            str(dtype).removeprefix("torch."): (run(case, dtype), case.known.get(dtype)) for dtype in _hard_cases.DTYPES
+            str(dtype).removeprefix("torch."): (run(case, dtype), case.known.get(dtype)) for dtype in hard_cases.DTYPES
         }
         rows.append(
             {
@@ -58,7 +58,7 @@ def page(rows: Sequence[dict[str, Any]], versions: dict[str, str]) -> pages.Page
     packages = ", ".join(f"{name} {version}" for name, version in versions.items())
     lead = [
         count,
-        f"Made by `python bench/hard_cases.py` ({packages}, one thread) from the list that the tests run. {told}",
+        f"Made by `python -m bench hard_cases` ({packages}, one thread) from the list that the tests run. {told}",
     ]
     groups = dict.fromkeys(row["group"] for row in rows)
     return pages.Page(
@@ -83,14 +83,10 @@ def main() -> None:
     """Run every case and write both files."""
     torch.set_num_threads(1)
     started = time.perf_counter()
-    rows = measure(_hard_cases.CASES)
+    rows = measure(hard_cases.CASES)
     versions = {name: importlib.metadata.version(name) for name in ("torch", "numpy", "open3d")}
     record = {"versions": versions, "rows": rows}
     OUT.mkdir(parents=True, exist_ok=True)
     (OUT / "hard_cases.json").write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     (OUT / "hard_cases.md").write_text(pages.markdown(page(rows, versions)), encoding="utf-8")
     print(f"{OUT / 'hard_cases.md'}: {len(rows)} cases, {time.perf_counter() - started:.1f} s")
-
-
-if __name__ == "__main__":
-    main()

@@ -13,17 +13,8 @@ import torch
 from _shapes import cube
 from test_fitting import TINY
 
-from bench import (
-    _fit_page,
-    _overrides,
-    _reach,
-    _results,
-    _side_by_side,
-    contact_sheet,
-    fit_curves,
-    fit_options,
-    primitive_fits,
-)
+from bench.fits import contact_sheet, fit_curves, fit_options, fit_page, primitive_fits
+from bench.lib import curve_reach, measuring, overrides, results, side_by_side
 from ddf.core import checks, config, storage
 from ddf.geometry import mesh_io, primitives, rays
 from ddf.report import pages
@@ -36,13 +27,13 @@ NO_SAMPLES = fitting.ShapeSamples({}, np.zeros(3), np.ones(3))
 
 def test_ratio_is_that_of_the_times_at_an_error_both_reach():
     ours, theirs = [(1.0, 0.9), (2.0, 0.5), (4.0, 0.2)], [(3.0, 0.8), (40.0, 0.5), (60.0, 0.55)]
-    found = _reach.compare(ours, theirs)
+    found = curve_reach.compare(ours, theirs)
     assert (found.level, found.our_seconds, found.their_seconds, found.times) == (0.5, 2.0, 40.0, 20.0)
     assert (found.goal, found.goal_seconds, found.their_goal_seconds, found.bound) == (0.2, 4.0, 60.0, True)
-    back = _reach.compare(theirs, ours)
+    back = curve_reach.compare(theirs, ours)
     assert (back.level, back.times, back.their_goal_seconds, back.bound) == (0.5, 2 / 40, 2.0, False)
     with pytest.raises(ValueError, match="need a point"):
-        _reach.compare([], theirs)
+        curve_reach.compare([], theirs)
 
 
 class _Clocked:
@@ -124,7 +115,7 @@ def test_watched_fit_is_the_fit_itself_and_a_second_call_keeps_its_curve(tmp_pat
 def test_all_ways_end_in_rows_ratios_and_a_picture_that_the_page_can_tell(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)  # where the configs are
     monkeypatch.setattr(fit_curves, "OUT", tmp_path)
-    monkeypatch.setattr(fit_curves._measure, "OUT", tmp_path / "bench")
+    monkeypatch.setattr(measuring, "OUT", tmp_path / "bench")
     monkeypatch.setattr(fit_curves, "target", lambda path: (cube(), "bunny_60k"))
     held_out = {
         "normal_angle_deg_median": 5.0,
@@ -143,15 +134,15 @@ def test_all_ways_end_in_rows_ratios_and_a_picture_that_the_page_can_tell(tmp_pa
             storage.write_json(tmp_path / name / fitting.METRICS, told)
         return []
 
-    monkeypatch.setattr(fit_curves._side_by_side, "run", run)
+    monkeypatch.setattr(side_by_side, "run", run)
     fit_curves.main(["--side-by-side", "--threads", "1"])
-    benchmark = _results.load(tmp_path / "bench" / f"{fit_curves.NAME}.json")
+    benchmark = results.load(tmp_path / "bench" / f"{fit_curves.NAME}.json")
     ratios = [row for row in benchmark.rows if "times" in row.told]
     assert [row.told["times"] for row in ratios] == [8.0] * len(fit_curves.OURS)
     assert ratios[0].seconds == (4.0, 4.0, 4.0) and ratios[0].error == {fit_curves.COMPARED: 0.5}
     assert (tmp_path / "bench" / f"{fit_curves.NAME}.png").exists()
-    assert "8 times as long" in pages.markdown(_fit_page.build({fit_curves.NAME: benchmark}, None))
-    monkeypatch.setattr(fit_curves._side_by_side, "run", lambda commands, at_once: ["fit"])
+    assert "8 times as long" in pages.markdown(fit_page.build({fit_curves.NAME: benchmark}, None))
+    monkeypatch.setattr(side_by_side, "run", lambda commands, at_once: ["fit"])
     with pytest.raises(checks.InputError, match="not fitted: fit"):
         fit_curves.main([])
 
@@ -228,13 +219,13 @@ def test_contact_sheet_fits_each_mesh_once_and_draws_it(tmp_path, monkeypatch):
 def test_fits_side_by_side_share_the_cores_unless_told(monkeypatch):
     monkeypatch.setattr(os, "cpu_count", lambda: 5)
     parser = argparse.ArgumentParser()
-    _side_by_side.add_options(parser, all_at_once=3)
+    side_by_side.add_options(parser, all_at_once=3)
     cases = {"": 4, "--side-by-side 2": 2, "--side-by-side": 1, "--side-by-side 9": 1, "--side-by-side --threads 7": 7}
     for given, expected in cases.items():
-        assert _side_by_side.threads(parser.parse_args(given.split()), own=4) == expected
+        assert side_by_side.threads(parser.parse_args(given.split()), own=4) == expected
     for wrong in ("--side-by-side 0", "--threads -1"):
         with pytest.raises(checks.InputError, match="must be >= 1"):
-            _side_by_side.threads(parser.parse_args(wrong.split()), own=4)
+            side_by_side.threads(parser.parse_args(wrong.split()), own=4)
 
 
 def test_side_by_side_names_those_that_failed(tmp_path):
@@ -242,7 +233,7 @@ def test_side_by_side_names_those_that_failed(tmp_path):
     makes = "import pathlib, sys\npathlib.Path(sys.argv[1]).touch()"
     commands = {"first": ["-c", "exit(3)"], "waits": ["-c", waits, str(tmp_path / "made")]}
     commands |= {"makes": ["-c", makes, str(tmp_path / "made")], "last": ["-c", "exit(1)"]}
-    assert _side_by_side.run(commands, at_once=2) == ["first", "last"]  # one after the other it would wait for ever
+    assert side_by_side.run(commands, at_once=2) == ["first", "last"]  # one after the other it would wait for ever
 
 
 def _called_in_place(monkeypatch, script, section):
@@ -252,14 +243,14 @@ def _called_in_place(monkeypatch, script, section):
     def run(commands, at_once):
         calls.append((at_once, len(commands)))
         failed = []
-        for name, (_, *arguments) in commands.items():
+        for name, (_, _, _, *arguments) in commands.items():
             try:
                 script.main(arguments)
             except checks.InputError:
                 failed.append(name)
         return failed
 
-    monkeypatch.setattr(script._side_by_side, "run", run)
+    monkeypatch.setattr(side_by_side, "run", run)
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     monkeypatch.setattr(config, "load", lambda *_: section)
     return calls
@@ -286,7 +277,7 @@ def test_primitives_are_measured_side_by_side(monkeypatch, capsys):
     monkeypatch.setattr(primitive_fits, "RAYS", 200)
     monkeypatch.setattr(primitive_fits, "errors", lambda *_: {"depth_median": 0.5})
     written = []
-    monkeypatch.setattr(primitive_fits._measure, "write", lambda *given: written.append(given))
+    monkeypatch.setattr(measuring, "write", lambda *given: written.append(given))
     primitive_fits.main(["--side-by-side", "4"])
     (name, threads, rows), known = written[0], list(primitive_fits.cases())
     assert (name, threads, calls) == (primitive_fits.NAME, 1, [(4, len(known))])
@@ -308,10 +299,10 @@ def test_widths_and_batches_of_the_options_are_changes_of_the_config():
 
 def test_changes_leave_the_settings_alone_and_are_changes():
     settings = {"a": {"b": 1, "c": 2}}
-    assert _overrides.changed(settings, {"a.b": 3, "a.c": _overrides.ABSENT}, "x") == {"a": {"b": 3}}
+    assert overrides.changed(settings, {"a.b": 3, "a.c": overrides.ABSENT}, "x") == {"a": {"b": 3}}
     assert settings == {"a": {"b": 1, "c": 2}}
     with pytest.raises(checks.InputError, match=r"x: a\.b is 1 already"):
-        _overrides.changed(settings, {"a.b": 1}, "x")
+        overrides.changed(settings, {"a.b": 1}, "x")
 
 
 def test_options_are_fitted_side_by_side_and_shown_against_the_base(tmp_path, monkeypatch):
@@ -319,10 +310,10 @@ def test_options_are_fitted_side_by_side_and_shown_against_the_base(tmp_path, mo
     monkeypatch.setattr(fit_options, "section_of", lambda *_: BRIEF)
     monkeypatch.setattr(fit_options, "OPTIONS", {"base": {}, "other": {}})
     monkeypatch.setattr(fit_curves, "target", lambda _: (cube(), "cube"))
-    monkeypatch.setattr(fit_options._measure, "OUT", tmp_path)
+    monkeypatch.setattr(measuring, "OUT", tmp_path)
     fit_options.main(["--side-by-side", "2"])
     assert calls == [(2, 2)]
-    text = pages.markdown(_fit_page.build({"fit_options": _results.load(tmp_path / "fit_options.json")}, None))
+    text = pages.markdown(fit_page.build({"fit_options": results.load(tmp_path / "fit_options.json")}, None))
     base, other = (line for line in text.splitlines() if line.startswith(("| base", "| other")))
     assert base.count("**") == 2 * 13 and base.replace("base", "other").split("|")[3] == other.split("|")[3]
 
@@ -331,25 +322,25 @@ def _curve_rows():
     figures = {f"{metric}_{kind}": 0.3 for metric in paper_ablation.METRICS for kind in "UABOTS"}
     size = {"shape": "bunny_60k"}
     told = {"steps": 1234, "held_out": 25_000}
-    reach = dataclasses.asdict(_reach.compare([(2.0, 0.5), (4.0, 0.2)], [(40.0, 0.5)]))
+    reach = dataclasses.asdict(curve_reach.compare([(2.0, 0.5), (4.0, 0.2)], [(40.0, 0.5)]))
     return [
-        _results.Row("fit, end", size, (4.0, 4.0, 4.0), figures, told),
-        _results.Row("fit, to an error that paper_fit reaches", {}, (2.0, 2.0, 2.0), {}, reach),
+        results.Row("fit, end", size, (4.0, 4.0, 4.0), figures, told),
+        results.Row("fit, to an error that paper_fit reaches", {}, (2.0, 2.0, 2.0), {}, reach),
     ]
 
 
 def test_page_marks_what_reaches_the_paper_and_states_bounds_as_bounds():
     versions = {"torch": "2"}
-    found = {"fit_curves": _results.Benchmark("fit_curves", "a CPU", 2, 2, versions, _curve_rows())}
-    text = pages.markdown(_fit_page.build(found, None))
+    found = {"fit_curves": results.Benchmark("fit_curves", "a CPU", 2, 2, versions, _curve_rows())}
+    text = pages.markdown(fit_page.build(found, None))
     ours = next(line for line in text.splitlines() if line.startswith("| BCE of visibility | fit |"))
     assert ours.count("**0.30**") == 1  # O alone: the paper has .56 there, and less than .30 elsewhere
     assert "20 times as long" in text and "In all its 40 s it does not come down to the 0.2" in text
     with pytest.raises(checks.InputError, match="nothing to tell"):
-        _fit_page.build({}, None)
+        fit_page.build({}, None)
 
 
 def test_page_shows_the_sheet_with_its_medians():
     columns = {f"{metric}_{kind}": [0.1, 0.5, 0.3] for metric in paper_ablation.METRICS for kind in "UABOTS"}
-    text = pages.markdown(_fit_page.build({}, pd.DataFrame({**columns, "seconds": [120.0] * 3, "threads": 1})))
+    text = pages.markdown(fit_page.build({}, pd.DataFrame({**columns, "seconds": [120.0] * 3, "threads": 1})))
     assert text.count("| 0.30 |") and contact_sheet.SHEET in text and "3 meshes, 120 s and 1 thread each" in text

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from bench import si3dr_options
+from bench.reconstruction import si3dr_options
 from ddf.core import checks
 from ddf.data import shapenet
 from ddf.reconstruction import category_data

@@ -7,7 +7,7 @@ from typing import Literal
 import pytest
 import torch
 
-from bench._plain_loss import plain_loss
+from bench.rivals.plain_loss import plain_loss
 from ddf.core import checks
 from ddf.fields import losses, passes, pddf, siren
 

@@ -1,0 +1,1 @@
+"""Data: ray casting, samples of shapes, their storage, watertight meshes."""

@@ -1,0 +1,143 @@
+"""Ray casting: Open3D and trimesh against the exact float64 reference, rays a second beside leaks and depth error.
+Of trimesh its own ray-triangle code (rtree, float64) is measured: embree's bindings are not among the packages.
+
+Three questions to one closed mesh of 10,000 triangles: random rays inside its box, rays of a camera, and from its
+centre rays through vertices and middles of edges, where a caster can leak. trimesh gets as many rays as its speed
+allows; the exact reference answers the first few. A leak is a miss where the reference hits.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+import trimesh
+
+from bench.lib import display, measured_shapes, measuring
+from ddf.geometry import raycast, rays
+from ddf.geometry.mesh_io import Mesh
+
+FACES, MANY, FEW, TRUTHS, REPEATS, THREADS = 10_000, 200_000, 1000, 1000, 5, 2
+
+Depths = np.ndarray
+Caster = Callable[[rays.OrientedPoints], Depths]
+
+
+def random_rays(count: int) -> rays.OrientedPoints:
+    """Positions uniform in the cube, directions on the sphere."""
+    generator = torch.Generator().manual_seed(0)
+    directions = torch.randn((count, 3), generator=generator, dtype=torch.float64)
+    positions = 2 * torch.rand((count, 3), generator=generator, dtype=torch.float64) - 1
+    return rays.OrientedPoints(positions, torch.nn.functional.normalize(directions, dim=-1))
+
+
+def camera_rays(count: int) -> rays.OrientedPoints:
+    """From one point at distance 3 to a square across the origin."""
+    side = int(np.sqrt(count))
+    across = np.stack(np.meshgrid(np.linspace(-1, 1, side), np.linspace(-1, 1, side)), axis=-1).reshape(-1, 2)
+    targets = torch.from_numpy(np.concatenate([across, np.zeros((len(across), 1))], axis=1))
+    start = torch.tensor([0.3, 0.4, 3.0], dtype=torch.float64).expand_as(targets)
+    return rays.OrientedPoints(start, torch.nn.functional.normalize(targets - start, dim=-1))
+
+
+def edge_rays(mesh: Mesh, count: int) -> rays.OrientedPoints:
+    """From the centre through vertices and middles of edges, over and over, in mixed order."""
+    corners = mesh.triangles
+    places = np.concatenate([mesh.vertices, (0.5 * (corners + np.roll(corners, 1, axis=1))).reshape(-1, 3)])
+    places = np.random.default_rng(0).permutation(places)
+    targets = torch.from_numpy(np.resize(places, (count, 3)))
+    return rays.OrientedPoints(torch.zeros_like(targets), torch.nn.functional.normalize(targets, dim=-1))
+
+
+def first(points: rays.OrientedPoints, count: int) -> rays.OrientedPoints:
+    """Rays spread over all of them, at most so many."""
+    step = max(len(points.positions) // count, 1)
+    return rays.OrientedPoints(points.positions[::step][:count], points.directions[::step][:count])
+
+
+def open3d_caster(mesh: Mesh) -> Caster:
+    """Open3D's float32 answer as it comes, without this project's care for starts and depths."""
+    scene = raycast.Scene(mesh)
+
+    def cast(points: rays.OrientedPoints) -> Depths:
+        local = np.concatenate([scene.local(points.positions.numpy()), points.directions.numpy()], axis=1)
+        return scene.cast_local(local.astype(np.float32))[0] * scene.scale
+
+    return cast
+
+
+def package_caster(mesh: Mesh) -> Caster:
+    """`raycast.cast`: triangles from Open3D, depths in float64."""
+    scene = raycast.Scene(mesh)
+    return lambda points: raycast.cast(scene, points).depth.numpy()
+
+
+def trimesh_caster(mesh: Mesh) -> Caster:
+    """Nearest of all hits that trimesh's ray-triangle code gives."""
+    tracer = trimesh.ray.ray_triangle.RayMeshIntersector(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
+
+    def cast(points: rays.OrientedPoints) -> Depths:
+        start, looking = points.positions.numpy(), points.directions.numpy()
+        place, ray, _ = tracer.intersects_location(start, looking, multiple_hits=True)
+        depth = np.full(len(start), np.inf)
+        np.minimum.at(depth, ray, np.einsum("ij,ij->i", place - start[ray], looking[ray]))
+        return depth
+
+    return cast
+
+
+def compared(found: Depths, truth: Depths) -> dict[str, float]:
+    """Leaks, hits of nothing and depth errors against the reference."""
+    hit, there = np.isfinite(found), np.isfinite(truth)
+    error = np.abs(found[hit & there] - truth[hit & there])
+    return {
+        "leaks": float((there & ~hit).sum()),
+        "false_hits": float((hit & ~there).sum()),
+        "depth_max": float(error.max(initial=0.0)),
+        "depth_median": float(np.median(error)) if len(error) else 0.0,
+        "compared_rays": float(len(truth)),
+    }
+
+
+def measure(name: str, mesh: Mesh, points: rays.OrientedPoints) -> list[dict[str, Any]]:
+    """One row per caster, each with its own number of rays, all judged by the same first rays."""
+    probes = first(points, TRUTHS)
+    truth = raycast.cast_exact(mesh, probes).depth.numpy()
+    casters: dict[str, tuple[Caster, int]] = {
+        "Open3D": (open3d_caster(mesh), MANY),
+        "ddf.geometry.raycast.cast": (package_caster(mesh), MANY),
+        "trimesh (rtree)": (trimesh_caster(mesh), FEW),
+        "exact float64 reference": (lambda some: raycast.cast_exact(mesh, some).depth.numpy(), FEW // 5),
+    }
+    asked = {caster: first(points, count) for caster, (_, count) in casters.items()}
+    ways = {caster: (lambda c=cast, a=asked[caster]: c(a)) for caster, (cast, _) in casters.items()}
+    times, rows = measuring.interleaved(ways, REPEATS), []
+    for caster, seconds in times.items():
+        rays_cast = len(asked[caster].positions)
+        size = {"rays": name, "triangles": len(mesh.faces), "count": rays_cast}
+        row = measuring.row(caster, size, seconds, compared(casters[caster][0](probes), truth))
+        rows.append({**row, "million_rays_per_s": rays_cast / row["median_s"] / 1e6})
+    return rows
+
+
+SECTION = display.Section(
+    views=(
+        display.View(
+            "depth_median",
+            "median error of depth",
+            ("rays",),
+            cost=lambda row: 1e3 * display.milliseconds(row) / row.size["count"],
+            cost_label="µs a ray",
+        ),
+    )
+)
+
+
+def main() -> None:
+    """Ask all three questions."""
+    torch.set_num_threads(THREADS)
+    mesh = measured_shapes.sphere(FACES)
+    questions = {"random": random_rays(MANY), "camera": camera_rays(MANY), "edges": edge_rays(mesh, MANY)}
+    measuring.write(
+        "ray_casting", THREADS, [row for name, ask in questions.items() for row in measure(name, mesh, ask)]
+    )

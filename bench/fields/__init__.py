@@ -1,0 +1,1 @@
+"""Fields: steps of training, inference, derivatives, images, scenes, exported graphs."""

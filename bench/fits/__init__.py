@@ -1,0 +1,1 @@
+"""What fits of single shapes reach: `make fit-proof`."""

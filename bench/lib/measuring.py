@@ -1,0 +1,118 @@
+"""What every benchmark writes: one JSON file of rows in `reports/bench`, always speed beside error.
+
+The environment variable DDF_BENCH_OUT names another folder.
+"""
+
+import importlib.metadata
+import json
+import math
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+_STARTED = time.perf_counter()  # of the script that imports this
+ROOT = Path(__file__).resolve().parents[2]
+REPORTS = ROOT / "reports"
+REAL_MESHES = ROOT.parent / "shared" / "meshes"  # beside the project, where somebody has put them
+OUT = Path(os.environ.get("DDF_BENCH_OUT") or REPORTS / "bench")
+PAGES = OUT / "pages" if os.environ.get("DDF_BENCH_OUT") else REPORTS  # of benchmarks with a page of their own
+TICK, WARM, LEAST, MOST_SECONDS = 0.01, 1.0, 5, 4.0  # seconds, seconds, samples, seconds: see `interleaved`
+COLD = 10  # by no larger factor is a first call slower than the next ones
+SETTLED = 0.02  # error of a median, as a share of it, that more samples need not make smaller
+MEDIAN_ERROR = 0.93  # of normal samples: standard error of the median, 1.253 σ/√n, with σ = (q3 - q1)/1.349
+PACKAGES = ("torch", "numpy", "open3d", "onnxruntime")
+
+
+def cpu_name() -> str:
+    """As the kernel calls it."""
+    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines() if Path("/proc/cpuinfo").exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor()
+
+
+def interleaved(
+    candidates: Mapping[str, Callable[[], Any]], most: int, seconds: float = MOST_SECONDS
+) -> dict[str, list[float]]:
+    """Seconds of one call of each candidate, sampled in turn, so that a busy moment meets them all.
+
+    A sample lasts `TICK` or longer: of what is faster, so many calls are made, and their mean taken. The first call
+    warms up, and is the first sample where it takes `WARM` or longer. A candidate leaves when it has two samples and
+    took `seconds`; all end when, from `LEAST` samples on, the medians of all that are left are settled.
+
+    Args:
+      most: samples of each at most.
+      seconds: time of each, beyond which it is asked no more.
+    """
+    times: dict[str, list[float]] = {}
+    calls: dict[str, int] = {}
+    for name, candidate in candidates.items():
+        first = _seconds(candidate, 1)
+        times[name] = [first] if first >= WARM else []
+        calls[name] = max(1, math.ceil(TICK / _seconds(candidate, 1))) if first < COLD * TICK else 1
+    spent = {name: sum(values) for name, values in times.items()}
+
+    def open_still(name: str) -> bool:
+        taken = len(times[name])
+        return taken < min(2, most) or (taken < most and spent[name] < seconds)
+
+    while asked := [name for name in candidates if open_still(name)]:
+        if all(len(times[name]) >= LEAST and settled(times[name]) for name in asked):
+            break
+        for name in asked:
+            count = calls[name]
+            times[name].append(_seconds(candidates[name], count))
+            spent[name] += count * times[name][-1]
+    return times
+
+
+def _seconds(candidate: Callable[[], Any], calls: int) -> float:
+    """Mean of so many calls."""
+    started = time.perf_counter()
+    for _ in range(calls):
+        candidate()
+    return (time.perf_counter() - started) / calls
+
+
+def settled(seconds: Sequence[float]) -> bool:
+    """Whether more samples would move the median by less than `SETTLED`, as far as the quartiles tell."""
+    low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive")
+    return MEDIAN_ERROR * (high - low) / math.sqrt(len(seconds)) <= SETTLED * middle
+
+
+def row(
+    what: str,
+    size: Mapping[str, Any],
+    seconds: Sequence[float],
+    error: Mapping[str, float],
+    error_tolerance: float = 0.0,
+) -> dict[str, Any]:
+    """One line: median and quartiles of the seconds, how many they are, and the error that belongs to them.
+
+    Args:
+      error_tolerance: relative difference of errors from one run to the next; 0 where they do not depend on the run.
+    """
+    low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive") if len(seconds) > 1 else [*seconds] * 3
+    times = {"median_s": middle, "quartiles_s": [low, high], "samples": len(seconds)}
+    line = {"what": what, "size": dict(size), **times, "error": dict(error)}
+    return line | ({"error_tolerance": error_tolerance} if error_tolerance else {})
+
+
+def write(name: str, threads: int, rows: Sequence[Mapping[str, Any]]) -> None:
+    """`reports/bench/<name>.json` with the machine, threads and versions of the rows, and what all of it took."""
+    took = round(time.perf_counter() - _STARTED, 1)
+    record = {
+        "benchmark": name,
+        "cpu": cpu_name(),
+        "cores": os.cpu_count(),
+        "threads": threads,
+        "versions": {package: importlib.metadata.version(package) for package in PACKAGES},
+        "took_s": took,
+        "rows": list(rows),
+    }
+    OUT.mkdir(parents=True, exist_ok=True)
+    (OUT / f"{name}.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    print(f"{name}: {len(rows)} rows in {took:.0f} s", flush=True)

@@ -1,0 +1,1 @@
+"""Reconstruction from an image: steps of training, clouds, images, scores, switches."""

@@ -1,0 +1,345 @@
+"""Switches of single-image reconstruction, each turned alone (`make ablate-options`): D_C and F(τ) on held-out shapes.
+Trainings take as long as that of `base`, whose two other seeds show what chance alone does.
+
+It runs on what `make reproduce-table` prepared (artifacts/cpu): the DDF of one category, trained with configs/cpu.yaml
+(`base`) and with one setting changed, two side by side with one thread each. Every row is given as many steps as take
+as long as those of `base`, by trials of both in turn (`times_base`: a step's time over one of `base`), so the machine
+may be busier for one row than for another. Held out are the last training shapes; the test set is not touched. Switches
+of clouds, scale and camera correction need no training and are rows on the model of `base`. Seconds are those of the
+training, or of an image's clouds. Rows are kept in artifacts/si3dr_options and made again only when something that they
+depend on has changed; one that was killed goes on from its checkpoint.
+"""
+
+import argparse
+import concurrent.futures
+import dataclasses
+import functools
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.lib import display, measuring, overrides
+from ddf.core import checks, config, provenance, storage
+from ddf.data import shapenet
+from ddf.evaluation import metrics, scoring
+from ddf.reconstruction import (
+    category_data,
+    inference,
+    mirrored_data,
+    reconstruction_models,
+    silhouettes,
+    training_steps,
+    training_truth,
+)
+from ddf.training import step_timing, training_loop
+
+ON_DEMAND = "make ablate-options"
+CONFIG = Path("configs/cpu.yaml")
+OUT = Path("artifacts/si3dr_options")
+PLAN, RESULT = "plan.json", "result.json"
+SIDE_BY_SIDE = 2
+TOLERANCE = 0.3  # relative; the number of steps depends on measured times
+# what is changed, by the row's name: the key in configs/cpu.yaml and its other value, the paper's where they differ
+TRAINED: Mapping[str, Mapping[str, Any]] = {
+    "base": {},
+    "base, second seed": {"train.loop.seed": 1},
+    "base, third seed": {"train.loop.seed": 2},
+    "azimuth as an angle": {"train.azimuth": "angle"},
+    "AdamW alone": {"ddf.muon": None, "train.loop.muon": None, "train.loop.muon_kernels": None},
+    "AdamW for the encoders": {"train.loop.muon_kernels": None},
+    "encoders as fast as the field": {"ddf.encoder_learning_rate": None},
+    "moving average of the weights": {"train.loop.ema": 0.999},
+    "view consistency": {"ddf.weights.view_consistency": 10.0},
+    "depth loss of the heavier component": {"ddf.weights.depth_of": "chosen"},
+    "squared depth loss": {"ddf.weights.depth_huber": None},
+    "depth by ReLU": {"ddf.field.depth_activation": "relu"},
+    "bandwidth of directions as of positions": {"ddf.field.direction_scale": 1.0},
+    "mirror images learned apart": {"ddf.field.mirror": None},
+    "mirror images of shapes in the training set": {"ddf.mirror_shapes": "z"},
+    "six layers, the last three narrower": {"ddf.field.hidden": [192, 192, 192, 128, 128, 128]},
+    "no points of values alone": {f"ddf.counts.{kind}+": overrides.ABSENT for kind in "UAB"},
+    "samples cast while training": {"ddf.samples": "fresh"},
+    "no proposed rays": {"ddf.proposals": None},
+    "four candidates of a proposed ray": {"ddf.proposals.directions": 4},
+    "weight of the mask as the paper's": {"ddf.mask_weight": 10.0},
+    "all pixels of the mask": {"ddf.mask_pixels": None},
+    "the split's views": {"train.train_views": None},
+}
+DRAWN: Mapping[str, Mapping[str, Any]] = {
+    "no jitter": {"pointclouds.cloud.jitter": 0.0, "pointclouds.cloud.resample": 0.0},
+    "no resampling": {"pointclouds.cloud.resample": 0.0},
+    "no recheck": {"pointclouds.cloud.recheck": []},
+    "most visible points": {
+        "pointclouds.cloud.spread": None,
+        "pointclouds.cloud.mirror": None,
+        "pointclouds.cloud.oversampling": 0.1,
+        "pointclouds.cloud.centre": None,
+    },
+    "points where they were hit": {"pointclouds.cloud.centre": None},
+    "hits alone, more of them": {"pointclouds.cloud.mirror": None, "pointclouds.cloud.oversampling": 0.1},
+    "doubtful points kept": {"pointclouds.cloud.least_confidence": 0.0},
+    "strays as wanted as others": {"pointclouds.cloud.crowding": 0.0},
+    "48 directions": {"pointclouds.cloud.num_directions": 48},
+    "128 directions": {"pointclouds.cloud.num_directions": 128},
+    "one cycle": {"pointclouds.cloud.cycles": 1},
+    "images encoded as they are alone": {"pointclouds.mirror": None},
+    "shapes as encoded": {"pointclouds.shape_correction": None},
+    "scale of the cloud's box": {"pointclouds.scale_quantile": None},
+    "correction from two sides": {"pointclouds.correction_turns": [0, 180]},
+    "no limit to the correction": {"pointclouds.correction_limit": None},
+    "radius free in the correction": {"pointclouds.correction.free": list(reconstruction_models.CAMERA_NUMBERS)},
+}
+OPTIONS = TRAINED | DRAWN
+COLUMNS = {"": ("L", "Pi_g"), "_predicted_camera": ("S", "Pi_pred"), "_corrected_camera": ("S", "Pi_corrected")}
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """What all rows share. steps: of `base`. held_out: shapes. views: first ones of each. seed: of all."""
+
+    category: str
+    steps: int
+    held_out: int
+    views: int
+    seed: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """The sections of cpu.yaml with a row's change."""
+
+    train: training_steps.TrainConfig
+    ddf: training_steps.DDFConfig
+    pointclouds: inference.PointcloudsConfig
+
+    @classmethod
+    def of(cls, name: str, seed: int) -> "Settings":
+        """Those of a row.
+
+        Raises:
+          InputError: cpu.yaml already has the value.
+        """
+        whole = overrides.changed(config.read(CONFIG), OPTIONS[name], str(CONFIG))
+        sections = cls(
+            config.parse(whole["train"], training_steps.TrainConfig, f"{CONFIG}: train"),
+            config.parse(whole["ddf"], training_steps.DDFConfig, f"{CONFIG}: ddf"),
+            config.parse(whole["pointclouds"], inference.PointcloudsConfig, f"{CONFIG}: pointclouds"),
+        )
+        return config.reseeded(sections, seed)
+
+
+def folder(task: Task, name: str) -> Path:
+    """Where a row is kept."""
+    return OUT / task.category / re.sub(r"\W+", "-", name)
+
+
+def split(task: Task, dataset: shapenet.Dataset, views: int | None) -> tuple[list, list]:
+    """(id, views) of the shapes that are trained on, and of the last ones, which are held out."""
+    samples = config.artifact_dir(CONFIG, "samples", task.category)
+    shapes = category_data.available(samples, category_data.training_views(dataset, task.category, views))
+    held = [(shape, shown[: task.views]) for shape, shown in shapes[-task.held_out :]]
+    return shapes[: -task.held_out], held
+
+
+@dataclasses.dataclass(frozen=True)
+class Training:
+    """A row's training, ready to start. key: fingerprint of everything that it depends on."""
+
+    trainee: step_timing.Trainee[reconstruction_models.DDFModel]
+    key: str
+
+
+def prepared(task: Task, settings: Settings, dataset: shapenet.Dataset) -> Training:
+    """A row's training as the stage does it, but for the shapes held out."""
+    samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
+    shown, _ = split(task, dataset, settings.train.train_views)
+    images = category_data.read_images(dataset, task.category, shown, settings.train.image_size)
+    shapes = category_data.read_shapes(samples_dir, images.ids)
+    mirror = settings.ddf.mirror_shapes
+    truth = training_truth.read(CONFIG, task.category, shapes, settings.ddf).mirrored(shapes, mirror)
+    images, shapes = mirrored_data.of_images(images, mirror), mirrored_data.of_shapes(shapes, mirror)
+
+    training_loop.prepare(settings.train.loop)
+    model = training_steps.ddf_model(settings.train, settings.ddf).to(training_loop.device())
+    model.camera_head.fit(images.cameras)
+
+    def groups(model: reconstruction_models.DDFModel) -> list[dict]:
+        decays = settings.train.weight_decay_shape, settings.train.weight_decay_camera
+        return model.parameter_groups(*decays, settings.ddf.encoder_share(settings.train.loop))
+
+    def loss(model: reconstruction_models.DDFModel) -> training_loop.StepLoss:
+        return functools.partial(
+            training_steps.ddf_step,
+            model,
+            images,
+            shapes,
+            truth.samples,
+            settings.train,
+            settings.ddf,
+            propose=truth.propose,
+        )
+
+    key = provenance.fingerprint(
+        [dataclasses.asdict(task), settings.train, settings.ddf, images.digest(), truth.drawn],
+        truth.sources,
+        training_steps,
+    )
+    return Training(step_timing.Trainee(model, groups, loss, settings.ddf.loop(settings.train.loop)), key)
+
+
+def planned(task: Task, settings: Settings, own: Training, dataset: shapenet.Dataset, path: Path) -> dict[str, Any]:
+    """Steps that take as long as those of `base`, and `times_base`; measured once and kept in a file."""
+    plan = storage.read_json(path) if path.exists() else {}
+    if plan.get("fingerprint") != own.key:
+        base, ratio = Settings.of("base", task.seed), 1.0
+        loop = dataclasses.replace(settings.train.loop, seed=base.train.loop.seed)  # which changes no time
+        if (dataclasses.replace(settings.train, loop=loop), settings.ddf) != (base.train, base.ddf):
+            ratio = step_timing.times_as_long(own.trainee, prepared(task, base, dataset).trainee)
+        plan = {"fingerprint": own.key, "steps": max(1, round(task.steps / ratio)), "times_base": ratio}
+        storage.write_json(path, plan)
+    return plan
+
+
+def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) -> dict[str, float]:
+    """Train the row's model; steps, `times_base` and seconds."""
+    own, out = prepared(task, settings, dataset), folder(task, name)
+    plan = planned(task, settings, own, dataset, out / PLAN)
+    record, trainee = {"fingerprint": f"{own.key} {plan['steps']}"}, own.trainee
+    training_loop.prepare(settings.train.loop)  # trials of other models came between
+    start = trainee.groups(trainee.model), trainee.loss(trainee.model)
+    training_loop.fit(trainee.model, *start, plan["steps"], trainee.loop, out, record, name)
+    seconds = training_loop.read_log(out)[-1]["seconds"]
+    return {"steps": plan["steps"], "times_base": plan["times_base"], "seconds": seconds}
+
+
+def score(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) -> tuple[dict[str, float], float]:
+    """Means over the held-out images, medians of camera errors; and the seconds of an image's clouds.
+
+    D_C and F of the large cloud with the true camera, of the small one with the predicted and the corrected camera.
+    """
+    training_loop.prepare(settings.train.loop)
+    model = training_steps.ddf_model(settings.train, settings.ddf)
+    training_loop.load_model(model, folder(task, name if name in TRAINED else "base"))
+    shown, held = split(task, dataset, settings.train.train_views)
+    known, images = (
+        category_data.read_images(dataset, task.category, some, settings.train.image_size) for some in (shown, held)
+    )
+    samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
+    section = dataclasses.replace(settings.pointclouds, rendered=0)
+    deviation = silhouettes.deviation(model, inference.image_features(model, known))
+    tensors, facts = inference.reconstruct_ddf(model, images, section, name, deviation)
+    scales = category_data.read_shapes(samples_dir, images.ids).field_scales(images.shapes)
+    arrays = {key: value.numpy() for key, value in tensors.items()}
+    arrays |= {"camera_true": images.cameras.numpy(), "scale_true": (1 / scales).numpy()}
+    found = scoring.Predictions(OUT, [(str(row["id"]), int(row["view"])) for row in images.names()], arrays, facts)
+    truths, scores = scoring.load_truth(samples_dir), {}
+    for suffix, (size, camera) in COLUMNS.items():
+        cloud = f"{size}.h{section.cloud.cycles}"
+        values = [
+            metrics.compare_clouds(found.cloud(cloud, row, camera), truths[shape].benchmark_points())
+            for row, (shape, _) in enumerate(found.images)
+        ]
+        scores[f"chamfer_l2_sq_x1000{suffix}"] = float(np.mean([1e3 * value.chamfer_l2_sq for value in values]))
+        scores[f"f_score_tau_x100{suffix}"] = float(np.mean([100 * value.f_score_tau for value in values]))
+    errors = scoring.camera_errors(scoring.DDF, found)
+    predicted = errors[errors["column"] == "Pi_pred"]
+    scores["azimuth_error_deg_median"] = float(predicted["azimuth_error_deg"].median())
+    return scores, facts["cloud_seconds_per_image"]
+
+
+def make(task: Task, name: str) -> None:
+    """Train where the row says so, score, and keep the row."""
+    dataset = shapenet.Dataset.open(config.artifact_dir(CONFIG, "dataset") / "index.json")
+    settings = Settings.of(name, task.seed)
+    trained = train(task, name, settings, dataset) if name in TRAINED else {}
+    error, cloud_seconds = score(task, name, settings, dataset)
+    size = dataclasses.asdict(task) | {"points": settings.pointclouds.large}
+    row = measuring.row(name, size, [trained.get("seconds", cloud_seconds)], error, TOLERANCE)
+    changed = ", ".join(f"{key}: {value}" for key, value in OPTIONS[name].items())
+    told = {"changed": changed, "steps": trained.get("steps", 0), "times_base": trained.get("times_base")}
+    told |= {"cloud_seconds": cloud_seconds}
+    storage.write_json(folder(task, name) / RESULT, {"fingerprint": identity(task, name), "row": row | told})
+
+
+def identity(task: Task, name: str) -> str:
+    """Of everything that a row depends on; a row without training, of its model too."""
+    samples = storage.shard_files(
+        config.artifact_dir(CONFIG, "samples", task.category), category_data.SAMPLES, "samples"
+    )
+    sources = [config.artifact_dir(CONFIG, "dataset") / "index.json", *samples]
+    sources += [] if name in TRAINED else [folder(task, "base") / training_loop.MODEL]
+    settings = dataclasses.asdict(Settings.of(name, task.seed))
+    return provenance.fingerprint([dataclasses.asdict(task), settings], sources, [training_steps, inference, scoring])
+
+
+def kept(task: Task, name: str) -> dict[str, Any] | None:
+    """The row if it is there and nothing that it depends on has changed."""
+    path = folder(task, name) / RESULT
+    if not path.exists() or (name not in TRAINED and not (folder(task, "base") / training_loop.MODEL).exists()):
+        return None
+    result = storage.read_json(path)
+    return result["row"] if result["fingerprint"] == identity(task, name) else None
+
+
+def run(task: Task, name: str) -> None:
+    """`make` in a process of its own, unless the row is kept."""
+    if kept(task, name) is None:
+        given = [f"--{key.replace('_', '-')}={value}" for key, value in dataclasses.asdict(task).items()]
+        if subprocess.run([sys.executable, "-m", "bench", "si3dr_options", *given, "--one", name]).returncode:
+            raise checks.InputError(f"the row {name!r} failed; its own message is above")
+
+
+def rows(task: Task, names: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """The rows in order: first those that are trained, two at a time, then the others."""
+    with concurrent.futures.ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+        for group in (TRAINED, DRAWN):
+            list(pool.map(functools.partial(run, task), [name for name in group if name in names]))
+    for name in names:
+        found = kept(task, name)
+        if found is None:
+            raise checks.InputError(
+                f"the row {name!r} is not there, although it was made: its inputs changed meanwhile"
+            )
+        yield found
+
+
+SECTION = display.Section(
+    views=(
+        display.View(
+            "chamfer_l2_sq_x1000",
+            "1000 D_C",
+            lambda _: "clouds of an image, model of base",
+            keep=lambda row: not row.told.get("steps"),  # trainings take the same time, by design
+        ),
+    )
+)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Make all rows and write them; --rows for some of them, printed and not written."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--category", default="car")
+    parser.add_argument("--steps", type=int, default=400, help="of `base`; others take as long (default %(default)s)")
+    parser.add_argument("--held-out", type=int, default=8, help="shapes (default %(default)s)")
+    parser.add_argument("--views", type=int, default=2, help="of each held-out shape (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="added to all seeds of the config")
+    parser.add_argument("--rows", nargs="+", choices=list(OPTIONS), help="these alone; prints instead of writing")
+    parser.add_argument("--one", choices=list(OPTIONS), help=argparse.SUPPRESS)
+    given = parser.parse_args(arguments)
+    task = Task(given.category, given.steps, given.held_out, given.views, given.seed)
+    needed = config.artifact_dir(CONFIG, "samples", task.category)
+    if not needed.exists():
+        print(f"si3dr_options: skipped, {needed} is not there; `make reproduce-table` makes it")
+    elif given.one:
+        make(task, given.one)
+    elif given.rows:
+        names = given.rows if TRAINED.keys() >= set(given.rows) else ["base", *given.rows]
+        print(json.dumps(list(rows(task, list(dict.fromkeys(names)))), indent=1))
+    else:
+        measuring.write("si3dr_options", 1, list(rows(task, list(OPTIONS))))

@@ -1,0 +1,62 @@
+"""How benchmarks take seconds, and what they write."""
+
+import pytest
+
+from bench.lib import measuring, results
+
+
+class _Clock:
+    """Stands still but for what candidates take."""
+
+    def __init__(self):
+        self.now, self.calls = 0.0, {}
+
+    def candidate(self, name, *seconds):
+        def work():
+            taken = self.calls[name] = self.calls.get(name, 0) + 1
+            self.now += seconds[min(taken, len(seconds)) - 1]
+
+        return work
+
+
+@pytest.fixture
+def _clock(monkeypatch):
+    clock = _Clock()
+    monkeypatch.setattr(measuring.time, "perf_counter", lambda: clock.now)
+    return clock
+
+
+def test_a_sample_of_what_is_fast_is_the_mean_of_calls(_clock):
+    tick, alternating = measuring.TICK, (1.0, 2.0) * 100
+    fast = _clock.candidate("fast", *(seconds * tick / 3 for seconds in alternating))
+    (times,) = measuring.interleaved({"fast": fast}, 7).values()
+    # The second call says how many make a sample: two here, one of either length.
+    assert times == pytest.approx([1.5 * tick / 3] * len(times)) and len(times) == measuring.LEAST
+    assert _clock.calls["fast"] == 2 + 2 * measuring.LEAST
+
+
+def test_candidates_take_turns_and_slow_ones_leave(_clock):
+    order, rough = [], (0.2, 0.2, 0.3, 0.4, 0.7) * 9
+    ways = {"slow": _clock.candidate("slow", measuring.WARM), "rough": _clock.candidate("rough", *rough)}
+    told = {name: (lambda name=name, way=way: (order.append(name), way())) for name, way in ways.items()}
+    times = measuring.interleaved(told, 9, seconds=1.5 * measuring.WARM)
+    assert times["slow"] == pytest.approx(
+        [measuring.WARM] * 2
+    )  # its first call is a sample; it leaves after the second
+    assert order == ["slow", "rough", "slow", *["rough"] * len(times["rough"])]
+    assert sum(times["rough"][:-1]) < 1.5 * measuring.WARM <= sum(times["rough"])
+    assert len(measuring.interleaved({"rough": _clock.candidate("again", *rough)}, 3)["rough"]) == 3
+
+
+def test_rows_are_read_as_they_are_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(measuring, "OUT", tmp_path)
+    timed = measuring.row("a", {"n": 5}, [3.0, 1.0, 2.0, 5.0, 4.0], {"off": 0.1}, error_tolerance=0.02)
+    measuring.write(
+        "x", 2, [{**timed, "rate": 7}, measuring.row("b", {}, [0.5], {}), {"what": "c", "size": {}, "error": {}}]
+    )
+    found = results.load_folder(tmp_path)["x"]
+    assert [row.seconds for row in found.rows] == [(2.0, 3.0, 4.0), (0.5, 0.5, 0.5), None]
+    assert found.rows[0].told == {"error_tolerance": 0.02, "rate": 7} and found.rows[0].error == {"off": 0.1}
+    assert [row.samples for row in found.rows] == [5, 1, 1]
+    assert found.took_s is not None and found.took_s >= 0
+    assert found.threads == 2 and set(found.versions) == set(measuring.PACKAGES)
