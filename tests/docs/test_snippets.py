@@ -1,0 +1,146 @@
+"""Every fenced block of the pages: it runs here, or it is listed as too long and its parts exist."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ddf.cli
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+LANGUAGES = {"sh", "python", "text", "diff", "yaml", "bibtex"}
+MAKEFILE = (ROOT / "Makefile").read_text()
+
+# Lines of shell that are only parsed, with what runs them elsewhere or keeps them from running.
+NOT_RUN = {
+    r"make ": "an experiment, or the set-up of the whole environment; tests/stages runs stages on tiny data",
+    r"ddf (export|reconstruct) .*artifacts/": "needs a trained experiment; tests/cli runs it on tiny ones",
+    r"ddf split /path": "needs ShapeNet; tests/cli runs it on a listing",
+    r"\. .venv/bin/activate": "changes the shell that runs it",
+}
+# Snippets of Python that are only compiled.
+NOT_RUN_PYTHON = {
+    "dask_jobqueue": "needs SLURM",
+    "onnxruntime.InferenceSession": "tests/stages/test_stage_export_onnx.py runs it on what the stage wrote",
+}
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """The fenced blocks of a page in one language, in order."""
+    return [text for name, text in re.findall(r"(?ms)^```(\w*)\n(.*?)^```$", page.read_text()) if name == language]
+
+
+def lines(page: Path) -> list[str]:
+    """The lines of shell of a page, continued ones joined, without comments."""
+    joined = "\n".join(blocks(page, "sh")).replace("\\\n", " ")
+    return [shlex.join(words) for line in joined.splitlines() if (words := shlex.split(line, comments=True))]
+
+
+def not_run(line: str, table: dict[str, str]) -> bool:
+    return any(re.search(pattern, line) for pattern in table)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_blocks_say_their_language_and_none_is_indented(page):
+    text = page.read_text()
+    assert text.count("```") % 2 == 0
+    assert set(re.findall(r"(?m)^```(\w*)$", text)[::2]) <= LANGUAGES
+    outside = re.sub(r"(?ms)^```.*?^```$", "", text)
+    assert not re.search(r"(?m)^    (ddf|make|python|pip) ", outside)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_prose_has_no_line_over_200_characters(page):
+    outside = re.sub(r"(?ms)^```.*?^```$", "", page.read_text())
+    assert [line for line in outside.splitlines() if len(line) > 200 and not line.startswith(("|", "!["))] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_lines_of_shell_are_well_formed(page, monkeypatch):
+    monkeypatch.setattr("ddf.pipeline.stage.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
+    monkeypatch.chdir(ROOT)
+    for line in lines(page):
+        words = shlex.split(line)
+        while re.match(r"[A-Z_]+=", words[0]):
+            words = words[1:]
+        if words[0] == "ddf":
+            assert ddf.cli.main(words[1:]) == 0, line
+        elif words[0] == "make":
+            check_make(words[1:])
+        elif words[0] == "python" and words[1].endswith(".py"):
+            assert (ROOT / words[1]).is_file(), line
+        elif words[:3] == ["python", "-m", "pytest"]:
+            assert all((ROOT / word).exists() for word in words[3:] if "/" in word), line
+        elif words[:2] == ["pip", "install"]:
+            check_extras(words[2:])
+        else:
+            assert not_run(line, NOT_RUN), f"{page.name}: nothing tells whether this line is right: {line}"
+
+
+def check_make(words: list[str]) -> None:
+    """Targets and variables are the Makefile's, and files that are named exist."""
+    for word in words:
+        name, equals, value = word.partition("=")
+        if equals:
+            assert re.search(rf"(?m)^{name} *\?=", MAKEFILE), f"make has no variable {name}"
+            assert name != "CONFIG" or (ROOT / value).is_file(), f"{value}: no such experiment"
+        else:
+            stage = name.removeprefix("stage-")
+            assert re.search(rf"(?m)^{name}:", MAKEFILE) or (ROOT / "stages" / f"{stage}.py").is_file(), name
+
+
+def check_extras(words: list[str]) -> None:
+    """What is installed from this folder has the extras that are asked for."""
+    known = set(re.findall(r"(?m)^(\w+) = \[", (ROOT / "pyproject.toml").read_text()))
+    for word in words:
+        found = re.fullmatch(r"\.(?:\[([\w,]+)\])?", word)
+        assert word.startswith("-") or (found and set(filter(None, (found[1] or "").split(","))) <= known), word
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_run(page, tmp_path):
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    for line in lines(page):
+        if not not_run(line, NOT_RUN):
+            done = subprocess.run(
+                line, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+            )
+            assert done.returncode == 0, f"{line}\n{done.stderr}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_snippets_of_python_run_in_order(page, tmp_path):
+    snippets = blocks(page, "python")
+    for snippet in snippets:
+        compile(snippet, page.name, "exec")
+    program = "\n".join(snippet for snippet in snippets if not not_run(snippet, NOT_RUN_PYTHON))
+    if program:
+        done = subprocess.run(
+            [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=240
+        )
+        assert done.returncode == 0, f"{page.name}\n{done.stderr}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_diffs_are_of_files_as_they_are(page):
+    for diff in blocks(page, "diff"):
+        names = re.findall(r"(?m)^\+\+\+ b/(\S+)$", diff)
+        assert names, "a diff names its files"
+        for name, body in zip(names, re.split(r"(?m)^--- .*\n\+\+\+ .*\n", diff)[1:], strict=True):
+            kept = [line[1:] for line in body.splitlines() if line[:1] in (" ", "-")]
+            if kept:
+                present = set((ROOT / name).read_text().splitlines())
+                assert [line for line in kept if line.strip() and line not in present] == [], name
+
+
+def test_every_rule_above_is_needed():
+    shell = [line for page in PAGES for line in lines(page)]
+    python = [snippet for page in PAGES for snippet in blocks(page, "python")]
+    assert [rule for rule in NOT_RUN if not any(re.search(rule, line) for line in shell)] == []
+    assert [rule for rule in NOT_RUN_PYTHON if not any(re.search(rule, snippet) for snippet in python)] == []
