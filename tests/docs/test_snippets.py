@@ -20,6 +20,7 @@ MAKEFILE = (ROOT / "Makefile").read_text()
 NOT_RUN = {
     r"make ": "an experiment, or the set-up of the whole environment; tests/stages runs stages on tiny data",
     r"ddf (export|reconstruct) .*artifacts/": "needs a trained experiment; tests/cli runs it on tiny ones",
+    r"ddf doctor": "imports every package there is; tests/cli runs it",
     r"ddf split /path": "needs ShapeNet; tests/cli runs it on a listing",
     r"\. .venv/bin/activate": "changes the shell that runs it",
 }
