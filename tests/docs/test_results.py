@@ -1,0 +1,154 @@
+"""The tables of README.md and docs/results.md say what the committed report measured.
+
+`python tests/docs/test_results.py` writes what reports/cpu/si3dr.csv says into them.
+"""
+
+import csv
+import itertools
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+CATEGORIES = ("chair", "plane", "car")
+CHAMFER, F_TAU, F_2TAU = "chamfer_l2_sq_x1000", "f_score_tau_x100", "f_score_2tau_x100"
+METRICS = {"D_C": (CHAMFER, 3, min), "F(τ)": (F_TAU, 2, max), "F(2τ)": (F_2TAU, 2, max)}
+METHODS = {  # method, and the column of the predicted camera
+    "DDF": ("ddf", "Pi_pred"),
+    "PC-SIREN": ("pc_siren", "Pi_pred"),
+    "DDF, camera corrected by the mask": ("ddf", "Pi_corrected"),
+}
+PAIRS = {  # rows with D_C and F(τ) in one cell
+    "DDF, true camera": ("ddf", "Pi_g-L"),
+    "DDF, true camera, one projection cycle instead of three": ("ddf_nh1", "Pi_g-L"),
+    "PC-SIREN, true camera": ("pc_siren", "Pi_g-L"),
+    "DDF, predicted camera": ("ddf", "Pi_pred-L"),
+    "PC-SIREN, predicted camera": ("pc_siren", "Pi_pred-L"),
+    "mean training shape": ("mean_shape", "Pi_g-L"),
+    "retrieval of the nearest training image": ("retrieval", "Pi_g-L"),
+    "ceiling: the truth against itself": ("ceiling", "Pi_g-L"),
+    "oracle: the best training shape": ("oracle_retrieval", "Pi_g-L"),
+    "the mean training shape": ("mean_shape", "Pi_g-L"),
+    "one cycle": ("ddf_nh1", "Pi_g-L"),
+    "three cycles": ("ddf", "Pi_g-L"),
+}
+CAMERAS = {  # median errors
+    "azimuth, degrees": ("Pi_pred", "azimuth_error_deg_median", 1),
+    "azimuth after the correction by the mask": ("Pi_corrected", "azimuth_error_deg_median", 1),
+    "elevation, degrees": ("Pi_pred", "elevation_error_deg_median", 2),
+}
+Rows = list[list[str]]
+
+
+class Measured:
+    """The measured rows of si3dr.csv."""
+
+    def __init__(self, path: Path = ROOT / "reports/cpu/si3dr.csv") -> None:
+        with path.open(newline="") as file:
+            rows = [row for row in csv.DictReader(file) if row["source"] == "measured"]
+        self.rows: dict[tuple[str, ...], dict[str, str]] = {
+            (row["category"], row["method"], row["column"], row["metric"]): row for row in rows
+        }
+
+    def value(self, *key: str) -> float:
+        return float(self.rows[key]["value"])
+
+    def text(self, *key: str, digits: int, spread: bool = True) -> str:
+        """The mean, ± the deviation over seeds where there are several."""
+        row, value = self.rows[key], f"{self.value(*key):.{digits}f}"
+        return f"{value} ± {float(row['spread']):.{digits}f}" if spread and float(row["seeds"]) > 1 else value
+
+
+def plain_pairs(measured: Measured, rows: Rows) -> Rows:
+    """D_C and F(τ) without spreads, as README prints them."""
+    return [[name, *_pair(measured, name, 1, False)] for name, *_ in rows]
+
+
+def pairs(measured: Measured, rows: Rows) -> Rows:
+    """D_C and F(τ) with spreads."""
+    return [[name, *_pair(measured, name, 2, True)] for name, *_ in rows]
+
+
+def _pair(measured: Measured, name: str, digits: int, spread: bool) -> list[str]:
+    keys = [(category, *PAIRS[name]) for category in CATEGORIES]
+    chamfers = [measured.text(*key, CHAMFER, digits=3, spread=spread) for key in keys]
+    scores = [measured.text(*key, F_TAU, digits=digits, spread=spread) for key in keys]
+    return [", ".join(pair) for pair in zip(chamfers, scores, strict=True)]
+
+
+def true_camera(measured: Measured, rows: Rows) -> Rows:
+    """Both models by points and metric; bold: the best."""
+    return _by_metric(measured, rows, lambda name: "Pi_g")
+
+
+def predicted_camera(measured: Measured, rows: Rows) -> Rows:
+    """As `true_camera`, at the predicted camera and after its correction."""
+    return _by_metric(measured, rows, lambda name: METHODS[name][1])
+
+
+def _by_metric(measured: Measured, rows: Rows, camera: Callable[[str], str]) -> Rows:
+    filled = []
+    for (points, label), group in itertools.groupby(rows, key=lambda row: row[:2]):
+        metric, digits, best = METRICS[label]
+        names = [row[2] for row in group]
+        cells = {name: [points, label, name] for name in names}
+        for category in CATEGORIES:
+            keys = {name: (category, METHODS[name][0], f"{camera(name)}-{points}", metric) for name in names}
+            winner = best(names, key=lambda name: measured.value(*keys[name]))
+            for name, key in keys.items():
+                text = measured.text(*key, digits=digits)
+                cells[name].append(f"**{text}**" if name == winner else text)
+        filled += cells.values()
+    return filled
+
+
+def cameras(measured: Measured, rows: Rows) -> Rows:
+    """Median errors of the DDF's cameras."""
+    return [
+        [name, *(measured.text(c, "ddf", *CAMERAS[name][:2], digits=CAMERAS[name][2]) for c in CATEGORIES)]
+        for name, *_ in rows
+    ]
+
+
+TABLES = [  # page, the line above the table, what fills it
+    ("README.md", "## Results", plain_pairs),
+    ("docs/results.md", "### True camera", true_camera),
+    ("docs/results.md", "### Predicted camera", predicted_camera),
+    ("docs/results.md", "Median errors of the predicted camera:", cameras),
+    ("docs/results.md", "### Baselines and ceilings, true camera, L", pairs),
+    ("docs/results.md", "### One projection cycle instead of three, true camera, L", pairs),
+]
+
+
+def parts(text: str, above: str) -> tuple[str, str, str]:
+    """A page before, in and after the rows of the first table below a line."""
+    found = re.search(rf"(?ms)^{re.escape(above)}$.*?^\|[ :|-]+\|\n", text)
+    assert found, above
+    end = re.compile(r"(?m)^(?!\|)").search(text, found.end())
+    return text[: found.end()], text[found.end() : end.start() if end else None], text[end.start() if end else None :]
+
+
+def cells(lines: str) -> Rows:
+    return [line.strip("| ").split(" | ") for line in lines.splitlines()]
+
+
+def lines_of(rows: Sequence[Sequence[str]]) -> str:
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+@pytest.mark.parametrize("page, above, fill", TABLES, ids=[above for _, above, _ in TABLES])
+def test_tables_are_of_the_committed_report(page, above, fill):
+    _, table, _ = parts((ROOT / page).read_text(), above)
+    assert cells(table) == fill(Measured(), cells(table))
+
+
+def test_readme_has_the_eight_rows():
+    assert len(cells(parts((ROOT / "README.md").read_text(), "## Results")[1])) == 8
+
+
+if __name__ == "__main__":
+    for page, above, fill in TABLES:
+        before, table, after = parts((ROOT / page).read_text(), above)
+        (ROOT / page).write_text(before + lines_of(fill(Measured(), cells(table))) + after)
