@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-import ddf.cli
+from ddf.cli import commands
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -17,13 +17,13 @@ TARGETS = set(re.findall(r"(?m)^([a-z-]+):(?:.*)## ", (ROOT / "Makefile").read_t
 
 
 def test_readme_lists_every_command():
-    assert set(re.findall(r"`ddf ([a-z]+)[ `]", (ROOT / "README.md").read_text())) == set(ddf.cli.COMMANDS)
+    assert set(re.findall(r"`ddf ([a-z]+)[ `]", (ROOT / "README.md").read_text())) == set(commands.COMMANDS)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_and_links_exist(page):
     text = page.read_text()
-    assert set(re.findall(r"(?:^    |`)ddf ([a-z]+)\b", text, re.MULTILINE)) <= set(ddf.cli.COMMANDS)
+    assert set(re.findall(r"(?:^    |`)ddf ([a-z]+)\b", text, re.MULTILINE)) <= set(commands.COMMANDS)
     assert set(re.findall(r"(?:^    |`)make ([a-z_-]+)\b", text, re.MULTILINE)) <= TARGETS
     links = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if not link.startswith("http")]
     missing = [link for link in links if not (page.parent / link).exists()]

@@ -1,12 +1,13 @@
 """Every experiment file loads, section by section, into the dataclass of the module that uses it."""
 
+import dataclasses
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from ddf.cli import common
+from ddf.cli import cloud_settings
 from ddf.core import config
 from ddf.data import dataset, mesh_preparation, sampling
 from ddf.evaluation import scoring
@@ -49,9 +50,10 @@ def test_every_section_loads(path):
 def test_commands_draw_clouds_as_the_default_experiment_does():
     (path,) = (path for path in CONFIGS if path.stem == "cpu")
     section = config.load(path, "pointclouds", inference.PointcloudsConfig)
-    assert (section.cloud, section.scale_quantile) == (common.cloud_of("z"), common.SCALE_QUANTILE)
-    assert common.cloud_of(None) == common.CLOUD
-    assert section.shape_correction == common.SHAPE_CORRECTION
+    assert (section.cloud, section.scale_quantile) == (cloud_settings.cloud("z"), cloud_settings.SCALE_QUANTILE)
+    assert dataclasses.asdict(cloud_settings.cloud()) == {**cloud_settings.CLOUD, "mirror": None}
+    assert section.shape_correction is not None
+    assert dataclasses.asdict(section.shape_correction) == cloud_settings.SHAPE_CORRECTION
 
 
 @pytest.mark.parametrize("path", FITS, ids=lambda path: path.stem)

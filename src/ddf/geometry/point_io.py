@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks
-from ddf.geometry.formats import ply
+from ddf.geometry.formats import ply, ply_header
 from ddf.geometry.mesh_io import MAX_FILE_BYTES
 
 
@@ -34,6 +34,22 @@ def read_points(path: Path | str) -> Float[np.ndarray, "n 3"]:
     except checks.InputError as fault:
         raise checks.InputError(f"{path}: {fault}") from fault
     return points
+
+
+def has_faces(path: Path | str) -> bool:
+    """Whether a PLY file holds a mesh, and not a cloud alone.
+
+    Raises:
+      FileNotFoundError: no such file. InputError: not a PLY file; it is named.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file")
+    try:
+        elements = ply_header.parse(path.read_bytes()).elements
+    except checks.InputError as fault:
+        raise checks.InputError(f"{path}: {fault}") from fault
+    return any(element.name in ("face", "tristrips") and element.count > 0 for element in elements)
 
 
 def points_ply(points: Float[np.ndarray, "n 3"]) -> bytes:

@@ -2,31 +2,35 @@
 
 import argparse
 import time
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+from ddf.cli import arguments, pictures
+from ddf.core import checks
 
-from ddf.cli import common
-from ddf.core import checks, storage
-from ddf.fields import sparse_depth
-from ddf.report import field_pictures
-from ddf.shape import shape_field
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ddf.shape import shape_field
+
+EXAMPLES = (
+    "ddf render chair_field depth.png",
+    "ddf render chair_field normals.png --output normals --camera -30,20,1.0",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare field, picture and camera."""
-    common.add_field(parser)
-    parser.add_argument("out", metavar="OUT.png", type=Path, help="picture to write")
+    arguments.add_field(parser)
+    arguments.add_out(parser, "out", "OUT.png", "picture to write")
     parser.add_argument(
         "--camera",
         metavar="AZ,EL,R",
         default="35,25,0.9",
         help="azimuth and elevation in degrees, distance from the box's centre with 0.57 for one diagonal of the box; "
-        "write --camera=-30,... for a negative azimuth (default %(default)s)",
+        "(default %(default)s)",
     )
     parser.add_argument("--size", metavar="N", type=int, default=256, help="pixels a side (default %(default)s)")
-    parser.add_argument("--output", choices=shape_field.OUTPUTS, default="depth", help="(default %(default)s)")
+    parser.add_argument("--output", choices=arguments.OUTPUTS, default="depth", help="(default %(default)s)")
     parser.add_argument(
         "--refine",
         metavar="SHARE",
@@ -35,12 +39,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "such as 0.001; parts narrower than four pixels may be missed",
     )
     parser.add_argument(
-        "--up", choices=shape_field.UP_AXES, default="y", help="axis of the mesh that points up (default %(default)s)"
+        "--up", choices=arguments.UP_AXES, default="y", help="axis of the mesh that points up (default %(default)s)"
     )
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Render and write the picture; returns how many rays were evaluated and the time that took."""
+    from ddf.core import storage
+    from ddf.report import field_pictures
+    from ddf.shape import shape_field
+
     camera = parse_camera(args.camera)
     shape = shape_field.load(args.field)
     started = time.monotonic()
@@ -49,7 +57,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     else:
         images, evaluated = _refined(shape, camera, args)
     seconds = time.monotonic() - started
-    storage.write_bytes(args.out, common.png(field_pictures.picture(args.output, images)))
+    storage.write_bytes(args.out, pictures.encode(field_pictures.picture(args.output, images), ".png"))
     return {
         "output": args.output,
         "pixels": args.size**2,
@@ -62,9 +70,14 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _refined(
-    shape: shape_field.ShapeField, camera: tuple[float, float, float], args: argparse.Namespace
-) -> tuple[dict[str, np.ndarray], int]:
+    shape: "shape_field.ShapeField", camera: tuple[float, float, float], args: argparse.Namespace
+) -> "tuple[dict[str, np.ndarray], int]":
     """Depth from fewer rays, and what is seen by it."""
+    import numpy as np
+
+    from ddf.fields import sparse_depth
+    from ddf.shape import shape_field
+
     if args.output != "depth":
         raise checks.InputError(f"--refine goes with --output depth alone; got {args.output}")
     longest = float((shape.upper - shape.lower).max()) / shape.field_from_mesh.scale

@@ -1,4 +1,4 @@
-"""`ddf reconstruct`: camera, cloud and renders from one RGBA image with a trained DDF model."""
+"""What `ddf reconstruct` does with an image."""
 
 import argparse
 import contextlib
@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from ddf.cli import common
+from ddf.cli import cloud_settings, pictures
 from ddf.core import checks, storage
 from ddf.data import shapenet
 from ddf.fields import cloud_projection, rendering
@@ -22,25 +22,7 @@ from ddf.reconstruction import inference, reconstruction_models, silhouettes, tr
 from ddf.report import picture_strips
 from ddf.training import training_loop
 
-DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
 CLOUDS = "ddf.safetensors"  # in the folder of stage `pointclouds`
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare image, model and output folder."""
-    parser.add_argument("image", metavar="IMAGE.png", type=Path, help="RGBA image; its alpha is the mask of the object")
-    parser.add_argument("model", metavar="MODEL", type=Path, help="trained DDF: artifacts/cpu/train_ddf/chair")
-    parser.add_argument("out", metavar="OUT_DIR", type=Path, help="folder to write")
-    parser.add_argument("-n", "--points", type=int, default=DEFAULT_POINTS, help="of the cloud (default %(default)s)")
-    parser.add_argument("--size", type=int, default=DEFAULT_SIZE, help="of the renders, pixels (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the cloud (default %(default)s)")
-    parser.add_argument(
-        "--known",
-        metavar="POINTCLOUDS",
-        type=Path,
-        help="what stage pointclouds made with the model (artifacts/cpu/pointclouds/chair), which tells how shapes "
-        "vary: the shape then moves until its silhouette agrees with the image",
-    )
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
@@ -54,11 +36,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     seconds: dict[str, float] = {}
     with _timed(seconds, "encoders"), torch.no_grad():
         _, latent, seen_from = inference.encode_batch(model, image, _mirror(model))
-    drawn = common.cloud_of(model.field.config.mirror)
+    drawn = cloud_settings.cloud(model.field.config.mirror)
     if deviation is not None:
         with _timed(seconds, "silhouette"):
-            how, generator = common.SHAPE_CORRECTION, torch.Generator(training_loop.device()).manual_seed(args.seed)
-            given = (model, latent, drawn, common.SCALE_QUANTILE, [generator])
+            how = silhouettes.ShapeCorrectionConfig(**cloud_settings.SHAPE_CORRECTION)
+            generator = torch.Generator(training_loop.device()).manual_seed(args.seed)
+            given = (model, latent, drawn, cloud_settings.SCALE_QUANTILE, [generator])
             field_scale = inference.rough_field_scales(*given)
             alpha = functional.interpolate(image[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
             latent = silhouettes.correct_shapes(model, latent, deviation, seen_from, field_scale, alpha, how)
@@ -67,14 +50,14 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         generator = torch.Generator(training_loop.device()).manual_seed(args.seed)
         cycles = cloud_projection.sample(model.field, modulations, args.points, drawn, generator)
         (cloud,) = cloud_projection.select(cycles, [args.points], drawn)
-    scale = inference.scale_from_cycles(cycles, common.SCALE_QUANTILE)
+    scale = inference.scale_from_cycles(cycles, cloud_settings.SCALE_QUANTILE)
     with _timed(seconds, "renders"):
         field_scale = torch.tensor(1 / scale, device=camera.device)
-        pictures, queries = rendering.render(model.field, modulations, camera, field_scale, args.size)
+        images, queries = rendering.render(model.field, modulations, camera, field_scale, args.size)
     args.out.mkdir(parents=True, exist_ok=True)
     storage.write_bytes(args.out / "cloud.ply", point_io.points_ply(scale * cloud.cpu().numpy()))
-    for name, picture in _pictures(pictures).items():
-        storage.write_bytes(args.out / f"{name}.png", common.png(picture))
+    for name, picture in _pictures(images).items():
+        storage.write_bytes(args.out / f"{name}.png", pictures.encode(picture, ".png"))
     azimuth, elevation, radius = (float(x) for x in camera)
     result = {
         "camera": {

@@ -5,25 +5,30 @@ import io
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from ddf.cli import arguments
 
-from ddf.cli import common
-from ddf.core import storage
-from ddf.geometry import mesh_io, ray_io, raycast
+EXAMPLES = ("ddf cast chair.obj --rays rays.npz --out hits.npz",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the mesh, the rays and the output."""
     parser.add_argument("mesh", metavar="MESH", type=Path, help="mesh file; cast as it is, without closing it")
-    common.add_rays(parser, "file")
-    parser.add_argument("--out", metavar="HITS.npz", type=Path, required=True, help="gets depth, visible, normals")
+    arguments.add_rays(parser, "file")
+    arguments.add_out(parser, "--out", "HITS.npz", "gets depth, visible, normals")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Cast the rays and write the hits; depth is in the file's units, inf on a miss."""
+    import numpy as np
+
+    from ddf.core import storage
+    from ddf.geometry import mesh_io, ray_io, raycast
+
     points = ray_io.read(args.rays)
     hits = raycast.cast(mesh_io.load(args.mesh), points)
     buffer = io.BytesIO()
     np.savez(buffer, depth=hits.depth.numpy(), visible=hits.visible.numpy(), normals=hits.normals.numpy())
     storage.write_bytes(args.out, buffer.getvalue())
-    return {"rays": len(hits.depth), "hits": int(hits.visible.sum()), "out": args.out.as_posix()}
+    rays, seen = len(hits.depth), int(hits.visible.sum())
+    verdict = f"{seen:,} of {rays:,} rays hit; depth is in units of {args.mesh}, inf on a miss"
+    return {"rays": rays, "hits": seen, "out": args.out.as_posix(), "verdict": verdict}

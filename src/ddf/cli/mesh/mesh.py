@@ -4,8 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ddf.cli import arguments
 from ddf.data import mesh_config
 from ddf.geometry import mesh_io
+
+EXAMPLES = ("ddf mesh chair.obj closed.ply", "ddf mesh chair.obj closed.obj --faces 5000 --alpha 0.02")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -13,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     default = mesh_config.MeshesConfig()
     kinds = ", ".join(mesh_io.SUFFIXES)
     parser.add_argument("source", metavar="IN", type=Path, help=f"mesh to read ({kinds})")
-    parser.add_argument("out", metavar="OUT", type=Path, help=f"mesh to write, in the field frame ({kinds})")
+    arguments.add_out(parser, "out", "OUT", f"mesh to write, in the field frame ({kinds})")
     parser.add_argument(
         "--faces",
         metavar="N",
@@ -56,6 +59,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
     prepared = mesh_preparation.prepare(raw, config, seeding.generator(config.seed, "measure"))
     storage.write_bytes(args.out, mesh_io.export_bytes(prepared.mesh, args.out.suffix))
+
+    def share(value: float) -> str:
+        return f"{100 * value:.2g} % of the diagonal"
+
+    closed = "yes" if prepared.watertight else "NO"
     return {
         "watertight": prepared.watertight,
         "faces": len(prepared.mesh.faces),
@@ -67,4 +75,15 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "faces_raw": len(raw.faces),
         "seconds": round(prepared.seconds, 3),
         "transform": prepared.field_from_raw.to_dict(),
+        "table": {
+            "faces": f"{len(prepared.mesh.faces):,} of {len(raw.faces):,}",
+            "way": "closed by a wrap" if prepared.wrapped else "closed already, kept as it is",
+            "largest distance": share(prepared.hausdorff),
+            "mean distance": share(prepared.mean_distance),
+            "of hidden parts, largest": share(prepared.hausdorff_hidden),
+            "of parts cut off, largest": share(prepared.lost),
+            "seconds": prepared.seconds,
+        },
+        "verdict": f"watertight: {closed}, {len(prepared.mesh.faces):,} faces, largest distance "
+        f"{share(prepared.hausdorff)}",
     }

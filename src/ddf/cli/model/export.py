@@ -4,12 +4,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ddf.core import checks, config
-from ddf.export import exportable, onnx_file, weight_precision
-from ddf.fields import field_outputs
-from ddf.training import training_loop
+from ddf.cli import arguments, results
 
-DEFAULTS = onnx_file.ExportConfig(tuple(field_outputs.OUTPUTS), (1, 7, 65536), (), 0)
+EXAMPLES = (
+    "ddf export chair_field field.onnx",
+    "ddf export chair_field small.onnx --precision float16 --outputs depth,visibility",
+)
+PRECISIONS = ("float32", "float16", "bfloat16", "int8")  # of `weight_precision`
+BATCHES = (1, 7, 65536)  # rays that the file and the model are compared with
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="trained model (artifacts/cpu/train_ddf/chair), or a folder that `ddf fit` wrote",
     )
-    parser.add_argument("out", metavar="OUT.onnx", type=Path, help="file to write")
+    arguments.add_out(parser, "out", "OUT.onnx", "file to write")
     parser.add_argument(
         "--graph",
         help="field, encoders or image_field of a DDF model (field if not given), pcsiren or pcsiren_encoders",
@@ -29,20 +31,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--outputs",
         type=lambda text: tuple(text.split(",")),
         metavar="NAME,...",
-        help=f"of a field, among {','.join(field_outputs.OUTPUTS)} (default: all, or those of --config)",
+        help="of a field, some of visibility,depth,normals,weights,mean_curvature,gaussian_curvature (default: all, or "
+        "those of --config)",
     )
     parser.add_argument("--config", type=Path, metavar="CONFIG", help="experiment file; its section `export` is used")
     parser.add_argument(
         "--precision",
-        default=weight_precision.FULL,
-        choices=(weight_precision.FULL, *weight_precision.PRECISIONS),
+        default=PRECISIONS[0],
+        choices=PRECISIONS,
         help="of the weights; below float32 the error is reported and held to no tolerance (default %(default)s)",
     )
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Export, compare, write; `parity` has the worst difference of every output over all inputs tried."""
-    settings = DEFAULTS
+    from ddf.core import checks, config
+    from ddf.export import exportable, onnx_file
+    from ddf.fields import field_outputs
+    from ddf.training import training_loop
+
+    settings = onnx_file.ExportConfig(tuple(field_outputs.OUTPUTS), BATCHES, (), 0)
     if args.config is not None:
         settings = config.load(args.config, "export", onnx_file.ExportConfig)
     outputs = settings.outputs if args.outputs is None else field_outputs.require_outputs(args.outputs)
@@ -52,11 +60,19 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if name not in graphs:
         raise checks.InputError(f"--graph must be one of {', '.join(graphs)} for {folder}; got {name!r}")
     rows = onnx_file.export(graphs[name], name, args.out, source, settings, args.precision)
+    parity = onnx_file.figures(rows)
+    worst = max(parity, key=lambda output: parity[output]["max_abs"])
     return {
         "graph": name,
         "opset": onnx_file.OPSET,
         "precision": args.precision,
         "bytes": rows[0].bytes,
         "inputs": {key: list(shape) for key, shape in graphs[name].inputs.items()},
-        "parity": onnx_file.figures(rows),
+        "parity": parity,
+        "table": results.grid(
+            ("output", "largest difference", "tolerance"),
+            [(output, entry["max_abs"], entry["tolerance"]) for output, entry in parity.items()],
+        ),
+        "verdict": f"{args.out}: graph {name}, opset {onnx_file.OPSET}, {args.precision}, {rows[0].bytes:,} bytes; "
+        f"onnxruntime and torch differ most in {worst}, by {results.cell(parity[worst]['max_abs'])}",
     }

@@ -5,8 +5,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ddf.core import checks, storage
-from ddf.data import shapenet, splits
+from ddf.cli import results
+
+EXAMPLES = ("ddf split ids.json --out lists", "ddf split /data/shapenet --out lists --strict")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,7 +18,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="a JSON object {synset: [ids]}, or a root that holds ShapeNetRendering/",
     )
-    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="gets train_list.txt and test_list.txt")
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        type=Path,
+        required=True,
+        help="folder, made if needed; gets train_list.txt and test_list.txt",
+    )
     parser.add_argument(
         "--strict", action="store_true", help="shapes with views on both sides train whole (not Pixel2Mesh's split)"
     )
@@ -25,6 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Write both lists; returns line counts, git blob ids, counts per class and the straddling shapes."""
+    from ddf.core import storage
+    from ddf.data import splits
+
     classes = splits.split(read_listing(args.source), strict=args.strict)
     result: dict[str, Any] = {"strict": args.strict}
     for part in ("train", "test"):
@@ -42,6 +52,14 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }
     pairs = [(synset, shape) for synset, shapes in classes.items() for shape in shapes]
     result["straddling"] = [f"{synset}/{shape.id}" for synset, shape in pairs if shape.straddles]
+    result["table"] = results.grid(
+        ("class", "shapes", "train views", "test views"),
+        [(synset, *counts.values()) for synset, counts in result["classes"].items()],
+    )
+    result["verdict"] = (
+        f"{result['train']['lines']:,} train and {result['test']['lines']:,} test lines in {args.out}; "
+        f"{len(result['straddling']):,} shapes lie on both sides"
+    )
     return result
 
 
@@ -51,6 +69,9 @@ def read_listing(source: Path) -> dict[str, list[str]]:
     Raises:
       InputError: neither is there, or the file holds something else; it is named.
     """
+    from ddf.core import checks
+    from ddf.data import shapenet
+
     if source.is_dir():
         return {synset: shapenet.list_shapes(source, synset) for synset in shapenet.list_classes(source)}
     if not source.is_file():

@@ -2,21 +2,20 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+from ddf.cli import arguments, results
 
-from ddf.core import checks, seeding, storage
-from ddf.data import mesh_preparation, sampling
-from ddf.geometry import mesh_io, transforms
+if TYPE_CHECKING:
+    from ddf.geometry import mesh_io, transforms
+
+EXAMPLES = ("ddf samples chair.obj samples.safetensors --count 2000",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the files and how many samples; the defaults are those of single shapes in [DDF22]."""
     parser.add_argument("mesh", metavar="MESH", type=Path, help="mesh file; sampled as it is, in the field frame")
-    parser.add_argument(
-        "out", metavar="OUT.safetensors", type=Path, help="gets <type>.positions, ... (docs/formats.md)"
-    )
+    arguments.add_out(parser, "out", "OUT.safetensors", "gets <type>.positions, ... (docs/formats.md)")
     parser.add_argument(
         "--seed", metavar="S", type=int, default=0, help="equal seeds, equal bytes (default %(default)s)"
     )
@@ -40,8 +39,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Sample the mesh and write the samples; returns the counts, hit shares and packing errors."""
+    from ddf.core import checks
+
     if args.count < 2:
         raise checks.InputError(f"--count must be >= 2; got {args.count}")
+    import numpy as np
+
+    from ddf.core import storage
+    from ddf.data import sampling
+    from ddf.geometry import mesh_io
+
     half = args.count // 2
     config = sampling.SamplesConfig(
         counts=sampling.Counts(U=args.count, A=args.count, B=half, S=half, T=half, O=half),
@@ -59,14 +66,29 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "packing_errors": sampling.packing_errors([probes]),
     }
     storage.save_tensors(args.out, arrays, metadata)
-    shares = {
-        kind: float(np.mean(arrays[f"{kind}.depth"] != np.iinfo(np.uint16).max)) for kind, _ in config.counts.items()
+    counts = dict(config.counts.items())
+    shares = {kind: float(np.mean(arrays[f"{kind}.depth"] != np.iinfo(np.uint16).max)) for kind in counts}
+    return {
+        "counts": counts,
+        "hit_share": shares,
+        **metadata,
+        "out": args.out.as_posix(),
+        "table": results.grid(
+            ("type", "samples", "hit"), [(kind, count, f"{shares[kind]:.1%}") for kind, count in counts.items()]
+        ),
+        "verdict": f"{sum(counts.values()):,} samples in {args.out}",
     }
-    return {"counts": dict(config.counts.items()), "hit_share": shares, **metadata, "out": args.out.as_posix()}
 
 
-def _field_mesh(raw: mesh_io.Mesh, watertight: bool) -> tuple[mesh_io.Mesh, transforms.Similarity]:
+def _field_mesh(raw: "mesh_io.Mesh", watertight: bool) -> "tuple[mesh_io.Mesh, transforms.Similarity]":
+    import numpy as np
+
+    from ddf.core import seeding
+    from ddf.geometry import mesh_io, transforms
+
     if watertight:
+        from ddf.data import mesh_preparation
+
         config = mesh_preparation.MeshesConfig()
         prepared = mesh_preparation.prepare(raw, config, seeding.generator(config.seed, "measure"))
         return prepared.mesh, prepared.field_from_raw

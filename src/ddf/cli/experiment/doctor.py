@@ -24,7 +24,8 @@ COMMANDS = ("make", "flock", "git")
 CPU_FLAGS = ("avx2", "fma", "avx512f", "avx512_bf16", "amx_bf16")
 MIN_DISK_GIB, MIN_MEMORY_GIB = 5.0, 4.0
 _IMPORTS = ("torch", "torchvision", "open3d", "pymeshlab", "dvc")
-_ROOT = Path(__file__).resolve().parents[3]
+EXAMPLES = ("ddf doctor", "ddf doctor --fast --json")
+_ROOT = Path(__file__).resolve().parents[4]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,7 +54,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         result["gpu"] = _gpu()
     result["missing"] = missing
     result["ok"] = not missing
-    result["text"] = _text(result)
+    result["table"], result["verdict"] = _lines(result), "all is there" if result["ok"] else "see MISSING above"
     return result
 
 
@@ -162,7 +163,7 @@ def _gpu() -> str | None:
     return torch.cuda.get_device_name(0) if torch.cuda.is_available() else None
 
 
-def _text(result: dict[str, Any]) -> str:
+def _lines(result: dict[str, Any]) -> list[str]:
     features = [name for name, there in result["cpu"]["features"].items() if there]
     lines = [
         f"Python     {result['python']} on {result['platform']}",
@@ -174,4 +175,4 @@ def _text(result: dict[str, Any]) -> str:
         f"libraries  {sum(result['libraries'].values())} of {len(result['libraries'])} found",
     ]
     lines += [f"MISSING    {entry['what']}\n           {entry['command']}" for entry in result["missing"]]
-    return "\n".join([*lines, "all is there" if result["ok"] else "see MISSING above"])
+    return lines

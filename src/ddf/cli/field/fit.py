@@ -5,15 +5,20 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from ddf.core import checks, config, storage
-from ddf.geometry import mesh_io
-from ddf.shape import fitting
+from ddf.cli import results
+
+EXAMPLES = ("ddf fit chair.obj chair_field --minutes 2", "ddf fit chair.obj chair_field --steps 2000 --seed 1")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare mesh, folder and budget."""
     parser.add_argument("mesh", metavar="MESH", type=Path, help="mesh file; fitted as it is, inner sheets included")
-    parser.add_argument("out", metavar="OUT_DIR", type=Path, help="gets model.safetensors, log.csv, fit.json; resumes")
+    parser.add_argument(
+        "out",
+        metavar="OUT_DIR",
+        type=Path,
+        help="folder, made if needed; gets model.safetensors, log.csv, fit.json; resumes",
+    )
     parser.add_argument(
         "--config", metavar="C", type=Path, help="file with a section `fit` (default: configs/fit.yaml)"
     )
@@ -27,6 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Fit the mesh; returns the held-out errors, times and sizes, as fit.json has them."""
+    from ddf.core import checks, config, storage
+    from ddf.geometry import mesh_io
+    from ddf.shape import fitting
+
     fit = fitting.DEFAULT if args.config is None else config.load(args.config, "fit", fitting.FitConfig)
     if args.minutes is not None:
         fit = dataclasses.replace(fit, steps=None, minutes=args.minutes)
@@ -38,4 +47,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.out.exists() and not args.out.is_dir():
         raise checks.InputError(f"{args.out}: is a file; give a folder to write")
     result = fitting.fit(mesh, fit, args.out, {args.mesh.name: storage.checksum(args.mesh)})
-    return {**result, "out": args.out.as_posix()}
+    held_out = result["held_out"]
+    rows = [(kind, *(held_out[name][kind] for name in ("depth_l1", "visibility_bce"))) for kind in held_out["depth_l1"]]
+    return {
+        **result,
+        "out": args.out.as_posix(),
+        "table": results.grid(("held-out type", "depth L1", "visibility BCE"), rows),
+        "verdict": f"normals off by {results.cell(held_out['normal_angle_deg_median'])} degrees (median) after "
+        f"{result['steps']:,} steps in {result['seconds']:.0f} s; field in {args.out}",
+    }

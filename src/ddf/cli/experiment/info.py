@@ -9,13 +9,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-import torch
-import yaml
-
-from ddf.core import checks, config
-from ddf.fields import pddf
-from ddf.pipeline import experiment_cost
-from ddf.reconstruction import reconstruction_models, training_steps
+EXAMPLES = ("ddf info configs/cpu.yaml --no-steps", "ddf info configs/paper.yaml --json")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +22,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Counts come from the models themselves, built without memory for their values."""
+    import torch
+
+    from ddf.core import config
+    from ddf.fields import pddf
+    from ddf.pipeline import experiment_cost
+    from ddf.reconstruction import reconstruction_models, training_steps
+
     sections = config.read(args.config)
     train = config.load(args.config, "train", training_steps.TrainConfig)
     ddf = config.load(args.config, "ddf", training_steps.DDFConfig)
@@ -52,6 +53,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _stages(config_path: Path) -> list[str]:
     """Names of the experiment's stages, in order, from the pipeline.yaml beside the folder of the file."""
+    import yaml
+
+    from ddf.core import checks
+
     pipeline = config_path.resolve().parent.parent / "pipeline.yaml"
     if not pipeline.is_file():
         return []

@@ -1,0 +1,89 @@
+"""Arguments that several commands share, checked before any work; nothing here takes long to import."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+OUTPUTS = (  # of a field, as `shape_field.OUTPUTS`
+    "visibility",
+    "depth",
+    "normals",
+    "mean_curvature",
+    "gaussian_curvature",
+    "weight_1",
+    "normals_1",
+    "normals_2",
+)
+UP_AXES = ("y", "z")  # as `shape_field.UP_AXES`
+_WRITES = "writes"  # of the parsed arguments: names of those that are files to write
+
+
+def add_field(parser: argparse.ArgumentParser) -> None:
+    """The fitted field that a command reads."""
+    parser.add_argument(
+        "field", metavar="FIELD", type=Path, help="folder that `ddf fit` wrote, or its model.safetensors"
+    )
+
+
+def add_rays(parser: argparse.ArgumentParser, frame: str) -> None:
+    """The rays that a command reads with `ray_io`; frame: whose frame they are in."""
+    parser.add_argument(
+        "--rays",
+        metavar="RAYS.npz",
+        type=Path,
+        required=True,
+        help=f"positions, directions: (N, 3), in the {frame}'s frame",
+    )
+
+
+def add_out(parser: argparse.ArgumentParser, name: str, metavar: str, help: str) -> None:
+    """A file that the command writes, `out` or `--out`; its folder must be there, or be asked for."""
+    required: dict[str, Any] = {"required": True} if name.startswith("-") else {}
+    parser.add_argument(name, metavar=metavar, type=Path, help=help, **required)
+    parser.set_defaults(**{_WRITES: name.lstrip("-")})
+    parser.add_argument("--make-folders", action="store_true", help="make the folder of the output where it is missing")
+
+
+def require_places(args: argparse.Namespace) -> None:
+    """Raise before the work when what it gives could not be written.
+
+    Raises:
+      InputError: the output's folder does not exist (with --make-folders it is made), or no file can have its name.
+    """
+    if not hasattr(args, _WRITES):
+        return
+    from ddf.core import checks  # takes numpy, which bare help and `ddf doctor` do without
+
+    out = getattr(args, getattr(args, _WRITES))
+    if out.exists() and not out.is_file():
+        raise checks.InputError(f"{out}: not a regular file; give the name of a file to write")
+    if args.make_folders:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    elif not out.parent.is_dir():
+        raise checks.InputError(f"{out}: there is no folder {out.parent}; make it, or add --make-folders")
+
+
+def outputs(text: str) -> tuple[str, ...]:
+    """The type of an argument that is a list of outputs with commas."""
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    unknown = [name for name in names if name not in OUTPUTS]
+    if unknown or not names:
+        raise argparse.ArgumentTypeError(f"must be among {', '.join(OUTPUTS)}; got {', '.join(unknown) or 'nothing'}")
+    return names
+
+
+def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
+    """The type of an argument that is a whole number in a range."""
+    rule = f"must be a whole number, {least} or more" if most is None else f"must be a whole number, {least} to {most}"
+
+    def parse(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = least - 1
+        if value < least or (most is not None and value > most):
+            raise argparse.ArgumentTypeError(f"{rule}; got {text!r}")
+        return value
+
+    return parse

@@ -1,0 +1,1 @@
+"""Commands about experiments and this machine."""

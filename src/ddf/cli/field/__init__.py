@@ -1,0 +1,1 @@
+"""Commands about fields: fit one, ask it, draw it."""

@@ -1,0 +1,135 @@
+"""The frame of every command: arguments, help, results as a table or as JSON, errors in one line.
+
+Exit code 0; 2 after one line on stderr when the input is at fault; 130 when interrupted.
+"""
+
+import argparse
+import contextlib
+import importlib
+import io
+import os
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from types import ModuleType
+from typing import Any
+
+from ddf.cli import arguments, results
+from ddf.cli.commands import COMMANDS, ROOMS
+from ddf.pipeline import stage
+
+_NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins; no option does
+_INTERRUPTED = 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; bare `ddf` prints the help."""
+    argv = with_negative_values(sys.argv[1:] if argv is None else argv)
+    for stream in (sys.stdout, sys.stderr):  # a name or sign that the terminal cannot show is escaped
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    if "_ARGCOMPLETE" in os.environ:
+        _complete()
+    parser = _parser(next((word for word in argv if not word.startswith("-")), None))
+    if not argv:
+        parser.print_help()
+        return 0
+    args = parser.parse_args(argv)
+    try:
+        return stage.guarded(lambda: _run(args), f"ddf {args.command}")
+    except KeyboardInterrupt:
+        sys.stderr.write(f"ddf {args.command}: interrupted\n")
+        return _INTERRUPTED
+
+
+def with_negative_values(argv: Sequence[str]) -> list[str]:
+    """Options joined with values that begin with a minus: argparse takes `-30,10` behind `--camera` for an option."""
+    joined: list[str] = []
+    for word in argv:
+        before = joined[-1] if joined else ""
+        if _NEGATIVE.match(word) and before.startswith("-") and before != "--" and "=" not in before:
+            joined[-1] = f"{before}={word}" if before.startswith("--") else before + word
+        else:
+            joined.append(word)
+    return joined
+
+
+def _run(args: argparse.Namespace) -> None:
+    module = _module(args.command)
+    with _stdout_to_stderr() if args.json else contextlib.nullcontext():
+        arguments.require_places(args)
+        result: dict[str, Any] = module.run(args)
+    sys.stdout.write(results.json_line(result) if args.json else results.text(result))
+    sys.stdout.flush()
+
+
+def _module(command: str) -> ModuleType:
+    return importlib.import_module(f"ddf.cli.{COMMANDS[command].module}")
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse with errors in one line."""
+
+    def error(self, message: str) -> Any:
+        self.exit(2, f"{self.prog}: error: {' '.join(message.split())} (see {self.prog} --help)\n")
+
+
+class _Version(argparse.Action):
+    """Looks the version up only when it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        import importlib.metadata
+
+        sys.stdout.write(f"ddf {importlib.metadata.version('ddf')}\n")
+        parser.exit()
+
+
+def _parser(chosen: str | None) -> _Parser:
+    """The parser of all commands; the arguments of the chosen one alone are declared, for that imports its module."""
+    shape: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter}
+    description = "Directed distance fields: oriented points in, visibility and depth out."
+    parser = _Parser(prog="ddf", usage="ddf COMMAND ...", description=description, epilog=_listing(), **shape)
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    for name, (_, summary) in COMMANDS.items():
+        command = commands.add_parser(name, description=f"{summary[0].upper()}{summary[1:]}.", **shape)
+        command.add_argument("--json", action="store_true", help="print one JSON object on stdout, for scripts")
+        if name == chosen:
+            module = _module(name)
+            module.add_arguments(command)
+            command.epilog = "\n".join(("examples:", *(f"  {line}" for line in module.EXAMPLES)))
+    return parser
+
+
+def _listing() -> str:
+    """Every command with its summary, by room."""
+    lines = []
+    for room, title in ROOMS.items():
+        lines.append(f"{title}:")
+        inside = [(name, entry) for name, entry in COMMANDS.items() if entry.module.startswith(f"{room}.")]
+        lines += [f"  {name:<12} {entry.summary}" for name, entry in inside]
+    lines += ["", "ddf COMMAND --help tells its arguments, with examples."]
+    return "\n".join([*lines, 'Completion in bash and zsh: eval "$(register-python-argcomplete ddf)"'])
+
+
+def _complete() -> None:
+    """Answer the shell that asks how a line may go on, and leave."""
+    import argcomplete
+
+    words = os.environ.get("COMP_LINE", "").split()
+    argcomplete.autocomplete(_parser(next((word for word in words if word in COMMANDS), None)))
+
+
+@contextlib.contextmanager
+def _stdout_to_stderr() -> Iterator[None]:
+    """Send what libraries print on stdout, from native code too, to stderr, so that --json prints JSON alone."""
+    sys.stdout.flush()
+    saved = os.dup(1)
+    try:
+        os.dup2(2, 1)
+        with contextlib.redirect_stdout(sys.stderr):
+            yield
+    finally:
+        sys.stdout.flush()
+        os.dup2(saved, 1)
+        os.close(saved)

@@ -1,0 +1,1 @@
+"""Commands about meshes and clouds: no field takes part."""

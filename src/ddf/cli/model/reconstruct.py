@@ -1,0 +1,34 @@
+"""`ddf reconstruct`: camera, cloud and renders from one RGBA image with a trained DDF model."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+EXAMPLES = ("ddf reconstruct chair.png artifacts/cpu/train_ddf/chair chair",)
+DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare image, model and output folder."""
+    parser.add_argument("image", metavar="IMAGE.png", type=Path, help="RGBA image; its alpha is the mask of the object")
+    parser.add_argument("model", metavar="MODEL", type=Path, help="trained DDF: artifacts/cpu/train_ddf/chair")
+    parser.add_argument(
+        "out", metavar="OUT_DIR", type=Path, help="folder, made if needed; gets cloud.ply, camera.json and pictures"
+    )
+    parser.add_argument("-n", "--points", type=int, default=DEFAULT_POINTS, help="of the cloud (default %(default)s)")
+    parser.add_argument("--size", type=int, default=DEFAULT_SIZE, help="of the renders, pixels (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the cloud (default %(default)s)")
+    parser.add_argument(
+        "--known",
+        metavar="POINTCLOUDS",
+        type=Path,
+        help="what stage pointclouds made with the model (artifacts/cpu/pointclouds/chair), which tells how shapes "
+        "vary: the shape then moves until its silhouette agrees with the image",
+    )
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Reconstruct the object of the image."""
+    from ddf.cli.model import reconstruct_image
+
+    return reconstruct_image.run(args)
