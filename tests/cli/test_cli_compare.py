@@ -7,7 +7,7 @@ import pytest
 
 from ddf import cli
 from ddf.evaluation import metrics
-from ddf.geometry import point_io
+from ddf.geometry import mesh_io, point_io
 
 _KEYS = {"chamfer_l2_sq", "f_score_tau", "f_score_2tau", "precision_tau", "recall_tau", "num_pred", "num_truth"}
 
@@ -32,8 +32,37 @@ def test_json_holds_the_scores_of_the_library(clouds, capfd):
 
 def test_default_threshold_is_tau_and_text_names_every_score(clouds, capfd):
     assert cli.main(["compare", clouds["pred"], clouds["truth"]]) == 0
-    lines = dict(line.split(": ") for line in capfd.readouterr().out.splitlines())
+    *rows, verdict = capfd.readouterr().out.splitlines()
+    lines = dict(line.split(maxsplit=1) for line in rows)
     assert lines.keys() >= _KEYS and float(lines["tau_sq"]) == 1e-4
+    assert verdict.endswith("within 0.01 units: 80 points of pred.ply against 120 points of truth.ply")
+
+
+def test_of_a_mesh_points_count_that_are_drawn_by_area(tmp_path, capfd):
+    """A small and a large square: vertices alone would weigh them alike."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float64)
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    mesh = mesh_io.Mesh(np.concatenate([corners, corners * 3 + 10]), np.concatenate([faces, faces + 4]))
+    for suffix in (".ply", ".obj"):
+        (tmp_path / f"mesh{suffix}").write_bytes(mesh_io.export_bytes(mesh, suffix))
+    (tmp_path / "large.ply").write_bytes(point_io.points_ply(np.array([[10.0, 10, 10]])))
+
+    def compare(*arguments):
+        assert cli.main(["compare", *map(str, arguments), "--json"]) == 0
+        return json.loads(capfd.readouterr().out)
+
+    drawn = [
+        compare(tmp_path / f"mesh{suffix}", tmp_path / "large.ply", "--tau-sq", "50") for suffix in (".ply", ".obj")
+    ]
+    assert drawn[0] == drawn[1]
+    assert (drawn[0]["num_pred"], drawn[0]["pred"]) == (10_000, "10,000 points drawn by area (seed 0)")
+    assert drawn[0]["precision_tau"] == pytest.approx(0.9, abs=0.02)  # 9 of 10 parts of the area lie near
+    assert compare(tmp_path / "mesh.ply", tmp_path / "mesh.ply", "--points", "200")["chamfer_l2_sq"] > 0
+    again = compare(tmp_path / "mesh.ply", tmp_path / "large.ply", "--tau-sq", "50", "--seed", "1")
+    assert again["chamfer_l2_sq"] != drawn[0]["chamfer_l2_sq"]
+    for suffix in (".ply", ".obj"):
+        vertices = compare(tmp_path / f"mesh{suffix}", tmp_path / "large.ply", "--tau-sq", "50", "--vertices")
+        assert (vertices["num_pred"], vertices["pred"], vertices["precision_tau"]) == (8, "8 vertices", 0.5)
 
 
 def test_bad_input_is_one_line_and_code_two(clouds, tmp_path, capfd):

@@ -169,8 +169,6 @@ def test_query_answers_in_the_frame_of_the_mesh(work, fitted, capsys):
         ),
         ({"positions": np.zeros((2, 3))}, "depth", "has no array 'directions'"),
         ({"positions": np.full((1, 3), np.nan), "directions": np.eye(3)[:1]}, "depth", "positions must be finite"),
-        ({"positions": np.zeros((1, 3)), "directions": np.eye(3)[:1]}, "colour", "--outputs must be among"),
-        ({"positions": np.zeros((1, 3)), "directions": np.eye(3)[:1]}, "", "got nothing"),
     ],
 )
 def test_bad_rays_are_one_line_and_exit_2(work, fitted, arrays, outputs, message, capsys):
@@ -182,6 +180,16 @@ def test_bad_rays_are_one_line_and_exit_2(work, fitted, arrays, outputs, message
     assert message in error
     assert error.count("\n") == 1
     assert not out.exists()
+
+
+@pytest.mark.parametrize(("outputs", "message"), [("colour", "must be among visibility, "), ("", "got nothing")])
+def test_unknown_outputs_are_one_line_and_exit_2(fitted, outputs, message, capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["query", str(fitted[0]), "--rays", "no.npz", "--out", "never.npz", "--outputs", outputs])
+    assert caught.value.code == 2
+    error = capsys.readouterr().err
+    assert error.startswith("ddf query: error: argument --outputs: must be among") and message in error
+    assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize("output", shape_field.OUTPUTS)

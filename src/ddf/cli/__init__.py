@@ -1,5 +1,9 @@
 """The `ddf` command: `commands.COMMANDS` lists the commands, each is one module of a room, `frame` runs them."""
 
-from ddf.cli.frame import main
+import importlib
+from collections.abc import Sequence
 
-__all__ = ["main"]  # the entry point in pyproject.toml
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The entry point in pyproject.toml: `frame.main`."""
+    return importlib.import_module("ddf.cli.frame").main(argv)

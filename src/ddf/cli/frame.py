@@ -90,7 +90,7 @@ def _parser(chosen: str | None) -> _Parser:
     description = "Directed distance fields: oriented points in, visibility and depth out."
     parser = _Parser(prog="ddf", usage="ddf COMMAND ...", description=description, epilog=_listing(), **shape)
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    commands = parser.add_subparsers(prog="ddf", dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     for name, (_, summary) in COMMANDS.items():
         command = commands.add_parser(name, description=f"{summary[0].upper()}{summary[1:]}.", **shape)
         command.add_argument("--json", action="store_true", help="print one JSON object on stdout, for scripts")
