@@ -118,7 +118,7 @@ def search(ask: Ask, positions: Float[Tensor, "n 3"], num_directions: int = 32, 
     """Distances and v* by evenly spread directions and then steps towards v = -n(p, v) (derived here).
 
     At v* the ray runs against the normal. A full step overshoots beyond the radius of curvature, so after one that does
-    not come nearer all further steps of that point are half as long. One query a direction, and one with a normal a step.
+    not come nearer all further steps of that point are half as long. One query a direction, one with a normal a step.
     """
     spread = torch.from_numpy(sphere.evenly_spread(num_directions)).to(positions)
     candidates = spread.expand(len(positions), -1, -1)
