@@ -104,6 +104,41 @@ def check_extras(words: list[str]) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_what_the_text_names_exists(page):
+    """Modules and functions of ddf, files, make targets, config keys and scripts, in code within a line."""
+    text = re.sub(r"(?ms)^```.*?^```$", "", page.read_text())
+    for span in re.findall(r"(?<!`)`([^`\n]+)`(?!`)", text):
+        if re.fullmatch(r"ddf(\.[a-z_0-9]+)+(\.[A-Z]\w+)?(\.\w+)?", span) and page.name != "experiments.md":
+            assert found_in_source(span) or found_in_configs(span), span
+        elif span.startswith("make ") and "<" not in span and "/path" not in span:
+            check_make(shlex.split(span)[1:])
+        elif re.match(r"(src|tests|stages|configs|bench|docs|reports|examples)/\S*$", span) and not set(span) & set(
+            "<*{"
+        ):
+            assert (ROOT / span).exists() or re.search(r"reports/(NAME|bench/BENCHMARK)", span), span
+        elif span.startswith("python -m bench "):
+            assert list((ROOT / "bench").rglob(f"{span.split()[3]}.py")), span
+
+
+def found_in_source(name: str) -> bool:
+    """Whether a dotted name is a package, a module, or something that one of these defines."""
+    parts = name.split(".")
+    for cut in range(len(parts), 0, -1):
+        place = ROOT / "src" / Path(*parts[:cut])
+        file = place.with_suffix(".py") if place.with_suffix(".py").is_file() else place / "__init__.py"
+        if file.is_file():
+            defined = r"(?m)^ *(?:(?:async )?def |class )?{}\b *[(:=]"
+            return all(re.search(defined.format(word), file.read_text()) for word in parts[cut:])
+    return False
+
+
+def found_in_configs(name: str) -> bool:
+    """Whether a dotted name such as ddf.field.mirror is a key of configs/cpu.yaml, at any depth."""
+    text = (ROOT / "configs/cpu.yaml").read_text()
+    return all(re.search(rf"(?m)\b{word}:", text) for word in name.split("."))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_run(page, tmp_path):
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
