@@ -80,14 +80,21 @@ def test_visibility_and_alpha_meet_white():
 @pytest.mark.parametrize("rows", [1, 3])
 def test_strip_has_a_cell_for_every_column_and_equal_bytes(rows):
     cell = np.full((20, 20, 3), 90, dtype=np.uint8)
-    row = picture_strips.StripRow("best", ["DDF 0.1"], [cell, None, cell])
-    data = picture_strips.strip(["a", "b", "c"], [row] * rows)
-    assert data == picture_strips.strip(["a", "b", "c"], [row] * rows)
+    row = picture_strips.StripRow("best", ["DDF 0.1", "PC-SIREN 0.2"], [cell, None, cell])
+    data = picture_strips.strip(["a", "b", "c"], [row] * rows, per_line=2)
+    assert data == picture_strips.strip(["a", "b", "c"], [row] * rows, per_line=2)
     image = np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
-    side = picture_strips.CELL + 6
-    assert image.shape == (30 + rows * side, 132 + 3 * side, 3)
-    middles = [
-        image[30 + (rows - 1) * side + picture_strips.CELL // 2, 132 + i * side + picture_strips.CELL // 2]
-        for i in range(3)
-    ]
-    assert np.abs(middles[0] - 90).max() < 12 and np.abs(middles[2] - 90).max() < 12 and (middles[1] > 250).all()
+    side, line = picture_strips.CELL + picture_strips.GAP, picture_strips.NAME + picture_strips.CELL + picture_strips.GAP
+    height = picture_strips.TEXT + 2 * line  # two cells, then the third
+    assert image.shape == (rows * height, side + picture_strips.CELL, 3)
+    first = (rows - 1) * height + picture_strips.TEXT + picture_strips.NAME + picture_strips.CELL // 2
+    middle = picture_strips.CELL // 2
+    assert np.abs(image[first, middle] - 90).max() < 12 and np.abs(image[first + line, middle] - 90).max() < 12
+    assert (image[first, side + middle] > 250).all() and (image[first + line, side + middle] > 250).all()
+    text = image[(rows - 1) * height + 4 : (rows - 1) * height + picture_strips.TEXT]
+    assert (text < 150).any() and text[:, :100].min() < 80  # the heading is written
+
+
+def test_strip_refuses_a_row_without_a_cell_for_a_column():
+    with pytest.raises(ValueError):
+        picture_strips.strip(["a", "b"], [picture_strips.StripRow("", [], [None])])

@@ -1,4 +1,4 @@
-"""A page of text, tables and figures, written as Markdown and as one self-contained HTML file.
+"""A page of text, tables and figures, written as Markdown (kept in git) and as one self-contained HTML file (not kept).
 
 Text may hold `code`, **bold**, [links](file) and <sub>subscripts</sub>; everything else is literal. The HTML file
 holds its style and its figures (base64) and loads nothing.
@@ -9,6 +9,9 @@ import html
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+
+from ddf.core import storage
 
 _MEDIA_TYPES = {"png": "image/png", "svg": "image/svg+xml", "webp": "image/webp"}
 
@@ -39,41 +42,72 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A file of the page; `alt` says what it shows to those who do not see it."""
+    """A picture of the page, a file beside it; `alt` says what it shows to those who do not see it.
+
+    content: of the file; empty for one that is there already.
+    """
 
     name: str
     caption: str
     alt: str
+    content: bytes = b""
+
+
+Block = str | tuple[str, ...] | Table | Figure  # a paragraph, a bullet list, a table, a picture
 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands below it: paragraphs (str), bullet lists (tuples of str), tables, figures."""
+    """A heading and what stands below it: a picture first where there is one, then numbers."""
 
     title: str
-    blocks: Sequence["str | tuple[str, ...] | Table | Figure"]
+    blocks: Sequence[Block]
 
 
 @dataclass(frozen=True)
 class Page:
-    """The whole report; `files` are the figures' contents by name."""
+    """The whole report.
+
+    Args:
+      lead: what stands before the first section: the verdict, a picture, how the page was made.
+      files: contents of figures by name that the figures themselves do not hold.
+    """
 
     title: str
-    lead: Sequence[str]
+    lead: Sequence[Block]
     sections: Sequence[Section]
     files: Mapping[str, bytes] = field(default_factory=dict)
+
+    def contents(self) -> dict[str, bytes]:
+        """The figures' contents by file name."""
+        blocks = [*self.lead, *(block for section in self.sections for block in section.blocks)]
+        own = {block.name: block.content for block in blocks if isinstance(block, Figure) and block.content}
+        return {**self.files, **own}
+
+
+def paragraph(text: str, **values: object) -> str:
+    """One paragraph on one line, its {names} replaced."""
+    return " ".join(text.split()).format(**values)
+
+
+def write(page: Page, folder: Path) -> None:
+    """README.md, the figures, and index.html that holds them."""
+    for name, content in page.contents().items():
+        storage.write_bytes(folder / name, content)
+    storage.write_text(folder / "README.md", markdown(page))
+    storage.write_text(folder / "index.html", html_page(page))
 
 
 def markdown(page: Page) -> str:
     """GitHub-flavoured Markdown with the figures as files beside it."""
-    parts = [f"# {page.title}", *page.lead]
+    parts = [f"# {page.title}", *map(_markdown_block, page.lead)]
     for section in page.sections:
         parts.append(f"## {section.title}")
         parts += [_markdown_block(block) for block in section.blocks]
     return "\n\n".join(parts) + "\n"
 
 
-def _markdown_block(block: "str | tuple[str, ...] | Table | Figure") -> str:
+def _markdown_block(block: Block) -> str:
     if isinstance(block, Table):
         return _markdown_table(block)
     if isinstance(block, Figure):
@@ -102,12 +136,15 @@ def _plain(text: str) -> str:
 
 def html_page(page: Page) -> str:
     """One HTML file without any reference to another file, but for links that the reader may follow."""
-    body = [f"<h1>{_inline(page.title)}</h1>", *(f'<p class="lead">{_inline(text)}</p>' for text in page.lead)]
+    files = page.contents()
+    body = [f"<h1>{_inline(page.title)}</h1>"]
+    for block in page.lead:
+        body.append(f'<p class="lead">{_inline(block)}</p>' if isinstance(block, str) else _html_block(block, files))
     anchors = [re.sub(r"[^a-z0-9]+", "-", _plain(section.title).lower()).strip("-") for section in page.sections]
     links = (f'<a href="#{a}">{_inline(s.title)}</a>' for a, s in zip(anchors, page.sections, strict=True))
     body.append(f"<nav>{''.join(links)}</nav>")
     for anchor, section in zip(anchors, page.sections, strict=True):
-        blocks = "\n".join(_html_block(block, page.files) for block in section.blocks)
+        blocks = "\n".join(_html_block(block, files) for block in section.blocks)
         body.append(f'<section id="{anchor}">\n<h2>{_inline(section.title)}</h2>\n{blocks}\n</section>')
     head = '<meta charset="utf-8">\n<meta name="viewport" content="width=device-width, initial-scale=1">\n'
     head += f"<title>{html.escape(_plain(page.title))}</title>\n<style>{_STYLE}</style>"
@@ -116,7 +153,7 @@ def html_page(page: Page) -> str:
     return f'<!doctype html>\n<html lang="en">\n{frame}\n</html>\n'
 
 
-def _html_block(block: "str | tuple[str, ...] | Table | Figure", files: Mapping[str, bytes]) -> str:
+def _html_block(block: Block, files: Mapping[str, bytes]) -> str:
     if isinstance(block, Table):
         return _html_table(block)
     if isinstance(block, Figure):
@@ -171,24 +208,32 @@ def _inline(text: str) -> str:
 
 
 _STYLE = """
-:root{--ink:#20242c;--soft:#5a616d;--line:#dfe3e9;--ref:#f4f5f8;--link:#1f5fa8} *{box-sizing:border-box}
-body{margin:0;background:#fff;color:var(--ink);font:15.5px/1.6 system-ui,-apple-system,"Segoe UI",Roboto,"Helvetica
-Neue", "Noto Sans",Arial,sans-serif;-webkit-font-smoothing:antialiased} main{max-width:1240px;margin:0
-auto;padding:44px 28px 80px} h1{font-size:29px;line-height:1.2;letter-spacing:-.015em;margin:0 0 12px}
-h2{font-size:20px;letter-spacing:-.01em;margin:52px 0 10px;padding-top:14px;border-top:1px solid var(--line)}
-p,ul{max-width:76ch;margin:10px 0} ul{padding-left:20px}li{margin:4px 0} .lead{font-size:16.5px;color:#353b46}
-nav{display:flex;flex-wrap:wrap;gap:4px 18px;margin:22px 0 0;font-size:14px}
-a{color:var(--link);text-decoration:none}a:hover{text-decoration:underline} code{font:.88em
-ui-monospace,SFMono-Regular,Menlo,Consolas,"DejaVu Sans Mono",monospace;background:var(--ref); padding:1px
-4px;border-radius:3px} figure{margin:18px 0 26px}
-figcaption{max-width:92ch;margin-top:8px;font-size:13.5px;line-height:1.5;color:var(--soft)}
-img{display:block;max-width:100%;height:auto} .scroll{overflow-x:auto}
-table{border-collapse:collapse;font-size:13px;line-height:1.25;font-variant-numeric:tabular-nums lining-nums;
-border-top:1.5px solid var(--ink);border-bottom:1.5px solid var(--ink)} th,td{padding:5px
-8px;text-align:right;white-space:nowrap} th{font-weight:600;color:#353b46;vertical-align:bottom} thead tr:last-child
-th{border-bottom:1px solid var(--ink)} th.grp{text-align:center;border-bottom:1px solid var(--line)}
-.t{text-align:left}.grp.t{text-align:left} td:first-child{font-weight:600} .g{border-left:1px solid var(--line)}
-.ref{background:var(--ref);color:#4a515d} tr.rule td{border-bottom:1px solid var(--line)} tbody tr:hover
-td{background:#eef3fa} sub{font-size:.74em;line-height:0} @media
-print{main{padding:0}section{break-inside:avoid-page}}
+:root{color-scheme:light dark;--page:#fff;--ink:#20242c;--soft:#5a616d;--line:#dfe3e9;--ref:#f4f5f8;--hover:#eef3fa;
+--link:#1f5fa8}
+@media (prefers-color-scheme:dark){:root{--page:#15181d;--ink:#e4e7ec;--soft:#a3abb8;--line:#333944;--ref:#1f242c;
+--hover:#262d38;--link:#7fb2ee}}
+*{box-sizing:border-box}
+body{margin:0;background:var(--page);color:var(--ink);font:16px/1.6 system-ui,-apple-system,"Segoe UI",Roboto,
+"Helvetica Neue","Noto Sans",Arial,sans-serif;-webkit-text-size-adjust:100%;overflow-wrap:break-word}
+main{max-width:1040px;margin:0 auto;padding:40px 24px 80px}
+h1{font-size:28px;line-height:1.2;margin:0 0 12px}
+h2{font-size:20px;margin:48px 0 10px;padding-top:14px;border-top:1px solid var(--line)}
+p,ul{max-width:76ch;margin:10px 0} ul{padding-left:20px} li{margin:4px 0} .lead:first-of-type{font-size:18px}
+nav{display:flex;flex-wrap:wrap;gap:6px 18px;margin:22px 0 0;font-size:15px}
+a{color:var(--link);text-decoration:none} a:hover{text-decoration:underline}
+code{font:.88em ui-monospace,SFMono-Regular,Menlo,Consolas,"DejaVu Sans Mono",monospace;background:var(--ref);
+padding:1px 4px;border-radius:3px}
+figure{margin:18px 0 26px}
+figcaption{max-width:84ch;margin-top:8px;font-size:14px;line-height:1.5;color:var(--soft)}
+img{display:block;max-width:100%;height:auto;background:#fff;border-radius:4px}
+.scroll{overflow-x:auto}
+table{border-collapse:collapse;font-size:14px;line-height:1.25;font-variant-numeric:tabular-nums lining-nums;
+border-top:1.5px solid var(--ink);border-bottom:1.5px solid var(--ink)}
+th,td{padding:5px 9px;text-align:right;white-space:nowrap} th{font-weight:600;vertical-align:bottom}
+thead tr:last-child th{border-bottom:1px solid var(--ink)} th.grp{text-align:center;border-bottom:1px solid var(--line)}
+.t,.grp.t{text-align:left} td.t:first-child{font-weight:600} .g{border-left:1px solid var(--line)}
+.ref{background:var(--ref);color:var(--soft)} tr.rule td{border-bottom:1px solid var(--line)}
+tbody tr:hover td{background:var(--hover)} sub{font-size:.74em;line-height:0}
+@media (max-width:600px){main{padding:20px 14px 48px} h1{font-size:23px} h2{margin-top:36px} th,td{padding:5px 7px}}
+@media print{main{padding:0} section{break-inside:avoid-page}}
 """

@@ -1,5 +1,6 @@
 """Strips of pictures, as the paper's figure: input, visibility, depth, normals, clouds, truth. Pixels only, no axes.
 
+An example has a line of text, then its cells, `PER_LINE` beside each other, so that a phone shows them at a good size.
 Every cell is a square RGB image (uint8) on white. Clouds are drawn as small discs, nearest on top, from a camera of the
 benchmark frame; their colours are 3D coordinates within the box of the truth, darker with distance.
 """
@@ -19,7 +20,8 @@ from ddf.report import figures
 CELL = 168  # pixels of a cell's side
 _OVERSAMPLING = 3  # discs are drawn this much larger and averaged down
 _DISC_RADIUS = 0.9  # of a point, in pixels of the 137-pixel camera
-_GAP, _HEADER, _LABEL = 6, 30, 132
+PER_LINE = 4  # cells beside each other
+GAP, TEXT, NAME = 6, 54, 26  # pixels between cells, of an example's text, of the names above its cells
 _INK, _FAINT = (32, 36, 44), (110, 116, 128)
 _QUALITY = 90  # of WebP: no difference to be seen, a quarter of the size of a PNG
 
@@ -28,7 +30,7 @@ Picture = UInt8[np.ndarray, "_ _ 3"]  # square, of any size
 
 @dataclass(frozen=True)
 class StripRow:
-    """One example: a heading, small lines below it, and one picture per column (None leaves the cell empty)."""
+    """One example: a heading, what is said of it below, and one picture per column (None leaves the cell empty)."""
 
     heading: str
     lines: Sequence[str]
@@ -110,31 +112,28 @@ def _to_bytes(rgb: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
     return np.rint(np.clip(rgb, 0.0, 1.0) * 255).astype(np.uint8)
 
 
-def strip(columns: Sequence[str], rows: Sequence[StripRow]) -> bytes:
-    """The rows below one header of column names, as WebP."""
-    width = _LABEL + len(columns) * (CELL + _GAP)
-    height = _HEADER + len(rows) * (CELL + _GAP)
-    canvas = Image.new("RGB", (width, height), "white")
+def strip(columns: Sequence[str], rows: Sequence[StripRow], per_line: int = PER_LINE) -> bytes:
+    """The examples one below the other, as WebP; the column's name stands above every cell."""
+    lines = -(-len(columns) // per_line)
+    line_height = NAME + CELL + GAP
+    row_height = TEXT + lines * line_height
+    width = min(len(columns), per_line) * (CELL + GAP) - GAP
+    canvas = Image.new("RGB", (width, len(rows) * row_height), "white")
     draw = ImageDraw.Draw(canvas)
-    for i, name in enumerate(columns):
-        middle = _LABEL + i * (CELL + _GAP) + CELL / 2
-        draw.text((middle, _HEADER / 2), name, fill=_INK, font=figures.font(14, bold=True), anchor="mm")
     for j, row in enumerate(rows):
-        top = _HEADER + j * (CELL + _GAP)
-        draw.line([(0, top - _GAP / 2), (width, top - _GAP / 2)], fill=(226, 229, 234))
-        _write_label(draw, row, top)
-        for i, cell in enumerate(row.cells):
+        top = j * row_height
+        if j:
+            draw.line([(0, top), (width, top)], fill=(200, 204, 210))
+        draw.text((4, top + 16), row.heading, fill=_INK, font=figures.font(19, bold=True), anchor="lm")
+        draw.text((4, top + 40), "; ".join(row.lines), fill=_FAINT, font=figures.font(17), anchor="lm")
+        for i, (name, cell) in enumerate(zip(columns, row.cells, strict=True)):
+            left, above = (i % per_line) * (CELL + GAP), top + TEXT + (i // per_line) * line_height
             if cell is not None:
+                middle = (left + CELL / 2, above + NAME / 2)
+                draw.text(middle, name, fill=_INK, font=figures.font(17), anchor="mm")
                 picture = Image.fromarray(cell).resize((CELL, CELL), Image.Resampling.BILINEAR)
-                canvas.paste(picture, (_LABEL + i * (CELL + _GAP), top))
+                canvas.paste(picture, (left, above + NAME))
     return webp_bytes(canvas)
-
-
-def _write_label(draw: ImageDraw.ImageDraw, row: StripRow, top: int) -> None:
-    line = top + CELL / 2 - 9 * (len(row.lines) + 1) + 9
-    draw.text((8, line), row.heading, fill=_INK, font=figures.font(15, bold=True), anchor="lm")
-    for i, text in enumerate(row.lines, start=1):
-        draw.text((8, line + 18 * i), text, fill=_FAINT, font=figures.font(12), anchor="lm")
 
 
 def webp_bytes(image: Image.Image) -> bytes:

@@ -139,7 +139,7 @@ def view_strip(views: list[View]) -> bytes:
         azimuth, elevation, radius = view.camera
         lines = [f"{azimuth:.0f}°, {elevation:.0f}°, {radius:.2f}", f"{view.evaluated:,} rays"]
         rows.append(picture_strips.StripRow(view.name, lines, cells))
-    return picture_strips.strip(VIEW_COLUMNS, rows)
+    return picture_strips.strip(VIEW_COLUMNS, rows, per_line=5)
 
 
 @torch.no_grad()
