@@ -84,7 +84,10 @@ def test_strip_has_a_cell_for_every_column_and_equal_bytes(rows):
     data = picture_strips.strip(["a", "b", "c"], [row] * rows, per_line=2)
     assert data == picture_strips.strip(["a", "b", "c"], [row] * rows, per_line=2)
     image = np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
-    side, line = picture_strips.CELL + picture_strips.GAP, picture_strips.NAME + picture_strips.CELL + picture_strips.GAP
+    side, line = (
+        picture_strips.CELL + picture_strips.GAP,
+        picture_strips.NAME + picture_strips.CELL + picture_strips.GAP,
+    )
     height = picture_strips.TEXT + 2 * line  # two cells, then the third
     assert image.shape == (rows * height, side + picture_strips.CELL, 3)
     first = (rows - 1) * height + picture_strips.TEXT + picture_strips.NAME + picture_strips.CELL // 2

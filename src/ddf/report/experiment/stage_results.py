@@ -32,7 +32,8 @@ class Results:
     """Everything that the stages left behind for the report.
 
     `table` has means over `seeds` trainings; all else is of seed 0. further_seconds: of each model, what a training of
-    all categories took with each of the further seeds.
+    all categories took with each of the further seeds. strips: by category, as WebP, from `rendered` images each;
+    examples: the first picture of the page, as WebP; `example_strips.drawn` adds these.
     """
 
     name: str
@@ -49,6 +50,9 @@ class Results:
     settings: Mapping[str, Any]
     seeds: int = 1
     further_seconds: Mapping[str, Sequence[float]] = dataclasses.field(default_factory=dict)
+    strips: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
+    rendered: int = 0
+    examples: bytes = b""
 
     @property
     def categories(self) -> list[str]:
@@ -59,6 +63,11 @@ class Results:
     def paper_categories(self) -> list[str]:
         """Those for which the paper prints numbers."""
         return [name for name in self.categories if name in paper_results.SI3DR]
+
+    def camera_rows(self, category: str, method: str, column: str) -> pd.DataFrame:
+        """Rows of `cameras` of one predicted camera."""
+        rows = self.cameras
+        return rows[(rows["category"] == category) & (rows["method"] == method) & (rows["column"] == column)]
 
     def setting(self, key: str) -> str:
         """A value of the experiment file by its dotted key, as printed.

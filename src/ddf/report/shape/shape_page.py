@@ -11,7 +11,6 @@ import pandas as pd
 
 from ddf.core import config, storage
 from ddf.report import figures, pages
-from ddf.report.experiment.texts import fill
 from ddf.report.shape import shape_tables, shape_views
 from ddf.report.shape.shape_results import DIAGNOSTICS, SLICES, VIEW_RECORD, VIEWS
 from ddf.shape import fit_errors, fitting, leave_one_out, paper_ablation
@@ -120,16 +119,16 @@ def build(results: Results, fit: fitting.FitConfig, pictures: dict[str, bytes]) 
     """The page from results already read; `pictures` by file name."""
     files = pictures | {CURVES: figures.loss_curves({"DDF": {"one shape": results.log}}).encode()}
     shape = "a procedural chair" if results.source is None else f"`{results.source}`"
-    lead = [fill(_LEAD, shape=shape, name=results.name), fill(_SOURCE, name=results.name)]
+    lead = [pages.paragraph(_LEAD, shape=shape, name=results.name), pages.paragraph(_SOURCE, name=results.name)]
     levels = " and ".join(f"{100 * level:.0f} %" for level in shape_views.SLICE_LEVELS)
     alts = ("renders of the fitted field from four cameras", "slices of the fitted field in three directions")
     blocks = [
-        pages.Figure(VIEWS, fill(_VIEWS), alts[0]),
-        pages.Figure(SLICES, fill(_SLICES, levels=levels), alts[1]),
+        pages.Figure(VIEWS, pages.paragraph(_VIEWS), alts[0]),
+        pages.Figure(SLICES, pages.paragraph(_SLICES, levels=levels), alts[1]),
     ]
     held_out = f"{fit.held_out.U:,}"
-    caption = fill(_ERRORS, held_out=held_out, paper=paper_ablation.SOURCE)
-    consistency = shape_tables.diagnostics(results.diagnostics, fill(_DIAGNOSTICS_TEXT))
+    caption = pages.paragraph(_ERRORS, held_out=held_out, paper=paper_ablation.SOURCE)
+    consistency = shape_tables.diagnostics(results.diagnostics, pages.paragraph(_DIAGNOSTICS_TEXT))
     sections = [
         pages.Section("Pictures", blocks),
         pages.Section("Held-out errors", [shape_tables.errors(results.errors, caption)]),
@@ -147,14 +146,14 @@ def _ablation_section(results: Results) -> pages.Section:
     whole = len(TYPES)
     most = max(found["samples"] for found in results.ablation.values())
     for metric, name in shape_tables.METRIC_NAMES.items():
-        caption = fill(_ABLATION, metric=name, samples=f"{most:,}", steps=f"{full['steps']:,}")
+        caption = pages.paragraph(_ABLATION, metric=name, samples=f"{most:,}", steps=f"{full['steps']:,}")
         tables.append(shape_tables.ablation(results.ablation_errors, metric, caption))
         ours, theirs = (
             shape_tables.worst_for_itself(results.ablation_errors, metric, source)
             for source in (MEASURED, paper_ablation.SOURCE)
         )
         words = {"count": len(ours), "types": _listed(ours), "paper_count": len(theirs), "paper_types": _listed(theirs)}
-        findings.append(fill(_ITSELF, metric=name, whole=whole, **words))
+        findings.append(pages.paragraph(_ITSELF, metric=name, whole=whole, **words))
     return pages.Section("Sample types left out", [*tables, tuple(findings)])
 
 

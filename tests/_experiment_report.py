@@ -1,0 +1,39 @@
+"""Stages on the artefacts of `_fake_experiment`, and the tables of the page that they write."""
+
+import runpy
+from pathlib import Path
+
+import pandas as pd
+from _fake_experiment import EVALUATE_SECTION
+
+from ddf.evaluation import scoring
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def experiment_file(experiment):
+    """cpu.yaml with the fake's own evaluate and report sections."""
+    text = (ROOT / "configs" / "cpu.yaml").read_text().partition("evaluate:")[0]
+    return Path(experiment.write_config(f"{text}evaluate: {EVALUATE_SECTION}\nreport: {{examples: 3}}\n"))
+
+
+def run(stage, config_path, *arguments):
+    runpy.run_path(str(ROOT / "stages" / f"{stage}.py"))["run"](config_path, *arguments)
+
+
+def markdown_tables(text):
+    """Rows of cells of every pipe table, bold marks taken away."""
+    tables, rows = [], []
+    for line in [*text.splitlines(), ""]:
+        if line.startswith("|"):
+            rows.append([cell.strip().replace("**", "") for cell in line.strip("|").split(" | ")])
+        elif rows:
+            tables.append(rows)
+            rows = []
+    return tables
+
+
+def measured(folder):
+    table = pd.read_csv(folder / "si3dr.csv")
+    table = table[table["source"] == scoring.MEASURED]
+    return table.set_index(["category", "method", "column", "metric"])["value"]

@@ -1,0 +1,45 @@
+"""A small experiment, evaluated and reported: once with one seed, once with two."""
+
+import shutil
+
+import pytest
+from _experiment_report import experiment_file, run
+from _fake_experiment import FakeExperiment
+
+from ddf.core import storage
+from ddf.evaluation import seed_means
+from ddf.report.experiment import experiment_page, stage_results
+
+
+@pytest.fixture(scope="package")
+def reported(tmp_path_factory):
+    """A finished experiment with categories of which the paper knows two, and its folder as the current one."""
+    with pytest.MonkeyPatch.context() as patch:
+        root = tmp_path_factory.mktemp("report")
+        experiment = FakeExperiment(root, categories=("chair", "plane", "primitives"), train=4, test=2)
+        patch.chdir(root)
+        config_path = experiment_file(experiment)
+        run("evaluate", config_path)
+        run("report", config_path)
+        yield experiment, config_path, root / "reports" / "fake"
+
+
+@pytest.fixture(scope="package")
+def seeded(reported):
+    """The report with two seeds, in a folder of its own; clouds of the second are those of the first, 1 % larger."""
+    experiment, config_path, folder = reported
+    further = experiment.artifacts / "pointclouds_seeds" / "1"
+    for category in experiment.categories:
+        for model in ("ddf", "pcsiren"):
+            name = f"{category}/{model}.safetensors"
+            tensors, metadata = storage.load_tensors(experiment.artifacts / "pointclouds" / name)
+            clouds = {key: 1.01 * value for key, value in tensors.items() if key[0] in "LS"}
+            storage.save_tensors(further / name, tensors | clouds, metadata)
+    for model in stage_results.MODELS:
+        shutil.copytree(experiment.artifacts / model, experiment.artifacts / f"{model}_seeds" / "1")
+    run("evaluate", config_path, 1)
+    count = experiment.artifacts / "evaluate_seeds" / seed_means.COUNT
+    storage.write_text(count, "2\n")
+    experiment_page.write(config_path, folder.parent / "seeded", experiment_page.ReportConfig(examples=3))
+    count.unlink()
+    return folder, folder.parent / "seeded"
