@@ -1,80 +1,29 @@
 """One optimisation step at the sizes of configs/paper.yaml, on random data: seconds by part, and peak memory.
 
-Each model has a process of its own, whose largest resident size is the memory. The parts are timed inside the package's
-own step, by wrapping what it calls: `data` draws the batch, `encoders` are both networks forwards, `field` the value
-and derivative losses of the DDF or decoder and Chamfer distance of PC-SIREN, `mask` the rendered mask; `backward` is
-all of them back.
+Each model has a process of its own, whose largest resident size is the memory. The parts are those of
+`step_split`.
 """
 
 import argparse
-import contextlib
 import dataclasses
 import json
 import resource
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 from bench.lib import display, measuring
+from bench.reconstruction import step_split
 from ddf.core import config
-from ddf.fields import losses, pddf
-from ddf.reconstruction import category_data, reconstruction_models, step_cost, training_steps
+from ddf.fields import pddf
+from ddf.reconstruction import step_cost, training_steps
 from ddf.training import training_loop
 
 CONFIG, THREADS = Path("configs/paper.yaml"), 2
 SECTIONS = {"ddf": training_steps.DDFConfig, "pcsiren": training_steps.PCSirenConfig}
 REPEATS, MOST_SECONDS = 2, 20.0  # a model's steps are not repeated any more once they took that long
-# What is wrapped: part of the split, owner, name.
-PARTS = (
-    ("data", training_steps.Batch, "draw"),
-    ("data", category_data.SampleSet, "draw"),
-    ("data", category_data.ShapeSet, "subset"),
-    ("encoders", reconstruction_models.Encoder, "forward"),
-    ("field", losses, "shape_loss"),
-    ("field", pddf.PointDecoder, "forward"),
-    ("field", training_steps, "chamfer_loss"),
-    ("mask", reconstruction_models, "mask_loss"),
-)
-
-
-@contextlib.contextmanager
-def split(seconds: dict[str, float]) -> Iterator[None]:
-    """While this lasts, the calls named in `PARTS` add their seconds to `seconds`."""
-
-    def timed(part: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*arguments: Any, **named: Any) -> Any:
-            started = step_cost.now()
-            result = function(*arguments, **named)
-            seconds[part] = seconds.get(part, 0.0) + step_cost.now() - started
-            return result
-
-        return call
-
-    with contextlib.ExitStack() as stack:
-        for part, owner, name in PARTS:
-            function = timed(part, getattr(owner, name))
-            is_class_method = isinstance(vars(owner).get(name), classmethod)
-            stack.enter_context(mock.patch.object(owner, name, staticmethod(function) if is_class_method else function))
-        yield
-
-
-def one_step(trial: step_cost.Trial, number: int) -> dict[str, float]:
-    """Seconds of the parts of one whole step."""
-    seconds: dict[str, float] = {}
-    times = [step_cost.now()]
-    with split(seconds):
-        loss, _ = trial.loss(number)
-    times.append(step_cost.now())
-    trial.optimiser.zero_grad()
-    loss.backward()
-    times.append(step_cost.now())
-    trial.optimiser.step()
-    times.append(step_cost.now())
-    whole = {"backward": times[2] - times[1], "optimiser": times[3] - times[2], "step": times[3] - times[0]}
-    return seconds | {"other": times[1] - times[0] - sum(seconds.values())} | whole | {"loss": float(loss.detach())}
 
 
 def measure(model: str, images: int) -> dict[str, Any]:
@@ -84,11 +33,11 @@ def measure(model: str, images: int) -> dict[str, Any]:
     training_loop.prepare(train.loop)
 
     section = config.load(CONFIG, model, SECTIONS[model])
-    one_step(step_cost.trial(dataclasses.replace(train, batch_size=2), section), 0)
+    step_split.one_step(step_cost.trial(dataclasses.replace(train, batch_size=2), section), 0)
     own = step_cost.trial(dataclasses.replace(train, batch_size=images), section)
     steps: list[dict[str, float]] = []
     while len(steps) < REPEATS and sum(step["step"] for step in steps) < MOST_SECONDS:
-        steps.append(one_step(own, len(steps)))
+        steps.append(step_split.one_step(own, len(steps)))
     peak_gib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return {"steps": steps, "peak_gib": peak_gib, "parameters": pddf.count_parameters(own.model)}
 

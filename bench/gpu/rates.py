@@ -1,0 +1,131 @@
+"""Seconds on the device: whole steps in three precisions, rays of a field, whole clouds."""
+
+import copy
+import dataclasses
+import statistics
+from collections.abc import Callable
+from typing import Any, get_args
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+from torch.profiler import ProfilerActivity, profile
+
+from bench.gpu.sizes import Sizes
+from bench.lib import measuring
+from bench.reconstruction import step_split
+from ddf.fields import cloud_projection, passes, pddf
+from ddf.reconstruction import step_cost, training_steps
+from ddf.training import training_loop
+
+WARM_UP = 3  # calls before the timed ones
+CHECKED = 8192  # rays whose error is taken
+PRECISIONS: tuple[passes.Matmul, ...] = get_args(passes.Matmul)
+
+
+def seconds_of(work: Callable[[], object], repeats: int) -> list[float]:
+    """Of calls in turn, each until the device is done."""
+    for _ in range(WARM_UP):
+        work()
+    found = []
+    for _ in range(repeats):
+        started = step_cost.now()
+        work()
+        found.append(step_cost.now() - started)
+    return found
+
+
+def on_device(work: Callable[[], object]) -> dict[str, float]:
+    """Kernels that one call launches (on a CPU, operators), and the seconds that they take together."""
+    cuda = training_loop.device().type == "cuda"
+    kind = torch.autograd.DeviceType.CUDA if cuda else torch.autograd.DeviceType.CPU
+    with profile(activities=[ProfilerActivity.CUDA if cuda else ProfilerActivity.CPU]) as profiled:
+        work()
+        step_cost.now()
+    events = [event for event in profiled.events() or [] if event.device_type == kind]
+    return {"kernels": len(events), "busy_s": sum(event.time_range.elapsed_us() for event in events) / 1e6}
+
+
+def step_rows(sizes: Sizes) -> list[dict[str, Any]]:
+    """A row per model and precision: whole steps, their parts (timed apart, as that waits for each), peak memory."""
+    return [_step_row(name, precision, sizes) for name in sizes.sections for precision in PRECISIONS]
+
+
+def _step_row(name: str, precision: passes.Matmul, sizes: Sizes) -> dict[str, Any]:
+    loop = dataclasses.replace(sizes.train.loop, matmul=precision)
+    train = dataclasses.replace(sizes.train, loop=loop)
+    training_loop.prepare(loop)
+    trial = step_cost.trial(train, sizes.sections[name])
+    numbers = iter(range(10**9))
+
+    def step() -> None:
+        trial.backward(next(numbers))
+        trial.optimiser.step()
+
+    cuda = training_loop.device().type == "cuda"
+    if cuda:
+        torch.cuda.empty_cache()
+        torch.cuda.reset_peak_memory_stats()
+    whole = seconds_of(step, sizes.repeats)
+    parts = [step_split.one_step(trial, next(numbers)) for _ in range(sizes.repeats)]
+    peak = torch.cuda.max_memory_allocated() / 2**30 if cuda else None
+    size = {"images": train.batch_size, "parameters": pddf.count_parameters(trial.model)}
+    row = measuring.row(f"{name} step, {precision}", size | {"device": training_loop.device().type}, whole, {})
+    names = [part for part in parts[0] if part not in ("step", "loss")]
+    told = {part: statistics.median(each[part] for each in parts) for part in names}
+    return {**row, "parts_s": told, "loss": parts[-1]["loss"], "peak_gib": peak, **on_device(step)}
+
+
+def field_rows(sizes: Sizes) -> list[dict[str, Any]]:
+    """A row per field and precision: rays a second of visibility and depth, with the error against float64."""
+    rows = []
+    for name, hidden in sizes.fields.items():
+        torch.manual_seed(0)
+        field = pddf.PDDF(dataclasses.replace(sizes.ddf.field, hidden=hidden)).requires_grad_(False)
+        exact = _answer(field.double(), *random_rays(CHECKED, torch.float64, torch.device("cpu")))
+        for precision in PRECISIONS:
+            torch.set_float32_matmul_precision("high" if precision == "tf32" else "highest")
+            dtype, place = torch.bfloat16 if precision == "bfloat16" else torch.float32, training_loop.device()
+            own = copy.deepcopy(field).to(place, dtype)
+            rays = random_rays(sizes.rays, dtype, place)
+            seconds = seconds_of(lambda own=own, rays=rays: _answer(own, *rays), sizes.repeats)
+            found = _answer(own, *random_rays(CHECKED, dtype, place))
+            off = [(a.cpu().double() - b).abs() for a, b in zip(found, exact, strict=True)]
+            error = {"visibility_mean": float(off[0].mean()), "depth_median": float(off[1].median())}
+            size = {"rays": sizes.rays, "hidden": list(hidden), "device": place.type}
+            row = measuring.row(f"field, {name}, {precision}", size, seconds, error)
+            rows.append({**row, "million_rays_per_s": sizes.rays / row["median_s"] / 1e6})
+    return rows
+
+
+@torch.inference_mode()
+def _answer(field: pddf.PDDF, positions: Tensor, directions: Tensor) -> tuple[Tensor, Tensor]:
+    raw = field(positions, directions, None)
+    return pddf.visibility(raw), field.depth(raw)
+
+
+def random_rays(count: int, dtype: torch.dtype, place: torch.device) -> tuple[Tensor, Tensor]:
+    """Positions uniform in the box, directions on the sphere: the same whatever type and device."""
+    random = torch.Generator().manual_seed(0)
+    drawn = torch.randn((count, 6), generator=random, dtype=torch.float64)
+    positions, directions = torch.special.ndtr(drawn[:, :3]) * 2 - 1, functional.normalize(drawn[:, 3:], dim=-1)
+    return positions.to(place, dtype), directions.to(place, dtype)
+
+
+def cloud_rows(sizes: Sizes) -> list[dict[str, Any]]:
+    """Whole clouds of a field with random weights: projection of all cycles, and the choice of the points."""
+    training_loop.prepare(sizes.train.loop)
+    torch.manual_seed(0)
+    model = training_steps.ddf_model(sizes.train, sizes.ddf).to(training_loop.device()).eval()
+    with torch.no_grad():
+        latents = torch.zeros((1, sizes.train.latent_features), device=training_loop.device())
+        modulations = [values[0] for values in model.modulations(latents)]
+    generator = torch.Generator(training_loop.device()).manual_seed(0)
+
+    def draw() -> None:
+        cycles = cloud_projection.sample(model.field, modulations, sizes.cloud_points, sizes.cloud, generator)
+        cloud_projection.select(cycles, [sizes.cloud_points], sizes.cloud)
+
+    size = {"points": sizes.cloud_points, "num_directions": sizes.cloud.num_directions, "cycles": sizes.cloud.cycles}
+    size |= {"device": training_loop.device().type}
+    return [{**measuring.row("cloud", size, seconds_of(draw, sizes.repeats), {}), **on_device(draw)}]

@@ -1,0 +1,69 @@
+"""What the GPU check measures on: the sizes of configs/paper.yaml, or tiny ones that try the check itself."""
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+from ddf.core import config
+from ddf.fields import cloud_projection
+from ddf.reconstruction import inference, training_steps
+
+CONFIG = Path("configs/paper.yaml")
+DIRECTIONS, CYCLES = 16, 3  # n_v and N_H of the timed cloud
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sections of an experiment, and how much of everything is measured.
+
+    fields: hidden layers of the fields whose rays are timed, by name. rays: of a timed query. cloud_points: of the
+    timed cloud. repeats: timed calls of each kind. compared_images: of the step that is made on the CPU too.
+    """
+
+    train: training_steps.TrainConfig
+    ddf: training_steps.DDFConfig
+    pcsiren: training_steps.PCSirenConfig
+    cloud: cloud_projection.CloudConfig
+    fields: dict[str, tuple[int, ...]]
+    rays: int = 2**20
+    cloud_points: int = 5000
+    repeats: int = 8
+    compared_images: int = 2
+
+    @property
+    def sections(self) -> dict[str, training_steps.DDFConfig | training_steps.PCSirenConfig]:
+        """Of both models by name."""
+        return {"ddf": self.ddf, "pcsiren": self.pcsiren}
+
+
+def full() -> Sizes:
+    """Of configs/paper.yaml, with a cloud of fewer directions."""
+    ddf = config.load(CONFIG, "ddf", training_steps.DDFConfig)
+    cloud = config.load(CONFIG, "pointclouds", inference.PointcloudsConfig).cloud
+    return Sizes(
+        config.load(CONFIG, "train", training_steps.TrainConfig),
+        ddf,
+        config.load(CONFIG, "pcsiren", training_steps.PCSirenConfig),
+        dataclasses.replace(cloud, num_directions=DIRECTIONS, cycles=CYCLES),
+        {"paper's widths": ddf.field.hidden, "4 x 192": (192,) * 4},
+    )
+
+
+def tiny() -> Sizes:
+    """The same in seconds on a CPU; its figures say nothing."""
+    whole, hidden = full(), (16, 12)
+    loop = dataclasses.replace(whole.train.loop, threads=1)
+    field = dataclasses.replace(whole.ddf.field, hidden=hidden)
+    counts = dict.fromkeys(whole.ddf.counts, 6)
+    return Sizes(
+        dataclasses.replace(
+            whole.train, image_size=32, encoder_width=4, latent_features=6, batch_size=2, train_views=None, loop=loop
+        ),
+        dataclasses.replace(whole.ddf, field=field, counts=counts, mask_size=8),
+        dataclasses.replace(whole.pcsiren, hidden=hidden, points=20, truth_points=20),
+        dataclasses.replace(whole.cloud, num_directions=4, cycles=2),
+        {"tiny": hidden},
+        rays=256,
+        cloud_points=50,
+        repeats=2,
+    )
