@@ -88,6 +88,7 @@ def rows(sizes: Sizes, device: str) -> list[dict[str, Any]]:
     found = []
     for model in sizes.sections:
         truth = gradients(sizes, model, "cpu", "float32")
+        tried: list[tuple[str, passes.Matmul]]
         tried = [(device, "float32"), (device, "tf32"), (device, "bfloat16"), ("cpu", "bfloat16")]
         for place, precision in dict.fromkeys(tried):
             error = differences(gradients(sizes, model, place, precision), truth)

@@ -38,11 +38,11 @@ def seconds_of(work: Callable[[], object], repeats: int) -> list[float]:
 def on_device(work: Callable[[], object]) -> dict[str, float]:
     """Kernels that one call launches (on a CPU, operators), and the seconds that they take together."""
     cuda = training_loop.device().type == "cuda"
-    kind = torch.autograd.DeviceType.CUDA if cuda else torch.autograd.DeviceType.CPU
+    kind = "CUDA" if cuda else "CPU"
     with profile(activities=[ProfilerActivity.CUDA if cuda else ProfilerActivity.CPU]) as profiled:
         work()
         step_cost.now()
-    events = [event for event in profiled.events() or [] if event.device_type == kind]
+    events = [event for event in profiled.events() or [] if event.device_type.name == kind]
     return {"kernels": len(events), "busy_s": sum(event.time_range.elapsed_us() for event in events) / 1e6}
 
 
