@@ -53,7 +53,7 @@ def scene(count: int, query: Callable[[int], composition.Query]) -> list[composi
 def camera_rays() -> tuple[Tensor, Tensor]:
     """Starts and directions of one camera, float64, world frame; it sees the whole cube."""
     azimuth, elevation, radius = torch.tensor([0.7, 0.4, 4.5], dtype=torch.float64)
-    pixels = cameras.pixel_directions(PIXELS, torch.float64).reshape(-1, 3)
+    pixels = cameras.pixel_directions(PIXELS, torch.zeros(0, dtype=torch.float64)).reshape(-1, 3)
     centre, world = cameras.pixel_rays(azimuth, elevation, radius, pixels)
     return centre.expand_as(world).contiguous(), world
 
@@ -103,11 +103,11 @@ class Image:
 
 def images(count: int, rays: tuple[Tensor, Tensor], network: pddf.PDDF, precise: pddf.PDDF) -> list[Image]:
     """Closed forms and networks of so many objects, with and without culling."""
-    closed = scene(count, lambda i: composition.primitive_query(SHAPES[i % len(SHAPES)]))
+    closed = scene(count, lambda i: primitives.query_of(SHAPES[i % len(SHAPES)]))
     truth = exact_depth(count, *rays)
-    slow = scene(count, lambda _: composition.field_query(precise))
+    slow = scene(count, lambda _: pddf.query_of(precise))
     exact = composition.compose(slow, *rays, TEMPERATURE, INVERSE_DEPTH, cull=False).depth
-    fast = scene(count, lambda _: composition.field_query(network))
+    fast = scene(count, lambda _: pddf.query_of(network))
     return [
         Image(what, objects, cull, error)
         for what, objects, error in (

@@ -24,7 +24,7 @@ from bench.lib import display, growth_curves, measuring, results
 from bench.rivals import sphere_tracing
 from ddf.core import config, seeding
 from ddf.data import mesh_config, mesh_preparation
-from ddf.fields import derivatives, rendering, siren, sparse_depth
+from ddf.fields import derivatives, framed_field, rendering, siren, sparse_depth
 from ddf.geometry import mesh_io, raycast, rays
 from ddf.report.shape import shape_views
 from ddf.shape import fitting, shape_field, source_mesh
@@ -75,7 +75,7 @@ def closed_shape(seed: int) -> mesh_io.Mesh:
 
 def views(shape: shape_field.ShapeField, mesh: mesh_io.Mesh, size: int) -> Views:
     """Both cameras of the reference page that stand outside."""
-    both = [shape_field.camera_rays(shape, camera, size) for _, camera in shape_views.OUTSIDE]
+    both = [framed_field.camera_rays(shape, camera, size) for _, camera in shape_views.OUTSIDE]
     starts, directions = (torch.from_numpy(np.concatenate(part)) for part in zip(*both, strict=True))
     truth = raycast.cast(mesh, rays.OrientedPoints(starts, directions))
     return Views(starts.float(), directions.float(), truth)
@@ -96,7 +96,7 @@ def ddf_depth(
     depth = torch.full_like(distance, torch.inf)
     for chosen in asked.split(CHUNK):
         found = rendering.query(shape.field, entry[chosen], directions[chosen], None, ("visibility", "depth"))
-        seen = meets[chosen] & (found["visibility"] >= shape_field.SEEN)
+        seen = meets[chosen] & (found["visibility"] >= framed_field.SEEN)
         depth[chosen] = torch.where(seen, found["depth"] + distance[chosen], torch.inf)
     return depth, len(asked)
 

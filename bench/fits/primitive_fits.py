@@ -23,6 +23,7 @@ from torch import Tensor
 
 from bench.lib import display, measuring, side_by_side
 from ddf.core import checks, config
+from ddf.fields import framed_field
 from ddf.geometry import mesh_io, primitives, rays
 from ddf.shape import fitting, shape_field
 
@@ -84,8 +85,8 @@ def errors(shape: shape_field.ShapeField, case: Case, points: rays.OrientedPoint
     hits, kappa = primitives.cast(case.truth, own), primitives.curvatures(case.truth, own)
     outputs = ["visibility", "depth", "normals"]
     outputs += ["mean_curvature", "gaussian_curvature"] if case.curved else []
-    found = {name: torch.from_numpy(values) for name, values in shape_field.query(shape, points, outputs)[0].items()}
-    seen = found["visibility"] >= shape_field.SEEN
+    found = {name: torch.from_numpy(values) for name, values in framed_field.query(shape, points, outputs)[0].items()}
+    seen = found["visibility"] >= framed_field.SEEN
     both = seen & hits.visible
     kept = both & ((hits.normals * own.directions).sum(-1).abs() >= STEEP)
     if isinstance(case.truth, primitives.Box):

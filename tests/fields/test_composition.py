@@ -11,7 +11,7 @@ from _shapes import random_rays
 from _support import assert_close
 
 from ddf.core import checks
-from ddf.fields import composition
+from ddf.fields import composition, pddf
 from ddf.geometry import primitives, rays, transforms
 
 TEMPERATURE, INVERSE_DEPTH = 1e-4, 0.05
@@ -28,7 +28,7 @@ def _turn(axis, angle):
 def _placed(shape, scale=1.0, rotation=None, at=(0.0, 0.0, 0.0)):
     """A primitive of the unit cube, scaled, turned, then moved; returns it with its map to the world."""
     world = transforms.Similarity(scale, np.eye(3) if rotation is None else rotation, np.array(at))
-    return composition.Placed(composition.primitive_query(shape), world.inverse())
+    return composition.Placed(primitives.query_of(shape), world.inverse())
 
 
 def _fixed(visibility, depth):
@@ -141,7 +141,7 @@ def test_order_of_objects_does_not_matter():
 def test_culling_saves_queries_and_changes_nothing(networks):
     objects = SCENE
     if networks:
-        query = composition.field_query(_models.field())
+        query = pddf.query_of(_models.field())
         objects = [dataclasses.replace(placed, query=query) for placed in SCENE]
     points = random_rays(2000, seed=6, spread=2.0)
     culled, whole = _compose(objects, points, 0.05), _compose(objects, points, 0.05, cull=False)

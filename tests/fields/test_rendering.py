@@ -56,7 +56,9 @@ def test_rays_that_miss_the_box_are_background_and_cost_nothing():
 def test_depth_is_measured_from_the_camera():
     field, (camera, scale) = _field(), _camera()
     images, _ = rendering.render(field, None, camera, scale, 32, ["depth"])
-    entry, world, distance, meets = rendering.field_rays(camera, scale, cameras.pixel_directions(32).reshape(-1, 3))
+    entry, world, distance, meets = rendering.field_rays(
+        camera, scale, cameras.pixel_directions(32, camera).reshape(-1, 3)
+    )
     expected = field.depth(field(entry[meets], world[meets])) + distance[meets]
     torch.testing.assert_close(images["depth"].reshape(-1)[meets], expected)
     origin = cameras.position(camera[0], camera[1], camera[2]) * scale / transforms.BENCHMARK_FROM_V1

@@ -13,7 +13,7 @@ HOW = sparse_depth.Refinement(tolerance=1e-3)
 
 def _image(shape, size):
     """Depth of every pixel of a camera three units off, float64, flat."""
-    directions = cameras.pixel_directions(size, torch.float64).reshape(-1, 3)
+    directions = cameras.pixel_directions(size, torch.zeros(0, dtype=torch.float64)).reshape(-1, 3)
     turned = directions * torch.tensor([1.0, 1.0, -1.0]).double() if float(directions[0, 2]) > 0 else directions
     starts = torch.tensor([0.0, 0.0, 3.0]).double().expand_as(turned)
     return primitives.cast(shape, rays.OrientedPoints(starts, turned)).depth.numpy()
@@ -57,7 +57,7 @@ def test_sphere_from_fewer_rays(stride):
 def test_plane_needs_its_lattice_alone():
     """Inverse depth is linear in the pixel on it, but for the length of the rays."""
     size = 129
-    directions = cameras.pixel_directions(size, torch.float64).reshape(-1, 3).numpy()
+    directions = cameras.pixel_directions(size, torch.zeros(0, dtype=torch.float64)).reshape(-1, 3).numpy()
     normal = np.array([0.3, -0.2, 1.0])
     truth, calls = 2.0 / np.abs(directions @ normal), []
     image, count = sparse_depth.depth_image(_asking(truth, calls), size, HOW)

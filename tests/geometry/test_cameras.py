@@ -46,7 +46,7 @@ def test_points_along_a_pixel_ray_project_to_that_pixel():
     camera = _tensor(1.1, 0.4, 0.75)
     rotation, centre = cameras.extrinsics(camera[0], camera[1], camera[2])
     for size in (137, 64, 32):
-        directions = cameras.pixel_directions(size, torch.float64)
+        directions = cameras.pixel_directions(size, torch.zeros(0, dtype=torch.float64))
         origin, world = cameras.pixel_rays(camera[0], camera[1], camera[2], directions.reshape(-1, 3))
         u, v = cameras.project(origin + 0.6 * world, rotation, centre)
         centres = (torch.arange(size, dtype=torch.float64) + 0.5) * 137 / size

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ddf.evaluation import metrics
-from ddf.fields import rendering
+from ddf.fields import framed_field, rendering
 from ddf.geometry import cameras, rays, transforms
 from ddf.shape import shape_field
 
@@ -102,7 +102,7 @@ def _far_shape(dtype: torch.dtype) -> case.Outcome:
     shape = shape_field.ShapeField(field, -np.ones(3), np.ones(3), frame, {})
     start = torch.from_numpy(centre).repeat(2, 1) - torch.tensor([[2000 * half, 0, 0], [2000 * half, 2 * half, 0]])
     looking = torch.tensor([1.0, 0.0, 0.0], dtype=dtype).expand(2, 3)
-    found, queries = shape_field.query(shape, rays.OrientedPoints(start.to(dtype), looking))
+    found, queries = framed_field.query(shape, rays.OrientedPoints(start.to(dtype), looking))
     return case.every(
         case.Outcome(f"{queries} rays", queries == 1),
         case.exact(found["depth"], [(1999 + AHEAD) * half, math.inf]),
@@ -117,7 +117,7 @@ def _far_shape(dtype: torch.dtype) -> case.Outcome:
 )
 def _away(dtype: torch.dtype) -> case.Outcome:
     camera = torch.tensor([0.4, 0.2, 3.0], dtype=dtype)
-    directions = -cameras.pixel_directions(8, dtype).reshape(-1, 3)
+    directions = -cameras.pixel_directions(8, torch.zeros(0, dtype=dtype)).reshape(-1, 3)
     entry, _, distance, meets = rendering.field_rays(camera, torch.tensor(FRAME_SCALE, dtype=dtype), directions)
     high, away = math.sin(0.2), math.cos(0.2)
     centre = 3 * torch.tensor([away * math.cos(0.4), high, away * math.sin(0.4)], dtype=torch.float64)
@@ -154,7 +154,7 @@ def _poles(dtype: torch.dtype) -> case.Outcome:
 def _full_turn(dtype: torch.dtype) -> case.Outcome:
     azimuth = torch.tensor([-math.pi, 0.0, 0.1, 3.0], dtype=dtype)
     elevation, radius = torch.full_like(azimuth, 0.4), torch.ones_like(azimuth)
-    pixels = cameras.pixel_directions(4, dtype).reshape(-1, 3)
+    pixels = cameras.pixel_directions(4, torch.zeros(0, dtype=dtype)).reshape(-1, 3)
     found = []
     centre, world = cameras.pixel_rays(azimuth, elevation, radius, pixels)
     for turn in (2 * math.pi, -2 * math.pi):
@@ -186,8 +186,8 @@ def _refused(dtype: torch.dtype) -> case.Outcome:
     field = constant_field((AHEAD, AHEAD, 0, 20), dtype)
     shape = shape_field.ShapeField(field, -np.ones(3), np.ones(3), transforms.Similarity(), {})
     return case.worst(
-        case.refused(lambda: shape_field.render(shape, (math.nan, 0.0, 1.0), 4), "camera must be finite; got nan"),
-        case.refused(lambda: shape_field.render(shape, (0.0, 0.0, math.inf), 4), "camera must be finite; got inf"),
-        case.refused(lambda: shape_field.render(shape, (0.0, 0.0, 1.0), 0), "size must be >= 1"),
-        case.refused(lambda: shape_field.render(shape, (0.0, 0.0, -1.0), 4), "camera radius >= 0"),
+        case.refused(lambda: framed_field.render(shape, (math.nan, 0.0, 1.0), 4), "camera must be finite; got nan"),
+        case.refused(lambda: framed_field.render(shape, (0.0, 0.0, math.inf), 4), "camera must be finite; got inf"),
+        case.refused(lambda: framed_field.render(shape, (0.0, 0.0, 1.0), 0), "size must be >= 1"),
+        case.refused(lambda: framed_field.render(shape, (0.0, 0.0, -1.0), 4), "camera radius >= 0"),
     )

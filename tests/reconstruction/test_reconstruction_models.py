@@ -159,7 +159,7 @@ def test_rendered_ball_has_the_analytic_silhouette():
     images, queries = rendering.render(_BallField(), None, camera, scale, 137, ["visibility"])
     radius = BALL_RADIUS * transforms.BENCHMARK_FROM_V1 / float(scale)
     angle = math.asin(radius / 0.8)
-    directions = cameras.pixel_directions(137)
+    directions = cameras.pixel_directions(137, torch.zeros(0))
     expected = torch.acos((-directions[..., 2]).clamp(-1, 1)) < angle
     assert (images["visibility"] > 0.5).ne(expected).float().mean() < 0.002
     assert 0.2 * 137**2 < queries < 0.9 * 137**2
@@ -169,7 +169,7 @@ def test_rendered_ball_has_the_analytic_silhouette():
 def test_mask_loss_of_all_pixels_is_the_mean_over_the_image():
     camera, scale = _camera(0.8, 0.45, 0.8), torch.tensor([2.5])
     alpha = torch.rand(1, 24, 24, generator=torch.Generator().manual_seed(0))
-    directions = cameras.pixel_directions(24).reshape(-1, 3)
+    directions = cameras.pixel_directions(24, torch.zeros(0)).reshape(-1, 3)
     entry, world, _, meets = rendering.field_rays(camera, scale, directions)
     logits = _BallField()(entry, world)[..., 3]
     bce = torch.nn.functional.binary_cross_entropy_with_logits(logits, alpha.flatten(1), reduction="none")

@@ -10,7 +10,7 @@ from _shapes import cube, icosphere, joined, moved, torus
 
 from ddf.core import checks, storage
 from ddf.data import sampling
-from ddf.fields import pddf
+from ddf.fields import framed_field, pddf
 from ddf.geometry import mesh_io, primitives, rays
 from ddf.shape import fitting, shape_field
 from ddf.training import training_loop
@@ -72,7 +72,7 @@ def test_fitted_sphere_has_the_depth_normals_and_curvatures_of_the_sphere(sphere
     v = torch.from_numpy((target - start) / np.linalg.norm(target - start, axis=1, keepdims=True))
     points = rays.OrientedPoints(torch.from_numpy(start + np.array(CENTRE)), v)
     hits = primitives.cast(truth, points)
-    found, _ = shape_field.query(shape, points, shape_field.OUTPUTS)
+    found, _ = framed_field.query(shape, points, shape_field.OUTPUTS)
     seen = hits.visible.numpy() & np.isfinite(found["depth"])
     assert seen.sum() > 0.9 * hits.visible.sum()
     assert np.median(np.abs(found["depth"] - hits.depth.numpy())[seen]) < 0.04 * RADIUS

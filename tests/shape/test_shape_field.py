@@ -8,7 +8,7 @@ import torch
 from torch.nn import functional
 
 from ddf.core import checks, storage
-from ddf.fields import cloud_projection, curvature, derivatives, pddf, sparse_depth
+from ddf.fields import cloud_projection, curvature, derivatives, framed_field, pddf, sparse_depth
 from ddf.geometry import rays, transforms
 from ddf.shape import shape_field
 from ddf.training import training_loop
@@ -73,7 +73,7 @@ def test_other_files_are_refused(tmp_path, changes, message):
 
 def test_answers_are_those_of_the_network_in_the_unit_of_the_mesh(shape):
     p, v = _rays()
-    found, evaluated = shape_field.query(shape, _in_mesh_frame(p, v), shape_field.OUTPUTS)
+    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), shape_field.OUTPUTS)
     with torch.no_grad():
         raw = shape.field(p.float(), v.float())
         surface = curvature.surface(shape.field, p.float(), v.float())
@@ -95,13 +95,13 @@ def test_answers_are_those_of_the_network_in_the_unit_of_the_mesh(shape):
 
 def test_each_output_alone_equals_all_together(shape):
     points = _in_mesh_frame(*_rays())
-    together, _ = shape_field.query(shape, points, shape_field.OUTPUTS)
+    together, _ = framed_field.query(shape, points, shape_field.OUTPUTS)
     for name in shape_field.OUTPUTS:
-        alone, _ = shape_field.query(shape, points, [name])
+        alone, _ = framed_field.query(shape, points, [name])
         assert set(alone) == {name}
         np.testing.assert_allclose(alone[name], together[name], rtol=1e-4, atol=1e-5)
     with pytest.raises(checks.InputError, match=r"outputs must be among .*; got colour"):
-        shape_field.query(shape, points, ["colour"])
+        framed_field.query(shape, points, ["colour"])
 
 
 @pytest.mark.parametrize("away", [5.0, 2000.0])
@@ -109,8 +109,8 @@ def test_starting_further_back_adds_that_to_the_depth(shape, away):
     p, v = _rays()
     upper = torch.from_numpy(UPPER)
     entry, _, _ = rays.enter_box(p - 10 * v, v, -upper, upper)
-    near, _ = shape_field.query(shape, _in_mesh_frame(entry, v), ["depth", "normals"])
-    far, evaluated = shape_field.query(shape, _in_mesh_frame(entry - away * v, v), ["depth", "normals"])
+    near, _ = framed_field.query(shape, _in_mesh_frame(entry, v), ["depth", "normals"])
+    far, evaluated = framed_field.query(shape, _in_mesh_frame(entry - away * v, v), ["depth", "normals"])
     assert evaluated == len(p)
     seen = np.isfinite(near["depth"])
     assert seen.any()
@@ -125,7 +125,7 @@ def test_rays_that_miss_the_box_are_never_evaluated(shape, monkeypatch):
     counted = []
     forward = shape_field.evaluate
     monkeypatch.setattr(shape_field, "evaluate", lambda f, a, b, o: counted.append(len(a)) or forward(f, a, b, o))
-    found, evaluated = shape_field.query(shape, _in_mesh_frame(p, v), shape_field.OUTPUTS)
+    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), shape_field.OUTPUTS)
     assert sum(counted) == evaluated == 2  # behind the camera, and beside the box: components of exactly 0
     assert found["visibility"][[0, 2]].tolist() == [0.0, 0.0]
     assert bool((found["visibility"][[1, 3]] > 0).all())
@@ -136,11 +136,11 @@ def test_rays_that_miss_the_box_are_never_evaluated(shape, monkeypatch):
 
 def test_no_rays_and_all_missing_give_empty_and_background(shape):
     none = torch.zeros(0, 3, dtype=torch.float64)
-    found, evaluated = shape_field.query(shape, rays.OrientedPoints(none, none), shape_field.OUTPUTS)
+    found, evaluated = framed_field.query(shape, rays.OrientedPoints(none, none), shape_field.OUTPUTS)
     assert evaluated == 0
     assert found["normals"].shape == (0, 3)
     p, v = torch.tensor([[0.0, 9.0, 0.0]]).double(), torch.tensor([[0.0, 1.0, 0.0]]).double()
-    found, evaluated = shape_field.query(shape, _in_mesh_frame(p, v), shape_field.OUTPUTS)
+    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), shape_field.OUTPUTS)
     assert evaluated == 0
     assert found["depth"].tolist() == [np.inf]
 
@@ -149,7 +149,9 @@ def test_no_rays_and_all_missing_give_empty_and_background(shape):
 def test_components_are_weight_and_normals_of_both_depths(tmp_path, mirror):
     shape = shape_field.load(_write(tmp_path, dataclasses.replace(CONFIG, mirror=mirror)))
     p, v = _rays()
-    found, _ = shape_field.query(shape, _in_mesh_frame(p, v), ["visibility", "normals", *shape_field.COMPONENT_OUTPUTS])
+    found, _ = framed_field.query(
+        shape, _in_mesh_frame(p, v), ["visibility", "normals", *shape_field.COMPONENT_OUTPUTS]
+    )
     seen = found["visibility"] >= 0.5
     start = p.float().requires_grad_()
     raw = shape.field(start, v.float())
@@ -167,13 +169,13 @@ def test_components_are_weight_and_normals_of_both_depths(tmp_path, mirror):
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_camera_at_a_point_stands_there(shape, up):
     for place in (np.array([0.3, -0.2, 0.7]), np.array([0.0, 0.4, 0.0]), np.zeros(3)):
-        starts, _ = shape_field.camera_rays(shape, shape_field.camera_at(shape, place, up), 2, up)
+        starts, _ = framed_field.camera_rays(shape, framed_field.camera_at(shape, place, up), 2, up)
         np.testing.assert_allclose(starts[0], place, atol=1e-12)
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_camera_looks_at_the_centre_with_its_axis_up(shape, up):
-    starts, directions = shape_field.camera_rays(shape, (30.0, 25.0, 1.0), 8, up)
+    starts, directions = framed_field.camera_rays(shape, (30.0, 25.0, 1.0), 8, up)
     centre = (shape.lower + shape.upper) / 2
     diagonal = np.linalg.norm(shape.upper - shape.lower)
     ahead = directions.mean(axis=0)
@@ -186,7 +188,7 @@ def test_camera_looks_at_the_centre_with_its_axis_up(shape, up):
 
 @pytest.mark.parametrize("radius", [0.0, 0.05, 0.285, 1.0, 570.0])
 def test_renders_are_finite_from_inside_on_and_far_from_the_box(shape, radius):
-    images, evaluated = shape_field.render(shape, (90.0, 0.0, radius), 12, shape_field.OUTPUTS)
+    images, evaluated = framed_field.render(shape, (90.0, 0.0, radius), 12, shape_field.OUTPUTS)
     assert evaluated <= 144
     assert radius == 570.0 or evaluated > 0
     for name, image in images.items():
@@ -199,13 +201,13 @@ def test_renders_are_finite_from_inside_on_and_far_from_the_box(shape, radius):
 def test_depth_from_fewer_rays_is_that_of_the_render(shape, radius):
     """Of every ray the same image; of fewer, one that is as close as was asked for wherever both see."""
     camera, size = (90.0, 10.0, radius), 49
-    images, evaluated = shape_field.render(shape, camera, size, ("depth",), "z")
+    images, evaluated = framed_field.render(shape, camera, size, ("depth",), "z")
     every = sparse_depth.Refinement(0.0, stride=1)
-    image, count = shape_field.render_depth(shape, camera, size, every, "z")
+    image, count = framed_field.render_depth(shape, camera, size, every, "z")
     assert count == evaluated
     np.testing.assert_allclose(image, images["depth"], rtol=1e-5)
     tolerance = 0.01 * 100  # of a mesh that is 100 units long
-    image, count = shape_field.render_depth(shape, camera, size, sparse_depth.Refinement(tolerance), "z")
+    image, count = framed_field.render_depth(shape, camera, size, sparse_depth.Refinement(tolerance), "z")
     assert count < 0.8 * evaluated if radius == 1.0 else count <= evaluated
     seen, truth = np.isfinite(image), np.isfinite(images["depth"])
     both = seen & truth
@@ -218,11 +220,11 @@ def test_depth_from_fewer_rays_is_that_of_the_render(shape, radius):
 )
 def test_bad_cameras_are_refused(shape, camera, size, up):
     with pytest.raises(checks.InputError, match="size must be >= 1, camera radius >= 0, up among y, z"):
-        shape_field.render(shape, camera, size, up=up)
+        framed_field.render(shape, camera, size, up=up)
     with pytest.raises(checks.InputError, match="size must be >= 1, camera radius >= 0, up among y, z"):
-        shape_field.render_depth(shape, camera, size, sparse_depth.Refinement(0.1), up)
+        framed_field.render_depth(shape, camera, size, sparse_depth.Refinement(0.1), up)
     with pytest.raises(checks.InputError, match="camera must be finite"):
-        shape_field.render(shape, (float("nan"), 0.0, 1.0), 4)
+        framed_field.render(shape, (float("nan"), 0.0, 1.0), 4)
 
 
 def test_cloud_is_seeded_and_in_the_mesh_frame(shape):

@@ -15,7 +15,7 @@ OUTPUTS = (  # of a field, as `shape_field.OUTPUTS`
     "normals_1",
     "normals_2",
 )
-UP_AXES = ("y", "z")  # as `shape_field.UP_AXES`
+UP_AXES = ("y", "z")  # as `framed_field.UP_AXES`
 _WRITES = "writes"  # of the parsed arguments: names of those that are files to write
 
 

@@ -21,14 +21,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import safetensors
-import safetensors.numpy
-from torch import Tensor
 
-from ddf.core import checks
+from ddf.core import arrays, checks
 
 if TYPE_CHECKING:
     import pandas as pd
+    import safetensors
 
 FORMAT_VERSION = 1
 RECORDS = "[0-9]*.json"  # pattern of the records that tell which shards of a folder are done, see `parallel`
@@ -103,13 +101,15 @@ def read_json(path: str | Path) -> Any:
         raise checks.InputError(f"{path}: not valid JSON ({error}); remove it and run its stage again") from error
 
 
-def save_tensors(path: str | Path, tensors: Mapping[str, np.ndarray | Tensor], metadata: Mapping[str, Any]) -> None:
+def save_tensors(path: str | Path, tensors: Mapping[str, Any], metadata: Mapping[str, Any]) -> None:
     """Arrays and their record as one safetensors file.
 
     Args:
-      tensors: name to array; types are kept (bfloat16 is not supported, because NumPy has none).
+      tensors: name to array or torch tensor; types are kept (bfloat16 is not supported, because NumPy has none).
       metadata: anything JSON can hold; by convention `fingerprint`, `seed` and `sources` (path to checksum).
     """
+    import safetensors.numpy
+
     arrays = {name: _as_array(value) for name, value in tensors.items()}
     record = _record(metadata)
     record["checksum"] = _content_checksum(arrays, record)
@@ -129,6 +129,8 @@ def load_tensors(
       FileNotFoundError: there is no such file.
       InputError: the file is damaged, or was not written by `save_tensors`; it is named.
     """
+    import safetensors
+
     path = _existing(path)
     try:
         with safetensors.safe_open(path, framework="pt" if framework == "torch" else "numpy") as file:
@@ -149,6 +151,8 @@ def map_tensors(path: str | Path) -> dict[str, np.ndarray]:
     Raises:
       FileNotFoundError, InputError: as `load_tensors`, but damage inside the arrays goes unnoticed.
     """
+    import safetensors
+
     path = _existing(path)
     try:
         with safetensors.safe_open(path, framework="pt") as file:
@@ -159,6 +163,8 @@ def map_tensors(path: str | Path) -> dict[str, np.ndarray]:
 
 def load_metadata(path: str | Path) -> dict[str, Any]:
     """The record of a file from `save_tensors`, without reading its arrays (and so without verifying them)."""
+    import safetensors
+
     path = _existing(path)
     try:
         with safetensors.safe_open(path, framework="numpy") as file:
@@ -258,8 +264,8 @@ def _dump(record: Mapping[str, Any]) -> str:
     return json.dumps(record, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
-def _as_array(value: np.ndarray | Tensor) -> np.ndarray:
-    array = value.detach().cpu().numpy() if isinstance(value, Tensor) else np.asarray(value)
+def _as_array(value: Any) -> np.ndarray:
+    array = arrays.to_numpy(value)
     return array if array.flags.c_contiguous else np.ascontiguousarray(array)
 
 
@@ -272,7 +278,7 @@ def _content_checksum(arrays: Mapping[str, np.ndarray], record: Mapping[str, Any
     return digest.hexdigest()
 
 
-def _of_the_disk(error: safetensors.SafetensorError) -> Exception:
+def _of_the_disk(error: "safetensors.SafetensorError") -> Exception:
     """The operating system's error that safetensors wrapped into its own, which tells it in words; else the same."""
     number = re.search(r"\(os error (\d+)\)", str(error))
     return error if number is None else OSError(int(number[1]), os.strerror(int(number[1])))

@@ -8,23 +8,24 @@ A field is defined in its box B_k: from outside, a ray enters B_k first and the 
 and a field whose box the ray misses takes no part, neither in the product nor in the softmax (the paper is silent).
 Nor does an exact field that answers with depth `inf`. Beside the soft depth stands the hard choice, the nearest depth
 among the fields that are visible: exact where the fields are, but not differentiable from one field to the next.
+Numpy arrays and torch tensors alike; for tensors everything else is differentiable.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, Generic
 
-import torch
+import numpy as np
 from jaxtyping import Bool, Float
-from torch import Tensor
 
-from ddf.core import checks
-from ddf.fields.pddf import PDDF, visibility
-from ddf.geometry import primitives, rays, transforms
+from ddf.core import arrays, checks
+from ddf.core.arrays import Array
+from ddf.geometry import rays, transforms
 
-SMALLEST = torch.finfo(torch.float64).tiny  # its inverse is still finite
+SMALLEST = float(np.finfo(np.float64).tiny)  # its inverse is still finite
 SEEN = 0.5  # visibility from which on a field counts in the hard choice
 # positions and unit directions (n, 3) of a field's own frame -> visibility (n) in [0, 1] and depth (n)
-Query = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
+Query = Callable[[Any, Any], tuple[Any, Any]]
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Placed:
 
 
 @dataclass(frozen=True)
-class Composite:
+class Composite(Generic[Array]):
     """What each ray meets in the scene; depths in world units.
 
     visibility: ξ, 0 where every box is missed. depth: d, `inf` where every field is. nearest_depth: the least depth of
@@ -56,45 +57,20 @@ class Composite:
     queries: oriented points that fields were asked for, all fields together.
     """
 
-    visibility: Float[Tensor, "n"]
-    depth: Float[Tensor, "n"]
-    nearest_depth: Float[Tensor, "n"]
+    visibility: Float[Array, "n"]
+    depth: Float[Array, "n"]
+    nearest_depth: Float[Array, "n"]
     queries: int
-
-
-def field_query(field: PDDF, modulations: Sequence[Tensor] | None = None) -> Query:
-    """A network as a field of the scene, evaluated in its own type."""
-
-    def query(
-        positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
-    ) -> tuple[Float[Tensor, "n"], Float[Tensor, "n"]]:
-        weight = field.network.head.weight
-        raw = field(positions.to(weight), directions.to(weight), modulations)
-        return visibility(raw), field.depth(raw)
-
-    return query
-
-
-def primitive_query(shape: primitives.Primitive) -> Query:
-    """A closed form as a field of the scene: visibility 0 or 1, depth `inf` on a miss."""
-
-    def query(
-        positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
-    ) -> tuple[Float[Tensor, "n"], Float[Tensor, "n"]]:
-        depth, _ = shape.first(positions, directions)
-        return torch.isfinite(depth).to(depth), depth
-
-    return query
 
 
 def compose(
     objects: Sequence[Placed],
-    positions: Float[Tensor, "n 3"],
-    directions: Float[Tensor, "n 3"],
+    positions: Float[Array, "n 3"],
+    directions: Float[Array, "n 3"],
     temperature: float,
     inverse_depth: float,
     cull: bool = True,
-) -> Composite:
+) -> Composite[Array]:
     """Visibility and depth of a scene; differentiable in p, v and the fields' parameters where those are.
 
     Args:
@@ -112,51 +88,51 @@ def compose(
         if not SMALLEST <= value < float("inf"):
             raise checks.InputError(f"{name} must be positive and finite; got {value}")
     answers = [_ask(placed, positions, directions, cull) for placed in objects]
-    visibilities, depths = (torch.stack(values) for values in zip(*(answer[:2] for answer in answers), strict=True))
+    xp = arrays.namespace(positions)
+    visibilities, depths = (xp.stack(values) for values in zip(*(answer[:2] for answer in answers), strict=True))
     weights, near = soft_weights(visibilities, depths, temperature, inverse_depth)
-    nothing = ~near.any(dim=0)
-    depth = (weights * torch.where(near, depths, 0.0)).sum(dim=0)
+    nothing = ~near.any(0)
+    depth = (weights * xp.where(near, depths, 0.0)).sum(0)
     return Composite(
-        visibility=1 - (1 - visibilities).prod(dim=0),
-        depth=torch.where(nothing, torch.inf, depth),
-        nearest_depth=torch.where(visibilities >= SEEN, depths, torch.inf).amin(dim=0),
+        visibility=1 - (1 - visibilities).prod(0),
+        depth=xp.where(nothing, xp.inf, depth),
+        nearest_depth=xp.amin(xp.where(visibilities >= SEEN, depths, xp.inf), 0),
         queries=sum(answer[2] for answer in answers),
     )
 
 
 def soft_weights(
-    visibilities: Float[Tensor, "k n"], depths: Float[Tensor, "k n"], temperature: float, inverse_depth: float
-) -> tuple[Float[Tensor, "k n"], Bool[Tensor, "k n"]]:
+    visibilities: Float[Array, "k n"], depths: Float[Array, "k n"], temperature: float, inverse_depth: float
+) -> tuple[Float[Array, "k n"], Bool[Array, "k n"]]:
     """a_k, and which fields take part; a_k sums to 1 over these, and to 0 where there are none.
 
     In float64, and the largest ξ_k / (ε_s + d_k) is taken off before the division by η_T: no η_T or ε_s overflows.
     """
-    near = torch.isfinite(depths)
-    finite = torch.where(near, depths, 0.0).double()
-    score = torch.where(near, visibilities.double() / (inverse_depth + finite), -torch.inf)
-    some = near.any(dim=0)
-    best = torch.where(some, score.amax(dim=0), 0.0)
-    power = torch.exp((score - best.detach()) / temperature)
-    weights = power / torch.where(some, power.sum(dim=0), 1.0)
-    return weights.to(depths), near
+    xp = arrays.namespace(depths)
+    near = xp.isfinite(depths)
+    finite = arrays.double(xp.where(near, depths, 0.0))
+    score = xp.where(near, arrays.double(visibilities) / (inverse_depth + finite), -xp.inf)
+    some = near.any(0)
+    best = xp.where(some, xp.amax(score, 0), 0.0)
+    power = xp.exp((score - arrays.detached(best)) / temperature)
+    weights = power / xp.where(some, power.sum(0), 1.0)
+    return arrays.like(weights, depths), near
 
 
 def _ask(
-    placed: Placed, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], cull: bool
-) -> tuple[Float[Tensor, "n"], Float[Tensor, "n"], int]:
+    placed: Placed, positions: Float[Array, "n 3"], directions: Float[Array, "n 3"], cull: bool
+) -> tuple[Float[Array, "n"], Float[Array, "n"], int]:
     """ξ_k (0 where the box is missed), d_k in world units (`inf` there) and the number of queries."""
-    transform = placed.field_from_world
-    rotation, translation = (
-        torch.from_numpy(values).to(positions) for values in (transform.rotation, transform.translation)
-    )
-    lower, upper = (positions.new_tensor(corner) for corner in (placed.lower, placed.upper))
+    xp, transform = arrays.namespace(positions), placed.field_from_world
+    rotation, translation = (arrays.like(values, positions) for values in (transform.rotation, transform.translation))
+    lower, upper = (arrays.like(np.array(corner), positions) for corner in (placed.lower, placed.upper))
     looking = directions @ rotation.T
     entry, distance, meets = rays.enter_box(
         transform.scale * (positions @ rotation.T) + translation, looking, lower, upper
     )
-    asked = meets if cull else torch.ones_like(meets)
+    asked = meets if cull else xp.ones_like(meets)
     found, depth = placed.query(entry[asked], looking[asked])
-    depth = (depth.to(positions) + distance[asked]) / transform.scale
-    seen = torch.zeros_like(distance).masked_scatter(asked, found.to(positions))
-    far = torch.full_like(distance, torch.inf).masked_scatter(asked, depth)
-    return torch.where(meets, seen, 0.0), torch.where(meets, far, torch.inf), int(asked.sum())
+    seen, far = xp.zeros_like(distance), xp.full_like(distance, xp.inf)
+    seen[asked] = arrays.like(found, positions)
+    far[asked] = (arrays.like(depth, positions) + distance[asked]) / transform.scale
+    return xp.where(meets, seen, 0.0), xp.where(meets, far, xp.inf), int(asked.sum())

@@ -4,6 +4,7 @@ A PDDF maps (p, v) to K = 2 depths d_i, a weight w_1 (w_2 = 1 - w_1) and a visib
 network's raw outputs are (d_1, d_2, logit w_1, logit ξ) before any activation; every loss works on logits.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -158,6 +159,19 @@ def heavier_rows(raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
 def visibility(raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch"]:
     """ξ in [0, 1]."""
     return torch.sigmoid(raw[..., VISIBILITY_ROW])
+
+
+def query_of(field: PDDF, modulations: list[Tensor] | None = None) -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]:
+    """A network as a field of a scene (`composition.Query`), evaluated in its own type: visibility and depth."""
+
+    def query(
+        positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+    ) -> tuple[Float[Tensor, "n"], Float[Tensor, "n"]]:
+        weight = field.network.head.weight
+        raw = field(positions.to(weight), directions.to(weight), modulations)
+        return visibility(raw), field.depth(raw)
+
+    return query
 
 
 def count_parameters(module: nn.Module) -> int:

@@ -96,7 +96,7 @@ def render(
       visibility (size, size), 0 where the ray misses the box; depth (size, size) from the camera in field units, `inf`
       where the ray misses the box; normals (size, size, 3) in the field frame, zero where the ray misses the box.
     """
-    directions = cameras.pixel_directions(size, camera.dtype).to(camera.device).reshape(-1, 3)
+    directions = cameras.pixel_directions(size, camera).reshape(-1, 3)
     entry, world, distance, meets = field_rays(camera, field_scale, directions)
     found = query(field, entry[meets], world[meets], modulations, outputs)
     images = {}

@@ -7,7 +7,7 @@ from inside; the mean curvature is κ1 + κ2 (no 1/2, as printed in the paper) a
 have depth `inf`, zero normals and zero curvatures.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -47,6 +47,18 @@ def cast(shape: Primitive, points: rays.OrientedPoints) -> rays.RayHits:
 def curvatures(shape: Primitive, points: rays.OrientedPoints) -> Float[Tensor, "*batch 2"]:
     """Principal curvatures where each ray hits, with respect to the normal that faces the viewer."""
     return _meet(shape, points)[2]
+
+
+def query_of(shape: Primitive) -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]:
+    """A closed form as a field of a scene (`composition.Query`): visibility 0 or 1, depth `inf` on a miss."""
+
+    def query(
+        positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+    ) -> tuple[Float[Tensor, "n"], Float[Tensor, "n"]]:
+        depth, _ = shape.first(positions, directions)
+        return torch.isfinite(depth).to(depth), depth
+
+    return query
 
 
 def _meet(

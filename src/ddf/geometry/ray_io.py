@@ -4,13 +4,12 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from ddf.core import checks
 from ddf.geometry import rays
 
 
-def read(path: Path) -> rays.OrientedPoints:
+def read(path: Path) -> rays.OrientedPoints[np.ndarray]:
     """Positions and directions of an NPZ file, as float64, directions exactly of unit length.
 
     Raises:
@@ -33,9 +32,9 @@ def read(path: Path) -> rays.OrientedPoints:
             raise checks.InputError(f"{path}: {name} must be numbers of shape (N, 3); got {array.dtype} {array.shape}")
     if len(arrays[0]) != len(arrays[1]):
         raise checks.InputError(f"{path}: {len(arrays[0])} positions but {len(arrays[1])} directions; must be as many")
-    positions, directions = (torch.from_numpy(array.astype(np.float64)) for array in arrays)
+    positions, directions = (array.astype(np.float64) for array in arrays)
     try:
-        points = rays.OrientedPoints(positions, directions)
+        rays.OrientedPoints(positions, directions)
     except checks.InputError as error:
         raise checks.InputError(f"{path}: {error}") from error
-    return rays.OrientedPoints(positions, points.directions / points.directions.norm(dim=-1, keepdim=True))
+    return rays.OrientedPoints(positions, directions / np.linalg.norm(directions, axis=-1, keepdims=True))

@@ -8,9 +8,10 @@ rays begin a little earlier, and where that meets something, float64 decides wha
 
 import numpy as np
 import open3d as o3d
-import torch
 from jaxtyping import Bool, Float, Int, UInt
 
+from ddf.core import arrays
+from ddf.core.arrays import Array
 from ddf.geometry import rays, sphere
 from ddf.geometry.mesh_io import Mesh, face_normals
 
@@ -162,34 +163,33 @@ def distance_to_triangles(
 def _enter(
     starts: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], half_sides: Float[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
-    upper = torch.from_numpy(half_sides)
-    entry, leave = rays.box_span(torch.from_numpy(starts), torch.from_numpy(directions), -upper, upper)
-    meets = (entry <= leave).numpy()
-    return np.where(meets, entry.numpy(), 0.0), meets
+    entry, leave = rays.box_span(starts, directions, -half_sides, half_sides)
+    meets = entry <= leave
+    return np.where(meets, entry, 0.0), meets
 
 
-def cast(scene: Scene | Mesh, points: rays.OrientedPoints) -> rays.RayHits:
-    """What each oriented point sees first, in the mesh's own frame. Depth and normals are float64.
+def cast(scene: Scene | Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHits[Array]:
+    """What each oriented point sees first, in the mesh's own frame, in the library of the points.
+
+    Depth and normals are float64.
 
     The triangle comes from Open3D (float32, no leaks through edges); the depth is then solved on that triangle's plane
     in float64, except at grazing incidence, where float32 is better conditioned than the plane.
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
-    positions = points.positions.detach().cpu().double().numpy().reshape(-1, 3)
-    directions = points.directions.detach().cpu().double().numpy().reshape(-1, 3)
+    positions, directions = _flat(points.positions), _flat(points.directions)
     depth, face = scene.first_hits(positions, directions)
-    return _hits(scene, directions, depth, face, points.positions.shape[:-1])
+    return _hits(scene, directions, depth, face, points.positions)
 
 
-def cast_exact(mesh: Mesh, points: rays.OrientedPoints) -> rays.RayHits:
+def cast_exact(mesh: Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHits[Array]:
     """The same by brute force in float64: every ray against every triangle. Slow; the reference for tests.
 
     Source: Woop et al. 2013, "Watertight ray/triangle intersection": sheared edge functions, whose signs agree between
     the triangles of an edge; zero counts as inside, so no ray slips between two triangles.
     """
     scene = Scene(mesh)
-    positions = points.positions.detach().cpu().double().numpy().reshape(-1, 3)
-    directions = points.directions.detach().cpu().double().numpy().reshape(-1, 3)
+    positions, directions = _flat(points.positions), _flat(points.directions)
     depth, face = np.full(len(positions), np.inf), np.full(len(positions), -1)
     corners = mesh.triangles[scene.kept]
     for i in range(len(positions) if len(corners) else 0):
@@ -197,7 +197,7 @@ def cast_exact(mesh: Mesh, points: rays.OrientedPoints) -> rays.RayHits:
         nearest = int(np.argmin(t))
         if np.isfinite(t[nearest]):
             depth[i], face[i] = t[nearest], scene.kept[nearest]
-    return _hits(scene, directions, depth, face, points.positions.shape[:-1])
+    return _hits(scene, directions, depth, face, points.positions)
 
 
 def _meet_triangles(corners: Float[np.ndarray, "m 3 3"], direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m"]:
@@ -214,14 +214,20 @@ def _meet_triangles(corners: Float[np.ndarray, "m 3 3"], direction: Float[np.nda
     return np.where(inside & (total != 0) & (t >= 0), t, np.inf)
 
 
-def _hits(scene: Scene, directions: np.ndarray, depth: np.ndarray, face: np.ndarray, shape: torch.Size) -> rays.RayHits:
-    visible = face >= 0
-    normals = facing_back(scene, face, directions)
+def _flat(vectors: Float[Array, "*batch 3"]) -> Float[np.ndarray, "n 3"]:
+    return arrays.to_numpy(vectors).astype(np.float64, copy=False).reshape(-1, 3)
+
+
+def _hits(
+    scene: Scene, directions: np.ndarray, depth: np.ndarray, face: np.ndarray, asked: Float[Array, "*batch 3"]
+) -> rays.RayHits[Array]:
+    """What the rays met, in the library and the shape of the positions that were asked for."""
+    xp, shape = arrays.namespace(asked), asked.shape[:-1]
     return rays.RayHits(
-        depth=torch.from_numpy(depth).reshape(shape),
-        visible=torch.from_numpy(visible).reshape(shape),
-        normals=torch.from_numpy(normals).reshape(*shape, 3),
-        face=torch.from_numpy(face).reshape(shape),
+        depth=xp.asarray(depth.reshape(shape)),
+        visible=xp.asarray((face >= 0).reshape(shape)),
+        normals=xp.asarray(facing_back(scene, face, directions).reshape(*shape, 3)),
+        face=xp.asarray(face.reshape(shape)),
     )
 
 

@@ -208,7 +208,7 @@ def mask_loss(
     in [0, 1).
     """
     size = alpha.shape[-1]
-    directions = cameras.pixel_directions(size, alpha.dtype).to(alpha.device).reshape(-1, 3)
+    directions = cameras.pixel_directions(size, alpha).reshape(-1, 3)
     with torch.no_grad():
         meets = rendering.field_rays(camera, field_scale, directions)[3]
         chosen = _choose(meets, num_pixels, chances)

@@ -16,9 +16,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from ddf.fields.framed_field import CHUNK_RAYS, SEEN
 from ddf.fields.pddf import visibility
 from ddf.geometry import rays
-from ddf.shape.shape_field import CHUNK_RAYS, SEEN, ShapeField
+from ddf.shape.shape_field import ShapeField
 
 NAMES = ("eikonal_depth", "eikonal_visibility", "gradient_consistency", "view_depth", "view_visibility")
 

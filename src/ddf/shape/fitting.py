@@ -25,7 +25,7 @@ from torch.nn import functional
 
 from ddf.core import checks, provenance, storage
 from ddf.data import packing, sampling
-from ddf.fields import losses, pddf, rendering
+from ddf.fields import framed_field, losses, pddf, rendering
 from ddf.geometry import mesh_io, transforms
 from ddf.shape import shape_field
 from ddf.training import step_timing, training_loop
@@ -379,7 +379,7 @@ def held_out_errors(field: pddf.PDDF, samples: ShapeSamples) -> dict[str, Any]:
     angles = []
     place = field.network.head.weight.device
     for kind, truth in samples.arrays.items():
-        points = (truth["positions"].split(shape_field.CHUNK_RAYS), truth["directions"].split(shape_field.CHUNK_RAYS))
+        points = (truth["positions"].split(framed_field.CHUNK_RAYS), truth["directions"].split(framed_field.CHUNK_RAYS))
         chunks = [(p.to(place), v.to(place)) for p, v in zip(*points, strict=True)]
         raw = torch.cat([field(p, v) for p, v in chunks])
         visible = truth["visible"] > 0

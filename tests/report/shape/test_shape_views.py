@@ -10,6 +10,7 @@ from _shapes import icosphere, joined
 from _support import assert_close
 from PIL import Image
 
+from ddf.fields import framed_field
 from ddf.geometry import mesh_io, primitives, raycast, rays
 from ddf.report import field_pictures
 from ddf.report.shape import shape_views
@@ -29,7 +30,7 @@ def ball(shape):
 
 
 def _place(shape, camera):
-    starts, _ = shape_field.camera_rays(shape, camera, 1)
+    starts, _ = framed_field.camera_rays(shape, camera, 1)
     return starts[0]
 
 
@@ -63,7 +64,7 @@ def test_renders_stand_beside_the_truth_of_the_same_rays(shape, ball):
     views = shape_views.render(shape, ball, 12, "y", 0)
     truth = primitives.Sphere((0.0, 0.0, 0.0), 0.45)
     for view in views:
-        starts, along = (torch.from_numpy(a) for a in shape_field.camera_rays(shape, view.camera, 12))
+        starts, along = (torch.from_numpy(a) for a in framed_field.camera_rays(shape, view.camera, 12))
         hits = primitives.cast(truth, rays.OrientedPoints(starts, along))
         depth = hits.depth.numpy().reshape(12, 12) / shape.field_from_mesh.scale
         both = np.isfinite(depth) & np.isfinite(view.images["true_depth"])

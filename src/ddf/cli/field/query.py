@@ -31,11 +31,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     import numpy as np
 
     from ddf.core import storage
+    from ddf.fields import framed_field
     from ddf.geometry import ray_io
     from ddf.shape import shape_field
 
     points = ray_io.read(args.rays)
-    found, evaluated = shape_field.query(shape_field.load(args.field), points, args.outputs)
+    found, evaluated = framed_field.query(shape_field.load(args.field), points, args.outputs)
     buffer = io.BytesIO()
     arrays: dict[str, Any] = {name: values.astype(np.float32) for name, values in found.items()}
     np.savez(buffer, **arrays)

@@ -46,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Render and write the picture; returns how many rays were evaluated and the time that took."""
     from ddf.core import storage
+    from ddf.fields import framed_field
     from ddf.report import field_pictures
     from ddf.shape import shape_field
 
@@ -53,7 +54,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     shape = shape_field.load(args.field)
     started = time.monotonic()
     if args.refine is None:
-        images, evaluated = shape_field.render(shape, camera, args.size, {"visibility", args.output}, args.up)
+        images, evaluated = framed_field.render(shape, camera, args.size, {"visibility", args.output}, args.up)
     else:
         images, evaluated = _refined(shape, camera, args)
     seconds = time.monotonic() - started
@@ -63,7 +64,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "pixels": args.size**2,
         "evaluated": evaluated,
         "saved": args.size**2 - evaluated,
-        "seen": int((images["visibility"] >= shape_field.SEEN).sum()),
+        "seen": int((images["visibility"] >= framed_field.SEEN).sum()),
         "seconds": round(seconds, 4),
         "out": args.out.as_posix(),
     }
@@ -75,14 +76,14 @@ def _refined(
     """Depth from fewer rays, and what is seen by it."""
     import numpy as np
 
-    from ddf.fields import sparse_depth
-    from ddf.shape import shape_field
+    from ddf.fields import framed_field
+    from ddf.geometry import sparse_depth
 
     if args.output != "depth":
         raise checks.InputError(f"--refine goes with --output depth alone; got {args.output}")
     longest = float((shape.upper - shape.lower).max()) / shape.field_from_mesh.scale
     how = sparse_depth.Refinement(args.refine * longest)
-    depth, evaluated = shape_field.render_depth(shape, camera, args.size, how, args.up)
+    depth, evaluated = framed_field.render_depth(shape, camera, args.size, how, args.up)
     return {"depth": depth, "visibility": np.isfinite(depth).astype(float)}, evaluated
 
 

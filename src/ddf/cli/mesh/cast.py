@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     points = ray_io.read(args.rays)
     hits = raycast.cast(mesh_io.load(args.mesh), points)
     buffer = io.BytesIO()
-    np.savez(buffer, depth=hits.depth.numpy(), visible=hits.visible.numpy(), normals=hits.normals.numpy())
+    np.savez(buffer, depth=hits.depth, visible=hits.visible, normals=hits.normals)
     storage.write_bytes(args.out, buffer.getvalue())
     rays, seen = len(hits.depth), int(hits.visible.sum())
     verdict = f"{seen:,} of {rays:,} rays hit; depth is in units of {args.mesh}, inf on a miss"

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from ddf.core import seeding
 from ddf.data import mesh_preparation
+from ddf.fields import framed_field
 from ddf.geometry import raycast, rays, sphere
 from ddf.geometry.mesh_io import Mesh
 from ddf.report import field_pictures, picture_strips
@@ -34,7 +35,7 @@ _LIFT = 1e-3  # of the box's diagonal: a ray into the shape starts so far below 
 
 @dataclass(frozen=True)
 class View:
-    """A named camera of `shape_field.camera_rays` and the images that a field gives from it.
+    """A named camera of `framed_field.camera_rays` and the images that a field gives from it.
 
     camera: azimuth and elevation in degrees, radius in benchmark units. evaluated: rays that met the box.
     """
@@ -53,7 +54,7 @@ class View:
             "rays": visibility.size,
             "evaluated": self.evaluated,
             "saved": visibility.size - self.evaluated,
-            "seen": int((visibility >= shape_field.SEEN).sum()),
+            "seen": int((visibility >= framed_field.SEEN).sum()),
         }
 
 
@@ -69,7 +70,7 @@ def cameras(
     found = list(OUTSIDE)
     for name, place in places.items():
         if place is not None:
-            found.append((name, shape_field.camera_at(shape, shape.field_from_mesh.apply(place), up)))
+            found.append((name, framed_field.camera_at(shape, shape.field_from_mesh.apply(place), up)))
     return found
 
 
@@ -107,8 +108,8 @@ def render(shape: ShapeField, mesh: Mesh, size: int, up: str, seed: int) -> list
     scene = raycast.Scene(mesh)
     views = []
     for name, camera in cameras(shape, scene, up, seed):
-        images, evaluated = shape_field.render(shape, camera, size, _RENDERED, up)
-        starts, directions = shape_field.camera_rays(shape, camera, size, up)
+        images, evaluated = framed_field.render(shape, camera, size, _RENDERED, up)
+        starts, directions = framed_field.camera_rays(shape, camera, size, up)
         hits = _truth(shape, scene, starts, directions)
         images["true_depth"] = hits.depth.numpy().reshape(size, size)
         images["true_normals"] = hits.normals.numpy().reshape(size, size, 3)
@@ -163,13 +164,13 @@ def slice_images(
     inside = ((positions >= shape.lower) & (positions <= shape.upper)).all(axis=1)
     weight = shape.field.network.head.weight
     asked = [
-        torch.from_numpy(values[inside]).to(weight).split(shape_field.CHUNK_RAYS) for values in (positions, directions)
+        torch.from_numpy(values[inside]).to(weight).split(framed_field.CHUNK_RAYS) for values in (positions, directions)
     ]
     parts = [shape_field.evaluate(shape.field, p, v, _SLICED) for p, v in zip(*asked, strict=True)]
     images = {name: np.full(len(positions), np.inf if name == "depth" else 0.0) for name in _SLICED}
     for name, values in images.items():
         values[inside] = torch.cat([part[name] for part in parts]).double().cpu().numpy()
-    images["depth"][images["visibility"] < shape_field.SEEN] = np.inf
+    images["depth"][images["visibility"] < framed_field.SEEN] = np.inf
     hits = _truth(shape, scene, positions, directions)
     images["true_depth"] = np.where(inside, hits.depth.numpy() * shape.field_from_mesh.scale, np.inf)
     return {name: values.reshape(size, size) for name, values in images.items()}

@@ -1,0 +1,230 @@
+"""What can be asked of a field of one shape, in the frame of its mesh: one code, whatever evaluates the field.
+
+Rays come in the mesh's own frame and unit. They are moved to the field frame in float64, enter the field's box by the
+slab test, and are narrowed to float32 only there, so that a camera 1e3 box lengths away costs no precision. Rays that
+miss the box are never evaluated. Where the box is missed, or visibility is below 1/2, nothing is seen: depth is `inf`,
+every other output is 0.
+
+A field is a `FramedField`: torch (`shape_field`) or onnxruntime (`onnx_field`). Nothing here imports either.
+"""
+
+from collections.abc import Collection
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ddf.core import arrays, checks
+from ddf.fields import sparse_depth
+from ddf.geometry import cameras, rays, transforms
+
+DEFAULT_OUTPUTS = ("visibility", "depth", "normals")
+SEEN = 0.5  # visibility from which on a surface counts as seen
+CHUNK_RAYS = 16384  # speed and memory only
+_UP_FROM_Y = {"y": np.eye(3), "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])}
+UP_AXES = tuple(_UP_FROM_Y)
+
+
+@runtime_checkable
+class FramedField(Protocol):
+    """A field of one shape, its box (field frame) and the map to its frame."""
+
+    @property
+    def lower(self) -> Float[np.ndarray, "3"]:
+        """Lower corner of the box."""
+        ...
+
+    @property
+    def upper(self) -> Float[np.ndarray, "3"]:
+        """Upper corner of the box."""
+        ...
+
+    @property
+    def field_from_mesh(self) -> transforms.Similarity:
+        """From the frame of the mesh to that of the field."""
+        ...
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """What it can be asked for."""
+        ...
+
+    @property
+    def scalar(self) -> Any:
+        """A float64 number of the library that its cameras are computed in."""
+        ...
+
+    def evaluate(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
+    ) -> dict[str, Float[np.ndarray, "n ..."]]:
+        """Named outputs inside the box, field frame and unit, whether or not anything is visible."""
+        ...
+
+
+def query(
+    field: FramedField, points: rays.OrientedPoints, outputs: Collection[str] = DEFAULT_OUTPUTS
+) -> tuple[dict[str, Float[np.ndarray, "n ..."]], int]:
+    """Named outputs at oriented points of the mesh's frame, and the number of rays that the field was evaluated for.
+
+    Args:
+      points: (n, 3), float64 for far cameras; anywhere, the start need not lie in the box.
+      outputs: some of `field.outputs`.
+    Returns:
+      visibility (n) in [0, 1], 0 where the box is missed; depth (n) in mesh units; normals (n, 3), unit, facing back;
+      mean_curvature (n) in 1/mesh unit and gaussian_curvature (n) in 1/mesh unit², signs as in `curvature.surface`;
+      weight_1 (n), normals_1 and normals_2 (n, 3) as in `shape_field.components`.
+    Raises:
+      InputError: an output that the field does not have.
+    """
+    positions = field.field_from_mesh.apply(arrays.to_numpy(points.positions))
+    directions = field.field_from_mesh.apply_directions(arrays.to_numpy(points.directions))
+    found, evaluated = _query_field_frame(field, positions, directions, outputs)
+    scale = field.field_from_mesh.scale
+    if "depth" in found:
+        found["depth"] = found["depth"] / scale
+    for name in ("normals", "normals_1", "normals_2"):
+        if name in found:
+            found[name] = field.field_from_mesh.inverse().apply_directions(found[name])
+    if "mean_curvature" in found:
+        found["mean_curvature"] = found["mean_curvature"] * scale
+    if "gaussian_curvature" in found:
+        found["gaussian_curvature"] = found["gaussian_curvature"] * scale**2
+    return found, evaluated
+
+
+def _query_field_frame(
+    field: FramedField,
+    positions: Float[np.ndarray, "n 3"],
+    directions: Float[np.ndarray, "n 3"],
+    outputs: Collection[str],
+) -> tuple[dict[str, np.ndarray], int]:
+    """As `query`, everything in the field frame and float64."""
+    unknown = sorted(set(outputs) - set(field.outputs))
+    if unknown:
+        raise checks.InputError(f"outputs must be among {', '.join(field.outputs)}; got {', '.join(unknown)}")
+    entry, distance, meets = rays.enter_box(positions, directions, field.lower, field.upper)
+    inside, looking = entry[meets], directions[meets]
+    parts = [
+        field.evaluate(
+            inside[start : start + CHUNK_RAYS], looking[start : start + CHUNK_RAYS], {*outputs, "visibility"}
+        )
+        for start in range(0, max(1, len(inside)), CHUNK_RAYS)
+    ]
+    seen = np.zeros_like(meets)
+    seen[meets] = np.concatenate([part["visibility"] for part in parts]) >= SEEN
+    found = {}
+    for name in field.outputs:
+        if name in outputs:
+            values = np.concatenate([part[name] for part in parts]).astype(np.float64)
+            found[name] = _scattered(name, values, meets, seen, distance)
+    return found, int(meets.sum())
+
+
+def _scattered(
+    name: str,
+    values: Float[np.ndarray, "m ..."],
+    meets: Bool[np.ndarray, "n"],
+    seen: Bool[np.ndarray, "n"],
+    distance: Float[np.ndarray, "n"],
+) -> Float[np.ndarray, "n ..."]:
+    """Values of the rays that meet the box among all rays, with the background where nothing is seen."""
+    whole = np.full((len(meets), *values.shape[1:]), np.inf if name == "depth" else 0.0)
+    whole[meets] = values
+    if name == "visibility":
+        return whole
+    if name == "depth":
+        return np.where(seen, whole + distance, np.inf)
+    return np.where(seen.reshape(-1, *[1] * (whole.ndim - 1)), whole, 0.0)
+
+
+def camera_rays(
+    field: FramedField, camera: tuple[float, float, float], size: int, up: str = "y"
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Starts and unit directions, field frame, of a camera that looks at the box's centre; rows from the top.
+
+    Args:
+      camera: azimuth and elevation in degrees, radius in benchmark units: 0.57 is one diagonal of the box
+        (`cameras`, whose lens it has).
+      up: the axis of the mesh's frame that points up.
+    """
+    numbers = arrays.like(np.array(camera, dtype=np.float64), field.scalar)
+    azimuth, elevation, radius = numbers[0], numbers[1], numbers[2]
+    xp, pixels = arrays.namespace(numbers), cameras.pixel_directions(size, numbers).reshape(-1, 3)
+    centre, world = (
+        arrays.to_numpy(part) for part in cameras.pixel_rays(xp.deg2rad(azimuth), xp.deg2rad(elevation), radius, pixels)
+    )
+    box_centre, unit, turn = _camera_frame(field, up)
+    start = unit * (turn @ centre) + box_centre
+    return np.broadcast_to(start, world.shape).copy(), world @ turn.T
+
+
+def camera_at(field: FramedField, position: Float[np.ndarray, "3"], up: str = "y") -> tuple[float, float, float]:
+    """Azimuth and elevation (degrees) and radius of the camera of `camera_rays` that stands at a point, field frame."""
+    box_centre, unit, turn = _camera_frame(field, up)
+    x, y, z = turn.T @ (position - box_centre) / unit
+    level = np.hypot(x, z)
+    return float(np.degrees(np.arctan2(z, x))), float(np.degrees(np.arctan2(y, level))), float(np.hypot(level, y))
+
+
+def _camera_frame(field: FramedField, up: str) -> tuple[Float[np.ndarray, "3"], float, Float[np.ndarray, "3 3"]]:
+    """The box's centre, field units per benchmark unit, and the rotation from benchmark to field axes."""
+    unit = float(np.linalg.norm(field.upper - field.lower)) / transforms.BENCHMARK_FROM_V1
+    return (field.lower + field.upper) / 2, unit, field.field_from_mesh.rotation @ _UP_FROM_Y[up]
+
+
+def render(
+    field: FramedField,
+    camera: tuple[float, float, float],
+    size: int,
+    outputs: Collection[str] = DEFAULT_OUTPUTS,
+    up: str = "y",
+) -> tuple[dict[str, Float[np.ndarray, "size size ..."]], int]:
+    """Images from one camera (`camera_rays`), as `query` gives them, and the number of rays evaluated.
+
+    Raises:
+      InputError: a size below 1, a radius below 0, an unknown axis or output, or a camera that is not finite.
+    """
+    starts, directions = _checked_rays(field, camera, size, up)
+    mesh_from_field = field.field_from_mesh.inverse()
+    points = rays.OrientedPoints(mesh_from_field.apply(starts), mesh_from_field.apply_directions(directions))
+    found, evaluated = query(field, points, outputs)
+    return {name: values.reshape(size, size, *values.shape[1:]) for name, values in found.items()}, evaluated
+
+
+def _checked_rays(
+    field: FramedField, camera: tuple[float, float, float], size: int, up: str
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """As `camera_rays`.
+
+    Raises:
+      InputError: a size below 1, a radius below 0, an unknown axis, or a camera that is not finite.
+    """
+    checks.require_finite("camera", np.array(camera))
+    if size < 1 or camera[2] < 0 or up not in UP_AXES:
+        raise checks.InputError(
+            f"size must be >= 1, camera radius >= 0, up among {', '.join(UP_AXES)}; got {size}, {camera[2]}, {up}"
+        )
+    return camera_rays(field, camera, size, up)
+
+
+def render_depth(
+    field: FramedField, camera: tuple[float, float, float], size: int, how: sparse_depth.Refinement, up: str = "y"
+) -> tuple[Float[np.ndarray, "size size"], int]:
+    """The depth of `render` from fewer rays, interpolated where that is close enough, and how many were evaluated.
+
+    Args:
+      how: its tolerance is in mesh units.
+    Raises:
+      InputError: as `render`.
+    """
+    starts, directions = _checked_rays(field, camera, size, up)
+    total = 0
+
+    def ask(pixels: Int[np.ndarray, "k"]) -> Float[np.ndarray, "k"]:
+        nonlocal total
+        found, evaluated = _query_field_frame(field, starts[pixels], directions[pixels], ("depth",))
+        total += evaluated
+        return found["depth"] / field.field_from_mesh.scale
+
+    image, _ = sparse_depth.depth_image(ask, size, how)
+    return image, total
