@@ -24,8 +24,8 @@ from bench.lib import display, growth_curves, measuring, results
 from bench.rivals import sphere_tracing
 from ddf.core import config, seeding
 from ddf.data import mesh_config, mesh_preparation
-from ddf.fields import derivatives, framed_field, rendering, siren, sparse_depth
-from ddf.geometry import mesh_io, raycast, rays
+from ddf.fields import derivatives, framed_field, rendering, siren
+from ddf.geometry import mesh_io, raycast, rays, sparse_depth
 from ddf.report.shape import shape_views
 from ddf.shape import fitting, shape_field, source_mesh
 

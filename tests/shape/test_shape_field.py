@@ -8,8 +8,8 @@ import torch
 from torch.nn import functional
 
 from ddf.core import checks, storage
-from ddf.fields import cloud_projection, curvature, derivatives, framed_field, pddf, sparse_depth
-from ddf.geometry import rays, transforms
+from ddf.fields import cloud_projection, curvature, derivatives, framed_field, pddf
+from ddf.geometry import rays, sparse_depth, transforms
 from ddf.shape import shape_field
 from ddf.training import training_loop
 

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ddf.core import arrays, checks
-from ddf.fields import sparse_depth
-from ddf.geometry import cameras, rays, transforms
+from ddf.geometry import cameras, rays, sparse_depth, transforms
 
 DEFAULT_OUTPUTS = ("visibility", "depth", "normals")
 SEEN = 0.5  # visibility from which on a surface counts as seen

@@ -45,7 +45,7 @@ class Open3DTree:
     ) -> tuple[Int[np.ndarray, "m {count}"], Float[np.ndarray, "m {count}"]]:
         """As `Tree` says."""
         index, dist_sq = self._search.knn_search(self._as_tensor(queries), count)
-        return index.numpy(), dist_sq.numpy()
+        return index.numpy().view(np.int64), dist_sq.numpy()
 
 
 class ScipyTree:

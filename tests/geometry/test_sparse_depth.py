@@ -5,8 +5,7 @@ import pytest
 import torch
 
 from ddf.core import checks
-from ddf.fields import sparse_depth
-from ddf.geometry import cameras, primitives, rays
+from ddf.geometry import cameras, primitives, rays, sparse_depth
 
 HOW = sparse_depth.Refinement(tolerance=1e-3)
 
