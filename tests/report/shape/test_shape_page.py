@@ -14,7 +14,7 @@ from ddf.core import storage
 from ddf.geometry import mesh_io
 from ddf.pipeline import stage
 from ddf.report import pages
-from ddf.report.shape import shape_tables
+from ddf.report.shape import shape_page, shape_tables
 from ddf.shape import field_diagnostics, fit_errors, paper_ablation
 
 _STAGES = Path(__file__).resolve().parents[3] / "stages"
@@ -85,13 +85,14 @@ def test_printed_errors_are_those_of_the_tables(reported):
         "L1 × 10 of depth",
         "here",
         *(shape_tables.number(held_out["depth_l1_x10"][kind]) for kind in "UABOTS"),
-        "",
     ] in rows
-    assert ["L1 × 10 of depth", "paper, bunny", "0.45", "0.75", "0.19", "0.50", "0.77", "0.67", ""] in rows
+    assert ["L1 × 10 of depth", "paper, bunny", "0.45", "0.75", "0.19", "0.50", "0.77", "0.67"] in rows
     table = pd.read_csv(reported / "reports" / "tiny_fit" / "ablate_samples.csv")
     value = table.set_index(["source", "without", "metric", "type"])["value"]
     ours = [shape_tables.number(value["measured", "S", "visibility_bce", kind]) for kind in "UABOTS"]
-    assert ["S", *ours, "0.14", "0.06", "0.06", "0.42", "0.17", "0.48"] in rows
+    assert ["S", *ours] in rows and ["S", "0.14", "0.06", "0.06", "0.42", "0.17", "0.48"] in rows
+    angles = [held_out["normal_angle_deg"][kind]["median"] for kind in "UAB"] + [held_out["normal_angle_deg_median"]]
+    assert ["median", *(f"{angle:.1f}°" for angle in angles)] in rows
     assert ["parameters", f"{metrics['parameters']:,}"] in rows
     assert ["steps", "5"] in rows
 
@@ -131,10 +132,8 @@ def _long(values):
 def test_bold_and_findings_name_the_worst_of_each_column():
     table = _long(lambda without, kind: 2.0 if without == kind and kind in "UT" else 1.5 if without == "none" else 1.0)
     assert shape_tables.worst_for_itself(table, "depth_l1_x10", "measured") == ["U", "T"]
-    rows = shape_tables.ablation(table, "depth_l1_x10", "").rows
-    bold = {
-        (row[0], i) for row in rows for i, cell in enumerate(row[1:7]) if isinstance(cell, pages.Cell) and cell.best
-    }
+    rows = shape_tables.ablation(table, "depth_l1_x10", "measured", "").rows
+    bold = {(row[0], i) for row in rows for i, cell in enumerate(row[1:]) if isinstance(cell, pages.Cell) and cell.best}
     assert bold == {("U", 0), ("none", 1), ("none", 2), ("none", 3), ("T", 4), ("none", 5)}
 
 
@@ -154,3 +153,37 @@ def test_fit_table_has_angles_of_all_types_together():
     assert value["UAB", "normal_angle_deg_median"] == 2.0
     assert value["U", "normal_angle_deg_p95"] == 9.0
     assert value["S", "visibility_bce"] == 0.5
+
+
+def _page_results(depth, lower):
+    """Results with one depth error of type U, and `lower` of the other eleven errors below the paper's."""
+    rows = []
+    for i, (metric, kind) in enumerate(
+        (metric, kind) for metric in shape_tables.METRIC_NAMES for kind in fit_errors.TYPES
+    ):
+        ours = depth if i == 0 else 1.0 if i <= lower else 3.0
+        rows += [(metric, kind, ours, "measured"), (metric, kind, 2.0, paper_ablation.SOURCE)]
+    errors = pd.DataFrame(rows, columns=["metric", "type", "value", "source"])
+    return shape_page.Results("x", None, {}, pd.DataFrame(), errors, {}, [], {}, pd.DataFrame())
+
+
+def test_verdict_says_how_far_depth_is_off_and_how_many_errors_are_below_the_papers():
+    text = shape_page.verdict(_page_results(0.5, 4))
+    assert "off by 2.5 % of the box's side" in text and "twelve held-out errors, 5 are below" in text
+    nothing = shape_page.verdict(_page_results(float("nan"), 4))
+    assert "No held-out ray of type U meets the shape." in nothing and "errors, 4 are below" in nothing
+
+
+def test_page_starts_with_a_verdict_and_a_picture_and_no_table_is_wide(reported):
+    title, verdict, picture = (reported / "reports" / "tiny_fit" / "README.md").read_text().split("\n\n")[:3]
+    assert title.startswith("# ") and verdict.count(". ") == 1 and picture.endswith("](views.webp)")
+    assert max(len(row) for row in _rows(reported)) == 8
+
+
+def test_a_mean_over_nothing_is_a_dash():
+    assert shape_tables.number(float("nan")) == shape_tables.number(float("nan"), "°", 1) == "–"
+    assert (shape_tables.number(0.0), shape_tables.number(0.01), shape_tables.number(4.0, "°", 1)) == (
+        "0.00",
+        "0.01",
+        "4.0°",
+    )

@@ -19,49 +19,67 @@ from ddf.training import training_loop
 
 CURVES = "losses.svg"
 
-_LEAD: Final = "One directed distance field for one shape: {shape}. Experiment `{name}`."
-_SOURCE: Final = """
-Made by `make fit-shape CONFIG=configs/{name}.yaml`. Numbers are in [fit.csv](fit.csv) and
-[ablate_samples.csv](ablate_samples.csv); `ddf render artifacts/{name}/fit_shape OUT.png` draws more.
-"""
-_VIEWS: Final = """
-The field from four cameras, beside the mesh that it was fitted to, with no post-processing. Below each name: azimuth,
-elevation and distance of the camera, which looks at the box's centre (0.57: one diagonal of the box), and the rays that
-met the box. Depth: yellow is near, one scale a row. Normals, and n₁, n₂ of both components whichever is heavier:
-(n + 1)/2 as RGB; where the lighter component models the surface behind the visible one, it shows there. Mean
-curvature (tr II): red is hollow, blue bulges towards the viewer. w₁: red where component 1 gives the depth, blue where
-component 2 does.
-"""
-_SLICES: Final = """
-The field on two planes z = const ({levels} of the box), every pixel a start p, one direction v a row as in the paper's
-figure 1: visibility ξ, w₁, depth and true depth. White: nothing is seen; outside the box nothing is asked. The depth
-jumps where p moves through the surface.
-"""
-_ERRORS: Final = """
-Errors on {held_out} held-out samples of each type. Depth: mean |d - d̂| × 10 over visible samples, in units of half the
-box's longest side; visibility: cross-entropy, natural logarithm; normals: angle over visible samples. The rows
-"{paper}" are the paper's fit to the Stanford bunny with 500,000 samples and 100,000 steps, of table `dataablation`:
-another shape and another budget, not comparable cell by cell.
-"""
-_DIAGNOSTICS_TEXT: Final = """
-How far the field is from being a DDF at all, on random rays of the box: identities of every exact DDF, no truth
-needed. Depths in units of half the box's longest side. Derivatives of an exact field grow without bound towards grazing
-rays, so the worst values are those of single rays. View consistency: a point q₁ that (p₁, v₁) sees is looked at from
-another start, q₁ = p₂ + t v₂, where it, or something before it, must be seen.
-"""
-_ABLATION: Final = """
-{metric} of fits that were trained without one sample type (rows), on held-out samples of each type (columns). Every fit
-here has {samples} samples or less by rounding, all types together, and {steps} steps with as many points in each; the
-paper's have 500,000 samples and 100,000 steps on the Stanford bunny. Bold: the worst of a column.
-"""
-_ITSELF: Final = """
-{metric}: leaving a type out is worst of all for held-out samples of that type {count} of {whole} times ({types}); in
-the paper {paper_count} of {whole} ({paper_types}).
-"""
+_LEAD: Final = (
+    "Experiment `{name}`: one directed distance field for one shape, {shape}.",
+    "Made by `make fit-shape CONFIG=configs/{name}.yaml`. Numbers are in [fit.csv](fit.csv) and "
+    "[ablate_samples.csv](ablate_samples.csv).",
+    "`ddf render artifacts/{name}/fit_shape OUT.png` draws more.",
+)
+_VERDICT: Final = (
+    "{depth} Of the twelve held-out errors, {lower} are below those of the paper's fit, which is of another shape."
+)
+_DEPTH_OFF: Final = (
+    "On rays from anywhere in the box (U) the field's depth is off by {percent} % of the box's side in the mean."
+)
+_VIEWS: Final = "The field and the mesh that it was fitted to, from four cameras. No post-processing."
+_READING_VIEWS: Final = (
+    "Below each name: azimuth, elevation, distance of the camera (0.57 is the box's diagonal), rays that met the box.",
+    "The camera looks at the box's centre.",
+    "Depth: yellow is near, one scale a row. Normals: (n + 1)/2 as RGB.",
+    "n₁, n₂: normals of both components. The lighter one may model the surface behind; then that shows.",
+    "Mean curvature: red is hollow, blue bulges towards the viewer.",
+    "w₁: red where component 1 gives the depth, blue where component 2 does.",
+)
+_SLICES: Final = (
+    "The field on two planes z = const ({levels} of the box): every pixel a start p, one direction v a row."
+)
+_READING_SLICES: Final = (
+    "As the paper's figure 1: visibility ξ, w₁, depth and true depth.",
+    "White: nothing is seen. Outside the box nothing is asked.",
+    "The depth jumps where p moves through the surface.",
+)
+_ERRORS: Final = "Errors on {held_out} held-out samples of each type."
+_ANGLES: Final = "Angle between the field's normals and the true ones, over visible held-out samples."
+_READING_ERRORS: Final = (
+    "Depth: mean |d - d̂| × 10 over visible samples, in units of half the box's longest side.",
+    "Visibility: cross-entropy, natural logarithm.",
+    "{paper}: the paper's fit to the Stanford bunny, table `dataablation`, 500,000 samples and 100,000 steps.",
+    "That is another shape and another budget, not comparable cell by cell.",
+)
+_DIAGNOSTICS_TEXT: Final = "How far the field is from being a DDF at all, on random rays of the box."
+_READING_DIAGNOSTICS: Final = (
+    "Each row is an identity of every exact DDF. No truth is needed.",
+    "Depths are in units of half the box's longest side.",
+    "Derivatives of an exact field grow without bound towards grazing rays: the worst values are those of single rays.",
+    "View consistency: a point q₁ that (p₁, v₁) sees is looked at from another start, q₁ = p₂ + t v₂. It, or something "
+    "before it, must be seen.",
+)
+_ABLATION: Final = (
+    "{metric}, {where}: trained without a type (rows), asked for a type (columns). Bold: a column's worst."
+)
+_BUDGETS: Final = (
+    "Here every fit has {samples} samples or less by rounding, all types together, and {steps} steps.",
+    "The paper's fits have 500,000 samples and 100,000 steps on the Stanford bunny.",
+)
+_ITSELF: Final = (
+    "{metric}: leaving a type out is worst of all for that type {count} of {whole} times ({types}); in the paper "
+    "{paper_count} ({paper_types})."
+)
 _CURVES: Final = "Total loss (thick, smoothed) and its terms without their weights."
 _LIMITS: Final = (
-    "One seed, one shape, and not the paper's. `configs/paper_fit.yaml` has the paper's sizes, losses and steps, but "
-    "for its plateau schedule; `configs/fit.yaml` a small fraction of them.",
+    "One seed, one shape, and not the paper's.",
+    "`configs/paper_fit.yaml` has the paper's sizes, losses and steps, but for its plateau schedule.",
+    "`configs/fit.yaml` has a small fraction of them.",
     "Budgets in minutes give as many steps as the machine manages: another machine fits a little better or worse.",
 )
 
@@ -107,54 +125,78 @@ def write(config_path: Path, fit: fitting.FitConfig, out_dir: Path) -> None:
     results = read(config_path, fit)
     folder = config.artifact_dir(config_path, "fit_shape")
     page = build(results, fit, {name: (folder / name).read_bytes() for name in (VIEWS, SLICES)})
-    for name, content in page.files.items():
-        storage.write_bytes(out_dir / name, content)
     for name, table in ((fit_errors.FIT, results.errors), (fit_errors.ABLATION, results.ablation_errors)):
         storage.write_text(out_dir / name, table.to_csv(index=False, lineterminator="\n"))
-    storage.write_text(out_dir / "README.md", pages.markdown(page))
-    storage.write_text(out_dir / "index.html", pages.html_page(page))
+    pages.write(page, out_dir)
 
 
 def build(results: Results, fit: fitting.FitConfig, pictures: dict[str, bytes]) -> pages.Page:
     """The page from results already read; `pictures` by file name."""
-    files = pictures | {CURVES: figures.loss_curves({"DDF": {"one shape": results.log}}).encode()}
     shape = "a procedural chair" if results.source is None else f"`{results.source}`"
-    lead = [pages.paragraph(_LEAD, shape=shape, name=results.name), pages.paragraph(_SOURCE, name=results.name)]
-    levels = " and ".join(f"{100 * level:.0f} %" for level in shape_views.SLICE_LEVELS)
-    alts = ("renders of the fitted field from four cameras", "slices of the fitted field in three directions")
-    blocks = [
-        pages.Figure(VIEWS, pages.paragraph(_VIEWS), alts[0]),
-        pages.Figure(SLICES, pages.paragraph(_SLICES, levels=levels), alts[1]),
-    ]
-    held_out = f"{fit.held_out.U:,}"
-    caption = pages.paragraph(_ERRORS, held_out=held_out, paper=paper_ablation.SOURCE)
-    consistency = shape_tables.diagnostics(results.diagnostics, pages.paragraph(_DIAGNOSTICS_TEXT))
+    views = pages.Figure(
+        VIEWS, _VIEWS, "visibility, depth, normals and curvature of the field from four cameras", pictures[VIEWS]
+    )
+    lead = [verdict(results), views, tuple(text.format(name=results.name, shape=shape) for text in _LEAD)]
     sections = [
-        pages.Section("Pictures", blocks),
-        pages.Section("Held-out errors", [shape_tables.errors(results.errors, caption)]),
-        pages.Section("Consistency", [consistency]),
+        _pictures_section(pictures[SLICES]),
+        _errors_section(results, fit),
+        _consistency_section(results),
         _ablation_section(results),
         _training_section(results),
         pages.Section("What does not reproduce", [_LIMITS]),
     ]
-    return pages.Page(f"A field of one shape: {results.name}", lead, sections, files)
+    return pages.Page(f"A field of one shape: {results.name}", lead, sections)
+
+
+def verdict(results: Results) -> str:
+    """What the held-out errors say, in two sentences."""
+    table = results.errors[results.errors["metric"].isin(shape_tables.METRIC_NAMES)]
+    ours, paper = (
+        table[table["source"] == source].set_index(["metric", "type"])["value"]
+        for source in (MEASURED, paper_ablation.SOURCE)
+    )
+    off = ours["depth_l1_x10", "U"] / 10 / 2  # of half the side, times 10
+    depth = (
+        "No held-out ray of type U meets the shape." if pd.isna(off) else _DEPTH_OFF.format(percent=f"{100 * off:.1f}")
+    )
+    return _VERDICT.format(depth=depth, lower=int((ours < paper.reindex(ours.index)).sum()))
+
+
+def _pictures_section(slices: bytes) -> pages.Section:
+    levels = " and ".join(f"{100 * level:.0f} %" for level in shape_views.SLICE_LEVELS)
+    alt = "visibility, weight, depth and true depth on two planes through the shape, for three directions"
+    picture = pages.Figure(SLICES, _SLICES.format(levels=levels), alt, slices)
+    return pages.Section("Pictures", ["Of the picture above:", _READING_VIEWS, picture, _READING_SLICES])
+
+
+def _errors_section(results: Results, fit: fitting.FitConfig) -> pages.Section:
+    table = shape_tables.errors(results.errors, _ERRORS.format(held_out=f"{fit.held_out.U:,}"))
+    angles = shape_tables.angles(results.errors, _ANGLES)
+    paper = paper_ablation.SOURCE.capitalize()
+    return pages.Section("Held-out errors", [table, angles, tuple(t.format(paper=paper) for t in _READING_ERRORS)])
+
+
+def _consistency_section(results: Results) -> pages.Section:
+    table = shape_tables.diagnostics(results.diagnostics, _DIAGNOSTICS_TEXT)
+    return pages.Section("Consistency", [table, _READING_DIAGNOSTICS])
 
 
 def _ablation_section(results: Results) -> pages.Section:
     tables, findings = [], []
-    full = results.ablation[leave_one_out.NONE]
-    whole = len(TYPES)
-    most = max(found["samples"] for found in results.ablation.values())
     for metric, name in shape_tables.METRIC_NAMES.items():
-        caption = pages.paragraph(_ABLATION, metric=name, samples=f"{most:,}", steps=f"{full['steps']:,}")
-        tables.append(shape_tables.ablation(results.ablation_errors, metric, caption))
+        for source, where in ((MEASURED, "here"), (paper_ablation.SOURCE, paper_ablation.SOURCE)):
+            caption = _ABLATION.format(metric=name, where=where)
+            tables.append(shape_tables.ablation(results.ablation_errors, metric, source, caption))
         ours, theirs = (
             shape_tables.worst_for_itself(results.ablation_errors, metric, source)
             for source in (MEASURED, paper_ablation.SOURCE)
         )
         words = {"count": len(ours), "types": _listed(ours), "paper_count": len(theirs), "paper_types": _listed(theirs)}
-        findings.append(pages.paragraph(_ITSELF, metric=name, whole=whole, **words))
-    return pages.Section("Sample types left out", [*tables, tuple(findings)])
+        findings.append(_ITSELF.format(metric=name, whole=len(TYPES), **words))
+    most = max(found["samples"] for found in results.ablation.values())
+    steps = results.ablation[leave_one_out.NONE]["steps"]
+    budgets = (text.format(samples=f"{most:,}", steps=f"{steps:,}") for text in _BUDGETS)
+    return pages.Section("Sample types left out", [tuple(findings), *tables, tuple(budgets)])
 
 
 def _listed(kinds: list[str]) -> str:
@@ -175,4 +217,6 @@ def _training_section(results: Results) -> pages.Section:
         ["rays saved by the box", f"{rays - evaluated:,} ({100 * (rays - evaluated) / rays:.0f} %)"],
     ]
     table = pages.Table("The fit, and what the renders above cost.", [("", 2, False)], ["", ""], rows)
-    return pages.Section("Training", [pages.Figure(CURVES, _CURVES, "loss curve of the fit"), table])
+    drawn = figures.loss_curves({"DDF": {"one shape": log}}).encode()
+    picture = pages.Figure(CURVES, _CURVES, "falling curves of the total loss and of its terms over the steps", drawn)
+    return pages.Section("Training", [picture, table])

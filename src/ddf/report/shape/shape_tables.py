@@ -19,41 +19,40 @@ _DIAGNOSTICS = {
 
 
 def errors(table: pd.DataFrame, caption: str) -> pages.Table:
-    """fit.csv as printed: a row per metric, ours and the paper's beside, a column per held-out type."""
+    """Depth and visibility of fit.csv as printed: ours and the paper's per metric, a column per held-out type."""
     rows: list[list[pages.Cell | str]] = []
     for metric, name in METRIC_NAMES.items():
         for source in (MEASURED, paper_ablation.SOURCE):
             own = table[(table["metric"] == metric) & (table["source"] == source)].set_index("type")["value"]
-            rows.append([name, "here" if source == MEASURED else source, *(number(own[kind]) for kind in TYPES), ""])
-    for metric, name in (("median", "normals, median angle"), ("p95", "normals, 95 % angle")):
-        own = table[table["metric"] == f"normal_angle_deg_{metric}"].set_index("type")["value"]
-        cells = [f"{own[kind]:.1f}°" if kind in own else "" for kind in (*TYPES, ALL)]
-        rows.append([name, "here", *cells])
-    layout = [("", 2, False), ("held-out", len(TYPES), False), ("", 1, False)]
-    return pages.Table(caption, layout, ["", "", *TYPES, "U, A, B"], rows, labels=2)
+            rows.append([name, "here" if source == MEASURED else source, *(number(own[kind]) for kind in TYPES)])
+    return pages.Table(caption, [("", 2, False), ("held-out", len(TYPES), False)], ["", "", *TYPES], rows, labels=2)
 
 
-def ablation(table: pd.DataFrame, metric: str, caption: str) -> pages.Table:
-    """One metric of ablate_samples.csv: a row per left-out type, a column per held-out type, ours and the paper's.
+def angles(table: pd.DataFrame, caption: str) -> pages.Table:
+    """Normals of fit.csv as printed: a column per held-out type that has true normals, and of all these together."""
+    found = {
+        name: table[table["metric"] == f"normal_angle_deg_{metric}"].set_index("type")["value"]
+        for metric, name in (("median", "median"), ("p95", "95 %"))
+    }
+    kinds = [kind for kind in (*TYPES, ALL) if kind in found["median"]]
+    rows = [[name, *(number(own[kind], "°", 1) for kind in kinds)] for name, own in found.items()]
+    header = ["", *("U, A, B" if kind == ALL else kind for kind in kinds)]
+    return pages.Table(caption, [("", 1, False), ("held-out", len(kinds), False)], header, rows)
+
+
+def ablation(table: pd.DataFrame, metric: str, source: str, caption: str) -> pages.Table:
+    """One metric of ablate_samples.csv: a row per left-out type, a column per held-out type.
 
     The largest error of every column is bold.
     """
-    blocks = [_left_out_by_held_out(table, metric, source) for source in (MEASURED, paper_ablation.SOURCE)]
+    values = _left_out_by_held_out(table, metric, source)
     rows: list[list[pages.Cell | str]] = []
     for without in (*TYPES, leave_one_out.NONE):
-        cells = [
-            pages.Cell(number(values.loc[without, kind]), best=bool(values.loc[without, kind] == values[kind].max()))
-            for values in blocks
-            for kind in TYPES
-        ]
+        worst = [bool(values.loc[without, kind] == values[kind].max()) for kind in TYPES]
+        cells = [pages.Cell(number(values.loc[without, kind]), best) for kind, best in zip(TYPES, worst, strict=True)]
         rows.append([without, *cells])
-    name = METRIC_NAMES[metric]
-    layout = [
-        ("", 1, False),
-        (f"{name}, here", len(TYPES), False),
-        (f"{name}, {paper_ablation.SOURCE}", len(TYPES), True),
-    ]
-    return pages.Table(caption, layout, ["left out", *TYPES, *TYPES], rows)
+    layout = [("", 1, False), ("held-out", len(TYPES), source != MEASURED)]
+    return pages.Table(caption, layout, ["left out", *TYPES], rows)
 
 
 def worst_for_itself(table: pd.DataFrame, metric: str, source: str) -> list[str]:
@@ -78,6 +77,10 @@ def diagnostics(found: Mapping[str, Mapping[str, float]], caption: str) -> pages
     return pages.Table(caption, [("", len(header), False)], header, rows, labels=2)
 
 
-def number(value: float) -> str:
-    """Two decimals, as the paper prints, and more where that would say 0."""
-    return f"{value:.2f}" if value == 0 or abs(value) >= 0.095 else f"{value:.2g}"
+def number(value: float, unit: str = "", digits: int | None = None) -> str:
+    """Two decimals, as the paper prints, more where that says 0, or `digits`; a dash for a mean over nothing."""
+    if pd.isna(value):
+        return "–"
+    if digits is None:
+        return f"{value:.2f}" if value == 0 or abs(value) >= 0.095 else f"{value:.2g}"
+    return f"{value:.{digits}f}{unit}"
