@@ -4,6 +4,7 @@ From the rows of `fit_curves`, `fit_options` and `primitive_fits` and the table 
 made is left out.
 """
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
@@ -22,20 +23,23 @@ from ddf.shape import leave_one_out, paper_ablation
 TITLE = "What fits of single shapes reach"
 ORDER = paper_ablation.COLUMNS
 _LEAD = (
-    "Made by `make fit-proof`. Depth errors are L1 × 10 in units of half the box's longest side, over visible held-out "
-    "samples of a type; visibility errors are cross-entropies with natural logarithms."
+    "Made by `make fit-proof`.",
+    "Depth errors are L1 × 10 in units of half the box's longest side, over visible held-out samples of a type.",
+    "Visibility errors are cross-entropies with natural logarithms.",
 )
 
 
 def build(found: dict[str, Benchmark], sheet: pd.DataFrame | None) -> pages.Page:
-    """Sections of what is there.
+    """Verdict, picture and sections of what is there.
 
     Raises:
       InputError: nothing is.
     """
+    lead: list[pages.Block] = []
     sections = []
     if fit_curves.NAME in found:
-        sections += curves(found[fit_curves.NAME])
+        lead += [verdict(found[fit_curves.NAME]), _curves_picture()]
+        sections.append(curves(found[fit_curves.NAME]))
     if fit_options.NAME in found:
         sections.append(options(found[fit_options.NAME]))
     if primitive_fits.NAME in found:
@@ -44,7 +48,37 @@ def build(found: dict[str, Benchmark], sheet: pd.DataFrame | None) -> pages.Page
         sections.append(everyday(sheet))
     if not sections:
         raise checks.InputError("nothing to tell: `make fit-proof` fits")
-    return pages.Page(TITLE, [_LEAD], sections)
+    return pages.Page(TITLE, [*lead, _LEAD], sections)
+
+
+def verdict(benchmark: Benchmark) -> str:
+    """How many of the paper's errors every way of fitting reaches, and after how long."""
+    ends = [row for row in benchmark.rows if row.what.endswith(", end")]
+    reached = [f"`{_name(row)}` {_reached(row)} ({_seconds(row.seconds[1])})" for row in ends if row.seconds]
+    return f"Of the paper's twelve held-out errors, each way of fitting reaches: {', '.join(reached)}."
+
+
+def _name(row: Row) -> str:
+    return row.what.removesuffix(", end")
+
+
+def _reached(row: Row) -> int:
+    return sum(
+        row.error[f"{metric}_{kind}"] <= _paper(metric)[kind] for metric in paper_ablation.METRICS for kind in ORDER
+    )
+
+
+def _paper(metric: str) -> dict[str, float]:
+    """The paper's fit with all sample types, by held-out type."""
+    return dict(zip(ORDER, paper_ablation.METRICS[metric][leave_one_out.NONE], strict=True))
+
+
+def _curves_picture() -> pages.Figure:
+    return pages.Figure(
+        f"../bench/{fit_curves.NAME}.png",
+        "Errors on held-out samples against seconds of training. Sampling and evaluations are not counted.",
+        "falling curves of held-out errors against seconds, one a way of fitting",
+    )
 
 
 def machine(benchmark: Benchmark) -> str:
@@ -57,56 +91,51 @@ def _threads(count: int) -> str:
     return f"{count} thread{'s' if count > 1 else ''}"
 
 
-def curves(benchmark: Benchmark) -> list[pages.Section]:
+def curves(benchmark: Benchmark) -> pages.Section:
     """The twelve figures of every way beside the paper's, and how much sooner ours get down to an error."""
     ends = [row for row in benchmark.rows if row.what.endswith(", end")]
-    shape = str(ends[0].size["shape"])
-    rows: list[list[pages.Cell | str]] = []
+    tables = []
     for metric, name in shape_tables.METRIC_NAMES.items():
-        paper = dict(zip(paper_ablation.COLUMNS, paper_ablation.METRICS[metric][leave_one_out.NONE], strict=True))
+        paper = _paper(metric)
+        rows: list[list[pages.Cell | str]] = []
         for row in ends:
             cells = [_figure(row.error[f"{metric}_{kind}"], paper[kind]) for kind in ORDER]
-            rows.append([name, row.what.removesuffix(", end"), *_effort(row), *cells])
-        values = [shape_tables.number(paper[kind]) for kind in ORDER]
-        rows.append([name, paper_ablation.SOURCE, "–", "100,000", *values])
-    caption = (
-        f"{shape}, {ends[0].told['held_out']:,} held-out samples of each type, at the end of each fit. Bold: at most "
-        f"the paper's value. {machine(benchmark)}"
-    )
-    table = pages.Table(caption, [("", 4, False), ("held-out", 6, False)], ["", "", "s", "steps", *ORDER], rows, 2)
-    picture = pages.Figure(
-        f"../bench/{fit_curves.NAME}.png",
-        "Errors on held-out samples against seconds of training, sampling and evaluations not counted.",
-        "curves of held-out errors against seconds",
-    )
+            rows.append([_name(row), _effort(row), *cells])
+        rows.append([paper_ablation.SOURCE, "100,000 steps", *(shape_tables.number(paper[kind]) for kind in ORDER)])
+        caption = f"{name}, at the end of each fit. Bold: at most the paper's value."
+        groups = [("", 2, False), ("held-out", len(ORDER), False)]
+        tables.append(pages.Table(caption, groups, ["", "", *ORDER], rows, labels=2))
     told = tuple(_sentence(row) for row in benchmark.rows if "times" in row.told)
-    return [
-        pages.Section("The twelve figures", [table]),
-        pages.Section("Error against time", [picture, *([told] if told else [])]),
-    ]
+    held_out = f"{ends[0].told['held_out']:,} held-out samples of each type"
+    notes = (f"Shape: {ends[0].size['shape']}, {held_out}.", machine(benchmark))
+    return pages.Section("The twelve figures", [*([told] if told else []), *tables, notes])
 
 
 def options(benchmark: Benchmark) -> pages.Section:
     """Every setting of a fit that was changed alone, against the base."""
     base = next(row for row in benchmark.rows if row.what == fit_options.BASE)
-    names = [f"{metric}_{kind}" for metric in paper_ablation.METRICS for kind in ORDER] + ["normal_angle_deg_median"]
-    rows: list[list[pages.Cell | str]] = [
-        [row.what, *_effort(row), *(_figure(row.error[name], base.error[name]) for name in names)]
-        for row in benchmark.rows
-    ]
-    caption = f"{base.size['shape']}. {_about(fit_options)} Bold: at most the base's value. {machine(benchmark)}"
-    metrics = [(name, len(ORDER), False) for name in shape_tables.METRIC_NAMES.values()]
-    groups = [("", 3, False), *metrics, ("", 1, False)]
-    header = ["", "s", "steps", *ORDER, *ORDER, "normals, median °"]
-    return pages.Section("What each setting is worth", [pages.Table(caption, groups, header, rows, 1)])
+    bold = "Bold: at most the base's value."
+    tables = []
+    for metric, name in shape_tables.METRIC_NAMES.items():
+        names = [f"{metric}_{kind}" for kind in ORDER]
+        rows = [[row.what, *(_figure(row.error[n], base.error[n]) for n in names)] for row in benchmark.rows]
+        groups = [("", 1, False), ("held-out", len(ORDER), False)]
+        tables.append(pages.Table(f"{name}. {bold}", groups, ["", *ORDER], rows))
+    angle = "normal_angle_deg_median"
+    rows = [[row.what, _effort(row), _figure(row.error[angle], base.error[angle])] for row in benchmark.rows]
+    caption = f"What was spent, and the median angle of normals. {bold}"
+    tables.append(pages.Table(caption, [("", 3, False)], ["", "", "normals, median °"], rows))
+    notes = (f"Shape: {base.size['shape']}.", *_about(fit_options), machine(benchmark))
+    return pages.Section("What each setting is worth", [*tables, notes])
 
 
 def _figure(value: float, bound: float) -> pages.Cell:
     return pages.Cell(shape_tables.number(value), best=value <= bound)
 
 
-def _effort(row: Row) -> list[str]:
-    return [f"{row.seconds[1]:,.0f}" if row.seconds else "–", f"{row.told['steps']:,}"]
+def _effort(row: Row) -> str:
+    seconds = f"{row.seconds[1]:,.0f} s, " if row.seconds else ""
+    return f"{seconds}{row.told['steps']:,} steps"
 
 
 def _sentence(row: Row) -> str:
@@ -122,9 +151,10 @@ def _sentence(row: Row) -> str:
     return f"{words} It comes down to {level} after {_seconds(told['their_goal_seconds'])}."
 
 
-def _about(script: ModuleType) -> str:
-    """What its docstring says below the first line."""
-    return " ".join((script.__doc__ or "").partition("\n\n")[2].split())
+def _about(script: ModuleType) -> list[str]:
+    """The sentences of its docstring below the first line."""
+    text = " ".join((script.__doc__ or "").partition("\n\n")[2].split())
+    return re.split(r"(?<=\.) (?=[A-Z])", text)
 
 
 def _seconds(value: float) -> str:
@@ -132,16 +162,26 @@ def _seconds(value: float) -> str:
 
 
 def closed_forms(benchmark: Benchmark) -> pages.Section:
-    """Sphere, box and torus."""
+    """Sphere, box and torus: what was fitted, then curvatures."""
     names = list(dict.fromkeys(name for row in benchmark.rows for name in row.error))
-    rows: list[Sequence[pages.Cell | str]] = [
-        [row.what, *_effort(row), *(f"{row.error[name]:.3g}" if name in row.error else "–" for name in names)]
-        for row in benchmark.rows
-    ]
-    header = ["", "s", "steps", *(name.replace("_", " ") for name in names)]
-    minutes = benchmark.rows[0].size["minutes"]
-    caption = f"{_about(primitive_fits)} Budget: {minutes:g} minutes each. {machine(benchmark)}"
-    return pages.Section("Against closed forms", [pages.Table(caption, [("", len(header), False)], header, rows)])
+    curvatures = [name for name in names if "curvature" in name]
+    others = [name for name in names if name not in curvatures]
+    rows: list[Sequence[pages.Cell | str]] = [[row.what, _effort(row), *_errors(row, others)] for row in benchmark.rows]
+    header = ["", "", *(name.replace("_", " ") for name in others)]
+    first = pages.Table(
+        "Normals in degrees, depth, share of wrong visibility.", [("", len(header), False)], header, rows
+    )
+    curved = [row for row in benchmark.rows if any(name in row.error for name in curvatures)]
+    rows = [[row.what, *_errors(row, curvatures)] for row in curved]
+    header = ["", *(name.replace("_", " ") for name in curvatures)]
+    second = pages.Table("Relative errors of curvatures.", [("", len(header), False)], header, rows)
+    budget = f"Budget: {benchmark.rows[0].size['minutes']:g} minutes each."
+    tables = [first, second] if curved else [first]
+    return pages.Section("Against closed forms", [*tables, (*_about(primitive_fits), budget, machine(benchmark))])
+
+
+def _errors(row: Row, names: Sequence[str]) -> list[str]:
+    return [f"{row.error[name]:.3g}" if name in row.error else "–" for name in names]
 
 
 def everyday(table: pd.DataFrame) -> pages.Section:
@@ -157,7 +197,7 @@ def everyday(table: pd.DataFrame) -> pages.Section:
         f"each (sampling and training); each mesh: [{contact_sheet.TABLE}]({contact_sheet.TABLE})."
     )
     alt = "each mesh from two cameras: depth and normals of the field beside those of the mesh"
-    words = f"{alt.capitalize()}. White: nothing is seen."
+    words = "Field and mesh from two cameras. White: nothing is seen."
     return pages.Section(
         "Everyday meshes",
         [

@@ -314,8 +314,10 @@ def test_options_are_fitted_side_by_side_and_shown_against_the_base(tmp_path, mo
     fit_options.main(["--side-by-side", "2"])
     assert calls == [(2, 2)]
     text = pages.markdown(fit_page.build({"fit_options": results.load(tmp_path / "fit_options.json")}, None))
-    base, other = (line for line in text.splitlines() if line.startswith(("| base", "| other")))
-    assert base.count("**") == 2 * 13 and base.replace("base", "other").split("|")[3] == other.split("|")[3]
+    lines = [line for line in text.splitlines() if line.startswith(("| base", "| other"))]
+    assert [line.split(" | ")[0] for line in lines] == ["| base", "| other"] * 3  # depth, visibility, normals
+    assert [base.count("**") for base in lines[::2]] == [2 * 6, 2 * 6, 2 * 1]
+    assert lines[4].replace("base", "other").split("|")[2] == lines[5].split("|")[2]  # steps and seconds
 
 
 def _curve_rows():
@@ -333,8 +335,11 @@ def test_page_marks_what_reaches_the_paper_and_states_bounds_as_bounds():
     versions = {"torch": "2"}
     found = {"fit_curves": results.Benchmark("fit_curves", "a CPU", 2, 2, versions, _curve_rows())}
     text = pages.markdown(fit_page.build(found, None))
-    ours = next(line for line in text.splitlines() if line.startswith("| BCE of visibility | fit |"))
+    _, ours = (line for line in text.splitlines() if line.startswith("| fit | 4 s, 1,234 steps |"))
     assert ours.count("**0.30**") == 1  # O alone: the paper has .56 there, and less than .30 elsewhere
+    below = sum(bound >= 0.3 for bounds in paper_ablation.METRICS.values() for bound in bounds["none"])
+    assert text.split("\n\n")[1].endswith(f"reaches: `fit` {below} (4 s).") and 0 < below < 12
+    assert text.split("\n\n")[2].startswith("![falling curves")
     assert "20 times as long" in text and "In all its 40 s it does not come down to the 0.2" in text
     with pytest.raises(checks.InputError, match="nothing to tell"):
         fit_page.build({}, None)
