@@ -6,8 +6,8 @@ With a_l, h_l, m_l, ω_l as in `siren` and the slope c_l = m_l ω_l cos(ω_l a_l
   adjoint   g_{l-1} = (g_l * c_l) W_l, from a row of the head; the gradient of *one* output for about one forward pass
 
 Both are plain operators, so their own gradient in the parameters is ordinary first-order autograd, and they export to
-ONNX; `passes` has them once more for training, with that gradient written out. Only ∂/∂p is ever formed (the first
-three inputs); derived here, see also [DDF22] §3.1 for what reads it.
+ONNX; `passes` has them once more for training, with that gradient written out. ∂/∂p is formed (the first three
+inputs), and ∂/∂v where a loss reads it; derived here, see also [DDF22] §3.1 for what reads it.
 """
 
 from collections.abc import Sequence
@@ -20,6 +20,7 @@ from torch import Tensor, nn
 from ddf.fields import siren
 
 POSITION = slice(0, 3)  # the inputs are (p, v): derivatives are taken in p
+POSITION_AND_DIRECTION = slice(0, 6)  # and in both where gradient consistency is asked for
 
 
 @dataclass(frozen=True)
@@ -76,16 +77,18 @@ def adjoint(
     network: siren.SineNetwork,
     slopes: Sequence[Float[Tensor, "*shapes n _"]],
     cotangents: Float[Tensor, "*shapes n out"],
-) -> Float[Tensor, "*shapes n 3"]:
+    columns: slice = POSITION,
+) -> Float[Tensor, "*shapes n columns"]:
     """∇_p (g · y), g = `cotangents` over the first outputs: one-hot rows pick one output per point.
 
     Args:
       cotangents: over the head's first rows, as many as its last axis has.
+      columns: of the inputs; `POSITION_AND_DIRECTION` gives (∇_p, ∇_v) side by side.
     """
     gradient = cotangents @ network.head.weight[: cotangents.shape[-1]]
     for layer, slope in zip(reversed(network.layers[1:]), reversed(slopes[1:]), strict=True):
         gradient = (gradient * slope) @ layer.weight
-    return (gradient * slopes[0]) @ network.layers[0].weight[:, POSITION]
+    return (gradient * slopes[0]) @ network.layers[0].weight[:, columns]
 
 
 def normals(
