@@ -4,12 +4,12 @@ from pathlib import Path
 
 from ddf.core import config, provenance, storage
 from ddf.pipeline import stage
-from ddf.shape import fit_errors, fitting, leave_one_out, source_mesh
+from ddf.shape import fit_errors, fit_settings, leave_one_out, source_mesh
 
 
 def run(config_path: Path) -> None:
     """Fit seven fields, each within the budget of `fit.ablation`, and write their held-out errors."""
-    fit = config.load(config_path, "fit", fitting.FitConfig)
+    fit = config.load(config_path, fit_settings.FitConfig)
     out_dir = config.artifact_dir(config_path, "ablate_samples")
     mesh, source = source_mesh.read(fit.mesh, fit.loop.seed)
     results = leave_one_out.run(mesh, fit, out_dir, source)

@@ -9,7 +9,7 @@ from ddf.pipeline import stage
 
 def run(config_path: Path) -> None:
     """Make or check the data set of an experiment and write its index.json."""
-    section = config.load(config_path, "dataset", dataset.DatasetConfig)
+    section = config.load(config_path, dataset.DatasetConfig)
     dataset.write_index(section, config.artifact_dir(config_path, "dataset"))
 
 

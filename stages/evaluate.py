@@ -54,7 +54,7 @@ def evaluate_category(
 
 def run(config_path: Path, seed: int = 0) -> None:
     """Evaluate every category of the data set; writes si3dr, per_image, cameras and shapes as CSV."""
-    settings = config.load(config_path, "evaluate", scoring.EvaluateConfig)
+    settings = config.load(config_path, scoring.EvaluateConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     names = ("per_image", "cameras", "shapes")
     tables: dict[str, list[pd.DataFrame]] = {name: [] for name in names}

@@ -12,7 +12,7 @@ from ddf.training import training_loop
 
 def run(config_path: Path, category: str) -> None:
     """Write one file per graph and onnx_parity.csv, which also says what smaller weights would cost."""
-    section = config.load(config_path, "export", onnx_file.ExportConfig)
+    section = config.load(config_path, onnx_file.ExportConfig)
     out_dir = config.artifact_dir(config_path, "export_onnx", category)
     sources, rows = [], []
     for model in ("ddf", "pcsiren"):

@@ -5,12 +5,12 @@ from pathlib import Path
 from ddf.core import config
 from ddf.pipeline import stage
 from ddf.report.shape import shape_results
-from ddf.shape import fitting, source_mesh
+from ddf.shape import fit_settings, fitting, source_mesh
 
 
 def run(config_path: Path) -> None:
     """Read or make the mesh, fit it; write field, log, held-out errors, diagnostics and pictures."""
-    fit = config.load(config_path, "fit", fitting.FitConfig)
+    fit = config.load(config_path, fit_settings.FitConfig)
     out_dir = config.artifact_dir(config_path, "fit_shape")
     mesh, source = source_mesh.read(fit.mesh, fit.loop.seed)
     fitting.fit(mesh, fit, out_dir, source)

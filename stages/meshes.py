@@ -9,7 +9,7 @@ from ddf.pipeline import stage
 
 def run(config_path: Path, category: str) -> None:
     """Read the data set's index, prepare every shape of the category, write packs."""
-    section = config.load(config_path, "meshes", mesh_preparation.MeshesConfig)
+    section = config.load(config_path, mesh_preparation.MeshesConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     out_dir = config.artifact_dir(config_path, "meshes", category)
     fingerprint = provenance.fingerprint(section, [], mesh_shards)

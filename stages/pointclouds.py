@@ -8,14 +8,14 @@ from pathlib import Path
 from ddf.core import config, provenance, resume, storage
 from ddf.data import shapenet
 from ddf.pipeline import stage
-from ddf.reconstruction import category_data, inference, silhouettes, training_steps
+from ddf.reconstruction import category_data, inference, reconstruction_models, settings, silhouettes
 from ddf.training import training_loop
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:
     """Read both models and the images of the category, write one file per model."""
-    train = config.load(config_path, "train", training_steps.TrainConfig)
-    section = config.reseeded(config.load(config_path, "pointclouds", inference.PointcloudsConfig), seed)
+    train = config.load(config_path, settings.TrainConfig)
+    section = config.reseeded(config.load(config_path, settings.PointcloudsConfig), seed)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     samples_dir = config.artifact_dir(config_path, "samples", category)
     training_loop.prepare(train.loop)
@@ -31,8 +31,8 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     scales = category_data.read_shapes(samples_dir, test.ids).field_scales(test.shapes)
     common = {"camera_true": test.cameras, "scale_true": 1 / scales}
 
-    ddf = training_steps.ddf_model(train, config.load(config_path, "ddf", training_steps.DDFConfig))
-    pcsiren = training_steps.pcsiren_model(train, config.load(config_path, "pcsiren", training_steps.PCSirenConfig))
+    ddf = reconstruction_models.ddf_model(train, config.load(config_path, settings.DDFConfig))
+    pcsiren = reconstruction_models.pcsiren_model(train, config.load(config_path, settings.PCSirenConfig))
     out = config.artifact_dir(config_path, "pointclouds", category, seed)
     for name, model in (("ddf", ddf), ("pcsiren", pcsiren)):
         folder = config.artifact_dir(config_path, f"train_{name}", category, seed)

@@ -9,7 +9,7 @@ from ddf.report.experiment import experiment_page
 
 def run(config_path: Path) -> None:
     """Read what all stages left behind and write the report."""
-    settings = config.load(config_path, "report", experiment_page.ReportConfig)
+    settings = config.load(config_path, experiment_page.ReportConfig)
     experiment_page.write(config_path, Path("reports") / config_path.stem, settings)
 
 

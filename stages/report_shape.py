@@ -5,12 +5,12 @@ from pathlib import Path
 from ddf.core import config
 from ddf.pipeline import stage
 from ddf.report.shape import shape_page
-from ddf.shape import fitting
+from ddf.shape import fit_settings
 
 
 def run(config_path: Path) -> None:
     """Read what `fit_shape` and `ablate_samples` left behind and write the page."""
-    fit = config.load(config_path, "fit", fitting.FitConfig)
+    fit = config.load(config_path, fit_settings.FitConfig)
     shape_page.write(config_path, fit, Path("reports") / config_path.stem)
 
 

@@ -9,7 +9,7 @@ from ddf.pipeline import stage
 
 def run(config_path: Path, category: str) -> None:
     """Read the packs of prepared meshes, write samples and clouds in shards."""
-    section = config.load(config_path, "samples", sampling.SamplesConfig)
+    section = config.load(config_path, sampling.SamplesConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     out_dir = config.artifact_dir(config_path, "samples", category)
     raw = mesh_shards.raw_shapes(index_path, category)

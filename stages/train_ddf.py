@@ -6,14 +6,21 @@ from pathlib import Path
 
 from ddf.core import config, provenance
 from ddf.pipeline import stage
-from ddf.reconstruction import category_data, mirrored_data, training_steps, training_truth
+from ddf.reconstruction import (
+    category_data,
+    mirrored_data,
+    reconstruction_models,
+    settings,
+    training_steps,
+    training_truth,
+)
 from ddf.training import distributed, training_loop
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:
     """Read training images and samples of the category, train, write model and log."""
-    train = config.reseeded(config.load(config_path, "train", training_steps.TrainConfig), seed)
-    section = config.load(config_path, "ddf", training_steps.DDFConfig)
+    train = config.reseeded(config.load(config_path, settings.TrainConfig), seed)
+    section = config.load(config_path, settings.DDFConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     samples_dir = config.artifact_dir(config_path, "samples", category)
     training_loop.prepare(train.loop, train.batch_size)
@@ -27,7 +34,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     truth = truth.mirrored(shapes, mirror)
     images, shapes = mirrored_data.of_images(images, mirror), mirrored_data.of_shapes(shapes, mirror)
 
-    model = training_steps.ddf_model(train, section).to(training_loop.device())
+    model = reconstruction_models.ddf_model(train, section).to(training_loop.device())
     model.camera_head.fit(images.cameras)
     fingerprint = provenance.fingerprint(
         [train, section, category, images.digest(), truth.drawn], sources, training_steps

@@ -6,14 +6,14 @@ from pathlib import Path
 
 from ddf.core import config, provenance
 from ddf.pipeline import stage
-from ddf.reconstruction import category_data, mirrored_data, training_steps
+from ddf.reconstruction import category_data, mirrored_data, reconstruction_models, settings, training_steps
 from ddf.training import distributed, training_loop
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:
     """Read training images and clouds of the category, train, write model and log."""
-    train = config.reseeded(config.load(config_path, "train", training_steps.TrainConfig), seed)
-    section = config.load(config_path, "pcsiren", training_steps.PCSirenConfig)
+    train = config.reseeded(config.load(config_path, settings.TrainConfig), seed)
+    section = config.load(config_path, settings.PCSirenConfig)
     index_path = config.artifact_dir(config_path, "dataset") / "index.json"
     samples_dir = config.artifact_dir(config_path, "samples", category)
     training_loop.prepare(train.loop, train.batch_size)
@@ -24,7 +24,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     images = mirrored_data.of_images(images, section.mirror_shapes)
     shapes = mirrored_data.of_shapes(shapes, section.mirror_shapes)
 
-    model = training_steps.pcsiren_model(train, section).to(training_loop.device())
+    model = reconstruction_models.pcsiren_model(train, section).to(training_loop.device())
     model.camera_head.fit(images.cameras)
     fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, training_steps)
     architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}

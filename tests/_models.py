@@ -10,16 +10,16 @@ from torch import nn
 from ddf.core import storage
 from ddf.fields import losses, pddf
 from ddf.geometry import transforms
-from ddf.reconstruction import training_steps
+from ddf.reconstruction import reconstruction_models, settings
 from ddf.shape import shape_field
 from ddf.training import training_loop
 
 LOOP = training_loop.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
-TRAIN = training_steps.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
+TRAIN = settings.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
 FIELD = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, "softplus", 20.0)
-DDF = training_steps.DDFConfig(FIELD, 1, None, dict.fromkeys(losses.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20, None)
-PCSIREN = training_steps.PCSirenConfig((24, 16), 1.0, 1.0, 1, 8, 8)
+DDF = settings.DDFConfig(FIELD, 1, None, dict.fromkeys(losses.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20, None)
+PCSIREN = settings.PCSirenConfig((24, 16), 1.0, 1.0, 1, 8, 8)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 
@@ -39,14 +39,14 @@ def points(count, seed=0):
 
 def ddf_model(azimuth: Literal["angle", "sincos"] = "angle"):
     torch.manual_seed(0)
-    made = training_steps.ddf_model(dataclasses.replace(TRAIN, azimuth=azimuth), DDF).eval()
+    made = reconstruction_models.ddf_model(dataclasses.replace(TRAIN, azimuth=azimuth), DDF).eval()
     made.camera_head.fit(CAMERAS)
     return made
 
 
 def pcsiren_model():
     torch.manual_seed(0)
-    made = training_steps.pcsiren_model(TRAIN, PCSIREN).eval()
+    made = reconstruction_models.pcsiren_model(TRAIN, PCSIREN).eval()
     made.camera_head.fit(CAMERAS)
     return made
 

@@ -48,17 +48,15 @@ def code_of(script: Path) -> list[str]:
 
 
 def sections_read(script: Path) -> set[str]:
-    """The config sections that a script loads: the second arguments of config.load(...), all for config.read(...)."""
+    """The config sections of the dataclasses that a script gives to config.load(...), all for config.read(...)."""
+    named = {place.rpartition(":")[2]: section for section, place in (config.SECTIONS | config.FIT_SECTIONS).items()}
     sections = set()
     for file in [script, *provenance.import_closure(script)]:
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "config.read":
                 sections.update(config.SECTIONS)
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "config.load":
-                argument = node.args[1]
-                if not isinstance(argument, ast.Constant):
-                    raise ValueError(f"{file}:{node.lineno}: the section must be a constant")
-                sections.add(argument.value)
+                sections.add(named[ast.unparse(node.args[1]).rpartition(".")[2]])
     return sections
 
 

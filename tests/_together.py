@@ -12,7 +12,7 @@ import torch
 from torch import nn
 
 from ddf.core import checks, storage
-from ddf.reconstruction import training_steps
+from ddf.reconstruction import reconstruction_models, training_steps
 from ddf.training import distributed, training_loop
 
 STEPS, BATCH = 3, 4
@@ -53,12 +53,12 @@ def fresh(kind):
         test_reconstruction_steps._samples(),
     )
     if kind == "ddf":
-        model = training_steps.ddf_model(TRAIN, test_reconstruction_steps.DDF)
+        model = reconstruction_models.ddf_model(TRAIN, test_reconstruction_steps.DDF)
         loss = functools.partial(
             training_steps.ddf_step, model, images, shapes, samples, TRAIN, test_reconstruction_steps.DDF
         )
     else:
-        model = training_steps.pcsiren_model(TRAIN, test_reconstruction_steps.PCSIREN)
+        model = reconstruction_models.pcsiren_model(TRAIN, test_reconstruction_steps.PCSIREN)
         loss = functools.partial(
             training_steps.pcsiren_step, model, images, shapes, TRAIN, test_reconstruction_steps.PCSIREN
         )

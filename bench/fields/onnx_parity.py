@@ -23,7 +23,7 @@ TOLERANCE = 0.5  # relative: rounding, which another processor does in another o
 
 def compared(category: str) -> list[onnx_parity.Row]:
     """All rows of both models' graphs; a float32 file outside its tolerance ends it."""
-    section = config.load(CONFIG, "export", onnx_file.ExportConfig)
+    section = config.load(CONFIG, onnx_file.ExportConfig)
     rows: list[onnx_parity.Row] = []
     with tempfile.TemporaryDirectory() as folder:
         for model in MODELS:

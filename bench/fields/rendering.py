@@ -27,7 +27,7 @@ from ddf.data import mesh_config, mesh_preparation
 from ddf.fields import derivatives, framed_field, rendering, siren
 from ddf.geometry import mesh_io, raycast, rays, sparse_depth
 from ddf.report.shape import shape_views
-from ddf.shape import fitting, shape_field, source_mesh
+from ddf.shape import fit_settings, fitting, shape_field, source_mesh
 
 CONFIG, THREADS, REPEATS, TRAIN_SECONDS = Path("configs/fit.yaml"), 2, 5, 60.0
 TRAINED_TOLERANCE = 0.5  # of errors from run to run: who trains for a time takes as many steps as the machine allows
@@ -232,7 +232,7 @@ class Fitted:
 
 def fitted(mesh: mesh_io.Mesh) -> Fitted:
     """Train both."""
-    section = config.load(CONFIG, "fit", fitting.FitConfig)
+    section = config.load(CONFIG, fit_settings.FitConfig)
     loop = dataclasses.replace(section.loop, threads=THREADS)
     section = dataclasses.replace(section, steps=None, minutes=TRAIN_SECONDS / 60, loop=loop)
     with tempfile.TemporaryDirectory() as folder:

@@ -20,7 +20,7 @@ from ddf.core import checks, config, provenance, storage
 from ddf.geometry import mesh_io
 from ddf.report import field_pictures, picture_strips
 from ddf.report.shape import shape_views
-from ddf.shape import fitting, shape_field
+from ddf.shape import fit_settings, fitting, shape_field
 
 ON_DEMAND = "make fit-proof"
 NAME = "contact_sheet"
@@ -57,7 +57,7 @@ def everyday(folder: Path) -> list[Path]:
     return chosen
 
 
-def fitted(file: Path, section: fitting.FitConfig) -> Fitted:
+def fitted(file: Path, section: fit_settings.FitConfig) -> Fitted:
     """The field of a mesh, fitted now, or before with the same settings, mesh and code."""
     mesh, folder = mesh_io.load(file), FIELDS / file.stem
     identity = provenance.fingerprint([section.recipe()], [file], "ddf.shape.fitting")
@@ -68,7 +68,7 @@ def fitted(file: Path, section: fitting.FitConfig) -> Fitted:
     return Fitted(file, mesh, folder, UP.get(file.suffix, "y"), section.loop.threads)
 
 
-def fit_apart(files: Sequence[Path], section: fitting.FitConfig, at_once: int) -> list[Path]:
+def fit_apart(files: Sequence[Path], section: fit_settings.FitConfig, at_once: int) -> list[Path]:
     """The files whose field is there after all were fitted, each in a process of its own; the others are named."""
     given = ["--fit-only", "--minutes", str(section.minutes), "--threads", str(section.loop.threads)]
     commands = {file.name: side_by_side.command(NAME, str(file.parent), "--only", file.stem, *given) for file in files}
@@ -115,7 +115,7 @@ def main(given: Sequence[str]) -> None:
     parser.add_argument("--fit-only", action="store_true", help="write no sheet")
     side_by_side.add_options(parser)
     arguments = parser.parse_args(given)
-    section = config.load(CONFIG, "fit", fitting.FitConfig)
+    section = config.load(CONFIG, fit_settings.FitConfig)
     minutes = section.minutes if arguments.minutes is None else arguments.minutes
     section = side_by_side.budgeted(section, minutes, side_by_side.threads(arguments, section.loop.threads))
     files = [file for file in everyday(arguments.folder) if not arguments.only or file.stem in arguments.only]

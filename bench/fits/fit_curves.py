@@ -24,7 +24,7 @@ from ddf.core import checks, config, storage
 from ddf.data import mesh_config, mesh_preparation, sampling
 from ddf.fields import pddf
 from ddf.geometry import mesh_io
-from ddf.shape import fitting, leave_one_out, paper_ablation, source_mesh
+from ddf.shape import fit_settings, fitting, leave_one_out, paper_ablation, shape_samples, source_mesh
 from ddf.training import training_loop
 
 ON_DEMAND = "make fit-proof"
@@ -57,7 +57,7 @@ def target(path: Path | None) -> tuple[mesh_io.Mesh, str]:
     return mesh_io.Mesh(within, prepared.mesh.faces), file.stem if file else "procedural chair"
 
 
-def recipe(name: str, minutes: float | None, threads: int) -> fitting.FitConfig:
+def recipe(name: str, minutes: float | None, threads: int) -> fit_settings.FitConfig:
     """One of `RECIPES` with a budget of wall time: its own, the longest of ours for the paper's, `minutes` at most."""
     section = _section(name)
     budget = section.minutes or max(_section(own).minutes or 0.0 for own in OURS)
@@ -67,8 +67,8 @@ def recipe(name: str, minutes: float | None, threads: int) -> fitting.FitConfig:
     return dataclasses.replace(section, steps=None, minutes=budget, held_out=held_out, loop=loop)
 
 
-def _section(name: str) -> fitting.FitConfig:
-    return config.load(Path("configs") / f"{name}.yaml", "fit", fitting.FitConfig)
+def _section(name: str) -> fit_settings.FitConfig:
+    return config.load(Path("configs") / f"{name}.yaml", fit_settings.FitConfig)
 
 
 class Clock:
@@ -77,7 +77,7 @@ class Clock:
     rows: seconds, step and `fitting.held_out_errors` of every evaluation so far; written to `CURVE` each time.
     """
 
-    def __init__(self, held_out: fitting.ShapeSamples, folder: Path) -> None:
+    def __init__(self, held_out: shape_samples.ShapeSamples, folder: Path) -> None:
         self.held_out, self.folder = held_out, folder
         self.rows: list[dict[str, Any]] = []
         self.zero: float | None = None  # of the clock, once it runs; moved on by evaluations
@@ -135,12 +135,12 @@ class Clock:
         self.zero = time.monotonic() - seconds
 
 
-def fit(name: str, mesh: mesh_io.Mesh, section: fitting.FitConfig) -> None:
+def fit(name: str, mesh: mesh_io.Mesh, section: fit_settings.FitConfig) -> None:
     """Fit in one way, or go on with it; `OUT`/<name> then holds what `fitting.fit` writes, and `CURVE`."""
     folder = OUT / name
     folder.mkdir(parents=True, exist_ok=True)
     counts = sampling.Counts(**dict.fromkeys(paper_ablation.COLUMNS, HELD_OUT))
-    held_out, _ = fitting.draw_samples(mesh, section, counts, "curve")
+    held_out, _ = shape_samples.draw_samples(mesh, section, counts, "curve")
     clock = Clock(held_out, folder)
     with mock.patch.object(training_loop, "fit", clock.around(training_loop.fit)):
         fitting.fit(mesh, section, folder)
@@ -156,7 +156,7 @@ def errors(held_out: Mapping[str, Any]) -> dict[str, float]:
     return {**found, "normal_angle_deg_median": held_out["normal_angle_deg_median"]}
 
 
-def rows_of(name: str, shape: str, section: fitting.FitConfig) -> list[dict[str, Any]]:
+def rows_of(name: str, shape: str, section: fit_settings.FitConfig) -> list[dict[str, Any]]:
     """A row per evaluation, and one more, `<name>, end`, with the errors over `FINAL_HELD_OUT` samples of each type."""
     curve = storage.read_json(OUT / name / CURVE)
     result = storage.read_json(OUT / name / fitting.METRICS)

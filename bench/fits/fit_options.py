@@ -15,7 +15,7 @@ from bench.fits import fit_curves
 from bench.lib import display, measuring, overrides, side_by_side
 from ddf.core import checks, config
 from ddf.geometry import mesh_io
-from ddf.shape import fitting
+from ddf.shape import fit_settings, fitting
 
 ON_DEMAND = "make fit-proof"
 NAME = "fit_options"
@@ -24,8 +24,8 @@ MINUTES = 0.75  # of every fit
 TRAINED_TOLERANCE = 0.5  # of errors from run to run: who trains for a time takes as many steps as the machine allows
 BASE = "base"
 # of configs/fit.yaml, which is the default
-WIDTH, LAYERS = fitting.DEFAULT.field.hidden[0], len(fitting.DEFAULT.field.hidden)
-BATCH = fitting.DEFAULT.batch
+WIDTH, LAYERS = fit_settings.DEFAULT.field.hidden[0], len(fit_settings.DEFAULT.field.hidden)
+BATCH = fit_settings.DEFAULT.batch
 # what is changed, by the row's name: the key in the config's section `fit` and its other value
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
     BASE: {},
@@ -54,14 +54,14 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
 }
 
 
-def section_of(name: str, minutes: float, threads: int) -> fitting.FitConfig:
+def section_of(name: str, minutes: float, threads: int) -> fit_settings.FitConfig:
     """The section `fit` of a row.
 
     Raises:
       InputError: the config already has the row's value.
     """
     section = overrides.changed(config.read(CONFIG)["fit"], OPTIONS[name], f"{CONFIG}: fit")
-    found = config.parse(section, fitting.FitConfig, f"{CONFIG}: fit")
+    found = config.parse(section, fit_settings.FitConfig, f"{CONFIG}: fit")
     return side_by_side.budgeted(found, minutes, threads)
 
 

@@ -25,7 +25,7 @@ from bench.lib import display, measuring, side_by_side
 from ddf.core import checks, config
 from ddf.fields import framed_field
 from ddf.geometry import mesh_io, primitives, rays
-from ddf.shape import fitting, shape_field
+from ddf.shape import fit_settings, fitting, shape_field
 
 ON_DEMAND = "make fit-proof"
 NAME = "primitive_fits"
@@ -120,7 +120,7 @@ def edge_distance(box: primitives.Box, points: Tensor) -> Tensor:
     return inside.sort(dim=-1).values[..., 1]  # the smallest is that to the point's own face
 
 
-def measure(name: str, case: Case, section: fitting.FitConfig) -> dict[str, Any]:
+def measure(name: str, case: Case, section: fit_settings.FitConfig) -> dict[str, Any]:
     """A row: seconds of sampling and training, and the errors."""
     with tempfile.TemporaryDirectory() as folder:
         result = fitting.fit(case.mesh, section, Path(folder))
@@ -142,7 +142,7 @@ def main(given: Sequence[str]) -> None:
     side_by_side.add_rows(parser, known)
     side_by_side.add_options(parser)
     arguments = parser.parse_args(given)
-    section = config.load(CONFIG, "fit", fitting.FitConfig)
+    section = config.load(CONFIG, fit_settings.FitConfig)
     minutes = section.minutes if arguments.minutes is None else arguments.minutes
     if minutes is None or not minutes > 0:
         raise checks.InputError(f"--minutes must be > 0; got {minutes}")

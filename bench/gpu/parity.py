@@ -11,7 +11,7 @@ from torch import Tensor
 
 from bench.gpu.sizes import Sizes
 from ddf.fields import cloud_projection, passes, pddf
-from ddf.reconstruction import step_cost
+from ddf.pipeline import step_cost
 from ddf.training import training_loop
 
 Gradients = dict[str, Tensor]  # float64, on the CPU, by parameter

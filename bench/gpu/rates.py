@@ -15,7 +15,8 @@ from bench.gpu.sizes import Sizes
 from bench.lib import measuring
 from bench.reconstruction import step_split
 from ddf.fields import cloud_projection, passes, pddf
-from ddf.reconstruction import step_cost, training_steps
+from ddf.pipeline import step_cost
+from ddf.reconstruction import reconstruction_models
 from ddf.training import training_loop
 
 WARM_UP = 3  # calls before the timed ones
@@ -116,7 +117,7 @@ def cloud_rows(sizes: Sizes) -> list[dict[str, Any]]:
     """Whole clouds of a field with random weights: projection of all cycles, and the choice of the points."""
     training_loop.prepare(sizes.train.loop)
     torch.manual_seed(0)
-    model = training_steps.ddf_model(sizes.train, sizes.ddf).to(training_loop.device()).eval()
+    model = reconstruction_models.ddf_model(sizes.train, sizes.ddf).to(training_loop.device()).eval()
     with torch.no_grad():
         latents = torch.zeros((1, sizes.train.latent_features), device=training_loop.device())
         modulations = [values[0] for values in model.modulations(latents)]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ddf.core import config
 from ddf.fields import cloud_projection
-from ddf.reconstruction import inference, training_steps
+from ddf.reconstruction import settings
 
 CONFIG = Path("configs/paper.yaml")
 DIRECTIONS, CYCLES = 16, 3  # n_v and N_H of the timed cloud
@@ -20,9 +20,9 @@ class Sizes:
     timed cloud. repeats: timed calls of each kind. compared_images: of the step that is made on the CPU too.
     """
 
-    train: training_steps.TrainConfig
-    ddf: training_steps.DDFConfig
-    pcsiren: training_steps.PCSirenConfig
+    train: settings.TrainConfig
+    ddf: settings.DDFConfig
+    pcsiren: settings.PCSirenConfig
     cloud: cloud_projection.CloudConfig
     fields: dict[str, tuple[int, ...]]
     rays: int = 2**20
@@ -31,19 +31,19 @@ class Sizes:
     compared_images: int = 2
 
     @property
-    def sections(self) -> dict[str, training_steps.DDFConfig | training_steps.PCSirenConfig]:
+    def sections(self) -> dict[str, settings.DDFConfig | settings.PCSirenConfig]:
         """Of both models by name."""
         return {"ddf": self.ddf, "pcsiren": self.pcsiren}
 
 
 def full() -> Sizes:
     """Of configs/paper.yaml, with a cloud of fewer directions."""
-    ddf = config.load(CONFIG, "ddf", training_steps.DDFConfig)
-    cloud = config.load(CONFIG, "pointclouds", inference.PointcloudsConfig).cloud
+    ddf = config.load(CONFIG, settings.DDFConfig)
+    cloud = config.load(CONFIG, settings.PointcloudsConfig).cloud
     return Sizes(
-        config.load(CONFIG, "train", training_steps.TrainConfig),
+        config.load(CONFIG, settings.TrainConfig),
         ddf,
-        config.load(CONFIG, "pcsiren", training_steps.PCSirenConfig),
+        config.load(CONFIG, settings.PCSirenConfig),
         dataclasses.replace(cloud, num_directions=DIRECTIONS, cycles=CYCLES),
         {"paper's widths": ddf.field.hidden, "4 x 192": (192,) * 4},
     )

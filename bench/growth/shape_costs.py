@@ -18,7 +18,13 @@ from ddf.data import dataset, mesh_preparation, sampling, shapenet, true_clouds
 from ddf.data.synthetic import write
 from ddf.evaluation import metrics, scoring
 from ddf.geometry import mesh_io, neighbours
-from ddf.reconstruction import category_data, inference, reconstruction_models, training_steps
+from ddf.reconstruction import (
+    camera_correction,
+    category_data,
+    inference,
+    reconstruction_models,
+    settings,
+)
 
 CATEGORIES = ("chair", "plane", "car")
 CLOUD_POINTS = 200  # of the L points of a cloud: its time is linear in them
@@ -36,8 +42,8 @@ def timed(work: Callable[[], Result]) -> tuple[Result, float]:
 def prepare(config_path: Path, folder: Path) -> dict[str, dict[str, Any]]:
     """One shape of each category through the stages `meshes` and `samples`: mean CPU seconds and bytes per shape."""
     sections = {
-        "meshes": config.load(config_path, "meshes", mesh_preparation.MeshesConfig),
-        "samples": config.load(config_path, "samples", sampling.SamplesConfig),
+        "meshes": config.load(config_path, mesh_preparation.MeshesConfig),
+        "samples": config.load(config_path, sampling.SamplesConfig),
     }
     seconds: dict[str, list[float]] = {name: [] for name in sections}
     sizes: dict[str, list[int]] = {name: [] for name in sections}
@@ -77,9 +83,9 @@ def reconstruct(config_path: Path) -> dict[str, Any]:
 
     Clouds of few points and few steps of correction are measured, and taken to be linear in both.
     """
-    train = config.load(config_path, "train", training_steps.TrainConfig)
-    section = config.load(config_path, "pointclouds", inference.PointcloudsConfig)
-    model = training_steps.ddf_model(train, config.load(config_path, "ddf", training_steps.DDFConfig)).eval()
+    train = config.load(config_path, settings.TrainConfig)
+    section = config.load(config_path, settings.PointcloudsConfig)
+    model = reconstruction_models.ddf_model(train, config.load(config_path, settings.DDFConfig)).eval()
     pixels = torch.zeros((1, 4, train.image_size, train.image_size), dtype=torch.uint8)
     cameras = torch.tensor([[0.5, 0.45, 0.8]])
     model.camera_head.fit(cameras.repeat(2, 1) + torch.tensor([[0.0], [0.1]]))
@@ -97,7 +103,7 @@ def reconstruct(config_path: Path) -> dict[str, Any]:
     _, latents, predicted = inference.encode(model, images)
     alpha, scale = images.alpha(np.zeros(1, dtype=int), some.mask_size), torch.ones(1)
     modulations = [m.detach() for m in model.modulations(latents)]
-    _, spent = timed(lambda: reconstruction_models.correct_camera(model, modulations, predicted, scale, alpha, some))
+    _, spent = timed(lambda: camera_correction.correct_camera(model, modulations, predicted, scale, alpha, some))
     step = spent / CORRECTION_STEPS
     _, spent = timed(lambda: inference.reconstruct_ddf(model, images, few, ""))
     cloud = (spent - step) / CLOUD_POINTS
@@ -114,8 +120,8 @@ def reconstruct(config_path: Path) -> dict[str, Any]:
 
 def evaluate(config_path: Path, cloud_points: int) -> dict[str, float]:
     """CPU seconds of one comparison of a cloud L with a truth, and of one pair of shapes that the oracle row ranks."""
-    section = config.load(config_path, "evaluate", scoring.EvaluateConfig)
-    large = config.load(config_path, "pointclouds", inference.PointcloudsConfig).large
+    section = config.load(config_path, scoring.EvaluateConfig)
+    large = config.load(config_path, settings.PointcloudsConfig).large
     shapes = [write.make_shape(0, category, 0) for category in CATEGORIES]
     rng = np.random.default_rng(0)
     points = [

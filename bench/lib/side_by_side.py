@@ -13,7 +13,7 @@ from typing import Any
 
 from bench.lib import measuring
 from ddf.core import checks, storage
-from ddf.shape import fitting
+from ddf.shape import fit_settings
 
 
 def add_options(parser: argparse.ArgumentParser, all_at_once: int | None = None) -> None:
@@ -51,7 +51,7 @@ def threads(arguments: argparse.Namespace, own: int) -> int:
     return arguments.threads or (own if arguments.side_by_side == 1 else share)
 
 
-def budgeted(section: fitting.FitConfig, minutes: float | None, count: int) -> fitting.FitConfig:
+def budgeted(section: fit_settings.FitConfig, minutes: float | None, count: int) -> fit_settings.FitConfig:
     """The same fit for so many minutes, and with so many threads."""
     loop = dataclasses.replace(section.loop, threads=count)
     return dataclasses.replace(section, steps=None, minutes=minutes, loop=loop)

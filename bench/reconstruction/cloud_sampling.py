@@ -17,7 +17,7 @@ from bench.lib import display, measuring, results
 from bench.reconstruction import brief_clouds, first_views
 from ddf.core import config
 from ddf.fields import cloud_projection
-from ddf.reconstruction import inference, training_steps
+from ddf.reconstruction import inference, reconstruction_models, settings
 from ddf.training import training_loop
 
 CONFIG, CATEGORIES = Path("configs/cpu.yaml"), ("chair", "plane", "car")
@@ -34,7 +34,7 @@ PLAIN = {"jitter": 0.0, "resample": 0.0, "recheck": (), "spread": None, "least_c
 PLAIN |= {"mirror": None, "oversampling": 0.1, "centre": None}
 
 
-def settings(own: cloud_projection.CloudConfig) -> list[cloud_projection.CloudConfig]:
+def variants(own: cloud_projection.CloudConfig) -> list[cloud_projection.CloudConfig]:
     """The paper's way over n_v and N_H; at the config's own n_v each of its departures alone; all of them; in brief."""
     paper, most = dataclasses.replace(own, **PLAIN), max(CYCLES)
     sizes = [*itertools.product(DIRECTIONS, CYCLES), (PAPER[0], 1), PAPER]
@@ -55,9 +55,9 @@ def told(cloud: cloud_projection.CloudConfig, points: int) -> dict[str, Any]:
 
 def measure(category: str) -> list[dict]:
     """All settings on the first view of the first test shapes; one row per setting."""
-    train = config.load(CONFIG, "train", training_steps.TrainConfig)
-    section = config.load(CONFIG, "pointclouds", inference.PointcloudsConfig)
-    model = training_steps.ddf_model(train, config.load(CONFIG, "ddf", training_steps.DDFConfig))
+    train = config.load(CONFIG, settings.TrainConfig)
+    section = config.load(CONFIG, settings.PointcloudsConfig)
+    model = reconstruction_models.ddf_model(train, config.load(CONFIG, settings.DDFConfig))
     training_loop.prepare(train.loop)
     torch.set_num_threads(THREADS)
     views = first_views.read(CONFIG, category, IMAGES, {"train_ddf": model})
@@ -65,7 +65,7 @@ def measure(category: str) -> list[dict]:
     with torch.no_grad():
         modulations = model.modulations(latents)
     rows = []
-    for cloud in settings(section.cloud):
+    for cloud in variants(section.cloud):
         seconds, scores = [], []
         for image in range(len(views.truths)):
             own = [m[image] for m in modulations]

@@ -10,7 +10,7 @@ from ddf.core import config
 from ddf.data import shapenet
 from ddf.evaluation import metrics
 from ddf.geometry import transforms
-from ddf.reconstruction import category_data, reconstruction_models, training_steps
+from ddf.reconstruction import category_data, reconstruction_models, settings
 from ddf.training import training_loop
 
 
@@ -45,7 +45,7 @@ def read(
     Raises:
       FileNotFoundError, InputError: a stage has not run, or left a damaged file; it is named.
     """
-    train = config.load(config_path, "train", training_steps.TrainConfig)
+    train = config.load(config_path, settings.TrainConfig)
     for name, model in models.items():
         training_loop.load_model(model, config.artifact_dir(config_path, name, category))
     dataset = shapenet.Dataset.open(config.artifact_dir(config_path, "dataset") / "index.json")

@@ -18,21 +18,22 @@ from bench.lib import display, measuring
 from bench.reconstruction import step_split
 from ddf.core import config
 from ddf.fields import pddf
-from ddf.reconstruction import step_cost, training_steps
+from ddf.pipeline import step_cost
+from ddf.reconstruction import settings
 from ddf.training import training_loop
 
 CONFIG, THREADS = Path("configs/paper.yaml"), 2
-SECTIONS = {"ddf": training_steps.DDFConfig, "pcsiren": training_steps.PCSirenConfig}
+SECTIONS = {"ddf": settings.DDFConfig, "pcsiren": settings.PCSirenConfig}
 REPEATS, MOST_SECONDS = 2, 20.0  # a model's steps are not repeated any more once they took that long
 
 
 def measure(model: str, images: int) -> dict[str, Any]:
     """Steps of one model with `images` images, after one of two images that warms up; and this process's memory."""
-    train = config.load(CONFIG, "train", training_steps.TrainConfig)
+    train = config.load(CONFIG, settings.TrainConfig)
     train = dataclasses.replace(train, loop=dataclasses.replace(train.loop, threads=THREADS))
     training_loop.prepare(train.loop)
 
-    section = config.load(CONFIG, model, SECTIONS[model])
+    section = config.load(CONFIG, SECTIONS[model])
     step_split.one_step(step_cost.trial(dataclasses.replace(train, batch_size=2), section), 0)
     own = step_cost.trial(dataclasses.replace(train, batch_size=images), section)
     steps: list[dict[str, float]] = []
@@ -51,7 +52,7 @@ def main(given: Sequence[str]) -> None:
     parser.add_argument("--images", type=int, help="of a batch (default: that of configs/paper.yaml)")
     parser.add_argument("--one", choices=list(SECTIONS), help=argparse.SUPPRESS)  # prints instead of writing
     arguments = parser.parse_args(given)
-    images = arguments.images or config.load(CONFIG, "train", training_steps.TrainConfig).batch_size
+    images = arguments.images or config.load(CONFIG, settings.TrainConfig).batch_size
     if arguments.one:
         print(json.dumps(measure(arguments.one, images)))
         return

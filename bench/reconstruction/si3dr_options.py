@@ -33,6 +33,7 @@ from ddf.reconstruction import (
     inference,
     mirrored_data,
     reconstruction_models,
+    settings,
     silhouettes,
     training_steps,
     training_truth,
@@ -93,7 +94,7 @@ DRAWN: Mapping[str, Mapping[str, Any]] = {
     "scale of the cloud's box": {"pointclouds.scale_quantile": None},
     "correction from two sides": {"pointclouds.correction_turns": [0, 180]},
     "no limit to the correction": {"pointclouds.correction_limit": None},
-    "radius free in the correction": {"pointclouds.correction.free": list(reconstruction_models.CAMERA_NUMBERS)},
+    "radius free in the correction": {"pointclouds.correction.free": list(settings.CAMERA_NUMBERS)},
 }
 OPTIONS = TRAINED | DRAWN
 COLUMNS = {"": ("L", "Pi_g"), "_predicted_camera": ("S", "Pi_pred"), "_corrected_camera": ("S", "Pi_corrected")}
@@ -114,9 +115,9 @@ class Task:
 class Settings:
     """The sections of cpu.yaml with a row's change."""
 
-    train: training_steps.TrainConfig
-    ddf: training_steps.DDFConfig
-    pointclouds: inference.PointcloudsConfig
+    train: settings.TrainConfig
+    ddf: settings.DDFConfig
+    pointclouds: settings.PointcloudsConfig
 
     @classmethod
     def of(cls, name: str, seed: int) -> "Settings":
@@ -127,9 +128,9 @@ class Settings:
         """
         whole = overrides.changed(config.read(CONFIG), OPTIONS[name], str(CONFIG))
         sections = cls(
-            config.parse(whole["train"], training_steps.TrainConfig, f"{CONFIG}: train"),
-            config.parse(whole["ddf"], training_steps.DDFConfig, f"{CONFIG}: ddf"),
-            config.parse(whole["pointclouds"], inference.PointcloudsConfig, f"{CONFIG}: pointclouds"),
+            config.parse(whole["train"], settings.TrainConfig, f"{CONFIG}: train"),
+            config.parse(whole["ddf"], settings.DDFConfig, f"{CONFIG}: ddf"),
+            config.parse(whole["pointclouds"], settings.PointcloudsConfig, f"{CONFIG}: pointclouds"),
         )
         return config.reseeded(sections, seed)
 
@@ -166,7 +167,7 @@ def prepared(task: Task, settings: Settings, dataset: shapenet.Dataset) -> Train
     images, shapes = mirrored_data.of_images(images, mirror), mirrored_data.of_shapes(shapes, mirror)
 
     training_loop.prepare(settings.train.loop)
-    model = training_steps.ddf_model(settings.train, settings.ddf).to(training_loop.device())
+    model = reconstruction_models.ddf_model(settings.train, settings.ddf).to(training_loop.device())
     model.camera_head.fit(images.cameras)
 
     def groups(model: reconstruction_models.DDFModel) -> list[dict]:
@@ -224,7 +225,7 @@ def score(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
     D_C and F of the large cloud with the true camera, of the small one with the predicted and the corrected camera.
     """
     training_loop.prepare(settings.train.loop)
-    model = training_steps.ddf_model(settings.train, settings.ddf)
+    model = reconstruction_models.ddf_model(settings.train, settings.ddf)
     training_loop.load_model(model, folder(task, name if name in TRAINED else "base"))
     shown, held = split(task, dataset, settings.train.train_views)
     known, images = (

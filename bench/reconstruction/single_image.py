@@ -24,7 +24,8 @@ from bench.reconstruction import brief_clouds, first_views
 from ddf.core import config
 from ddf.fields import cloud_projection, rendering
 from ddf.geometry import cameras, transforms
-from ddf.reconstruction import category_data, inference, reconstruction_models, step_cost, training_steps
+from ddf.pipeline import step_cost
+from ddf.reconstruction import category_data, inference, reconstruction_models, settings
 
 CPU, PAPER = Path("configs/cpu.yaml"), Path("configs/paper.yaml")
 CATEGORY, THREADS, IMAGES = "chair", 2, 2
@@ -43,20 +44,20 @@ class Scene:
 
     name: str
     models: Pair
-    section: inference.PointcloudsConfig
+    section: settings.PointcloudsConfig
     images: category_data.ImageSet
     field_scales: list[float]
     views: first_views.Views | None
 
 
-def read(config_path: Path) -> tuple[training_steps.TrainConfig, Pair, inference.PointcloudsConfig]:
+def read(config_path: Path) -> tuple[settings.TrainConfig, Pair, settings.PointcloudsConfig]:
     """The training section, both models freshly initialised, and how clouds are drawn."""
-    train = config.load(config_path, "train", training_steps.TrainConfig)
+    train = config.load(config_path, settings.TrainConfig)
     torch.manual_seed(0)
-    ddf = training_steps.ddf_model(train, config.load(config_path, "ddf", training_steps.DDFConfig))
-    section = config.load(config_path, "pcsiren", training_steps.PCSirenConfig)
-    models = (ddf.eval(), training_steps.pcsiren_model(train, section).eval())
-    return train, models, config.load(config_path, "pointclouds", inference.PointcloudsConfig)
+    ddf = reconstruction_models.ddf_model(train, config.load(config_path, settings.DDFConfig))
+    section = config.load(config_path, settings.PCSirenConfig)
+    models = (ddf.eval(), reconstruction_models.pcsiren_model(train, section).eval())
+    return train, models, config.load(config_path, settings.PointcloudsConfig)
 
 
 def random_scene(config_path: Path) -> Scene:
@@ -118,9 +119,9 @@ def changed(cloud: cloud_projection.CloudConfig, **values: Any) -> cloud_project
     return dataclasses.replace(cloud, **{name: value for name, value in values.items() if name in known})
 
 
-def settings() -> dict[cloud_projection.CloudConfig, str]:
+def variants() -> dict[cloud_projection.CloudConfig, str]:
     """Ways of drawing a cloud, and what to call them: as cpu.yaml says, with fewer directions, in brief."""
-    cloud = config.load(CPU, "pointclouds", inference.PointcloudsConfig).cloud
+    cloud = config.load(CPU, settings.PointcloudsConfig).cloud
     found = {changed(cloud, cycles=cycles): f"as {CPU.name}" for cycles in CYCLES}
     found.setdefault(changed(cloud, num_directions=FEWER_DIRECTIONS), f"as {CPU.name}, fewer directions")
     found.setdefault(changed(cloud, **brief_clouds.IN_BRIEF), f"as {CPU.name}, in brief")
@@ -161,11 +162,11 @@ def measure(scene: Scene) -> list[dict[str, Any]]:
         cycles = cloud_projection.sample(ddf.field, modulations[image], points, setting, generator)
         return cloud_projection.select(cycles, [points], setting)[0]
 
-    for setting, name in settings().items():
+    for setting, name in variants().items():
         work = functools.partial(draw, setting=setting)
         add(f"DDF cloud {name}", {"points": count, **dataclasses.asdict(setting)}, work, clouds=True)
     if scene.views is None:
-        paper = config.load(PAPER, "pointclouds", inference.PointcloudsConfig).cloud
+        paper = config.load(PAPER, settings.PointcloudsConfig).cloud
         size = {"points": PAPER_POINTS, **dataclasses.asdict(paper)}
         add(f"DDF cloud as {PAPER.name}", size, functools.partial(draw, setting=paper, points=PAPER_POINTS))
     for pixels in DEPTH_SIZES:

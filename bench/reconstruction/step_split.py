@@ -10,7 +10,9 @@ from typing import Any
 from unittest import mock
 
 from ddf.fields import losses, pddf
-from ddf.reconstruction import category_data, reconstruction_models, step_cost, training_steps
+from ddf.pipeline import step_cost
+from ddf.reconstruction import category_data, reconstruction_models, training_steps
+from ddf.training import chamfer_loss
 
 # What is wrapped: part of the split, owner, name.
 PARTS = (
@@ -20,7 +22,7 @@ PARTS = (
     ("encoders", reconstruction_models.Encoder, "forward"),
     ("field", losses, "shape_loss"),
     ("field", pddf.PointDecoder, "forward"),
-    ("field", training_steps, "chamfer_loss"),
+    ("field", chamfer_loss, "chamfer_loss"),
     ("mask", reconstruction_models, "mask_loss"),
 )
 

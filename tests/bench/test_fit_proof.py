@@ -18,11 +18,11 @@ from bench.lib import curve_reach, measuring, overrides, results, side_by_side
 from ddf.core import checks, config, storage
 from ddf.geometry import mesh_io, primitives, rays
 from ddf.report import pages
-from ddf.shape import fitting, paper_ablation
+from ddf.shape import fit_settings, fitting, paper_ablation, shape_samples
 from ddf.training import training_loop
 
 ROOT = Path(__file__).resolve().parents[2]
-NO_SAMPLES = fitting.ShapeSamples({}, np.zeros(3), np.ones(3))
+NO_SAMPLES = shape_samples.ShapeSamples({}, np.zeros(3), np.ones(3))
 
 
 def test_ratio_is_that_of_the_times_at_an_error_both_reach():
@@ -256,7 +256,7 @@ def _called_in_place(monkeypatch, script, section):
     return calls
 
 
-BRIEF = dataclasses.replace(TINY, minutes=0.001, page=fitting.PageConfig(8, "y", 1))
+BRIEF = dataclasses.replace(TINY, minutes=0.001, page=fit_settings.PageConfig(8, "y", 1))
 
 
 def test_contact_sheet_fits_side_by_side_and_leaves_out_what_fails(tmp_path, monkeypatch, capsys):

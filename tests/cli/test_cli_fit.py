@@ -13,7 +13,7 @@ from PIL import Image
 from ddf import cli
 from ddf.core import config
 from ddf.geometry import mesh_io, point_io
-from ddf.shape import fitting, shape_field
+from ddf.shape import fit_settings, fitting, shape_field
 
 TINY = {
     "mesh": None,
@@ -274,4 +274,4 @@ def test_stage_fits_the_mesh_of_the_config_or_a_procedural_chair(work, tmp_path,
 
 
 def test_default_config_file_is_the_default_of_the_command():
-    assert config.load(ROOT / "configs" / "fit.yaml", "fit", fitting.FitConfig) == fitting.DEFAULT
+    assert config.load(ROOT / "configs" / "fit.yaml", fit_settings.FitConfig) == fit_settings.DEFAULT

@@ -14,7 +14,7 @@ from ddf.core import checks, provenance, storage
 from ddf.data import shapenet
 from ddf.fields import cloud_projection
 from ddf.geometry import point_io
-from ddf.reconstruction import inference
+from ddf.reconstruction import inference, scales
 from ddf.training import training_loop
 
 
@@ -41,7 +41,7 @@ def test_reconstruct_writes_cloud_camera_and_renders(model_dir, tmp_path, capsys
     assert points.shape == (50, 3)
     cycles = sampled[0]
     (cloud,) = cloud_projection.select(cycles, [50], cloud_settings.cloud())
-    scale = inference.scale_from_cycles(cycles, cloud_settings.SCALE_QUANTILE)
+    scale = scales.scale_from_cycles(cycles, cloud_settings.SCALE_QUANTILE)
     np.testing.assert_allclose(points, scale * cloud.numpy(), atol=1e-5)  # v1 units: the box of all hits has diagonal 1
     assert result["v1_from_field"]["scale"] == pytest.approx(scale)
     for name in ("visibility", "depth", "normals"):

@@ -31,6 +31,11 @@ class Section:
             raise checks.InputError(f"meshes.faces must be >= 4; got {self.faces}")
 
 
+@pytest.fixture(autouse=True)
+def _listed(monkeypatch):
+    monkeypatch.setitem(config.SECTIONS, "meshes", f"{__name__}:Section")
+
+
 GOOD: dict[str, Any] = {
     "faces": "10",
     "scale": "1e-4",
@@ -50,15 +55,15 @@ def _write(tmp_path, changes: dict[str, str | None], section: str = "meshes"):
 
 def test_load_gives_typed_values(tmp_path):
     path = _write(tmp_path, {"counts": "{U: 3}", "limit": "null"})
-    assert config.load(path, "meshes", Section) == Section(
+    assert config.load(path, Section) == Section(
         faces=10, scale=1e-4, mode="fast", names=("a", "b"), range=(0.0, 1.5), inner=Inner(3, 0.5), counts={"U": 3}
     )
-    assert isinstance(config.load(path, "meshes", Section).range[0], float)
+    assert isinstance(config.load(path, Section).range[0], float)
 
 
 @pytest.mark.parametrize("text", ["1e-4", "1.0e-4", "1E-04", "+1e-4", ".1e-3", "0.0001"])
 def test_numbers_with_exponents_are_numbers(tmp_path, text):
-    assert config.load(_write(tmp_path, {"scale": text}), "meshes", Section).scale == pytest.approx(1e-4, rel=1e-12)
+    assert config.load(_write(tmp_path, {"scale": text}), Section).scale == pytest.approx(1e-4, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +92,7 @@ def test_numbers_with_exponents_are_numbers(tmp_path, text):
 )
 def test_load_refuses_what_does_not_fit(tmp_path, changes, message):
     with pytest.raises(checks.InputError, match=message):
-        config.load(_write(tmp_path, changes), "meshes", Section)
+        config.load(_write(tmp_path, changes), Section)
 
 
 @pytest.mark.parametrize(
@@ -107,9 +112,18 @@ def test_read_refuses_other_files(tmp_path, text, message):
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(checks.InputError, match=message) as caught:
-        config.load(path, "meshes", Section)
+        config.load(path, Section)
     assert "\n" not in str(caught.value)
     assert "bad.yaml" in str(caught.value)
+
+
+def test_a_file_is_read_by_the_list_of_sections(tmp_path):
+    path = _write(tmp_path, {})
+    assert config.section_of(Section) == "meshes"
+    assert config.class_of("meshes") is Section
+    assert config.load_all(path) == {"meshes": config.load(path, Section)}
+    with pytest.raises(ValueError, match=r"config.SECTIONS lists no section of .*:Inner"):
+        config.load(path, Inner)
 
 
 def test_read_refuses_binary_files_and_names_missing_ones(tmp_path):

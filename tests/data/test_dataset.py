@@ -158,6 +158,6 @@ def test_values_out_of_range_are_refused(changes, text):
 
 @pytest.mark.parametrize(("name", "views"), [("smoke", shapenet.NUM_VIEWS), ("cpu", 10), ("paper", shapenet.NUM_VIEWS)])
 def test_experiment_files_have_a_valid_section(name, views, pytestconfig):
-    section = config.load(pytestconfig.rootpath / "configs" / f"{name}.yaml", "dataset", dataset.DatasetConfig)
+    section = config.load(pytestconfig.rootpath / "configs" / f"{name}.yaml", dataset.DatasetConfig)
     assert section.views == views
     assert (section.source == "shapenet") == (name == "paper")

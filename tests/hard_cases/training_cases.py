@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ddf.fields import losses, pddf
 from ddf.geometry import transforms
-from ddf.reconstruction import reconstruction_models
+from ddf.reconstruction import camera_correction, reconstruction_models, settings
 
 from . import case
 from .field_cases import SATURATED, constant_field
@@ -246,14 +246,14 @@ def _correction(dtype: torch.dtype) -> case.Outcome:
         model.field.network.head.weight.zero_()
     model = model.to(dtype).requires_grad_(False)
     camera = torch.tensor([[0.25, 0.25, 0.5]], dtype=dtype)
-    scale, settings = (
+    scale, correction = (
         torch.tensor([0.6], dtype=dtype),
-        reconstruction_models.CorrectionConfig(3, 0.1, 8, ("azimuth", "radius")),
+        settings.CorrectionConfig(3, 0.1, 8, ("azimuth", "radius")),
     )
     modulations, found = model.modulations(torch.zeros(1, 2, dtype=dtype)), []
     for alpha in (0.0, 1.0):
         mask = torch.full((1, 8, 8), alpha, dtype=dtype)
-        corrected, _ = reconstruction_models.correct_camera(model, modulations, camera, scale, mask, settings)
+        corrected, _ = camera_correction.correct_camera(model, modulations, camera, scale, mask, correction)
         found.append(case.close(corrected, camera, 2 * case.step(dtype)))
     return case.worst(*found)
 

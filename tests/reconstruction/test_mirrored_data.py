@@ -12,10 +12,18 @@ from _support import assert_close
 from ddf.data import mesh_preparation, sampling
 from ddf.fields import losses
 from ddf.geometry import cameras, mesh_io, raycast, rays, transforms
-from ddf.reconstruction import category_data, mirrored_data, proposed_rays, training_steps, training_truth
+from ddf.reconstruction import (
+    category_data,
+    mirrored_data,
+    proposed_rays,
+    reconstruction_models,
+    settings,
+    training_steps,
+    training_truth,
+)
 
 COUNTS = {"E": 3, "U": 20, "A": 20, "B": 20, "S": 4, "T": 4, "O": 4}
-PROPOSALS = training_steps.ProposalConfig(30, 4, 0.5, 0.1, 0.05, 0.05)
+PROPOSALS = settings.ProposalConfig(30, 4, 0.5, 0.1, 0.05, 0.05)
 MESHES = (  # neither is its own mirror image
     _shapes.moved(_shapes.icosphere(2, 0.3), np.array([1.0, 0.5, 1.5]), (0.3, -0.2, 0.4)),
     _shapes.moved(_shapes.cube(0.4), np.array([1.0, 1.5, 0.5]), (-0.4, 0.2, -0.3)),
@@ -114,12 +122,12 @@ def test_both_models_train_on_the_doubled_set():
     images, shapes = mirrored_data.of_images(_images(), "z"), mirrored_data.of_shapes(_shape_set(), "z")
     truth = _truth().mirrored(_shape_set(), "z")
     ddf = dataclasses.replace(_models.DDF, proposals=PROPOSALS)
-    model = training_steps.ddf_model(train, ddf)
+    model = reconstruction_models.ddf_model(train, ddf)
     model.camera_head.fit(images.cameras)
     loss, terms = training_steps.ddf_step(model, images, shapes, truth.samples, train, ddf, 0, truth.propose)
     loss.backward()
     assert torch.isfinite(loss) and set(losses.TERMS) <= set(terms)
-    pcsiren = training_steps.pcsiren_model(train, _models.PCSIREN)
+    pcsiren = reconstruction_models.pcsiren_model(train, _models.PCSIREN)
     pcsiren.camera_head.fit(images.cameras)
     loss, _ = training_steps.pcsiren_step(pcsiren, images, shapes, train, _models.PCSIREN, 0)
     assert torch.isfinite(loss)

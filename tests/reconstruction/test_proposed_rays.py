@@ -9,9 +9,9 @@ import torch
 from ddf.core import checks, config
 from ddf.fields import losses, pddf
 from ddf.geometry import raycast, transforms
-from ddf.reconstruction import category_data, proposed_rays, training_steps
+from ddf.reconstruction import category_data, proposed_rays, settings
 
-CONFIG = training_steps.ProposalConfig(20, 6, 0.5, 0.1, 0.05, 0.05)
+CONFIG = settings.ProposalConfig(20, 6, 0.5, 0.1, 0.05, 0.05)
 RADII = (0.4, 0.8)
 
 
@@ -114,7 +114,7 @@ def test_same_generator_gives_the_same_rays():
 def test_impossible_settings_are_named(key, value):
     values = {**dataclasses.asdict(CONFIG), key: value}
     with pytest.raises(checks.InputError, match=f"proposals.{key}"):
-        config.parse(values, training_steps.ProposalConfig, "ddf.proposals")
+        config.parse(values, settings.ProposalConfig, "ddf.proposals")
 
 
 def test_the_loss_reads_depth_and_visibility_of_proposed_rays():

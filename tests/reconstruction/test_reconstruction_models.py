@@ -8,7 +8,7 @@ import torchvision
 from ddf.core import checks
 from ddf.fields import pddf, rendering, siren
 from ddf.geometry import cameras, transforms
-from ddf.reconstruction import inference, reconstruction_models
+from ddf.reconstruction import camera_correction, reconstruction_models, settings
 
 PAPER_FIELD = pddf.PDDFConfig((512, 512, 512, 256, 256, 256, 256), 1.0, 1.0, "relu", 1.0)
 SMALL_FIELD = pddf.PDDFConfig((24, 24), 2.0, 1.0, "softplus", 20.0)
@@ -110,8 +110,8 @@ def test_correction_turns_back_an_azimuth_past_the_end(azimuth):
     model.decoder.field = _BallField(torch.tensor([0.5, 0.0, 0.2]), 0.3)
     truth, start, scale = _camera(0.05, 0.48, 0.8), _camera(2 * math.pi - 0.1, 0.48, 0.8), torch.tensor([2.5])
     image, _ = rendering.render(model.decoder.field, None, truth[0], scale[0], 32, ["visibility"])
-    config = reconstruction_models.CorrectionConfig(40, 0.02, 32, ("azimuth",))
-    found, _ = reconstruction_models.correct_camera(model, [], start, scale, image["visibility"][None], config)
+    config = settings.CorrectionConfig(40, 0.02, 32, ("azimuth",))
+    found, _ = camera_correction.correct_camera(model, [], start, scale, image["visibility"][None], config)
     assert abs(float(found[0, 0]) - 2 * math.pi - 0.05) < 0.01
 
 
@@ -123,11 +123,11 @@ def test_of_several_starts_the_best_mask_stays():
     truth, scale = _camera(1.0, 0.48, 0.8), torch.tensor([2.5])
     image, _ = rendering.render(model.decoder.field, None, truth[0], scale[0], 32, ["visibility"])
     given = (model, [], _camera(1.2 + math.pi, 0.48, 0.8), scale, image["visibility"][None])
-    config = reconstruction_models.CorrectionConfig(40, 0.02, 32, ("azimuth",))
+    config = settings.CorrectionConfig(40, 0.02, 32, ("azimuth",))
     once, turned, both = (
-        inference.correct_from_turns(*given, config, turns) for turns in ([0.0], [180.0], [0.0, 180.0])
+        camera_correction.correct_from_turns(*given, config, turns) for turns in ([0.0], [180.0], [0.0, 180.0])
     )
-    torch.testing.assert_close(once, reconstruction_models.correct_camera(*given, config)[0])
+    torch.testing.assert_close(once, camera_correction.correct_camera(*given, config)[0])
     assert abs(math.remainder(float(once[0, 0]) - 1.0, 2 * math.pi)) > 1
     assert abs(math.remainder(float(both[0, 0]) - 1.0, 2 * math.pi)) < 0.01
     assert torch.equal(both, turned)
@@ -142,14 +142,14 @@ def test_a_correction_that_turns_too_far_is_refused():
     image, _ = rendering.render(model.decoder.field, None, truth[0], scale[0], 32, ["visibility"])
     start = torch.cat((_camera(1.2 + math.pi, 0.48, 0.8), _camera(1.2, 0.48, 0.8)))
     given = (model, [], start, scale, image["visibility"].repeat(2, 1, 1))
-    config = reconstruction_models.CorrectionConfig(40, 0.02, 32, ("azimuth",))
-    free, _ = reconstruction_models.correct_camera(*given, config)
+    config = settings.CorrectionConfig(40, 0.02, 32, ("azimuth",))
+    free, _ = camera_correction.correct_camera(*given, config)
     far, near = (free[:, 0] - start[:, 0]).abs().rad2deg().tolist()
     assert far > 20 > 15 > near > 5  # 11.5 degrees lie between start and truth
-    bounded, tight = (inference.correct_from_turns(*given, config, [0.0], limit) for limit in (20.0, 5.0))
+    bounded, tight = (camera_correction.correct_from_turns(*given, config, [0.0], limit) for limit in (20.0, 5.0))
     assert torch.equal(bounded, torch.stack((start[0], free[1])))
     assert torch.equal(tight, start)
-    both = inference.correct_from_turns(*given, config, [0.0, 180.0], 20.0)
+    both = camera_correction.correct_from_turns(*given, config, [0.0, 180.0], 20.0)
     assert abs(math.remainder(float(both[0, 0]) - 1.0, 2 * math.pi)) < 0.01  # the limit is from each start
     torch.testing.assert_close(both[1], free[1])
 
@@ -211,22 +211,22 @@ def test_correction_finds_the_radius_of_a_ball():
     model.decoder.field = _BallField()
     truth, start, scale = _camera(1.0, 0.48, 0.72), _camera(1.0, 0.48, 0.9), torch.tensor([2.5])
     image, _ = rendering.render(_BallField(), None, truth[0], scale[0], 32, ["visibility"])
-    config = reconstruction_models.CorrectionConfig(60, 0.1, 32, reconstruction_models.CAMERA_NUMBERS)
+    config = settings.CorrectionConfig(60, 0.1, 32, settings.CAMERA_NUMBERS)
     mask = image["visibility"][None]
-    found, loss = reconstruction_models.correct_camera(model, [], start, scale, mask, config)
+    found, loss = camera_correction.correct_camera(model, [], start, scale, mask, config)
     assert abs(float(found[0, 2]) - 0.72) < 0.005
     torch.testing.assert_close(loss, reconstruction_models.mask_loss(model.field, [], found, scale, mask))
-    same, _ = reconstruction_models.correct_camera(model, [], start, scale, mask, dataclasses.replace(config, steps=0))
+    same, _ = camera_correction.correct_camera(model, [], start, scale, mask, dataclasses.replace(config, steps=0))
     torch.testing.assert_close(same, start)
     angles = dataclasses.replace(config, steps=5, free=("azimuth", "elevation"))
-    turned, _ = reconstruction_models.correct_camera(model, [], start, scale, mask, angles)
+    turned, _ = camera_correction.correct_camera(model, [], start, scale, mask, angles)
     assert float(turned[0, 2]) == pytest.approx(float(start[0, 2]))  # a radius that is not free stays
 
 
 @pytest.mark.parametrize("free", [(), ("azimuth", "roll")])
 def test_correction_of_nothing_or_of_something_unknown_is_refused(free):
     with pytest.raises(checks.InputError, match="free must list some of azimuth, elevation, radius"):
-        reconstruction_models.CorrectionConfig(1, 0.1, 32, free)
+        settings.CorrectionConfig(1, 0.1, 32, free)
 
 
 def test_models_share_encoders_and_layers():

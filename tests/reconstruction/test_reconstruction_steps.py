@@ -12,18 +12,27 @@ from ddf.core import checks, resume, storage
 from ddf.data import packing, shapenet
 from ddf.fields import cloud_projection, losses, pddf
 from ddf.geometry import cameras, transforms
-from ddf.reconstruction import category_data, inference, reconstruction_models, silhouettes, training_steps
+from ddf.reconstruction import (
+    category_data,
+    inference,
+    reconstruction_models,
+    scales,
+    settings,
+    silhouettes,
+    training_steps,
+)
+from ddf.training import chamfer_loss
 
 TRAIN = _models.TRAIN
 PLACES = [(0, 0), (0, 1), (1, 0)]  # of the shapes: shard, and row in it
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
 FIELD = pddf.PDDFConfig((12, 12), 3.0, 1.0, "softplus", 20.0)
-DDF = training_steps.DDFConfig(FIELD, 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.0, 16, 20, None)
-PCSIREN = training_steps.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50, 70)
+DDF = settings.DDFConfig(FIELD, 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.0, 16, 20, None)
+PCSIREN = settings.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50, 70)
 CLOUD = cloud_projection.CloudConfig(8, 2, 0.1, 0.0, 0.0, (), None, 0.05, 0.05, 1000)
-POINTCLOUDS = inference.PointcloudsConfig(
+POINTCLOUDS = settings.PointcloudsConfig(
     CLOUD,
-    reconstruction_models.CorrectionConfig(2, 0.05, 16, reconstruction_models.CAMERA_NUMBERS),
+    settings.CorrectionConfig(2, 0.05, 16, settings.CAMERA_NUMBERS),
     (0.0,),
     None,
     None,
@@ -144,14 +153,14 @@ def test_steps_lower_the_loss_and_reach_every_parameter(kind):
     torch.manual_seed(0)
     images, shapes = _images(), _shapes()
     if kind == "ddf":
-        model = training_steps.ddf_model(TRAIN, DDF)
+        model = reconstruction_models.ddf_model(TRAIN, DDF)
         model.camera_head.fit(images.cameras)
         samples = _samples()
 
         def step(k):
             return training_steps.ddf_step(model, images, shapes, samples, TRAIN, DDF, k)
     else:
-        model = training_steps.pcsiren_model(TRAIN, PCSIREN)
+        model = reconstruction_models.pcsiren_model(TRAIN, PCSIREN)
         model.camera_head.fit(images.cameras)
 
         def step(k):
@@ -178,17 +187,17 @@ def test_chamfer_loss_equals_the_double_loop():
     b = torch.randn(2, 5, 3, generator=generator, dtype=torch.float64)
     distance = torch.cdist(a, b).square()
     expected = distance.amin(2).mean() + distance.amin(1).mean()
-    torch.testing.assert_close(training_steps.chamfer_loss(a, b), expected)
-    assert torch.autograd.gradcheck(lambda x: training_steps.chamfer_loss(x, b), (a,))
+    torch.testing.assert_close(chamfer_loss.chamfer_loss(a, b), expected)
+    assert torch.autograd.gradcheck(lambda x: chamfer_loss.chamfer_loss(x, b), (a,))
 
 
 def test_chamfer_loss_is_the_same_in_blocks(monkeypatch):
     generator = torch.Generator().manual_seed(1)
     a, b = torch.randn(3, 40, 3, generator=generator), torch.randn(3, 90, 3, generator=generator)
-    whole = training_steps.chamfer_loss(a, b)
+    whole = chamfer_loss.chamfer_loss(a, b)
     for block in (1, 40 * 7, 40 * 90, 2 * 40 * 90):  # a column, seven, a shape, two shapes at a time
         monkeypatch.setitem(losses.BLOCK_VALUES, "cpu", block)
-        assert training_steps.chamfer_loss(a, b) == whole
+        assert chamfer_loss.chamfer_loss(a, b) == whole
 
 
 @pytest.mark.parametrize(("count", "others"), [(7, 33), (40, 96), (1, 5), (64, 32)])
@@ -197,7 +206,7 @@ def test_nearest_points_are_those_of_all_distances(count, others):
     generator = torch.Generator().manual_seed(0)
     a, b = (torch.randint(-2, 3, (3, size, 3), generator=generator).float() for size in (count, others))
     dist_sq = (a[:, :, None] - b[:, None]).square().sum(-1)
-    to_truth, to_predicted = training_steps._nearest(a, b)
+    to_truth, to_predicted = chamfer_loss._nearest(a, b)
     assert torch.equal(to_truth, dist_sq.argmin(2))
     assert torch.equal(to_predicted, dist_sq.argmin(1))
 
@@ -213,9 +222,9 @@ def test_training_views_never_show_a_test_view():
 
 def test_scale_makes_the_box_diagonal_one():
     points = torch.tensor([[0.0, 0.0, 0.0], [1.0, 2.0, 2.0], [0.5, 1.0, 1.0]])
-    assert inference.scale_from_cloud(points) == pytest.approx(1 / 3)
+    assert scales.scale_from_cloud(points) == pytest.approx(1 / 3)
     with pytest.raises(checks.InputError, match="one point"):
-        inference.scale_from_cloud(points[:1])
+        scales.scale_from_cloud(points[:1])
 
 
 def test_scale_from_all_candidates_leaves_out_strays_and_keeps_doubtful_tips():
@@ -227,7 +236,7 @@ def test_scale_from_all_candidates_leaves_out_strays_and_keeps_doubtful_tips():
 
     def scale(extra, sure, quantile=0.002):
         pool = torch.cat((points, extra)), torch.cat((confidence, torch.full((len(extra),), sure)))
-        return inference.scale_from_cycles([cloud_projection.ProjectedPoints(pool[0], pool[1], pool[1])], quantile)
+        return scales.scale_from_cycles([cloud_projection.ProjectedPoints(pool[0], pool[1], pool[1])], quantile)
 
     clean = scale(stray[:0], 1.0)
     assert clean == pytest.approx(1 / 3**0.5, rel=1e-2)
@@ -238,7 +247,7 @@ def test_scale_from_all_candidates_leaves_out_strays_and_keeps_doubtful_tips():
 
 def test_reconstruction_has_the_promised_arrays():
     torch.manual_seed(0)
-    model = training_steps.ddf_model(TRAIN, DDF).eval()
+    model = reconstruction_models.ddf_model(TRAIN, DDF).eval()
     images = _images()
     model.camera_head.fit(images.cameras)
     tensors, facts = inference.reconstruct_ddf(model, images, POINTCLOUDS, "test")
@@ -257,7 +266,7 @@ def test_reconstruction_has_the_promised_arrays():
     torch.testing.assert_close(tensors["scale_pred"], 1 / spans)
 
 
-CORRECTED = dataclasses.replace(POINTCLOUDS, shape_correction=silhouettes.ShapeCorrectionConfig(2, 0.1, 0.05, 0.0, 16))
+CORRECTED = dataclasses.replace(POINTCLOUDS, shape_correction=settings.ShapeCorrectionConfig(2, 0.1, 0.05, 0.0, 16))
 
 
 def test_images_at_a_time_change_no_bit(monkeypatch):
@@ -361,7 +370,7 @@ def test_both_models_are_reconstructed_from_what_the_mirror_gives():
 
 def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():
     torch.manual_seed(0)
-    model = training_steps.pcsiren_model(TRAIN, PCSIREN).eval()
+    model = reconstruction_models.pcsiren_model(TRAIN, PCSIREN).eval()
     model.camera_head.fit(_images().cameras)
     tensors, _ = inference.reconstruct_pcsiren(model, _images(), POINTCLOUDS)
     assert tuple(tensors["L"].shape) == (6, 60, 3)

@@ -8,9 +8,9 @@ import torch
 
 from ddf.core import checks
 from ddf.fields import pddf, rendering, siren
-from ddf.reconstruction import reconstruction_models, silhouettes
+from ddf.reconstruction import reconstruction_models, settings, silhouettes
 
-HOW = silhouettes.ShapeCorrectionConfig(steps=60, learning_rate=0.1, camera_rate=0.0, keep=0.0, mask_size=24)
+HOW = settings.ShapeCorrectionConfig(steps=60, learning_rate=0.1, camera_rate=0.0, keep=0.0, mask_size=24)
 CAMERA, SCALE = torch.tensor([[0.4, 0.48, 0.8]]), torch.tensor([2.5])
 DEVIATION = torch.tensor([0.2, 0.2, 0.2, 0.0, 1.0])  # the fourth number never varies, the fifth says nothing
 
@@ -91,7 +91,7 @@ def test_images_of_a_batch_do_not_know_each_other():
     generator = torch.Generator().manual_seed(0)
     alpha = (torch.rand(2, 16, 16, generator=generator) > 0.5).float()
     latents, deviation = torch.randn(2, 6, generator=generator), torch.rand(6, generator=generator)
-    how = silhouettes.ShapeCorrectionConfig(5, 0.05, 0.05, 0.01, 16)
+    how = settings.ShapeCorrectionConfig(5, 0.05, 0.05, 0.01, 16)
     cameras, scales = _models.CAMERAS[:2], torch.tensor([2.0, 2.5])
     both = silhouettes.correct_shapes(model, latents, deviation, cameras, scales, alpha, how)
     assert float((both - latents).abs().max()) > 1e-3

@@ -14,7 +14,7 @@ from ddf.core import checks, config, storage
 from ddf.data import packing, sampling
 from ddf.fields import losses
 from ddf.geometry import mesh_io, raycast, rays, transforms
-from ddf.reconstruction import category_data, training_steps, training_truth
+from ddf.reconstruction import category_data, settings, training_truth
 
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
 CONFIG = sampling.SamplesConfig(counts=sampling.Counts(4000, 4000, 4000, 4000, 4000, 4000))
@@ -126,7 +126,7 @@ def test_fresh_samples_need_meshes_alone_and_stored_ones_no_mesh(tmp_path, monke
     packs.mkdir(parents=True)
     _write_packs(packs)
     shapes = category_data.ShapeSet(["c", "a"], [transforms.Similarity(1.0)] * 2, [torch.zeros(5, 3)] * 2)
-    proposals = training_steps.ProposalConfig(4, 2, 0.5, 0.1, 0.05, 0.05)
+    proposals = settings.ProposalConfig(4, 2, 0.5, 0.1, 0.05, 0.05)
     fresh = dataclasses.replace(_models.DDF, samples="fresh", proposals=proposals)
     truth = training_truth.read(path, "ball", shapes, fresh)
     assert truth.drawn is not None and truth.drawn.epsilon_o == 0.03

@@ -12,7 +12,7 @@ from ddf.core import checks, storage
 from ddf.data import sampling
 from ddf.fields import framed_field, pddf
 from ddf.geometry import mesh_io, primitives, rays
-from ddf.shape import fitting, shape_field
+from ddf.shape import fit_settings, fitting, shape_field, shape_samples
 from ddf.training import training_loop
 
 
@@ -21,7 +21,7 @@ def _counts(count):
 
 
 TINY = dataclasses.replace(
-    fitting.DEFAULT,
+    fit_settings.DEFAULT,
     field=pddf.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 100.0),
     steps=6,
     minutes=None,
@@ -117,7 +117,7 @@ def test_minutes_give_a_plan_that_a_second_run_keeps(tmp_path, monkeypatch):
 
 def test_calibration_changes_neither_field_nor_random_streams():
     training_loop.prepare(TINY.loop)
-    samples, _ = fitting.draw_samples(cube(), TINY, TINY.samples, "train")
+    samples, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "train")
     field = pddf.PDDF(TINY.field)
     before, state = field.network.head.weight.detach().clone(), torch.get_rng_state()
     assert fitting.seconds_per_step(field, samples, TINY, 1.0) > 0
@@ -126,14 +126,14 @@ def test_calibration_changes_neither_field_nor_random_streams():
 
 
 def test_rate_ends_at_zero():
-    loop = fitting.DEFAULT.loop
+    loop = fit_settings.DEFAULT.loop
     assert loop.rate(9999, 10_000) < 1e-6 * loop.learning_rate
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.02, 0.1])
 def test_samples_stay_in_the_tight_box_and_thin_meshes_get_the_cube(margin):
     slab, config = moved(cube(), np.array([1.0, 0.4, 0.7]), (0.0, 0.0, 0.0)), dataclasses.replace(TINY, margin=margin)
-    samples, _ = fitting.draw_samples(slab, config, TINY.samples, "train")
+    samples, _ = shape_samples.draw_samples(slab, config, TINY.samples, "train")
     sides = (1 - margin) * np.array([1.0, 0.4, 0.7]) + margin
     np.testing.assert_allclose(samples.upper, sides, atol=1e-6)
     np.testing.assert_allclose(samples.lower, -sides, atol=1e-6)
@@ -142,14 +142,16 @@ def test_samples_stay_in_the_tight_box_and_thin_meshes_get_the_cube(margin):
     assert batch.positions.shape == (1, 620, 3)
     extra = batch.positions[0, :500].abs().amax(0)
     assert bool((extra > 0.9 * torch.from_numpy(sides)).all())
-    thin, _ = fitting.draw_samples(moved(slab, np.array([1.0, 0.01, 1.0]), (0.0, 0.0, 0.0)), config, TINY.samples, "x")
+    thin, _ = shape_samples.draw_samples(
+        moved(slab, np.array([1.0, 0.01, 1.0]), (0.0, 0.0, 0.0)), config, TINY.samples, "x"
+    )
     assert thin.upper.tolist() == [1.0, 1.0, 1.0]
 
 
 def test_rays_from_the_sides_of_the_box_have_a_margin_of_way_to_faces_in_them():
     """Samples on the sides of the box that look straight in: the face of a cube is a margin away, not 0 or 2."""
     config = dataclasses.replace(TINY, margin=0.1)
-    samples, _ = fitting.draw_samples(cube(), config, _counts(4000), "train")
+    samples, _ = shape_samples.draw_samples(cube(), config, _counts(4000), "train")
     bounding = samples.arrays["B"]
     places, along = bounding["positions"], bounding["directions"]
     centred = places.abs().sort(dim=-1).values[:, 1] < 0.8  # and not beside the face
@@ -166,20 +168,20 @@ def test_errors_are_those_of_a_shape_of_length_two_whatever_the_margin():
         with torch.no_grad():
             field.network.head.bias[:2] = (1 - margin) * 0.5  # the same surface, seen in both frames
         config = dataclasses.replace(TINY, margin=margin)
-        samples, _ = fitting.draw_samples(cube(), config, _counts(2000), "held_out")
+        samples, _ = shape_samples.draw_samples(cube(), config, _counts(2000), "held_out")
         found[margin] = fitting.held_out_errors(field, samples)["depth_l1"]["S"]
     assert found[0.5] == pytest.approx(found[0.0], rel=0.05)  # S starts on the shape alone
 
 
 def test_training_and_held_out_samples_differ():
-    one, _ = fitting.draw_samples(cube(), TINY, TINY.samples, "train")
-    two, _ = fitting.draw_samples(cube(), TINY, TINY.samples, "held_out")
+    one, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "train")
+    two, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "held_out")
     assert not torch.equal(one.arrays["U"]["positions"], two.arrays["U"]["positions"])
 
 
 def test_inner_sheets_are_part_of_the_shape():
     nested = joined(cube(), cube(0.3))
-    samples, _ = fitting.draw_samples(nested, TINY, _counts(2000), "train")
+    samples, _ = shape_samples.draw_samples(nested, TINY, _counts(2000), "train")
     half = 0.3 * (1 - TINY.margin)
     u = samples.arrays["U"]
     hits = primitives.cast(
@@ -225,12 +227,12 @@ def test_bad_configs_are_refused(changes, message):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: fitting.PageConfig(4, "y", 10), "fit.page.picture_size must be in 8..1024; got 4"),
-        (lambda: fitting.PageConfig(8, "y", 0), "fit.page.rays must be >= 1; got 0"),
-        (lambda: fitting.AblationConfig(5, 10, 1, None), "fit.ablation.samples must be >= 6; got 5"),
-        (lambda: fitting.AblationConfig(6, 0, 1, None), "fit.ablation.held_out must be >= 1; got 0"),
-        (lambda: fitting.AblationConfig(6, 1, None, None), "fit.ablation.steps or fit.ablation.minutes must be"),
-        (lambda: fitting.AblationConfig(6, 1, None, -1.0), "fit.ablation.minutes must be > 0 or null; got -1.0"),
+        (lambda: fit_settings.PageConfig(4, "y", 10), "fit.page.picture_size must be in 8..1024; got 4"),
+        (lambda: fit_settings.PageConfig(8, "y", 0), "fit.page.rays must be >= 1; got 0"),
+        (lambda: fit_settings.AblationConfig(5, 10, 1, None), "fit.ablation.samples must be >= 6; got 5"),
+        (lambda: fit_settings.AblationConfig(6, 0, 1, None), "fit.ablation.held_out must be >= 1; got 0"),
+        (lambda: fit_settings.AblationConfig(6, 1, None, None), "fit.ablation.steps or fit.ablation.minutes must be"),
+        (lambda: fit_settings.AblationConfig(6, 1, None, -1.0), "fit.ablation.minutes must be > 0 or null; got -1.0"),
     ],
 )
 def test_bad_page_and_ablation_sections_are_refused(make, message):
@@ -241,14 +243,14 @@ def test_bad_page_and_ablation_sections_are_refused(make, message):
 def test_page_and_ablation_are_no_part_of_the_fit(tmp_path, monkeypatch):
     first = fitting.fit(cube(), TINY, tmp_path)
     changed = dataclasses.replace(
-        TINY, page=fitting.PageConfig(9, "z", 7), ablation=fitting.AblationConfig(60, 7, 7, None)
+        TINY, page=fit_settings.PageConfig(9, "z", 7), ablation=fit_settings.AblationConfig(60, 7, 7, None)
     )
     monkeypatch.setattr(fitting, "step_loss", lambda *_: pytest.fail("trained again"))
     assert fitting.fit(cube(), changed, tmp_path)["held_out"] == first["held_out"]
 
 
 def test_a_left_out_type_gives_its_share_of_a_step_to_the_others():
-    samples, _ = fitting.draw_samples(cube(), TINY, TINY.samples, "train")
+    samples, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "train")
     counts = {"U": 400, "A": 400, "B": 200, "S": 100, "T": 200, "O": 150, "E": 50}
     assert samples.batch_counts(counts) == counts
     fewer = samples.without("S").batch_counts(counts)
@@ -261,7 +263,7 @@ def test_a_left_out_type_gives_its_share_of_a_step_to_the_others():
 
 
 def test_points_of_values_alone_are_of_their_type_and_go_with_it():
-    samples, _ = fitting.draw_samples(cube(), TINY, TINY.samples, "train")
+    samples, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "train")
     counts = {**dict.fromkeys(fitting.losses.ORDER, 10), "S+": 300, "U+": 20}
     batch = samples.batch(samples.batch_counts(counts), np.random.default_rng(0))
     assert batch.positions.shape == (1, 390, 3)
@@ -291,7 +293,7 @@ def test_a_flat_start_keeps_depth_above_zero_where_a_random_one_loses_its_gradie
         loop=training_loop.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
     )
     fitting.fit(torus(0.7, 0.3), config, tmp_path)
-    held_out, _ = fitting.draw_samples(torus(0.7, 0.3), config, config.held_out, "held_out")
+    held_out, _ = shape_samples.draw_samples(torus(0.7, 0.3), config, config.held_out, "held_out")
     seen = {name: values[held_out.arrays["U"]["visible"] > 0] for name, values in held_out.arrays["U"].items()}
     raw = shape_field.load(tmp_path).field(seen["positions"], seen["directions"])[:, : pddf.NUM_COMPONENTS]
     dead = float((raw < -0.05).float().mean())  # 5 over the sharpness: a slope of 0.7 %
@@ -299,8 +301,8 @@ def test_a_flat_start_keeps_depth_above_zero_where_a_random_one_loses_its_gradie
 
 
 def test_a_flat_start_is_the_mean_depth_nearly_everywhere():
-    samples, _ = fitting.draw_samples(cube(), TINY, TINY.samples, "train")
-    field = pddf.PDDF(fitting.DEFAULT.field)
+    samples, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "train")
+    field = pddf.PDDF(fit_settings.DEFAULT.field)
     fitting.start_flat(field, samples)
     visible = [part["visible"] > 0 for part in samples.arrays.values()]
     mean = torch.cat([part["depth"][seen] for part, seen in zip(samples.arrays.values(), visible, strict=True)]).mean()

@@ -8,9 +8,9 @@ from test_fitting import TINY
 
 from ddf.core import storage
 from ddf.fields import losses
-from ddf.shape import fit_errors, fitting, leave_one_out, paper_ablation, shape_field
+from ddf.shape import fit_errors, fit_settings, fitting, leave_one_out, paper_ablation, shape_field
 
-CONFIG = dataclasses.replace(TINY, ablation=fitting.AblationConfig(3000, 60, 2, None))
+CONFIG = dataclasses.replace(TINY, ablation=fit_settings.AblationConfig(3000, 60, 2, None))
 
 
 def test_every_fit_has_the_same_number_of_samples():
@@ -24,7 +24,7 @@ def test_every_fit_has_the_same_number_of_samples():
 
 
 def test_minutes_set_the_steps_of_the_first_fit_and_the_others_follow():
-    config = dataclasses.replace(CONFIG, ablation=fitting.AblationConfig(3000, 60, None, 0.5))
+    config = dataclasses.replace(CONFIG, ablation=fit_settings.AblationConfig(3000, 60, None, 0.5))
     first, later = (leave_one_out.settings(config, None, None), leave_one_out.settings(config, "S", 77))
     assert (first.steps, first.minutes, later.steps) == (None, 0.5, 77)
 

@@ -1,11 +1,13 @@
 """Strict reading of experiment files: one YAML file is one experiment, one top-level section per stage.
 
-The dataclass of a section lives in the module that uses it, so that a change of its schema touches only the code that
-reads it. `load` refuses unknown and missing keys, repeated keys and wrong types; ranges are checked by the dataclass.
+The dataclass of a section lives beside the code that uses it, so that a change of its schema touches only the code that
+reads it; `SECTIONS` names them all. `load` refuses unknown and missing keys, repeated keys and wrong types; ranges are
+checked by the dataclass.
 """
 
 import dataclasses
 import functools
+import importlib
 import re
 import types
 import typing
@@ -17,8 +19,20 @@ import yaml
 
 from ddf.core import checks
 
-SECTIONS = ("dataset", "meshes", "samples", "train", "ddf", "pcsiren", "pointclouds", "evaluate", "report", "export")
-FIT_SECTIONS = ("fit",)  # of files of their own, configs/*fit.yaml: no part of an experiment
+# Section of an experiment file: its dataclass, as text, for a lower package imports no higher one.
+SECTIONS = {
+    "dataset": "ddf.data.dataset:DatasetConfig",
+    "meshes": "ddf.data.mesh_config:MeshesConfig",
+    "samples": "ddf.data.sampling:SamplesConfig",
+    "train": "ddf.reconstruction.settings:TrainConfig",
+    "ddf": "ddf.reconstruction.settings:DDFConfig",
+    "pcsiren": "ddf.reconstruction.settings:PCSirenConfig",
+    "pointclouds": "ddf.reconstruction.settings:PointcloudsConfig",
+    "evaluate": "ddf.evaluation.scoring:EvaluateConfig",
+    "report": "ddf.report.experiment.experiment_page:ReportConfig",
+    "export": "ddf.export.onnx_file:ExportConfig",
+}
+FIT_SECTIONS = {"fit": "ddf.shape.fit_settings:FitConfig"}  # of files of their own, configs/*fit.yaml: no experiment
 
 T = TypeVar("T")
 
@@ -41,20 +55,43 @@ _Loader.add_implicit_resolver(
 )
 
 
-def load(path: str | Path, section: str, cls: type[T]) -> T:
-    """The named section of an experiment file as an instance of its dataclass.
+def load(path: str | Path, cls: type[T]) -> T:
+    """The section of an experiment file that belongs to a dataclass, as an instance of it.
 
     Args:
       path: a YAML file whose top-level keys are a subset of `SECTIONS` and `FIT_SECTIONS`.
-      section: the section to read.
-      cls: a dataclass; every field without a default must be given, every given key must be a field.
+      cls: one that these list; every field without a default must be given, every given key must be a field.
     Raises:
       InputError: naming the file and the key, for anything that does not fit.
     """
+    return _section(path, read(path), section_of(cls), cls)
+
+
+def load_all(path: str | Path) -> dict[str, Any]:
+    """Every section of an experiment file, in the file's order, as `load` gives it."""
     sections = read(path)
-    if section not in sections:
-        raise checks.InputError(f"{path}: section {section!r} is missing; give it as configs/cpu.yaml does")
-    return parse(sections[section], cls, f"{path}: {section}")
+    return {name: _section(path, sections, name, class_of(name)) for name in sections}
+
+
+def section_of(cls: type) -> str:
+    """The name of the section that a dataclass describes."""
+    place = f"{cls.__module__}:{cls.__qualname__}"
+    names = [name for name, own in (SECTIONS | FIT_SECTIONS).items() if own == place]
+    if not names:
+        raise ValueError(f"config.SECTIONS lists no section of {place}")
+    return names[0]
+
+
+def class_of(section: str) -> type:
+    """The dataclass of a section, imported."""
+    module, _, name = (SECTIONS | FIT_SECTIONS)[section].partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def _section(path: str | Path, sections: Mapping[str, Any], name: str, cls: type[T]) -> T:
+    if name not in sections:
+        raise checks.InputError(f"{path}: section {name!r} is missing; give it as configs/cpu.yaml does")
+    return parse(sections[name], cls, f"{path}: {name}")
 
 
 def read(path: str | Path) -> dict[str, Any]:
@@ -69,7 +106,7 @@ def read(path: str | Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise checks.InputError(f"{path}: must hold the sections {', '.join(SECTIONS)}; got {type(data).__name__}")
     for name in data:
-        if name not in (*SECTIONS, *FIT_SECTIONS):
+        if name not in SECTIONS | FIT_SECTIONS:
             raise checks.InputError(f"{path}: unknown section {name!r}; the sections are {', '.join(SECTIONS)}")
     return data
 

@@ -11,7 +11,8 @@ import torch
 
 from ddf.core import config, storage
 from ddf.fields import pddf
-from ddf.reconstruction import step_cost, training_steps
+from ddf.pipeline import step_cost
+from ddf.reconstruction import reconstruction_models, settings
 from ddf.training import training_loop
 
 SAMPLE_BYTES = 14  # as `packing` stores a sample: 6 position, 4 direction, 2 depth, 2 normal
@@ -26,10 +27,10 @@ def predict(config_path: Path, measured: bool) -> dict[str, Any]:
     numbers, and the sums, are null and those `per_shape` hold. Meshes and synthetic renders are not in the bytes.
     """
     sections = config.read(config_path)
-    train = config.load(config_path, "train", training_steps.TrainConfig)
+    train = config.load(config_path, settings.TrainConfig)
     models = {
-        "ddf": config.load(config_path, "ddf", training_steps.DDFConfig),
-        "pcsiren": config.load(config_path, "pcsiren", training_steps.PCSirenConfig),
+        "ddf": config.load(config_path, settings.DDFConfig),
+        "pcsiren": config.load(config_path, settings.PCSirenConfig),
     }
     shapes = count_shapes(config_path, sections["dataset"]["categories"])
     samples = sum(sections["samples"]["counts"].values())
@@ -65,17 +66,17 @@ def count_shapes(config_path: Path, categories: dict[str, int | None]) -> dict[s
     return {name: len(listed[name]["shapes"]) if name in listed else count for name, count in categories.items()}
 
 
-def _parameters(train: training_steps.TrainConfig, models: dict[str, Any]) -> int:
+def _parameters(train: settings.TrainConfig, models: dict[str, Any]) -> int:
     """Of one DDF model and one PC-SIREN model together."""
     with torch.device("meta"):
         built = (
-            training_steps.ddf_model(train, models["ddf"]),
-            training_steps.pcsiren_model(train, models["pcsiren"]),
+            reconstruction_models.ddf_model(train, models["ddf"]),
+            reconstruction_models.pcsiren_model(train, models["pcsiren"]),
         )
     return sum(pddf.count_parameters(model) for model in built)
 
 
-def _training_time(train: training_steps.TrainConfig, models: dict[str, Any], in_all: dict[str, int]) -> dict[str, Any]:
+def _training_time(train: settings.TrainConfig, models: dict[str, Any], in_all: dict[str, int]) -> dict[str, Any]:
     """Seconds per step of each model, measured on random data, and hours of all steps of all categories."""
     threads = min(train.loop.threads, os.cpu_count() or 1)
     found: dict[str, Any] = {"device": training_loop.device().type, "threads": threads, "batch_size": train.batch_size}

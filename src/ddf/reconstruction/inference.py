@@ -5,13 +5,11 @@ as 1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] a
 """
 
 import functools
-import math
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -19,10 +17,10 @@ import tqdm
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf.core import checks, resume
+from ddf.core import resume
 from ddf.fields import cloud_projection, pddf, rendering
 from ddf.geometry import cameras
-from ddf.reconstruction import category_data, reconstruction_models, silhouettes
+from ddf.reconstruction import camera_correction, category_data, reconstruction_models, scales, settings, silhouettes
 from ddf.training import training_loop
 
 # Images at a time; the networks are in evaluation mode, so the sizes matter to the result by rounding alone.
@@ -31,101 +29,8 @@ CORRECTION_BATCH = 16  # a step of the correction keeps what its gradient needs 
 EVEN_RATIOS = tuple(1.2207440846057596**-axis for axis in (1, 2, 3))  # of the root of x^4 = x + 1: see `cube_points`
 ROUGH_POINTS = 500  # of the cloud that tells the scale of a shape before it is corrected
 
-CubePoints = Literal["random", "even"]
 Rows = Int[np.ndarray, "_"]  # of images
 Result = TypeVar("Result")
-
-
-@dataclass(frozen=True)
-class PointcloudsConfig:
-    """Section `pointclouds`.
-
-    correction_turns: degrees, in front of a correction, by which the predicted azimuth is turned; of several starts the
-    camera with the least L_M stays (`correct_from_turns`). [0] is the paper's way.
-    correction_limit: degrees of azimuth, a correction that ends farther from its start is refused; null, the paper's
-    way, for none.
-    scale_quantile: of the DDF, see `scale_from_cycles`; null for `scale_from_cloud`, the paper's way.
-    large, small: L and S, points of the two clouds (5,000 and 2,466 in the paper). test_views: views per test shape
-    that are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered
-    for the report, render_size pixels wide. mirror: encode every image flipped too (`encode_batch`), which keeps the
-    up axis; null, the paper's way, for the image alone.
-    shape_correction: of the DDF, latents moved until the shape's silhouette agrees with the image's alpha channel, with
-    the predicted camera to start from; null, the paper's way, for the latent as encoded.
-    pcsiren_inputs: the points of the cube that PC-SIREN maps to the surface (`cube_points`); random is the paper's way.
-    """
-
-    cloud: cloud_projection.CloudConfig
-    correction: reconstruction_models.CorrectionConfig
-    correction_turns: tuple[float, ...]
-    correction_limit: float | None
-    scale_quantile: float | None
-    large: int
-    small: int
-    test_views: int | None
-    rendered: int
-    render_size: int
-    seed: int
-    mirror: cameras.Mirror | None = None
-    shape_correction: silhouettes.ShapeCorrectionConfig | None = None
-    pcsiren_inputs: CubePoints = "random"
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "correction_turns", tuple(self.correction_turns))
-        if not self.correction_turns or not np.isfinite(self.correction_turns).all():
-            raise checks.InputError(
-                f"pointclouds.correction_turns must list degrees, [0] for one start; got {list(self.correction_turns)}"
-            )
-        if self.correction_limit is not None and not self.correction_limit > 0:
-            raise checks.InputError(f"pointclouds.correction_limit must be > 0, or null; got {self.correction_limit}")
-        if not 1 <= self.small <= self.large:
-            raise checks.InputError(f"pointclouds needs 1 <= small <= large; got {self.small} and {self.large}")
-        if self.scale_quantile is not None and not 0 <= self.scale_quantile < 0.5:
-            raise checks.InputError(
-                f"pointclouds.scale_quantile must be in [0, 0.5), or null; got {self.scale_quantile}"
-            )
-        if self.rendered < 0 or self.render_size < 1 or self.seed < 0:
-            raise checks.InputError("pointclouds.rendered and seed must be >= 0, render_size >= 1")
-        if self.test_views is not None and self.test_views < 1:
-            raise checks.InputError(f"pointclouds.test_views must be >= 1 or null; got {self.test_views}")
-
-
-def scale_from_cloud(points: Float[Tensor, "n 3"]) -> float:
-    """v1 units per field unit, from the diagonal of the cloud's box. [DDF22] app. E.
-
-    Raises:
-      InputError: the cloud is a single point.
-    """
-    return _inverse_diagonal(points.amin(dim=0), points.amax(dim=0))
-
-
-def scale_from_cycles(cycles: Sequence[cloud_projection.ProjectedPoints], quantile: float) -> float:
-    """v1 units per field unit, from all candidates of a cloud, each as heavy as its confidence (derived here).
-
-    The outermost point sets the box of a cloud: one that missed the surface shrinks the whole shape, and a thin tip of
-    which the field is unsure is missing from it. Of all candidates many lie near any tip, and few far from a surface.
-
-    Args:
-      quantile: share of the weight that is left out at either end of every axis.
-    Raises:
-      InputError: the candidates are a single point, but for that share.
-    """
-    points, confidence = cloud_projection.candidates(cycles)
-    weights = confidence.double().clamp_min(cloud_projection.LEAST_WEIGHT)
-    return _inverse_diagonal(_lower_end(points, weights, quantile), -_lower_end(-points, weights, quantile))
-
-
-def _lower_end(points: Float[Tensor, "n 3"], weights: Float[Tensor, "n"], quantile: float) -> Float[Tensor, "3"]:
-    """Of each axis the first coordinate below which, itself included, lies more than this share of the weight."""
-    ordered, order = points.sort(dim=0)
-    passed = weights[order].cumsum(dim=0) > quantile * weights.sum()
-    return ordered.gather(0, passed.int().argmax(dim=0, keepdim=True))[0]
-
-
-def _inverse_diagonal(lower: Float[Tensor, "3"], upper: Float[Tensor, "3"]) -> float:
-    diagonal = float((upper - lower).norm())
-    if not diagonal > 0:
-        raise checks.InputError("the predicted cloud is one point; train the model for longer")
-    return 1.0 / diagonal
 
 
 def _row_batches(images: category_data.ImageSet, size: int = ENCODER_BATCH) -> list[Rows]:
@@ -174,7 +79,7 @@ def image_features(
     return torch.cat([model.shape_encoder.features(batch) for batch in batches]).cpu()
 
 
-def _generator(config: PointcloudsConfig, image: int) -> torch.Generator:
+def _generator(config: settings.PointcloudsConfig, image: int) -> torch.Generator:
     """Each image has its own random stream, so that a subset of images gives the same clouds."""
     return torch.Generator(training_loop.device()).manual_seed(config.seed * 1_000_003 + image)
 
@@ -182,7 +87,7 @@ def _generator(config: PointcloudsConfig, image: int) -> torch.Generator:
 def reconstruct_ddf(
     model: reconstruction_models.DDFModel,
     images: category_data.ImageSet,
-    config: PointcloudsConfig,
+    config: settings.PointcloudsConfig,
     describe: str,
     deviation: Float[Tensor, "z"] | None = None,
     kept: resume.Kept | None = None,
@@ -245,8 +150,8 @@ def _correct_shapes(
     deviation: Float[Tensor, "z"],
     predicted: Float[Tensor, "n 3"],
     images: category_data.ImageSet,
-    config: PointcloudsConfig,
-    how: silhouettes.ShapeCorrectionConfig,
+    config: settings.PointcloudsConfig,
+    how: settings.ShapeCorrectionConfig,
     batches: Sequence[Rows],
 ) -> Float[Tensor, "m z"]:
     """`silhouettes.correct_shapes` of the images of some batches."""
@@ -270,14 +175,14 @@ def rough_field_scales(
     generators: Sequence[torch.Generator],
 ) -> Float[Tensor, "b"]:
     """Field units per v1 unit of each shape, as a cloud of `ROUGH_POINTS` tells, one generator for each."""
-    modulations, scales = model.modulations(latents), []
+    modulations, found = model.modulations(latents), []
     for row, generator in enumerate(generators):
         cycles = cloud_projection.sample(model.field, [m[row] for m in modulations], ROUGH_POINTS, cloud, generator)
         if scale_quantile is None:
-            scales.append(scale_from_cloud(cloud_projection.select(cycles, [ROUGH_POINTS], cloud)[0]))
+            found.append(scales.scale_from_cloud(cloud_projection.select(cycles, [ROUGH_POINTS], cloud)[0]))
         else:
-            scales.append(scale_from_cycles(cycles, scale_quantile))
-    return 1 / latents.new_tensor(scales)
+            found.append(scales.scale_from_cycles(cycles, scale_quantile))
+    return 1 / latents.new_tensor(found)
 
 
 def _in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:
@@ -294,7 +199,7 @@ def _threads_at_once() -> int:
 def _draw(
     field: pddf.PDDF,
     modulations: Sequence[Float[Tensor, "n 1 _"]],
-    config: PointcloudsConfig,
+    config: settings.PointcloudsConfig,
     batches: Sequence[Rows],
     progress: tqdm.tqdm,
 ) -> dict[str, Tensor]:
@@ -311,9 +216,9 @@ def _draw(
             chosen = cloud_projection.select(cycles[:cycle], (config.large, config.small), config.cloud)
             clouds |= {f"L.{name}": chosen[0], f"S.{name}": chosen[1]}
         if config.scale_quantile is None:
-            scale = scale_from_cloud(clouds[f"L.{names[config.cloud.cycles]}"])
+            scale = scales.scale_from_cloud(clouds[f"L.{names[config.cloud.cycles]}"])
         else:
-            scale = scale_from_cycles(cycles, config.scale_quantile)
+            scale = scales.scale_from_cycles(cycles, config.scale_quantile)
         return clouds | {"scale_pred": torch.tensor(scale)}
 
     rows, drawn = np.concatenate(batches).tolist(), []
@@ -325,7 +230,7 @@ def _draw(
 
 
 def reconstruct_pcsiren(
-    model: reconstruction_models.PCSirenModel, images: category_data.ImageSet, config: PointcloudsConfig
+    model: reconstruction_models.PCSirenModel, images: category_data.ImageSet, config: settings.PointcloudsConfig
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S (the first points of L, which are spread as all are), cameras, scales; and what it cost."""
     _, latents, predicted = encode(model, images, config.mirror)
@@ -340,12 +245,12 @@ def reconstruct_pcsiren(
         "L": torch.stack(large),
         "S": torch.stack([points[: config.small] for points in large]),
         "camera_pred": predicted,
-        "scale_pred": torch.tensor([scale_from_cloud(points) for points in large]),
+        "scale_pred": torch.tensor([scales.scale_from_cloud(points) for points in large]),
     }
     return _on_cpu(tensors), {"cloud_seconds_per_image": seconds}
 
 
-def cube_points(count: int, how: CubePoints, generator: torch.Generator) -> Float[Tensor, "count 3"]:
+def cube_points(count: int, how: settings.CubePoints, generator: torch.Generator) -> Float[Tensor, "count 3"]:
     """Points of the cube [-1, 1]^3 for PC-SIREN's decoder: `random`, each for itself, or `even`, a random shift of the
     sequence k (g^-1, g^-2, g^-3) mod 1 with g^4 = g + 1, of which any first part fills the cube without gaps or crowds.
 
@@ -373,7 +278,7 @@ def _correct_cameras(
     predicted: Tensor,
     scale: Tensor,
     images: category_data.ImageSet,
-    config: PointcloudsConfig,
+    config: settings.PointcloudsConfig,
     batches: Sequence[Rows],
 ) -> Tensor:
     """Π̂_∇ of the images of some batches."""
@@ -383,42 +288,11 @@ def _correct_cameras(
         index = torch.from_numpy(rows)
         field_scale = (1 / scale[index]).to(predicted.device)
         given = (model, [m[index] for m in modulations], predicted[index], field_scale, alpha)
-        return correct_from_turns(*given, config.correction, config.correction_turns, config.correction_limit)
+        return camera_correction.correct_from_turns(
+            *given, config.correction, config.correction_turns, config.correction_limit
+        )
 
     return torch.cat(list(_in_threads(correct, batches)))
-
-
-def correct_from_turns(
-    model: reconstruction_models.DDFModel,
-    modulations: Sequence[Float[Tensor, "b 1 _"]],
-    camera: Float[Tensor, "b 3"],
-    field_scale: Float[Tensor, "b"],
-    alpha: Float[Tensor, "b size size"],
-    config: reconstruction_models.CorrectionConfig,
-    turns: Sequence[float],
-    limit: float | None = None,
-) -> Float[Tensor, "b 3"]:
-    """Π̂_∇ of one descent per turn of the azimuth: the camera of the least L_M, the first of equal ones.
-
-    The descent stays in the basin where it starts; seen from behind, many shapes have nearly the same mask. One that
-    turns far has left its basin, mostly for a worse one. Derived here: the paper starts once, at Π̂, and refuses
-    nothing. Costs one `reconstruction_models.correct_camera` per turn.
-
-    Args:
-      turns: degrees that are added to the azimuth of `camera`.
-      limit: degrees, a descent that ends farther from its start in azimuth is refused; where all are, the camera
-        stays as predicted.
-    """
-    best, least = camera, torch.full_like(field_scale, torch.inf)
-    for turn in turns:
-        start = torch.cat((camera[:, :1] + math.radians(turn), camera[:, 1:]), dim=1)
-        found, loss = reconstruction_models.correct_camera(model, modulations, start, field_scale, alpha, config)
-        if limit is not None:
-            turned = (found[:, 0] - start[:, 0]).abs()
-            loss = loss.masked_fill(turned > math.radians(limit), torch.inf)
-        better = loss < least
-        best, least = torch.where(better[:, None], found, best), torch.where(better, loss, least)
-    return best
 
 
 def _renders(

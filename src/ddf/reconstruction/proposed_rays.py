@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf.fields import losses, nearest_rays, pddf
-from ddf.reconstruction import category_data, training_steps
+from ddf.reconstruction import category_data, settings
 
 
 @torch.no_grad()
@@ -25,7 +25,7 @@ def propose(
     modulations: Sequence[Float[Tensor, "b 1 _"]],
     starts: Float[Tensor, "b n 3"],
     candidates: Float[Tensor, "b n k 3"],
-    config: training_steps.ProposalConfig,
+    config: settings.ProposalConfig,
 ) -> Float[Tensor, "b n 3"]:
     """v̂* of each start among its candidates, for the shape of each row. Costs b n k queries, values only.
 
@@ -70,7 +70,7 @@ class Proposer:
 
     shapes: category_data.ShapeSet
     scenes: category_data.Numbered[Casts]
-    config: training_steps.ProposalConfig
+    config: settings.ProposalConfig
 
     def __call__(
         self,

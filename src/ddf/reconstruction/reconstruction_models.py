@@ -6,8 +6,6 @@ turns z_s into a shape. Cameras are (..., 3): azimuth and elevation in radians, 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import torch
 from jaxtyping import Bool, Float
@@ -18,10 +16,9 @@ from torchvision.models import resnet
 from ddf.core import checks
 from ddf.fields import pddf, rendering, siren
 from ddf.geometry import cameras
+from ddf.reconstruction import settings
 
 RESNET18_WIDTH = 64
-CAMERA_NUMBERS = ("azimuth", "elevation", "radius")
-Azimuth = Literal["angle", "sincos"]
 LEAST_PAIR = 0.05  # a (sin θ, cos θ) shorter than this says nothing; the slope of its angle is 1 / length
 IMAGE_CHANNELS = 4
 
@@ -78,7 +75,7 @@ class CameraHead(nn.Module):
     lowest: Tensor
     highest: Tensor
 
-    def __init__(self, azimuth: Azimuth = "angle") -> None:
+    def __init__(self, azimuth: settings.Azimuth = "angle") -> None:
         super().__init__()
         self.azimuth = azimuth
         self.register_buffer("mean", torch.zeros(3))
@@ -137,7 +134,7 @@ class ReconstructionModel(nn.Module):
     """Two encoders and a decoder. Parameters at the paper's sizes: 25,647,367 (DDF) and 25,645,574 (PC-SIREN)."""
 
     def __init__(
-        self, decoder: nn.Module, latent_features: int, encoder_width: int, azimuth: Azimuth = "angle"
+        self, decoder: nn.Module, latent_features: int, encoder_width: int, azimuth: settings.Azimuth = "angle"
     ) -> None:
         super().__init__()
         self.camera_head = CameraHead(azimuth)
@@ -167,7 +164,7 @@ class DDFModel(ReconstructionModel):
     decoder: pddf.ConditionalPDDF
 
     def __init__(
-        self, config: pddf.PDDFConfig, latent_features: int, encoder_width: int, azimuth: Azimuth = "angle"
+        self, config: pddf.PDDFConfig, latent_features: int, encoder_width: int, azimuth: settings.Azimuth = "angle"
     ) -> None:
         super().__init__(pddf.ConditionalPDDF(config, latent_features), latent_features, encoder_width, azimuth)
 
@@ -187,7 +184,7 @@ class PCSirenModel(ReconstructionModel):
     decoder: pddf.PointDecoder
 
     def __init__(
-        self, layout: siren.SineLayout, latent_features: int, encoder_width: int, azimuth: Azimuth = "angle"
+        self, layout: siren.SineLayout, latent_features: int, encoder_width: int, azimuth: settings.Azimuth = "angle"
     ) -> None:
         super().__init__(pddf.PointDecoder(layout, latent_features), latent_features, encoder_width, azimuth)
 
@@ -232,63 +229,11 @@ def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, chances: Float[T
     return order.topk(count, dim=-1).indices
 
 
-@dataclass(frozen=True)
-class CorrectionConfig:
-    """Gradient descent on L_M from Π̂: number of steps, Adam's learning rate in z-scores, mask size in pixels.
-
-    free: what may change, of `CAMERA_NUMBERS`; all three is the paper's way. The mask alone cannot tell a far camera
-    from a small shape, so an error of the estimated scale moves a free radius away from the better prediction.
-    """
-
-    steps: int
-    learning_rate: float
-    mask_size: int
-    free: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "free", tuple(self.free))
-        if not self.free or not set(self.free) <= set(CAMERA_NUMBERS):
-            raise checks.InputError(
-                f"pointclouds.correction.free must list some of {', '.join(CAMERA_NUMBERS)}; got {list(self.free)}"
-            )
-        if self.steps < 0 or self.mask_size < 1 or not self.learning_rate > 0:
-            raise checks.InputError(
-                f"pointclouds.correction: steps must be >= 0, mask_size >= 1, learning_rate > 0; got {self}"
-            )
+def ddf_model(train: settings.TrainConfig, config: settings.DDFConfig) -> DDFModel:
+    """The DDF model of a config, freshly initialised."""
+    return DDFModel(config.field, train.latent_features, train.encoder_width, train.azimuth)
 
 
-def correct_camera(
-    model: DDFModel,
-    modulations: Sequence[Float[Tensor, "b 1 _"]],
-    camera: Float[Tensor, "b 3"],
-    field_scale: Float[Tensor, "b"],
-    alpha: Float[Tensor, "b size size"],
-    config: CorrectionConfig,
-) -> tuple[Float[Tensor, "b 3"], Float[Tensor, "b"]]:
-    """Π̂_∇ = argmin L_M by gradient descent from Π̂; the best camera met on the way. Source: [DDF22] §4.3.
-
-    Args:
-      modulations: of the shapes, see `DDFModel.modulations`.
-    Returns:
-      Cameras, and L_M of each; elevation and radius stay within the training range, the azimuth may turn past its ends
-      (it is an angle).
-    """
-    head = model.camera_head
-    scores = ((camera - head.mean) / head.deviation).detach().clone().requires_grad_()
-    free = scores.new_tensor([name in config.free for name in CAMERA_NUMBERS])
-    optimiser = torch.optim.Adam([scores], lr=config.learning_rate)
-    best, best_loss = camera.detach().clone(), torch.full_like(field_scale, torch.inf)
-    for step in range(config.steps + 1):
-        current = scores * head.deviation + head.mean
-        bounded = torch.minimum(torch.maximum(current, head.lowest), head.highest)
-        current = torch.cat((current[:, :1], bounded[:, 1:]), -1)
-        loss = mask_loss(model.field, modulations, current, field_scale, alpha)
-        better = loss.detach() < best_loss
-        best = torch.where(better[:, None], current.detach(), best)
-        best_loss = torch.where(better, loss.detach(), best_loss)
-        if step < config.steps:
-            optimiser.zero_grad()
-            (gradient,) = torch.autograd.grad(loss.sum(), scores)
-            scores.grad = gradient * free  # Adam leaves alone what never has a gradient
-            optimiser.step()
-    return best, best_loss
+def pcsiren_model(train: settings.TrainConfig, config: settings.PCSirenConfig) -> PCSirenModel:
+    """The PC-SIREN model of a config, freshly initialised."""
+    return PCSirenModel(config.layout(), train.latent_features, train.encoder_width, train.azimuth)

@@ -4,46 +4,20 @@ An encoder guesses the whole shape at once; the alpha channel then shows where i
 The visibility that a DDF renders is differentiable in the shape's latent, so the latent can descend on L_M as the
 camera of [DDF22] §4.3 does. Camera and scale move with it, for else the shape would have to make up for their errors,
 and are given up afterwards: nothing but the image is known here, and the camera is corrected on its own
-(`reconstruction_models.correct_camera`). A field without visibility, as PC-SIREN, has nothing to descend on.
+(`camera_correction.correct_camera`). A field without visibility, as PC-SIREN, has nothing to descend on.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import checks
-from ddf.reconstruction import reconstruction_models
+from ddf.reconstruction import reconstruction_models, settings
 
 BETAS = (0.9, 0.9)  # of Adam: the mean square of few steps; its usual 0.999 remembers the first, largest gradients
 SCALE_RATE = 0.1  # of the logarithm of the scale, as a share of the camera's rate
-
-
-@dataclass(frozen=True)
-class ShapeCorrectionConfig:
-    """How latents descend.
-
-    steps: of Adam; each renders the mask and its gradient once. learning_rate: of the latent, in z-scores: how its
-    numbers differ between training images. camera_rate: likewise of the camera. keep: weight of the mean squared
-    z-score of the move, which holds the shape to the encoder's. mask_size: pixels a side.
-    """
-
-    steps: int
-    learning_rate: float
-    camera_rate: float
-    keep: float
-    mask_size: int
-
-    def __post_init__(self) -> None:
-        if self.steps < 1 or self.mask_size < 1:
-            raise checks.InputError(f"pointclouds.shape_correction: steps and mask_size must be >= 1; got {self}")
-        if not (self.learning_rate > 0 and self.camera_rate >= 0 and self.keep >= 0):
-            raise checks.InputError(
-                "pointclouds.shape_correction: learning_rate must be > 0, camera_rate and keep >= 0; "
-                f"got {self.learning_rate}, {self.camera_rate} and {self.keep}"
-            )
 
 
 @torch.no_grad()
@@ -65,7 +39,7 @@ def correct_shapes(
     camera: Float[Tensor, "b 3"],
     field_scale: Float[Tensor, "b"],
     alpha: Float[Tensor, "b size size"],
-    config: ShapeCorrectionConfig,
+    config: settings.ShapeCorrectionConfig,
 ) -> Float[Tensor, "b z"]:
     """Latents after the descent on L_M + keep · mean (move / deviation)².
 

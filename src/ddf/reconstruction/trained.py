@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ddf.core import config
-from ddf.reconstruction import reconstruction_models, training_steps
+from ddf.reconstruction import reconstruction_models, settings
 from ddf.training import training_loop
 
 
@@ -17,17 +17,17 @@ def ddf(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.
     Raises:
       InputError: the file is damaged, or its record names unknown settings.
     """
-    train = config.parse(record["train"], training_steps.TrainConfig, f"{folder}: train")
-    section = config.parse(record["section"], training_steps.DDFConfig, f"{folder}: ddf")
-    model = training_steps.ddf_model(train, section)
+    train = config.parse(record["train"], settings.TrainConfig, f"{folder}: train")
+    section = config.parse(record["section"], settings.DDFConfig, f"{folder}: ddf")
+    model = reconstruction_models.ddf_model(train, section)
     training_loop.load_model(model, folder)
     return model, train.image_size
 
 
 def pcsiren(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.PCSirenModel, int]:
     """As `ddf`, for a record of kind `pcsiren`."""
-    train = config.parse(record["train"], training_steps.TrainConfig, f"{folder}: train")
-    section = config.parse(record["section"], training_steps.PCSirenConfig, f"{folder}: pcsiren")
-    model = training_steps.pcsiren_model(train, section)
+    train = config.parse(record["train"], settings.TrainConfig, f"{folder}: train")
+    section = config.parse(record["section"], settings.PCSirenConfig, f"{folder}: pcsiren")
+    model = reconstruction_models.pcsiren_model(train, section)
     training_loop.load_model(model, folder)
     return model, train.image_size

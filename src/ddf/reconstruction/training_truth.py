@@ -17,7 +17,7 @@ from ddf.core import checks, config, storage
 from ddf.data import mesh_shards, packing, sampling
 from ddf.fields import losses
 from ddf.geometry import cameras, raycast
-from ddf.reconstruction import category_data, mirrored_data, proposed_rays, training_steps
+from ddf.reconstruction import category_data, mirrored_data, proposed_rays, settings, training_steps
 
 OPEN_PACKS = 8  # of training meshes, with their ray casting scenes; a shape of another one costs some 20 ms
 
@@ -157,14 +157,14 @@ class _MirroredScenes:
         return scene if index < self.count else _MirroredScene(scene, self.signs)
 
 
-def read(config_path: Path, category: str, shapes: category_data.ShapeSet, section: training_steps.DDFConfig) -> Truth:
+def read(config_path: Path, category: str, shapes: category_data.ShapeSet, section: settings.DDFConfig) -> Truth:
     """As the section asks for it, of the given shapes, from the artefacts of `samples` and, for casting, `meshes`.
 
     Raises:
       InputError: a shape is in no shard, or a file is damaged; it is named.
     """
     scenes = Scenes(config.artifact_dir(config_path, "meshes", category), shapes.ids) if section.casts else None
-    drawn = config.load(config_path, "samples", sampling.SamplesConfig) if section.samples == "fresh" else None
+    drawn = config.load(config_path, sampling.SamplesConfig) if section.samples == "fresh" else None
     if scenes and drawn:
         samples = FreshSamples(scenes, drawn)
     else:

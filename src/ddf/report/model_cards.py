@@ -15,8 +15,8 @@ from ddf.data import shapenet
 from ddf.data.synthetic import showcase
 from ddf.export import onnx_file, shipping
 from ddf.geometry import mesh_io, transforms
-from ddf.reconstruction import training_steps
-from ddf.shape import fitting, shape_field
+from ddf.reconstruction import settings
+from ddf.shape import fit_settings, fitting, shape_field, shape_samples
 from ddf.training import training_loop
 
 STEPS = 6000  # of a field's fit: what two quiet cores do in two to four minutes
@@ -51,10 +51,10 @@ def write_all(config_path: Path, fitted: Path, out: Path) -> None:
     shipping.write_index(out, entries)
 
 
-def fit_config() -> fitting.FitConfig:
+def fit_config() -> fit_settings.FitConfig:
     """How the shipped fields are fitted: the recipe of `ddf fit` for a number of steps, on one thread."""
     return dataclasses.replace(
-        fitting.DEFAULT, steps=STEPS, minutes=None, loop=dataclasses.replace(fitting.DEFAULT.loop, threads=1)
+        fit_settings.DEFAULT, steps=STEPS, minutes=None, loop=dataclasses.replace(fit_settings.DEFAULT.loop, threads=1)
     )
 
 
@@ -103,8 +103,8 @@ def write_reconstruction(config_path: Path, dataset: shapenet.Dataset, name: str
         raise FileNotFoundError(
             f"{trained / training_loop.MODEL}: no trained model; run make train CONFIG={config_path}"
         )
-    train = config.load(config_path, "train", training_steps.TrainConfig)
-    section = config.load(config_path, "ddf", training_steps.DDFConfig)
+    train = config.load(config_path, settings.TrainConfig)
+    section = config.load(config_path, settings.DDFConfig)
     record = {"train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     weights = shipping.write_weights(trained, out, record)
     tests = dataset.test(name)
@@ -155,10 +155,10 @@ def _scores(config_path: Path, category: str) -> tuple[dict[str, tuple[float, fl
     return means, int(rows.seeds.max())
 
 
-def _held_out(mesh: mesh_io.Mesh, settings: fitting.FitConfig, out: Path) -> Mapping[str, Any]:
+def _held_out(mesh: mesh_io.Mesh, settings: fit_settings.FitConfig, out: Path) -> Mapping[str, Any]:
     """The held-out errors of the rounded weights."""
     own = transforms.field_from_mesh(mesh.vertices[np.unique(mesh.faces)])
-    samples, _ = fitting.draw_samples(
+    samples, _ = shape_samples.draw_samples(
         mesh_io.Mesh(np.clip(own.apply(mesh.vertices), -1.0, 1.0), mesh.faces), settings, settings.held_out, "held_out"
     )
     return fitting.held_out_errors(shape_field.load(out).field, samples)

@@ -11,13 +11,13 @@ from typing import Any
 from ddf.core import storage
 from ddf.data import sampling
 from ddf.geometry import mesh_io
-from ddf.shape import fitting, paper_ablation
+from ddf.shape import fit_settings, fitting, paper_ablation
 
 NONE = "none"  # nothing left out
 RESULTS = "ablation.json"
 
 
-def settings(config: fitting.FitConfig, without: str | None, steps: int | None) -> fitting.FitConfig:
+def settings(config: fit_settings.FitConfig, without: str | None, steps: int | None) -> fit_settings.FitConfig:
     """The fit without one type: an equal part of `ablation.samples` of every other, or of all six.
 
     Args:
@@ -38,7 +38,7 @@ def settings(config: fitting.FitConfig, without: str | None, steps: int | None) 
 
 
 def run(
-    mesh: mesh_io.Mesh, config: fitting.FitConfig, out_dir: Path, source: Mapping[str, str] | None = None
+    mesh: mesh_io.Mesh, config: fit_settings.FitConfig, out_dir: Path, source: Mapping[str, str] | None = None
 ) -> dict[str, dict[str, Any]]:
     """Fit seven fields into folders of `out_dir` and write ablation.json; a stopped run goes on where it was.
 

@@ -24,5 +24,5 @@ def test_every_experiment_file_has_the_settings_that_the_report_prints(name):
         assert all(have in (want, "all") for have, want in zip(printed, wanted, strict=True))
     with pytest.raises(checks.InputError, match=r"no key 'train\.nothing'"):
         results.setting("train.nothing")
-    config.load(path, "report", experiment_page.ReportConfig)
-    config.load(path, "evaluate", scoring.EvaluateConfig)
+    config.load(path, experiment_page.ReportConfig)
+    config.load(path, scoring.EvaluateConfig)

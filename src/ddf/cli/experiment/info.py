@@ -27,16 +27,16 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.core import config
     from ddf.fields import pddf
     from ddf.pipeline import experiment_cost
-    from ddf.reconstruction import reconstruction_models, training_steps
+    from ddf.reconstruction import reconstruction_models, settings
 
     sections = config.read(args.config)
-    train = config.load(args.config, "train", training_steps.TrainConfig)
-    ddf = config.load(args.config, "ddf", training_steps.DDFConfig)
-    pcsiren = config.load(args.config, "pcsiren", training_steps.PCSirenConfig)
+    train = config.load(args.config, settings.TrainConfig)
+    ddf = config.load(args.config, settings.DDFConfig)
+    pcsiren = config.load(args.config, settings.PCSirenConfig)
     models: dict[str, torch.nn.Module] = {}
     with torch.device("meta"):
-        models["ddf"] = training_steps.ddf_model(train, ddf)
-        models["pc_siren"] = training_steps.pcsiren_model(train, pcsiren)
+        models["ddf"] = reconstruction_models.ddf_model(train, ddf)
+        models["pc_siren"] = reconstruction_models.pcsiren_model(train, pcsiren)
         models["single_shape"] = pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)
         models["ddf_encoder"] = reconstruction_models.Encoder(train.latent_features, train.encoder_width)
     parameters = {name: pddf.count_parameters(model) for name, model in models.items()}

@@ -34,9 +34,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Fit the mesh; returns the held-out errors, times and sizes, as fit.json has them."""
     from ddf.core import checks, config, storage
     from ddf.geometry import mesh_io
-    from ddf.shape import fitting
+    from ddf.shape import fit_settings, fitting
 
-    fit = fitting.DEFAULT if args.config is None else config.load(args.config, "fit", fitting.FitConfig)
+    fit = fit_settings.DEFAULT if args.config is None else config.load(args.config, fit_settings.FitConfig)
     if args.minutes is not None:
         fit = dataclasses.replace(fit, steps=None, minutes=args.minutes)
     if args.steps is not None:

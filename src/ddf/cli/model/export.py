@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
     settings = onnx_file.ExportConfig(tuple(field_outputs.OUTPUTS), BATCHES, (), 0)
     if args.config is not None:
-        settings = config.load(args.config, "export", onnx_file.ExportConfig)
+        settings = config.load(args.config, onnx_file.ExportConfig)
     outputs = settings.outputs if args.outputs is None else field_outputs.require_outputs(args.outputs)
     folder = args.model.parent if args.model.name == training_loop.MODEL else args.model
     graphs, source = exportable.load(folder, outputs)

@@ -18,7 +18,7 @@ from ddf.core import checks, storage
 from ddf.data import shapenet
 from ddf.fields import cloud_projection, rendering
 from ddf.geometry import cameras, point_io, transforms
-from ddf.reconstruction import inference, reconstruction_models, silhouettes, trained
+from ddf.reconstruction import inference, reconstruction_models, scales, settings, silhouettes, trained
 from ddf.report import picture_strips
 from ddf.training import training_loop
 
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     drawn = cloud_settings.cloud(model.field.config.mirror)
     if deviation is not None:
         with _timed(seconds, "silhouette"):
-            how = silhouettes.ShapeCorrectionConfig(**cloud_settings.SHAPE_CORRECTION)
+            how = settings.ShapeCorrectionConfig(**cloud_settings.SHAPE_CORRECTION)
             generator = torch.Generator(training_loop.device()).manual_seed(args.seed)
             given = (model, latent, drawn, cloud_settings.SCALE_QUANTILE, [generator])
             field_scale = inference.rough_field_scales(*given)
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         generator = torch.Generator(training_loop.device()).manual_seed(args.seed)
         cycles = cloud_projection.sample(model.field, modulations, args.points, drawn, generator)
         (cloud,) = cloud_projection.select(cycles, [args.points], drawn)
-    scale = inference.scale_from_cycles(cycles, cloud_settings.SCALE_QUANTILE)
+    scale = scales.scale_from_cycles(cycles, cloud_settings.SCALE_QUANTILE)
     with _timed(seconds, "renders"):
         field_scale = torch.tensor(1 / scale, device=camera.device)
         images, queries = rendering.render(model.field, modulations, camera, field_scale, args.size)

@@ -13,7 +13,7 @@ from ddf.core import config, storage
 from ddf.report import figures, pages
 from ddf.report.shape import shape_tables, shape_views
 from ddf.report.shape.shape_results import DIAGNOSTICS, SLICES, VIEW_RECORD, VIEWS
-from ddf.shape import fit_errors, fitting, leave_one_out, paper_ablation
+from ddf.shape import fit_errors, fit_settings, fitting, leave_one_out, paper_ablation
 from ddf.shape.fit_errors import MEASURED, TYPES
 from ddf.training import training_loop
 
@@ -99,7 +99,7 @@ class Results:
     ablation_errors: pd.DataFrame
 
 
-def read(config_path: Path, fit: fitting.FitConfig) -> Results:
+def read(config_path: Path, fit: fit_settings.FitConfig) -> Results:
     """Everything that the page says.
 
     Raises:
@@ -120,7 +120,7 @@ def read(config_path: Path, fit: fitting.FitConfig) -> Results:
     )
 
 
-def write(config_path: Path, fit: fitting.FitConfig, out_dir: Path) -> None:
+def write(config_path: Path, fit: fit_settings.FitConfig, out_dir: Path) -> None:
     """README.md, index.html, both tables and the pictures."""
     results = read(config_path, fit)
     folder = config.artifact_dir(config_path, "fit_shape")
@@ -130,7 +130,7 @@ def write(config_path: Path, fit: fitting.FitConfig, out_dir: Path) -> None:
     pages.write(page, out_dir)
 
 
-def build(results: Results, fit: fitting.FitConfig, pictures: dict[str, bytes]) -> pages.Page:
+def build(results: Results, fit: fit_settings.FitConfig, pictures: dict[str, bytes]) -> pages.Page:
     """The page from results already read; `pictures` by file name."""
     shape = "a procedural chair" if results.source is None else f"`{results.source}`"
     views = pages.Figure(

@@ -5,13 +5,13 @@ from pathlib import Path
 from ddf.core import provenance, storage
 from ddf.geometry import mesh_io
 from ddf.report.shape import shape_views
-from ddf.shape import field_diagnostics, fit_errors, fitting, shape_field
+from ddf.shape import field_diagnostics, fit_errors, fit_settings, fitting, shape_field
 from ddf.training import training_loop
 
 VIEWS, SLICES, VIEW_RECORD, DIAGNOSTICS = "views.webp", "slices.webp", "views.json", "diagnostics.json"
 
 
-def write(mesh: mesh_io.Mesh, fit: fitting.FitConfig, out_dir: Path) -> None:
+def write(mesh: mesh_io.Mesh, fit: fit_settings.FitConfig, out_dir: Path) -> None:
     """fit.csv, diagnostics.json, views.webp, slices.webp and views.json of the field in `out_dir`.
 
     Args:

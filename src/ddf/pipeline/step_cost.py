@@ -15,14 +15,21 @@ import torch
 
 from ddf.data import packing, sampling
 from ddf.geometry import mesh_io, raycast, transforms
-from ddf.reconstruction import category_data, proposed_rays, reconstruction_models, training_steps, training_truth
+from ddf.reconstruction import (
+    category_data,
+    proposed_rays,
+    reconstruction_models,
+    settings,
+    training_steps,
+    training_truth,
+)
 from ddf.training import optimisers, training_loop
 
 STORED = 20_000  # random samples per shape and type to draw from, as many as the paper stores
 CLOUD_POINTS, FACES = 8_000, 10_000
 MOST_POINTS, MOST_IMAGES = 40_000, 8  # of a trial that is scaled up: about 3 GiB at the paper's widths
 REPEATS = 3
-Section = training_steps.DDFConfig | training_steps.PCSirenConfig
+Section = settings.DDFConfig | settings.PCSirenConfig
 
 
 @dataclass(frozen=True)
@@ -91,11 +98,11 @@ def random_scene() -> raycast.Scene:
     return raycast.Scene(mesh_io.Mesh(corners.reshape(-1, 3), np.arange(3 * FACES).reshape(-1, 3)))
 
 
-def trial(train: training_steps.TrainConfig, config: Section) -> Trial:
+def trial(train: settings.TrainConfig, config: Section) -> Trial:
     """Steps of the model that the section describes, at the sizes of both sections."""
     images, shapes = random_images(train.batch_size, train.image_size), random_shapes(train.batch_size)
-    if isinstance(config, training_steps.DDFConfig):
-        ddf, propose = training_steps.ddf_model(train, config), None
+    if isinstance(config, settings.DDFConfig):
+        ddf, propose = reconstruction_models.ddf_model(train, config), None
         scenes = [random_scene()] * train.batch_size if config.casts else []
         samples = training_truth.FreshSamples(scenes, sampling.SamplesConfig())
         if config.samples == "stored":
@@ -104,7 +111,7 @@ def trial(train: training_steps.TrainConfig, config: Section) -> Trial:
             propose = proposed_rays.Proposer(shapes, scenes, config.proposals)
         loss = functools.partial(training_steps.ddf_step, ddf, images, shapes, samples, train, config, propose=propose)
         return _trial(ddf, images, train, config.loop(train.loop), loss)
-    pcsiren = training_steps.pcsiren_model(train, config)
+    pcsiren = reconstruction_models.pcsiren_model(train, config)
     loss = functools.partial(training_steps.pcsiren_step, pcsiren, images, shapes, train, config)
     return _trial(pcsiren, images, train, train.loop, loss)
 
@@ -112,7 +119,7 @@ def trial(train: training_steps.TrainConfig, config: Section) -> Trial:
 def _trial(
     model: reconstruction_models.ReconstructionModel,
     images: category_data.ImageSet,
-    train: training_steps.TrainConfig,
+    train: settings.TrainConfig,
     loop: training_loop.LoopConfig,
     loss: training_loop.StepLoss,
 ) -> Trial:
@@ -122,7 +129,7 @@ def _trial(
     return Trial(model, loss, loop.optimiser(model, groups))
 
 
-def measure(train: training_steps.TrainConfig, config: Section) -> StepCost:
+def measure(train: settings.TrainConfig, config: Section) -> StepCost:
     """Seconds of a step on this machine: medians of a few at no more than `MOST_POINTS` points and `MOST_IMAGES`."""
     images = min(train.batch_size, max(2, min(MOST_IMAGES, MOST_POINTS // _points_per_image(config))))
     tried = trial(replace(train, batch_size=images), config)
@@ -134,7 +141,7 @@ def measure(train: training_steps.TrainConfig, config: Section) -> StepCost:
 
 
 def _points_per_image(config: Section) -> int:
-    if isinstance(config, training_steps.PCSirenConfig):
+    if isinstance(config, settings.PCSirenConfig):
         return config.points
     proposed = 0 if config.proposals is None else config.proposals.points * config.proposals.directions
     return sum(config.counts.values()) + proposed + (config.mask_pixels or config.mask_size**2)
