@@ -72,18 +72,18 @@ def test_lines_of_shell_are_well_formed(page, monkeypatch):
         if words[0] == "ddf":
             assert ddf.cli.main(words[1:]) == 0, line
         elif words[0] == "make":
-            check_make(words[1:])
+            _check_make(words[1:])
         elif words[0] == "python" and words[1].endswith(".py"):
             assert (ROOT / words[1]).is_file(), line
         elif words[:3] == ["python", "-m", "pytest"]:
             assert all((ROOT / word).exists() for word in words[3:] if "/" in word), line
         elif words[:2] == ["pip", "install"]:
-            check_extras(words[2:])
+            _check_extras(words[2:])
         else:
             assert not_run(line, NOT_RUN), f"{page.name}: nothing tells whether this line is right: {line}"
 
 
-def check_make(words: list[str]) -> None:
+def _check_make(words: list[str]) -> None:
     """Targets and variables are the Makefile's, and files that are named exist."""
     for word in words:
         name, equals, value = word.partition("=")
@@ -95,7 +95,7 @@ def check_make(words: list[str]) -> None:
             assert re.search(rf"(?m)^{name}:", MAKEFILE) or (ROOT / "stages" / f"{stage}.py").is_file(), name
 
 
-def check_extras(words: list[str]) -> None:
+def _check_extras(words: list[str]) -> None:
     """What is installed from this folder has the extras that are asked for."""
     known = set(re.findall(r"(?m)^(\w+) = \[", (ROOT / "pyproject.toml").read_text()))
     for word in words:
@@ -111,7 +111,7 @@ def test_what_the_text_names_exists(page):
         if re.fullmatch(r"ddf(\.[a-z_0-9]+)+(\.[A-Z]\w+)?(\.\w+)?", span) and page.name != "experiments.md":
             assert found_in_source(span) or found_in_configs(span), span
         elif span.startswith("make ") and "<" not in span and "/path" not in span:
-            check_make(shlex.split(span)[1:])
+            _check_make(shlex.split(span)[1:])
         elif re.match(r"(src|tests|stages|configs|bench|docs|reports|examples)/\S*$", span) and not set(span) & set(
             "<*{"
         ):

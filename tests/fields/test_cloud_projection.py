@@ -8,7 +8,7 @@ import torch
 from _sphere_field import CONFIG, RADIUS, SPREAD, Sphere, sample
 
 from ddf.core import checks
-from ddf.fields import cloud_projection, nearest_rays, pddf
+from ddf.fields import cloud_projection, pddf, udf
 
 
 def test_points_land_on_the_surface_and_cover_it():
@@ -48,7 +48,7 @@ def test_direction_is_towards_the_nearest_point_of_the_sphere():
 def test_cancelling_candidates_fall_back_to_the_best():
     candidates = torch.tensor([[[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]]])
     equal, depth = torch.ones(1, 4), torch.full((1, 4), 0.5)
-    found = nearest_rays.closest_directions(candidates, equal, depth, CONFIG.temperature, CONFIG.inverse_depth)
+    found = udf.closest_directions(candidates, equal, depth, CONFIG.temperature, CONFIG.inverse_depth)
     assert float(found.norm()) == pytest.approx(1.0)
     assert any(torch.equal(found[0], c) for c in candidates[0])
 
@@ -60,9 +60,7 @@ def test_invisible_and_on_surface_candidates_stay_finite_and_unit(visibility, de
     )
     tiny = dataclasses.replace(CONFIG, num_directions=64, temperature=1e-4, inverse_depth=1e-6)
     ones = torch.ones(20, 64)
-    found = nearest_rays.closest_directions(
-        candidates, visibility * ones, depth * ones, tiny.temperature, tiny.inverse_depth
-    )
+    found = udf.closest_directions(candidates, visibility * ones, depth * ones, tiny.temperature, tiny.inverse_depth)
     torch.testing.assert_close(found.norm(dim=-1), torch.ones(20))
 
 

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ddf.evaluation import metrics
-from ddf.fields import cloud_projection, nearest_rays, pddf
+from ddf.fields import cloud_projection, pddf, udf
 
 from . import case
 from .field_cases import SATURATED, constant_field
@@ -168,7 +168,7 @@ def _cancelled(visibility: float, far: float, dtype: torch.dtype) -> Tensor:
     """v̂* of the candidates ±x at depth 1/2, the second of them perhaps less visible, and of y, visible and `far`."""
     candidates = torch.tensor([[[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0]]], dtype=dtype)
     seen, depth = torch.tensor([[1.0, visibility, 1.0]], dtype=dtype), torch.tensor([[0.5, 0.5, far]], dtype=dtype)
-    return nearest_rays.closest_directions(candidates, seen, depth, PAPER.temperature, PAPER.inverse_depth)
+    return udf.closest_directions(candidates, seen, depth, PAPER.temperature, PAPER.inverse_depth)
 
 
 @CLOUDS.case(
@@ -217,9 +217,7 @@ def _between_sheets(dtype: torch.dtype) -> case.Outcome:
 def _invisible(dtype: torch.dtype) -> case.Outcome:
     candidates = torch.tensor([[[1.0, 0, 0], [0, 1.0, 0]]], dtype=dtype)
     depth = torch.tensor([[0.3, 0.6]], dtype=dtype)
-    found = nearest_rays.closest_directions(
-        candidates, torch.zeros_like(depth), depth, PAPER.temperature, PAPER.inverse_depth
-    )
+    found = udf.closest_directions(candidates, torch.zeros_like(depth), depth, PAPER.temperature, PAPER.inverse_depth)
     return case.close(found, [[0.5**0.5, 0.5**0.5, 0.0]], 2 * case.step(dtype))
 
 
@@ -247,9 +245,7 @@ def _on_surface(dtype: torch.dtype) -> case.Outcome:
     candidates = torch.tensor([[[1.0, 0, 0], [0, 1.0, 0]]], dtype=dtype)
     depth = torch.tensor([[0.0, 1e-3]], dtype=dtype)
     config = dataclasses.replace(PAPER, temperature=1e-4, inverse_depth=1e-6)
-    found = nearest_rays.closest_directions(
-        candidates, torch.ones_like(depth), depth, config.temperature, config.inverse_depth
-    )
+    found = udf.closest_directions(candidates, torch.ones_like(depth), depth, config.temperature, config.inverse_depth)
     return case.exact(found, [[1.0, 0.0, 0.0]])
 
 

@@ -38,7 +38,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf.core import checks
-from ddf.fields.nearest_rays import closest_directions
+from ddf.fields import udf
 from ddf.fields.pddf import AXES, PDDF, visibility
 
 CROWD = 8  # neighbours that tell how empty a candidate's surroundings are
@@ -276,7 +276,7 @@ def project(
         )
         raw = field(chunk[:, None].expand(shape).reshape(-1, 3), candidates.reshape(-1, 3), modulations)
         raw = raw.reshape(*shape[:2], -1)
-        direction = closest_directions(
+        direction = udf.closest_directions(
             candidates, visibility(raw), field.depth(raw), config.temperature, config.inverse_depth
         )
         raw = field(chunk, direction, modulations)

@@ -17,9 +17,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ddf.fields import nearest_rays, siren
+from ddf.fields import siren
 from ddf.geometry import sphere
 
+SMALL_MEAN = 0.05  # a mean direction shorter than this has cancelled (a point between two sheets)
 SEEN = 0.5  # visibility from which on a depth counts
 NUM_CANDIDATES = 5  # K_c. Source: [DDF22] app. D
 PAPER_LAYOUT = siren.SineLayout((128,) * 5)  # of g_v. Source: [DDF22] app. D
@@ -44,6 +45,28 @@ class Closest:
 
     distances: Float[Tensor, "n"]
     directions: Float[Tensor, "n 3"]
+
+
+def closest_directions(
+    candidates: Float[Tensor, "n k 3"],
+    visibilities: Float[Tensor, "n k"],
+    depths: Float[Tensor, "n k"],
+    temperature: float,
+    inverse_depth: float,
+) -> Float[Tensor, "n 3"]:
+    """v̂*, the normalised mean of the candidates with weights softmax_k(ξ_k / (η_T (ε_s + d_k))).
+
+    Where the mean all but vanishes, the heaviest candidate is taken instead (derived here).
+
+    Args:
+      candidates: unit directions. depths: field units. temperature: η_T. inverse_depth: ε_s.
+    """
+    score = visibilities / (temperature * (inverse_depth + depths))
+    weights = torch.softmax(score, dim=-1)
+    mean = (weights[..., None] * candidates).sum(dim=-2)
+    best = candidates[torch.arange(len(candidates), device=candidates.device), weights.argmax(dim=-1)]
+    length = mean.norm(dim=-1, keepdim=True)
+    return torch.where(length < SMALL_MEAN, best, mean / length.clamp_min(SMALL_MEAN))
 
 
 class CandidateNetwork(nn.Module):
@@ -101,9 +124,7 @@ def from_candidates(
         that is seen (derived here). The direction is the weighted mean in both cases.
     """
     answer = ask(positions.unsqueeze(-2).expand_as(candidates), candidates, False)
-    directions = nearest_rays.closest_directions(
-        candidates, answer.visibility, answer.depth, temperature, inverse_depth
-    )
+    directions = closest_directions(candidates, answer.visibility, answer.depth, temperature, inverse_depth)
     seen = answer.visibility >= SEEN
     if soft_value:
         weights = torch.softmax(answer.visibility / (temperature * (inverse_depth + answer.depth)), dim=-1)

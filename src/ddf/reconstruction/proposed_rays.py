@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf.fields import losses, nearest_rays, pddf
+from ddf.fields import losses, pddf, udf
 from ddf.reconstruction import category_data, settings
 
 
@@ -39,7 +39,7 @@ def propose(
         shape = candidates[part].shape
         queries = starts[part, :, None].expand(shape).flatten(1, 2), candidates[part].flatten(1, 2)
         raw = field(*queries, [each[part] for each in modulations])
-        direction = nearest_rays.closest_directions(
+        direction = udf.closest_directions(
             candidates[part].flatten(0, 1),
             pddf.visibility(raw).reshape(-1, shape[2]),
             field.depth(raw).reshape(-1, shape[2]),

@@ -169,7 +169,7 @@ def _pictures_section(slices: bytes) -> pages.Section:
     return pages.Section("Pictures", ["Of the picture above:", _READING_VIEWS, picture, _READING_SLICES])
 
 
-def _errors_section(results: Results, fit: fitting.FitConfig) -> pages.Section:
+def _errors_section(results: Results, fit: fit_settings.FitConfig) -> pages.Section:
     table = shape_tables.errors(results.errors, _ERRORS.format(held_out=f"{fit.held_out.U:,}"))
     angles = shape_tables.angles(results.errors, _ANGLES)
     paper = paper_ablation.SOURCE.capitalize()

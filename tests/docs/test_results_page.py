@@ -122,7 +122,7 @@ TABLES = [  # page, the line above the table, what fills it
 ]
 
 
-def parts(text: str, above: str) -> tuple[str, str, str]:
+def _parts(text: str, above: str) -> tuple[str, str, str]:
     """A page before, in and after the rows of the first table below a line."""
     found = re.search(rf"(?ms)^{re.escape(above)}$.*?^\|[ :|-]+\|\n", text)
     assert found, above
@@ -140,15 +140,15 @@ def lines_of(rows: Sequence[Sequence[str]]) -> str:
 
 @pytest.mark.parametrize("page, above, fill", TABLES, ids=[above for _, above, _ in TABLES])
 def test_tables_are_of_the_committed_report(page, above, fill):
-    _, table, _ = parts((ROOT / page).read_text(), above)
+    _, table, _ = _parts((ROOT / page).read_text(), above)
     assert cells(table) == fill(Measured(), cells(table))
 
 
 def test_readme_has_the_eight_rows():
-    assert len(cells(parts((ROOT / "README.md").read_text(), "## Results")[1])) == 8
+    assert len(cells(_parts((ROOT / "README.md").read_text(), "## Results")[1])) == 8
 
 
 if __name__ == "__main__":
     for page, above, fill in TABLES:
-        before, table, after = parts((ROOT / page).read_text(), above)
+        before, table, after = _parts((ROOT / page).read_text(), above)
         (ROOT / page).write_text(before + lines_of(fill(Measured(), cells(table))) + after)
