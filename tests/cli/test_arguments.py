@@ -12,7 +12,7 @@ from ddf.shape import shape_field
 
 
 def test_lists_are_those_of_the_library():
-    assert arguments.OUTPUTS == shape_field.OUTPUTS
+    assert tuple(arguments.OUTPUTS) == shape_field.OUTPUTS
     assert arguments.UP_AXES == framed_field.UP_AXES
     assert export.PRECISIONS == (weight_precision.FULL, *weight_precision.PRECISIONS)
 

@@ -5,16 +5,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-OUTPUTS = (  # of a field, as `shape_field.OUTPUTS`
-    "visibility",
-    "depth",
-    "normals",
-    "mean_curvature",
-    "gaussian_curvature",
-    "weight_1",
-    "normals_1",
-    "normals_2",
-)
+OUTPUTS = {  # of a field, as `shape_field.OUTPUTS`, and their units
+    "visibility": "probability",
+    "depth": "mesh units along the ray",
+    "normals": "unit vectors, axes of the mesh",
+    "mean_curvature": "1 / mesh unit",
+    "gaussian_curvature": "1 / mesh unit²",
+    "weight_1": "share of component 1",
+    "normals_1": "unit vectors of component 1",
+    "normals_2": "unit vectors of component 2",
+}
 UP_AXES = ("y", "z")  # as `framed_field.UP_AXES`
 _WRITES = "writes"  # of the parsed arguments: names of those that are files to write
 

@@ -1,10 +1,9 @@
 """`ddf query`: what a fitted field says along given rays, in the frame of the mesh that was fitted."""
 
 import argparse
-import io
 from typing import Any
 
-from ddf.cli import arguments
+from ddf.cli import arguments, image_files
 
 EXAMPLES = (
     "ddf query chair_field --rays rays.npz --out answers.npz",
@@ -28,19 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Query the field and write the answers; depth is in the mesh's units, inf where nothing is seen."""
-    import numpy as np
-
     from ddf.core import storage
-    from ddf.fields import framed_field
     from ddf.geometry import ray_io
     from ddf.shape import shape_field
 
     points = ray_io.read(args.rays)
-    found, evaluated = framed_field.query(shape_field.load(args.field), points, args.outputs)
-    buffer = io.BytesIO()
-    arrays: dict[str, Any] = {name: values.astype(np.float32) for name, values in found.items()}
-    np.savez(buffer, **arrays)
-    storage.write_bytes(args.out, buffer.getvalue())
+    found, evaluated = shape_field.query(shape_field.load(args.field), points, args.outputs)
+    storage.write_bytes(args.out, image_files.npz(found))
     total = len(points.positions)
     return {
         "rays": total,

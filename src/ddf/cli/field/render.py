@@ -1,11 +1,12 @@
-"""`ddf render`: one picture of a fitted field, one query per pixel that meets its box, or fewer."""
+"""`ddf render`: what a camera sees of a fitted field, as a picture or as arrays; one query per pixel, or fewer."""
 
 import argparse
 import time
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ddf.cli import arguments, pictures
-from ddf.core import checks
+from ddf.cli import arguments, image_files
 
 if TYPE_CHECKING:
     import numpy as np
@@ -14,23 +15,47 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "ddf render chair_field depth.png",
-    "ddf render chair_field normals.png --output normals --camera -30,20,1.0",
+    "ddf render chair_field normals.webp --output normals --camera -30,20 --size 512",
+    "ddf render chair_field seen.npz --output visibility,depth,normals",
+    "ddf render chair_field depth16.png --bits 16",
 )
+_LARGEST = 8192  # pixels a side
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare field, picture and camera."""
+    """Declare field, file and camera."""
+    suffixes = (*image_files.PICTURES, *image_files.ARRAYS)
     arguments.add_field(parser)
-    arguments.add_out(parser, "out", "OUT.png", "picture to write")
+    arguments.add_out(
+        parser, "out", "OUT", f"{', '.join(suffixes)}: a picture of one output, or the numbers of several (npz, exr)"
+    )
     parser.add_argument(
         "--camera",
-        metavar="AZ,EL,R",
-        default="35,25,0.9",
-        help="azimuth and elevation in degrees, distance from the box's centre with 0.57 for one diagonal of the box; "
-        "(default %(default)s)",
+        metavar="AZ,EL[,R]",
+        type=camera,
+        default="35,25",
+        help="azimuth and elevation in degrees, and the distance from the box's centre with 0.57 for one diagonal of "
+        "the box; without it the box fills the picture (default %(default)s)",
     )
-    parser.add_argument("--size", metavar="N", type=int, default=256, help="pixels a side (default %(default)s)")
-    parser.add_argument("--output", choices=arguments.OUTPUTS, default="depth", help="(default %(default)s)")
+    parser.add_argument(
+        "--size", metavar="N", type=arguments.whole_number(1, _LARGEST), default=256, help="pixels a side (default 256)"
+    )
+    parser.add_argument(
+        "--output",
+        "--outputs",
+        dest="outputs",
+        metavar="NAME,...",
+        type=arguments.outputs,
+        default="depth",
+        help=f"some of {','.join(arguments.OUTPUTS)}; one for a picture (default %(default)s)",
+    )
+    parser.add_argument(
+        "--bits",
+        type=int,
+        choices=(8, 16),
+        default=8,
+        help="16: a PNG of depth holds the numbers, depth = value x step, 0 where nothing is seen (default 8: colours)",
+    )
     parser.add_argument(
         "--refine",
         metavar="SHARE",
@@ -43,58 +68,122 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def camera(text: str) -> tuple[float, float, float | None]:
+    """The type of --camera: azimuth, elevation and, if given, radius."""
+    try:
+        azimuth, elevation, *radius = (float(part) for part in text.split(","))
+        (distance,) = radius or [None]
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"must be two or three numbers az,el[,r]; got {text!r}") from error
+    return azimuth, elevation, distance
+
+
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Render and write the picture; returns how many rays were evaluated and the time that took."""
-    from ddf.core import storage
-    from ddf.fields import framed_field
-    from ddf.report import field_pictures
+    """Render and write the file; returns range and unit of what was drawn, and how many rays were evaluated."""
+    suffix = args.out.suffix.lower()
+    _check(suffix, args)
     from ddf.shape import shape_field
 
-    camera = parse_camera(args.camera)
     shape = shape_field.load(args.field)
+    azimuth, elevation, radius = args.camera
+    if radius is None:
+        radius = shape_field.framing_radius(shape, azimuth, elevation, args.up)
     started = time.monotonic()
-    if args.refine is None:
-        images, evaluated = framed_field.render(shape, camera, args.size, {"visibility", args.output}, args.up)
-    else:
-        images, evaluated = _refined(shape, camera, args)
+    images, evaluated = _images(shape, (azimuth, elevation, radius), args)
     seconds = time.monotonic() - started
-    storage.write_bytes(args.out, pictures.encode(field_pictures.picture(args.output, images), ".png"))
-    return {
-        "output": args.output,
+    drawn = {name: images[name] for name in args.outputs}
+    seen = images["visibility"] >= shape_field.SEEN
+    result = {
+        "output": ",".join(args.outputs),
+        "range": {name: _range(values, seen) | {"unit": arguments.OUTPUTS[name]} for name, values in drawn.items()},
+        "camera": {"azimuth_deg": azimuth, "elevation_deg": elevation, "radius": radius},
         "pixels": args.size**2,
         "evaluated": evaluated,
         "saved": args.size**2 - evaluated,
-        "seen": int((images["visibility"] >= framed_field.SEEN).sum()),
+        "seen": int(seen.sum()),
         "seconds": round(seconds, 4),
         "out": args.out.as_posix(),
     }
+    step = _write(args, suffix, drawn, images)
+    if step is not None:
+        result["depth_step"] = step
+    return result | _words(result, args)
 
 
-def _refined(
+def _check(suffix: str, args: argparse.Namespace) -> None:
+    """Raise when the file cannot hold what is asked for."""
+    from ddf.core import checks
+
+    if suffix not in (*image_files.PICTURES, *image_files.ARRAYS):
+        known = ", ".join((*image_files.PICTURES, *image_files.ARRAYS))
+        raise checks.InputError(f"{args.out}: must end in one of {known}")
+    if suffix in image_files.PICTURES and len(args.outputs) > 1:
+        raise checks.InputError(f"{args.out}: a picture shows one output, .npz and .exr hold {len(args.outputs)}")
+    if args.bits == 16 and (suffix != ".png" or args.outputs != ("depth",)):
+        raise checks.InputError("--bits 16 is for the depth in a .png; .npz and .exr hold numbers of any output")
+    if args.refine is not None and args.outputs != ("depth",):
+        raise checks.InputError(f"--refine goes with --output depth alone; got {','.join(args.outputs)}")
+
+
+def _images(
     shape: "shape_field.ShapeField", camera: tuple[float, float, float], args: argparse.Namespace
 ) -> "tuple[dict[str, np.ndarray], int]":
-    """Depth from fewer rays, and what is seen by it."""
+    """What is asked for and the visibility, and the number of rays evaluated."""
     import numpy as np
 
-    from ddf.fields import framed_field
-    from ddf.geometry import sparse_depth
+    from ddf.fields import sparse_depth
+    from ddf.shape import shape_field
 
-    if args.output != "depth":
-        raise checks.InputError(f"--refine goes with --output depth alone; got {args.output}")
+    if args.refine is None:
+        return shape_field.render(shape, camera, args.size, {"visibility", *args.outputs}, args.up)
     longest = float((shape.upper - shape.lower).max()) / shape.field_from_mesh.scale
     how = sparse_depth.Refinement(args.refine * longest)
-    depth, evaluated = framed_field.render_depth(shape, camera, args.size, how, args.up)
+    depth, evaluated = shape_field.render_depth(shape, camera, args.size, how, args.up)
     return {"depth": depth, "visibility": np.isfinite(depth).astype(float)}, evaluated
 
 
-def parse_camera(text: str) -> tuple[float, float, float]:
-    """Azimuth, elevation and radius from `az,el,r`.
+def _range(values: "np.ndarray", seen: "np.ndarray") -> dict[str, float]:
+    """Least and largest of what is seen; NaN where nothing is."""
+    known = values[seen]
+    if not known.size:
+        return {"min": float("nan"), "max": float("nan")}
+    return {"min": float(known.min()), "max": float(known.max())}
 
-    Raises:
-      InputError: not three numbers.
-    """
-    try:
-        azimuth, elevation, radius = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise checks.InputError(f"--camera must be three numbers az,el,r; got {text!r}") from error
-    return azimuth, elevation, radius
+
+def _write(
+    args: argparse.Namespace, suffix: str, drawn: "Mapping[str, np.ndarray]", images: "dict[str, np.ndarray]"
+) -> float | None:
+    """Write the file; the step of a depth of 16 bits."""
+    from ddf.core import storage
+
+    path: Path = args.out
+    if suffix == ".exr":
+        image_files.write_exr(path, drawn)
+    elif suffix == ".npz":
+        storage.write_bytes(path, image_files.npz(drawn))
+    elif args.bits == 16:
+        data, step = image_files.depth_png(drawn["depth"])
+        storage.write_bytes(path, data)
+        return step
+    else:
+        from ddf.report import field_pictures  # colours come from matplotlib, which takes its time
+
+        (name,) = drawn
+        storage.write_bytes(path, image_files.encode(field_pictures.picture(name, images), suffix))
+    return None
+
+
+def _words(result: Mapping[str, Any], args: argparse.Namespace) -> dict[str, Any]:
+    """The table and the verdict."""
+    from ddf.cli import results
+
+    rows = [(name, found["min"], found["max"], found["unit"]) for name, found in result["range"].items()]
+    view = result["camera"]
+    verdict = (
+        f"{args.out}: {args.size} x {args.size} pixels, {result['seen'] / result['pixels']:.0%} of them see the object "
+        f"from {view['azimuth_deg']:g},{view['elevation_deg']:g},{view['radius']:.3g}; "
+        f"{result['evaluated']:,} rays in {result['seconds']:.2f} s"
+    )
+    if "depth_step" in result:
+        verdict += f"; depth = value x {result['depth_step']:.6g}, 0 where nothing is seen"
+    return {"table": results.grid(("output", "least", "largest", "unit"), rows), "verdict": verdict}

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from ddf.cli import cloud_settings, pictures
+from ddf.cli import cloud_settings, image_files
 from ddf.core import checks, storage
 from ddf.data import shapenet
 from ddf.fields import cloud_projection, rendering
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     args.out.mkdir(parents=True, exist_ok=True)
     storage.write_bytes(args.out / "cloud.ply", point_io.points_ply(scale * cloud.cpu().numpy()))
     for name, picture in _pictures(images).items():
-        storage.write_bytes(args.out / f"{name}.png", pictures.encode(picture, ".png"))
+        storage.write_bytes(args.out / f"{name}.png", image_files.encode(picture, ".png"))
     azimuth, elevation, radius = (float(x) for x in camera)
     result = {
         "camera": {

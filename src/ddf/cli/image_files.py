@@ -1,0 +1,76 @@
+"""Images as files: pictures, depths as 16-bit numbers, and arrays."""
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float, UInt8
+
+PICTURES = {".png": "PNG", ".webp": "WEBP"}
+ARRAYS = (".npz", ".exr")
+_LEVELS = 65535  # of 16 bits, beside 0
+_AXES = "XYZ"
+
+
+def encode(picture: "UInt8[np.ndarray, 'height width 3']", suffix: str) -> bytes:
+    """A picture as a file of one of the `PICTURES`; both keep every pixel."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    more = {"lossless": True} if suffix == ".webp" else {}
+    Image.fromarray(picture).save(buffer, format=PICTURES[suffix], **more)
+    return buffer.getvalue()
+
+
+def depth_png(depth: "Float[np.ndarray, 'height width']") -> tuple[bytes, float]:
+    """Depth as a PNG of 16 bits, and its step: depth = value x step, and 0 where nothing is seen.
+
+    The step is the largest depth over 65,535; the file says it too, as its text `depth_step`.
+    """
+    import numpy as np
+    from PIL import Image, PngImagePlugin
+
+    seen = np.isfinite(depth)
+    step = float(depth[seen].max() / _LEVELS) if seen.any() else float("nan")
+    levels = np.where(seen, np.rint(np.where(seen, depth, 0.0) / (step if step > 0 else 1.0)), 0.0)
+    note = PngImagePlugin.PngInfo()
+    note.add_text("depth_step", repr(step))
+    buffer = io.BytesIO()
+    Image.fromarray(levels.astype(np.uint16)).save(buffer, format="PNG", pnginfo=note)
+    return buffer.getvalue(), step
+
+
+def npz(arrays: "Mapping[str, np.ndarray]") -> bytes:
+    """Named arrays as float32."""
+    import numpy as np
+
+    buffer = io.BytesIO()
+    single = {name: np.asarray(values, dtype=np.float32) for name, values in arrays.items()}
+    np.savez(buffer, allow_pickle=False, **single)
+    return buffer.getvalue()
+
+
+def write_exr(path: Path, images: "Mapping[str, Float[np.ndarray, 'height width ...']]") -> None:
+    """Images as float32 channels of one OpenEXR file: `depth`, `normals.X`, `normals.Y`, ...
+
+    Raises:
+      InputError: the package OpenEXR is not installed.
+    """
+    import numpy as np
+
+    from ddf.core import checks, storage
+
+    try:
+        import OpenEXR
+    except ModuleNotFoundError as error:
+        raise checks.InputError(f"{path}: .exr needs the package OpenEXR: pip install openexr") from error
+    channels = {}
+    for name, values in images.items():
+        planes = {name: values} if values.ndim == 2 else {f"{name}.{a}": values[..., i] for i, a in enumerate(_AXES)}
+        channels |= {key: np.ascontiguousarray(plane, dtype=np.float32) for key, plane in planes.items()}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with storage.atomic_path(path) as temporary, OpenEXR.File(header, channels) as file:
+        file.write(str(temporary))
