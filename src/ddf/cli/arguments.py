@@ -5,6 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ddf.core import shipped_models
+
 OUTPUTS = {  # of a field, as `shape_field.OUTPUTS`, and their units
     "visibility": "probability",
     "depth": "mesh units along the ray",
@@ -22,7 +24,10 @@ _WRITES = "writes"  # of the parsed arguments: names of those that are files to 
 def add_field(parser: argparse.ArgumentParser) -> None:
     """The fitted field that a command reads."""
     parser.add_argument(
-        "field", metavar="FIELD", type=Path, help="folder that `ddf fit` wrote, or its model.safetensors"
+        "field",
+        metavar="FIELD",
+        type=shipped_models.place,
+        help="folder that `ddf fit` wrote, its model.safetensors, or the name of a field that `ddf models` lists",
     )
 
 

@@ -52,8 +52,10 @@ def has_faces(path: Path | str) -> bool:
     return any(element.name in ("face", "tristrips") and element.count > 0 for element in elements)
 
 
-def points_ply(points: Float[np.ndarray, "n 3"]) -> bytes:
-    """A binary PLY of float32 vertices."""
+def points_ply(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"] | None = None) -> bytes:
+    """A binary PLY of float32 vertices, with normals (`nx`, `ny`, `nz`) if there are."""
+    columns = [points] if normals is None else [points, normals]
+    names = "x y z".split() if normals is None else "x y z nx ny nz".split()
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
-    header += "".join(f"property float {axis}\n" for axis in "xyz") + "end_header\n"
-    return header.encode() + np.ascontiguousarray(points, dtype="<f4").tobytes()
+    header += "".join(f"property float {name}\n" for name in names) + "end_header\n"
+    return header.encode() + np.ascontiguousarray(np.concatenate(columns, axis=1), dtype="<f4").tobytes()

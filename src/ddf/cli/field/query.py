@@ -6,8 +6,8 @@ from typing import Any
 from ddf.cli import arguments, image_files
 
 EXAMPLES = (
-    "ddf query chair_field --rays rays.npz --out answers.npz",
-    "ddf query chair_field --rays rays.npz --out answers.npz --outputs depth,mean_curvature",
+    "ddf query rabbit --rays rays.npz --out answers.npz",
+    "ddf query rabbit --rays rays.npz --out answers.npz --outputs depth,mean_curvature",
 )
 
 

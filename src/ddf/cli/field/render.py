@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from ddf.shape import shape_field
 
 EXAMPLES = (
-    "ddf render chair_field depth.png",
-    "ddf render chair_field normals.webp --output normals --camera -30,20 --size 512",
-    "ddf render chair_field seen.npz --output visibility,depth,normals",
-    "ddf render chair_field depth16.png --bits 16",
+    "ddf render rabbit depth.png",
+    "ddf render rabbit normals.webp --output normals --camera -30,20 --size 512",
+    "ddf render rabbit seen.npz --output visibility,depth,normals",
+    "ddf render rabbit depth16.png --bits 16",
 )
 _LARGEST = 8192  # pixels a side
 

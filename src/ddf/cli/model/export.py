@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from ddf.cli import arguments, results
+from ddf.core import shipped_models
 
 EXAMPLES = (
-    "ddf export chair_field field.onnx",
-    "ddf export chair_field small.onnx --precision float16 --outputs depth,visibility",
+    "ddf export rabbit field.onnx",
+    "ddf export rabbit small.onnx --precision float16 --outputs depth,visibility",
 )
 PRECISIONS = ("float32", "float16", "bfloat16", "int8")  # of `weight_precision`
 BATCHES = (1, 7, 65536)  # rays that the file and the model are compared with
@@ -19,8 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "model",
         metavar="MODEL",
-        type=Path,
-        help="trained model (artifacts/cpu/train_ddf/chair), or a folder that `ddf fit` wrote",
+        type=shipped_models.place,
+        help="trained model (artifacts/cpu/train_ddf/chair), a folder that `ddf fit` wrote, or a name of `ddf models`",
     )
     arguments.add_out(parser, "out", "OUT.onnx", "file to write")
     parser.add_argument(

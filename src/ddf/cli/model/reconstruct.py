@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ddf.core import shipped_models
+
 EXAMPLES = ("ddf reconstruct chair.png artifacts/cpu/train_ddf/chair chair",)
 DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
 
@@ -11,7 +13,12 @@ DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare image, model and output folder."""
     parser.add_argument("image", metavar="IMAGE.png", type=Path, help="RGBA image; its alpha is the mask of the object")
-    parser.add_argument("model", metavar="MODEL", type=Path, help="trained DDF: artifacts/cpu/train_ddf/chair")
+    parser.add_argument(
+        "model",
+        metavar="MODEL",
+        type=shipped_models.place,
+        help="trained DDF: a name that `ddf models` lists, or artifacts/cpu/train_ddf/chair",
+    )
     parser.add_argument(
         "out", metavar="OUT_DIR", type=Path, help="folder, made if needed; gets cloud.ply, camera.json and pictures"
     )

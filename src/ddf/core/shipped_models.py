@@ -1,0 +1,43 @@
+"""The trained models and fields that come with the package: `src/ddf/models`, one folder each, listed in index.json."""
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1] / "models"
+INDEX = "index.json"
+
+
+@dataclass(frozen=True)
+class ShippedModel:
+    """A model: its name, what it is (field, reconstruction, vae), one sentence, its folder, its files with bytes."""
+
+    name: str
+    kind: str
+    summary: str
+    folder: Path
+    files: dict[str, int]
+
+    @property
+    def num_bytes(self) -> int:
+        """Of all its files."""
+        return sum(self.files.values())
+
+
+@cache
+def listed(root: Path = ROOT) -> tuple[ShippedModel, ...]:
+    """All of them, in the order of the index; none where there is no index."""
+    index = root / INDEX
+    if not index.is_file():
+        return ()
+    entries = json.loads(index.read_text(encoding="utf-8"))["models"]
+    return tuple(ShippedModel(e["name"], e["kind"], e["summary"], root / e["name"], e["files"]) for e in entries)
+
+
+def place(name_or_path: str | Path) -> Path:
+    """The path as it is, or the folder of the model of that name where no such path exists."""
+    path = Path(name_or_path)
+    if path.exists():
+        return path
+    return next((model.folder for model in listed() if model.name == str(name_or_path)), path)
