@@ -19,6 +19,7 @@ from ddf.geometry import cameras, rays, sparse_depth, transforms
 
 DEFAULT_OUTPUTS = ("visibility", "depth", "normals")
 SEEN = 0.5  # visibility from which on a surface counts as seen
+FRAMED = 0.95  # of a picture's half width, that a framed box takes
 CHUNK_RAYS = 16384  # speed and memory only
 _UP_FROM_Y = {"y": np.eye(3), "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])}
 UP_AXES = tuple(_UP_FROM_Y)
@@ -163,6 +164,24 @@ def camera_at(field: FramedField, position: Float[np.ndarray, "3"], up: str = "y
     x, y, z = turn.T @ (position - box_centre) / unit
     level = np.hypot(x, z)
     return float(np.degrees(np.arctan2(z, x))), float(np.degrees(np.arctan2(y, level))), float(np.hypot(level, y))
+
+
+def framing_radius(field: FramedField, azimuth_deg: float, elevation_deg: float, up: str = "y") -> float:
+    """The least radius (benchmark units) from which the picture holds the field's box, with a margin (`FRAMED`).
+
+    A corner (x, y, z) in the camera's axes, about the box's centre, is seen at f x / (r - z) from the picture's middle.
+
+    Raises:
+      InputError: an angle that is not finite.
+    """
+    checks.require_finite("camera", np.array([azimuth_deg, elevation_deg]))
+    _, unit, turn = _camera_frame(field, up)
+    signs = np.array(np.meshgrid(*3 * [(-1.0, 1.0)])).reshape(3, -1).T
+    corners = signs * (field.upper - field.lower) / 2 @ turn / unit
+    angles = np.deg2rad(np.array([azimuth_deg, elevation_deg]))
+    x, y, z = cameras.rotation(angles[0], angles[1]) @ corners.T
+    half_angle = FRAMED * cameras.CENTRE_PX / cameras.FOCAL_PX  # tangent of half the angle that the box may take
+    return float((z + np.maximum(np.abs(x), np.abs(y)) / half_angle).max())
 
 
 def _camera_frame(field: FramedField, up: str) -> tuple[Float[np.ndarray, "3"], float, Float[np.ndarray, "3 3"]]:

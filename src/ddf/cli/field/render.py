@@ -11,7 +11,7 @@ from ddf.cli import arguments, image_files
 if TYPE_CHECKING:
     import numpy as np
 
-    from ddf.shape import shape_field
+    from ddf.fields import framed_field
 
 EXAMPLES = (
     "ddf render rabbit depth.png",
@@ -82,17 +82,18 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Render and write the file; returns range and unit of what was drawn, and how many rays were evaluated."""
     suffix = args.out.suffix.lower()
     _check(suffix, args)
+    from ddf.fields import framed_field
     from ddf.shape import shape_field
 
     shape = shape_field.load(args.field)
     azimuth, elevation, radius = args.camera
     if radius is None:
-        radius = shape_field.framing_radius(shape, azimuth, elevation, args.up)
+        radius = framed_field.framing_radius(shape, azimuth, elevation, args.up)
     started = time.monotonic()
     images, evaluated = _images(shape, (azimuth, elevation, radius), args)
     seconds = time.monotonic() - started
     drawn = {name: images[name] for name in args.outputs}
-    seen = images["visibility"] >= shape_field.SEEN
+    seen = images["visibility"] >= framed_field.SEEN
     result = {
         "output": ",".join(args.outputs),
         "range": {name: _range(values, seen) | {"unit": arguments.OUTPUTS[name]} for name, values in drawn.items()},
@@ -126,19 +127,19 @@ def _check(suffix: str, args: argparse.Namespace) -> None:
 
 
 def _images(
-    shape: "shape_field.ShapeField", camera: tuple[float, float, float], args: argparse.Namespace
+    shape: "framed_field.FramedField", camera: tuple[float, float, float], args: argparse.Namespace
 ) -> "tuple[dict[str, np.ndarray], int]":
     """What is asked for and the visibility, and the number of rays evaluated."""
     import numpy as np
 
-    from ddf.fields import sparse_depth
-    from ddf.shape import shape_field
+    from ddf.fields import framed_field
+    from ddf.geometry import sparse_depth
 
     if args.refine is None:
-        return shape_field.render(shape, camera, args.size, {"visibility", *args.outputs}, args.up)
+        return framed_field.render(shape, camera, args.size, {"visibility", *args.outputs}, args.up)
     longest = float((shape.upper - shape.lower).max()) / shape.field_from_mesh.scale
     how = sparse_depth.Refinement(args.refine * longest)
-    depth, evaluated = shape_field.render_depth(shape, camera, args.size, how, args.up)
+    depth, evaluated = framed_field.render_depth(shape, camera, args.size, how, args.up)
     return {"depth": depth, "visibility": np.isfinite(depth).astype(float)}, evaluated
 
 
