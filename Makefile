@@ -130,6 +130,10 @@ test-fast: lint ## lint, types and unit tests
 test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged files
 	@$(RUN) -m pytest -q -m slow
 
+.PHONY: test-gpu
+test-gpu: $(READY) ## the tests marked gpu, on a machine that has one
+	@$(RUN) -m pytest -q -m gpu
+
 .PHONY: lint
 lint: $(READY) ## format check, lint and types
 	@ruff format --check -q . && ruff check -q . && pyright --warnings

@@ -5,9 +5,9 @@ import functools
 import sys
 from pathlib import Path
 
+import _hand_made
 import _models
 import numpy as np
-import test_reconstruction_steps
 import torch
 from torch import nn
 
@@ -48,20 +48,16 @@ def fresh(kind):
     """A reconstruction model and the loss of its steps."""
     torch.manual_seed(0)
     images, shapes, samples = (
-        test_reconstruction_steps._images(),
-        test_reconstruction_steps._shapes(),
-        test_reconstruction_steps._samples(),
+        _hand_made.images(),
+        _hand_made.shapes(),
+        _hand_made.samples(),
     )
     if kind == "ddf":
-        model = reconstruction_models.ddf_model(TRAIN, test_reconstruction_steps.DDF)
-        loss = functools.partial(
-            training_steps.ddf_step, model, images, shapes, samples, TRAIN, test_reconstruction_steps.DDF
-        )
+        model = reconstruction_models.ddf_model(TRAIN, _hand_made.DDF)
+        loss = functools.partial(training_steps.ddf_step, model, images, shapes, samples, TRAIN, _hand_made.DDF)
     else:
-        model = reconstruction_models.pcsiren_model(TRAIN, test_reconstruction_steps.PCSIREN)
-        loss = functools.partial(
-            training_steps.pcsiren_step, model, images, shapes, TRAIN, test_reconstruction_steps.PCSIREN
-        )
+        model = reconstruction_models.pcsiren_model(TRAIN, _hand_made.PCSIREN)
+        loss = functools.partial(training_steps.pcsiren_step, model, images, shapes, TRAIN, _hand_made.PCSIREN)
     model.camera_head.fit(images.cameras)
     return model, loss
 

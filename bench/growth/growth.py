@@ -29,6 +29,7 @@ from ddf.report import pages
 ROOT = measuring.ROOT
 CONFIG, PAPER = ROOT / "configs" / "cpu.yaml", ROOT / "configs" / "paper.yaml"
 STEP = measuring.OUT / "full_size_step.json"
+GPU = measuring.REPORTS / "gpu" / "check.json"  # of `gpu_check`, where one was measured
 CATEGORY, SIZES = "chair", (30, 300)
 LIMIT_MIB = 4096
 COUNTS = {"U": 1200, "A": 1200, "B": 600, "S": 600, "T": 600, "O": 600}
@@ -152,8 +153,14 @@ def paper_costs(folder: Path, images: dict[str, float]) -> dict[str, Any]:
     }
 
 
-def project(costs: Mapping[str, Any], step: Mapping[str, Any] | None) -> list[dict[str, Any]]:
-    """A row per stage: units, what one costs, hours by machine and bytes; None is what was not measured."""
+def project(
+    costs: Mapping[str, Any], step: Mapping[str, Any] | None, gpu: Mapping[str, Any] | None
+) -> list[dict[str, Any]]:
+    """A row per stage: units, what one costs, hours by machine and bytes; None is what was not measured.
+
+    Args:
+      step: a step's rows on the CPU. gpu: on one GPU.
+    """
     split, evaluate = projection.Split.of(projection.LINES), costs["evaluate"]
     cloud = costs["pointclouds"]
     maps = {
@@ -182,7 +189,7 @@ def project(costs: Mapping[str, Any], step: Mapping[str, Any] | None) -> list[di
             "bytes": size,
         }
     for stage, model in (("train_ddf", "ddf"), ("train_pcsiren", "pcsiren")):
-        rows[stage] = _training(stage, model, costs, step)
+        rows[stage] = _training(stage, model, costs, step, gpu)
     return [{"stage": stage, **rows[stage]} for stage in stage_notes.STAGES]
 
 
@@ -191,10 +198,12 @@ def _cloud_bytes(cloud: Mapping[str, Any], split: projection.Split) -> int:
     return projection.bytes_of_clouds(*sizes, split.train_images, split.test_images)
 
 
-def _training(stage: str, model: str, costs: Mapping[str, Any], step: Mapping[str, Any] | None) -> dict[str, Any]:
+def _training(
+    stage: str, model: str, costs: Mapping[str, Any], step: Mapping[str, Any] | None, gpu: Mapping[str, Any] | None
+) -> dict[str, Any]:
     """Three trainings, one per category; PC-SIREN has as many parameters as the DDF, but for its last layer."""
     steps, count = costs["steps"][stage], len(projection.LINES)
-    on_cpu, on_gpu = (projection.find_step(step, model, device) for device in ("cpu", "cuda"))
+    on_cpu, on_gpu = projection.find_step(step, model, "cpu"), projection.find_step(gpu, model, "cuda")
     hours: dict[str, float | None] = dict.fromkeys([*MACHINES, "one GPU"])
     if step is not None and on_cpu is not None:
         hours |= {
@@ -341,6 +350,12 @@ def _number(value: float | None) -> str:
     return f"{value:,.0f}" if value >= 10 else f"{value:.2g}"
 
 
+def _gpu_steps() -> dict[str, Any] | None:
+    """Rows of steps on one GPU, float32 first."""
+    record = _read(GPU)
+    return None if record is None else {"rows": record["steps"]}
+
+
 def _line(what: str, value: Any) -> dict[str, Any]:
     """A finding as the row of a benchmark that times nothing."""
     return {"what": what, "size": {}, "error": {}, "found": value}
@@ -370,7 +385,7 @@ def main() -> None:
         "reference_memory": memory,
         "reference_disk": disk,
         "costs": costs,
-        "projection": project(costs, _read(STEP)),
+        "projection": project(costs, _read(STEP), _gpu_steps()),
     }
     measuring.write("growth", os.cpu_count() or 1, [_line(what, value) for what, value in found.items()])
     out = measuring.PAGES / "growth.md"

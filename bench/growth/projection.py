@@ -54,8 +54,8 @@ def training_hours(step_seconds: float, threads: int, steps: int, trainings: int
 
 
 def find_step(record: Mapping[str, Any] | None, model: str, device: str) -> Mapping[str, Any] | None:
-    """The row of reports/bench/full_size_step.json on one model (`what` begins with its name) and one device (`device`
-    of `size`, `cpu` where there is none); None without a record or such a row.
+    """The row on one model (`what` begins with its name) and one device (`device` of `size`, `cpu` where there is
+    none), of reports/bench/full_size_step.json or of the GPU check; None without a record or such a row.
     """
     rows = [] if record is None else record["rows"]
     found = (row for row in rows if row["what"].startswith(model) and row["size"].get("device", "cpu") == device)

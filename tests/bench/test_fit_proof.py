@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 import torch
 from _shapes import cube
-from test_fitting import TINY
+from _tiny_fits import TINY
 
 from bench.fits import contact_sheet, fit_curves, fit_options, fit_page, primitive_fits
 from bench.lib import curve_reach, measuring, overrides, results, side_by_side

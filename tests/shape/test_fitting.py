@@ -7,35 +7,20 @@ import numpy as np
 import pytest
 import torch
 from _shapes import cube, icosphere, joined, moved, torus
+from _tiny_fits import TINY, counts
 
 from ddf.core import checks, storage
-from ddf.data import sampling
 from ddf.fields import framed_field, pddf
 from ddf.geometry import mesh_io, primitives, rays
 from ddf.shape import fit_settings, fitting, shape_field, shape_samples
 from ddf.training import training_loop
 
-
-def _counts(count):
-    return sampling.Counts(U=count, A=count, B=count, S=count, T=count, O=count)
-
-
-TINY = dataclasses.replace(
-    fit_settings.DEFAULT,
-    field=pddf.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 100.0),
-    steps=6,
-    minutes=None,
-    samples=_counts(200),
-    held_out=_counts(100),
-    batch=dict.fromkeys(fitting.losses.ORDER, 20),
-    loop=training_loop.LoopConfig(2e-3, "cosine", 2, 1.0, 1, 0, 2, 100.0),
-)
 SPHERE = dataclasses.replace(
     TINY,
     field=pddf.PDDFConfig((48, 48, 48), 3.0, 1.0, "softplus", 100.0),
     steps=1200,
-    samples=_counts(10_000),
-    held_out=_counts(1000),
+    samples=counts(10_000),
+    held_out=counts(1000),
     batch={"U": 250, "A": 250, "B": 125, "S": 60, "T": 60, "O": 60, "E": 20},
     loop=training_loop.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
 )
@@ -151,7 +136,7 @@ def test_samples_stay_in_the_tight_box_and_thin_meshes_get_the_cube(margin):
 def test_rays_from_the_sides_of_the_box_have_a_margin_of_way_to_faces_in_them():
     """Samples on the sides of the box that look straight in: the face of a cube is a margin away, not 0 or 2."""
     config = dataclasses.replace(TINY, margin=0.1)
-    samples, _ = shape_samples.draw_samples(cube(), config, _counts(4000), "train")
+    samples, _ = shape_samples.draw_samples(cube(), config, counts(4000), "train")
     bounding = samples.arrays["B"]
     places, along = bounding["positions"], bounding["directions"]
     centred = places.abs().sort(dim=-1).values[:, 1] < 0.8  # and not beside the face
@@ -168,7 +153,7 @@ def test_errors_are_those_of_a_shape_of_length_two_whatever_the_margin():
         with torch.no_grad():
             field.network.head.bias[:2] = (1 - margin) * 0.5  # the same surface, seen in both frames
         config = dataclasses.replace(TINY, margin=margin)
-        samples, _ = shape_samples.draw_samples(cube(), config, _counts(2000), "held_out")
+        samples, _ = shape_samples.draw_samples(cube(), config, counts(2000), "held_out")
         found[margin] = fitting.held_out_errors(field, samples)["depth_l1"]["S"]
     assert found[0.5] == pytest.approx(found[0.0], rel=0.05)  # S starts on the shape alone
 
@@ -181,7 +166,7 @@ def test_training_and_held_out_samples_differ():
 
 def test_inner_sheets_are_part_of_the_shape():
     nested = joined(cube(), cube(0.3))
-    samples, _ = shape_samples.draw_samples(nested, TINY, _counts(2000), "train")
+    samples, _ = shape_samples.draw_samples(nested, TINY, counts(2000), "train")
     half = 0.3 * (1 - TINY.margin)
     u = samples.arrays["U"]
     hits = primitives.cast(
@@ -288,7 +273,7 @@ def test_a_flat_start_keeps_depth_above_zero_where_a_random_one_loses_its_gradie
         start=start,
         field=pddf.PDDFConfig((64, 64, 64), 6.0, 1.0, "softplus", 100.0),
         steps=80,
-        samples=_counts(2000),
+        samples=counts(2000),
         batch={"U": 100, "A": 100, "B": 50, "S": 25, "T": 50, "O": 40, "E": 10},
         loop=training_loop.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
     )

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 from _shapes import cube
-from test_fitting import TINY
+from _tiny_fits import TINY
 
 from ddf.core import storage
 from ddf.fields import losses

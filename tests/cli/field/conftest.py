@@ -5,7 +5,7 @@ import json
 import pytest
 import yaml
 from _shapes import moved, torus
-from _tiny_fit import TINY
+from _tiny_fits import SECTION
 
 from ddf import cli
 from ddf.geometry import mesh_io
@@ -17,7 +17,7 @@ def work(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fit")
     mesh = moved(torus(sections=16), 30.0, (100.0, 0.0, -50.0))
     (folder / "torus.ply").write_bytes(mesh_io.ply_bytes(mesh, double=True))
-    (folder / "tiny.yaml").write_text(yaml.safe_dump({"fit": TINY}))
+    (folder / "tiny.yaml").write_text(yaml.safe_dump({"fit": SECTION}))
     return folder
 
 

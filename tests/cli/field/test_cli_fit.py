@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from _tiny_fit import TINY
+from _tiny_fits import SECTION
 
 from ddf import cli
 from ddf.core import config
@@ -34,7 +34,7 @@ def test_fit_writes_field_log_and_metrics(fitted):
     record = shape_field.load(folder).record
     assert record["seed"] == 3
     assert list(record["sources"]) == ["torus.ply"]
-    assert record["field_from_mesh"]["scale"] == pytest.approx((1 - TINY["margin"]) / 30)
+    assert record["field_from_mesh"]["scale"] == pytest.approx((1 - SECTION["margin"]) / 30)
 
 
 def test_minutes_take_about_that_long(work, capsys):
@@ -75,7 +75,7 @@ def test_stage_fits_the_mesh_of_the_config_or_a_procedural_chair(work, tmp_path,
     run = runpy.run_path(str(ROOT / "stages" / "fit_shape.py"))["run"]
     sources = []
     for mesh in (None, str(work / "torus.ply")):
-        Path("tiny.yaml").write_text(yaml.safe_dump({"fit": {**TINY, "mesh": mesh}}))
+        Path("tiny.yaml").write_text(yaml.safe_dump({"fit": {**SECTION, "mesh": mesh}}))
         run(Path("tiny.yaml"))
         sources.append(shape_field.load(tmp_path / "artifacts" / "tiny" / "fit_shape").record["sources"])
     assert sources[0] == {}

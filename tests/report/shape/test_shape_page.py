@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import yaml
 from _shapes import torus
-from test_cli_fit import TINY
+from _tiny_fits import SECTION
 
 from ddf.core import storage
 from ddf.geometry import mesh_io
@@ -32,7 +32,7 @@ def reported(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         Path("torus.ply").write_bytes(mesh_io.ply_bytes(torus(sections=16)))
-        Path("tiny_fit.yaml").write_text(yaml.safe_dump({"fit": {**TINY, "mesh": "torus.ply"}}))
+        Path("tiny_fit.yaml").write_text(yaml.safe_dump({"fit": {**SECTION, "mesh": "torus.ply"}}))
         for name in ("fit_shape", "ablate_samples", "report_shape"):
             _run(name)
         yield folder

@@ -1,6 +1,28 @@
-"""The section `fit` of a fit that takes no time."""
+"""Settings of fits that take a second: as the section of a config, and as text of its file."""
 
-TINY = {
+import dataclasses
+
+from ddf.data import sampling
+from ddf.fields import losses, pddf
+from ddf.shape import fit_settings
+from ddf.training import training_loop
+
+
+def counts(count):
+    return sampling.Counts(U=count, A=count, B=count, S=count, T=count, O=count)
+
+
+TINY = dataclasses.replace(
+    fit_settings.DEFAULT,
+    field=pddf.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 100.0),
+    steps=6,
+    minutes=None,
+    samples=counts(200),
+    held_out=counts(100),
+    batch=dict.fromkeys(losses.ORDER, 20),
+    loop=training_loop.LoopConfig(2e-3, "cosine", 2, 1.0, 1, 0, 2, 100.0),
+)
+SECTION = {
     "mesh": None,
     "field": {
         "hidden": [16, 16],

@@ -1,0 +1,66 @@
+"""Settings and hand-made data for steps and reconstructions of small models."""
+
+import _models
+import numpy as np
+import torch
+
+from ddf.data import packing
+from ddf.fields import cloud_projection, pddf
+from ddf.geometry import transforms
+from ddf.reconstruction import (
+    category_data,
+    settings,
+)
+
+TRAIN = _models.TRAIN
+PLACES = [(0, 0), (0, 1), (1, 0)]  # of the shapes: shard, and row in it
+COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
+FIELD = pddf.PDDFConfig((12, 12), 3.0, 1.0, "softplus", 20.0)
+DDF = settings.DDFConfig(FIELD, 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.0, 16, 20, None)
+PCSIREN = settings.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50, 70)
+CLOUD = cloud_projection.CloudConfig(8, 2, 0.1, 0.0, 0.0, (), None, 0.05, 0.05, 1000)
+POINTCLOUDS = settings.PointcloudsConfig(
+    CLOUD,
+    settings.CorrectionConfig(2, 0.05, 16, settings.CAMERA_NUMBERS),
+    (0.0,),
+    None,
+    None,
+    60,
+    30,
+    None,
+    2,
+    12,
+    0,
+)
+
+
+def images(count=6, shapes=3):
+    generator = torch.Generator().manual_seed(0)
+    images = (torch.rand(count, 4, 32, 32, generator=generator) * 255).to(torch.uint8)
+    poses = torch.rand(count, 3, generator=generator) * torch.tensor([6.0, 0.1, 0.3]) + torch.tensor([0.0, 0.45, 0.65])
+    ids = [f"shape{i}" for i in range(shapes)]
+    return category_data.ImageSet(ids, [i % 5 for i in range(count)], np.arange(count) % shapes, images, poses)
+
+
+def shapes(count=3):
+    random = np.random.default_rng(0)
+    clouds = [torch.from_numpy(random.uniform(-1, 1, (80, 3))).float() for _ in range(count)]
+    frames = [transforms.Similarity(2.0 + i) for i in range(count)]
+    return category_data.ShapeSet([f"shape{i}" for i in range(count)], frames, clouds)
+
+
+def samples(shapes=3, stored=40):
+    """Every sample of shape i has depth (i + 1)/4, so that a mix-up of shapes shows."""
+    random = np.random.default_rng(1)
+    arrays = {}
+    for kind in packing.KINDS:
+        directions = random.standard_normal((shapes, stored, 3))
+        directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+        depth = np.repeat((np.arange(shapes) + 1)[:, None] / 4.0, stored, axis=1)
+        depth[:, ::4] = np.inf
+        arrays[f"{kind}.positions"] = packing.encode_positions(random.uniform(-1, 1, (shapes, stored, 3)))
+        arrays[f"{kind}.directions"] = packing.encode_unit(directions, np.int16)
+        arrays[f"{kind}.depth"] = packing.encode_depth(depth)
+        arrays[f"{kind}.normals"] = packing.encode_unit(-directions, np.int8)
+    first = {name: values[:2] for name, values in arrays.items()}
+    return category_data.SampleSet([first, {name: values[2:] for name, values in arrays.items()}], PLACES[:shapes])
