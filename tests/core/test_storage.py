@@ -204,6 +204,14 @@ def test_files_get_the_usual_permissions(tmp_path):
     assert (tmp_path / "a.txt").stat().st_mode & 0o777 == _umask_mode()
 
 
+def test_a_mean_over_nothing_is_null_in_json_and_infinity_is_an_error(tmp_path):
+    nothing = float("nan")
+    storage.write_json(tmp_path / "a.json", {"a": nothing, "b": [1.5, (nothing,)], "c": {"d": nothing}, "e": "nan"})
+    assert storage.read_json(tmp_path / "a.json") == {"a": None, "b": [1.5, [None]], "c": {"d": None}, "e": "nan"}
+    with pytest.raises(ValueError, match="JSON"):
+        storage.write_json(tmp_path / "b.json", {"a": float("inf")})
+
+
 def test_metadata_must_be_json(tmp_path):
     with pytest.raises(ValueError, match="JSON"):
         storage.save_tensors(tmp_path / "a.safetensors", {}, {"loss": float("nan")})

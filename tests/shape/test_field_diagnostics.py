@@ -6,6 +6,7 @@ import pytest
 import torch
 from _support import assert_close
 
+from ddf.fields import pddf
 from ddf.geometry import primitives
 from ddf.shape import field_diagnostics, shape_field
 
@@ -104,3 +105,15 @@ def test_a_field_is_measured_on_random_rays_of_its_box(tmp_path, monkeypatch):
         expected = np.quantile(values, [0.5, 0.95, 1.0]) if len(values) else np.zeros(3)
         assert_close(np.array([found[name][key] for key in ("median", "p95", "worst")]), expected, atol=1e-5, rtol=1e-4)
     assert found == field_diagnostics.measure(shape, 100, seed=1)
+
+
+def test_residuals_of_a_field_that_sees_nothing_are_not_a_number(tmp_path):
+    shape = shape_field.load(_models.write_shape_field(tmp_path))
+    with torch.no_grad():
+        shape.field.network.head.weight[pddf.VISIBILITY_ROW] = 0.0
+        shape.field.network.head.bias[pddf.VISIBILITY_ROW] = -9.0
+    found = field_diagnostics.measure(shape, 50)
+    assert found["eikonal_depth"]["rays"] == found["view_depth"]["rays"] == 0
+    for name in ("eikonal_depth", "gradient_consistency", "view_depth", "view_visibility"):
+        assert np.isnan([found[name][key] for key in ("median", "p95", "worst")]).all(), name
+    assert found["eikonal_visibility"]["rays"] == 50 and found["eikonal_visibility"]["worst"] >= 0

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from _tiny_fits import TINY, counts
 from ddf.core import checks, storage
 from ddf.fields import framed_field, pddf
 from ddf.geometry import mesh_io, primitives, rays
-from ddf.shape import fit_settings, fitting, shape_field, shape_samples
+from ddf.shape import fit_errors, fit_settings, fitting, shape_field, shape_samples
 from ddf.training import training_loop
 
 SPHERE = dataclasses.replace(
@@ -156,6 +157,18 @@ def test_errors_are_those_of_a_shape_of_length_two_whatever_the_margin():
         samples, _ = shape_samples.draw_samples(cube(), config, counts(2000), "held_out")
         found[margin] = fitting.held_out_errors(field, samples)["depth_l1"]["S"]
     assert found[0.5] == pytest.approx(found[0.0], rel=0.05)  # S starts on the shape alone
+
+
+def test_errors_over_rays_that_all_miss_are_not_a_number_and_never_0():
+    samples, _ = shape_samples.draw_samples(cube(), TINY, counts(50), "held_out")
+    for part in samples.arrays.values():
+        part["visible"].zero_()
+    found = fitting.held_out_errors(pddf.PDDF(TINY.field), samples)
+    means = [found["depth_l1"]["U"], found["depth_l1_x10"]["T"], found["normal_angle_deg_median"]]
+    assert all(map(math.isnan, [*means, *found["normal_angle_deg"]["A"].values()]))
+    assert found["visibility_bce"]["U"] > 0  # of all samples, seen or not
+    table = fit_errors.fit_table(json.loads(json.dumps(found).replace("NaN", "null")))  # as fit.json has it
+    assert table[(table["source"] == "measured") & (table["metric"] == "depth_l1_x10")]["value"].isna().all()
 
 
 def test_training_and_held_out_samples_differ():

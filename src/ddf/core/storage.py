@@ -12,6 +12,7 @@ import hashlib
 import importlib.metadata
 import io
 import json
+import math
 import os
 import re
 import tempfile
@@ -89,8 +90,16 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def write_json(path: str | Path, data: Any) -> None:
-    """`data` as indented JSON with a final newline; NaN and infinity are errors, because JSON has neither."""
-    write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
+    """`data` as indented JSON with a final newline; NaN (a mean over nothing) is null, infinity is an error."""
+    write_text(path, json.dumps(_null_for_nan(data), indent=2, allow_nan=False) + "\n")
+
+
+def _null_for_nan(data: Any) -> Any:
+    if isinstance(data, Mapping):
+        return {key: _null_for_nan(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_null_for_nan(value) for value in data]
+    return None if isinstance(data, float) and math.isnan(data) else data
 
 
 def read_json(path: str | Path) -> Any:

@@ -9,6 +9,7 @@ whose derivatives grow without bound. Seen: visibility of at least 1/2.
                         max(0, d(p_2, v_2) - t) and 1 - ξ(p_2, v_2)                      [DDF22] app. `viewconsis`
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -94,8 +95,8 @@ def _chunks(values: Tensor) -> tuple[Tensor, ...]:
 
 
 def _summary(values: Float[Tensor, "n"]) -> dict[str, float]:
-    """Median, 95 %, worst and number; all 0 of nothing."""
+    """Median, 95 %, worst and number; NaN of nothing."""
     if not len(values):
-        return {"median": 0.0, "p95": 0.0, "worst": 0.0, "rays": 0}
+        return {"median": math.nan, "p95": math.nan, "worst": math.nan, "rays": 0}
     median, high, worst = np.quantile(values.double().cpu().numpy(), [0.5, 0.95, 1.0])
     return {"median": float(median), "p95": float(high), "worst": float(worst), "rays": len(values)}

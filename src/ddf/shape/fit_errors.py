@@ -4,6 +4,7 @@ fit.csv has the columns `type, metric, value, source`, ablate_samples.csv a firs
 depth and BCE of visibility per held-out type, ours and the paper's, and our angles of normals in degrees.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -28,7 +29,7 @@ def fit_table(held_out: Mapping[str, Any]) -> pd.DataFrame:
     for kind, angles in (*held_out["normal_angle_deg"].items(), (ALL, None)):
         for name in ("median", "p95"):
             value = held_out[f"normal_angle_deg_{name}"] if angles is None else angles[name]
-            rows.append((kind, f"normal_angle_deg_{name}", value, MEASURED))
+            rows.append((kind, f"normal_angle_deg_{name}", _number(value), MEASURED))
     rows += _paper_rows(leave_one_out.NONE)
     return pd.DataFrame(rows, columns=_FIT_FIELDS)
 
@@ -48,7 +49,14 @@ def ablation_table(results: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def _error_rows(held_out: Mapping[str, Any]) -> list[tuple[str, str, float, str]]:
-    return [(kind, metric, held_out[metric][kind], MEASURED) for metric in paper_ablation.METRICS for kind in TYPES]
+    return [
+        (kind, metric, _number(held_out[metric][kind]), MEASURED) for metric in paper_ablation.METRICS for kind in TYPES
+    ]
+
+
+def _number(value: float | None) -> float:
+    """NaN for a mean over nothing, which is null in JSON."""
+    return math.nan if value is None else value
 
 
 def _paper_rows(without: str) -> list[tuple[str, str, float, str]]:

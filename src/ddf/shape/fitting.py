@@ -10,6 +10,7 @@ these steps, so the learning rate still ends at zero. Their number is kept in `p
 
 import functools
 import hashlib
+import math
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -43,7 +44,7 @@ def start_flat(field: pddf.PDDF, samples: shape_samples.ShapeSamples) -> None:
     visible = torch.cat([part["depth"][part["visible"] > 0] for part in samples.arrays.values()])
     head = field.network.head
     head.weight[: pddf.NUM_COMPONENTS] *= _FLAT
-    head.bias[: pddf.NUM_COMPONENTS] = _mean(visible)
+    head.bias[: pddf.NUM_COMPONENTS] = _mean(visible) if len(visible) else 0.0
 
 
 def step_loss(
@@ -168,7 +169,8 @@ def held_out_errors(field: pddf.PDDF, samples: shape_samples.ShapeSamples) -> di
     Returns:
       depth_l1: mean |d_{i*} - d| over visible samples; depth_l1_x10: times ten, as printed. visibility_bce: mean over
       all samples, natural logarithm. normal_angle_deg_median, _p95: between normals over the visible U, A and B samples
-      (the types that L_n covers; the truth is known to under 1 degree), and `normal_angle_deg` of each type.
+      (the types that L_n covers; the truth is known to under 1 degree), and `normal_angle_deg` of each type. NaN where
+      nothing is visible.
     """
     found: dict[str, Any] = {"depth_l1": {}, "depth_l1_x10": {}, "visibility_bce": {}, "normal_angle_deg": {}}
     angles = []
@@ -199,13 +201,13 @@ def _angle_deg(first: Float[Tensor, "n 3"], second: Float[Tensor, "n 3"]) -> Flo
 
 
 def _mean(values: Tensor) -> float:
-    """Mean, 0 of nothing."""
-    return float(values.double().mean()) if len(values) else 0.0
+    """Mean, NaN of nothing."""
+    return float(values.double().mean())
 
 
 def _quantiles(values: Tensor) -> dict[str, float]:
-    """Median and 95 %, 0 of nothing."""
+    """Median and 95 %, NaN of nothing."""
     if not len(values):
-        return {"median": 0.0, "p95": 0.0}
+        return {"median": math.nan, "p95": math.nan}
     middle, high = np.quantile(values.numpy(), [0.5, 0.95])
     return {"median": float(middle), "p95": float(high)}
