@@ -7,7 +7,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/*.md", "reports/**/*.md"]
+PAGES = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/*.md", "docs/*.webp", "reports/**/*.md"]
 LINKED = ["LICENSE", "CITATION.cff", "pipeline.yaml", "configs/*.yaml", "src/ddf/**/*.py", "reports/**", "examples/**"]
 
 

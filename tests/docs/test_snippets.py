@@ -20,7 +20,9 @@ MAKEFILE = (ROOT / "Makefile").read_text()
 NOT_RUN = {
     r"make ": "an experiment, or the set-up of the whole environment; tests/stages runs stages on tiny data",
     r"ddf (export|reconstruct) .*artifacts/": "needs a trained experiment; tests/cli runs it on tiny ones",
-    r"ddf doctor": "imports every package there is; tests/cli runs it",
+    r"ddf reconstruct .*/sample_": "a minute of a busy core; tests/cli runs it on tiny models",
+    r"ddf points ": "half a minute of a core; tests/cli runs it",
+    r"ddf fit |my_field": "two minutes; tests/cli runs it",
     r"ddf split /path": "needs ShapeNet; tests/cli runs it on a listing",
     r"\. .venv/bin/activate": "changes the shell that runs it",
 }
@@ -138,7 +140,11 @@ def found_in_configs(name: str) -> bool:
     return all(re.search(rf"(?m)\b{word}:", text) for word in name.split("."))
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=[] if page.name == "README.md" else pytest.mark.slow) for page in PAGES],
+    ids=lambda page: page.name,
+)
 def test_commands_run(page, tmp_path):
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
