@@ -94,9 +94,9 @@ def pictures(item: Fitted, size: int) -> picture_strips.StripRow:
     for view in shape_views.render(shape, item.mesh, size, item.up, seed=0)[: len(shape_views.OUTSIDE)]:
         images = view.images
         depth, true_depth = field_pictures.depth_pictures(images["depth"], images["true_depth"])
-        normals = picture_strips.normals_picture(images["normals"], images["visibility"])
+        normals = field_pictures.normals_picture(images["normals"], images["visibility"])
         true_seen = np.isfinite(images["true_depth"]).astype(np.float64)
-        cells += [depth, true_depth, normals, picture_strips.normals_picture(images["true_normals"], true_seen)]
+        cells += [depth, true_depth, normals, field_pictures.normals_picture(images["true_normals"], true_seen)]
     lines = [
         f"{row['triangles']:,} triangles",
         f"A: {row['depth_l1_x10_A']:.2f}",

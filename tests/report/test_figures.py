@@ -77,8 +77,3 @@ def test_every_image_and_one_line_of_medians_per_method_are_drawn_over_the_angle
     words = line.replace("M", "").replace("L", "").split()
     heights = [float(word) for word in words[1::2]]
     assert len(set(heights)) == 2  # of the three sectors that hold images two have the median 2
-
-
-def test_viridis_ends_are_violet_and_yellow():
-    ends = figures.viridis(np.array([0.0, 1.0]))
-    np.testing.assert_allclose(ends, [[0.267, 0.005, 0.329], [0.993, 0.906, 0.144]], atol=1e-3)

@@ -8,7 +8,7 @@ import torch
 from PIL import Image
 
 from ddf.geometry import cameras
-from ddf.report import figures, picture_strips
+from ddf.report import field_pictures, picture_strips, viridis
 
 _CAMERA = np.array([0.7, 0.45, 0.8])
 _WHITE = np.full(3, 255)
@@ -56,23 +56,23 @@ def test_colours_are_coordinates_within_the_reference_box():
 def test_depth_is_viridis_with_near_yellow_and_white_where_nothing_is_seen():
     depth = np.array([[1.0, 2.0], [1.5, np.inf]])
     visibility = np.array([[0.9, 0.8], [0.2, 0.9]])
-    picture = picture_strips.depth_picture(depth, visibility)
-    ends = np.rint(255 * figures.viridis(np.array([1.0, 0.0]))).astype(int)
+    picture = field_pictures.depth_picture(depth, visibility)
+    ends = np.rint(255 * viridis.colours(np.array([1.0, 0.0]))).astype(int)
     assert np.abs(picture[0].astype(int) - ends).max() <= 1
     assert (picture[1] == 255).all()
-    assert (picture_strips.depth_picture(depth, np.zeros((2, 2))) == 255).all()
+    assert (field_pictures.depth_picture(depth, np.zeros((2, 2))) == 255).all()
 
 
 def test_normals_are_shifted_components():
     normals = np.array([[[1.0, 0.0, -1.0], [0.0, 1.0, 0.0]]]).repeat(2, axis=0)
-    picture = picture_strips.normals_picture(normals, np.array([[1.0, 0.4], [1.0, 0.6]]))
+    picture = field_pictures.normals_picture(normals, np.array([[1.0, 0.4], [1.0, 0.6]]))
     assert (picture[0, 0] == [255, 128, 0]).all() and (picture[0, 1] == _WHITE).all()
     assert (picture[1, 1] == [128, 255, 128]).all()
 
 
 def test_visibility_and_alpha_meet_white():
-    assert (picture_strips.visibility_picture(np.zeros((2, 2))) == 255).all()
-    assert picture_strips.visibility_picture(np.ones((1, 1))).max() < 80
+    assert (field_pictures.visibility_picture(np.zeros((2, 2))) == 255).all()
+    assert field_pictures.visibility_picture(np.ones((1, 1))).max() < 80
     rgba = np.array([[[0.2, 0.4, 0.6, 1.0], [0.0, 0.0, 0.0, 0.0]]]).repeat(2, axis=0)
     assert (picture_strips.on_white(rgba)[0] == [[51, 102, 153], [255, 255, 255]]).all()
 

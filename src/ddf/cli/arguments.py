@@ -27,7 +27,7 @@ def add_field(parser: argparse.ArgumentParser) -> None:
         "field",
         metavar="FIELD",
         type=shipped_models.place,
-        help="folder that `ddf fit` wrote, its model.safetensors, or the name of a field that `ddf models` lists",
+        help="folder that `ddf fit` wrote, its model.safetensors, its ONNX file, or a name that `ddf models` lists",
     )
 
 

@@ -51,11 +51,6 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def viridis(levels: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape 3"]:
-    """RGB in [0, 1] of levels in [0, 1]."""
-    return matplotlib.colormaps["viridis"](levels)[..., :3]
-
-
 @functools.cache
 def font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
     """The typeface of the charts, for Pillow."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int
 from PIL import Image, ImageDraw
 
 from ddf.geometry import cameras
-from ddf.report import figures
+from ddf.report import field_pictures, figures
 
 CELL = 168  # pixels of a cell's side
 _OVERSAMPLING = 3  # discs are drawn this much larger and averaged down
@@ -25,7 +25,7 @@ GAP, TEXT, NAME = 6, 54, 26  # pixels between cells, of an example's text, of th
 _INK, _FAINT = (32, 36, 44), (110, 116, 128)
 _QUALITY = 90  # of WebP: no difference to be seen, a quarter of the size of a PNG
 
-Picture = UInt8[np.ndarray, "_ _ 3"]  # square, of any size
+Picture = field_pictures.Picture
 
 
 @dataclass(frozen=True)
@@ -40,27 +40,7 @@ class StripRow:
 def on_white(rgba: Float[np.ndarray, "size size 4"]) -> Picture:
     """A straight-alpha RGBA image in [0, 1] over white."""
     rgb, alpha = rgba[..., :3], rgba[..., 3:]
-    return _to_bytes(rgb * alpha + (1.0 - alpha))
-
-
-def visibility_picture(visibility: Float[np.ndarray, "size size"]) -> Picture:
-    """Probability from white (0) to dark (1)."""
-    return _to_bytes(1.0 - visibility[..., None] * (1.0 - np.array([0.13, 0.17, 0.25])))
-
-
-def depth_picture(depth: Float[np.ndarray, "size size"], visibility: Float[np.ndarray, "size size"]) -> Picture:
-    """Viridis over the range of the visible pixels, near yellow, far violet; white where visibility is below 1/2."""
-    seen = (visibility >= 0.5) & np.isfinite(depth)
-    if not seen.any():
-        return _to_bytes(np.ones((*depth.shape, 3)))
-    near, far = np.percentile(depth[seen], [1, 99])
-    level = np.clip((np.where(seen, depth, far) - near) / max(far - near, 1e-12), 0.0, 1.0)
-    return _to_bytes(np.where(seen[..., None], figures.viridis(1.0 - level), 1.0))
-
-
-def normals_picture(normals: Float[np.ndarray, "size size 3"], visibility: Float[np.ndarray, "size size"]) -> Picture:
-    """(n + 1)/2 as RGB, field axes; white where visibility is below 1/2."""
-    return _to_bytes(np.where((visibility >= 0.5)[..., None], (normals + 1.0) / 2.0, 1.0))
+    return field_pictures.to_bytes(rgb * alpha + (1.0 - alpha))
 
 
 def coordinate_colours(
@@ -93,7 +73,7 @@ def cloud_picture(
     inside = ((pixel >= 0) & (pixel < side)).all(axis=1)
     canvas = np.ones((side, side, 3))
     canvas[pixel[inside, 0], pixel[inside, 1]] = shaded[inside]
-    return _to_bytes(canvas.reshape(size, _OVERSAMPLING, size, _OVERSAMPLING, 3).mean(axis=(1, 3)))
+    return field_pictures.to_bytes(canvas.reshape(size, _OVERSAMPLING, size, _OVERSAMPLING, 3).mean(axis=(1, 3)))
 
 
 def _disc(radius: float) -> Int[np.ndarray, "k 2"]:
@@ -106,10 +86,6 @@ def _shade(z_depth: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """1 for the nearest, 0.68 for the farthest point: tells front from back."""
     near, far = (z_depth.min(), z_depth.max()) if len(z_depth) else (0.0, 1.0)
     return 1.0 - 0.32 * (z_depth - near) / max(far - near, 1e-12)
-
-
-def _to_bytes(rgb: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
-    return np.rint(np.clip(rgb, 0.0, 1.0) * 255).astype(np.uint8)
 
 
 def strip(columns: Sequence[str], rows: Sequence[StripRow], per_line: int = PER_LINE) -> bytes:

@@ -27,13 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Query the field and write the answers; depth is in the mesh's units, inf where nothing is seen."""
+    from ddf.cli.field import load
     from ddf.core import storage
     from ddf.fields import framed_field
     from ddf.geometry import ray_io
-    from ddf.shape import shape_field
 
     points = ray_io.read(args.rays)
-    found, evaluated = framed_field.query(shape_field.load(args.field), points, args.outputs)
+    found, evaluated = framed_field.query(load.framed(args.field, args.outputs), points, args.outputs)
     storage.write_bytes(args.out, image_files.npz(found))
     total = len(points.positions)
     return {

@@ -82,10 +82,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Render and write the file; returns range and unit of what was drawn, and how many rays were evaluated."""
     suffix = args.out.suffix.lower()
     _check(suffix, args)
+    from ddf.cli.field import load
     from ddf.fields import framed_field
-    from ddf.shape import shape_field
 
-    shape = shape_field.load(args.field)
+    shape = load.framed(args.field, args.outputs)
     azimuth, elevation, radius = args.camera
     if radius is None:
         radius = framed_field.framing_radius(shape, azimuth, elevation, args.up)
@@ -167,7 +167,7 @@ def _write(
         storage.write_bytes(path, data)
         return step
     else:
-        from ddf.report import field_pictures  # colours come from matplotlib, which takes its time
+        from ddf.report import field_pictures
 
         (name,) = drawn
         storage.write_bytes(path, image_files.encode(field_pictures.picture(name, images), suffix))

@@ -19,7 +19,7 @@ from ddf.data import shapenet
 from ddf.fields import cloud_projection, rendering
 from ddf.geometry import cameras, point_io, transforms
 from ddf.reconstruction import inference, reconstruction_models, scales, settings, silhouettes, trained
-from ddf.report import picture_strips
+from ddf.report import field_pictures
 from ddf.training import training_loop
 
 CLOUDS = "ddf.safetensors"  # in the folder of stage `pointclouds`
@@ -109,9 +109,9 @@ def _mirror(model: reconstruction_models.DDFModel) -> cameras.Mirror | None:
 def _pictures(found: dict[str, torch.Tensor]) -> dict[str, np.ndarray]:
     arrays = {name: values.cpu().numpy() for name, values in found.items()}
     return {
-        "visibility": picture_strips.visibility_picture(arrays["visibility"]),
-        "depth": picture_strips.depth_picture(arrays["depth"], arrays["visibility"]),
-        "normals": picture_strips.normals_picture(arrays["normals"], arrays["visibility"]),
+        "visibility": field_pictures.visibility_picture(arrays["visibility"]),
+        "depth": field_pictures.depth_picture(arrays["depth"], arrays["visibility"]),
+        "normals": field_pictures.normals_picture(arrays["normals"], arrays["visibility"]),
     }
 
 

@@ -12,7 +12,7 @@ from ddf.core import config
 from ddf.data import shapenet
 from ddf.evaluation import scoring
 from ddf.geometry import transforms
-from ddf.report import picture_strips
+from ddf.report import field_pictures, picture_strips
 from ddf.report.experiment.stage_results import Results
 
 Image = tuple[str, int]  # id of the shape, view
@@ -119,9 +119,9 @@ def strip(clouds: Clouds, errors: Mapping[Image, Errors], chosen: Mapping[Image,
             for kind in ("visibility", "depth", "normals")
         )
         views = [
-            picture_strips.visibility_picture(visibility),
-            picture_strips.depth_picture(depth, visibility),
-            picture_strips.normals_picture(normals, visibility),
+            field_pictures.visibility_picture(visibility),
+            field_pictures.depth_picture(depth, visibility),
+            field_pictures.normals_picture(normals, visibility),
         ]
         given, ours, theirs, truth = _cells(clouds, image)
         cells = [given, *views, truth, ours, theirs]

@@ -133,7 +133,7 @@ def view_strip(views: list[View]) -> bytes:
         images = view.images
         true_seen = np.isfinite(images["true_depth"]).astype(np.float64)
         depth, true_depth = field_pictures.depth_pictures(images["depth"], images["true_depth"])
-        true_normals = picture_strips.normals_picture(images["true_normals"], true_seen)
+        true_normals = field_pictures.normals_picture(images["true_normals"], true_seen)
         own = {name: field_pictures.picture(name, images) for name in _RENDERED if name != "depth"}
         cells = [own["visibility"], depth, true_depth, own["normals"], true_normals]
         cells += [own[name] for name in ("mean_curvature", "weight_1", "normals_1", "normals_2")]
@@ -184,7 +184,7 @@ def slice_strip(shape: ShapeField, mesh: Mesh, size: int) -> bytes:
         cells: list[picture_strips.Picture | None] = []
         for level in SLICE_LEVELS:
             images = slice_images(shape, scene, level, direction, size)
-            visibility = picture_strips.visibility_picture(images["visibility"])
+            visibility = field_pictures.visibility_picture(images["visibility"])
             weight = field_pictures.weight_picture(images["weight_1"], images["visibility"])
             cells += [visibility, weight, *field_pictures.depth_pictures(images["depth"], images["true_depth"])]
         rows.append(picture_strips.StripRow("v along", [f"({', '.join(f'{part:.0f}' for part in direction)})"], cells))
