@@ -107,3 +107,18 @@ def test_a_benchmark_without_options_takes_none(monkeypatch, capsys):
     with pytest.raises(SystemExit, match="2"):
         program.main(["storage", "--steps", "3"])
     assert calls == ["storage"] and "unrecognized arguments: --steps 3" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("room", ["bench", "tests"])
+def test_no_folder_is_too_full_and_no_file_too_long(room):
+    files = sorted((measuring.ROOT / room).rglob("*.py"))
+    for folder in {file.parent for file in files}:
+        assert len(list(folder.glob("*.py"))) <= 15, folder
+    assert [file for file in files if len(file.read_text(encoding="utf-8").splitlines()) > 400] == []
+
+
+def test_modules_of_tests_have_names_of_their_own():
+    names = [
+        file.stem for file in (measuring.ROOT / "tests").rglob("*.py") if file.stem not in ("__init__", "conftest")
+    ]
+    assert len(names) == len(set(names))
