@@ -1,4 +1,4 @@
-"""One GPU in five minutes: steps of both models, rays of a field and a cloud at full size, each against the CPU.
+"""One GPU: steps of both models, rays of a field and a cloud at full size, each against the CPU.
 
 Steps are those of configs/paper.yaml on random data, in float32, tf32 and bfloat16: medians of whole steps, parts timed
 apart (each then waits for the device), kernels and their time, peak memory. Errors are against float64 (fields) and
