@@ -169,7 +169,7 @@ def _page_results(depth, lower):
 
 def test_verdict_says_how_far_depth_is_off_and_how_many_errors_are_below_the_papers():
     text = shape_page.verdict(_page_results(0.5, 4))
-    assert "off by 2.5 % of the box's side" in text and "twelve held-out errors, 5 are below" in text
+    assert "off by 2.5 % of the box's longest side" in text and "twelve held-out errors, 5 are below" in text
     nothing = shape_page.verdict(_page_results(float("nan"), 4))
     assert "No held-out ray of type U meets the shape." in nothing and "errors, 4 are below" in nothing
 

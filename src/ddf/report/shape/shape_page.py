@@ -29,7 +29,7 @@ _VERDICT: Final = (
     "{depth} Of the twelve held-out errors, {lower} are below those of the paper's fit, which is of another shape."
 )
 _DEPTH_OFF: Final = (
-    "On rays from anywhere in the box (U) the field's depth is off by {percent} % of the box's side in the mean."
+    "On rays from anywhere in the box (U) depth is off by {percent} % of the box's longest side in the mean."
 )
 _VIEWS: Final = "The field and the mesh that it was fitted to, from four cameras. No post-processing."
 _READING_VIEWS: Final = (
