@@ -43,9 +43,8 @@ def test_commands_draw_clouds_as_the_default_experiment_does():
 
 
 @pytest.mark.parametrize("path", FITS, ids=lambda path: path.stem)
-def test_fit_files_load_and_write_every_value_out(path):
+def test_fit_files_load(path):
     assert set(config.load_all(path)) == set(config.FIT_SECTIONS)
-    assert _keys_left_to_defaults(config.read(path)["fit"], fit_settings.FitConfig) == []
 
 
 def test_paper_fit_has_the_published_field():
@@ -64,10 +63,11 @@ def _keys_left_to_defaults(given: dict[str, Any], cls: Any) -> list[str]:
     return missing
 
 
-@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
-def test_every_value_is_written_out(path):
-    sections = config.read(path)
-    left = {name: _keys_left_to_defaults(sections[name], config.class_of(name)) for name in config.SECTIONS}
+@pytest.mark.parametrize("name", ["cpu", "fit"])
+def test_the_two_default_files_write_every_value_out(name):
+    """Another file may leave a key to its default, so that a new key is said in these two alone."""
+    sections = config.read(next(path for path in FILES if path.stem == name))
+    left = {name: _keys_left_to_defaults(given, config.class_of(name)) for name, given in sections.items()}
     assert {name: keys for name, keys in left.items() if keys} == {}
 
 
