@@ -104,8 +104,8 @@ class FakeExperiment:
     def _write_meshes(self, category):
         ids = list(self.categories[category]["axes"])
         table = pd.DataFrame({"id": ids, "faces": 9000, "watertight": True})
-        table["hausdorff"] = 0.01 + 0.001 * np.arange(len(ids))
-        table["mean_distance"] = 0.002
+        table["hausdorff_seen"] = 0.01 + 0.001 * np.arange(len(ids))
+        table["mean_distance_seen"] = 0.002
         table["seconds"] = 0.3
         folder = self._folder("meshes", category)
         storage.save_pack(

@@ -19,7 +19,7 @@ import torch
 
 from bench.lib import measured_shapes, measuring
 from ddf.core import checks
-from ddf.data import mesh_preparation
+from ddf.data import mesh_preparation, mesh_topology
 from ddf.data.mesh_config import MeshesConfig
 from ddf.geometry import transforms
 from ddf.geometry.mesh_io import Mesh
@@ -83,9 +83,7 @@ def timed(work: Callable[[], Any], repeats: int = REPEATS) -> tuple[Any, list[fl
 
 def wrap_of(raw: Mesh, alpha: float) -> tuple[Mesh, Mesh]:
     """The cleaned mesh in a frame of order 1, and its wrap."""
-    unit = mesh_preparation.clean(
-        Mesh(transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)]).apply(raw.vertices), raw.faces)
-    )
+    unit = mesh_topology.clean(Mesh(transforms.field_from_mesh(raw.surface_vertices()).apply(raw.vertices), raw.faces))
     return unit, mesh_preparation.close(unit, alpha, DEFAULT.offset)
 
 
@@ -98,9 +96,9 @@ def row_of(what: str, size: dict[str, Any], results: list[Result]) -> dict[str, 
     middle = [statistics.median(seconds[i] for seconds, _ in results) for i in range(repeats)]
     losses = [loss for _, loss in results]
     error = {
-        "hausdorff_median": statistics.median(loss["hausdorff"] for loss in losses),
-        "hausdorff_max": max(loss["hausdorff"] for loss in losses),
-        "mean_distance_median": statistics.median(loss["mean_distance"] for loss in losses),
+        "hausdorff_median": statistics.median(loss["hausdorff_seen"] for loss in losses),
+        "hausdorff_max": max(loss["hausdorff_seen"] for loss in losses),
+        "mean_distance_median": statistics.median(loss["mean_distance_seen"] for loss in losses),
         "watertight_share": statistics.mean(loss["watertight"] for loss in losses),
     }
     return measuring.row(what, {**size, "shapes": len(results)}, middle, error)
@@ -109,7 +107,7 @@ def row_of(what: str, size: dict[str, Any], results: list[Result]) -> dict[str, 
 def loss(unit: Mesh, small: Mesh) -> dict[str, float]:
     """Distances of `mesh_preparation.measure` and whether the result is closed."""
     figures = mesh_preparation.measure(unit, small, PROBES, np.random.default_rng(0))
-    return {**figures, "watertight": float(mesh_preparation.is_watertight(small))}
+    return {**figures, "watertight": float(mesh_topology.is_watertight(small))}
 
 
 def sweep(raw: dict[str, Mesh]) -> list[dict[str, Any]]:
@@ -137,7 +135,7 @@ def default_quality(raw: dict[str, Mesh]) -> list[dict[str, Any]]:
     results: list[Result] = []
     for mesh in raw.values():
         prepared, seconds = timed(lambda mesh=mesh: mesh_preparation.prepare(mesh, DEFAULT, np.random.default_rng(0)))
-        figures = {"hausdorff": prepared.hausdorff, "mean_distance": prepared.mean_distance}
+        figures = {name: getattr(prepared, name) for name in ("hausdorff_seen", "mean_distance_seen")}
         results.append((seconds, {**figures, "watertight": float(prepared.watertight)}))
     size = {"alpha": DEFAULT.alpha, "faces": DEFAULT.faces}
     each = [

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import torch
 
-from ddf.data import mesh_preparation, sampling
+from ddf.data import mesh_preparation, mesh_topology, sampling
 from ddf.geometry import mesh_io, raycast, rays, transforms
 
 from . import case
@@ -219,7 +219,7 @@ def _all_degenerate(dtype: torch.dtype) -> case.Outcome:
     points = _points(torch.zeros(1, 3) - 1, _along((1.0, 0.0, 0.0)), dtype)
     return case.every(
         _both(flat, points, lambda hits: case.exact(hits.depth, [math.inf])),
-        case.refused(lambda: mesh_preparation.clean(flat), "no triangle has an area"),
+        case.refused(lambda: mesh_topology.clean(flat), "no triangle has an area"),
         case.refused(
             lambda: mesh_preparation.sample_surface(flat, 1, np.random.default_rng(0)), "must have a triangle with an"
         ),

@@ -12,8 +12,9 @@ class MeshesConfig:
     faces: upper bound on the triangles of a result.
     alpha: the wrap enters no opening narrower than this.
     offset: distance of the wrap from the raw surface.
-    wrap: "auto" keeps a mesh that is already one closed piece without self-intersections; "always" wraps everything;
+    wrap: "auto" keeps a closed mesh that nowhere passes through itself; "always" wraps everything;
       "never" keeps every mesh as it is, open sheets and hidden inner parts included.
+    holes: openings up to this width are filled before anything else; 0 fills none.
     measure_points: points a side for the loss figures.
     shard_size: shapes in one file.
     seed: of the points that the loss is measured at.
@@ -23,6 +24,7 @@ class MeshesConfig:
     alpha: float = 0.02
     offset: float = 0.001
     wrap: str = "auto"
+    holes: float = 0.0
     measure_points: int = 10_000
     shard_size: int = 16
     seed: int = 0
@@ -36,6 +38,8 @@ class MeshesConfig:
             raise checks.InputError(f"meshes.offset must be in [0.00001, alpha]; got {self.offset}")
         if self.wrap not in ("auto", "always", "never"):
             raise checks.InputError(f"meshes.wrap must be auto, always or never; got {self.wrap!r}")
+        if not 0.0 <= self.holes <= 1.0:
+            raise checks.InputError(f"meshes.holes must be in [0, 1] of the diagonal; got {self.holes}")
         if self.measure_points < 1:
             raise checks.InputError(f"meshes.measure_points must be >= 1; got {self.measure_points}")
         if self.shard_size < 1:

@@ -6,6 +6,7 @@ narrower than alpha are closed, and everything hidden inside disappears. `measur
 Lengths in `MeshesConfig` and in the measures are relative to the diagonal of the raw mesh's box.
 """
 
+import dataclasses
 import functools
 import time
 from dataclasses import dataclass
@@ -14,20 +15,24 @@ import fast_simplification
 import numpy as np
 import pymeshlab
 from jaxtyping import Float, Int
-from scipy import sparse, spatial
 
 from ddf.core import checks
+from ddf.data import mesh_openings, mesh_topology
 from ddf.data.mesh_config import MeshesConfig
 from ddf.geometry import raycast, transforms
 from ddf.geometry.mesh_io import Mesh, face_normals
 
-LOSSES = ("hausdorff", "mean_distance", "hausdorff_hidden", "lost")  # as `measure` gives them
-_WELD_TOLERANCE = 1e-5  # of the diagonal: float32 noise of seams in STL files reaches 4e-6, real detail starts at 1e-4
+# As `measure` gives them.
+LOSSES = ("hausdorff", "mean_distance", "hausdorff_seen", "mean_distance_seen", "hausdorff_hidden", "lost")
+LOSS_TO_TELL = 0.02  # of the diagonal: a larger Hausdorff distance is said in the verdict; alpha's default
+THIN = 6  # offsets: the wrap of a sheet is two to four thick, on average
+_SHARP = np.cos(np.radians(30.0))  # between the normals of two triangles: their edge is a feature
+_MOST_PROBES = 200_000  # vertices and points on sharp edges each
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A mesh in the field frame, closed unless `wrap` is "never", the map that led there and what was lost."""
+    """A mesh in the field frame, closed unless `wrap` is "never", the map that led there, what was lost, a verdict."""
 
     mesh: Mesh
     field_from_raw: transforms.Similarity
@@ -35,86 +40,13 @@ class Prepared:
     wrapped: bool
     hausdorff: float
     mean_distance: float
+    hausdorff_seen: float
+    mean_distance_seen: float
     hausdorff_hidden: float
     lost: float
     seconds: float
-
-
-def clean(mesh: Mesh) -> Mesh:
-    """Weld equal vertices, drop degenerate and repeated triangles and vertices that nothing uses.
-
-    Vertices within 1e-5 of the diagonal are welded as well where (and only where) that closes the mesh.
-
-    Raises:
-      InputError: no triangle with an area is left.
-    """
-    exact = _without_repeats(_weld(mesh, 0.0))
-    if len(exact.faces) == 0:
-        raise checks.InputError("no triangle has an area: nothing to close")
-    if not is_watertight(exact):
-        tolerant = _without_repeats(_weld(exact, _WELD_TOLERANCE * exact.diagonal()))
-        if len(tolerant.faces) and is_watertight(tolerant):
-            return tolerant
-    return exact
-
-
-def _weld(mesh: Mesh, tolerance: float) -> Mesh:
-    """One vertex, the first, in place of all that are equal or joined by steps no longer than the tolerance."""
-    if tolerance > 0:
-        pairs = spatial.cKDTree(mesh.vertices).query_pairs(tolerance, output_type="ndarray")
-        label = _components(pairs, len(mesh.vertices))
-    else:
-        keys = np.ascontiguousarray(mesh.vertices + 0.0)  # -0.0 becomes 0.0, which is equal but has other bytes
-        label = np.unique(keys.view(f"V{3 * keys.itemsize}").ravel(), return_inverse=True)[1].reshape(-1)
-    _, first, label = np.unique(label, return_index=True, return_inverse=True)
-    return Mesh(mesh.vertices[first], label.reshape(-1)[mesh.faces])
-
-
-def _components(pairs: Int[np.ndarray, "k 2"], count: int) -> Int[np.ndarray, "count"]:
-    """Component of every node of a graph given by its edges."""
-    graph = sparse.coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return sparse.csgraph.connected_components(graph, directed=False)[1]
-
-
-def _without_repeats(mesh: Mesh) -> Mesh:
-    _, areas = face_normals(mesh)
-    edges = mesh.triangles - np.roll(mesh.triangles, 1, axis=1)
-    longest_sq = (edges**2).sum(-1).max(axis=1, initial=0.0)
-    good = mesh.faces[areas > 1e-14 * longest_sq]  # a flatter triangle has no normal that float64 can give
-    _, first = np.unique(np.sort(good, axis=1), axis=0, return_index=True)
-    kept = good[np.sort(first)]
-    used, faces = np.unique(kept, return_inverse=True)
-    return Mesh(mesh.vertices[used], faces.reshape(-1, 3))
-
-
-def _edges(faces: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, "k 2"]:
-    return faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-
-
-def is_watertight(mesh: Mesh) -> bool:
-    """True if the mesh is closed and consistently wound: every edge has two triangles, that run along it both ways."""
-    if len(mesh.faces) == 0:
-        return False
-    edges, n = _edges(mesh.faces), len(mesh.vertices)
-    forward, backward = np.sort(edges[:, 0] * n + edges[:, 1]), np.sort(edges[:, 1] * n + edges[:, 0])
-    return bool((np.diff(forward) > 0).all() and (forward == backward).all())
-
-
-def has_manifold_vertices(mesh: Mesh) -> bool:
-    """True if, at every vertex of a closed mesh, the triangles form one fan (no two cones touching at their tips)."""
-    m = len(mesh.faces)
-    edges, face = _edges(mesh.faces), np.repeat(np.arange(m), 3)
-    n = len(mesh.vertices)
-    order = np.argsort(edges.min(axis=1) * n + edges.max(axis=1), kind="stable")
-    left, right = order[::2], order[1::2]
-    corner = np.arange(3 * m)  # of (face, local vertex): 3 face + local; edge k of a face starts at its corner k
-    start, stop = corner, 3 * face + (corner % 3 + 1) % 3
-    same_way = edges[left, 0] == edges[right, 0]
-    pairs_a = np.concatenate([start[left], stop[left]])
-    near, far = np.where(same_way, [start[right], stop[right]], [stop[right], start[right]])
-    pairs_b = np.concatenate([near, far])
-    fan = _components(np.stack([pairs_a, pairs_b], axis=1), 3 * m)
-    return bool(fan.max() + 1 == len(np.unique(mesh.faces)))
+    openings_filled: int
+    verdict: str
 
 
 def _to_meshlab(mesh: Mesh) -> pymeshlab.MeshSet:
@@ -126,17 +58,6 @@ def _to_meshlab(mesh: Mesh) -> pymeshlab.MeshSet:
 def _from_meshlab(work: pymeshlab.MeshSet) -> Mesh:
     current = work.current_mesh()
     return Mesh(current.vertex_matrix(), current.face_matrix())
-
-
-def _is_clean_solid(mesh: Mesh) -> bool:
-    """One closed piece, right side out or inside out, that nowhere meets itself."""
-    if not (is_watertight(mesh) and has_manifold_vertices(mesh)):
-        return False
-    if _components(_edges(mesh.faces), len(mesh.vertices)).max() > 0:
-        return False
-    work = _to_meshlab(mesh)
-    work.compute_selection_by_self_intersections_per_face()
-    return work.current_mesh().selected_face_number() == 0
 
 
 def close(mesh: Mesh, alpha: float, offset: float) -> Mesh:
@@ -153,19 +74,13 @@ def close(mesh: Mesh, alpha: float, offset: float) -> Mesh:
     percent = pymeshlab.PercentageValue
     work.generate_alpha_wrap(alpha=percent(100 * alpha), offset=percent(100 * offset))
     wrap = _from_meshlab(work)
-    if not is_watertight(wrap):
+    if not mesh_topology.is_watertight(wrap):
         raise checks.InputError("the wrap is not closed; try another alpha")
     probes, scene = np.concatenate([mesh.vertices, mesh.triangles.mean(axis=1)]), raycast.Scene(wrap)
     left_out = probes[scene.outside(probes)]
     if len(left_out) and scene.distance(left_out).max() > 0.1 * offset * mesh.diagonal():
         raise checks.InputError("the wrap leaves a part of the mesh outside; try another alpha")
     return wrap
-
-
-def _outward(mesh: Mesh) -> Mesh:
-    corners = mesh.triangles
-    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum()
-    return mesh if volume >= 0 else Mesh(mesh.vertices, mesh.faces[:, ::-1])
 
 
 def decimate(mesh: Mesh, faces: int) -> Mesh:
@@ -179,26 +94,23 @@ def decimate(mesh: Mesh, faces: int) -> Mesh:
     """
     if len(mesh.faces) <= faces:
         return mesh
-    closed = is_watertight(mesh)
+    closed = mesh_topology.is_watertight(mesh)
     points, triangles = fast_simplification.simplify(
         np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.int32), target_count=faces
     )
-    quick = _without_unused(Mesh(points, triangles))
-    if len(quick.faces) <= faces and (not closed or (is_watertight(quick) and has_manifold_vertices(quick))):
+    quick = mesh_topology.without_unused(Mesh(points, triangles))
+    if len(quick.faces) <= faces and (
+        not closed or (mesh_topology.is_watertight(quick) and mesh_topology.has_manifold_vertices(quick))
+    ):
         return quick
     work = _to_meshlab(mesh)
     work.meshing_decimation_quadric_edge_collapse(
         targetfacenum=faces, preservetopology=True, preservenormal=True, planarquadric=True
     )
-    slow = _without_unused(_from_meshlab(work))
-    if len(slow.faces) > faces or is_watertight(slow) < closed:
+    slow = mesh_topology.without_unused(_from_meshlab(work))
+    if len(slow.faces) > faces or mesh_topology.is_watertight(slow) < closed:
         raise checks.InputError(f"cannot reach {faces} triangles and stay closed; got {len(slow.faces)}: raise faces")
     return slow
-
-
-def _without_unused(mesh: Mesh) -> Mesh:
-    used, faces = np.unique(mesh.faces, return_inverse=True)
-    return Mesh(mesh.vertices[used], faces.reshape(-1, 3))
 
 
 @dataclass(frozen=True)
@@ -268,12 +180,13 @@ def sample_surface(
 def measure(raw: Mesh, result: Mesh, points: int, rng: np.random.Generator) -> dict[str, float]:
     """How far the surfaces of two meshes of one frame lie apart, in units of the raw box's diagonal.
 
-    Both ways, from `points` points by area (and all vertices of the result) to the nearest point of the other surface;
-    Open3D picks the nearest triangle in float32, which long slivers can mislead by 2e-4. Raw points that cannot be seen
-    from outside are left out, because a wrap drops them on purpose, and given as a figure of their own.
+    Both ways: from `points` points by area, all vertices and (of the raw mesh) points on sharp edges to the nearest
+    point of the other surface; Open3D picks the nearest triangle in float32, which long slivers can mislead by 2e-4.
 
     Returns:
-      `hausdorff`: largest distance of both ways. `mean_distance`: mean of the means of both ways.
+      `hausdorff`: largest distance of both ways. `mean_distance`: mean of the means of both ways, of points by area.
+      `hausdorff_seen`, `mean_distance_seen`: the same of points by area, without raw points that cannot be seen from
+      outside, because a wrap drops these on purpose.
       `hausdorff_hidden`: largest distance from a hidden raw point; 0 without any.
       `lost`: largest distance from a raw point that lies outside the result (a part cut off, not one smoothed over);
       an open result has no inside.
@@ -283,16 +196,44 @@ def measure(raw: Mesh, result: Mesh, points: int, rng: np.random.Generator) -> d
     raw_points, raw_faces = sample_surface(raw, points, rng)
     result_points, _ = sample_surface(result, points, rng)
     hidden = ~raycast.visible_from_outside(raw_scene, raw_points, raw_faces)
-    there = result_scene.distance(raw_points) / diagonal
-    outside = result_scene.outside(raw_points) if is_watertight(result) else np.ones(len(raw_points), dtype=bool)
+    probes = np.concatenate([raw_points, _features(raw)])
+    there = result_scene.distance(probes) / diagonal
+    closed = mesh_topology.is_watertight(result)
+    outside = result_scene.outside(probes) if closed else np.ones(len(probes), dtype=bool)
     back = raw_scene.distance(np.concatenate([result_points, result.vertices])) / diagonal
-    seen = there[~hidden] if (~hidden).any() else there
+    by_area, mean_back = there[:points], back[:points].mean()
+    seen = by_area[~hidden] if (~hidden).any() else by_area
     return {
-        "hausdorff": float(max(seen.max(), back.max())),
-        "mean_distance": float(0.5 * (seen.mean() + back[:points].mean())),
-        "hausdorff_hidden": float(there[hidden].max(initial=0.0)),
+        "hausdorff": float(max(there.max(), back.max())),
+        "mean_distance": float(0.5 * (by_area.mean() + mean_back)),
+        "hausdorff_seen": float(max(seen.max(), back.max())),
+        "mean_distance_seen": float(0.5 * (seen.mean() + mean_back)),
+        "hausdorff_hidden": float(by_area[hidden].max(initial=0.0)),
         "lost": float(there[outside].max(initial=0.0)),
     }
+
+
+def _features(mesh: Mesh) -> Float[np.ndarray, "k 3"]:
+    """What points by area miss: the vertices of triangles with an area, and quarters of sharp and open edges."""
+    normals, areas = face_normals(mesh)
+    faces, normals = mesh.faces[areas > 0], normals[areas > 0]
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    pairs, edge = np.unique(edges, axis=0, return_inverse=True)
+    order = np.argsort(edge.reshape(-1), kind="stable")
+    label, normal = edge.reshape(-1)[order], normals[order // 3]
+    turned = (label[1:] == label[:-1]) & (np.einsum("ij,ij->i", normal[1:], normal[:-1]) < _SHARP)
+    feature = np.bincount(label, minlength=len(pairs)) == 1
+    feature[label[1:][turned]] = True
+    starts, stops = mesh.vertices[pairs[feature]].transpose(1, 0, 2)
+    along = np.concatenate([starts + share * (stops - starts) for share in (0.25, 0.5, 0.75)])
+    kept = [points[:: 1 + len(points) // _MOST_PROBES] for points in (mesh.vertices[np.unique(faces)], along)]
+    return np.concatenate(kept)
+
+
+def thickness(mesh: Mesh) -> float:
+    """How thick a closed mesh is on average, as a share of its diagonal: 2 V / A, which is right for a sheet."""
+    _, areas = face_normals(mesh)
+    return float(2 * np.abs(mesh_topology.volumes(mesh)).sum() / areas.sum() / mesh.diagonal())
 
 
 def prepare(raw: Mesh, config: MeshesConfig, rng: np.random.Generator) -> Prepared:
@@ -304,20 +245,50 @@ def prepare(raw: Mesh, config: MeshesConfig, rng: np.random.Generator) -> Prepar
       InputError: nothing to close, or the result cannot be both closed and small enough.
     """
     begin = time.perf_counter()
-    unit_from_raw = transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)])
-    unit = clean(Mesh(unit_from_raw.apply(raw.vertices), raw.faces))
-    wrapped = config.wrap == "always" or (config.wrap == "auto" and not _is_clean_solid(unit))
-    solid = close(unit, config.alpha, config.offset) if wrapped else unit
-    small = decimate(_outward(solid) if config.wrap != "never" else solid, config.faces)
+    unit_from_raw = transforms.field_from_mesh(raw.surface_vertices())
+    unit = mesh_topology.clean(Mesh(unit_from_raw.apply(raw.vertices), raw.faces))
+    whole, openings = mesh_openings.filled(unit, config.holes) if config.holes > 0 else (unit, 0)
+    wrapped = config.wrap == "always" or (config.wrap == "auto" and not mesh_topology.is_sound(whole))
+    solid = close(whole, config.alpha, config.offset) if wrapped else whole
+    small = decimate(mesh_topology.outward(solid) if config.wrap != "never" else solid, config.faces)
     as_it_was = not wrapped and len(small.faces) == len(unit.faces)  # at most turned inside out
     losses = dict.fromkeys(LOSSES, 0.0) if as_it_was else measure(unit, small, config.measure_points, rng)
     field_from_unit = transforms.field_from_mesh(small.vertices)
     mesh = Mesh(field_from_unit.apply(small.vertices), small.faces)
-    return Prepared(
+    prepared = Prepared(
         mesh=mesh,
         field_from_raw=field_from_unit.compose(unit_from_raw),
-        watertight=is_watertight(mesh),
+        watertight=mesh_topology.is_watertight(mesh),
         wrapped=wrapped,
+        openings_filled=openings,
         seconds=time.perf_counter() - begin,
+        verdict="",
         **losses,
     )
+    return dataclasses.replace(prepared, verdict=_verdict(prepared, raw, unit, config))
+
+
+def _verdict(prepared: Prepared, raw: Mesh, unit: Mesh, config: MeshesConfig) -> str:
+    """What was done, and what a user should know before trusting it, in one line."""
+    said = ["wrapped" if prepared.wrapped else "kept as it is"]
+    if prepared.openings_filled:
+        said.insert(0, f"{prepared.openings_filled} openings filled")
+    if len(prepared.mesh.faces) < len(unit.faces) and not prepared.wrapped:
+        said.append(f"reduced to {len(prepared.mesh.faces)} triangles")
+    if prepared.wrapped and prepared.watertight and (thin := thickness(prepared.mesh)) < THIN * config.offset:
+        said += _about_openings(unit, config, thin)
+    if prepared.hausdorff > LOSS_TO_TELL:
+        hidden = " (hidden parts)" if prepared.hausdorff_seen < prepared.hausdorff_hidden else ""
+        said.append(f"up to {100 * prepared.hausdorff:.2g} % of the diagonal away from the raw mesh{hidden}")
+    if len(unit.faces) < 4 or (prepared.wrapped and 2 * len(unit.faces) < len(raw.faces)):
+        said.append(f"made from {len(unit.faces)} of {len(raw.faces)} triangles")
+    return "; ".join(said)
+
+
+def _about_openings(unit: Mesh, config: MeshesConfig, thin: float) -> list[str]:
+    widths = [mesh_openings.width(unit, loop) for loop in mesh_openings.loops(unit)]
+    if not widths:
+        return []
+    shell = f"a thin shell, {100 * thin:.2g} % of the diagonal thick"
+    more = f": {len(widths)} openings, the widest {max(widths):.2g} of the diagonal; try --close holes"
+    return [shell + (more if config.holes < max(widths) else "")]

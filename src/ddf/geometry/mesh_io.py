@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ddf.core import checks
 from ddf.geometry.formats import gltf, obj, off, ply, stl
@@ -18,6 +18,7 @@ from ddf.geometry.formats import gltf, obj, off, ply, stl
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
 MAX_FILE_BYTES = 512 << 20  # of meshes and clouds: five million triangles as text, ten million as numbers
 _READERS = {".obj": obj.parse, ".ply": ply.parse, ".stl": stl.parse, ".off": off.parse, ".glb": gltf.parse}
+_FLAT = 1e-14  # of the longest side squared
 _NOT_BLANK = re.compile(rb"[^\0 \t\r\n]")
 
 
@@ -50,9 +51,14 @@ class Mesh:
         """Corner positions of every triangle."""
         return self.vertices[self.faces]
 
+    def surface_vertices(self) -> Float[np.ndarray, "k 3"]:
+        """The vertices of triangles with an area; of all triangles where none has one, all vertices without any."""
+        faces = without_flat(self).faces
+        return self.vertices[np.unique(faces)] if len(faces) else self.vertices
+
     def box(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-        """Lower and upper corner of the box of the vertices that triangles use."""
-        used = self.vertices[np.unique(self.faces)] if len(self.faces) else self.vertices
+        """Lower and upper corner of the box of `surface_vertices`."""
+        used = self.surface_vertices()
         if len(used) == 0:
             raise checks.InputError("the mesh must have vertices; got none")
         return used.min(axis=0), used.max(axis=0)
@@ -70,6 +76,21 @@ def face_normals(mesh: Mesh) -> tuple[Float[np.ndarray, "m 3"], Float[np.ndarray
     cross = np.stack([y * w - z * v, z * u - x * w, x * v - y * u])  # np.cross takes three times as long
     length = np.sqrt(cross[0] ** 2 + cross[1] ** 2 + cross[2] ** 2)
     return np.ascontiguousarray((cross / np.where(length > 0, length, 1.0)).T), 0.5 * length
+
+
+def have_area(mesh: Mesh, areas: Float[np.ndarray, "m"]) -> Bool[np.ndarray, "m"]:
+    """Which triangles have an area: a flatter one has no normal that float64 can give, and no ray meets it."""
+    first, second, third = (mesh.vertices.take(mesh.faces[:, corner], axis=0) for corner in range(3))
+    longest_sq = np.zeros(len(areas))
+    for edge in (second - first, third - second, first - third):
+        np.maximum(longest_sq, np.einsum("ij,ij->i", edge, edge), out=longest_sq)
+    return areas > _FLAT * longest_sq
+
+
+def without_flat(mesh: Mesh) -> Mesh:
+    """Only the triangles with an area; the mesh as it is if none has one."""
+    kept = have_area(mesh, face_normals(mesh)[1])
+    return mesh if kept.all() or not kept.any() else Mesh(mesh.vertices, mesh.faces[kept], mesh.remarks)
 
 
 def load(path: Path | str) -> Mesh:

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int, UInt
 from ddf.core import arrays
 from ddf.core.arrays import Array
 from ddf.geometry import rays, sphere
-from ddf.geometry.mesh_io import Mesh, face_normals
+from ddf.geometry.mesh_io import Mesh, face_normals, have_area
 
 _MARGIN = 1e-3  # of half the longest side: rays enter a box larger than the mesh, so that flat meshes lie inside it
 _BACK = 1e-3  # of half the longest side: at 1/1000 of right angles still 16 float32 steps off a face at the start
@@ -29,7 +29,7 @@ class Scene:
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
         self.normals, self.areas = face_normals(mesh)
-        self.kept = np.flatnonzero(self.areas > 0)
+        self.kept = np.flatnonzero(have_area(mesh, self.areas))
         met = np.zeros(len(mesh.vertices), dtype=bool)
         met[mesh.faces[self.kept]] = True
         used = mesh.vertices[met]
@@ -130,6 +130,17 @@ class Scene:
         """Whether float32 rays in local coordinates meet anything (faster than finding what)."""
         stacked = np.concatenate([positions, directions], axis=1).astype(np.float32)
         return self._scene.test_occlusions(o3d.core.Tensor(stacked)).numpy()
+
+    def met_along(
+        self, starts: Float[np.ndarray, "n 3"], ends: Float[np.ndarray, "n 3"]
+    ) -> tuple[Int[np.ndarray, "k"], Int[np.ndarray, "k"]]:
+        """Segment and triangle of all that segments in local coordinates meet, in float32."""
+        if len(self.kept) == 0 or len(starts) == 0:
+            return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        stacked = np.concatenate([starts, ends - starts], axis=1).astype(np.float32)
+        met = self._scene.list_intersections(o3d.core.Tensor(stacked))
+        within = met["t_hit"].numpy() <= 1.0
+        return met["ray_ids"].numpy()[within].astype(np.int64), self.kept[met["primitive_ids"].numpy()[within]]
 
     def distance(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Unsigned distance to the surface, in the mesh's unit: nearest triangle by Open3D, its distance in float64."""

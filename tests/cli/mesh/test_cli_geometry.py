@@ -9,7 +9,7 @@ from _support import assert_close
 
 from ddf import cli
 from ddf.core import storage
-from ddf.data import mesh_preparation
+from ddf.data import mesh_topology
 from ddf.geometry import mesh_io, transforms
 
 MESH_KEYS = {"watertight", "faces", "hausdorff", "mean_distance", "seconds", "transform"}
@@ -30,13 +30,15 @@ def test_mesh_writes_a_closed_mesh_in_the_field_frame(soup, tmp_path, capfd):
     answer = json.loads(capfd.readouterr().out)
     assert answer.keys() >= MESH_KEYS and answer["watertight"] is True and answer["faces"] <= 500
     mesh = mesh_io.load(out)
-    assert len(mesh.faces) == answer["faces"] and mesh_preparation.is_watertight(mesh)
+    assert len(mesh.faces) == answer["faces"] and mesh_topology.is_watertight(mesh)
     lower, upper = mesh.box()
     assert_close(np.stack([lower + upper]), np.zeros((1, 3)), atol=1e-12)
     assert_close((upper - lower).max(), np.array(2.0), atol=1e-12)
     transform = transforms.Similarity.from_dict(answer["transform"])
     assert_close(transform.apply(np.array([[1e4, 0, -1e4]])), np.zeros((1, 3)), atol=0.2)
-    assert 0 < answer["mean_distance"] < answer["hausdorff"] < 0.05
+    assert 0 < answer["mean_distance_seen"] < answer["hausdorff_seen"] < 0.05
+    assert answer["hausdorff"] == pytest.approx(answer["hausdorff_hidden"], rel=0.1)  # the ball inside is gone
+    assert "hidden parts" in answer["verdict"]
 
 
 @pytest.mark.parametrize(

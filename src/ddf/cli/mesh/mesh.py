@@ -42,13 +42,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--wrap",
         choices=("auto", "always"),
         default=default.wrap,
-        help="auto leaves a mesh alone that is one closed piece already (default %(default)s)",
+        help="auto leaves a mesh alone that is closed already (default %(default)s)",
+    )
+    parser.add_argument(
+        "--close",
+        choices=("wrap", "holes"),
+        default="wrap",
+        help="holes: fill openings first, and wrap only what is still not closed (default %(default)s)",
+    )
+    parser.add_argument(
+        "--opening",
+        metavar="W",
+        type=float,
+        default=1.0,
+        help="--close holes fills openings up to this width, share of the diagonal (default %(default)g)",
     )
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Prepare the mesh, write it, return the figures; distances are shares of the raw box's diagonal."""
-    config = mesh_config.MeshesConfig(faces=args.faces, alpha=args.alpha, offset=args.offset, wrap=args.wrap)
+    holes = args.opening if args.close == "holes" else 0.0
+    config = mesh_config.MeshesConfig(
+        faces=args.faces, alpha=args.alpha, offset=args.offset, wrap=args.wrap, holes=holes
+    )
     mesh_io.require_suffix(args.out.suffix)
     raw = mesh_io.load(args.source)
     from ddf.core import (
@@ -69,21 +85,24 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "faces": len(prepared.mesh.faces),
         "hausdorff": prepared.hausdorff,
         "mean_distance": prepared.mean_distance,
-        "hausdorff_hidden": prepared.hausdorff_hidden,
-        "lost": prepared.lost,
+        **{name: getattr(prepared, name) for name in mesh_preparation.LOSSES[2:]},
         "wrapped": prepared.wrapped,
+        "openings_filled": prepared.openings_filled,
         "faces_raw": len(raw.faces),
         "seconds": round(prepared.seconds, 3),
         "transform": prepared.field_from_raw.to_dict(),
+        "left_out": list(raw.remarks),
         "table": {
             "faces": f"{len(prepared.mesh.faces):,} of {len(raw.faces):,}",
             "way": "closed by a wrap" if prepared.wrapped else "closed already, kept as it is",
             "largest distance": share(prepared.hausdorff),
+            "of what is seen": share(prepared.hausdorff_seen),
             "mean distance": share(prepared.mean_distance),
+            "mean of what is seen": share(prepared.mean_distance_seen),
             "of hidden parts, largest": share(prepared.hausdorff_hidden),
             "of parts cut off, largest": share(prepared.lost),
+            "left out": "; ".join(raw.remarks) or "nothing",
             "seconds": prepared.seconds,
         },
-        "verdict": f"watertight: {closed}, {len(prepared.mesh.faces):,} faces, largest distance "
-        f"{share(prepared.hausdorff)}",
+        "verdict": f"watertight: {closed}, {len(prepared.mesh.faces):,} faces; {prepared.verdict}",
     }

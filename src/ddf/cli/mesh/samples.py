@@ -92,5 +92,6 @@ def _field_mesh(raw: "mesh_io.Mesh", watertight: bool) -> "tuple[mesh_io.Mesh, t
         config = mesh_preparation.MeshesConfig()
         prepared = mesh_preparation.prepare(raw, config, seeding.generator(config.seed, "measure"))
         return prepared.mesh, prepared.field_from_raw
-    field_from_raw = transforms.field_from_mesh(raw.vertices[np.unique(raw.faces)])
-    return mesh_io.Mesh(field_from_raw.apply(raw.vertices), raw.faces), field_from_raw
+    field_from_raw = transforms.field_from_mesh(raw.surface_vertices())
+    solid = mesh_io.without_flat(raw)
+    return mesh_io.Mesh(field_from_raw.apply(solid.vertices), solid.faces), field_from_raw

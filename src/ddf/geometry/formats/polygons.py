@@ -47,10 +47,15 @@ def triangulate(
     crossing = 0
     for i in sorted(concave):
         own = corners[first[i] : first[i] + counts[i]]
-        cut = _cut(vertices[own], int(i))
-        crossing += cut is None
-        if cut is not None:
-            faces[place[i] : place[i] + counts[i] - 2] = own[cut]
+        triangles = cut(vertices[own])
+        if triangles is not None:
+            faces[place[i] : place[i] + counts[i] - 2] = own[triangles]
+        elif counts[i] > 4 and _is_flat(vertices[own]):
+            raise checks.InputError(
+                f"polygon {i + 1} ({counts[i]} corners) crosses itself or has a hole; cut it into triangles first"
+            )
+        else:
+            crossing += 1
     return faces, crossing
 
 
@@ -61,7 +66,7 @@ def _fan_normals(points: Float[np.ndarray, "*p k 3"]) -> Float[np.ndarray, "*p t
 
 
 def _longest(points: Float[np.ndarray, "*p k 3"]) -> Float[np.ndarray, "*p"]:
-    return (points.max(axis=-2) - points.min(axis=-2)).max(axis=-1)
+    return np.asarray((points.max(axis=-2) - points.min(axis=-2)).max(axis=-1))
 
 
 def _is_covered_by_fan(points: Float[np.ndarray, "p k 3"]) -> np.ndarray:
@@ -77,25 +82,31 @@ def _is_covered_by_fan(points: Float[np.ndarray, "p k 3"]) -> np.ndarray:
     return empty | (along > _FLAT).all(axis=1)
 
 
-def _cut(points: Float[np.ndarray, "k 3"], number: int) -> Int[np.ndarray, "t 3"] | None:
-    """Corners of the triangles of one polygon; None if it crosses itself and is a quad or not flat."""
-    local = (points - points[0]) / (_longest(points) or 1.0)
-    whole = _fan_normals(local).sum(axis=0)
-    area = float(np.linalg.norm(whole))
-    if area > _FLAT:
-        import manifold3d
+def cut(points: Float[np.ndarray, "k 3"]) -> Int[np.ndarray, "t 3"] | None:
+    """Corners of the triangles of one polygon; None if it crosses itself in its plane, or has no area."""
+    import manifold3d
 
-        normal = whole / area
-        across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-        across /= np.linalg.norm(across)
-        flat = np.stack([local @ across, local @ np.cross(normal, across)], axis=1)
-        cut = np.asarray(manifold3d.triangulate([flat]), dtype=np.int64).reshape(-1, 3)
-        (ux, uy), (vx, vy) = ((flat[cut[:, j]] - flat[cut[:, 0]]).T for j in (1, 2))
-        areas = ux * vy - uy * vx
-        if len(cut) == len(points) - 2 and np.abs(areas).sum() <= area * (1 + 1e-6):
-            return cut
-    if len(points) > 4 and np.abs(local @ (whole / (area or 1.0))).max() <= _PLANE:
-        raise checks.InputError(
-            f"polygon {number + 1} ({len(points)} corners) crosses itself or has a hole; cut it into triangles first"
-        )
-    return None
+    local, whole = _in_unit_box(points)
+    area = float(np.linalg.norm(whole))
+    if area <= _FLAT:
+        return None
+    normal = whole / area
+    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    across /= np.linalg.norm(across)
+    flat = np.stack([local @ across, local @ np.cross(normal, across)], axis=1, dtype=np.float64)
+    triangles = np.asarray(manifold3d.triangulate([flat]), dtype=np.int64).reshape(-1, 3)
+    (ux, uy), (vx, vy) = ((flat[triangles[:, j]] - flat[triangles[:, 0]]).T for j in (1, 2))
+    covered = np.abs(ux * vy - uy * vx).sum()
+    return triangles if len(triangles) == len(points) - 2 and covered <= area * (1 + 1e-6) else None
+
+
+def _in_unit_box(points: Float[np.ndarray, "k 3"]) -> tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "3"]]:
+    """A polygon moved to its first corner and scaled to 1, and twice its area vector."""
+    local = (points - points[0]) / (_longest(points) or 1.0)
+    return local, _fan_normals(local).sum(axis=0)
+
+
+def _is_flat(points: Float[np.ndarray, "k 3"]) -> bool:
+    local, whole = _in_unit_box(points)
+    area = float(np.linalg.norm(whole))
+    return float(np.abs(local @ (whole / (area or 1.0))).max()) <= _PLANE

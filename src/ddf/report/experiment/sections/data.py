@@ -40,7 +40,7 @@ def meshes(results: Results) -> Table:
     rows = []
     for category in results.index["categories"]:
         measures = results.measures[category]
-        lost = [100.0 * measures[name] for name in ("mean_distance", "hausdorff")]
+        lost = [100.0 * measures[name] for name in ("mean_distance_seen", "hausdorff_seen")]
         watertight = f"{int(measures['watertight'].astype(bool).sum())} of {len(measures)}"
         distances = [f"{values.median():.2f} / {values.max():.2f}" for values in lost]
         rows.append([category, watertight, f"{measures['faces'].median():,.0f}", *distances])

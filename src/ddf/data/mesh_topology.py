@@ -1,0 +1,160 @@
+"""The bodies that triangles form: welding, closedness, pieces, and whether a mesh is sound enough to be kept as it is.
+
+Every decision is the same at any scale and place, and under a rounding far below the weld tolerance.
+"""
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy import sparse, spatial
+
+from ddf.core import checks
+from ddf.data import mesh_crossings
+from ddf.geometry.mesh_io import Mesh, face_normals, have_area
+
+_WELD_TOLERANCE = 1e-5  # of the diagonal: float32 noise of seams in STL files reaches 4e-6, real detail starts at 1e-4
+
+
+def clean(mesh: Mesh) -> Mesh:
+    """Weld equal vertices, drop degenerate and repeated triangles and vertices that nothing uses.
+
+    Where (and only where) that closes the mesh, vertices within 1e-5 of the diagonal are welded as well. Where it
+    gives a mesh that is sound, triangles without an area stay, which fill the seams of CAD files, and of triangles back
+    to back both go.
+
+    Raises:
+      InputError: no triangle with an area is left.
+    """
+    welded = _weld(mesh, 0.0)
+    exact = _without_repeats(welded)
+    if len(exact.faces) == 0:
+        raise checks.InputError("no triangle has an area: nothing to close")
+    if is_watertight(exact):
+        return exact
+    tolerant = _weld(exact, _WELD_TOLERANCE * exact.diagonal())
+    closed = _without_repeats(tolerant)
+    if len(closed.faces) and is_watertight(closed):
+        return closed
+    candidates = (_cancelled(mesh) for mesh in (welded, tolerant))
+    return next((candidate for candidate in candidates if len(candidate.faces) and is_sound(candidate)), exact)
+
+
+def _cancelled(mesh: Mesh) -> Mesh:
+    """Without triangles that use a vertex twice, and without pairs of the same corners that face opposite ways."""
+    first, second, third = mesh.faces.T
+    faces = mesh.faces[(first != second) & (second != third) & (third != first)]
+    if len(faces) == 0:
+        return Mesh(mesh.vertices, faces)
+    turned = np.argmin(faces, axis=1)
+    rolled = np.take_along_axis(faces, (turned[:, None] + np.arange(3)) % 3, axis=1)
+    forward = rolled[:, 1] < rolled[:, 2]
+    _, label = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
+    label = label.reshape(-1)
+    balance = np.bincount(label, np.where(forward, 1, -1))
+    kept = faces[(balance[label] == np.where(forward, 1, -1))]
+    return without_unused(Mesh(mesh.vertices, kept))
+
+
+def _weld(mesh: Mesh, tolerance: float) -> Mesh:
+    """One vertex, the first, in place of all that are equal or joined by steps no longer than the tolerance."""
+    if tolerance > 0:
+        pairs = spatial.cKDTree(mesh.vertices).query_pairs(tolerance, output_type="ndarray")
+        label = _components(pairs, len(mesh.vertices))
+    else:
+        keys = np.ascontiguousarray(mesh.vertices + 0.0)  # -0.0 becomes 0.0, which is equal but has other bytes
+        label = np.unique(keys.view(f"V{3 * keys.itemsize}").ravel(), return_inverse=True)[1].reshape(-1)
+    _, first, label = np.unique(label, return_index=True, return_inverse=True)
+    return Mesh(mesh.vertices[first], label.reshape(-1)[mesh.faces])
+
+
+def _components(pairs: Int[np.ndarray, "k 2"], count: int) -> Int[np.ndarray, "count"]:
+    """Component of every node of a graph given by its edges."""
+    graph = sparse.coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return sparse.csgraph.connected_components(graph, directed=False)[1]
+
+
+def _without_repeats(mesh: Mesh) -> Mesh:
+    _, areas = face_normals(mesh)
+    good = mesh.faces[have_area(mesh, areas)]
+    _, first = np.unique(np.sort(good, axis=1), axis=0, return_index=True)
+    kept = good[np.sort(first)]
+    return without_unused(Mesh(mesh.vertices, kept))
+
+
+def _edges(faces: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, "k 2"]:
+    return faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+
+
+def is_watertight(mesh: Mesh) -> bool:
+    """True if the mesh is closed and consistently wound: every edge has two triangles, that run along it both ways."""
+    if len(mesh.faces) == 0:
+        return False
+    edges, n = _edges(mesh.faces), len(mesh.vertices)
+    forward, backward = np.sort(edges[:, 0] * n + edges[:, 1]), np.sort(edges[:, 1] * n + edges[:, 0])
+    return bool((np.diff(forward) > 0).all() and (forward == backward).all())
+
+
+def has_manifold_vertices(mesh: Mesh) -> bool:
+    """True if, at every vertex of a closed mesh, the triangles form one fan (no two cones touching at their tips)."""
+    m = len(mesh.faces)
+    edges, face = _edges(mesh.faces), np.repeat(np.arange(m), 3)
+    n = len(mesh.vertices)
+    order = np.argsort(edges.min(axis=1) * n + edges.max(axis=1), kind="stable")
+    left, right = order[::2], order[1::2]
+    corner = np.arange(3 * m)  # of (face, local vertex): 3 face + local; edge k of a face starts at its corner k
+    start, stop = corner, 3 * face + (corner % 3 + 1) % 3
+    same_way = edges[left, 0] == edges[right, 0]
+    pairs_a = np.concatenate([start[left], stop[left]])
+    near, far = np.where(same_way, [start[right], stop[right]], [stop[right], start[right]])
+    pairs_b = np.concatenate([near, far])
+    fan = _components(np.stack([pairs_a, pairs_b], axis=1), 3 * m)
+    return bool(fan.max() + 1 == len(np.unique(mesh.faces)))
+
+
+def components(mesh: Mesh) -> Int[np.ndarray, "n"]:
+    """Piece that every vertex belongs to."""
+    return _components(_edges(mesh.faces), len(mesh.vertices))
+
+
+def volumes(mesh: Mesh) -> Float[np.ndarray, "pieces"]:
+    """Signed volume of every piece of a closed mesh, positive if its triangles face outwards."""
+    corners = mesh.triangles - (mesh.vertices[mesh.faces[0, 0]] if len(mesh.faces) else 0.0)
+    six = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    return np.bincount(components(mesh)[mesh.faces[:, 0]], six) / 6
+
+
+def outward(mesh: Mesh) -> Mesh:
+    """The mesh with the pieces turned that face inwards; where pieces do not lie apart all together, or none."""
+    volume = volumes(mesh)
+    if not _lie_apart(mesh):  # one may be the wall of a cavity in another
+        return mesh if volume.sum() >= 0 else Mesh(mesh.vertices, mesh.faces[:, ::-1])
+    inwards = (volume < 0)[components(mesh)[mesh.faces[:, 0]]]
+    return Mesh(mesh.vertices, np.where(inwards[:, None], mesh.faces[:, ::-1], mesh.faces))
+
+
+def is_sound(mesh: Mesh) -> bool:
+    """Closed pieces, right side out or inside out, whose boxes lie apart, that nowhere pass through themselves."""
+    if not (is_watertight(mesh) and has_manifold_vertices(mesh)):
+        return False
+    return _lie_apart(mesh) and len(mesh_crossings.pierced(mesh)) == 0
+
+
+def _lie_apart(mesh: Mesh) -> bool:
+    """Whether the boxes of all pieces are apart by more than the weld tolerance."""
+    label = components(mesh)
+    count = int(label.max()) + 1
+    if count == 1:
+        return True
+    if count > 1000:  # a soup
+        return False
+    lower, upper = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(lower, label, mesh.vertices)
+    np.maximum.at(upper, label, mesh.vertices)
+    gap = np.maximum(lower[:, None] - upper[None], lower[None] - upper[:, None]).max(axis=-1)
+    np.fill_diagonal(gap, np.inf)
+    return bool((gap > _WELD_TOLERANCE * mesh.diagonal()).all())
+
+
+def without_unused(mesh: Mesh) -> Mesh:
+    """Only the vertices that triangles use."""
+    used, faces = np.unique(mesh.faces, return_inverse=True)
+    return Mesh(mesh.vertices[used], faces.reshape(-1, 3))
