@@ -38,7 +38,7 @@ def test_mesh_writes_a_closed_mesh_in_the_field_frame(soup, tmp_path, capfd):
     assert_close(transform.apply(np.array([[1e4, 0, -1e4]])), np.zeros((1, 3)), atol=0.2)
     assert 0 < answer["mean_distance_seen"] < answer["hausdorff_seen"] < 0.05
     assert answer["hausdorff"] == pytest.approx(answer["hausdorff_hidden"], rel=0.1)  # the ball inside is gone
-    assert "hidden parts" in answer["verdict"]
+    assert "hidden parts" in answer["outcome"]
 
 
 @pytest.mark.parametrize(

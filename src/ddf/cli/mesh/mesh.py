@@ -92,6 +92,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "seconds": round(prepared.seconds, 3),
         "transform": prepared.field_from_raw.to_dict(),
         "left_out": list(raw.remarks),
+        "outcome": prepared.verdict,
         "table": {
             "faces": f"{len(prepared.mesh.faces):,} of {len(raw.faces):,}",
             "way": "closed by a wrap" if prepared.wrapped else "closed already, kept as it is",

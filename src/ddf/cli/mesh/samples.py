@@ -81,7 +81,6 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _field_mesh(raw: "mesh_io.Mesh", watertight: bool) -> "tuple[mesh_io.Mesh, transforms.Similarity]":
-    import numpy as np
 
     from ddf.core import seeding
     from ddf.geometry import mesh_io, transforms
