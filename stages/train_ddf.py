@@ -37,7 +37,9 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     model = reconstruction_models.ddf_model(train, section).to(training_loop.device())
     model.camera_head.fit(images.cameras)
     fingerprint = provenance.fingerprint(
-        [train, section, category, images.digest(), truth.drawn], sources, training_steps
+        [train, section, category, images.digest(), truth.drawn],
+        sources,
+        [training_steps, mirrored_data, training_truth],
     )
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training_loop.fit(

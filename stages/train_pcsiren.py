@@ -26,7 +26,8 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
 
     model = reconstruction_models.pcsiren_model(train, section).to(training_loop.device())
     model.camera_head.fit(images.cameras)
-    fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, training_steps)
+    modules = [training_steps, mirrored_data]
+    fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, modules)
     architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training_loop.fit(
         model,

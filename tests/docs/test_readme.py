@@ -6,13 +6,14 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
 from ddf.cli import commands
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TARGETS = set(re.findall(r"(?m)^([a-z-]+):(?:.*)## ", (ROOT / "Makefile").read_text())) | {
-    f"stage-{name}" for name in re.findall(r"(?m)^STAGES := (.*)$", (ROOT / "Makefile").read_text())[0].split()
+    f"stage-{name}" for name in yaml.safe_load((ROOT / "pipeline.yaml").read_text())["stages"]
 }
 
 

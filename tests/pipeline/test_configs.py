@@ -14,7 +14,7 @@ from ddf.reconstruction import reconstruction_models, settings
 from ddf.shape import fit_settings
 
 FILES = sorted((Path(__file__).resolve().parents[2] / "configs").glob("*.yaml"))
-FITS = [path for path in FILES if path.stem.endswith("fit")]  # of single shapes: the section `fit` alone
+FITS = [path for path in FILES if set(config.read(path)) == set(config.FIT_SECTIONS)]  # of single shapes
 CONFIGS = [path for path in FILES if path not in FITS]
 
 

@@ -29,6 +29,7 @@ COMMANDS = {
     "models": Command("model.models", "the trained models and fields that come with the package"),
     "reconstruct": Command("model.reconstruct", "camera, cloud and renders from images with a trained model"),
     "export": Command("model.export", "a trained model as an ONNX file, checked against onnxruntime"),
+    "run": Command("experiment.run", "an experiment file through all its stages, to tables, figures and report"),
     "info": Command("experiment.info", "models, stages, sizes and cost of an experiment file"),
     "split": Command("experiment.split", "the Pixel2Mesh train and test lists of a ShapeNet root"),
     "doctor": Command("experiment.doctor", "what this machine has, what is missing and the command for it"),

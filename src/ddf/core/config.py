@@ -32,7 +32,7 @@ SECTIONS = {
     "report": "ddf.report.experiment.experiment_page:ReportConfig",
     "export": "ddf.export.onnx_file:ExportConfig",
 }
-FIT_SECTIONS = {"fit": "ddf.shape.fit_settings:FitConfig"}  # of files of their own, configs/*fit.yaml: no experiment
+FIT_SECTIONS = {"fit": "ddf.shape.fit_settings:FitConfig"}  # of files of their own: no experiment
 
 T = TypeVar("T")
 
@@ -109,6 +109,14 @@ def read(path: str | Path) -> dict[str, Any]:
         if name not in SECTIONS | FIT_SECTIONS:
             raise checks.InputError(f"{path}: unknown section {name!r}; the sections are {', '.join(SECTIONS)}")
     return data
+
+
+def parse_value(text: str, where: str) -> Any:
+    """One value as it would stand in an experiment file; `where` names it in errors."""
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise checks.InputError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
 
 
 def parse(data: Any, cls: type[T], where: str) -> T:

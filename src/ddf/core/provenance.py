@@ -52,13 +52,14 @@ def record(fingerprint: str, seed: int, sources: Iterable[str | Path] = ()) -> d
 @functools.cache
 def code_version(modules: tuple[str, ...]) -> str:
     """Hash of the syntax trees, docstrings left out, of everything the named modules import from the package."""
-    files = sorted({file for name in modules for file in import_closure(module_file(name))})
-    digest = hashlib.sha256()
-    for file in files:
-        tree = ast.parse(file.read_text(encoding="utf-8"))
-        _strip_docstrings(tree)
-        digest.update(f"{file.relative_to(PACKAGE_ROOT).as_posix()}\0{ast.dump(tree)}\n".encode())
-    return digest.hexdigest()
+    return _hash_of_trees({file for name in modules for file in import_closure(module_file(name))})
+
+
+def script_version(script: str | Path, without: str) -> str:
+    """The same of a script outside the package and of all that it imports from the package but one room of it."""
+    left_out = PACKAGE_ROOT / without
+    closure = (file for file in import_closure(script) if not file.is_relative_to(left_out))
+    return _hash_of_trees({*closure, Path(script).resolve()})
 
 
 def import_closure(script: str | Path) -> list[Path]:
@@ -118,6 +119,16 @@ def _package_files(name: str) -> list[Path]:
         else:
             break
     return [file for file in files if file.is_file()]
+
+
+def _hash_of_trees(files: Iterable[Path]) -> str:
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        _strip_docstrings(tree)
+        place = file.relative_to(PACKAGE_ROOT) if file.is_relative_to(PACKAGE_ROOT) else Path(file.name)
+        digest.update(f"{place.as_posix()}\0{ast.dump(tree)}\n".encode())
+    return digest.hexdigest()
 
 
 def _strip_docstrings(tree: ast.AST) -> None:

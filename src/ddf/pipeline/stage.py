@@ -45,26 +45,39 @@ def label(category: str, seed: int) -> str:
 
 
 def _run_alone(run: Callable[..., None], config: Path, **arguments: Any) -> None:
-    """Run while holding the stage's lock, then note time and memory.
+    """Run while holding the stage's lock, then note time, memory and what was made of what.
 
-    A killed engine can leave a stage's process behind that still writes the same files. The lock is the kernel's and
-    goes with that process; of the processes of one distributed training only the first takes it.
+    Where the note of an earlier run says that there is nothing to do, nothing is done. A killed engine can leave a
+    stage's process behind that still writes the same files. The lock is the kernel's and goes with that process; of
+    the processes of one distributed training only the first takes it.
     """
-    record = stage_notes.time_path(config, Path(sys.argv[0]).stem, arguments.get("category"), arguments.get("seed", 0))
+    from ddf.pipeline import finished  # here: `ddf`, which needs `guarded` alone, starts without what it imports
+
+    name, category, seed = Path(sys.argv[0]).stem, arguments.get("category"), arguments.get("seed", 0)
+    record = stage_notes.time_path(config, name, category, seed)
     record.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as stack:
-        if os.environ.get("RANK", "0") == "0":
+        first = os.environ.get("RANK", "0") == "0"
+        if first:
             lock = stack.enter_context(record.with_suffix(".lock").open("w"))
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 sys.stderr.write(f"an earlier process of this stage is still at work on {config}; waiting for it\n")
                 fcntl.flock(lock, fcntl.LOCK_EX)
+        item = finished.find(name, config, category, seed)
+        done = item is not None and finished.is_done(item, stage_notes.read(record))
+        if first:
+            what = " ".join([name, *([label(category, seed)] if category else [f"seed {seed}"] if seed else [])])
+            sys.stderr.write(f"{what}: nothing to do\n" if done else f"{what}\n")
+        if done:
+            return
         imported = _largest_child_kib()
         started = time.monotonic()
         run(config, *arguments.values())
         seconds = round(time.monotonic() - started, 2)
-        record.write_text(json.dumps({"seconds": seconds, **_peak_memory(imported)}) + "\n", encoding="utf-8")
+        note = {"seconds": seconds, **_peak_memory(imported), **({} if item is None else finished.note(item))}
+        record.write_text(json.dumps(note) + "\n", encoding="utf-8")
 
 
 def _largest_child_kib() -> int:

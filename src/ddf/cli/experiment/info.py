@@ -53,25 +53,15 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _stages(config_path: Path) -> list[str]:
     """Names of the experiment's stages, in order, from the pipeline.yaml beside the folder of the file."""
-    import yaml
-
     from ddf.core import checks
+    from ddf.pipeline import experiments, graph
 
     pipeline = config_path.resolve().parent.parent / "pipeline.yaml"
     if not pipeline.is_file():
         return []
-    data = yaml.safe_load(pipeline.read_text(encoding="utf-8"))
     try:
-        lists = data["vars"][0]
-        of_stages = {stage: lists[entry["foreach"].strip("${}")] for stage, entry in data["stages"].items()}
-        return [
-            f"{stage}@{key}"
-            for stage, items in of_stages.items()
-            if isinstance(items, dict)  # a plain list names single shapes, another kind of file
-            for key, item in items.items()
-            if item["config"] == config_path.stem
-        ]
-    except (KeyError, TypeError, IndexError, AttributeError) as error:
+        return [item.name for item in graph.expand(experiments.read(config_path).lists(), pipeline)]
+    except (KeyError, TypeError, AttributeError) as error:
         raise checks.InputError(f"{pipeline}: not a stage graph of this project ({error!r})") from error
 
 

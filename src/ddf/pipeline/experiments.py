@@ -1,0 +1,150 @@
+"""Experiments: found in configs/, taken from any other place, or varied by `section.key=value`.
+
+Nothing lists them: every file in configs/ is one. A file that is not there, and a variant, is written to a folder of
+its own, artifacts/<name>/<name>.yaml, which git ignores.
+"""
+
+import dataclasses
+import hashlib
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ddf.core import checks, config, storage
+
+CONFIGS = Path("configs")
+NAME = re.compile(r"\w+")
+HASH_DIGITS = 8
+
+Lists = dict[str, dict[str, dict[str, str]]]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An experiment file in its place. categories: the longest trainings first; none in one of a single shape."""
+
+    file: Path
+    categories: tuple[str, ...]
+    base: str = ""  # name of the experiment that this one varies
+
+    @property
+    def name(self) -> str:
+        """Of its folders in artifacts/ and reports/."""
+        return self.file.stem
+
+    @property
+    def is_shape(self) -> bool:
+        """Whether it is one field for one shape: a file with the section `fit` alone."""
+        return not self.categories
+
+    def lists(self, seeds: int = 1) -> Lists:
+        """What pipeline.yaml makes its items of: the stages of this experiment, and those of further seeds."""
+        whole, numbers = {self.name: item(self.file)}, range(1, seeds)
+        tasks = {f"{self.name}-{category}": item(self.file, category) for category in self.categories}
+        if self.is_shape:
+            return {"experiments": {}, "tasks": {}, "runs": {}, "evaluations": {}, "shapes": whole}
+        runs = {
+            f"{self.name}-{each}-{seed}": item(self.file, each, seed) for seed in numbers for each in self.categories
+        }
+        evaluations = {f"{self.name}-{seed}": item(self.file, None, seed) for seed in numbers}
+        return {
+            "experiments": whole,
+            "tasks": tasks,
+            "runs": tasks | runs,
+            "evaluations": whole | evaluations,
+            "shapes": {},
+        }
+
+
+def item(file: Path, category: str | None = None, seed: int = 0) -> dict[str, str]:
+    """What stands in pipeline.yaml for `item`: of seed 1, option is " --seed 1" and folder "_seeds/1"."""
+    return {
+        "file": file.as_posix(),
+        "name": file.stem,
+        "category": category or "",
+        "option": f" --seed {seed}" if seed else "",
+        "folder": f"_seeds/{seed}" if seed else "",
+    }
+
+
+def find(given: str, changes: Sequence[str] = ()) -> Experiment:
+    """The experiment of a file or a name, with `changes` applied.
+
+    Args:
+      given: `configs/cpu.yaml`, `cpu` for short, or any other file of that kind.
+      changes: each `section.key=value`, the key as deep as need be, the value as in YAML.
+    Raises:
+      InputError: there is no such file, its name is another's, or a key is unknown.
+    """
+    file = _existing(given)
+    sections = config.read(file)
+    if file.parent != CONFIGS:
+        taken = CONFIGS / file.name
+        if not NAME.fullmatch(file.stem) or taken.exists():
+            why = f"{taken} has it" if taken.exists() else "letters, digits and _ only"
+            raise checks.InputError(f"{given}: {file.stem!r} cannot be an experiment's name ({why}); rename the file")
+        file = _write(file.stem, sections, f"{given}")
+    if not changes:
+        return read(file)
+    changed = dict(_change(sections, change) for change in changes)
+    digest = hashlib.sha256(json.dumps(changed, sort_keys=True).encode()).hexdigest()[:HASH_DIGITS]
+    variant = _write(f"{file.stem}+{digest}", sections, f"{file} with {' '.join(changes)}")
+    return dataclasses.replace(read(variant), base=file.stem)
+
+
+def read(file: Path) -> Experiment:
+    """The experiment of a file, wherever that is; InputError where a section is missing."""
+    sections = config.read(file)
+    if set(sections) == set(config.FIT_SECTIONS):
+        return Experiment(file, ())
+    missing = [name for name in config.SECTIONS if name not in sections]
+    if missing:
+        raise checks.InputError(f"{file}: section {missing[0]!r} is missing; give it as configs/cpu.yaml does")
+    try:
+        categories = list(sections["dataset"]["categories"])
+        shares = sections["train"]["step_shares"] or {}
+        ordered = sorted(categories, key=lambda category: -shares.get(category, 1.0))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise checks.InputError(f"{file}: dataset.categories or train.step_shares is missing or wrong") from error
+    return Experiment(file, tuple(ordered))
+
+
+def _existing(given: str) -> Path:
+    found = next((path for path in (Path(given), CONFIGS / f"{given}.yaml") if path.is_file()), None)
+    if found is None:
+        names = ", ".join(sorted(path.stem for path in CONFIGS.glob("*.yaml")))
+        raise checks.InputError(f"{given}: no such experiment file; those in {CONFIGS}/ are {names}")
+    inside = found.resolve().parent == CONFIGS.resolve()
+    return CONFIGS / found.name if inside else found
+
+
+def _change(sections: dict[str, Any], change: str) -> tuple[str, Any]:
+    """Set one key of the sections; the key and its new value."""
+    path, equals, text = change.partition("=")
+    *parents, last = path.split(".")
+    if not equals or not parents:
+        raise checks.InputError(f"--set {change}: give section.key=value, such as pcsiren.steps=100")
+    place: Any = sections
+    for i, name in enumerate([*parents, last]):
+        if not isinstance(place, dict) or name not in place:
+            where = ".".join(path.split(".")[:i]) or "the file"
+            keys = ", ".join(map(str, place)) if isinstance(place, dict) else "none"
+            raise checks.InputError(f"--set {change}: unknown key {name!r}; the keys of {where} are {keys}")
+        if i < len(parents):
+            place = place[name]
+    place[last] = config.parse_value(text, f"--set {change}")
+    return path, place[last]
+
+
+def _write(name: str, sections: dict[str, Any], origin: str) -> Path:
+    """The file of an experiment that is not in configs/; one that is there and the same stays as it is."""
+    file = Path("artifacts") / name / f"{name}.yaml"
+    text = f"# {' '.join(origin.split())}\n{yaml.safe_dump(sections, sort_keys=False, allow_unicode=True)}"
+    if not file.is_file() or file.read_text(encoding="utf-8") != text:
+        storage.write_text(file, text)
+    return file
