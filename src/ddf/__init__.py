@@ -1,1 +1,51 @@
-"""Directed distance fields: oriented points in, visibility and depth out."""
+"""Directed distance fields: oriented points in, visibility and depth out.
+
+The Python interface is what `__all__` lists; each name imports what it needs when it is first used.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ddf.api.field import Field, fit, load
+    from ddf.api.meshes import cast, read_mesh
+    from ddf.api.reconstruction import Reconstruction, reconstruct
+    from ddf.api.scene import Scene, compose
+    from ddf.api.scores import compare
+
+_HOMES = {
+    "Field": "field",
+    "load": "field",
+    "fit": "field",
+    "Scene": "scene",
+    "compose": "scene",
+    "read_mesh": "meshes",
+    "cast": "meshes",
+    "Reconstruction": "reconstruction",
+    "reconstruct": "reconstruction",
+    "compare": "scores",
+}
+__all__ = [
+    "Field",
+    "Reconstruction",
+    "Scene",
+    "cast",
+    "compare",
+    "compose",
+    "fit",
+    "load",
+    "read_mesh",
+    "reconstruct",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, from the module of `ddf.api` that holds it."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'ddf' has no attribute {name!r}")
+    value = globals()[name] = getattr(importlib.import_module(f"ddf.api.{_HOMES[name]}"), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

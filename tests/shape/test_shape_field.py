@@ -124,7 +124,7 @@ def test_rays_that_miss_the_box_are_never_evaluated(shape, monkeypatch):
     v = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]], dtype=torch.float64)
     counted = []
     forward = shape_field.evaluate
-    monkeypatch.setattr(shape_field, "evaluate", lambda f, a, b, o: counted.append(len(a)) or forward(f, a, b, o))
+    monkeypatch.setattr(shape_field, "evaluate", lambda f, a, *b: counted.append(len(a)) or forward(f, a, *b))
     found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), shape_field.OUTPUTS)
     assert sum(counted) == evaluated == 2  # behind the camera, and beside the box: components of exactly 0
     assert found["visibility"][[0, 2]].tolist() == [0.0, 0.0]

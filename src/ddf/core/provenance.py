@@ -80,10 +80,20 @@ def import_closure(script: str | Path) -> list[Path]:
     return sorted(file for file in found if file.is_relative_to(PACKAGE_ROOT))
 
 
-def imported_modules(file: str | Path) -> list[str]:
-    """Dotted names of all modules that a Python file imports, anywhere in it (`from a import b` gives a and a.b)."""
+def imported_modules(file: str | Path, typing: bool = False) -> list[str]:
+    """Dotted names of all modules that a Python file imports, anywhere in it (`from a import b` gives a and a.b).
+
+    Args:
+      typing: with those under `if TYPE_CHECKING:`, which no run imports.
+    """
     names: set[str] = set()
-    for node in ast.walk(ast.parse(Path(file).read_text(encoding="utf-8"))):
+    waiting: list[ast.AST] = [ast.parse(Path(file).read_text(encoding="utf-8"))]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            waiting.extend(node.orelse + (node.body if typing else []))
+            continue
+        waiting.extend(ast.iter_child_nodes(node))
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):

@@ -42,6 +42,9 @@ class OnnxField:
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
         """Named outputs inside the box, field frame, float32."""
+        if len(positions) == 0:  # the exported passes need a row
+            dummy = self.evaluate(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), outputs)
+            return {name: values[:0] for name, values in dummy.items()}
         asked = [name for name in self.outputs if name in outputs]
         stored = ["weights" if name == _FIRST_WEIGHT else name for name in asked]
         inputs = {"positions": positions.astype(np.float32), "directions": directions.astype(np.float32)}

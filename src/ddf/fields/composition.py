@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any, Generic
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ddf.core import arrays, checks
 from ddf.core.arrays import Array
@@ -53,13 +53,14 @@ class Composite(Generic[Array]):
     """What each ray meets in the scene; depths in world units.
 
     visibility: ξ, 0 where every box is missed. depth: d, `inf` where every field is. nearest_depth: the least depth of
-    the fields with visibility >= 1/2, `inf` where there is none.
+    the fields with visibility >= 1/2, `inf` where there is none. nearest: which field that is, -1 where there is none.
     queries: oriented points that fields were asked for, all fields together.
     """
 
     visibility: Float[Array, "n"]
     depth: Float[Array, "n"]
     nearest_depth: Float[Array, "n"]
+    nearest: Int[Array, "n"]
     queries: int
 
 
@@ -93,10 +94,13 @@ def compose(
     weights, near = soft_weights(visibilities, depths, temperature, inverse_depth)
     nothing = ~near.any(0)
     depth = (weights * xp.where(near, depths, 0.0)).sum(0)
+    hard = xp.where(visibilities >= SEEN, depths, xp.inf)
+    nearest_depth = xp.amin(hard, 0)
     return Composite(
         visibility=1 - (1 - visibilities).prod(0),
         depth=xp.where(nothing, xp.inf, depth),
-        nearest_depth=xp.amin(xp.where(visibilities >= SEEN, depths, xp.inf), 0),
+        nearest_depth=nearest_depth,
+        nearest=xp.where(xp.isfinite(nearest_depth), xp.argmin(hard, 0), -1),
         queries=sum(answer[2] for answer in answers),
     )
 

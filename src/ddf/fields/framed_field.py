@@ -79,17 +79,22 @@ def query(
     positions = field.field_from_mesh.apply(arrays.to_numpy(points.positions))
     directions = field.field_from_mesh.apply_directions(arrays.to_numpy(points.directions))
     found, evaluated = _query_field_frame(field, positions, directions, outputs)
-    scale = field.field_from_mesh.scale
+    return in_mesh_frame(found, field.field_from_mesh), evaluated
+
+
+def in_mesh_frame(found: dict[str, np.ndarray], field_from_mesh: transforms.Similarity) -> dict[str, np.ndarray]:
+    """Outputs of the field frame in the frame and the unit of the mesh."""
+    scale, found = field_from_mesh.scale, dict(found)
     if "depth" in found:
         found["depth"] = found["depth"] / scale
     for name in ("normals", "normals_1", "normals_2"):
         if name in found:
-            found[name] = field.field_from_mesh.inverse().apply_directions(found[name])
+            found[name] = field_from_mesh.inverse().apply_directions(found[name])
     if "mean_curvature" in found:
         found["mean_curvature"] = found["mean_curvature"] * scale
     if "gaussian_curvature" in found:
         found["gaussian_curvature"] = found["gaussian_curvature"] * scale**2
-    return found, evaluated
+    return found
 
 
 def _query_field_frame(

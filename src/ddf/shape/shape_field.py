@@ -1,6 +1,6 @@
 """A field fitted to one shape: its file, and how torch evaluates it; what it can be asked for is in `framed_field`."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -23,13 +23,17 @@ OUTPUTS = (*rendering.OUTPUTS, *curvature.OUTPUTS, *COMPONENT_OUTPUTS)
 
 @dataclass(frozen=True)
 class ShapeField:
-    """A trained field, its box (field frame), the map to its frame, and the record of its file."""
+    """A trained field, its box (field frame), the map to its frame, and the record of its file.
+
+    modulations: of a conditional field, one a layer: those of the shape; None of a field of one shape alone.
+    """
 
     field: PDDF
     lower: Float[np.ndarray, "3"]
     upper: Float[np.ndarray, "3"]
     field_from_mesh: transforms.Similarity
     record: dict[str, Any]
+    modulations: Sequence[Float[Tensor, "1 _"]] | None = None
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -48,7 +52,7 @@ class ShapeField:
         """Named outputs inside the box, field frame, in the network's own type (`evaluate`)."""
         weight = self.field.network.head.weight
         inside, looking = (torch.from_numpy(values).to(weight) for values in (positions, directions))
-        found = evaluate(self.field, inside, looking, outputs)
+        found = evaluate(self.field, inside, looking, outputs, self.modulations)
         return {name: values.cpu().numpy() for name, values in found.items()}
 
 
@@ -65,6 +69,12 @@ def description(
         "box": {"lower": lower.tolist(), "upper": upper.tolist()},
         "field_from_mesh": field_from_mesh.to_dict(),
     }
+
+
+def conditioned(field: PDDF, modulations: Sequence[Float[Tensor, "1 _"]], v1_from_field: float) -> ShapeField:
+    """A conditional field of one shape: its box is the cube, the frame of the mesh is v1 (`transforms`)."""
+    upper = np.full(3, rendering.CUBE_HALF)
+    return ShapeField(field, -upper, upper, transforms.Similarity(1 / v1_from_field), {}, modulations)
 
 
 def load(path: Path) -> ShapeField:
@@ -92,7 +102,11 @@ def load(path: Path) -> ShapeField:
 
 
 def evaluate(
-    field: PDDF, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], outputs: Collection[str]
+    field: PDDF,
+    positions: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "n 3"],
+    outputs: Collection[str],
+    modulations: Sequence[Float[Tensor, "1 _"]] | None = None,
 ) -> dict[str, Tensor]:
     """Named outputs in the field frame: those of `rendering.query`, the curvatures and those of `components`.
 
@@ -104,14 +118,14 @@ def evaluate(
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
         raise checks.InputError(f"outputs must be among {', '.join(OUTPUTS)}; got {', '.join(unknown)}")
-    parts = components(field, positions, directions, outputs)
+    parts = components(field, positions, directions, outputs, modulations)
     others = [name for name in outputs if name not in COMPONENT_OUTPUTS]
     curvatures = [name for name in curvature.OUTPUTS if name in outputs]
     if others and not curvatures:
-        return parts | rendering.query(field, positions, directions, None, others)
+        return parts | rendering.query(field, positions, directions, modulations, others)
     if not others:
         return parts
-    surface = curvature.surface(field, positions, directions, None, curvatures)
+    surface = curvature.surface(field, positions, directions, modulations, curvatures)
     found = {
         "visibility": visibility(surface.raw),
         "depth": field.depth(surface.raw),
@@ -123,7 +137,11 @@ def evaluate(
 
 
 def components(
-    field: PDDF, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], outputs: Collection[str]
+    field: PDDF,
+    positions: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "n 3"],
+    outputs: Collection[str],
+    modulations: Sequence[Float[Tensor, "1 _"]] | None = None,
 ) -> dict[str, Tensor]:
     """What the components of the mixture say by themselves, field frame; only what is asked for.
 
@@ -133,7 +151,7 @@ def components(
     """
     if not set(outputs) & set(COMPONENT_OUTPUTS):
         return {}
-    trace = derivatives.trace(field.network, field.inputs(positions, directions))
+    trace = derivatives.trace(field.network, field.inputs(positions, directions), modulations)
     found = {}
     if "weight_1" in outputs:
         found["weight_1"] = torch.sigmoid(trace.outputs[..., WEIGHT_ROW])
@@ -156,6 +174,6 @@ def cloud(
         raise checks.InputError(f"the number of points must be >= 1; got {count}")
     generator = torch.Generator(shape.field.network.head.weight.device).manual_seed(seed)
     box = (shape.lower.tolist(), shape.upper.tolist())
-    cycles = cloud_projection.sample(shape.field, None, count, config, generator, box)
+    cycles = cloud_projection.sample(shape.field, shape.modulations, count, config, generator, box)
     (kept,) = cloud_projection.select(cycles, [count], config)
     return shape.field_from_mesh.inverse().apply(kept.double().cpu().numpy())

@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     image = shapenet.read_any_image(args.image, image_size)[None].to(training_loop.device())
     seconds: dict[str, float] = {}
     with _timed(seconds, "encoders"), torch.no_grad():
-        _, latent, seen_from = inference.encode_batch(model, image, _mirror(model))
+        _, latent, seen_from = inference.encode_batch(model, image, mirror_of(model))
     drawn = cloud_settings.cloud(model.field.config.mirror)
     if deviation is not None:
         with _timed(seconds, "silhouette"):
@@ -100,7 +100,7 @@ def load(folder: Path) -> tuple[reconstruction_models.DDFModel, int]:
     return trained.ddf(folder, record)
 
 
-def _mirror(model: reconstruction_models.DDFModel) -> cameras.Mirror | None:
+def mirror_of(model: reconstruction_models.DDFModel) -> cameras.Mirror | None:
     """Normal of the plane about which the model holds shapes for all but symmetric, where flipped images show it."""
     axis = model.field.config.mirror
     return None if axis == "y" else axis

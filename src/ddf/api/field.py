@@ -1,0 +1,165 @@
+"""Fields of one shape: loading them, and what they can be asked for."""
+
+import contextlib
+import dataclasses
+import tempfile
+from collections.abc import Callable
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ddf.api import meshes, queries
+from ddf.core import checks, extras, shipped_models
+from ddf.fields import framed_field
+from ddf.geometry.mesh_io import Mesh
+from ddf.shape import cloud_normals
+
+if TYPE_CHECKING:
+    from ddf.shape import shape_field
+
+ONNX, WEIGHTS = "field.onnx", "model.safetensors"  # of a folder of a field
+
+
+class Field(queries.Queried):
+    """A trained field of one shape. Everything is in the frame and the unit of the mesh that it was fitted to."""
+
+    def __init__(
+        self, framed: framed_field.FramedField, weights: "Callable[[], shape_field.ShapeField] | None" = None
+    ) -> None:
+        super().__init__(framed)
+        self._load_weights = weights
+
+    @cached_property
+    def _weights(self) -> "shape_field.ShapeField":
+        """The field in torch, which `points` differs through."""
+        if self._load_weights is None:
+            raise checks.InputError("this needs the weights of the field; an ONNX file alone does not give them")
+        with extras.named():
+            return self._load_weights()
+
+    def points(self, n: int, seed: int = 0) -> Float[np.ndarray, "n 3"]:
+        """A cloud of evenly spread points on the surface. Needs torch.
+
+        Args:
+          n: how many, 1 or more. seed: the same seed gives the same points.
+        Returns:
+          (n, 3), float64, in the frame and the unit of the mesh.
+        Raises:
+          ValueError: n is below 1, torch is not installed, or the field came from an ONNX file alone.
+
+        Example:
+          >>> import ddf
+          >>> ddf.load("rabbit").points(100).shape
+          (100, 3)
+        """
+        with extras.named():
+            from ddf.cli import cloud_settings
+            from ddf.shape import shape_field
+        weights = self._weights
+        mirror = None if weights.modulations is None else weights.field.config.mirror
+        return shape_field.cloud(weights, n, cloud_settings.cloud(mirror), seed)
+
+    def surface(self, n: int = 5000) -> Mesh:
+        """A triangle mesh of the surface: screened Poisson through points with normals. Needs Open3D.
+
+        Args:
+          n: points that it goes through; they are some of those that `udf` measures to.
+        Returns:
+          `.vertices` (k, 3) float64 in the frame and the unit of the mesh, `.faces` (m, 3); open where the field has no
+          points, and finer where it has many.
+        Raises:
+          ValueError: the field sees no surface, or Open3D is not installed.
+
+        Example:
+          >>> import ddf
+          >>> mesh = ddf.load("rabbit").surface(n=500)
+          >>> mesh.vertices.shape[1], len(mesh.faces) > 100
+          (3, True)
+        """
+        with extras.named():
+            from ddf.geometry import poisson
+        points = self._hits[:n]
+        normals = cloud_normals.ask(self.framed, points)
+        found = normals.any(axis=1)
+        return poisson.surface(points[found], normals[found])
+
+
+def load(path_or_name: str | Path) -> Field:
+    """A trained field.
+
+    A folder or a name is loaded by its ONNX file where it has one, so that torch is not needed.
+
+    Args:
+      path_or_name: the folder that `ddf fit` wrote, its model.safetensors (these need torch), an ONNX file that
+        `ddf export` wrote, or the name of a field that `ddf models` lists.
+    Returns:
+      The field; it answers in the frame of the mesh that it was fitted to.
+    Raises:
+      FileNotFoundError: there is no such file, folder or name.
+      ValueError: the file is damaged, holds something else, or needs a package that is not installed.
+
+    Example:
+      >>> import ddf
+      >>> ddf.load("rabbit").outputs[:3]
+      ('visibility', 'depth', 'normals')
+    """
+    path = shipped_models.place(path_or_name)
+    if not path.exists():
+        names = ", ".join(model.name for model in shipped_models.listed() if model.kind == "field")
+        raise FileNotFoundError(f"{path}: no such file or folder, and no field of that name; there are {names}")
+    folder = path if path.is_dir() else path.parent
+    onnx = path / ONNX if path.is_dir() else path
+    if onnx.suffix == ".onnx" and onnx.is_file():
+        from ddf.export import onnx_field
+
+        weights = folder / WEIGHTS
+        beside = weights if onnx.name == ONNX and weights.is_file() else None
+        return Field(onnx_field.load(onnx), None if beside is None else lambda: _torch_field(beside))
+    with extras.named():
+        shape = _torch_field(path)
+    return Field(shape, lambda: shape)
+
+
+def fit(
+    mesh: Any, minutes: int | float | None = None, steps: int | None = None, out: str | Path | None = None
+) -> Field:
+    """Fit a field to a mesh, as `ddf fit` does. Needs torch and Open3D.
+
+    Args:
+      mesh: what `read_mesh` gives, a path, or anything with `vertices` (n, 3) and `faces` (m, 3).
+      minutes: wall time of sampling and training; 2 if nothing is said. steps: instead, the reproducible way.
+      out: folder that keeps the field, its log and its errors; a stopped fit goes on there. None keeps no files.
+    Returns:
+      The field, in the frame and the unit of the mesh.
+    Raises:
+      ValueError: the mesh has no triangle with an area, both budgets are given, or a package is not installed.
+
+    Example:
+      >>> import ddf, types
+      >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+      >>> faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+      >>> field = ddf.fit(types.SimpleNamespace(vertices=corners, faces=faces), steps=2)  # doctest: +SKIP
+    """
+    if minutes is not None and steps is not None:
+        raise checks.InputError(f"a fit takes minutes or steps; got both, {minutes} and {steps}")
+    with extras.named():
+        from ddf.shape import fit_settings, fitting
+    settings = fit_settings.DEFAULT
+    if minutes is not None:
+        settings = dataclasses.replace(settings, minutes=float(minutes))
+    if steps is not None:
+        settings = dataclasses.replace(settings, steps=steps, minutes=None)
+    given = meshes.as_mesh(mesh)
+    with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
+        fitting.fit(given, settings, Path(folder))
+        shape = _torch_field(Path(folder))
+    return Field(shape, lambda: shape)
+
+
+def _torch_field(path: Path) -> "shape_field.ShapeField":
+    from ddf.shape import shape_field
+
+    return shape_field.load(path)

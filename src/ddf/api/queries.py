@@ -1,0 +1,140 @@
+"""What fields and scenes have in common: queries, pictures and distances, in the frame of the mesh or of the scene."""
+
+from collections.abc import Collection
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from jaxtyping import Float
+
+from ddf.api import checked_cloud, inputs
+from ddf.fields import framed_field
+from ddf.geometry import neighbours
+
+
+class Queried:
+    """A field or a scene that can be asked along rays, from cameras and for distances."""
+
+    def __init__(self, framed: framed_field.FramedField) -> None:
+        self.framed = framed
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names that `query` and `render` know."""
+        return self.framed.outputs
+
+    @property
+    def box(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Lower and upper corner of the box that holds the surface, in the frame of the mesh.
+
+        Example:
+          >>> import ddf
+          >>> lower, upper = ddf.load("rabbit").box
+          >>> bool((lower < upper).all())
+          True
+        """
+        return self.corners.min(axis=0), self.corners.max(axis=0)
+
+    @property
+    def corners(self) -> Float[np.ndarray, "8 3"]:
+        """The corners of the field's box, in the frame of the mesh, where it may stand askew."""
+        sides = np.stack(np.meshgrid(*zip(self.framed.lower, self.framed.upper, strict=True), indexing="ij"), -1)
+        return self.framed.field_from_mesh.inverse().apply(sides.reshape(8, 3))
+
+    def query(
+        self,
+        positions: npt.ArrayLike,
+        directions: npt.ArrayLike,
+        outputs: Collection[str] = ("depth", "visibility"),
+    ) -> dict[str, Float[np.ndarray, "n ..."]]:
+        """What is seen from positions along directions.
+
+        Args:
+          positions: (n, 3), anywhere, in the frame and the unit of the mesh.
+          directions: (n, 3), of length 1.
+          outputs: some of `outputs`.
+        Returns:
+          float64 arrays by name. `visibility` (n): in [0, 1], 0 where the box is missed. `depth` (n): along the ray, in
+          the unit of the mesh, `inf` where nothing is seen (visibility below 1/2). `normals` (n, 3): unit, facing back,
+          0 where nothing is seen. `mean_curvature` (n): κ1 + κ2, negative where the surface is convex, in 1/unit.
+          `gaussian_curvature` (n): κ1 κ2, in 1/unit².
+        Raises:
+          ValueError: a shape that is not (n, 3), a value that is not finite, a direction that is not of unit length, an
+            output that does not exist.
+
+        Example:
+          >>> import ddf
+          >>> rabbit = ddf.load("rabbit")
+          >>> seen = rabbit.query([[0.0, 0.45, 5.0]], [[0.0, 0.0, -1.0]])
+          >>> sorted(seen), seen["depth"].shape, bool(seen["visibility"][0] > 0.5)
+          (['depth', 'visibility'], (1,), True)
+        """
+        return framed_field.query(self.framed, inputs.oriented_points(positions, directions), outputs)[0]
+
+    def render(
+        self,
+        azimuth_deg: int | float = 35.0,
+        elevation_deg: int | float = 25.0,
+        radius: int | float | None = None,
+        size: int = 256,
+        outputs: Collection[str] = ("depth", "visibility"),
+        up: str = "y",
+    ) -> dict[str, Float[np.ndarray, "size size ..."]]:
+        """Pictures from a camera that looks at the centre of the box.
+
+        Args:
+          azimuth_deg, elevation_deg: where the camera stands.
+          radius: its distance from the centre, 0.57 is one diagonal of the box; None frames the box.
+          size: pixels a side.
+          outputs: some of `outputs`, as `query` gives them; depth is along the ray, from the camera.
+          up: the axis of the mesh that points up, y or z.
+        Returns:
+          float64 arrays by name, (size, size) or (size, size, 3), the first row on top.
+        Raises:
+          ValueError: a number that is not finite, a negative radius, a size below 1, an output that does not exist.
+
+        Example:
+          >>> import ddf
+          >>> pictures = ddf.load("rabbit").render(35, 25, size=32, outputs=("depth", "normals"))
+          >>> pictures["depth"].shape, pictures["normals"].shape
+          ((32, 32), (32, 32, 3))
+        """
+        if radius is None:
+            radius = framed_field.framing_radius(self.framed, float(azimuth_deg), float(elevation_deg), up)
+        camera = (float(azimuth_deg), float(elevation_deg), float(radius))
+        return framed_field.render(self.framed, camera, size, outputs, up)[0]
+
+    def udf(self, positions: npt.ArrayLike) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
+        """Unsigned distances to the surface, and the directions of its closest point.
+
+        The distance is that to the nearest of 20,000 hits. They are drawn once from the field, at the first call; each
+        was asked for again from four other starts on its ray, and the answers agreed.
+
+        Args:
+          positions: (n, 3), anywhere, in the frame and the unit of the mesh.
+        Returns:
+          Distances (n) in the unit of the mesh, and unit directions (n, 3), 0 where the distance is 0.
+        Raises:
+          ValueError: a shape that is not (n, 3), a value that is not finite, or a field in which nothing is seen.
+
+        Example:
+          >>> import ddf
+          >>> distances, directions = ddf.load("rabbit").udf([[0.0, 2.0, 0.0]])
+          >>> distances.shape, directions.shape, bool(distances[0] > 0.5)
+          ((1,), (1, 3), True)
+        """
+        asked = inputs.points("positions", positions)
+        if len(asked) == 0:
+            return np.zeros(0), np.zeros((0, 3))
+        cloud = self._cloud
+        dist_sq, index = cloud.nearest(asked, "positions")
+        distances, ways = np.sqrt(dist_sq), self._hits[index] - asked
+        return distances, ways / np.where(distances == 0, 1.0, distances)[:, None]
+
+    @cached_property
+    def _hits(self) -> Float[np.ndarray, "m 3"]:
+        return checked_cloud.draw(self.framed)
+
+    @cached_property
+    def _cloud(self) -> neighbours.Neighbours:
+        return neighbours.Neighbours(self._hits)

@@ -1,0 +1,74 @@
+"""From one image to the field of what it shows."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from ddf.api.field import Field
+from ddf.core import extras, shipped_models
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """What a model makes of one image.
+
+    field: in the frame of ShapeNet's meshes (v1): Y up, box centred at 0, diagonal about 1.
+    points: (n, 3), a cloud on its surface, same frame. camera: azimuth_deg, elevation_deg and radius from which the
+      image seems to be taken; radius in benchmark units, 0.57 times those of the frame.
+    """
+
+    field: Field
+    points: Float[np.ndarray, "n 3"]
+    camera: dict[str, float]
+
+
+def reconstruct(image: str | Path, model: str | Path, n: int = 5000, seed: int = 0) -> Reconstruction:
+    """The object of an image, by a trained model. Needs torch.
+
+    Args:
+      image: an RGBA file of any size; its alpha is the mask of the object.
+      model: a folder that `make train` wrote under train_ddf/, or a name that `ddf models` lists: chair, plane, car.
+      n: points of the cloud, 2 or more. seed: the same seed gives the same points.
+    Raises:
+      FileNotFoundError: there is no such model.
+      ValueError: the image or the model is damaged or of another kind, or torch is not installed.
+
+    Example:
+      >>> import ddf
+      >>> from ddf.core import shipped_models
+      >>> image = shipped_models.ROOT / "chair" / "sample_0.png"
+      >>> found = ddf.reconstruct(image, "chair", n=200)
+      >>> found.points.shape, sorted(found.camera)
+      ((200, 3), ['azimuth_deg', 'elevation_deg', 'radius'])
+    """
+    with extras.named():
+        import torch
+
+        from ddf.cli import cloud_settings
+        from ddf.cli.model import reconstruct_image
+        from ddf.data import shapenet
+        from ddf.fields import cloud_projection
+        from ddf.reconstruction import inference, scales
+        from ddf.shape import shape_field
+        from ddf.training import training_loop
+    path = shipped_models.place(model)
+    trained, size = reconstruct_image.load(path.parent if path.name == training_loop.MODEL else path)
+    pixels = shapenet.read_any_image(Path(image), size)[None].to(training_loop.device())
+    with torch.no_grad():
+        _, latent, cameras = inference.encode_batch(trained, pixels, reconstruct_image.mirror_of(trained))
+        modulations = [layer[0] for layer in trained.modulations(latent)]
+    drawn = cloud_settings.cloud(trained.field.config.mirror)
+    generator = torch.Generator(training_loop.device()).manual_seed(seed)
+    cycles = cloud_projection.sample(trained.field, modulations, n, drawn, generator)
+    (cloud,) = cloud_projection.select(cycles, [n], drawn)
+    scale = scales.scale_from_cycles(cycles, cloud_settings.SCALE_QUANTILE)
+    shape = shape_field.conditioned(trained.field, modulations, scale)
+    azimuth, elevation, radius = (float(value) for value in cameras[0])
+    seen_from = {
+        "azimuth_deg": float(np.degrees(azimuth)),
+        "elevation_deg": float(np.degrees(elevation)),
+        "radius": radius,
+    }
+    return Reconstruction(Field(shape, lambda: shape), scale * cloud.double().cpu().numpy(), seen_from)

@@ -1,0 +1,150 @@
+"""Fields and scenes through the Python interface: ONNX against torch, scenes against fields, distances, refusals."""
+
+import numpy as np
+import pytest
+
+import ddf
+from ddf.api import field as field_module
+from ddf.core import checks, extras, shipped_models
+
+FRONT = ([[0.0, 0.45, 5.0]], [[0.0, 0.0, -1.0]])
+
+
+def _rays(field, count=400, seed=0):
+    random = np.random.default_rng(seed)
+    lower, upper = field.box
+    positions = random.uniform(lower, upper, (count, 3))
+    directions = random.standard_normal((count, 3))
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    return positions - 2 * directions, directions
+
+
+def _turned(angle, scale=1.0, at=(0.0, 0.0, 0.0)):
+    matrix = np.eye(4)
+    c, s = np.cos(angle), np.sin(angle)
+    matrix[:3, :3] = scale * np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    matrix[:3, 3] = at
+    return matrix
+
+
+@pytest.fixture(scope="module")
+def rabbit():
+    return ddf.load("rabbit")
+
+
+def test_onnx_file_and_weights_are_one_field(rabbit):
+    torch_field = ddf.load(shipped_models.ROOT / "rabbit" / "model.safetensors")
+    outputs = [name for name in rabbit.outputs if "curvature" not in name]
+    assert set(outputs) < set(torch_field.outputs)
+    one, other = (field.query(*_rays(rabbit), outputs) for field in (rabbit, torch_field))
+    assert 50 < np.isfinite(one["depth"]).sum() < 400
+    alike = np.abs(one["weight_1"] - 0.5) > 0.01  # elsewhere the components may change places
+    for name in outputs:
+        np.testing.assert_allclose(one[name][alike], other[name][alike], atol=2e-3, err_msg=name)
+    np.testing.assert_allclose(rabbit.box, torch_field.box, rtol=1e-6)
+    one, other = (field.render(20, 10, size=24)["depth"] for field in (rabbit, torch_field))
+    both = np.isfinite(one) & np.isfinite(other)
+    assert both.sum() > 100
+    assert np.median(np.abs(one[both] - other[both])) < 1e-5
+
+
+def test_scene_of_one_moved_field_is_the_field_moved(rabbit):
+    outputs = ("visibility", "depth", "normals", "mean_curvature")
+    positions, directions = _rays(rabbit)
+    matrix = _turned(0.7, 2.0, (3.0, -1.0, 0.5))
+    scene = ddf.compose([rabbit], [matrix])
+    turn = matrix[:3, :3] / 2.0
+    moved = scene.query(positions @ matrix[:3, :3].T + matrix[:3, 3], directions @ turn.T, outputs)
+    still = rabbit.query(positions, directions, outputs)
+    clear = np.isfinite(moved["depth"]) & np.isfinite(still["depth"])
+    assert clear.sum() > 50
+    np.testing.assert_allclose(moved["visibility"], still["visibility"], atol=1e-3)
+    np.testing.assert_allclose(moved["depth"][clear], 2 * still["depth"][clear], atol=1e-3)
+    close = np.abs(moved["normals"] - still["normals"] @ turn.T)[clear].max(axis=-1)
+    assert np.quantile(close, 0.95) < 1e-3
+    curved = np.abs(2 * moved["mean_curvature"] - still["mean_curvature"])[clear]
+    assert np.quantile(curved, 0.9) < 1e-2
+
+
+def test_in_a_scene_the_nearest_field_hides_the_others(rabbit):
+    behind = _turned(0.0, 1.0, (0.0, 0.0, -3.0))
+    both = ddf.compose([rabbit, rabbit], [behind, np.eye(4)]).query(*FRONT, ("depth", "visibility", "normals"))
+    alone = rabbit.query(*FRONT, ("depth", "visibility", "normals"))
+    for name, values in alone.items():
+        np.testing.assert_allclose(both[name], values, atol=1e-4, err_msg=name)
+    beside = ddf.compose([rabbit, rabbit], [behind, np.eye(4)]).query([[0.0, 0.45, -1.0]], FRONT[1])
+    np.testing.assert_allclose(beside["depth"] + 1.0 - 3.0, alone["depth"] - 5.0, atol=1e-3)
+
+
+def test_renders_frame_the_box(rabbit):
+    picture = rabbit.render(35, 25, size=32)["depth"]
+    seen = np.argwhere(np.isfinite(picture))
+    assert seen.min() >= 0
+    assert 16 < np.ptp(seen, axis=0).max() < 32
+    assert rabbit.render(35, 25, 5.0, size=32, outputs=("normals",))["normals"].shape == (32, 32, 3)
+
+
+@pytest.mark.slow
+def test_distances_are_those_to_the_surface_and_point_to_it(rabbit):
+    lower, upper = rabbit.box
+    positions = np.random.default_rng(1).uniform(lower - 0.3, upper + 0.3, (300, 3))
+    distances, directions = rabbit.udf(positions)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=-1), 1.0)
+    far = distances > 0.2
+    along = rabbit.query(positions[far], directions[far])["depth"]
+    assert np.median(np.abs(along - distances[far])[np.isfinite(along)]) < 0.03
+    onto, _ = rabbit.udf(positions + distances[:, None] * directions)
+    assert onto.max() < 1e-6
+
+
+def test_wrong_input_is_one_value_error(rabbit):
+    good, along = np.zeros((2, 3)), np.array([[0.0, 0.0, 1.0]] * 2)
+    for call, message in (
+        (
+            lambda: rabbit.query(good[0], along),
+            r"positions must be numbers of shape .n, 3.; got float64",
+        ),
+        (lambda: rabbit.query(good, along[:1]), "positions and directions must be as many; got 2 and 1"),
+        (lambda: rabbit.query(good, 2 * along), "directions must be unit length"),
+        (lambda: rabbit.query(good + np.nan, along), "positions must be finite"),
+        (lambda: rabbit.query(good, along, ("colour",)), "outputs must be among .*; got colour"),
+        (lambda: rabbit.render(0, 0, -1.0), "camera radius >= 0"),
+        (lambda: rabbit.udf([[0.0, 1.0]]), "positions must be numbers of shape"),
+        (lambda: ddf.compose([rabbit], []), "a scene needs fields and a transform for each; got 1, 0"),
+        (lambda: ddf.compose([rabbit], [np.diag([1.0, 2.0, 1.0, 1.0])]), "this one shears or mirrors"),
+        (lambda: ddf.compose([rabbit], [np.diag([-1.0, 1.0, 1.0, 1.0])]), "this one shears or mirrors"),
+        (lambda: ddf.compose([rabbit], [np.eye(3)]), "must be a 4x4 matrix"),
+        (lambda: ddf.compare(good, along[:, :2]), "truth must be numbers of shape"),
+        (lambda: ddf.cast(3, good, along), "a mesh must have vertices and faces"),
+        (lambda: ddf.fit(3, minutes=1.0, steps=1), "a fit takes minutes or steps; got both"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            call()
+    with pytest.raises(FileNotFoundError, match=r"hare: no such file .* no field of that name; there are rabbit"):
+        ddf.load("hare")
+    with pytest.raises(AttributeError, match="has no attribute 'lod'"):
+        _ = ddf.lod  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_an_onnx_file_alone_says_what_it_lacks(tmp_path):
+    file = tmp_path / "alone.onnx"
+    file.write_bytes((shipped_models.ROOT / "rabbit" / field_module.ONNX).read_bytes())
+    alone = ddf.load(file)
+    assert alone.outputs == ddf.load("rabbit").outputs
+    with pytest.raises(checks.InputError, match="needs the weights of the field"):
+        alone.points(5)
+    file.write_bytes(b"nothing")
+    with pytest.raises(checks.InputError, match=r"alone\.onnx: not an ONNX file that onnxruntime reads"):
+        ddf.load(file)
+
+
+def test_a_missing_package_is_named_with_its_extra():
+    told = extras.missing(ModuleNotFoundError("No module named 'torch'", name="torch.nn"))
+    assert str(told) == 'this needs torch: pip install "ddf[torch]"'
+    with (
+        pytest.raises(extras.MissingPackage, match=r'this needs pymeshlab: pip install "ddf\[experiments\]"'),
+        extras.named(),
+    ):
+        raise ModuleNotFoundError(name="pymeshlab")
+    with pytest.raises(ModuleNotFoundError, match="nothing"), extras.named():
+        raise ModuleNotFoundError("nothing", name="nothing")
