@@ -108,7 +108,17 @@ def section(benchmark: Benchmark, files: dict[str, bytes], pictures: Sequence[st
     if f"{benchmark.name}.png" in pictures:
         caption = "How the time grows with the size of the task."
         blocks.append(pages.Figure(f"{benchmark.name}.png", caption, f"{title(benchmark.name)}: growth"))
-    return pages.Section(title(benchmark.name).capitalize(), [*blocks, table(benchmark)])
+    return pages.Section(title(benchmark.name).capitalize(), [*blocks, *pages.split(table(benchmark))])
+
+
+_LEAD = (
+    'Made by `make bench`; `make bench BENCH="evaluation rendering"` runs some.',
+    "Times are medians.",
+    "`spread`: a second run on the same machine has its medians within this factor, but for one in a hundred.",
+    "What all rows of a benchmark share, a slower machine, is taken off first.",
+    "It follows from quartiles and number of samples, and from what differs from run to run (`bench/lib/results.py`).",
+    "`make bench-check` tries it.",
+)
 
 
 def page(found: Mapping[str, Benchmark], pictures: Sequence[str] = ()) -> pages.Page:
@@ -123,14 +133,8 @@ def page(found: Mapping[str, Benchmark], pictures: Sequence[str] = ()) -> pages.
     ordered = [*sentences, *(name for name in found if name not in sentences)]
     sections = [section(found[name], files, pictures) for name in ordered if not own[name].elsewhere]
     figures = [block for part in sections[: len(sentences)] for block in part.blocks if _is_pareto(block)]
-    lead = [
-        'Made by `make bench` (`make bench BENCH="evaluation rendering"` runs some). Times are medians; a second run '
-        "on the same machine has its medians within the factor `spread` of them, but for one in a hundred, once the "
-        "factor that all rows of a benchmark share is taken off; `make bench-check` tries it. Spread follows from "
-        "quartiles and number of samples, and from what differs from run to run (`bench/lib/results.py`).",
-        *_elsewhere(own),
-    ]
-    first = [pages.Section("What matters most", [tuple(sentences.values()), *figures])] if sentences else []
+    lead = [_LEAD, *_elsewhere(own)]
+    first = [pages.Section("What matters most", [*figures, tuple(sentences.values())])] if sentences else []
     shown = {block.name for block in figures if isinstance(block, pages.Figure)}
     kept = [pages.Section(s.title, [b for b in s.blocks if getattr(b, "name", None) not in shown]) for s in sections]
     return pages.Page(TITLE, lead, [*first, *kept], files)

@@ -52,7 +52,7 @@ def test_clouds_come_first_with_measured_figures():
     rows = [row(category, n, h, t, f + up) for category, up in (("chair", 0), ("car", 10)) for n, h, t, f in grid]
     clouds = dataclasses.replace(benchmark("cloud_sampling"), rows=rows)
     made = page.page({"cloud_sampling": clouds, "training_step": benchmark()})
-    sentences, picture = made.sections[0].blocks[:2]
+    picture, sentences = made.sections[0].blocks[:2]
     assert isinstance(sentences, tuple) and isinstance(picture, pages.Figure)
     (sentence,) = sentences
     assert "of 3 settings 2 are on the frontier, from 4 directions and 1 cycle (1 s, F(τ) × 100 = 45.0)" in sentence

@@ -90,3 +90,19 @@ def test_a_figure_without_its_file_is_an_error():
 
 def test_style_loads_nothing():
     assert not re.search(r"url\(|@import|https?:", pages.html_page(_page("x")))
+
+
+@pytest.mark.parametrize(("columns", "widths"), [(8, [8]), (9, [8, 3]), (14, [8, 8]), (15, [8, 8, 3]), (2, [2])])
+def test_wide_tables_are_split_and_keep_their_labels(columns, widths):
+    header = [f"h{i}" for i in range(columns)]
+    rows = [[f"{line}{i}" for i in range(columns)] for line in "ab"]
+    parts = pages.split(pages.Table("Words.", [("", columns, False)], header, rows, labels=2))
+    assert [len(part.header) for part in parts] == widths
+    assert all(part.header[:2] == header[:2] and [r[:2] for r in part.rows] == [r[:2] for r in rows] for part in parts)
+    assert [name for part in parts for name in part.header[2:]] == header[2:]
+    assert [cell for part in parts for cell in part.rows[1][2:]] == rows[1][2:]
+    assert [part.caption for part in parts] == [
+        *(f"Part {i} of {len(widths)}." for i in range(1, len(widths))),
+        "Words.",
+    ]
+    assert all(sum(width for _, width, _ in part.groups) == len(part.header) for part in parts)

@@ -8,7 +8,7 @@ import base64
 import html
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ddf.core import storage
@@ -83,6 +83,28 @@ class Page:
         blocks = [*self.lead, *(block for section in self.sections for block in section.blocks)]
         own = {block.name: block.content for block in blocks if isinstance(block, Figure) and block.content}
         return {**self.files, **own}
+
+
+MAX_COLUMNS = 8  # of a table: more cannot be read on a page
+
+
+def split(table: Table) -> list[Table]:
+    """The table in parts of at most `MAX_COLUMNS` columns; each has the label columns, the last one the caption.
+
+    Column groups are not kept together: for tables without them.
+    """
+    free = range(table.labels, len(table.header))
+    step = MAX_COLUMNS - table.labels
+    chunks = [[*range(table.labels), *free[i : i + step]] for i in range(0, len(free), step)]
+    if len(chunks) < 2:
+        return [table]
+    parts = []
+    for number, columns in enumerate(chunks, start=1):
+        caption = table.caption if number == len(chunks) else f"Part {number} of {len(chunks)}."
+        rows = [[row[i] for i in columns] for row in table.rows]
+        header = [table.header[i] for i in columns]
+        parts.append(replace(table, caption=caption, groups=[("", len(columns), False)], header=header, rows=rows))
+    return parts
 
 
 def paragraph(text: str, **values: object) -> str:
