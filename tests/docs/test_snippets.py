@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import _page_inputs
 import pytest
 
 import ddf.cli
@@ -22,6 +23,7 @@ NOT_RUN = {
     r"ddf (export|reconstruct) .*artifacts/": "needs a trained experiment; tests/cli runs it on tiny ones",
     r"ddf reconstruct .*/sample_": "a minute of a busy core; tests/cli runs it on tiny models",
     r"ddf points ": "half a minute of a core; tests/cli runs it",
+    r"ddf run ": "an experiment; tests/stages runs stages on tiny data",
     r"ddf fit |my_field": "two minutes; tests/cli runs it",
     r"ddf split /path": "needs ShapeNet; tests/cli runs it on a listing",
     r"\. .venv/bin/activate": "changes the shell that runs it",
@@ -147,6 +149,7 @@ def found_in_configs(name: str) -> bool:
 )
 def test_commands_run(page, tmp_path):
     (tmp_path / "configs").symlink_to(ROOT / "configs")
+    _page_inputs.write(tmp_path)
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     for line in lines(page):
         if not not_run(line, NOT_RUN):

@@ -24,7 +24,7 @@ COMMANDS = ("make", "flock", "git")
 CPU_FLAGS = ("avx2", "fma", "avx512f", "avx512_bf16", "amx_bf16")
 MIN_DISK_GIB, MIN_MEMORY_GIB = 5.0, 4.0
 _IMPORTS = ("torch", "torchvision", "open3d", "pymeshlab", "dvc")
-EXAMPLES = ("ddf doctor", "ddf doctor --fast --json")
+EXAMPLES = ("ddf doctor", "ddf doctor --fast")
 _ROOT = Path(__file__).resolve().parents[4]
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from ddf.cli import results
 
-EXAMPLES = ("ddf fit chair.obj chair_field --minutes 2", "ddf fit chair.obj chair_field --steps 2000 --seed 1")
+EXAMPLES = ("ddf fit shape.obj my_field --minutes 2", "ddf fit shape.obj my_field --steps 2000 --seed 1")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

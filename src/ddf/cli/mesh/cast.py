@@ -7,7 +7,7 @@ from typing import Any
 
 from ddf.cli import arguments
 
-EXAMPLES = ("ddf cast chair.obj --rays rays.npz --out hits.npz",)
+EXAMPLES = ("ddf cast shape.obj --rays rays.npz --out hits.npz",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

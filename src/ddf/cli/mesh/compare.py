@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 POINTS = 10_000  # drawn on each mesh, as benchmarks of meshes do
 EXAMPLES = (
     "ddf compare cloud.ply truth.ply",
-    "ddf compare cloud.ply chair.obj --points 30000 --seed 1",
+    "ddf compare cloud.ply shape.obj --points 30000 --seed 1",
 )
 
 

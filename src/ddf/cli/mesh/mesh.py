@@ -8,7 +8,7 @@ from ddf.cli import arguments
 from ddf.data import mesh_config
 from ddf.geometry import mesh_io
 
-EXAMPLES = ("ddf mesh chair.obj closed.ply", "ddf mesh chair.obj closed.obj --faces 5000 --alpha 0.02")
+EXAMPLES = ("ddf mesh shape.obj closed.ply", "ddf mesh shape.obj closed.obj --faces 500 --alpha 0.02")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,7 @@ from ddf.cli import arguments, results
 if TYPE_CHECKING:
     from ddf.geometry import mesh_io, transforms
 
-EXAMPLES = ("ddf samples chair.obj samples.safetensors --count 2000",)
+EXAMPLES = ("ddf samples shape.obj samples.safetensors --count 2000",)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

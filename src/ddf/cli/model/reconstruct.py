@@ -6,7 +6,7 @@ from typing import Any
 
 from ddf.core import shipped_models
 
-EXAMPLES = ("ddf reconstruct chair.png artifacts/cpu/train_ddf/chair chair",)
+EXAMPLES = ("ddf reconstruct chair_model/sample_0.png chair my_chair",)
 DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
 
 

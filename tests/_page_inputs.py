@@ -1,0 +1,24 @@
+"""The small files that examples in help and pages name: a mesh, rays, a listing and two clouds."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from ddf.geometry import mesh_io, point_io
+
+
+def write(folder: Path) -> None:
+    """shape.obj, rays.npz, ids.json, cloud.ply and truth.ply."""
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.8)
+    mesh = mesh_io.Mesh(np.array(ball.vertices), np.array(ball.faces))
+    (folder / "shape.obj").write_bytes(mesh_io.export_bytes(mesh, ".obj"))
+    starts = np.array([[0.0, 0.2, 3.0], [0.1, 0.3, 3.0], [3.0, 0.2, 0.0], [3.0, 5.0, 0.0]])
+    ahead = np.array([[0.0, 0.0, -1.0]] * 2 + [[-1.0, 0.0, 0.0]] * 2)
+    np.savez(folder / "rays.npz", positions=starts, directions=ahead)
+    (folder / "ids.json").write_text(json.dumps({"03001627": [f"shape{i}" for i in range(5)]}))
+    generator = np.random.default_rng(0)
+    for name, noise in (("cloud", 0.005), ("truth", 0.0)):
+        points = mesh.vertices[:160] + noise * generator.standard_normal((160, 3))
+        (folder / f"{name}.ply").write_bytes(point_io.points_ply(points))
