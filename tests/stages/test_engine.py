@@ -65,7 +65,7 @@ class Workspace:
             "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
         }
         # A file, not a pipe: what survives a kill goes on writing.
-        log = self.root / f"make.{time.monotonic_ns()}.log"
+        log = self.root.parent / f"make.{time.monotonic_ns()}.log"
         with log.open("w") as stream:
             process = subprocess.Popen(
                 # READY: this test's own interpreter stands for the environment that make would set up.
@@ -85,7 +85,7 @@ class Workspace:
 
     def smoke(self, *variables: str) -> list[str]:
         """Run the experiment; the stages that ran."""
-        return [name.split("@")[0] for name in re.findall(r"Running stage '(.*)'", self.make("smoke", *variables))]
+        return _stages(self.make("smoke", *variables))
 
     @property
     def artifacts(self) -> Path:
@@ -112,6 +112,11 @@ class Workspace:
             path.write_text(before)
 
 
+def _stages(output: str) -> list[str]:
+    """The stages that had work to do: each says its name on a line of its own."""
+    return re.findall(r"(?m)^([a-z_]+)(?: primitives)?(?: seed \d+)?$", output)
+
+
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     root = tmp_path_factory.mktemp("engine") / "copy"
@@ -122,6 +127,12 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
         text, count = re.subn(pattern, replacement, text, count=1)
         assert count == 1, pattern
     config.write_text(text)
+    for command in (
+        ["init", "-q"],
+        ["add", "-A"],
+        ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-qm", "all"],
+    ):
+        subprocess.run(["git", *command], cwd=root, check=True)
     result = Workspace(root)
     assert {"report", "export_onnx"} <= set(result.smoke())
     return result
@@ -156,10 +167,45 @@ def test_a_changed_comment_of_the_config_runs_nothing(workspace):
         assert workspace.smoke() == []
 
 
-def test_changed_code_runs_the_stages_that_import_it(workspace):
-    with workspace.edited("src/ddf/evaluation/paper_results.py", r"\Z", "\n# a remark\n"):
-        assert set(workspace.smoke()) <= {"evaluate", "report"}
-    workspace.smoke()
+def test_a_changed_comment_of_the_code_runs_nothing(workspace):
+    with workspace.edited("src/ddf/core/config.py", r"\Z", "\n# a remark\n"):
+        assert workspace.smoke() == []
+    assert workspace.smoke() == []
+
+
+def test_changed_code_runs_the_stages_that_reach_it(workspace):
+    with workspace.edited("src/ddf/evaluation/scoring.py", r"\Z", "\nUNUSED = 1\n"):
+        assert workspace.smoke() == ["evaluate", "report"]
+    assert workspace.smoke() == ["evaluate", "report"]
+
+
+def test_a_variant_has_folders_of_its_own_and_the_checkout_stays_clean(workspace):
+    table = workspace.table
+    command = [
+        "ddf",
+        "run",
+        "smoke",
+        "--stage",
+        "train_pcsiren",
+        "--set",
+        "pcsiren.steps=3",
+        "--set",
+        "meshes.faces=400",
+    ]
+    environment = {**os.environ, "PYTHONPATH": str(workspace.root / "src")}
+    environment["PATH"] = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    outputs = [
+        subprocess.run(command, cwd=workspace.root, env=environment, capture_output=True, text=True, check=True)
+        for _ in range(2)
+    ]
+    assert _stages(outputs[0].stderr) == ["dataset", "meshes", "samples", "train_pcsiren"]
+    assert outputs[1].stderr == ""
+    folder = workspace.root / outputs[1].stdout.strip()
+    assert folder.parent == workspace.root / "artifacts" and folder.name.startswith("smoke+")
+    assert (folder / "train_pcsiren" / "primitives" / "model.safetensors").is_file()
+    assert workspace.table == table and workspace.smoke() == []
+    status = subprocess.run(["git", "status", "--porcelain"], cwd=workspace.root, capture_output=True, text=True)
+    assert (status.returncode, status.stdout) == (0, "")
 
 
 @pytest.mark.parametrize(
@@ -224,8 +270,8 @@ def test_two_calls_at_once_run_one_after_the_other(workspace):
     assert codes == [0, 0], first.output + second.output
     assert second.output.startswith("another run holds this folder (process ")
     assert second.output.splitlines()[0].endswith("waiting for it to end")
-    assert "Running stage" in first.output
-    assert "Running stage" not in second.output
+    assert "evaluate" in _stages(first.output)
+    assert _stages(second.output) == []
 
 
 DAMAGED = [
@@ -274,9 +320,9 @@ def test_damage_is_noticed_and_mended(workspace, pattern, how):
 def test_an_unknown_key_is_one_line(workspace):
     with workspace.edited("configs/smoke.yaml", r"oracle_points:", "oracle_pionts:"):
         output = workspace.make("smoke", ok=False)
-    lines = [line for line in output.splitlines() if line.startswith("ddf: error:")]
+    lines = [line for line in output.splitlines() if "error:" in line and not line.startswith("make")]
     keys = "tau_sq, oracle_points, oracle_shortlist, seed"
-    assert lines == [f"ddf: error: configs/smoke.yaml: evaluate: unknown key 'oracle_pionts'; the keys are {keys}"]
+    assert lines == [f"ddf run: error: configs/smoke.yaml: evaluate: unknown key 'oracle_pionts'; the keys are {keys}"]
     assert "Traceback" not in output
     workspace.smoke()
 
@@ -304,4 +350,4 @@ def test_an_output_that_cannot_be_written_is_one_line(workspace):
 
 def test_a_config_that_is_not_there_is_one_line(workspace):
     output = workspace.make("reproduce-table", "CONFIG=configs/nothing.yaml", ok=False)
-    assert output.splitlines()[0].startswith("configs/nothing.yaml: no such experiment file; CONFIG is one of: ")
+    assert output.startswith("ddf run: error: configs/nothing.yaml: no such experiment file; those in configs/ are ")
