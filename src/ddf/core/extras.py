@@ -3,8 +3,6 @@
 import contextlib
 from collections.abc import Iterator
 
-from ddf.core import checks
-
 _TORCH = ("torch", "torchvision", "safetensors", "tqdm", "open3d")
 _EXPERIMENTS = (
     "argcomplete",
@@ -26,30 +24,26 @@ _EXPERIMENTS = (
 EXTRA_OF = dict.fromkeys(_TORCH, "torch") | dict.fromkeys(_EXPERIMENTS, "experiments")  # modules to extras
 
 
-class MissingPackage(checks.InputError):
-    """A package of an extra is not installed. One line: which, and the command."""
-
-
 def command(extra: str) -> str:
     """What installs an extra."""
     return f'pip install "ddf[{extra}]"'
 
 
-def missing(error: ModuleNotFoundError) -> MissingPackage | None:
-    """The error that tells what to install; None where no extra would bring the module."""
+def hint(error: ModuleNotFoundError) -> str | None:
+    """The line that tells what to install; None where no extra would bring the module."""
     module = (error.name or "").partition(".")[0]
-    if module not in EXTRA_OF:
-        return None
-    return MissingPackage(f"this needs {module}: {command(EXTRA_OF[module])}")
+    return f"this needs {module}: {command(EXTRA_OF[module])}" if module in EXTRA_OF else None
 
 
 @contextlib.contextmanager
 def named() -> Iterator[None]:
-    """Turn the failing import of a package of an extra into `MissingPackage`."""
+    """Turn the failing import of a package of an extra into an `InputError` that tells what to install."""
     try:
         yield
     except ModuleNotFoundError as error:
-        told = missing(error)
+        told = hint(error)
         if told is None:
             raise
-        raise told from error
+        from ddf.core import checks  # takes numpy, which `ddf doctor` does without
+
+        raise checks.InputError(told) from error

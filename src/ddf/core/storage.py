@@ -260,8 +260,9 @@ def package_versions() -> dict[str, str]:
     """Versions of the installed packages that can change the numbers in an artefact."""
     versions = {}
     for name in RECORDED_PACKAGES:
-        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            versions[name] = importlib.metadata.version(name)
+        for distribution in (f"{name}-cpu", name):  # Open3D's package for CPUs holds the same module
+            with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+                versions[name] = importlib.metadata.version(distribution)
     return versions
 
 

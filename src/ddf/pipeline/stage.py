@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ddf.core import stage_notes
+from ddf.core import extras, stage_notes
 
 
 def main(run: Callable[..., None], description: str | None, category: bool = False, seed: bool = False) -> None:
@@ -107,11 +107,17 @@ def guarded(function: Callable[[], object], program: str) -> int:
     try:
         function()
     except (ValueError, OSError) as error:
-        from ddf.core import checks  # here, because it imports torch, and `ddf doctor` has to run without
+        from ddf.core import checks  # here, because it imports numpy, and `ddf doctor` has to run without
 
         if isinstance(error, ValueError) and not isinstance(error, checks.InputError):
             raise
         sys.stderr.write(f"{program}: error: {' '.join(describe(error).split())}\n")
+        return 2
+    except ModuleNotFoundError as error:
+        told = extras.hint(error)
+        if told is None:
+            raise
+        sys.stderr.write(f"{program}: error: {told}\n")
         return 2
     return 0
 

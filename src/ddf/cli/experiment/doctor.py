@@ -4,6 +4,7 @@ import argparse
 import ctypes
 import importlib
 import importlib.metadata
+import importlib.util
 import os
 import platform
 import re
@@ -11,6 +12,8 @@ import shutil
 import sys
 from pathlib import Path
 from typing import Any
+
+from ddf.core import extras
 
 # Library that a package loads at import, and the Debian package that brings it.
 LIBRARIES = {
@@ -47,8 +50,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "memory_gib": _memory_gib(missing),
         "disk_free_gib": _disk_gib(missing),
     }
-    if sys.version_info[:2] != (3, 11):
-        missing.append({"what": f"Python 3.11 (this is {result['python']})", "command": "make setup PYTHON=python3.11"})
+    result["extras"] = _extras(missing)
+    if not (3, 11) <= sys.version_info[:2] <= (3, 13):
+        what = f"Python 3.11, 3.12 or 3.13 (this is {result['python']})"
+        missing.append({"what": what, "command": "make setup PYTHON=python3.11"})
     if not args.fast:
         result["imports"] = _imports(missing)
         result["gpu"] = _gpu()
@@ -64,7 +69,8 @@ def _packages(missing: list[dict[str, str]]) -> dict[str, str | None]:
     if lock.is_file():
         pins = dict(re.findall(r"(?m)^([A-Za-z0-9._-]+)==(\S+)$", lock.read_text()))
     else:
-        pins = {re.split(r"[^\w.-]", item)[0]: None for item in importlib.metadata.requires("ddf") or []}
+        needed = [item for item in importlib.metadata.requires("ddf") or [] if "extra ==" not in item]
+        pins = {re.split(r"[^\w.-]", item)[0]: None for item in needed}
     found: dict[str, str | None] = {}
     wrong = []
     for name, pin in pins.items():
@@ -77,6 +83,21 @@ def _packages(missing: list[dict[str, str]]) -> dict[str, str | None]:
     if wrong:
         missing.append({"what": f"packages: {', '.join(wrong)}", "command": "make setup"})
     return found
+
+
+def _extras(missing: list[dict[str, str]]) -> dict[str, bool]:
+    """Whether the modules of each extra are there. In a checkout `make setup` brings them all."""
+    found = {}
+    for extra in sorted(set(extras.EXTRA_OF.values())):
+        absent = [name for name, own in extras.EXTRA_OF.items() if own == extra and not _is_there(name)]
+        found[extra] = not absent
+        if absent and not (_ROOT / "requirements.lock").is_file():
+            missing.append({"what": f"extra {extra}: {', '.join(absent)}", "command": extras.command(extra)})
+    return found
+
+
+def _is_there(module: str) -> bool:
+    return importlib.util.find_spec(module) is not None
 
 
 def _libraries(missing: list[dict[str, str]]) -> dict[str, bool]:
@@ -151,7 +172,8 @@ def _imports(missing: list[dict[str, str]]) -> dict[str, str]:
             results[name] = "ok"
         except (ImportError, OSError) as error:
             results[name] = " ".join(str(error).split())
-            missing.append({"what": f"{name} does not load: {results[name]}", "command": "make setup"})
+            if _is_there(name):  # what is not there is told by `_packages` and `_extras`
+                missing.append({"what": f"{name} does not load: {results[name]}", "command": "make setup"})
     return results
 
 

@@ -1,0 +1,55 @@
+"""What the base install must do outside the checkout, without torch: prints what was loaded and how long it took."""
+
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+started = time.monotonic()
+import ddf  # noqa: E402
+
+imported = time.monotonic() - started
+import numpy as np  # noqa: E402
+
+seconds = {"import ddf": imported}
+
+
+def timed(name, function):
+    begun = time.monotonic()
+    value = function()
+    seconds[name] = time.monotonic() - begun
+    return value
+
+
+rabbit = timed("load", lambda: ddf.load("rabbit"))
+pictures = timed("render", lambda: rabbit.render(35, 25, size=256, outputs=("depth", "normals")))
+assert pictures["normals"].shape == (256, 256, 3)
+assert 0.1 < np.isfinite(pictures["depth"]).mean() < 0.9
+beside = np.eye(4)
+beside[0, 3] = 1.5
+scene = ddf.compose([rabbit, ddf.load("armchair")], [np.eye(4), beside])
+both = timed("compose", lambda: scene.render(35, 25, size=256))
+assert np.isfinite(both["depth"]).any()
+seen = rabbit.query([[0.0, 0.45, 5.0]], [[0.0, 0.0, -1.0]])
+assert seen["visibility"][0] > 0.5
+scores = ddf.compare(np.zeros((1, 3)), [[0.0, 0.0, 0.005]])
+assert scores.f_score_tau == 1.0
+file = Path(tempfile.mkdtemp(), "triangle.obj")
+file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8")
+mesh = ddf.read_mesh(file)
+assert mesh.faces.tolist() == [[0, 1, 2]]
+told = {}
+for name, function in {
+    "points": lambda: rabbit.points(10),
+    "surface": lambda: rabbit.surface(10),
+    "cast": lambda: ddf.cast(mesh, [[0.2, 0.2, 1.0]], [[0.0, 0.0, -1.0]]),
+    "fit": lambda: ddf.fit(mesh, steps=1),
+    "reconstruct": lambda: ddf.reconstruct(file, "chair"),
+}.items():
+    try:
+        function()
+    except ValueError as error:
+        told[name] = str(error)
+heavy = sorted({"torch", "torchvision", "pandas", "matplotlib", "open3d", "trimesh"} & set(sys.modules))
+print(json.dumps({"file": ddf.__file__, "seconds": seconds, "heavy": heavy, "told": told}))
