@@ -5,6 +5,7 @@ import numpy as np
 import torch
 
 from ddf.data import packing
+from ddf.data.samples import sample_types
 from ddf.fields import cloud_projection, pddf
 from ddf.geometry import transforms
 from ddf.reconstruction import (
@@ -53,7 +54,7 @@ def samples(shapes=3, stored=40):
     """Every sample of shape i has depth (i + 1)/4, so that a mix-up of shapes shows."""
     random = np.random.default_rng(1)
     arrays = {}
-    for kind in packing.KINDS:
+    for kind in sample_types.KINDS:
         directions = random.standard_normal((shapes, stored, 3))
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
         depth = np.repeat((np.arange(shapes) + 1)[:, None] / 4.0, stored, axis=1)

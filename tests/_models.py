@@ -8,6 +8,7 @@ import torch
 from torch import nn
 
 from ddf.core import storage
+from ddf.data.samples import sample_types
 from ddf.fields import losses, pddf
 from ddf.geometry import transforms
 from ddf.reconstruction import reconstruction_models, settings
@@ -18,7 +19,7 @@ LOOP = training_loop.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
 TRAIN = settings.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
 FIELD = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, "softplus", 20.0)
-DDF = settings.DDFConfig(FIELD, 1, None, dict.fromkeys(losses.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20, None)
+DDF = settings.DDFConfig(FIELD, 1, None, dict.fromkeys(sample_types.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20, None)
 PCSIREN = settings.PCSirenConfig((24, 16), 1.0, 1.0, 1, 8, 8)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 

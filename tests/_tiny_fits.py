@@ -2,14 +2,14 @@
 
 import dataclasses
 
-from ddf.data import sampling
-from ddf.fields import losses, pddf
+from ddf.data.samples import sample_types
+from ddf.fields import pddf
 from ddf.shape import fit_settings
 from ddf.training import training_loop
 
 
 def counts(count):
-    return sampling.Counts(U=count, A=count, B=count, S=count, T=count, O=count)
+    return sample_types.Counts(U=count, A=count, B=count, S=count, T=count, O=count)
 
 
 TINY = dataclasses.replace(
@@ -19,7 +19,7 @@ TINY = dataclasses.replace(
     minutes=None,
     samples=counts(200),
     held_out=counts(100),
-    batch=dict.fromkeys(losses.ORDER, 20),
+    batch=dict.fromkeys(sample_types.ORDER, 20),
     loop=training_loop.LoopConfig(2e-3, "cosine", 2, 1.0, 1, 0, 2, 100.0),
 )
 SECTION = {

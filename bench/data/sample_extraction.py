@@ -24,6 +24,7 @@ from bench.lib import display, measured_shapes, measuring, results
 from ddf.core import config, storage
 from ddf.data import mesh_preparation, packing, sampling, true_clouds
 from ddf.data.mesh_config import MeshesConfig
+from ddf.data.samples import sample_types
 from ddf.geometry import raycast
 from ddf.geometry.mesh_io import Mesh
 
@@ -42,7 +43,7 @@ def field_meshes() -> dict[str, Mesh]:
 def stored_rays(mesh: Mesh, arrays: dict[str, np.ndarray]) -> o3d.core.Tensor:
     """The rays of stored samples, in the frame of `raycast.Scene`."""
     tensors = {name: torch.from_numpy(values) for name, values in arrays.items()}
-    decoded = [packing.decode(tensors, kind) for kind in packing.KINDS]
+    decoded = [packing.decode(tensors, kind) for kind in sample_types.KINDS]
     positions = raycast.Scene(mesh).local(torch.cat([samples["positions"] for samples in decoded]).numpy())
     directions = torch.cat([samples["directions"] for samples in decoded]).numpy()
     return o3d.core.Tensor(np.concatenate([positions, directions], axis=1).astype(np.float32))

@@ -20,6 +20,7 @@ from torch.nn import functional
 from bench.lib import display, measuring
 from bench.rivals import plain_loss
 from ddf.core import config
+from ddf.data.samples import sample_batch
 from ddf.fields import losses, passes, pddf
 
 THREADS, REPEATS, MOST_SECONDS = 2, 5, 10.0
@@ -28,13 +29,13 @@ CONFIGS = {"paper": Path("configs/paper.yaml"), "cpu.yaml": Path("configs/cpu.ya
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
 
 
-def batch(shapes: int, dtype: torch.dtype) -> losses.SampleBatch:
+def batch(shapes: int, dtype: torch.dtype) -> sample_batch.SampleBatch:
     """Random oriented points with random ground truth: the arithmetic is the same whatever they are."""
     generator, n = torch.Generator().manual_seed(0), sum(COUNTS.values())
     uniform = torch.rand((shapes, n, 5), generator=generator, dtype=torch.float64)
     unit = functional.normalize(torch.randn((2, shapes, n, 3), generator=generator, dtype=torch.float64), dim=-1)
     visible = (uniform[..., 3] > 0.4).to(dtype)
-    return losses.SampleBatch(
+    return sample_batch.SampleBatch(
         (2 * uniform[..., :3] - 1).to(dtype),
         unit[0].to(dtype),
         visible,
@@ -44,14 +45,14 @@ def batch(shapes: int, dtype: torch.dtype) -> losses.SampleBatch:
     )
 
 
-def plain(decoder: pddf.ConditionalPDDF, points: losses.SampleBatch, latent: Tensor) -> Tensor:
+def plain(decoder: pddf.ConditionalPDDF, points: sample_batch.SampleBatch, latent: Tensor) -> Tensor:
     """𝔏_S by autograd alone."""
     return plain_loss.plain_loss(decoder.field, points, decoder.modulator(latent), WEIGHTS)
 
 
 def explicit(
     decoder: pddf.ConditionalPDDF,
-    points: losses.SampleBatch,
+    points: sample_batch.SampleBatch,
     latent: Tensor,
     matmul: Literal["float32", "bfloat16"] = "float32",
 ) -> Tensor:

@@ -21,7 +21,8 @@ from torch import Tensor
 
 from bench.lib import curve_reach, display, growth_curves, measuring, side_by_side
 from ddf.core import checks, config, storage
-from ddf.data import mesh_config, mesh_preparation, sampling
+from ddf.data import mesh_config, mesh_preparation
+from ddf.data.samples import sample_types
 from ddf.fields import pddf
 from ddf.geometry import mesh_io
 from ddf.shape import fit_settings, fitting, leave_one_out, paper_ablation, shape_samples, source_mesh
@@ -62,7 +63,7 @@ def recipe(name: str, minutes: float | None, threads: int) -> fit_settings.FitCo
     section = _section(name)
     budget = section.minutes or max(_section(own).minutes or 0.0 for own in OURS)
     budget = budget if minutes is None else min(budget, minutes)
-    held_out = sampling.Counts(**dict.fromkeys(paper_ablation.COLUMNS, FINAL_HELD_OUT))
+    held_out = sample_types.Counts(**dict.fromkeys(paper_ablation.COLUMNS, FINAL_HELD_OUT))
     loop = dataclasses.replace(section.loop, threads=threads, log_every=1 if name == PAPER else LOG_EVERY)
     return dataclasses.replace(section, steps=None, minutes=budget, held_out=held_out, loop=loop)
 
@@ -139,7 +140,7 @@ def fit(name: str, mesh: mesh_io.Mesh, section: fit_settings.FitConfig) -> None:
     """Fit in one way, or go on with it; `OUT`/<name> then holds what `fitting.fit` writes, and `CURVE`."""
     folder = OUT / name
     folder.mkdir(parents=True, exist_ok=True)
-    counts = sampling.Counts(**dict.fromkeys(paper_ablation.COLUMNS, HELD_OUT))
+    counts = sample_types.Counts(**dict.fromkeys(paper_ablation.COLUMNS, HELD_OUT))
     held_out, _ = shape_samples.draw_samples(mesh, section, counts, "curve")
     clock = Clock(held_out, folder)
     with mock.patch.object(training_loop, "fit", clock.around(training_loop.fit)):

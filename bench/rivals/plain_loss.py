@@ -6,14 +6,15 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from ddf.data.samples import sample_batch, sample_types
 from ddf.fields import losses, pddf
 
-KINDS = (*losses.ORDER, *losses.VALUES_ONLY)
+KINDS = (*sample_types.ORDER, *sample_types.VALUES_ONLY)
 DOUBLED = ("U", "A", "U+", "A+", "P")  # samples whose depth error counts twice
 
 
 def plain_loss(
-    field: pddf.PDDF, batch: losses.SampleBatch, modulations: list[Tensor] | None, weights: losses.LossWeights
+    field: pddf.PDDF, batch: sample_batch.SampleBatch, modulations: list[Tensor] | None, weights: losses.LossWeights
 ) -> Tensor:
     """𝔏_S by create_graph, written from the paper's formulas, one type at a time; none of the package's terms.
 

@@ -8,12 +8,13 @@ from _support import assert_close
 
 from ddf.core import checks, seeding
 from ddf.data import mesh_preparation, packing, sampling
+from ddf.data.samples import draws, sample_types
 from ddf.geometry import mesh_io, primitives, raycast, rays
 
-COUNTS = sampling.Counts(U=3000, A=3000, B=3000, S=3000, T=3000, O=3000)
+COUNTS = sample_types.Counts(U=3000, A=3000, B=3000, S=3000, T=3000, O=3000)
 CONFIG = sampling.SamplesConfig(counts=COUNTS, offsets="fixed")
 SLAB = moved(cube(), np.array([1.0, 0.4, 0.7]), (0, 0, 0))
-TIGHT = sampling.Box(np.array([-1.0, -0.4, -0.7]), np.array([1.0, 0.4, 0.7]))
+TIGHT = draws.Box(np.array([-1.0, -0.4, -0.7]), np.array([1.0, 0.4, 0.7]))
 
 
 def _decoded(mesh: mesh_io.Mesh, kind: str, config: sampling.SamplesConfig = CONFIG) -> packing.Samples:
@@ -72,7 +73,7 @@ def test_tangent_samples_see_what_they_touch(mesh):
     """Cast alone, the stored rays miss about every other time: they run in a face, or past a convex shape."""
     samples = _decoded(mesh, "T")
     assert samples["visible"].all()
-    drawn = sampling.draw("T", _surface(mesh), sampling.CUBE, CONFIG, 3000, seeding.generator(0, "test", "T"))
+    drawn = sampling.draw("T", _surface(mesh), draws.CUBE, CONFIG, 3000, seeding.generator(0, "test", "T"))
     assert drawn.reach is not None
     assert (samples["depth"].numpy() <= drawn.reach + packing.DEPTH_STEP).all()
     cast = raycast.cast(mesh, rays.OrientedPoints(samples["positions"].double(), samples["directions"].double()))
@@ -95,7 +96,7 @@ def test_samples_of_transitions_have_the_normal_at_their_origin(kind):
 
 
 def test_at_surface_samples_see_the_surface_no_further_than_their_origin():
-    drawn = sampling.draw_at_surface(_surface(SLAB), sampling.CUBE, 2000, _random())
+    drawn = draws.draw_at_surface(_surface(SLAB), draws.CUBE, 2000, _random())
     hits = raycast.cast(
         SLAB, rays.OrientedPoints(torch.from_numpy(drawn.positions), torch.from_numpy(drawn.directions))
     )
@@ -104,12 +105,12 @@ def test_at_surface_samples_see_the_surface_no_further_than_their_origin():
     assert samples["visible"].float().mean() > 0.995
 
 
-@pytest.mark.parametrize("box", [sampling.CUBE, TIGHT], ids=["cube", "tight"])
+@pytest.mark.parametrize("box", [draws.CUBE, TIGHT], ids=["cube", "tight"])
 @pytest.mark.parametrize("kind", ["A", "T", "O"])
 def test_a_tenth_lies_on_the_boundary_and_all_in_the_box(kind, box):
     config = sampling.SamplesConfig()
     sphere = moved(icosphere(3), np.array([1.0, 0.4, 0.7]), (0, 0, 0))
-    box = box if box is sampling.CUBE else sampling.Box(*sphere.box())
+    box = box if box is draws.CUBE else draws.Box(*sphere.box())
     drawn = sampling.draw(kind, _surface(sphere), box, config, 5000, _random())
     on_wall = ((drawn.positions == box.lower) | (drawn.positions == box.upper)).any(axis=1)
     assert abs(on_wall.sum() - 500) <= 5  # in a tight box an origin can touch a wall by itself
@@ -121,7 +122,7 @@ def test_tangent_lines_touch_and_offset_lines_keep_their_distance():
     surface, radius = _surface(moved(icosphere(5), 0.8, (0, 0, 0))), 0.8
     for kind, offset in (("T", 0.0), ("O", 0.05)):
         config = sampling.SamplesConfig(epsilon_o=0.05, offsets="fixed")
-        drawn = sampling.draw(kind, surface, sampling.CUBE, config, 4000, _random())
+        drawn = sampling.draw(kind, surface, draws.CUBE, config, 4000, _random())
         foot = drawn.positions - (drawn.positions * drawn.directions).sum(1, keepdims=True) * drawn.directions
         distance = np.linalg.norm(foot, axis=1) - radius
         assert_close(np.abs(distance), np.full(4000, offset), atol=2e-3)
@@ -131,7 +132,7 @@ def test_tangent_lines_touch_and_offset_lines_keep_their_distance():
 
 def test_uniform_offsets_fill_the_interval():
     surface = _surface(moved(icosphere(5), 0.8, (0, 0, 0)))
-    drawn = sampling.draw_offset(surface, sampling.CUBE, 4000, _random(), 0.05, uniform=True)
+    drawn = draws.draw_offset(surface, draws.CUBE, 4000, _random(), 0.05, uniform=True)
     foot = drawn.positions - (drawn.positions * drawn.directions).sum(1, keepdims=True) * drawn.directions
     distance = np.abs(np.linalg.norm(foot, axis=1) - 0.8)
     assert distance.max() < 0.052
@@ -142,14 +143,14 @@ def test_offset_samples_of_a_flat_shape_stay_in_its_tight_box():
     square = mesh_io.Mesh(
         np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
     )
-    box, config = sampling.Box(*square.box()), sampling.SamplesConfig(box="tight")
+    box, config = draws.Box(*square.box()), sampling.SamplesConfig(box="tight")
     drawn = sampling.draw("O", _surface(square), box, config, 500, _random())
     assert (drawn.positions[:, 1] == 0).all() and np.abs(drawn.positions).max() <= 1
 
 
-@pytest.mark.parametrize("box", [sampling.CUBE, TIGHT], ids=["cube", "tight"])
+@pytest.mark.parametrize("box", [draws.CUBE, TIGHT], ids=["cube", "tight"])
 def test_bounding_samples_are_uniform_by_area_and_look_inwards(box):
-    drawn = sampling.draw_bounding(box, 20_000, _random())
+    drawn = draws.draw_bounding(box, 20_000, _random())
     on_lower, on_upper = drawn.positions == box.lower, drawn.positions == box.upper
     assert (on_lower.sum(axis=1) + on_upper.sum(axis=1) == 1).all()
     assert (drawn.directions[on_lower] >= 0).all() and (drawn.directions[on_upper] <= 0).all()
@@ -162,7 +163,7 @@ def test_bounding_samples_are_uniform_by_area_and_look_inwards(box):
 
 
 def test_directions_are_uniform_on_the_sphere():
-    directions = sampling.unit_vectors(40_000, _random())
+    directions = draws.unit_vectors(40_000, _random())
     assert_close(directions.mean(axis=0), np.zeros(3), atol=0.012)
     assert_close(directions.T @ directions / 40_000, np.eye(3) / 3, atol=0.006)
 
@@ -190,7 +191,7 @@ def test_equal_seeds_give_equal_bytes_and_types_do_not_share_a_stream():
     other, _ = sampling.extract(SLAB, CONFIG, "chair", "b")
     assert all((first[name] == again[name]).all() for name in first)
     assert not (first["U.positions"] == other["U.positions"]).all()
-    fewer = sampling.SamplesConfig(counts=sampling.Counts(U=10, A=3000, B=10, S=10, T=10, O=10), offsets="fixed")
+    fewer = sampling.SamplesConfig(counts=sample_types.Counts(U=10, A=3000, B=10, S=10, T=10, O=10), offsets="fixed")
     assert (sampling.extract(SLAB, fewer, "chair", "a")[0]["A.depth"] == first["A.depth"]).all()
 
 
@@ -217,7 +218,7 @@ def test_mesh_outside_the_cube_and_bad_settings_are_refused():
     with pytest.raises(checks.InputError, match=r"must lie in \[-1, 1\]"):
         sampling.extract(cube(1.1), CONFIG, "x")
     with pytest.raises(checks.InputError, match=r"samples\.counts\.A must be >= 1"):
-        sampling.Counts(A=0)
+        sample_types.Counts(A=0)
     with pytest.raises(checks.InputError, match="epsilon_o"):
         sampling.SamplesConfig(epsilon_o=0.0)
     flat = mesh_io.Mesh(np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]]), np.array([[0, 1, 2]]))

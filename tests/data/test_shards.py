@@ -10,10 +10,11 @@ from _support import assert_close
 
 from ddf.core import checks, storage
 from ddf.data import mesh_preparation, mesh_shards, mesh_topology, packing, sample_shards, sampling
+from ddf.data.samples import sample_types
 from ddf.geometry import mesh_io, raycast, transforms
 
 MESHES = mesh_preparation.MeshesConfig(faces=600, alpha=0.05, offset=0.004, measure_points=500)
-SAMPLES = sampling.SamplesConfig(counts=sampling.Counts(U=200, A=200, B=100, S=100, T=100, O=100), cloud_points=300)
+SAMPLES = sampling.SamplesConfig(counts=sample_types.Counts(U=200, A=200, B=100, S=100, T=100, O=100), cloud_points=300)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +85,7 @@ def test_samples_and_clouds_do_not_depend_on_the_sharding(packs, tmp_path):
     both, metadata = storage.load_tensors(whole.files[0])
     one, _ = storage.load_tensors(single.files[0])
     assert metadata["ids"] == ["a", "c"] and metadata["packing_errors"]["depth_error"] < packing.DEPTH_STEP
-    assert set(both) == {f"{kind}.{name}" for kind in packing.KINDS for name in packing.FIELDS}
+    assert set(both) == {f"{kind}.{name}" for kind in sample_types.KINDS for name in packing.FIELDS}
     assert all((both[name][1] == one[name][0]).all() for name in both)
     clouds, info = storage.load_tensors(whole.files[1])
     alone, _ = storage.load_tensors(single.files[1])

@@ -9,6 +9,7 @@ import torch
 
 from bench.rivals.plain_loss import plain_loss
 from ddf.core import checks
+from ddf.data.samples import sample_batch
 from ddf.fields import losses, passes, pddf, siren
 
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+": 1, "S+": 2, "P": 3}
@@ -33,7 +34,7 @@ def _batch(shapes=2):
     uniform = torch.rand(shapes, n, 5, generator=generator, dtype=torch.float64)
     positions = uniform[..., :3] * 2 - 1
     visible = (uniform[..., 3] > 0.4).double()
-    return losses.SampleBatch(
+    return sample_batch.SampleBatch(
         positions, _unit(shapes, n, seed=1), visible, uniform[..., 4] * 2, _unit(shapes, n, seed=2), COUNTS
     )
 

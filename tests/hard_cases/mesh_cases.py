@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from ddf.data import mesh_preparation, mesh_topology, sampling
+from ddf.data.samples import draws
 from ddf.geometry import mesh_io, raycast, rays, transforms
 
 from . import case
@@ -334,7 +335,7 @@ def _sampled(dtype: torch.dtype) -> case.Outcome:
 )
 def _offset(dtype: torch.dtype) -> case.Outcome:
     surface = sampling.surface_of(raycast.Scene(CUBE))
-    drawn = sampling.draw_offset(surface, sampling.CUBE, 2000, np.random.default_rng(0), 0.05, uniform=False)
+    drawn = draws.draw_offset(surface, draws.CUBE, 2000, np.random.default_rng(0), 0.05, uniform=False)
     depth = torch.from_numpy(drawn.positions).to(dtype).abs()
     off = (depth - 0.95).abs().amin(-1)
     return case.every(

@@ -6,6 +6,7 @@ import math
 import torch
 from torch import Tensor
 
+from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf
 from ddf.geometry import transforms
 from ddf.reconstruction import camera_correction, reconstruction_models, settings
@@ -22,7 +23,7 @@ def _sigmoid(x: float) -> float:
     return 1 / (1 + math.exp(-x))
 
 
-def _batch(dtype: torch.dtype, visible: float, depth: float) -> losses.SampleBatch:
+def _batch(dtype: torch.dtype, visible: float, depth: float) -> sample_batch.SampleBatch:
     """Random oriented points of two shapes, all with the same ground truth; normals are zero, as they are on misses."""
     generator, count = torch.Generator().manual_seed(0), sum(COUNTS.values())
     positions = 2 * torch.rand(2, count, 3, generator=generator, dtype=torch.float64) - 1
@@ -30,7 +31,7 @@ def _batch(dtype: torch.dtype, visible: float, depth: float) -> losses.SampleBat
         torch.randn(2, count, 3, generator=generator, dtype=torch.float64), dim=-1
     )
     same = torch.ones(2, count, dtype=dtype)
-    return losses.SampleBatch(
+    return sample_batch.SampleBatch(
         positions.to(dtype),
         directions.to(dtype),
         visible * same,
@@ -41,7 +42,7 @@ def _batch(dtype: torch.dtype, visible: float, depth: float) -> losses.SampleBat
 
 
 def _loss(
-    field: pddf.PDDF, batch: losses.SampleBatch, weights: losses.LossWeights = WEIGHTS
+    field: pddf.PDDF, batch: sample_batch.SampleBatch, weights: losses.LossWeights = WEIGHTS
 ) -> tuple[Tensor, Tensor, case.Outcome]:
     """𝔏_S, its gradient in the head's biases, and whether every gradient is finite."""
     loss, _ = losses.shape_loss(field, batch, None, weights)

@@ -8,13 +8,14 @@ import pytest
 import torch
 
 from ddf.data import packing
+from ddf.data.samples import sample_types
 from ddf.pipeline import step_cost
 from ddf.reconstruction import settings
 
 
 def test_random_samples_are_valid_ones_of_every_type():
     samples = step_cost.random_samples(2)
-    for kind in packing.KINDS:
+    for kind in sample_types.KINDS:
         names = [f"{kind}.{name}" for name in packing.FIELDS]
         codes = {name: torch.from_numpy(samples.shards[0][name][:, :500]) for name in names}
         found = packing.decode(codes, kind)

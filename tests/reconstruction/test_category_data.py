@@ -10,7 +10,7 @@ from _hand_made import COUNTS
 
 from ddf.core import checks, storage
 from ddf.data import shapenet
-from ddf.fields import losses
+from ddf.data.samples import sample_types
 from ddf.geometry import transforms
 from ddf.reconstruction import (
     category_data,
@@ -19,7 +19,7 @@ from ddf.reconstruction import (
 
 def test_drawn_samples_belong_to_their_shapes_and_types():
     batch = _hand_made.samples().draw(np.array([2, 0]), COUNTS, np.random.default_rng(0))
-    known = batch.span(*losses.GROUND_TRUTH)
+    known = batch.span(*sample_types.GROUND_TRUTH)
     assert batch.positions.shape == (2, sum(COUNTS.values()), 3)
     torch.testing.assert_close(batch.directions.norm(dim=-1), torch.ones(2, sum(COUNTS.values())), atol=1e-5, rtol=0)
     for row, depth in ((0, 0.75), (1, 0.25)):

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from ddf.core import checks, config
+from ddf.data.samples import sample_batch, sample_types
 from ddf.fields import losses, pddf
 from ddf.geometry import raycast, transforms
 from ddf.reconstruction import category_data, proposed_rays, settings
@@ -38,10 +39,10 @@ class _Spheres(pddf.PDDF):
 
 
 def _stored(shapes):
-    counts: dict[str, int] = dict.fromkeys(losses.ORDER, 1)
+    counts: dict[str, int] = dict.fromkeys(sample_types.ORDER, 1)
     n = len(counts)
     zeros = torch.zeros(shapes, n, 3)
-    return losses.SampleBatch(zeros, zeros, zeros[..., 0], zeros[..., 0], zeros, counts)
+    return sample_batch.SampleBatch(zeros, zeros, zeros[..., 0], zeros[..., 0], zeros, counts)
 
 
 def _proposer(settings=CONFIG):
@@ -63,7 +64,7 @@ def test_truth_is_that_of_each_shape_and_only_the_candidates_are_asked_for():
     batch = _propose(field=field)
     assert field.asked == 3 * 20 * 6
     rows = batch.span("P", "P")
-    assert batch.counts == {**dict.fromkeys(losses.ORDER, 1), "P": 20}
+    assert batch.counts == {**dict.fromkeys(sample_types.ORDER, 1), "P": 20}
     assert (rows.start, rows.stop) == (7, 27)
     positions, directions = batch.positions[:, rows], batch.directions[:, rows]
     torch.testing.assert_close(directions.norm(dim=-1), torch.ones(3, 20))
@@ -119,11 +120,11 @@ def test_impossible_settings_are_named(key, value):
 
 def test_the_loss_reads_depth_and_visibility_of_proposed_rays():
     field = _models.field().requires_grad_(True)
-    counts: dict[str, int] = dict.fromkeys((*losses.ORDER, "P"), 2)
+    counts: dict[str, int] = dict.fromkeys((*sample_types.ORDER, "P"), 2)
     generator = torch.Generator().manual_seed(0)
     n = sum(counts.values())
     unit = torch.nn.functional.normalize(torch.randn(1, n, 3, generator=generator), dim=-1)
-    batch = losses.SampleBatch(unit * 0.5, unit, torch.ones(1, n), torch.full((1, n), 0.3), unit, counts)
+    batch = sample_batch.SampleBatch(unit * 0.5, unit, torch.ones(1, n), torch.full((1, n), 0.3), unit, counts)
     values = []
     for shift in (0.0, 0.5):
         depth = batch.depth.clone()

@@ -12,12 +12,12 @@ from _support import assert_close
 
 from ddf.core import checks, config, storage
 from ddf.data import packing, sampling
-from ddf.fields import losses
+from ddf.data.samples import sample_types
 from ddf.geometry import mesh_io, raycast, rays, transforms
 from ddf.reconstruction import category_data, settings, training_truth
 
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
-CONFIG = sampling.SamplesConfig(counts=sampling.Counts(4000, 4000, 4000, 4000, 4000, 4000))
+CONFIG = sampling.SamplesConfig(counts=sample_types.Counts(4000, 4000, 4000, 4000, 4000, 4000))
 MESHES = (_shapes.icosphere(3, 0.4), _shapes.cube(0.8))
 
 
@@ -35,7 +35,7 @@ def _equal(one, two):
 def test_a_batch_is_that_of_stored_samples_and_belongs_to_its_shapes():
     batch = _fresh().draw(np.array([1, 0, 1]), COUNTS, np.random.default_rng(0))
     assert dict(batch.counts) == COUNTS
-    assert list(batch.counts) == [kind for kind in ("E", *losses.STORED) if kind in COUNTS]
+    assert list(batch.counts) == [kind for kind in ("E", *sample_types.STORED) if kind in COUNTS]
     assert batch.positions.shape == (3, sum(COUNTS.values()), 3)
     starts = batch.positions[:, batch.span("S", "S")].double()
     assert_close(starts[1].norm(dim=-1).numpy(), np.full(4, 0.4), atol=0.01)
@@ -72,11 +72,14 @@ def test_a_part_gets_what_it_has_among_all():
     assert random.random() == whole.random()
 
 
-@pytest.mark.parametrize("kind", packing.KINDS)
+@pytest.mark.parametrize("kind", sample_types.KINDS)
 def test_fresh_samples_are_distributed_as_stored_ones(kind):
     arrays, _ = sampling.extract(MESHES[1], CONFIG, "test")
     stored = packing.decode({name: torch.from_numpy(values) for name, values in arrays.items()}, kind)
-    counts = {**dict.fromkeys(losses.ORDER, 1), kind: 3}  # as few as a batch may have: shares must hold on average
+    counts = {
+        **dict.fromkeys(sample_types.ORDER, 1),
+        kind: 3,
+    }  # as few as a batch may have: shares must hold on average
     batch = _fresh().draw(np.ones(1300, int), counts, np.random.default_rng(0))
     own = batch.span(kind, kind)
     fresh = {name: getattr(batch, name)[:, own].flatten(0, 1) for name in ("positions", "directions")}

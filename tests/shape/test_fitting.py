@@ -11,6 +11,7 @@ from _shapes import cube, icosphere, joined, moved, torus
 from _tiny_fits import TINY, counts
 
 from ddf.core import checks, storage
+from ddf.data.samples import sample_types
 from ddf.fields import framed_field, pddf
 from ddf.geometry import mesh_io, primitives, rays
 from ddf.shape import fit_errors, fit_settings, fitting, shape_field, shape_samples
@@ -262,7 +263,7 @@ def test_a_left_out_type_gives_its_share_of_a_step_to_the_others():
 
 def test_points_of_values_alone_are_of_their_type_and_go_with_it():
     samples, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "train")
-    counts = {**dict.fromkeys(fitting.losses.ORDER, 10), "S+": 300, "U+": 20}
+    counts = {**dict.fromkeys(sample_types.ORDER, 10), "S+": 300, "U+": 20}
     batch = samples.batch(samples.batch_counts(counts), np.random.default_rng(0))
     assert batch.positions.shape == (1, 390, 3)
     assert batch.span("S+", "S+") == slice(90, 390)

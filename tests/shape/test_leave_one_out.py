@@ -7,6 +7,7 @@ from _shapes import cube
 from _tiny_fits import TINY
 
 from ddf.core import storage
+from ddf.data.samples import sample_types
 from ddf.fields import losses
 from ddf.shape import fit_errors, fit_settings, fitting, leave_one_out, paper_ablation, shape_field
 
@@ -44,7 +45,7 @@ def test_a_left_out_type_is_in_no_step_and_yet_in_the_errors(tmp_path, monkeypat
     for i, without in enumerate(paper_ablation.COLUMNS):
         for counts, total in seen[2 + 2 * i : 4 + 2 * i]:
             assert without not in counts
-            assert counts == {kind: 20 if kind == "E" else 24 for kind in losses.ORDER if kind != without}
+            assert counts == {kind: 20 if kind == "E" else 24 for kind in sample_types.ORDER if kind != without}
             assert total == 140
     for name, found in results.items():
         assert set(found["held_out"]["depth_l1"]) == set("UABSTO")

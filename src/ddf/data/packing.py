@@ -25,7 +25,6 @@ POSITION_STEPS = 32767
 DEPTH_STEP = 2 * 3**0.5 / 65534
 MISS = 65535
 FIELDS = ("positions", "directions", "depth", "normals")
-KINDS = ("U", "A", "B", "S", "T", "O")
 
 
 class Samples(TypedDict):
@@ -132,7 +131,7 @@ def decode(arrays: dict[str, Tensor], kind: str) -> Samples:
 
     Args:
       arrays: `<kind>.positions`, `<kind>.directions`, `<kind>.depth`, `<kind>.normals` as stored.
-      kind: one of U, A, B, S, T, O.
+      kind: one of `sample_types.KINDS`.
     """
     return decode_fields({field: arrays[f"{kind}.{field}"] for field in FIELDS})
 

@@ -1,9 +1,9 @@
 """Oriented-point samples of a mesh: the six types of [DDF22] appendix A, their truth by ray casting, packed.
 
 Letters: B the box, S the surface, q0 a point uniform by area on S with normal n0, v0 the direction that a sample looks
-back along. Each `draw_*` gives positions and directions only; `extract` rounds them to their stored form, casts
-exactly those rays and packs the answers. Everything is in the field frame. Draws are float32, of which a stored step
-has 256; their memory holds one coordinate after the other.
+back along. Each function of `draws` gives positions and directions only; `extract` rounds them to their stored form,
+casts exactly those rays and packs the answers. Everything is in the field frame. Draws are float32, of which a stored
+step has 256; their memory holds one coordinate after the other.
 
 Choices where the paper is silent:
 - S starts on the surface. It is lifted by `raycast.SURFACE_OFFSET` (1e-5 of half the box's longest side) off its own
@@ -19,7 +19,6 @@ Choices where the paper is silent:
 
 import dataclasses
 import itertools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -30,32 +29,11 @@ from jaxtyping import Float, Int, UInt
 
 from ddf.core import checks, seeding
 from ddf.data import mesh_preparation, packing
+from ddf.data.samples import draws, sample_types
 from ddf.geometry import raycast
 from ddf.geometry.mesh_io import Mesh
 
-BOUNDARY_SHARE = 0.1  # of the positions of types A, T and O lie on the boundary of B. Source: [DDF22] app. A
 _ERROR_PROBE = 100  # samples of each type whose packing error is measured
-
-
-@dataclass(frozen=True)
-class Counts:
-    """Samples of each type per shape."""
-
-    U: int = 20_000
-    A: int = 20_000
-    B: int = 10_000
-    S: int = 10_000
-    T: int = 10_000
-    O: int = 10_000  # noqa: E741  (the paper's letter)
-
-    def __post_init__(self) -> None:
-        for kind, count in self.items():
-            if count < 1:
-                raise checks.InputError(f"samples.counts.{kind} must be >= 1; got {count}")
-
-    def items(self) -> list[tuple[str, int]]:
-        """Pairs of type and count in the fixed order of `packing.KINDS`."""
-        return [(kind, getattr(self, kind)) for kind in packing.KINDS]
 
 
 @dataclass(frozen=True)
@@ -69,7 +47,7 @@ class SamplesConfig:
     shard_size: shapes in one file.
     """
 
-    counts: Counts = dataclasses.field(default_factory=Counts)
+    counts: sample_types.Counts = dataclasses.field(default_factory=sample_types.Counts)
     epsilon_o: float = 0.02
     offsets: Literal["fixed", "uniform"] = "uniform"
     box: Literal["cube", "tight"] = "cube"
@@ -93,198 +71,17 @@ class SamplesConfig:
             raise checks.InputError(f"samples.shard_size must be >= 1; got {self.shard_size}")
 
 
-@dataclass(frozen=True)
-class Box:
-    """Axis-aligned box B, float32."""
-
-    lower: Float[np.ndarray, "3"]
-    upper: Float[np.ndarray, "3"]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "lower", self.lower.astype(np.float32))
-        object.__setattr__(self, "upper", self.upper.astype(np.float32))
-
-
-@dataclass(frozen=True)
-class Draw:
-    """Oriented points before rounding.
-
-    normals: n0, of S and T. reach: |q0 - p| of T, which touches the surface there; S starts at q0.
-    """
-
-    positions: Float[np.ndarray, "n 3"]
-    directions: Float[np.ndarray, "n 3"]
-    normals: Float[np.ndarray, "n 3"] | None = None
-    reach: Float[np.ndarray, "n"] | None = None
-
-
-CUBE = Box(-np.ones(3), np.ones(3))
-
-
-def unit_vectors(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
-    """Directions uniform on the sphere (Archimedes: height and turn are uniform)."""
-    height = 2 * _shares(count, rng) - 1
-    radius = np.sqrt((1 - height) * (1 + height))
-    turn = _turns(count, rng)
-    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height]).T
-
-
-def _shares(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count"]:
-    """Uniform on [0, 1), float32."""
-    return rng.random(count, dtype=np.float32)
-
-
-def _turns(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count"]:
-    return _shares(count, rng) * np.float32(2 * np.pi)
-
-
-def _tangents(normals: Float[np.ndarray, "n 3"], rng: np.random.Generator) -> Float[np.ndarray, "n 3"]:
-    """Directions uniform on the circle normal to each vector, on the basis of Duff et al. 2017 (revisiting Frisvad)."""
-    x, y, z = normals.T
-    sign = np.copysign(np.float32(1), z)
-    a = -1 / (sign + z)
-    b = x * y * a
-    turn = _turns(len(normals), rng)
-    first, second = np.cos(turn), np.sin(turn)
-    signed = sign * first
-    return np.stack(
-        [
-            first + signed * x * x * a + second * b,
-            signed * b + second * (sign + y * y * a),
-            -signed * x - second * y,
-        ]
-    ).T
-
-
-def _exit(points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "3 n"]:
-    """Distance along each axis at which a ray from inside the box leaves it; `inf` on axes it runs normal to."""
-    reach, other = np.zeros((3, len(points)), np.float32), np.zeros(len(points), np.float32)
-    with np.errstate(divide="ignore", invalid="ignore"):  # 0/0 on a wall, which the ray runs along: never leaves there
-        for found, p, v, lower, upper in zip(reach, points.T, directions.T, box.lower, box.upper, strict=True):
-            np.divide(np.subtract(lower, p, out=found), v, out=found)
-            np.divide(np.subtract(upper, p, out=other), v, out=other)
-            np.fmax(found, other, out=found)
-    np.fmin(reach, np.inf, out=reach)  # in place of NaN
-    return np.clip(reach, 0, np.inf, out=reach)
-
-
-def _inside(points: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "n 3"]:
-    """Points clipped to the box."""
-    return np.clip(points.T, box.lower[:, None], box.upper[:, None]).T
-
-
-def _back_along(
-    origins: Float[np.ndarray, "n 3"],
-    directions: Float[np.ndarray, "n 3"],
-    box: Box,
-    rng: np.random.Generator,
-    normals: Float[np.ndarray, "n 3"] | None = None,
-) -> Draw:
-    """p on the segment from each origin along v0 to the boundary of B (a tenth exactly on it), and v = -v0.
-
-    Args:
-      normals: n0, where the segments touch the surface in their origins, q0.
-    """
-    count = len(origins)
-    axes = _exit(origins, directions, box)
-    reach = np.minimum(np.minimum(axes[0], axes[1]), axes[2])
-    rows = rng.choice(count, _boundary_count(count, rng), replace=False, shuffle=False)
-    share = _shares(count, rng)
-    share[rows] = 1
-    reach *= share
-    positions = directions.T * reach
-    positions += origins.T
-    positions = _inside(positions.T, box)
-    walls = np.where(directions.T.take(rows, axis=1) > 0, box.upper[:, None], box.lower[:, None])
-    ends = positions.T.take(rows, axis=1)
-    np.copyto(ends, walls, where=axes.take(rows, axis=1) == reach.take(rows))  # whose share is 1
-    positions.T[:, rows] = ends
-    return Draw(positions, -directions, normals, None if normals is None else reach)
-
-
-def _boundary_count(count: int, rng: np.random.Generator) -> int:
-    """`BOUNDARY_SHARE` of `count`, on average where that is no whole number."""
-    rest, whole = math.modf(BOUNDARY_SHARE * count)
-    return int(whole) + int(rest > 0 and rng.random() < rest)
-
-
-def draw_uniform(box: Box, count: int, rng: np.random.Generator) -> Draw:
-    """U: p ~ U[B], v ~ U[S²]."""
-    return Draw(_in_box(box, count, rng), unit_vectors(count, rng))
-
-
-def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
-    positions = rng.random((3, count), dtype=np.float32)
-    positions *= (box.upper - box.lower)[:, None]
-    positions += box.lower[:, None]
-    return positions.T
-
-
-def draw_at_surface(surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
-    """A: q0 by area, v0 ~ U[S²], p on the segment from q0 along v0 to ∂B, v = -v0."""
-    origins, _ = surface.draw(count, rng)
-    return _back_along(_inside(origins, box), unit_vectors(count, rng), box, rng)
-
-
-def draw_bounding(box: Box, count: int, rng: np.random.Generator) -> Draw:
-    """B: p ~ U[∂B], v uniform on the hemisphere that points inwards."""
-    sides = box.upper - box.lower
-    areas = np.repeat([sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]], 2)
-    wall = np.minimum(np.searchsorted(np.cumsum(areas), _shares(count, rng) * areas.sum(), side="right"), 5)
-    positions, directions = _in_box(box, count, rng), unit_vectors(count, rng)
-    for axis, (place, turned) in enumerate(zip(positions.T, directions.T, strict=True)):
-        rows = np.flatnonzero(wall >> 1 == axis)
-        upper = wall[rows] % 2 == 1
-        place[rows] = np.where(upper, box.upper[axis], box.lower[axis])
-        turned[rows] = np.copysign(turned[rows], np.where(upper, np.float32(-1), np.float32(1)))
-    return Draw(positions, directions)
-
-
-def draw_surface(surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
-    """S: p by area on S, v ~ U[S²]."""
-    positions, face = surface.draw(count, rng)
-    return Draw(_inside(positions, box), unit_vectors(count, rng), _rows(surface.normals, face))
-
-
-def draw_tangent(surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
-    """T: as A, with v0 uniform in the tangent plane at q0."""
-    origins, face = surface.draw(count, rng)
-    normals = _rows(surface.normals, face)
-    return _back_along(_inside(origins, box), _tangents(normals, rng), box, rng, normals)
-
-
-def _rows(normals: Float[np.ndarray, "m 3"], face: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
-    return normals.take(face, axis=0).T.copy().T
-
-
-def draw_offset(
-    surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator, epsilon: float, uniform: bool
-) -> Draw:
-    """O: the line of a T sample moved by ±ε n0 (by a uniform share of it if `uniform`), p on its part inside B."""
-    origins, face = surface.draw(count, rng)
-    origins, normals = _inside(origins, box), _rows(surface.normals, face)
-    size = _shares(count, rng) if uniform else np.ones(count, np.float32)
-    size *= epsilon
-    side = np.where(_shares(count, rng) < 0.5, np.float32(-1), np.float32(1))[:, None] * normals
-    room, other = _exit(origins, side, box).min(axis=0), _exit(origins, -side, box).min(axis=0)
-    turned = (room < size) & (other > room)
-    step = np.minimum(size, np.where(turned, other, room))
-    moved = _inside(origins + np.where(turned, -step, step)[:, None] * side, box)
-    return _back_along(moved, _tangents(normals, rng), box, rng)
-
-
 def draw(
-    kind: str, surface: mesh_preparation.Surface, box: Box, config: SamplesConfig, count: int, rng: np.random.Generator
-) -> Draw:
+    kind: str,
+    surface: mesh_preparation.Surface,
+    box: draws.Box,
+    config: SamplesConfig,
+    count: int,
+    rng: np.random.Generator,
+) -> draws.Draw:
     """`count` oriented points of one type, not yet rounded."""
-    if kind == "U":
-        return draw_uniform(box, count, rng)
-    if kind == "B":
-        return draw_bounding(box, count, rng)
-    if kind == "O":
-        return draw_offset(surface, box, count, rng, config.epsilon_o, config.offsets == "uniform")
-    functions = {"A": draw_at_surface, "S": draw_surface, "T": draw_tangent}
-    return functions[kind](surface, box, count, rng)
+    place = draws.Place(surface, box, config.epsilon_o, config.offsets == "uniform")
+    return draws.DRAWS[kind](place, count, rng)
 
 
 @dataclass(frozen=True)
@@ -294,7 +91,7 @@ class Probes:
     drawn: before rounding. packed: in stored form. depth: `inf` on a miss. normals: before coding.
     """
 
-    drawn: Draw
+    drawn: draws.Draw
     packed: dict[str, np.ndarray]
     depth: Float[np.ndarray, "n"]
     normals: Float[np.ndarray, "n 3"]
@@ -326,7 +123,7 @@ class Answers:
     `raycast.Scene.cast_kept`. looking: stored directions.
     """
 
-    drawn: dict[str, Draw]
+    drawn: dict[str, draws.Draw]
     packed: dict[str, np.ndarray]
     depth: Float[np.ndarray, "n"]
     kept: UInt[np.ndarray, "n"]
@@ -363,22 +160,22 @@ class Sampler:
         )
 
 
-def box_of(mesh: Mesh, config: SamplesConfig) -> Box:
+def box_of(mesh: Mesh, config: SamplesConfig) -> draws.Box:
     """The box that a mesh's samples are drawn in.
 
     Raises:
       InputError: the margin makes it leave the cube, so that points on its sides could not be stored.
     """
     if config.box == "cube":
-        return CUBE
+        return draws.CUBE
     lower, upper = mesh.box()
     if max(-lower.min(), upper.max()) + config.margin > 1 + 1e-6:
         raise checks.InputError(f"a margin of {config.margin} leaves [-1, 1]^3; the mesh spans {lower} to {upper}")
-    return Box(lower - config.margin, upper + config.margin)
+    return draws.Box(lower - config.margin, upper + config.margin)
 
 
 def surface_of(scene: raycast.Scene) -> mesh_preparation.Surface:
-    """What `draw_*` draw from: the triangles of a scene in float32.
+    """What `draws` draw from: the triangles of a scene in float32.
 
     Raises:
       InputError: no triangle has an area.
@@ -387,13 +184,13 @@ def surface_of(scene: raycast.Scene) -> mesh_preparation.Surface:
     return mesh_preparation.Surface(corners, scene.normals.astype(np.float32), scene.areas)
 
 
-def _parts(drawn: dict[str, Draw]) -> dict[str, slice]:
+def _parts(drawn: dict[str, draws.Draw]) -> dict[str, slice]:
     """Where each type lies when all are put after another."""
-    ends = itertools.accumulate((len(draws.positions) for draws in drawn.values()), initial=0)
+    ends = itertools.accumulate((len(drew.positions) for drew in drawn.values()), initial=0)
     return {kind: slice(*pair) for kind, pair in zip(drawn, itertools.pairwise(ends), strict=True)}
 
 
-def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
+def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, draws.Draw]) -> Answers:
     """All types in one cast.
 
     Coordinates are taken one after the other: numpy is several times slower along an axis of three.
@@ -405,9 +202,9 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
     x, y = (torch.from_numpy(steps) for steps in directions)
     looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
     ahead = {
-        kind: _lift(scene, draws, starts[:, parts[kind]], [axis[parts[kind]] for axis in looking])
-        for kind, draws in drawn.items()
-        if draws.normals is not None and draws.reach is None
+        kind: _lift(scene, drew, starts[:, parts[kind]], [axis[parts[kind]] for axis in looking])
+        for kind, drew in drawn.items()
+        if drew.normals is not None and drew.reach is None
     }
     local = np.zeros((len(x), 6), np.float32)
     for axis, centre in enumerate(scene.centre.astype(np.float32)):
@@ -419,11 +216,11 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, Draw]) -> Answers:
     for kind, lifted in ahead.items():
         depth[parts[kind]] = np.maximum(depth[parts[kind]] + lifted, 0)
     codes = _normal_codes(scene, kept, normals, looking)
-    for kind, draws in drawn.items():
-        if draws.reach is not None:
-            depth[parts[kind]] = np.minimum(depth[parts[kind]], draws.reach)
-        if draws.normals is not None:
-            codes[parts[kind]] = packing.encode_unit(draws.normals, np.int8)
+    for kind, drew in drawn.items():
+        if drew.reach is not None:
+            depth[parts[kind]] = np.minimum(depth[parts[kind]], drew.reach)
+        if drew.normals is not None:
+            codes[parts[kind]] = packing.encode_unit(drew.normals, np.int8)
     packed = {
         "positions": packing.interleaved(list(positions), np.int16),
         "directions": packing.interleaved(directions, np.int16),
@@ -440,21 +237,21 @@ def _probes(scene: raycast.Scene, answers: Answers) -> Probes:
     depth = answers.depth.take(probes)
     face = np.where(np.isfinite(depth), scene.kept.take(answers.kept.take(probes), mode="clip"), -1)
     normals = raycast.facing_back(scene, face, answers.looking[probes])
-    for kind, draws in drawn.items():
-        if draws.normals is not None:
+    for kind, drew in drawn.items():
+        if drew.normals is not None:
             own = (probes >= parts[kind].start) & (probes < parts[kind].stop)
-            normals[own] = draws.normals[:_ERROR_PROBE]
-    first = Draw(*(_joined(drawn, name, _ERROR_PROBE).T for name in ("positions", "directions")))
+            normals[own] = drew.normals[:_ERROR_PROBE]
+    first = draws.Draw(*(_joined(drawn, name, _ERROR_PROBE).T for name in ("positions", "directions")))
     return Probes(first, {name: values.take(probes, axis=0) for name, values in answers.packed.items()}, depth, normals)
 
 
-def _joined(drawn: dict[str, Draw], name: str, count: int | None = None) -> Float[np.ndarray, "3 n"]:
+def _joined(drawn: dict[str, draws.Draw], name: str, count: int | None = None) -> Float[np.ndarray, "3 n"]:
     """Positions or directions of all types, of each the first `count`, one coordinate after the other."""
-    return np.concatenate([getattr(draws, name)[:count].T for draws in drawn.values()], axis=1)
+    return np.concatenate([getattr(drew, name)[:count].T for drew in drawn.values()], axis=1)
 
 
 def _lift(
-    scene: raycast.Scene, draws: Draw, starts: Float[np.ndarray, "3 n"], looking: list[np.ndarray]
+    scene: raycast.Scene, drew: draws.Draw, starts: Float[np.ndarray, "3 n"], looking: list[np.ndarray]
 ) -> Float[np.ndarray, "n"]:
     """Lift starts on the surface off their triangles to the side that they look to, in place.
 
@@ -463,12 +260,12 @@ def _lift(
     Returns:
       How far along each ray the lifted start lies from the stored one.
     """
-    assert draws.normals is not None
-    normals = draws.normals.T
+    assert drew.normals is not None
+    normals = drew.normals.T
     slope = np.sum([normal * v for normal, v in zip(normals, looking, strict=True)], axis=0)
     lift = np.copysign(np.float32(raycast.SURFACE_OFFSET * scene.scale), slope)
     ahead = np.zeros(len(slope), np.float32)
-    for start, position, normal, v in zip(starts, draws.positions.T, normals, looking, strict=True):
+    for start, position, normal, v in zip(starts, drew.positions.T, normals, looking, strict=True):
         lifted = position + lift * normal
         ahead += (lifted - start) * v
         start[:] = lifted

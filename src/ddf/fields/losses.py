@@ -1,15 +1,15 @@
 """The shape-fitting loss: one function per term, one table of what applies where. Source: [DDF22] §3.4, app. C and E.
 
-A batch holds, for every shape, its samples in the order of `ORDER`, so that what each term reads is one slice: the
-directed eikonal E U A B, normals U A B, the transition S T, supervision U A B S T O; nothing reads a derivative on O.
-After these may come samples that are supervised alone, `VALUES_ONLY`, of the same types or proposed by the field: a
-point without derivatives costs less than half, and depth is what a small budget should buy first. Every term is the
+A batch holds, for every shape, its samples in the order of `sample_types`, so that what each term reads is one slice:
+the directed eikonal E U A B, normals U A B, the transition S T, supervision U A B S T O; nothing reads a derivative on
+O. After these may come samples that are supervised alone, of the same types or proposed by the field: a point without
+derivatives costs less than half, and depth is what a small budget should buy first. Every term is the
 mean over the oriented points that it applies to (the paper does not say; derived here).
 """
 
-import itertools
-import math
-from collections.abc import Iterator, Mapping
+import functools
+import operator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from typing import Literal
@@ -20,20 +20,11 @@ from torch import Tensor
 from torch.nn import functional
 
 from ddf.core import checks
+from ddf.data.samples import sample_batch
+from ddf.data.samples import sample_types as types
 from ddf.fields import derivatives, passes
 from ddf.fields.pddf import DIRECTION, NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows
 
-ORDER = ("E", "U", "A", "B", "S", "T", "O")  # E: extra uniform points, regularised, without ground truth
-STORED_VALUES = ("U+", "A+", "B+", "S+", "T+")  # O has no derivatives anyway
-VALUES_ONLY = (*STORED_VALUES, "P")  # P: rays that the field proposes, see `proposed_rays`
-STORED = (*ORDER[1:], *STORED_VALUES)
-# what applies where: first and last type of the slice that a term covers
-EIKONAL, NORMALS, TRANSITION, GROUND_TRUTH = ("E", "B"), ("U", "B"), ("S", "T"), ("U", "P")
-CONSISTENCY = ("E", "U")  # the uniform points
-DOUBLED_DEPTH = (("U", "A"), ("U+", "A+"), ("P", "P"))
-COVERED = {"supervised": GROUND_TRUTH, "normals": NORMALS, "eikonal": EIKONAL, "transition": TRANSITION}
-WEIGHTED = ("depth", "visibility", "normals", "weight_variance", "transition", "visibility_variance")
-TERMS = (*WEIGHTED, "eikonal")
 GOLDEN_SHARE = 0.6180339887  # the fractions of its multiples are spread evenly over (0, 1)
 BLOCK_VALUES = {"cpu": 2**19, "cuda": 2**25}  # values of a block: what stays in a CPU's cache, fills a GPU
 BLOCK_POINTS = 1400  # of a block of 𝔏_S, for each thread of a CPU, whatever the width; by trial
@@ -42,22 +33,6 @@ BLOCK_POINTS = 1400  # of a block of 𝔏_S, for each thread of a CPU, whatever 
 def block_values(device: torch.device) -> int:
     """How many values, such as points times the widest layer, are worked on at a time."""
     return BLOCK_VALUES.get(device.type, BLOCK_VALUES["cuda"])
-
-
-def check_counts(name: str, counts: Mapping[str, int]) -> None:
-    """Raise unless the points per type of a step have every type, and perhaps some that are supervised alone.
-
-    Raises:
-      InputError: a type is missing, unknown or without points; `name` is the config's key.
-    """
-    if not set(ORDER) <= set(counts) <= {*ORDER, *STORED_VALUES} or min(counts.values()) < 1:
-        must, may = ", ".join(ORDER), ", ".join(STORED_VALUES)
-        raise checks.InputError(f"{name} must give each of {must} >= 1, may give {may} >= 1; got {counts}")
-
-
-def sample_type(kind: str) -> str:
-    """The sample type of an entry of `STORED`: U+ are U samples, of which no derivative is read."""
-    return kind.removesuffix("+")
 
 
 @dataclass(frozen=True)
@@ -93,65 +68,6 @@ class LossWeights:
                     raise checks.InputError(f"weights.depth_huber must be > 0 and finite, or null; got {value}")
             elif not 0 <= value < float("inf"):
                 raise checks.InputError(f"weights.{field.name} must be >= 0 and finite; got {value}")
-
-
-@dataclass(frozen=True)
-class SampleBatch:
-    """Oriented points of several shapes in the order of `ORDER` and `VALUES_ONLY`, with their ground truth.
-
-    counts: points per type and shape, none of a type that is absent. The ground truth has entries for E too (never
-    read), so that one index fits all. depth: never read on a miss. normals: at the hit for U A B, at q_0 for
-    S T.
-    """
-
-    positions: Float[Tensor, "shapes n 3"]
-    directions: Float[Tensor, "shapes n 3"]
-    visible: Float[Tensor, "shapes n"]
-    depth: Float[Tensor, "shapes n"]
-    normals: Float[Tensor, "shapes n 3"]
-    counts: Mapping[str, int]
-
-    def to(self, device: torch.device) -> "SampleBatch":
-        """The same batch on another device."""
-        return SampleBatch(*(tensor.to(device) for tensor in self._tensors()), counts=self.counts)
-
-    def followed_by(self, other: "SampleBatch") -> "SampleBatch":
-        """This batch with the points of another one, of later types of the same shapes, behind its own."""
-        pairs = zip(self._tensors(), other._tensors(), strict=True)
-        return SampleBatch(*(torch.cat(pair, dim=1) for pair in pairs), counts={**self.counts, **other.counts})
-
-    def span(self, first: str, last: str) -> slice:
-        """The points from type `first` to type `last`, both included."""
-        order = (*ORDER, *VALUES_ONLY)
-        before = sum(self.counts.get(name, 0) for name in order[: order.index(first)])
-        through = sum(self.counts.get(name, 0) for name in order[: order.index(last) + 1])
-        return slice(before, through)
-
-    def number(self, first: str, last: str) -> int:
-        """How many points of all shapes `span` covers; at least 1, so that it can be divided by."""
-        span = self.span(first, last)
-        return max(1, len(self.positions) * (span.stop - span.start))
-
-    def blocks(self, points: int) -> Iterator[tuple[slice, "SampleBatch"]]:
-        """The same in parts of about `points` points, each a batch in the same order: whole shapes, or parts of one.
-
-        Yields the shapes of each part with it.
-        """
-        shapes, count = self.visible.shape
-        together, parts = max(1, points // count), math.ceil(count / points)
-        edges = [round(count * part / parts) for part in range(parts + 1)]
-        for first in range(0, shapes, together):
-            chosen = slice(first, min(first + together, shapes))
-            for rows in itertools.starmap(slice, itertools.pairwise(edges)):
-                yield chosen, self._part(chosen, rows)
-
-    def _part(self, shapes: slice, rows: slice) -> "SampleBatch":
-        spans = {name: self.span(name, name) for name in self.counts}
-        counts = {name: max(0, min(span.stop, rows.stop) - max(span.start, rows.start)) for name, span in spans.items()}
-        return SampleBatch(*(tensor[shapes, rows] for tensor in self._tensors()), counts=counts)
-
-    def _tensors(self) -> tuple[Tensor, ...]:
-        return self.positions, self.directions, self.visible, self.depth, self.normals
 
 
 def depth_error(
@@ -212,7 +128,7 @@ def transition_loss(weight_rate: Float[Tensor, "*n"], speed: float) -> Float[Ten
 
 def shape_loss(
     field: PDDF,
-    batch: SampleBatch,
+    batch: sample_batch.SampleBatch,
     modulations: list[Tensor] | None,
     weights: LossWeights,
     matmul: passes.Matmul = "float32",
@@ -241,7 +157,7 @@ def shape_loss(
 
 
 def view_consistency_loss(
-    field: PDDF, batch: SampleBatch, modulations: list[Tensor] | None, weights: LossWeights
+    field: PDDF, batch: sample_batch.SampleBatch, modulations: list[Tensor] | None, weights: LossWeights
 ) -> Float[Tensor, ""]:
     """A surface point seen from p and from further along the ray: mean of ξ e(d(p + t v, v), d(p, v) - t) over E and U.
 
@@ -251,7 +167,7 @@ def view_consistency_loss(
     differentiated; e is `depth_error`; ξ is the truth on U, the prediction, detached, on E; what leaves the cube, where
     the field is not trained, counts as 0. Costs two evaluations by autograd.
     """
-    span = batch.span(*CONSISTENCY)
+    span = batch.span(*types.CONSISTENCY)
     positions, directions = batch.positions[:, span], batch.directions[:, span]
     raw = field(positions, directions, modulations)
     depth = field.depth(raw)
@@ -260,10 +176,10 @@ def view_consistency_loss(
         way = depth * (place * GOLDEN_SHARE).frac().to(depth.dtype)
         further = positions + way[..., None] * directions
         inside = (further.abs() <= 1).all(dim=-1)
-        visible = _visible(batch, raw, CONSISTENCY) * inside
+        visible = _visible(batch, raw, types.CONSISTENCY) * inside
     left = field.depth(field(further, directions, modulations))
     error = visible * depth_error(left, depth - way, weights.depth_huber)
-    return error.sum() / batch.number(*CONSISTENCY)
+    return error.sum() / batch.number(*types.CONSISTENCY)
 
 
 class _ShapeLoss(torch.autograd.Function):
@@ -273,7 +189,7 @@ class _ShapeLoss(torch.autograd.Function):
     def forward(
         ctx,
         field: PDDF,
-        batch: SampleBatch,
+        batch: sample_batch.SampleBatch,
         weights: LossWeights,
         product: torch.dtype,
         count: int,
@@ -284,7 +200,7 @@ class _ShapeLoss(torch.autograd.Function):
         parameters = passes.Parameters(field.network, product)
         found = [torch.zeros_like(modulation) for modulation in modulations]
         sums = torch.zeros(1 + len(TERMS), dtype=parameters.dtype, device=parameters.head.device)
-        numbers = {name: batch.number(*span) for name, span in COVERED.items()}
+        numbers = {term.covers: batch.number(*term.covers) for term in TERMS.values()}
         for shapes, block in batch.blocks(_block_points(field)):
             part = [modulation[shapes] for modulation in modulations] if count else None
             values, gradients = _block_loss(field, block, part, weights, parameters, numbers, differentiate)
@@ -315,89 +231,132 @@ def _block_points(field: PDDF) -> int:
 
 def _block_loss(
     field: PDDF,
-    block: SampleBatch,
+    block: sample_batch.SampleBatch,
     modulations: list[Tensor] | None,
     weights: LossWeights,
     parameters: passes.Parameters,
-    numbers: Mapping[str, int],
+    numbers: Mapping[types.Span, int],
     differentiate: bool,
 ) -> tuple[Float[Tensor, "terms"], list[Tensor]]:
     """𝔏_S and its terms, as far as a block goes, and the gradient in the block's modulations.
 
     Args:
-      numbers: points of the whole batch that each entry of `COVERED` covers.
+      numbers: points of the whole batch that each span of `TERMS` covers.
     """
     inputs = field.inputs(block.positions, block.directions)
     # as the network knows them: every term is the same for mirror images
     known = field.turned(block.normals, block.directions)
     block = replace(block, directions=inputs[..., DIRECTION], normals=known)
-    eikonal, transition, normals = block.span(*EIKONAL), block.span(*TRANSITION), block.span(*NORMALS)
+    eikonal, transition, normals = (block.span(*span) for span in (types.EIKONAL, types.TRANSITION, types.NORMALS))
     along = torch.cat((block.directions[:, eikonal], block.normals[:, transition]), dim=1)
     states = passes.Block(parameters, inputs, along, modulations)
     gradient = states.adjoint(normals, heavier_rows(states.outputs[:, normals]))
     with torch.set_grad_enabled(differentiate):
         leaves = [each.detach().requires_grad_(differentiate) for each in (states.outputs, states.rates, gradient)]
-        terms = _terms(field, block, (leaves[0], leaves[1], leaves[2]), weights, numbers)
-        total = terms["eikonal"]  # carries its own two weights
-        for name in WEIGHTED:
-            total = total + getattr(weights, name) * terms[name]
+        points = Points(field, block, weights, leaves[0], leaves[1], leaves[2])
+        terms = {name: term.summed(points) / numbers[term.covers] for name, term in TERMS.items()}
+        shares = [
+            terms[name] if term.weight is None else getattr(weights, term.weight) * terms[name]
+            for name, term in TERMS.items()
+        ]
+        total = functools.reduce(operator.add, shares)
         found = []
         if differentiate:
             found = states.reverse(*torch.autograd.grad(total, leaves, materialize_grads=True))
-    return torch.stack([total, *(terms[name] for name in TERMS)]).detach(), found
+    return torch.stack([total, *terms.values()]).detach(), found
 
 
-def _terms(
-    field: PDDF,
-    block: SampleBatch,
-    found: tuple[Tensor, Tensor, Tensor],
-    weights: LossWeights,
-    numbers: Mapping[str, int],
-) -> dict[str, Float[Tensor, ""]]:
-    """What a block adds to every term. The raw d_{i*} gives the normal: a positive slope does not turn it.
+@dataclass(frozen=True)
+class Points:
+    """What the terms of the loss read of a block.
 
-    Args:
-      found: outputs and rates of `passes.Block`, and ∇_p of raw d_{i*} on U A B.
+    raw, rates: outputs and their rates of `passes.Block`. gradient: ∇_p of raw d_{i*} on U A B; raw d_{i*} gives the
+    normal: a positive slope does not turn it.
     """
-    raw, rates, gradient = found
-    eikonal, transition, normals = block.span(*EIKONAL), block.span(*TRANSITION), block.span(*NORMALS)
-    terms = _supervised_terms(field, block, raw, weights, numbers["supervised"])
-    facing = derivatives.normals(gradient, block.directions[:, normals])
-    alignment = normal_loss(facing, block.normals[:, normals], block.visible[:, normals])
-    terms["normals"] = alignment.sum() / numbers["normals"]
-    terms["eikonal"] = _eikonal_sum(field, block, raw[:, eikonal], rates[:, eikonal], weights) / numbers["eikonal"]
-    terms["weight_variance"] = bernoulli_variance(raw[:, eikonal, WEIGHT_ROW]).sum() / numbers["eikonal"]
-    weight_rate = bernoulli_variance(raw[:, transition, WEIGHT_ROW]) * rates[:, transition, WEIGHT_ROW]
-    terms["transition"] = transition_loss(weight_rate, weights.transition_speed).sum() / numbers["transition"]
-    return terms
+
+    field: PDDF
+    block: sample_batch.SampleBatch
+    weights: LossWeights
+    raw: Float[Tensor, "shapes n 4"]
+    rates: Float[Tensor, "shapes k 4"]
+    gradient: Float[Tensor, "shapes m 3"]
+
+    @functools.cached_property
+    def logits(self) -> Float[Tensor, "shapes known"]:
+        """Of the visibility, where there is ground truth."""
+        return self.raw[:, self.block.span(*types.GROUND_TRUTH), VISIBILITY_ROW]
 
 
-def _supervised_terms(
-    field: PDDF, block: SampleBatch, raw: Tensor, weights: LossWeights, number: int
-) -> dict[str, Tensor]:
-    """Depth, visibility and visibility variance over everything that has ground truth."""
-    known = block.span(*GROUND_TRUTH)
-    visible, logits = block.visible[:, known], raw[:, known, VISIBILITY_ROW]
-    depth = depth_loss(field, raw[:, known], block.depth[:, known], visible, weights)
-    doubled = [block.span(*types) for types in DOUBLED_DEPTH]
+def _depth_sum(points: Points) -> Tensor:
+    block, known = points.block, points.block.span(*types.GROUND_TRUTH)
+    visible = block.visible[:, known]
+    depth = depth_loss(points.field, points.raw[:, known], block.depth[:, known], visible, points.weights)
+    doubled = [block.span(*span) for span in types.DOUBLED_DEPTH]
     again = sum(depth[:, span.start - known.start : span.stop - known.start].sum() for span in doubled)
-    return {
-        "depth": (depth.sum() + again) / number,
-        "visibility": functional.binary_cross_entropy_with_logits(logits, visible, reduction="sum") / number,
-        "visibility_variance": bernoulli_variance(logits).sum() / number,
-    }
+    return depth.sum() + again
 
 
-def _visible(batch: SampleBatch, raw: Tensor, types: tuple[str, str]) -> Tensor:
+def _visibility_sum(points: Points) -> Tensor:
+    visible = points.block.visible[:, points.block.span(*types.GROUND_TRUTH)]
+    return functional.binary_cross_entropy_with_logits(points.logits, visible, reduction="sum")
+
+
+def _visibility_variance_sum(points: Points) -> Tensor:
+    return bernoulli_variance(points.logits).sum()
+
+
+def _normals_sum(points: Points) -> Tensor:
+    block, normals = points.block, points.block.span(*types.NORMALS)
+    facing = derivatives.normals(points.gradient, block.directions[:, normals])
+    return normal_loss(facing, block.normals[:, normals], block.visible[:, normals]).sum()
+
+
+def _eikonal_sum(points: Points) -> Tensor:
+    eikonal = points.block.span(*types.EIKONAL)
+    raw, rates = points.raw[:, eikonal], points.rates[:, eikonal]
+    visible = _visible(points.block, raw, types.EIKONAL)
+    depth_rates = points.field.depth_slopes(raw) * rates[..., :NUM_COMPONENTS]
+    visibility_rate = bernoulli_variance(raw[..., VISIBILITY_ROW]) * rates[..., VISIBILITY_ROW]
+    return directed_eikonal_loss(depth_rates, visibility_rate, visible, points.weights).sum()
+
+
+def _weight_variance_sum(points: Points) -> Tensor:
+    return bernoulli_variance(points.raw[:, points.block.span(*types.EIKONAL), WEIGHT_ROW]).sum()
+
+
+def _transition_sum(points: Points) -> Tensor:
+    transition = points.block.span(*types.TRANSITION)
+    slope = bernoulli_variance(points.raw[:, transition, WEIGHT_ROW])
+    return transition_loss(slope * points.rates[:, transition, WEIGHT_ROW], points.weights.transition_speed).sum()
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of 𝔏_S.
+
+    summed: over the points of a block that it covers. covers: first and last type of these points; the term is the
+    mean over them. weight: its γ in `LossWeights`; None where `summed` has it already.
+    """
+
+    summed: Callable[[Points], Tensor]
+    covers: types.Span
+    weight: str | None
+
+
+# A new term is an entry here, a function above and its γ in `LossWeights`. In this order they are added.
+TERMS = {
+    "eikonal": Term(_eikonal_sum, types.EIKONAL, None),
+    "depth": Term(_depth_sum, types.GROUND_TRUTH, "depth"),
+    "visibility": Term(_visibility_sum, types.GROUND_TRUTH, "visibility"),
+    "normals": Term(_normals_sum, types.NORMALS, "normals"),
+    "weight_variance": Term(_weight_variance_sum, types.EIKONAL, "weight_variance"),
+    "transition": Term(_transition_sum, types.TRANSITION, "transition"),
+    "visibility_variance": Term(_visibility_variance_sum, types.GROUND_TRUTH, "visibility_variance"),
+}
+
+
+def _visible(batch: sample_batch.SampleBatch, raw: Tensor, span: types.Span) -> Tensor:
     """ξ of the types from E on; E has no ground truth, so the prediction, detached, stands for it."""
     extra = batch.span("E", "E")
     predicted = torch.sigmoid(raw[:, extra, VISIBILITY_ROW]).detach()
-    return torch.cat((predicted, batch.visible[:, extra.stop : batch.span(*types).stop]), dim=1)
-
-
-def _eikonal_sum(field: PDDF, block: SampleBatch, raw: Tensor, rates: Tensor, weights: LossWeights) -> Tensor:
-    """Sum of L_DE."""
-    visible = _visible(block, raw, EIKONAL)
-    depth_rates = field.depth_slopes(raw) * rates[..., :NUM_COMPONENTS]
-    visibility_rate = bernoulli_variance(raw[..., VISIBILITY_ROW]) * rates[..., VISIBILITY_ROW]
-    return directed_eikonal_loss(depth_rates, visibility_rate, visible, weights).sum()
+    return torch.cat((predicted, batch.visible[:, extra.stop : batch.span(*span).stop]), dim=1)

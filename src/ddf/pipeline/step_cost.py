@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from ddf.data import packing
+from ddf.data.samples import sample_types
 from ddf.geometry import transforms
 from ddf.reconstruction import category_data, proposed_rays, reconstruction_models, settings, training_steps
 from ddf.training import optimisers, training_loop
@@ -80,7 +80,7 @@ def random_samples(count: int) -> category_data.SampleSet:
     random = np.random.default_rng(2)
     forms = {"positions": (np.int16, 3), "directions": (np.int16, 2), "depth": (np.uint16, 0), "normals": (np.int8, 2)}
     arrays = {}
-    for kind in packing.KINDS:
+    for kind in sample_types.KINDS:
         for name, (dtype, width) in forms.items():
             ends, shape = np.iinfo(dtype), (count, STORED, width)[: 3 if width else 2]
             values = random.integers(-ends.max if ends.min else 0, ends.max, shape, dtype=dtype, endpoint=True)

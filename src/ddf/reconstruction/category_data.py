@@ -24,7 +24,7 @@ from torch import Tensor
 
 from ddf.core import checks, storage
 from ddf.data import packing, shapenet
-from ddf.fields import losses
+from ddf.data.samples import sample_batch, sample_types
 from ddf.geometry import cameras, transforms
 from ddf.training import distributed
 
@@ -162,7 +162,7 @@ class SampleSet:
         counts: Mapping[str, int],
         random: np.random.Generator,
         part: slice = slice(None),
-    ) -> losses.SampleBatch:
+    ) -> sample_batch.SampleBatch:
         """Random samples of every type for each of the given shapes, and `counts["E"]` uniform points without truth.
 
         Args:
@@ -173,9 +173,9 @@ class SampleSet:
         opened = {number: self.shards[number] for number in set(numbers)}
         tables = [(opened[number], row) for number, row in zip(numbers, rows_in, strict=True)]
         codes: dict[str, list[Tensor]] = {field: [] for field in packing.FIELDS}
-        wanted = {name: counts[name] for name in losses.STORED if counts.get(name)}
+        wanted = {name: counts[name] for name in sample_types.STORED if counts.get(name)}
         for name, count in wanted.items():
-            kind = losses.sample_type(name)
+            kind = sample_types.base(name)
             stored = tables[0][0][f"{kind}.depth"].shape[1]
             rows = random.integers(0, stored, (len(shapes), count))[part]
             for field, parts in codes.items():
@@ -200,14 +200,14 @@ def without_truth(shapes: int, count: int, random: np.random.Generator, part: sl
     )
 
 
-def batch_of(parts: Sequence[packing.Samples], counts: Mapping[str, int]) -> losses.SampleBatch:
+def batch_of(parts: Sequence[packing.Samples], counts: Mapping[str, int]) -> sample_batch.SampleBatch:
     """Samples of several shapes as one batch; all parts together are in its order.
 
     Args:
       counts: points of each type and shape.
     """
     columns = {name: torch.cat([samples[name] for samples in parts], dim=1) for name in packing.Samples.__annotations__}
-    return losses.SampleBatch(
+    return sample_batch.SampleBatch(
         positions=columns["positions"],
         directions=columns["directions"],
         visible=columns["visible"].float(),

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
-from ddf.fields import losses
+from ddf.data.samples import sample_batch
 from ddf.geometry import cameras
 from ddf.reconstruction import category_data, training_steps
 
@@ -53,7 +53,7 @@ class Samples:
         counts: Mapping[str, int],
         random: np.random.Generator,
         part: slice = slice(None),
-    ) -> losses.SampleBatch:
+    ) -> sample_batch.SampleBatch:
         """As `category_data.SampleSet.draw`."""
         batch = self.samples.draw(shapes % self.count, counts, random, part)
         turned = torch.from_numpy(shapes[part] >= self.count)[:, None, None]

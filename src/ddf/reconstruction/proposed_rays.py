@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf, udf
 from ddf.reconstruction import category_data, settings
 
@@ -74,13 +75,13 @@ class Proposer:
 
     def __call__(
         self,
-        stored: losses.SampleBatch,
+        stored: sample_batch.SampleBatch,
         field: pddf.PDDF,
         modulations: Sequence[Float[Tensor, "b 1 _"]],
         chosen: Int[np.ndarray, "b"],
         random: np.random.Generator,
         part: slice = slice(None),
-    ) -> losses.SampleBatch:
+    ) -> sample_batch.SampleBatch:
         """`stored`, of `part` of the shapes `chosen`, with rays of type P behind; all on the device of `stored`.
 
         What `random` gives is drawn for all of `chosen`, so that every process of a training goes on with the same.
@@ -101,7 +102,7 @@ class Proposer:
         depth = depth.float().masked_fill(~visible, 0.0)
         normals = torch.zeros_like(starts)  # never read
         counts = {"P": self.config.points}
-        proposed = losses.SampleBatch(starts, directions, visible.float(), depth, normals, counts)
+        proposed = sample_batch.SampleBatch(starts, directions, visible.float(), depth, normals, counts)
         return stored.followed_by(proposed.to(place))
 
     def _starts(self, chosen: Int[np.ndarray, "b"], random: np.random.Generator) -> Float[Tensor, "b n 3"]:

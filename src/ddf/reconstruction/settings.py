@@ -8,6 +8,7 @@ import numpy as np
 
 from ddf.core import checks
 from ddf.data import shapenet
+from ddf.data.samples import sample_types
 from ddf.fields import cloud_projection, losses, pddf, siren
 from ddf.geometry import cameras
 from ddf.training import training_loop
@@ -118,7 +119,7 @@ class DDFConfig:
     mirror_shapes: cameras.Mirror | None = None
 
     def __post_init__(self) -> None:
-        losses.check_counts("ddf.counts", self.counts)
+        sample_types.check_counts("ddf.counts", self.counts)
         if self.steps < 1 or self.mask_size < 1 or (self.mask_pixels is not None and self.mask_pixels < 1):
             raise checks.InputError("ddf.steps, ddf.mask_size and ddf.mask_pixels must be >= 1 (mask_pixels or null)")
         for name in ("learning_rate", "muon", "encoder_learning_rate"):

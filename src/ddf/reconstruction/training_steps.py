@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf
 from ddf.reconstruction import category_data, reconstruction_models, settings
 from ddf.training import chamfer_loss, distributed, training_loop
@@ -27,7 +28,7 @@ class SampleSource(Protocol):
         random: np.random.Generator,
         part: slice,
         /,
-    ) -> losses.SampleBatch:
+    ) -> sample_batch.SampleBatch:
         """Points of every type for each of `part` of the shapes, drawn for all of them; E points have no truth."""
         ...
 
@@ -38,14 +39,14 @@ class Proposer(Protocol):
 
     def __call__(
         self,
-        stored: losses.SampleBatch,
+        stored: sample_batch.SampleBatch,
         field: pddf.PDDF,
         modulations: Sequence[Float[Tensor, "b 1 _"]],
         chosen: Int[np.ndarray, "b"],
         random: np.random.Generator,
         part: slice,
         /,
-    ) -> losses.SampleBatch:
+    ) -> sample_batch.SampleBatch:
         """The stored samples of `part` of the shapes `chosen`, with others behind them, drawn for all of `chosen`."""
         ...
 

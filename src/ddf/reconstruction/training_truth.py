@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from ddf.core import checks, config, storage
 from ddf.data import mesh_shards, packing, sampling
-from ddf.fields import losses
+from ddf.data.samples import sample_batch, sample_types
 from ddf.geometry import cameras, raycast
 from ddf.reconstruction import category_data, mirrored_data, proposed_rays, settings, training_steps
 
@@ -73,7 +73,7 @@ class FreshSamples:
         counts: Mapping[str, int],
         random: np.random.Generator,
         part: slice = slice(None),
-    ) -> losses.SampleBatch:
+    ) -> sample_batch.SampleBatch:
         """As `category_data.SampleSet.draw`.
 
         Raises:
@@ -82,8 +82,8 @@ class FreshSamples:
         parts = {"E": category_data.without_truth(len(shapes), counts["E"], random, part)}
         seeds = random.integers(2**63, size=len(shapes))[part]
         wanted = {
-            kind: [name for name in losses.STORED if counts.get(name) and losses.sample_type(name) == kind]
-            for kind in packing.KINDS
+            kind: [name for name in sample_types.STORED if counts.get(name) and sample_types.base(name) == kind]
+            for kind in sample_types.KINDS
         }
         totals = {kind: sum(counts[name] for name in names) for kind, names in wanted.items()}
         cast = [self._cast(int(shape), totals, int(seed)) for shape, seed in zip(shapes[part], seeds, strict=True)]
@@ -93,7 +93,7 @@ class FreshSamples:
             decoded = packing.decode(stacked, kind)
             for name, start, end in zip(names, ends[:-1], ends[1:], strict=True):
                 parts[name] = _rows(decoded, slice(start, end))
-        order = [name for name in ("E", *losses.STORED) if name in parts]
+        order = [name for name in ("E", *sample_types.STORED) if name in parts]
         return category_data.batch_of([parts[name] for name in order], {name: counts[name] for name in order})
 
     def _cast(self, shape: int, counts: Mapping[str, int], seed: int) -> dict[str, np.ndarray]:

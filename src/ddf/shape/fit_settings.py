@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from ddf.core import checks
 from ddf.data import sampling
+from ddf.data.samples import sample_types
 from ddf.fields import losses, pddf
 from ddf.training import training_loop
 
@@ -53,8 +54,10 @@ class AblationConfig:
     minutes: float | None
 
     def __post_init__(self) -> None:
-        if self.samples < len(losses.ORDER) - 1:
-            raise checks.InputError(f"fit.ablation.samples must be >= {len(losses.ORDER) - 1}; got {self.samples}")
+        if self.samples < len(sample_types.ORDER) - 1:
+            raise checks.InputError(
+                f"fit.ablation.samples must be >= {len(sample_types.ORDER) - 1}; got {self.samples}"
+            )
         if self.held_out < 1:
             raise checks.InputError(f"fit.ablation.held_out must be >= 1; got {self.held_out}")
         _check_budget("fit.ablation", self.steps, self.minutes)
@@ -72,7 +75,7 @@ class FitConfig:
       errors.
     samples, held_out: drawn per type, for training and for the errors.
     batch: oriented points per type in a step, E the extra uniform ones; with + those of a type that are supervised by
-      depth and visibility alone, for less than half the cost (`losses.STORED_VALUES`, may be left out).
+      depth and visibility alone, for less than half the cost (`sample_types.STORED_VALUES`, may be left out).
     epsilon_o: offset of O samples, field units.
     box: the shape's own box (a cube, where that is too thin) or the cube [-1, 1]^3.
     margin: room between the shape and the sides of the box, field units: the longest side of the shape is
@@ -89,8 +92,8 @@ class FitConfig:
     field: pddf.PDDFConfig
     steps: int | None
     minutes: float | None
-    samples: sampling.Counts
-    held_out: sampling.Counts
+    samples: sample_types.Counts
+    held_out: sample_types.Counts
     batch: dict[str, int]
     weights: losses.LossWeights
     epsilon_o: float
@@ -102,11 +105,11 @@ class FitConfig:
     ablation: AblationConfig = _ABLATION
 
     def __post_init__(self) -> None:
-        losses.check_counts("fit.batch", self.batch)
+        sample_types.check_counts("fit.batch", self.batch)
         _check_budget("fit", self.steps, self.minutes)
         self.draw(self.box, self.samples, 0)
 
-    def draw(self, box: Literal["tight", "cube"], counts: sampling.Counts, seed: int) -> sampling.SamplesConfig:
+    def draw(self, box: Literal["tight", "cube"], counts: sample_types.Counts, seed: int) -> sampling.SamplesConfig:
         """What `sampling.extract` draws."""
         epsilon_o = self.epsilon_o * (1 - self.margin)
         return sampling.SamplesConfig(counts, epsilon_o, "fixed", box, self.margin, seed=seed)
@@ -122,8 +125,8 @@ DEFAULT = FitConfig(
     field=pddf.PDDFConfig((128, 128, 128, 128, 128), 2.0, 1.0, "softplus", 100.0, 0.5),
     steps=None,
     minutes=2.0,
-    samples=sampling.Counts(U=250_000, A=250_000, B=125_000, S=125_000, T=125_000, O=125_000),
-    held_out=sampling.Counts(U=10_000, A=10_000, B=10_000, S=10_000, T=10_000, O=10_000),
+    samples=sample_types.Counts(U=250_000, A=250_000, B=125_000, S=125_000, T=125_000, O=125_000),
+    held_out=sample_types.Counts(U=10_000, A=10_000, B=10_000, S=10_000, T=10_000, O=10_000),
     batch={"U": 120, "A": 140, "B": 60, "S": 60, "T": 60, "O": 200, "E": 50}
     | {"U+": 350, "A+": 500, "B+": 300, "S+": 550, "T+": 450},
     weights=losses.LossWeights(5.0, "mixture", 0.02, 1.0, 1.0, 0.1, 0.5, 0.01, 0.05, 0.0, 1.0),

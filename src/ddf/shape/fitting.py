@@ -23,6 +23,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ddf.core import provenance, storage
+from ddf.data.samples import sample_types
 from ddf.fields import framed_field, losses, pddf, rendering
 from ddf.geometry import mesh_io, transforms
 from ddf.shape import fit_settings, shape_field, shape_samples
@@ -186,7 +187,7 @@ def held_out_errors(field: pddf.PDDF, samples: shape_samples.ShapeSamples) -> di
         found["depth_l1_x10"][kind] = 10 * _mean(error)
         logits = raw[:, pddf.VISIBILITY_ROW].cpu()
         found["visibility_bce"][kind] = float(functional.binary_cross_entropy_with_logits(logits, truth["visible"]))
-        if kind in losses.ORDER[1:4]:
+        if kind in sample_types.ORDER[1:4]:
             normals = torch.cat([rendering.query(field, p, v, None, ["normals"])["normals"] for p, v in chunks])
             angle = _angle_deg(normals.cpu()[visible], truth["normals"][visible])
             found["normal_angle_deg"][kind] = _quantiles(angle)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ddf.core import storage
-from ddf.data import sampling
+from ddf.data.samples import sample_types
 from ddf.geometry import mesh_io
 from ddf.shape import fit_settings, fitting, paper_ablation
 
@@ -30,8 +30,8 @@ def settings(config: fit_settings.FitConfig, without: str | None, steps: int | N
     }  # one that is dropped: none cannot be drawn
     return dataclasses.replace(
         config,
-        samples=sampling.Counts(**drawn),
-        held_out=sampling.Counts(**dict.fromkeys(paper_ablation.COLUMNS, budget.held_out)),
+        samples=sample_types.Counts(**drawn),
+        held_out=sample_types.Counts(**dict.fromkeys(paper_ablation.COLUMNS, budget.held_out)),
         steps=budget.steps if steps is None else steps,
         minutes=budget.minutes,
     )

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.data import packing, sampling
-from ddf.fields import losses
+from ddf.data.samples import sample_batch, sample_types
 from ddf.geometry import mesh_io
 from ddf.shape import fit_settings
 
@@ -42,11 +42,11 @@ class ShapeSamples:
         number of samples; what a minibatch holds it does not say).
         """
         supervised = {kind: count for kind, count in counts.items() if kind != "E"}
-        kept = {kind: count for kind, count in supervised.items() if losses.sample_type(kind) in self.arrays}
+        kept = {kind: count for kind, count in supervised.items() if sample_types.base(kind) in self.arrays}
         share = sum(supervised.values()) / sum(kept.values())
         return {"E": counts["E"], **{kind: round(count * share) for kind, count in kept.items()}}
 
-    def batch(self, counts: Mapping[str, int], random: np.random.Generator) -> losses.SampleBatch:
+    def batch(self, counts: Mapping[str, int], random: np.random.Generator) -> sample_batch.SampleBatch:
         """Random samples of each type in `counts`, with repetition, and `counts["E"]` uniform points of the box."""
         extra = counts["E"]
         position = random.uniform(self.lower, self.upper, (extra, 3)).astype(np.float32)
@@ -61,16 +61,16 @@ class ShapeSamples:
                 "normals": torch.zeros(extra, 3),
             }
         ]
-        for kind in [name for name in losses.STORED if name in counts]:
-            stored = self.arrays[losses.sample_type(kind)]
+        for kind in [name for name in sample_types.STORED if name in counts]:
+            stored = self.arrays[sample_types.base(kind)]
             rows = torch.from_numpy(random.integers(0, len(stored["depth"]), counts[kind]))
             chosen.append({name: values[rows] for name, values in stored.items()})
         joined = {name: torch.cat([part[name] for part in chosen])[None] for name in chosen[0]}
-        return losses.SampleBatch(**joined, counts=counts)
+        return sample_batch.SampleBatch(**joined, counts=counts)
 
 
 def draw_samples(
-    mesh: mesh_io.Mesh, config: fit_settings.FitConfig, counts: sampling.Counts, stream: str
+    mesh: mesh_io.Mesh, config: fit_settings.FitConfig, counts: sample_types.Counts, stream: str
 ) -> tuple[ShapeSamples, dict[str, float]]:
     """Samples of a mesh, field frame, and the largest errors of their stored form (`sampling.packing_errors`).
 

@@ -47,11 +47,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
     from ddf.core import storage
     from ddf.data import sampling
+    from ddf.data.samples import sample_types
     from ddf.geometry import mesh_io
 
     half = args.count // 2
     config = sampling.SamplesConfig(
-        counts=sampling.Counts(U=args.count, A=args.count, B=half, S=half, T=half, O=half),
+        counts=sample_types.Counts(U=args.count, A=args.count, B=half, S=half, T=half, O=half),
         epsilon_o=args.epsilon,
         offsets="fixed",
         box=args.box,

@@ -1,0 +1,1 @@
+"""Oriented-point samples: their types in one list, how each is drawn, and batches of them."""

@@ -1,0 +1,221 @@
+"""How oriented points of each sample type are drawn, before they are rounded and cast (`sampling`). [DDF22] app. A.
+
+Letters: B the box, S the surface, q0 a point uniform by area on S with normal n0, v0 the direction that a sample looks
+back along. Draws are float32; their memory holds one coordinate after the other.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ddf.data import mesh_preparation
+
+BOUNDARY_SHARE = 0.1  # of the positions of types A, T and O lie on the boundary of B. Source: [DDF22] app. A
+
+
+@dataclass(frozen=True)
+class Box:
+    """Axis-aligned box B, float32."""
+
+    lower: Float[np.ndarray, "3"]
+    upper: Float[np.ndarray, "3"]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "lower", self.lower.astype(np.float32))
+        object.__setattr__(self, "upper", self.upper.astype(np.float32))
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Oriented points before rounding.
+
+    normals: n0, of S and T. reach: |q0 - p| of T, which touches the surface there; S starts at q0.
+    """
+
+    positions: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
+    normals: Float[np.ndarray, "n 3"] | None = None
+    reach: Float[np.ndarray, "n"] | None = None
+
+
+CUBE = Box(-np.ones(3), np.ones(3))
+
+
+def unit_vectors(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
+    """Directions uniform on the sphere (Archimedes: height and turn are uniform)."""
+    height = 2 * _shares(count, rng) - 1
+    radius = np.sqrt((1 - height) * (1 + height))
+    turn = _turns(count, rng)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height]).T
+
+
+def _shares(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count"]:
+    """Uniform on [0, 1), float32."""
+    return rng.random(count, dtype=np.float32)
+
+
+def _turns(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count"]:
+    return _shares(count, rng) * np.float32(2 * np.pi)
+
+
+def _tangents(normals: Float[np.ndarray, "n 3"], rng: np.random.Generator) -> Float[np.ndarray, "n 3"]:
+    """Directions uniform on the circle normal to each vector, on the basis of Duff et al. 2017 (revisiting Frisvad)."""
+    x, y, z = normals.T
+    sign = np.copysign(np.float32(1), z)
+    a = -1 / (sign + z)
+    b = x * y * a
+    turn = _turns(len(normals), rng)
+    first, second = np.cos(turn), np.sin(turn)
+    signed = sign * first
+    return np.stack(
+        [
+            first + signed * x * x * a + second * b,
+            signed * b + second * (sign + y * y * a),
+            -signed * x - second * y,
+        ]
+    ).T
+
+
+def _exit(points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "3 n"]:
+    """Distance along each axis at which a ray from inside the box leaves it; `inf` on axes it runs normal to."""
+    reach, other = np.zeros((3, len(points)), np.float32), np.zeros(len(points), np.float32)
+    with np.errstate(divide="ignore", invalid="ignore"):  # 0/0 on a wall, which the ray runs along: never leaves there
+        for found, p, v, lower, upper in zip(reach, points.T, directions.T, box.lower, box.upper, strict=True):
+            np.divide(np.subtract(lower, p, out=found), v, out=found)
+            np.divide(np.subtract(upper, p, out=other), v, out=other)
+            np.fmax(found, other, out=found)
+    np.fmin(reach, np.inf, out=reach)  # in place of NaN
+    return np.clip(reach, 0, np.inf, out=reach)
+
+
+def _inside(points: Float[np.ndarray, "n 3"], box: Box) -> Float[np.ndarray, "n 3"]:
+    """Points clipped to the box."""
+    return np.clip(points.T, box.lower[:, None], box.upper[:, None]).T
+
+
+def _back_along(
+    origins: Float[np.ndarray, "n 3"],
+    directions: Float[np.ndarray, "n 3"],
+    box: Box,
+    rng: np.random.Generator,
+    normals: Float[np.ndarray, "n 3"] | None = None,
+) -> Draw:
+    """p on the segment from each origin along v0 to the boundary of B (a tenth exactly on it), and v = -v0.
+
+    Args:
+      normals: n0, where the segments touch the surface in their origins, q0.
+    """
+    count = len(origins)
+    axes = _exit(origins, directions, box)
+    reach = np.minimum(np.minimum(axes[0], axes[1]), axes[2])
+    rows = rng.choice(count, _boundary_count(count, rng), replace=False, shuffle=False)
+    share = _shares(count, rng)
+    share[rows] = 1
+    reach *= share
+    positions = directions.T * reach
+    positions += origins.T
+    positions = _inside(positions.T, box)
+    walls = np.where(directions.T.take(rows, axis=1) > 0, box.upper[:, None], box.lower[:, None])
+    ends = positions.T.take(rows, axis=1)
+    np.copyto(ends, walls, where=axes.take(rows, axis=1) == reach.take(rows))  # whose share is 1
+    positions.T[:, rows] = ends
+    return Draw(positions, -directions, normals, None if normals is None else reach)
+
+
+def _boundary_count(count: int, rng: np.random.Generator) -> int:
+    """`BOUNDARY_SHARE` of `count`, on average where that is no whole number."""
+    rest, whole = math.modf(BOUNDARY_SHARE * count)
+    return int(whole) + int(rest > 0 and rng.random() < rest)
+
+
+def draw_uniform(box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """U: p ~ U[B], v ~ U[S²]."""
+    return Draw(_in_box(box, count, rng), unit_vectors(count, rng))
+
+
+def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
+    positions = rng.random((3, count), dtype=np.float32)
+    positions *= (box.upper - box.lower)[:, None]
+    positions += box.lower[:, None]
+    return positions.T
+
+
+def draw_at_surface(surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """A: q0 by area, v0 ~ U[S²], p on the segment from q0 along v0 to ∂B, v = -v0."""
+    origins, _ = surface.draw(count, rng)
+    return _back_along(_inside(origins, box), unit_vectors(count, rng), box, rng)
+
+
+def draw_bounding(box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """B: p ~ U[∂B], v uniform on the hemisphere that points inwards."""
+    sides = box.upper - box.lower
+    areas = np.repeat([sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]], 2)
+    wall = np.minimum(np.searchsorted(np.cumsum(areas), _shares(count, rng) * areas.sum(), side="right"), 5)
+    positions, directions = _in_box(box, count, rng), unit_vectors(count, rng)
+    for axis, (place, turned) in enumerate(zip(positions.T, directions.T, strict=True)):
+        rows = np.flatnonzero(wall >> 1 == axis)
+        upper = wall[rows] % 2 == 1
+        place[rows] = np.where(upper, box.upper[axis], box.lower[axis])
+        turned[rows] = np.copysign(turned[rows], np.where(upper, np.float32(-1), np.float32(1)))
+    return Draw(positions, directions)
+
+
+def draw_surface(surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """S: p by area on S, v ~ U[S²]."""
+    positions, face = surface.draw(count, rng)
+    return Draw(_inside(positions, box), unit_vectors(count, rng), _rows(surface.normals, face))
+
+
+def draw_tangent(surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """T: as A, with v0 uniform in the tangent plane at q0."""
+    origins, face = surface.draw(count, rng)
+    normals = _rows(surface.normals, face)
+    return _back_along(_inside(origins, box), _tangents(normals, rng), box, rng, normals)
+
+
+def _rows(normals: Float[np.ndarray, "m 3"], face: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
+    return normals.take(face, axis=0).T.copy().T
+
+
+def draw_offset(
+    surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator, epsilon: float, uniform: bool
+) -> Draw:
+    """O: the line of a T sample moved by ±ε n0 (by a uniform share of it if `uniform`), p on its part inside B."""
+    origins, face = surface.draw(count, rng)
+    origins, normals = _inside(origins, box), _rows(surface.normals, face)
+    size = _shares(count, rng) if uniform else np.ones(count, np.float32)
+    size *= epsilon
+    side = np.where(_shares(count, rng) < 0.5, np.float32(-1), np.float32(1))[:, None] * normals
+    room, other = _exit(origins, side, box).min(axis=0), _exit(origins, -side, box).min(axis=0)
+    turned = (room < size) & (other > room)
+    step = np.minimum(size, np.where(turned, other, room))
+    moved = _inside(origins + np.where(turned, -step, step)[:, None] * side, box)
+    return _back_along(moved, _tangents(normals, rng), box, rng)
+
+
+@dataclass(frozen=True)
+class Place:
+    """What samples of one mesh are drawn from.
+
+    epsilon_o: offset of O samples, field units; of each at most that if `uniform_offsets`.
+    """
+
+    surface: mesh_preparation.Surface
+    box: Box
+    epsilon_o: float
+    uniform_offsets: bool
+
+
+DRAWS: dict[str, Callable[[Place, int, np.random.Generator], Draw]] = {
+    "U": lambda place, count, rng: draw_uniform(place.box, count, rng),
+    "A": lambda place, count, rng: draw_at_surface(place.surface, place.box, count, rng),
+    "B": lambda place, count, rng: draw_bounding(place.box, count, rng),
+    "S": lambda place, count, rng: draw_surface(place.surface, place.box, count, rng),
+    "T": lambda place, count, rng: draw_tangent(place.surface, place.box, count, rng),
+    "O": lambda place, count, rng: draw_offset(
+        place.surface, place.box, count, rng, place.epsilon_o, place.uniform_offsets
+    ),
+}

@@ -1,0 +1,128 @@
+"""The types of oriented-point samples, once: what each supervises, in the order in which a batch holds them.
+
+A term of the loss reads one slice of a batch, so the types of a term stand side by side in `TYPES`. A new type is an
+entry here, a key of `Counts`, and a function in `draws.DRAWS`.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from ddf.core import checks
+
+
+@dataclass(frozen=True)
+class SampleType:
+    """One type of samples and the terms of the loss that cover it.
+
+    stored: drawn with its ground truth by the stage `samples`. derivatives: not of points that depth and visibility
+    alone supervise. values: may also come so, as `U+` of `U`, for less than half the cost. eikonal, normals,
+    transition: covered by these terms. doubled: its depth counts twice. uniform: of the whole box, for the consistency
+    of views. needed: every batch has some.
+    """
+
+    name: str
+    stored: bool = True
+    derivatives: bool = True
+    values: bool = False
+    eikonal: bool = False
+    normals: bool = False
+    transition: bool = False
+    doubled: bool = False
+    uniform: bool = False
+    needed: bool = True
+
+
+TYPES = (
+    SampleType("E", stored=False, eikonal=True, uniform=True),  # extra uniform points, without ground truth
+    SampleType("U", values=True, eikonal=True, normals=True, doubled=True, uniform=True),
+    SampleType("A", values=True, eikonal=True, normals=True, doubled=True),
+    SampleType("B", values=True, eikonal=True, normals=True),
+    SampleType("S", values=True, transition=True),
+    SampleType("T", values=True, transition=True),
+    SampleType("O"),  # has no derivatives anyway
+    SampleType("P", stored=False, derivatives=False, doubled=True, needed=False),  # rays that the field proposes itself
+)
+
+
+def base(name: str) -> str:
+    """The sample type of an entry of `STORED`: U+ are U samples, of which no derivative is read."""
+    return name.removesuffix("+")
+
+
+def _named(of: Callable[[SampleType], bool]) -> tuple[str, ...]:
+    return tuple(kind.name for kind in TYPES if of(kind))
+
+
+KINDS = _named(lambda kind: kind.stored)  # what a shard holds
+ORDER = _named(lambda kind: kind.derivatives)
+STORED_VALUES = tuple(f"{name}+" for name in _named(lambda kind: kind.values))
+VALUES_ONLY = (*STORED_VALUES, *_named(lambda kind: not kind.derivatives))
+STORED = (*KINDS, *STORED_VALUES)
+BATCH = (*ORDER, *VALUES_ONLY)
+NEEDED = _named(lambda kind: kind.needed)
+
+Span = tuple[str, str]  # first and last type of a slice of a batch
+
+
+def runs(names: tuple[str, ...]) -> tuple[Span, ...]:
+    """The slices of a batch that hold these types, and these with +."""
+    found = []
+    for inside, group in itertools.groupby(BATCH, lambda name: base(name) in names):
+        members = list(group)
+        if inside:
+            found.append((members[0], members[-1]))
+    return tuple(found)
+
+
+def _span(of: Callable[[SampleType], bool]) -> Span:
+    """The one slice of the points with derivatives that a term covers."""
+    places = [ORDER.index(name) for name in _named(of)]
+    assert places == list(range(places[0], places[-1] + 1)), "types of one term must stand side by side in TYPES"
+    return ORDER[places[0]], ORDER[places[-1]]
+
+
+EIKONAL = _span(lambda kind: kind.eikonal)
+NORMALS = _span(lambda kind: kind.normals)
+TRANSITION = _span(lambda kind: kind.transition)
+CONSISTENCY = _span(lambda kind: kind.uniform)
+GROUND_TRUTH = (KINDS[0], BATCH[-1])
+DOUBLED_DEPTH = runs(_named(lambda kind: kind.doubled))
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Samples of each stored type per shape."""
+
+    U: int = 20_000
+    A: int = 20_000
+    B: int = 10_000
+    S: int = 10_000
+    T: int = 10_000
+    O: int = 10_000  # noqa: E741  (the paper's letter)
+
+    def __post_init__(self) -> None:
+        for kind, count in self.items():
+            if count < 1:
+                raise checks.InputError(f"samples.counts.{kind} must be >= 1; got {count}")
+
+    def items(self) -> list[tuple[str, int]]:
+        """Pairs of type and count in the order of `KINDS`."""
+        return [(kind, getattr(self, kind)) for kind in KINDS]
+
+
+assert {field.name for field in dataclasses.fields(Counts)} == set(KINDS)
+
+
+def check_counts(name: str, counts: Mapping[str, int]) -> None:
+    """Raise unless the points per type of a step have every needed type, and perhaps some of the others.
+
+    Raises:
+      InputError: a type is missing, unknown or without points; `name` is the config's key.
+    """
+    may = [kind for kind in (*ORDER, *STORED_VALUES) if kind not in NEEDED]
+    if not set(NEEDED) <= set(counts) <= {*NEEDED, *may} or min(counts.values()) < 1:
+        raise checks.InputError(
+            f"{name} must give each of {', '.join(NEEDED)} >= 1, may give {', '.join(may)} >= 1; got {counts}"
+        )
