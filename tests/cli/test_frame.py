@@ -87,7 +87,20 @@ def test_errors_of_the_user_are_one_line_and_code_2(command, capsys, error, line
     assert captured.err == f"ddf doctor: error: {line}\n"
 
 
-@pytest.mark.parametrize("error", [ValueError("a bug"), KeyError("a bug"), RuntimeError("a bug")])
+def test_a_package_of_an_extra_that_is_not_there_is_one_line(command, capsys):
+    def run(args):
+        raise ModuleNotFoundError("No module named 'torch'", name="torch")
+
+    command(run)
+    assert cli.main(["doctor"]) == 2
+    error = capsys.readouterr().err
+    assert "torch" in error and "pip install" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "error",
+    [ModuleNotFoundError("a bug", name="nothing"), ValueError("a bug"), KeyError("a bug"), RuntimeError("a bug")],
+)
 def test_bugs_keep_their_traceback(command, error):
     def run(args):
         raise error
