@@ -28,7 +28,7 @@ COMMANDS = {
     "points": Command("field.points", "a point cloud with normals on the surface of a field"),
     "udf": Command("field.udf", "unsigned distances to the surface of a field, and where it is nearest"),
     "models": Command("model.models", "the trained models and fields that come with the package"),
-    "reconstruct": Command("model.reconstruct", "camera, cloud and renders from images with a trained model"),
+    "reconstruct": Command("model.reconstruct", "camera, cloud and renders from one image with a trained model"),
     "export": Command("model.export", "a trained model as an ONNX file, checked against onnxruntime"),
     "run": Command("experiment.run", "an experiment file through all its stages, to tables, figures and report"),
     "info": Command("experiment.info", "models, stages, sizes and cost of an experiment file"),

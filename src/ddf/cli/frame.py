@@ -58,15 +58,7 @@ def _run(args: argparse.Namespace) -> None:
     module = _module(args.command)
     with _stdout_to_stderr() if args.json else contextlib.nullcontext():
         arguments.require_places(args)
-        try:
-            result: dict[str, Any] = module.run(args)
-        except ModuleNotFoundError as error:
-            from ddf.core import extras  # takes numpy, which bare help and `ddf doctor` do without
-
-            told = extras.missing(error)
-            if told is None:
-                raise
-            raise told from error
+        result: dict[str, Any] = module.run(args)
     sys.stdout.write(results.json_line(result) if args.json else results.text(result))
     sys.stdout.flush()
 
