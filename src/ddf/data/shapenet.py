@@ -6,8 +6,11 @@
 Real data and our generator's are read by the same code. Every complaint names the file and what to do.
 """
 
+import logging
 import math
 import re
+import struct
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float
-from PIL import Image
+from PIL import Image, ImageOps
 from torch import Tensor
 
 from ddf.core import checks, storage
@@ -39,6 +42,11 @@ SYNSETS = {
     "primitives": "00000001",  # made up, for the synthetic smoke set: WordNet has no such offset
 }
 
+LOGGER = logging.getLogger(__name__)
+MAX_PIXELS = 50_000_000  # of an image of any size: 200 MiB as RGBA
+_LARGE = 4096  # pixels a side: larger images are made smaller before they are padded to a square
+_JUNK = re.compile(r"\..*|__MACOSX|@eaDir|#recycle|lost\+found|\$RECYCLE\.BIN|System Volume Information")
+_SYNSET = re.compile(r"[0-9]+")
 _NAME = re.compile(r"[A-Za-z0-9_-]+")  # every synset and id of ShapeNet v1 fits; nothing that leaves its folder does
 
 
@@ -75,19 +83,37 @@ def list_shapes(root: Path, synset: str) -> list[str]:
     folder = _renders(root) / check_name(synset, str(root))
     if not folder.is_dir():
         raise checks.InputError(f"{folder}: no such folder; unpack the 3D-R2N2 renders of class {synset} there")
-    ids = sorted(entry.name for entry in folder.iterdir() if entry.is_dir())
+    ids = _folders(folder)
+    if synset in ids:
+        raise checks.InputError(f"{folder / synset}: the class is nested twice; move its shapes one folder up")
     if not ids:
         raise checks.InputError(f"{folder}: has no shapes; unpack the 3D-R2N2 renders of class {synset} there")
     return [check_name(name, str(folder)) for name in ids]
 
 
 def list_classes(root: Path) -> list[str]:
-    """Synsets of all classes that have renders, sorted."""
+    """Synsets of all classes that have renders, sorted.
+
+    Raises:
+      InputError: no classes, or a folder that is neither a synset nor what computers leave behind.
+    """
     folder = _renders(root)
-    synsets = sorted(entry.name for entry in folder.iterdir() if entry.is_dir() and _NAME.fullmatch(entry.name))
+    synsets = _folders(folder)
+    unknown = [name for name in synsets if not _SYNSET.fullmatch(name)]
+    if unknown:
+        raise checks.InputError(f"{folder / unknown[0]}: not a synset (digits only); move it out of {folder.name}")
     if not synsets:
         raise checks.InputError(f"{folder}: has no classes; unpack the 3D-R2N2 renders there (ShapeNetRendering.tgz)")
     return synsets
+
+
+def _folders(folder: Path) -> list[str]:
+    """Names of the folders in a folder, sorted, without those that file managers, archives and notebooks leave."""
+    names = sorted(entry.name for entry in folder.iterdir() if entry.is_dir())
+    junk = [name for name in names if _JUNK.fullmatch(name)]
+    if junk:
+        LOGGER.warning("%s: passed over %s", folder, ", ".join(junk))
+    return [name for name in names if name not in junk]
 
 
 def _renders(root: Path) -> Path:
@@ -146,34 +172,65 @@ def read_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
             _check_image(image, path)
             image.load()
             pixels = np.array(image if size == image.width else image.resize((size, size), Image.Resampling.BILINEAR))
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:  # Pillow's reports of damaged files
+    except checks.InputError:
+        raise
+    except _DAMAGED as error:
         raise checks.InputError(f"{path}: not a readable PNG ({error}); unpack this shape's renders again") from error
+    pixels[pixels[..., 3] == 0] = 0
     return torch.from_numpy(pixels).permute(2, 0, 1).float() / 255
 
 
 def read_any_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
     """An RGBA image of any size in [0, 1], padded to a square with transparent pixels, resized as `read_image` does.
 
+    It is turned as its EXIF record says. An alpha that is 255 everywhere is no silhouette: that is warned of.
+
     Raises:
-      InputError: the file is missing, damaged, has no alpha, or its alpha is zero everywhere; it is named.
+      InputError: the file is missing, damaged, has no alpha, its alpha is zero everywhere, or it has more than 50
+        million pixels; it is named.
     """
     if not path.is_file():
         raise checks.InputError(f"{path}: no such image")
     try:
-        with Image.open(path) as image:
-            image.load()
-            if image.mode != "RGBA":
-                raise checks.InputError(f"{path}: must be RGBA, its alpha is the mask of the object; got {image.mode}")
-            side = max(image.size)
-            square = Image.new("RGBA", (side, side), (0, 0, 0, 0))
-            square.paste(image, ((side - image.width) // 2, (side - image.height) // 2))
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the size is judged below
+            opened = Image.open(path)
+        with opened:
+            if opened.mode != "RGBA":
+                raise checks.InputError(f"{path}: must be RGBA, its alpha is the mask of the object; got {opened.mode}")
+            if opened.width * opened.height > MAX_PIXELS:
+                raise checks.InputError(
+                    f"{path}: {opened.width} x {opened.height} pixels; at most {MAX_PIXELS} are read: make it smaller"
+                )
+            opaque = opened.getextrema()[3] == (255, 255)
+            square = _square(ImageOps.exif_transpose(opened))
+    except checks.InputError:
+        raise
+    except _DAMAGED as error:
         raise checks.InputError(f"{path}: not a readable image ({error})") from error
     pixels = np.array(square.resize((size, size), Image.Resampling.BILINEAR))
     pixels[pixels[..., 3] == 0] = 0
     if not pixels[..., 3].any():
         raise checks.InputError(f"{path}: is transparent everywhere; its alpha must mask the object")
+    if opaque:
+        LOGGER.warning("%s: its alpha is 255 everywhere, so it has no silhouette; cut the object out first", path)
     return torch.from_numpy(pixels).permute(2, 0, 1).float() / 255
+
+
+# What Pillow raises on damaged files.
+_DAMAGED = (OSError, SyntaxError, ValueError, struct.error, KeyError, MemoryError, Image.DecompressionBombError)
+
+
+def _square(image: Image.Image) -> Image.Image:
+    """The image in the middle of a transparent square; one with a side over 4096 pixels is made smaller first."""
+    longest = max(image.size)
+    if longest > _LARGE:
+        smaller = tuple(max(1, round(length * _LARGE / longest)) for length in image.size)
+        image = image.resize((smaller[0], smaller[1]), Image.Resampling.BILINEAR, reducing_gap=2.0)
+    side = max(image.size)
+    square = Image.new("RGBA", (side, side), (0, 0, 0, 0))
+    square.paste(image, ((side - image.width) // 2, (side - image.height) // 2))
+    return square
 
 
 def _check_image(image: Image.Image, path: Path) -> None:

@@ -48,7 +48,10 @@ class OnnxField:
         asked = [name for name in self.outputs if name in outputs]
         stored = ["weights" if name == _FIRST_WEIGHT else name for name in asked]
         inputs = {"positions": positions.astype(np.float32), "directions": directions.astype(np.float32)}
+        if len(positions) == 0:  # reshapes in the graph have no answer for no rows
+            inputs = {name: np.eye(1, 3, dtype=np.float32) for name in inputs}
         found = dict(zip(asked, map(np.asarray, self.session.run(stored, inputs)), strict=True))
+        found = {name: values[: len(positions)] for name, values in found.items()}
         if _FIRST_WEIGHT in found:
             found[_FIRST_WEIGHT] = found[_FIRST_WEIGHT][:, 0]
         return found

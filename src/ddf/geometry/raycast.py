@@ -193,6 +193,16 @@ def cast(scene: Scene | Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHit
     return _hits(scene, directions, depth, face, points.positions)
 
 
+def float32_bound(mesh: Mesh, points: rays.OrientedPoints) -> float:
+    """How far off the mesh rays may pass that were written in float32, in its unit: half a step of the positions, and
+    of the directions over the longest way from a start to the mesh.
+    """
+    positions = np.asarray(points.positions, dtype=np.float64).reshape(-1, 3)
+    lower, upper = mesh.box()
+    away = np.linalg.norm(positions - (lower + upper) / 2, axis=1).max(initial=0.0)
+    return float(2.0**-24 * (np.abs(positions).max(initial=0.0) + away))
+
+
 def cast_exact(mesh: Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHits[Array]:
     """The same by brute force in float64: every ray against every triangle. Slow; the reference for tests.
 

@@ -77,9 +77,23 @@ def read_listing(source: Path) -> dict[str, list[str]]:
     if not source.is_file():
         raise checks.InputError(f"{source}: no such file or folder; give IDS.json or a root with ShapeNetRendering/")
     try:
-        listing = json.loads(source.read_text(encoding="utf-8"))
+        listing = json.loads(
+            source.read_text(encoding="utf-8-sig"), object_pairs_hook=lambda pairs: _once(pairs, source)
+        )
     except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise checks.InputError(f"{source}: not valid JSON ({error})") from error
     if not isinstance(listing, dict) or not all(isinstance(ids, list) for ids in listing.values()):
         raise checks.InputError(f"{source}: must hold one JSON object {{synset: [ids]}}; got something else")
     return {synset: [shapenet.check_name(name, str(source)) for name in ids] for synset, ids in listing.items()}
+
+
+def _once(pairs: list[tuple[str, Any]], source: Path) -> dict[str, Any]:
+    """A JSON object, unless a key is in it twice: the first one's shapes would be lost."""
+    from ddf.core import checks
+
+    listing: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in listing:
+            raise checks.InputError(f"{source}: {key!r} is given twice; give every synset once, with all its shapes")
+        listing[key] = value
+    return listing

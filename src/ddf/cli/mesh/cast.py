@@ -7,6 +7,7 @@ from typing import Any
 
 from ddf.cli import arguments
 
+FAR = 1e-3  # of the diagonal: what float32 rays may be off by before the user is told
 EXAMPLES = ("ddf cast shape.obj --rays rays.npz --out hits.npz",)
 
 
@@ -25,10 +26,15 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.geometry import mesh_io, ray_io, raycast
 
     points = ray_io.read(args.rays)
-    hits = raycast.cast(mesh_io.load(args.mesh), points)
+    mesh = mesh_io.load(args.mesh)
+    hits = raycast.cast(mesh, points)
     buffer = io.BytesIO()
     np.savez(buffer, depth=hits.depth, visible=hits.visible, normals=hits.normals)
     storage.write_bytes(args.out, buffer.getvalue())
     rays, seen = len(hits.depth), int(hits.visible.sum())
     verdict = f"{seen:,} of {rays:,} rays hit; depth is in units of {args.mesh}, inf on a miss"
-    return {"rays": rays, "hits": seen, "out": args.out.as_posix(), "verdict": verdict}
+    bound = raycast.float32_bound(mesh, points)
+    if bound > FAR * mesh.diagonal():
+        verdict += f"; starts lie so far away that float32 positions or directions are off by up to {bound:.2g}"
+    found = {"rays": rays, "hits": seen, "float32_bound": bound, "left_out": list(mesh.remarks)}
+    return {**found, "out": args.out.as_posix(), "verdict": verdict}

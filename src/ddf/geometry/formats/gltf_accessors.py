@@ -36,7 +36,7 @@ class Accessors:
         entry = self._entry(self._accessors, index, "accessor")
         values = self._read(entry, "VEC3")
         kind = values.dtype
-        positions = values.astype(np.float64)
+        positions = raw.widened(values)
         if entry.get("normalized", False) and kind.kind in "iu":
             positions = np.maximum(positions / np.iinfo(kind).max, -1.0)
         return positions

@@ -69,7 +69,7 @@ def _check_vertices(header: ply_header.Header) -> None:
 
 
 def _positions(found: ply_rows.Found) -> Float[np.ndarray, "n 3"]:
-    return np.stack([np.asarray(found["vertex"][axis], dtype=np.float64) for axis in "xyz"], axis=1)
+    return np.stack([raw.widened(np.asarray(found["vertex"][axis])) for axis in "xyz"], axis=1)
 
 
 def _list(found: ply_rows.Found, element: str) -> tuple[np.ndarray, np.ndarray]:

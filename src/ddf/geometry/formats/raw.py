@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Num
 
 from ddf.core import checks
 from ddf.geometry.formats import polygons
@@ -26,6 +26,12 @@ def require_room(kind: str, claimed: int, least_bytes: int, available: int) -> N
     """Raise if the header claims more than the bytes that follow can hold."""
     if claimed < 0 or claimed * least_bytes > available:
         raise checks.InputError(f"the header claims {claimed} {kind}, but the file has only {available} bytes for them")
+
+
+def widened(values: Num[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
+    """Numbers as float64; that some are no numbers is told later, in one line."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(values, dtype=np.float64)
 
 
 def require_coordinates(vertices: Float[np.ndarray, "n 3"]) -> None:

@@ -27,7 +27,7 @@ def parse(data: bytes) -> raw.Raw:
     if claimed == room and (claimed > 0 or rest == 0):
         return _binary(data, claimed)
     words = text.decoded(data)
-    if _TEXT.match(words) and re.search(rb"facet|endsolid", words[:4096], re.IGNORECASE):
+    if _TEXT.match(words) and b"\0" not in words[:4096] and re.search(rb"facet|endsolid", words[:4096], re.IGNORECASE):
         return _ascii(words)
     if claimed < 0:
         raise checks.InputError("not an stl mesh: shorter than its header")
@@ -36,8 +36,8 @@ def parse(data: bytes) -> raw.Raw:
 
 def _binary(data: bytes, count: int) -> raw.Raw:
     row = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    corners = np.frombuffer(data, row, count, _HEADER)["corners"].astype(np.float64)
-    return _soup(corners.reshape(-1, 3))
+    corners = np.frombuffer(data, row, count, _HEADER)["corners"]
+    return _soup(raw.widened(corners.reshape(-1, 3)))
 
 
 def _soup(vertices: np.ndarray) -> raw.Raw:

@@ -1,0 +1,120 @@
+"""Images and folders as people have them: turned, huge, without a silhouette; beside what computers leave behind."""
+
+import logging
+import resource
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from ddf import cli
+from ddf.core import checks
+from ddf.data import shapenet
+
+
+def _picture(width=40, height=30):
+    rng = np.random.default_rng(0)
+    pixels = rng.integers(0, 256, (height, width, 4)).astype(np.uint8)
+    pixels[..., 3] = np.where(np.indices((height, width)).sum(0) < 40, 255, 0)
+    return Image.fromarray(pixels)
+
+
+@pytest.mark.parametrize(
+    ("tag", "undo"),
+    [(3, Image.Transpose.ROTATE_180), (6, Image.Transpose.ROTATE_90), (8, Image.Transpose.ROTATE_270)],
+)
+def test_photographs_are_turned_as_their_exif_says(tmp_path, tag, undo):
+    exif = Image.Exif()
+    exif[0x0112] = tag
+    _picture().save(tmp_path / "plain.png")
+    _picture().transpose(undo).save(tmp_path / "turned.png", exif=exif)
+    plain, turned = (shapenet.read_any_image(tmp_path / f"{name}.png", 32) for name in ("plain", "turned"))
+    assert torch.equal(plain, turned)
+
+
+@pytest.mark.real
+def test_kept_pictures_are_the_same_and_the_strip_is_bounded(shared_dir):
+    cases = shared_dir / "cases"
+    turned, base = (shapenet.read_any_image(cases / f"{name}.png", 64) for name in ("exif6", "base"))
+    assert torch.equal(turned, base)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert shapenet.read_any_image(cases / "strip16k.png", 64).shape == (4, 64, 64)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400 * 1024
+
+
+def test_long_strips_keep_their_place_in_bounded_memory(tmp_path):
+    strip = np.zeros((40, 16000, 4), np.uint8)
+    strip[:, :8000] = (255, 0, 0, 255)
+    Image.fromarray(strip).save(tmp_path / "strip.png")
+    image = shapenet.read_any_image(tmp_path / "strip.png", 64)
+    assert image[3].sum() > 0 and (image[3, :, 33:] == 0).all() and image[3, 31:33, :30].min() > 0
+
+
+def test_images_of_too_many_pixels_are_refused_before_they_are_read(tmp_path):
+    Image.new("RGBA", (7200, 7200)).save(tmp_path / "large.png")
+    with pytest.raises(checks.InputError, match=r"large\.png: 7200 x 7200 pixels; at most 50000000"):
+        shapenet.read_any_image(tmp_path / "large.png", 64)
+
+
+def test_full_alpha_is_warned_of_and_hidden_colours_are_zero(tmp_path, caplog):
+    full = _picture()
+    full.putalpha(255)
+    full.save(tmp_path / "full.png")
+    with caplog.at_level(logging.WARNING):
+        shapenet.read_any_image(tmp_path / "full.png", 32)
+    assert "no silhouette" in caplog.text
+    _picture(137, 137).save(tmp_path / "native.png")
+    for read in (shapenet.read_image, shapenet.read_any_image):
+        image = read(tmp_path / "native.png", 137)
+        assert (image[:3, image[3] == 0] == 0).all() and (image[3] == 0).any()
+
+
+def test_junk_of_computers_is_passed_over_and_the_unknown_is_named(tmp_path, caplog):
+    root = tmp_path / "my data ~1"
+    for name in ("03001627/a", "03001627/.ipynb_checkpoints", "__MACOSX/03001627", "@eaDir/x", ".Trash/y"):
+        (root / "ShapeNetRendering" / name).mkdir(parents=True)
+    with caplog.at_level(logging.WARNING):
+        assert shapenet.list_classes(root) == ["03001627"]
+        assert shapenet.list_shapes(root, "03001627") == ["a"]
+    assert "passed over .Trash, @eaDir, __MACOSX" in caplog.text
+    (root / "ShapeNetRendering" / "ShapeNetRendering").mkdir()
+    with pytest.raises(checks.InputError, match="ShapeNetRendering/ShapeNetRendering: not a synset"):
+        shapenet.list_classes(root)
+    (root / "ShapeNetRendering" / "03001627" / "03001627").mkdir()
+    with pytest.raises(checks.InputError, match="nested twice"):
+        shapenet.list_shapes(root, "03001627")
+
+
+def test_synset_given_twice_in_a_listing_is_refused(tmp_path, capsys):
+    (tmp_path / "ids.json").write_text('{"03001627": ["a"], "02691156": ["b"], "03001627": ["c"]}')
+    assert cli.main(["split", str(tmp_path / "ids.json"), "--out", str(tmp_path / "lists")]) == 2
+    assert "'03001627' is given twice" in capsys.readouterr().err
+
+
+def test_broken_images_are_refused_in_one_line(tmp_path):
+    good = tmp_path / "good.png"
+    _picture().save(good)
+    data, rng = good.read_bytes(), np.random.default_rng(0)
+    for i in range(200):
+        broken = bytearray(data)
+        for place in rng.integers(0, len(broken), 3):
+            broken[place] = rng.integers(0, 256)
+        path = tmp_path / "broken.png"
+        path.write_bytes(bytes(broken[: rng.integers(1, len(broken) + 1)]) if i % 2 else bytes(broken))
+        try:
+            shapenet.read_any_image(path, 32)
+        except checks.InputError as fault:
+            assert str(fault).startswith(str(path))
+
+
+def test_far_rays_are_told_the_error_of_float32(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    for far, told in ((1e3, False), (1e8, True)):
+        np.savez(tmp_path / "r.npz", positions=[[0.2, 0.2, far]], directions=[[0.0, 0.0, -1.0]])
+        command = [sys.executable, "-m", "ddf.cli", "cast", "a.obj", "--rays", "r.npz", "--out", "h.npz"]
+        code = f"import sys; from ddf import cli; sys.exit(cli.main({command[3:]!r}))"
+        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert ("float32" in done.stdout.splitlines()[-1]) == told
