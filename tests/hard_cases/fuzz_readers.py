@@ -40,7 +40,7 @@ def seeds() -> list[tuple[str, bytes]]:
     positions = np.array([row.split() for row in rows.splitlines()], dtype=">f4").tobytes()
     lists = b"\6" + np.arange(6, dtype=">i4").tobytes() + b"\3" + np.arange(3, dtype=">i4").tobytes()
     found.append((".ply", header.format("binary_big_endian", "face").encode() + positions + lists))
-    found.append((".stl", ball.export(file_type="stl_ascii").encode()))
+    found.append((".stl", str(ball.export(file_type="stl_ascii")).encode()))
     return found
 
 

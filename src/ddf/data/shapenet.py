@@ -202,7 +202,7 @@ def read_any_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
                 raise checks.InputError(
                     f"{path}: {opened.width} x {opened.height} pixels; at most {MAX_PIXELS} are read: make it smaller"
                 )
-            opaque = opened.getextrema()[3] == (255, 255)
+            opaque = opened.getchannel("A").getextrema() == (255, 255)
             square = _square(ImageOps.exif_transpose(opened))
     except checks.InputError:
         raise

@@ -266,7 +266,7 @@ def test_random_meshes_come_back_as_they_were_and_as_trimesh_reads_them(vertices
         np.testing.assert_allclose(again, mesh.triangles, rtol=1e-9, atol=1e-16)
     else:
         assert np.array_equal(again, mesh.triangles)
-    other = trimesh.load(trimesh.util.wrap_as_stream(data), suffix[1:], process=False, force="mesh")
+    other = trimesh.load_scene(trimesh.util.wrap_as_stream(data), file_type=suffix[1:], process=False).to_mesh()
     np.testing.assert_allclose(other.triangles, mesh.triangles, rtol=1e-6, atol=1e-9)
 
 
