@@ -3,15 +3,15 @@
 Runs the list that tests/hard_cases runs; writes reports/hard_cases.md and reports/hard_cases.json.
 """
 
-import importlib.metadata
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
 
 from bench.lib import measuring
+from ddf.core import storage
 from ddf.report import pages
 from tests import hard_cases
 
@@ -50,7 +50,7 @@ def measure(cases: Sequence[hard_cases.Case]) -> list[dict[str, Any]]:
     return rows
 
 
-def page(rows: Sequence[dict[str, Any]], versions: dict[str, str]) -> pages.Page:
+def page(rows: Sequence[dict[str, Any]], versions: Mapping[str, str | None]) -> pages.Page:
     """A table per group."""
     failed = [row for row in rows if not row["passed"]]
     count = f"{len(rows)} cases in float32 and float64: {len(rows) - len(failed)} pass, {len(failed)} fail."
@@ -84,7 +84,7 @@ def main() -> None:
     torch.set_num_threads(1)
     started = time.perf_counter()
     rows = measure(hard_cases.CASES)
-    versions = {name: importlib.metadata.version(name) for name in ("torch", "numpy", "open3d")}
+    versions = {name: storage.version_of(name) for name in ("torch", "numpy", "open3d")}
     record = {"versions": versions, "rows": rows}
     OUT.mkdir(parents=True, exist_ok=True)
     (OUT / "hard_cases.json").write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

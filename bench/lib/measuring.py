@@ -3,7 +3,6 @@
 The environment variable DDF_BENCH_OUT names another folder.
 """
 
-import importlib.metadata
 import json
 import math
 import os
@@ -13,6 +12,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from ddf.core import storage
 
 _STARTED = time.perf_counter()  # of the script that imports this
 ROOT = Path(__file__).resolve().parents[2]
@@ -109,7 +110,7 @@ def write(name: str, threads: int, rows: Sequence[Mapping[str, Any]]) -> None:
         "cpu": cpu_name(),
         "cores": os.cpu_count(),
         "threads": threads,
-        "versions": {package: importlib.metadata.version(package) for package in PACKAGES},
+        "versions": {package: storage.version_of(package) for package in PACKAGES},
         "took_s": took,
         "rows": list(rows),
     }

@@ -21,8 +21,7 @@ def runs(tmp_path_factory):
     """Folders of the trainings on one process and on two."""
     one, two = tmp_path_factory.mktemp("one"), tmp_path_factory.mktemp("two")
     script = Path(_together.__file__)
-    folders = script.parent, script.parent / "reconstruction", Path(distributed.__file__).parents[2]
-    path = os.pathsep.join(map(str, folders))
+    path = os.pathsep.join(map(str, (script.parents[1], Path(distributed.__file__).parents[2])))
     # without options of torchrun, which make sets
     own = {name: value for name, value in os.environ.items() if not name.startswith("PET_")}
     environment = {**own, "PYTHONPATH": path, "CUDA_VISIBLE_DEVICES": ""}

@@ -258,12 +258,16 @@ def checksum(path: str | Path) -> str:
 
 def package_versions() -> dict[str, str]:
     """Versions of the installed packages that can change the numbers in an artefact."""
-    versions = {}
-    for name in RECORDED_PACKAGES:
-        for distribution in (f"{name}-cpu", name):  # Open3D's package for CPUs holds the same module
-            with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-                versions[name] = importlib.metadata.version(distribution)
-    return versions
+    versions = {name: version_of(name) for name in RECORDED_PACKAGES}
+    return {name: version for name, version in versions.items() if version is not None}
+
+
+def version_of(package: str) -> str | None:
+    """The installed version, None where it is not there; Open3D's package for CPUs holds the same module."""
+    for distribution in (package, f"{package}-cpu"):
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            return importlib.metadata.version(distribution)
+    return None
 
 
 def _record(metadata: Mapping[str, Any]) -> dict[str, Any]:
