@@ -141,8 +141,9 @@ class _Engine:
     def run(self, item: graph.Item) -> bool:
         """Run one item through DVC, which leaves it alone if nothing that it reads changed; whether it succeeded."""
         nice = ["nice", "-n", str(item.nice)] if item.nice else []
-        # DVC holds its own lock while it looks at files, for longer than it would wait without being told to.
-        command = [*nice, "dvc", "--wait-for-lock", "repro", "-q", "--single-item", item.name]
+        # DVC holds its own lock while it looks at files, for longer than it would wait without being told to; what it
+        # remembers of earlier runs (its run cache) is no second place that decides.
+        command = [*nice, "dvc", "--wait-for-lock", "repro", "-q", "--no-run-cache", "--single-item", item.name]
         process = self._start(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         assert process.stdout is not None
         self._console.relay(process.stdout.fileno())
