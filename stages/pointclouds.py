@@ -8,7 +8,7 @@ from pathlib import Path
 from ddf.core import config, provenance, resume, storage
 from ddf.data import shapenet
 from ddf.pipeline import stage
-from ddf.reconstruction import category_data, inference, reconstruction_models, settings, silhouettes
+from ddf.reconstruction import category_data, inference, settings, silhouettes, trained
 from ddf.training import training_loop
 
 
@@ -21,7 +21,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     training_loop.prepare(train.loop)
 
     dataset = shapenet.Dataset.open(index_path)
-    test, trained = (
+    test, train_images = (
         category_data.read_images(dataset, category, category_data.available(samples_dir, views), train.image_size)
         for views in (
             category_data.test_views(dataset, category, section.test_views),
@@ -31,23 +31,23 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     scales = category_data.read_shapes(samples_dir, test.ids).field_scales(test.shapes)
     common = {"camera_true": test.cameras, "scale_true": 1 / scales}
 
-    ddf = reconstruction_models.ddf_model(train, config.load(config_path, settings.DDFConfig))
-    pcsiren = reconstruction_models.pcsiren_model(train, config.load(config_path, settings.PCSirenConfig))
     out = config.artifact_dir(config_path, "pointclouds", category, seed)
-    for name, model in (("ddf", ddf), ("pcsiren", pcsiren)):
+    for name in ("ddf", "pcsiren"):
         folder = config.artifact_dir(config_path, f"train_{name}", category, seed)
-        training_loop.load_model(model, folder)
         sources = [index_path, folder / training_loop.MODEL]
         key = provenance.fingerprint([section, category, test.digest()], sources, inference)
         kept = resume.Kept(out, key)
+        built = storage.load_metadata(folder / training_loop.MODEL)
         if name == "ddf":
-            features = inference.image_features(ddf, trained)
+            ddf, _ = trained.ddf(folder, built)
+            features = inference.image_features(ddf, train_images)
             given = (ddf, test, section, stage.label(category, seed), silhouettes.deviation(ddf, features), kept)
             tensors, facts = inference.reconstruct_ddf(*given)
             tensors["train_features"] = features  # for the retrieval row
         else:
+            pcsiren, _ = trained.pcsiren(folder, built)
             tensors, facts = inference.reconstruct_pcsiren(pcsiren, test, section)
-        names = {"images": test.names(), "train_images": trained.names()}
+        names = {"images": test.names(), "train_images": train_images.names()}
         record = provenance.record(key, section.seed, sources) | names | facts
         storage.save_tensors(out / f"{name}.safetensors", tensors | common, record)
         kept.clear()

@@ -7,11 +7,10 @@ from typing import Any
 
 import pytest
 
-from ddf.cli import cloud_settings
 from ddf.core import config
 from ddf.fields import pddf as ddf_fields
 from ddf.reconstruction import reconstruction_models, settings
-from ddf.shape import fit_settings
+from ddf.shape import cloud_defaults, fit_settings
 
 FILES = sorted((Path(__file__).resolve().parents[2] / "configs").glob("*.yaml"))
 FITS = [path for path in FILES if set(config.read(path)) == set(config.FIT_SECTIONS)]  # of single shapes
@@ -36,10 +35,10 @@ def test_every_section_loads(path):
 def test_commands_draw_clouds_as_the_default_experiment_does():
     (path,) = (path for path in CONFIGS if path.stem == "cpu")
     section = config.load(path, settings.PointcloudsConfig)
-    assert (section.cloud, section.scale_quantile) == (cloud_settings.cloud("z"), cloud_settings.SCALE_QUANTILE)
-    assert dataclasses.asdict(cloud_settings.cloud()) == {**cloud_settings.CLOUD, "mirror": None}
+    assert (section.cloud, section.scale_quantile) == (cloud_defaults.cloud("z"), cloud_defaults.SCALE_QUANTILE)
+    assert dataclasses.asdict(cloud_defaults.cloud()) == {**cloud_defaults.CLOUD, "mirror": None}
     assert section.shape_correction is not None
-    assert dataclasses.asdict(section.shape_correction) == cloud_settings.SHAPE_CORRECTION
+    assert dataclasses.asdict(section.shape_correction) == cloud_defaults.SHAPE_CORRECTION
 
 
 @pytest.mark.parametrize("path", FITS, ids=lambda path: path.stem)

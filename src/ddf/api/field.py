@@ -56,11 +56,10 @@ class Field(queries.Queried):
           (100, 3)
         """
         with extras.named():
-            from ddf.cli import cloud_settings
-            from ddf.shape import shape_field
+            from ddf.shape import cloud_defaults, shape_field
         weights = self._weights
         mirror = None if weights.modulations is None else weights.field.config.mirror
-        return shape_field.cloud(weights, n, cloud_settings.cloud(mirror), seed)
+        return shape_field.cloud(weights, n, cloud_defaults.cloud(mirror), seed)
 
     def surface(self, n: int = 5000) -> Mesh:
         """A triangle mesh of the surface: screened Poisson through points with normals. Needs Open3D.

@@ -44,31 +44,15 @@ def reconstruct(image: str | Path, model: str | Path, n: int = 5000, seed: int =
       ((200, 3), ['azimuth_deg', 'elevation_deg', 'radius'])
     """
     with extras.named():
-        import torch
-
-        from ddf.cli import cloud_settings
-        from ddf.cli.model import reconstruct_image
-        from ddf.data import shapenet
-        from ddf.fields import cloud_projection
-        from ddf.reconstruction import inference, scales
+        from ddf.reconstruction import one_image
         from ddf.shape import shape_field
-        from ddf.training import training_loop
-    path = shipped_models.place(model)
-    trained, size = reconstruct_image.load(path.parent if path.name == training_loop.MODEL else path)
-    pixels = shapenet.read_any_image(Path(image), size)[None].to(training_loop.device())
-    with torch.no_grad():
-        _, latent, cameras = inference.encode_batch(trained, pixels, reconstruct_image.mirror_of(trained))
-        modulations = [layer[0] for layer in trained.modulations(latent)]
-    drawn = cloud_settings.cloud(trained.field.config.mirror)
-    generator = torch.Generator(training_loop.device()).manual_seed(seed)
-    cycles = cloud_projection.sample(trained.field, modulations, n, drawn, generator)
-    (cloud,) = cloud_projection.select(cycles, [n], drawn)
-    scale = scales.scale_from_cycles(cycles, cloud_settings.SCALE_QUANTILE)
-    shape = shape_field.conditioned(trained.field, modulations, scale)
-    azimuth, elevation, radius = (float(value) for value in cameras[0])
+    trained, size = one_image.load(shipped_models.place(model))
+    found = one_image.reconstruct(trained, size, Path(image), n, seed)
+    shape = shape_field.conditioned(trained.field, found.modulations, found.scale)
+    azimuth, elevation, radius = (float(value) for value in found.camera)
     seen_from = {
         "azimuth_deg": float(np.degrees(azimuth)),
         "elevation_deg": float(np.degrees(elevation)),
         "radius": radius,
     }
-    return Reconstruction(Field(shape, lambda: shape), scale * cloud.double().cpu().numpy(), seen_from)
+    return Reconstruction(Field(shape, lambda: shape), found.scale * found.cloud.double().cpu().numpy(), seen_from)

@@ -8,13 +8,12 @@ import torch
 from PIL import Image
 
 from ddf import cli
-from ddf.cli import cloud_settings
-from ddf.cli.model import reconstruct_image
 from ddf.core import checks, provenance, storage
 from ddf.data import shapenet
 from ddf.fields import cloud_projection
 from ddf.geometry import point_io
-from ddf.reconstruction import inference, scales
+from ddf.reconstruction import inference, one_image, scales
+from ddf.shape import cloud_defaults
 from ddf.training import training_loop
 
 
@@ -40,8 +39,8 @@ def test_reconstruct_writes_cloud_camera_and_renders(model_dir, tmp_path, capsys
     points = point_io.read_points(out / "cloud.ply")
     assert points.shape == (50, 3)
     cycles = sampled[0]
-    (cloud,) = cloud_projection.select(cycles, [50], cloud_settings.cloud())
-    scale = scales.scale_from_cycles(cycles, cloud_settings.SCALE_QUANTILE)
+    (cloud,) = cloud_projection.select(cycles, [50], cloud_defaults.cloud())
+    scale = scales.scale_from_cycles(cycles, cloud_defaults.SCALE_QUANTILE)
     np.testing.assert_allclose(points, scale * cloud.numpy(), atol=1e-5)  # v1 units: the box of all hits has diagonal 1
     assert result["v1_from_field"]["scale"] == pytest.approx(scale)
     for name in ("visibility", "depth", "normals"):
@@ -66,7 +65,7 @@ def test_the_image_is_flipped_where_the_model_has_a_mirror_that_allows_it(mirror
 
 def _known(path, model_dir, count=3):
     """A file as stage `pointclouds` writes it, of a model."""
-    model, _ = reconstruct_image.load(model_dir)
+    model, _ = one_image.load(model_dir)
     images = torch.rand(count, 4, 32, 32, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
         features = model.shape_encoder.features(images)

@@ -4,7 +4,8 @@ import argparse
 import time
 from typing import Any
 
-from ddf.cli import arguments, cloud_settings
+from ddf.cli import arguments
+from ddf.shape import cloud_defaults
 
 EXAMPLES = ("ddf points rabbit cloud.ply -n 2000",)
 
@@ -18,14 +19,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--cycles",
         metavar="H",
         type=int,
-        default=cloud_settings.CLOUD["cycles"],
+        default=cloud_defaults.CLOUD["cycles"],
         help="projections N_H (default %(default)s)",
     )
     parser.add_argument(
         "--directions",
         metavar="N",
         type=int,
-        default=cloud_settings.CLOUD["num_directions"],
+        default=cloud_defaults.CLOUD["num_directions"],
         help="tried per point and projection (default %(default)s)",
     )
     parser.add_argument("--no-normals", action="store_true", help="write the points alone, in less time")
@@ -38,7 +39,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.geometry import point_io
     from ddf.shape import cloud_normals, shape_field
 
-    config = cloud_settings.cloud(num_directions=args.directions, cycles=args.cycles)
+    config = cloud_defaults.cloud(num_directions=args.directions, cycles=args.cycles)
     shape = shape_field.load(args.field)
     started = time.monotonic()
     points = shape_field.cloud(shape, args.points, config, args.seed)
