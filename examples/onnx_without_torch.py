@@ -1,0 +1,26 @@
+"""Ask a field along rays from its ONNX file alone: torch is not imported.
+
+python examples/onnx_without_torch.py            a field that comes with the package
+python examples/onnx_without_torch.py FIELD.onnx  a file that `ddf export` wrote
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import ddf
+
+RABBIT = Path(ddf.__file__).parent / "models" / "rabbit" / "field.onnx"
+
+if __name__ == "__main__":
+    field = ddf.load(sys.argv[1] if len(sys.argv) > 1 else RABBIT)
+    lower, upper = field.box
+    heights = np.linspace(lower[1], upper[1], 7)  # in the frame of the mesh
+    middle = (lower + upper) / 2
+    positions = np.stack([np.full(7, middle[0]), heights, np.full(7, upper[2] + 1)], axis=1)
+    directions = np.tile([0.0, 0.0, -1.0], (7, 1))
+    seen = field.query(positions, directions, outputs=("depth", "visibility"))
+    for height, depth, visibility in zip(heights, seen["depth"], seen["visibility"], strict=True):
+        print(f"height {height:6.3f}: depth {depth:6.3f}, visibility {visibility:.3f}")
+    assert "torch" not in sys.modules

@@ -1,0 +1,105 @@
+"""Every script of examples/ and the cells of its notebook run, at small sizes."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "examples"
+SCRIPTS = {path.name for path in FOLDER.glob("*.py")}
+NOTEBOOK = json.loads((FOLDER / "tour.ipynb").read_text())
+PYRAMID = "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv 0 2 0\nf 1 2 3 4\nf 2 1 5\nf 3 2 5\nf 4 3 5\nf 1 4 5\n"
+
+
+def _run(folder: Path, script: str, *arguments: str) -> str:
+    command = [sys.executable, str(FOLDER / script), *arguments]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.timeout(600)  # seconds of training behind a minute of a busy core
+def test_fit_a_mesh(tmp_path):
+    (tmp_path / "pyramid.obj").write_text(PYRAMID)
+    said = _run(tmp_path, "fit_a_mesh.py", "pyramid.obj", "field", "--minutes", "0.1", "--rays", "50")
+    assert re.fullmatch(r"visibility is right for [\d.]+ % of the rays\n", said)
+    assert (tmp_path / "field" / "model.safetensors").is_file()
+
+
+def test_render_it(tmp_path):
+    _run(tmp_path, "render_it.py", "rabbit", "rabbit.png", "--size", "32")
+    picture = np.asarray(Image.open(tmp_path / "rabbit.png"))
+    assert picture.shape == (32, 32)
+    assert 0.15 < (picture < 255).mean() < 0.9 and picture[0, 0] == 255
+    assert len(np.unique(picture)) > 30
+
+
+def test_compose_two(tmp_path):
+    said = _run(tmp_path, "compose_two.py", "scene.png", "--size", "32")
+    near, far = map(float, re.findall(r"\d+\.\d+", said))
+    assert 0 < near < far - 1  # two shapes, side by side, seen from the corner
+    picture = np.asarray(Image.open(tmp_path / "scene.png"))
+    assert picture.shape == (32, 32) and picture.max() == 255
+    assert 0.1 < (picture > 0).mean() < 0.9
+
+
+def test_reconstruct_an_image(tmp_path):
+    said = _run(tmp_path, "reconstruct_an_image.py", "chair.npz", "--points", "100")
+    with np.load(tmp_path / "chair.npz") as found:
+        points = found["points"]
+    assert points.shape == (100, 3)
+    assert 0.2 < np.ptp(points, axis=0).max() < 1.2  # the diagonal of a ShapeNet shape is about 1
+    assert re.search(r"azimuth_deg .*elevation_deg .*radius \d", said)
+
+
+def test_onnx_without_torch(tmp_path):
+    said = _run(tmp_path, "onnx_without_torch.py")
+    depths = [float(depth) for depth in re.findall(r"depth +([\w.]+)", said)]
+    assert len(depths) == 7 and 3 <= np.isfinite(depths).sum()
+    assert min(depths) >= 0.99  # the rays start one unit before the box
+
+
+def test_own_shapenet(tmp_path):
+    for shape in ("a10", "a9"):
+        (tmp_path / "root" / "ShapeNetRendering" / "03001627" / shape / "rendering").mkdir(parents=True)
+    said = _run(tmp_path, "own_shapenet.py", "root", "lists")
+    assert said == "train: 8 views of 1 classes\ntest: 2 views of 1 classes\n"
+    lines = (tmp_path / "lists" / "test_list.txt").read_text().splitlines()
+    assert lines == [f"Data/ShapeNetP2M/03001627/a10/rendering/{view:02d}.dat" for view in (3, 4)]
+
+
+@pytest.mark.timeout(600)
+def test_notebook_runs_cell_by_cell(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    cells = [cell for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code"]
+    for cell in cells:
+        exec(compile("".join(cell["source"]), cell["id"], "exec"), namespace)
+    assert namespace["found"].points.shape == (200, 3) and len(cells) >= 6
+
+
+def test_notebook_is_stripped():
+    assert NOTEBOOK["nbformat"] == 4
+    for cell in NOTEBOOK["cells"]:
+        assert cell["metadata"] == {}
+        assert cell["cell_type"] == "markdown" or (cell["outputs"], cell["execution_count"]) == ([], None)
+
+
+def test_every_script_is_tested_and_listed():
+    tested = {name.removeprefix("test_") + ".py" for name in globals() if name.startswith("test_")}
+    assert SCRIPTS <= tested
+    listed = re.findall(r"\]\((\w+\.(?:py|ipynb))\)", (FOLDER / "README.md").read_text())
+    assert sorted(listed) == sorted(SCRIPTS | {"tour.ipynb"})
+
+
+@pytest.mark.parametrize("script", sorted(SCRIPTS))
+def test_scripts_are_short(script):
+    lines = (FOLDER / script).read_text().splitlines()
+    assert lines[0].startswith('"""') and len(lines) <= 30
