@@ -104,7 +104,7 @@ def test_scores_do_not_depend_on_the_number_of_processes(experiment):
 
 
 def test_mean_over_images_and_standard_error():
-    scores = {name: [0.1, 0.3, 0.2] for name, _ in scoring.SCALED_METRICS.values()}
+    scores = {name: [0.1, 0.3, 0.2] for name in (metric.score for metric in metrics.METRICS.values())}
     table = pd.DataFrame({"category": "chair", "method": "ddf", "column": "Pi_g-L", **scores})
     none = pd.DataFrame(columns=["category", "method", "column"])
     means = scoring.summary(table, none, none[["category"]]).set_index("metric")

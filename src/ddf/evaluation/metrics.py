@@ -7,6 +7,7 @@ evaluation (docs/formats.md).
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -15,6 +16,36 @@ from ddf.core import checks
 from ddf.geometry import neighbours
 
 TAU_SQ = 1e-4  # 0.01 benchmark units, 1.754 % of the v1 diagonal
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A score as tables have it.
+
+    name: in si3dr.csv. score: the field of `CloudScores`. factor: of the tables. label: as the report prints it, None
+    where it does not. digits: after the point. better: `min` or `max`.
+    """
+
+    name: str
+    score: str
+    factor: float
+    label: str | None = None
+    digits: int = 3
+    better: Literal["min", "max"] = "max"
+
+
+METRICS = {  # the one list: scores of every image, means of the long table and columns of the report follow it
+    metric.name: metric
+    for metric in (
+        Metric("chamfer_l2_sq_x1000", "chamfer_l2_sq", 1000.0, "D<sub>C</sub> ↓", 3, "min"),
+        Metric("f_score_tau_x100", "f_score_tau", 100.0, "F<sub>τ</sub> ↑", 2),
+        Metric("f_score_2tau_x100", "f_score_2tau", 100.0, "F<sub>2τ</sub> ↑", 2),
+        Metric("precision_tau_x100", "precision_tau", 100.0),
+        Metric("recall_tau_x100", "recall_tau", 100.0),
+        Metric("spacing_variation", "spacing_variation", 1.0, better="min"),
+    )
+}
+PRINTED = {name: metric for name, metric in METRICS.items() if metric.label is not None}
 
 
 @dataclass(frozen=True)

@@ -25,15 +25,6 @@ from ddf.geometry import cameras, neighbours, transforms
 DDF, PC_SIREN, DDF_ONE_CYCLE = "ddf", "pc_siren", "ddf_nh1"
 CAMERA_COLUMNS = {"Pi_g": "camera_true", "Pi_corrected": "camera_corrected", "Pi_pred": "camera_pred"}
 MEASURED = "measured"
-# Metric names of si3dr.csv: column of the table per image, factor of the paper's tables.
-SCALED_METRICS = {
-    "chamfer_l2_sq_x1000": ("chamfer_l2_sq", 1000.0),
-    "f_score_tau_x100": ("f_score_tau", 100.0),
-    "f_score_2tau_x100": ("f_score_2tau", 100.0),
-    "precision_tau_x100": ("precision_tau", 100.0),
-    "recall_tau_x100": ("recall_tau", 100.0),
-    "spacing_variation": ("spacing_variation", 1.0),
-}
 FAR_AZIMUTH_DEG = 45.0  # a camera so far off lies in another basin of the mask's loss
 TRUTH = ("truth", "test shapes")  # method and column of what the long table says of the true clouds
 TRUTH_METRICS = {"hidden_share_percent": ("hidden_share", 100.0), "spacing_variation": ("spacing_variation", 1.0)}
@@ -274,9 +265,10 @@ def summary(per_image: pd.DataFrame, camera_table: pd.DataFrame, shapes: pd.Data
     """
     rows: list[tuple] = []
     for (category, method, column), group in per_image.groupby(["category", "method", "column"], sort=False):
-        for metric, (name, factor) in SCALED_METRICS.items():
-            values = factor * group[name].to_numpy(dtype=np.float64)
-            rows.append((category, method, column, metric, values.mean(), len(values), 1, _standard_error(values)))
+        for metric in metrics.METRICS.values():
+            values = metric.factor * group[metric.score].to_numpy(dtype=np.float64)
+            mean, error = values.mean(), _standard_error(values)
+            rows.append((category, method, column, metric.name, mean, len(values), 1, error))
     for (category, method, column), group in camera_table.groupby(["category", "method", "column"], sort=False):
         for name in ("azimuth_error_deg", "elevation_error_deg", "radius_error", "scale_error_percent"):
             values = group[name].to_numpy(dtype=np.float64)

@@ -5,13 +5,9 @@ from collections.abc import Sequence
 import pandas as pd
 
 from ddf.evaluation import baselines, scoring
+from ddf.evaluation.metrics import METRICS, PRINTED
 from ddf.report.pages import Cell, Table
 
-METRIC_LABELS = {
-    "chamfer_l2_sq_x1000": ("D<sub>C</sub> ↓", 3, min),
-    "f_score_tau_x100": ("F<sub>τ</sub> ↑", 2, max),
-    "f_score_2tau_x100": ("F<sub>2τ</sub> ↑", 2, max),
-}
 METHOD_LABELS = {
     scoring.DDF: "DDF",
     scoring.PC_SIREN: "PC-SIREN",
@@ -85,7 +81,7 @@ class Scores:
         row = self.rows.get((category, *head, metric))
         if row is None:
             return Cell(NOTHING)
-        text = self.text(category, head, metric, METRIC_LABELS[metric][1])
+        text = self.text(category, head, metric, METRICS[metric].digits)
         if pd.isna(row["images"]):
             return Cell(text, best)
         over = f"standard deviation over {row['seeds']:.0f} seeds" if row["seeds"] > 1 else "standard error over images"
@@ -96,7 +92,9 @@ class Scores:
         """Whether no rival with a number is better, and there is one."""
         values = {rival: self.value(category, rival, metric) for rival in {head, *rivals}}
         present = {rival: value for rival, value in values.items() if value is not None}
-        return len(present) > 1 and present.get(head) == METRIC_LABELS[metric][2](present.values())
+        return len(present) > 1 and present.get(head) == (min if METRICS[metric].better == "min" else max)(
+            present.values()
+        )
 
 
 def images_note(scores: Scores, categories: Sequence[str], heads: Sequence[Head], metric: str) -> str:
@@ -133,20 +131,20 @@ def pairs(
     heads = [(method, column) for column in columns for _, method in methods]
     rows: list[list[Cell | str]] = []
     for category in categories:
-        if not any((category, *head, metric) in scores.rows for head in heads for metric in METRIC_LABELS):
+        if not any((category, *head, metric) in scores.rows for head in heads for metric in PRINTED):
             continue
-        counted = len(set(scores.images(category, heads, next(iter(METRIC_LABELS))))) > 1 if measured else False
+        counted = len(set(scores.images(category, heads, next(iter(PRINTED))))) > 1 if measured else False
         for column in columns:
             cells: list[Cell | str] = [category if column == columns[0] else "", column_label(column)]
             rivals = [(method, column) for _, method in methods]
-            for metric in METRIC_LABELS:
+            for metric in PRINTED:
                 for head in rivals:
                     best = measured and scores.is_best(category, head, metric, rivals)
                     cells.append(scores.cell(category, head, metric, best, counted))
             rows.append(cells)
     if not rows:
         return None
-    note = images_note(scores, categories, heads, next(iter(METRIC_LABELS))) if measured else ""
-    groups = [("", 2, False), *((label, len(methods), not measured) for label, _, _ in METRIC_LABELS.values())]
-    header = ["", "camera, points", *[name for name, _ in methods] * len(METRIC_LABELS)]
+    note = images_note(scores, categories, heads, next(iter(PRINTED))) if measured else ""
+    groups = [("", 2, False), *((str(metric.label), len(methods), not measured) for metric in PRINTED.values())]
+    header = ["", "camera, points", *[name for name, _ in methods] * len(PRINTED)]
     return Table(f"{caption} {note}".strip(), groups, header, rows, labels=2, rule_every=len(columns))

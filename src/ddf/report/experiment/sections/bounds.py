@@ -2,7 +2,7 @@
 
 import math
 
-from ddf.evaluation import baselines, scoring
+from ddf.evaluation import baselines, metrics, scoring
 from ddf.report import figures
 from ddf.report.experiment import scores, seed_notes
 from ddf.report.experiment.stage_results import Results
@@ -70,11 +70,11 @@ def table(results: Results) -> Table:
             cells: list[Cell | str] = [category if method == ORDER[0] else "", scores.METHOD_LABELS[method]]
             for column in _COLUMNS:
                 rivals = [(rival, column) for rival in _COMPETITORS]
-                for metric in scores.METRIC_LABELS:
+                for metric in metrics.PRINTED:
                     best = method in _COMPETITORS and found.is_best(category, (method, column), metric, rivals)
                     cells.append(found.cell(category, (method, column), metric, best))
             rows.append(cells)
-    labels = [label for label, _, _ in scores.METRIC_LABELS.values()]
+    labels = [str(metric.label) for metric in metrics.PRINTED.values()]
     layout = [("", 2, False), *((scores.column_label(column), len(labels), False) for column in _COLUMNS)]
     heads = [(method, column) for method in ORDER for column in _COLUMNS]
     note = scores.images_note(found, results.categories, heads, "chamfer_l2_sq_x1000")
@@ -90,7 +90,7 @@ def distances(results: Results) -> Table:
         for method in (scoring.DDF, scoring.PC_SIREN):
             cells: list[Cell | str] = []
             for metric in _DISTANCE_METRICS:
-                digits = scores.METRIC_LABELS[metric][1]
+                digits = metrics.PRINTED[metric].digits
                 head, rival = (method, "Pi_g-L"), (baselines.RETRIEVAL, "Pi_g-L")
                 own, ceiling, retrieved = (
                     found.value(category, who, metric) for who in (head, (baselines.CEILING, "Pi_g-L"), rival)
@@ -100,7 +100,7 @@ def distances(results: Results) -> Table:
                 cells.append(Cell(scores.difference(own, retrieved, digits), won))
             rows.append([category if method == scoring.DDF else "", scores.METHOD_LABELS[method], *cells])
     parts = ["from the ceiling", "from retrieval"]
-    groups = [(scores.METRIC_LABELS[metric][0], len(parts), False) for metric in _DISTANCE_METRICS]
+    groups = [(str(metrics.PRINTED[metric].label), len(parts), False) for metric in _DISTANCE_METRICS]
     header = ["", "", *parts * len(groups)]
     caption = seed_notes.of_means(results, _DISTANCES)
     return Table(caption, [("", 2, False), *groups], header, rows, labels=2, rule_every=2)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from ddf.evaluation import baselines, paper_results, scoring
+from ddf.evaluation import baselines, metrics, paper_results, scoring
 from ddf.report.experiment import scores, seed_notes
 from ddf.report.experiment.stage_results import Results
 from ddf.report.pages import Block, Section, Table, paragraph
@@ -142,11 +142,11 @@ def quoted(results: Results) -> Table | None:
         [
             category if head == heads[0] else "",
             scores.METHOD_LABELS[head[0]],
-            *(table.cell(category, head, metric) for metric in scores.METRIC_LABELS),
+            *(table.cell(category, head, metric) for metric in metrics.PRINTED),
         ]
         for category in results.paper_categories
         for head in heads
     ]
-    header = ["", "", *(label for label, _, _ in scores.METRIC_LABELS.values())]
-    groups = [("", 2, False), ("", len(scores.METRIC_LABELS), True)]
+    header = ["", "", *(str(metric.label) for metric in metrics.PRINTED.values())]
+    groups = [("", 2, False), ("", len(metrics.PRINTED), True)]
     return Table(_QUOTED, groups, header, rows, labels=2, rule_every=len(heads)) if rows else None

@@ -1,6 +1,6 @@
 """Shape and camera: where the error with a predicted camera comes from."""
 
-from ddf.evaluation import baselines, scoring
+from ddf.evaluation import baselines, metrics, scoring
 from ddf.report.experiment import scores, seed_notes
 from ddf.report.experiment.stage_results import Results
 from ddf.report.pages import Section, Table
@@ -26,7 +26,7 @@ def table(results: Results, metric: str) -> Table:
     With S points, which is what the corrected camera is evaluated with.
     """
     found = scores.Scores(results.table)
-    label, digits, _ = scores.METRIC_LABELS[metric]
+    label, digits = str(metrics.PRINTED[metric].label), metrics.PRINTED[metric].digits
     rows = []
     for category in results.categories:
         for method, column in _PLACED:
