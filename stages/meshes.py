@@ -15,7 +15,7 @@ def run(config_path: Path, category: str) -> None:
     fingerprint = provenance.fingerprint(section, [], mesh_shards)
     parallel.map_shards(
         mesh_shards.PrepareShard(section, category, out_dir, fingerprint),
-        mesh_shards.raw_shapes(index_path, category),
+        mesh_shards.chosen(mesh_shards.raw_shapes(index_path, category), section, category),
         shard_size=section.shard_size,
         out_dir=out_dir,
         fingerprint=fingerprint,

@@ -17,6 +17,7 @@ LEVELS = {
     "training": 3,
     "shape": 4,
     "reconstruction": 4,
+    "generative": 4,
     "evaluation": 5,
     "export": 5,
     "report": 6,

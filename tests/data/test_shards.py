@@ -1,5 +1,6 @@
 """Raw meshes to packs, packs to samples and clouds: contents, failures, and independence of the sharding."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -124,3 +125,11 @@ def test_damaged_pack_is_refused_by_name(packs, tmp_path):
     (tmp_path / "000.zip").write_bytes(bytes(data))
     with pytest.raises(checks.InputError, match=r"000\.zip"):
         mesh_shards.read_pack(tmp_path / "000.zip")
+
+
+def test_as_many_shapes_as_the_config_says_are_chosen_in_their_order():
+    shapes = [mesh_shards.RawShape(f"{i:02d}", "", "") for i in range(20)]
+    few = mesh_shards.chosen(shapes, dataclasses.replace(MESHES, shapes=6), "car")
+    assert len(few) == 6 and few == sorted(few, key=lambda shape: shape.id) != shapes[:6]
+    assert few == mesh_shards.chosen(shapes, dataclasses.replace(MESHES, shapes=6), "car")
+    assert mesh_shards.chosen(shapes, MESHES, "car") == shapes

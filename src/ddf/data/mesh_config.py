@@ -17,7 +17,8 @@ class MeshesConfig:
     holes: openings up to this width are filled before anything else; 0 fills none.
     measure_points: points a side for the loss figures.
     shard_size: shapes in one file.
-    seed: of the points that the loss is measured at.
+    seed: of the points that the loss is measured at, and of the choice of `shapes`.
+    shapes: of a category, chosen at random, that are prepared and sampled; null: all. The others have images alone.
     """
 
     faces: int = 10_000
@@ -28,6 +29,7 @@ class MeshesConfig:
     measure_points: int = 10_000
     shard_size: int = 16
     seed: int = 0
+    shapes: int | None = None
 
     def __post_init__(self) -> None:
         if self.faces < 4:
@@ -42,5 +44,7 @@ class MeshesConfig:
             raise checks.InputError(f"meshes.holes must be in [0, 1] of the diagonal; got {self.holes}")
         if self.measure_points < 1:
             raise checks.InputError(f"meshes.measure_points must be >= 1; got {self.measure_points}")
+        if self.shapes is not None and self.shapes < 1:
+            raise checks.InputError(f"meshes.shapes must be >= 1, or null for all; got {self.shapes}")
         if self.shard_size < 1:
             raise checks.InputError(f"meshes.shard_size must be >= 1; got {self.shard_size}")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ddf.core import checks, parallel, provenance, seeding, storage
-from ddf.data import mesh_preparation
+from ddf.data import mesh_config, mesh_preparation
 from ddf.geometry import mesh_io, transforms
 
 MEASURES = ("id", "faces", "watertight", "wrapped", *mesh_preparation.LOSSES)
@@ -49,6 +49,14 @@ def raw_shapes(index_path: Path, category: str) -> list[RawShape]:
     folder = Path(index["root"]) / "ShapeNetCore.v1" / entry["synset"]
     paths = [(shape["id"], folder / shape["id"] / "model.obj") for shape in entry["shapes"]]
     return [RawShape(name, path.as_posix(), storage.checksum(path) if path.is_file() else "") for name, path in paths]
+
+
+def chosen(shapes: Sequence[RawShape], config: mesh_config.MeshesConfig, category: str) -> list[RawShape]:
+    """Those of a category that are prepared, in the order of the data set: all, or as many as the config says."""
+    if config.shapes is None or config.shapes >= len(shapes):
+        return list(shapes)
+    rows = seeding.generator(config.seed, category, "shapes").permutation(len(shapes))[: config.shapes]
+    return [shapes[row] for row in sorted(rows)]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,146 @@
+"""Images to images and images to textures: f_T and g_T of CycleGAN, h_T of CIFAR's ResNet-20. [DDF22] app. genmodel.
+
+Sources: Zhu et al. 2017 (CycleGAN, six residual blocks); He et al. 2016, §4.2 (ResNet-20).
+
+z_T at every pixel is a constant image of each channel. The first convolution, with its reflected border, makes a
+constant of it, and the instance normalisation behind it takes every constant away: the paper's network, built as its
+text says, cannot see z_T at all (shown in a test). With `texture_at: object` z_T is at the pixels that see the object
+and 0 elsewhere, so that it has an outline; all layers and parameters stay.
+"""
+
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional
+
+TRANSLATOR_WIDTH, TEXTURE_WIDTH = 64, 16  # of the first layers, in the paper
+BLOCKS = 6
+INITIAL_SPREAD = 0.02  # of all weights of a translator
+TextureAt = Literal["object", "everywhere"]
+
+
+def _conv(inputs: int, outputs: int, size: int, stride: int = 1) -> nn.Sequential:
+    border: list[nn.Module] = [nn.ReflectionPad2d(size // 2)] if stride == 1 else []
+    return nn.Sequential(*border, nn.Conv2d(inputs, outputs, size, stride, 0 if border else size // 2))
+
+
+def _normalised(layer: nn.Module, outputs: int) -> nn.Sequential:
+    return nn.Sequential(layer, nn.InstanceNorm2d(outputs), nn.ReLU(inplace=True))
+
+
+class ResidualBlock(nn.Module):
+    """x + two convolutions of x."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.first = _normalised(_conv(width, width, 3), width)
+        self.second = nn.Sequential(_conv(width, width, 3), nn.InstanceNorm2d(width))
+
+    def forward(self, images: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
+        """As large as the input."""
+        return images + self.second(self.first(images))
+
+
+class Translator(nn.Module):
+    """CycleGAN's `resnet_6blocks`: normals and a texture to colours (f_T), or colours to normals (g_T), in [-1, 1].
+
+    Instance normalisation has no parameters, so convolutions have biases.
+    """
+
+    def __init__(self, texture_features: int, width: int = TRANSLATOR_WIDTH, texture_at: TextureAt = "object") -> None:
+        super().__init__()
+        self.texture_at = texture_at
+        self.first = nn.Conv2d(3 + texture_features, width, 7)
+        self.body = nn.Sequential(
+            nn.InstanceNorm2d(width),
+            nn.ReLU(inplace=True),
+            _normalised(_conv(width, 2 * width, 3, stride=2), 2 * width),
+            _normalised(_conv(2 * width, 4 * width, 3, stride=2), 4 * width),
+            *(ResidualBlock(4 * width) for _ in range(BLOCKS)),
+            _normalised(nn.ConvTranspose2d(4 * width, 2 * width, 3, 2, 1, 1), 2 * width),
+            _normalised(nn.ConvTranspose2d(2 * width, width, 3, 2, 1, 1), width),
+            _conv(width, 3, 7),
+            nn.Tanh(),
+        )
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d | nn.ConvTranspose2d):
+                nn.init.normal_(module.weight, 0.0, INITIAL_SPREAD)
+                if module.bias is not None:
+                    nn.init.zeros_(module.bias)
+
+    def forward(
+        self, images: Float[Tensor, "b 3 h w"], textures: Float[Tensor, "b z"] | None = None
+    ) -> Float[Tensor, "b 3 h w"]:
+        """Translated images.
+
+        Args:
+          images: in [-1, 1]; of normals, 0 where nothing is seen.
+          textures: z_T, for f_T.
+        """
+        border = self.first.kernel_size[0] // 2
+        hidden = functional.pad(images, (border,) * 4, mode="reflect")
+        if textures is None:
+            return self.body(self.first(hidden))
+        where = torch.ones_like(hidden[:, :1])
+        if self.texture_at == "object":
+            where = hidden.ne(0).any(dim=1, keepdim=True).to(hidden)
+        return self.body(self._first_with(hidden, where, textures))
+
+    def _first_with(
+        self, images: Float[Tensor, "b 3 h w"], where: Float[Tensor, "b 1 h w"], textures: Float[Tensor, "b z"]
+    ) -> Float[Tensor, "b c h2 w2"]:
+        """The first convolution of [images, z_T at the pixels `where`], with z_T folded into one kernel per image.
+
+        Σ_j W_j * (z_j m) = (Σ_j z_j W_j) * m: 4 channels are convolved in place of 3 + dim(z_T) (derived here).
+        """
+        of_images, of_textures = self.first.weight[:, :3], self.first.weight[:, 3:]
+        folded = torch.einsum("bj,ojhw->bohw", textures, of_textures)[:, :, None]
+        kernels = torch.cat((of_images.expand(len(textures), -1, -1, -1, -1), folded), dim=2)
+        joined = torch.cat((images, where), dim=1)
+        found = functional.conv2d(joined.reshape(1, -1, *joined.shape[2:]), kernels.flatten(0, 1), groups=len(textures))
+        assert self.first.bias is not None
+        return found.reshape(len(textures), -1, *found.shape[2:]) + self.first.bias[:, None, None]
+
+
+class TextureEncoder(nn.Module):
+    """h_T: ResNet-20 as made for CIFAR, shortcuts without parameters; colours to an estimate of z_T."""
+
+    def __init__(self, texture_features: int, width: int = TEXTURE_WIDTH) -> None:
+        super().__init__()
+        stages = [_TextureBlock(width, width, 1) for _ in range(3)]
+        for inputs in (width, 2 * width):
+            stages += [_TextureBlock(inputs, 2 * inputs, 2), *(_TextureBlock(2 * inputs, 2 * inputs, 1) for _ in "ab")]
+        self.body = nn.Sequential(
+            nn.Conv2d(3, width, 3, padding=1, bias=False), nn.BatchNorm2d(width), nn.ReLU(inplace=True), *stages
+        )
+        self.head = nn.Linear(4 * width, texture_features)
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d | nn.Linear):
+                nn.init.kaiming_normal_(module.weight)
+
+    def forward(self, images: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b z"]:
+        """ẑ_T of images in [-1, 1]."""
+        return self.head(self.body(images).mean(dim=(-2, -1)))
+
+
+class _TextureBlock(nn.Module):
+    """Two convolutions and a shortcut: every other pixel, and zeros for the new channels."""
+
+    def __init__(self, inputs: int, outputs: int, stride: int) -> None:
+        super().__init__()
+        self.stride, self.added = stride, outputs - inputs
+        self.residual = nn.Sequential(
+            nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False),
+            nn.BatchNorm2d(outputs),
+            nn.ReLU(inplace=True),
+            nn.Conv2d(outputs, outputs, 3, 1, 1, bias=False),
+            nn.BatchNorm2d(outputs),
+        )
+
+    def forward(self, images: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c2 h2 w2"]:
+        shortcut = images[:, :, :: self.stride, :: self.stride]
+        before = self.added // 2
+        padded = functional.pad(shortcut, (0, 0, 0, 0, before, self.added - before))
+        return torch.relu(padded + self.residual(images))
