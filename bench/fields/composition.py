@@ -17,7 +17,8 @@ from scipy.spatial import transform
 from torch import Tensor
 
 from bench.lib import display, growth_curves, measuring
-from ddf.fields import composition, pddf
+from ddf.fields import pddf
+from ddf.fields.scenes import composition
 from ddf.geometry import cameras, primitives, transforms
 
 THREADS, REPEATS, PIXELS = 2, 15, 64

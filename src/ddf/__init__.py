@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from ddf.api.meshes import cast, read_mesh
     from ddf.api.reconstruction import Reconstruction, reconstruct
     from ddf.api.scene import Scene, compose
+    from ddf.api.scene_file import read_scene
     from ddf.api.scores import compare
 
 _HOMES = {
@@ -20,6 +21,7 @@ _HOMES = {
     "Scene": "scene",
     "compose": "scene",
     "read_mesh": "meshes",
+    "read_scene": "scene_file",
     "cast": "meshes",
     "Reconstruction": "reconstruction",
     "reconstruct": "reconstruction",
@@ -35,6 +37,7 @@ __all__ = [
     "fit",
     "load",
     "read_mesh",
+    "read_scene",
     "reconstruct",
 ]
 

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float
 
-from ddf.api import checked_cloud, inputs
-from ddf.fields import framed_field
+from ddf.api import inputs
+from ddf.fields import checked_cloud, framed_field
 from ddf.geometry import neighbours
 
 

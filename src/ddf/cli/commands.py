@@ -27,6 +27,7 @@ COMMANDS = {
     "render": Command("field.render", "a picture, or the arrays, of what a camera sees of a field"),
     "points": Command("field.points", "a point cloud with normals on the surface of a field"),
     "udf": Command("field.udf", "unsigned distances to the surface of a field, and where it is nearest"),
+    "scene": Command("field.scene", "several fields in one scene, from one camera or along a path"),
     "models": Command("model.models", "the trained models and fields that come with the package"),
     "reconstruct": Command("model.reconstruct", "camera, cloud and renders from one image with a trained model"),
     "export": Command("model.export", "a trained model as an ONNX file, checked against onnxruntime"),

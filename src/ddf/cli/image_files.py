@@ -1,9 +1,9 @@
 """Images as files: pictures, depths as 16-bit numbers, and arrays."""
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,11 +17,19 @@ _AXES = "XYZ"
 
 def encode(picture: "UInt8[np.ndarray, 'height width 3']", suffix: str) -> bytes:
     """A picture as a file of one of the `PICTURES`; both keep every pixel."""
+    return encode_frames([picture], suffix)
+
+
+def encode_frames(frames: "Sequence[UInt8[np.ndarray, 'height width 3']]", suffix: str, frame_ms: int = 0) -> bytes:
+    """Pictures as one file of the `PICTURES`, moving and looping where there are several; every pixel is kept."""
     from PIL import Image
 
     buffer = io.BytesIO()
-    more = {"lossless": True} if suffix == ".webp" else {}
-    Image.fromarray(picture).save(buffer, format=PICTURES[suffix], **more)
+    first, *others = (Image.fromarray(frame) for frame in frames)
+    more: dict[str, Any] = {"lossless": True} if suffix == ".webp" else {}
+    if others:
+        more |= {"save_all": True, "append_images": others, "duration": frame_ms, "loop": 0}
+    first.save(buffer, format=PICTURES[suffix], **more)
     return buffer.getvalue()
 
 

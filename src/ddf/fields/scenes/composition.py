@@ -54,13 +54,15 @@ class Composite(Generic[Array]):
 
     visibility: ξ, 0 where every box is missed. depth: d, `inf` where every field is. nearest_depth: the least depth of
     the fields with visibility >= 1/2, `inf` where there is none. nearest: which field that is, -1 where there is none.
-    queries: oriented points that fields were asked for, all fields together.
+    weights: a_k, field by field; 0 for one that takes no part. queries: oriented points that fields were asked for, all
+    fields together.
     """
 
     visibility: Float[Array, "n"]
     depth: Float[Array, "n"]
     nearest_depth: Float[Array, "n"]
     nearest: Int[Array, "n"]
+    weights: Float[Array, "k n"]
     queries: int
 
 
@@ -101,6 +103,7 @@ def compose(
         depth=xp.where(nothing, xp.inf, depth),
         nearest_depth=nearest_depth,
         nearest=xp.where(xp.isfinite(nearest_depth), xp.argmin(hard, 0), -1),
+        weights=weights,
         queries=sum(answer[2] for answer in answers),
     )
 

@@ -1,0 +1,1 @@
+"""Several fields in one scene, and the cameras that look at it."""

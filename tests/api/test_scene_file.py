@@ -1,0 +1,92 @@
+"""Scene files: what they say is what is composed; what is wrong in them is one line that names file and key."""
+
+import numpy as np
+import pytest
+import yaml
+
+import ddf
+from ddf.core import checks
+
+PATH = {"position": [0, 0, 3], "target": [0, 0, 0]}
+
+
+def _write(folder, content):
+    file = folder / "scene.yaml"
+    file.write_text(content if isinstance(content, str) else yaml.safe_dump(content))
+    return file
+
+
+def test_scene_of_a_file_is_the_scene_composed(tmp_path):
+    beside = {"field": "rabbit", "scale": 0.5, "rotation_deg": [90, 0, 90], "translation": [1.5, 0.1, 0.0]}
+    scene = ddf.read_scene(_write(tmp_path, {"objects": [{"field": "rabbit"}, beside], "up": "z"}))
+    matrix = np.eye(4)
+    matrix[:3, :3] = 0.5 * np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # x -> x -> y, y -> z -> z, z -> -y -> x
+    matrix[:3, 3] = 1.5, 0.1, 0.0
+    rabbit = ddf.load("rabbit")
+    composed = ddf.compose([rabbit, rabbit], [np.eye(4), matrix])
+    np.testing.assert_allclose(scene.box, composed.box)
+    np.testing.assert_allclose(scene.render(size=16)["depth"], composed.render(size=16)["depth"], atol=1e-5)
+
+
+def test_a_box_cuts_away_what_lies_before_it(tmp_path):
+    front, along = [[0.0, 0.45, 5.0]], [[0.0, 0.0, -1.0]]
+    objects = [{"field": "rabbit"}, {"field": "rabbit", "translation": [0, 0, -3]}]
+    whole = ddf.read_scene(_write(tmp_path, {"objects": objects})).query(front, along)["depth"]
+    box = {"lower": [-1, -1, -4], "upper": [1, 2, -1.2]}
+    cut = ddf.read_scene(_write(tmp_path, {"objects": objects, "box": box})).query(front, along)["depth"]
+    assert cut[0] == pytest.approx(whole[0] + 3, abs=2e-3)
+
+
+def test_softness_of_a_file_is_that_of_compose(tmp_path):
+    rabbit, objects = ddf.load("rabbit"), [{"field": "rabbit"}, {"field": "rabbit", "translation": [0, 0, -2]}]
+    soft = ddf.read_scene(_write(tmp_path, {"objects": objects, "soft": 0.3})).render(90, 10, size=16)["depth"]
+    behind = np.eye(4)
+    behind[2, 3] = -2
+    same, hard = (
+        ddf.compose([rabbit] * 2, [np.eye(4), behind], t).render(90, 10, size=16)["depth"] for t in (0.3, None)
+    )
+    np.testing.assert_allclose(soft, same)
+    seen = np.isfinite(soft) & np.isfinite(hard)
+    assert np.abs(soft[seen] - hard[seen]).max() > 0.1
+
+
+def test_paths_of_fields_begin_at_the_scene_file(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "field.onnx").write_bytes(b"nothing")
+    with pytest.raises(checks.InputError, match=r"mine/field\.onnx: not an ONNX file"):
+        ddf.read_scene(_write(tmp_path, {"objects": [{"field": "mine"}]}))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("objects: [", "not valid YAML"),
+        ("3", "scene must be a mapping"),
+        ({}, "key 'objects' is missing"),
+        ({"objects": []}, "objects must list one field or more"),
+        ({"objects": [{"scale": 2.0}]}, r"scene\.objects\[0\]: key 'field' is missing"),
+        ({"objects": [{"field": "rabbit", "scale": 0.0}]}, "scale must be positive; got 0"),
+        ({"objects": [{"field": "rabbit", "turn": 1}]}, "unknown key 'turn'"),
+        ({"objects": [{"field": "rabbit", "translation": [0, 1]}]}, "must have 3 entries; got 2"),
+        ({"objects": [{"field": "rabbit"}], "up": "x"}, "up must be one of y, z"),
+        ({"objects": [{"field": "rabbit"}], "soft": -1.0}, "soft must be positive, or null"),
+        ({"objects": [{"field": "rabbit"}], "box": {"lower": [0, 0, 0], "upper": [1, 0, 1]}}, "lower must be below"),
+        ({"objects": [{"field": "rabbit"}], "fly": [PATH | {"target": [0, 0, 3]}]}, "must look away"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named(content, message, tmp_path):
+    file = _write(tmp_path, content)
+    with pytest.raises(checks.InputError, match=message) as caught:
+        ddf.read_scene(file)
+    assert str(file) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_missing_files_and_fields_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match="absent"):
+        ddf.read_scene(tmp_path / "absent.yaml")
+    with pytest.raises(FileNotFoundError, match="hare: no such file"):
+        ddf.read_scene(_write(tmp_path, {"objects": [{"field": "hare"}]}))
+    file = tmp_path / "bytes.yaml"
+    file.write_bytes(b"\xff\xfe")
+    with pytest.raises(checks.InputError, match=r"bytes\.yaml: not a UTF-8"):
+        ddf.read_scene(file)

@@ -1,0 +1,100 @@
+"""Composites of closed forms against the same surfaces cast as one: every output, hard and soft."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from _shapes import random_rays
+
+from ddf.fields import framed_field
+from ddf.fields.scenes import closed_form, scene_field
+from ddf.geometry import primitives, rays, transforms
+
+OUTPUTS = ("visibility", "depth", "normals", "mean_curvature", "gaussian_curvature")
+SPHERE, TORUS = closed_form.ClosedForm(primitives.Sphere(radius=0.8)), closed_form.ClosedForm(primitives.Torus())
+TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # a quarter about y
+PLACES = (
+    transforms.Similarity(0.5, TURN, np.array([0.7, 0.1, 0.0])),
+    transforms.Similarity(0.25, np.eye(3), -np.ones(3) / 2),
+)
+UNION = primitives.Union((primitives.Sphere((0.7, 0.1, 0.0), 0.4), primitives.Sphere((-0.5, -0.5, -0.5), 0.2)))
+
+
+def _scene(fields=(SPHERE, SPHERE), blend=None):
+    return scene_field.SceneField(fields, PLACES, np.full(3, -1.5), np.full(3, 1.5), blend)
+
+
+def _points(count=3000, seed=1):
+    points = random_rays(count, seed, spread=1.2)
+    return rays.OrientedPoints(points.positions.numpy(), points.directions.numpy())
+
+
+def _through_both(count=300):
+    """Rays from a point within the first object to one within the second, from before the first."""
+    rng = np.random.default_rng(2)
+    inside = [place.apply(0.5 * rng.uniform(-1, 1, (count, 3))) for place in PLACES]
+    directions = (inside[1] - inside[0]) / np.linalg.norm(inside[1] - inside[0], axis=1, keepdims=True)
+    return rays.OrientedPoints(inside[0] - directions, directions)
+
+
+def test_every_output_of_a_scene_is_that_of_the_surfaces_cast_as_one():
+    points = _points()
+    found, _ = framed_field.query(_scene(), points, OUTPUTS)
+    tensors = rays.OrientedPoints(torch.from_numpy(points.positions), torch.from_numpy(points.directions))
+    hits, curvatures = primitives.cast(UNION, tensors), primitives.curvatures(UNION, tensors)
+    assert 100 < hits.visible.sum() < 2000
+    for name, truth in (
+        ("visibility", hits.visible.double()),
+        ("depth", hits.depth),
+        ("normals", hits.normals),
+        ("mean_curvature", curvatures.sum(-1)),
+        ("gaussian_curvature", curvatures.prod(-1)),
+    ):
+        np.testing.assert_allclose(found[name], truth.numpy(), atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize("fields", [(SPHERE, SPHERE), (SPHERE, TORUS)])
+def test_soft_goes_to_hard_with_the_temperature(fields):
+    points = _through_both()
+    hard, _ = framed_field.query(_scene(fields), points, OUTPUTS)
+    both = np.isfinite(hard["depth"])
+    gaps = []
+    for temperature in (1.0, 0.1, 1e-6):
+        soft, _ = framed_field.query(_scene(fields, scene_field.Blend(temperature)), points, OUTPUTS)
+        np.testing.assert_allclose(np.linalg.norm(soft["normals"][both], axis=-1), 1.0)
+        gaps.append(np.abs(soft["depth"][both] - hard["depth"][both]).mean())
+    assert both.sum() > 100 and gaps[0] > 2 * gaps[1] > 0
+    for name in OUTPUTS:
+        np.testing.assert_allclose(soft[name][both], hard[name][both], atol=1e-9, err_msg=name)
+
+
+def test_soft_normals_are_the_weighted_mean_of_both_fields():
+    """Two spheres seen one behind the other, on axis, have one normal; off axis the mean of two."""
+    scene = dataclasses.replace(
+        _scene(blend=scene_field.Blend(0.5)),
+        scene_from_mesh=(transforms.Similarity(0.5), transforms.Similarity(0.5, np.eye(3), np.array([0.0, 0.0, -1.0]))),
+    )
+    start, along = np.array([[0.1, 0.0, 1.4]]), np.array([[0.0, 0.0, -1.0]])
+    found = scene.evaluate(start, along, ("depth", "normals"))
+    parts = [primitives.Sphere((0.0, 0.0, z), 0.4) for z in (0.0, -1.0)]
+    tensors = rays.OrientedPoints(torch.from_numpy(start), torch.from_numpy(along))
+    depths, normals = (
+        np.concatenate([getattr(primitives.cast(part, tensors), name).numpy() for part in parts])
+        for name in ("depth", "normals")
+    )
+    weights = np.exp(1 / (0.5 * (0.05 + depths)))
+    weights /= weights.sum()
+    mean = weights @ normals
+    np.testing.assert_allclose(found["depth"], weights @ depths)
+    np.testing.assert_allclose(found["normals"][0], mean / np.linalg.norm(mean))
+
+
+def test_only_the_field_that_is_seen_is_asked_for_normals():
+    counted = tuple(scene_field.Counted(SPHERE) for _ in PLACES)
+    points = _points()
+    depth, _ = framed_field.query(_scene(counted), points, ("depth",))
+    for_depth = sum(field.queries for field in counted)
+    assert 0 < for_depth < len(points.positions)
+    framed_field.query(_scene(counted), points, ("depth", "normals"))
+    assert sum(field.queries for field in counted) == 2 * for_depth + np.isfinite(depth["depth"]).sum()
