@@ -57,6 +57,11 @@ def cell(value: Any) -> str:
     return str(value)
 
 
+def left_out(remarks: Sequence[str]) -> str:
+    """The end of a verdict on a mesh: what its reader left out; nothing where it took all."""
+    return f"; of the file: {'; '.join(remarks)}" if remarks else ""
+
+
 def _lines(result: Mapping[str, Any]) -> list[str]:
     pairs = list(_flat(result))
     width = max((len(name) for name, _ in pairs), default=0)

@@ -84,3 +84,11 @@ def test_stage_fits_the_mesh_of_the_config_or_a_procedural_chair(work, tmp_path,
 
 def test_default_config_file_is_the_default_of_the_command():
     assert config.load(ROOT / "configs" / "fit.yaml", fit_settings.FitConfig) == fit_settings.DEFAULT
+
+
+def test_what_the_reader_left_out_is_said(work, capsys):
+    text = (work / "torus.ply").with_name("half.obj")
+    text.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2\nf 1 3 4\nf 1 2 4\nf 2 3 4\n")
+    arguments = ["fit", str(text), str(work / "half"), "--config", str(work / "tiny.yaml"), "--steps", "1"]
+    assert cli.main(arguments) == 0
+    assert capsys.readouterr().out.rstrip().endswith("of the file: 1 faces of fewer than three corners are left out")

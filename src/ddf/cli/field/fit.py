@@ -51,8 +51,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     rows = [(kind, *(held_out[name][kind] for name in ("depth_l1", "visibility_bce"))) for kind in held_out["depth_l1"]]
     return {
         **result,
+        "left_out": list(mesh.remarks),
         "out": args.out.as_posix(),
         "table": results.grid(("held-out type", "depth L1", "visibility BCE"), rows),
         "verdict": f"normals off by {results.cell(held_out['normal_angle_deg_median'])} degrees (median) after "
-        f"{result['steps']:,} steps in {result['seconds']:.0f} s; field in {args.out}",
+        f"{result['steps']:,} steps in {result['seconds']:.0f} s; field in {args.out}{results.left_out(mesh.remarks)}",
     }

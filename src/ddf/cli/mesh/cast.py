@@ -5,7 +5,7 @@ import io
 from pathlib import Path
 from typing import Any
 
-from ddf.cli import arguments
+from ddf.cli import arguments, results
 
 FAR = 1e-3  # of the diagonal: what float32 rays may be off by before the user is told
 EXAMPLES = ("ddf cast shape.obj --rays rays.npz --out hits.npz",)
@@ -33,6 +33,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     storage.write_bytes(args.out, buffer.getvalue())
     rays, seen = len(hits.depth), int(hits.visible.sum())
     verdict = f"{seen:,} of {rays:,} rays hit; depth is in units of {args.mesh}, inf on a miss"
+    verdict += results.left_out(mesh.remarks)
     bound = raycast.float32_bound(mesh, points)
     if bound > FAR * mesh.diagonal():
         verdict += f"; starts lie so far away that float32 positions or directions are off by up to {bound:.2g}"

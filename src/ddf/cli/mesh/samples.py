@@ -58,7 +58,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         box=args.box,
         seed=args.seed,
     )
-    mesh, field_from_raw = _field_mesh(mesh_io.load(args.mesh), args.watertight)
+    raw = mesh_io.load(args.mesh)
+    mesh, field_from_raw = _field_mesh(raw, args.watertight)
     arrays, probes = sampling.extract(mesh, config)
     metadata = {
         "seed": args.seed,
@@ -73,11 +74,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "counts": counts,
         "hit_share": shares,
         **metadata,
+        "left_out": list(raw.remarks),
         "out": args.out.as_posix(),
         "table": results.grid(
             ("type", "samples", "hit"), [(kind, count, f"{shares[kind]:.1%}") for kind, count in counts.items()]
         ),
-        "verdict": f"{sum(counts.values()):,} samples in {args.out}",
+        "verdict": f"{sum(counts.values()):,} samples in {args.out}{results.left_out(raw.remarks)}",
     }
 
 
