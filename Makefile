@@ -40,11 +40,16 @@ dag: $(READY) ## the stages of CONFIG as a graph: text, artifacts/<experiment>/d
 	$(run) --dag
 
 ##@ Quality
-test: test-fast smoke ## set-up, lint, types, unit tests, then the smoke pipeline
+test: test-fast test-browser smoke ## set-up, lint, types, unit tests, the viewer's page, then the smoke pipeline
 test-fast: lint ## lint, types and unit tests
 	@$(RUN) -m pytest -q
 test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged files
 	@$(RUN) -m pytest -q -m slow
+test-browser: $(READY) ## the page of `ddf view` in a real Chromium (installed by apt-get as root; skipped where there is none)
+	@if .ci/chromium >/dev/null; then $(RUN) -m pytest -q -m browser tests/export; \
+	else echo "no Chromium: the tests of the viewer's page are left out (apt-get install chromium)"; fi
+viewer: ## the page's template of `ddf view` from viewer/src, with npm's packages; needs node
+	@cd viewer && npm install --silent && npm run --silent check && npm run --silent build
 test-gpu: $(READY) ## the tests marked gpu, on a machine that has one
 	@$(RUN) -m pytest -q -m gpu
 lint: $(READY) ## format check, lint and types

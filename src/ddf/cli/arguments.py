@@ -42,10 +42,13 @@ def add_rays(parser: argparse.ArgumentParser, frame: str) -> None:
     )
 
 
-def add_out(parser: argparse.ArgumentParser, name: str, metavar: str, help: str) -> None:
-    """A file that the command writes, `out` or `--out`; its folder must be there, or be asked for."""
-    required: dict[str, Any] = {"required": True} if name.startswith("-") else {}
-    parser.add_argument(name, metavar=metavar, type=Path, help=help, **required)
+def add_out(parser: argparse.ArgumentParser, name: str, metavar: str, help: str, optional: bool = False) -> None:
+    """A file that the command writes, `out` or `--out`; its folder must be there, or be asked for.
+
+    optional: `out` may be left away.
+    """
+    how: dict[str, Any] = {"required": True} if name.startswith("-") else {"nargs": "?"} if optional else {}
+    parser.add_argument(name, metavar=metavar, type=Path, help=help, **how)
     parser.set_defaults(**{_WRITES: name.lstrip("-")})
     parser.add_argument("--make-folders", action="store_true", help="make the folder of the output where it is missing")
 
@@ -61,6 +64,8 @@ def require_places(args: argparse.Namespace) -> None:
     from ddf.core import checks  # takes numpy, which bare help and `ddf doctor` do without
 
     out = getattr(args, getattr(args, _WRITES))
+    if out is None:
+        return
     if out.exists() and not out.is_file():
         raise checks.InputError(f"{out}: not a regular file; give the name of a file to write")
     if args.make_folders:

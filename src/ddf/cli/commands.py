@@ -25,6 +25,7 @@ COMMANDS = {
     "fit": Command("field.fit", "fit a field to one mesh, with held-out errors per sample type"),
     "query": Command("field.query", "what a field says along given rays: depth, visibility, normals, ..."),
     "render": Command("field.render", "a picture, or the arrays, of what a camera sees of a field"),
+    "view": Command("field.view", "a page that renders a field live, as one file that any browser opens"),
     "points": Command("field.points", "a point cloud with normals on the surface of a field"),
     "udf": Command("field.udf", "unsigned distances to the surface of a field, and where it is nearest"),
     "scene": Command("field.scene", "several fields in one scene, from one camera or along a path"),

@@ -1,4 +1,4 @@
-"""`ddf export`: a trained model as an ONNX file, compared with the model in onnxruntime before it is written."""
+"""`ddf export`: a trained model as an ONNX file, compared with the model in onnxruntime first; or as a page."""
 
 import argparse
 from pathlib import Path
@@ -10,6 +10,7 @@ from ddf.core import shipped_models
 EXAMPLES = (
     "ddf export rabbit field.onnx",
     "ddf export rabbit small.onnx --precision float16 --outputs depth,visibility",
+    "ddf export rabbit rabbit.html",
 )
 PRECISIONS = ("float32", "float16", "bfloat16", "int8")  # of `weight_precision`
 BATCHES = (1, 7, 65536)  # rays that the file and the model are compared with
@@ -23,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=shipped_models.place,
         help="trained model (artifacts/cpu/train_ddf/chair), a folder that `ddf fit` wrote, or a name of `ddf models`",
     )
-    arguments.add_out(parser, "out", "OUT.onnx", "file to write")
+    arguments.add_out(parser, "out", "OUT", "file to write: .onnx, or .html for the page of `ddf view`")
     parser.add_argument(
         "--graph",
         help="field, encoders or image_field of a DDF model (field if not given), pcsiren or pcsiren_encoders",
@@ -46,6 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Export, compare, write; `parity` has the worst difference of every output over all inputs tried."""
+    if args.out.suffix.lower() == ".html":
+        return _page(args)
     from ddf.core import checks, config
     from ddf.export import exportable, onnx_file
     from ddf.fields import field_outputs
@@ -77,3 +80,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "verdict": f"{args.out}: graph {name}, opset {onnx_file.OPSET}, {args.precision}, {rows[0].bytes:,} bytes; "
         f"onnxruntime and torch differ most in {worst}, by {results.cell(parity[worst]['max_abs'])}",
     }
+
+
+def _page(args: argparse.Namespace) -> dict[str, Any]:
+    """The page that renders the model live."""
+    from ddf.export import viewable, viewer_page
+
+    size = viewer_page.write(args.out, viewable.page(args.model))
+    return {"out": args.out.as_posix(), "bytes": size, "verdict": f"{args.out}: {size:,} bytes; any browser opens it"}

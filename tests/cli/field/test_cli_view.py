@@ -1,0 +1,40 @@
+"""`ddf view` and `ddf export OUT.html`: a page; bad input is one line and exit code 2."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ddf import cli
+
+
+@pytest.mark.parametrize("command", ["view", "export"])
+def test_the_page_is_written(command, work, fitted, capsys):
+    out = work / f"{command}.html"
+    assert cli.main([command, "--json", str(fitted[0]), str(out)]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["bytes"] == out.stat().st_size and "<title>field</title>" in out.read_text()
+
+
+def test_without_a_file_the_browser_is_asked(fitted, capsys, monkeypatch):
+    asked = []
+    monkeypatch.setattr("webbrowser.open", lambda address: asked.append(address) or True)
+    assert cli.main(["view", "--json", str(fitted[0])]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["opened"] and asked == [Path(result["out"]).as_uri()] and Path(result["out"]).is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["rabbit", "page.png"], "must end in .html"),
+        (["no_such_field", "page.html"], "no such field"),
+        (["rabbit", "no/such/folder/page.html"], "there is no folder"),
+    ],
+)
+def test_bad_input_is_one_line(words, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["view", *words]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []

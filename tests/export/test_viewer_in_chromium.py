@@ -1,0 +1,119 @@
+"""The viewer's page in a real Chromium, with software rendering: its numbers are those of `Field.render`."""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from _support import assert_close
+
+import ddf
+from ddf.core import shipped_models
+from ddf.export import viewable, viewer_page
+
+sync_api = pytest.importorskip("playwright.sync_api")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium"),
+]
+SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
+PATIENCE_MS = 120_000
+
+
+@dataclass
+class Opened:
+    """A page, and what it should not have done."""
+
+    page: Any
+    faults: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+    def render(self, outputs: tuple[str, ...], size: int) -> dict[str, Any]:
+        """What the page computes from the camera of `Field.render`."""
+        found = self.page.evaluate("([size, outputs]) => ddf.render({}, size, outputs)", [size, list(outputs)])
+        shapes = {name: (size, size, 3) if name.startswith("normals") else (size, size) for name in outputs}
+        arrays = {name: np.array(found[name], dtype=float).reshape(shape) for name, shape in shapes.items()}
+        return arrays | {"evaluated": found["evaluated"]}
+
+    def require_quiet(self) -> None:
+        """No error was reported, and nothing was asked for but the file itself."""
+        assert self.faults == []
+        assert self.requests == [self.page.url.partition("#")[0]]
+
+    def still(self) -> None:
+        """Wait for the picture at rest."""
+        self.page.wait_for_selector("body[data-state=still]", timeout=PATIENCE_MS)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as driver:
+        yield driver.chromium.launch(executable_path=CHROMIUM, args=list(SOFTWARE))
+
+
+def _open(browser: Any, file: Path, asked: str, **how: Any) -> Opened:
+    opened = Opened(browser.new_page(**how))
+    opened.page.on("console", lambda message: opened.faults.append(message.text) if message.type == "error" else None)
+    opened.page.on("pageerror", lambda error: opened.faults.append(str(error)))
+    opened.page.on("request", lambda request: opened.requests.append(request.url))
+    opened.page.goto(f"{file.as_uri()}#{asked}")
+    opened.page.set_default_timeout(PATIENCE_MS)
+    return opened
+
+
+@pytest.fixture(scope="module")
+def rabbit(browser, tmp_path_factory) -> Iterator[Opened]:
+    file = tmp_path_factory.mktemp("pages") / "rabbit.html"
+    viewer_page.write(file, viewable.page(shipped_models.place("rabbit")))
+    opened = _open(browser, file, "size=16&mode=depth")
+    opened.still()
+    yield opened
+    opened.require_quiet()  # of all tests that use the page
+
+
+def test_pixels_are_those_of_field_render(rabbit):
+    outputs = ("visibility", "depth", "normals")
+    found, expected = rabbit.render(outputs, 64), ddf.load("rabbit").render(35, 25, size=64, outputs=outputs)
+    seen = np.isfinite(expected["depth"])
+    assert seen.sum() > 500 and 0 < found["evaluated"] < 64 * 64
+    assert_close(found["visibility"], expected["visibility"], atol=1e-4, rtol=0.0)
+    assert_close(found["depth"], expected["depth"], atol=1e-3, rtol=0.0)
+    cosines = (found["normals"] * expected["normals"]).sum(-1)[seen]
+    assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() < 1.0
+
+
+def test_keys_turn_the_camera_and_choose_what_is_shown(rabbit):
+    azimuth = rabbit.page.evaluate("ddf.view.camera.azimuth")
+    before = rabbit.page.get_attribute("#canvas", "aria-label")
+    rabbit.page.focus("#frame")
+    rabbit.page.keyboard.press("ArrowRight")
+    rabbit.page.keyboard.press("4")
+    rabbit.still()
+    assert rabbit.page.evaluate("ddf.view.camera.azimuth") == pytest.approx(azimuth + 6)
+    assert rabbit.page.is_checked("input[value=visibility]")
+    said = rabbit.page.get_attribute("#canvas", "aria-label")
+    assert said != before and "visibility" in said and "azimuth 41" in said
+    rabbit.page.keyboard.press("r")
+    rabbit.still()
+    assert rabbit.page.evaluate("ddf.view.camera.azimuth") == azimuth
+
+
+def test_drag_and_wheel_orbit_and_zoom(rabbit):
+    start = rabbit.page.evaluate("ddf.view.camera")
+    box = rabbit.page.locator("#frame").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    rabbit.page.mouse.move(x, y)
+    rabbit.page.mouse.down()
+    rabbit.page.mouse.move(x + 60, y + 30)
+    rabbit.page.mouse.up()
+    rabbit.page.mouse.wheel(0, 100)
+    rabbit.still()
+    moved = rabbit.page.evaluate("ddf.view.camera")
+    assert moved["azimuth"] > start["azimuth"] and moved["elevation"] > start["elevation"]
+    assert moved["radius"] > start["radius"]
+    rabbit.page.get_by_role("button", name="Back to the start").click()
+    rabbit.still()

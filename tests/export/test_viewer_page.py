@@ -1,0 +1,80 @@
+"""The viewer's page: one file, nothing outside it; built from the sources beside it."""
+
+import base64
+import gzip
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from _support import assert_close
+
+from ddf.core import checks, shipped_models
+from ddf.export import viewable, viewer_page
+
+SOURCES = Path(__file__).resolve().parents[2] / "viewer"
+LARGEST = 3_000_000  # bytes of a page with a field of 5 layers of 128
+
+
+@pytest.fixture(scope="module")
+def page() -> viewer_page.Page:
+    return viewable.page(shipped_models.place("rabbit"))
+
+
+@pytest.fixture(scope="module")
+def text(page) -> str:
+    return viewer_page.render(page).decode()
+
+
+def _element(text: str, name: str) -> str:
+    (found,) = re.findall(rf'<script type="[^"]*" id="{name}">(.*?)</script>', text, re.DOTALL)
+    return found
+
+
+def test_the_page_is_small(text):
+    assert len(text) < LARGEST
+
+
+def test_the_page_may_load_nothing(text):
+    policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', text)
+    assert policy is not None and policy[1].startswith("default-src 'none'")
+    assert not re.search(r"https?:|src=|@import", text.replace(policy[0], ""))
+
+
+def test_the_weights_are_in_the_page(text, page):
+    data = gzip.decompress(base64.b64decode(_element(text, "ddf-weights")))
+    assert_close(np.frombuffer(data, np.float32), page.fields[0].numbers)
+
+
+def test_a_title_cannot_end_its_element(page):
+    odd = viewer_page.Page("</title><b>", "</script>", page.corners, page.fields)
+    text = viewer_page.render(odd).decode()
+    assert "&lt;/title&gt;&lt;b&gt;" in text and json.loads(_element(text, "ddf-page"))["about"] == "</script>"
+
+
+def test_pages_are_equal_for_equal_fields(text, page):
+    assert viewer_page.render(page).decode() == text
+
+
+def test_an_onnx_file_has_no_weights_for_the_page():
+    with pytest.raises(checks.InputError, match="give the folder"):
+        viewable.page(shipped_models.place("rabbit") / "field.onnx")
+
+
+def test_a_page_of_nothing_names_what_is_missing(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no such field"):
+        viewable.page(tmp_path / "nothing")
+
+
+@pytest.mark.browser
+def test_the_built_template_is_that_of_the_sources(tmp_path):
+    node = shutil.which("node")
+    if node is None or not (SOURCES / "node_modules").is_dir():
+        pytest.skip("needs node and the packages of viewer/: make viewer")
+    subprocess.run([node, SOURCES / "node_modules/typescript/bin/tsc", "--noEmit"], cwd=SOURCES, check=True)
+    subprocess.run([node, "build.mjs", tmp_path], cwd=SOURCES, check=True)
+    for built in tmp_path.iterdir():
+        assert built.read_bytes() == (viewer_page.BUILT / built.name).read_bytes(), f"{built.name}: run make viewer"

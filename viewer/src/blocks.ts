@@ -1,0 +1,24 @@
+/** The data that Python wrote into the page. */
+
+import type { FieldRecord } from "./field.ts";
+import type { Vector } from "./vectors.ts";
+
+/** Record `page` of the page, see Python's `viewer_page`. */
+export interface PageRecord {
+  title: string;
+  about: string; // one sentence
+  up: "y" | "z";
+  corners: Vector[]; // of the box that cameras are about, frame of the world
+  fields: FieldRecord[];
+}
+
+export const readPage = (): PageRecord => JSON.parse(document.getElementById("ddf-page")!.textContent!) as PageRecord;
+
+/** A block of the page, which is there as gzip in base64. */
+export async function readBlock(id: string): Promise<ArrayBuffer | null> {
+  const text = document.getElementById(id)?.textContent?.trim();
+  if (!text) return null;
+  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Response(stream).arrayBuffer();
+}

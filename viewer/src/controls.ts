@@ -1,0 +1,104 @@
+/** Mouse, touch and keyboard to the camera: orbit, zoom, walk. */
+
+import { axes, unitOf, type Camera, type Stage } from "./camera.ts";
+import { add, scaled } from "./vectors.ts";
+
+const DEGREES_PER_WIDTH = 200; // that a drag over the whole picture turns the camera
+const [NEAREST, FARTHEST] = [0, 20]; // radius, benchmark units
+const STEP = 0.04; // of a walk, in diagonals of the box
+const TURN = 6; // degrees, of an arrow key
+
+export const HELP =
+  "Drag, or arrow keys: turn. Wheel, pinch, + and −: nearer and farther. W A S D, Q E: walk, also into the box. 1 to 7: what is shown. R: back to the start.";
+
+/** The camera after a turn; elevations stay short of the poles' other side. */
+export function turned(camera: Camera, azimuth: number, elevation: number): Camera {
+  return {
+    ...camera,
+    azimuth: (((camera.azimuth + azimuth) % 360) + 360) % 360,
+    elevation: Math.min(90, Math.max(-90, camera.elevation + elevation)),
+  };
+}
+
+export function zoomed(camera: Camera, factor: number): Camera {
+  return { ...camera, radius: Math.min(FARTHEST, Math.max(NEAREST, camera.radius * factor)) };
+}
+
+/** The camera and what it looks at, moved along its own axes by shares of the diagonal. */
+export function walked(camera: Camera, stage: Stage, right: number, up: number, forward: number): Camera {
+  const [x, y, z] = axes(camera, stage.up);
+  const far = 0.57 * unitOf(stage);
+  const by = add(add(scaled(x, right * far), scaled(y, up * far)), scaled(z, -forward * far));
+  return { ...camera, target: add(camera.target, by) };
+}
+
+const KEYS: Record<string, (camera: Camera, stage: Stage) => Camera> = {
+  ArrowLeft: (c) => turned(c, -TURN, 0),
+  ArrowRight: (c) => turned(c, TURN, 0),
+  ArrowUp: (c) => turned(c, 0, TURN),
+  ArrowDown: (c) => turned(c, 0, -TURN),
+  "+": (c) => zoomed(c, 0.9),
+  "=": (c) => zoomed(c, 0.9),
+  "-": (c) => zoomed(c, 1 / 0.9),
+  w: (c, s) => walked(c, s, 0, 0, STEP),
+  s: (c, s) => walked(c, s, 0, 0, -STEP),
+  a: (c, s) => walked(c, s, -STEP, 0, 0),
+  d: (c, s) => walked(c, s, STEP, 0, 0),
+  q: (c, s) => walked(c, s, 0, -STEP, 0),
+  e: (c, s) => walked(c, s, 0, STEP, 0),
+};
+
+export interface Controlled {
+  camera: Camera;
+  readonly stage: Stage;
+  refresh(): void;
+}
+
+/** Listen on an element that can have the focus. */
+export function control(element: HTMLElement, view: Controlled): void {
+  const set = (camera: Camera): void => {
+    view.camera = camera;
+    view.refresh();
+  };
+  const fingers = new Map<number, [number, number]>();
+  const apart = (): number => {
+    const [a, b] = [...fingers.values()];
+    return a && b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0;
+  };
+  element.addEventListener("pointerdown", (event) => {
+    element.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, [event.clientX, event.clientY]);
+  });
+  element.addEventListener("pointermove", (event) => {
+    const before = fingers.get(event.pointerId);
+    if (!before) return;
+    const gap = apart();
+    fingers.set(event.pointerId, [event.clientX, event.clientY]);
+    const degrees = DEGREES_PER_WIDTH / element.clientWidth;
+    if (fingers.size === 2) {
+      set(zoomed(view.camera, gap / Math.max(apart(), 1)));
+    } else if (event.shiftKey) {
+      const [x, y] = [event.clientX - before[0], event.clientY - before[1]].map((by) => by / element.clientWidth);
+      set(walked(view.camera, view.stage, -x!, y!, 0));
+    } else {
+      set(turned(view.camera, (event.clientX - before[0]) * degrees, (event.clientY - before[1]) * degrees));
+    }
+  });
+  const lift = (event: PointerEvent): boolean => fingers.delete(event.pointerId);
+  element.addEventListener("pointerup", lift);
+  element.addEventListener("pointercancel", lift);
+  element.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      set(zoomed(view.camera, Math.exp(Math.sign(event.deltaY) * 0.08)));
+    },
+    { passive: false },
+  );
+  element.addEventListener("keydown", (event) => {
+    const act = KEYS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    set(act(view.camera, view.stage));
+  });
+}

@@ -1,0 +1,167 @@
+/** Fields that stand in a world, asked along rays: as `ddf.fields.framed_field.query` and `ddf.api.scene`. */
+
+import { widthOf, type Engine, type Output } from "./engine.ts";
+import type { Rays } from "./camera.ts";
+import type { NetworkRecord } from "./network.ts";
+import { compose, corners, inverse, type Similarity, type Vector } from "./vectors.ts";
+
+export const SEEN = 0.5; // visibility from which on a surface counts as seen
+
+/** What Python's `viewer_fields` says of a field. */
+export interface FieldRecord extends NetworkRecord {
+  name: string;
+  lower: Vector; // of the box, frame of the field
+  upper: Vector;
+  field_from_mesh: Similarity;
+  world_from_mesh: Similarity;
+}
+
+/** Answers in the frame of the world. Where nothing is seen depth is infinite and all but the visibility is 0. */
+export interface Answers {
+  values: Partial<Record<Output, Float32Array>>;
+  depth: Float64Array;
+  nearest: Int8Array; // which field is seen, -1 where none is
+  seen: number;
+  evaluated: number; // rays that a field was asked for, all fields together
+}
+
+export class Field {
+  constructor(
+    readonly record: FieldRecord,
+    readonly engine: Engine,
+  ) {}
+
+  get fieldFromWorld(): Similarity {
+    return compose(this.record.field_from_mesh, inverse(this.record.world_from_mesh));
+  }
+
+  /** Corners of its box and its middle, frame of the world. */
+  get worldCorners(): Vector[] {
+    const worldFromField = inverse(this.fieldFromWorld);
+    return corners(this.record.lower, this.record.upper).map((corner) => move(worldFromField, corner));
+  }
+}
+
+const move = (map: Similarity, p: Vector): Vector =>
+  map.rotation.map((row, i) => map.scale * (row[0] * p[0] + row[1] * p[1] + row[2] * p[2]) + map.translation[i]!) as Vector;
+
+/** Rays of one field: where they enter its box (its frame), how far that is, and which of all rays they are. */
+interface Entered {
+  index: Int32Array;
+  positions: Float32Array;
+  directions: Float32Array;
+  distances: Float64Array;
+}
+
+/** Slab test in double precision (`rays.enter_box`); only rays that meet the box before `limit` (world units) are kept. */
+export function enterBox(field: Field, rays: Rays, limit: Float64Array | null): Entered {
+  const map = field.fieldFromWorld;
+  const [[a, b, c], [d, e, f], [g, h, i]] = map.rotation;
+  const { lower, upper } = field.record;
+  const index = new Int32Array(rays.count);
+  const positions = new Float32Array(3 * rays.count);
+  const directions = new Float32Array(3 * rays.count);
+  const distances = new Float64Array(rays.count);
+  const [p, v] = [[0, 0, 0], [0, 0, 0]];
+  let kept = 0;
+  for (let ray = 0; ray < rays.count; ray++) {
+    const [x, y, z] = [rays.positions[3 * ray]!, rays.positions[3 * ray + 1]!, rays.positions[3 * ray + 2]!];
+    const [s, t, u] = [rays.directions[3 * ray]!, rays.directions[3 * ray + 1]!, rays.directions[3 * ray + 2]!];
+    p[0] = map.scale * (a * x + b * y + c * z) + map.translation[0];
+    p[1] = map.scale * (d * x + e * y + f * z) + map.translation[1];
+    p[2] = map.scale * (g * x + h * y + i * z) + map.translation[2];
+    v[0] = a * s + b * t + c * u;
+    v[1] = d * s + e * t + f * u;
+    v[2] = g * s + h * t + i * u;
+    let [near, far] = [0, Infinity];
+    for (let axis = 0; axis < 3; axis++) {
+      if (v[axis] === 0) {
+        if (p[axis]! < lower[axis]! || p[axis]! > upper[axis]!) far = -Infinity;
+        continue;
+      }
+      const [one, other] = [(lower[axis]! - p[axis]!) / v[axis]!, (upper[axis]! - p[axis]!) / v[axis]!];
+      near = Math.max(near, Math.min(one, other));
+      far = Math.min(far, Math.max(one, other));
+    }
+    if (near > far || (limit !== null && near / map.scale >= limit[ray]!)) continue;
+    index[kept] = ray;
+    distances[kept] = near;
+    for (let axis = 0; axis < 3; axis++) {
+      const entry = p[axis]! + near * v[axis]!;
+      positions[3 * kept + axis] = Math.min(Math.max(entry, lower[axis]!), upper[axis]!);
+      directions[3 * kept + axis] = v[axis]!;
+    }
+    kept++;
+  }
+  return {
+    index: index.subarray(0, kept),
+    positions: positions.subarray(0, 3 * kept),
+    directions: directions.subarray(0, 3 * kept),
+    distances: distances.subarray(0, kept),
+  };
+}
+
+/**
+ * The nearest of what the fields say along rays: [DDF22] §4.1 with the hard choice. Fields are asked from the nearest on,
+ * and no field for rays that have hit something before they reach its box; unless visibility is asked for, which all
+ * fields have a part in.
+ */
+export async function query(
+  fields: readonly Field[],
+  rays: Rays,
+  outputs: readonly Output[],
+  signal?: AbortSignal,
+): Promise<Answers> {
+  const found: Answers = {
+    values: Object.fromEntries(outputs.map((name) => [name, new Float32Array(rays.count * widthOf(name))])),
+    depth: new Float64Array(rays.count).fill(Infinity),
+    nearest: new Int8Array(rays.count).fill(-1),
+    seen: 0,
+    evaluated: 0,
+  };
+  const start: Vector = [rays.positions[0]!, rays.positions[1]!, rays.positions[2]!];
+  const away = (field: Field): number =>
+    Math.min(...field.worldCorners.map((corner) => Math.hypot(...corner.map((value, i) => value - start[i]!))));
+  const order = fields.map((field, index) => ({ field, index, far: away(field) })).sort((a, b) => a.far - b.far);
+  for (const { field, index } of order) await ask(field, index, rays, outputs, found, signal);
+  found.seen = found.nearest.reduce((sum, which) => sum + (which >= 0 ? 1 : 0), 0);
+  if (found.values.depth) found.values.depth.set(found.depth);
+  return found;
+}
+
+async function ask(
+  field: Field,
+  which: number,
+  rays: Rays,
+  outputs: readonly Output[],
+  found: Answers,
+  signal?: AbortSignal,
+): Promise<void> {
+  const all = found.values.visibility;
+  const entered = enterBox(field, rays, all ? null : found.depth);
+  const names = new Set<Output>(["visibility", "depth", ...outputs]);
+  const answers = await field.engine.evaluate(entered.positions, entered.directions, [...names], signal);
+  const { scale, rotation } = field.fieldFromWorld;
+  found.evaluated += entered.index.length;
+  entered.index.forEach((ray, at) => {
+    const visibility = answers.visibility![at]!;
+    if (all) all[ray] = 1 - (1 - all[ray]!) * (1 - visibility);
+    const depth = (answers.depth![at]! + entered.distances[at]!) / scale;
+    if (visibility < SEEN || depth >= found.depth[ray]!) return;
+    found.depth[ray] = depth;
+    found.nearest[ray] = which;
+    for (const name of outputs) {
+      const [target, given] = [found.values[name]!, answers[name]!];
+      if (name === "visibility" || name === "depth") continue;
+      if (widthOf(name) === 1) {
+        target[ray] = given[at]! * (name === "mean_curvature" ? scale : 1);
+        continue;
+      }
+      for (let axis = 0; axis < 3; axis++) {
+        let sum = 0;
+        for (let row = 0; row < 3; row++) sum += rotation[row]![axis]! * given[3 * at + row]!;
+        target[3 * ray + axis] = sum;
+      }
+    }
+  });
+}

@@ -1,0 +1,102 @@
+/** The page: reads its data, opens the GPU, shows the field. */
+
+import { asked } from "./address.ts";
+import { readBlock, readPage } from "./blocks.ts";
+import { centre, framingRadius, pixelRays, type Camera, type Stage } from "./camera.ts";
+import { control, HELP } from "./controls.ts";
+import type { Output } from "./engine.ts";
+import { Field, query } from "./field.ts";
+import { Gpu } from "./gpu.ts";
+import { layersOf } from "./network.ts";
+import { button, byId, choices, element, select } from "./panel.ts";
+import { MODES } from "./shading.ts";
+import { summary } from "./summary.ts";
+import { View, type Shown } from "./view.ts";
+import { WebglEngine } from "./webgl.ts";
+
+const WISHES = asked(location.hash);
+const START = { azimuth: WISHES.azimuth ?? 35, elevation: WISHES.elevation ?? 25 };
+const SIZES = [128, 256, 384, 512, 768];
+
+function framed(stage: Stage, angles = START): Camera {
+  const looking = { ...angles, target: centre(stage) };
+  return { ...looking, radius: framingRadius(looking, stage) };
+}
+
+function fail(text: string): void {
+  byId("status").replaceChildren(element("span", { class: "error" }, text));
+}
+
+async function main(): Promise<void> {
+  const page = readPage();
+  byId("title").textContent = page.title;
+  byId("about").textContent = page.about;
+  byId("help").textContent = HELP;
+  const stage: Stage = { corners: page.corners, up: page.up };
+  const numbers = new Float32Array((await readBlock("ddf-weights"))!);
+  const gpu = Gpu.open();
+  if (typeof gpu === "string") throw new Error(`${gpu}; open the page in another browser`);
+  const fields = page.fields.map((record) => new Field(record, new WebglEngine(gpu, record, layersOf(record, numbers))));
+  const view = new View(byId("canvas") as HTMLCanvasElement, fields, stage, framed(stage), shown, (error) => fail(error.message));
+  view.mode = MODES.find((mode) => mode.name === WISHES.mode) ?? view.mode;
+  view.full = Math.round(WISHES.size ?? view.full);
+
+  function shown(what: Shown): void {
+    const words = summary(page.title, view.mode, view.camera, what);
+    byId("canvas").setAttribute("aria-label", words.picture);
+    byId("legend").replaceChildren(...words.legend);
+    byId("status").textContent = words.status;
+    document.body.dataset.state = what.full ? "still" : "moving";
+  }
+
+  const modes = choices("Show", "modes", MODES, view.mode, (mode) => {
+    view.mode = mode;
+    view.refresh(false);
+  });
+  const sizes = [...new Set([...SIZES, view.full])].sort((a, b) => a - b).map((size): [string, string] => [`${size}`, `${size} × ${size}`]);
+  const camera = element("fieldset", {}, element("legend", {}, "View"));
+  camera.append(
+    select("Pixels at rest", sizes, `${view.full}`, (value) => {
+      view.full = Number(value);
+      view.refresh(false);
+    }),
+    element("div", { class: "row" }, button("Back to the start", reset), button("Light or dark", theme)),
+  );
+  byId("panel").append(modes, camera);
+
+  function reset(): void {
+    view.camera = framed(stage);
+    view.refresh(false);
+  }
+  function theme(): void {
+    const dark = document.documentElement.dataset.theme
+      ? document.documentElement.dataset.theme === "dark"
+      : matchMedia("(prefers-color-scheme: dark)").matches;
+    document.documentElement.dataset.theme = dark ? "light" : "dark";
+  }
+
+  const frame = byId("frame");
+  control(frame, view);
+  frame.addEventListener("keydown", (event) => {
+    const index = MODES.findIndex((mode) => mode.key === event.key);
+    if (index >= 0) (modes.querySelectorAll("input")[index] as HTMLInputElement).click();
+    if (event.key.toLowerCase() === "r" && !event.ctrlKey && !event.metaKey) reset();
+  });
+
+  /** Numbers as `Field.render` of Python gives them, for scripts and tests. */
+  async function render(
+    { azimuth, elevation, radius }: Partial<Camera>,
+    size: number,
+    outputs: Output[],
+  ): Promise<Record<string, number[]> & { evaluated: number }> {
+    const base = framed(stage, { azimuth: azimuth ?? START.azimuth, elevation: elevation ?? START.elevation });
+    const rays = pixelRays({ ...base, radius: radius ?? base.radius }, stage, size);
+    const found = await query(fields, rays, outputs);
+    const arrays = Object.fromEntries(Object.entries(found.values).map(([name, values]) => [name, Array.from(values!)]));
+    return { ...arrays, evaluated: found.evaluated } as Record<string, number[]> & { evaluated: number };
+  }
+  Object.assign(window, { ddf: { render, view, framed: () => framed(stage) } });
+  view.refresh(false);
+}
+
+main().catch((error: Error) => fail(error.message));

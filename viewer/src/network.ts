@@ -1,0 +1,57 @@
+/** A sine network as the page holds it: y = W h_L + b, h_l = sin(W_l h_{l-1} + b_l), frequencies and modulations baked in. */
+
+export interface Layer {
+  weight: Float32Array; // rows x columns, row by row
+  bias: Float32Array;
+  rows: number;
+  columns: number;
+}
+
+/** What Python's `viewer_fields` says of a network; its numbers are `offset` and on in the block of weights. */
+export interface NetworkRecord {
+  widths: number[]; // inputs, hidden, outputs
+  offset: number;
+  depth_activation: "relu" | "softplus" | "squareplus";
+  depth_sharpness: number;
+  mirror: "x" | "y" | "z" | null;
+}
+
+/** Weights and biases, layer after layer, from the block. */
+export function layersOf(record: NetworkRecord, numbers: Float32Array): Layer[] {
+  const layers: Layer[] = [];
+  let at = record.offset;
+  for (let index = 1; index < record.widths.length; index++) {
+    const [columns, rows] = [record.widths[index - 1]!, record.widths[index]!];
+    const weight = numbers.subarray(at, at + rows * columns);
+    const bias = numbers.subarray(at + rows * columns, at + rows * columns + rows);
+    layers.push({ weight, bias, rows, columns });
+    at += rows * columns + rows;
+  }
+  return layers;
+}
+
+/** d = φ(y), as `ddf.fields.activations`. */
+export function depthOf(raw: number, record: NetworkRecord): number {
+  const beta = record.depth_sharpness;
+  if (record.depth_activation === "relu") return Math.max(raw, 0);
+  if (record.depth_activation === "softplus") {
+    return beta * raw > 20 ? raw : Math.log1p(Math.exp(beta * raw)) / beta;
+  }
+  const root = Math.sqrt(raw * raw + 4 / (beta * beta));
+  return raw >= 0 ? (raw + root) / 2 : 2 / (beta * beta) / (root - raw);
+}
+
+/** φ'(y). */
+export function depthSlope(raw: number, record: NetworkRecord): number {
+  const beta = record.depth_sharpness;
+  if (record.depth_activation === "relu") return raw > 0 ? 1 : 0;
+  if (record.depth_activation === "softplus") return 1 / (1 + Math.exp(-beta * raw));
+  return depthOf(raw, record) / Math.sqrt(raw * raw + 4 / (beta * beta));
+}
+
+export const sigmoid = (logit: number): number => 1 / (1 + Math.exp(-logit));
+
+/** Multiplications and additions of one pass over one ray. */
+export function flopsPerRay(record: NetworkRecord): number {
+  return record.widths.slice(1).reduce((sum, rows, index) => sum + 2 * rows * record.widths[index]!, 0);
+}

@@ -1,0 +1,84 @@
+/** The picture on the canvas: coarse while the camera moves, finer and finer when it rests. */
+
+import { pixelRays, type Camera, type Stage } from "./camera.ts";
+import { query, type Answers, type Field } from "./field.ts";
+import { breathe } from "./pacing.ts";
+import { MODES, picture, type Mode, type Picture } from "./shading.ts";
+
+const [COARSEST, COARSE_MOST] = [24, 256]; // pixels a side while the camera moves
+const QUICK_MS = 45; // that a picture may take while the camera moves
+const FINER = 2; // pixels a side from one picture to the next at rest
+
+export interface Shown {
+  size: number;
+  full: boolean;
+  answers: Answers;
+  picture: Picture;
+  milliseconds: number;
+}
+
+export class View {
+  mode: Mode = MODES[0]!;
+  full = 384; // pixels a side at rest
+  private coarse = 64;
+  private running: AbortController | null = null;
+  private moved = 0; // when the camera moved last
+
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    readonly fields: Field[],
+    readonly stage: Stage,
+    public camera: Camera,
+    private readonly shown: (what: Shown) => void,
+    private readonly failed: (error: Error) => void,
+  ) {}
+
+  /** Something moved, or another mode was chosen: what is being drawn is out of date. */
+  refresh(moving = true): void {
+    this.moved = moving ? performance.now() : 0;
+    document.body.dataset.state = "moving";
+    this.running?.abort();
+    const control = new AbortController();
+    this.running = control;
+    this.draw(control.signal).catch((error: Error) => {
+      if (!control.signal.aborted) this.failed(error);
+    });
+  }
+
+  private async draw(signal: AbortSignal): Promise<void> {
+    await breathe();
+    if (signal.aborted) return;
+    for (let size = Math.min(this.coarse, this.full), moving = true; ; moving = false) {
+      await this.once(size, moving, signal);
+      if (!moving && size >= this.full) return;
+      if (moving) while (performance.now() - this.moved < 120) await pause(20, signal);
+      if (signal.aborted) return;
+      size = moving ? Math.min(this.full, Math.max(size, 64)) : Math.min(this.full, FINER * size);
+    }
+  }
+
+  private async once(size: number, moving: boolean, signal: AbortSignal): Promise<void> {
+    const started = performance.now();
+    const rays = pixelRays(this.camera, this.stage, size);
+    const answers = await query(this.fields, rays, moving ? this.mode.moving : this.mode.outputs, signal);
+    const milliseconds = performance.now() - started;
+    if (moving) this.coarse = nextCoarse(size, milliseconds);
+    const drawn = picture(this.mode, rays, answers, this.camera, this.stage);
+    this.canvas.width = size;
+    this.canvas.height = size;
+    this.canvas.getContext("2d")!.putImageData(drawn.pixels, 0, 0);
+    this.shown({ size, full: !moving && size >= this.full, answers, picture: drawn, milliseconds });
+  }
+}
+
+/** Pixels a side for the next moving picture: time goes with their square. */
+export function nextCoarse(size: number, milliseconds: number): number {
+  const wanted = size * Math.sqrt(QUICK_MS / Math.max(milliseconds, 1));
+  return Math.round(Math.min(COARSE_MOST, Math.max(COARSEST, Math.min(2 * size, wanted)) / 8)) * 8 || COARSEST;
+}
+
+const pause = (ms: number, signal: AbortSignal): Promise<void> =>
+  new Promise((resolve) => {
+    const timer = setTimeout(resolve, ms);
+    signal.addEventListener("abort", () => (clearTimeout(timer), resolve()), { once: true });
+  });
