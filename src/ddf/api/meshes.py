@@ -71,5 +71,5 @@ def cast(mesh: Any, positions: npt.ArrayLike, directions: npt.ArrayLike) -> rays
     """
     asked, surface = inputs.oriented_points(positions, directions), as_mesh(mesh)
     with extras.named():
-        from ddf.geometry import raycast
-    return raycast.cast(surface, asked)
+        from ddf.geometry import exact_cast
+    return exact_cast.cast(surface, asked)

@@ -12,11 +12,11 @@ from jaxtyping import Bool, Float, Int, UInt
 
 from ddf.core import arrays
 from ddf.core.arrays import Array
-from ddf.geometry import rays, sphere
+from ddf.geometry import ray_triangle, rays, sphere
 from ddf.geometry.mesh_io import Mesh, face_normals, have_area
 
 _MARGIN = 1e-3  # of half the longest side: rays enter a box larger than the mesh, so that flat meshes lie inside it
-_BACK = 1e-3  # of half the longest side: at 1/1000 of right angles still 16 float32 steps off a face at the start
+BACK = 1e-3  # of half the longest side: at 1/1000 of right angles still 16 float32 steps off a face at the start
 SURFACE_OFFSET = 1e-5  # of half the longest side: over 80 float32 steps at 1, under a fifth of the stored depth's step
 
 
@@ -55,21 +55,30 @@ class Scene:
         The triangle comes from float32, the depth from its plane (`_plane_depth`). A start nearer to a face than
         float32 can tell is on the side that float64 gives it, unless the ray runs within 1e-3 of parallel to the face.
         """
-        starts, directions = self.local(positions), np.asarray(directions, dtype=np.float64)
-        entry, meets = _enter(starts, directions, self.half_sides)
-        begin = entry - _BACK
-        local = np.concatenate([starts + begin[:, None] * directions, directions], axis=1).astype(np.float32)
+        local, begin, meets = self.entering(positions, directions)
+        local = local.astype(np.float32)
         depth, face = self.cast_local(local)
         hit = np.flatnonzero(meets & (face >= 0))
         depth = begin + depth
-        near = hit[depth[hit] < _BACK]
-        found, triangle = np.full(len(starts), np.inf), np.full(len(starts), -1)
+        near = hit[depth[hit] < BACK]
+        found, triangle = np.full(len(local), np.inf), np.full(len(local), -1)
         triangle[hit] = face[hit]
         found[hit] = self._plane_depth(positions[hit], directions[hit], face[hit], depth[hit] * self.scale)
         if len(near):  # Open3D's list of no rays ends the process
             first = self._first_ahead(positions[near], directions[near], local[near], begin[near])
             found[near], triangle[near] = first
         return np.where(triangle >= 0, np.maximum(found, 0.0), np.inf), triangle
+
+    def entering(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+        """Rays in local coordinates that begin `BACK` before their start, or before the box where that lies outside;
+        how far along they begin, and whether they meet the box.
+        """
+        starts, directions = self.local(positions), np.asarray(directions, dtype=np.float64)
+        entry, meets = _enter(starts, directions, self.half_sides)
+        begin = entry - BACK
+        return np.concatenate([starts + begin[:, None] * directions, directions], axis=1), begin, meets
 
     def _plane_depth(
         self,
@@ -142,6 +151,11 @@ class Scene:
         within = met["t_hit"].numpy() <= 1.0
         return met["ray_ids"].numpy()[within].astype(np.int64), self.kept[met["primitive_ids"].numpy()[within]]
 
+    def met_by(self, local: Float[np.ndarray, "b 6"], count: int) -> tuple[Int[np.ndarray, "k"], Int[np.ndarray, "k"]]:
+        """Ray, by its number modulo `count`, and triangle of all that float32 rays in local coordinates meet."""
+        met = self._scene.list_intersections(o3d.core.Tensor(local))
+        return met["ray_ids"].numpy().astype(np.int64) % count, self.kept[met["primitive_ids"].numpy().astype(np.int64)]
+
     def distance(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Unsigned distance to the surface, in the mesh's unit: nearest triangle by Open3D, its distance in float64."""
         local = self.local(positions)
@@ -190,7 +204,7 @@ def cast(scene: Scene | Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHit
     scene = scene if isinstance(scene, Scene) else Scene(scene)
     positions, directions = _flat(points.positions), _flat(points.directions)
     depth, face = scene.first_hits(positions, directions)
-    return _hits(scene, directions, depth, face, points.positions)
+    return hits(scene, directions, depth, face, points.positions)
 
 
 def float32_bound(mesh: Mesh, points: rays.OrientedPoints) -> float:
@@ -204,42 +218,25 @@ def float32_bound(mesh: Mesh, points: rays.OrientedPoints) -> float:
 
 
 def cast_exact(mesh: Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHits[Array]:
-    """The same by brute force in float64: every ray against every triangle. Slow; the reference for tests.
-
-    Source: Woop et al. 2013, "Watertight ray/triangle intersection": sheared edge functions, whose signs agree between
-    the triangles of an edge; zero counts as inside, so no ray slips between two triangles.
-    """
+    """The same by brute force: every ray against every triangle (`ray_triangle`). Slow; the reference for tests."""
     scene = Scene(mesh)
     positions, directions = _flat(points.positions), _flat(points.directions)
     depth, face = np.full(len(positions), np.inf), np.full(len(positions), -1)
     corners = mesh.triangles[scene.kept]
     for i in range(len(positions) if len(corners) else 0):
-        t = _meet_triangles(corners - positions[i], directions[i])
+        start, along = (np.broadcast_to(values[i], (len(corners), 3)) for values in (positions, directions))
+        t = ray_triangle.meet(start, along, corners)
         nearest = int(np.argmin(t))
         if np.isfinite(t[nearest]):
             depth[i], face[i] = t[nearest], scene.kept[nearest]
-    return _hits(scene, directions, depth, face, points.positions)
-
-
-def _meet_triangles(corners: Float[np.ndarray, "m 3 3"], direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m"]:
-    """Depth of one ray from the origin on every triangle, `inf` where it passes by or lies in the plane."""
-    z = int(np.argmax(np.abs(direction)))
-    x, y = (z + 1) % 3, (z + 2) % 3
-    shear = direction / direction[z]
-    px, py = corners[..., x] - shear[x] * corners[..., z], corners[..., y] - shear[y] * corners[..., z]
-    nx, ny = np.roll(px, -1, axis=1), np.roll(py, -1, axis=1)
-    edges = np.roll(px * ny - py * nx, -1, axis=1)  # edge function opposite to each corner
-    inside = (edges >= 0).all(axis=1) | (edges <= 0).all(axis=1)
-    total = edges.sum(axis=1)
-    t = (edges * corners[..., z]).sum(axis=1) / np.where(total == 0, 1.0, total) / direction[z]
-    return np.where(inside & (total != 0) & (t >= 0), t, np.inf)
+    return hits(scene, directions, depth, face, points.positions)
 
 
 def _flat(vectors: Float[Array, "*batch 3"]) -> Float[np.ndarray, "n 3"]:
     return arrays.to_numpy(vectors).astype(np.float64, copy=False).reshape(-1, 3)
 
 
-def _hits(
+def hits(
     scene: Scene, directions: np.ndarray, depth: np.ndarray, face: np.ndarray, asked: Float[Array, "*batch 3"]
 ) -> rays.RayHits[Array]:
     """What the rays met, in the library and the shape of the positions that were asked for."""

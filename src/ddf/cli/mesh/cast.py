@@ -23,11 +23,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     import numpy as np
 
     from ddf.core import storage
-    from ddf.geometry import mesh_io, ray_io, raycast
+    from ddf.geometry import exact_cast, mesh_io, ray_io, raycast
 
     points = ray_io.read(args.rays)
     mesh = mesh_io.load(args.mesh)
-    hits = raycast.cast(mesh, points)
+    hits = exact_cast.cast(mesh, points)
     buffer = io.BytesIO()
     np.savez(buffer, depth=hits.depth, visible=hits.visible, normals=hits.normals)
     storage.write_bytes(args.out, buffer.getvalue())

@@ -1,0 +1,134 @@
+"""First hits without float32's mistakes: the triangle is chosen in float64 wherever float32 could have chosen wrongly.
+
+Open3D casts in float32. Within `REACH` of an edge it may take the neighbour of the triangle that is met, meet a
+silhouette that the ray passes, or pass one that it meets. So three more rays are cast around each, whose triangle holds
+a circle of that radius: any edge that comes so near parts them. Where all four meet the same triangle it is the right
+one. Elsewhere all triangles that a wider bundle meets, and their neighbours, are asked one by one (`ray_triangle`).
+
+What this cannot tell apart are sheets nearer to each other than 1e-7 of the mesh's size, and what is smaller than
+`REACH` and joined to nothing.
+"""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ddf.core import arrays
+from ddf.core.arrays import Array
+from ddf.geometry import ray_triangle, raycast, rays
+from ddf.geometry.mesh_io import Mesh
+
+REACH = 2e-6  # of half the longest side: float32 rounds starts, directions and corners by .4e-6, Open3D's sums by 1e-6
+_AROUND = 3  # rays whose triangle holds the circle: a radius of twice `REACH`
+_BUNDLE = ((2.0, 3), (2.0, 12), (6.0, 12))  # radius in `REACH` and rays on it, for what is asked one by one
+_PAIRS = 1 << 20  # pairs of ray and triangle at once
+
+
+def cast(mesh: raycast.Scene | Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHits[Array]:
+    """As `raycast.cast`, with the right triangle near edges too; 2 to 3 times slower."""
+    scene = mesh if isinstance(mesh, raycast.Scene) else raycast.Scene(mesh)
+    positions, directions = (
+        arrays.to_numpy(values).astype(np.float64, copy=False).reshape(-1, 3)
+        for values in (points.positions, points.directions)
+    )
+    depth, face = first_hits(scene, positions, directions)
+    return raycast.hits(scene, directions, depth, face, points.positions)
+
+
+def first_hits(
+    scene: raycast.Scene, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+    """Depth (float64, `inf` on a miss) and triangle (-1 on a miss) of rays in the mesh's frame."""
+    depth, face = np.full(len(positions), np.inf), np.full(len(positions), -1)
+    local, begin, meets = scene.entering(positions, directions)
+    meets = np.flatnonzero(meets)
+    if len(meets) == 0 or len(scene.kept) == 0:
+        return depth, face
+    local, begin = local[meets], begin[meets]
+    reached, face[meets] = scene.cast_local(local.astype(np.float32))
+    unsure = begin + np.where(np.isfinite(reached), reached, np.inf) < raycast.BACK  # faces about the start
+    for around in _bundle(local, 2.0, _AROUND):
+        unsure |= scene.cast_local(around)[1] != face[meets]
+    sure = meets[~unsure & (face[meets] >= 0)]
+    depth[sure] = ray_triangle.meet(positions[sure], directions[sure], scene.mesh.triangles[face[sure]])
+    unsure |= (face[meets] >= 0) & ~np.isfinite(depth[meets])
+    asked = meets[unsure]
+    depth[asked], face[asked] = np.inf, -1
+    neighbours = _Neighbours(scene) if len(asked) else None
+    for start in range(0, len(asked), 1 << 14):
+        rows = slice(start, start + (1 << 14))
+        own = asked[rows]
+        assert neighbours is not None
+        ray, triangle = neighbours.joined(*_met(scene, local[unsure][rows]))
+        _take_nearest(scene, positions[own], directions[own], ray, triangle, own, depth, face)
+    return depth, face
+
+
+def _bundle(local: Float[np.ndarray, "n 6"], radius: float, count: int) -> "list[Float[np.ndarray, 'n 6']]":
+    """Rays beside the given ones, evenly around each at a distance of `radius` times `REACH`; float32."""
+    along = local[:, 3:]
+    least = np.eye(3)[np.argmin(np.abs(along), axis=1)]
+    first = np.cross(along, least)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(along, first)
+    found = []
+    for angle in 2 * np.pi * np.arange(count) / count:
+        moved = local[:, :3] + radius * REACH * (np.cos(angle) * first + np.sin(angle) * second)
+        found.append(np.concatenate([moved, along], axis=1).astype(np.float32))
+    return found
+
+
+def _met(scene: raycast.Scene, local: Float[np.ndarray, "n 6"]) -> tuple[Int[np.ndarray, "k"], Int[np.ndarray, "k"]]:
+    """Ray and triangle of all that a bundle around each ray meets."""
+    bundle = [local.astype(np.float32), *(ray for how in _BUNDLE for ray in _bundle(local, *how))]
+    return scene.met_by(np.concatenate(bundle), len(local))
+
+
+class _Neighbours:
+    """Which triangles share a corner, by its place: files repeat corners."""
+
+    def __init__(self, scene: raycast.Scene) -> None:
+        faces = scene.mesh.faces[scene.kept]
+        _, place = np.unique(scene.mesh.vertices + 0.0, axis=0, return_inverse=True)
+        self._corners = np.full((len(scene.mesh.faces), 3), -1)
+        self._corners[scene.kept] = place.reshape(-1)[faces]
+        flat = self._corners[scene.kept].reshape(-1)
+        order = np.argsort(flat, kind="stable")
+        self._around = np.repeat(scene.kept, 3)[order]
+        self._first = np.searchsorted(flat[order], np.arange(len(scene.mesh.vertices) + 1))
+        self._count = len(scene.mesh.faces)
+
+    def joined(
+        self, ray: Int[np.ndarray, "k"], triangle: Int[np.ndarray, "k"]
+    ) -> tuple[Int[np.ndarray, "m"], Int[np.ndarray, "m"]]:
+        """The pairs, with every triangle that shares a corner with one of the ray's; each pair once."""
+        ray, place = np.repeat(ray, 3), self._corners[triangle].reshape(-1)
+        pairs = np.unique(ray * (len(self._first) - 1) + place)
+        ray, place = np.divmod(pairs, len(self._first) - 1)
+        length = self._first[place + 1] - self._first[place]
+        ends = np.cumsum(length)
+        inner = np.arange(int(ends[-1]) if len(ends) else 0) - np.repeat(ends - length, length)
+        found = self._around[np.repeat(self._first[place], length) + inner]
+        return np.divmod(np.unique(np.repeat(ray, length) * self._count + found), self._count)
+
+
+def _take_nearest(
+    scene: raycast.Scene,
+    positions: Float[np.ndarray, "m 3"],
+    directions: Float[np.ndarray, "m 3"],
+    ray: Int[np.ndarray, "k"],
+    triangle: Int[np.ndarray, "k"],
+    rows: Int[np.ndarray, "m"],
+    depth: Float[np.ndarray, "n"],
+    face: Int[np.ndarray, "n"],
+) -> None:
+    """Write depth and triangle of the nearest of each ray's triangles into the rows of `depth` and `face`."""
+    t = np.concatenate(
+        [
+            ray_triangle.meet(positions[ray[part]], directions[ray[part]], scene.mesh.triangles[triangle[part]])
+            for part in (slice(start, start + _PAIRS) for start in range(0, max(len(ray), 1), _PAIRS))
+        ]
+    )
+    order = np.lexsort((triangle, t, ray))
+    order = order[np.isfinite(t[order])]
+    first = order[np.flatnonzero(np.diff(ray[order], prepend=-1))]
+    depth[rows[ray[first]]], face[rows[ray[first]]] = t[first], triangle[first]
