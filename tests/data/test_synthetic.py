@@ -1,5 +1,6 @@
 """Synthetic shapes as they are written: frame, determinism, variety, and masks that hold the whole shape."""
 
+import dataclasses
 import hashlib
 
 import numpy as np
@@ -203,7 +204,7 @@ def test_alpha_of_a_sphere_is_its_projected_area():
         if shape.parts[0][0] == "sphere" and np.ptp(np.ptp(shape.vertices, axis=0)) < 0.25
     )
     unit = sphere.vertices / np.linalg.norm(sphere.vertices, axis=1, keepdims=True)
-    ball = assemble.Shape(unit * 0.29, sphere.triangles, sphere.normals, sphere.colours, sphere.gloss, sphere.parts)
+    ball = dataclasses.replace(sphere, vertices=unit * 0.29)
     alpha = render.Renderer(ball).render(render.View(120.0, 27.0, 0.8))[..., 3] / 255
     radius = 0.57 * 0.29
     exact = np.pi * cameras.FOCAL_PX**2 * radius**2 / (0.8**2 - radius**2)

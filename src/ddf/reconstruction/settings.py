@@ -11,6 +11,7 @@ from ddf.data import shapenet
 from ddf.data.samples import sample_types
 from ddf.fields import cloud_projection, losses, pddf, siren
 from ddf.geometry import cameras
+from ddf.reconstruction import varied_images
 from ddf.training import training_loop
 
 CAMERA_NUMBERS = ("azimuth", "elevation", "radius")
@@ -27,6 +28,7 @@ class TrainConfig:
     azimuth: `angle` is the paper's, `sincos` regresses (sin θ, cos θ), see `reconstruction_models.CameraHead`.
     step_shares: by category, multiples of the steps that each model's own section states; 1, the paper's way, where a
       category is not named. Of a small budget the hardest category can so have more, of both models alike.
+    augmentation: how training images are varied; null, the paper's way, for the images as they are.
     """
 
     image_size: int
@@ -40,6 +42,7 @@ class TrainConfig:
     loop: training_loop.LoopConfig
     azimuth: Azimuth = "angle"
     step_shares: dict[str, float] | None = None
+    augmentation: varied_images.AugmentationConfig | None = None
 
     def __post_init__(self) -> None:
         for name, least in (("image_size", 32), ("encoder_width", 1), ("latent_features", 1), ("batch_size", 2)):

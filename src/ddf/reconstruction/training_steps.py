@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf
-from ddf.reconstruction import category_data, reconstruction_models, settings
+from ddf.reconstruction import category_data, reconstruction_models, settings, varied_images
 from ddf.training import chamfer_loss, distributed, training_loop
 
 GROUP = 32  # distances of which the least is found first, at most
@@ -76,6 +76,9 @@ class Batch:
         part, place = distributed.part(config.batch_size), training_loop.device()
         drawn, rows = images.shapes[rows], rows[part]
         shown, poses = images.batch(rows).to(place), images.cameras[rows].to(place)
+        if config.augmentation is not None:
+            chances = varied_images.numbers(config.batch_size, random, part)
+            shown = varied_images.vary(shown, chances, config.augmentation)
         return cls(part, drawn, rows, drawn[part], shown, poses, random)
 
     def chances(self, count: int) -> Float[Tensor, "b count"]:

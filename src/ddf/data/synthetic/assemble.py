@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
+from ddf.data.synthetic.looks.textures import Texture
 from ddf.data.synthetic.parts import Part
 
 DECIMALS = 8  # of the written coordinates: a diagonal of 1 is then off by 2e-8 at most
-CREASE_COS = np.cos(np.radians(38.0))  # faces that meet at a smaller angle are shaded as one smooth surface
+CREASE_COS = float(np.cos(np.radians(38.0)))  # faces that meet at a smaller angle are shaded as one smooth surface
 
 FLIPPED_SHARE = 0.35  # of the parts of a shape that is wound badly
 EXPLODED_SHARE = 0.3  # of the parts: every triangle has its own three vertices
@@ -22,8 +23,9 @@ class Shape:
 
     vertices: as written to the OBJ file, rounded.
     normals: per triangle corner, unit, outwards where the parts are closed; triangles of zero area have zeros.
-    colours, gloss: per triangle, from the paints.
+    colours, gloss, hardness: per triangle, from the paints.
     parts: (name, number of triangles), in the order of the triangles.
+    textures: of the paints. texture: number of that of each triangle; -1 for none.
     """
 
     vertices: Float[np.ndarray, "n 3"]
@@ -31,7 +33,10 @@ class Shape:
     normals: Float32[np.ndarray, "m 3 3"]
     colours: Float32[np.ndarray, "m 3"]
     gloss: Float32[np.ndarray, "m"]
+    hardness: Float32[np.ndarray, "m"]
     parts: tuple[tuple[str, int], ...]
+    textures: tuple[Texture, ...]
+    texture: Int[np.ndarray, "m"]
 
 
 @dataclass(frozen=True)
@@ -42,19 +47,29 @@ class Piece:
     normals: Float32[np.ndarray, "m 3 3"]
 
 
-def shape(items: Sequence[Part], rng: np.random.Generator) -> Shape:
-    """Normalise the parts to the v1 frame as one mesh and make it untidy; the surface itself stays as it is."""
-    pieces = untidy([Piece(part, corner_normals(part.vertices, part.triangles)) for part in items], rng)
+def shape(items: Sequence[Part], rng: np.random.Generator, crease_cos: float = CREASE_COS) -> Shape:
+    """Normalise the parts to the v1 frame as one mesh and make it untidy; the surface itself stays as it is.
+
+    Args:
+      crease_cos: cosine of the angle from which an edge shows; 1 shades every face flat.
+    """
+    pieces = untidy([Piece(part, corner_normals(part.vertices, part.triangles, crease_cos)) for part in items], rng)
     offsets = np.cumsum([0] + [len(piece.part.vertices) for piece in pieces])
     triangles = np.concatenate([p.part.triangles + offset for p, offset in zip(pieces, offsets[:-1], strict=True)])
     counts = [len(piece.part.triangles) for piece in pieces]
+    paints = [piece.part.paint for piece in pieces]
+    textures = tuple(dict.fromkeys(paint.texture for paint in paints if paint.texture is not None))
+    numbers = [-1 if paint.texture is None else textures.index(paint.texture) for paint in paints]
     return Shape(
         normalise(np.concatenate([piece.part.vertices for piece in pieces])),
         triangles,
         np.concatenate([piece.normals for piece in pieces]),
-        np.repeat(np.array([p.part.paint.colour for p in pieces], dtype=np.float32), counts, axis=0),
-        np.repeat(np.array([p.part.paint.gloss for p in pieces], dtype=np.float32), counts),
+        np.repeat(np.array([paint.colour for paint in paints], dtype=np.float32), counts, axis=0),
+        np.repeat(np.array([paint.gloss for paint in paints], dtype=np.float32), counts),
+        np.repeat(np.array([paint.hardness for paint in paints], dtype=np.float32), counts),
         tuple((piece.part.name, count) for piece, count in zip(pieces, counts, strict=True)),
+        textures,
+        np.repeat(numbers, counts),
     )
 
 
@@ -105,7 +120,7 @@ def _explode(piece: Piece) -> Piece:
 
 
 def corner_normals(
-    vertices: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, "m 3"]
+    vertices: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, "m 3"], crease_cos: float = CREASE_COS
 ) -> Float32[np.ndarray, "m 3 3"]:
     """Unit normals per triangle corner: area-weighted mean over the faces at that vertex within the crease angle."""
     a, b, c = vertices[triangles].transpose(1, 0, 2)
@@ -120,7 +135,7 @@ def corner_normals(
     corner = np.repeat(np.arange(len(corner_vertex)), degree)  # every corner with every face at its vertex
     slot = np.arange(len(corner)) - np.repeat(np.cumsum(degree) - degree, degree)
     face = order[starts[corner_vertex[corner]] + slot] // 3
-    keep = (units[corner // 3] * units[face]).sum(axis=1) >= CREASE_COS
+    keep = (units[corner // 3] * units[face]).sum(axis=1) >= crease_cos
     sums = np.stack(
         [np.bincount(corner[keep], areas[face[keep], k], minlength=len(corner_vertex)) for k in range(3)], axis=1
     )

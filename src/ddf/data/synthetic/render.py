@@ -3,7 +3,7 @@
 Ray-cast on one thread, 3 x 3 samples a pixel, only inside the shape's projected box. Alpha is the share of samples that
 hit. A pixel that the surface touches without meeting a sample still gets a little alpha, found exactly: a triangle that
 overlaps a pixel either covers its samples or has an edge that runs through it. So every surface point projects into
-the mask.
+the mask. Lights and textures are those of `looks`.
 """
 
 from dataclasses import dataclass
@@ -15,24 +15,27 @@ import torch
 from jaxtyping import Bool, Float, Float32, Int, UInt8, UInt32
 
 from ddf.data.synthetic.assemble import Shape
+from ddf.data.synthetic.looks import lights
 from ddf.geometry import cameras, transforms
 
 SUPERSAMPLING = 3  # in each direction; odd, so that a pixel's centre is one of its samples
 SAMPLES = SUPERSAMPLING**2
-GAMMA = np.float32(1 / 1.35)  # brightens the half tones; R2N2's renders are not linear either
 TOUCHED_ALPHA = 14  # of 255, half of one sample of nine
 SHADOW_OFFSET = np.float32(2e-4)  # benchmark units: well over float32 rounding at 0.3, well under the thinnest part
 
 
 @dataclass(frozen=True)
 class View:
-    """A camera in the metadata's units: degrees, degrees, benchmark units; and the light's place."""
+    """A camera in the metadata's units: degrees, degrees, benchmark units; and the light."""
 
     azimuth_deg: float
     elevation_deg: float
     ratio: float
-    light_turn_deg: float = 40.0
-    light_height_deg: float = 55.0
+    light: lights.Light = lights.STUDIO
+
+    def picture(self, linear: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+        """Linear colours as they are shown, in [0, 1]."""
+        return np.clip(linear, 0, 1) ** np.float32(1 / self.light.gamma)
 
 
 class Renderer:
@@ -59,7 +62,8 @@ class Renderer:
             return image
         block = image[low[1] : high[1], low[0] : high[0]]
         block[:] = self._block(view, rotation, centre, low, high)
-        _mark_touched(block, pixels[self._edges.vertices] - low, self._shape.colours[self._edges.face])
+        edge_colours = view.picture(0.8 * self._shape.colours[self._edges.face])
+        _mark_touched(block, pixels[self._edges.vertices] - low, edge_colours)
         return image
 
     def _block(
@@ -83,39 +87,40 @@ class Renderer:
         sums[samples], _ = self._shade(view, hits.pick(several[samples // SAMPLES] * SAMPLES + samples % SAMPLES))
         counts = hit[several].sum(axis=1, keepdims=True)
         linear[several] = sums.reshape(-1, SAMPLES, 3).sum(axis=1) / counts
-        rgb = np.clip(linear, 0, 1) ** GAMMA
-        pixels = np.concatenate([rgb, hit.mean(axis=1, dtype=np.float32)[:, None]], axis=1)
+        pixels = np.concatenate([view.picture(linear), hit.mean(axis=1, dtype=np.float32)[:, None]], axis=1)
         return (pixels * 255 + 0.5).astype(np.uint8).reshape(height, width, 4)
 
     def _shade(self, view: View, hits: "_Hits") -> tuple[Float32[np.ndarray, "n 3"], Bool[np.ndarray, "n"]]:
-        """Linear colours, and which points lie in shadow.
-
-        Two-sided: sky and ground, a key light with a shadow, a weak light at the camera, and a highlight.
-        """
+        """Linear colours, and which points lie in shadow; both sides of a surface look alike."""
         directions = hits.rays[:, 3:] / np.sqrt(_dot(hits.rays[:, 3:], hits.rays[:, 3:]))[:, None]
         corners, u, v = self._shape.normals[hits.triangles], hits.uvs[:, :1], hits.uvs[:, 1:]
         normals = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
         facing = _dot(normals, directions)
         normals *= (-np.sign(facing) / np.sqrt(np.maximum(_dot(normals, normals), 1e-12)))[:, None]  # degenerate: 0
-        light = _light(view)
-        lit = normals @ light
-        shadow = lit <= 0
-        toward = np.flatnonzero(~shadow)
-        starts = hits.rays[toward, :3] + hits.depth[toward, None] * hits.rays[toward, 3:]
-        shadow_rays = np.zeros((len(toward), 6), dtype=np.float32)
-        shadow_rays[:, :3] = starts + SHADOW_OFFSET * normals[toward]
-        shadow_rays[:, 3:] = light
-        shadow[toward] = self._scene.test_occlusions(_tensor(shadow_rays), nthreads=1).numpy()
-        key = np.where(shadow, np.float32(0.1), np.float32(1.0)) * np.maximum(lit, 0)
-        diffuse = 0.25 + 0.11 * normals[:, 1] + 0.54 * key + 0.13 * np.abs(_dot(normals, directions))
-        half = light - directions
-        shine = np.maximum(_dot(normals, half), 0) / np.sqrt(_dot(half, half))
-        shine = np.where(shadow, np.float32(0), shine**2)
-        for _ in range(4):
-            shine *= shine  # to the 32nd power in all
-        colour = self._shape.colours[hits.triangles] * diffuse[:, None]
+        places = hits.rays[:, :3] + hits.depth[:, None] * hits.rays[:, 3:]
+
+        def hidden(rows: np.ndarray, towards: np.ndarray) -> np.ndarray:
+            rays = np.zeros((len(rows), 6), dtype=np.float32)
+            rays[:, :3] = places[rows] + SHADOW_OFFSET * normals[rows]
+            rays[:, 3:] = towards
+            return self._scene.test_occlusions(_tensor(rays), nthreads=1).numpy()
+
+        hardness = self._shape.hardness[hits.triangles]
+        diffuse, shine, shadow = lights.fall(view.light, view.azimuth_deg, normals, directions, hardness, hidden)
+        colour = self._colours(hits.triangles, places) * diffuse[:, None]
         colour += (0.45 * self._shape.gloss[hits.triangles] * shine)[:, None]
         return np.clip(colour, 0, 1), shadow
+
+    def _colours(
+        self, triangles: UInt32[np.ndarray, "n"], places: Float32[np.ndarray, "n 3"]
+    ) -> Float32[np.ndarray, "n 3"]:
+        """Linear colours of the paints with their textures, at places in benchmark units."""
+        colours, texture = self._shape.colours[triangles], self._shape.texture[triangles]
+        for number, worn in enumerate(self._shape.textures):
+            rows = np.flatnonzero(texture == number)
+            share = worn.shares(places[rows] / np.float32(transforms.BENCHMARK_FROM_V1))[:, None]
+            colours[rows] += share * (np.array(worn.colour, dtype=np.float32) - colours[rows])
+        return colours
 
 
 @dataclass(frozen=True)
@@ -173,12 +178,6 @@ def _differs(
     return unlike.ravel()
 
 
-def _light(view: View) -> Float[np.ndarray, "3"]:
-    """Unit vector to the key light, which moves with the camera: it says nothing about the shape's own heading."""
-    turn, height = np.radians([view.azimuth_deg + view.light_turn_deg, view.light_height_deg])
-    return np.array([np.cos(height) * np.cos(turn), np.sin(height), np.cos(height) * np.sin(turn)], dtype=np.float32)
-
-
 def _extrinsics(view: View) -> tuple[np.ndarray, np.ndarray]:
     """R and cam of `cameras.extrinsics` as float64 arrays."""
     angles = torch.deg2rad(torch.tensor([view.azimuth_deg, view.elevation_deg], dtype=torch.float64))
@@ -234,7 +233,7 @@ def _mark_touched(
     columns, rows, owner = columns[kept], rows[kept], near[owner[kept]]
     free = block[rows, columns, 3] == 0
     columns, rows, owner = columns[free], rows[free], owner[free]
-    block[rows, columns, :3] = np.clip(colours[owner] * 0.8, 0, 1) ** GAMMA * 255 + 0.5
+    block[rows, columns, :3] = colours[owner] * 255 + 0.5
     block[rows, columns, 3] = TOUCHED_ALPHA
 
 

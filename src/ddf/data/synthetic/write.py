@@ -10,12 +10,16 @@ from PIL import Image
 from ddf.core import storage
 from ddf.data import shapenet
 from ddf.data.synthetic import assemble, cars, chairs, planes, primitives, render
+from ddf.data.synthetic.looks import dressing, lights
 from ddf.data.synthetic.parts import Part
 
 AZIMUTH_DEG = (0.0, 360.0)
 ELEVATION_DEG = (25.0, 30.0)
 RATIO = (0.65, 0.95)
+TURN_DEG, HEIGHT_DEG = (-60.0, 60.0), (40.0, 70.0)  # of a key light
 DUMMY = 25  # the last number of a metadata line, which means nothing
+FACETED = 0.3  # of all shapes: shaded face by face
+FACETED_COS = 1 - 1e-6  # of faces that lie in one plane, to rounding
 PNG_LEVEL = 1  # fast; the files are read far more often than they are sent
 
 
@@ -35,19 +39,21 @@ def shape_id(seed: int, category: str, index: int) -> str:
 
 def make_shape(seed: int, category: str, index: int) -> assemble.Shape:
     """The mesh of one synthetic shape; the same for the same arguments."""
-    rng = _generator(seed, category, index, "mesh")
-    return assemble.shape(CATEGORIES[category](rng), rng)
+    rng, look = (_generator(seed, category, index, purpose) for purpose in ("mesh", "look"))
+    crease_cos = FACETED_COS if look.random() < FACETED else assemble.CREASE_COS
+    return assemble.shape(dressing.dress(CATEGORIES[category](rng), category, look), rng, crease_cos)
 
 
 def make_views(seed: int, category: str, index: int, count: int) -> list[render.View]:
     """Cameras drawn as in the 3D-R2N2 renders, rounded to the digits that the metadata holds."""
-    rng = _generator(seed, category, index, "views")
+    rng, light = (_generator(seed, category, index, purpose) for purpose in ("views", "light"))
     views = []
     for _ in range(count):
         azimuth, elevation, ratio = (
             round(float(rng.uniform(*span)), 6) for span in (AZIMUTH_DEG, ELEVATION_DEG, RATIO)
         )
-        views.append(render.View(azimuth, elevation, ratio, rng.uniform(-60, 60), rng.uniform(40, 70)))
+        turn, height = (float(rng.uniform(*span)) for span in (TURN_DEG, HEIGHT_DEG))
+        views.append(render.View(azimuth, elevation, ratio, lights.draw(light, turn, height)))
     return views
 
 

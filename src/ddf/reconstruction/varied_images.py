@@ -1,0 +1,90 @@
+"""Training images varied on the fly, as renders of other programs and cut-outs of photographs vary (ours).
+
+Each image gets its own colours, blur, shift of the crop and hardness of the alpha's edge. Cameras, shapes and the masks
+of L_M stay as they are, so shifts must be small. Numbers are drawn for all images of a step from the step's own
+generator: a resumed training and one of several processes see the same images.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf.core import checks
+
+NUMBERS = 9  # drawn per image
+LEAST_WIDTH = 0.05  # pixels: a Gaussian that blurs nothing
+LEAST_ALPHA = 1 / 510  # half a step of eight bits: less is nothing
+
+
+@dataclass(frozen=True)
+class AugmentationConfig:
+    """Section `train.augmentation`; each is the largest change, drawn evenly down to none, and 0 switches it off.
+
+    colour: of the logarithm of brightness, a third of it also of each channel, and of the power of the half tones.
+    blur: standard deviation, pixels of the encoders' input. shift: pixels of it, right or left and up or down. alpha:
+    of the logarithm of the power to which alpha is taken.
+    """
+
+    colour: float
+    blur: float
+    shift: float
+    alpha: float
+
+    def __post_init__(self) -> None:
+        for name, most in (("colour", 2.0), ("blur", 4.0), ("shift", 8.0), ("alpha", 2.0)):
+            if not 0 <= getattr(self, name) <= most:
+                raise checks.InputError(
+                    f"train.augmentation.{name} must be in [0, {most:g}]; got {getattr(self, name)}"
+                )
+
+
+def numbers(count: int, random: np.random.Generator, part: slice) -> Float[Tensor, "b 9"]:
+    """Random numbers in [-1, 1) for `part` of so many images, drawn for all."""
+    return torch.from_numpy(random.uniform(-1, 1, (count, NUMBERS))[part].astype(np.float32))
+
+
+def vary(
+    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 9"], config: AugmentationConfig
+) -> Float[Tensor, "b 4 h w"]:
+    """Images in [0, 1], changed by as much as `chances` in [-1, 1) say; RGB is 0 where alpha is 0."""
+    chances = chances.to(images.device)
+    gains = config.colour * (chances[:, :1] + chances[:, 1:4] / 3)
+    power = (config.colour * chances[:, 4:5]).exp()[..., None, None]
+    rgb = (images[:, :3].clamp_min(0) ** power * gains.exp()[..., None, None]).clamp(0, 1)
+    alpha = images[:, 3:] ** (config.alpha * chances[:, 5:6]).exp()[..., None, None]
+    spread = torch.cat((rgb * alpha, alpha), dim=1)
+    if config.blur or config.shift:
+        width = (config.blur * chances[:, 6:7].abs()).clamp_min(LEAST_WIDTH)
+        for axis, row in ((-1, 7), (-2, 8)):
+            spread = _moved(spread, width, config.shift * chances[:, row : row + 1], axis, _reach(config))
+    alpha = spread[:, 3:] * (spread[:, 3:] >= LEAST_ALPHA)
+    rgb = torch.where(alpha > 0, spread[:, :3] / spread[:, 3:].clamp_min(LEAST_ALPHA), 0.0)
+    return torch.cat((rgb, alpha), dim=1).clamp(0, 1)
+
+
+def _reach(config: AugmentationConfig) -> int:
+    """Pixels beside the middle one that the widest, farthest kernel needs."""
+    return math.ceil(config.shift) + math.ceil(3 * config.blur)
+
+
+def _moved(
+    images: Float[Tensor, "b c h w"], width: Float[Tensor, "b 1"], by: Float[Tensor, "b 1"], axis: int, reach: int
+) -> Float[Tensor, "b c h w"]:
+    """Each image blurred by a Gaussian of its own width and moved by its own pixels along one axis; 0 comes in.
+
+    Between pixels it is interpolated: the kernel is the mean of those of the two whole shifts beside `by`.
+    """
+    count, channels = images.shape[:2]
+    places = torch.arange(-reach, reach + 1, device=images.device, dtype=images.dtype)
+    whole = by.floor()
+    kernels = torch.zeros(count, len(places), device=images.device, dtype=images.dtype)
+    for shift, share in ((whole, 1 - by + whole), (whole + 1, by - whole)):
+        kernels = kernels + share * torch.softmax(-0.5 * ((places + shift) / width) ** 2, dim=1)
+    shape, padding = ((1, -1), (0, reach)) if axis == -1 else ((-1, 1), (reach, 0))
+    weights = kernels.repeat_interleave(channels, dim=0)[:, None].unflatten(2, shape)
+    planes = images.reshape(1, count * channels, *images.shape[2:])
+    return torch.nn.functional.conv2d(planes, weights, padding=padding, groups=count * channels).reshape(images.shape)
