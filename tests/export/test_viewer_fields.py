@@ -64,6 +64,13 @@ def test_several_fields_share_a_block():
     assert_close(numbers[records[1]["offset"] :], two.numbers)
 
 
+def test_a_field_that_stands_twice_is_there_once():
+    one = viewer_fields.bake(_shape(_field()), "f")
+    records, numbers = viewer_fields.together([one, viewer_fields.placed(one, transforms.Similarity(3.0))])
+    assert [record["offset"] for record in records] == [0, 0] and len(numbers) == len(one.numbers)
+    assert records[1]["world_from_mesh"]["scale"] == 3.0
+
+
 def test_a_page_needs_a_field():
     with pytest.raises(checks.InputError, match="at least one field"):
         viewer_fields.together([])

@@ -11,6 +11,7 @@ import pytest
 from _support import assert_close
 
 import ddf
+from ddf.cli.field import view
 from ddf.core import shipped_models
 from ddf.export import viewable, viewer_page
 
@@ -21,6 +22,7 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium"),
 ]
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
+SCENE = "objects: [{field: armchair}, {field: rabbit, scale: 0.4, translation: [0.2, 0, 0.5]}]"
 PATIENCE_MS = 120_000
 
 
@@ -117,3 +119,44 @@ def test_drag_and_wheel_orbit_and_zoom(rabbit):
     assert moved["radius"] > start["radius"]
     rabbit.page.get_by_role("button", name="Back to the start").click()
     rabbit.still()
+
+
+@pytest.fixture(scope="module")
+def pair(browser, tmp_path_factory) -> Iterator[Opened]:
+    folder = tmp_path_factory.mktemp("pages")
+    (folder / "pair.yaml").write_text(SCENE)
+    viewer_page.write(folder / "pair.html", view.page_of(folder / "pair.yaml"))
+    opened = _open(browser, folder / "pair.html", "size=8&mode=depth")
+    opened.still()
+    yield opened
+    opened.require_quiet()
+
+
+def test_a_scene_shows_the_nearest_of_its_fields(pair, tmp_path):
+    (tmp_path / "pair.yaml").write_text(SCENE)
+    outputs = ("visibility", "depth", "normals")
+    expected = ddf.read_scene(tmp_path / "pair.yaml").render(35, 25, size=32, outputs=outputs)
+    found = pair.render(outputs, 32)
+    assert np.isfinite(expected["depth"]).sum() > 100
+    for name in outputs:
+        assert_close(found[name], expected[name], atol=1e-3, rtol=0.0)
+    fewer = pair.render(("depth",), 32)
+    assert fewer["evaluated"] < found["evaluated"]  # of rays that hit the front one, the other is not asked
+    assert_close(fewer["depth"], expected["depth"], atol=1e-3, rtol=0.0)
+
+
+def test_a_handle_moves_its_object(pair):
+    where = "ddf.view.world.fields[1].record.world_from_mesh.translation"
+    before = pair.page.evaluate(where)
+    box = pair.page.locator("#overlay circle").nth(1).bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    pair.page.mouse.move(x, y)
+    pair.page.mouse.down()
+    pair.page.mouse.move(x, y - 50)
+    pair.page.mouse.up()
+    pair.still()
+    after = pair.page.evaluate(where)
+    assert after[1] > before[1] + 0.05 and pair.page.evaluate("ddf.view.camera.azimuth") == 35
+    pair.page.get_by_label("rabbit, y").fill(str(before[1]))
+    pair.still()
+    assert pair.page.evaluate(where)[1] == pytest.approx(before[1])

@@ -53,3 +53,9 @@ def test_impossible_frames_are_refused():
         transforms.field_from_mesh(np.ones((3, 3)))
     with pytest.raises(checks.InputError, match="at least one point"):
         transforms.field_from_mesh(np.zeros((0, 3)))
+
+
+def test_corners_of_a_box_begin_and_end_with_those_that_name_it():
+    corners = transforms.box_corners(np.array([0.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0]))
+    assert corners[0].tolist() == [0, 1, 2] and corners[-1].tolist() == [1, 3, 5]
+    assert len({tuple(corner) for corner in corners.tolist()}) == 8

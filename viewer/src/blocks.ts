@@ -10,6 +10,7 @@ export interface PageRecord {
   up: "y" | "z";
   corners: Vector[]; // of the box that cameras are about, frame of the world
   fields: FieldRecord[];
+  box: [Vector, Vector] | null; // of a scene: what lies before it is cut away
 }
 
 export const readPage = (): PageRecord => JSON.parse(document.getElementById("ddf-page")!.textContent!) as PageRecord;

@@ -16,6 +16,12 @@ export interface FieldRecord extends NetworkRecord {
   world_from_mesh: Similarity;
 }
 
+/** Fields, and the box that rays from outside enter first: what lies before it is cut away. */
+export interface World {
+  fields: readonly Field[];
+  box: [Vector, Vector] | null;
+}
+
 /** Answers in the frame of the world. Where nothing is seen depth is infinite and all but the visibility is 0. */
 export interface Answers {
   values: Partial<Record<Output, Float32Array>>;
@@ -73,17 +79,8 @@ export function enterBox(field: Field, rays: Rays, limit: Float64Array | null): 
     v[0] = a * s + b * t + c * u;
     v[1] = d * s + e * t + f * u;
     v[2] = g * s + h * t + i * u;
-    let [near, far] = [0, Infinity];
-    for (let axis = 0; axis < 3; axis++) {
-      if (v[axis] === 0) {
-        if (p[axis]! < lower[axis]! || p[axis]! > upper[axis]!) far = -Infinity;
-        continue;
-      }
-      const [one, other] = [(lower[axis]! - p[axis]!) / v[axis]!, (upper[axis]! - p[axis]!) / v[axis]!];
-      near = Math.max(near, Math.min(one, other));
-      far = Math.min(far, Math.max(one, other));
-    }
-    if (near > far || (limit !== null && near / map.scale >= limit[ray]!)) continue;
+    const [near, far] = span(p, v, lower, upper);
+    if (!(near <= far) || (limit !== null && near / map.scale >= limit[ray]!)) continue;
     index[kept] = ray;
     distances[kept] = near;
     for (let axis = 0; axis < 3; axis++) {
@@ -107,7 +104,7 @@ export function enterBox(field: Field, rays: Rays, limit: Float64Array | null): 
  * fields have a part in.
  */
 export async function query(
-  fields: readonly Field[],
+  world: World,
   rays: Rays,
   outputs: readonly Output[],
   signal?: AbortSignal,
@@ -122,11 +119,41 @@ export async function query(
   const start: Vector = [rays.positions[0]!, rays.positions[1]!, rays.positions[2]!];
   const away = (field: Field): number =>
     Math.min(...field.worldCorners.map((corner) => Math.hypot(...corner.map((value, i) => value - start[i]!))));
-  const order = fields.map((field, index) => ({ field, index, far: away(field) })).sort((a, b) => a.far - b.far);
-  for (const { field, index } of order) await ask(field, index, rays, outputs, found, signal);
+  const cut = world.box && cutAway(rays, world.box);
+  const order = world.fields.map((field, index) => ({ field, index, far: away(field) })).sort((a, b) => a.far - b.far);
+  for (const { field, index } of order) await ask(field, index, cut?.rays ?? rays, outputs, found, signal);
+  cut?.distances.forEach((distance, ray) => (found.depth[ray]! += distance));
   found.seen = found.nearest.reduce((sum, which) => sum + (which >= 0 ? 1 : 0), 0);
   if (found.values.depth) found.values.depth.set(found.depth);
   return found;
+}
+
+/** Rays from where they enter a box, and how far that is; those that miss it start so far away that they miss all. */
+function cutAway(rays: Rays, [lower, upper]: [Vector, Vector]): { rays: Rays; distances: Float64Array } {
+  const positions = rays.positions.slice();
+  const distances = new Float64Array(rays.count);
+  for (let ray = 0; ray < rays.count; ray++) {
+    const [p, v] = [rays.positions, rays.directions].map((all) => all.subarray(3 * ray, 3 * ray + 3)) as [Float64Array, Float64Array];
+    const [near, far] = span(p, v, lower, upper);
+    distances[ray] = near <= far ? near : 0;
+    for (let axis = 0; axis < 3; axis++) positions[3 * ray + axis] = near <= far ? p[axis]! + near * v[axis]! : Infinity;
+  }
+  return { rays: { ...rays, positions }, distances };
+}
+
+/** First and last distance at which a ray is in a box (`rays.box_span`); it misses where the first is larger. */
+function span(p: ArrayLike<number>, v: ArrayLike<number>, lower: Vector, upper: Vector): [number, number] {
+  let [near, far] = [0, Infinity];
+  for (let axis = 0; axis < 3; axis++) {
+    if (v[axis] === 0) {
+      if (!(p[axis]! >= lower[axis]! && p[axis]! <= upper[axis]!)) far = -Infinity;
+      continue;
+    }
+    const [one, other] = [(lower[axis]! - p[axis]!) / v[axis]!, (upper[axis]! - p[axis]!) / v[axis]!];
+    near = Math.max(near, Math.min(one, other));
+    far = Math.min(far, Math.max(one, other));
+  }
+  return [near, far];
 }
 
 async function ask(

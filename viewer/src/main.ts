@@ -5,7 +5,8 @@ import { readBlock, readPage } from "./blocks.ts";
 import { centre, framingRadius, pixelRays, type Camera, type Stage } from "./camera.ts";
 import { control, HELP } from "./controls.ts";
 import type { Output } from "./engine.ts";
-import { Field, query } from "./field.ts";
+import { Field, query, type FieldRecord } from "./field.ts";
+import { Gizmos } from "./gizmos.ts";
 import { Gpu } from "./gpu.ts";
 import { layersOf } from "./network.ts";
 import { button, byId, choices, element, select } from "./panel.ts";
@@ -36,8 +37,14 @@ async function main(): Promise<void> {
   const numbers = new Float32Array((await readBlock("ddf-weights"))!);
   const gpu = Gpu.open();
   if (typeof gpu === "string") throw new Error(`${gpu}; open the page in another browser`);
-  const fields = page.fields.map((record) => new Field(record, new WebglEngine(gpu, record, layersOf(record, numbers))));
-  const view = new View(byId("canvas") as HTMLCanvasElement, fields, stage, framed(stage), shown, (error) => fail(error.message));
+  const engines = new Map<number, WebglEngine>(); // fields of one network share it
+  const engineOf = (record: FieldRecord): WebglEngine => {
+    const known = engines.get(record.offset) ?? new WebglEngine(gpu, record, layersOf(record, numbers));
+    engines.set(record.offset, known);
+    return known;
+  };
+  const world = { fields: page.fields.map((record) => new Field(record, engineOf(record))), box: page.box };
+  const view = new View(byId("canvas") as HTMLCanvasElement, world, stage, framed(stage), shown, (error) => fail(error.message));
   view.mode = MODES.find((mode) => mode.name === WISHES.mode) ?? view.mode;
   view.full = Math.round(WISHES.size ?? view.full);
 
@@ -45,10 +52,12 @@ async function main(): Promise<void> {
     const words = summary(page.title, view.mode, view.camera, what);
     byId("canvas").setAttribute("aria-label", words.picture);
     byId("legend").replaceChildren(...words.legend);
+    gizmos?.update();
     byId("status").textContent = words.status;
     document.body.dataset.state = what.full ? "still" : "moving";
   }
 
+  const gizmos = world.fields.length > 1 ? new Gizmos(byId("overlay"), view) : null;
   const modes = choices("Show", "modes", MODES, view.mode, (mode) => {
     view.mode = mode;
     view.refresh(false);
@@ -62,7 +71,7 @@ async function main(): Promise<void> {
     }),
     element("div", { class: "row" }, button("Back to the start", reset), button("Light or dark", theme)),
   );
-  byId("panel").append(modes, camera);
+  byId("panel").append(modes, camera, ...(gizmos ? [gizmos.panel] : []));
 
   function reset(): void {
     view.camera = framed(stage);
@@ -91,7 +100,7 @@ async function main(): Promise<void> {
   ): Promise<Record<string, number[]> & { evaluated: number }> {
     const base = framed(stage, { azimuth: azimuth ?? START.azimuth, elevation: elevation ?? START.elevation });
     const rays = pixelRays({ ...base, radius: radius ?? base.radius }, stage, size);
-    const found = await query(fields, rays, outputs);
+    const found = await query(world, rays, outputs);
     const arrays = Object.fromEntries(Object.entries(found.values).map(([name, values]) => [name, Array.from(values!)]));
     return { ...arrays, evaluated: found.evaluated } as Record<string, number[]> & { evaluated: number };
   }

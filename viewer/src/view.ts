@@ -1,7 +1,7 @@
 /** The picture on the canvas: coarse while the camera moves, finer and finer when it rests. */
 
 import { pixelRays, type Camera, type Stage } from "./camera.ts";
-import { query, type Answers, type Field } from "./field.ts";
+import { query, type Answers, type World } from "./field.ts";
 import { breathe } from "./pacing.ts";
 import { MODES, picture, type Mode, type Picture } from "./shading.ts";
 
@@ -26,7 +26,7 @@ export class View {
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
-    readonly fields: Field[],
+    readonly world: World,
     readonly stage: Stage,
     public camera: Camera,
     private readonly shown: (what: Shown) => void,
@@ -60,7 +60,7 @@ export class View {
   private async once(size: number, moving: boolean, signal: AbortSignal): Promise<void> {
     const started = performance.now();
     const rays = pixelRays(this.camera, this.stage, size);
-    const answers = await query(this.fields, rays, moving ? this.mode.moving : this.mode.outputs, signal);
+    const answers = await query(this.world, rays, moving ? this.mode.moving : this.mode.outputs, signal);
     const milliseconds = performance.now() - started;
     if (moving) this.coarse = nextCoarse(size, milliseconds);
     const drawn = picture(this.mode, rays, answers, this.camera, this.stage);

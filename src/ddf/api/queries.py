@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ddf.api import inputs
 from ddf.fields import checked_cloud, framed_field
-from ddf.geometry import neighbours
+from ddf.geometry import neighbours, transforms
 
 
 class Queried:
@@ -38,8 +38,8 @@ class Queried:
     @property
     def corners(self) -> Float[np.ndarray, "8 3"]:
         """The corners of the field's box, in the frame of the mesh, where it may stand askew."""
-        sides = np.stack(np.meshgrid(*zip(self.framed.lower, self.framed.upper, strict=True), indexing="ij"), -1)
-        return self.framed.field_from_mesh.inverse().apply(sides.reshape(8, 3))
+        corners = transforms.box_corners(self.framed.lower, self.framed.upper)
+        return self.framed.field_from_mesh.inverse().apply(corners)
 
     def query(
         self,

@@ -103,7 +103,7 @@ def build(content: SceneFile, folder: Path) -> Scene:
     Raises:
       FileNotFoundError: there is no such field. InputError: as of `ddf.load`.
     """
-    loaded = {name: fields.load(_place(folder, name)) for name in {placement.field for placement in content.objects}}
+    loaded = {name: fields.load(place(folder, name)) for name in {placement.field for placement in content.objects}}
     box = None if content.box is None else (np.array(content.box.lower), np.array(content.box.upper))
     blend = None if content.soft is None else scene_field.Blend(content.soft)
     places = [placement.similarity() for placement in content.objects]
@@ -126,6 +126,6 @@ def read_scene(path: str | Path) -> Scene:
     return build(read(path), Path(path).parent)
 
 
-def _place(folder: Path, name: str) -> Path | str:
+def place(folder: Path, name: str) -> Path | str:
     """The file or folder beside the scene file; the name where there is none."""
     return folder / name if (folder / name).exists() else name

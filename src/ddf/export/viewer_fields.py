@@ -28,12 +28,8 @@ class BakedField:
     numbers: Float32[np.ndarray, "n"]
 
 
-def bake(shape: shape_field.ShapeField, name: str, world_from_mesh: transforms.Similarity | None = None) -> BakedField:
-    """A field and where it stands.
-
-    Args:
-      world_from_mesh: from the frame of its mesh to that of the page; the same frame where nothing is said.
-    """
+def bake(shape: shape_field.ShapeField, name: str) -> BakedField:
+    """A field for a page in the frame of its mesh; see `placed`."""
     network, config = shape.field.network, shape.field.config
     numbers, before = [], None
     for index, (layer, omega) in enumerate(zip(network.layers, network.omegas, strict=True)):
@@ -50,9 +46,14 @@ def bake(shape: shape_field.ShapeField, name: str, world_from_mesh: transforms.S
         "lower": shape.lower.tolist(),
         "upper": shape.upper.tolist(),
         "field_from_mesh": shape.field_from_mesh.to_dict(),
-        "world_from_mesh": (world_from_mesh or transforms.Similarity()).to_dict(),
+        "world_from_mesh": transforms.Similarity().to_dict(),
     }
     return BakedField(record, np.concatenate(numbers).astype(np.float32))
+
+
+def placed(field: BakedField, world_from_mesh: transforms.Similarity) -> BakedField:
+    """The same field elsewhere."""
+    return BakedField(field.record | {"world_from_mesh": world_from_mesh.to_dict()}, field.numbers)
 
 
 def _layer(layer: Any, omega: float, before: np.ndarray | None) -> list[np.ndarray]:
@@ -63,13 +64,18 @@ def _layer(layer: Any, omega: float, before: np.ndarray | None) -> list[np.ndarr
 
 
 def together(fields: list[BakedField]) -> tuple[list[dict[str, Any]], Float32[np.ndarray, "n"]]:
-    """Records and numbers of several fields, as one block.
+    """Records and numbers of several fields, as one block; numbers that fields share are there once.
 
     Raises:
       InputError: there is no field.
     """
     if not fields:
         raise checks.InputError("a page needs at least one field; got none")
-    offsets = np.cumsum([0, *(len(field.numbers) for field in fields)])
-    records = [field.record | {"offset": int(at)} for field, at in zip(fields, offsets[:-1], strict=True)]
-    return records, np.concatenate([field.numbers for field in fields])
+    offsets: dict[int, int] = {}
+    numbers, total = [], 0
+    for field in fields:
+        if id(field.numbers) not in offsets:
+            offsets[id(field.numbers)] = total
+            numbers.append(field.numbers)
+            total += len(field.numbers)
+    return [field.record | {"offset": offsets[id(field.numbers)]} for field in fields], np.concatenate(numbers)

@@ -28,7 +28,7 @@ class Page:
     """What a page shows.
 
     about: one sentence below the title. corners: of the box that cameras are about, frame of the page, as
-    `Queried.corners`. up: the axis that points up.
+    `Queried.corners`. up: the axis that points up. box: of a scene, what lies before it is cut away.
     """
 
     title: str
@@ -36,6 +36,7 @@ class Page:
     corners: Float[np.ndarray, "8 3"]
     fields: list[viewer_fields.BakedField]
     up: str = "y"
+    box: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]] | None = None
 
 
 def render(page: Page) -> bytes:
@@ -51,6 +52,7 @@ def render(page: Page) -> bytes:
         "up": page.up,
         "corners": page.corners.tolist(),
         "fields": records,
+        "box": None if page.box is None else [corner.tolist() for corner in page.box],
     }
     return _filled({"title": html.escape(page.title), "page": _script(record), "weights": block(numbers.tobytes())})
 

@@ -90,3 +90,8 @@ def field_from_mesh(vertices: Float[np.ndarray, "n 3"]) -> Similarity:
         raise checks.InputError("vertices must span a box; all of them coincide")
     scale = 2.0 / longest
     return Similarity(scale, np.eye(3), -scale * (lower + (upper - lower) / 2))
+
+
+def box_corners(lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, "3"]) -> Float[np.ndarray, "8 3"]:
+    """The corners of an axis-aligned box; the first is `lower`, the last `upper`."""
+    return np.stack(np.meshgrid(*zip(lower, upper, strict=True), indexing="ij"), -1).reshape(8, 3)

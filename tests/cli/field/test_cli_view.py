@@ -16,6 +16,15 @@ def test_the_page_is_written(command, work, fitted, capsys):
     assert result["bytes"] == out.stat().st_size and "<title>field</title>" in out.read_text()
 
 
+def test_a_scene_holds_each_field_once(tmp_path, capsys):
+    (tmp_path / "two.yaml").write_text("objects: [{field: rabbit}, {field: rabbit, translation: [1, 0, 0]}]")
+    sizes = []
+    for what in ("rabbit", tmp_path / "two.yaml"):
+        assert cli.main(["view", "--json", str(what), str(tmp_path / "page.html")]) == 0
+        sizes.append(json.loads(capsys.readouterr().out)["bytes"])
+    assert sizes[0] < sizes[1] < sizes[0] + 2000
+
+
 def test_without_a_file_the_browser_is_asked(fitted, capsys, monkeypatch):
     asked = []
     monkeypatch.setattr("webbrowser.open", lambda address: asked.append(address) or True)
@@ -29,6 +38,7 @@ def test_without_a_file_the_browser_is_asked(fitted, capsys, monkeypatch):
     [
         (["rabbit", "page.png"], "must end in .html"),
         (["no_such_field", "page.html"], "no such field"),
+        (["no_such_scene.yaml", "page.html"], "no_such_scene.yaml"),
         (["rabbit", "no/such/folder/page.html"], "there is no folder"),
     ],
 )

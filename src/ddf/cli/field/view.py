@@ -1,22 +1,32 @@
-"""`ddf view`: a page that renders a field live, opened in the browser or written as one file."""
+"""`ddf view`: a page that renders a field or a scene live, opened in the browser or written as one file."""
 
 import argparse
 import tempfile
 import webbrowser
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ddf.cli import arguments
+from ddf.core import shipped_models
+
+if TYPE_CHECKING:
+    from ddf.export import viewer_page
 
 EXAMPLES = (
     "ddf view rabbit",
     "ddf view rabbit rabbit.html",
+    "ddf view scene.yaml scene.html",
 )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare field and file."""
-    arguments.add_field(parser)
+    """Declare what is shown and the file."""
+    parser.add_argument(
+        "what",
+        metavar="FIELD_or_SCENE",
+        type=shipped_models.place,
+        help="folder that `ddf fit` wrote, its model.safetensors, a name that `ddf models` lists, or a scene file",
+    )
     arguments.add_out(
         parser,
         "out",
@@ -25,19 +35,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         optional=True,
     )
     parser.add_argument(
-        "--up", choices=arguments.UP_AXES, default="y", help="axis of the mesh that points up (default %(default)s)"
+        "--up", choices=arguments.UP_AXES, default="y", help="axis of a field that points up (default %(default)s)"
     )
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Write the page, and open it where no file is named."""
     from ddf.core import checks
-    from ddf.export import viewable, viewer_page
+    from ddf.export import viewer_page
 
     out = args.out
     if out is not None and out.suffix.lower() != ".html":
         raise checks.InputError(f"{out}: must end in .html")
-    page = viewable.page(args.field, args.up)
+    page = page_of(args.what, args.up)
     if out is None:
         out = Path(tempfile.mkdtemp(prefix="ddf-view-")) / f"{page.title}.html"
     size = viewer_page.write(out, page)
@@ -50,3 +60,31 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "opened": opened,
         "verdict": f"{out}: {size:,} bytes; {hint}",
     }
+
+
+def page_of(what: Path, up: str = "y") -> "viewer_page.Page":
+    """The page of a field or of a scene file.
+
+    Raises:
+      FileNotFoundError, InputError: as `viewable.page` and `scene_file.read`.
+    """
+    from ddf.api import scene_file
+    from ddf.export import viewable
+
+    return _scene(what) if what.suffix in scene_file.SUFFIXES else viewable.page(what, up)
+
+
+def _scene(file: Path) -> "viewer_page.Page":
+    """The page of a scene file; a field that it names several times is in the page once."""
+    from ddf.api import scene_file
+    from ddf.export import viewable, viewer_fields
+    from ddf.shape import shape_field
+
+    content = scene_file.read(file)
+    scene = scene_file.build(content, file.parent).framed
+    baked = {}
+    for name in {placement.field for placement in content.objects}:
+        folder = shipped_models.place(scene_file.place(file.parent, name))
+        baked[name] = viewer_fields.bake(shape_field.load(folder), viewable.name_of(folder))
+    fields = [viewer_fields.placed(baked[placement.field], placement.similarity()) for placement in content.objects]
+    return viewable.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)

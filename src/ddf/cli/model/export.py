@@ -84,7 +84,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _page(args: argparse.Namespace) -> dict[str, Any]:
     """The page that renders the model live."""
-    from ddf.export import viewable, viewer_page
+    from ddf.cli.field import view
+    from ddf.export import viewer_page
 
-    size = viewer_page.write(args.out, viewable.page(args.model))
+    size = viewer_page.write(args.out, view.page_of(args.model))
     return {"out": args.out.as_posix(), "bytes": size, "verdict": f"{args.out}: {size:,} bytes; any browser opens it"}
