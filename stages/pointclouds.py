@@ -28,8 +28,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
             dataset.train(category),
         )
     )
-    scales = category_data.read_shapes(samples_dir, test.ids).field_scales(test.shapes)
-    common = {"camera_true": test.cameras, "scale_true": 1 / scales}
+    common = {"camera_true": test.cameras, **category_data.read_shapes(samples_dir, test.ids).placements(test.shapes)}
 
     out = config.artifact_dir(config_path, "pointclouds", category, seed)
     for name in ("ddf", "pcsiren"):

@@ -8,7 +8,6 @@ from ddf.core import config, provenance
 from ddf.pipeline import stage
 from ddf.reconstruction import (
     category_data,
-    mirrored_data,
     reconstruction_models,
     settings,
     training_steps,
@@ -25,21 +24,16 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     samples_dir = config.artifact_dir(config_path, "samples", category)
     training_loop.prepare(train.loop, train.batch_size)
 
-    images, shapes, sources = category_data.read_training(
-        index_path, samples_dir, category, train.train_views, train.image_size
-    )
+    images, shapes, sources = category_data.read_training(index_path, samples_dir, category, train.image_size)
     truth = training_truth.read(config_path, category, shapes, section)
     sources += truth.sources
-    mirror = section.mirror_shapes
-    truth = truth.mirrored(shapes, mirror)
-    images, shapes = mirrored_data.of_images(images, mirror), mirrored_data.of_shapes(shapes, mirror)
 
     model = reconstruction_models.ddf_model(train, section).to(training_loop.device())
     model.camera_head.fit(images.cameras)
     fingerprint = provenance.fingerprint(
         [train, section, category, images.digest(), truth.drawn],
         sources,
-        [training_steps, mirrored_data, training_truth],
+        [training_steps, training_truth],
     )
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training_loop.fit(
@@ -48,7 +42,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
         functools.partial(
             training_steps.ddf_step, model, images, shapes, truth.samples, train, section, propose=truth.propose
         ),
-        train.steps(section.steps, category),
+        section.steps,
         section.loop(train.loop),
         config.artifact_dir(config_path, "train_ddf", category, seed),
         provenance.record(fingerprint, train.loop.seed, sources) | architecture,

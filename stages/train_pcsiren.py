@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ddf.core import config, provenance
 from ddf.pipeline import stage
-from ddf.reconstruction import category_data, mirrored_data, reconstruction_models, settings, training_steps
+from ddf.reconstruction import category_data, reconstruction_models, settings, training_steps
 from ddf.training import distributed, training_loop
 
 
@@ -18,22 +18,18 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     samples_dir = config.artifact_dir(config_path, "samples", category)
     training_loop.prepare(train.loop, train.batch_size)
 
-    images, shapes, sources = category_data.read_training(
-        index_path, samples_dir, category, train.train_views, train.image_size
-    )
-    images = mirrored_data.of_images(images, section.mirror_shapes)
-    shapes = mirrored_data.of_shapes(shapes, section.mirror_shapes)
+    images, shapes, sources = category_data.read_training(index_path, samples_dir, category, train.image_size)
 
-    model = reconstruction_models.pcsiren_model(train, section).to(training_loop.device())
+    model = reconstruction_models.pcsiren_model(train).to(training_loop.device())
     model.camera_head.fit(images.cameras)
-    modules = [training_steps, mirrored_data]
+    modules = [training_steps]
     fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, modules)
     architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training_loop.fit(
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera),
         functools.partial(training_steps.pcsiren_step, model, images, shapes, train, section),
-        train.steps(section.steps, category),
+        section.steps,
         train.loop,
         config.artifact_dir(config_path, "train_pcsiren", category, seed),
         provenance.record(fingerprint, train.loop.seed, sources) | architecture,

@@ -151,6 +151,7 @@ class FakeExperiment:
         )
         scale = np.array([axes[shape].max() for shape, _ in images])
         common = {"camera_true": camera, "scale_true": scale, "scale_pred": scale * 1.01}
+        common["centre_true"] = np.zeros((count, 3))
         record = {"images": [{"id": shape, "view": view} for shape, view in images], "fingerprint": "x", "seed": 0}
         ddf = {
             f"{size}.h{cycles}": self._clouds(category, n, self.noise * (4 - cycles))

@@ -6,7 +6,7 @@ import torch
 
 from ddf.data import packing
 from ddf.data.samples import sample_types
-from ddf.fields import cloud_projection, pddf
+from ddf.fields import cloud_projection
 from ddf.geometry import transforms
 from ddf.reconstruction import (
     category_data,
@@ -16,16 +16,14 @@ from ddf.reconstruction import (
 TRAIN = _models.TRAIN
 PLACES = [(0, 0), (0, 1), (1, 0)]  # of the shapes: shard, and row in it
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
-FIELD = pddf.PDDFConfig((12, 12), 3.0, 1.0, "softplus", 20.0)
-DDF = settings.DDFConfig(FIELD, 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.0, 16, 20, None)
-PCSIREN = settings.PCSirenConfig((12, 12), 3.0, 1.0, 5, 50, 70)
-CLOUD = cloud_projection.CloudConfig(8, 2, 0.1, 0.0, 0.0, (), None, 0.05, 0.05, 1000)
+DDF = settings.DDFConfig(
+    settings.FieldConfig("softplus", 20.0), 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.0, 16, 20, None
+)
+PCSIREN = settings.PCSirenConfig(5, 50, 70)
+CLOUD = cloud_projection.CloudConfig(8, 2, 0.1, 0.0, (), None, 0.05, 0.05, 1000)
 POINTCLOUDS = settings.PointcloudsConfig(
     CLOUD,
     settings.CorrectionConfig(2, 0.05, 16, settings.CAMERA_NUMBERS),
-    (0.0,),
-    None,
-    None,
     60,
     30,
     None,
@@ -38,6 +36,7 @@ POINTCLOUDS = settings.PointcloudsConfig(
 def images(count=6, shapes=3):
     generator = torch.Generator().manual_seed(0)
     images = (torch.rand(count, 4, 32, 32, generator=generator) * 255).to(torch.uint8)
+    images[:, 3, :10], images[:, 3, 22:], images[:, 3, :, :10], images[:, 3, :, 22:] = 0, 0, 0, 0  # rays miss there
     poses = torch.rand(count, 3, generator=generator) * torch.tensor([6.0, 0.1, 0.3]) + torch.tensor([0.0, 0.45, 0.65])
     ids = [f"shape{i}" for i in range(shapes)]
     return category_data.ImageSet(ids, [i % 5 for i in range(count)], np.arange(count) % shapes, images, poses)

@@ -16,19 +16,18 @@ from ddf.shape import shape_field
 from ddf.training import training_loop
 
 LOOP = training_loop.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
-TRAIN = settings.TrainConfig(32, 4, 6, 4, None, 5.0, 1e-3, 1e-6, LOOP)
-WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
 FIELD = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, "softplus", 20.0)
-DDF = settings.DDFConfig(FIELD, 1, None, dict.fromkeys(sample_types.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20, None)
-PCSIREN = settings.PCSirenConfig((24, 16), 1.0, 1.0, 1, 8, 8)
+TRAIN = settings.TrainConfig(32, 4, 6, FIELD.layout(), 4, 5.0, 1e-3, 1e-6, LOOP)
+WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
+OWN = settings.FieldConfig("softplus", 20.0)
+DDF = settings.DDFConfig(OWN, 1, None, dict.fromkeys(sample_types.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20, None)
+PCSIREN = settings.PCSirenConfig(1, 8, 8)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 
-def field(
-    activation: Literal["relu", "softplus", "squareplus"] = "softplus", mirror: Literal["x", "y", "z"] | None = None
-) -> pddf.PDDF:
+def field(activation: pddf.DepthActivation = "softplus") -> pddf.PDDF:
     torch.manual_seed(0)
-    config = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0, mirror=mirror)
+    config = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0)
     return pddf.PDDF(config).requires_grad_(False)
 
 
@@ -47,7 +46,7 @@ def ddf_model(azimuth: Literal["angle", "sincos"] = "angle"):
 
 def pcsiren_model():
     torch.manual_seed(0)
-    made = reconstruction_models.pcsiren_model(TRAIN, PCSIREN).eval()
+    made = reconstruction_models.pcsiren_model(TRAIN).eval()
     made.camera_head.fit(CAMERAS)
     return made
 

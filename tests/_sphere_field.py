@@ -11,7 +11,6 @@ CONFIG = cloud_projection.CloudConfig(  # the paper's way
     cycles=3,
     oversampling=0.1,
     jitter=0.0,
-    resample=0.0,
     recheck=(),
     spread=None,
     temperature=0.05,

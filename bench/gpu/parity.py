@@ -76,7 +76,7 @@ def drawn_on_the_cpu() -> Iterator[None]:
 def hits(sizes: Sizes, device: str) -> Tensor:
     """Of the first cycle of a cloud of a plain field with random weights; float64, on the CPU."""
     torch.manual_seed(0)
-    field = pddf.PDDF(sizes.ddf.field).requires_grad_(False).to(device)
+    field = pddf.PDDF(sizes.ddf.field.of(sizes.train.decoder)).requires_grad_(False).to(device)
     with drawn_on_the_cpu():
         generator = torch.Generator().manual_seed(0)
         cycle, *_ = cloud_projection.sample(field, None, sizes.cloud_points, sizes.cloud, generator)

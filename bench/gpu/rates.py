@@ -82,7 +82,9 @@ def field_rows(sizes: Sizes) -> list[dict[str, Any]]:
     rows = []
     for name, hidden in sizes.fields.items():
         torch.manual_seed(0)
-        field = pddf.PDDF(dataclasses.replace(sizes.ddf.field, hidden=hidden)).requires_grad_(False)
+        field = pddf.PDDF(sizes.ddf.field.of(dataclasses.replace(sizes.train.decoder, hidden=hidden))).requires_grad_(
+            False
+        )
         exact = _answer(field.double(), *random_rays(CHECKED, torch.float64, torch.device("cpu")))
         for precision in PRECISIONS:
             torch.set_float32_matmul_precision("high" if precision == "tf32" else "highest")

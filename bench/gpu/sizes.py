@@ -38,14 +38,14 @@ class Sizes:
 
 def full() -> Sizes:
     """Of configs/paper.yaml, with a cloud of fewer directions."""
-    ddf = config.load(CONFIG, settings.DDFConfig)
+    train = config.load(CONFIG, settings.TrainConfig)
     cloud = config.load(CONFIG, settings.PointcloudsConfig).cloud
     return Sizes(
-        config.load(CONFIG, settings.TrainConfig),
-        ddf,
+        train,
+        config.load(CONFIG, settings.DDFConfig),
         config.load(CONFIG, settings.PCSirenConfig),
         dataclasses.replace(cloud, num_directions=DIRECTIONS, cycles=CYCLES),
-        {"paper's widths": ddf.field.hidden, "4 x 192": (192,) * 4},
+        {"paper's widths": train.decoder.hidden, "4 x 192": (192,) * 4},
     )
 
 
@@ -53,14 +53,14 @@ def tiny() -> Sizes:
     """The same in seconds on a CPU; its figures say nothing."""
     whole, hidden = full(), (16, 12)
     loop = dataclasses.replace(whole.train.loop, threads=1)
-    field = dataclasses.replace(whole.ddf.field, hidden=hidden)
+    decoder = dataclasses.replace(whole.train.decoder, hidden=hidden)
     counts = dict.fromkeys(whole.ddf.counts, 6)
     return Sizes(
         dataclasses.replace(
-            whole.train, image_size=32, encoder_width=4, latent_features=6, batch_size=2, train_views=None, loop=loop
+            whole.train, image_size=32, encoder_width=4, latent_features=6, batch_size=2, decoder=decoder, loop=loop
         ),
-        dataclasses.replace(whole.ddf, field=field, counts=counts, mask_size=8),
-        dataclasses.replace(whole.pcsiren, hidden=hidden, points=20, truth_points=20),
+        dataclasses.replace(whole.ddf, counts=counts, mask_size=8),
+        dataclasses.replace(whole.pcsiren, points=20, truth_points=20),
         dataclasses.replace(whole.cloud, num_directions=4, cycles=2),
         {"tiny": hidden},
         rays=256,

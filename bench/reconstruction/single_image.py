@@ -55,8 +55,7 @@ def read(config_path: Path) -> tuple[settings.TrainConfig, Pair, settings.Pointc
     train = config.load(config_path, settings.TrainConfig)
     torch.manual_seed(0)
     ddf = reconstruction_models.ddf_model(train, config.load(config_path, settings.DDFConfig))
-    section = config.load(config_path, settings.PCSirenConfig)
-    models = (ddf.eval(), reconstruction_models.pcsiren_model(train, section).eval())
+    models = (ddf.eval(), reconstruction_models.pcsiren_model(train).eval())
     return train, models, config.load(config_path, settings.PointcloudsConfig)
 
 

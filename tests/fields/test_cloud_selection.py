@@ -1,4 +1,4 @@
-"""The points of a cloud among its candidates: order, crowding, centring, mirror images."""
+"""The points of a cloud among its candidates: order and crowding."""
 
 import dataclasses
 
@@ -70,20 +70,6 @@ def test_spread_sets_few_points_where_the_field_doubts():
     assert 0 < share < 0.15
 
 
-def test_doubtful_candidates_are_left_out_while_enough_remain():
-    config = dataclasses.replace(SPREAD, least_confidence=0.5)
-    sure = torch.rand(60, 3, generator=torch.Generator().manual_seed(0))
-    strays = torch.tensor([[3.0, 0, 0], [-3.0, 0, 0]])
-    cycles = [projected(torch.cat((sure, strays)), torch.cat((torch.full((60,), 0.5), torch.full((2,), 0.49))))]
-    (kept,) = cloud_projection.select(cycles, [56], dataclasses.replace(config, least_confidence=0.0))
-    assert float(kept.abs().max()) == 3
-    for least in (0.5, 1.0):
-        (cloud,) = cloud_projection.select(cycles, [56], dataclasses.replace(config, least_confidence=least))
-        assert len(torch.unique(cloud, dim=0)) == 56 and float(cloud.abs().max()) <= 1
-    (needed,) = cloud_projection.select(cycles, [62], config)
-    assert len(torch.unique(needed, dim=0)) == 62
-
-
 def test_crowding_takes_strays_later():
     generator = torch.Generator().manual_seed(0)
     strays = torch.tensor([[3.0, 0, 0], [-3.0, 0, 0], [0, 3.0, 0]])
@@ -111,43 +97,6 @@ def test_crowding_of_repeated_points_is_finite():
     assert bool(torch.isfinite(cloud).all()) and bool((cloud[:2].sum(dim=1) == torch.tensor([3.0, 0.0])).all())
 
 
-def test_cells_are_of_the_nearest_in_the_order():
-    points = torch.rand(300, 3, generator=torch.Generator().manual_seed(0))
-    weights = torch.rand(300, generator=torch.Generator().manual_seed(1)) + 0.1
-    order, cells = cloud_projection.farthest_point_cells(points, 40, weights)
-    assert torch.equal(order, cloud_projection.farthest_point_order(points, 40, weights))
-    assert torch.equal(cells, torch.cdist(points, points[order]).argmin(dim=1))
-
-
-def test_centred_clouds_are_weighted_means_of_their_cells():
-    generator = torch.Generator().manual_seed(0)
-    points, weights = torch.rand(200, 3, generator=generator), torch.rand(200, generator=generator) + 0.1
-    cloud = torch.cat((points[:20], torch.full((1, 3), 9.0)))  # the last is nearest to none
-    cell = torch.cdist(points, cloud).argmin(dim=1)
-    expected = torch.stack(
-        [(points[cell == i] * weights[cell == i, None]).sum(0) / weights[cell == i].sum() for i in range(20)]
-    )
-    found = cloud_projection.centred(cloud, points, cell, weights)
-    torch.testing.assert_close(found[:20], expected)
-    assert torch.equal(found[20], cloud[20])
-
-
-def test_centring_takes_noise_from_a_sphere_and_orders_all_sizes_alike():
-    generator = torch.Generator().manual_seed(0)
-    directions = torch.nn.functional.normalize(torch.randn(4000, 3, generator=generator), dim=-1)
-    noise = 0.02 * torch.randn(4000, 1, generator=generator)
-    confidence = torch.exp(-(noise[:, 0] / 0.02).square())  # what is off is doubted
-    cycles = [projected(directions * (1 + noise), confidence)]
-    off = {}
-    for power in (None, 0.0, 4.0):
-        large, small = cloud_projection.select(
-            cycles, [400, 100], dataclasses.replace(SPREAD, spread=0.0, centre=power)
-        )
-        off[power] = float((large.norm(dim=-1) - 1).square().mean().sqrt())
-        assert torch.equal(small, large[:100])
-    assert off[4.0] < off[0.0] < off[None]
-
-
 def test_candidates_of_two_cycles_are_enough_with_fewer_starts_than_points():
     config = dataclasses.replace(SPREAD, num_directions=8, cycles=3, oversampling=-0.45, jitter=0.1)
     field = Sphere()
@@ -156,21 +105,6 @@ def test_candidates_of_two_cycles_are_enough_with_fewer_starts_than_points():
     (cloud,) = cloud_projection.select(cycles, [100], config)
     assert len(torch.unique(cloud, dim=0)) == 100
     assert config.candidate_share(1) < 1 <= config.candidate_share(3)
-
-
-@pytest.mark.parametrize(("axis", "place"), [("x", 0), ("y", 1), ("z", 2)])
-def test_mirror_images_of_hits_are_candidates_without_a_query(axis, place):
-    config = dataclasses.replace(SPREAD, num_directions=8, cycles=2, oversampling=-0.45, mirror=axis)
-    field = Sphere()
-    cycles = cloud_projection.sample(field, None, 100, config, torch.Generator().manual_seed(0))
-    assert field.queries == 2 * 55 * (8 + 1)
-    (cloud,) = cloud_projection.select(cycles, [100], config)
-    assert len(torch.unique(cloud, dim=0)) == 100
-    hits, sides = cycles[-1].points, torch.ones(3)
-    sides[place] = -1
-    own, images = ((cloud[:, None] == one).all(-1).any(-1) for one in (hits, sides * hits))
-    assert bool((own | images).all()) and int(own.sum()) > 30 and int(images.sum()) > 30
-    assert config.candidate_share(2) == pytest.approx(1.1)
 
 
 def _nearest_neighbour_spread(points):

@@ -1,7 +1,6 @@
 """Consistency losses: against slow loops, against autograd through one derivative at a time, and on an exact field."""
 
 import _models
-import pytest
 import torch
 from _support import assert_close
 from torch import nn
@@ -10,8 +9,8 @@ from ddf.fields import consistency, pddf
 from ddf.shape import field_diagnostics
 
 
-def _double_field(mirror=None):
-    return _models.field(mirror=mirror).double().requires_grad_()
+def _double_field():
+    return _models.field().double().requires_grad_()
 
 
 def _double_points(count, seed=0):
@@ -27,9 +26,8 @@ def _answers(field):
     return answers
 
 
-@pytest.mark.parametrize("mirror", [None, "x"])
-def test_gradient_loss_is_the_mean_square_of_the_measured_residual(mirror):
-    field = _double_field(mirror)
+def test_gradient_loss_is_the_mean_square_of_the_measured_residual():
+    field = _double_field()
     positions, directions = _double_points(50)
     residuals = field_diagnostics.residuals(_answers(field), positions, directions, positions.roll(1, 0))
     seen = (_answers(field)(positions, directions)[1] >= 0.5).double()

@@ -15,7 +15,7 @@ from .field_cases import SATURATED, constant_field
 
 METRICS = case.Group("metrics")
 CLOUDS = case.Group("clouds")
-PAPER = cloud_projection.CloudConfig(64, 3, 0.1, 0.0, 0.0, (), None, 0.05, 0.01, 4096)
+PAPER = cloud_projection.CloudConfig(64, 3, 0.1, 0.0, (), None, 0.05, 0.01, 4096)
 
 
 def _array(points: object, dtype: torch.dtype) -> np.ndarray:

@@ -35,8 +35,8 @@ def test_every_section_loads(path):
 def test_commands_draw_clouds_as_the_default_experiment_does():
     (path,) = (path for path in CONFIGS if path.stem == "cpu")
     section = config.load(path, settings.PointcloudsConfig)
-    assert (section.cloud, section.scale_quantile) == (cloud_defaults.cloud("z"), cloud_defaults.SCALE_QUANTILE)
-    assert dataclasses.asdict(cloud_defaults.cloud()) == {**cloud_defaults.CLOUD, "mirror": None}
+    assert section.cloud == cloud_defaults.cloud()
+    assert dataclasses.asdict(cloud_defaults.cloud()) == cloud_defaults.CLOUD
     assert section.shape_correction is not None
     assert dataclasses.asdict(section.shape_correction) == cloud_defaults.SHAPE_CORRECTION
 
@@ -73,7 +73,7 @@ def test_paper_config_builds_the_published_models():
     path = next(path for path in CONFIGS if path.stem == "paper")
     train = config.load(path, settings.TrainConfig)
     ddf_model = reconstruction_models.ddf_model(train, config.load(path, settings.DDFConfig))
-    pc_siren = reconstruction_models.pcsiren_model(train, config.load(path, settings.PCSirenConfig))
+    pc_siren = reconstruction_models.pcsiren_model(train)
     assert ddf_fields.count_parameters(ddf_model) == 25_647_367
     assert ddf_fields.count_parameters(pc_siren) == 25_645_574
     assert ddf_fields.count_parameters(ddf_fields.PDDF(ddf_fields.PAPER_SINGLE_SHAPE)) == 1_581_572

@@ -73,4 +73,4 @@ def test_seconds_of_a_step_are_scaled_from_fewer_images(monkeypatch):
     monkeypatch.setattr(step_cost, "MOST_POINTS", 4 * (sum(_models.DDF.counts.values()) + 20))
     assert step_cost.measure(train, _models.DDF).trial_images == 4
     monkeypatch.setattr(step_cost, "MOST_POINTS", 1)
-    assert step_cost.measure(train, settings.PCSirenConfig((8,), 1.0, 1.0, 1, 8, 8)).trial_images == 2
+    assert step_cost.measure(train, settings.PCSirenConfig(1, 8, 8)).trial_images == 2

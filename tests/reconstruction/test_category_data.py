@@ -81,10 +81,9 @@ def _flip_last_byte(path):
     path.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
 
 
-def test_training_views_never_show_a_test_view():
+def test_test_views_are_the_first_of_the_splits():
     entries = (shapenet.ShapeEntry("a", (0, 1, 2, 3, 4), ()), shapenet.ShapeEntry("b", (0, 1), (2, 3, 4)))
     unseen = shapenet.ShapeEntry("c", (), (0, 1, 2, 3, 4))
     dataset = shapenet.Dataset(Path("root"), {"chair": shapenet.CategoryEntry("1", (*entries, unseen))})
-    assert category_data.training_views(dataset, "chair", 7) == [("a", [0, 1, 2, 3, 4, 5, 6]), ("b", [0, 1, 5, 6])]
-    assert category_data.training_views(dataset, "chair", None) == [("a", (0, 1, 2, 3, 4)), ("b", (0, 1))]
+    assert dataset.train("chair") == [("a", (0, 1, 2, 3, 4)), ("b", (0, 1))]
     assert category_data.test_views(dataset, "chair", 2) == [("b", (2, 3)), ("c", (0, 1))]

@@ -4,14 +4,12 @@ import dataclasses
 
 import _hand_made
 import _models
-import numpy as np
 import pytest
 import torch
-from _hand_made import DDF, PCSIREN, POINTCLOUDS, TRAIN
+from _hand_made import DDF, POINTCLOUDS, TRAIN
 
 from ddf.core import checks, resume
 from ddf.fields import cloud_projection
-from ddf.geometry import cameras
 from ddf.reconstruction import (
     inference,
     reconstruction_models,
@@ -26,24 +24,6 @@ def test_scale_makes_the_box_diagonal_one():
     assert scales.scale_from_cloud(points) == pytest.approx(1 / 3)
     with pytest.raises(checks.InputError, match="one point"):
         scales.scale_from_cloud(points[:1])
-
-
-def test_scale_from_all_candidates_leaves_out_strays_and_keeps_doubtful_tips():
-    generator = torch.Generator().manual_seed(0)
-    points = torch.rand(4000, 3, generator=generator)
-    confidence = torch.ones(4000)
-    tip = torch.rand(200, 3, generator=generator) * torch.tensor([0.0, 1.0, 1.0]) + torch.tensor([2.0, 0.0, 0.0])
-    stray = torch.tensor([[9.0, 0.0, 0.0], [-9.0, 0.0, 0.0]])
-
-    def scale(extra, sure, quantile=0.002):
-        pool = torch.cat((points, extra)), torch.cat((confidence, torch.full((len(extra),), sure)))
-        return scales.scale_from_cycles([cloud_projection.ProjectedPoints(pool[0], pool[1], pool[1])], quantile)
-
-    clean = scale(stray[:0], 1.0)
-    assert clean == pytest.approx(1 / 3**0.5, rel=1e-2)
-    assert scale(stray, 1.0) == pytest.approx(clean, rel=2e-3)
-    assert scale(tip, 0.2) == pytest.approx(1 / 6**0.5, rel=2e-2)
-    assert scale(stray, 1.0, 0.0) == pytest.approx(1 / (18**2 + 2) ** 0.5, rel=1e-3)
 
 
 def test_reconstruction_has_the_promised_arrays():
@@ -65,6 +45,10 @@ def test_reconstruction_has_the_promised_arrays():
         assert torch.equal(values, again[name]), name
     spans = (tensors["L.h2"].amax(1) - tensors["L.h2"].amin(1)).norm(dim=-1)
     torch.testing.assert_close(tensors["scale_pred"], 1 / spans)
+    once = (tensors["L.h1"].amax(1) - tensors["L.h1"].amin(1)).norm(dim=-1)
+    torch.testing.assert_close(tensors["scale_pred.h1"], 1 / once)
+    assert not torch.equal(tensors["scale_pred.h1"], tensors["scale_pred"])
+    assert set(facts["seconds"]) == {"encoders", "cloud", "camera_correction"} and min(facts["seconds"].values()) > 0
 
 
 CORRECTED = dataclasses.replace(POINTCLOUDS, shape_correction=settings.ShapeCorrectionConfig(2, 0.1, 0.05, 0.0, 16))
@@ -109,34 +93,35 @@ def test_killed_reconstruction_goes_on_to_the_same_bits(tmp_path, monkeypatch):
         inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation, kept)
     stopped = len(drawn)
     resumed, facts = inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation, kept)
-    assert drawn[stopped:] == [CORRECTED.large] * 4  # neither a first portion nor a shape's correction once more
+    assert drawn[stopped : stopped + 4] == [CORRECTED.large] * 4  # the first portion is not drawn once more
     assert resumed.keys() == whole.keys()
     for name, values in whole.items():
         assert torch.equal(values, resumed[name]), name
-    assert min(facts["cloud_seconds_per_image"], facts["shape_correction_seconds_per_image"]) > 0
+    assert min(facts["seconds"].values()) > 0
 
 
-def test_corrected_shapes_have_other_clouds_from_the_same_predicted_cameras():
+def test_shapes_on_the_mask_have_clouds_and_scales_of_their_own_and_change_no_other():
     model, images = _models.ddf_model("angle"), _hand_made.images()
     deviation = silhouettes.deviation(model, inference.image_features(model, images))
     plain, _ = inference.reconstruct_ddf(model, images, POINTCLOUDS, "test")
-    moved, facts = inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation)
-    assert plain.keys() == moved.keys()
-    assert {name for name in plain if torch.equal(plain[name], moved[name])} == {"features", "camera_pred"}
-    assert facts["shape_correction_seconds_per_image"] > 0
+    both, facts = inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation)
+    assert both.keys() - plain.keys() == {"L.mask", "S.mask", "scale_pred.mask"}
+    assert all(torch.equal(plain[name], both[name]) for name in plain)
+    assert not torch.equal(both["L.mask"], both["L.h2"])
+    spans = (both["L.mask"].amax(1) - both["L.mask"].amin(1)).norm(dim=-1)
+    torch.testing.assert_close(both["scale_pred.mask"], 1 / spans)
+    assert facts["seconds"]["shape_correction"] > 0
     with pytest.raises(ValueError, match="needs the deviation"):
         inference.reconstruct_ddf(model, images, CORRECTED, "test")
 
 
-@pytest.mark.parametrize("quantile", [None, 0.002])
-def test_a_correction_starts_from_the_scale_that_a_small_cloud_tells(quantile, monkeypatch):
+def test_a_correction_starts_from_the_scale_that_a_small_cloud_tells(monkeypatch):
     model, images, seen = _models.ddf_model("angle"), _hand_made.images(), []
     correct = silhouettes.correct_shapes
     monkeypatch.setattr(silhouettes, "correct_shapes", lambda *given: seen.append(given[4]) or correct(*given))
-    config = dataclasses.replace(CORRECTED, scale_quantile=quantile)
-    inference.reconstruct_ddf(model, images, config, "test", torch.ones(TRAIN.latent_features))
+    inference.reconstruct_ddf(model, images, CORRECTED, "test", torch.ones(TRAIN.latent_features))
     tensors, _ = inference.reconstruct_ddf(
-        model, images, dataclasses.replace(config, shape_correction=None, large=inference.ROUGH_POINTS), "test"
+        model, images, dataclasses.replace(POINTCLOUDS, large=inference.ROUGH_POINTS), "test"
     )
     torch.testing.assert_close(torch.cat(seen), 1 / tensors["scale_pred"])
 
@@ -147,39 +132,9 @@ def test_an_error_of_one_image_comes_through(monkeypatch):
         inference.reconstruct_ddf(_models.ddf_model("angle"), _hand_made.images(), POINTCLOUDS, "test")
 
 
-@pytest.mark.parametrize("azimuth", ["angle", "sincos"])
-def test_with_a_mirror_an_image_and_its_flipped_image_have_one_latent_and_mirrored_cameras(azimuth):
-    model, images = _models.ddf_model(azimuth), _hand_made.images().batch(np.arange(6))
-    features, latents, seen = inference.encode_batch(model, images, "z")
-    _, other_latents, other = inference.encode_batch(model, images.flip(-1), "z")
-    torch.testing.assert_close(other_latents, latents)
-    torch.testing.assert_close(other, cameras.mirrored(seen, "z"))
-    alone, one, camera = inference.encode_batch(model, images)
-    _, two, flipped = inference.encode_batch(model, images.flip(-1))
-    assert torch.equal(features, alone)
-    assert float((one - two).abs().max()) > 1e-3
-    torch.testing.assert_close(latents, (one + two) / 2)
-    torch.testing.assert_close(seen, cameras.between(camera, cameras.mirrored(flipped, "z")))
-
-
-def test_both_models_are_reconstructed_from_what_the_mirror_gives():
-    settings, images = dataclasses.replace(POINTCLOUDS, mirror="z"), _hand_made.images()
-    ddf, pcsiren = _models.ddf_model(), _models.pcsiren_model()
-    both = [
-        (
-            inference.reconstruct_ddf(ddf, images, config, "test")[0],
-            inference.reconstruct_pcsiren(pcsiren, images, config)[0],
-        )
-        for config in (settings, POINTCLOUDS)
-    ]
-    for own, alone, model, size in zip(*both, (ddf, pcsiren), ("L.h2", "L"), strict=True):
-        torch.testing.assert_close(own["camera_pred"], inference.encode(model, images, "z")[2])
-        assert not torch.equal(own[size], alone[size])
-
-
 def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():
     torch.manual_seed(0)
-    model = reconstruction_models.pcsiren_model(TRAIN, PCSIREN).eval()
+    model = reconstruction_models.pcsiren_model(TRAIN).eval()
     model.camera_head.fit(_hand_made.images().cameras)
     tensors, _ = inference.reconstruct_pcsiren(model, _hand_made.images(), POINTCLOUDS)
     assert tuple(tensors["L"].shape) == (6, 60, 3)

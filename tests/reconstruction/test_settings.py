@@ -12,42 +12,15 @@ from ddf.core import checks
     ("section", "change", "message"),
     [
         (TRAIN, {"batch_size": 1}, "train.batch_size must be >= 2; got 1"),
-        (TRAIN, {"train_views": 25}, r"train.train_views must be in 1..24 or null; got 25"),
-        (
-            TRAIN,
-            {"step_shares": {"cars": 1.5}},
-            "train.step_shares must name categories; got 'cars'",
-        ),
-        (
-            TRAIN,
-            {"step_shares": {"car": 0.0}},
-            "train.step_shares.car must be > 0 and finite; got 0.0",
-        ),
         (DDF, {"counts": {"U": 3}}, "ddf.counts must give each of E, U, A, B, S, T, O"),
         (DDF, {"mask_pixels": 0}, "ddf.mask_pixels must be >= 1"),
         (PCSIREN, {"points": 0}, "pcsiren.points must be >= 1; got 0"),
-        (
-            POINTCLOUDS,
-            {"correction_turns": ()},
-            r"pointclouds.correction_turns must list degrees.*got \[\]",
-        ),
-        (
-            POINTCLOUDS,
-            {"correction_limit": 0.0},
-            "pointclouds.correction_limit must be > 0, or null; got 0.0",
-        ),
         (POINTCLOUDS, {"small": 61}, "1 <= small <= large; got 61 and 60"),
     ],
 )
 def test_values_out_of_range_are_named(section, change, message):
     with pytest.raises(checks.InputError, match=message):
         dataclasses.replace(section, **change)
-
-
-def test_a_category_may_have_a_share_of_the_steps():
-    assert TRAIN.steps(100, "car") == 100
-    shared = dataclasses.replace(TRAIN, step_shares={"car": 1.45, "chair": 0.001})
-    assert [shared.steps(100, name) for name in ("car", "plane", "chair")] == [145, 100, 1]
 
 
 def test_own_learning_rates_replace_those_of_the_loop():

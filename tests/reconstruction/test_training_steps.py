@@ -31,7 +31,7 @@ def test_steps_lower_the_loss_and_reach_every_parameter(kind):
         def step(k):
             return training_steps.ddf_step(model, images, shapes, samples, TRAIN, DDF, k)
     else:
-        model = reconstruction_models.pcsiren_model(TRAIN, PCSIREN)
+        model = reconstruction_models.pcsiren_model(TRAIN)
         model.camera_head.fit(images.cameras)
 
         def step(k):

@@ -1,7 +1,5 @@
 """A field file and what is asked of it: frames, units, rays that miss, far cameras; no training needed."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 import torch
@@ -16,7 +14,7 @@ from ddf.training import training_loop
 CONFIG = pddf.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 10.0)
 LOWER, UPPER = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
 MAP = transforms.Similarity(0.02, np.eye(3), np.array([-4.0, 0.3, 1.0]))  # the mesh is 100 units long, off the origin
-CLOUD = cloud_projection.CloudConfig(8, 2, 0.1, 0.0, 0.0, (), None, 0.05, 0.05, 4096)
+CLOUD = cloud_projection.CloudConfig(8, 2, 0.1, 0.0, (), None, 0.05, 0.05, 4096)
 
 
 def _write(folder, config=CONFIG, **changes):
@@ -145,9 +143,8 @@ def test_no_rays_and_all_missing_give_empty_and_background(shape):
     assert found["depth"].tolist() == [np.inf]
 
 
-@pytest.mark.parametrize("mirror", [None, "x"])
-def test_components_are_weight_and_normals_of_both_depths(tmp_path, mirror):
-    shape = shape_field.load(_write(tmp_path, dataclasses.replace(CONFIG, mirror=mirror)))
+def test_components_are_weight_and_normals_of_both_depths(tmp_path):
+    shape = shape_field.load(_write(tmp_path, CONFIG))
     p, v = _rays()
     found, _ = framed_field.query(
         shape, _in_mesh_frame(p, v), ["visibility", "normals", *shape_field.COMPONENT_OUTPUTS]

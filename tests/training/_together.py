@@ -56,7 +56,7 @@ def fresh(kind):
         model = reconstruction_models.ddf_model(TRAIN, _hand_made.DDF)
         loss = functools.partial(training_steps.ddf_step, model, images, shapes, samples, TRAIN, _hand_made.DDF)
     else:
-        model = reconstruction_models.pcsiren_model(TRAIN, _hand_made.PCSIREN)
+        model = reconstruction_models.pcsiren_model(TRAIN)
         loss = functools.partial(training_steps.pcsiren_step, model, images, shapes, TRAIN, _hand_made.PCSIREN)
     model.camera_head.fit(images.cameras)
     return model, loss

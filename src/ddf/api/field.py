@@ -57,9 +57,7 @@ class Field(queries.Queried):
         """
         with extras.named():
             from ddf.shape import cloud_defaults, shape_field
-        weights = self._weights
-        mirror = None if weights.modulations is None else weights.field.config.mirror
-        return shape_field.cloud(weights, n, cloud_defaults.cloud(mirror), seed)
+        return shape_field.cloud(self._weights, n, cloud_defaults.cloud(), seed)
 
     def surface(self, n: int = 5000) -> Mesh:
         """A triangle mesh of the surface: screened Poisson through points with normals. Needs Open3D.

@@ -30,6 +30,8 @@ class DatasetConfig:
     seed: of the synthetic shapes.
     views: renders per shape.
     strict: put shapes with views on both sides of the split whole into train.
+    validation: share of the shapes that train alone which is held out of training, for choices: the last ones of the
+      split. The paper names none: 0.
     """
 
     source: Literal["synthetic", "shapenet"]
@@ -37,6 +39,7 @@ class DatasetConfig:
     seed: int
     views: int
     strict: bool
+    validation: float = 0.0
 
     def __post_init__(self) -> None:
         known = set(shapenet.SYNSETS) if self.source == "shapenet" else set(write.CATEGORIES)
@@ -53,6 +56,8 @@ class DatasetConfig:
             raise checks.InputError(f"dataset.views must be in [5, 100], the split uses views 0 to 4; got {self.views}")
         if self.seed < 0:
             raise checks.InputError(f"dataset.seed must be >= 0; got {self.seed}")
+        if not 0 <= self.validation < 1:
+            raise checks.InputError(f"dataset.validation must be in [0, 1); got {self.validation}")
 
 
 @dataclass(frozen=True)
@@ -134,14 +139,21 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     for name in config.categories:
         ids = [item.id for item in items if item.category == name]
         shapes = splits.split_class(shapenet.SYNSETS[name], ids, strict=config.strict)
-        kept = [
-            {"id": shape.id, "train_views": list(shape.train_views), "test_views": list(shape.test_views)}
-            for shape in shapes
-            if shape.id not in broken
-        ]
+        held = splits.held_out(shapes, config.validation)
+        kept = [_entry(shape, shape.id in held) for shape in shapes if shape.id not in broken]
         categories[name] = {"synset": shapenet.SYNSETS[name], "shapes": kept}
     made = {"source": config.source, "seed": config.seed, "digest": parallel.digest(out_dir)}
     return {"root": root.as_posix(), **made, "categories": categories}
+
+
+def _entry(shape: splits.ShapeViews, held: bool) -> dict[str, Any]:
+    seen, unseen = list(shape.train_views), list(shape.test_views)
+    return {
+        "id": shape.id,
+        "train_views": [] if held else seen,
+        "test_views": unseen,
+        "validation_views": seen if held else [],
+    }
 
 
 def real_root(environment: Mapping[str, str]) -> Path:

@@ -247,11 +247,14 @@ def _check_image(image: Image.Image, path: Path) -> None:
 
 @dataclass(frozen=True)
 class ShapeEntry:
-    """A shape of a data set, with its views on either side of the split."""
+    """A shape of a data set, with its views on either side of the split; those of a shape held out of training for
+    choices are its validation views.
+    """
 
     id: str
     train_views: tuple[int, ...]
     test_views: tuple[int, ...]
+    validation_views: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -296,6 +299,11 @@ class Dataset:
         """Ids of the category's test shapes with their test views, in order."""
         return [(shape.id, shape.test_views) for shape in self.category(category).shapes if shape.test_views]
 
+    def validation(self, category: str) -> list[tuple[str, tuple[int, ...]]]:
+        """Ids of the category's validation shapes with their views, in order; they neither train nor test."""
+        shapes = self.category(category).shapes
+        return [(shape.id, shape.validation_views) for shape in shapes if shape.validation_views]
+
     def model(self, category: str, shape_id: str) -> Path:
         """The mesh file of a shape."""
         return model_path(self.root, self.category(category).synset, shape_id)
@@ -311,7 +319,12 @@ class Dataset:
 
 def _category_entry(entry: dict, where: str) -> CategoryEntry:
     shapes = tuple(
-        ShapeEntry(check_name(shape["id"], where), tuple(shape["train_views"]), tuple(shape["test_views"]))
+        ShapeEntry(
+            check_name(shape["id"], where),
+            tuple(shape["train_views"]),
+            tuple(shape["test_views"]),
+            tuple(shape.get("validation_views", ())),
+        )
         for shape in entry["shapes"]
     )
     return CategoryEntry(check_name(entry["synset"], where), shapes)

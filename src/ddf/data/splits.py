@@ -66,6 +66,13 @@ def split_class(synset: str, ids: Iterable[str], *, strict: bool = False) -> lis
     return shapes
 
 
+def held_out(shapes: Sequence[ShapeViews], share: float) -> set[str]:
+    """Ids of the last shapes of a class that train alone, as many as this share of them, rounded: for validation."""
+    alone = [shape.id for shape in shapes if not shape.test_views]
+    count = round(share * len(alone))
+    return set(alone[len(alone) - count :])
+
+
 def split(listing: Mapping[str, Sequence[str]], *, strict: bool = False) -> dict[str, list[ShapeViews]]:
     """The split of every class of a listing {synset: ids}, in Pixel2Mesh's class order, other classes after these."""
     for synset in listing:

@@ -22,7 +22,7 @@ from ddf.core import checks, storage
 from ddf.evaluation import metrics
 from ddf.geometry import cameras, neighbours, transforms
 
-DDF, PC_SIREN, DDF_ONE_CYCLE = "ddf", "pc_siren", "ddf_nh1"
+DDF, PC_SIREN, DDF_ONE_CYCLE, DDF_ON_MASK = "ddf", "pc_siren", "ddf_nh1", "ddf_on_mask"
 CAMERA_COLUMNS = {"Pi_g": "camera_true", "Pi_corrected": "camera_corrected", "Pi_pred": "camera_pred"}
 MEASURED = "measured"
 FAR_AZIMUTH_DEG = 45.0  # a camera so far off lies in another basin of the mask's loss
@@ -75,7 +75,8 @@ class Predictions:
     """One model's clouds and cameras for the test images of a category, in the field frame.
 
     `clouds` maps names such as "L.h3" (DDF, three cycles) or "L" (PC-SIREN) to (image, point, 3); cameras are (image,
-    3): azimuth_rad, elevation_rad, radius; scales map the field to the v1 frame.
+    3): azimuth_rad, elevation_rad, radius. `scale_true` and `centre_true` map the field to the v1 frame; a prediction
+    is taken for centred there, as v1's shapes are, and has `scale_pred`.
     """
 
     path: Path
@@ -87,8 +88,11 @@ class Predictions:
         """One predicted cloud in the benchmark frame of the true camera, as the column's camera places it."""
         points = self.tensors[name][image].astype(np.float64)
         if camera == "Pi_g":
-            return transforms.BENCHMARK_FROM_V1 * float(self.tensors["scale_true"][image]) * points
-        points = transforms.BENCHMARK_FROM_V1 * float(self.tensors["scale_pred"][image]) * points
+            v1 = float(self.tensors["scale_true"][image]) * points + self.tensors["centre_true"][image]
+            return transforms.BENCHMARK_FROM_V1 * v1
+        own = f"scale_pred.{name.partition('.')[2]}"  # of clouds that have a scale of their own
+        scale = self.tensors[own if own in self.tensors else "scale_pred"][image]
+        points = transforms.BENCHMARK_FROM_V1 * float(scale) * points
         return _move_between_cameras(
             points, self.tensors[CAMERA_COLUMNS[camera]][image], self.tensors["camera_true"][image]
         )
@@ -115,7 +119,13 @@ def load_predictions(path: Path | str) -> Predictions:
       FileNotFoundError, InputError: the file is absent, damaged, or its parts do not fit together.
     """
     tensors, metadata = storage.load_tensors(path)
-    needed = ("camera_true", "camera_pred", "scale_true", "scale_pred")  # clouds are checked by `columns`
+    needed = (
+        "camera_true",
+        "camera_pred",
+        "scale_true",
+        "centre_true",
+        "scale_pred",
+    )  # clouds are checked by `columns`
     missing = [name for name in needed if name not in tensors] + ([] if "images" in metadata else ["images"])
     if missing:
         raise checks.InputError(f"{path}: has no {missing[0]!r}; run the point cloud stage again")
@@ -157,6 +167,8 @@ def columns(ddf: Predictions, pc_siren: Predictions) -> list[tuple[str, str, Pre
     found += [(PC_SIREN, f"{camera}-{size}", pc_siren, size, camera) for camera, size in both]
     if 1 in cycles and len(cycles) > 1:
         found += [(DDF_ONE_CYCLE, f"{camera}-{size}", ddf, f"{size}.h1", camera) for camera, size in both]
+    if "L.mask" in ddf.tensors:
+        found += [(DDF_ON_MASK, f"{camera}-{size}", ddf, f"{size}.mask", camera) for camera, size in both]
     return found
 
 

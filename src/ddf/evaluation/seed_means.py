@@ -13,7 +13,7 @@ import pandas as pd
 from ddf.core import checks, config, storage
 from ddf.evaluation import baselines, scoring
 
-TRAINED = (scoring.DDF, scoring.PC_SIREN, scoring.DDF_ONE_CYCLE, baselines.RETRIEVAL)
+TRAINED = (scoring.DDF, scoring.PC_SIREN, scoring.DDF_ONE_CYCLE, scoring.DDF_ON_MASK, baselines.RETRIEVAL)
 COUNT = "count"  # written by make beside the tables of the further seeds
 _KEYS = ["category", "method", "column", "metric"]
 

@@ -5,32 +5,24 @@ visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycl
 points the n_p most visible are kept. A q outside the box B, which holds the shape, is no hit and is kept last (derived
 here). Positions are in the field frame.
 
-Six departures, each off in the paper's way (derived here):
+Four departures, each off in the paper's way (derived here):
 - On the surface itself depth jumps from 0 to the next surface, and a field is at its worst there. With `jitter` σ the
   next cycle starts from q + σ N(0, I), which also spreads the points by area of the surface, not by volume of the box.
-- What strays, stays: a doubtful hit leads to the next. The share `resample` of the next cycle's starts is drawn anew
-  among all hits, with repetition, with chances proportional to their confidence c (below).
 - A single depth is one opinion. With `recheck` offsets s_j the field is asked again on the line of the ray, from
   q - s_j v̂* along v̂* and from q + s_j v̂* back, and q moves to the median of all answers.
 - The most visible points of one cycle crowd where much of the box looks at little of the surface ("not uniform", says
   the paper), and thin parts, of which the field is less sure, get none. With `spread` p all points of the second and
   later cycles (of the first, if it is alone) are candidates, and the cloud is their farthest-point order with distances
   multiplied by c^p, where the confidence c is the mean of ξ over the hit and its rechecks: even where the field is
-  sure, sparse where it doubts. A stray is far from all others, so such an order takes it early. Most strays are
-  doubtful too: candidates of less confidence than `least_confidence` are left out, as far as enough remain. With
-  `crowding` r the distances of a candidate with emptier surroundings than most are also multiplied by (s_m / s)^r, s
-  the distance to its `CROWD`-th neighbour and s_m the median of these.
-- Many shapes are all but symmetric. With `mirror`, for `spread` alone, the mirror image of every candidate is one too,
-  of the same confidence and without a query.
-- A farthest-point order likes points beside the surface. With `centre` e, for `spread` alone, every point of the
-  largest cloud moves to the mean of the candidates that no other point of it is nearer to (a step of Lloyd's), each
-  weighted by c^e: two thirds of the candidates are in no cloud, and say where the surface is at no query.
+  sure, sparse where it doubts.
+- A stray is far from all others, so such an order takes it early. With `crowding` r, for `spread` alone, the distances
+  of a candidate with emptier surroundings than most are also multiplied by (s_m / s)^r, s the distance to its
+  `CROWD`-th neighbour and s_m the median of these.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import torch
@@ -39,12 +31,15 @@ from torch import Tensor
 
 from ddf.core import checks
 from ddf.fields import udf
-from ddf.fields.pddf import AXES, PDDF, visibility
+from ddf.fields.pddf import PDDF, visibility
 
 CROWD = 8  # neighbours that tell how empty a candidate's surroundings are
 GROUP, SPACING_ROWS = 16, 32  # points in a group and rows at a time of `_spacing`; speed only
 LEAST_WEIGHT = 1e-6  # of a candidate: its square is still a float32, and those of no confidence keep an order
+CUBE = ((-1.0,) * 3, (1.0,) * 3)
 BEYOND = 0.05  # field units: a hit so far outside the box, which holds the shape, is none; less is an error of a depth
+
+Box = tuple[Sequence[float], Sequence[float]]  # lower and upper corner
 
 
 @dataclass(frozen=True)
@@ -53,9 +48,8 @@ class CloudConfig:
 
     num_directions: n_v. cycles: N_H. oversampling: ε_p; with `spread` and several cycles it may be negative, for all
     points of the second and later cycles are candidates. temperature: η_T. inverse_depth: ε_s.
-    jitter: σ, field units. resample: share of starts drawn anew. recheck: s_j, field units.
-    spread: p, null for the most visible points of the last cycle. least_confidence: c, crowding: r, mirror, and
-    centre: e, for `spread` alone. The paper's way: 0, 0, none, null, 0, 0, null, null.
+    jitter: σ, field units. recheck: s_j, field units. spread: p, null for the most visible points of the last cycle.
+    crowding: r, for `spread` alone. The paper's way: 0, none, null, 0.
     chunk_rays: candidates evaluated at a time; speed only.
     """
 
@@ -63,16 +57,12 @@ class CloudConfig:
     cycles: int
     oversampling: float
     jitter: float
-    resample: float
     recheck: tuple[float, ...]
     spread: float | None
     temperature: float
     inverse_depth: float
     chunk_rays: int
     crowding: float = 0.0
-    least_confidence: float = 0.0
-    mirror: Literal["x", "y", "z"] | None = None
-    centre: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "recheck", tuple(self.recheck))
@@ -84,26 +74,10 @@ class CloudConfig:
                 raise checks.InputError(f"pointclouds.cloud.{name} must be > 0; got {getattr(self, name)}")
         if not self.jitter >= 0:
             raise checks.InputError(f"pointclouds.cloud.jitter must be >= 0; got {self.jitter}")
-        if not 0 <= self.resample <= 1 or (self.resample and not self.jitter):
-            raise checks.InputError(
-                "pointclouds.cloud.resample must be in [0, 1], and needs jitter > 0 (repeated starts are the same); "
-                f"got {self.resample} with jitter {self.jitter}"
-            )
         if self.spread is not None and not self.spread >= 0:
             raise checks.InputError(f"pointclouds.cloud.spread must be >= 0, or null; got {self.spread}")
         if not self.crowding >= 0:
             raise checks.InputError(f"pointclouds.cloud.crowding must be >= 0; got {self.crowding}")
-        if not 0 <= self.least_confidence <= 1:
-            raise checks.InputError(
-                f"pointclouds.cloud.least_confidence must be in [0, 1]; got {self.least_confidence}"
-            )
-        if self.mirror is not None and self.spread is None:
-            raise checks.InputError("pointclouds.cloud.mirror doubles the candidates of spread, which is null")
-        if self.centre is not None and not (self.centre >= 0 and self.spread is not None):
-            raise checks.InputError(
-                "pointclouds.cloud.centre moves points to means of candidates: it must be >= 0 and needs spread, or be "
-                f"null; got {self.centre} with spread {self.spread}"
-            )
         if not self.candidate_share(self.cycles) >= 1:
             raise checks.InputError(
                 "pointclouds.cloud.oversampling must leave enough candidates: 1 + oversampling, with spread times "
@@ -117,8 +91,7 @@ class CloudConfig:
         """Candidates among which a point of the cloud is chosen after so many cycles; at least 1 is needed."""
         if self.spread is None:
             return 1 + self.oversampling
-        twice = 1 if self.mirror is None else 2
-        return (1 + self.oversampling) * twice * max(1, cycles - 1) + 1e-9  # for rounding
+        return (1 + self.oversampling) * max(1, cycles - 1) + 1e-9  # for rounding
 
     def num_drawn(self, count: int) -> int:
         """(1 + ε_p) n_p, the points that are projected for a cloud of `count`."""
@@ -146,48 +119,19 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
         best = [last.visibility[:n].topk(count).indices for n, count in zip(drawn, counts, strict=True)]
         return [last.points[rows] for rows in best]
     points, confidence = candidates(cycles)
-    if config.mirror is not None:
-        sides = points.new_tensor([-1.0 if axis == config.mirror else 1.0 for axis in AXES])
-        points, confidence = torch.cat((points, sides * points)), confidence.repeat(2)
-    trusted = _trusted(confidence, config.least_confidence, max(counts))
-    points, confidence = points[trusted], confidence[trusted]
     weights = confidence.pow(config.spread)
     if config.crowding:
         spacing = _spacing(points)
         usual = spacing.median()
         weights = weights * (usual / spacing.maximum(usual)).nan_to_num(nan=1.0).pow(config.crowding)
-    weights = weights.clamp_min(LEAST_WEIGHT)
-    if config.centre is None:
-        chosen = points[farthest_point_order(points, max(counts), weights)]
-    else:
-        order, cells = farthest_point_cells(points, max(counts), weights)
-        chosen = centred(points[order], points, cells, confidence.pow(config.centre).clamp_min(LEAST_WEIGHT))
-    return [chosen[:count] for count in counts]
-
-
-def centred(
-    cloud: Float[Tensor, "k 3"], points: Float[Tensor, "n 3"], cells: Int[Tensor, "n"], weights: Float[Tensor, "n"]
-) -> Float[Tensor, "k 3"]:
-    """The weighted mean of the points in the cell of each of the cloud, a step of Lloyd's (1982); itself without such.
-
-    Args:
-      cells: of each point, which of the cloud is nearest to it. weights: > 0.
-    """
-    moments = torch.cat((points, torch.ones_like(points[:, :1])), dim=1) * weights[:, None]
-    *first, zeroth = points.new_zeros((len(cloud), 4)).index_add_(0, cells, moments).T
-    return torch.where(zeroth > 0, torch.stack(first) / zeroth, cloud.T).T
+    order = farthest_point_order(points, max(counts), weights.clamp_min(LEAST_WEIGHT))
+    return [points[order[:count]] for count in counts]
 
 
 def candidates(cycles: Sequence[ProjectedPoints]) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n"]]:
     """All points of the second and later cycles (of the first, if it is alone), and their confidence."""
     pool = cycles[1:] or cycles
     return torch.cat([cycle.points for cycle in pool]), torch.cat([cycle.confidence for cycle in pool])
-
-
-def _trusted(confidence: Float[Tensor, "n"], least: float, count: int) -> Int[Tensor, "_"]:
-    """Indices in order of those of at least this confidence, or of the `count` most confident if they are fewer."""
-    enough = confidence.topk(min(count, len(confidence))).values[-1]
-    return (confidence >= enough.clamp_max(least)).nonzero()[:, 0]
 
 
 def _ceil(count: float) -> int:
@@ -225,38 +169,16 @@ def farthest_point_order(
     Args:
       weights: > 0. Around points of weight w the spacing is proportional to 1 / w.
     """
-    return _farthest_points(points, count, weights, None)
-
-
-def farthest_point_cells(
-    points: Float[Tensor, "n 3"], count: int, weights: Float[Tensor, "n"] | None = None
-) -> tuple[Int[Tensor, "count"], Int[Tensor, "n"]]:
-    """`farthest_point_order`, and the place in it of the one that is nearest to each point, the first of equal ones.
-
-    The order has asked for all these distances already: costs a third more than it alone.
-    """
-    cells = np.zeros(len(points), dtype=np.int64)
-    order = _farthest_points(points, count, weights, cells)
-    return order, torch.from_numpy(cells).to(points.device)
-
-
-def _farthest_points(
-    points: Float[Tensor, "n 3"], count: int, weights: Float[Tensor, "n"] | None, cells: Int[np.ndarray, "n"] | None
-) -> Int[Tensor, "count"]:
-    """The order; `cells`, if there are, are filled in."""
     x, y, z = np.ascontiguousarray(points.T.cpu().numpy())
     scale = np.ones(len(x), dtype=x.dtype) if weights is None else np.square(weights.cpu().numpy())
     distance_sq = np.full(len(x), np.inf, dtype=x.dtype)
     order = np.zeros(count, dtype=np.int64)
     order[0] = scale.argmax()
-    for i in range(count):
+    for i in range(count - 1):
         latest = order[i]
         gap_sq = np.square(x - x[latest]) + np.square(y - y[latest]) + np.square(z - z[latest])
-        if cells is not None:
-            cells[gap_sq < distance_sq] = i
         np.minimum(distance_sq, gap_sq, out=distance_sq)
-        if i + 1 < count:
-            order[i + 1] = (distance_sq if weights is None else distance_sq * scale).argmax()
+        order[i + 1] = (distance_sq if weights is None else distance_sq * scale).argmax()
     return torch.from_numpy(order).to(points.device)
 
 
@@ -266,6 +188,7 @@ def project(
     points: Float[Tensor, "n 3"],
     config: CloudConfig,
     generator: torch.Generator,
+    box: Box = CUBE,
 ) -> ProjectedPoints:
     """One cycle: q = p + d(p, v̂*) v̂*, rechecked. Costs n (n_v + 1 + 2 `recheck`) queries, values only."""
     parts: list[tuple[Tensor, Tensor, Tensor]] = []
@@ -282,7 +205,7 @@ def project(
         raw = field(chunk, direction, modulations)
         hit = chunk + field.depth(raw)[:, None] * direction
         seen = visibility(raw)
-        parts.append((*recheck(field, modulations, hit, direction, seen, config.recheck), seen))
+        parts.append((*recheck(field, modulations, hit, direction, seen, config.recheck, box), seen))
     points, confidence, seen = (torch.cat(tensors) for tensors in zip(*parts, strict=True))
     return ProjectedPoints(points, seen, confidence)
 
@@ -294,11 +217,12 @@ def recheck(
     directions: Float[Tensor, "n 3"],
     seen: Float[Tensor, "n"],
     offsets: Sequence[float],
+    box: Box = CUBE,
 ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n"]]:
     """Points moved along their rays to the median of what the field says from before and from behind them.
 
     Before, at q - s v, it says that the surface is d(q - s v, v) - s ahead of q; behind, at q + s v, s - d(q + s v, -v)
-    (property I: a surface has no inside). Starts outside the cube are not asked and agree with q. No offsets, no query.
+    (property I: a surface has no inside). Starts outside the box are not asked and agree with q. No offsets, no query.
 
     Args:
       seen: ξ of the rays that led to the points.
@@ -313,7 +237,8 @@ def recheck(
     looking = -step.sign()[:, None, None] * directions
     raw = field(starts.reshape(-1, 3), looking.reshape(-1, 3), modulations)
     depth, answers = field.depth(raw).reshape(len(step), -1), visibility(raw).reshape(len(step), -1)
-    inside = (starts.abs() <= 1).all(dim=-1)
+    lower, upper = (points.new_tensor(corner) for corner in box)
+    inside = ((starts >= lower) & (starts <= upper)).all(dim=-1)
     ahead = torch.where(inside, step[:, None] - step.sign()[:, None] * depth, 0.0)
     moved = torch.cat((torch.zeros_like(ahead[:1]), ahead)).median(dim=0).values
     confidence = torch.cat((seen[None], torch.where(inside, answers, seen))).mean(dim=0)
@@ -327,7 +252,7 @@ def sample(
     count: int,
     config: CloudConfig,
     generator: torch.Generator,
-    box: tuple[Sequence[float], Sequence[float]] = ((-1.0,) * 3, (1.0,) * 3),
+    box: Box = CUBE,
 ) -> list[ProjectedPoints]:
     """Project the (1 + ε_p) n_p points p ~ U[B] that a cloud of n_p = `count` asks for.
 
@@ -342,19 +267,14 @@ def sample(
     shape = (config.num_drawn(count), 3)
     unit = torch.rand(shape, generator=generator, dtype=weight.dtype, device=weight.device)
     points = lower + (upper - lower) * unit
-    cycles = [_in_box(project(field, modulations, points, config, generator), lower, upper)]
+    cycles = [_in_box(project(field, modulations, points, config, generator, box), lower, upper)]
     for _ in range(config.cycles - 1):
         points = cycles[-1].points
-        anew = round(config.resample * len(points))
-        if anew:
-            chances = cycles[-1].confidence.clamp_min(LEAST_WEIGHT)
-            chosen = chances.multinomial(anew, replacement=True, generator=generator)
-            points = torch.cat((points[chosen], points[anew:]))
         if config.jitter:
             noise = torch.randn(shape, generator=generator, dtype=weight.dtype, device=weight.device)
             points = points + config.jitter * noise
         points = torch.minimum(torch.maximum(points, lower), upper)  # what overshoots restarts on the box
-        cycles.append(_in_box(project(field, modulations, points, config, generator), lower, upper))
+        cycles.append(_in_box(project(field, modulations, points, config, generator, box), lower, upper))
     return cycles
 
 

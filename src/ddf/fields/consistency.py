@@ -57,7 +57,7 @@ def gradient_loss(
     rows = pddf.heavier_rows(trace.outputs)
     slope = (rows * field.depth_slopes(trace.outputs)).sum(-1, keepdim=True)
     both = slope * derivatives.adjoint(field.network, trace.slopes, rows, derivatives.POSITION_AND_DIRECTION)
-    in_p, in_v = (field.turned(part, directions) for part in both.split(3, dim=-1))
+    in_p, in_v = both.split(3, dim=-1)
     mismatch = in_v - field.depth(trace.outputs)[..., None] * in_p
     across = mismatch - (mismatch * directions).sum(-1, keepdim=True) * directions
     return (visible * across.square().sum(-1)).sum() / max(1, visible.numel())

@@ -125,7 +125,6 @@ def depth_hessian_form(
 ) -> Float[Tensor, "*shapes n"]:
     """t'^T H_p[d_{i*}] t, the depth activation included, for any t = `first` and t' = `second`, in 1 / field units."""
     found = trace(field.network, field.inputs(positions, directions), modulations)
-    first, second = field.turned(first, directions), field.turned(second, directions)
     rows = heavier_rows(found.outputs)
     adjoints, gradient = adjoint_states(field.network, found.slopes, rows)
     one = tangent_states(field.network, found.slopes, first)
@@ -172,11 +171,10 @@ def surface(
     found = trace(field.network, field.inputs(positions, directions), modulations)
     rows = heavier_rows(found.outputs)
     adjoints, gradient = adjoint_states(field.network, found.slopes, rows)
-    normals = derivatives.normals(field.turned(gradient, directions), directions)
+    normals = derivatives.normals(gradient, directions)
     if not outputs:
         return Surface(found.outputs, normals, None, None)
-    tangents = (field.turned(tangent, directions) for tangent in tangent_basis(normals))
-    first, second = (tangent_states(field.network, found.slopes, t) for t in tangents)
+    first, second = (tangent_states(field.network, found.slopes, t) for t in tangent_basis(normals))
     slope = (rows * field.depth_slopes(found.outputs)).sum(-1)  # φ'' meets ∇y · t_i = 0
     factor = slope * (normals * directions).sum(-1)
     form_11 = factor * hessian_form(found.bends, adjoints, first, first)

@@ -46,8 +46,7 @@ class FieldValues:
     @cached_property
     def raw_depth_gradient(self) -> Float[Tensor, "n 3"]:
         """∇_p of the raw depth of the heavier component, by the adjoint pass."""
-        gradient = derivatives.adjoint(self.field.network, self.trace.slopes, pddf.heavier_rows(self.raw))
-        return self.field.turned(gradient, self.directions)
+        return derivatives.adjoint(self.field.network, self.trace.slopes, pddf.heavier_rows(self.raw))
 
     @property
     def normals(self) -> Float[Tensor, "n 3"]:

@@ -10,7 +10,7 @@ mean over the oriented points that it applies to (the paper does not say; derive
 import functools
 import operator
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from dataclasses import fields as dataclass_fields
 from typing import Literal
 
@@ -23,7 +23,7 @@ from ddf.core import checks
 from ddf.data.samples import sample_batch
 from ddf.data.samples import sample_types as types
 from ddf.fields import derivatives, passes
-from ddf.fields.pddf import DIRECTION, NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows
+from ddf.fields.pddf import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows
 
 GOLDEN_SHARE = 0.6180339887  # the fractions of its multiples are spread evenly over (0, 1)
 BLOCK_VALUES = {"cpu": 2**19, "cuda": 2**25}  # values of a block: what stays in a CPU's cache, fills a GPU
@@ -244,9 +244,6 @@ def _block_loss(
       numbers: points of the whole batch that each span of `TERMS` covers.
     """
     inputs = field.inputs(block.positions, block.directions)
-    # as the network knows them: every term is the same for mirror images
-    known = field.turned(block.normals, block.directions)
-    block = replace(block, directions=inputs[..., DIRECTION], normals=known)
     eikonal, transition, normals = (block.span(*span) for span in (types.EIKONAL, types.TRANSITION, types.NORMALS))
     along = torch.cat((block.directions[:, eikonal], block.normals[:, transition]), dim=1)
     states = passes.Block(parameters, inputs, along, modulations)

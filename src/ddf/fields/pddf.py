@@ -16,10 +16,11 @@ from ddf.core import checks
 from ddf.fields import activations, siren
 
 NUM_COMPONENTS = 2
-DIRECTION, SIDE = slice(3, 6), 6  # of the inputs (p, v), or (p, v, s) with s = ±1 where there is a mirror
-AXES = ("x", "y", "z")
+DIRECTION = slice(3, 6)  # of the inputs (p, v)
 WEIGHT_ROW, VISIBILITY_ROW, NUM_OUTPUTS = 2, 3, 4
 INITIAL_DEPTH = 1.0  # both depth biases start here: a ReLU that starts below zero never learns
+
+DepthActivation = Literal["relu", "softplus", "squareplus"]
 
 
 @dataclass(frozen=True)
@@ -30,18 +31,14 @@ class PDDFConfig:
       softplus(β x)/β, which is within log(2)/β of ReLU; `squareplus`, within 1/β of it, never dies (`activations`).
     direction_scale: first weights of v, as a multiple of those of p: the bandwidth in v is this times `omega_first`.
       1 is the paper's; by trial, fields fit faster with less.
-    mirror: normal axis of the plane through the origin about which shapes are all but symmetric: a ray towards its
-      negative side is asked for as its mirror image, and a seventh input says so, whose weights start at 0. What both
-      sides have in common is learned once, and they may still differ. None, the paper's way: no plane. Derived here.
     """
 
     hidden: tuple[int, ...]
     omega_first: float
     omega_hidden: float
-    depth_activation: Literal["relu", "softplus", "squareplus"]
+    depth_activation: DepthActivation
     depth_sharpness: float
     direction_scale: float = 1.0
-    mirror: Literal["x", "y", "z"] | None = None
 
     def __post_init__(self) -> None:
         self.layout()
@@ -64,17 +61,13 @@ PAPER_SINGLE_SHAPE = PDDFConfig((512,) * 7, 1.0, 1.0, "relu", 1.0)
 class PDDF(nn.Module):
     """A sine network on (p, v) with the outputs of a probabilistic DDF; conditional where modulations are given."""
 
-    mirrored: Bool[Tensor, "3"]
-
     def __init__(self, config: PDDFConfig) -> None:
         super().__init__()
         self.config = config
-        self.network = siren.SineNetwork(6 if config.mirror is None else 7, config.layout(), NUM_OUTPUTS)
+        self.network = siren.SineNetwork(DIRECTION.stop, config.layout(), NUM_OUTPUTS)
         with torch.no_grad():
             self.network.layers[0].weight[:, DIRECTION] *= config.direction_scale
-            self.network.layers[0].weight[:, SIDE:] = 0.0
         nn.init.constant_(self.network.head.bias[:NUM_COMPONENTS], INITIAL_DEPTH)
-        self.register_buffer("mirrored", torch.tensor([axis == config.mirror for axis in AXES]), persistent=False)
 
     def forward(
         self,
@@ -87,20 +80,9 @@ class PDDF(nn.Module):
 
     def inputs(
         self, positions: Float[Tensor, "*batch 3"], directions: Float[Tensor, "*batch 3"]
-    ) -> Float[Tensor, "*batch _"]:
-        """What the network is asked: (p, v), or with a mirror (p, v, 1) or the mirror image and -1."""
-        if self.config.mirror is None:
-            return torch.cat((positions, directions), dim=-1)
-        side = 1 - 2 * (self.mirrored & (directions < 0)).any(dim=-1, keepdim=True).to(directions.dtype)
-        return torch.cat((self.turned(positions, directions), self.turned(directions, directions), side), dim=-1)
-
-    def turned(
-        self, vectors: Float[Tensor, "*batch 3"], directions: Float[Tensor, "*batch 3"]
-    ) -> Float[Tensor, "*batch 3"]:
-        """Vectors that belong to rays along `directions`, as the network knows those rays, and back: see `mirror`."""
-        if self.config.mirror is None:
-            return vectors
-        return torch.where(self.mirrored & (directions < 0), -vectors, vectors)
+    ) -> Float[Tensor, "*batch 6"]:
+        """What the network is asked: (p, v)."""
+        return torch.cat((positions, directions), dim=-1)
 
     @property
     def activation(self) -> activations.Activation:

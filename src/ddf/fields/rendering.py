@@ -26,7 +26,10 @@ def cube(like: Tensor) -> tuple[Float[Tensor, "3"], Float[Tensor, "3"]]:
 
 
 def field_rays(
-    camera: Float[Tensor, "*batch 3"], field_scale: Float[Tensor, "*batch"], directions: Float[Tensor, "*#batch n 3"]
+    camera: Float[Tensor, "*batch 3"],
+    field_scale: Float[Tensor, "*batch"],
+    directions: Float[Tensor, "*#batch n 3"],
+    field_shift: Float[Tensor, "*batch 3"] | None = None,
 ) -> tuple[
     Float[Tensor, "*batch n 3"], Float[Tensor, "*batch n 3"], Float[Tensor, "*batch n"], Bool[Tensor, "*batch n"]
 ]:
@@ -36,11 +39,15 @@ def field_rays(
       camera: azimuth and elevation in radians, radius in benchmark units.
       field_scale: field units per v1 unit (`transforms.Similarity.scale` of field from v1).
       directions: camera-frame unit directions (`cameras.pixel_directions`), shared or each camera's own.
+      field_shift: where the origin of v1 lies in the field frame (`transforms.Similarity.translation` of field from
+        v1); None for its centre, where a shape that is centred in v1 has it.
     Returns:
       Entry points, directions, distance from the camera to the entry (field units), whether the ray meets the cube.
     """
     centre, world = cameras.pixel_rays(camera[..., 0], camera[..., 1], camera[..., 2], directions)
     start = centre * (field_scale / transforms.BENCHMARK_FROM_V1)[..., None]
+    if field_shift is not None:
+        start = start + field_shift
     start = start[..., None, :].expand_as(world)
     entry, distance, meets = rays.enter_box(start, world, *cube(world))
     return entry, world, distance, meets
@@ -70,7 +77,7 @@ def query(
     else:
         trace = derivatives.trace(field.network, field.inputs(positions, directions), modulations)
         raw = trace.outputs
-        gradient = field.turned(derivatives.adjoint(field.network, trace.slopes, heavier_rows(raw)), directions)
+        gradient = derivatives.adjoint(field.network, trace.slopes, heavier_rows(raw))
     found = {}
     if "visibility" in outputs:
         found["visibility"] = visibility(raw)

@@ -40,7 +40,7 @@ def predict(config_path: Path, measured: bool) -> dict[str, Any]:
     }
     known = [count for count in shapes.values() if count is not None]
     total = sum(known) if len(known) == len(shapes) else None
-    in_all = {name: sum(train.steps(each.steps, category) for category in shapes) for name, each in models.items()}
+    in_all = {name: each.steps * len(shapes) for name, each in models.items()}
     trained = len(shapes) * MODEL_COPIES * 4 * _parameters(train, models)
     return {
         "shapes": {**shapes, "all": total},
@@ -71,7 +71,7 @@ def _parameters(train: settings.TrainConfig, models: dict[str, Any]) -> int:
     with torch.device("meta"):
         built = (
             reconstruction_models.ddf_model(train, models["ddf"]),
-            reconstruction_models.pcsiren_model(train, models["pcsiren"]),
+            reconstruction_models.pcsiren_model(train),
         )
     return sum(pddf.count_parameters(model) for model in built)
 

@@ -106,12 +106,9 @@ def read(file: Path) -> Experiment:
     if missing:
         raise checks.InputError(f"{file}: section {missing[0]!r} is missing; give it as configs/cpu.yaml does")
     try:
-        categories = list(sections["dataset"]["categories"])
-        shares = sections["train"]["step_shares"] or {}
-        ordered = sorted(categories, key=lambda category: -shares.get(category, 1.0))
-    except (KeyError, TypeError, AttributeError) as error:
-        raise checks.InputError(f"{file}: dataset.categories or train.step_shares is missing or wrong") from error
-    return Experiment(file, tuple(ordered))
+        return Experiment(file, tuple(sections["dataset"]["categories"]))
+    except (KeyError, TypeError) as error:
+        raise checks.InputError(f"{file}: dataset.categories is missing or wrong") from error
 
 
 def _existing(given: str) -> Path:

@@ -116,7 +116,7 @@ def trial(train: settings.TrainConfig, config: Section) -> Trial:
             propose = proposed_rays.Proposer(shapes, scenes, config.proposals)
         loss = functools.partial(training_steps.ddf_step, ddf, images, shapes, samples, train, config, propose=propose)
         return _trial(ddf, images, train, config.loop(train.loop), loss)
-    pcsiren = reconstruction_models.pcsiren_model(train, config)
+    pcsiren = reconstruction_models.pcsiren_model(train)
     loss = functools.partial(training_steps.pcsiren_step, pcsiren, images, shapes, train, config)
     return _trial(pcsiren, images, train, train.loop, loss)
 

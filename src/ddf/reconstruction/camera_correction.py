@@ -1,6 +1,5 @@
 """Cameras that agree with the silhouette: gradient descent on L_M from the predicted camera. [DDF22] §4.3."""
 
-import math
 from collections.abc import Sequence
 
 import torch
@@ -17,13 +16,13 @@ def correct_camera(
     field_scale: Float[Tensor, "b"],
     alpha: Float[Tensor, "b size size"],
     config: settings.CorrectionConfig,
-) -> tuple[Float[Tensor, "b 3"], Float[Tensor, "b"]]:
+) -> Float[Tensor, "b 3"]:
     """Π̂_∇ = argmin L_M by gradient descent from Π̂; the best camera met on the way. Source: [DDF22] §4.3.
 
     Args:
       modulations: of the shapes, see `reconstruction_models.DDFModel.modulations`.
     Returns:
-      Cameras, and L_M of each; elevation and radius stay within the training range, the azimuth may turn past its ends
+      Cameras; elevation and radius stay within the training range, the azimuth may turn past its ends
       (it is an angle).
     """
     head = model.camera_head
@@ -44,37 +43,4 @@ def correct_camera(
             (gradient,) = torch.autograd.grad(loss.sum(), scores)
             scores.grad = gradient * free  # Adam leaves alone what never has a gradient
             optimiser.step()
-    return best, best_loss
-
-
-def correct_from_turns(
-    model: reconstruction_models.DDFModel,
-    modulations: Sequence[Float[Tensor, "b 1 _"]],
-    camera: Float[Tensor, "b 3"],
-    field_scale: Float[Tensor, "b"],
-    alpha: Float[Tensor, "b size size"],
-    config: settings.CorrectionConfig,
-    turns: Sequence[float],
-    limit: float | None = None,
-) -> Float[Tensor, "b 3"]:
-    """Π̂_∇ of one descent per turn of the azimuth: the camera of the least L_M, the first of equal ones.
-
-    The descent stays in the basin where it starts; seen from behind, many shapes have nearly the same mask. One that
-    turns far has left its basin, mostly for a worse one. Derived here: the paper starts once, at Π̂, and refuses
-    nothing. Costs one `correct_camera` per turn.
-
-    Args:
-      turns: degrees that are added to the azimuth of `camera`.
-      limit: degrees, a descent that ends farther from its start in azimuth is refused; where all are, the camera
-        stays as predicted.
-    """
-    best, least = camera, torch.full_like(field_scale, torch.inf)
-    for turn in turns:
-        start = torch.cat((camera[:, :1] + math.radians(turn), camera[:, 1:]), dim=1)
-        found, loss = correct_camera(model, modulations, start, field_scale, alpha, config)
-        if limit is not None:
-            turned = (found[:, 0] - start[:, 0]).abs()
-            loss = loss.masked_fill(turned > math.radians(limit), torch.inf)
-        better = loss < least
-        best, least = torch.where(better[:, None], found, best), torch.where(better, loss, least)
     return best

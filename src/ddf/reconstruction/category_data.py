@@ -140,6 +140,18 @@ class ShapeSet:
         """Field units per v1 unit."""
         return torch.tensor([self.similarities[i].scale for i in shapes], dtype=torch.float32)
 
+    def field_shifts(self, shapes: Int[np.ndarray, "b"]) -> Float[Tensor, "b 3"]:
+        """Where the origin of v1 lies in the field frame: 0 for shapes that are centred there, as v1's should be."""
+        return torch.tensor(np.array([self.similarities[i].translation for i in shapes]), dtype=torch.float32)
+
+    def placements(self, shapes: Int[np.ndarray, "b"]) -> dict[str, Tensor]:
+        """The true map from the field to v1, `scale_true` (b,) and `centre_true` (b, 3): x_v1 = scale x + centre."""
+        back = [self.similarities[i].inverse() for i in shapes]
+        return {
+            "scale_true": torch.tensor([each.scale for each in back], dtype=torch.float32),
+            "centre_true": torch.tensor(np.array([each.translation for each in back]), dtype=torch.float32),
+        }
+
     def subset(self, shape: int, count: int, random: np.random.Generator) -> Float[Tensor, "count 3"]:
         """Random points of one cloud, without repetition as long as there are enough."""
         cloud = self.clouds[shape]
@@ -248,14 +260,6 @@ def read_images(
     return ImageSet([s for s, _ in shapes], all_views, np.array(index), images, torch.cat(poses))
 
 
-def training_views(dataset: shapenet.Dataset, category: str, count: int | None) -> list[tuple[str, Sequence[int]]]:
-    """Training shapes with the views to show: those of the split, or the first `count`, never one of its test views."""
-    if count is None:
-        return list(dataset.train(category))
-    shapes = [shape for shape in dataset.category(category).shapes if shape.train_views]
-    return [(shape.id, [view for view in range(count) if view not in shape.test_views]) for shape in shapes]
-
-
 def test_views(dataset: shapenet.Dataset, category: str, count: int | None) -> list[tuple[str, Sequence[int]]]:
     """Test shapes with the views to evaluate: those of the split, or the first `count` of them."""
     return [(name, views[:count]) for name, views in dataset.test(category)]
@@ -270,18 +274,17 @@ def available(folder: Path, shapes: Sequence[tuple[str, Sequence[int]]]) -> list
 
 
 def read_training(
-    index_path: Path, samples_dir: Path, category: str, views: int | None, size: int
+    index_path: Path, samples_dir: Path, category: str, size: int
 ) -> tuple[ImageSet, ShapeSet, list[Path]]:
     """What every training on a category reads: its images, their shapes, and the files that these came from.
 
     Args:
-      views: of each training shape, see `training_views`.
       size: side of the images, pixels.
     Returns:
       Images, shapes and sources; of the images themselves a record takes `ImageSet.digest`.
     """
     dataset = shapenet.Dataset.open(index_path)
-    shown = available(samples_dir, training_views(dataset, category, views))
+    shown = available(samples_dir, dataset.train(category))
     images = read_images(dataset, category, shown, size)
     shards = [path for kind in (SAMPLES, CLOUDS) for path in storage.shard_files(samples_dir, kind, "samples")]
     return images, read_shapes(samples_dir, images.ids), [index_path, *shards]

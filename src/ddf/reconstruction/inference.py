@@ -7,7 +7,7 @@ as 1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] a
 import functools
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
@@ -19,7 +19,6 @@ from torch import Tensor
 
 from ddf.core import resume
 from ddf.fields import cloud_projection, pddf, rendering
-from ddf.geometry import cameras
 from ddf.reconstruction import camera_correction, category_data, reconstruction_models, scales, settings, silhouettes
 from ddf.training import training_loop
 
@@ -28,6 +27,8 @@ ENCODER_BATCH = 64
 CORRECTION_BATCH = 16  # a step of the correction keeps what its gradient needs of every pixel of the mask
 EVEN_RATIOS = tuple(1.2207440846057596**-axis for axis in (1, 2, 3))  # of the root of x^4 = x + 1: see `cube_points`
 ROUGH_POINTS = 500  # of the cloud that tells the scale of a shape before it is corrected
+SCALE = "scale_pred"
+ON_MASK = "mask"  # of the names of clouds: of shapes that agree with the silhouette
 
 Rows = Int[np.ndarray, "_"]  # of images
 Result = TypeVar("Result")
@@ -40,33 +41,19 @@ def _row_batches(images: category_data.ImageSet, size: int = ENCODER_BATCH) -> l
 
 @torch.no_grad()
 def encode_batch(
-    model: reconstruction_models.ReconstructionModel,
-    batch: Float[Tensor, "n 4 s s"],
-    mirror: cameras.Mirror | None = None,
+    model: reconstruction_models.ReconstructionModel, batch: Float[Tensor, "n 4 s s"]
 ) -> tuple[Float[Tensor, "n features"], Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
-    """Features as `image_features` gives them, shape latents and predicted cameras of some images.
-
-    Args:
-      mirror: normal axis of the plane about which shapes are all but symmetric. Flipped, an image then shows the same
-        shape from the mirrored camera: both are encoded, latents and cameras are the means of the two (derived here).
-        Costs twice the encoders' time.
-    """
+    """Features as `image_features` gives them, shape latents and predicted cameras of some images."""
     features = model.shape_encoder.features(batch)
-    latents, found = model.shape_encoder.fc(features), model.camera_head(model.camera_encoder(batch))
-    if mirror is not None:
-        _, latents_flipped, seen = encode_batch(model, batch.flip(-1))
-        latents, found = (latents + latents_flipped) / 2, cameras.between(found, cameras.mirrored(seen, mirror))
-    return features, latents, found
+    return features, model.shape_encoder.fc(features), model.camera_head(model.camera_encoder(batch))
 
 
 def encode(
-    model: reconstruction_models.ReconstructionModel,
-    images: category_data.ImageSet,
-    mirror: cameras.Mirror | None = None,
+    model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet
 ) -> tuple[Float[Tensor, "n features"], Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
     """`encode_batch` of all images."""
     batches = (images.batch(rows).to(training_loop.device()) for rows in _row_batches(images))
-    features, latents, found = zip(*(encode_batch(model, batch, mirror) for batch in batches), strict=True)
+    features, latents, found = zip(*(encode_batch(model, batch) for batch in batches), strict=True)
     return torch.cat(features), torch.cat(latents), torch.cat(found)
 
 
@@ -92,31 +79,66 @@ def reconstruct_ddf(
     deviation: Float[Tensor, "z"] | None = None,
     kept: resume.Kept | None = None,
 ) -> tuple[dict[str, Tensor], dict]:
-    """Clouds L and S after every cycle asked for (the last and the first), cameras, scales, renders, and the features
-    for the retrieval row; and the cost.
+    """Clouds L and S after all cycles and after one, each with its scale; with `shape_correction` those of the shapes
+    that agree with the silhouette too (`ON_MASK`); cameras, renders, and features for the retrieval row. And the facts.
 
     Args:
       deviation: of the latents of training images (`silhouettes.deviation`), which a `shape_correction` needs.
       kept: where portions of what takes long are kept, and found again.
+    Returns:
+      Tensors by name, and facts: `rendered` images, `seconds` of wall time that an image took, by part.
     """
-    features, latents, predicted = encode(model, images, config.mirror)
-    run, cost = functools.partial(_by_portion, images, kept), {}
+    (features, latents, predicted), seconds = _timed_encode(model, images)
+    run = functools.partial(_by_portion, images, kept)
+    modulations = [m.detach() for m in model.modulations(latents)]
+    with _progress(describe, latents) as progress:
+        names = _cycles_kept(config.cloud)
+        drawn = (model.field, modulations, config, names)
+        tensors, seconds["cloud"] = run("clouds", lambda batches: _draw(*drawn, batches, progress))
+    scale = tensors[SCALE]
+    cameras_of = (model, modulations, predicted, scale, images, config)
+    corrected, seconds["camera_correction"] = run(
+        "cameras", lambda batches: {"camera_corrected": _correct_cameras(*cameras_of, batches)}
+    )
     if config.shape_correction is not None:
         if deviation is None:
             raise ValueError("pointclouds.shape_correction needs the deviation of the latents of training images")
         given = (model, latents, deviation, predicted, images, config, config.shape_correction)
-        found, seconds = run("latents", lambda batches: {"latents": _correct_shapes(*given, batches)})
-        latents, cost["shape_correction_seconds_per_image"] = found["latents"].to(latents.device), seconds
-    modulations = [m.detach() for m in model.modulations(latents)]
-    with tqdm.tqdm(desc=f"clouds {describe}", total=len(latents), unit="image", mininterval=2) as progress:
-        clouds, seconds = run("clouds", lambda batches: _draw(model.field, modulations, config, batches, progress))
-    scale = clouds.pop("scale_pred")
-    cameras_of = (model, modulations, predicted, scale, images, config)
-    corrected, _ = run("cameras", lambda batches: {"camera_corrected": _correct_cameras(*cameras_of, batches)})
-    tensors = clouds | {"camera_pred": predicted, "scale_pred": scale, "features": features} | corrected
+        found, seconds["shape_correction"] = run(
+            "latents", lambda batches: {"latents": _correct_shapes(*given, batches)}
+        )
+        moved = [m.detach() for m in model.modulations(found["latents"].to(latents.device))]
+        with _progress(f"{describe}, on the mask", latents) as progress:
+            drawn = (model.field, moved, config, {config.cloud.cycles: ON_MASK})
+            clouds, _ = run("mask_clouds", lambda batches: _draw(*drawn, batches, progress))
+        tensors |= clouds
+    tensors |= {"camera_pred": predicted, "features": features} | corrected
     rendered = spread(len(latents), config.rendered)
     tensors |= _renders(model, modulations, predicted, scale, rendered, config.render_size)
-    return _on_cpu(tensors), {"rendered": rendered, "cloud_seconds_per_image": seconds, **cost}
+    return _on_cpu(tensors), {"rendered": rendered, "seconds": seconds}
+
+
+def _timed_encode(
+    model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet
+) -> tuple[tuple[Tensor, Tensor, Tensor], dict[str, float]]:
+    started = time.monotonic()
+    found = encode(model, images)
+    return found, {"encoders": (time.monotonic() - started) / len(images.shapes)}
+
+
+def _progress(describe: str, images: Tensor) -> tqdm.tqdm:
+    return tqdm.tqdm(desc=f"clouds {describe}", total=len(images), unit="image", mininterval=2)
+
+
+def _cycles_kept(cloud: cloud_projection.CloudConfig) -> dict[int, str]:
+    """The numbers of cycles after which clouds are taken, and their names; with `cycles: 1` both are the same."""
+    names = {cloud.cycles: f"h{cloud.cycles}"}
+    return names | {1: "h1"} if cloud.candidate_share(1) >= 1 else names
+
+
+def scale_name(cloud: str, all_cycles: str) -> str:
+    """Name of the tensor with the scale that a cloud of this kind tells: `SCALE` for that after all cycles."""
+    return SCALE if cloud == all_cycles else f"{SCALE}.{cloud}"
 
 
 def _by_portion(
@@ -159,7 +181,7 @@ def _correct_shapes(
     def correct(rows: Rows) -> Tensor:
         index = torch.from_numpy(rows)
         own, generators = latents[index], [_generator(config, int(row)) for row in rows]
-        field_scale = rough_field_scales(model, own, config.cloud, config.scale_quantile, generators)
+        field_scale = rough_field_scales(model, own, config.cloud, generators)
         alpha = images.alpha(rows, how.mask_size).to(latents.device)
         return silhouettes.correct_shapes(model, own, deviation, predicted[index], field_scale, alpha, how)
 
@@ -171,17 +193,13 @@ def rough_field_scales(
     model: reconstruction_models.DDFModel,
     latents: Float[Tensor, "b z"],
     cloud: cloud_projection.CloudConfig,
-    scale_quantile: float | None,
     generators: Sequence[torch.Generator],
 ) -> Float[Tensor, "b"]:
     """Field units per v1 unit of each shape, as a cloud of `ROUGH_POINTS` tells, one generator for each."""
     modulations, found = model.modulations(latents), []
     for row, generator in enumerate(generators):
         cycles = cloud_projection.sample(model.field, [m[row] for m in modulations], ROUGH_POINTS, cloud, generator)
-        if scale_quantile is None:
-            found.append(scales.scale_from_cloud(cloud_projection.select(cycles, [ROUGH_POINTS], cloud)[0]))
-        else:
-            found.append(scales.scale_from_cycles(cycles, scale_quantile))
+        found.append(scales.scale_from_cloud(cloud_projection.select(cycles, [ROUGH_POINTS], cloud)[0]))
     return 1 / latents.new_tensor(found)
 
 
@@ -200,26 +218,26 @@ def _draw(
     field: pddf.PDDF,
     modulations: Sequence[Float[Tensor, "n 1 _"]],
     config: settings.PointcloudsConfig,
+    names: Mapping[int, str],
     batches: Sequence[Rows],
     progress: tqdm.tqdm,
 ) -> dict[str, Tensor]:
-    """Clouds L and S, after all cycles and after one, and `scale_pred`, of the images of some batches."""
-    names = {config.cloud.cycles: f"h{config.cloud.cycles}"}
-    if config.cloud.candidate_share(1) >= 1:
-        names[1] = "h1"  # with cycles: 1 it is the same
+    """Clouds L and S of the images of some batches, and the scale that each L tells.
+
+    Args:
+      names: of the clouds, by the number of cycles after which they are taken; the first has them all.
+    """
+    first = next(iter(names.values()))
 
     def draw(row: int) -> dict[str, Tensor]:
         own, generator = [m[row] for m in modulations], _generator(config, row)
         cycles = cloud_projection.sample(field, own, config.large, config.cloud, generator)
-        clouds = {}
+        found = {}
         for cycle, name in names.items():
-            chosen = cloud_projection.select(cycles[:cycle], (config.large, config.small), config.cloud)
-            clouds |= {f"L.{name}": chosen[0], f"S.{name}": chosen[1]}
-        if config.scale_quantile is None:
-            scale = scales.scale_from_cloud(clouds[f"L.{names[config.cloud.cycles]}"])
-        else:
-            scale = scales.scale_from_cycles(cycles, config.scale_quantile)
-        return clouds | {"scale_pred": torch.tensor(scale)}
+            large, small = cloud_projection.select(cycles[:cycle], (config.large, config.small), config.cloud)
+            found |= {f"L.{name}": large, f"S.{name}": small}
+            found[scale_name(name, "" if first == ON_MASK else first)] = torch.tensor(scales.scale_from_cloud(large))
+        return found
 
     rows, drawn = np.concatenate(batches).tolist(), []
     progress.update(rows[0] - progress.n)  # those before were found
@@ -232,22 +250,22 @@ def _draw(
 def reconstruct_pcsiren(
     model: reconstruction_models.PCSirenModel, images: category_data.ImageSet, config: settings.PointcloudsConfig
 ) -> tuple[dict[str, Tensor], dict]:
-    """Clouds L and S (the first points of L, which are spread as all are), cameras, scales; and what it cost."""
-    _, latents, predicted = encode(model, images, config.mirror)
+    """Clouds L and S (the first points of L, which are spread as all are), cameras, scales; and the facts."""
+    (_, latents, predicted), seconds = _timed_encode(model, images)
     large = []
     started = time.monotonic()
     with torch.no_grad():
         for image in range(len(latents)):
             inputs = cube_points(config.large, config.pcsiren_inputs, _generator(config, image))
             large.append(model.decoder(inputs[None], latents[image : image + 1])[0])
-    seconds = (time.monotonic() - started) / len(latents)
+    seconds["cloud"] = (time.monotonic() - started) / len(latents)
     tensors = {
         "L": torch.stack(large),
         "S": torch.stack([points[: config.small] for points in large]),
         "camera_pred": predicted,
-        "scale_pred": torch.tensor([scales.scale_from_cloud(points) for points in large]),
+        SCALE: torch.tensor([scales.scale_from_cloud(points) for points in large]),
     }
-    return _on_cpu(tensors), {"cloud_seconds_per_image": seconds}
+    return _on_cpu(tensors), {"seconds": seconds}
 
 
 def cube_points(count: int, how: settings.CubePoints, generator: torch.Generator) -> Float[Tensor, "count 3"]:
@@ -288,9 +306,7 @@ def _correct_cameras(
         index = torch.from_numpy(rows)
         field_scale = (1 / scale[index]).to(predicted.device)
         given = (model, [m[index] for m in modulations], predicted[index], field_scale, alpha)
-        return camera_correction.correct_from_turns(
-            *given, config.correction, config.correction_turns, config.correction_limit
-        )
+        return camera_correction.correct_camera(*given, config.correction)
 
     return torch.cat(list(_in_threads(correct, batches)))
 

@@ -14,7 +14,6 @@ from torch.nn import functional
 from ddf.core import checks, storage
 from ddf.data import shapenet
 from ddf.fields import cloud_projection
-from ddf.geometry import cameras
 from ddf.reconstruction import inference, reconstruction_models, scales, settings, silhouettes, trained
 from ddf.shape import cloud_defaults
 from ddf.training import training_loop
@@ -27,7 +26,7 @@ class Reconstructed:
     """What the model makes of an image.
 
     camera: azimuth and elevation (radians) and radius (benchmark units), predicted. modulations: of the field. cloud:
-    field frame. scale: v1 units per field unit, estimated from all hits. seconds: of each part.
+    field frame. scale: v1 units per field unit, estimated from its box. seconds: of each part.
     """
 
     camera: Float[Tensor, "3"]
@@ -87,27 +86,20 @@ def reconstruct(
     pixels = shapenet.read_any_image(image, image_size)[None].to(training_loop.device())
     seconds: dict[str, float] = {}
     with _timed(seconds, "encoders"), torch.no_grad():
-        _, latent, seen_from = inference.encode_batch(model, pixels, _image_mirror(model))
-    drawn = cloud_defaults.cloud(model.field.config.mirror)
+        _, latent, seen_from = inference.encode_batch(model, pixels)
+    drawn = cloud_defaults.cloud()
     if deviation is not None:
         with _timed(seconds, "silhouette"):
             how = settings.ShapeCorrectionConfig(**cloud_defaults.SHAPE_CORRECTION)
-            given = (model, latent, drawn, cloud_defaults.SCALE_QUANTILE, [_generator(seed)])
-            field_scale = inference.rough_field_scales(*given)
+            field_scale = inference.rough_field_scales(model, latent, drawn, [_generator(seed)])
             alpha = functional.interpolate(pixels[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
             latent = silhouettes.correct_shapes(model, latent, deviation, seen_from, field_scale, alpha, how)
     modulations = [modulation[0].detach() for modulation in model.modulations(latent)]
     with _timed(seconds, "cloud"):
         cycles = cloud_projection.sample(model.field, modulations, points, drawn, _generator(seed))
         (cloud,) = cloud_projection.select(cycles, [points], drawn)
-    scale = scales.scale_from_cycles(cycles, cloud_defaults.SCALE_QUANTILE)
+    scale = scales.scale_from_cloud(cloud)
     return Reconstructed(seen_from[0], modulations, cloud, scale, seconds)
-
-
-def _image_mirror(model: reconstruction_models.DDFModel) -> cameras.Mirror | None:
-    """Normal of the plane about which the model holds shapes for all but symmetric, where flipped images show it."""
-    axis = model.field.config.mirror
-    return None if axis == "y" else axis
 
 
 def _generator(seed: int) -> torch.Generator:

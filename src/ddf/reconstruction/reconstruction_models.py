@@ -21,6 +21,7 @@ from ddf.reconstruction import settings
 RESNET18_WIDTH = 64
 LEAST_PAIR = 0.05  # a (sin θ, cos θ) shorter than this says nothing; the slope of its angle is 1 / length
 IMAGE_CHANNELS = 4
+LOG_OF_ZERO = -100.0  # where `torch.nn.functional.binary_cross_entropy` bounds a logarithm
 
 
 class Encoder(nn.Module):
@@ -197,24 +198,30 @@ def mask_loss(
     alpha: Float[Tensor, "b size size"],
     num_pixels: int | None = None,
     chances: Float[Tensor, "b pixels"] | None = None,
+    field_shift: Float[Tensor, "b 3"] | None = None,
 ) -> Float[Tensor, "b"]:
-    """L_M per image: BCE of the alpha channel and the rendered visibility. Source: [DDF22] §4.3.
+    """L_M per image: BCE of the alpha channel and the rendered visibility, mean over all pixels. Source: [DDF22] §4.3.
 
-    Only pixels whose ray meets the cube are evaluated (the others render 0 whatever the field); with `num_pixels`, a
-    random subset of those, scaled by the share of the image that they stand for: the ones with the largest `chances`,
-    in [0, 1).
+    Only pixels whose ray meets the cube are evaluated; with `num_pixels`, a random subset of those, scaled by the share
+    of the image that they stand for: the ones with the largest `chances`, in [0, 1). The others render 0 whatever the
+    field, and cost -log 0, taken as `LOG_OF_ZERO`, times their alpha: no query, no gradient.
+
+    Args:
+      field_shift: where the origin of v1 lies in the field frame, see `rendering.field_rays`.
     """
     size = alpha.shape[-1]
     directions = cameras.pixel_directions(size, alpha).reshape(-1, 3)
     with torch.no_grad():
-        meets = rendering.field_rays(camera, field_scale, directions)[3]
+        meets = rendering.field_rays(camera, field_scale, directions, field_shift)[3]
         chosen = _choose(meets, num_pixels, chances)
-    entry, world, _, chosen_meets = rendering.field_rays(camera, field_scale, directions[chosen])
+    entry, world, _, chosen_meets = rendering.field_rays(camera, field_scale, directions[chosen], field_shift)
     raw = field(entry, world, modulations)
-    target = alpha.flatten(-2).gather(1, chosen)
+    wanted = alpha.flatten(-2)
+    target = wanted.gather(1, chosen)
     bce = functional.binary_cross_entropy_with_logits(raw[..., pddf.VISIBILITY_ROW], target, reduction="none")
     weight = chosen_meets.to(bce.dtype)
-    return (bce * weight).sum(-1) / weight.sum(-1).clamp_min(1) * meets.to(bce.dtype).mean(-1)
+    met = (bce * weight).sum(-1) / weight.sum(-1).clamp_min(1) * meets.to(bce.dtype).mean(-1)
+    return met - LOG_OF_ZERO * wanted.masked_fill(meets, 0.0).mean(-1)
 
 
 def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, chances: Float[Tensor, "b n"] | None) -> Tensor:
@@ -231,9 +238,9 @@ def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, chances: Float[T
 
 def ddf_model(train: settings.TrainConfig, config: settings.DDFConfig) -> DDFModel:
     """The DDF model of a config, freshly initialised."""
-    return DDFModel(config.field, train.latent_features, train.encoder_width, train.azimuth)
+    return DDFModel(config.field.of(train.decoder), train.latent_features, train.encoder_width, train.azimuth)
 
 
-def pcsiren_model(train: settings.TrainConfig, config: settings.PCSirenConfig) -> PCSirenModel:
+def pcsiren_model(train: settings.TrainConfig) -> PCSirenModel:
     """The PC-SIREN model of a config, freshly initialised."""
-    return PCSirenModel(config.layout(), train.latent_features, train.encoder_width, train.azimuth)
+    return PCSirenModel(train.decoder, train.latent_features, train.encoder_width, train.azimuth)

@@ -1,16 +1,11 @@
 """Settings of single-image reconstruction: one dataclass per section of an experiment file, and their parts."""
 
-import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-
 from ddf.core import checks
-from ddf.data import shapenet
 from ddf.data.samples import sample_types
 from ddf.fields import cloud_projection, losses, pddf, siren
-from ddf.geometry import cameras
 from ddf.reconstruction import varied_images
 from ddf.training import training_loop
 
@@ -23,45 +18,31 @@ CubePoints = Literal["random", "even"]
 class TrainConfig:
     """Section `train`: what both models share.
 
-    image_size: of the encoders' input. encoder_width: 64 is ResNet-18. camera_weight: γ_RΠ.
-    train_views: the views of a training shape that are shown; null for those of the split.
+    image_size: of the encoders' input. encoder_width: 64 is ResNet-18. decoder: hidden layers and frequencies of both
+    decoders, of which only input and output differ. camera_weight: γ_RΠ.
     azimuth: `angle` is the paper's, `sincos` regresses (sin θ, cos θ), see `reconstruction_models.CameraHead`.
-    step_shares: by category, multiples of the steps that each model's own section states; 1, the paper's way, where a
-      category is not named. Of a small budget the hardest category can so have more, of both models alike.
     augmentation: how training images are varied; null, the paper's way, for the images as they are.
     """
 
     image_size: int
     encoder_width: int
     latent_features: int
+    decoder: siren.SineLayout
     batch_size: int
-    train_views: int | None
     camera_weight: float
     weight_decay_shape: float
     weight_decay_camera: float
     loop: training_loop.LoopConfig
     azimuth: Azimuth = "angle"
-    step_shares: dict[str, float] | None = None
     augmentation: varied_images.AugmentationConfig | None = None
 
     def __post_init__(self) -> None:
         for name, least in (("image_size", 32), ("encoder_width", 1), ("latent_features", 1), ("batch_size", 2)):
             if getattr(self, name) < least:
                 raise checks.InputError(f"train.{name} must be >= {least}; got {getattr(self, name)}")
-        if self.train_views is not None and not 1 <= self.train_views <= 24:
-            raise checks.InputError(f"train.train_views must be in 1..24 or null; got {self.train_views}")
         for name in ("camera_weight", "weight_decay_shape", "weight_decay_camera"):
             if not getattr(self, name) >= 0:
                 raise checks.InputError(f"train.{name} must be >= 0; got {getattr(self, name)}")
-        for name, share in (self.step_shares or {}).items():
-            if name not in shapenet.SYNSETS:
-                raise checks.InputError(f"train.step_shares must name categories; got {name!r}")
-            if not 0 < share < math.inf:
-                raise checks.InputError(f"train.step_shares.{name} must be > 0 and finite; got {share}")
-
-    def steps(self, stated: int, category: str) -> int:
-        """How many of one category, of as many as a model's section states."""
-        return max(1, round(stated * (self.step_shares or {}).get(category, 1.0)))
 
 
 @dataclass(frozen=True)
@@ -92,6 +73,29 @@ class ProposalConfig:
 
 
 @dataclass(frozen=True)
+class FieldConfig:
+    """Section `ddf.field`: what the DDF's decoder has beside `train.decoder`, see `pddf.PDDFConfig`."""
+
+    depth_activation: pddf.DepthActivation
+    depth_sharpness: float = 1.0
+    direction_scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        self.of(siren.SineLayout((1,), 1.0, 1.0))
+
+    def of(self, layout: siren.SineLayout) -> pddf.PDDFConfig:
+        """The whole field on a sine network of this layout."""
+        return pddf.PDDFConfig(
+            layout.hidden,
+            layout.omega_first,
+            layout.omega_hidden,
+            self.depth_activation,
+            self.depth_sharpness,
+            self.direction_scale,
+        )
+
+
+@dataclass(frozen=True)
 class DDFConfig:
     """Section `ddf`: field, loss and batch of the DDF model.
 
@@ -102,11 +106,9 @@ class DDFConfig:
     mask_weight: γ_RM. mask_size: side of the rendered mask. mask_pixels: pixels of it that are evaluated per image,
     drawn among those whose ray meets the box; null for all of them. proposals: rays that the field chooses itself; null
     for none. samples: those that are stored, the paper's way, or fresh ones in every step (`training_truth`).
-    mirror_shapes: train on the mirror image of every shape too, about the plane with this normal, seen by flipped
-    images (`mirrored_data`); null, the paper's way, for the shapes as they are.
     """
 
-    field: pddf.PDDFConfig
+    field: FieldConfig
     steps: int
     learning_rate: float | None
     counts: dict[str, int]
@@ -119,7 +121,6 @@ class DDFConfig:
     muon: float | None = None
     encoder_learning_rate: float | None = None
     samples: Literal["stored", "fresh"] = "stored"
-    mirror_shapes: cameras.Mirror | None = None
 
     def __post_init__(self) -> None:
         sample_types.check_counts("ddf.counts", self.counts)
@@ -150,30 +151,20 @@ class DDFConfig:
 
 @dataclass(frozen=True)
 class PCSirenConfig:
-    """Section `pcsiren`: decoder and batch of the PC-SIREN model.
+    """Section `pcsiren`: batch of the PC-SIREN model.
 
     points: predicted per shape for the Chamfer loss. truth_points: of the true cloud that they are compared with; the
       paper has as many. Few true points lie far from any prediction: that distance hides the error of the shape.
-    mirror_shapes: as in section `ddf`.
     """
 
-    hidden: tuple[int, ...]
-    omega_first: float
-    omega_hidden: float
     steps: int
     points: int
     truth_points: int
-    mirror_shapes: cameras.Mirror | None = None
 
     def __post_init__(self) -> None:
-        self.layout()
         for name in ("steps", "points", "truth_points"):
             if getattr(self, name) < 1:
                 raise checks.InputError(f"pcsiren.{name} must be >= 1; got {getattr(self, name)}")
-
-    def layout(self) -> siren.SineLayout:
-        """Sizes and frequencies of the decoder."""
-        return siren.SineLayout(self.hidden, self.omega_first, self.omega_hidden)
 
 
 @dataclass(frozen=True)
@@ -230,49 +221,28 @@ class ShapeCorrectionConfig:
 class PointcloudsConfig:
     """Section `pointclouds`.
 
-    correction_turns: degrees, in front of a correction, by which the predicted azimuth is turned; of several starts the
-    camera with the least L_M stays (`correct_from_turns`). [0] is the paper's way.
-    correction_limit: degrees of azimuth, a correction that ends farther from its start is refused; null, the paper's
-    way, for none.
-    scale_quantile: of the DDF, see `scale_from_cycles`; null for `scale_from_cloud`, the paper's way.
     large, small: L and S, points of the two clouds (5,000 and 2,466 in the paper). test_views: views per test shape
     that are evaluated; null for those of the split. rendered: images whose visibility, depth and normals are rendered
-    for the report, render_size pixels wide. mirror: encode every image flipped too (`encode_batch`), which keeps the
-    up axis; null, the paper's way, for the image alone.
-    shape_correction: of the DDF, latents moved until the shape's silhouette agrees with the image's alpha channel, with
-    the predicted camera to start from; null, the paper's way, for the latent as encoded.
+    for the report, render_size pixels wide.
+    shape_correction: clouds of the DDF beside the others, of latents moved until the shape's silhouette agrees with the
+    image's alpha channel, with the predicted camera to start from; null, the paper's way, for none.
     pcsiren_inputs: the points of the cube that PC-SIREN maps to the surface (`cube_points`); random is the paper's way.
     """
 
     cloud: cloud_projection.CloudConfig
     correction: CorrectionConfig
-    correction_turns: tuple[float, ...]
-    correction_limit: float | None
-    scale_quantile: float | None
     large: int
     small: int
     test_views: int | None
     rendered: int
     render_size: int
     seed: int
-    mirror: cameras.Mirror | None = None
     shape_correction: ShapeCorrectionConfig | None = None
     pcsiren_inputs: CubePoints = "random"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "correction_turns", tuple(self.correction_turns))
-        if not self.correction_turns or not np.isfinite(self.correction_turns).all():
-            raise checks.InputError(
-                f"pointclouds.correction_turns must list degrees, [0] for one start; got {list(self.correction_turns)}"
-            )
-        if self.correction_limit is not None and not self.correction_limit > 0:
-            raise checks.InputError(f"pointclouds.correction_limit must be > 0, or null; got {self.correction_limit}")
         if not 1 <= self.small <= self.large:
             raise checks.InputError(f"pointclouds needs 1 <= small <= large; got {self.small} and {self.large}")
-        if self.scale_quantile is not None and not 0 <= self.scale_quantile < 0.5:
-            raise checks.InputError(
-                f"pointclouds.scale_quantile must be in [0, 0.5), or null; got {self.scale_quantile}"
-            )
         if self.rendered < 0 or self.render_size < 1 or self.seed < 0:
             raise checks.InputError("pointclouds.rendered and seed must be >= 0, render_size >= 1")
         if self.test_views is not None and self.test_views < 1:

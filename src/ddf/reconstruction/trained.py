@@ -27,7 +27,6 @@ def ddf(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.
 def pcsiren(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.PCSirenModel, int]:
     """As `ddf`, for a record of kind `pcsiren`."""
     train = config.parse(record["train"], settings.TrainConfig, f"{folder}: train")
-    section = config.parse(record["section"], settings.PCSirenConfig, f"{folder}: pcsiren")
-    model = reconstruction_models.pcsiren_model(train, section)
+    model = reconstruction_models.pcsiren_model(train)
     training_loop.load_model(model, folder)
     return model, train.image_size

@@ -123,6 +123,7 @@ def ddf_step(
         images.alpha(batch.rows, config.mask_size).to(place),
         config.mask_pixels,
         None if config.mask_pixels is None else batch.chances(config.mask_size**2),
+        shapes.field_shifts(batch.shapes).to(place),
     ).mean()
     total = config.shape_weight * shape_loss + train.camera_weight * camera_loss + config.mask_weight * mask_loss
     return total, {**terms, "camera": camera_loss.detach(), "mask": mask_loss.detach()}

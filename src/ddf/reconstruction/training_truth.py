@@ -6,18 +6,18 @@ but every step pays for its rays. They are rounded as stored ones are, so that b
 
 import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from ddf.core import checks, config, storage
 from ddf.data import mesh_shards, packing, sampling
 from ddf.data.samples import sample_batch, sample_types
-from ddf.geometry import cameras, raycast
-from ddf.reconstruction import category_data, mirrored_data, proposed_rays, settings, training_steps
+from ddf.geometry import raycast
+from ddf.reconstruction import category_data, proposed_rays, settings, training_steps
 
 OPEN_PACKS = 8  # of training meshes, with their ray casting scenes; a shape of another one costs some 20 ms
 
@@ -123,38 +123,6 @@ class Truth:
     propose: proposed_rays.Proposer | None
     drawn: sampling.SamplesConfig | None
     sources: list[Path]
-
-    def mirrored(self, shapes: category_data.ShapeSet, mirror: cameras.Mirror | None) -> "Truth":
-        """That of `mirrored_data.of_shapes`, where this is that of `shapes`."""
-        if mirror is None:
-            return self
-        count, signs, propose = len(shapes.ids), mirrored_data.signs_of(mirror), self.propose
-        if propose is not None:
-            scenes = _MirroredScenes(propose.scenes, count, signs.double().numpy())
-            propose = replace(propose, shapes=mirrored_data.of_shapes(shapes, mirror), scenes=scenes)
-        return replace(self, samples=mirrored_data.Samples(self.samples, count, signs), propose=propose)
-
-
-@dataclass(frozen=True)
-class _MirroredScene:
-    scene: proposed_rays.Casts
-    signs: Float[np.ndarray, "3"]
-
-    def first_hits(
-        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-        return self.scene.first_hits(positions * self.signs, directions * self.signs)
-
-
-@dataclass(frozen=True)
-class _MirroredScenes:
-    scenes: category_data.Numbered[proposed_rays.Casts]
-    count: int
-    signs: Float[np.ndarray, "3"]
-
-    def __getitem__(self, index: int, /) -> proposed_rays.Casts:
-        scene = self.scenes[index % self.count]
-        return scene if index < self.count else _MirroredScene(scene, self.signs)
 
 
 def read(config_path: Path, category: str, shapes: category_data.ShapeSet, section: settings.DDFConfig) -> Truth:

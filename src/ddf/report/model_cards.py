@@ -11,7 +11,7 @@ import pandas as pd
 import torch
 
 from ddf.core import config, storage
-from ddf.data import shapenet
+from ddf.data import shapenet, splits
 from ddf.data.synthetic import showcase
 from ddf.export import onnx_file, shipping
 from ddf.geometry import mesh_io, transforms
@@ -120,11 +120,11 @@ def write_reconstruction(config_path: Path, dataset: shapenet.Dataset, name: str
         summary,
         {
             "Data": [
-                f"{len(dataset.train(name))} procedural {name}s in ShapeNet's layout, {train.train_views} views each.",
+                f"{len(dataset.train(name))} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each.",
                 f"`sample_0.png` to `sample_{SAMPLES - 1}.png` show test shapes, which training never saw.",
             ],
             "Training": [
-                f"Seed 0 of `{config_path}`: {train.steps(section.steps, name):,} steps, {parameters:,} parameters.",
+                f"Seed 0 of `{config_path}`: {section.steps:,} steps, {parameters:,} parameters.",
                 f"Images are reduced to {train.image_size} x {train.image_size} pixels.",
                 "Matrices are stored in float16.",
             ],

@@ -1,6 +1,6 @@
 """How commands draw clouds and move shapes: as configs/cpu.yaml, without its file."""
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ddf.fields import cloud_projection
@@ -10,18 +10,13 @@ CLOUD: dict[str, Any] = {  # of `cloud_projection.CloudConfig`
     "cycles": 3,
     "oversampling": 0.1,
     "jitter": 0.2,
-    "resample": 0.5,
     "recheck": (0.1,),
     "spread": 0.75,
-    "least_confidence": 0.1,
     "crowding": 1.0,
-    "centre": 4.0,
     "temperature": 0.05,
     "inverse_depth": 0.05,
     "chunk_rays": 2048,
 }
-MIRRORED_OVERSAMPLING = -0.175  # of shapes with a mirror: fewer hits, and their mirror images
-SCALE_QUANTILE = 0.002
 SHAPE_CORRECTION: dict[str, Any] = {  # of `silhouettes.ShapeCorrectionConfig`
     "steps": 20,
     "learning_rate": 0.03,
@@ -31,13 +26,12 @@ SHAPE_CORRECTION: dict[str, Any] = {  # of `silhouettes.ShapeCorrectionConfig`
 }
 
 
-def cloud(mirror: Literal["x", "y", "z"] | None = None, **changed: Any) -> "cloud_projection.CloudConfig":
-    """How clouds are drawn, of a field that takes shapes for all but symmetric about the plane with this normal.
+def cloud(**changed: Any) -> "cloud_projection.CloudConfig":
+    """How clouds are drawn.
 
     Raises:
       InputError: a changed setting that does not do.
     """
     from ddf.fields import cloud_projection
 
-    mirrored = {} if mirror is None else {"mirror": mirror, "oversampling": MIRRORED_OVERSAMPLING}
-    return cloud_projection.CloudConfig(**(CLOUD | mirrored | changed))
+    return cloud_projection.CloudConfig(**(CLOUD | changed))

@@ -126,7 +126,7 @@ def fit(
     own_from_mesh = transforms.field_from_mesh(raw.surface_vertices())
     inside = np.clip(own_from_mesh.apply(raw.vertices), -1.0, 1.0)
     mesh = mesh_io.Mesh(inside, mesh_io.without_flat(raw).faces)  # clipped, a far flat triangle could gain an area
-    samples, packing_errors = shape_samples.draw_samples(mesh, config, config.samples, "train")
+    samples, packing_errors = shape_samples.draw_samples(mesh, config, config.samples, "train", config.tangents)
     samples = samples if without is None else samples.without(without)
     field = pddf.PDDF(config.field).to(training_loop.device())
     if config.start == "flat":

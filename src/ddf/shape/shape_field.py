@@ -158,7 +158,7 @@ def components(
     for row, name in zip(torch.eye(NUM_COMPONENTS).to(trace.outputs), ("normals_1", "normals_2"), strict=True):
         if name in outputs:
             gradient = derivatives.adjoint(field.network, trace.slopes, row.expand(len(positions), -1))
-            found[name] = derivatives.normals(field.turned(gradient, directions), directions)
+            found[name] = derivatives.normals(gradient, directions)
     return found
 
 

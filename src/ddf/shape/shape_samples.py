@@ -70,19 +70,24 @@ class ShapeSamples:
 
 
 def draw_samples(
-    mesh: mesh_io.Mesh, config: fit_settings.FitConfig, counts: sample_types.Counts, stream: str
+    mesh: mesh_io.Mesh,
+    config: fit_settings.FitConfig,
+    counts: sample_types.Counts,
+    stream: str,
+    tangents: sampling.Tangents = "cast",
 ) -> tuple[ShapeSamples, dict[str, float]]:
     """Samples of a mesh, field frame, and the largest errors of their stored form (`sampling.packing_errors`).
 
     Args:
       mesh: in [-1, 1]^3; it is shrunk to leave `config.margin`.
       stream: name of the random stream; training and held-out samples have their own.
+      tangents: truth of T samples, see `sampling.SamplesConfig`.
     """
     unit = 1 - config.margin
     mesh = mesh_io.Mesh(unit * mesh.vertices, mesh.faces)
     lower, upper = mesh.box()
     box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else config.box
-    drawn = config.draw(box, counts, config.loop.seed)
+    drawn = config.draw(box, counts, config.loop.seed, tangents)
     packed, probes = sampling.extract(mesh, drawn, stream)
     arrays = {}
     for kind, _ in counts.items():

@@ -40,8 +40,10 @@ def test_reconstruct_writes_cloud_camera_and_renders(model_dir, tmp_path, capsys
     assert points.shape == (50, 3)
     cycles = sampled[0]
     (cloud,) = cloud_projection.select(cycles, [50], cloud_defaults.cloud())
-    scale = scales.scale_from_cycles(cycles, cloud_defaults.SCALE_QUANTILE)
-    np.testing.assert_allclose(points, scale * cloud.numpy(), atol=1e-5)  # v1 units: the box of all hits has diagonal 1
+    scale = scales.scale_from_cloud(cloud)
+    np.testing.assert_allclose(
+        points, scale * cloud.numpy(), atol=1e-5
+    )  # v1 units: the box of the cloud has diagonal 1
     assert result["v1_from_field"]["scale"] == pytest.approx(scale)
     for name in ("visibility", "depth", "normals"):
         with Image.open(out / f"{name}.png") as picture:

@@ -32,11 +32,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     sections = config.read(args.config)
     train = config.load(args.config, settings.TrainConfig)
     ddf = config.load(args.config, settings.DDFConfig)
-    pcsiren = config.load(args.config, settings.PCSirenConfig)
     models: dict[str, torch.nn.Module] = {}
     with torch.device("meta"):
         models["ddf"] = reconstruction_models.ddf_model(train, ddf)
-        models["pc_siren"] = reconstruction_models.pcsiren_model(train, pcsiren)
+        models["pc_siren"] = reconstruction_models.pcsiren_model(train)
         models["single_shape"] = pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)
         models["ddf_encoder"] = reconstruction_models.Encoder(train.latent_features, train.encoder_width)
     parameters = {name: pddf.count_parameters(model) for name, model in models.items()}
