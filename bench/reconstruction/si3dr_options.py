@@ -1,12 +1,13 @@
-"""Switches of single-image reconstruction, each turned alone (`make ablate-options`): D_C and F(τ) on held-out shapes.
+"""Switches of single-image reconstruction, each turned alone (`make ablate-options`), scored on validation shapes.
 Trainings take as long as that of `base`, whose two other seeds show what chance alone does.
 
 It runs on what `make reproduce-table` prepared (artifacts/cpu): the DDF of one category, trained with configs/cpu.yaml
 (`base`) and with one setting changed, two side by side with one thread each. Every row is given as many steps as take
 as long as those of `base`, by trials of both in turn (`times_base`: a step's time over one of `base`), so the machine
-may be busier for one row than for another. Held out are the last training shapes; the test set is not touched. Switches
-of clouds, scale and camera correction need no training and are rows on the model of `base`. Seconds are those of the
-training, or of an image's clouds. Rows are kept in artifacts/si3dr_options and made again only when something that they
+may be busier for one row than for another. No test shape is read. `difference` is the mean of D_C less that of `base`
+on the same images, ± its standard error over shapes: what does not exceed two of them is no reason for a setting.
+Switches of clouds and camera correction need no training and are rows on the model of `base`. Seconds are those of
+the training, or of an image's clouds. Rows are kept in artifacts/si3dr_options and made again only when something that they
 depend on has changed; one that was killed goes on from its checkpoint.
 """
 
@@ -31,10 +32,8 @@ from ddf.evaluation import metrics, scoring
 from ddf.reconstruction import (
     category_data,
     inference,
-    mirrored_data,
     reconstruction_models,
     settings,
-    silhouettes,
     training_steps,
     training_truth,
 )
@@ -52,48 +51,25 @@ TRAINED: Mapping[str, Mapping[str, Any]] = {
     "base, second seed": {"train.loop.seed": 1},
     "base, third seed": {"train.loop.seed": 2},
     "azimuth as an angle": {"train.azimuth": "angle"},
-    "AdamW alone": {"ddf.muon": None, "train.loop.muon": None, "train.loop.muon_kernels": None},
-    "AdamW for the encoders": {"train.loop.muon_kernels": None},
+    "AdamW alone": {"ddf.muon": None, "train.loop.muon": None},
+    "learning rates of PC-SIREN": {"ddf.learning_rate": None, "ddf.muon": None},
     "encoders as fast as the field": {"ddf.encoder_learning_rate": None},
-    "moving average of the weights": {"train.loop.ema": 0.999},
-    "view consistency": {"ddf.weights.view_consistency": 10.0},
-    "depth loss of the heavier component": {"ddf.weights.depth_of": "chosen"},
     "squared depth loss": {"ddf.weights.depth_huber": None},
-    "depth by ReLU": {"ddf.field.depth_activation": "relu"},
+    "depth by softplus": {"ddf.field.depth_activation": "softplus", "ddf.field.depth_sharpness": 100.0},
     "bandwidth of directions as of positions": {"ddf.field.direction_scale": 1.0},
-    "mirror images learned apart": {"ddf.field.mirror": None},
-    "mirror images of shapes in the training set": {"ddf.mirror_shapes": "z"},
-    "six layers, the last three narrower": {"ddf.field.hidden": [192, 192, 192, 128, 128, 128]},
-    "no points of values alone": {f"ddf.counts.{kind}+": overrides.ABSENT for kind in "UAB"},
+    "first frequency of 3": {"train.decoder.omega_first": 3.0},
     "samples cast while training": {"ddf.samples": "fresh"},
     "no proposed rays": {"ddf.proposals": None},
-    "four candidates of a proposed ray": {"ddf.proposals.directions": 4},
-    "weight of the mask as the paper's": {"ddf.mask_weight": 10.0},
     "all pixels of the mask": {"ddf.mask_pixels": None},
-    "the split's views": {"train.train_views": None},
 }
 DRAWN: Mapping[str, Mapping[str, Any]] = {
-    "no jitter": {"pointclouds.cloud.jitter": 0.0, "pointclouds.cloud.resample": 0.0},
-    "no resampling": {"pointclouds.cloud.resample": 0.0},
+    "no jitter": {"pointclouds.cloud.jitter": 0.0},
     "no recheck": {"pointclouds.cloud.recheck": []},
-    "most visible points": {
-        "pointclouds.cloud.spread": None,
-        "pointclouds.cloud.mirror": None,
-        "pointclouds.cloud.oversampling": 0.1,
-        "pointclouds.cloud.centre": None,
-    },
-    "points where they were hit": {"pointclouds.cloud.centre": None},
-    "hits alone, more of them": {"pointclouds.cloud.mirror": None, "pointclouds.cloud.oversampling": 0.1},
-    "doubtful points kept": {"pointclouds.cloud.least_confidence": 0.0},
+    "most visible points": {"pointclouds.cloud.spread": None},
     "strays as wanted as others": {"pointclouds.cloud.crowding": 0.0},
     "48 directions": {"pointclouds.cloud.num_directions": 48},
     "128 directions": {"pointclouds.cloud.num_directions": 128},
     "one cycle": {"pointclouds.cloud.cycles": 1},
-    "images encoded as they are alone": {"pointclouds.mirror": None},
-    "shapes as encoded": {"pointclouds.shape_correction": None},
-    "scale of the cloud's box": {"pointclouds.scale_quantile": None},
-    "correction from two sides": {"pointclouds.correction_turns": [0, 180]},
-    "no limit to the correction": {"pointclouds.correction_limit": None},
     "radius free in the correction": {"pointclouds.correction.free": list(settings.CAMERA_NUMBERS)},
 }
 OPTIONS = TRAINED | DRAWN
@@ -102,11 +78,10 @@ COLUMNS = {"": ("L", "Pi_g"), "_predicted_camera": ("S", "Pi_pred"), "_corrected
 
 @dataclasses.dataclass(frozen=True)
 class Task:
-    """What all rows share. steps: of `base`. held_out: shapes. views: first ones of each. seed: of all."""
+    """What all rows share. steps: of `base`. views: the first ones of each validation shape. seed: of all."""
 
     category: str
     steps: int
-    held_out: int
     views: int
     seed: int
 
@@ -140,12 +115,18 @@ def folder(task: Task, name: str) -> Path:
     return OUT / task.category / re.sub(r"\W+", "-", name)
 
 
-def split(task: Task, dataset: shapenet.Dataset, views: int | None) -> tuple[list, list]:
-    """(id, views) of the shapes that are trained on, and of the last ones, which are held out."""
+def split(task: Task, dataset: shapenet.Dataset) -> tuple[list, list]:
+    """(id, views) of the shapes that are trained on, and of those held out for validation.
+
+    Raises:
+      InputError: none are held out.
+    """
     samples = config.artifact_dir(CONFIG, "samples", task.category)
-    shapes = category_data.available(samples, category_data.training_views(dataset, task.category, views))
-    held = [(shape, shown[: task.views]) for shape, shown in shapes[-task.held_out :]]
-    return shapes[: -task.held_out], held
+    known = category_data.available(samples, dataset.train(task.category))
+    held = category_data.available(samples, dataset.validation(task.category))
+    if not held:
+        raise checks.InputError(f"{CONFIG}: dataset.validation leaves no shape of {task.category} for validation")
+    return known, [(shape, shown[: task.views]) for shape, shown in held]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,12 +140,10 @@ class Training:
 def prepared(task: Task, settings: Settings, dataset: shapenet.Dataset) -> Training:
     """A row's training as the stage does it, but for the shapes held out."""
     samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
-    shown, _ = split(task, dataset, settings.train.train_views)
+    shown, _ = split(task, dataset)
     images = category_data.read_images(dataset, task.category, shown, settings.train.image_size)
     shapes = category_data.read_shapes(samples_dir, images.ids)
-    mirror = settings.ddf.mirror_shapes
-    truth = training_truth.read(CONFIG, task.category, shapes, settings.ddf).mirrored(shapes, mirror)
-    images, shapes = mirrored_data.of_images(images, mirror), mirrored_data.of_shapes(shapes, mirror)
+    truth = training_truth.read(CONFIG, task.category, shapes, settings.ddf)
 
     training_loop.prepare(settings.train.loop)
     model = reconstruction_models.ddf_model(settings.train, settings.ddf).to(training_loop.device())
@@ -219,39 +198,50 @@ def train(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) 
     return {"steps": plan["steps"], "times_base": plan["times_base"], "seconds": seconds}
 
 
-def score(task: Task, name: str, settings: Settings, dataset: shapenet.Dataset) -> tuple[dict[str, float], float]:
-    """Means over the held-out images, medians of camera errors; and the seconds of an image's clouds.
+def score(
+    task: Task, name: str, settings: Settings, dataset: shapenet.Dataset
+) -> tuple[dict[str, float], float, dict[str, float]]:
+    """Means over the validation images, medians of camera errors; the seconds of an image's clouds; D_C x 1000 of each
+    shape with the true camera.
 
     D_C and F of the large cloud with the true camera, of the small one with the predicted and the corrected camera.
     """
     training_loop.prepare(settings.train.loop)
     model = reconstruction_models.ddf_model(settings.train, settings.ddf)
     training_loop.load_model(model, folder(task, name if name in TRAINED else "base"))
-    shown, held = split(task, dataset, settings.train.train_views)
-    known, images = (
-        category_data.read_images(dataset, task.category, some, settings.train.image_size) for some in (shown, held)
-    )
+    images = category_data.read_images(dataset, task.category, split(task, dataset)[1], settings.train.image_size)
     samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
-    section = dataclasses.replace(settings.pointclouds, rendered=0)
-    deviation = silhouettes.deviation(model, inference.image_features(model, known))
-    tensors, facts = inference.reconstruct_ddf(model, images, section, name, deviation)
-    scales = category_data.read_shapes(samples_dir, images.ids).field_scales(images.shapes)
-    arrays = {key: value.numpy() for key, value in tensors.items()}
-    arrays |= {"camera_true": images.cameras.numpy(), "scale_true": (1 / scales).numpy()}
+    section = dataclasses.replace(settings.pointclouds, rendered=0, shape_correction=None)
+    tensors, facts = inference.reconstruct_ddf(model, images, section, name)
+    arrays = {key: value.numpy() for key, value in tensors.items()} | {"camera_true": images.cameras.numpy()}
+    placed = category_data.read_shapes(samples_dir, images.ids).placements(images.shapes)
+    arrays |= {key: value.numpy() for key, value in placed.items()}
     found = scoring.Predictions(OUT, [(str(row["id"]), int(row["view"])) for row in images.names()], arrays, facts)
-    truths, scores = scoring.load_truth(samples_dir), {}
+    truths, scores, by_shape = scoring.load_truth(samples_dir), {}, {}
     for suffix, (size, camera) in COLUMNS.items():
         cloud = f"{size}.h{section.cloud.cycles}"
         values = [
             metrics.compare_clouds(found.cloud(cloud, row, camera), truths[shape].benchmark_points())
             for row, (shape, _) in enumerate(found.images)
         ]
-        scores[f"chamfer_l2_sq_x1000{suffix}"] = float(np.mean([1e3 * value.chamfer_l2_sq for value in values]))
+        chamfer = [1e3 * value.chamfer_l2_sq for value in values]
+        scores[f"chamfer_l2_sq_x1000{suffix}"] = float(np.mean(chamfer))
         scores[f"f_score_tau_x100{suffix}"] = float(np.mean([100 * value.f_score_tau for value in values]))
+        if not suffix:
+            by_shape = {
+                shape: float(np.mean([chamfer[row] for row in rows]))
+                for shape, rows in scoring.views_by_shape(found.images).items()
+            }
     errors = scoring.camera_errors(scoring.DDF, found)
     predicted = errors[errors["column"] == "Pi_pred"]
     scores["azimuth_error_deg_median"] = float(predicted["azimuth_error_deg"].median())
-    return scores, facts["cloud_seconds_per_image"]
+    return scores, facts["seconds"]["cloud"], by_shape
+
+
+def against_base(own: Mapping[str, float], base: Mapping[str, float]) -> str:
+    """Mean difference of D_C x 1000 on the same shapes, ± its standard error."""
+    gaps = np.array([own[shape] - base[shape] for shape in base])
+    return f"{gaps.mean():+.3f} ± {gaps.std(ddof=1) / np.sqrt(len(gaps)):.3f}"
 
 
 def make(task: Task, name: str) -> None:
@@ -259,13 +249,14 @@ def make(task: Task, name: str) -> None:
     dataset = shapenet.Dataset.open(config.artifact_dir(CONFIG, "dataset") / "index.json")
     settings = Settings.of(name, task.seed)
     trained = train(task, name, settings, dataset) if name in TRAINED else {}
-    error, cloud_seconds = score(task, name, settings, dataset)
+    error, cloud_seconds, by_shape = score(task, name, settings, dataset)
     size = dataclasses.asdict(task) | {"points": settings.pointclouds.large}
     row = measuring.row(name, size, [trained.get("seconds", cloud_seconds)], error, TOLERANCE)
     changed = ", ".join(f"{key}: {value}" for key, value in OPTIONS[name].items())
     told = {"changed": changed, "steps": trained.get("steps", 0), "times_base": trained.get("times_base")}
     told |= {"cloud_seconds": cloud_seconds}
-    storage.write_json(folder(task, name) / RESULT, {"fingerprint": identity(task, name), "row": row | told})
+    result = {"fingerprint": identity(task, name), "row": row | told, "chamfer_of_shapes": by_shape}
+    storage.write_json(folder(task, name) / RESULT, result)
 
 
 def identity(task: Task, name: str) -> str:
@@ -285,7 +276,10 @@ def kept(task: Task, name: str) -> dict[str, Any] | None:
     if not path.exists() or (name not in TRAINED and not (folder(task, "base") / training_loop.MODEL).exists()):
         return None
     result = storage.read_json(path)
-    return result["row"] if result["fingerprint"] == identity(task, name) else None
+    if result["fingerprint"] != identity(task, name):
+        return None
+    base = storage.read_json(folder(task, "base") / RESULT)["chamfer_of_shapes"] if name != "base" else {}
+    return result["row"] | ({"difference": against_base(result["chamfer_of_shapes"], base)} if base else {})
 
 
 def run(task: Task, name: str) -> None:
@@ -297,9 +291,9 @@ def run(task: Task, name: str) -> None:
 
 
 def rows(task: Task, names: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """The rows in order: first those that are trained, two at a time, then the others."""
+    """The rows in order; `base`, with which all are compared, is made first, then two at a time."""
     with concurrent.futures.ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-        for group in (TRAINED, DRAWN):
+        for group in (["base"], TRAINED, DRAWN):
             list(pool.map(functools.partial(run, task), [name for name in group if name in names]))
     for name in names:
         found = kept(task, name)
@@ -327,20 +321,19 @@ def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--category", default="car")
     parser.add_argument("--steps", type=int, default=400, help="of `base`; others take as long (default %(default)s)")
-    parser.add_argument("--held-out", type=int, default=8, help="shapes (default %(default)s)")
-    parser.add_argument("--views", type=int, default=2, help="of each held-out shape (default %(default)s)")
+    parser.add_argument("--views", type=int, default=2, help="of each validation shape (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="added to all seeds of the config")
     parser.add_argument("--rows", nargs="+", choices=list(OPTIONS), help="these alone; prints instead of writing")
     parser.add_argument("--one", choices=list(OPTIONS), help=argparse.SUPPRESS)
     given = parser.parse_args(arguments)
-    task = Task(given.category, given.steps, given.held_out, given.views, given.seed)
+    task = Task(given.category, given.steps, given.views, given.seed)
     needed = config.artifact_dir(CONFIG, "samples", task.category)
     if not needed.exists():
         print(f"si3dr_options: skipped, {needed} is not there; `make reproduce-table` makes it")
     elif given.one:
         make(task, given.one)
     elif given.rows:
-        names = given.rows if TRAINED.keys() >= set(given.rows) else ["base", *given.rows]
+        names = ["base", *given.rows]
         print(json.dumps(list(rows(task, list(dict.fromkeys(names)))), indent=1))
     else:
         measuring.write("si3dr_options", 1, list(rows(task, list(OPTIONS))))

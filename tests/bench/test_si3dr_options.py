@@ -44,11 +44,17 @@ def test_seed_is_added_to_all_seeds():
     assert settings.pointclouds.seed == BASE.pointclouds.seed + 3
 
 
-def test_last_shapes_are_held_out_and_no_other(monkeypatch):
-    shapes = [(f"shape{i}", list(range(5))) for i in range(10)]
-    monkeypatch.setattr(category_data, "training_views", lambda *_: shapes)
+def test_validation_shapes_alone_are_scored(monkeypatch):
     monkeypatch.setattr(category_data, "available", lambda _, views: views)
-    task = si3dr_options.Task("car", 1, 3, 2, 0)
-    trained, held = si3dr_options.split(task, shapenet.Dataset(Path("root"), {}), 24)
-    assert trained == shapes[:7]
-    assert held == [(f"shape{i}", [0, 1]) for i in (7, 8, 9)]
+    train, test = shapenet.ShapeEntry("a", (0, 1, 2, 3, 4), ()), shapenet.ShapeEntry("c", (), (0, 1, 2, 3, 4))
+    held = shapenet.ShapeEntry("b", (), (), (0, 1, 2, 3, 4))
+    dataset = shapenet.Dataset(Path("root"), {"car": shapenet.CategoryEntry("1", (train, held, test))})
+    found = si3dr_options.split(si3dr_options.Task("car", 1, 2, 0), dataset)
+    assert found == ([("a", (0, 1, 2, 3, 4))], [("b", (0, 1))])
+    without = shapenet.Dataset(Path("root"), {"car": shapenet.CategoryEntry("1", (train, test))})
+    with pytest.raises(checks.InputError, match=r"dataset\.validation leaves no shape of car"):
+        si3dr_options.split(si3dr_options.Task("car", 1, 2, 0), without)
+
+
+def test_difference_from_base_is_paired_by_shape():
+    assert si3dr_options.against_base({"a": 2.0, "b": 4.0}, {"b": 3.0, "a": 1.5}) == "+0.750 ± 0.250"

@@ -160,7 +160,7 @@ def test_the_mask_of_a_shape_off_centre_is_seen_where_it_lies():
     camera, alpha = _camera(0.8, 0.45, 0.8), torch.rand(1, 16, 16, generator=torch.Generator().manual_seed(0))
     found = reconstruction_models.mask_loss(SOFT, [], camera, scale, alpha, field_shift=shift)
     directions = cameras.pixel_directions(16, torch.zeros(0)).reshape(-1, 3)
-    centre, world = cameras.pixel_rays(*camera[0], directions)
+    centre, world = cameras.pixel_rays(camera[0, 0], camera[0, 1], camera[0, 2], directions)
     start = (centre * 2.5 / transforms.BENCHMARK_FROM_V1 + shift[0]).expand_as(world)
     entry, _, meets = rays.enter_box(start, world, -torch.ones(3), torch.ones(3))
     visible = torch.where(meets, torch.sigmoid(SOFT(entry, world)[..., 3]), 0.0)

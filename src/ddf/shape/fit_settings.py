@@ -101,10 +101,10 @@ class FitConfig:
     box: Literal["tight", "cube"]
     margin: float
     start: Literal["flat", "random"]
-    tangents: sampling.Tangents
     loop: training_loop.LoopConfig
     page: PageConfig = _PAGE
     ablation: AblationConfig = _ABLATION
+    tangents: sampling.Tangents = "cast"
 
     def __post_init__(self) -> None:
         sample_types.check_counts("fit.batch", self.batch)

@@ -22,7 +22,7 @@ from torch.optim import swa_utils
 
 from ddf.core import checks, storage
 from ddf.fields import passes
-from ddf.training import distributed, optimisers
+from ddf.training import distributed, optimisers, plateau
 
 LOGGER = logging.getLogger(__name__)
 CHECKPOINT, MODEL, LOG = "checkpoint.safetensors", "model.safetensors", "log.csv"
@@ -36,8 +36,8 @@ class LoopConfig:
 
     learning_rate: AdamW's. muon: that of Muon for the matrices between hidden layers; muon_kernels: for the kernels of
       convolutions. null, the paper's way: AdamW for them too.
-    schedule: `constant`, or `cosine` from the learning rates to zero over all steps; both after a linear
-    rise of `warmup_steps`.
+    schedule: `constant`, `plateau`, the paper's (`plateau`), or `cosine` from the learning rates to zero over all
+    steps; all after a linear rise of `warmup_steps`.
     clip_norm: gradients longer than this are shortened; null for none.
     threads: CPU threads of each process; part of the result (sums are ordered by it).
     matmul: how large products of matrices are made, around parameters and sums in float32. `tf32`: on a GPU with its
@@ -48,7 +48,7 @@ class LoopConfig:
     """
 
     learning_rate: float
-    schedule: Literal["constant", "cosine"]
+    schedule: Literal["constant", "plateau", "cosine"]
     warmup_steps: int
     clip_norm: float | None
     threads: int
@@ -80,11 +80,15 @@ class LoopConfig:
         """A fresh one of the model, of these parameter groups."""
         return optimisers.Optimiser(model, groups, self.learning_rate, self.muon, self.muon_kernels, self.matmul)
 
-    def rate(self, step: int, steps: int) -> float:
-        """AdamW's learning rate in step `step` (from 0) of `steps`; Muon's keeps its ratio to it."""
+    def rate(self, step: int, steps: int, reductions: int = 0) -> float:
+        """AdamW's learning rate in step `step` (from 0) of `steps`; Muon's keeps its ratio to it.
+
+        Args:
+          reductions: of a schedule by plateau, see `plateau.reductions`.
+        """
         rise = min(1.0, (step + 1) / self.warmup_steps) if self.warmup_steps else 1.0
-        if self.schedule == "constant":
-            return self.learning_rate * rise
+        if self.schedule != "cosine":
+            return self.learning_rate * rise * plateau.FACTOR**reductions
         return self.learning_rate * rise * 0.5 * (1 + math.cos(math.pi * step / steps))
 
 
@@ -160,8 +164,11 @@ def fit(
         disable=not first,
     )
     model.train()
+    reduced = 0
     for step in progress:
-        optimiser.set_rate(config.rate(step, steps))
+        if config.schedule == "plateau" and (step == start or step % plateau.APART == 0):
+            reduced = plateau.reductions(rows, step)
+        optimiser.set_rate(config.rate(step, steps, reduced))
         loss, terms = step_loss(step)
         optimiser.zero_grad()
         loss.backward()

@@ -7,7 +7,7 @@ import pytest
 
 from ddf.evaluation import scoring
 from ddf.report import pages
-from ddf.report.experiment import scores
+from ddf.report.experiment import scores, stage_results
 
 _CHAMFER = "chamfer_l2_sq_x1000"
 
@@ -18,12 +18,18 @@ def _table(*rows):
     return pd.DataFrame(full, columns=list(scoring.TABLE_FIELDS))
 
 
-def test_a_mean_over_nothing_is_a_dash_and_never_the_best():
+def _results(*rows):
+    """Results of which the table is known, and no score of an image."""
+    scored = pd.DataFrame(columns=["category", "method", "column", "id", "view", "chamfer_l2_sq"])
+    empty = pd.DataFrame()
+    return stage_results.Results("x", {}, _table(*rows), [scored], empty, empty, {}, {}, {}, empty, {}, {})
+
+
+def test_a_mean_over_nothing_is_a_dash():
     table = _table(("car", "ddf", math.nan, 0), ("car", "pc_siren", 2.0, 5))
     found = scores.Scores(table)
     head = ("ddf", "Pi_g-L")
     assert found.value("car", head, _CHAMFER) is None and found.cell("car", head, _CHAMFER).text == "–"
-    assert not found.is_best("car", ("pc_siren", "Pi_g-L"), _CHAMFER, [head])
     assert scores.number(math.nan, 2) == scores.number(None, 2) == "–" and scores.number(0.0, 2) == "0.00"
     assert scores.difference(1.0, math.nan, 2) == scores.difference(None, 1.0, 2) == "–"
     assert scores.difference(1.5, 1.0, 2) == "+0.50"
@@ -40,7 +46,7 @@ def test_a_mean_over_nothing_is_a_dash_and_never_the_best():
 def test_image_counts_are_in_the_caption_or_in_every_cell(counts, note, cells):
     rows = [(c, m, 1.0, n) for c, both in counts.items() for m, n in zip(("ddf", "pc_siren"), both, strict=True)]
     methods = (("DDF", "ddf"), ("PC-SIREN", "pc_siren"))
-    table = scores.pairs(_table(*rows), list(counts), ["Pi_g-L"], methods, "Words.")
+    table = scores.pairs(_results(*rows), list(counts), ["Pi_g-L"], methods, "Words.")
     assert table is not None and table.caption == f"Words. {note}".strip()
     cell = table.rows[1][3]
     assert isinstance(cell, pages.Cell) and cell.text == cells
@@ -49,4 +55,4 @@ def test_image_counts_are_in_the_caption_or_in_every_cell(counts, note, cells):
 
 def test_methods_without_any_number_give_no_table():
     methods = (("P2M", "p2m"), ("3DR", "3dr"))
-    assert scores.pairs(_table(("car", "ddf", 1.0, 5)), ["car"], ["Pi_g-L"], methods, "") is None
+    assert scores.pairs(_results(("car", "ddf", 1.0, 5)), ["car"], ["Pi_g-L"], methods, "") is None

@@ -6,12 +6,14 @@ import pandas as pd
 
 from ddf.evaluation import baselines, scoring
 from ddf.evaluation.metrics import METRICS, PRINTED
+from ddf.report.experiment.stage_results import Head, Results
 from ddf.report.pages import Cell, Table
 
 METHOD_LABELS = {
     scoring.DDF: "DDF",
     scoring.PC_SIREN: "PC-SIREN",
     scoring.DDF_ONE_CYCLE: "DDF, N<sub>H</sub> = 1",
+    scoring.DDF_ON_MASK: "DDF, shape moved to the mask",
     "p2m": "P2M",
     "3dr": "3DR",
     baselines.CEILING: "ceiling: truth against itself",
@@ -23,8 +25,6 @@ METHOD_LABELS = {
 }
 CAMERA_LABELS = {"Pi_g": "Π<sub>g</sub>", "Pi_corrected": "Π̂<sub>∇</sub>", "Pi_pred": "Π̂"}
 NOTHING = "–"
-
-Head = tuple[str, str]  # method, column
 
 
 def column_label(column: str) -> str:
@@ -58,11 +58,6 @@ class Scores:
         row = self.rows.get((category, *head, metric))
         return None if row is None else float(row["value"])
 
-    def seeds_spread(self, category: str, head: Head, metric: str) -> float:
-        """Standard deviation over seeds; 0 where the number is of one."""
-        row = self.rows[category, *head, metric]
-        return float(row["spread"]) if row["seeds"] > 1 else 0.0
-
     def images(self, category: str, heads: Sequence[Head], metric: str) -> list[int]:
         """Image counts of the cells that exist."""
         found = [self.rows.get((category, *head, metric)) for head in heads]
@@ -88,14 +83,6 @@ class Scores:
         error = "" if pd.isna(row["spread"]) else f"{over} {float(row['spread']):.3g}, "
         return Cell(f"{text} ({int(row['images'])})" if count else text, best, f"{error}{int(row['images'])} images")
 
-    def is_best(self, category: str, head: Head, metric: str, rivals: Sequence[Head]) -> bool:
-        """Whether no rival with a number is better, and there is one."""
-        values = {rival: self.value(category, rival, metric) for rival in {head, *rivals}}
-        present = {rival: value for rival, value in values.items() if value is not None}
-        return len(present) > 1 and present.get(head) == (min if METRICS[metric].better == "min" else max)(
-            present.values()
-        )
-
 
 def images_note(scores: Scores, categories: Sequence[str], heads: Sequence[Head], metric: str) -> str:
     """How many images the numbers of a table are of, one sentence; empty where the table says it cell by cell."""
@@ -110,23 +97,24 @@ def images_note(scores: Scores, categories: Sequence[str], heads: Sequence[Head]
 
 
 def pairs(
-    table: pd.DataFrame,
+    results: Results,
     categories: Sequence[str],
     columns: Sequence[str],
     methods: Sequence[tuple[str, str]],
     caption: str,
     source: str = scoring.MEASURED,
 ) -> Table | None:
-    """Methods side by side for every metric; a row per category and column of the paper's table. Bold: the best.
+    """Two methods side by side for every metric; a row per category and column of the paper's table.
 
-    The number of images stands in the caption, or in every cell of a category whose cells differ in it.
+    Bold: the better of both, where their paired difference exceeds two of its standard errors; never among quoted
+    numbers. The number of images stands in the caption, or in every cell of a category whose cells differ in it.
 
     Args:
-      methods: (name to print, method); bold is not set among quoted numbers.
+      methods: (name to print, method), two of them.
     Returns:
       None where the source has no number of these methods.
     """
-    scores = Scores(table, source)
+    scores = Scores(results.table, source)
     measured = source == scoring.MEASURED
     heads = [(method, column) for column in columns for _, method in methods]
     rows: list[list[Cell | str]] = []
@@ -136,11 +124,11 @@ def pairs(
         counted = len(set(scores.images(category, heads, next(iter(PRINTED))))) > 1 if measured else False
         for column in columns:
             cells: list[Cell | str] = [category if column == columns[0] else "", column_label(column)]
-            rivals = [(method, column) for _, method in methods]
+            first, second = ((method, column) for _, method in methods)
             for metric in PRINTED:
-                for head in rivals:
-                    best = measured and scores.is_best(category, head, metric, rivals)
-                    cells.append(scores.cell(category, head, metric, best, counted))
+                won = results.better(category, first, second, metric) if measured else 0
+                cells.append(scores.cell(category, first, metric, won > 0, counted))
+                cells.append(scores.cell(category, second, metric, won < 0, counted))
             rows.append(cells)
     if not rows:
         return None

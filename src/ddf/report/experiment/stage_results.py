@@ -9,9 +9,12 @@ from typing import Any
 import pandas as pd
 
 from ddf.core import checks, config, stage_notes, storage
-from ddf.evaluation import paper_results, seed_means
+from ddf.evaluation import metrics, paired, paper_results, seed_means
 
 MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN"}
+CLOUDS = {"ddf.safetensors": "DDF", "pcsiren.safetensors": "PC-SIREN"}  # files of the stage `pointclouds`
+
+Head = tuple[str, str]  # method, column
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,15 +34,17 @@ class Cost:
 class Results:
     """Everything that the stages left behind for the report.
 
-    `table` has means over `seeds` trainings; all else is of seed 0. further_seconds: of each model, what a training of
-    all categories took with each of the further seeds. strips: by category, as WebP, from `rendered` images each;
-    examples: the first picture of the page, as WebP; `example_strips.drawn` adds these.
+    `table` has means over `seeds` trainings, `trainings` the scores per image of each; all else is of seed 0. settings:
+    all sections with their defaults. seconds: wall time of a test image, by model and part, mean over categories.
+    further_seconds: of each model, what a training of all categories took with each of the further seeds. strips: by
+    category, as WebP, from `rendered` images each; examples: the first picture of the page, as WebP;
+    `example_strips.drawn` adds these.
     """
 
     name: str
     index: Mapping[str, Any]
     table: pd.DataFrame
-    per_image: pd.DataFrame
+    trainings: Sequence[pd.DataFrame]
     cameras: pd.DataFrame
     shapes: pd.DataFrame
     logs: Mapping[str, Mapping[str, pd.DataFrame]]
@@ -49,10 +54,24 @@ class Results:
     costs: Mapping[str, Cost]
     settings: Mapping[str, Any]
     seeds: int = 1
+    seconds: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
     further_seconds: Mapping[str, Sequence[float]] = dataclasses.field(default_factory=dict)
     strips: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
     rendered: int = 0
     examples: bytes = b""
+
+    @property
+    def per_image(self) -> pd.DataFrame:
+        """Scores per image of the first training."""
+        return self.trainings[0]
+
+    def difference(self, category: str, first: Head, second: Head, metric: str) -> paired.Difference | None:
+        """How the scores of one method and column differ from those of another, see `paired.difference`."""
+        return paired.difference(self.trainings, category, first, second, metrics.METRICS[metric])
+
+    def better(self, category: str, first: Head, second: Head, metric: str) -> int:
+        """1 where the first is better by more than two standard errors, -1 where the second is, else 0."""
+        return paired.better(self.difference(category, first, second, metric), metrics.METRICS[metric])
 
     @property
     def categories(self) -> list[str]:
@@ -69,9 +88,11 @@ class Results:
         rows = self.cameras
         return rows[(rows["category"] == category) & (rows["method"] == method) & (rows["column"] == column)]
 
-    def setting(self, key: str) -> str:
-        """A value of the experiment file by its dotted key, as printed.
+    def setting(self, key: str, nothing: str = "none") -> str:
+        """A value of an experiment by its dotted key, as printed; one that its file leaves out is the default.
 
+        Args:
+          nothing: what null in the file is called.
         Raises:
           InputError: no such key.
         """
@@ -81,10 +102,10 @@ class Results:
                 raise checks.InputError(f"configs/{self.name}.yaml: has no key {key!r}")
             value = value[part]
         if value is None:
-            return "all"
+            return nothing
         if isinstance(value, Mapping):
             return ", ".join(f"{name} {own}" for name, own in value.items())
-        if isinstance(value, list):
+        if isinstance(value, list | tuple):
             return ", ".join(map(str, value)) or "none"
         return str(value)
 
@@ -115,7 +136,7 @@ def read_results(config_path: Path) -> Results:
         name=Path(config_path).stem,
         index=index,
         table=pd.concat([measured, paper], ignore_index=True) if len(paper) else measured,
-        per_image=storage.load_table(folder / "per_image.csv", dtype={"id": str})[0],
+        trainings=[_read_scores(config.artifact_dir(config_path, "evaluate", seed=seed)) for seed in range(seeds)],
         cameras=storage.load_table(folder / "cameras.csv", dtype={"id": str})[0],
         shapes=storage.load_table(folder / "shapes.csv", dtype={"id": str})[0],
         logs={label: _read_logs(config_path, model, categories) for model, label in MODELS.items()},
@@ -125,13 +146,26 @@ def read_results(config_path: Path) -> Results:
         },
         failures=_read_failures(config_path, categories),
         costs={name: _stage_cost(config_path, name, categories) for name in stage_notes.STAGES},
-        settings=config.read(config_path),
+        settings={name: dataclasses.asdict(section) for name, section in config.load_all(config_path).items()},
         seeds=seeds,
+        seconds={label: _test_seconds(config_path, file, categories) for file, label in CLOUDS.items()},
         further_seconds={
             label: [training_seconds(_read_logs(config_path, model, categories, seed)) for seed in range(1, seeds)]
             for model, label in MODELS.items()
         },
     )
+
+
+def _read_scores(folder: Path) -> pd.DataFrame:
+    return storage.load_table(folder / "per_image.csv", dtype={"id": str})[0]
+
+
+def _test_seconds(config_path: Path, file: str, categories: Sequence[str]) -> dict[str, float]:
+    """Wall time of a test image by part, mean over categories; empty where a run of clouds noted none."""
+    paths = [config.artifact_dir(config_path, "pointclouds", name) / file for name in categories]
+    notes = [storage.load_metadata(path).get("seconds", {}) for path in paths]
+    names = [name for name in notes[0] if all(name in note for note in notes)] if notes else []
+    return {name: sum(note[name] for note in notes) / len(notes) for name in names}
 
 
 def training_seconds(logs: Mapping[str, pd.DataFrame]) -> float:

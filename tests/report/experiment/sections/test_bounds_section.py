@@ -4,6 +4,7 @@ import itertools
 
 from _experiment_report import markdown_tables, measured
 
+from ddf.report.experiment import stage_results
 from ddf.report.experiment.sections import bounds
 
 
@@ -17,11 +18,12 @@ def test_one_cycle_and_baseline_tables_have_every_row(reported):
     ceiling = next(row for row in baseline if row[1] == "ceiling: truth against itself")
     mean = next(row for row in baseline if row[1] == "mean shape")
     assert float(ceiling[2]) < float(mean[2]) and float(ceiling[3]) > float(mean[3])
-    assert "the mean shape. 4 images of each category." in text
+    assert "more than two standard errors. 4 images of each category." in text
 
 
 def test_distances_from_ceiling_and_retrieval_are_those_of_the_table(reported):
-    _, _, folder = reported
+    _, config_path, folder = reported
+    results = stage_results.read_results(config_path)
     value = measured(folder)
     text = (folder / "README.md").read_text()
     rows = markdown_tables(text)[4]
@@ -35,5 +37,6 @@ def test_distances_from_ceiling_and_retrieval_are_those_of_the_table(reported):
         )
         assert row[2:4] == [f"{own[0] - ceiling[0]:+.3f}", f"{own[0] - retrieved[0]:+.3f}"]
         assert row[4:6] == [f"{own[1] - ceiling[1]:+.2f}", f"{own[1] - retrieved[1]:+.2f}"]
-        assert (f"**{row[3]}**" in text) == (own[0] < retrieved[0])
-        assert (f"**{row[5]}**" in text) == (own[1] > retrieved[1])
+        heads = (method, "Pi_g-L"), ("retrieval", "Pi_g-L")
+        for cell, metric in ((row[3], "chamfer_l2_sq_x1000"), (row[5], "f_score_tau_x100")):
+            assert (f"**{cell}**" in text) == (results.better(category, *heads, metric) > 0)

@@ -2,12 +2,10 @@
 
 import dataclasses
 
-import numpy as np
 import pandas as pd
-import pytest
 from _experiment_report import markdown_tables
 
-from ddf.evaluation import paper_results, scoring
+from ddf.evaluation import metrics, paper_results, scoring
 from ddf.report import pages
 from ddf.report.experiment import experiment_page, scores, stage_results
 from ddf.report.experiment.sections import results as results_section
@@ -51,70 +49,56 @@ def test_printed_values_are_those_of_the_table(reported):
         ]
 
 
-def test_bold_is_the_better_model_of_each_row(reported):
-    text = (reported[2] / "README.md").read_text()
-    lines = [line for line in text.splitlines() if line.startswith("| ") and "Π" in line][:15]
-    for line in lines:
+def test_bold_is_the_better_model_by_the_rule_of_claims(reported):
+    results = stage_results.read_results(reported[1])
+    lines = [line for line in (reported[2] / "README.md").read_text().splitlines() if line.startswith("| ")]
+    lines = [line for line in lines if "Π" in line][:15]
+    bold = 0
+    for i, line in enumerate(lines):
         cells = [cell.strip() for cell in line.strip("| ").split(" | ")][-6:]
-        for (left, right), sign in zip((cells[:2], cells[2:4], cells[4:]), (1, -1, -1), strict=True):
-            if right == "–":
-                assert not left.startswith("**")
-                continue
-            gap = sign * (float(left.strip("*")) - float(right.strip("*")))
-            assert left.startswith("**") == (gap < 0) and right.startswith("**") == (gap > 0)
+        category, column = ("chair", "plane", "primitives")[i // 5], results_section.COLUMNS[i % 5]
+        ours, theirs = ((method, column) for _, method in results_section.MODELS)
+        for (left, right), metric in zip((cells[:2], cells[2:4], cells[4:]), metrics.PRINTED, strict=True):
+            won = results.better(category, ours, theirs, metric)
+            assert (left.startswith("**"), right.startswith("**")) == (won > 0, won < 0)
+            bold += won != 0
+    assert bold > 0
 
 
-def test_moved_shapes_are_told_where_shapes_are_moved(reported):
+def test_shapes_on_the_mask_have_a_table_of_their_own(reported):
+    """Work at test time that the other model cannot do stands in no column beside it."""
     _, config_path, folder = reported
-    assert "moves until its silhouette" in (folder / "README.md").read_text()
+    text = (folder / "README.md").read_text()
     results = stage_results.read_results(config_path)
-    clouds = {**results.settings["pointclouds"], "shape_correction": None}
-    plain = dataclasses.replace(results, settings={**results.settings, "pointclouds": clouds})
-    assert "moves until its silhouette" not in pages.markdown(experiment_page.build(plain))
-
-
-def _results(gaps, seeds=1, spread=0.0):
-    """Results of which only the D_C of both models at Pi_g-L are known: DDF is `gaps` above PC-SIREN, a shape each."""
-    rows = [
-        {
-            "category": "car",
-            "method": method,
-            "column": "Pi_g-L",
-            "id": str(i // 2),
-            "view": i % 2,
-            "chamfer_l2_sq": value,
-        }
-        for i, gap in enumerate(np.repeat(gaps, 2))  # two images a shape
-        for method, value in ((scoring.DDF, (5 + gap) / 1000), (scoring.PC_SIREN, 5 / 1000))
-    ]
-    images = pd.DataFrame(rows)
-    means = images.groupby("method")["chamfer_l2_sq"].mean() * 1000
-    table = pd.DataFrame(
-        [
-            ("car", method, "Pi_g-L", "chamfer_l2_sq_x1000", mean, len(gaps), seeds, spread, scoring.MEASURED)
-            for method, mean in means.items()
-        ],
-        columns=list(scoring.TABLE_FIELDS),
+    assert results_section.on_the_mask(results) is None and "shapes moved until" not in text  # the fake moves no shape
+    own = results.per_image[results.per_image["method"] == scoring.DDF]
+    moved = own.assign(method=scoring.DDF_ON_MASK)
+    table = results.table[results.table["method"] == scoring.DDF].assign(method=scoring.DDF_ON_MASK)
+    both = dataclasses.replace(
+        results, trainings=[pd.concat([results.per_image, moved])], table=pd.concat([results.table, table])
     )
-    empty = pd.DataFrame()
-    index = {"categories": {"car": {}}}
-    return stage_results.Results("x", index, table, images, empty, empty, {}, {}, {}, empty, {}, {}, seeds=seeds)
+    page = pages.markdown(experiment_page.build(both))
+    assert "at test time that PC-SIREN, which has no visibility, cannot do" in page
+    mask = results_section.on_the_mask(both)
+    assert mask is not None and not any(
+        isinstance(cell, pages.Cell) and cell.best for row in mask.rows for cell in row
+    )  # the same scores
 
 
-@pytest.mark.parametrize(
-    ("gaps", "seeds", "spread", "better"),
-    [
-        ([-1.0, -1.2, -0.8, -1.0], 1, 0.0, "DDF"),  # the mean is ten standard errors away
-        ([1.0, 1.2, 0.8, 1.0], 1, 0.0, "PC-SIREN"),
-        ([1.0, -1.2, 0.8, -1.0], 1, 0.0, ""),
-        ([2.0, 0.0], 1, 0.0, ""),  # mean 1, standard error 1
-        ([-1.0, -1.2, -0.8, -1.0], 4, 0.5, "DDF"),  # of the seeds sqrt((.25 + .25)/4) = .354
-        ([-1.0, -1.2, -0.8, -1.0], 4, 0.9, ""),  # .636
-        ([-1.0], 1, 0.0, ""),  # one shape says nothing of its spread
-    ],
-)
-def test_a_difference_is_called_one_beyond_two_standard_errors(gaps, seeds, spread, better):
-    assert results_section.better_model(_results(gaps, seeds, spread), "Pi_g-L") == {"car": better}
+def test_seconds_of_a_test_image_stand_beside_the_columns(reported):
+    results = stage_results.read_results(reported[1])
+    assert results_section.seconds(results) is None  # the fake noted none
+    noted = {
+        "DDF": {"encoders": 0.1, "cloud": 1.0, "camera_correction": 0.5},
+        "PC-SIREN": {"encoders": 0.2, "cloud": 0.01},
+    }
+    table = results_section.seconds(dataclasses.replace(results, seconds=noted))
+    assert table is not None
+    assert [list(row) for row in table.rows] == [
+        ["Π<sub>g</sub>, Π̂", "DDF", "1.10"],
+        ["Π<sub>g</sub>, Π̂", "PC-SIREN", "0.21"],
+        ["Π̂<sub>∇</sub>", "DDF", "1.60"],
+    ]
 
 
 def test_verdict_names_wins_losses_and_what_is_even(reported, monkeypatch):

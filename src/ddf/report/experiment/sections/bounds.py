@@ -31,10 +31,13 @@ _COLUMNS = ("Pi_g-L", "Pi_g-S")
 _DISTANCE_METRICS = ("chamfer_l2_sq_x1000", "f_score_tau_x100")
 _BARS_CAPTION = "F-scores at the true camera, L points. Blue: DDF. Orange: PC-SIREN. Grey: no model."
 _BARS_ALT = "bars of the F-scores of ceiling, oracle retrieval, DDF, PC-SIREN, retrieval and mean shape, by category"
-_CAPTION = "At the true camera. Bold: the best of both models, retrieval and the mean shape."
+_CAPTION = (
+    "At the true camera. Bold: better than all others of both models, retrieval and the mean shape, by more than two "
+    "standard errors."
+)
 _DISTANCES = (
     "Scores of the models less those of the ceiling (truth against itself) and of retrieval; true camera, L points. "
-    "Bold: better than retrieval."
+    "Bold: better than retrieval by more than two standard errors."
 )
 _READING = (
     "Ceiling: a random subset of the truth against all of it. No method does better with so many points.",
@@ -69,9 +72,11 @@ def table(results: Results) -> Table:
         for method in ORDER:
             cells: list[Cell | str] = [category if method == ORDER[0] else "", scores.METHOD_LABELS[method]]
             for column in _COLUMNS:
-                rivals = [(rival, column) for rival in _COMPETITORS]
+                rivals = [(rival, column) for rival in _COMPETITORS if rival != method]
                 for metric in metrics.PRINTED:
-                    best = method in _COMPETITORS and found.is_best(category, (method, column), metric, rivals)
+                    best = method in _COMPETITORS and all(
+                        results.better(category, (method, column), rival, metric) > 0 for rival in rivals
+                    )
                     cells.append(found.cell(category, (method, column), metric, best))
             rows.append(cells)
     labels = [str(metric.label) for metric in metrics.PRINTED.values()]
@@ -95,7 +100,7 @@ def distances(results: Results) -> Table:
                 own, ceiling, retrieved = (
                     found.value(category, who, metric) for who in (head, (baselines.CEILING, "Pi_g-L"), rival)
                 )
-                won = own != retrieved and found.is_best(category, head, metric, [rival])
+                won = results.better(category, head, rival, metric) > 0
                 cells.append(scores.difference(own, ceiling, digits))
                 cells.append(Cell(scores.difference(own, retrieved, digits), won))
             rows.append([category if method == scoring.DDF else "", scores.METHOD_LABELS[method], *cells])

@@ -1,10 +1,6 @@
 """Results: both models in the columns of the paper's table `si3dr`, a verdict from them, the paper's numbers."""
 
-import math
 from collections.abc import Mapping
-
-import numpy as np
-import pandas as pd
 
 from ddf.evaluation import baselines, metrics, paper_results, scoring
 from ddf.report.experiment import scores, seed_notes
@@ -15,8 +11,10 @@ MODELS = ((scores.METHOD_LABELS[scoring.DDF], scoring.DDF), (scores.METHOD_LABEL
 COLUMNS = ("Pi_g-L", "Pi_g-S", "Pi_corrected-S", "Pi_pred-L", "Pi_pred-S")
 _VERDICTS = (("With the true camera", "Pi_g-L"), ("With the predicted camera", "Pi_pred-L"))
 _CHAMFER = "chamfer_l2_sq_x1000"
-_SEEN = 2.0  # standard errors that a difference must exceed to be called one
-_CAPTION = "Single-image reconstruction, measured here. Means over images. Bold: the better model of a row."
+_CAPTION = (
+    "Single-image reconstruction, measured here. Means over images. Bold: the better model of a row, where their "
+    "paired difference exceeds two of its standard errors."
+)
 _PAPER = "The paper's numbers on ShapeNet: other data and other sizes, not comparable cell by cell."
 _QUOTED = "The same, of P2M and 3DR. The paper takes them from Pixel2Mesh; they predict in the frame of the view."
 _READING = (
@@ -27,11 +25,22 @@ _READING = (
     "Π<sub>g</sub>: true camera. Π̂: predicted camera and estimated scale.",
     "Π̂<sub>∇</sub>: predicted camera after gradient descent on the mask.",
     "The first sentences of the page compare D<sub>C</sub> with L points.",
-    "A difference is called one where it exceeds two of its standard errors over {over}.",
+    "A difference is called one where, paired by image, it exceeds two of its standard errors over {over}.",
+    "Neither model sees the test image's mask but in the columns that say so.",
 )
-_SILHOUETTES = (
-    "Before its clouds are drawn, a shape of DDF moves until its silhouette from the predicted camera agrees with the "
-    "image's alpha channel. PC-SIREN has no visibility to do so with."
+_MASK_COLUMNS = ("Pi_g-L", "Pi_pred-L")
+_ON_MASK = (
+    "DDF with shapes moved until their silhouettes from the predicted camera agree with the test image's alpha, work "
+    "at test time that PC-SIREN, which has no visibility, cannot do. Bold as above."
+)
+_NEEDED = (  # what is to be done for a column
+    ("Π<sub>g</sub>, Π̂", ("encoders", "cloud")),
+    ("Π̂<sub>∇</sub>", ("encoders", "cloud", "camera_correction")),
+    ("shape moved to the mask", ("encoders", "shape_correction", "cloud")),
+)
+_SECONDS = (
+    "Wall time of a test image, mean over categories: encoding, descents and clouds of both sizes. Several images at a "
+    "time, {threads} thread each."
 )
 
 
@@ -41,31 +50,14 @@ def verdict(results: Results) -> str:
 
 
 def better_model(results: Results, column: str) -> dict[str, str]:
-    """By category the model whose D_C is smaller, empty where the difference is not larger than two standard errors.
-
-    The variance of the difference is that of its mean over test shapes (first seed, images of a shape taken together)
-    plus, of several seeds, those of both means over seeds.
-    """
-    table = scores.Scores(results.table)
+    """By category the model whose D_C is smaller, empty where no difference is seen (`paired.Difference.seen`)."""
+    ours, theirs = ((method, column) for _, method in MODELS)
     found = {}
     for category in results.categories:
-        heads = [(method, column) for _, method in MODELS]
-        ours, theirs = (table.value(category, head, _CHAMFER) for head in heads)
-        if ours is None or theirs is None:
-            continue
-        spreads = [table.seeds_spread(category, head, _CHAMFER) for head in heads]
-        variance = _shape_variance(results.per_image, category, column) + sum(s**2 for s in spreads) / results.seeds
-        seen = abs(ours - theirs) > _SEEN * math.sqrt(variance)  # of one shape: NaN, not seen
-        found[category] = MODELS[int(theirs < ours)][0] if seen else ""
+        if results.difference(category, ours, theirs, _CHAMFER) is not None:
+            won = results.better(category, ours, theirs, _CHAMFER)
+            found[category] = {1: MODELS[0][0], -1: MODELS[1][0], 0: ""}[won]
     return found
-
-
-def _shape_variance(per_image: pd.DataFrame, category: str, column: str) -> float:
-    """Of the mean over test shapes of 1000 (D_C of DDF - D_C of PC-SIREN), by the spread over shapes."""
-    rows = per_image[(per_image["category"] == category) & (per_image["column"] == column)]
-    by_method = rows.pivot(index=["id", "view"], columns="method", values="chamfer_l2_sq")
-    gaps = 1000.0 * (by_method[scoring.DDF] - by_method[scoring.PC_SIREN]).groupby("id").mean().to_numpy()
-    return float(np.var(gaps, ddof=1) / len(gaps)) if len(gaps) > 1 else math.nan
 
 
 def _sentence(where: str, found: Mapping[str, str]) -> str:
@@ -86,11 +78,13 @@ def section(results: Results) -> Section:
     """Our table, what follows from it, how to read it, the paper's table."""
     caption = seed_notes.over_seeds(results, _CAPTION)
     blocks: list[Block | None] = [
-        scores.pairs(results.table, results.categories, COLUMNS, MODELS, caption),
+        scores.pairs(results, results.categories, COLUMNS, MODELS, caption),
+        on_the_mask(results),
+        seconds(results),
         tuple(findings(results)),
         "How to read the tables:",
         reading(results),
-        scores.pairs(results.table, results.categories, COLUMNS, MODELS, _PAPER, paper_results.SOURCE),
+        scores.pairs(results, results.categories, COLUMNS, MODELS, _PAPER, paper_results.SOURCE),
         quoted(results),
     ]
     return Section("Results", [block for block in blocks if block])
@@ -129,9 +123,29 @@ def reading(results: Results) -> tuple[str, ...]:
         "small": f"{small:,}",
         "over": "test shapes and seeds" if results.seeds > 1 else "test shapes",
     }
-    told = [paragraph(text, **values) for text in _READING]
-    moved = results.settings["pointclouds"]["shape_correction"] is not None
-    return (*told, _SILHOUETTES) if moved else tuple(told)
+    return tuple(paragraph(text, **values) for text in _READING)
+
+
+def on_the_mask(results: Results) -> Table | None:
+    """DDF with shapes moved until they agree with the test image's mask, beside the shapes as encoded."""
+    methods = (("as encoded", scoring.DDF), ("on the mask", scoring.DDF_ON_MASK))
+    if not (results.per_image["method"] == scoring.DDF_ON_MASK).any():
+        return None
+    caption = seed_notes.over_seeds(results, _ON_MASK)
+    return scores.pairs(results, results.categories, _MASK_COLUMNS, methods, caption)
+
+
+def seconds(results: Results) -> Table | None:
+    """Wall time that a test image takes, by what its columns need."""
+    rows = []
+    for label, parts in _NEEDED:
+        for model, _ in MODELS:
+            known = results.seconds.get(model, {})
+            if all(part in known for part in parts):
+                rows.append([label, model, f"{sum(known[part] for part in parts):.2f}"])
+    header = ["columns", "", "seconds"]
+    caption = seed_notes.of_first(results, _SECONDS.format(threads=results.settings["train"]["loop"]["threads"]))
+    return Table(caption, [("", len(header), False)], header, rows, labels=2) if rows else None
 
 
 def quoted(results: Results) -> Table | None:
