@@ -9,6 +9,7 @@ way alone and prints its twelve figures beside the paper's.
 
 import argparse
 import dataclasses
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -150,7 +151,7 @@ def fit(name: str, mesh: mesh_io.Mesh, section: fit_settings.FitConfig) -> None:
 def errors(held_out: Mapping[str, Any]) -> dict[str, float]:
     """The twelve figures, and the median angle of normals in degrees."""
     found = {
-        f"{metric}_{kind}": held_out[metric][kind]
+        f"{metric}_{kind}": math.nan if held_out[metric][kind] is None else held_out[metric][kind]
         for metric in paper_ablation.METRICS
         for kind in paper_ablation.COLUMNS
     }

@@ -90,7 +90,11 @@ def deliver(benchmark: str, arguments: argparse.Namespace, count: int, found: Se
         storage.write_json(arguments.row, found[0])
         return
     for row in found:
-        print(row["what"], f"{row['steps']:,} steps", {key: round(value, 4) for key, value in row["error"].items()})
+        print(
+            row["what"],
+            f"{row['steps']:,} steps",
+            {key: value and round(value, 4) for key, value in row["error"].items()},
+        )
     if not arguments.only:
         measuring.write(benchmark, count, found)
 

@@ -7,8 +7,8 @@ as long as those of `base`, by trials of both in turn (`times_base`: a step's ti
 may be busier for one row than for another. No test shape is read. `difference` is the mean of D_C less that of `base`
 on the same images, ± its standard error over shapes: what does not exceed two of them is no reason for a setting.
 Switches of clouds and camera correction need no training and are rows on the model of `base`. Seconds are those of
-the training, or of an image's clouds. Rows are kept in artifacts/si3dr_options and made again only when something that they
-depend on has changed; one that was killed goes on from its checkpoint.
+the training, or of an image's clouds. Rows are kept in artifacts/si3dr_options and made again only when something that
+they depend on has changed; one that was killed goes on from its checkpoint.
 """
 
 import argparse
@@ -55,7 +55,7 @@ TRAINED: Mapping[str, Mapping[str, Any]] = {
     "learning rates of PC-SIREN": {"ddf.learning_rate": None, "ddf.muon": None},
     "encoders as fast as the field": {"ddf.encoder_learning_rate": None},
     "squared depth loss": {"ddf.weights.depth_huber": None},
-    "depth by softplus": {"ddf.field.depth_activation": "softplus", "ddf.field.depth_sharpness": 100.0},
+    "depth by softplus": {"ddf.field.depth_activation": "softplus"},
     "bandwidth of directions as of positions": {"ddf.field.direction_scale": 1.0},
     "first frequency of 3": {"train.decoder.omega_first": 3.0},
     "samples cast while training": {"ddf.samples": "fresh"},

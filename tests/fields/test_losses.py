@@ -38,7 +38,7 @@ def _batch(shapes=2):
     )
 
 
-@pytest.mark.parametrize("activation", ["softplus", "relu", "squareplus"])
+@pytest.mark.parametrize("activation", ["softplus", "relu"])
 @pytest.mark.parametrize("modulated", [False, True])
 def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, modulated):
     field, batch, modulations = _field(activation), _batch(), None

@@ -1,6 +1,7 @@
 """Every experiment file loads, section by section, into the dataclass of the module that uses it."""
 
 import dataclasses
+import functools
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -51,22 +52,67 @@ def test_paper_fit_has_the_published_field():
     assert config.load(path, fit_settings.FitConfig).field == ddf_fields.PAPER_SINGLE_SHAPE
 
 
-def _keys_left_to_defaults(given: dict[str, Any], cls: Any) -> list[str]:
-    missing = []
-    hints = config._hints(cls)
-    for field in fields(cls):
+def _left_out(given: dict[str, Any], whole: Any, prefix: str = "") -> dict[str, Any]:
+    """Dotted keys that a section of a file leaves to their defaults, and these."""
+    found = {}
+    for field in fields(whole):
+        value, key = getattr(whole, field.name), f"{prefix}{field.name}"
         if field.name not in given:
-            missing.append(field.name)
-        elif is_dataclass(hints[field.name]):
-            missing += [f"{field.name}.{key}" for key in _keys_left_to_defaults(given[field.name], hints[field.name])]
-    return missing
+            found[key] = value
+        elif is_dataclass(value) and given[field.name] is not None:
+            found |= _left_out(given[field.name], value, f"{key}.")
+    return found
 
 
-def test_the_default_experiment_writes_every_value_out():
-    """Another file may leave a key to its default, so that a new key is said in this one alone."""
-    sections = config.read(next(path for path in FILES if path.stem == "cpu"))
-    left = {name: _keys_left_to_defaults(given, config.class_of(name)) for name, given in sections.items()}
-    assert {name: keys for name, keys in left.items() if keys} == {}
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_what_a_file_leaves_out_is_the_papers_way(path):
+    """A file says its sizes and its departures; whatever else there is has its paper's value."""
+    paper = config.load_all(next(path for path in CONFIGS if path.stem == "paper"))
+    for name, section in config.load_all(path).items():
+        for key, value in _left_out(config.read(path)[name], section).items():
+            published = functools.reduce(getattr, key.split("."), paper[name])
+            assert value == published, (name, key)
+
+
+def test_both_models_have_one_decoder_in_every_file():
+    """Layer by layer: only what goes in and what comes out differs, and the encoders are the same."""
+    for path in CONFIGS:
+        train = config.load(path, settings.TrainConfig)
+        ddf = reconstruction_models.ddf_model(train, config.load(path, settings.DDFConfig))
+        pcsiren = reconstruction_models.pcsiren_model(train)
+        ours, theirs = ddf.decoder.field.network, pcsiren.decoder.network
+        assert ours.omegas == theirs.omegas and len(ours.layers) == len(theirs.layers)
+        for number, (one, other) in enumerate(zip(ours.layers, theirs.layers, strict=True)):
+            assert one.weight.shape[0] == other.weight.shape[0]
+            assert one.weight.shape == other.weight.shape or (number == 0 and one.weight.shape[1] == 6)
+        assert ours.head.weight.shape[1] == theirs.head.weight.shape[1]
+        for part in ("shape_encoder", "camera_encoder"):
+            shapes = [
+                {name: value.shape for name, value in getattr(model, part).state_dict().items()}
+                for model in (ddf, pcsiren)
+            ]
+            assert shapes[0] == shapes[1], (path, part)
+        shapes = [
+            {name: value.shape for name, value in model.decoder.modulator.state_dict().items()}
+            for model in (ddf, pcsiren)
+        ]
+        assert shapes[0] == shapes[1], path
+
+
+def test_the_papers_way_at_small_sizes_has_the_papers_losses_samples_cameras_and_clouds():
+    both = {name: config.load_all(path) for path in CONFIGS if (name := path.stem) in ("cpu_paper", "paper")}
+    small, paper = both["cpu_paper"], both["paper"]
+    assert small["ddf"].weights == paper["ddf"].weights and small["ddf"].field == paper["ddf"].field
+    assert (small["ddf"].mask_weight, small["ddf"].mask_pixels, small["ddf"].proposals) == (10.0, None, None)
+    assert small["train"].azimuth == paper["train"].azimuth == "angle"
+    assert small["samples"].tangents == paper["samples"].tangents == "cast"
+    for name, count in paper["ddf"].counts.items():
+        assert small["ddf"].counts[name] == pytest.approx(count / 25, abs=3)
+    ours, theirs = (dataclasses.asdict(one["pointclouds"].cloud) for one in (small, paper))
+    assert {key for key in ours if ours[key] != theirs[key]} <= {"temperature", "inverse_depth", "chunk_rays"}
+    assert small["pointclouds"].shape_correction is None and small["pointclouds"].pcsiren_inputs == "random"
+    assert small["pointclouds"].correction.free == paper["pointclouds"].correction.free
+    assert small["pcsiren"].truth_points == small["pcsiren"].points
 
 
 def test_paper_config_builds_the_published_models():

@@ -20,7 +20,7 @@ DIRECTION = slice(3, 6)  # of the inputs (p, v)
 WEIGHT_ROW, VISIBILITY_ROW, NUM_OUTPUTS = 2, 3, 4
 INITIAL_DEPTH = 1.0  # both depth biases start here: a ReLU that starts below zero never learns
 
-DepthActivation = Literal["relu", "softplus", "squareplus"]
+DepthActivation = Literal["relu", "softplus"]
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class PDDFConfig:
     """Config section `ddf`: the directed distance field of a model.
 
     depth_activation: `relu` is the paper's (its gradient dies below zero), `softplus` has `depth_sharpness` β:
-      softplus(β x)/β, which is within log(2)/β of ReLU; `squareplus`, within 1/β of it, never dies (`activations`).
+      softplus(β x)/β, which is within log(2)/β of ReLU (`activations`).
     direction_scale: first weights of v, as a multiple of those of p: the bandwidth in v is this times `omega_first`.
       1 is the paper's; by trial, fields fit faster with less.
     """

@@ -77,7 +77,7 @@ class FieldConfig:
     """Section `ddf.field`: what the DDF's decoder has beside `train.decoder`, see `pddf.PDDFConfig`."""
 
     depth_activation: pddf.DepthActivation
-    depth_sharpness: float = 1.0
+    depth_sharpness: float = 100.0
     direction_scale: float = 1.0
 
     def __post_init__(self) -> None:
