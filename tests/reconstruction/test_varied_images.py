@@ -8,6 +8,7 @@ import torch
 from _support import assert_close
 
 from ddf.core import checks
+from ddf.fields import siren
 from ddf.reconstruction import category_data, settings, training_steps, varied_images
 from ddf.training import training_loop
 
@@ -130,7 +131,7 @@ def test_batches_differ_by_step_and_repeat_and_leave_rows_as_they_are_without():
         learning_rate=1e-3, schedule="cosine", warmup_steps=1, clip_norm=None, threads=1, seed=0, log_every=1,
         checkpoint_seconds=1.0, matmul="float32",
     )  # fmt: skip
-    plain = settings.TrainConfig(32, 4, 8, 4, None, 1.0, 0.0, 0.0, loop)
+    plain = settings.TrainConfig(32, 4, 8, siren.SineLayout((8,), 1.0, 1.0), 4, 1.0, 0.0, 0.0, loop)
     varied = dataclasses.replace(plain, augmentation=ON)
     first, again, other = (training_steps.Batch.draw(images, varied, step) for step in (0, 0, 1))
     assert torch.equal(first.images, again.images) and not torch.equal(first.images, other.images)
