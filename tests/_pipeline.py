@@ -34,7 +34,7 @@ def code_of(script: Path) -> list[str]:
 
 
 def sections_read(script: Path) -> set[str]:
-    """The config sections of the dataclasses that a script gives to config.load(...), all for config.read(...)."""
+    """The config sections that a script gives to config.load(...) as dataclasses; all for config.read and load_all."""
     named = {place.rpartition(":")[2]: section for section, place in (config.SECTIONS | config.FIT_SECTIONS).items()}
     sections = set()
     frame = provenance.PACKAGE_ROOT / "pipeline"
@@ -42,7 +42,7 @@ def sections_read(script: Path) -> set[str]:
         if file.is_relative_to(frame):
             continue  # it looks at files as a whole
         for node in ast.walk(ast.parse(file.read_text())):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == "config.read":
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("config.read", "config.load_all"):
                 sections.update(config.SECTIONS)
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "config.load":
                 sections.add(named[ast.unparse(node.args[1]).rpartition(".")[2]])

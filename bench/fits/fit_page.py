@@ -129,8 +129,10 @@ def options(benchmark: Benchmark) -> pages.Section:
     return pages.Section("What each setting is worth", [*tables, notes])
 
 
-def _figure(value: float, bound: float) -> pages.Cell:
-    return pages.Cell(shape_tables.number(value), best=value <= bound)
+def _figure(value: float | None, bound: float | None) -> pages.Cell:
+    """None: a mean over nothing."""
+    better = value is not None and bound is not None and value <= bound
+    return pages.Cell(shape_tables.number(value), best=better)
 
 
 def _effort(row: Row) -> str:

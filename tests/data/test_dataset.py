@@ -156,7 +156,7 @@ def test_values_out_of_range_are_refused(changes, text):
         _config(**changes)
 
 
-@pytest.mark.parametrize(("name", "views"), [("smoke", shapenet.NUM_VIEWS), ("cpu", 10), ("paper", shapenet.NUM_VIEWS)])
+@pytest.mark.parametrize(("name", "views"), [("smoke", shapenet.NUM_VIEWS), ("cpu", 5), ("paper", shapenet.NUM_VIEWS)])
 def test_experiment_files_have_a_valid_section(name, views, pytestconfig):
     section = config.load(pytestconfig.rootpath / "configs" / f"{name}.yaml", dataset.DatasetConfig)
     assert section.views == views

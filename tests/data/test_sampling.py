@@ -95,7 +95,8 @@ def test_tangent_samples_are_cast_as_the_paper_does():
     same = cast.visible == samples["visible"]
     assert same.float().mean() > 0.97  # but for rays within rounding of an edge
     both = cast.visible & samples["visible"]
-    assert_close(samples["depth"][both].double(), cast.depth[both], atol=2e-3, rtol=0)
+    apart = (samples["depth"][both].double() - cast.depth[both]).abs()
+    assert (apart < 1e-3).double().mean() > 0.99  # nearly along the facets, a rounded ray may enter elsewhere
     assert 0.4 < float(samples["visible"].float().mean()) < 0.6
 
 

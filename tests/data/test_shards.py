@@ -60,6 +60,26 @@ def test_pack_holds_closed_meshes_with_measures_and_failures(packs):
         assert_close((upper - lower).max(), np.array(2.0), atol=1e-6)
 
 
+def test_a_shape_that_is_not_in_the_frame_of_v1_is_told(dataset, tmp_path, caplog):
+    """Off the origin, or of another size: predictions are placed as if it were v1's."""
+    paths = {}
+    for name, mesh in {
+        "good": moved(icosphere(2), 1 / icosphere(2).diagonal(), (0, 0, 0)),
+        "off": moved(icosphere(2), 1 / icosphere(2).diagonal(), (0.2, 0, 0)),
+        "large": icosphere(2),
+    }.items():
+        paths[name] = tmp_path / f"{name}.obj"
+        paths[name].write_bytes(mesh_io.export_bytes(mesh, ".obj"))
+    shapes = [mesh_shards.RawShape(name, path.as_posix(), "x") for name, path in paths.items()]
+    mesh_shards.PrepareShard(MESHES, "thing", tmp_path, "f")(shapes, 0)
+    told = [record.getMessage() for record in caplog.records if "v1's are centred" in record.getMessage()]
+    assert [message.partition(":")[0] for message in told] == [str(paths["off"]), str(paths["large"])]
+    assert "0.2 off the origin with diagonal 1;" in told[0]
+    rows = {row["id"]: row for row in mesh_shards.read_pack(tmp_path / "000.zip").measures}
+    assert float(rows["off"]["off_centre"]) == pytest.approx(0.2, abs=1e-5) and float(rows["good"]["off_centre"]) < 1e-5
+    assert float(rows["large"]["diagonal"]) == pytest.approx(icosphere(2).diagonal(), abs=1e-5)
+
+
 def test_stored_similarity_leads_from_the_raw_frame(packs):
     out, shapes, _ = packs
     pack = mesh_shards.read_pack(out / "000.zip")

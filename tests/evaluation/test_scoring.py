@@ -156,7 +156,7 @@ def test_evenness_is_of_each_cloud_and_of_the_truth(experiment):
 def test_baselines_choose_as_brute_force_does(experiment):
     ddf, _, truths = _load(experiment)
     train = experiment.categories["chair"]["train"]
-    rows = baselines.prepare(ddf, truths, train, SIZES, SETTINGS, jobs=1)
+    rows = baselines.prepare(ddf, truths, train, [], SIZES, SETTINGS, jobs=1)
     train_images = ddf.metadata["train_images"]
     for row, image in enumerate(ddf.images):
         assert rows.retrieval.retrieved[image] == train_images[nearest_train_image(row) % len(train_images)]["id"]
@@ -164,6 +164,29 @@ def test_baselines_choose_as_brute_force_does(experiment):
     for shape in experiment.categories["chair"]["test"]:
         gaps = {name: np.abs(axes[name] - axes[shape]).max() for name in train}
         assert gaps[rows.oracle[shape]] == min(gaps.values())
+
+
+def test_the_mean_shape_is_what_is_nearest_to_the_validation_shapes(experiment):
+    """Points of all training clouds together, unless one training shape alone is nearer. No test shape is read."""
+    _, _, truths = _load(experiment)
+    train, held = experiment.categories["chair"]["train"], experiment.categories["chair"]["train"][:1]
+    together = baselines.mean_shape(truths, train, [], SIZES, SETTINGS)
+    assert {letter: len(cloud) for letter, cloud in together.items()} == SIZES
+    found = baselines.mean_shape(truths, train, held, SIZES, SETTINGS)
+    own = {
+        letter: baselines.subset(truths[held[0]].benchmark_points(), count, SETTINGS.seed, held[0])
+        for letter, count in SIZES.items()
+    }
+    assert all(np.array_equal(found[letter], own[letter]) for letter in SIZES)  # nothing is nearer to it than itself
+    spread = {f"s{i}": truths[name] for i, name in enumerate(train)} | {
+        "all": scoring.TruthCloud(
+            np.concatenate([truths[name].points for name in train]), np.zeros(len(train) * NUM_TRUTH, dtype=bool)
+        )
+    }
+    ids = [name for name in spread if name != "all"]
+    again = baselines.mean_shape(spread, ids, ["all"], SIZES, SETTINGS)
+    expected = baselines.mean_shape(spread, ids, [], SIZES, SETTINGS)
+    assert all(np.array_equal(again[letter], expected[letter]) for letter in SIZES)
 
 
 def test_oracle_with_a_full_shortlist_attains_the_smallest_distance(experiment):
@@ -200,7 +223,7 @@ def test_the_shortlist_is_that_of_all_distances_and_asks_for_fewer(length, monke
 
 def test_order_of_rows_ceiling_above_oracle_above_mean(experiment):
     ddf, _, truths = _load(experiment)
-    rows = baselines.prepare(ddf, truths, experiment.categories["chair"]["train"], SIZES, SETTINGS, jobs=1)
+    rows = baselines.prepare(ddf, truths, experiment.categories["chair"]["train"], [], SIZES, SETTINGS, jobs=1)
     views = scoring.views_by_shape(ddf.images)
     cases = ((truths[s], rows.cases(s, [ddf.images[v] for v in views[s]])) for s in views)
     table = scoring.score_all(cases, SETTINGS.tau_sq, jobs=1)

@@ -87,7 +87,7 @@ def test_resumed_fit_equals_an_uninterrupted_one(tmp_path, monkeypatch):
     monkeypatch.setattr(fitting, "step_loss", lambda *a: begun.append(a[-1]) or step_loss(*a))
     resumed = fitting.fit(cube(), config, tmp_path / "cut")
     assert begun == [4, 5]
-    assert resumed["held_out"] == whole["held_out"]
+    assert str(resumed["held_out"]) == str(whole["held_out"])  # NaN, where no T sample of a cube sees it, is not itself
     one, two = (storage.load_tensors(tmp_path / name / training_loop.MODEL)[0] for name in ("whole", "cut"))
     assert all(np.array_equal(one[name], two[name]) for name in one)
 
@@ -245,7 +245,7 @@ def test_page_and_ablation_are_no_part_of_the_fit(tmp_path, monkeypatch):
         TINY, page=fit_settings.PageConfig(9, "z", 7), ablation=fit_settings.AblationConfig(60, 7, 7, None)
     )
     monkeypatch.setattr(fitting, "step_loss", lambda *_: pytest.fail("trained again"))
-    assert fitting.fit(cube(), changed, tmp_path)["held_out"] == first["held_out"]
+    assert str(fitting.fit(cube(), changed, tmp_path)["held_out"]) == str(first["held_out"])
 
 
 def test_a_left_out_type_gives_its_share_of_a_step_to_the_others():

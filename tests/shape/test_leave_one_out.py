@@ -52,14 +52,14 @@ def test_a_left_out_type_is_in_no_step_and_yet_in_the_errors(tmp_path, monkeypat
         assert (found["steps"], found["samples"]) == (2, 3000)
         shape_field.load(tmp_path / f"without_{name}")
     assert len({str(found["held_out"]) for found in results.values()}) == 7
-    assert storage.read_json(tmp_path / leave_one_out.RESULTS) == results
+    assert storage.read_json(tmp_path / leave_one_out.RESULTS) == storage._null_for_nan(results)
 
 
 def test_a_finished_ablation_is_not_trained_again(tmp_path, monkeypatch):
     first = leave_one_out.run(cube(), CONFIG, tmp_path)
     monkeypatch.setattr(fitting, "step_loss", lambda *_: pytest.fail("trained again"))
     again = leave_one_out.run(cube(), CONFIG, tmp_path)
-    assert [found["held_out"] for found in again.values()] == [found["held_out"] for found in first.values()]
+    assert str([found["held_out"] for found in again.values()]) == str([found["held_out"] for found in first.values()])
 
 
 def test_table_has_every_row_of_ours_and_of_the_paper():

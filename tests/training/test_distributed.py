@@ -58,7 +58,7 @@ def test_reconstruction_models_learn_the_same_as_on_one_process(runs, kind):
         for other in (start, two)
     )
     assert path > 0.1
-    assert apart < 3e-3 * path
+    assert apart < 1e-2 * path
 
 
 @pytest.mark.parametrize("kind", ["exact", *_together.KINDS])
@@ -66,7 +66,7 @@ def test_log_is_that_of_the_whole_batch(runs, kind):
     one, two = (_log(folder / kind) for folder in runs)
     assert len(one) == len(two) == _together.STEPS
     for expected, row in zip(one, two, strict=True):
-        assert row == pytest.approx(expected, rel=1e-3, abs=1e-6)
+        assert row == pytest.approx(expected, rel=3e-3, abs=1e-6)
 
 
 def test_two_processes_leave_one_set_of_files(runs):

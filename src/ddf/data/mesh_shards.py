@@ -7,15 +7,20 @@
 import csv
 import io
 import json
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from ddf.core import checks, parallel, provenance, seeding, storage
 from ddf.data import mesh_config, mesh_preparation
 from ddf.geometry import mesh_io, transforms
 
-MEASURES = ("id", "faces", "watertight", "wrapped", *mesh_preparation.LOSSES)
+LOGGER = logging.getLogger(__name__)
+MEASURES = ("id", "faces", "watertight", "wrapped", "off_centre", "diagonal", *mesh_preparation.LOSSES)
+V1_TOLERANCE = 0.01  # of the diagonal: how far a box may be from v1's, which is centred at 0 with diagonal 1
 
 
 @dataclass(frozen=True)
@@ -74,12 +79,21 @@ class PrepareShard:
         for shape in shapes:
             try:
                 rng = seeding.generator(self.config.seed, self.category, shape.id, "measure")
-                prepared = mesh_preparation.prepare(mesh_io.load(shape.path), self.config, rng)
+                raw = mesh_io.load(shape.path)
+                prepared = mesh_preparation.prepare(raw, self.config, rng)
             except (checks.InputError, OSError) as error:
                 failures.append(parallel.Failure(shape.id, "meshes", str(error)))
                 continue
             members[f"{shape.id}.ply"] = mesh_io.ply_bytes(prepared.mesh)
+            off_centre, diagonal = frame_of(raw)
+            if max(off_centre, abs(diagonal - 1)) > V1_TOLERANCE:
+                LOGGER.warning(
+                    "%s: its box is %.3g off the origin with diagonal %.3g; v1's are centred there with diagonal 1, so "
+                    "predicted cameras and scales of this shape are off",
+                    *(shape.path, off_centre, diagonal),
+                )
             values = {"id": shape.id, "faces": len(prepared.mesh.faces)}
+            values |= {"off_centre": round(off_centre, 6), "diagonal": round(diagonal, 6)}
             rows.append({name: values.get(name, getattr(prepared, name, None)) for name in MEASURES})
             maps[shape.id] = prepared.field_from_raw.to_dict()
         members["measures.csv"] = _csv_bytes(rows)
@@ -89,6 +103,12 @@ class PrepareShard:
         path = self.out_dir / f"{index:03d}.zip"
         storage.save_pack(path, members, {**record, "sources": sources, "ids": list(maps)})
         return parallel.ShardResult([path], failures)
+
+
+def frame_of(mesh: mesh_io.Mesh) -> tuple[float, float]:
+    """How far the middle of a mesh's box is from the origin, and the box's diagonal."""
+    lower, upper = mesh.box()
+    return float(np.linalg.norm(lower + upper) / 2), float(np.linalg.norm(upper - lower))
 
 
 def _csv_bytes(rows: list[dict]) -> bytes:

@@ -99,6 +99,7 @@ def prepare(
     ddf: scoring.Predictions,
     truths: Truths,
     train_ids: Sequence[str],
+    validation_ids: Sequence[str],
     sizes: Mapping[str, int],
     config: scoring.EvaluateConfig,
     jobs: int | None = None,
@@ -108,6 +109,7 @@ def prepare(
     Args:
       ddf: images to evaluate, and the encoder's features for the retrieval row.
       train_ids: shapes whose images the models have seen; those without a cloud are left out.
+      validation_ids: shapes held out for choices, by which the mean shape is chosen.
     Raises:
       InputError: no training shape, or not every test shape, has a cloud; or the file lacks features.
     """
@@ -118,13 +120,42 @@ def prepare(
     absent = [shape for shape in test_ids if shape not in truths]
     if absent:
         raise checks.InputError(f"{ddf.path}: shape {absent[0]} has no ground-truth cloud ({len(absent)} such shapes)")
-    union = np.concatenate([truths[shape].points for shape in train_ids])
-    mean = {
-        letter: transforms.BENCHMARK_FROM_V1 * subset(union, count, config.seed, f"mean {letter}").astype(np.float64)
-        for letter, count in sizes.items()
-    }
+    held = [shape for shape in validation_ids if shape in truths]
+    mean = mean_shape(truths, train_ids, held, sizes, config)
     oracle = oracle_choice(test_ids, train_ids, truths, sizes["L"], config, jobs)
     return Baselines(prepare_retrieval(ddf, truths, sizes, config), mean, oracle)
+
+
+def mean_shape(
+    truths: Truths,
+    train_ids: Sequence[str],
+    validation_ids: Sequence[str],
+    sizes: Mapping[str, int],
+    config: scoring.EvaluateConfig,
+) -> dict[str, Float[np.ndarray, "n 3"]]:
+    """One answer to every image: of points of all training clouds together, and of each training shape alone, what has
+    the least mean D_C to the validation shapes; points of all together where none are held out.
+
+    Returns:
+      By size letter a cloud of that many points, benchmark frame.
+    """
+    union = transforms.BENCHMARK_FROM_V1 * np.concatenate([truths[shape].points for shape in train_ids])
+    clouds = {letter: subset(union, count, config.seed, f"mean {letter}") for letter, count in sizes.items()}
+    if not validation_ids:
+        return clouds
+    held = [neighbours.Neighbours(truths[shape].benchmark_points(), shape) for shape in validation_ids]
+
+    def distance(cloud: Float[np.ndarray, "n 3"]) -> float:
+        tree = neighbours.Neighbours(cloud)
+        both = [metrics.chamfer_l2_sq(tree.dist_sq(truth), truth.dist_sq(tree)) for truth in held]
+        return float(np.mean(both))
+
+    few = {shape: min(config.oracle_points, len(truths[shape].points)) for shape in train_ids}
+    alone = {shape: distance(_stand_in(truths, shape, few[shape], config.seed)) for shape in train_ids}
+    best = min(alone, key=lambda shape: (alone[shape], shape))
+    if distance(subset(union, few[best], config.seed, "mean")) <= alone[best]:
+        return clouds
+    return {letter: _stand_in(truths, best, count, config.seed) for letter, count in sizes.items()}
 
 
 def prepare_retrieval(

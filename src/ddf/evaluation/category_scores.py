@@ -22,12 +22,13 @@ def evaluate(
     pc_siren = scoring.load_predictions(folders["pointclouds"] / "pcsiren.safetensors")
     truths = scoring.load_truth(folders["samples"])
     train_ids = [shape["id"] for shape in shapes if shape["train_views"]]
+    validation_ids = [shape["id"] for shape in shapes if shape.get("validation_views")]
     tests = {shape: [ddf.images[row] for row in rows] for shape, rows in scoring.views_by_shape(ddf.images).items()}
     sizes = scoring.cloud_sizes(pc_siren)
     if seed:
         rows, oracle = baselines.prepare_retrieval(ddf, truths, sizes, settings), {}
     else:
-        rows = baselines.prepare(ddf, truths, train_ids, sizes, settings)
+        rows = baselines.prepare(ddf, truths, train_ids, validation_ids, sizes, settings)
         oracle = rows.oracle
     cases = (
         (truths[shape], scoring.model_cases(ddf, pc_siren, shape) + rows.cases(shape, images))

@@ -150,7 +150,7 @@ def describe_source(model_file: Path, record: Mapping[str, Any]) -> dict[str, An
     """Which file a graph comes from: its last two names, SHA-256, the sizes in its record, its box and transform."""
     train, section = record.get("train", {}), record.get("section", record)
     sizes = {key: train[key] for key in ("image_size", "encoder_width", "latent_features") if key in train}
-    layers = section.get("field", section)
+    layers = {**train.get("decoder", {}), **section.get("field", {})}
     sizes |= {key: layers[key] for key in LAYER_KEYS if key in layers}
     box = {"box": [record["box"][side] for side in ("lower", "upper")]} if "box" in record else {}
     return box | {

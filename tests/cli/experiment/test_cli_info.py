@@ -49,12 +49,12 @@ def test_info_states_the_time_of_the_trainings_from_measured_steps(tmp_path, mon
     assert time["hours"] == pytest.approx(hours)
 
 
-def test_info_counts_the_steps_that_each_category_has(tmp_path):
+def test_info_counts_the_steps_of_all_categories(tmp_path):
     path = tmp_path / "mine.yaml"
     text = (ROOT / "configs" / "smoke.yaml").read_text()
-    path.write_text(text.replace("step_shares: null", "step_shares: {primitives: 0.5}"))
+    path.write_text(text.replace("{primitives: 12}", "{chair: 5, car: 5}"))
     cost = experiment_cost.predict(path, measured=False)
-    assert cost["steps_in_all"] == {name: round(stated / 2) for name, stated in cost["steps"].items()}
+    assert cost["steps_in_all"] == {name: 2 * stated for name, stated in cost["steps"].items()}
 
 
 def test_info_counts_the_shapes_that_the_dataset_stage_has_listed(tmp_path, monkeypatch):

@@ -12,7 +12,7 @@ from ddf.core import checks, provenance, storage
 from ddf.data import shapenet
 from ddf.fields import cloud_projection
 from ddf.geometry import point_io
-from ddf.reconstruction import inference, one_image, scales
+from ddf.reconstruction import one_image, scales
 from ddf.shape import cloud_defaults
 from ddf.training import training_loop
 
@@ -51,18 +51,6 @@ def test_reconstruct_writes_cloud_camera_and_renders(model_dir, tmp_path, capsys
     assert json.loads((out / "camera.json").read_text())["camera"] == result["camera"]
     assert 0.7 <= result["camera"]["ratio"] <= 0.9
     assert 0 < result["queries_per_pixel"] < 1
-
-
-@pytest.mark.parametrize(("mirror", "given"), [(None, None), ("z", "z"), ("y", None)])
-def test_the_image_is_flipped_where_the_model_has_a_mirror_that_allows_it(mirror, given, tmp_path, monkeypatch):
-    settings = dataclasses.replace(_models.DDF, field=dataclasses.replace(_models.FIELD, mirror=mirror))
-    monkeypatch.setattr(_models, "DDF", settings)
-    folder, asked, encode = _models.write_model(tmp_path / "model"), [], inference.encode_batch
-    monkeypatch.setattr(inference, "encode_batch", lambda *args: asked.append(args[2:]) or encode(*args))
-    image = _image(tmp_path / "image.png")
-    assert cli.main(["reconstruct", str(image), str(folder), str(tmp_path / "out"), "-n", "20", "--size", "8"]) == 0
-    assert asked[0] == (given,)
-    assert len(asked) == (1 if given is None else 2)
 
 
 def _known(path, model_dir, count=3):

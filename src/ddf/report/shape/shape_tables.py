@@ -77,9 +77,9 @@ def diagnostics(found: Mapping[str, Mapping[str, float]], caption: str) -> pages
     return pages.Table(caption, [("", len(header), False)], header, rows, labels=2)
 
 
-def number(value: float, unit: str = "", digits: int | None = None) -> str:
+def number(value: float | None, unit: str = "", digits: int | None = None) -> str:
     """Two decimals, as the paper prints, more where that says 0, or `digits`; a dash for a mean over nothing."""
-    if pd.isna(value):
+    if value is None or pd.isna(value):
         return "–"
     if digits is None:
         return f"{value:.2f}" if value == 0 or abs(value) >= 0.095 else f"{value:.2g}"

@@ -43,8 +43,9 @@ _READING = (
     "Ceiling: a random subset of the truth against all of it. No method does better with so many points.",
     "Visible points are those that some ray from outside meets first.",
     "Oracle retrieval knows the truth: it takes the training shape with the smallest D<sub>C</sub>.",
-    "Retrieval takes the shape of the training image whose encoder feature is nearest.",
-    "The mean shape is drawn from all training clouds together.",
+    "Retrieval takes the shape of the training image, of all that the encoder saw, whose feature is nearest.",
+    "The mean shape is points of all training clouds together or one training shape, whichever is nearer to the "
+    "validation shapes.",
 )
 
 

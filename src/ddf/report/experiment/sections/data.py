@@ -11,7 +11,7 @@ _READING = "Hidden: no ray from outside meets the point first."
 def section(results: Results) -> Section:
     """Two tables, rounding errors, failures."""
     errors = [f"`{name}` {value:.2g}" for name, value in results.largest_packing_errors().items()]
-    notes = (_READING, f"Largest rounding errors of the stored samples: {', '.join(errors)}.")
+    notes = (_READING, f"Largest rounding errors of the stored samples: {', '.join(errors)}.", *frames(results))
     blocks: list[Block] = [clouds(results), meshes(results), notes]
     if len(results.failures):
         blocks.append(f"{len(results.failures)} shapes were left out:")
@@ -20,6 +20,16 @@ def section(results: Results) -> Section:
     else:
         blocks.append("No shape was left out.")
     return Section("Data", blocks)
+
+
+def frames(results: Results) -> list[str]:
+    """How far the raw boxes are from those of v1, in which predictions are placed."""
+    tables = [table for table in results.measures.values() if "off_centre" in table]
+    if not tables:
+        return []
+    off = max(table["off_centre"].max() for table in tables)
+    size = max((table["diagonal"] - 1).abs().max() for table in tables)
+    return [f"Raw boxes: at most {off:.1g} off the origin, their diagonals at most {size:.1g} off v1's 1."]
 
 
 def clouds(results: Results) -> Table:
