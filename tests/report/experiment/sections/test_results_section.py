@@ -65,6 +65,17 @@ def test_bold_is_the_better_model_by_the_rule_of_claims(reported):
     assert bold > 0
 
 
+def test_findings_say_where_a_model_beats_retrieval_and_where_not(reported, monkeypatch):
+    results = stage_results.read_results(reported[1])
+    found = [line for line in results_section.findings(results) if "retrieval" in line]
+    assert [line.split()[0] for line in found] == ["DDF", "PC-SIREN"]
+    assert all(line in (reported[2] / "README.md").read_text() for line in found)
+    won = {"chair": 1, "plane": 0, "primitives": -1}
+    monkeypatch.setattr(stage_results.Results, "better", lambda self, category, *_: won[category])
+    found = [line for line in results_section.findings(results) if "retrieval" in line]
+    assert all(line.endswith(": better for chair; not for plane and primitives.") for line in found)
+
+
 def test_shapes_on_the_mask_have_a_table_of_their_own(reported):
     """Work at test time that the other model cannot do stands in no column beside it."""
     _, config_path, folder = reported

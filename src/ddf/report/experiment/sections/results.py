@@ -102,6 +102,7 @@ def findings(results: Results) -> list[str]:
             and (mean := table.value(category, (baselines.MEAN_SHAPE, "Pi_g-L"), _CHAMFER))
         ]
         found.append(f"D<sub>C</sub> of the mean shape over that of {label} (true camera, L): {', '.join(ratios)}.")
+    found += [_against_retrieval(results, label, method) for label, method in MODELS]
     changes = []
     for category in results.categories:
         before, after = (
@@ -111,6 +112,15 @@ def findings(results: Results) -> list[str]:
             changes.append(f"{category} {before:.3f} → {after:.3f}")
     corrected = f"D<sub>C</sub> of DDF (S) as the predicted camera is corrected by the mask: {', '.join(changes)}."
     return [*found, corrected] if changes else found
+
+
+def _against_retrieval(results: Results, label: str, method: str) -> str:
+    """For which categories a model is better than retrieval by the rule of claims, and for which it is not."""
+    heads = (method, "Pi_g-L"), (baselines.RETRIEVAL, "Pi_g-L")
+    won = [category for category in results.categories if results.better(category, *heads, _CHAMFER) > 0]
+    rest = [category for category in results.categories if category not in won]
+    parts = ([f"better for {_listed(won)}"] if won else []) + ([f"not for {_listed(rest)}"] if rest else [])
+    return f"{label} against retrieval of a training shape (D<sub>C</sub>, true camera, L): {'; '.join(parts)}."
 
 
 def reading(results: Results) -> tuple[str, ...]:
