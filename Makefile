@@ -26,6 +26,11 @@ reproduce-table: $(READY) ## from nothing to tables, figures and report: CONFIG=
 smoke: override CONFIG := smoke
 smoke: $(READY) ## synthetic primitives through every stage, in minutes
 	$(run) --stage report --stage export_onnx
+	@ddf run smoke_generative --jobs "$$JOBS"
+GENERATIVE := train_vae normals train_gan train_gan2d train_features evaluate_generative report_generative
+reproduce-generative $(GENERATIVE:%=stage-%): CONFIG := configs/generative.yaml
+reproduce-generative: $(READY) ## shape VAE, image GANs, their scores and page: [CONFIG=configs/paper_generative.yaml DATA=/path/to/shapenet]
+	$(run)
 SHAPE_STAGES := stage-fit_shape stage-ablate_samples stage-report_shape
 fit-shape $(SHAPE_STAGES): CONFIG := configs/fit.yaml
 fit-shape: $(READY) ## one field for one shape, what each sample type is worth, and their page: [CONFIG=configs/paper_fit.yaml]
@@ -73,5 +78,5 @@ clean: ## remove all artefacts (keeps the environment and the committed report)
 	rm -rf artifacts params.yaml .dvc/cache .dvc/tmp .pytest_cache .ruff_cache
 help: ## this list
 	@awk 'BEGIN {FS = ":.*## "} /^##@/ {printf "\n%s\n", substr($$0, 5)} \
-	/^[a-z$$][^:]*:.*## / {name = $$1; if (name ~ /^\$$/) name = "stage-<name>"; printf "  %-18s %s\n", name, $$2}' Makefile
+	/^[a-z$$][^:]*:.*## / {name = $$1; if (name ~ /^\$$/) name = "stage-<name>"; printf "  %-21s %s\n", name, $$2}' Makefile
 .PHONY: $(shell sed -n 's/^\([a-z][a-z-]*\):.*/\1/p' Makefile) $(STAGES) # all of them

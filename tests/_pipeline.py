@@ -35,7 +35,7 @@ def code_of(script: Path) -> list[str]:
 
 def sections_read(script: Path) -> set[str]:
     """The config sections that a script gives to config.load(...) as dataclasses; all for config.read and load_all."""
-    named = {place.rpartition(":")[2]: section for section, place in (config.SECTIONS | config.FIT_SECTIONS).items()}
+    named = {place.rpartition(":")[2]: section for section, place in config.ALL_SECTIONS.items()}
     sections = set()
     frame = provenance.PACKAGE_ROOT / "pipeline"
     for file in [script, *provenance.import_closure(script)]:

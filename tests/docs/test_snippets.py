@@ -20,7 +20,7 @@ MAKEFILE = (ROOT / "Makefile").read_text()
 # Lines of shell that are only parsed, with what runs them elsewhere or keeps them from running.
 NOT_RUN = {
     r"make ": "an experiment, or the set-up of the whole environment; tests/stages runs stages on tiny data",
-    r"ddf (export|reconstruct) .*artifacts/": "needs a trained experiment; tests/cli runs it on tiny ones",
+    r"ddf (export|reconstruct|generate) .*artifacts/": "needs a trained experiment; tests/cli runs it on tiny ones",
     r"ddf reconstruct .*/sample_": "a minute of a busy core; tests/cli runs it on tiny models",
     r"ddf points ": "half a minute of a core; tests/cli runs it",
     r"ddf run ": "an experiment; tests/stages runs stages on tiny data",

@@ -15,11 +15,12 @@ from ddf.shape import cloud_defaults, fit_settings
 
 FILES = sorted((Path(__file__).resolve().parents[2] / "configs").glob("*.yaml"))
 FITS = [path for path in FILES if set(config.read(path)) == set(config.FIT_SECTIONS)]  # of single shapes
-CONFIGS = [path for path in FILES if path not in FITS]
+GENERATIVE = [path for path in FILES if set(config.read(path)) & set(config.GENERATIVE_SECTIONS)]
+CONFIGS = [path for path in FILES if path not in (*FITS, *GENERATIVE)]
 
 
 def test_every_section_names_its_dataclass():
-    for section in config.SECTIONS | config.FIT_SECTIONS:
+    for section in config.ALL_SECTIONS:
         assert is_dataclass(config.class_of(section)), section
         assert config.section_of(config.class_of(section)) == section
 
@@ -47,6 +48,11 @@ def test_fit_files_load(path):
     assert set(config.load_all(path)) == set(config.FIT_SECTIONS)
 
 
+@pytest.mark.parametrize("path", GENERATIVE, ids=lambda path: path.stem)
+def test_generative_files_load(path):
+    assert set(config.load_all(path)) == {*config.DATA_SECTIONS, *config.GENERATIVE_SECTIONS}
+
+
 def test_paper_fit_has_the_published_field():
     path = next(path for path in FITS if path.stem == "paper_fit")
     assert config.load(path, fit_settings.FitConfig).field == ddf_fields.PAPER_SINGLE_SHAPE
@@ -64,10 +70,11 @@ def _left_out(given: dict[str, Any], whole: Any, prefix: str = "") -> dict[str, 
     return found
 
 
-@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [*CONFIGS, *GENERATIVE], ids=lambda path: path.stem)
 def test_what_a_file_leaves_out_is_the_papers_way(path):
     """A file says its sizes and its departures; whatever else there is has its paper's value."""
-    paper = config.load_all(next(path for path in CONFIGS if path.stem == "paper"))
+    published_by = "paper_generative" if path in GENERATIVE else "paper"
+    paper = config.load_all(next(path for path in FILES if path.stem == published_by))
     for name, section in config.load_all(path).items():
         for key, value in _left_out(config.read(path)[name], section).items():
             published = functools.reduce(getattr, key.split("."), paper[name])

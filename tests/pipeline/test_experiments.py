@@ -27,18 +27,33 @@ def folder(tmp_path, monkeypatch):
 def test_a_name_or_a_file_is_found(folder, given):
     found = experiments.find(given)
     assert found == experiments.Experiment(Path("configs/smoke.yaml"), ("primitives",))
-    assert found.name == "smoke" and not found.is_shape
+    assert (found.name, found.kind, found.last_stage) == ("smoke", "reconstruction", "report")
     assert not (folder / "artifacts").exists()
 
 
 def test_a_file_with_a_fit_alone_is_an_experiment_of_a_shape(folder):
     found = experiments.find("fit")
-    assert found.is_shape and found.categories == ()
+    assert found.kind == "shape" and found.categories == ()
     assert [item.name for item in graph.expand(found.lists())] == [
         "fit_shape@fit",
         "ablate_samples@fit",
         "report_shape@fit",
     ]
+
+
+def test_a_file_with_a_vae_is_a_generative_experiment_of_one_category(folder):
+    shutil.copy(SMOKE.parent / "smoke_generative.yaml", folder / "configs")
+    found = experiments.find("smoke_generative")
+    assert (found.kind, found.categories) == ("generative", ("primitives",))
+    stages = [item.stage for item in graph.expand(found.lists(seeds=2))]
+    assert stages[:4] == ["dataset", "meshes", "samples", "train_vae"] and stages[-1] == found.last_stage
+    assert not {"report", "train_ddf", "export_onnx", "fit_shape"} & set(stages)
+    with pytest.raises(checks.InputError, match=r"the models are of one category; dataset\.categories has"):
+        experiments.find("smoke_generative", ["dataset.categories={chair: 4, car: 4}"])
+    text = (folder / "configs/smoke_generative.yaml").read_text()
+    (folder / "configs/smoke_generative.yaml").write_text(text.partition("\nscores:")[0])
+    with pytest.raises(checks.InputError, match=r"section .scores. is missing; .* configs/generative\.yaml does"):
+        experiments.find("smoke_generative")
 
 
 def test_a_new_experiment_is_one_new_file(folder):

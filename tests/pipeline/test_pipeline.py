@@ -78,7 +78,7 @@ def test_folders_persist_but_for_reports_and_nothing_is_copied():
 
 def test_trainings_can_be_launched_elsewhere():
     for item in SEEDED.values():
-        launched = item.stage in ("train_ddf", "train_pcsiren", "fit_shape", "ablate_samples")
+        launched = item.stage.startswith("train_") or item.stage in ("fit_shape", "ablate_samples")
         assert item.command.startswith("$LAUNCH ") == launched
 
 
@@ -120,6 +120,25 @@ RECORDED = {
     "fit_shape@fit": ("", "mesh.sha256", "fit_shape"),
     "ablate_samples@fit": ("", "mesh.sha256", "ablate_samples"),
     "report_shape@fit": ("", "fit_shape ablate_samples", None),
+    "train_vae@generative-car": (" --category car", "dataset/index.json samples/car", "train_vae/car"),
+    "normals@generative-car": (" --category car", "train_vae/car", "normals/car"),
+    "train_gan@generative-car": (
+        " --category car",
+        "dataset/index.json samples/car train_vae/car normals/car",
+        "train_gan/car",
+    ),
+    "train_gan2d@generative-car": (" --category car", "dataset/index.json samples/car", "train_gan2d/car"),
+    "train_features@generative-car": (" --category car", "dataset/index.json samples/car", "train_features/car"),
+    "evaluate_generative@generative-car": (
+        " --category car",
+        "dataset/index.json samples/car train_vae/car train_gan/car train_gan2d/car train_features/car",
+        "evaluate_generative/car",
+    ),
+    "report_generative@generative-car": (
+        " --category car",
+        "evaluate_generative/car train_vae/car train_gan/car train_gan2d/car train_features/car",
+        None,
+    ),
     "evaluate@cpu-2": (" --seed 2", "dataset/index.json samples pointclouds_seeds/2", "evaluate_seeds/2"),
 }
 

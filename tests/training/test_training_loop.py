@@ -1,4 +1,5 @@
 import dataclasses
+import functools
 import itertools
 
 import numpy as np
@@ -168,6 +169,49 @@ def test_rate_rises_then_falls_to_zero():
     assert all(a > b for a, b in itertools.pairwise(rates[3:]))
     constant = dataclasses.replace(CONFIG, schedule="constant", warmup_steps=0)
     assert {constant.rate(step, 100) for step in range(100)} == {1e-2}
+
+
+def _duel(folder, stop_at=None):
+    """Two parts with a loss each, the first part updated twice a step; what each update left of both."""
+    torch.manual_seed(0)
+    parts = {name: torch.nn.Linear(2, 1) for name in ("critic", "generator")}
+    model, seen = torch.nn.ModuleDict(parts), []
+
+    def loss_of(name, step):
+        if step == stop_at and name == "generator":
+            raise KeyboardInterrupt
+        seen.append({part: layer.weight.detach().clone() for part, layer in parts.items()})
+        x = torch.rand((8, 2), generator=torch.Generator().manual_seed(step))
+        loss = (parts[name](x)[:, 0] - x.sum(-1)).square().mean()
+        return loss, {f"{name}_square": loss.detach()}
+
+    updates = [functools.partial(loss_of, name) for name in ("critic", "critic", "generator")]
+    groups = [{"params": list(model.parameters()), "weight_decay": 0.0, "betas": (0.0, 0.9)}]
+    training_loop.fit(model, groups, updates, 8, CONFIG, folder, RECORD, "duel")
+    return seen
+
+
+def test_each_update_of_a_step_moves_what_it_has_a_gradient_in(tmp_path):
+    seen = _duel(tmp_path)
+    names = ["critic", "critic", "generator"] * 8
+    for name, (before, after) in zip(names, itertools.pairwise(seen), strict=False):
+        moved = [part for part in before if not torch.equal(before[part], after[part])]
+        assert moved == [name]
+    tensors, _ = storage.load_tensors(tmp_path / training_loop.CHECKPOINT, "torch")
+    counted = [float(value) for key, value in tensors.items() if key.endswith(".step")]
+    assert sorted(counted) == [8, 8, 16, 16]  # Adam counts the updates of each part
+    row = training_loop.read_log(tmp_path)[-1]
+    assert list(row) == ["step", "loss", "critic_square", "generator_square", "seconds"]
+    assert row["loss"] == row["generator_square"]
+
+
+def test_interrupted_between_the_updates_of_a_step_gives_the_same_model(tmp_path):
+    _duel(tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        _duel(tmp_path / "parts", stop_at=5)
+    _duel(tmp_path / "parts")
+    for name in (training_loop.MODEL, training_loop.CHECKPOINT):
+        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parts" / name).read_bytes()
 
 
 def test_bad_config_is_refused():

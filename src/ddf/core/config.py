@@ -33,6 +33,13 @@ SECTIONS = {
     "export": "ddf.export.onnx_file:ExportConfig",
 }
 FIT_SECTIONS = {"fit": "ddf.shape.fit_settings:FitConfig"}  # of files of their own: no experiment
+DATA_SECTIONS = ("dataset", "meshes", "samples")  # that generative experiments have too, beside these:
+GENERATIVE_SECTIONS = {
+    "vae": "ddf.generative.settings:VAEConfig",
+    "gan": "ddf.generative.settings:GANConfig",
+    "scores": "ddf.generative.settings:ScoresConfig",
+}
+ALL_SECTIONS = SECTIONS | FIT_SECTIONS | GENERATIVE_SECTIONS
 
 T = TypeVar("T")
 
@@ -59,7 +66,7 @@ def load(path: str | Path, cls: type[T]) -> T:
     """The section of an experiment file that belongs to a dataclass, as an instance of it.
 
     Args:
-      path: a YAML file whose top-level keys are a subset of `SECTIONS` and `FIT_SECTIONS`.
+      path: a YAML file whose top-level keys are a subset of `ALL_SECTIONS`.
       cls: one that these list; every field without a default must be given, every given key must be a field.
     Raises:
       InputError: naming the file and the key, for anything that does not fit.
@@ -76,7 +83,7 @@ def load_all(path: str | Path) -> dict[str, Any]:
 def section_of(cls: type) -> str:
     """The name of the section that a dataclass describes."""
     place = f"{cls.__module__}:{cls.__qualname__}"
-    names = [name for name, own in (SECTIONS | FIT_SECTIONS).items() if own == place]
+    names = [name for name, own in ALL_SECTIONS.items() if own == place]
     if not names:
         raise ValueError(f"config.SECTIONS lists no section of {place}")
     return names[0]
@@ -84,7 +91,7 @@ def section_of(cls: type) -> str:
 
 def class_of(section: str) -> type:
     """The dataclass of a section, imported."""
-    module, _, name = (SECTIONS | FIT_SECTIONS)[section].partition(":")
+    module, _, name = ALL_SECTIONS[section].partition(":")
     return getattr(importlib.import_module(module), name)
 
 
@@ -106,8 +113,8 @@ def read(path: str | Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise checks.InputError(f"{path}: must hold the sections {', '.join(SECTIONS)}; got {type(data).__name__}")
     for name in data:
-        if name not in SECTIONS | FIT_SECTIONS:
-            raise checks.InputError(f"{path}: unknown section {name!r}; the sections are {', '.join(SECTIONS)}")
+        if name not in ALL_SECTIONS:
+            raise checks.InputError(f"{path}: unknown section {name!r}; the sections are {', '.join(ALL_SECTIONS)}")
     return data
 
 

@@ -19,6 +19,7 @@ _EXPERIMENTS = (
     "psutil",
     "pymeshlab",
     "rtree",
+    "torch_fidelity",
     "trimesh",
 )
 EXTRA_OF = dict.fromkeys(_TORCH, "torch") | dict.fromkeys(_EXPERIMENTS, "experiments")  # modules to extras

@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 
@@ -24,12 +24,22 @@ HASH_DIGITS = 8
 Lists = dict[str, dict[str, dict[str, str]]]
 
 
+Kind = Literal["reconstruction", "shape", "generative"]
+LAST_STAGE: dict[Kind, str] = {
+    "reconstruction": "report",
+    "shape": "report_shape",
+    "generative": "report_generative",
+}
+LISTS = ("sources", "sets", "experiments", "tasks", "runs", "evaluations", "shapes", "generations")  # of pipeline.yaml
+
+
 @dataclass(frozen=True)
 class Experiment:
     """An experiment file in its place. categories: the longest trainings first; none in one of a single shape."""
 
     file: Path
     categories: tuple[str, ...]
+    kind: Kind = "reconstruction"
     base: str = ""  # name of the experiment that this one varies
 
     @property
@@ -38,26 +48,30 @@ class Experiment:
         return self.file.stem
 
     @property
-    def is_shape(self) -> bool:
-        """Whether it is one field for one shape: a file with the section `fit` alone."""
-        return not self.categories
+    def last_stage(self) -> str:
+        """The one that writes its page."""
+        return LAST_STAGE[self.kind]
 
     def lists(self, seeds: int = 1) -> Lists:
         """What pipeline.yaml makes its items of: the stages of this experiment, and those of further seeds."""
         whole, numbers = {self.name: item(self.file)}, range(1, seeds)
         tasks = {f"{self.name}-{category}": item(self.file, category) for category in self.categories}
-        if self.is_shape:
-            return {"experiments": {}, "tasks": {}, "runs": {}, "evaluations": {}, "shapes": whole}
+        none: Lists = {name: {} for name in LISTS}
+        if self.kind == "shape":
+            return none | {"shapes": whole}
+        if self.kind == "generative":
+            return none | {"sources": whole, "sets": tasks, "generations": tasks}
         runs = {
             f"{self.name}-{each}-{seed}": item(self.file, each, seed) for seed in numbers for each in self.categories
         }
         evaluations = {f"{self.name}-{seed}": item(self.file, None, seed) for seed in numbers}
-        return {
+        return none | {
+            "sources": whole,
+            "sets": tasks,
             "experiments": whole,
             "tasks": tasks,
             "runs": tasks | runs,
             "evaluations": whole | evaluations,
-            "shapes": {},
         }
 
 
@@ -101,14 +115,21 @@ def read(file: Path) -> Experiment:
     """The experiment of a file, wherever that is; InputError where a section is missing."""
     sections = config.read(file)
     if set(sections) == set(config.FIT_SECTIONS):
-        return Experiment(file, ())
-    missing = [name for name in config.SECTIONS if name not in sections]
+        return Experiment(file, (), "shape")
+    generative = bool(set(sections) & set(config.GENERATIVE_SECTIONS))
+    needed = (*config.DATA_SECTIONS, *config.GENERATIVE_SECTIONS) if generative else tuple(config.SECTIONS)
+    missing = [name for name in needed if name not in sections]
+    if missing and generative:
+        raise checks.InputError(f"{file}: section {missing[0]!r} is missing; give it as configs/generative.yaml does")
     if missing:
         raise checks.InputError(f"{file}: section {missing[0]!r} is missing; give it as configs/cpu.yaml does")
     try:
-        return Experiment(file, tuple(sections["dataset"]["categories"]))
+        categories = tuple(sections["dataset"]["categories"])
     except (KeyError, TypeError) as error:
         raise checks.InputError(f"{file}: dataset.categories is missing or wrong") from error
+    if generative and len(categories) != 1:
+        raise checks.InputError(f"{file}: the models are of one category; dataset.categories has {list(categories)}")
+    return Experiment(file, categories, "generative" if generative else "reconstruction")
 
 
 def _existing(given: str) -> Path:

@@ -19,7 +19,6 @@ from ddf.pipeline import console, experiments, finished, graph, lock, schedule
 
 ITEMS = Path("params.yaml")
 STALE = Path(".dvc/tmp/rwlock")  # DVC's own, left behind where it was killed
-LAST = {True: "report_shape", False: "report"}  # by whether it is an experiment of a single shape
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ def run(given: str, changes: Sequence[str], options: Options) -> Path:
     with lock.held() as descriptor:
         STALE.unlink(missing_ok=True)
         experiment = experiments.find(given, changes)
-        stages = _known(options.stages or [LAST[experiment.is_shape]], experiment)
+        stages = _known(options.stages or [experiment.last_stage], experiment)
         items = graph.needed(graph.expand(_record(experiment, options)), stages)
         engine = _Engine(_environment(experiment, options), descriptor)
         changed = engine.changed([item for item in items if item.stage in stages])
@@ -59,7 +58,7 @@ def run(given: str, changes: Sequence[str], options: Options) -> Path:
     if failed:
         raise checks.InputError(f"{failed[0].name} failed, its message is above; the same command goes on from there")
     page = Path("reports") / experiment.name / "README.md"
-    return page if LAST[experiment.is_shape] in stages else Path("artifacts") / experiment.name
+    return page if experiment.last_stage in stages else Path("artifacts") / experiment.name
 
 
 def _known(stages: Iterable[str], experiment: experiments.Experiment) -> set[str]:
@@ -77,7 +76,7 @@ def _record(experiment: experiments.Experiment, options: Options) -> experiments
     folder = Path("artifacts") / experiment.name
     lists = experiment.lists(options.seeds)
     _write(ITEMS, f"# Written by `ddf run`: the items of {experiment.file}\n{yaml.safe_dump(lists, sort_keys=False)}")
-    if experiment.is_shape:
+    if experiment.kind == "shape":
         mesh = config.read(experiment.file)["fit"].get("mesh")
         path = Path(mesh).expanduser() if isinstance(mesh, str) else None
         _write(folder / "mesh.sha256", f"{storage.checksum(path) if path and path.is_file() else 'no file'}\n")

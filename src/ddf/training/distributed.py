@@ -19,6 +19,7 @@ import torch
 import torch.distributed as group
 from jaxtyping import Float
 from torch import Tensor, nn
+from torch.nn.modules import batchnorm
 
 from ddf.core import checks
 
@@ -135,14 +136,17 @@ def share_batch_statistics(model: nn.Module) -> None:
         nn.SyncBatchNorm.convert_sync_batchnorm(model)
         return
     for module in model.modules():
-        if isinstance(module, nn.BatchNorm2d):
+        if isinstance(module, batchnorm._BatchNorm):
             module.__class__ = _SharedBatchNorm  # torch's own knows GPUs only
 
 
-class _SharedBatchNorm(nn.BatchNorm2d):
+class _SharedBatchNorm(batchnorm._BatchNorm):
     """Batch normalisation whose mean and variance are those of equal parts on all processes."""
 
-    def forward(self, input: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
+    def _check_input_dim(self, input: Tensor) -> None:
+        """Any: channels are the second axis."""
+
+    def forward(self, input: Float[Tensor, "b c *places"]) -> Float[Tensor, "b c *places"]:
         """As of the whole batch.
 
         With mean m_k and variance s_k of part k: m = mean m_k, s = mean (s_k + (m_k - m)²), which does not cancel.
@@ -150,14 +154,15 @@ class _SharedBatchNorm(nn.BatchNorm2d):
         if not self.training:
             return super().forward(input)
         own, after = rank(), count() - rank() - 1
-        variance, mean = torch.var_mean(input, (0, 2, 3), correction=0)
+        places = (1,) * (input.ndim - 2)
+        variance, mean = torch.var_mean(input, (0, *range(2, input.ndim)), correction=0)
         found = _Sum.apply(nn.functional.pad(torch.stack((mean, variance))[None], (0, 0, 0, 0, own, after)))
         mean = found[:, 0].mean(0)
         variance = (found[:, 1] + (found[:, 0] - mean).square()).mean(0)
         self._remember(mean.detach(), variance.detach(), count() * input.numel() // len(mean))
         scale = self.weight * (variance + self.eps).rsqrt()
         shift = self.bias - mean * scale
-        return torch.addcmul(shift[:, None, None], input, scale[:, None, None])
+        return torch.addcmul(shift.reshape(-1, *places), input, scale.reshape(-1, *places))
 
     @torch.no_grad()
     def _remember(self, mean: Float[Tensor, "c"], variance: Float[Tensor, "c"], values: int) -> None:

@@ -9,7 +9,7 @@ import io
 import logging
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -126,7 +126,7 @@ def prepare(config: LoopConfig, batch_size: int | None = None) -> None:
 def fit(
     model: nn.Module,
     groups: list[dict],
-    step_loss: StepLoss,
+    step_loss: StepLoss | Sequence[StepLoss],
     steps: int,
     config: LoopConfig,
     out_dir: Path,
@@ -140,13 +140,16 @@ def fit(
 
     Args:
       groups: the optimiser's parameter groups.
-      step_loss: step number to loss and terms for the log; means over the part of the batch that is the process's.
+      step_loss: step number to loss and terms for the log; means over the part of the batch that is the process's. Of
+        several, such as those of a GAN's critic and generator, each is followed by an update of the parameters that it
+        has a gradient in; the log has the terms of all and the last one's loss.
       record: metadata of the model file; `record["fingerprint"]` decides whether a checkpoint may be resumed.
     Raises:
       FloatingPointError: the loss is not finite; says at which step, and that the last checkpoint is whole.
       InputError: processes differ in data, config or checkpoint.
     """
     first = distributed.rank() == 0
+    updates = [step_loss] if callable(step_loss) else step_loss
     distributed.share_batch_statistics(model)
     optimiser = config.optimiser(model, groups)
     average = _average(model, config)
@@ -169,20 +172,23 @@ def fit(
         if config.schedule == "plateau" and (step == start or step % plateau.APART == 0):
             reduced = plateau.reductions(rows, step)
         optimiser.set_rate(config.rate(step, steps, reduced))
-        loss, terms = step_loss(step)
-        optimiser.zero_grad()
-        loss.backward()
-        distributed.average_gradients(model.parameters())
-        if config.clip_norm is not None:
-            nn.utils.clip_grad_norm_(model.parameters(), config.clip_norm)
-        optimiser.step()
+        terms: dict[str, Tensor] = {}
+        for update in updates:
+            loss, found = update(step)
+            terms |= {"loss": loss.detach(), **found}
+            optimiser.zero_grad()
+            loss.backward()
+            distributed.average_gradients(model.parameters())
+            if config.clip_norm is not None:
+                nn.utils.clip_grad_norm_(model.parameters(), config.clip_norm)
+            optimiser.step()
         if average is not None:
             average.update_parameters(model)
         done = step + 1
         if done % config.log_every == 0 or done == steps:
             now = time.monotonic()
             spent, logged_at = spent + now - logged_at, now
-            rows.append(_log_row(done, loss, terms, spent, out_dir))
+            rows.append(_log_row(done, terms, spent, out_dir))
             progress.set_postfix(loss=f"{rows[-1]['loss']:.3f}", refresh=False)
         if first and (done == steps or time.monotonic() - saved_at >= config.checkpoint_seconds):
             _save_checkpoint(model, average, optimiser, done, rows, out_dir, record)
@@ -228,8 +234,8 @@ def _write_log(path: Path, rows: list[dict[str, float]]) -> None:
     storage.write_text(path, text.getvalue())
 
 
-def _log_row(step: int, loss: Tensor, terms: dict[str, Tensor], seconds: float, out_dir: Path) -> dict[str, float]:
-    values = {name: float(value) for name, value in distributed.means({"loss": loss.detach(), **terms}).items()}
+def _log_row(step: int, terms: dict[str, Tensor], seconds: float, out_dir: Path) -> dict[str, float]:
+    values = {name: float(value) for name, value in distributed.means(terms).items()}
     if not math.isfinite(values["loss"]):
         raise FloatingPointError(f"loss is {values['loss']} at step {step}; the last checkpoint in {out_dir} is whole")
     return {"step": float(step), **values, "seconds": seconds}

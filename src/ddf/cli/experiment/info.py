@@ -9,7 +9,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-EXAMPLES = ("ddf info configs/cpu.yaml --no-steps", "ddf info configs/paper.yaml --json")
+EXAMPLES = (
+    "ddf info configs/cpu.yaml --no-steps",
+    "ddf info configs/paper.yaml --json",
+    "ddf info configs/paper_generative.yaml",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +34,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.reconstruction import reconstruction_models, settings
 
     sections = config.read(args.config)
+    if set(sections) & set(config.GENERATIVE_SECTIONS):
+        return _generative(args.config, list(sections))
     train = config.load(args.config, settings.TrainConfig)
     ddf = config.load(args.config, settings.DDFConfig)
     models: dict[str, torch.nn.Module] = {}
@@ -47,6 +53,23 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "sections": list(sections),
         "artifacts_mib": _sizes(Path("artifacts") / args.config.stem),
         "cost": experiment_cost.predict(args.config, measured=not args.no_steps),
+    }
+
+
+def _generative(path: Path, sections: list[str]) -> dict[str, Any]:
+    """Of a generative experiment: the same without a cost, which nothing predicts."""
+    from ddf.core import config
+    from ddf.generative import parameter_counts, settings
+
+    vae, gan = config.load(path, settings.VAEConfig), config.load(path, settings.GANConfig)
+    parameters = parameter_counts.count(vae, gan)
+    return {
+        "config": str(path),
+        "parameters": parameters,
+        "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
+        "stages": _stages(path),
+        "sections": sections,
+        "artifacts_mib": _sizes(Path("artifacts") / path.stem),
     }
 
 

@@ -5,7 +5,7 @@ import torch
 from _support import assert_close
 
 from ddf.fields import pddf
-from ddf.generative import point_encoder
+from ddf.generative.networks import point_encoder
 
 
 def _cloud(count=50):

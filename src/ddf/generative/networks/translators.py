@@ -120,9 +120,13 @@ class TextureEncoder(nn.Module):
             if isinstance(module, nn.Conv2d | nn.Linear):
                 nn.init.kaiming_normal_(module.weight)
 
+    def features(self, images: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b features"]:
+        """Pooled features of images in [-1, 1], before the linear layer."""
+        return self.body(images).mean(dim=(-2, -1))
+
     def forward(self, images: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b z"]:
         """ẑ_T of images in [-1, 1]."""
-        return self.head(self.body(images).mean(dim=(-2, -1)))
+        return self.head(self.features(images))
 
 
 class _TextureBlock(nn.Module):

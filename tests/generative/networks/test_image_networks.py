@@ -6,7 +6,7 @@ from torch import nn
 from torch.nn import functional
 
 from ddf.fields import pddf
-from ddf.generative import image_networks
+from ddf.generative.networks import image_networks
 
 
 def test_the_paper_size_has_the_papers_parameters():

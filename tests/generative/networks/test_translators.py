@@ -7,7 +7,7 @@ import torch
 from _support import assert_close
 
 from ddf.fields import pddf
-from ddf.generative import translators
+from ddf.generative.networks import translators
 
 
 def _normals(size=16):

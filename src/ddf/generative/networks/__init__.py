@@ -1,0 +1,1 @@
+"""The networks of the generative models, with the paper's layouts at any width."""

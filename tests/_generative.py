@@ -1,0 +1,54 @@
+"""Tiny generative models, their settings and data, for several tests."""
+
+import dataclasses
+
+import _hand_made
+import _models
+import numpy as np
+import torch
+
+from ddf.generative import image_gans, normal_images, settings, shape_data, shape_vae
+from ddf.reconstruction import category_data
+
+LOOP = dataclasses.replace(_models.LOOP, checkpoint_seconds=0.0)
+VAE = settings.VAEConfig(_models.FIELD, 5, 8, 10, 1, 2, 4, _hand_made.COUNTS, _models.WEIGHTS, 0.05, "sum", LOOP, 1e-3)
+NORMALS = settings.NormalsConfig(4, (25.0, 30.0), 0.8, 2, 0)
+GAN = settings.GANConfig(NORMALS, None, 3, 2, 2, 16, "object", 16, 4, 2, 2, 1.0, 1.0, 10.0, (0.0, 0.9), 3, 3, LOOP)
+FEATURES = settings.FeaturesConfig(2, None, 4, 2, LOOP)
+SCORES = settings.ScoresConfig(FEATURES, 8, 2, 4, 2, None, 6, 0.05, 40, 2, 3, 2, 0)
+
+
+def vae():
+    torch.manual_seed(0)
+    return shape_vae.ShapeVAE(VAE).eval()
+
+
+def shapes():
+    return shape_data.Shapes([f"shape{i}" for i in range(3)], _hand_made.samples(), np.array([2.0, 3.0, 4.0]))
+
+
+def image_gan():
+    torch.manual_seed(0)
+    made = image_gans.ImageGAN(VAE, GAN)
+    made.decoder.load_state_dict(vae().decoder.state_dict())
+    return made
+
+
+def noise_gan():
+    torch.manual_seed(0)
+    return image_gans.NoiseGAN(GAN)
+
+
+def images(count=6):
+    generator = torch.Generator().manual_seed(0)
+    made = (torch.rand(count, 4, 64, 64, generator=generator) * 255).to(torch.uint8)
+    poses = torch.rand(count, 3, generator=generator)
+    return category_data.ImageSet(["a", "b"], [0] * count, np.arange(count) % 2, made, poses)
+
+
+def normals(count=4):
+    """A square of normals in the middle of each image."""
+    made = np.zeros((count, 3, 64, 64), np.int8)
+    made[:, 2, 16:48, 16:48] = normal_images.LEVELS
+    made[:, 0, 16 : 16 + 4 * count : 4, 16:48] = 30
+    return normal_images.NormalSet([{"normals": made}], [(0, row) for row in range(count)])
