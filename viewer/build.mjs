@@ -1,6 +1,7 @@
 // Builds the page's template from src/ into the package: node build.mjs [OUT_DIR]
 import { build } from "esbuild";
 import { mkdir, readFile, writeFile } from "node:fs/promises";
+import { gunzipSync, gzipSync } from "node:zlib";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
@@ -17,3 +18,10 @@ await mkdir(out, { recursive: true });
 const page = await readFile(join(here, "src/page.html"), "utf8");
 const parts = { "/*style*/": await text("style.css"), "/*script*/": await text("main.ts", { format: "iife" }) };
 await writeFile(join(out, "page.html"), page.replace(/\/\*\w+\*\//g, (mark) => parts[mark] ?? mark));
+
+// What pages with wasm have besides; written only where it changed, for compressed bytes depend on node's version.
+await writeFile(join(out, "wasm.js"), await text("wasm.ts", { format: "iife", logOverride: { "empty-import-meta": "silent" } }));
+const runtime = await readFile(join(here, "node_modules/onnxruntime-web/dist/ort-wasm-simd-threaded.wasm"));
+const packed = join(out, "ort.wasm.gz");
+const known = await readFile(packed).then(gunzipSync, () => null);
+if (!known?.equals(runtime)) await writeFile(packed, gzipSync(runtime, { level: 9 }));

@@ -8,12 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from _support import assert_close
 
 import ddf
+from ddf.api.field import Field
 from ddf.cli.field import view
 from ddf.core import shipped_models
+from ddf.data import shapenet
 from ddf.export import viewable, viewer_page
+from ddf.reconstruction import inference, one_image
+from ddf.shape import shape_field
 
 sync_api = pytest.importorskip("playwright.sync_api")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -23,6 +28,7 @@ pytestmark = [
 ]
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
 SCENE = "objects: [{field: armchair}, {field: rabbit, scale: 0.4, translation: [0.2, 0, 0.5]}]"
+ENCODED = 5e-3  # of cameras and modulations: the browser's pixels are rounded once more than Pillow's
 PATIENCE_MS = 120_000
 
 
@@ -42,9 +48,10 @@ class Opened:
         return arrays | {"evaluated": found["evaluated"]}
 
     def require_quiet(self) -> None:
-        """No error was reported, and nothing was asked for but the file itself."""
+        """No error was reported, and nothing was asked for but the file itself and what it made in its own memory."""
         assert self.faults == []
-        assert self.requests == [self.page.url.partition("#")[0]]
+        asked = [address for address in self.requests if not address.startswith(("blob:null/", "data:"))]
+        assert asked == [self.page.url.partition("#")[0]]
 
     def still(self) -> None:
         """Wait for the picture at rest."""
@@ -160,3 +167,27 @@ def test_a_handle_moves_its_object(pair):
     pair.page.get_by_label("rabbit, y").fill(str(before[1]))
     pair.still()
     assert pair.page.evaluate(where)[1] == pytest.approx(before[1])
+
+
+def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):
+    folder = shipped_models.place("chair")
+    model, image_size = one_image.load(folder)
+    pixels = shapenet.read_any_image(folder / "sample_0.png", image_size)
+    with torch.no_grad():
+        _, latent, camera = inference.encode_batch(model, pixels[None])
+        modulations = model.modulations(latent)
+    viewer_page.write(tmp_path / "chair.html", viewable.page(folder))
+    opened = _open(browser, tmp_path / "chair.html", "size=8&mode=depth")
+    opened.still()
+    encoded = opened.page.evaluate(
+        "({camera: ddf.rebuilt.encoded.camera, modulations: [...ddf.rebuilt.encoded.modulations]})"
+    )
+    wanted = {"camera": camera[0], "modulations": torch.cat([layer[0, 0] for layer in modulations])}
+    for name, values in wanted.items():
+        assert_close(np.array(encoded[name]), values.double().numpy(), atol=ENCODED, rtol=0.0)
+    shape = shape_field.conditioned(model.field, [layer[0] for layer in modulations], 1.0)
+    found, expected = opened.render(("depth",), 32)["depth"], Field(shape).render(35, 25, size=32)["depth"]
+    both = np.isfinite(found) & np.isfinite(expected)
+    assert both.sum() > 100 and (np.isfinite(found) != np.isfinite(expected)).sum() < 0.02 * both.sum()
+    assert np.quantile(np.abs(found[both] - expected[both]), 0.99) < 1e-2
+    opened.require_quiet()

@@ -3,6 +3,12 @@
 import type { FieldRecord } from "./field.ts";
 import type { Vector } from "./vectors.ts";
 
+/** A model whose field is that of an image. */
+export interface ModelRecord {
+  image_size: number; // pixels a side that the encoders take
+  samples: string[]; // addresses of images, their data inside
+}
+
 /** Record `page` of the page, see Python's `viewer_page`. */
 export interface PageRecord {
   title: string;
@@ -11,6 +17,7 @@ export interface PageRecord {
   corners: Vector[]; // of the box that cameras are about, frame of the world
   fields: FieldRecord[];
   box: [Vector, Vector] | null; // of a scene: what lies before it is cut away
+  model: ModelRecord | null;
 }
 
 export const readPage = (): PageRecord => JSON.parse(document.getElementById("ddf-page")!.textContent!) as PageRecord;

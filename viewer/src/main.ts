@@ -3,13 +3,15 @@
 import { asked } from "./address.ts";
 import { readBlock, readPage } from "./blocks.ts";
 import { centre, framingRadius, pixelRays, type Camera, type Stage } from "./camera.ts";
+import { Cloud } from "./cloud.ts";
 import { control, HELP } from "./controls.ts";
 import type { Output } from "./engine.ts";
 import { Field, query, type FieldRecord } from "./field.ts";
 import { Gizmos } from "./gizmos.ts";
 import { Gpu } from "./gpu.ts";
 import { layersOf } from "./network.ts";
-import { button, byId, choices, element, select } from "./panel.ts";
+import { button, byId, check, choices, element, select } from "./panel.ts";
+import { Reconstruction } from "./reconstruct.ts";
 import { MODES } from "./shading.ts";
 import { summary } from "./summary.ts";
 import { View, type Shown } from "./view.ts";
@@ -53,11 +55,14 @@ async function main(): Promise<void> {
     byId("canvas").setAttribute("aria-label", words.picture);
     byId("legend").replaceChildren(...words.legend);
     gizmos?.update();
+    cloud.update();
     byId("status").textContent = words.status;
     document.body.dataset.state = what.full ? "still" : "moving";
   }
 
   const gizmos = world.fields.length > 1 ? new Gizmos(byId("overlay"), view) : null;
+  const cloud = new Cloud(view);
+  const rebuilt = page.model && new Reconstruction(page.model, layersOf(page.fields[0]!, numbers), engineOf(page.fields[0]!), view, cloud);
   const modes = choices("Show", "modes", MODES, view.mode, (mode) => {
     view.mode = mode;
     view.refresh(false);
@@ -69,9 +74,10 @@ async function main(): Promise<void> {
       view.full = Number(value);
       view.refresh(false);
     }),
+    check("Points on the surface", (on) => void cloud.show(on)),
     element("div", { class: "row" }, button("Back to the start", reset), button("Light or dark", theme)),
   );
-  byId("panel").append(modes, camera, ...(gizmos ? [gizmos.panel] : []));
+  byId("panel").append(...(rebuilt ? [rebuilt.panel] : []), modes, camera, ...(gizmos ? [gizmos.panel] : []));
 
   function reset(): void {
     view.camera = framed(stage);
@@ -104,8 +110,9 @@ async function main(): Promise<void> {
     const arrays = Object.fromEntries(Object.entries(found.values).map(([name, values]) => [name, Array.from(values!)]));
     return { ...arrays, evaluated: found.evaluated } as Record<string, number[]> & { evaluated: number };
   }
-  Object.assign(window, { ddf: { render, view, framed: () => framed(stage) } });
-  view.refresh(false);
+  Object.assign(window, { ddf: { render, view, rebuilt, framed: () => framed(stage) } });
+  if (rebuilt) await rebuilt.sample(0);
+  else view.refresh(false);
 }
 
 main().catch((error: Error) => fail(error.message));

@@ -43,3 +43,9 @@ export function select(label: string, entries: [string, string][], chosen: strin
   made.addEventListener("change", () => choose(made.value));
   return element("label", {}, element("span", {}, label), made);
 }
+
+export function check(label: string, choose: (on: boolean) => void): HTMLLabelElement {
+  const made = element("input", { type: "checkbox" });
+  made.addEventListener("change", () => choose(made.checked));
+  return element("label", {}, made, element("span", {}, label));
+}

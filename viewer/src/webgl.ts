@@ -35,7 +35,7 @@ export class WebglEngine implements Engine {
   constructor(
     private readonly gpu: Gpu,
     private readonly record: NetworkRecord,
-    private readonly layers: Layer[],
+    private layers: Layer[],
   ) {
     const { gl } = gpu;
     const widest = Math.max(...record.widths.slice(1));
@@ -47,6 +47,13 @@ export class WebglEngine implements Engine {
     if (this.group === 0 || blocksOf(widest) + this.group > gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS)) {
       throw new Error(`layers of ${widest} units are wider than this GPU takes`);
     }
+  }
+
+  /** Other weights of the same sizes. */
+  replace(layers: Layer[]): void {
+    for (const { buffer } of this.weights.values()) this.gpu.gl.deleteBuffer(buffer);
+    this.weights.clear();
+    this.layers = layers;
   }
 
   async evaluate(

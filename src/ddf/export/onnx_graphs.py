@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from ddf.core import checks
 from ddf.fields import pddf, siren
 from ddf.fields.field_outputs import OUTPUTS, FieldValues, require_outputs
-from ddf.reconstruction import reconstruction_models
+from ddf.reconstruction import inference, reconstruction_models
 
 DYNAMIC = "n"  # the name of the axis whose length is free
 
@@ -132,6 +132,28 @@ class EncodersGraph(Graph):
     def forward(self, images: Float[Tensor, "n 4 s s"]) -> tuple[Tensor, Tensor]:
         """Latents and cameras."""
         return self.shape_encoder(images), self.camera_head(self.camera_encoder(images))
+
+
+class ModulationsGraph(Graph):
+    """From images to what conditions the field, for programs that evaluate the field by themselves."""
+
+    what = "RGBA images to the camera and the modulations of the field's layers, one after the other"
+    largest_batch = 64  # images, not points
+
+    def __init__(self, model: reconstruction_models.DDFModel, image_size: int) -> None:
+        super().__init__()
+        self.model = model
+        self.inputs = {"images": (DYNAMIC, reconstruction_models.IMAGE_CHANNELS, image_size, image_size)}
+        self.meanings = {
+            "camera": "azimuth and elevation in radians, radius in benchmark units",
+            "modulations": "factors of the sines of all layers, first layer first",
+        }
+        self.tolerances = {"camera": 1e-4, "modulations": 1e-4}
+
+    def forward(self, images: Float[Tensor, "n 4 s s"]) -> tuple[Tensor, Tensor]:
+        """As `inference.encode_batch`."""
+        _, latent, camera = inference.encode_batch(self.model, images)
+        return camera, torch.cat([modulation[:, 0] for modulation in self.model.modulations(latent)], dim=-1)
 
 
 class ImageFieldGraph(Graph):

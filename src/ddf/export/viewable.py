@@ -6,26 +6,51 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ddf.core import checks
-from ddf.export import viewer_fields, viewer_page
+from ddf.core import checks, storage
+from ddf.export import onnx_file, onnx_graphs, onnx_parity, viewer_fields, viewer_page
 from ddf.geometry import transforms
+from ddf.reconstruction import one_image
 from ddf.shape import shape_field
+from ddf.training import training_loop
 
 _ABOUT_SCENE = "Directed distance fields in one scene, evaluated live by this page; each ray shows the nearest surface."
+_ABOUT_MODEL = "From one image to a directed distance field, inside this page: nothing leaves this machine."
 _ABOUT = "A directed distance field, evaluated live by this page: visibility and depth along every ray."
 
 
 def page(path: Path, up: str = "y") -> viewer_page.Page:
-    """The page of a field.
+    """The page of a field or of a reconstruction model.
 
     Args:
-      path: folder that `ddf fit` wrote, or its model.safetensors. up: axis of the mesh that points up.
+      path: folder that `ddf fit` or `make train` wrote, or its model.safetensors. up: axis of the mesh that points up.
     Raises:
       FileNotFoundError: there is no such field. InputError: it is damaged, or holds something else; it is named.
     """
     if path.suffix == ".onnx":
         raise checks.InputError(f"{path}: a page takes a field's weights; give the folder that `ddf fit` wrote")
+    file = path if path.name == training_loop.MODEL else path / training_loop.MODEL
+    if file.is_file() and storage.load_metadata(file).get("kind") == "ddf":
+        return model_page(file.parent)
     return field_page(shape_field.load(path), name_of(path), up)
+
+
+def model_page(folder: Path) -> viewer_page.Page:
+    """The page of a reconstruction model: the encoders as ONNX, compared with torch, and the images of its folder.
+
+    Raises:
+      InputError: the model is damaged, or its folder has no image `sample_0.png` to begin with.
+    """
+    samples = [file.read_bytes() for file in sorted(folder.glob("sample_*.png"))]
+    if not samples:
+        raise checks.InputError(f"{folder}: put an RGBA image sample_0.png there, which the page shows first")
+    model, image_size = one_image.load(folder)
+    graph = onnx_graphs.ModulationsGraph(model.cpu(), image_size)
+    onnx = onnx_file.to_onnx(graph, {})
+    onnx_parity.require(onnx_parity.compare(onnx, "modulations", graph, (1,), 0))
+    shape = shape_field.conditioned(model.field, None, 1.0)
+    encoders = viewer_page.Encoders(onnx, image_size, samples)
+    fields = [viewer_fields.bake(shape, name_of(folder))]
+    return viewer_page.Page(name_of(folder), _ABOUT_MODEL, corners(shape), fields, encoders=encoders)
 
 
 def name_of(path: Path) -> str:

@@ -20,7 +20,20 @@ from ddf.core import storage
 from ddf.export import viewer_fields
 
 BUILT = Path(__file__).resolve().parent / "viewer"  # what `viewer/build.mjs` writes
-_TEMPLATE = "page.html"
+_TEMPLATE, _WASM, _RUNTIME = "page.html", "wasm.js", "ort.wasm.gz"  # the last two for pages that run ONNX files
+
+
+@dataclass(frozen=True)
+class Encoders:
+    """What a page needs to rebuild the field of an image.
+
+    onnx: `onnx_graphs.ModulationsGraph`. image_size: pixels a side that it takes. samples: PNG files to choose from;
+    the page begins with the first.
+    """
+
+    onnx: bytes
+    image_size: int
+    samples: list[bytes]
 
 
 @dataclass(frozen=True)
@@ -29,6 +42,7 @@ class Page:
 
     about: one sentence below the title. corners: of the box that cameras are about, frame of the page, as
     `Queried.corners`. up: the axis that points up. box: of a scene, what lies before it is cut away.
+    encoders: of a model, whose one field is that of an image and has no modulations yet.
     """
 
     title: str
@@ -37,6 +51,7 @@ class Page:
     fields: list[viewer_fields.BakedField]
     up: str = "y"
     box: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]] | None = None
+    encoders: Encoders | None = None
 
 
 def render(page: Page) -> bytes:
@@ -46,15 +61,29 @@ def render(page: Page) -> bytes:
       InputError: there is no field.
     """
     records, numbers = viewer_fields.together(page.fields)
-    record = {
+    record: dict[str, Any] = {
         "title": page.title,
         "about": page.about,
         "up": page.up,
         "corners": page.corners.tolist(),
         "fields": records,
+        "model": None,
         "box": None if page.box is None else [corner.tolist() for corner in page.box],
     }
-    return _filled({"title": html.escape(page.title), "page": _script(record), "weights": block(numbers.tobytes())})
+    parts = {
+        "title": html.escape(page.title),
+        "weights": block(numbers.tobytes()),
+        "model": "",
+        "runtime": "",
+        "wasm": "",
+    }
+    if page.encoders is not None:
+        samples = ["data:image/png;base64," + base64.b64encode(sample).decode() for sample in page.encoders.samples]
+        record["model"] = {"image_size": page.encoders.image_size, "samples": samples}
+        parts["model"] = block(page.encoders.onnx)
+        parts["runtime"] = base64.b64encode((BUILT / _RUNTIME).read_bytes()).decode()
+        parts["wasm"] = (BUILT / _WASM).read_text(encoding="utf-8")
+    return _filled(parts | {"page": _script(record)})
 
 
 def write(path: Path, page: Page) -> int:

@@ -71,7 +71,7 @@ def description(
     }
 
 
-def conditioned(field: PDDF, modulations: Sequence[Float[Tensor, "1 _"]], v1_from_field: float) -> ShapeField:
+def conditioned(field: PDDF, modulations: Sequence[Float[Tensor, "1 _"]] | None, v1_from_field: float) -> ShapeField:
     """A conditional field of one shape: its box is the cube, the frame of the mesh is v1 (`transforms`)."""
     upper = np.full(3, rendering.CUBE_HALF)
     return ShapeField(field, -upper, upper, transforms.Similarity(1 / v1_from_field), {}, modulations)

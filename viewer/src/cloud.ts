@@ -1,0 +1,91 @@
+/** Points on the surface: hits of random rays, [DDF22] §4.2 with one projection. */
+
+import { project, type Rays } from "./camera.ts";
+import { query, type World } from "./field.ts";
+import { byId, element } from "./panel.ts";
+import { apply, inverse, type Vector } from "./vectors.ts";
+import type { View } from "./view.ts";
+
+const RAYS = 3000;
+
+/** Numbers in [0, 1) that are the same every time (mulberry32). */
+export function random(seed: number): () => number {
+  let state = seed;
+  return () => {
+    state = (state + 0x6d2b79f5) | 0;
+    let t = Math.imul(state ^ (state >>> 15), 1 | state);
+    t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
+    return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
+  };
+}
+
+/** Rays from evenly drawn points of the fields' boxes in evenly drawn directions. */
+function drawn(world: World, count: number): Rays {
+  const next = random(1);
+  const rays = { positions: new Float64Array(3 * count), directions: new Float64Array(3 * count), count };
+  for (let ray = 0; ray < count; ray++) {
+    const field = world.fields[ray % world.fields.length]!;
+    const { lower, upper } = field.record;
+    const inside = lower.map((low, i) => low + next() * (upper[i]! - low)) as Vector;
+    const height = 2 * next() - 1;
+    const turn = 2 * Math.PI * next();
+    const flat = Math.sqrt(1 - height * height);
+    rays.positions.set(apply(inverse(field.fieldFromWorld), inside), 3 * ray);
+    rays.directions.set([flat * Math.cos(turn), height, flat * Math.sin(turn)], 3 * ray);
+  }
+  return rays;
+}
+
+/** Points that random rays see, frame of the world. */
+export async function hits(world: World, signal?: AbortSignal, count = RAYS): Promise<Vector[]> {
+  const rays = drawn(world, count);
+  const found = await query(world, rays, ["depth"], signal);
+  const points: Vector[] = [];
+  found.depth.forEach((depth, ray) => {
+    if (found.nearest[ray]! < 0) return;
+    points.push([0, 1, 2].map((axis) => rays.positions[3 * ray + axis]! + depth * rays.directions[3 * ray + axis]!) as Vector);
+  });
+  return points;
+}
+
+/** The diagonal of the box of points, without the outermost of every axis. */
+export function spread(points: Vector[], share = 0.002): number {
+  const sides = [0, 1, 2].map((axis) => {
+    const sorted = Float64Array.from(points, (point) => point[axis]!).sort();
+    const cut = Math.floor(share * sorted.length);
+    return sorted[sorted.length - 1 - cut]! - sorted[cut]!;
+  });
+  return Math.hypot(...sides);
+}
+
+/** Points over the picture. */
+export class Cloud {
+  points: Vector[] = [];
+  private readonly canvas = element("canvas", { "aria-hidden": "true", hidden: "" });
+
+  constructor(private readonly view: View) {
+    byId("overlay").prepend(this.canvas);
+  }
+
+  get shown(): boolean {
+    return !this.canvas.hidden;
+  }
+
+  async show(on: boolean): Promise<void> {
+    this.canvas.hidden = !on;
+    if (on && this.points.length === 0) this.points = await hits(this.view.world);
+    this.update();
+  }
+
+  update(): void {
+    if (!this.shown) return;
+    const side = Math.round(this.canvas.clientWidth * devicePixelRatio) || 1;
+    [this.canvas.width, this.canvas.height] = [side, side];
+    const pen = this.canvas.getContext("2d")!;
+    pen.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--mark");
+    for (const point of this.points) {
+      const at = project(point, this.view.camera, this.view.stage);
+      if (at) pen.fillRect(at[0] * side - 1, at[1] * side - 1, 2, 2);
+    }
+  }
+}
