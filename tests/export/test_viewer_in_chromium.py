@@ -95,6 +95,21 @@ def test_pixels_are_those_of_field_render(rabbit):
     assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() < 1.0
 
 
+def test_without_a_gpu_the_field_runs_by_wasm(browser, tmp_path):
+    viewer_page.write(tmp_path / "rabbit.html", viewable.page(shipped_models.place("rabbit"), wasm=True))
+    opened = _open(browser, tmp_path / "rabbit.html", "size=32&mode=normals")
+    opened.still()
+    assert "by wasm" in opened.page.inner_text("#status")
+    outputs = ("visibility", "depth", "normals", "weight_1", "mean_curvature")
+    found, expected = opened.render(outputs, 64), ddf.load("rabbit").render(35, 25, size=64, outputs=outputs)
+    seen = np.isfinite(expected["depth"])
+    for name in outputs:
+        atol, rtol = (2e-3, 2e-3) if name == "mean_curvature" else (1e-3, 0.0)
+        assert_close(found[name][seen], expected[name][seen], atol=atol, rtol=rtol)
+    assert opened.page.locator("input[value=normals_2]").count() == 0  # which the graphs do not give
+    opened.require_quiet()
+
+
 def test_keys_turn_the_camera_and_choose_what_is_shown(rabbit):
     azimuth = rabbit.page.evaluate("ddf.view.camera.azimuth")
     before = rabbit.page.get_attribute("#canvas", "aria-label")

@@ -2,6 +2,7 @@
 
 export interface Asked {
   mode: string | null;
+  engine: string | null; // webgl or wasm, where the page has both
   size: number | null; // pixels a side at rest
   azimuth: number | null; // degrees
   elevation: number | null;
@@ -15,6 +16,7 @@ export function asked(hash: string): Asked {
   };
   return {
     mode: found.get("mode"),
+    engine: found.get("engine"),
     size: number("size", 8, 2048),
     azimuth: number("azimuth", -360, 360),
     elevation: number("elevation", -90, 90),

@@ -26,6 +26,13 @@ export class Gpu {
     gl.disable(gl.BLEND);
   }
 
+  /** Whether a CPU imitates it. */
+  get isSoftware(): boolean {
+    const names = this.gl.getExtension("WEBGL_debug_renderer_info");
+    const renderer: string = names ? this.gl.getParameter(names.UNMASKED_RENDERER_WEBGL) : "";
+    return /swiftshader|llvmpipe|software/i.test(renderer);
+  }
+
   /** The GPU of the machine, or why it will not do. */
   static open(): Gpu | string {
     const canvas = document.createElement("canvas");

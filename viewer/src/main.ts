@@ -5,7 +5,7 @@ import { readBlock, readPage } from "./blocks.ts";
 import { centre, framingRadius, pixelRays, type Camera, type Stage } from "./camera.ts";
 import { Cloud } from "./cloud.ts";
 import { control, HELP } from "./controls.ts";
-import type { Output } from "./engine.ts";
+import type { Engine, Output } from "./engine.ts";
 import { Field, query, type FieldRecord } from "./field.ts";
 import { Gizmos } from "./gizmos.ts";
 import { Gpu } from "./gpu.ts";
@@ -15,6 +15,7 @@ import { Reconstruction } from "./reconstruct.ts";
 import { MODES } from "./shading.ts";
 import { summary } from "./summary.ts";
 import { View, type Shown } from "./view.ts";
+import type { open, WasmEngine } from "./wasm.ts";
 import { WebglEngine } from "./webgl.ts";
 
 const WISHES = asked(location.hash);
@@ -30,6 +31,15 @@ function fail(text: string): void {
   byId("status").replaceChildren(element("span", { class: "error" }, text));
 }
 
+declare global {
+  interface Window {
+    ddfWasm?: { open: typeof open; WasmEngine: typeof WasmEngine };
+  }
+}
+
+/** A CPU runs a field faster by wasm than by imitating a GPU. */
+const wanted = (gpu: Gpu | string): "wasm" | "webgl" => (typeof gpu === "string" || gpu.isSoftware ? "wasm" : "webgl");
+
 async function main(): Promise<void> {
   const page = readPage();
   byId("title").textContent = page.title;
@@ -38,20 +48,27 @@ async function main(): Promise<void> {
   const stage: Stage = { corners: page.corners, up: page.up };
   const numbers = new Float32Array((await readBlock("ddf-weights"))!);
   const gpu = Gpu.open();
-  if (typeof gpu === "string") throw new Error(`${gpu}; open the page in another browser`);
-  const engines = new Map<number, WebglEngine>(); // fields of one network share it
-  const engineOf = (record: FieldRecord): WebglEngine => {
-    const known = engines.get(record.offset) ?? new WebglEngine(gpu, record, layersOf(record, numbers));
+  const byWasm = document.getElementById("ddf-graph-values") !== null && (WISHES.engine ?? wanted(gpu)) === "wasm";
+  if (typeof gpu === "string" && !byWasm) {
+    throw new Error(`${gpu}; open the page in another browser, or write it with ddf view --wasm`);
+  }
+  const engines = new Map<number, Engine>(); // fields of one network share it
+  const engineOf = (record: FieldRecord): Engine => {
+    const known = engines.get(record.offset) ?? made(record);
     engines.set(record.offset, known);
     return known;
   };
+  const made = (record: FieldRecord): Engine =>
+    byWasm || typeof gpu === "string"
+      ? new window.ddfWasm!.WasmEngine(readBlock)
+      : new WebglEngine(gpu, record, layersOf(record, numbers));
   const world = { fields: page.fields.map((record) => new Field(record, engineOf(record))), box: page.box };
   const view = new View(byId("canvas") as HTMLCanvasElement, world, stage, framed(stage), shown, (error) => fail(error.message));
   view.mode = MODES.find((mode) => mode.name === WISHES.mode) ?? view.mode;
   view.full = Math.round(WISHES.size ?? view.full);
 
   function shown(what: Shown): void {
-    const words = summary(page.title, view.mode, view.camera, what);
+    const words = summary(page.title, view.mode, view.camera, world.fields[0]!.engine.name, what);
     byId("canvas").setAttribute("aria-label", words.picture);
     byId("legend").replaceChildren(...words.legend);
     gizmos?.update();
@@ -62,8 +79,9 @@ async function main(): Promise<void> {
 
   const gizmos = world.fields.length > 1 ? new Gizmos(byId("overlay"), view) : null;
   const cloud = new Cloud(view);
-  const rebuilt = page.model && new Reconstruction(page.model, layersOf(page.fields[0]!, numbers), engineOf(page.fields[0]!), view, cloud);
-  const modes = choices("Show", "modes", MODES, view.mode, (mode) => {
+  const offered = MODES.filter((mode) => mode.outputs.every((name) => world.fields.every((field) => field.engine.outputs.includes(name))));
+  const rebuilt = page.model && new Reconstruction(page.model, layersOf(page.fields[0]!, numbers), engineOf(page.fields[0]!) as WebglEngine, view, cloud);
+  const modes = choices("Show", "modes", offered, view.mode, (mode) => {
     view.mode = mode;
     view.refresh(false);
   });
@@ -93,7 +111,7 @@ async function main(): Promise<void> {
   const frame = byId("frame");
   control(frame, view);
   frame.addEventListener("keydown", (event) => {
-    const index = MODES.findIndex((mode) => mode.key === event.key);
+    const index = offered.findIndex((mode) => mode.key === event.key);
     if (index >= 0) (modes.querySelectorAll("input")[index] as HTMLInputElement).click();
     if (event.key.toLowerCase() === "r" && !event.ctrlKey && !event.metaKey) reset();
   });

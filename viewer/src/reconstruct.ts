@@ -6,15 +6,9 @@ import { encoderInput, read } from "./images.ts";
 import type { Layer } from "./network.ts";
 import { element } from "./panel.ts";
 import type { View } from "./view.ts";
-import type { open, Model } from "./wasm.ts";
+import type { Model } from "./wasm.ts";
 import type { WebglEngine } from "./webgl.ts";
 import { centre, type Camera } from "./camera.ts";
-
-declare global {
-  interface Window {
-    ddfWasm?: { open: typeof open };
-  }
-}
 
 const BENCHMARK_FROM_V1 = 0.57;
 

@@ -21,7 +21,7 @@ function ramp(mode: Mode): string {
   return mode.name === "visibility" ? "linear-gradient(90deg, white, rgb(33,43,64))" : `linear-gradient(90deg, ${stops})`;
 }
 
-export function summary(title: string, mode: Mode, camera: Camera, what: Shown): Words {
+export function summary(title: string, mode: Mode, camera: Camera, engine: string, what: Shown): Words {
   const { size, answers, milliseconds, picture } = what;
   const share = Math.round((100 * answers.seen) / (size * size));
   const from = `azimuth ${Math.round(camera.azimuth)}°, elevation ${Math.round(camera.elevation)}°`;
@@ -38,6 +38,6 @@ export function summary(title: string, mode: Mode, camera: Camera, what: Shown):
     legend,
     status:
       `${size} × ${size} pixels in ${Math.round(milliseconds)} ms; ` +
-      `${answers.evaluated.toLocaleString("en")} of ${(size * size).toLocaleString("en")} rays evaluated`,
+      `${answers.evaluated.toLocaleString("en")} of ${(size * size).toLocaleString("en")} rays evaluated by ${engine}`,
   };
 }

@@ -13,16 +13,23 @@ from ddf.reconstruction import one_image
 from ddf.shape import shape_field
 from ddf.training import training_loop
 
+# Of a field, for onnxruntime: it computes all outputs of a graph, so there is one for each amount of work.
+GRAPHS = {
+    "values": ("visibility", "depth", "weights"),
+    "normals": ("visibility", "depth", "weights", "normals"),
+    "mean_curvature": ("visibility", "depth", "weights", "normals", "mean_curvature"),
+}
 _ABOUT_SCENE = "Directed distance fields in one scene, evaluated live by this page; each ray shows the nearest surface."
 _ABOUT_MODEL = "From one image to a directed distance field, inside this page: nothing leaves this machine."
 _ABOUT = "A directed distance field, evaluated live by this page: visibility and depth along every ray."
 
 
-def page(path: Path, up: str = "y") -> viewer_page.Page:
+def page(path: Path, up: str = "y", wasm: bool = False) -> viewer_page.Page:
     """The page of a field or of a reconstruction model.
 
     Args:
       path: folder that `ddf fit` or `make train` wrote, or its model.safetensors. up: axis of the mesh that points up.
+      wasm: of a field, whether the page can do without WebGL2.
     Raises:
       FileNotFoundError: there is no such field. InputError: it is damaged, or holds something else; it is named.
     """
@@ -31,7 +38,7 @@ def page(path: Path, up: str = "y") -> viewer_page.Page:
     file = path if path.name == training_loop.MODEL else path / training_loop.MODEL
     if file.is_file() and storage.load_metadata(file).get("kind") == "ddf":
         return model_page(file.parent)
-    return field_page(shape_field.load(path), name_of(path), up)
+    return field_page(shape_field.load(path), name_of(path), up, wasm)
 
 
 def model_page(folder: Path) -> viewer_page.Page:
@@ -58,9 +65,12 @@ def name_of(path: Path) -> str:
     return path.resolve().name if path.is_dir() else path.resolve().parent.name
 
 
-def field_page(shape: shape_field.ShapeField, name: str, up: str = "y") -> viewer_page.Page:
+def field_page(shape: shape_field.ShapeField, name: str, up: str = "y", wasm: bool = False) -> viewer_page.Page:
     """The page of one field, in the frame of its mesh."""
-    return viewer_page.Page(name, _ABOUT, corners(shape), [viewer_fields.bake(shape, name)], up)
+    graphs = {}
+    for key, outputs in GRAPHS.items() if wasm else ():
+        graphs[key] = onnx_file.to_onnx(onnx_graphs.FieldGraph(shape.field.cpu(), outputs), {})
+    return viewer_page.Page(name, _ABOUT, corners(shape), [viewer_fields.bake(shape, name)], up, graphs=graphs)
 
 
 def scene_page(

@@ -9,7 +9,7 @@ import gzip
 import html
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,9 @@ from ddf.export import viewer_fields
 
 BUILT = Path(__file__).resolve().parent / "viewer"  # what `viewer/build.mjs` writes
 _TEMPLATE, _WASM, _RUNTIME = "page.html", "wasm.js", "ort.wasm.gz"  # the last two for pages that run ONNX files
+
+_GRAPH = '<script type="text/plain" id="ddf-graph-{name}">{block}</script>'
+_MARKS = ("title", "page", "weights", "model", "graphs", "runtime", "wasm")  # of the template
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,8 @@ class Page:
 
     about: one sentence below the title. corners: of the box that cameras are about, frame of the page, as
     `Queried.corners`. up: the axis that points up. box: of a scene, what lies before it is cut away.
-    encoders: of a model, whose one field is that of an image and has no modulations yet.
+    encoders: of a model, whose one field is that of an image and has no modulations yet. graphs: ONNX files of the one
+    field by the names in `viewable.GRAPHS`, for browsers without WebGL2.
     """
 
     title: str
@@ -52,6 +56,7 @@ class Page:
     up: str = "y"
     box: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]] | None = None
     encoders: Encoders | None = None
+    graphs: Mapping[str, bytes] = field(default_factory=dict)
 
 
 def render(page: Page) -> bytes:
@@ -70,17 +75,16 @@ def render(page: Page) -> bytes:
         "model": None,
         "box": None if page.box is None else [corner.tolist() for corner in page.box],
     }
-    parts = {
-        "title": html.escape(page.title),
-        "weights": block(numbers.tobytes()),
-        "model": "",
-        "runtime": "",
-        "wasm": "",
-    }
+    parts = {"title": html.escape(page.title), "weights": block(numbers.tobytes())}
     if page.encoders is not None:
         samples = ["data:image/png;base64," + base64.b64encode(sample).decode() for sample in page.encoders.samples]
         record["model"] = {"image_size": page.encoders.image_size, "samples": samples}
         parts["model"] = block(page.encoders.onnx)
+    parts["graphs"] = "".join(
+        f'<script type="text/plain" id="ddf-graph-{name}">{block(graph)}</script>'
+        for name, graph in page.graphs.items()
+    )
+    if page.encoders is not None or page.graphs:
         parts["runtime"] = base64.b64encode((BUILT / _RUNTIME).read_bytes()).decode()
         parts["wasm"] = (BUILT / _WASM).read_text(encoding="utf-8")
     return _filled(parts | {"page": _script(record)})
@@ -104,11 +108,11 @@ def _script(record: Mapping[str, Any]) -> str:
 
 
 def _filled(parts: Mapping[str, str]) -> bytes:
-    """The template with its marks `{{name}}` replaced; a mark without a part becomes empty."""
+    """The template with its marks `{{name}}` replaced; one without a part becomes empty."""
     template = (BUILT / _TEMPLATE).read_text(encoding="utf-8")
     pieces = template.split("{{")
     filled = [pieces[0]]
     for piece in pieces[1:]:
         name, end, rest = piece.partition("}}")
-        filled.append(parts[name] + rest if end and name in parts else "{{" + piece)
+        filled.append(parts.get(name, "") + rest if end and name in _MARKS else "{{" + piece)
     return "".join(filled).encode("utf-8")

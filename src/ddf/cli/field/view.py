@@ -1,4 +1,4 @@
-"""`ddf view`: a page that renders a field or a scene live, opened in the browser or written as one file."""
+"""`ddf view`: a page that renders a field, a scene or a model live, opened in the browser or written as one file."""
 
 import argparse
 import tempfile
@@ -16,6 +16,7 @@ EXAMPLES = (
     "ddf view rabbit",
     "ddf view rabbit rabbit.html",
     "ddf view scene.yaml scene.html",
+    "ddf view chair chair.html",
 )
 
 
@@ -23,9 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what is shown and the file."""
     parser.add_argument(
         "what",
-        metavar="FIELD_or_SCENE",
+        metavar="FIELD_or_SCENE_or_MODEL",
         type=shipped_models.place,
-        help="folder that `ddf fit` wrote, its model.safetensors, a name that `ddf models` lists, or a scene file",
+        help="folder that `ddf fit` or `make train` wrote, a name that `ddf models` lists, or a scene file",
     )
     arguments.add_out(
         parser,
@@ -37,6 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--up", choices=arguments.UP_AXES, default="y", help="axis of a field that points up (default %(default)s)"
     )
+    parser.add_argument(
+        "--wasm", action="store_true", help="of a field: 5 MB more, and the page does without WebGL2, on the CPU"
+    )
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
@@ -47,7 +51,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     out = args.out
     if out is not None and out.suffix.lower() != ".html":
         raise checks.InputError(f"{out}: must end in .html")
-    page = page_of(args.what, args.up)
+    page = page_of(args.what, args.up, args.wasm)
     if out is None:
         out = Path(tempfile.mkdtemp(prefix="ddf-view-")) / f"{page.title}.html"
     size = viewer_page.write(out, page)
@@ -62,7 +66,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def page_of(what: Path, up: str = "y") -> "viewer_page.Page":
+def page_of(what: Path, up: str = "y", wasm: bool = False) -> "viewer_page.Page":
     """The page of a field or of a scene file.
 
     Raises:
@@ -71,7 +75,7 @@ def page_of(what: Path, up: str = "y") -> "viewer_page.Page":
     from ddf.api import scene_file
     from ddf.export import viewable
 
-    return _scene(what) if what.suffix in scene_file.SUFFIXES else viewable.page(what, up)
+    return _scene(what) if what.suffix in scene_file.SUFFIXES else viewable.page(what, up, wasm)
 
 
 def _scene(file: Path) -> "viewer_page.Page":
