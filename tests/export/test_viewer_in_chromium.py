@@ -29,7 +29,7 @@ pytestmark = [
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
 SCENE = "objects: [{field: armchair}, {field: rabbit, scale: 0.4, translation: [0.2, 0, 0.5]}]"
 ENCODED = 5e-3  # of cameras and modulations: the browser's pixels are rounded once more than Pillow's
-PATIENCE_MS = 120_000
+PATIENCE_MS = 240_000
 
 
 @dataclass

@@ -11,9 +11,8 @@ export interface Layer {
 export interface NetworkRecord {
   widths: number[]; // inputs, hidden, outputs
   offset: number;
-  depth_activation: "relu" | "softplus" | "squareplus";
+  depth_activation: "relu" | "softplus";
   depth_sharpness: number;
-  mirror: "x" | "y" | "z" | null;
 }
 
 /** Weights and biases, layer after layer, from the block. */
@@ -34,24 +33,14 @@ export function layersOf(record: NetworkRecord, numbers: Float32Array): Layer[] 
 export function depthOf(raw: number, record: NetworkRecord): number {
   const beta = record.depth_sharpness;
   if (record.depth_activation === "relu") return Math.max(raw, 0);
-  if (record.depth_activation === "softplus") {
-    return beta * raw > 20 ? raw : Math.log1p(Math.exp(beta * raw)) / beta;
-  }
-  const root = Math.sqrt(raw * raw + 4 / (beta * beta));
-  return raw >= 0 ? (raw + root) / 2 : 2 / (beta * beta) / (root - raw);
+  return beta * raw > 20 ? raw : Math.log1p(Math.exp(beta * raw)) / beta;
 }
 
 /** φ'(y). */
 export function depthSlope(raw: number, record: NetworkRecord): number {
   const beta = record.depth_sharpness;
   if (record.depth_activation === "relu") return raw > 0 ? 1 : 0;
-  if (record.depth_activation === "softplus") return 1 / (1 + Math.exp(-beta * raw));
-  return depthOf(raw, record) / Math.sqrt(raw * raw + 4 / (beta * beta));
+  return 1 / (1 + Math.exp(-beta * raw));
 }
 
 export const sigmoid = (logit: number): number => 1 / (1 + Math.exp(-logit));
-
-/** Multiplications and additions of one pass over one ray. */
-export function flopsPerRay(record: NetworkRecord): number {
-  return record.widths.slice(1).reduce((sum, rows, index) => sum + 2 * rows * record.widths[index]!, 0);
-}

@@ -11,6 +11,7 @@ import type { WebglEngine } from "./webgl.ts";
 import { centre, type Camera } from "./camera.ts";
 
 const BENCHMARK_FROM_V1 = 0.57;
+const RAYS_OF_SCALE = 800; // whose hits tell how large the shape is
 
 /** What the encoders say of an image. */
 export interface Encoded {
@@ -78,12 +79,13 @@ export class Reconstruction {
       const encoders = Math.round(performance.now() - started);
       this.encoded = found;
       this.engine.replace(modulated(this.layers, found.modulations));
-      this.cloud.points = await hits(this.view.world);
-      this.scale = 1 / spread(this.cloud.points);
+      this.scale = 1 / spread(await hits(this.view.world, undefined, RAYS_OF_SCALE));
+      this.cloud.points = [];
+      if (this.cloud.shown) await this.cloud.show(true);
       this.view.camera = this.seenFrom(found.camera);
       this.view.refresh(false);
       const [azimuth, elevation] = found.camera.map((angle) => Math.round((angle * 180) / Math.PI));
-      this.said.textContent = `camera ${azimuth}°, ${elevation}°; encoders ${encoders} ms; ${this.cloud.points.length} points`;
+      this.said.textContent = `camera ${azimuth}°, ${elevation}°; encoders ${encoders} ms`;
     } catch (error) {
       this.said.textContent = (error as Error).message;
     }

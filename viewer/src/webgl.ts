@@ -83,8 +83,7 @@ export class WebglEngine implements Engine {
   private chunk(positions: Float32Array, directions: Float32Array, from: number, until: number, values: Values): void {
     this.gpu.height = this.height;
     this.gpu.used = Math.ceil((until - from) / WIDTH);
-    const mirror = this.record.mirror === null ? -1 : "xyz".indexOf(this.record.mirror);
-    const turned = this.upload(positions, directions, from, until, mirror);
+    this.upload(positions, directions, from, until);
     const bend = values.mean_curvature !== undefined;
     const slopes = bend || values.normals !== undefined || values.normals_2 !== undefined;
     const raw = this.forward(slopes, bend);
@@ -95,12 +94,12 @@ export class WebglEngine implements Engine {
       if (values.depth) values.depth[from + i] = depthOf(chosen(i), this.record);
       if (values.weight_1) values.weight_1[from + i] = sigmoid(found[4 * i + 2]!);
     }
-    if (values.normals_2) this.normals(values.normals_2, this.gpu.read(this.adjoint(2, false)), directions, from, turned, mirror);
+    if (values.normals_2) this.normals(values.normals_2, this.gpu.read(this.adjoint(2, false)), directions, from, until);
     if (!values.normals && !bend) return;
     const gradient = this.adjoint(0, bend);
     const gradients = this.gpu.read(gradient);
     const normals = values.normals ?? new Float32Array(3 * until);
-    this.normals(normals, gradients, directions, from, turned, mirror);
+    this.normals(normals, gradients, directions, from, until);
     if (!values.mean_curvature) return;
     const sums = this.gpu.read(this.bending(gradient));
     for (let i = 0; i < until - from; i++) {
@@ -111,22 +110,15 @@ export class WebglEngine implements Engine {
     }
   }
 
-  /** Rays as the network knows them (`PDDF.mirror`); true where a ray went in as its mirror image. */
-  private upload(p: Float32Array, v: Float32Array, from: number, until: number, mirror: number): Uint8Array {
+  /** Rays as two blocks of inputs: (p, 0) and (v, 0). */
+  private upload(positions: Float32Array, directions: Float32Array, from: number, until: number): void {
     const plane = 4 * WIDTH * this.gpu.used;
     const texels = new Float32Array(2 * plane);
-    const turned = new Uint8Array(until - from);
     for (let i = from, at = 0; i < until; i++, at += 4) {
-      turned[i - from] = mirror >= 0 && v[3 * i + mirror]! < 0 ? 1 : 0;
-      for (let axis = 0; axis < 3; axis++) {
-        const sign = axis === mirror && turned[i - from] ? -1 : 1;
-        texels[at + axis] = sign * p[3 * i + axis]!;
-        texels[plane + at + axis] = sign * v[3 * i + axis]!;
-      }
-      texels[at + 3] = turned[i - from] ? -1 : 1;
+      texels.set(positions.subarray(3 * i, 3 * i + 3), at);
+      texels.set(directions.subarray(3 * i, 3 * i + 3), plane + at);
     }
     this.gpu.upload(this.gpu.array("rays", 2), texels);
-    return turned;
   }
 
   /** The value pass; keeps slopes of every layer where they are asked for, and the states where bends are. */
@@ -188,15 +180,14 @@ export class WebglEngine implements Engine {
     return sum;
   }
 
-  /** Unit normals that face back, turned to where the rays were asked for. */
-  private normals(out: Float32Array, g: Float32Array, v: Float32Array, from: number, turned: Uint8Array, mirror: number): void {
-    turned.forEach((back, i) => {
-      const [n, at] = [[g[4 * i]!, g[4 * i + 1]!, g[4 * i + 2]!], 3 * (from + i)];
-      if (back) n[mirror] = -n[mirror]!;
+  /** Unit normals that face back, from gradients of the chunk. */
+  private normals(out: Float32Array, g: Float32Array, v: Float32Array, from: number, until: number): void {
+    for (let i = 0, at = 3 * from; i < until - from; i++, at += 3) {
+      const n = [g[4 * i]!, g[4 * i + 1]!, g[4 * i + 2]!];
       const long = Math.max(Math.hypot(n[0]!, n[1]!, n[2]!), 1e-12);
       const towards = n[0]! * v[at]! + n[1]! * v[at + 1]! + n[2]! * v[at + 2]!;
       for (let axis = 0; axis < 3; axis++) out[at + axis] = ((towards > 0 ? -1 : 1) * n[axis]!) / long;
-    });
+    }
   }
 
   /** A product with the weights of that name: `W3` of a layer, `T3` without bias, `A3` transposed, `head`. */
@@ -248,7 +239,7 @@ export class WebglEngine implements Engine {
     return this.keep(`${name} ${blocks}`, data, bytes, groups);
   }
 
-  /** A matrix by its name. Inputs of the first layer go in as (p, s), (v, 0), see `upload`. */
+  /** A matrix by its name. Inputs of the first layer go in as (p, 0), (v, 0), see `upload`. */
   private matrix(name: string): { rows: number; weight(row: number, column: number): number; bias(row: number): number } {
     const index = name === "head" ? this.layers.length - 1 : Number(name.slice(1));
     const { weight, bias, rows, columns } = this.layers[index]!;
@@ -256,7 +247,7 @@ export class WebglEngine implements Engine {
     if (name.startsWith("A")) {
       return { rows: index === 0 ? 3 : columns, weight: (row, column) => inside(column, row), bias: () => 0 };
     }
-    const order = [0, 1, 2, 6, 3, 4, 5, columns];
+    const order = [0, 1, 2, columns, 3, 4, 5, columns];
     const of = index === 0 ? (row: number, column: number) => inside(row, order[column]!) : inside;
     return { rows, weight: of, bias: (row) => (name.startsWith("T") ? 0 : bias[row]!) };
   }

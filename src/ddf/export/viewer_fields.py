@@ -42,7 +42,6 @@ def bake(shape: shape_field.ShapeField, name: str) -> BakedField:
         "offset": 0,
         "depth_activation": config.depth_activation,
         "depth_sharpness": config.depth_sharpness,
-        "mirror": None,
         "lower": shape.lower.tolist(),
         "upper": shape.upper.tolist(),
         "field_from_mesh": shape.field_from_mesh.to_dict(),
