@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 CATEGORIES = ("chair", "plane", "car")
 CHAMFER, F_TAU, F_2TAU = "chamfer_l2_sq_x1000", "f_score_tau_x100", "f_score_2tau_x100"
-METRICS = {"D_C": (CHAMFER, 3, min), "F(τ)": (F_TAU, 2, max), "F(2τ)": (F_2TAU, 2, max)}
+METRICS = {"D_C": (CHAMFER, 3), "F(τ)": (F_TAU, 2), "F(2τ)": (F_2TAU, 2)}
 METHODS = {  # method, and the column of the predicted camera
     "DDF": ("ddf", "Pi_pred"),
     "PC-SIREN": ("pc_siren", "Pi_pred"),
@@ -52,6 +52,8 @@ class Measured:
             (row["category"], row["method"], row["column"], row["metric"]): row for row in rows
         }
 
+        self.claims = claims(path.with_name("README.md").read_text())
+
     def value(self, *key: str) -> float:
         return float(self.rows[key]["value"])
 
@@ -59,6 +61,24 @@ class Measured:
         """The mean, ± the deviation over seeds where there are several."""
         row, value = self.rows[key], f"{self.value(*key):.{digits}f}"
         return f"{value} ± {float(row['spread']):.{digits}f}" if spread and float(row["seeds"]) > 1 else value
+
+
+def claims(report: str) -> set[tuple[str, ...]]:
+    """Category, method, column and metric of the cells that the report's first table sets in bold."""
+    table = next(block for block in report.split("\n\n") if block.startswith("|"))
+    found, category = set(), ""
+    for line in table.splitlines()[2:]:
+        first, label, *values = [cell.strip() for cell in line.strip("|").split(" | ")]
+        category = first or category
+        camera, _, size = label.partition("-")
+        column = {"Π<sub>g</sub>": "Pi_g", "Π̂<sub>∇</sub>": "Pi_corrected", "Π̂": "Pi_pred"}[camera] + f"-{size}"
+        keys = [(metric, method) for metric in (CHAMFER, F_TAU, F_2TAU) for method in ("ddf", "pc_siren")]
+        found |= {
+            (category, method, column, metric)
+            for (metric, method), value in zip(keys, values, strict=True)
+            if value.startswith("**")
+        }
+    return found
 
 
 def plain_pairs(measured: Measured, rows: Rows) -> Rows:
@@ -79,7 +99,7 @@ def _pair(measured: Measured, name: str, digits: int, spread: bool) -> list[str]
 
 
 def true_camera(measured: Measured, rows: Rows) -> Rows:
-    """Both models by points and metric; bold: the best."""
+    """Both models by points and metric; bold: where the report claims a difference."""
     return _by_metric(measured, rows, lambda name: "Pi_g")
 
 
@@ -91,15 +111,14 @@ def predicted_camera(measured: Measured, rows: Rows) -> Rows:
 def _by_metric(measured: Measured, rows: Rows, camera: Callable[[str], str]) -> Rows:
     filled = []
     for (points, label), group in itertools.groupby(rows, key=lambda row: row[:2]):
-        metric, digits, best = METRICS[label]
+        metric, digits = METRICS[label]
         names = [row[2] for row in group]
         cells = {name: [points, label, name] for name in names}
         for category in CATEGORIES:
             keys = {name: (category, METHODS[name][0], f"{camera(name)}-{points}", metric) for name in names}
-            winner = best(names, key=lambda name: measured.value(*keys[name]))
             for name, key in keys.items():
                 text = measured.text(*key, digits=digits)
-                cells[name].append(f"**{text}**" if name == winner else text)
+                cells[name].append(f"**{text}**" if key in measured.claims else text)
         filled += cells.values()
     return filled
 
