@@ -13,7 +13,7 @@ def run(config_path: Path) -> None:
     fit = config.load(config_path, fit_settings.FitConfig)
     out_dir = config.artifact_dir(config_path, "fit_shape")
     mesh, source = source_mesh.read(fit.mesh, fit.loop.seed)
-    fitting.fit(mesh, fit, out_dir, source)
+    fitting.fit(mesh, fit, out_dir, source, force=True)
     shape_results.write(mesh, fit, out_dir)
 
 

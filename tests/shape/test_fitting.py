@@ -92,24 +92,75 @@ def test_resumed_fit_equals_an_uninterrupted_one(tmp_path, monkeypatch):
     assert all(np.array_equal(one[name], two[name]) for name in one)
 
 
-def test_minutes_give_a_plan_that_a_second_run_keeps(tmp_path, monkeypatch):
+class _Time:
+    """A clock that every step and every draw of samples moves on."""
+
+    def __init__(self, monkeypatch, step_seconds):
+        self.now, self.step_seconds = 0.0, step_seconds
+        step_loss, draw = fitting.step_loss, shape_samples.draw_samples
+        monkeypatch.setattr(fitting, "step_loss", lambda *a: self.moved(self.step_seconds) or step_loss(*a))
+        monkeypatch.setattr(shape_samples, "draw_samples", lambda *a: self.moved(0.1 * len(a)) or draw(*a))
+        for module in (fitting, training_loop):
+            monkeypatch.setattr(module, "time", self)
+
+    def monotonic(self):
+        return self.now
+
+    def moved(self, seconds):
+        self.now += seconds
+
+
+def test_minutes_are_a_clock_whatever_a_step_takes(tmp_path, monkeypatch):
+    config = dataclasses.replace(TINY, steps=None, minutes=0.5)
+    time = _Time(monkeypatch, 1.0)
+    rates, rate = [], training_loop.LoopConfig.rate
+    monkeypatch.setattr(training_loop.LoopConfig, "rate", lambda *a: rates.append(rate(*a)) or rates[-1])
+    quiet = fitting.fit(cube(), config, tmp_path / "quiet")
+    assert 28 <= quiet["steps"] <= 30 and quiet["seconds"] == pytest.approx(30, abs=1)
+    assert rates[-1] < 0.02 * TINY.loop.learning_rate  # the schedule ends with the time
+    begun, steps = time.now, len(rates)
+    time.step_seconds = 3.0
+    busy = fitting.fit(cube(), config, tmp_path / "busy")
+    assert busy["steps"] == len(rates) - steps == pytest.approx(10, abs=1)
+    assert time.now - begun == pytest.approx(30, abs=4)
+    assert rates[-1] < 0.05 * TINY.loop.learning_rate
+
+
+def test_a_resumed_fit_counts_the_seconds_of_all_its_runs(tmp_path, monkeypatch):
+    loop = dataclasses.replace(TINY.loop, checkpoint_seconds=0.0, log_every=100)
+    config = dataclasses.replace(TINY, steps=None, minutes=0.5, loop=loop)
+    time = _Time(monkeypatch, 1.0)
+    counted, step_loss = [], fitting.step_loss
+
+    def stops(*given):
+        counted.append(given[-1])
+        if len(counted) == 8:
+            raise KeyboardInterrupt
+        return step_loss(*given)
+
+    monkeypatch.setattr(fitting, "step_loss", stops)
+    with pytest.raises(KeyboardInterrupt):
+        fitting.fit(cube(), config, tmp_path)
+    time.moved(1000.0)  # until somebody starts it again
+    found = fitting.fit(cube(), config, tmp_path)
+    assert 28 <= found["steps"] <= 30 and found["seconds"] == pytest.approx(30, abs=1)
+
+
+def test_few_samples_are_drawn_where_minutes_allow_no_more(monkeypatch):
     config = dataclasses.replace(TINY, steps=None, minutes=1.0)
-    monkeypatch.setattr(fitting, "seconds_per_step", lambda *a: 4.0)
-    first = fitting.fit(cube(), config, tmp_path)
-    assert 10 <= first["steps"] <= 15  # what is left of a minute after sampling
-    monkeypatch.setattr(fitting, "seconds_per_step", lambda *a: 1e-9)
-    assert fitting.fit(cube(), config, tmp_path)["steps"] == first["steps"]
-    assert json.loads((tmp_path / fitting.PLAN).read_text())["steps"] == first["steps"]
+    time = _Time(monkeypatch, 0.0)
+    monkeypatch.setattr(shape_samples, "draw_samples", lambda *a: time.moved(3.6))
+    assert fitting._affordable(cube(), config) == pytest.approx(0.25)  # 18 s of the minute are for samples
+    assert fitting._affordable(cube(), TINY) == 1.0
+    assert TINY.samples.scaled(0.25).U == 50 and TINY.samples.scaled(1e-9).O == 1
 
 
-def test_calibration_changes_neither_field_nor_random_streams():
-    training_loop.prepare(TINY.loop)
-    samples, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "train")
-    field = pddf.PDDF(TINY.field)
-    before, state = field.network.head.weight.detach().clone(), torch.get_rng_state()
-    assert fitting.seconds_per_step(field, samples, TINY, 1.0) > 0
-    assert torch.equal(field.network.head.weight, before)
-    assert torch.equal(torch.get_rng_state(), state)
+def test_the_field_of_another_mesh_is_replaced_by_force_alone(tmp_path):
+    fitting.fit(cube(), TINY, tmp_path)
+    with pytest.raises(checks.InputError, match="holds the field of another mesh; give another folder, or --force"):
+        fitting.fit(cube(0.5), TINY, tmp_path)
+    fitting.fit(cube(0.5), TINY, tmp_path, force=True)
+    fitting.fit(cube(0.5), dataclasses.replace(TINY, steps=3), tmp_path)  # other settings of the same mesh are welcome
 
 
 def test_rate_ends_at_zero():

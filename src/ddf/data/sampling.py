@@ -26,6 +26,7 @@ from typing import Literal
 
 import numpy as np
 import torch
+import tqdm
 from jaxtyping import Float, Int, UInt
 
 from ddf.core import checks, seeding
@@ -105,12 +106,15 @@ class Probes:
     normals: Float[np.ndarray, "n 3"]
 
 
-def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, np.ndarray], Probes]:
+def extract(
+    mesh: Mesh, config: SamplesConfig, *names: str, describe: str | None = None
+) -> tuple[dict[str, np.ndarray], Probes]:
     """All six types of one shape in stored form, and some of them for `packing_errors`.
 
     Args:
       mesh: in the field frame (inside [-1, 1]^3).
       names: what tells this shape's random stream from others (category, id).
+      describe: title of a progress bar, under which types are cast one after the other, not all at once; None for none.
     Returns:
       `<type>.positions`, `.directions`, `.depth`, `.normals` (see `packing`), and the first samples of each type.
     Raises:
@@ -119,8 +123,18 @@ def extract(mesh: Mesh, config: SamplesConfig, *names: str) -> tuple[dict[str, n
     counts = dict(config.counts.items())
     streams = {kind: seeding.generator(config.seed, *names, kind) for kind in counts}
     scene = raycast.Scene(mesh)
-    answers = Sampler(scene, config).cast(counts, streams)
-    return answers.arrays(), _probes(scene, answers)
+    sampler = Sampler(scene, config)
+    if describe is None:
+        answers = sampler.cast(counts, streams)
+        return answers.arrays(), _probes(scene, answers)
+    arrays, probes = {}, []
+    with tqdm.tqdm(total=sum(counts.values()), desc=describe, unit="ray", unit_scale=True) as progress:
+        for kind, count in counts.items():
+            answers = sampler.cast({kind: count}, streams)
+            arrays |= answers.arrays()
+            probes.append(_probes(scene, answers))
+            progress.update(count)
+    return arrays, _together(probes)
 
 
 @dataclass(frozen=True)
@@ -252,6 +266,14 @@ def _probes(scene: raycast.Scene, answers: Answers) -> Probes:
     positions, directions = (_joined(drawn, name, _ERROR_PROBE).T for name in ("positions", "directions"))
     first = draws.Draw(positions, directions)
     return Probes(first, {name: values.take(probes, axis=0) for name, values in answers.packed.items()}, depth, normals)
+
+
+def _together(probes: Sequence[Probes]) -> Probes:
+    """The probes of several casts, one after the other."""
+    drawn = draws.Draw(*(np.concatenate([getattr(p.drawn, n) for p in probes]) for n in ("positions", "directions")))
+    packed = {name: np.concatenate([probe.packed[name] for probe in probes]) for name in probes[0].packed}
+    depth, normals = (np.concatenate([getattr(probe, name) for probe in probes]) for name in ("depth", "normals"))
+    return Probes(drawn, packed, depth, normals)
 
 
 def _joined(drawn: dict[str, draws.Draw], name: str, count: int | None = None) -> Float[np.ndarray, "3 n"]:

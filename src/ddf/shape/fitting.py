@@ -3,11 +3,12 @@
 The mesh is taken as it is: inner sheets and nested parts are part of the shape. It is moved to the field frame, and
 training and held-out samples are drawn from random streams of their own. Source: [DDF22] §4.1, app. A and C.
 
-Budget: `steps` is the reproducible way. `minutes` is the convenient one: the time of a step is measured on a copy of
-the field, the number of steps follows from what is left of the budget after sampling, and the schedule is laid over
-these steps, so the learning rate still ends at zero. Their number is kept in `plan.json`, for a resumed run.
+Budget: `steps` is the reproducible way. `minutes` is the convenient one: a clock for sampling and training, which the
+schedule follows (`training_loop.Clock`). Sampling takes at most `SAMPLING_SHARE` of it, with fewer samples on a machine
+too slow or too busy for all of them. What was begun stands in `plan.json`, by which a folder is known again.
 """
 
+import dataclasses
 import functools
 import hashlib
 import math
@@ -22,16 +23,17 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from ddf.core import provenance, storage
+from ddf.core import checks, provenance, storage
 from ddf.data.samples import sample_types
 from ddf.fields import framed_field, losses, pddf, rendering
 from ddf.geometry import mesh_io, transforms
 from ddf.shape import fit_settings, shape_field, shape_samples
-from ddf.training import step_timing, training_loop
+from ddf.training import training_loop
 
 METRICS, PLAN = "fit.json", "plan.json"
-_RESERVE = 0.03  # of the time left, for what timing some steps does not see: checkpoints, a busier machine
-_LEAST_STEPS = 10
+FEW_STEPS = 500  # below so many a field is blurred whatever the shape: the user is told
+SAMPLING_SHARE = 0.3  # of the minutes
+_PROBE = 0.05  # of the samples, drawn once more to time them
 _FLAT = 0.1  # share of a depth head's first weights that `start_flat` keeps
 
 
@@ -57,49 +59,36 @@ def step_loss(
     return losses.shape_loss(field, batch, None, config.weights, config.loop.matmul)
 
 
-def seconds_per_step(
-    field: pddf.PDDF, samples: shape_samples.ShapeSamples, config: fit_settings.FitConfig, budget_seconds: float
-) -> float:
-    """Mean time of an optimisation step, measured on copies; the field and all random streams stay as they are."""
-
-    def loss(trial: pddf.PDDF) -> training_loop.StepLoss:
-        return functools.partial(step_loss, trial, samples, config)
-
-    return step_timing.seconds_per_step(step_timing.Trainee(field, _groups, loss, config.loop), budget_seconds)
-
-
 def _groups(field: pddf.PDDF) -> list[dict[str, Any]]:
     """Without decay AdamW is Adam."""
     return [{"params": list(field.parameters()), "weight_decay": 0.0}]
 
 
-def _plan(
-    field: pddf.PDDF,
-    samples: shape_samples.ShapeSamples,
-    config: fit_settings.FitConfig,
-    out_dir: Path,
-    identity: str,
-    started: float,
-) -> int:
-    """Number of steps: as given, as an earlier run of the same fit decided, or what the rest of the minutes allows.
+def _plan(config: fit_settings.FitConfig, content: str, identity: str, out_dir: Path, force: bool) -> Mapping[str, Any]:
+    """What an earlier run of the same fit wrote in the folder; of a new one, its mesh and who it is.
 
-    Args:
-      started: when the minutes began, on the clock of `time.monotonic`.
+    Raises:
+      InputError: the folder holds the field of another mesh, and `force` does not say to replace it.
     """
-    if config.steps is not None:
-        return config.steps
-    if config.minutes is None:
-        raise ValueError("steps and minutes cannot both be null")
     path = out_dir / PLAN
-    if path.exists():
-        plan = storage.read_json(path)
-        if plan.get("fingerprint") == identity:
-            return int(plan["steps"])
-    each = seconds_per_step(field, samples, config, 60 * config.minutes)
-    left = 60 * config.minutes - (time.monotonic() - started)
-    steps = max(_LEAST_STEPS, int((1 - _RESERVE) * left / each))
-    storage.write_json(path, {"fingerprint": identity, "steps": steps, "seconds_per_step": each})
-    return steps
+    plan = storage.read_json(path) if path.exists() else {}
+    if plan.get("mesh", content) != content and not force:
+        raise checks.InputError(
+            f"{out_dir}: holds the field of another mesh; give another folder, or --force to replace it"
+        )
+    if plan.get("fingerprint") != identity:
+        plan = {"fingerprint": identity, "mesh": content}
+    return plan
+
+
+def _affordable(mesh: mesh_io.Mesh, config: fit_settings.FitConfig) -> float:
+    """Share of the samples that `SAMPLING_SHARE` of the minutes allows, as drawing some of them tells; 1 without."""
+    if config.steps is not None or config.minutes is None:
+        return 1.0
+    started = time.monotonic()
+    shape_samples.draw_samples(mesh, config, config.samples.scaled(_PROBE), "probe")
+    allowed = 60 * SAMPLING_SHARE * config.minutes
+    return min(1.0, max(_PROBE, _PROBE * allowed / (time.monotonic() - started)))
 
 
 def fit(
@@ -108,6 +97,9 @@ def fit(
     out_dir: Path,
     source: Mapping[str, str] | None = None,
     without: str | None = None,
+    *,
+    threads: int | None = None,
+    force: bool = False,
 ) -> dict[str, Any]:
     """Fit a field to a mesh in its own frame; write model.safetensors (`shape_field.load`), log.csv and fit.json.
 
@@ -116,25 +108,36 @@ def fit(
     Args:
       source: name to checksum of the file that the mesh came from, for the record.
       without: a sample type that the field is not trained on; the held-out errors are of all six.
+      threads: in place of those of the config, without being another fit.
+      force: replace the field of another mesh in the folder.
     Returns:
-      The content of fit.json: held_out (`held_out_errors`), seconds, parameters, steps, seconds_per_step, box.
+      The content of fit.json: held_out (`held_out_errors`), seconds (of all runs that led there), parameters,
+      steps, samples (of training), seconds_per_step, box.
     Raises:
-      InputError: the mesh has no triangle with an area.
+      InputError: the mesh has no triangle with an area, or the folder holds the field of another mesh.
     """
+    if config.steps is None and config.minutes is None:
+        raise ValueError("steps and minutes cannot both be null")
     started = time.monotonic()
-    training_loop.prepare(config.loop)
+    content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
+    identity = provenance.fingerprint([config.recipe(), content, without], (), "ddf.shape.fitting")
+    plan = _plan(config, content, identity, out_dir, force)
+    training_loop.prepare(dataclasses.replace(config.loop, threads=threads or config.loop.threads))
     own_from_mesh = transforms.field_from_mesh(raw.surface_vertices())
     inside = np.clip(own_from_mesh.apply(raw.vertices), -1.0, 1.0)
     mesh = mesh_io.Mesh(inside, mesh_io.without_flat(raw).faces)  # clipped, a far flat triangle could gain an area
-    samples, packing_errors = shape_samples.draw_samples(mesh, config, config.samples, "train", config.tangents)
+    share = plan.get("samples_share") or _affordable(mesh, config)
+    drawn = config.samples.scaled(share)
+    samples, packing_errors = shape_samples.draw_samples(mesh, config, drawn, "train", config.tangents, "samples")
     samples = samples if without is None else samples.without(without)
     field = pddf.PDDF(config.field).to(training_loop.device())
     if config.start == "flat":
         start_flat(field, samples)
-    content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
-    identity = provenance.fingerprint([config.recipe(), content, without], (), "ddf.shape.fitting")
-    steps = _plan(field, samples, config, out_dir, identity, started)
-    fingerprint = provenance.fingerprint([identity, steps])
+    trained = time.monotonic()
+    sampling = plan.get("sampling_seconds") or trained - started
+    budget = config.steps or training_loop.Clock(max(60 * (config.minutes or 0.0) - sampling, 1.0))
+    storage.write_json(out_dir / PLAN, {**plan, "samples_share": share, "sampling_seconds": sampling})
+    fingerprint = provenance.fingerprint([identity, config.steps])
     record = {
         "fingerprint": fingerprint,
         "seed": config.loop.seed,
@@ -145,19 +148,17 @@ def fit(
         ),
     }
     loss = functools.partial(step_loss, field, samples, config)
-    trained = time.monotonic()
-    training_loop.fit(
-        field, _groups(field), loss, steps, config.loop, out_dir, record, f"fit without {without}" if without else "fit"
-    )
-    finished = time.monotonic()
+    name = f"fit without {without}" if without else "fit"
+    steps, seconds = training_loop.fit(field, _groups(field), loss, budget, config.loop, out_dir, record, name)
     held_out, _ = shape_samples.draw_samples(mesh, config, config.held_out, "held_out")
     result = {
         "held_out": held_out_errors(field.eval(), held_out),
-        "seconds": finished - started,
-        "sampling_seconds": trained - started,
+        "seconds": sampling + seconds,
+        "sampling_seconds": sampling,
         "parameters": pddf.count_parameters(field),
         "steps": steps,
-        "seconds_per_step": (finished - trained) / steps,
+        "samples": sum(count for _, count in drawn.items()),
+        "seconds_per_step": seconds / steps,
         "box": {"lower": samples.lower.tolist(), "upper": samples.upper.tolist()},
     }
     storage.write_json(out_dir / METRICS, result)

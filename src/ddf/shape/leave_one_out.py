@@ -50,7 +50,7 @@ def run(
     for without in (None, *paper_ablation.COLUMNS):
         name = without or NONE
         chosen = settings(config, without, steps)
-        found = fitting.fit(mesh, chosen, out_dir / f"without_{name}", source, without)
+        found = fitting.fit(mesh, chosen, out_dir / f"without_{name}", source, without, force=True)
         steps = found["steps"]
         drawn = sum(count for kind, count in chosen.samples.items() if kind != without)
         results[name] = {**found, "samples": drawn}

@@ -6,13 +6,14 @@ an uninterrupted one would (same machine kind, same number of threads and proces
 
 import csv
 import io
+import itertools
 import logging
 import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 import torch.utils.deterministic
@@ -28,6 +29,15 @@ LOGGER = logging.getLogger(__name__)
 CHECKPOINT, MODEL, LOG = "checkpoint.safetensors", "model.safetensors", "log.csv"
 
 StepLoss = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A budget of wall time for all steps together, in place of their number: the schedule follows the time spent, so
+    that it ends with the budget however busy the machine is. Not reproducible.
+    """
+
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -127,12 +137,12 @@ def fit(
     model: nn.Module,
     groups: list[dict],
     step_loss: StepLoss | Sequence[StepLoss],
-    steps: int,
+    steps: int | Clock,
     config: LoopConfig,
     out_dir: Path,
     record: dict,
     describe: str,
-) -> None:
+) -> tuple[int, float]:
     """Optimise `model`, resuming from `out_dir` if its checkpoint has the same fingerprint; write model and log there.
 
     Of several processes (`distributed`) the first one writes; the others need to read the same folder. With
@@ -143,7 +153,10 @@ def fit(
       step_loss: step number to loss and terms for the log; means over the part of the batch that is the process's. Of
         several, such as those of a GAN's critic and generator, each is followed by an update of the parameters that it
         has a gradient in; the log has the terms of all and the last one's loss.
+      steps: how many, or for how long (of one process alone).
       record: metadata of the model file; `record["fingerprint"]` decides whether a checkpoint may be resumed.
+    Returns:
+      Steps and seconds of all runs that led to the model.
     Raises:
       FloatingPointError: the loss is not finite; says at which step, and that the last checkpoint is whole.
       InputError: processes differ in data, config or checkpoint.
@@ -153,25 +166,21 @@ def fit(
     distributed.share_batch_statistics(model)
     optimiser = config.optimiser(model, groups)
     average = _average(model, config)
-    start, rows = _resume(model, average, optimiser, out_dir, record["fingerprint"])
+    start, rows, spent = _resume(model, average, optimiser, out_dir, record["fingerprint"])
     distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")
-    saved_at = logged_at = time.monotonic()
-    spent = rows[-1]["seconds"] if rows else 0.0
-    progress = tqdm.tqdm(
-        range(start, steps),
-        initial=start,
-        total=steps,
-        desc=describe,
-        unit="step",
-        mininterval=2,
-        disable=not first,
-    )
+    done = start
+    saved_at = time.monotonic()
+    began = saved_at - spent
+    progress = _progress(steps, start, describe, disable=not first)
     model.train()
     reduced = 0
-    for step in progress:
+    for step in itertools.count(start):
+        spent = time.monotonic() - began
+        if _is_over(steps, step, spent):
+            break
         if config.schedule == "plateau" and (step == start or step % plateau.APART == 0):
             reduced = plateau.reductions(rows, step)
-        optimiser.set_rate(config.rate(step, steps, reduced))
+        optimiser.set_rate(config.rate(step, _horizon(steps, step, spent), reduced))
         terms: dict[str, Tensor] = {}
         for update in updates:
             loss, found = update(step)
@@ -185,19 +194,53 @@ def fit(
         if average is not None:
             average.update_parameters(model)
         done = step + 1
-        if done % config.log_every == 0 or done == steps:
-            now = time.monotonic()
-            spent, logged_at = spent + now - logged_at, now
+        spent = time.monotonic() - began
+        last = _is_over(steps, done, spent)
+        saves = last or time.monotonic() - saved_at >= config.checkpoint_seconds
+        if done % config.log_every == 0 or last:
             rows.append(_log_row(done, terms, spent, out_dir))
             progress.set_postfix(loss=f"{rows[-1]['loss']:.3f}", refresh=False)
-        if first and (done == steps or time.monotonic() - saved_at >= config.checkpoint_seconds):
-            _save_checkpoint(model, average, optimiser, done, rows, out_dir, record)
+        progress.update(_shown(steps, done, spent) - progress.n)
+        if first and saves:
+            moment = {"seconds": spent} if isinstance(steps, Clock) else {}  # equal runs by steps have equal bytes
+            _save_checkpoint(model, average, optimiser, {"step": done, **moment}, rows, out_dir, record)
+        if saves:
             saved_at = time.monotonic()
+        if last:
+            break
+    progress.close()
     if average is not None:
         model.load_state_dict(average.module.state_dict())
     if first:
-        storage.save_tensors(out_dir / MODEL, dict(model.state_dict()), {**record, "steps": steps})
+        storage.save_tensors(out_dir / MODEL, dict(model.state_dict()), {**record, "steps": done})
         _write_log(out_dir / LOG, rows)
+    return done, spent
+
+
+def _is_over(steps: int | Clock, done: int, spent: float) -> bool:
+    """Whether the budget is used up; a clock gives one step at the least."""
+    return done > 0 and spent >= steps.seconds if isinstance(steps, Clock) else done >= steps
+
+
+def _horizon(steps: int | Clock, step: int, spent: float) -> int:
+    """How many steps there will be, as far as is known before step `step`."""
+    if not isinstance(steps, Clock):
+        return steps
+    return max(round(step * steps.seconds / spent), step + 1) if step and spent > 0 else 1 << 30
+
+
+def _progress(steps: int | Clock, start: int, describe: str, disable: bool) -> tqdm.tqdm:
+    """A bar of steps, or of seconds."""
+    clock = isinstance(steps, Clock)
+    total, unit = (round(steps.seconds), "s") if clock else (steps, "step")
+    return tqdm.tqdm(
+        initial=0 if clock else start, total=total, desc=describe, unit=unit, mininterval=2, disable=disable
+    )
+
+
+def _shown(steps: int | Clock, done: int, spent: float) -> int:
+    """Where the bar stands."""
+    return min(round(spent), round(steps.seconds)) if isinstance(steps, Clock) else done
 
 
 def load_model(model: nn.Module, folder: Path) -> dict:
@@ -258,7 +301,7 @@ def _save_checkpoint(
     model: nn.Module,
     average: swa_utils.AveragedModel | None,
     optimiser: optimisers.Optimiser,
-    step: int,
+    state: dict[str, Any],
     rows: list[dict],
     out_dir: Path,
     record: dict,
@@ -269,7 +312,7 @@ def _save_checkpoint(
         tensors |= {f"average.{name}": value for name, value in average.state_dict().items()}
     tensors |= dict(optimiser.tensors())
     _write_log(out_dir / LOG, rows)
-    storage.save_tensors(out_dir / CHECKPOINT, tensors, {"step": step, "fingerprint": record["fingerprint"]})
+    storage.save_tensors(out_dir / CHECKPOINT, tensors, {**state, "fingerprint": record["fingerprint"]})
 
 
 def _resume(
@@ -278,25 +321,26 @@ def _resume(
     optimiser: optimisers.Optimiser,
     out_dir: Path,
     fingerprint: str,
-) -> tuple[int, list[dict]]:
-    """Step to go on from and log so far; (0, []) where there is nothing to resume."""
+) -> tuple[int, list[dict], float]:
+    """Step to go on from, log and seconds so far; (0, [], 0) where there is nothing to resume."""
     path = out_dir / CHECKPOINT
     if not path.exists():
-        return 0, []
+        return 0, [], 0.0
     try:
         tensors, metadata = storage.load_tensors(path, framework="torch")
     except checks.InputError as error:
         LOGGER.warning("%s; training starts afresh", error)
-        return 0, []
+        return 0, [], 0.0
     if metadata["fingerprint"] != fingerprint:
         LOGGER.warning("%s: made by another config, data or code; training starts afresh", path)
-        return 0, []
+        return 0, [], 0.0
     model.load_state_dict(_under("model.", tensors))
     if average is not None:
         average.load_state_dict(_under("average.", tensors))
     optimiser.load(tensors)
     LOGGER.info("%s: resuming at step %d", path, metadata["step"])
-    return metadata["step"], [row for row in read_log(out_dir) if row["step"] <= metadata["step"]]
+    rows = [row for row in read_log(out_dir) if row["step"] <= metadata["step"]]
+    return metadata["step"], rows, metadata.get("seconds", rows[-1]["seconds"] if rows else 0.0)
 
 
 def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -9,6 +9,7 @@ import yaml
 from _tiny_fits import SECTION
 
 from ddf import cli
+from ddf.cli.field import fit
 from ddf.core import config
 from ddf.shape import fit_settings, fitting, shape_field
 
@@ -37,12 +38,29 @@ def test_fit_writes_field_log_and_metrics(fitted):
     assert record["field_from_mesh"]["scale"] == pytest.approx((1 - SECTION["margin"]) / 30)
 
 
-def test_minutes_take_about_that_long(work, capsys):
-    arguments = ["fit", "--json", str(work / "torus.ply"), str(work / "timed"), "--config", str(work / "tiny.yaml")]
-    assert cli.main([*arguments, "--minutes", "0.03"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["steps"] >= 10
-    assert (work / "timed" / fitting.PLAN).exists()
+def test_minutes_take_about_that_long_and_few_steps_are_said(work, capsys):
+    arguments = ["fit", str(work / "torus.ply"), str(work / "timed"), "--config", str(work / "tiny.yaml")]
+    assert cli.main([*arguments, "--minutes", "0.02"]) == 0
+    verdict = capsys.readouterr().out.splitlines()[-1]
+    steps = json.loads((work / "timed" / fitting.METRICS).read_text())["steps"]
+    assert steps >= 1 and ("FEWER than 500 steps" in verdict) == (steps < 500)
+
+
+@pytest.mark.parametrize(
+    ("asked", "timed", "load", "limit", "threads"),
+    [
+        (None, True, 0.2, "", 2),  # idle
+        (None, True, 7.0, "", 1),  # busy
+        (None, False, 7.0, "", 2),  # by steps: part of the result
+        (None, False, 0.0, "1", 1),
+        (3, True, 7.0, "1", 3),
+    ],
+)
+def test_threads_are_those_asked_for_allowed_and_idle(asked, timed, load, limit, threads, monkeypatch):
+    monkeypatch.setattr(fit.os, "getloadavg", lambda: (load, 0, 0))
+    monkeypatch.setattr(fit.os, "cpu_count", lambda: 4)
+    monkeypatch.setenv("OMP_NUM_THREADS", limit)
+    assert fit._threads(2, asked, timed) == threads
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,11 @@
 
 import argparse
 import dataclasses
+import os
 from pathlib import Path
 from typing import Any
 
-from ddf.cli import results
+from ddf.cli import arguments, results
 
 EXAMPLES = ("ddf fit shape.obj my_field --minutes 2", "ddf fit shape.obj my_field --steps 2000 --seed 1")
 
@@ -24,14 +25,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     budget = parser.add_mutually_exclusive_group()
     budget.add_argument(
-        "--minutes", metavar="M", type=float, help="wall time of sampling and training; sets the number of steps"
+        "--minutes", metavar="M", type=float, help="wall time of sampling and training, which the schedule follows"
     )
     budget.add_argument("--steps", metavar="N", type=int, help="number of steps: the reproducible way")
     parser.add_argument("--seed", metavar="S", type=int, help="of samples, initial weights and batches")
+    parser.add_argument(
+        "--threads",
+        metavar="N",
+        type=arguments.whole_number(1),
+        help="of the CPU (default: the config's; with --minutes no more than stand idle, and never more than "
+        "OMP_NUM_THREADS)",
+    )
+    parser.add_argument("--force", action="store_true", help="replace the field of another mesh in OUT_DIR")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Fit the mesh; returns the held-out errors, times and sizes, as fit.json has them."""
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # threads that wait by spinning stall a busy machine
     from ddf.core import checks, config, storage
     from ddf.geometry import mesh_io
     from ddf.shape import fit_settings, fitting
@@ -46,7 +56,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     mesh = mesh_io.load(args.mesh)
     if args.out.exists() and not args.out.is_dir():
         raise checks.InputError(f"{args.out}: is a file; give a folder to write")
-    result = fitting.fit(mesh, fit, args.out, {args.mesh.name: storage.checksum(args.mesh)})
+    how = {"threads": _threads(fit.loop.threads, args.threads, fit.steps is None), "force": args.force}
+    result = fitting.fit(mesh, fit, args.out, {args.mesh.name: storage.checksum(args.mesh)}, **how)
     held_out = result["held_out"]
     rows = [(kind, *(held_out[name][kind] for name in ("depth_l1", "visibility_bce"))) for kind in held_out["depth_l1"]]
     return {
@@ -55,5 +66,27 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "out": args.out.as_posix(),
         "table": results.grid(("held-out type", "depth L1", "visibility BCE"), rows),
         "verdict": f"normals off by {results.cell(held_out['normal_angle_deg_median'])} degrees (median) after "
-        f"{result['steps']:,} steps in {result['seconds']:.0f} s; field in {args.out}{results.left_out(mesh.remarks)}",
+        f"{result['steps']:,} steps in {result['seconds']:.0f} s; field in {args.out}{_few(result)}"
+        f"{results.left_out(mesh.remarks)}",
     }
+
+
+def _threads(configured: int, asked: int | None, timed: bool) -> int:
+    """Threads of the fit. A fit by steps takes those of its config, for they are part of the result."""
+    if asked is not None:
+        return asked
+    limit = os.environ.get("OMP_NUM_THREADS", "")
+    threads = min(configured, int(limit)) if limit.isdigit() and int(limit) else configured
+    if timed and hasattr(os, "getloadavg"):
+        idle = (os.cpu_count() or 1) - round(os.getloadavg()[0])
+        threads = min(threads, max(1, idle))
+    return threads
+
+
+def _few(result: dict[str, Any]) -> str:
+    """The part of the verdict on a fit that was too short."""
+    from ddf.shape import fitting
+
+    if result["steps"] >= fitting.FEW_STEPS:
+        return ""
+    return f"; FEWER than {fitting.FEW_STEPS} steps: blurred, give it more minutes"

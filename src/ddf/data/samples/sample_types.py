@@ -111,6 +111,10 @@ class Counts:
         """Pairs of type and count in the order of `KINDS`."""
         return [(kind, getattr(self, kind)) for kind in KINDS]
 
+    def scaled(self, share: float) -> "Counts":
+        """A share of each, and one of each at the least."""
+        return Counts(**{kind: max(1, round(count * share)) for kind, count in self.items()})
+
 
 assert {field.name for field in dataclasses.fields(Counts)} == set(KINDS)
 
