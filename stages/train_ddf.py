@@ -10,6 +10,7 @@ from ddf.reconstruction import (
     category_data,
     reconstruction_models,
     settings,
+    trained,
     training_steps,
     training_truth,
 )
@@ -36,6 +37,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
         [training_steps, training_truth],
     )
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
+    out_dir = config.artifact_dir(config_path, "train_ddf", category, seed)
     training_loop.fit(
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera, section.encoder_share(train.loop)),
@@ -44,10 +46,12 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
         ),
         section.steps,
         section.loop(train.loop),
-        config.artifact_dir(config_path, "train_ddf", category, seed),
+        out_dir,
         provenance.record(fingerprint, train.loop.seed, sources) | architecture,
         f"ddf {stage.label(category, seed)}",
     )
+    if distributed.rank() == 0:
+        trained.add_known(model, images, out_dir)
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ COMMANDS = {
     "udf": Command("field.udf", "unsigned distances to the surface of a field, and where it is nearest"),
     "scene": Command("field.scene", "several fields in one scene, from one camera or along a path"),
     "models": Command("model.models", "the trained models and fields that come with the package"),
-    "reconstruct": Command("model.reconstruct", "camera, cloud and renders from one image with a trained model"),
+    "reconstruct": Command("model.reconstruct", "camera, cloud and renders from images with a trained model"),
     "generate": Command("model.generate", "samples of a shape VAE and an image GAN: fields, normals, images"),
     "export": Command("model.export", "a trained model as an ONNX file, checked against onnxruntime"),
     "run": Command("experiment.run", "an experiment file through all its stages, to tables, figures and report"),

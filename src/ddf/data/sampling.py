@@ -270,10 +270,12 @@ def _probes(scene: raycast.Scene, answers: Answers) -> Probes:
 
 def _together(probes: Sequence[Probes]) -> Probes:
     """The probes of several casts, one after the other."""
-    drawn = draws.Draw(*(np.concatenate([getattr(p.drawn, n) for p in probes]) for n in ("positions", "directions")))
+    positions, directions = (
+        np.concatenate([getattr(probe.drawn, name) for probe in probes]) for name in ("positions", "directions")
+    )
     packed = {name: np.concatenate([probe.packed[name] for probe in probes]) for name in probes[0].packed}
     depth, normals = (np.concatenate([getattr(probe, name) for probe in probes]) for name in ("depth", "normals"))
-    return Probes(drawn, packed, depth, normals)
+    return Probes(draws.Draw(positions, directions), packed, depth, normals)
 
 
 def _joined(drawn: dict[str, draws.Draw], name: str, count: int | None = None) -> Float[np.ndarray, "3 n"]:

@@ -2,7 +2,7 @@
 
 import contextlib
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from torch.nn import functional
 from ddf.core import checks, storage
 from ddf.data import shapenet
 from ddf.fields import cloud_projection
-from ddf.reconstruction import inference, reconstruction_models, scales, settings, silhouettes, trained
+from ddf.reconstruction import familiarity, inference, reconstruction_models, scales, settings, silhouettes, trained
 from ddf.shape import cloud_defaults
 from ddf.training import training_loop
 
@@ -26,13 +26,15 @@ class Reconstructed:
     """What the model makes of an image.
 
     camera: azimuth and elevation (radians) and radius (benchmark units), predicted. modulations: of the field. cloud:
-    field frame. scale: v1 units per field unit, estimated from its box. seconds: of each part.
+    field frame. scale: v1 units per field unit, estimated from its box. quantile: how far the image lies from those of
+    training (`familiarity.quantile`); None where the model does not know. seconds: of each part.
     """
 
     camera: Float[Tensor, "3"]
     modulations: list[Float[Tensor, "1 _"]]
     cloud: Float[Tensor, "n 3"]
     scale: float
+    quantile: float | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
 
@@ -73,11 +75,13 @@ def reconstruct(
     points: int,
     seed: int = 0,
     deviation: Float[Tensor, "z"] | None = None,
+    known: Mapping[str, Tensor] | None = None,
 ) -> Reconstructed:
     """Encode, move the shape towards its silhouette where `deviation` is given, draw the cloud.
 
     Args:
-      image: RGBA file of any size. points: of the cloud, 2 or more. deviation: of `known_deviation`.
+      image: RGBA file of any size. points: of the cloud, 2 or more. deviation: of `known_deviation`. known: of
+        `trained.known`.
     Raises:
       InputError: the image is damaged or has no alpha; fewer than 2 points.
     """
@@ -86,7 +90,8 @@ def reconstruct(
     pixels = shapenet.read_any_image(image, image_size)[None].to(training_loop.device())
     seconds: dict[str, float] = {}
     with _timed(seconds, "encoders"), torch.no_grad():
-        _, latent, seen_from = inference.encode_batch(model, pixels)
+        features, latent, seen_from = inference.encode_batch(model, pixels)
+    quantile = float(familiarity.quantile(known, features)[0]) if known else None
     drawn = cloud_defaults.cloud()
     if deviation is not None:
         with _timed(seconds, "silhouette"):
@@ -99,7 +104,7 @@ def reconstruct(
         cycles = cloud_projection.sample(model.field, modulations, points, drawn, _generator(seed))
         (cloud,) = cloud_projection.select(cycles, [points], drawn)
     scale = scales.scale_from_cloud(cloud)
-    return Reconstructed(seen_from[0], modulations, cloud, scale, seconds)
+    return Reconstructed(seen_from[0], modulations, cloud, scale, quantile, seconds)
 
 
 def _generator(seed: int) -> torch.Generator:

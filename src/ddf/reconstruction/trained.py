@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ddf.core import config
-from ddf.reconstruction import reconstruction_models, settings
+from torch import Tensor
+
+from ddf.core import config, storage
+from ddf.reconstruction import category_data, familiarity, inference, reconstruction_models, settings
 from ddf.training import training_loop
 
 
@@ -20,8 +22,22 @@ def ddf(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.
     train = config.parse(record["train"], settings.TrainConfig, f"{folder}: train")
     section = config.parse(record["section"], settings.DDFConfig, f"{folder}: ddf")
     model = reconstruction_models.ddf_model(train, section)
-    training_loop.load_model(model, folder)
+    training_loop.load_model(model, folder, familiarity.PREFIX)
     return model, train.image_size
+
+
+def add_known(model: reconstruction_models.DDFModel, images: category_data.ImageSet, folder: Path) -> None:
+    """Put what tells how usual an image is (`familiarity`) into the model's file, beside its weights."""
+    path = folder / training_loop.MODEL
+    tensors, record = storage.load_tensors(path, framework="torch")
+    weights, _ = familiarity.parted(tensors)
+    known = familiarity.measure(inference.image_features(model.eval(), images), images.shapes)
+    storage.save_tensors(path, weights | known, record)
+
+
+def known(folder: Path) -> dict[str, Tensor]:
+    """What the model's file says of its training images; nothing where it was written without."""
+    return familiarity.parted(storage.load_tensors(folder / training_loop.MODEL, framework="torch")[0])[1]
 
 
 def pcsiren(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.PCSirenModel, int]:

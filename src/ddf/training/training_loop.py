@@ -243,16 +243,18 @@ def _shown(steps: int | Clock, done: int, spent: float) -> int:
     return min(round(spent), round(steps.seconds)) if isinstance(steps, Clock) else done
 
 
-def load_model(model: nn.Module, folder: Path) -> dict:
+def load_model(model: nn.Module, folder: Path, beside: str | None = None) -> dict:
     """Fill `model` from the file that `fit` wrote, and return its record; the model is left in evaluation mode.
 
+    Args:
+      beside: how the names of tensors begin that are no weights.
     Raises:
       InputError: the file is damaged, or holds another architecture.
     """
     path = folder / MODEL
     tensors, record = storage.load_tensors(path, framework="torch")
     try:
-        model.load_state_dict(tensors)
+        model.load_state_dict({k: v for k, v in tensors.items() if beside is None or not k.startswith(beside)})
     except RuntimeError as error:
         reason = " ".join(str(error).split())[:200]
         raise checks.InputError(f"{path}: does not fit the architecture of its config: {reason}") from error

@@ -12,7 +12,7 @@ from ddf.core import checks, provenance, storage
 from ddf.data import shapenet
 from ddf.fields import cloud_projection
 from ddf.geometry import point_io
-from ddf.reconstruction import one_image, scales
+from ddf.reconstruction import familiarity, one_image, scales
 from ddf.shape import cloud_defaults
 from ddf.training import training_loop
 
@@ -123,3 +123,32 @@ def test_any_image_is_padded_to_a_square_then_resized(tmp_path):
     Image.fromarray(np.zeros((4, 4, 4), dtype=np.uint8), "RGBA").save(tmp_path / "empty.png")
     with pytest.raises(checks.InputError, match=r"empty.png: is transparent everywhere"):
         shapenet.read_any_image(tmp_path / "empty.png", 30)
+
+
+def test_several_images_get_a_folder_each(model_dir, tmp_path, capsys):
+    images = [str(_image(tmp_path / f"{name}.png")) for name in ("one", "two")]
+    rest = [str(model_dir), str(tmp_path / "out"), "-n", "20", "--size", "8"]
+    assert cli.main(["reconstruct", "--json", *images, *rest]) == 0
+    found = json.loads(capsys.readouterr().out)["images"]
+    assert [entry["out"] for entry in found] == [(tmp_path / "out" / name).as_posix() for name in ("one", "two")]
+    assert (tmp_path / "out" / "two" / "cloud.ply").exists()
+    assert cli.main(["reconstruct", images[0], images[0], *rest]) == 2
+    assert "two images are called 'one'" in capsys.readouterr().err
+
+
+def test_an_image_unlike_those_of_training_is_warned_of(model_dir, tmp_path, capsys):
+    image, rest = (
+        str(_image(tmp_path / "image.png")),
+        [str(model_dir), str(tmp_path / "out"), "-n", "20", "--size", "8"],
+    )
+    assert cli.main(["reconstruct", image, *rest]) == 0
+    assert "the model does not say what its training images were like" in capsys.readouterr().out
+    path, shapes = model_dir / training_loop.MODEL, np.arange(40)
+    tensors, record = storage.load_tensors(path, "torch")
+    model, _ = one_image.load(model_dir)
+    near = model.shape_encoder.features(shapenet.read_any_image(tmp_path / "image.png", 32)[None]).detach()
+    for moved, warned in ((0.0, False), (1e3, True)):
+        features = near + moved + torch.randn(40, near.shape[1], generator=torch.Generator().manual_seed(0))
+        storage.save_tensors(path, {**tensors, **familiarity.measure(features, shapes)}, record)
+        assert cli.main(["reconstruct", image, *rest]) == 0
+        assert ("WARNING: unlike" in capsys.readouterr().out) == warned

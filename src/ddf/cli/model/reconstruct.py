@@ -1,4 +1,4 @@
-"""`ddf reconstruct`: camera, cloud and renders from one RGBA image with a trained DDF model."""
+"""`ddf reconstruct`: camera, cloud and renders from RGBA images with a trained DDF model."""
 
 import argparse
 from pathlib import Path
@@ -6,13 +6,18 @@ from typing import Any
 
 from ddf.core import shipped_models
 
-EXAMPLES = ("ddf reconstruct chair_model/sample_0.png chair my_chair",)
+EXAMPLES = (
+    "ddf reconstruct chair_model/sample_0.png chair my_chair",
+    "ddf reconstruct chair_model/sample_0.png chair_model/sample_1.png chair my_chairs",
+)
 DEFAULT_POINTS, DEFAULT_SIZE = 5000, 256
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare image, model and output folder."""
-    parser.add_argument("image", metavar="IMAGE.png", type=Path, help="RGBA image; its alpha is the mask of the object")
+    parser.add_argument(
+        "images", metavar="IMAGE.png", nargs="+", type=Path, help="RGBA images; the alpha is the mask of the object"
+    )
     parser.add_argument(
         "model",
         metavar="MODEL",
@@ -20,7 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="trained DDF: a name that `ddf models` lists, or artifacts/cpu/train_ddf/chair",
     )
     parser.add_argument(
-        "out", metavar="OUT_DIR", type=Path, help="folder, made if needed; gets cloud.ply, camera.json and pictures"
+        "out",
+        metavar="OUT_DIR",
+        type=Path,
+        help="folder, made if needed; gets cloud.ply, camera.json and pictures; of several images, a folder for each",
     )
     parser.add_argument("-n", "--points", type=int, default=DEFAULT_POINTS, help="of the cloud (default %(default)s)")
     parser.add_argument("--size", type=int, default=DEFAULT_SIZE, help="of the renders, pixels (default %(default)s)")
