@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +15,6 @@ from ddf.api import meshes, queries
 from ddf.core import checks, extras, shipped_models
 from ddf.fields import framed_field
 from ddf.geometry.mesh_io import Mesh
-from ddf.shape import cloud_normals
 
 if TYPE_CHECKING:
     from ddf.shape import shape_field
@@ -59,16 +58,19 @@ class Field(queries.Queried):
             from ddf.shape import cloud_defaults, shape_field
         return shape_field.cloud(self._weights, n, cloud_defaults.cloud(), seed)
 
-    def surface(self, n: int = 5000) -> Mesh:
-        """A triangle mesh of the surface: screened Poisson through points with normals. Needs Open3D.
+    def surface(self, n: int = 5000, method: Literal["poisson", "udf"] = "poisson", resolution: int = 64) -> Mesh:
+        """A triangle mesh of the surface. Needs Open3D.
 
         Args:
-          n: points that it goes through; they are some of those that `udf` measures to.
+          n: points with normals that `poisson` goes through; they are some of those that `udf` measures to.
+          method: `poisson`, screened Poisson, is smooth and wants an outer side; `udf`, surface nets of the unsigned
+            distances, keeps open and inner sheets.
+          resolution: cells of `udf` along the longest side of the box.
         Returns:
           `.vertices` (k, 3) float64 in the frame and the unit of the mesh, `.faces` (m, 3); open where the field has no
-          points, and finer where it has many.
+          points.
         Raises:
-          ValueError: the field sees no surface, or Open3D is not installed.
+          ValueError: the field sees no surface, the method is another word, or Open3D is not installed.
 
         Example:
           >>> import ddf
@@ -77,11 +79,10 @@ class Field(queries.Queried):
           (3, True)
         """
         with extras.named():
-            from ddf.geometry import poisson
-        points = self._hits[:n]
-        normals = cloud_normals.ask(self.framed, points)
-        found = normals.any(axis=1)
-        return poisson.surface(points[found], normals[found])
+            from ddf.shape import surfaces
+        if method not in surfaces.METHODS:
+            raise checks.InputError(f"method must be one of {', '.join(surfaces.METHODS)}; got {method!r}")
+        return surfaces.extract(self.framed, self.cloud, method, n, resolution)
 
 
 def load(path_or_name: str | Path) -> Field:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ddf.api import inputs
 from ddf.fields import checked_cloud, framed_field
-from ddf.geometry import neighbours, transforms
+from ddf.geometry import transforms
 
 
 class Queried:
@@ -108,7 +108,8 @@ class Queried:
         """Unsigned distances to the surface, and the directions of its closest point.
 
         The distance is that to the nearest of 20,000 hits. They are drawn once from the field, at the first call; each
-        was asked for again from four other starts on its ray, and the answers agreed.
+        was asked for again from four other starts on its ray, the answers agreed, and it lies in the plane of its
+        neighbours.
 
         Args:
           positions: (n, 3), anywhere, in the frame and the unit of the mesh.
@@ -123,18 +124,9 @@ class Queried:
           >>> distances.shape, directions.shape, bool(distances[0] > 0.5)
           ((1,), (1, 3), True)
         """
-        asked = inputs.points("positions", positions)
-        if len(asked) == 0:
-            return np.zeros(0), np.zeros((0, 3))
-        cloud = self._cloud
-        dist_sq, index = cloud.nearest(asked, "positions")
-        distances, ways = np.sqrt(dist_sq), self._hits[index] - asked
-        return distances, ways / np.where(distances == 0, 1.0, distances)[:, None]
+        return self.cloud.distances(inputs.points("positions", positions))
 
     @cached_property
-    def _hits(self) -> Float[np.ndarray, "m 3"]:
+    def cloud(self) -> checked_cloud.CheckedCloud:
+        """The hits that `udf` measures to, drawn at the first use."""
         return checked_cloud.draw(self.framed)
-
-    @cached_property
-    def _cloud(self) -> neighbours.Neighbours:
-        return neighbours.Neighbours(self._hits)

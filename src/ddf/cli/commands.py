@@ -28,6 +28,7 @@ COMMANDS = {
     "view": Command("field.view", "a page that renders a field live, as one file that any browser opens"),
     "points": Command("field.points", "a point cloud with normals on the surface of a field"),
     "udf": Command("field.udf", "unsigned distances to the surface of a field, and where it is nearest"),
+    "surface": Command("field.surface", "a triangle mesh of a field, and how near it is to the true one"),
     "scene": Command("field.scene", "several fields in one scene, from one camera or along a path"),
     "models": Command("model.models", "the trained models and fields that come with the package"),
     "reconstruct": Command("model.reconstruct", "camera, cloud and renders from images with a trained model"),

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pymeshlab
+import trimesh
 from jaxtyping import Float
 
 from ddf.core import seeding
@@ -86,6 +87,27 @@ def nested() -> Mesh:
     return Mesh(
         np.concatenate([outer.vertices, vertices]), np.concatenate([outer.faces, inner.faces + len(outer.vertices)])
     )
+
+
+def room() -> Mesh:
+    """Five sides of the cube [-1, 1]^3, open to +Z, as in [DDF22] fig. `simpleroom`."""
+    whole = _box(1.0)
+    return Mesh(whole.vertices, whole.faces[:-2])
+
+
+def furnished(scale: float, at: tuple[float, float, float]) -> Mesh:
+    """The room with the rabbit in it, as one mesh: its vertices times `scale`, then moved to `at`."""
+    walls, inside = room(), rabbit()
+    vertices = np.concatenate([walls.vertices, scale * inside.vertices + np.array(at)])
+    return Mesh(vertices, np.concatenate([walls.faces, inside.faces + len(walls.vertices)]))
+
+
+def two_spheres(radius: float = 0.4, distance: float = 1.1) -> Mesh:
+    """Two spheres side by side along x, as `geometry.primitives.two_spheres`, in 10,240 triangles."""
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=radius)
+    shift = np.array([distance / 2, 0.0, 0.0])
+    vertices = np.concatenate([ball.vertices - shift, ball.vertices + shift])
+    return Mesh(vertices, np.concatenate([ball.faces, ball.faces + len(ball.vertices)]))
 
 
 def _procedural(build: Callable[[np.random.Generator], list], seed: int) -> Mesh:
