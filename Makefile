@@ -35,6 +35,9 @@ SHAPE_STAGES := stage-fit_shape stage-ablate_samples stage-report_shape
 fit-shape $(SHAPE_STAGES): CONFIG := configs/fit.yaml
 fit-shape: $(READY) ## one field for one shape, what each sample type is worth, and their page: [CONFIG=configs/paper_fit.yaml]
 	$(run)
+figures: CONFIG := configs/figures.yaml
+figures: $(READY) ## the figures of the paper, remade, with numbers against exact values: reports/figures
+	$(run)
 STAGES := $(shell sed -n 's/^  \([a-z_]*\):$$/stage-\1/p' pipeline.yaml)
 $(STAGES): $(READY) ## one stage (dataset, meshes, ..., report) and what it needs
 	$(run) --stage $(@:stage-%=%)

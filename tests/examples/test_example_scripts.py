@@ -50,6 +50,12 @@ def test_compose_two(tmp_path):
     assert 0.1 < (picture > 0).mean() < 0.9
 
 
+def test_recover_pose(tmp_path):
+    said = _run(tmp_path, "recover_pose.py", "--turn", "5", "--shift", "0.05", "--steps", "60")
+    angle, shift = map(float, re.findall(r"\d+\.\d+", said))
+    assert angle < 1 and shift < 0.01
+
+
 def test_reconstruct_an_image(tmp_path):
     said = _run(tmp_path, "reconstruct_an_image.py", "chair.npz", "--points", "100")
     with np.load(tmp_path / "chair.npz") as found:

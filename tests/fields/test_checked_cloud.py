@@ -54,7 +54,7 @@ def test_discs_take_noise_off_and_leave_the_shape():
     off = np.abs(np.linalg.norm(found.centres, axis=1) - 1)
     assert off.mean() < 0.6 * np.abs(np.linalg.norm(noisy, axis=1) - 1).mean()
     assert np.median(np.abs((found.normals * sphere).sum(1))) > 0.95
-    assert np.median(np.pi * found.radii**2) * 6000 == pytest.approx(4 * np.pi, rel=0.4)
+    assert np.median(np.pi * found.radii**2) * 6000 == pytest.approx(8 * np.pi, rel=0.4)
 
 
 def test_discs_of_a_plane_are_the_plane():

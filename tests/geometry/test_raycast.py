@@ -211,3 +211,12 @@ def test_spread_directions_are_unit_and_balanced():
     assert np.linalg.norm(directions.mean(axis=0)) < 0.02
     nearest = np.sort(directions @ directions.T, axis=1)[:, -2]
     assert np.degrees(np.arccos(nearest)).min() > 15  # 64 even directions are about 26 degrees apart
+
+
+def test_closest_points_of_a_cube_lie_on_it_at_the_distance():
+    mesh = moved(cube(), 3.0, (100.0, 0.0, -5.0))
+    positions = np.random.default_rng(0).uniform(-2, 2, (200, 3)) * 3 + np.array([100.0, 0.0, -5.0])
+    scene = raycast.Scene(mesh)
+    closest = scene.closest(positions)
+    np.testing.assert_allclose(np.linalg.norm(closest - positions, axis=1), scene.distance(positions), atol=1e-5)
+    assert scene.distance(closest).max() < 1e-5

@@ -16,7 +16,8 @@ from ddf.shape import cloud_defaults, fit_settings
 FILES = sorted((Path(__file__).resolve().parents[2] / "configs").glob("*.yaml"))
 FITS = [path for path in FILES if set(config.read(path)) == set(config.FIT_SECTIONS)]  # of single shapes
 GENERATIVE = [path for path in FILES if set(config.read(path)) & set(config.GENERATIVE_SECTIONS)]
-CONFIGS = [path for path in FILES if path not in (*FITS, *GENERATIVE)]
+FIGURES = [path for path in FILES if set(config.read(path)) == set(config.FIGURES_SECTIONS)]
+CONFIGS = [path for path in FILES if path not in (*FITS, *GENERATIVE, *FIGURES)]
 
 
 def test_every_section_names_its_dataclass():
@@ -51,6 +52,11 @@ def test_fit_files_load(path):
 @pytest.mark.parametrize("path", GENERATIVE, ids=lambda path: path.stem)
 def test_generative_files_load(path):
     assert set(config.load_all(path)) == {*config.DATA_SECTIONS, *config.GENERATIVE_SECTIONS}
+
+
+@pytest.mark.parametrize("path", FIGURES, ids=lambda path: path.stem)
+def test_files_of_figures_load(path):
+    assert set(config.load_all(path)) == set(config.FIGURES_SECTIONS)
 
 
 def test_paper_fit_has_the_published_field():

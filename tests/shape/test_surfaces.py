@@ -15,7 +15,7 @@ SPHERE = closed_form.ClosedForm(primitives.Sphere(radius=0.8))
 
 @pytest.fixture(scope="module")
 def cloud():
-    return checked_cloud.draw(SPHERE, 6000)
+    return checked_cloud.draw(SPHERE, 20_000)
 
 
 @pytest.mark.parametrize("method", surfaces.METHODS)

@@ -39,7 +39,8 @@ GENERATIVE_SECTIONS = {
     "gan": "ddf.generative.settings:GANConfig",
     "scores": "ddf.generative.settings:ScoresConfig",
 }
-ALL_SECTIONS = SECTIONS | FIT_SECTIONS | GENERATIVE_SECTIONS
+FIGURES_SECTIONS = {"figures": "ddf.report.paper_figures.figure_fields:FiguresConfig"}  # of a file of its own
+ALL_SECTIONS = SECTIONS | FIT_SECTIONS | GENERATIVE_SECTIONS | FIGURES_SECTIONS
 
 T = TypeVar("T")
 

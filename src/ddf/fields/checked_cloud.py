@@ -48,8 +48,9 @@ def flat_discs(points: Float[np.ndarray, "n 3"], count: int) -> Discs:
     """Each point moved onto the plane of least squares through its `count` nearest, itself included, with that plane.
 
     Noise of independent points falls as 1/sqrt(count); a surface of curvature κ moves by about κ r²/4, with r the
-    reach of the neighbours. A disc's area is that of a point's share of these, and at most `LARGEST_DISC`² times the
-    usual: a stray point has no neighbours to lie in one plane with. Of `count` points or fewer, radii are 0.
+    reach of the neighbours. A disc's area is twice a point's share of these, so that discs overlap, and at most
+    `LARGEST_DISC`² times the usual: a stray point has no neighbours to lie in one plane with. Of `count` points or
+    fewer, radii are 0.
     """
     if len(points) <= count:
         return Discs(points, np.zeros_like(points), np.zeros(len(points)))
@@ -59,7 +60,7 @@ def flat_discs(points: Float[np.ndarray, "n 3"], count: int) -> Discs:
     offsets = around - centre[:, None]
     normals = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))[1][:, :, 0]
     onto = points - ((points - centre) * normals).sum(axis=1, keepdims=True) * normals
-    radii = np.sqrt(dist_sq.max(axis=1) / count)
+    radii = np.sqrt(2 * dist_sq.max(axis=1) / count)
     return Discs(onto, normals, np.minimum(radii, LARGEST_DISC * np.median(radii)))
 
 

@@ -163,6 +163,11 @@ class Scene:
         face = self.kept[answer["primitive_ids"].numpy().astype(np.int64)]
         return distance_to_triangles(np.asarray(positions, dtype=np.float64), self.mesh.triangles[face])
 
+    def closest(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """The closest points of the surface, in the mesh's frame; float32 of half the longest side."""
+        answer = self._scene.compute_closest_points(o3d.core.Tensor(self.local(positions).astype(np.float32)))
+        return self.scale * answer["points"].numpy().astype(np.float64) + self.centre
+
     def outside(self, positions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Whether points lie outside a closed mesh (parity of crossings along three rays, by majority)."""
         query = o3d.core.Tensor(self.local(positions).astype(np.float32))

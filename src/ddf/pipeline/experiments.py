@@ -24,13 +24,24 @@ HASH_DIGITS = 8
 Lists = dict[str, dict[str, dict[str, str]]]
 
 
-Kind = Literal["reconstruction", "shape", "generative"]
+Kind = Literal["reconstruction", "shape", "generative", "figures"]
 LAST_STAGE: dict[Kind, str] = {
     "reconstruction": "report",
     "shape": "report_shape",
     "generative": "report_generative",
+    "figures": "figures",
 }
-LISTS = ("sources", "sets", "experiments", "tasks", "runs", "evaluations", "shapes", "generations")  # of pipeline.yaml
+LISTS = (  # of pipeline.yaml
+    "sources",
+    "sets",
+    "experiments",
+    "tasks",
+    "runs",
+    "evaluations",
+    "shapes",
+    "generations",
+    "figures",
+)
 
 
 @dataclass(frozen=True)
@@ -59,6 +70,8 @@ class Experiment:
         none: Lists = {name: {} for name in LISTS}
         if self.kind == "shape":
             return none | {"shapes": whole}
+        if self.kind == "figures":
+            return none | {"figures": whole}
         if self.kind == "generative":
             return none | {"sources": whole, "sets": tasks, "generations": tasks}
         runs = {
@@ -116,6 +129,8 @@ def read(file: Path) -> Experiment:
     sections = config.read(file)
     if set(sections) == set(config.FIT_SECTIONS):
         return Experiment(file, (), "shape")
+    if set(sections) == set(config.FIGURES_SECTIONS):
+        return Experiment(file, (), "figures")
     generative = bool(set(sections) & set(config.GENERATIVE_SECTIONS))
     needed = (*config.DATA_SECTIONS, *config.GENERATIVE_SECTIONS) if generative else tuple(config.SECTIONS)
     missing = [name for name in needed if name not in sections]

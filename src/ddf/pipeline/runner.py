@@ -81,6 +81,8 @@ def _record(experiment: experiments.Experiment, options: Options) -> experiments
         path = Path(mesh).expanduser() if isinstance(mesh, str) else None
         _write(folder / "mesh.sha256", f"{storage.checksum(path) if path and path.is_file() else 'no file'}\n")
         return lists
+    if experiment.kind == "figures":
+        return lists
     _write(folder / "evaluate_seeds" / "count", f"{options.seeds}\n")
     root = folder / "data_root"
     if options.data is not None:

@@ -63,6 +63,23 @@ class AblationConfig:
         _check_budget("fit.ablation", self.steps, self.minutes)
 
 
+@dataclass(frozen=True)
+class ConsistencyWeights:
+    """Section `fit.consistency`: γ of what only a true DDF satisfies (`fields.consistency`); none in the paper.
+
+    view: of the inequality ξ(p_2, v_2) = 1, d(p_2, v_2) <= t for points q_1 of the surface that U samples see, looked
+    at from the position of another U sample. gradient: of Property III, on U samples. 0 costs nothing.
+    """
+
+    view: float = 0.0
+    gradient: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("view", "gradient"):
+            if not 0 <= getattr(self, name) < float("inf"):
+                raise checks.InputError(f"fit.consistency.{name} must be >= 0 and finite; got {getattr(self, name)}")
+
+
 _PAGE, _ABLATION = PageConfig(168, "y", 20_000), AblationConfig(500_000, 25_000, None, 0.75)
 
 
@@ -102,6 +119,7 @@ class FitConfig:
     margin: float
     start: Literal["flat", "random"]
     loop: training_loop.LoopConfig
+    consistency: ConsistencyWeights = ConsistencyWeights()
     page: PageConfig = _PAGE
     ablation: AblationConfig = _ABLATION
     tangents: sampling.Tangents = "cast"

@@ -102,12 +102,18 @@ def furnished(scale: float, at: tuple[float, float, float]) -> Mesh:
     return Mesh(vertices, np.concatenate([walls.faces, inside.faces + len(walls.vertices)]))
 
 
+def ball(radius: float, subdivisions: int) -> Mesh:
+    """A sphere about the origin: an icosahedron divided so often, its corners on the sphere."""
+    shape = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
+    return Mesh(np.array(shape.vertices), np.array(shape.faces))
+
+
 def two_spheres(radius: float = 0.4, distance: float = 1.1) -> Mesh:
     """Two spheres side by side along x, as `geometry.primitives.two_spheres`, in 10,240 triangles."""
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=radius)
+    one = ball(radius, 4)
     shift = np.array([distance / 2, 0.0, 0.0])
-    vertices = np.concatenate([ball.vertices - shift, ball.vertices + shift])
-    return Mesh(vertices, np.concatenate([ball.faces, ball.faces + len(ball.vertices)]))
+    vertices = np.concatenate([one.vertices - shift, one.vertices + shift])
+    return Mesh(vertices, np.concatenate([one.faces, one.faces + len(one.vertices)]))
 
 
 def _procedural(build: Callable[[np.random.Generator], list], seed: int) -> Mesh:

@@ -1,0 +1,165 @@
+"""A room of five planes with the rabbit in it: two fields composed, beside one field of the whole. [DDF22] §4.1.
+
+The camera comes from outside, enters the room, and ends within the rabbit, whose inside the field knows too
+([DDF22] fig. `simpleroom`; the one field of the whole: app. `noncompfiteg`). Truth: rays cast against the mesh.
+"""
+
+import time
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool
+
+from ddf.fields import framed_field
+from ddf.fields.scenes import camera_paths, scene_field
+from ddf.geometry import raycast, rays, transforms
+from ddf.report import field_pictures, pages, picture_strips
+from ddf.report.paper_figures import figure_fields
+from ddf.shape.shape_field import ShapeField
+
+ROOM, RABBIT, EDGE = "walls", "rabbit", "near edges"
+FLIGHT = tuple(
+    camera_paths.LookAt(np.array(position), np.array(target))
+    for position, target in (
+        ((1.6, 1.0, 4.0), (0.0, -0.3, 0.0)),
+        ((0.5, 0.2, 1.6), (0.0, -0.4, 0.0)),
+        ((0.1, -0.3, 0.9), (0.0, -0.5, 0.0)),
+        ((0.0, -0.62, -0.05), (0.0, -0.3, 0.4)),
+    )
+)
+FRAMES = 6
+_NEAR_EDGE = 0.1  # of the room whose side is 2
+_ASKED = ("visibility", "depth", "normals")
+COUNTS = (1, 4, 16, 64)
+
+
+def parts(config: figure_fields.FiguresConfig, folder: Path) -> tuple[scene_field.SceneField, ShapeField]:
+    """The composite of room and rabbit, and the one field of both."""
+    room, rabbit, whole = (figure_fields.fitted(name, config, folder) for name in ("room", "rabbit", "furnished"))
+    scale, at = figure_fields.STAND
+    places = (transforms.Similarity(), transforms.Similarity(scale, np.eye(3), np.array(at)))
+    return scene_field.SceneField((room, rabbit), places, np.full(3, -1.05), np.full(3, 1.05)), whole
+
+
+def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
+    """Pictures of the flight, errors by region, and what scenes of many objects cost."""
+    composite, whole = parts(config, folder)
+    truth = raycast.Scene(figure_fields.SHAPES["furnished"]())
+    looks = camera_paths.fly(FLIGHT, FRAMES)
+    columns = [f"camera {i + 1}" for i in range(FRAMES)]
+    seen = [_points(look, config.picture_size) for look in looks]
+    hits = [raycast.cast(truth, points) for points in seen]
+    rows = []
+    for name, field in (("two fields composed", composite), ("one field of twice the width", whole)):
+        found = [framed_field.query(field, points, _ASKED)[0] for points in seen]
+        rows.append(picture_strips.StripRow(name, ("normals",), [_normals(each) for each in found]))
+    exact = [{"normals": hit.normals, "visibility": hit.visible.astype(float)} for hit in hits]
+    rows.append(picture_strips.StripRow("exact", ("rays cast against the mesh",), [_normals(each) for each in exact]))
+    return pages.Section(
+        "A room and a rabbit",
+        [
+            pages.Figure(
+                "room.webp",
+                "The camera enters the room and ends within the rabbit. Colours are normals.",
+                "Six cameras on a way into a room and into a rabbit: composite, one field, exact",
+                picture_strips.strip(columns, rows, per_line=FRAMES),
+            ),
+            _errors(composite, whole, truth),
+            _cost(composite.fields[1]),
+            "Answers [DDF22] figs. `simpleroom` and `app:fig:simpleroom2xsl`.",
+        ],
+    )
+
+
+def _points(look: camera_paths.LookAt, size: int) -> rays.OrientedPoints[np.ndarray]:
+    return rays.OrientedPoints(*look.rays(size))
+
+
+def _normals(found: dict[str, np.ndarray]) -> picture_strips.Picture:
+    size = round(len(found["visibility"]) ** 0.5)
+    return field_pictures.normals_picture(
+        found["normals"].reshape(size, size, 3), found["visibility"].reshape(size, size)
+    )
+
+
+def _errors(composite: scene_field.SceneField, whole: ShapeField, truth: raycast.Scene) -> pages.Table:
+    """Medians over the rays of a denser flight, by what is met; the parts alone beside them."""
+    looks = camera_paths.fly(FLIGHT, 3 * FRAMES)
+    every = [_points(look, 48) for look in looks]
+    points = rays.OrientedPoints(*(np.concatenate([getattr(p, n) for p in every]) for n in ("positions", "directions")))
+    hits = raycast.cast(truth, points)
+    regions = _regions(points, hits)
+    rows = []
+    for name, field in (
+        ("composed", composite),
+        ("one field", whole),
+        ("room alone", composite.fields[0]),
+        ("rabbit alone", _placed(composite, 1)),
+    ):
+        found, _ = framed_field.query(field, points, _ASKED)
+        shown = {"room alone": (ROOM, EDGE), "rabbit alone": (RABBIT,)}.get(name, tuple(regions))
+        cells = []
+        for region, chosen in regions.items():
+            cells += _cells(found, hits, chosen) if region in shown else ["–", "–", "–"]
+        rows.append([name, *cells])
+    header = ["", *(word for _ in regions for word in ("depth", "normals, °", "unseen, %"))]
+    groups = [("", 1, False), *((region, 3, i % 2 == 0) for i, region in enumerate(regions))]
+    return pages.Table(
+        f"Median |depth - exact| and angle where both see a surface, and the share that the field does not see, over"
+        f" {len(points.positions):,} rays of the flight; the room's side is 2. `near edges`: hits on walls within"
+        f" {_NEAR_EDGE} of where two meet. A part alone is judged where it is what is met.",
+        groups,
+        header,
+        rows,
+    )
+
+
+def _placed(composite: scene_field.SceneField, index: int) -> scene_field.SceneField:
+    """A scene of one of the fields."""
+    return scene_field.SceneField(
+        (composite.fields[index],), (composite.scene_from_mesh[index],), composite.lower, composite.upper
+    )
+
+
+def _regions(
+    points: rays.OrientedPoints[np.ndarray], hits: rays.RayHits[np.ndarray]
+) -> dict[str, Bool[np.ndarray, "n"]]:
+    """Which rays meet the walls, their edges, the rabbit; the first ten triangles are the walls."""
+    on = hits.visible & (hits.face < 10)
+    at = points.positions + np.where(hits.visible, hits.depth, 0.0)[:, None] * points.directions
+    edges = (np.abs(at) > 1 - _NEAR_EDGE).sum(axis=1) >= 2
+    return {ROOM: on & ~edges, EDGE: on & edges, RABBIT: hits.visible & ~on}
+
+
+def _cells(found: dict[str, np.ndarray], hits: rays.RayHits[np.ndarray], chosen: Bool[np.ndarray, "n"]) -> list[str]:
+    both = chosen & np.isfinite(found["depth"])
+    off = np.abs(found["depth"][both] - hits.depth[both])
+    cosine = (found["normals"][both] * hits.normals[both]).sum(axis=1)
+    angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    unseen = 100 * (chosen & ~np.isfinite(found["depth"])).sum() / max(1, chosen.sum())
+    return [f"{np.median(off):.4f}", f"{np.median(angle):.1f}", f"{unseen:.1f}"]
+
+
+def _cost(field: framed_field.FramedField, size: int = 48) -> pages.Table:
+    """Queries and time of pictures of up to 64 of the same field on a lattice."""
+    rows = []
+    for count in COUNTS:
+        side = round(count ** (1 / 3) + 0.499)
+        cells = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[:count]
+        places = tuple(transforms.Similarity(0.45 / side, np.eye(3), (2 * cell + 1) / side - 1) for cell in cells)
+        counted = tuple(scene_field.Counted(field) for _ in places)
+        scene = scene_field.SceneField(counted, places, np.full(3, -1.3), np.full(3, 1.3))
+        radius = framed_field.framing_radius(scene, 35.0, 25.0, "y")
+        points = _points(camera_paths.one(scene, 35.0, 25.0, radius, "y"), size)
+        started = time.process_time()
+        framed_field.query(scene, points, ("depth",))
+        seconds, queries = time.process_time() - started, sum(each.queries for each in counted)
+        share = f"{100 * (1 - queries / count / size**2):.1f}"
+        rows.append([str(count), f"{queries / size**2:.2f}", share, f"{1e3 * seconds / count:.1f}"])
+    return pages.Table(
+        f"Scenes of so many rabbits, {size} x {size} pixels of depth. Saved: of all objects asked for all pixels. The"
+        " time is of a core; `reports/bench` has it for closed forms and with culling switched off.",
+        [("", 4, False)],
+        ["objects", "queries a pixel", "saved, %", "ms an object"],
+        rows,
+    )
