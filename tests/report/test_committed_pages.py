@@ -9,7 +9,15 @@ import pytest
 from ddf.report import pages
 
 ROOT = Path(__file__).resolve().parents[2]
-KEPT = ("README.md", "cpu/README.md", "fit/README.md", "fit_proof/README.md", "bench/README.md", "growth.md")
+KEPT = (
+    "README.md",
+    "cpu/README.md",
+    "figures/README.md",
+    "fit/README.md",
+    "fit_proof/README.md",
+    "bench/README.md",
+    "growth.md",
+)
 PAGES = [ROOT / "reports" / name for name in (*KEPT, "hard_cases.md")]
 
 

@@ -26,7 +26,7 @@ def test_a_weight_adds_its_term_and_its_gradient(name, term, drawn):
     plain, terms = fitting.step_loss(field, samples, TINY, 0)
     total, found = fitting.step_loss(field, samples, settings, 0)
     assert term not in terms and float(found[term]) > 0
-    assert float(total - plain) == pytest.approx(2 * float(found[term]), rel=1e-4)
+    assert float((total - plain).detach()) == pytest.approx(2 * float(found[term]), rel=1e-4)
     parts = (torch.autograd.grad(value, list(field.parameters()))[2] for value in (total, plain))
     assert np.subtract(*(part.numpy() for part in parts)).any()
 

@@ -5,7 +5,7 @@ Loss: mean |d - d̂| over pixels that both see, plus the cross entropy of visibi
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -21,6 +21,7 @@ _RATE = 0.02  # of Adam, radians and units of the field
 _VISIBILITY = 0.05  # weight of the cross entropy
 
 
+@runtime_checkable
 class Holder(Protocol):
     """What has a network and its box, such as a `shape_field.ShapeField`."""
 

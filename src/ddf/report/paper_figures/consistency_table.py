@@ -14,7 +14,7 @@ from ddf.report.paper_figures import figure_fields
 from ddf.shape import field_diagnostics, fit_settings, fitting, shape_field
 
 SHAPE = "rabbit"
-_KINDS = ("U", "S", "T")
+_KINDS = ("U", "S")
 FITS = {
     "none": fit_settings.ConsistencyWeights(),
     "view, 0.3": fit_settings.ConsistencyWeights(view=0.3),
@@ -38,7 +38,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         figure_fields.keep(mesh, settings, place)
         rows.append(_row(name, place))
     header = ["loss, its weight", *(f"d, {kind}" for kind in _KINDS), "normals, °", "view d, 95 %", "1 - ξ, 95 %"]
-    header += ["Property III", "ms a step"]
+    header += ["Property III"]
     return pages.Section(
         "Consistency losses",
         [
@@ -68,5 +68,4 @@ def _row(name: str, place: Path) -> list[str]:
         f"{found['view_depth']['p95']:.3f}",
         f"{found['view_visibility']['p95']:.3f}",
         f"{found['gradient_consistency']['median']:.3f}",
-        f"{1e3 * fit['seconds_per_step']:.0f}",
     ]

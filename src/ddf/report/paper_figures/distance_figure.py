@@ -89,7 +89,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             cells.append(_slices(name, field, nearest, cloud[0], config.picture_size))
     columns = ("UDF", "exact UDF", "v*", "exact v*")
     strip = [picture_strips.StripRow(heading, ("a slice through the middle, z fixed",), row) for heading, row in cells]
-    header = ["shape", "way", "mean", "median", "near", "v*, °", f"> {TURNED_DEG:g}°, %", "queries", "once"]
+    header = ["shape", "way", "mean", "near", "v*, °", f"> {TURNED_DEG:g}°, %", "queries", "once"]
     return pages.Section(
         "Unsigned distances and v*",
         [
@@ -148,7 +148,6 @@ def _rows(
                 TITLES.get(name, name),
                 way,
                 f"{np.nanmean(errors):.4f}",
-                f"{np.nanmedian(errors):.4f}",
                 f"{np.nanmean(near):.4f}",
                 f"{np.nanmedian(angle):.1f}",
                 f"{100 * np.nanmean(angle > TURNED_DEG):.1f}",

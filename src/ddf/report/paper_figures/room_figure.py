@@ -66,6 +66,8 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             ),
             _errors(composite, whole, truth),
             _cost(composite.fields[1]),
+            f"The one field has twice the width and twice the samples. Its {config.whole_steps:,} steps cost as much as"
+            f" {4 * config.whole_steps:,} of a part; the room has {config.steps:,}, the rabbit 6,000.",
             "Answers [DDF22] figs. `simpleroom` and `app:fig:simpleroom2xsl`.",
         ],
     )
@@ -98,19 +100,16 @@ def _errors(composite: scene_field.SceneField, whole: ShapeField, truth: raycast
     ):
         found, _ = framed_field.query(field, points, _ASKED)
         shown = {"room alone": (ROOM, EDGE), "rabbit alone": (RABBIT,)}.get(name, tuple(regions))
-        cells = []
-        for region, chosen in regions.items():
-            cells += _cells(found, hits, chosen) if region in shown else ["–", "–", "–"]
-        rows.append([name, *cells])
-    header = ["", *(word for _ in regions for word in ("depth", "normals, °", "unseen, %"))]
-    groups = [("", 1, False), *((region, 3, i % 2 == 0) for i, region in enumerate(regions))]
+        rows += [[region, name, *_cells(found, hits, chosen)] for region, chosen in regions.items() if region in shown]
+    rows.sort(key=lambda row: tuple(regions).index(row[0]))
     return pages.Table(
         f"Median |depth - exact| and angle where both see a surface, and the share that the field does not see, over"
         f" {len(points.positions):,} rays of the flight; the room's side is 2. `near edges`: hits on walls within"
         f" {_NEAR_EDGE} of where two meet. A part alone is judged where it is what is met.",
-        groups,
-        header,
+        [("", 5, False)],
+        ["what is met", "field", "depth", "normals, °", "unseen, %"],
         rows,
+        labels=2,
     )
 
 

@@ -78,7 +78,7 @@ def _picture(part: dict[str, Float[np.ndarray, "n ..."]], size: int) -> picture_
     side = size * _OVERSAMPLING
     canvas = Image.new("RGB", (side, side), "white")
     draw = ImageDraw.Draw(canvas)
-    pose = cameras.extrinsics(*(np.float64(value) for value in _CAMERA))
+    pose = cameras.extrinsics(*(np.array(value) for value in _CAMERA))
     rim = side * _SIZE / _CAMERA[2] * cameras.FOCAL_PX / cameras.IMAGE_SIZE
     draw.ellipse([side / 2 - rim, side / 2 - rim, side / 2 + rim, side / 2 + rim], fill=_FAINT)
 
