@@ -15,7 +15,7 @@ CONFIG = figure_fields.FiguresConfig(10, 10, 10, 10, 32)
 
 def test_a_fit_is_made_once_and_anew_for_other_settings(tmp_path, monkeypatch):
     made, fit = [], fitting.fit
-    monkeypatch.setattr(fitting, "fit", lambda mesh, settings, folder: made.append(fit(mesh, settings, folder)))
+    monkeypatch.setattr(fitting, "fit", lambda *given, **named: made.append(fit(*given, **named)))
     for settings in (TINY, TINY, dataclasses.replace(TINY, steps=7)):
         figure_fields.keep(icosphere(2), settings, tmp_path)
     assert [result["steps"] for result in made] == [TINY.steps, 7]

@@ -71,5 +71,5 @@ def keep(mesh: Mesh, settings: fit_settings.FitConfig, folder: Path) -> None:
     content = json.dumps([dataclasses.asdict(settings), mesh.vertices.tolist(), mesh.faces.tolist()])
     identity, file = hashlib.sha256(content.encode()).hexdigest(), folder / IDENTITY
     if not file.is_file() or file.read_text(encoding="utf-8") != identity:
-        fitting.fit(mesh, settings, folder)
+        fitting.fit(mesh, settings, folder, force=True)
         storage.write_text(file, identity)
