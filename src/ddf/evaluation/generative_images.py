@@ -65,7 +65,7 @@ def generated_2d(model: image_gans.NoiseGAN, count: int, seed: int) -> Float[Ten
 def scores(
     network: image_features.FeatureNetwork,
     images: category_data.ImageSet,
-    made: dict[str, Float[Tensor, "n 3 h w"]],
+    made: dict[str, Float[Tensor, "_ 3 h w"]],
     section: settings.ScoresConfig,
 ) -> dict[str, Any]:
     """KID, precision, recall and, with Inception's weights, FID, of models, bounds and spoiled images.

@@ -19,7 +19,7 @@ def draw(
     sampled: category_data.ImageSet,
     nearest: list[str],
     section: settings.ScoresConfig,
-) -> dict[str, Float[Tensor, "n 3 h w"]]:
+) -> dict[str, Float[Tensor, "_ 3 h w"]]:
     """Images by the name of their picture: normals in [-1, 1], colours in [0, 1].
 
     Args:

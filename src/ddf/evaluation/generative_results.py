@@ -37,7 +37,7 @@ class Places:
 
 def measure(
     places: Places, category: str, section: settings.ScoresConfig
-) -> tuple[dict[str, Any], dict[str, Float[Tensor, "n 3 h w"]]]:
+) -> tuple[dict[str, Any], dict[str, Float[Tensor, "_ 3 h w"]]]:
     """The numbers of the page, and the images of its pictures by name."""
     vae, gan, rival = shape_vae.load(places.vae), image_gans.load(places.gan), image_gans.load_2d(places.gan2d)
     parts = shape_data.parts(places.index, places.samples, category, vae.config.held_out)

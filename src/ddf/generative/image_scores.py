@@ -111,7 +111,7 @@ class _Bytes(torch.utils.data.Dataset):
 
 
 def table(
-    sets: Mapping[str, Float[Tensor, "n features"]],
+    sets: Mapping[str, Float[Tensor, "_ features"]],
     real: Float[Tensor, "m features"],
     section: settings.ScoresConfig,
 ) -> dict[str, Any]:

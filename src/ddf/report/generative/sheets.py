@@ -12,7 +12,7 @@ CELL = 96  # pixels of an image's side
 _GAP, _NAME = 4, 24
 _INK = (32, 36, 44)
 
-Images = Float[np.ndarray, "n 3 h w"]
+Images = Float[np.ndarray, "_ 3 _ _"]  # rows differ in number
 Row = tuple[str, Images]
 
 
