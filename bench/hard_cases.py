@@ -4,6 +4,7 @@ Runs the list that tests/hard_cases runs; writes reports/hard_cases.md and repor
 """
 
 import json
+import sys
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +14,9 @@ import torch
 from bench.lib import measuring
 from ddf.core import storage
 from ddf.report import pages
-from tests import hard_cases
+
+sys.path.insert(0, str(measuring.ROOT / "tests"))  # a package of PyPI is called `tests` too
+import hard_cases
 
 OUT = measuring.PAGES
 TITLE = "Hard cases"

@@ -84,21 +84,20 @@ class Clock:
         self.rows: list[dict[str, Any]] = []
         self.zero: float | None = None  # of the clock, once it runs; moved on by evaluations
 
-    def around(self, train: Callable[..., None]) -> Callable[..., None]:
+    def around(self, train: Callable[..., tuple[int, float]]) -> Callable[..., tuple[int, float]]:
         """`training_loop.fit` with evaluations between steps, when one is due, and after the last; none elsewhere."""
 
         def call(
             model: pddf.PDDF,
             groups: list[dict],
             step_loss: training_loop.StepLoss,
-            steps: int,
+            steps: int | training_loop.Clock,
             loop: training_loop.LoopConfig,
             out_dir: Path,
             *rest: Any,
-        ) -> None:
+        ) -> tuple[int, float]:
             if out_dir != self.folder:
-                train(model, groups, step_loss, steps, loop, out_dir, *rest)  # a trial, of how long a step takes
-                return
+                return train(model, groups, step_loss, steps, loop, out_dir, *rest)
 
             def watched(step: int) -> tuple[Tensor, dict[str, Tensor]]:
                 if self.zero is None:
@@ -109,11 +108,12 @@ class Clock:
                 loss, terms = step_loss(step)
                 return loss, {**terms, "clock": torch.tensor(self.seconds())}
 
-            train(model, groups, watched, steps, loop, out_dir, *rest)
+            done, seconds = train(model, groups, watched, steps, loop, out_dir, *rest)
             if self.zero is None:  # nothing was left to train
-                self._begin(steps)
-            if not self.rows or self.rows[-1]["step"] < steps:
-                self._evaluate(model, steps)
+                self._begin(done)
+            if not self.rows or self.rows[-1]["step"] < done:
+                self._evaluate(model, done)
+            return done, seconds
 
         return call
 

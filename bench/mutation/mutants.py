@@ -36,8 +36,10 @@ def survives(mutant: Mutant) -> tuple[bool, float]:
         root = Path(place)
         for name in COPIED:
             source = measuring.ROOT / name
-            copy = shutil.copytree if source.is_dir() else shutil.copy2
-            copy(source, root / name, **({"ignore": shutil.ignore_patterns("__pycache__")} if source.is_dir() else {}))
+            if source.is_dir():
+                shutil.copytree(source, root / name, ignore=shutil.ignore_patterns("__pycache__"))
+            else:
+                shutil.copy2(source, root / name)
         file = root / "src" / "ddf" / mutant.file
         text = file.read_text(encoding="utf-8")
         if text.count(mutant.old) != 1:
