@@ -12,7 +12,8 @@ from jaxtyping import Bool, Float, Int, UInt
 
 from ddf.core import arrays
 from ddf.core.arrays import Array
-from ddf.geometry import ray_triangle, rays, sphere
+from ddf.geometry import rays, sphere
+from ddf.geometry.exact import ray_triangle
 from ddf.geometry.mesh_io import Mesh, face_normals, have_area
 
 _MARGIN = 1e-3  # of half the longest side: rays enter a box larger than the mesh, so that flat meshes lie inside it

@@ -23,7 +23,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     import numpy as np
 
     from ddf.core import storage
-    from ddf.geometry import exact_cast, mesh_io, ray_io, raycast
+    from ddf.geometry import mesh_io, ray_io, raycast
+    from ddf.geometry.exact import exact_cast
 
     points = ray_io.read(args.rays)
     mesh = mesh_io.load(args.mesh)

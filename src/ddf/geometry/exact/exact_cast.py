@@ -14,7 +14,8 @@ from jaxtyping import Float, Int
 
 from ddf.core import arrays
 from ddf.core.arrays import Array
-from ddf.geometry import ray_triangle, raycast, rays
+from ddf.geometry import raycast, rays
+from ddf.geometry.exact import ray_triangle
 from ddf.geometry.mesh_io import Mesh
 
 REACH = 2e-6  # of half the longest side: float32 rounds starts, directions and corners by .4e-6, Open3D's sums by 1e-6

@@ -7,7 +7,8 @@ import pytest
 import torch
 from _shapes import cube, icosphere, joined, moved, random_rays, torus
 
-from ddf.geometry import exact_cast, mesh_io, ray_triangle, raycast, rays
+from ddf.geometry import mesh_io, raycast, rays
+from ddf.geometry.exact import exact_cast, ray_triangle
 
 
 def _solve(matrix, right):
