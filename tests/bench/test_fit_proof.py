@@ -53,6 +53,7 @@ class _Clocked:
                 self.passes(10.0)
                 _, terms = step_loss(step)
                 assert 0 <= float(terms["clock"]) <= self.now
+            return steps, self.now
 
         return run
 
@@ -74,7 +75,9 @@ def test_trials_in_other_folders_are_not_on_the_clock(tmp_path, monkeypatch):
     clocked = _Clocked(monkeypatch, evaluation=1000.0)
     clock = fit_curves.Clock(NO_SAMPLES, tmp_path)
     seen = []
-    clock.around(lambda *given: seen.append(given))(None, [], clocked.loss, 10, None, tmp_path / "trial")
+    clock.around(lambda *given: (seen.append(given), (10, 1.0))[1])(
+        None, [], clocked.loss, 10, None, tmp_path / "trial"
+    )
     assert seen == [(None, [], clocked.loss, 10, None, tmp_path / "trial")]
     assert clock.seconds() == 0
     assert clock.rows == []
