@@ -33,7 +33,8 @@ class Section:
 
 @pytest.fixture(autouse=True)
 def _listed(monkeypatch):
-    monkeypatch.setitem(config.SECTIONS, "meshes", f"{__name__}:Section")
+    for listed in (config.SECTIONS, config.ALL_SECTIONS):
+        monkeypatch.setitem(listed, "meshes", f"{__name__}:Section")
 
 
 GOOD: dict[str, Any] = {
@@ -122,7 +123,7 @@ def test_a_file_is_read_by_the_list_of_sections(tmp_path):
     assert config.section_of(Section) == "meshes"
     assert config.class_of("meshes") is Section
     assert config.load_all(path) == {"meshes": config.load(path, Section)}
-    with pytest.raises(ValueError, match=r"config.SECTIONS lists no section of .*:Inner"):
+    with pytest.raises(ValueError, match=r"config.ALL_SECTIONS lists no section of .*:Inner"):
         config.load(path, Inner)
 
 

@@ -86,7 +86,7 @@ def section_of(cls: type) -> str:
     place = f"{cls.__module__}:{cls.__qualname__}"
     names = [name for name, own in ALL_SECTIONS.items() if own == place]
     if not names:
-        raise ValueError(f"config.SECTIONS lists no section of {place}")
+        raise ValueError(f"config.ALL_SECTIONS lists no section of {place}")
     return names[0]
 
 
