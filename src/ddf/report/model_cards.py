@@ -129,7 +129,7 @@ def write_reconstruction(config_path: Path, dataset: shapenet.Dataset, name: str
                 "Matrices are stored in float16.",
             ],
             "Scores": [
-                f"Means of {seeds} trainings on test shapes, in float32: `reports/{config_path.stem}/si3dr.csv`.",
+                f"{_of(seeds)} on test shapes, in float32: `reports/{config_path.stem}/si3dr.csv`.",
                 "D_C x 1000 / F(τ) x 100, with 5,000 points.",
                 *(f"{what}: {scores[column][0]:.3f} / {scores[column][1]:.1f}." for column, what in _COLUMNS.items()),
             ],
@@ -142,6 +142,10 @@ def write_reconstruction(config_path: Path, dataset: shapenet.Dataset, name: str
         },
     )
     return {"name": name, "kind": "reconstruction", "summary": summary}
+
+
+def _of(seeds: int) -> str:
+    return "Means of one training" if seeds == 1 else f"Means of {seeds} trainings"
 
 
 _COLUMNS = {"Pi_g-L": "True camera", "Pi_pred-L": "Predicted camera"}
