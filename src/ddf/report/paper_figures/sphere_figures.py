@@ -74,7 +74,7 @@ def _row(
     others = [field_pictures.picture(name, images) for name in ("weight_1", "normals", "normals_1", "normals_2")]
     hits = _exact(points)
     both = np.isfinite(found["depth"]) & hits.visible.numpy()
-    error = np.median(np.abs(found["depth"] - hits.depth.numpy())[both])
+    error = np.median(np.abs(found["depth"][both] - hits.depth.numpy()[both]))
     return picture_strips.StripRow(heading, (f"median depth error {error:.4f}",), [depth, true, *others])
 
 
@@ -91,10 +91,11 @@ def _table(field: ShapeField, count: int = 40_000) -> pages.Table:
     jump = np.zeros(count, dtype=bool)
     for axis in np.eye(3):
         moved = _exact(rays.OrientedPoints(positions + _EDGE * axis, directions)).depth.numpy()
-        jump |= np.isfinite(depth) & (~np.isfinite(moved) | (np.abs(moved - depth) > 5 * _EDGE))
+        with np.errstate(invalid="ignore"):  # where both are inf
+            jump |= np.isfinite(depth) & (~np.isfinite(moved) | (np.abs(moved - depth) > 5 * _EDGE))
     both, rows = np.isfinite(depth) & np.isfinite(found["depth"]), []
     off = np.zeros(count)
-    off[both] = np.abs(found["depth"] - depth)[both]
+    off[both] = np.abs(found["depth"][both] - depth[both])
     for name, chosen in (("beside a jump", both & jump), ("elsewhere", both & ~jump)):
         mixed = np.abs(found["weight_1"][chosen] - 0.5) < 0.4
         values = (off[chosen].mean(), np.median(off[chosen]), 100 * mixed.mean())
