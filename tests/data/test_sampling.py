@@ -148,7 +148,8 @@ def test_tangent_lines_touch_and_offset_lines_keep_their_distance():
 
 def test_uniform_offsets_fill_the_interval():
     surface = _surface(moved(icosphere(5), 0.8, (0, 0, 0)))
-    drawn = draws.draw_offset(surface, draws.CUBE, 4000, _random(), 0.05, uniform=True)
+    config = sampling.SamplesConfig(epsilon_o=0.05, offsets="uniform")
+    drawn = sampling.draw("O", surface, draws.CUBE, config, 4000, _random())
     foot = drawn.positions - (drawn.positions * drawn.directions).sum(1, keepdims=True) * drawn.directions
     distance = np.abs(np.linalg.norm(foot, axis=1) - 0.8)
     assert distance.max() < 0.052
