@@ -1,6 +1,7 @@
 """The evaluation's frames, rows and means, on predictions whose scores are known."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -151,6 +152,30 @@ def test_evenness_is_of_each_cloud_and_of_the_truth(experiment):
     means = scoring.summary(none, none, shapes).set_index(["method", "column", "metric"])["value"]
     assert means[(*scoring.TRUTH, "hidden_share_percent")] == pytest.approx(20.0)
     assert means[(*scoring.TRUTH, "spacing_variation")] == pytest.approx(0.3)
+
+
+def _predicted(tensors):
+    return scoring.Predictions(Path("x"), [("a", 0)], {name: np.array([value]) for name, value in tensors.items()}, {})
+
+
+def test_a_shape_off_the_origin_is_placed_where_it_lies():
+    """x_v1 = scale x + centre, then 0.57 of it."""
+    points = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.5]])
+    found = _predicted({"L": points, "scale_true": 0.25, "centre_true": np.array([0.1, -0.2, 0.3])})
+    expected = 0.57 * (0.25 * points + np.array([0.1, -0.2, 0.3]))
+    assert np.allclose(found.cloud("L", 0, "Pi_g"), expected, rtol=0, atol=1e-15)
+
+
+def test_a_cloud_is_scaled_as_it_tells_itself():
+    """After one cycle, or on the mask, a cloud has a scale of its own; the others have `scale_pred`."""
+    camera, points = np.array([0.3, 0.4, 0.8]), np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.5]])
+    found = _predicted(
+        {name: points for name in ("L", "L.h1", "L.h3", "L.mask")}
+        | {"camera_pred": camera, "camera_true": camera, "scale_pred": 0.5}
+        | {"scale_pred.h1": 0.25, "scale_pred.mask": 0.75}
+    )
+    for name, scale in (("L", 0.5), ("L.h3", 0.5), ("L.h1", 0.25), ("L.mask", 0.75)):
+        assert np.allclose(found.cloud(name, 0, "Pi_pred"), 0.57 * scale * points, rtol=0, atol=1e-12), name
 
 
 def test_baselines_choose_as_brute_force_does(experiment):
