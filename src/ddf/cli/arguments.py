@@ -53,6 +53,26 @@ def add_out(parser: argparse.ArgumentParser, name: str, metavar: str, help: str,
     parser.add_argument("--make-folders", action="store_true", help="make the folder of the output where it is missing")
 
 
+def add_picture(parser: argparse.ArgumentParser, largest: int, one: str) -> None:
+    """Size and outputs of what a camera sees.
+
+    Args:
+      largest: pixels a side, at most. one: what takes one output alone, for the help.
+    """
+    parser.add_argument(
+        "--size", metavar="N", type=whole_number(1, largest), default=256, help="pixels a side (default 256)"
+    )
+    parser.add_argument(
+        "--output",
+        "--outputs",
+        dest="outputs",
+        metavar="NAME,...",
+        type=outputs,
+        default="depth",
+        help=f"some of {','.join(OUTPUTS)}; one for {one} (default %(default)s)",
+    )
+
+
 def require_places(args: argparse.Namespace) -> None:
     """Raise before the work when what it gives could not be written.
 

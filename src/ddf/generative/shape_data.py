@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
@@ -108,17 +107,13 @@ class Shapes:
         self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator, part: slice = slice(None)
     ) -> tuple[Float[Tensor, "part count 3"], Float[Tensor, "part count 3"]]:
         """Random surface points of each shape with the surface's normals, field frame."""
-        first, _ = self.samples.places[int(shapes[0])]
-        stored = self.samples.shards[first][f"{SURFACE}.depth"].shape[1]
+        tables = self.samples.tables(shapes[part])
+        stored = tables[0][0][f"{SURFACE}.depth"].shape[1]
         rows = random.integers(0, stored, (len(shapes), count))[part]
-        positions, normals = [], []
-        for shape, own in zip(shapes[part], rows, strict=True):
-            number, row = self.samples.places[int(shape)]
-            shard = self.samples.shards[number]
-            positions.append(shard[f"{SURFACE}.positions"][row].take(own, axis=0))
-            normals.append(shard[f"{SURFACE}.normals"][row].take(own, axis=0))
-        codes = (torch.from_numpy(np.stack(values)) for values in (positions, normals))
-        return packing.decode_positions(next(codes)), packing.decode_unit(next(codes))
+        positions, normals = (
+            category_data.gather(tables, f"{SURFACE}.{field}", rows) for field in ("positions", "normals")
+        )
+        return packing.decode_positions(positions), packing.decode_unit(normals)
 
 
 def read(samples_dir: Path, ids: Sequence[str]) -> tuple[Shapes, list[Path]]:

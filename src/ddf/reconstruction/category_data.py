@@ -181,9 +181,7 @@ class SampleSet:
           part: keep these of the shapes alone, with the samples that they have among all.
         """
         unknown = without_truth(len(shapes), counts["E"], random, part)
-        numbers, rows_in = zip(*(self.places[i] for i in shapes[part]), strict=True)
-        opened = {number: self.shards[number] for number in set(numbers)}
-        tables = [(opened[number], row) for number, row in zip(numbers, rows_in, strict=True)]
+        tables = self.tables(shapes[part])
         codes: dict[str, list[Tensor]] = {field: [] for field in packing.FIELDS}
         wanted = {name: counts[name] for name in sample_types.STORED if counts.get(name)}
         for name, count in wanted.items():
@@ -191,9 +189,15 @@ class SampleSet:
             stored = tables[0][0][f"{kind}.depth"].shape[1]
             rows = random.integers(0, stored, (len(shapes), count))[part]
             for field, parts in codes.items():
-                parts.append(_gather(tables, f"{kind}.{field}", rows))
+                parts.append(gather(tables, f"{kind}.{field}", rows))
         decoded = packing.decode_fields({field: torch.cat(parts, dim=1) for field, parts in codes.items()})
         return batch_of([unknown, decoded], {"E": counts["E"], **wanted})
+
+    def tables(self, shapes: Int[np.ndarray, "b"]) -> list[tuple[Shard, int]]:
+        """The shard of each shape and its row there, for `gather`; each shard is opened once."""
+        places = [self.places[i] for i in shapes]
+        opened = {number: self.shards[number] for number in {number for number, _ in places}}
+        return [(opened[number], row) for number, row in places]
 
 
 def without_truth(shapes: int, count: int, random: np.random.Generator, part: slice) -> packing.Samples:
@@ -229,9 +233,7 @@ def batch_of(parts: Sequence[packing.Samples], counts: Mapping[str, int]) -> sam
     )
 
 
-def _gather(
-    tables: Sequence[tuple[Shard, int]], name: str, rows: Int[np.ndarray, "b n"]
-) -> Shaped[Tensor, "b n *rest"]:
+def gather(tables: Sequence[tuple[Shard, int]], name: str, rows: Int[np.ndarray, "b n"]) -> Shaped[Tensor, "b n *rest"]:
     """Rows `rows[k]` of the array `name` of the k-th shape, which is row `tables[k][1]` of its shard."""
     parts = [shard[name][shape].take(own, axis=0) for (shard, shape), own in zip(tables, rows, strict=True)]
     return torch.from_numpy(np.stack(parts))

@@ -130,15 +130,15 @@ def _progress(describe: str, images: Tensor) -> tqdm.tqdm:
     return tqdm.tqdm(desc=f"clouds {describe}", total=len(images), unit="image", mininterval=2)
 
 
+def _after_all(cloud: cloud_projection.CloudConfig) -> str:
+    """Name of the clouds after all cycles, whose scale is `SCALE`; each other cloud has `SCALE`.<its name>."""
+    return f"h{cloud.cycles}"
+
+
 def _cycles_kept(cloud: cloud_projection.CloudConfig) -> dict[int, str]:
     """The numbers of cycles after which clouds are taken, and their names; with `cycles: 1` both are the same."""
-    names = {cloud.cycles: f"h{cloud.cycles}"}
+    names = {cloud.cycles: _after_all(cloud)}
     return names | {1: "h1"} if cloud.candidate_share(1) >= 1 else names
-
-
-def scale_name(cloud: str, all_cycles: str) -> str:
-    """Name of the tensor with the scale that a cloud of this kind tells: `SCALE` for that after all cycles."""
-    return SCALE if cloud == all_cycles else f"{SCALE}.{cloud}"
 
 
 def _by_portion(
@@ -225,9 +225,8 @@ def _draw(
     """Clouds L and S of the images of some batches, and the scale that each L tells.
 
     Args:
-      names: of the clouds, by the number of cycles after which they are taken; the first has them all.
+      names: of the clouds, by the number of cycles after which they are taken.
     """
-    first = next(iter(names.values()))
 
     def draw(row: int) -> dict[str, Tensor]:
         own, generator = [m[row] for m in modulations], _generator(config, row)
@@ -236,7 +235,8 @@ def _draw(
         for cycle, name in names.items():
             large, small = cloud_projection.select(cycles[:cycle], (config.large, config.small), config.cloud)
             found |= {f"L.{name}": large, f"S.{name}": small}
-            found[scale_name(name, "" if first == ON_MASK else first)] = torch.tensor(scales.scale_from_cloud(large))
+            scale = SCALE if name == _after_all(config.cloud) else f"{SCALE}.{name}"
+            found[scale] = torch.tensor(scales.scale_from_cloud(large))
         return found
 
     rows, drawn = np.concatenate(batches).tolist(), []

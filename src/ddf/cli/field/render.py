@@ -37,18 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="azimuth and elevation in degrees, and the distance from the box's centre with 0.57 for one diagonal of "
         "the box; without it the box fills the picture (default %(default)s)",
     )
-    parser.add_argument(
-        "--size", metavar="N", type=arguments.whole_number(1, _LARGEST), default=256, help="pixels a side (default 256)"
-    )
-    parser.add_argument(
-        "--output",
-        "--outputs",
-        dest="outputs",
-        metavar="NAME,...",
-        type=arguments.outputs,
-        default="depth",
-        help=f"some of {','.join(arguments.OUTPUTS)}; one for a picture (default %(default)s)",
-    )
+    arguments.add_picture(parser, _LARGEST, "a picture")
     parser.add_argument(
         "--bits",
         type=int,

@@ -43,18 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frames", metavar="N", type=arguments.whole_number(2, _MOST_FRAMES), default=24, help="of a path (default 24)"
     )
-    parser.add_argument(
-        "--size", metavar="N", type=arguments.whole_number(1, _LARGEST), default=256, help="pixels a side (default 256)"
-    )
-    parser.add_argument(
-        "--output",
-        "--outputs",
-        dest="outputs",
-        metavar="NAME,...",
-        type=arguments.outputs,
-        default="depth",
-        help=f"some of {','.join(arguments.OUTPUTS)}; one for pictures (default %(default)s)",
-    )
+    arguments.add_picture(parser, _LARGEST, "pictures")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
