@@ -9,8 +9,8 @@ import pytest
 import torch
 from _support import assert_close
 
-from ddf.core import checks, storage
-from ddf.export import exportable, onnx_file, onnx_graphs, onnx_parity, weight_precision
+from ddf.core import checks, shipped_models, storage
+from ddf.export import exportable, onnx_file, onnx_graphs, onnx_parity, onnx_reductions, weight_precision
 from ddf.fields import derivatives, pddf
 from ddf.fields.field_outputs import OUTPUTS
 
@@ -68,6 +68,39 @@ def test_saturated_visibility_and_depth_of_zero_are_exact(activation, sign):
     assert (found["depth"] == 0.0).all()
     assert np.isfinite(found["normals"]).all()
     assert_close(np.linalg.norm(found["normals"], axis=-1), np.ones(len(positions)))
+
+
+@pytest.mark.parametrize("name", ["field", "encoders", "image_field"])
+def test_no_rows_give_no_rows_from_the_graph_itself(name):
+    graph = onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)[name]
+    inputs = onnx_parity.example_inputs(graph, 0, torch.Generator())
+    found = _run(onnx_file.to_onnx(graph, SOURCE), inputs, list(graph.meanings))
+    widths = {"normals": (3,), "weights": (2,), "latent": (6,), "camera": (3,)}
+    one_camera = {"camera": (1, 3)} if name == "image_field" else {}
+    expected = {key: (0, *widths.get(key, ())) for key in graph.meanings} | one_camera
+    assert {key: value.shape for key, value in found.items()} == expected
+
+
+def test_axes_counted_from_the_front_change_no_value(monkeypatch):
+    graph = onnx_graphs.FieldGraph(_models.field(), ALL)
+    inputs = dict(zip(graph.inputs, _models.points(33), strict=True))
+    found = _run(onnx_file.to_onnx(graph, SOURCE), inputs, ALL)
+    monkeypatch.setattr(onnx_reductions, "count_axes_from_the_front", lambda model: None)
+    before = onnx_file.to_onnx(graph, SOURCE)
+    for name, values in _run(before, inputs, ALL).items():
+        assert np.array_equal(values, found[name])
+    with pytest.raises(onnx_parity.ParityError, match="field: onnxruntime cannot run on no rows"):
+        onnx_parity.compare(before, "field", graph, (1,), 0)
+
+
+def test_shipped_fields_take_no_rows_and_come_from_the_weights_beside_them():
+    for folder in sorted(file.parent for file in shipped_models.ROOT.glob("*/field.onnx")):
+        runner = onnx_parity.session((folder / "field.onnx").read_bytes())
+        inputs = {name: torch.zeros(0, 3) for name in ("positions", "directions")}
+        found = onnx_parity.run(runner, inputs, ALL)
+        assert [found[name].shape for name in ("depth", "normals", "mean_curvature")] == [(0,), (0, 3), (0,)]
+        _, source = exportable.load(folder, ALL)
+        assert _properties((folder / "field.onnx").read_bytes())["source_sha256"] == source["source_sha256"]
 
 
 def test_outputs_are_those_asked_for_in_order():

@@ -42,16 +42,13 @@ class OnnxField:
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
         """Named outputs inside the box, field frame, float32."""
-        if len(positions) == 0:  # the exported passes need a row
-            dummy = self.evaluate(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), outputs)
-            return {name: values[:0] for name, values in dummy.items()}
+        if len(positions) == 0:  # files of earlier versions need a row
+            one_row = self.evaluate(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), outputs)
+            return {name: values[:0] for name, values in one_row.items()}
         asked = [name for name in self.outputs if name in outputs]
         stored = ["weights" if name == _FIRST_WEIGHT else name for name in asked]
         inputs = {"positions": positions.astype(np.float32), "directions": directions.astype(np.float32)}
-        if len(positions) == 0:  # reshapes in the graph have no answer for no rows
-            inputs = {name: np.eye(1, 3, dtype=np.float32) for name in inputs}
         found = dict(zip(asked, map(np.asarray, self.session.run(stored, inputs)), strict=True))
-        found = {name: values[: len(positions)] for name, values in found.items()}
         if _FIRST_WEIGHT in found:
             found[_FIRST_WEIGHT] = found[_FIRST_WEIGHT][:, 0]
         return found

@@ -20,7 +20,7 @@ import onnx
 import torch
 
 from ddf.core import checks, storage
-from ddf.export import onnx_parity, weight_precision
+from ddf.export import onnx_parity, onnx_reductions, weight_precision
 from ddf.export.onnx_graphs import DYNAMIC, Graph
 from ddf.fields import field_outputs
 
@@ -111,6 +111,7 @@ def to_onnx(graph: Graph, source: Mapping[str, Any]) -> bytes:
     for value in model.graph.output:
         lengths = [DYNAMIC if i == 0 and value.name in axes else n for i, n in enumerate(shapes[value.name])]
         value.CopyFrom(onnx.helper.make_tensor_value_info(value.name, onnx.TensorProto.FLOAT, lengths))
+    onnx_reductions.count_axes_from_the_front(model)
     _describe(model, graph, source)
     onnx.checker.check_model(model, full_check=True)
     return model.SerializeToString(deterministic=True)

@@ -91,7 +91,8 @@ def compare(
     Args:
       data: the file. name: of the graph, for the table. batches: lengths of the free axis.
     Raises:
-      ParityError: onnxruntime cannot load or run the file, or a value has another shape or is not finite.
+      ParityError: onnxruntime cannot load or run the file, also on no rows, or a value has another shape or is not
+        finite.
     """
     try:
         runner = session(data)
@@ -102,7 +103,20 @@ def compare(
     rows = []
     for cases, inputs in _case_sets(graph, batches, generator).items():
         rows += _compare_set(runner, name, graph, truth, cases, inputs, precision, len(data))
+    _require_empty(runner, name, graph)
     return rows
+
+
+def _require_empty(runner: onnxruntime.InferenceSession, name: str, graph: Graph) -> None:
+    """Raise ParityError unless no rows give outputs without rows, of the shapes that torch gives."""
+    inputs = example_inputs(graph, 0, torch.Generator())
+    expected = [tuple(value.shape) for value in graph(*inputs.values())]
+    try:
+        actual = [value.shape for value in run(runner, inputs, list(graph.meanings)).values()]
+    except Exception as error:  # as above
+        raise ParityError(f"{name}: onnxruntime cannot run on no rows: {_line(error)}") from error
+    if actual != expected:
+        raise ParityError(f"{name}: no rows must give outputs of shapes {expected}; got {actual}")
 
 
 def require(rows: Sequence[Row]) -> None:
