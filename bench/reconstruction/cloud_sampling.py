@@ -25,13 +25,12 @@ IMAGES, THREADS = 2, 2
 DIRECTIONS, CYCLES, PAPER = (4, 16), (1, 3), (128, 3)  # n_v, N_H, and both of the paper, a third of all the time
 DEPARTURES = (
     ("jitter",),
-    ("jitter", "resample"),
     ("recheck",),
-    ("spread", "least_confidence", "crowding", "mirror", "oversampling", "centre"),
+    ("spread", "least_confidence", "crowding"),
+    ("aimed",),
 )  # measured alone with all cycles, then together
 # the paper's way; whatever else is set stays
-PLAIN = {"jitter": 0.0, "resample": 0.0, "recheck": (), "spread": None, "least_confidence": 0.0, "crowding": 0.0}
-PLAIN |= {"mirror": None, "oversampling": 0.1, "centre": None}
+PLAIN = {"jitter": 0.0, "recheck": (), "spread": None, "least_confidence": 0.0, "crowding": 0.0, "aimed": 0.0}
 
 
 def variants(own: cloud_projection.CloudConfig) -> list[cloud_projection.CloudConfig]:

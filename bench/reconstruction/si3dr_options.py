@@ -66,6 +66,8 @@ DRAWN: Mapping[str, Mapping[str, Any]] = {
     "no jitter": {"pointclouds.cloud.jitter": 0.0},
     "no recheck": {"pointclouds.cloud.recheck": []},
     "most visible points": {"pointclouds.cloud.spread": None},
+    "candidates without confidence too": {"pointclouds.cloud.least_confidence": 0.0},
+    "uniform directions": {"pointclouds.cloud.aimed": 0.0},
     "strays as wanted as others": {"pointclouds.cloud.crowding": 0.0},
     "48 directions": {"pointclouds.cloud.num_directions": 48},
     "128 directions": {"pointclouds.cloud.num_directions": 128},

@@ -36,6 +36,53 @@ def test_chunks_change_no_point():
     torch.testing.assert_close(sample(200, small)[0].points, sample(200, large)[0].points)
 
 
+def test_aimed_directions_find_what_uniform_ones_miss():
+    """From near a corner of the box a ball of radius 0.6 fills 4 % of the view."""
+    start, seen = torch.full((400, 3), 0.9), {}
+    for aimed in (0.0, 0.5, 1.0):
+        config = dataclasses.replace(CONFIG, num_directions=2, cycles=1)
+        generator = torch.Generator().manual_seed(0)
+        found = cloud_projection.project(Sphere(), None, start, config, generator, aimed=aimed)
+        seen[aimed] = float((found.visibility > 0.5).float().mean())
+    assert seen[0.0] < 0.13 and 3 * seen[0.0] < seen[0.5] < seen[1.0]
+
+
+def test_aimed_directions_go_evenly_to_the_box():
+    normal = torch.randn(20_000, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    points = cloud_projection._in_box_uniformly(normal, ((-1.0, 0.0, 2.0), (1.0, 3.0, 2.5)))
+    unit = (points - torch.tensor([-1.0, 0.0, 2.0])) / torch.tensor([2.0, 3.0, 0.5])
+    assert 0 <= float(unit.min()) and float(unit.max()) <= 1
+    cells = (unit * 4).long().clamp_max(3)
+    counts = (cells @ torch.tensor([16, 4, 1])).bincount(minlength=64)
+    expected = 20_000 / 64
+    assert float(((counts - expected) ** 2 / expected).sum()) < 63 + 4 * math.sqrt(2 * 63)  # chi squared
+
+
+def test_later_cycles_are_not_aimed_and_the_uniform_directions_stay():
+    plain = dataclasses.replace(CONFIG, num_directions=4, cycles=2)
+    aimed = dataclasses.replace(plain, aimed=0.5)
+    directions = {}
+
+    class _Recording(Sphere):
+        def forward(self, positions, directions, modulations=None):
+            self.asked = [*getattr(self, "asked", []), directions.clone()]
+            return super().forward(positions, directions, modulations)
+
+    for config in (plain, aimed):
+        field = _Recording()
+        sample(50, config, field=field)
+        directions[config.aimed] = field.asked
+    first, second = (asked[0].reshape(-1, 4, 3) for asked in directions.values())
+    assert torch.equal(first[:, 2:], second[:, 2:]) and not torch.isclose(first[:, :2], second[:, :2]).all(-1).any()
+    torch.testing.assert_close(directions[0.0][2], directions[0.5][2])  # of the second cycle
+
+
+def test_chunks_change_no_aimed_point():
+    small = dataclasses.replace(CONFIG, cycles=1, chunk_rays=128 * 7, aimed=0.5)
+    large = dataclasses.replace(small, chunk_rays=10**6)
+    torch.testing.assert_close(sample(200, small)[0].points, sample(200, large)[0].points)
+
+
 def test_direction_is_towards_the_nearest_point_of_the_sphere():
     generator = torch.Generator().manual_seed(3)
     points = torch.nn.functional.normalize(torch.randn(50, 3, generator=generator), dim=-1) * 0.85
@@ -155,6 +202,8 @@ def test_hits_outside_the_box_are_chosen_last(spread):
             "must leave enough candidates.*got 0.8 with oversampling -0.6",
         ),
         ({"crowding": -1.0}, r"crowding must be >= 0; got -1\.0"),
+        ({"least_confidence": 1.5}, r"least_confidence must be in \[0, 1\]; got 1\.5"),
+        ({"aimed": -0.5}, r"aimed must be in \[0, 1\]; got -0\.5"),
         ({"oversampling": -0.1}, "must leave enough candidates.*got 0.9 with"),
         ({"jitter": -0.1}, "jitter must be >= 0"),
         ({"recheck": (0.1, 1.5)}, r"recheck must list offsets in \(0, 1\)"),

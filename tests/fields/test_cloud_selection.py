@@ -83,6 +83,20 @@ def test_crowding_takes_strays_later():
     assert found == {0.0: 3, 2.0: 0}
 
 
+@pytest.mark.parametrize(("doubtful", "left"), [(60, 0), (150, 50)])
+def test_doubtful_candidates_are_left_out_as_far_as_enough_remain(doubtful, left):
+    points = torch.rand((200, 3), generator=torch.Generator().manual_seed(0))
+    points[:doubtful] += 5.0
+    confidence = torch.linspace(0.01, 0.09, doubtful).tolist() + [0.8] * (200 - doubtful)
+    config = dataclasses.replace(SPREAD, least_confidence=0.1)
+    (cloud,) = cloud_projection.select([projected(points, torch.tensor(confidence))], [100], config)
+    assert int((cloud > 4).any(dim=1).sum()) == left
+    if left:  # the most confident of them
+        assert {tuple(p) for p in cloud[(cloud > 4).any(dim=1)].tolist()} == {
+            tuple(p) for p in points[doubtful - left : doubtful].tolist()
+        }
+
+
 @pytest.mark.parametrize("count", [1, 5, 9, 16, 17, 300])
 def test_spacing_is_the_distance_to_the_eighth_of_the_others(count):
     points = torch.rand((count, 3), generator=torch.Generator().manual_seed(0), dtype=torch.float64)

@@ -2,7 +2,6 @@
 
 import math
 
-import pytest
 import torch
 
 from ddf.geometry import cameras
@@ -64,29 +63,3 @@ def test_up_in_the_world_is_up_in_the_image():
     u, v = cameras.project(_tensor([0, 0, 0], [0, 0.1, 0]), rotation, centre)
     torch.testing.assert_close(u, _tensor(68.5, 68.5))
     assert v[1] < v[0]
-
-
-@pytest.mark.parametrize(("mirror", "axis"), [("x", 0), ("z", 2)])
-def test_the_mirrored_camera_sees_the_mirror_image_as_the_flipped_image(mirror, axis):
-    points = torch.rand(50, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64) - 0.5
-    flipped = points.clone()
-    flipped[:, axis] *= -1
-    for azimuth in (0.0, 0.3, 2.0, 4.4, 6.2):
-        camera = _tensor(azimuth, 0.4, 0.8)
-        other = cameras.mirrored(camera, mirror)
-        assert 0 <= float(other[0]) < 2 * math.pi
-        u, v = cameras.project(points, *cameras.extrinsics(*camera))
-        across, down = cameras.project(flipped, *cameras.extrinsics(*other))
-        torch.testing.assert_close(across, 137 - u)
-        torch.testing.assert_close(down, v)
-        again = cameras.extrinsics(*cameras.mirrored(other, mirror))
-        torch.testing.assert_close(again, cameras.extrinsics(*camera))
-
-
-@pytest.mark.parametrize(
-    ("one", "other", "between"), [(0.2, 0.6, 0.4), (0.1, -0.3, -0.1), (6.2, 0.3, 3.25 - math.pi), (3.0, 3.4, 3.2)]
-)
-def test_between_two_azimuths_is_the_shorter_way_round(one, other, between):
-    found = cameras.between(_tensor(one, 0.4, 0.6), _tensor(other, 0.2, 0.8))
-    assert 0 <= float(found[0]) < 2 * math.pi
-    torch.testing.assert_close(found, _tensor(between % (2 * math.pi), 0.3, 0.7))

@@ -14,11 +14,22 @@ KEPT = (
     "cpu/README.md",
     "figures/README.md",
     "fit/README.md",
+    "generative/README.md",
     "fit_proof/README.md",
     "bench/README.md",
     "growth.md",
+    "hard_cases.md",
+    "mutants.md",
 )
-PAGES = [ROOT / "reports" / name for name in (*KEPT, "hard_cases.md")]
+PAGES = [ROOT / "reports" / name for name in KEPT]
+
+
+def _tracked() -> list[str]:
+    """The files of reports/ that git keeps."""
+    listed = subprocess.run(["git", "ls-files", "reports"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip("not a git checkout")
+    return listed.stdout.splitlines()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: f"{page.parent.name}/{page.name}")
@@ -31,7 +42,15 @@ def test_tables_are_narrow_and_what_is_linked_exists(page):
 
 
 def test_html_pages_are_not_kept():
-    tracked = subprocess.run(["git", "ls-files", "reports"], cwd=ROOT, capture_output=True, text=True, check=False)
-    if tracked.returncode:
-        pytest.skip("not a git checkout")
-    assert not [name for name in tracked.stdout.split() if name.endswith(".html")]
+    assert not [name for name in _tracked() if name.endswith(".html")]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: f"{page.parent.name}/{page.name}")
+def test_what_is_linked_in_reports_is_kept_in_git(page):
+    linked = re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8"))
+    paths = [(page.parent / name).resolve() for name in linked if ":" not in name]
+    inside = [path.relative_to(ROOT).as_posix() for path in paths if path.is_relative_to(ROOT / "reports")]
+    tracked = _tracked()
+    assert [
+        name for name in inside if name not in tracked and not any(one.startswith(f"{name}/") for one in tracked)
+    ] == []

@@ -5,7 +5,7 @@ visible; v̂* is the normalised weighted mean, q = p + d(p, v̂*) v̂*. The cycl
 points the n_p most visible are kept. A q outside the box B, which holds the shape, is no hit and is kept last (derived
 here). Positions are in the field frame.
 
-Four departures, each off in the paper's way (derived here):
+Six departures, each off in the paper's way (derived here):
 - On the surface itself depth jumps from 0 to the next surface, and a field is at its worst there. With `jitter` σ the
   next cycle starts from q + σ N(0, I), which also spreads the points by area of the surface, not by volume of the box.
 - A single depth is one opinion. With `recheck` offsets s_j the field is asked again on the line of the ray, from
@@ -18,6 +18,9 @@ Four departures, each off in the paper's way (derived here):
 - A stray is far from all others, so such an order takes it early. With `crowding` r, for `spread` alone, the distances
   of a candidate with emptier surroundings than most are also multiplied by (s_m / s)^r, s the distance to its
   `CROWD`-th neighbour and s_m the median of these.
+- Candidates of less confidence than `least_confidence`, for `spread` alone, are left out, as far as enough remain.
+- Most uniform directions leave the box at once where the first cycle starts near a side of it, and with few of them
+  none may meet the shape. The share `aimed` of the first cycle's directions go to random points of the box instead.
 """
 
 import math
@@ -49,7 +52,8 @@ class CloudConfig:
     num_directions: n_v. cycles: N_H. oversampling: ε_p; with `spread` and several cycles it may be negative, for all
     points of the second and later cycles are candidates. temperature: η_T. inverse_depth: ε_s.
     jitter: σ, field units. recheck: s_j, field units. spread: p, null for the most visible points of the last cycle.
-    crowding: r, for `spread` alone. The paper's way: 0, none, null, 0.
+    crowding: r, and least_confidence, for `spread` alone. aimed: share of n_v in the first cycle. The paper's way: 0,
+    none, null, 0, 0, 0.
     chunk_rays: candidates evaluated at a time; speed only.
     """
 
@@ -63,6 +67,8 @@ class CloudConfig:
     inverse_depth: float
     chunk_rays: int
     crowding: float = 0.0
+    least_confidence: float = 0.0
+    aimed: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "recheck", tuple(self.recheck))
@@ -78,6 +84,9 @@ class CloudConfig:
             raise checks.InputError(f"pointclouds.cloud.spread must be >= 0, or null; got {self.spread}")
         if not self.crowding >= 0:
             raise checks.InputError(f"pointclouds.cloud.crowding must be >= 0; got {self.crowding}")
+        for name in ("least_confidence", "aimed"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise checks.InputError(f"pointclouds.cloud.{name} must be in [0, 1]; got {getattr(self, name)}")
         if not self.candidate_share(self.cycles) >= 1:
             raise checks.InputError(
                 "pointclouds.cloud.oversampling must leave enough candidates: 1 + oversampling, with spread times "
@@ -119,7 +128,8 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
         best = [last.visibility[:n].topk(count).indices for n, count in zip(drawn, counts, strict=True)]
         return [last.points[rows] for rows in best]
     points, confidence = candidates(cycles)
-    weights = confidence.pow(config.spread)
+    trusted = _trusted(confidence, config.least_confidence, max(counts))
+    points, weights = points[trusted], confidence[trusted].pow(config.spread)
     if config.crowding:
         spacing = _spacing(points)
         usual = spacing.median()
@@ -132,6 +142,12 @@ def candidates(cycles: Sequence[ProjectedPoints]) -> tuple[Float[Tensor, "n 3"],
     """All points of the second and later cycles (of the first, if it is alone), and their confidence."""
     pool = cycles[1:] or cycles
     return torch.cat([cycle.points for cycle in pool]), torch.cat([cycle.confidence for cycle in pool])
+
+
+def _trusted(confidence: Float[Tensor, "n"], least: float, count: int) -> Int[Tensor, "_"]:
+    """Indices in order of those of at least this confidence, or of the `count` most confident if they are fewer."""
+    enough = confidence.topk(min(count, len(confidence))).values[-1]
+    return (confidence >= enough.clamp_max(least)).nonzero()[:, 0]
 
 
 def _ceil(count: float) -> int:
@@ -189,14 +205,21 @@ def project(
     config: CloudConfig,
     generator: torch.Generator,
     box: Box = CUBE,
+    aimed: float = 0.0,
 ) -> ProjectedPoints:
-    """One cycle: q = p + d(p, v̂*) v̂*, rechecked. Costs n (n_v + 1 + 2 `recheck`) queries, values only."""
+    """One cycle: q = p + d(p, v̂*) v̂*, rechecked. Costs n (n_v + 1 + 2 `recheck`) queries, values only.
+
+    Args:
+      aimed: share of the directions that go to random points of the box; the others are uniform.
+    """
     parts: list[tuple[Tensor, Tensor, Tensor]] = []
     for chunk in points.split(max(1, config.chunk_rays // config.num_directions)):
         shape = (len(chunk), config.num_directions, 3)
-        candidates = torch.nn.functional.normalize(
-            torch.randn(shape, generator=generator, dtype=points.dtype, device=points.device), dim=-1
-        )
+        towards = torch.randn(shape, generator=generator, dtype=points.dtype, device=points.device)
+        if aimed:
+            to_box = towards[:, : round(aimed * config.num_directions)]
+            to_box.copy_(_in_box_uniformly(to_box, box) - chunk[:, None])
+        candidates = torch.nn.functional.normalize(towards, dim=-1)
         raw = field(chunk[:, None].expand(shape).reshape(-1, 3), candidates.reshape(-1, 3), modulations)
         raw = raw.reshape(*shape[:2], -1)
         direction = udf.closest_directions(
@@ -208,6 +231,12 @@ def project(
         parts.append((*recheck(field, modulations, hit, direction, seen, config.recheck, box), seen))
     points, confidence, seen = (torch.cat(tensors) for tensors in zip(*parts, strict=True))
     return ProjectedPoints(points, seen, confidence)
+
+
+def _in_box_uniformly(normal: Float[Tensor, "*n 3"], box: Box) -> Float[Tensor, "*n 3"]:
+    """Points spread evenly in the box, from numbers of N(0, 1): their distribution function is uniform in [0, 1]."""
+    lower, upper = (normal.new_tensor(corner) for corner in box)
+    return lower + (upper - lower) * torch.special.ndtr(normal)
 
 
 def recheck(
@@ -267,7 +296,7 @@ def sample(
     shape = (config.num_drawn(count), 3)
     unit = torch.rand(shape, generator=generator, dtype=weight.dtype, device=weight.device)
     points = lower + (upper - lower) * unit
-    cycles = [_in_box(project(field, modulations, points, config, generator, box), lower, upper)]
+    cycles = [_in_box(project(field, modulations, points, config, generator, box, config.aimed), lower, upper)]
     for _ in range(config.cycles - 1):
         points = cycles[-1].points
         if config.jitter:

@@ -7,7 +7,6 @@ alike; for tensors everything is differentiable.
 """
 
 import math
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -18,25 +17,6 @@ from ddf.core.arrays import Array
 IMAGE_SIZE = 137
 FOCAL_PX = 149.84375  # 35 mm lens, 32 mm sensor, 137 pixels
 CENTRE_PX = 68.5
-Mirror = Literal["x", "z"]  # normal axis of a plane of the benchmark frame that holds the up axis
-
-
-def mirrored(camera: Float[Array, "*batch 3"], mirror: Mirror) -> Float[Array, "*batch 3"]:
-    """The camera that sees the mirror image of a shape, about a plane through the origin, as the flipped image.
-
-    Derived here: θ becomes -θ (normal z) or π - θ (normal x), in [0, 2π); φ and r stay.
-    """
-    xp = arrays.namespace(camera)
-    azimuth = xp.remainder(-camera[..., :1] if mirror == "z" else math.pi - camera[..., :1], 2 * math.pi)
-    return xp.concat((azimuth, camera[..., 1:]), -1)
-
-
-def between(one: Float[Array, "*batch 3"], other: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
-    """Means of two cameras' numbers; of the azimuths that on the shorter way round, in [0, 2π)."""
-    xp = arrays.namespace(one)
-    azimuths = xp.stack((one[..., :1], other[..., :1]))
-    azimuth = xp.remainder(xp.atan2(xp.sin(azimuths).sum(0), xp.cos(azimuths).sum(0)), 2 * math.pi)
-    return xp.concat((azimuth, (one[..., 1:] + other[..., 1:]) / 2), -1)
 
 
 def position(

@@ -13,6 +13,8 @@ CLOUD: dict[str, Any] = {  # of `cloud_projection.CloudConfig`
     "recheck": (0.1,),
     "spread": 0.75,
     "crowding": 1.0,
+    "least_confidence": 0.1,
+    "aimed": 0.5,
     "temperature": 0.05,
     "inverse_depth": 0.05,
     "chunk_rays": 2048,

@@ -77,6 +77,8 @@ SETTINGS = (
     Setting("offsets at which a hit is rechecked", "pointclouds.cloud.recheck", "none", _TEXT),
     Setting("points spread by the power of their confidence", "pointclouds.cloud.spread", "none", _SI3DR),
     Setting("power by which lonely ones are taken later", "pointclouds.cloud.crowding", "0.0", _SI3DR),
+    Setting("least confidence of a point", "pointclouds.cloud.least_confidence", "0.0", _SI3DR),
+    Setting("share of the first directions aimed at the box", "pointclouds.cloud.aimed", "0.0", _TEXT),
     Setting("shapes moved to the mask, beside those as encoded", "pointclouds.shape_correction", "none", _TEXT),
     Setting("corrected by the mask", "pointclouds.correction.free", "azimuth, elevation, radius", _TEXT),
     Setting("steps of this correction", "pointclouds.correction.steps"),
