@@ -41,7 +41,7 @@ LIGHT_MODULES = [
     "shape.shape_field",
     "shape.field_diagnostics",
 ]
-LIGHT_PACKAGES = {"torch", "torchvision", "numpy", "safetensors", "jaxtyping", "tqdm"}
+LIGHT_PACKAGES = {"torch", "numpy", "safetensors", "jaxtyping", "tqdm"}
 
 ROOT = provenance.PACKAGE_ROOT
 FILES = sorted(ROOT.rglob("*.py"))

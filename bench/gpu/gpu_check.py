@@ -2,7 +2,7 @@
 
 Steps are those of configs/paper.yaml on random data, in float32, tf32 and bfloat16: medians of whole steps, parts timed
 apart (each then waits for the device), kernels and their time, peak memory. Errors are against float64 (fields) and
-against the same step on the CPU in float32 (loss, gradients). Needs torch, torchvision, numpy and safetensors, and what
+against the same step on the CPU in float32 (loss, gradients). Needs torch, numpy and safetensors, and what
 reads the config; none of the packages that handle meshes. Writes reports/gpu/check.json and check.md.
 """
 

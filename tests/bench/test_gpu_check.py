@@ -16,7 +16,7 @@ from ddf.pipeline import step_cost
 from ddf.training import training_loop
 
 ROOT = Path(__file__).resolve().parents[2]
-LIGHT = ("torch", "torchvision", "numpy", "safetensors", "jaxtyping", "tqdm", "pyyaml")
+LIGHT = ("torch", "pillow", "numpy", "safetensors", "jaxtyping", "tqdm", "pyyaml")
 ABSENT = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
 DEVICES = ("cpu", pytest.param("cuda", marks=(pytest.mark.gpu, ABSENT)))
 

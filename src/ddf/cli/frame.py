@@ -28,6 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):  # a name or sign that the terminal cannot show is escaped
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # threads that wait by spinning stall a busy machine
     if "_ARGCOMPLETE" in os.environ:
         _complete()
     parser = _parser(next((word for word in argv if not word.startswith("-")), None))

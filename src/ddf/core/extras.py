@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Iterator
 
-_TORCH = ("torch", "torchvision", "safetensors", "tqdm", "open3d")
+_TORCH = ("torch", "safetensors", "tqdm", "open3d")
 _EXPERIMENTS = (
     "argcomplete",
     "dask",
@@ -20,6 +20,7 @@ _EXPERIMENTS = (
     "pymeshlab",
     "rtree",
     "torch_fidelity",
+    "torchvision",
     "trimesh",
 )
 EXTRA_OF = dict.fromkeys(_TORCH, "torch") | dict.fromkeys(_EXPERIMENTS, "experiments")  # modules to extras

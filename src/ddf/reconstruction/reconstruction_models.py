@@ -11,7 +11,6 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
-from torchvision.models import resnet
 
 from ddf.core import checks
 from ddf.fields import pddf, rendering, siren
@@ -53,14 +52,37 @@ class Encoder(nn.Module):
         return self.fc(self.features(images))
 
 
+class BasicBlock(nn.Module):
+    """Two convolutions around which the input is added; weights as torchvision's block of that name has them.
+
+    Its own, for `import torchvision` takes as long as all the rest of `ddf reconstruct` takes to start. Source: He et
+    al. 2016.
+    """
+
+    def __init__(self, inputs: int, outputs: int, stride: int, downsample: nn.Module | None) -> None:
+        super().__init__()
+        self.conv1 = nn.Conv2d(inputs, outputs, kernel_size=3, stride=stride, padding=1, bias=False)
+        self.bn1 = nn.BatchNorm2d(outputs)
+        self.relu = nn.ReLU(inplace=True)
+        self.conv2 = nn.Conv2d(outputs, outputs, kernel_size=3, padding=1, bias=False)
+        self.bn2 = nn.BatchNorm2d(outputs)
+        self.downsample = downsample
+
+    def forward(self, images: Float[Tensor, "b inputs h w"]) -> Float[Tensor, "b outputs h2 w2"]:
+        """Half as wide and high with a stride of 2."""
+        added = images if self.downsample is None else self.downsample(images)
+        hidden = self.relu(self.bn1(self.conv1(images)))
+        return self.relu(self.bn2(self.conv2(hidden)) + added)
+
+
 def _stage(inputs: int, outputs: int, stride: int) -> nn.Sequential:
     downsample = None
     if stride != 1 or inputs != outputs:
         downsample = nn.Sequential(
             nn.Conv2d(inputs, outputs, kernel_size=1, stride=stride, bias=False), nn.BatchNorm2d(outputs)
         )
-    first = resnet.BasicBlock(inputs, outputs, stride, downsample)
-    return nn.Sequential(first, resnet.BasicBlock(outputs, outputs))
+    first = BasicBlock(inputs, outputs, stride, downsample)
+    return nn.Sequential(first, BasicBlock(outputs, outputs, 1, None))
 
 
 class CameraHead(nn.Module):

@@ -41,7 +41,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Fit the mesh; returns the held-out errors, times and sizes, as fit.json has them."""
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # threads that wait by spinning stall a busy machine
     from ddf.core import checks, config, storage
     from ddf.geometry import mesh_io
     from ddf.shape import fit_settings, fitting
