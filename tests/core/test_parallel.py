@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Sequence
 from functools import partial
@@ -12,8 +13,10 @@ import pytest
 from ddf.core import checks, parallel, storage
 
 
-def _square(out_dir: Path, bad: set[int], killers: set[int], items, index: int) -> parallel.ShardResult:
+def _square(out_dir: Path, bad: set[int], killers: set[int], pause: float, items, index: int) -> parallel.ShardResult:
     failures, lines = [], []
+    (out_dir.parent / "begun").touch()
+    time.sleep(pause)
     for item in items:
         if item in killers:
             os.kill(os.getpid(), signal.SIGKILL)
@@ -28,11 +31,11 @@ def _square(out_dir: Path, bad: set[int], killers: set[int], items, index: int) 
     return parallel.ShardResult([path], failures)
 
 
-def _map(out_dir: Path, items: Sequence[int] = range(10), bad=(), killers=(), **options):
+def _map(out_dir: Path, items: Sequence[int] = range(10), bad=(), killers=(), pause=0.0, **options):
     (out_dir.parent / "calls").write_text("")
     options = {"shard_size": 4, "fingerprint": "f", "describe": "square", **options}
     return parallel.map_shards(
-        partial(_square, out_dir, set(bad), set(killers)), list(items), out_dir=out_dir, **options
+        partial(_square, out_dir, set(bad), set(killers), pause), list(items), out_dir=out_dir, **options
     )
 
 
@@ -156,7 +159,7 @@ def test_no_items_are_no_shards(out_dir):
 
 def _slow(out_dir: Path, items, index: int) -> parallel.ShardResult:
     time.sleep(0.01 * (5 - index))
-    return _square(out_dir, set(), set(), items, index)
+    return _square(out_dir, set(), set(), 0.0, items, index)
 
 
 def test_result_does_not_depend_on_the_number_of_workers(tmp_path):
@@ -188,6 +191,37 @@ def test_dask_backend_gives_the_same_files(tmp_path, monkeypatch):
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", cluster.scheduler_address)
         _map(tmp_path / "b" / "out", bad=[5])
+    names = sorted(os.listdir(tmp_path / "a" / "out"))
+    assert sorted(os.listdir(tmp_path / "b" / "out")) == names
+    for name in names:
+        assert (tmp_path / "a" / "out" / name).read_bytes() == (tmp_path / "b" / "out" / name).read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_killed_dask_worker_changes_no_file(tmp_path, monkeypatch):
+    from dask import distributed
+
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    _map(tmp_path / "a" / "out", range(40), bad=[5])
+    with distributed.LocalCluster(n_workers=3, threads_per_worker=1, dashboard_address=None) as cluster:
+        monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", cluster.scheduler_address)
+        with distributed.Client(cluster) as client:
+            victim = next(iter(client.run(os.getpid).values()))
+        killed = []
+
+        def kill() -> None:
+            while not (tmp_path / "b" / "begun").exists():
+                time.sleep(0.01)
+            os.kill(victim, signal.SIGKILL)
+            killed.append(victim)
+
+        thread = threading.Thread(target=kill)
+        thread.start()
+        _map(tmp_path / "b" / "out", range(40), bad=[5], pause=0.2)
+        thread.join()
+    assert killed
     names = sorted(os.listdir(tmp_path / "a" / "out"))
     assert sorted(os.listdir(tmp_path / "b" / "out")) == names
     for name in names:

@@ -1,7 +1,12 @@
-"""The trainings that test_distributed.py runs on one process and, behind torchrun, on two: `_together.py FOLDER`."""
+"""The trainings that test_distributed.py runs on one process and, behind torchrun, on several.
+
+`_together.py FOLDER` for all of them, `_together.py FOLDER exact` for the one in float64.
+"""
 
 import dataclasses
 import functools
+import os
+import signal
 import sys
 from pathlib import Path
 
@@ -16,6 +21,7 @@ from ddf.reconstruction import reconstruction_models, training_steps
 from ddf.training import distributed, training_loop
 
 STEPS, BATCH = 3, 4
+KILLED_AT = 2  # the step before which the process that `KILLED` names dies
 LOOP = dataclasses.replace(_models.LOOP, clip_norm=0.1, checkpoint_seconds=0.0)
 TRAIN = dataclasses.replace(_models.TRAIN, loop=LOOP)
 KINDS = ("ddf", "pcsiren")
@@ -31,6 +37,8 @@ def exact_model():
 def _exact_loss(model, stop_at, step):
     if step == stop_at:
         raise KeyboardInterrupt
+    if step == KILLED_AT and os.environ.get("KILLED") == str(distributed.rank()):
+        os.kill(os.getpid(), signal.SIGKILL)
     images = torch.from_numpy(np.random.default_rng(step).standard_normal((BATCH, 3, 6, 6)) + 3)
     own = images[distributed.part(BATCH)]
     loss = (model(own)[:, 0] - own.amax((1, 2, 3))).square().mean()
@@ -94,6 +102,15 @@ def _together(folder):
         (folder / f"refused.{number}").write_text(str(error))
 
 
+@distributed.shared
+def _exact_alone(folder):
+    training_loop.prepare(LOOP, BATCH)
+    fit_exact(folder)
+
+
 if __name__ == "__main__":
-    _together(Path(sys.argv[1]))
-    Path(sys.argv[1], "after").touch(exist_ok=False)  # by one process
+    if "exact" in sys.argv:
+        _exact_alone(Path(sys.argv[1]))
+    else:
+        _together(Path(sys.argv[1]))
+        Path(sys.argv[1], "after").touch(exist_ok=False)  # by one process

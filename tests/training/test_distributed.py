@@ -13,19 +13,22 @@ import torch
 from ddf.core import checks, storage
 from ddf.training import distributed, training_loop
 
-TORCHRUN = (sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2")
+
+def _torchrun(processes, *arguments, **environment):
+    script = Path(_together.__file__)
+    path = os.pathsep.join(map(str, (script.parents[1], Path(distributed.__file__).parents[2])))
+    # without options of torchrun, which make sets
+    own = {name: value for name, value in os.environ.items() if not name.startswith("PET_")}
+    environment = {**own, "PYTHONPATH": path, "CUDA_VISIBLE_DEVICES": "", **environment}
+    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", str(processes), script, *arguments]
+    return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """Folders of the trainings on one process and on two."""
     one, two = tmp_path_factory.mktemp("one"), tmp_path_factory.mktemp("two")
-    script = Path(_together.__file__)
-    path = os.pathsep.join(map(str, (script.parents[1], Path(distributed.__file__).parents[2])))
-    # without options of torchrun, which make sets
-    own = {name: value for name, value in os.environ.items() if not name.startswith("PET_")}
-    environment = {**own, "PYTHONPATH": path, "CUDA_VISIBLE_DEVICES": ""}
-    started = subprocess.Popen([*TORCHRUN, script, two], env=environment, stderr=subprocess.PIPE, text=True)
+    started = _torchrun(2, two)
     _together.train_all(one)
     _, errors = started.communicate(timeout=240)
     assert started.returncode == 0, errors
@@ -91,6 +94,23 @@ def test_processes_that_read_different_data_are_refused_on_each(runs):
         assert "differ between processes" in message
         assert f"process {number}: data of {number} at step 0" in message
     assert not (runs[1] / "none").exists()
+
+
+@pytest.mark.slow
+def test_four_processes_of_which_one_is_killed_end_as_one_process_does(runs, tmp_path):
+    killed = _torchrun(4, tmp_path, "exact", KILLED="2")
+    _, errors = killed.communicate(timeout=240)
+    assert killed.returncode and "SIGKILL" in errors
+    _, checkpoint = storage.load_tensors(tmp_path / training_loop.CHECKPOINT, framework="torch")
+    assert checkpoint["step"] == _together.KILLED_AT and not (tmp_path / training_loop.MODEL).exists()
+    again = _torchrun(4, tmp_path, "exact")
+    _, errors = again.communicate(timeout=240)
+    assert again.returncode == 0, errors
+    one, four = _tensors(runs[0] / "exact"), _tensors(tmp_path)
+    for name, values in one.items():
+        _support.assert_close(four[name], values, atol=1e-11, rtol=1e-11)
+    for expected, row in zip(_log(runs[0] / "exact"), _log(tmp_path), strict=True):
+        assert row == pytest.approx(expected, rel=1e-9)
 
 
 def test_alone_there_is_one_part_and_nothing_is_exchanged():
