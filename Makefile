@@ -18,6 +18,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 unexport PYTHONDONTWRITEBYTECODE # many containers set it: every process then compiles all that it imports
 export PYTHONUNBUFFERED := 1
 export CONFIG DATA LAUNCH SEEDS JOBS
+override DATA := $(value DATA)#  as it was given, with every $$ in it
 run = @ddf run "$$CONFIG" --seeds "$$SEEDS" --jobs "$$JOBS" --data "$$DATA" --launch "$$LAUNCH"
 
 ##@ Experiments

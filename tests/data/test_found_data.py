@@ -1,6 +1,7 @@
 """Images and folders as people have them: turned, huge, without a silhouette; beside what computers leave behind."""
 
 import logging
+import os
 import resource
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from PIL import Image
 
 from ddf import cli
 from ddf.core import checks
-from ddf.data import shapenet
+from ddf.data import dataset, shapenet
 
 
 def _picture(width=40, height=30):
@@ -80,12 +81,27 @@ def test_junk_of_computers_is_passed_over_and_the_unknown_is_named(tmp_path, cap
         assert shapenet.list_classes(root) == ["03001627"]
         assert shapenet.list_shapes(root, "03001627") == ["a"]
     assert "passed over .Trash, @eaDir, __MACOSX" in caplog.text
-    (root / "ShapeNetRendering" / "ShapeNetRendering").mkdir()
-    with pytest.raises(checks.InputError, match="ShapeNetRendering/ShapeNetRendering: not a synset"):
+    (root / "ShapeNetRendering" / "backup").mkdir()
+    with pytest.raises(checks.InputError, match="ShapeNetRendering/backup: not a synset"):
         shapenet.list_classes(root)
-    (root / "ShapeNetRendering" / "03001627" / "03001627").mkdir()
-    with pytest.raises(checks.InputError, match="nested twice"):
-        shapenet.list_shapes(root, "03001627")
+
+
+NESTED = (
+    "ShapeNetRendering/ShapeNetRendering",
+    "ShapeNetRendering/03001627/03001627",
+    "ShapeNetCore.v1/ShapeNetCore.v1",
+    "ShapeNetCore.v1/03001627/03001627",
+)
+
+
+@pytest.mark.parametrize("nested", NESTED)
+def test_folders_that_are_nested_twice_are_refused_by_name(tmp_path, monkeypatch, nested):
+    for name in ("ShapeNetRendering/03001627/a", "ShapeNetCore.v1/03001627/a", nested):
+        (tmp_path / name).mkdir(parents=True, exist_ok=True)
+    monkeypatch.setenv("DDF_DATA", str(tmp_path))
+    section = dataset.DatasetConfig("shapenet", {"chair": None}, 0, 24, False)
+    with pytest.raises(checks.InputError, match=f"{nested}: nested twice; move what it holds one folder up"):
+        dataset.list_real(section, dataset.real_root(os.environ))
 
 
 def test_synset_given_twice_in_a_listing_is_refused(tmp_path, capsys):

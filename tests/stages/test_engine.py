@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from ddf.core import storage
+from ddf.data.synthetic import write
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
@@ -351,3 +352,20 @@ def test_an_output_that_cannot_be_written_is_one_line(workspace):
 def test_a_config_that_is_not_there_is_one_line(workspace):
     output = workspace.make("reproduce-table", "CONFIG=configs/nothing.yaml", ok=False)
     assert output.startswith("ddf run: error: configs/nothing.yaml: no such experiment file; those in configs/ are ")
+
+
+def test_a_root_with_spaces_tildes_and_left_overs_is_read_whole(workspace, tmp_path):
+    root = tmp_path / "my data" / "~ shapes $x (1)"
+    for index in range(2):
+        write.write_shape(root, 0, "chair", index, 5)
+    for part in ("ShapeNetCore.v1", "ShapeNetRendering"):
+        for name in ("__MACOSX/03001627/a", "@eaDir/x", "03001627/@eaDir/x", "03001627/.ipynb_checkpoints"):
+            (root / part / name).mkdir(parents=True)
+    text = (workspace.root / "configs" / "smoke.yaml").read_text()
+    text = text.replace("source: synthetic", "source: shapenet").replace("{primitives: 6}", "{chair: null}")
+    (workspace.root / "configs" / "found.yaml").write_text(text)
+    output = workspace.make("stage-dataset", "CONFIG=configs/found.yaml", f"DATA={root}")
+    assert f"{root}/ShapeNetRendering/03001627: passed over .ipynb_checkpoints, @eaDir" in output
+    index = storage.read_json(workspace.root / "artifacts" / "found" / "dataset" / "index.json")
+    assert index["root"] == root.as_posix() and len(index["categories"]["chair"]["shapes"]) == 2
+    (workspace.root / "configs" / "found.yaml").unlink()

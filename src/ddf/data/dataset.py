@@ -165,12 +165,13 @@ def real_root(environment: Mapping[str, str]) -> Path:
             "`make reproduce-table CONFIG=configs/paper.yaml DATA=/path/to/shapenet`"
         )
     root = Path(given).expanduser().resolve()
-    for name, what in (("ShapeNetCore.v1", "the meshes"), ("ShapeNetRendering", "the 3D-R2N2 renders")):
+    for name, what in ((shapenet.MODELS, "the meshes"), (shapenet.RENDERS, "the 3D-R2N2 renders")):
         if not (root / name).is_dir():
             raise checks.InputError(
                 f"{root / name}: no such folder; DATA must be the root that holds {what} there, as in "
                 "`make reproduce-table CONFIG=configs/paper.yaml DATA=/path/to/shapenet`"
             )
+        shapenet.require_flat(root / name)
     return root
 
 
@@ -198,7 +199,7 @@ def list_real(config: DatasetConfig, root: Path) -> list[Item]:
 def remove_strangers(root: Path, items: Sequence[Item]) -> None:
     """Delete shapes of an earlier configuration from a synthetic root, so that a listing of it is the data set."""
     wanted = {(shapenet.SYNSETS[item.category], item.id) for item in items}
-    for part in ("ShapeNetCore.v1", "ShapeNetRendering"):
+    for part in (shapenet.MODELS, shapenet.RENDERS):
         for folder in (root / part).glob("*/*"):
             if (folder.parent.name, folder.name) not in wanted:
                 shutil.rmtree(folder)

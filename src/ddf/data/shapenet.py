@@ -24,6 +24,7 @@ from torch import Tensor
 from ddf.core import checks, storage
 from ddf.geometry import cameras
 
+MODELS, RENDERS = "ShapeNetCore.v1", "ShapeNetRendering"  # folders of a root
 NUM_VIEWS = 24
 SYNSETS = {
     "plane": "02691156",
@@ -60,13 +61,13 @@ def check_name(name: object, where: str) -> str:
 def model_path(root: Path, synset: str, shape_id: str) -> Path:
     """The mesh of a shape."""
     names = check_name(synset, str(root)), check_name(shape_id, str(root))
-    return root / "ShapeNetCore.v1" / names[0] / names[1] / "model.obj"
+    return root / MODELS / names[0] / names[1] / "model.obj"
 
 
 def rendering_dir(root: Path, synset: str, shape_id: str) -> Path:
     """The folder with the renders of a shape."""
     names = check_name(synset, str(root)), check_name(shape_id, str(root))
-    return root / "ShapeNetRendering" / names[0] / names[1] / "rendering"
+    return root / RENDERS / names[0] / names[1] / "rendering"
 
 
 def image_path(root: Path, synset: str, shape_id: str, view: int) -> Path:
@@ -84,8 +85,8 @@ def list_shapes(root: Path, synset: str) -> list[str]:
     if not folder.is_dir():
         raise checks.InputError(f"{folder}: no such folder; unpack the 3D-R2N2 renders of class {synset} there")
     ids = _folders(folder)
-    if synset in ids:
-        raise checks.InputError(f"{folder / synset}: the class is nested twice; move its shapes one folder up")
+    for part in (RENDERS, MODELS):
+        require_flat(root / part / synset)
     if not ids:
         raise checks.InputError(f"{folder}: has no shapes; unpack the 3D-R2N2 renders of class {synset} there")
     return [check_name(name, str(folder)) for name in ids]
@@ -123,10 +124,18 @@ def _renders(root: Path) -> Path:
             f"{root}: no such folder; give the root that holds ShapeNetCore.v1/ and ShapeNetRendering/, as in "
             "`make reproduce-table CONFIG=configs/paper.yaml DATA=/path/to/shapenet`"
         )
-    folder = root / "ShapeNetRendering"
+    folder = root / RENDERS
     if not folder.is_dir():
         raise checks.InputError(f"{folder}: no such folder; unpack the 3D-R2N2 renders there (ShapeNetRendering.tgz)")
+    require_flat(folder)
     return folder
+
+
+def require_flat(folder: Path) -> None:
+    """Raise if a folder holds one of its own name, as archives do that were unpacked into their own folder."""
+    inner = folder / folder.name
+    if inner.is_dir():
+        raise checks.InputError(f"{inner}: nested twice; move what it holds one folder up")
 
 
 def read_cameras(folder: Path) -> Float[np.ndarray, "views 3"]:
