@@ -114,6 +114,37 @@ def test_nearest_orthogonal(shape):
     assert torch.equal(optimisers.nearest_orthogonal(0 * matrix, (15 / 8, -10 / 8, 3 / 8), 5, 1e-7), 0 * matrix)
 
 
+@pytest.mark.parametrize("shape", [(8, 8), (4, 12), (12, 4)])
+def test_several_matrices_at_once_are_those_one_by_one(shape):
+    matrices = torch.randn((5, *shape), generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    given = (3.4445, -4.775, 2.0315), 5, 1e-7
+    together = optimisers.nearest_orthogonal(matrices, *given)
+    for matrix, found in zip(matrices, together, strict=True):
+        torch.testing.assert_close(found, optimisers.nearest_orthogonal(matrix, *given), atol=1e-12, rtol=1e-10)
+
+
+def test_batches_of_one_shape_move_weights_as_one_by_one(monkeypatch):
+    moved = []
+    for batches in (optimisers._batches, _by_shape):
+        monkeypatch.setattr(optimisers, "_batches", batches)
+        torch.manual_seed(0)
+        weights = [torch.nn.Parameter(torch.randn(size).double()) for size in ((6, 6), (6, 6), (4, 2, 3), (6, 6))]
+        muon = optimisers.Muon([{"params": weights, "weight_decay": 0.1}], 0.02, "float32")
+        for step in range(3):
+            for weight in weights:
+                weight.grad = torch.cos(weight.detach() * (step + 1))
+            muon.step()
+        moved.append([weight.detach() for weight in weights])
+    for one, other in zip(*moved, strict=True):
+        torch.testing.assert_close(one, other, atol=1e-12, rtol=1e-10)
+
+
+def _by_shape(weights):
+    """As on a GPU."""
+    shapes = {weight.shape for weight in weights}
+    return [[weight for weight in weights if weight.shape == shape] for shape in shapes]
+
+
 def test_without_muon_it_is_adamw():
     model, other = _model(), _model()
     _steps(model, _optimiser(model, None, weight_decay=0.1), range(5))

@@ -33,23 +33,41 @@ class Muon(torch.optim.Optimizer):
     def step(self) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Move every matrix that has a gradient, as torch does it: Nesterov's average, decay apart from it."""
         for group in self.param_groups:
-            for weight in (each for each in group["params"] if each.grad is not None):
-                state, rate = self.state[weight], group["lr"]
-                if not state:
-                    state["momentum_buffer"] = torch.zeros_like(weight)
-                average = state["momentum_buffer"].lerp_(weight.grad, 1 - MOMENTUM)
-                ahead = weight.grad.lerp(average, MOMENTUM).flatten(1)
+            for weights in _batches([each for each in group["params"] if each.grad is not None]):
+                each = [self._ahead(weight) for weight in weights]
+                ahead = each[0] if len(each) == 1 else torch.stack(each)
                 factors = ahead.to(passes.product_type(self.matmul, ahead))
-                moved = nearest_orthogonal(factors, QUINTIC, QUINTIC_STEPS, LEAST_NORM).view_as(weight)
-                weight.mul_(1 - rate * group["weight_decay"])
-                taller = max(1.0, ahead.shape[0] / ahead.shape[1])
-                weight.add_(moved, alpha=-rate * taller**0.5)
+                moves = nearest_orthogonal(factors, QUINTIC, QUINTIC_STEPS, LEAST_NORM)
+                taller = max(1.0, ahead.shape[-2] / ahead.shape[-1])
+                for weight, moved in zip(weights, moves.reshape(-1, *ahead.shape[-2:]), strict=True):
+                    weight.mul_(1 - group["lr"] * group["weight_decay"])
+                    weight.add_(moved.reshape(weight.shape), alpha=-group["lr"] * taller**0.5)
+
+    def _ahead(self, weight: Tensor) -> Float[Tensor, "a b"]:
+        """Nesterov's average of the gradient, as a matrix."""
+        gradient, state = weight.grad, self.state[weight]
+        if gradient is None:
+            raise ValueError("a weight without gradient is not moved")
+        if not state:
+            state["momentum_buffer"] = torch.zeros_like(weight)
+        average = state["momentum_buffer"].lerp_(gradient, 1 - MOMENTUM)
+        return gradient.lerp(average, MOMENTUM).flatten(1)
+
+
+def _batches(weights: Sequence[Tensor]) -> list[list[Tensor]]:
+    """Weights whose products are made together: on a GPU, where launches cost more than products, all of one shape."""
+    found: dict[Any, list[Tensor]] = {}
+    for index, weight in enumerate(weights):
+        found.setdefault(weight.shape if weight.is_cuda else index, []).append(weight)
+    return list(found.values())
 
 
 def nearest_orthogonal(
-    matrix: Float[Tensor, "a b"], coefficients: tuple[float, float, float], steps: int, eps: float
-) -> Float[Tensor, "a b"]:
-    """About U V^T of U Σ V^T: singular values near 1, by Newton and Schulz's iteration. Source: Jordan et al. 2024.
+    matrix: Float[Tensor, "*n a b"], coefficients: tuple[float, float, float], steps: int, eps: float
+) -> Float[Tensor, "*n a b"]:
+    """About U V^T of U Σ V^T, of one matrix or several: singular values near 1, by Newton and Schulz's iteration.
+
+    Source: Jordan et al. 2024.
 
     All steps multiply X from the left by polynomials of the first X X^T, so for a long matrix they are made on that
     square, and X is multiplied once in the end (derived here); squares of bfloat16 would lose the small values.
@@ -58,22 +76,23 @@ def nearest_orthogonal(
       coefficients: of X <- a X + (b X X^T + c (X X^T)²) X. eps: least norm that X is divided by at first.
     """
     a, b, c = coefficients
-    wide = matrix if matrix.shape[0] <= matrix.shape[1] else matrix.T
-    found = wide / wide.norm().clamp(min=eps)
-    if found.shape[1] >= 2 * found.shape[0] and found.dtype != torch.bfloat16:
-        gram, product = found @ found.T, None
+    wide = matrix if matrix.shape[-2] <= matrix.shape[-1] else matrix.mT
+    found = wide / wide.norm(dim=(-2, -1), keepdim=True).clamp(min=eps)
+    multiply_add = torch.addmm if matrix.ndim == 2 else torch.baddbmm
+    if found.shape[-1] >= 2 * found.shape[-2] and found.dtype != torch.bfloat16:
+        gram, product = found @ found.mT, None
         for step in range(steps):
-            factor = torch.addmm(gram, gram, gram, beta=b, alpha=c)
-            factor.diagonal().add_(a)
+            factor = multiply_add(gram, gram, gram, beta=b, alpha=c)
+            factor.diagonal(dim1=-2, dim2=-1).add_(a)
             product = factor if product is None else factor @ product
             if step + 1 < steps:
                 gram = factor @ gram @ factor
         found = found if product is None else product @ found
     else:
         for _ in range(steps):
-            gram = found @ found.T
-            found = torch.addmm(found, torch.addmm(gram, gram, gram, beta=b, alpha=c), found, beta=a)
-    return found if wide is matrix else found.T
+            gram = found @ found.mT
+            found = multiply_add(found, multiply_add(gram, gram, gram, beta=b, alpha=c), found, beta=a)
+    return found if wide is matrix else found.mT
 
 
 class Optimiser:
