@@ -45,6 +45,7 @@ def test_shards_give_what_was_written_however_many_are_open(tmp_path, monkeypatc
         storage.save_tensors(path, samples.shards[number], {"ids": names, "field_from_raw": frames})
         arrays = {"points": np.concatenate([points[i] for i in rows])}
         arrays["offsets"] = np.cumsum([0, *(len(points[i]) for i in rows)])
+        arrays["hidden"] = np.zeros(len(arrays["points"]), dtype=bool)
         storage.save_tensors(tmp_path / f"{number}{category_data.CLOUDS}", arrays, {"ids": names})
         storage.write_json(tmp_path / f"{number:03d}.json", {"files": written})
     read, shapes = category_data.read_samples(tmp_path, ids[::-1]), category_data.read_shapes(tmp_path, ids[::-1])

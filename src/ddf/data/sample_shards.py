@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ddf.core import checks, parallel, provenance, seeding, storage
-from ddf.data import mesh_shards, sampling, true_clouds
+from ddf.data import mesh_shards, sampling, surface_cloud, true_clouds
 from ddf.geometry import mesh_io, transforms
 
 
@@ -77,7 +77,7 @@ class _Extracted:
     id: str
     arrays: dict[str, np.ndarray]
     probes: sampling.Probes
-    cloud: true_clouds.Cloud
+    cloud: surface_cloud.Cloud
     field_from_raw: transforms.Similarity
 
     @classmethod

@@ -14,13 +14,14 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks
+from ddf.data import surface_cloud
 from ddf.evaluation import metrics, scoring
 from ddf.geometry import neighbours, transforms
 
 MEAN_SHAPE, RETRIEVAL, ORACLE = "mean_shape", "retrieval", "oracle_retrieval"
 CEILING, CEILING_VISIBLE, VISIBLE_AGAINST_ALL = "ceiling", "ceiling_visible", "ceiling_visible_vs_all"
 
-Truths = Mapping[str, scoring.TruthCloud]
+Truths = Mapping[str, surface_cloud.Cloud]
 Images = Sequence[tuple[str, int]]
 
 
@@ -174,7 +175,7 @@ def _stand_in(truths: Truths, shape: str, count: int, seed: int) -> Float[np.nda
 
 
 def _ceilings(
-    truth: scoring.TruthCloud, shape: str, images: Images, column: str, count: int, seed: int
+    truth: surface_cloud.Cloud, shape: str, images: Images, column: str, count: int, seed: int
 ) -> Iterator[scoring.Case]:
     """The truth against itself: all points; visible against visible; and visible against all, which is what a
     perfect surface seen from outside can reach when the truth has hidden points.

@@ -16,9 +16,10 @@ import joblib
 import numpy as np
 import pandas as pd
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from ddf.core import checks, storage
+from ddf.data import surface_cloud
 from ddf.evaluation import metrics
 from ddf.geometry import cameras, neighbours, transforms
 
@@ -55,19 +56,6 @@ class EvaluateConfig:
                 raise checks.InputError(f"evaluate.{name} must be >= 1; got {getattr(self, name)}")
         if self.seed < 0:
             raise checks.InputError(f"evaluate.seed must be >= 0; got {self.seed}")
-
-
-@dataclass(frozen=True)
-class TruthCloud:
-    """Ground truth of one shape in the v1 frame; `hidden` marks points that no ray from outside meets first."""
-
-    points: Float[np.ndarray, "n 3"]
-    hidden: Bool[np.ndarray, " n"]
-
-    def benchmark_points(self, visible_only: bool = False) -> Float[np.ndarray, "m 3"]:
-        """Points in the benchmark frame, all of them or those that are not hidden."""
-        points = self.points[~self.hidden] if visible_only else self.points
-        return transforms.BENCHMARK_FROM_V1 * points.astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -140,18 +128,16 @@ def load_predictions(path: Path | str) -> Predictions:
     return Predictions(Path(path), images, tensors, metadata)
 
 
-def load_truth(samples_dir: Path | str) -> dict[str, TruthCloud]:
+def load_truth(samples_dir: Path | str) -> dict[str, surface_cloud.Cloud]:
     """Ground-truth clouds of a category by shape id, from the files that the shards' records name.
 
     Raises:
       FileNotFoundError, InputError: no shard, or a damaged file.
     """
-    clouds: dict[str, TruthCloud] = {}
+    clouds: dict[str, surface_cloud.Cloud] = {}
     for path in storage.shard_files(samples_dir, ".clouds.safetensors", "samples"):
         tensors, metadata = storage.load_tensors(path)
-        for i, shape in enumerate(metadata["ids"]):
-            span = slice(int(tensors["offsets"][i]), int(tensors["offsets"][i + 1]))
-            clouds[shape] = TruthCloud(tensors["points"][span], tensors["hidden"][span].astype(bool))
+        clouds |= {shape: surface_cloud.Cloud.stored(tensors, row) for row, shape in enumerate(metadata["ids"])}
     return clouds
 
 
@@ -219,7 +205,7 @@ def model_cases(ddf: Predictions, pc_siren: Predictions, shape: str) -> list[Cas
 
 
 def score_all(
-    cases: Iterable[tuple[TruthCloud, Sequence[Case]]], tau_sq: float, jobs: int | None = None
+    cases: Iterable[tuple[surface_cloud.Cloud, Sequence[Case]]], tau_sq: float, jobs: int | None = None
 ) -> pd.DataFrame:
     """One row per case and image. Shapes are spread over processes as they come; each truth is indexed once.
 
@@ -231,7 +217,7 @@ def score_all(
     return pd.DataFrame([row for shape_rows in rows for row in shape_rows])
 
 
-def _score_shape(cases: Sequence[Case], truth: TruthCloud, tau_sq: float) -> list[dict]:
+def _score_shape(cases: Sequence[Case], truth: surface_cloud.Cloud, tau_sq: float) -> list[dict]:
     trees: dict[bool, neighbours.Neighbours] = {}
     rows = []
     for case in cases:

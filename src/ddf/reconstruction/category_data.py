@@ -23,7 +23,7 @@ from jaxtyping import Float, Int, Shaped, UInt8
 from torch import Tensor
 
 from ddf.core import checks, storage
-from ddf.data import packing, shapenet
+from ddf.data import packing, shapenet, surface_cloud
 from ddf.data.samples import sample_batch, sample_types
 from ddf.geometry import cameras, transforms
 from ddf.training import distributed
@@ -123,9 +123,8 @@ class PlacedClouds:
 
     def __getitem__(self, index: int, /) -> Float[Tensor, "n 3"]:
         number, row = self.places[index]
-        shard = self.shards[number]
-        start, end = shard["offsets"][row : row + 2]
-        return torch.from_numpy(self.similarities[index].apply(shard["points"][start:end])).float()
+        cloud = surface_cloud.Cloud.stored(self.shards[number], row)
+        return torch.from_numpy(self.similarities[index].apply(cloud.points)).float()
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ddf.core import config
-from ddf.data import shapenet
+from ddf.data import shapenet, surface_cloud
 from ddf.evaluation import scoring
 from ddf.geometry import transforms
 from ddf.report import field_pictures, picture_strips
@@ -37,7 +37,7 @@ class Clouds(NamedTuple):
 
     ddf: scoring.Predictions
     pc_siren: scoring.Predictions
-    truths: Mapping[str, scoring.TruthCloud]
+    truths: Mapping[str, surface_cloud.Cloud]
     image_root: tuple[Path, str]
 
 
