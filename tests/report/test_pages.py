@@ -78,6 +78,19 @@ def test_html_holds_its_figures_and_loads_nothing():
     assert '![alt "text"](a.svg)' in pages.markdown(_page(figure))
 
 
+def test_a_live_page_is_a_file_that_only_html_opens_when_asked(tmp_path):
+    page = _page("x", pages.Live("live.html", "Look **here**", b"<p>"))
+    pages.write(page, tmp_path)
+    assert (tmp_path / "live.html").read_bytes() == b"<p>"
+    assert "live" not in (tmp_path / "README.md").read_text() and "\n\n\n" not in (tmp_path / "README.md").read_text()
+    parser = _parse(pages.html_page(page))
+    assert ("iframe", "loading", "lazy") in parser.attributes and ("iframe", "title", "Look here") in parser.attributes
+    assert [where for where in parser.attributes if where[2] == "live.html"] == [
+        ("iframe", "src", "live.html"),
+        ("a", "href", "live.html"),
+    ]
+
+
 def test_every_section_is_linked():
     text = pages.html_page(_page("x"))
     assert '<a href="#first-part">First part</a>' in text and '<section id="first-part">' in text

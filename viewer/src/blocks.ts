@@ -14,6 +14,7 @@ export interface PageRecord {
   title: string;
   about: string; // one sentence
   up: "y" | "z";
+  azimuth: number; // of the first picture, degrees
   corners: Vector[]; // of the box that cameras are about, frame of the world
   fields: FieldRecord[];
   box: [Vector, Vector] | null; // of a scene: what lies before it is cut away

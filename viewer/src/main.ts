@@ -19,10 +19,12 @@ import type { open, WasmEngine } from "./wasm.ts";
 import { WebglEngine } from "./webgl.ts";
 
 const WISHES = asked(location.hash);
-const START = { azimuth: WISHES.azimuth ?? 35, elevation: WISHES.elevation ?? 25 };
+const ELEVATION = 25; // of the first picture, degrees
 const SIZES = [128, 256, 384, 512, 768];
 
-function framed(stage: Stage, angles = START): Camera {
+type Angles = Pick<Camera, "azimuth" | "elevation">;
+
+function framed(stage: Stage, angles: Angles): Camera {
   const looking = { ...angles, target: centre(stage) };
   return { ...looking, radius: framingRadius(looking, stage) };
 }
@@ -46,6 +48,7 @@ async function main(): Promise<void> {
   byId("about").textContent = page.about;
   byId("help").textContent = HELP;
   const stage: Stage = { corners: page.corners, up: page.up };
+  const start: Angles = { azimuth: WISHES.azimuth ?? page.azimuth, elevation: WISHES.elevation ?? ELEVATION };
   const numbers = new Float32Array((await readBlock("ddf-weights"))!);
   const gpu = Gpu.open();
   const byWasm = document.getElementById("ddf-graph-values") !== null && (WISHES.engine ?? wanted(gpu)) === "wasm";
@@ -63,7 +66,7 @@ async function main(): Promise<void> {
       ? new window.ddfWasm!.WasmEngine(readBlock)
       : new WebglEngine(gpu, record, layersOf(record, numbers));
   const world = { fields: page.fields.map((record) => new Field(record, engineOf(record))), box: page.box };
-  const view = new View(byId("canvas") as HTMLCanvasElement, world, stage, framed(stage), shown, (error) => fail(error.message));
+  const view = new View(byId("canvas") as HTMLCanvasElement, world, stage, framed(stage, start), shown, (error) => fail(error.message));
   view.mode = MODES.find((mode) => mode.name === WISHES.mode) ?? view.mode;
   view.full = Math.round(WISHES.size ?? view.full);
 
@@ -98,7 +101,7 @@ async function main(): Promise<void> {
   byId("panel").append(...(rebuilt ? [rebuilt.panel] : []), modes, camera, ...(gizmos ? [gizmos.panel] : []));
 
   function reset(): void {
-    view.camera = framed(stage);
+    view.camera = framed(stage, start);
     view.refresh(false);
   }
   function theme(): void {
@@ -122,13 +125,13 @@ async function main(): Promise<void> {
     size: number,
     outputs: Output[],
   ): Promise<Record<string, number[]> & { evaluated: number }> {
-    const base = framed(stage, { azimuth: azimuth ?? START.azimuth, elevation: elevation ?? START.elevation });
+    const base = framed(stage, { azimuth: azimuth ?? start.azimuth, elevation: elevation ?? start.elevation });
     const rays = pixelRays({ ...base, radius: radius ?? base.radius }, stage, size);
     const found = await query(world, rays, outputs);
     const arrays = Object.fromEntries(Object.entries(found.values).map(([name, values]) => [name, Array.from(values!)]));
     return { ...arrays, evaluated: found.evaluated } as Record<string, number[]> & { evaluated: number };
   }
-  Object.assign(window, { ddf: { render, view, rebuilt, framed: () => framed(stage) } });
+  Object.assign(window, { ddf: { render, view, rebuilt } });
   if (rebuilt) await rebuilt.sample(0);
   else view.refresh(false);
 }

@@ -42,14 +42,16 @@ def add_rays(parser: argparse.ArgumentParser, frame: str) -> None:
     )
 
 
-def add_out(parser: argparse.ArgumentParser, name: str, metavar: str, help: str, optional: bool = False) -> None:
-    """A file that the command writes, `out` or `--out`; its folder must be there, or be asked for.
-
-    optional: `out` may be left away.
-    """
-    how: dict[str, Any] = {"required": True} if name.startswith("-") else {"nargs": "?"} if optional else {}
+def add_out(parser: argparse.ArgumentParser, name: str, metavar: str, help: str) -> None:
+    """A file that the command writes, `out` or `--out`; its folder must be there, or be asked for."""
+    how: dict[str, Any] = {"required": True} if name.startswith("-") else {}
     parser.add_argument(name, metavar=metavar, type=Path, help=help, **how)
-    parser.set_defaults(**{_WRITES: name.lstrip("-")})
+    mark_out(parser, name.lstrip("-"))
+
+
+def mark_out(parser: argparse.ArgumentParser, name: str) -> None:
+    """Let `require_places` check the file of that name in the parsed arguments."""
+    parser.set_defaults(**{_WRITES: name})
     parser.add_argument("--make-folders", action="store_true", help="make the folder of the output where it is missing")
 
 

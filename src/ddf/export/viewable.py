@@ -3,12 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float
-
 from ddf.core import checks, storage
-from ddf.export import onnx_file, onnx_graphs, onnx_parity, viewer_fields, viewer_page
-from ddf.geometry import transforms
+from ddf.export import onnx_file, onnx_graphs, onnx_parity, viewer_fields, viewer_layout, viewer_page
 from ddf.reconstruction import one_image
 from ddf.shape import shape_field
 from ddf.training import training_loop
@@ -19,7 +15,7 @@ GRAPHS = {
     "normals": ("visibility", "depth", "weights", "normals"),
     "mean_curvature": ("visibility", "depth", "weights", "normals", "mean_curvature"),
 }
-_ABOUT_SCENE = "Directed distance fields in one scene, evaluated live by this page; each ray shows the nearest surface."
+_NAMED = 4  # fields of a title
 _ABOUT_MODEL = "From one image to a directed distance field, inside this page: nothing leaves this machine."
 _ABOUT = "A directed distance field, evaluated live by this page: visibility and depth along every ray."
 
@@ -33,12 +29,34 @@ def page(path: Path, up: str = "y", wasm: bool = False) -> viewer_page.Page:
     Raises:
       FileNotFoundError: there is no such field. InputError: it is damaged, or holds something else; it is named.
     """
-    if path.suffix == ".onnx":
-        raise checks.InputError(f"{path}: a page takes a field's weights; give the folder that `ddf fit` wrote")
     file = path if path.name == training_loop.MODEL else path / training_loop.MODEL
     if file.is_file() and storage.load_metadata(file).get("kind") == "ddf":
         return model_page(file.parent)
-    return field_page(shape_field.load(path), name_of(path), up, wasm)
+    return field_page(_field(path), name_of(path), up, wasm)
+
+
+def row_page(paths: Sequence[Path], up: str = "y") -> viewer_page.Page:
+    """The page of several fields side by side; one that is named twice stands there twice.
+
+    Args:
+      paths: as of `page`, fields alone. up: axis that points up, of all.
+    Raises:
+      FileNotFoundError: there is no such field. InputError: it is damaged, or no field; it is named.
+    """
+    missing = next((path for path in paths if not path.exists()), None)
+    if missing is not None:
+        raise FileNotFoundError(f"{missing}: no such field; a file to write must end in .html")
+    loaded = {path: _field(path) for path in paths}
+    places = [(name_of(path), loaded[path]) for path in paths]
+    title = ", ".join(name for name, _ in places) if len(places) <= _NAMED else f"{len(places)} fields"
+    return viewer_layout.row_page(title, places, up)
+
+
+def _field(path: Path) -> shape_field.ShapeField:
+    """A field by its weights."""
+    if path.suffix == ".onnx":
+        raise checks.InputError(f"{path}: a page takes a field's weights; give the folder that `ddf fit` wrote")
+    return shape_field.load(path)
 
 
 def model_page(folder: Path) -> viewer_page.Page:
@@ -57,7 +75,7 @@ def model_page(folder: Path) -> viewer_page.Page:
     shape = shape_field.conditioned(model.field, None, 1.0)
     encoders = viewer_page.Encoders(onnx, image_size, samples)
     fields = [viewer_fields.bake(shape, name_of(folder))]
-    return viewer_page.Page(name_of(folder), _ABOUT_MODEL, corners(shape), fields, encoders=encoders)
+    return viewer_page.Page(name_of(folder), _ABOUT_MODEL, viewer_layout.corners(shape), fields, encoders=encoders)
 
 
 def name_of(path: Path) -> str:
@@ -70,26 +88,6 @@ def field_page(shape: shape_field.ShapeField, name: str, up: str = "y", wasm: bo
     graphs = {}
     for key, outputs in GRAPHS.items() if wasm else ():
         graphs[key] = onnx_file.to_onnx(onnx_graphs.FieldGraph(shape.field.cpu(), outputs), {})
-    return viewer_page.Page(name, _ABOUT, corners(shape), [viewer_fields.bake(shape, name)], up, graphs=graphs)
-
-
-def scene_page(
-    name: str,
-    fields: Sequence[viewer_fields.BakedField],
-    lower: Float[np.ndarray, "3"],
-    upper: Float[np.ndarray, "3"],
-    up: str = "y",
-    cut: bool = False,
-) -> viewer_page.Page:
-    """The page of several fields.
-
-    Args:
-      lower, upper: box that cameras are about, frame of the scene. cut: what lies before it is cut away.
-    """
-    box = (lower, upper) if cut else None
-    return viewer_page.Page(name, _ABOUT_SCENE, transforms.box_corners(lower, upper), list(fields), up, box)
-
-
-def corners(shape: shape_field.ShapeField) -> Float[np.ndarray, "8 3"]:
-    """Those of a field's box, in the frame of its mesh."""
-    return shape.field_from_mesh.inverse().apply(transforms.box_corners(shape.lower, shape.upper))
+    return viewer_page.Page(
+        name, _ABOUT, viewer_layout.corners(shape), [viewer_fields.bake(shape, name)], up, graphs=graphs
+    )

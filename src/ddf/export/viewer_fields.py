@@ -50,9 +50,10 @@ def bake(shape: shape_field.ShapeField, name: str) -> BakedField:
     return BakedField(record, np.concatenate(numbers).astype(np.float32))
 
 
-def placed(field: BakedField, world_from_mesh: transforms.Similarity) -> BakedField:
-    """The same field elsewhere."""
-    return BakedField(field.record | {"world_from_mesh": world_from_mesh.to_dict()}, field.numbers)
+def placed(field: BakedField, world_from_mesh: transforms.Similarity, name: str | None = None) -> BakedField:
+    """The same field elsewhere, under another name where one is given."""
+    changed = {"world_from_mesh": world_from_mesh.to_dict(), "name": name or field.record["name"]}
+    return BakedField(field.record | changed, field.numbers)
 
 
 def _layer(layer: Any, omega: float, before: np.ndarray | None) -> list[np.ndarray]:

@@ -22,7 +22,6 @@ from ddf.export import viewer_fields
 BUILT = Path(__file__).resolve().parent / "viewer"  # what `viewer/build.mjs` writes
 _TEMPLATE, _WASM, _RUNTIME = "page.html", "wasm.js", "ort.wasm.gz"  # the last two for pages that run ONNX files
 
-_GRAPH = '<script type="text/plain" id="ddf-graph-{name}">{block}</script>'
 _MARKS = ("title", "page", "weights", "model", "graphs", "runtime", "wasm")  # of the template
 
 
@@ -57,6 +56,7 @@ class Page:
     box: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]] | None = None
     encoders: Encoders | None = None
     graphs: Mapping[str, bytes] = field(default_factory=dict)
+    azimuth: float = 35.0
 
 
 def render(page: Page) -> bytes:
@@ -70,6 +70,7 @@ def render(page: Page) -> bytes:
         "title": page.title,
         "about": page.about,
         "up": page.up,
+        "azimuth": page.azimuth,
         "corners": page.corners.tolist(),
         "fields": records,
         "model": None,

@@ -53,7 +53,19 @@ class Figure:
     content: bytes = b""
 
 
-Block = str | tuple[str, ...] | Table | Figure  # a paragraph, a bullet list, a table, a picture
+@dataclass(frozen=True)
+class Live:
+    """A page inside the page, a file beside it that is loaded when its caption is opened.
+
+    It is in the HTML file alone: HTML is not kept in git, so that Markdown could only point at nothing.
+    """
+
+    name: str
+    caption: str
+    content: bytes
+
+
+Block = str | tuple[str, ...] | Table | Figure | Live  # a paragraph, a bullet list, a table, a picture, a page
 
 
 @dataclass(frozen=True)
@@ -79,9 +91,9 @@ class Page:
     files: Mapping[str, bytes] = field(default_factory=dict)
 
     def contents(self) -> dict[str, bytes]:
-        """The figures' contents by file name."""
+        """Contents of figures and of live pages by file name."""
         blocks = [*self.lead, *(block for section in self.sections for block in section.blocks)]
-        own = {block.name: block.content for block in blocks if isinstance(block, Figure) and block.content}
+        own = {block.name: block.content for block in blocks if isinstance(block, Figure | Live) and block.content}
         return {**self.files, **own}
 
 
@@ -113,7 +125,7 @@ def paragraph(text: str, **values: object) -> str:
 
 
 def write(page: Page, folder: Path) -> None:
-    """README.md, the figures, and index.html that holds them."""
+    """README.md, the figures, index.html that holds them, and live pages."""
     for name, content in page.contents().items():
         storage.write_bytes(folder / name, content)
     storage.write_text(folder / "README.md", markdown(page))
@@ -126,10 +138,12 @@ def markdown(page: Page) -> str:
     for section in page.sections:
         parts.append(f"## {section.title}")
         parts += [_markdown_block(block) for block in section.blocks]
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join(filter(None, parts)) + "\n"
 
 
 def _markdown_block(block: Block) -> str:
+    if isinstance(block, Live):
+        return ""
     if isinstance(block, Table):
         return _markdown_table(block)
     if isinstance(block, Figure):
@@ -157,7 +171,7 @@ def _plain(text: str) -> str:
 
 
 def html_page(page: Page) -> str:
-    """One HTML file without any reference to another file, but for links that the reader may follow."""
+    """One HTML file without any reference to another file, but for what the reader may open: links and live pages."""
     files = page.contents()
     body = [f"<h1>{_inline(page.title)}</h1>"]
     for block in page.lead:
@@ -183,6 +197,11 @@ def _html_block(block: Block, files: Mapping[str, bytes]) -> str:
         data = base64.b64encode(files[block.name]).decode("ascii")
         image = f'<img alt="{html.escape(_plain(block.alt), quote=True)}" src="data:{media};base64,{data}">'
         return f"<figure>{image}<figcaption>{_inline(block.caption)}</figcaption></figure>"
+    if isinstance(block, Live):
+        address, caption = html.escape(block.name, quote=True), html.escape(_plain(block.caption), quote=True)
+        frame = f'<iframe title="{caption}" loading="lazy" src="{address}"></iframe>'
+        alone = f'<p><a href="{address}">In a window of its own</a></p>'
+        return f"<details><summary>{_inline(block.caption)}</summary>{frame}{alone}</details>"
     if isinstance(block, tuple):
         return "<ul>" + "".join(f"<li>{_inline(item)}</li>" for item in block) + "</ul>"
     return f"<p>{_inline(block)}</p>"
@@ -248,6 +267,9 @@ padding:1px 4px;border-radius:3px}
 figure{margin:18px 0 26px}
 figcaption{max-width:84ch;margin-top:8px;font-size:14px;line-height:1.5;color:var(--soft)}
 img{display:block;max-width:100%;height:auto;background:#fff;border-radius:4px}
+details{margin:14px 0} summary{cursor:pointer;color:var(--link)}
+iframe{display:block;width:100%;height:820px;max-height:92vh;margin:10px 0 6px;border:1px solid var(--line);
+border-radius:4px}
 .scroll{overflow-x:auto}
 table{border-collapse:collapse;font-size:14px;line-height:1.25;font-variant-numeric:tabular-nums lining-nums;
 border-top:1.5px solid var(--ink);border-bottom:1.5px solid var(--ink)}

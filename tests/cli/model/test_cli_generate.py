@@ -48,6 +48,9 @@ def test_a_vae_has_shapes_alone(tmp_path, capsys):
     found = _run(capsys, _write(tmp_path / "vae", shape_vae.KIND), str(tmp_path / "out"), "-n", "2")
     assert not found["images"] and not (tmp_path / "out/000/image.png").exists()
     assert (tmp_path / "out/000/normal.png").exists()
+    page = tmp_path / "samples.html"
+    assert cli.main(["view", *(str(tmp_path / "out" / name) for name in found["samples"]), str(page)]) == 0
+    assert "<title>000, 001</title>" in page.read_text()
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import argparse
 import tempfile
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +16,11 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "ddf view rabbit",
     "ddf view rabbit rabbit.html",
+    "ddf view rabbit armchair airliner row.html",
     "ddf view scene.yaml scene.html",
     "ddf view chair chair.html",
 )
+PAGE = ".html"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,32 +28,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "what",
         metavar="FIELD_or_SCENE_or_MODEL",
-        type=shipped_models.place,
-        help="folder that `ddf fit` or `make train` wrote, a name that `ddf models` lists, or a scene file",
+        nargs="+",
+        action=_Shown,
+        help="folder that `ddf fit` or `make train` wrote, a name that `ddf models` lists, or a scene file; several "
+        "fields stand side by side; last, OUT.html: file to write (without it a temporary one is written and opened in "
+        "the browser)",
     )
-    arguments.add_out(
-        parser,
-        "out",
-        "OUT.html",
-        "file to write; without it a temporary one is written and opened in the browser",
-        optional=True,
+    arguments.mark_out(parser, "out")
+    parser.add_argument(
+        "--up", choices=arguments.UP_AXES, default="y", help="axis of fields that points up (default %(default)s)"
     )
     parser.add_argument(
-        "--up", choices=arguments.UP_AXES, default="y", help="axis of a field that points up (default %(default)s)"
+        "--wasm", action="store_true", help="of one field: 5 MB more, and the page does without WebGL2, on the CPU"
     )
-    parser.add_argument(
-        "--wasm", action="store_true", help="of a field: 5 MB more, and the page does without WebGL2, on the CPU"
-    )
+
+
+class _Shown(argparse.Action):
+    """What is shown, and the file to write: a last word that ends in .html."""
+
+    def __call__(self, _parser: Any, namespace: argparse.Namespace, values: Any, _option: str | None = None) -> None:
+        *words, last = values
+        namespace.out = Path(last) if words and Path(last).suffix.lower() == PAGE else None
+        namespace.what = [shipped_models.place(word) for word in (values if namespace.out is None else words)]
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Write the page, and open it where no file is named."""
-    from ddf.core import checks
     from ddf.export import viewer_page
 
     out = args.out
-    if out is not None and out.suffix.lower() != ".html":
-        raise checks.InputError(f"{out}: must end in .html")
     page = page_of(args.what, args.up, args.wasm)
     if out is None:
         out = Path(tempfile.mkdtemp(prefix="ddf-view-")) / f"{page.title}.html"
@@ -66,22 +72,30 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def page_of(what: Path, up: str = "y", wasm: bool = False) -> "viewer_page.Page":
-    """The page of a field or of a scene file.
+def page_of(what: Sequence[Path], up: str = "y", wasm: bool = False) -> "viewer_page.Page":
+    """The page of a field, of a scene file or of a model; of several fields side by side.
 
     Raises:
-      FileNotFoundError, InputError: as `viewable.page` and `scene_file.read`.
+      FileNotFoundError, InputError: as `viewable.page` and `scene_file.read`; or what must stand alone does not.
     """
     from ddf.api import scene_file
+    from ddf.core import checks
     from ddf.export import viewable
 
-    return _scene(what) if what.suffix in scene_file.SUFFIXES else viewable.page(what, up, wasm)
+    scenes = [path for path in what if path.suffix in scene_file.SUFFIXES]
+    if wasm and (scenes or len(what) > 1):
+        raise checks.InputError("--wasm is for the page of one field; leave it away, or give one field")
+    if len(what) == 1:
+        return _scene(what[0]) if scenes else viewable.page(what[0], up, wasm)
+    if scenes:
+        raise checks.InputError(f"{scenes[0]}: a scene file is shown alone; it may name all fields")
+    return viewable.row_page(what, up)
 
 
 def _scene(file: Path) -> "viewer_page.Page":
     """The page of a scene file; a field that it names several times is in the page once."""
     from ddf.api import scene_file
-    from ddf.export import viewable, viewer_fields
+    from ddf.export import viewable, viewer_fields, viewer_layout
     from ddf.shape import shape_field
 
     content = scene_file.read(file)
@@ -91,4 +105,4 @@ def _scene(file: Path) -> "viewer_page.Page":
         folder = shipped_models.place(scene_file.place(file.parent, name))
         baked[name] = viewer_fields.bake(shape_field.load(folder), viewable.name_of(folder))
     fields = [viewer_fields.placed(baked[placement.field], placement.similarity()) for placement in content.objects]
-    return viewable.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)
+    return viewer_layout.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)

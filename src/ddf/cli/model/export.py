@@ -10,7 +10,7 @@ from ddf.core import shipped_models
 EXAMPLES = (
     "ddf export rabbit field.onnx",
     "ddf export rabbit small.onnx --precision float16 --outputs depth,visibility",
-    "ddf export rabbit rabbit.html",
+    "ddf export rabbit armchair pair.html",
 )
 PRECISIONS = ("float32", "float16", "bfloat16", "int8")  # of `weight_precision`
 BATCHES = (1, 7, 65536)  # rays that the file and the model are compared with
@@ -21,8 +21,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "model",
         metavar="MODEL",
+        nargs="+",
         type=shipped_models.place,
-        help="trained model (artifacts/cpu/train_ddf/chair), a folder that `ddf fit` wrote, or a name of `ddf models`",
+        help="trained model (artifacts/cpu/train_ddf/chair), a folder that `ddf fit` wrote, or a name of `ddf models`; "
+        "several fields for a page alone",
     )
     arguments.add_out(parser, "out", "OUT", "file to write: .onnx, or .html for the page of `ddf view`")
     parser.add_argument(
@@ -54,11 +56,14 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.fields import field_outputs
     from ddf.training import training_loop
 
+    model, *others = args.model
+    if others:
+        raise checks.InputError(f"{args.out}: an ONNX file holds one model; give one, or a name that ends in .html")
     settings = onnx_file.ExportConfig(tuple(field_outputs.OUTPUTS), BATCHES, (), 0)
     if args.config is not None:
         settings = config.load(args.config, onnx_file.ExportConfig)
     outputs = settings.outputs if args.outputs is None else field_outputs.require_outputs(args.outputs)
-    folder = args.model.parent if args.model.name == training_loop.MODEL else args.model
+    folder = model.parent if model.name == training_loop.MODEL else model
     graphs, source = exportable.load(folder, outputs)
     name = args.graph or next(iter(graphs))
     if name not in graphs:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ddf.core import checks, storage
 from ddf.report import pages
-from ddf.report.experiment import example_strips, seed_notes, stage_results
+from ddf.report.experiment import example_strips, live_shapes, seed_notes, stage_results
 from ddf.report.experiment.sections import (
     azimuth,
     bounds,
@@ -72,6 +72,7 @@ class ReportConfig:
 def write(config_path: Path, out_dir: Path, settings: ReportConfig) -> None:
     """Read everything and write README.md, index.html, si3dr.csv and the figures."""
     found = example_strips.drawn(config_path, stage_results.read_results(config_path), settings.examples)
+    found = live_shapes.drawn(config_path, found)
     storage.write_text(out_dir / "si3dr.csv", found.table.to_csv(index=False, lineterminator="\n"))
     pages.write(build(found), out_dir)
 

@@ -3,15 +3,18 @@
 One query a pixel; derivatives are those of the same oriented points. Truth: rays cast against the mesh.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ddf.data.synthetic import showcase
+from ddf.export import viewer_layout, viewer_page
 from ddf.fields import framed_field
 from ddf.geometry import raycast, rays
 from ddf.report import field_pictures, pages, picture_strips
 from ddf.report.paper_figures import figure_fields
+from ddf.shape.shape_field import ShapeField
 
 NAMES = ("rabbit", "armchair", "airliner", "nested")
 CAMERAS = ((35.0, 25.0, 0.9), (160.0, 15.0, 0.9))
@@ -20,10 +23,11 @@ _COLUMNS = ("depth", "exact depth", "normals", "exact normals", "mean curv.")
 
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
-    """A line of pictures per camera, and errors per shape."""
+    """A line of pictures per camera, errors per shape, and all shapes live."""
     strips, lines = [], []
-    for name in NAMES:
-        field, scene, errors = figure_fields.fitted(name, config, folder), raycast.Scene(showcase.SHAPES[name]()), []
+    fields = [(name, figure_fields.fitted(name, config, folder)) for name in NAMES]
+    for name, field in fields:
+        scene, errors = raycast.Scene(showcase.SHAPES[name]()), []
         for camera in CAMERAS:
             images, evaluated = framed_field.render(field, camera, config.picture_size, _ASKED)
             starts, directions = framed_field.camera_rays(field, camera, config.picture_size)
@@ -51,9 +55,16 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 ["shape", "depth", "normals, °", "wrong visibility, %", "queries a pixel"],
                 lines,
             ),
+            live(fields),
             "Answers [DDF22] fig. `singobjfits`.",
         ],
     )
+
+
+def live(fields: Sequence[tuple[str, ShapeField]]) -> pages.Live:
+    """The page of all shapes in a row."""
+    content = viewer_page.render(viewer_layout.row_page("Fits of several shapes", fields))
+    return pages.Live("live_fits.html", "The fields, live", content)
 
 
 def _pictures(

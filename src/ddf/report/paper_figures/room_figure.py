@@ -4,12 +4,14 @@ The camera comes from outside, enters the room, and ends within the rabbit, whos
 ([DDF22] fig. `simpleroom`; the one field of the whole: app. `noncompfiteg`). Truth: rays cast against the mesh.
 """
 
+import dataclasses
 import time
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool
 
+from ddf.export import viewer_fields, viewer_layout, viewer_page
 from ddf.fields import framed_field
 from ddf.fields.scenes import camera_paths, scene_field
 from ddf.geometry import raycast, rays, transforms
@@ -33,17 +35,25 @@ _ASKED = ("visibility", "depth", "normals")
 COUNTS = (1, 4, 16, 64)
 
 
-def parts(config: figure_fields.FiguresConfig, folder: Path) -> tuple[scene_field.SceneField, ShapeField]:
-    """The composite of room and rabbit, and the one field of both."""
-    room, rabbit, whole = (figure_fields.fitted(name, config, folder) for name in ("room", "rabbit", "furnished"))
-    scale, at = figure_fields.STAND
-    places = (transforms.Similarity(), transforms.Similarity(scale, np.eye(3), np.array(at)))
-    return scene_field.SceneField((room, rabbit), places, np.full(3, -1.05), np.full(3, 1.05)), whole
+_SCALE, _AT = figure_fields.STAND
+_PLACES = (transforms.Similarity(), transforms.Similarity(_SCALE, np.eye(3), np.array(_AT)))  # of room and rabbit
+_LOWER, _UPPER = np.full(3, -1.05), np.full(3, 1.05)
+_AZIMUTH = 75.0  # of the live page, degrees: into the room
+
+
+def live(parts: tuple[ShapeField, ShapeField]) -> pages.Live:
+    """The page of room and rabbit."""
+    baked = [viewer_fields.bake(field, name) for field, name in zip(parts, ("room", RABBIT), strict=True)]
+    fields = [viewer_fields.placed(field, place) for field, place in zip(baked, _PLACES, strict=True)]
+    page = viewer_layout.scene_page("A room and a rabbit", fields, _LOWER, _UPPER, cut=True)
+    content = viewer_page.render(dataclasses.replace(page, azimuth=_AZIMUTH))
+    return pages.Live("live_room.html", "The room and the rabbit, two fields composed, live", content)
 
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """Pictures of the flight, errors by region, and what scenes of many objects cost."""
-    composite, whole = parts(config, folder)
+    room, rabbit, whole = (figure_fields.fitted(name, config, folder) for name in ("room", "rabbit", "furnished"))
+    composite = scene_field.SceneField((room, rabbit), _PLACES, _LOWER, _UPPER)
     truth = raycast.Scene(figure_fields.SHAPES["furnished"]())
     looks = camera_paths.fly(FLIGHT, FRAMES)
     columns = [f"camera {i + 1}" for i in range(FRAMES)]
@@ -65,7 +75,11 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 picture_strips.strip(columns, rows, per_line=FRAMES),
             ),
             _errors(composite, whole, truth),
-            _cost(composite.fields[1]),
+            _cost(rabbit),
+            live((room, rabbit)),
+            pages.Live(
+                "live_room.html", "The room and the rabbit, live: two fields composed", viewer_page.render(live)
+            ),
             f"The one field has twice the width and twice the samples. Its {config.whole_steps:,} steps cost as much as"
             f" {4 * config.whole_steps:,} of a part; the room has {config.steps:,}, the rabbit 6,000.",
             "Answers [DDF22] figs. `simpleroom` and `app:fig:simpleroom2xsl`.",

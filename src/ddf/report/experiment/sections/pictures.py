@@ -2,9 +2,10 @@
 
 from ddf.report.experiment import seed_notes
 from ddf.report.experiment.stage_results import Results
-from ddf.report.pages import Block, Figure, Section, paragraph
+from ddf.report.pages import Block, Figure, Live, Section, paragraph
 
 _CAPTION = "{category}: rows by the error of DDF, then by the difference between the models."
+_LIVE = "{category}, live: the fields of the images with the smallest, the median and the largest error of DDF"
 _ALT = "{category}: input, visibility, depth, normals, clouds of DDF and PC-SIREN and true cloud of several test images"
 _READING = (
     "Rows are chosen from {count} test images of each category.",
@@ -16,10 +17,16 @@ _READING = (
 
 
 def section(results: Results) -> Section:
-    """A strip per category."""
+    """A strip and a live page per category."""
     blocks: list[Block] = []
     for category, strip in results.strips.items():
         caption = seed_notes.of_first(results, paragraph(_CAPTION, category=category.capitalize()))
         blocks.append(Figure(f"strip_{category}.webp", caption, paragraph(_ALT, category=category), strip))
-    reading = tuple(paragraph(text, count=results.rendered) for text in _READING)
-    return Section("Pictures", [*blocks, reading] if blocks else ["No image was rendered (pointclouds.rendered is 0)."])
+    blocks += (
+        [tuple(paragraph(text, count=results.rendered) for text in _READING)]
+        if blocks
+        else ["No image was rendered (pointclouds.rendered is 0)."]
+    )
+    for category, page in results.live.items():
+        blocks.append(Live(f"live_{category}.html", paragraph(_LIVE, category=category.capitalize()), page))
+    return Section("Pictures", blocks)
