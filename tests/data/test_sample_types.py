@@ -12,7 +12,7 @@ from ddf.fields import losses
 def test_slices_of_a_batch_are_those_of_the_papers_terms():
     assert sample_types.BATCH == ("E", "U", "A", "B", "S", "T", "O", "U+", "A+", "B+", "S+", "T+", "P")
     assert (sample_types.EIKONAL, sample_types.NORMALS, sample_types.TRANSITION) == (("E", "B"), ("U", "B"), ("S", "T"))
-    assert (sample_types.GROUND_TRUTH, sample_types.CONSISTENCY) == (("U", "P"), ("E", "U"))
+    assert sample_types.GROUND_TRUTH == ("U", "P")
     assert sample_types.DOUBLED_DEPTH == (("U", "A"), ("U+", "A+"), ("P", "P"))
 
 

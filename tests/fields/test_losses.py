@@ -119,69 +119,6 @@ def test_bad_huber_threshold_is_refused(value):
         dataclasses.replace(WEIGHTS, depth_huber=value)
 
 
-class _Exact(pddf.PDDF):
-    """Depth to the plane z = `height`, plus an error that grows with the distance from the start of the ray's box."""
-
-    def __init__(self, error):
-        super().__init__(pddf.PDDFConfig((4,), 1.0, 1.0, "relu", 1.0))
-        self.error = torch.nn.Parameter(torch.tensor(error, dtype=torch.float64))
-
-    def forward(self, positions, directions, modulations=None):
-        depth = (0.9 - positions[..., 2]) / directions[..., 2] * (1 + self.error)
-        return torch.stack((depth, depth, torch.ones_like(depth), torch.full_like(depth, 50.0)), dim=-1)
-
-
-def _upward(shapes=2):
-    """Rays that meet the plane z = 0.9 inside the cube, straight up."""
-    batch = _batch(shapes)
-    up = torch.zeros_like(batch.directions)
-    up[..., 2] = 1
-    positions = batch.positions * torch.tensor([1.0, 1.0, 0.8], dtype=torch.float64)
-    return dataclasses.replace(batch, positions=positions, directions=up, visible=torch.ones_like(batch.visible))
-
-
-def test_view_consistency_of_an_exact_field_is_zero_and_of_a_scaled_one_by_hand():
-    batch = _upward()
-    exact = losses.view_consistency_loss(_Exact(0.0), batch, None, WEIGHTS)
-    assert float(exact.detach()) == pytest.approx(0.0, abs=1e-20)
-    field = _Exact(0.25)
-    found = losses.view_consistency_loss(field, batch, None, WEIGHTS)
-    number = COUNTS["E"] + COUNTS["U"]
-    expected, slope = 0.0, 0.0
-    for positions in batch.positions:
-        for k, position in enumerate(positions[:number], start=1):
-            depth = 0.9 - float(position[2])
-            way = (k * losses.GOLDEN_SHARE) % 1 * 1.25 * depth
-            inside = float(position[2]) + way <= 1
-            gap = max(0.0, (depth - way) * 1.25) - (1.25 * depth - way)  # the ReLU: behind the plane depth is 0
-            expected += inside * gap**2 / (2 * number)
-            own = (depth - way if depth > way else 0.0) - depth  # d gap / d error, t held
-            slope += inside * 2 * gap * own / (2 * number)
-    assert expected > 1e-3
-    assert float(found.detach()) == pytest.approx(expected)
-    (gradient,) = torch.autograd.grad(found, field.error)
-    assert float(gradient) == pytest.approx(slope)
-
-
-def test_view_consistency_counts_what_is_visible_and_takes_part_only_with_a_weight(monkeypatch):
-    batch, field = _upward(), _Exact(0.25)
-    extra = slice(0, COUNTS["E"])
-    nothing = torch.zeros_like(batch.visible)
-    hidden = losses.view_consistency_loss(field, dataclasses.replace(batch, visible=nothing), None, WEIGHTS)
-    seen = losses.view_consistency_loss(field, batch, None, WEIGHTS)
-    assert 0 < float(hidden.detach()) < float(seen.detach())  # what is left is E, of which the field says visible
-    spoiled = batch.visible.clone()
-    spoiled[:, extra] = float("nan")
-    same = losses.view_consistency_loss(field, dataclasses.replace(batch, visible=spoiled), None, WEIGHTS)
-    assert torch.equal(same, seen)
-    plain, terms = losses.shape_loss(_field(), _batch(), None, WEIGHTS)
-    weighed, named = losses.shape_loss(_field(), _batch(), None, dataclasses.replace(WEIGHTS, view_consistency=3.0))
-    assert set(named) == {*terms, "view_consistency"}
-    torch.testing.assert_close(weighed, plain + 3 * named["view_consistency"])
-    monkeypatch.setattr(losses, "view_consistency_loss", None)
-    assert torch.equal(losses.shape_loss(_field(), _batch(), None, WEIGHTS)[0], plain)
-
-
 def test_ground_truth_of_extra_points_is_never_read():
     field, batch = _field(), _batch()
     spoiled = {name: getattr(batch, name).clone() for name in ("visible", "depth", "normals")}

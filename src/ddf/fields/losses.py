@@ -25,7 +25,6 @@ from ddf.data.samples import sample_types as types
 from ddf.fields import derivatives, passes
 from ddf.fields.pddf import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows
 
-GOLDEN_SHARE = 0.6180339887  # the fractions of its multiples are spread evenly over (0, 1)
 BLOCK_VALUES = {"cpu": 2**19, "cuda": 2**25}  # values of a block: what stays in a CPU's cache, fills a GPU
 BLOCK_POINTS = 1400  # of a block of 𝔏_S, for each thread of a CPU, whatever the width; by trial
 
@@ -42,7 +41,6 @@ class LossWeights:
     depth is doubled on A, U and P. depth_of: `chosen` is the paper's |d_{i*} - d|, which gives the weights w_i no
     gradient; `mixture` is Σ w_i |d_i - d|, which also moves weight to the better component (derived here).
     depth_huber: error from which L_d grows linearly, see `depth_error`; null for the paper's square.
-    view_consistency: of `view_consistency_loss`, which the paper does not train with; 0 costs nothing.
     """
 
     depth: float
@@ -56,7 +54,6 @@ class LossWeights:
     transition: float
     visibility_variance: float
     transition_speed: float
-    view_consistency: float = 0.0
 
     def __post_init__(self) -> None:
         for field in dataclass_fields(self):
@@ -148,38 +145,7 @@ def shape_loss(
     product = passes.product_type(matmul, field.network.head.weight)
     count = len(modulations or [])
     total, *terms = _ShapeLoss.apply(field, batch, weights, product, count, differentiate, *inputs)
-    named: dict[str, Tensor] = dict(zip(TERMS, terms, strict=True))
-    if weights.view_consistency:
-        consistency = view_consistency_loss(field, batch, modulations, weights)
-        total = total + weights.view_consistency * consistency
-        named["view_consistency"] = consistency.detach()
-    return total, named
-
-
-def view_consistency_loss(
-    field: PDDF, batch: sample_batch.SampleBatch, modulations: list[Tensor] | None, weights: LossWeights
-) -> Float[Tensor, ""]:
-    """A surface point seen from p and from further along the ray: mean of ξ e(d(p + t v, v), d(p, v) - t) over E and U.
-
-    View consistency asks for d(p_2, v_2) <= t from anywhere ([DDF22] app. `viewconsis`; `shape_diagnostics` measures
-    that); along one ray it is this equality, Property I over a finite way, where the directed eikonal loss asks for
-    t -> 0. The loss is derived here. t is a share of d_{i*}(p, v) that differs from point to point and is not
-    differentiated; e is `depth_error`; ξ is the truth on U, the prediction, detached, on E; what leaves the cube, where
-    the field is not trained, counts as 0. Costs two evaluations by autograd.
-    """
-    span = batch.span(*types.CONSISTENCY)
-    positions, directions = batch.positions[:, span], batch.directions[:, span]
-    raw = field(positions, directions, modulations)
-    depth = field.depth(raw)
-    with torch.no_grad():
-        place = torch.arange(1, depth.shape[1] + 1, dtype=torch.float64, device=depth.device)
-        way = depth * (place * GOLDEN_SHARE).frac().to(depth.dtype)
-        further = positions + way[..., None] * directions
-        inside = (further.abs() <= 1).all(dim=-1)
-        visible = _visible(batch, raw, types.CONSISTENCY) * inside
-    left = field.depth(field(further, directions, modulations))
-    error = visible * depth_error(left, depth - way, weights.depth_huber)
-    return error.sum() / batch.number(*types.CONSISTENCY)
+    return total, dict(zip(TERMS, terms, strict=True))
 
 
 class _ShapeLoss(torch.autograd.Function):

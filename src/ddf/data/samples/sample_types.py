@@ -18,8 +18,7 @@ class SampleType:
 
     stored: drawn with its ground truth by the stage `samples`. derivatives: not of points that depth and visibility
     alone supervise. values: may also come so, as `U+` of `U`, for less than half the cost. eikonal, normals,
-    transition: covered by these terms. doubled: its depth counts twice. uniform: of the whole box, for the consistency
-    of views. needed: every batch has some.
+    transition: covered by these terms. doubled: its depth counts twice. needed: every batch has some.
     """
 
     name: str
@@ -30,13 +29,12 @@ class SampleType:
     normals: bool = False
     transition: bool = False
     doubled: bool = False
-    uniform: bool = False
     needed: bool = True
 
 
 TYPES = (
-    SampleType("E", stored=False, eikonal=True, uniform=True),  # extra uniform points, without ground truth
-    SampleType("U", values=True, eikonal=True, normals=True, doubled=True, uniform=True),
+    SampleType("E", stored=False, eikonal=True),  # extra uniform points, without ground truth
+    SampleType("U", values=True, eikonal=True, normals=True, doubled=True),
     SampleType("A", values=True, eikonal=True, normals=True, doubled=True),
     SampleType("B", values=True, eikonal=True, normals=True),
     SampleType("S", values=True, transition=True),
@@ -86,7 +84,6 @@ def _span(of: Callable[[SampleType], bool]) -> Span:
 EIKONAL = _span(lambda kind: kind.eikonal)
 NORMALS = _span(lambda kind: kind.normals)
 TRANSITION = _span(lambda kind: kind.transition)
-CONSISTENCY = _span(lambda kind: kind.uniform)
 GROUND_TRUTH = (KINDS[0], BATCH[-1])
 DOUBLED_DEPTH = runs(_named(lambda kind: kind.doubled))
 
