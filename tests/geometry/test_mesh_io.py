@@ -89,7 +89,10 @@ BAD = {
     "noise.glb": (b"\x01\x02" * 40, "no glTF header"),
     "json.glb": (struct.pack("<4sIIII", b"glTF", 2, 24, 4, 0x4E4F534A) + b"{{{{", "JSON chunk"),
     "count.glb": (_glb({"asset": {"version": "2.0"}, "accessors": [{"count": 10**12}]}), "accessor entries"),
-    "outside.glb": (_glb({"asset": {"version": "2.0"}, "buffers": [{"uri": "../secret.bin"}]}), "points outside"),
+    "outside.glb": (
+        _glb({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4, "uri": "../secret.bin"}]}),
+        "points outside",
+    ),
     "mesh.xyz": (b"0 0 0", "must end in"),
 }
 

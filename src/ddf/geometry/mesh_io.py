@@ -6,6 +6,7 @@ their transforms applied. `ddf.geometry.formats` holds the readers; trimesh writ
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,11 +14,21 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ddf.core import checks
-from ddf.geometry.formats import gltf, obj, off, ply, stl
+from ddf.geometry.formats import obj, off, ply, stl
+from ddf.geometry.formats.scene_files import collada, gltf, threemf
 
-SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
+SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")  # read and written
+READ = (*SUFFIXES, ".gltf", ".dae", ".3mf")
 MAX_FILE_BYTES = 512 << 20  # of meshes and clouds: five million triangles as text, ten million as numbers
-_READERS = {".obj": obj.parse, ".ply": ply.parse, ".stl": stl.parse, ".off": off.parse, ".glb": gltf.parse}
+_READERS = {
+    ".obj": obj.parse,
+    ".ply": ply.parse,
+    ".stl": stl.parse,
+    ".off": off.parse,
+    ".glb": gltf.parse,
+    ".dae": collada.parse,
+    ".3mf": threemf.parse,
+}
 _FLAT = 1e-14  # of the longest side squared
 _NOT_BLANK = re.compile(rb"[^\0 \t\r\n]")
 
@@ -94,7 +105,7 @@ def without_flat(mesh: Mesh) -> Mesh:
 
 
 def load(path: Path | str) -> Mesh:
-    """Read OBJ, PLY, STL, OFF or GLB as one triangle mesh, in the file's own frame and order.
+    """Read OBJ, PLY, STL, OFF, GLB, glTF, DAE or 3MF as one triangle mesh, in the file's own frame and order.
 
     Raises:
       FileNotFoundError: no such file.
@@ -104,33 +115,39 @@ def load(path: Path | str) -> Mesh:
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file")
     if not path.is_file():
-        raise checks.InputError(f"{path}: not a file; give one mesh ({', '.join(SUFFIXES)})")
+        raise checks.InputError(f"{path}: not a file; give one mesh ({', '.join(READ)})")
     size = path.stat().st_size
     if size > MAX_FILE_BYTES:
         raise checks.InputError(f"{path}: {size} bytes; meshes must be at most {MAX_FILE_BYTES}")
     try:
-        return parse(path.read_bytes(), path.suffix.lower())
+        return parse(path.read_bytes(), path.suffix.lower(), path.parent)
     except checks.InputError as fault:
         raise checks.InputError(f"{path}: {fault}") from fault
 
 
 def require_suffix(suffix: str) -> None:
-    """Raise unless meshes with this suffix are read and written."""
-    if suffix.lower() not in SUFFIXES:
-        raise checks.InputError(f"mesh files must end in one of {', '.join(SUFFIXES)}; got {suffix or 'no suffix'}")
+    """Raise unless meshes with this suffix are written."""
+    _require(suffix, SUFFIXES)
 
 
-def parse(data: bytes, suffix: str) -> Mesh:
+def _require(suffix: str, known: Sequence[str]) -> None:
+    if suffix.lower() not in known:
+        raise checks.InputError(f"mesh files must end in one of {', '.join(known)}; got {suffix or 'no suffix'}")
+
+
+def parse(data: bytes, suffix: str, folder: Path | None = None) -> Mesh:
     """Read one mesh from the bytes of a file with this suffix.
 
+    Args:
+      folder: of the file, where a .gltf finds its buffers.
     Raises:
       InputError: as `load`, without the file's name.
     """
-    require_suffix(suffix)
+    _require(suffix, READ)
     if not _NOT_BLANK.search(data):
         raise checks.InputError("the file is empty")
     try:
-        read = _READERS[suffix](data)
+        read = gltf.parse_text(data, folder) if suffix == ".gltf" else _READERS[suffix](data)
         mesh = Mesh(read.vertices, read.faces, read.remarks)
     except MemoryError as fault:
         raise checks.InputError("the file holds more than memory does") from fault

@@ -69,7 +69,7 @@ def _read(path: Path, args: argparse.Namespace, stream: str) -> "tuple[Float[np.
     from ddf.core import seeding
     from ddf.geometry import mesh_io, point_io
 
-    if path.suffix.lower() == ".ply" or path.suffix.lower() not in mesh_io.SUFFIXES:
+    if path.suffix.lower() == ".ply" or path.suffix.lower() not in mesh_io.READ:
         is_mesh = point_io.has_faces(path)
         if args.vertices or not is_mesh:
             points = point_io.read_points(path)

@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the two files and the settings of `mesh_preparation.MeshesConfig`."""
     default = mesh_config.MeshesConfig()
     kinds = ", ".join(mesh_io.SUFFIXES)
-    parser.add_argument("source", metavar="IN", type=Path, help=f"mesh to read ({kinds})")
+    parser.add_argument("source", metavar="IN", type=Path, help=f"mesh to read ({', '.join(mesh_io.READ)})")
     arguments.add_out(parser, "out", "OUT", f"mesh to write, in the field frame ({kinds})")
     parser.add_argument(
         "--faces",

@@ -3,19 +3,17 @@
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ddf.core import checks
-from ddf.geometry.formats import raw
-from ddf.geometry.formats.gltf_accessors import Accessors, whole
+from ddf.geometry.formats.scene_files import parts
+from ddf.geometry.formats.scene_files.gltf_accessors import Accessors, whole
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _NO_TRIANGLES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
 
 
-def parts(
-    tree: dict[str, Any], accessors: Accessors
-) -> tuple[list[tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]], tuple[str, ...]]:
+def of_scene(tree: dict[str, Any], accessors: Accessors) -> tuple[list[parts.Part], tuple[str, ...]]:
     """Vertices and triangles of every primitive of every node of the scene, in the scene's frame, and remarks.
 
     A mirroring transform turns the triangles, as the format says.
@@ -39,10 +37,8 @@ def parts(
                 remark = f"primitives of {_NO_TRIANGLES[mode]} are left out"
                 skipped[remark] = skipped.get(remark, 0) + 1
                 continue
-            total += _num_entries(primitive, accessors)
-            if total > raw.MAX_TRIANGLES:
-                raise checks.InputError(f"the scene has more than {raw.MAX_TRIANGLES} triangles")
-            found.append(_placed(*_primitive(primitive, mode, accessors), matrix))
+            total = parts.counted(total, _num_entries(primitive, accessors))
+            found.append(parts.placed(*_primitive(primitive, mode, accessors), matrix))
     return found, tuple(skipped)
 
 
@@ -51,21 +47,7 @@ def _num_entries(primitive: dict[str, Any], accessors: Accessors) -> int:
     return max(vertices, accessors.count(primitive["indices"]) if "indices" in primitive else vertices)
 
 
-def _placed(
-    vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], matrix: Float[np.ndarray, "4 4"]
-) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
-    raw.require_coordinates(vertices)
-    if (matrix == np.eye(4)).all():
-        return vertices, faces
-    with np.errstate(over="ignore", invalid="ignore"):  # the caller refuses what is not finite
-        moved = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-        mirrored = np.linalg.det(matrix[:3, :3]) < 0
-    return moved, faces[:, ::-1] if mirrored else faces
-
-
-def _primitive(
-    primitive: dict[str, Any], mode: Any, accessors: Accessors
-) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
+def _primitive(primitive: dict[str, Any], mode: Any, accessors: Accessors) -> parts.Part:
     vertices = accessors.positions(primitive["attributes"]["POSITION"])
     index = accessors.indices(primitive["indices"]) if "indices" in primitive else np.arange(len(vertices))
     if len(index) and index.max() >= len(vertices):
@@ -115,9 +97,9 @@ def _roots(tree: dict[str, Any], nodes: list[dict[str, Any]]) -> list[int]:
 def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
     """The node's own transform: a matrix by columns, or scale, then rotation (x, y, z, w), then translation."""
     if "matrix" in node:
-        return _numbers(node["matrix"], 16, "matrix").reshape(4, 4).T
+        return parts.numbers(node["matrix"], 16, "matrix").reshape(4, 4).T
     matrix = np.eye(4)
-    x, y, z, w = _numbers(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), 4, "rotation")
+    x, y, z, w = parts.numbers(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), 4, "rotation")
     turn = np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -125,12 +107,6 @@ def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
-    matrix[:3, :3] = turn * _numbers(node.get("scale", (1.0, 1.0, 1.0)), 3, "scale")
-    matrix[:3, 3] = _numbers(node.get("translation", (0.0, 0.0, 0.0)), 3, "translation")
+    matrix[:3, :3] = turn * parts.numbers(node.get("scale", (1.0, 1.0, 1.0)), 3, "scale")
+    matrix[:3, 3] = parts.numbers(node.get("translation", (0.0, 0.0, 0.0)), 3, "translation")
     return matrix
-
-
-def _numbers(values: Any, count: int, name: str) -> Float[np.ndarray, "k"]:
-    if len(values) != count or not all(isinstance(v, int | float) and abs(v) <= raw.LARGEST for v in values):
-        raise checks.InputError(f"{name} of a node must be {count} finite numbers")
-    return np.array(values, dtype=np.float64)

@@ -1,0 +1,91 @@
+"""XML of mesh files, read in one pass by expat; a document type is refused, for its entities can grow without bound."""
+
+from xml.etree import ElementTree
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ddf.core import checks
+from ddf.geometry.formats import text
+
+MAX_BYTES = 256 << 20  # of text, after any decompression: some five million triangles
+
+
+class Target:
+    """Is told of everything that is read, and here looks at none of it.
+
+    Tags and attributes in other namespaces as `{namespace}name`.
+    """
+
+    def start_ns(self, prefix: str, uri: str) -> None:
+        """A namespace gets a prefix."""
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """An element begins."""
+
+    def end(self, tag: str) -> None:
+        """An element ends."""
+
+    def data(self, text: str) -> None:
+        """Text of an element, or a piece of it."""
+
+
+class Reader:
+    """A parser that is fed bytes and tells a target."""
+
+    def __init__(self, target: Target) -> None:
+        self._target, self._total = target, 0
+        self.start, self.end, self.data = target.start, target.end, target.data
+        self.start_ns = target.start_ns
+        self._parser = ElementTree.XMLParser(target=self)
+
+    def doctype(self, name: str, public: str | None, system: str | None) -> None:
+        """Called by the parser where a document type begins."""
+        raise checks.InputError("the XML declares a document type, which is not read")
+
+    def close(self) -> None:
+        """Called by the parser at its end."""
+
+    def feed(self, data: bytes) -> None:
+        """The next bytes.
+
+        Raises:
+          InputError: no XML, or more than 256 MiB of it.
+        """
+        self._total += len(data)
+        if self._total > MAX_BYTES:
+            raise checks.InputError(f"its XML has more than {MAX_BYTES} bytes")
+        try:
+            self._parser.feed(data)
+        except (ElementTree.ParseError, ValueError, LookupError) as fault:
+            raise _refused(fault) from fault
+
+    def finish(self) -> None:
+        """No more bytes follow.
+
+        Raises:
+          InputError: the XML is cut short.
+        """
+        try:
+            self._parser.close()
+        except (ElementTree.ParseError, ValueError, LookupError) as fault:
+            raise _refused(fault) from fault
+
+
+def _refused(fault: Exception) -> checks.InputError:
+    return fault if isinstance(fault, checks.InputError) else checks.InputError(f"not readable XML: {fault}")
+
+
+def numbers(words: str, where: str) -> Float[np.ndarray, "k"]:
+    """The numbers of a text; `where` begins the complaint."""
+    try:
+        if "_" not in words:  # Python takes 1_0 for 10
+            return np.array(words.split(), dtype=np.float64)
+    except ValueError:
+        pass
+    return np.array([text.number(word.encode(), where) for word in words.split()], dtype=np.float64)
+
+
+def whole_numbers(words: str, where: str) -> Int[np.ndarray, "k"]:
+    """The whole numbers of a text; `where` begins the complaint."""
+    return np.array([text.whole(word.encode(), where) for word in words.split()], dtype=np.int64)
