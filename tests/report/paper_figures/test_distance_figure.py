@@ -24,3 +24,13 @@ def test_the_medial_planes_of_the_room_are_where_v_turns():
     np.testing.assert_allclose(
         distance_figure.to_room(positions), [[1, 0.3, 0.5], [0.3, 1, 0.5], [0.1, 0.2, -1], [0, 1, 0.99]]
     )
+
+
+def test_each_bound_is_told_by_itself():
+    def holds(mean, angle, along_true):
+        errors = distance_figure.Errors(mean, 0.0, angle, 0.0)
+        return distance_figure.bounds_line("rabbit", errors, along_true)[2::2]
+
+    assert holds(0.010, 7.0, 0.010) == ["yes", "yes", "yes"]
+    assert holds(0.0112, 7.0, 0.0177) == ["no", "yes", "yes"]
+    assert holds(0.009, 7.1, 0.005) == ["yes", "no", "no"]

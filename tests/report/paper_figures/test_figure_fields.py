@@ -10,7 +10,7 @@ from ddf.core import checks
 from ddf.report.paper_figures import figure_fields
 from ddf.shape import fitting
 
-CONFIG = figure_fields.FiguresConfig(10, 10, 10, 10, 32)
+CONFIG = figure_fields.FiguresConfig(10, 10, 10, 10, 10, 32)
 
 
 def test_a_fit_is_made_once_and_anew_for_other_settings(tmp_path, monkeypatch):

@@ -36,6 +36,7 @@ class SceneField:
     """Fields and where they stand: a `framed_field.FramedField` whose frame is that of the scene.
 
     lower, upper: of a box that rays from outside enter first; they begin there. blend: None for the hard choice.
+    cull: whether a field is asked for visibility and depth of the rays that meet its box alone, `composition.compose`.
     """
 
     fields: tuple[framed_field.FramedField, ...]
@@ -43,6 +44,7 @@ class SceneField:
     lower: Float[np.ndarray, "3"]
     upper: Float[np.ndarray, "3"]
     blend: Blend | None = None
+    cull: bool = True
 
     @property
     def field_from_mesh(self) -> transforms.Similarity:
@@ -65,7 +67,7 @@ class SceneField:
         """Named outputs of the composite, scene frame and unit; a field is asked for the rays that meet its box."""
         placed = [_placed(field, place) for field, place in self._members()]
         blend = self.blend or _ANY
-        found = composition.compose(placed, positions, directions, blend.temperature, blend.inverse_depth)
+        found = composition.compose(placed, positions, directions, blend.temperature, blend.inverse_depth, self.cull)
         depth = found.nearest_depth if self.blend is None else found.depth
         answers = {"visibility": found.visibility, "depth": depth}
         others = [name for name in outputs if name not in answers]

@@ -30,6 +30,8 @@ NAMES = ("two_spheres", "room", "rabbit", "airliner", "armchair")
 POINTS = 1000
 NEAR = 0.05  # of the longest side's half: how far from the surface the points near it lie
 TURNED_DEG = 30.0
+BOUND, TIMES, BOUND_DEG = 0.010, 1.5, 7.0
+BOUNDS = ("shape", "mean", f"<= {BOUND}", f"{TIMES} x along the true v*", "holds", "v*, °", f"<= {BOUND_DEG:g}°")
 SLICES = ("two_spheres", "rabbit", "armchair")
 TITLES = {"two_spheres": "two spheres", "room": "room of five planes"}
 _SPHERES = 0.4, 1.1  # radius and distance of `showcase.two_spheres`
@@ -80,11 +82,13 @@ def mesh_of(name: str) -> Mesh:
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """Table and slices."""
-    rows, cells = [], []
+    rows, cells, bounds = [], [], []
     for name in NAMES:
         field, mesh = figure_fields.fitted(name, config, folder), mesh_of(name)
         nearest, cloud = exact(name, mesh), _cloud(field)
-        rows += _rows(name, field, mesh, nearest, cloud, config, folder)
+        measured = _measured(name, field, mesh, nearest, cloud, config, folder)
+        rows += [_line(name, way, *each) for way, each in measured.items()]
+        bounds.append(bounds_line(name, measured["cloud"][1], measured["along the true v*"][1].mean))
         if name in SLICES:
             cells.append(_slices(name, field, nearest, cloud[0], config.picture_size))
     columns = ("UDF", "exact UDF", "v*", "exact v*")
@@ -109,6 +113,13 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 labels=2,
                 rule_every=0,
             ),
+            pages.Table(
+                f"`cloud` against three bounds: a mean error of {BOUND}, {TIMES} times the mean error that the field"
+                f" makes when it is asked along the true v*, and a median angle of {BOUND_DEG:g}°.",
+                [("", len(BOUNDS), False)],
+                BOUNDS,
+                bounds,
+            ),
             "Answers [DDF22] §4.2 and app. D. `cloud` is what `Field.udf` and `ddf udf` do.",
         ],
     )
@@ -122,7 +133,31 @@ def _cloud(field: ShapeField) -> tuple[checked_cloud.CheckedCloud, str]:
     return cloud, f"{counted.queries / 1000:,.0f} k queries, {time.process_time() - started:.1f} s of a core"
 
 
-def _rows(
+@dataclass(frozen=True)
+class Errors:
+    """Means of |UDF - exact| over uniform points and near the surface; median angle of v* and share turned by more."""
+
+    mean: float
+    near: float
+    angle_deg: float
+    turned: float
+
+
+def bounds_line(name: str, cloud: Errors, along_true: float) -> list[str]:
+    """Which bounds the cloud of a shape keeps."""
+    pairs = ((cloud.mean, BOUND), (cloud.mean, TIMES * along_true), (cloud.angle_deg, BOUND_DEG))
+    holds = ["yes" if value <= bound else "no" for value, bound in pairs]
+    values = [f"{cloud.mean:.4f}", holds[0], f"{TIMES * along_true:.4f}", holds[1], f"{cloud.angle_deg:.1f}", holds[2]]
+    return [TITLES.get(name, name), *values]
+
+
+def _line(name: str, way: str, found: Found, off: Errors) -> list[str]:
+    """Of the table of all ways."""
+    values = [f"{off.mean:.4f}", f"{off.near:.4f}", f"{off.angle_deg:.1f}", f"{100 * off.turned:.1f}"]
+    return [TITLES.get(name, name), way, *values, f"{found.queries:g}", found.once]
+
+
+def _measured(
     name: str,
     field: ShapeField,
     mesh: Mesh,
@@ -130,32 +165,22 @@ def _rows(
     cloud: tuple[checked_cloud.CheckedCloud, str],
     config: figure_fields.FiguresConfig,
     folder: Path,
-) -> list[list[str]]:
-    """A line per way."""
+) -> dict[str, tuple[Found, Errors]]:
+    """What every way finds at uniform points, and its errors."""
     random = np.random.default_rng(0)
     corners = field.field_from_mesh.inverse().apply(np.stack([field.lower, field.upper]))
     unit = 2 / float(np.ptp(mesh.surface_vertices(), axis=0).max())
     uniform = random.uniform(corners[0], corners[1], (POINTS, 3))
     surface, _ = mesh_preparation.sample_surface(mesh, POINTS, random)
     close = np.clip(surface + random.uniform(-NEAR, NEAR, (POINTS, 3)) / unit / np.sqrt(3), corners[0], corners[1])
-    lines = []
+    measured = {}
     for way, ask in _ways(name, field, nearest, cloud, config, folder).items():
         found, beside = ask(uniform), ask(close)
         errors, near = (unit * _errors(each, at, nearest) for each, at in ((found, uniform), (beside, close)))
         angle = _angles(found, uniform, nearest)
-        lines.append(
-            [
-                TITLES.get(name, name),
-                way,
-                f"{np.nanmean(errors):.4f}",
-                f"{np.nanmean(near):.4f}",
-                f"{np.nanmedian(angle):.1f}",
-                f"{100 * np.nanmean(angle > TURNED_DEG):.1f}",
-                f"{found.queries:g}",
-                found.once,
-            ]
-        )
-    return lines
+        means = np.nanmean(errors), np.nanmean(near), np.nanmedian(angle), np.nanmean(angle > TURNED_DEG)
+        measured[way] = found, Errors(*map(float, means))
+    return measured
 
 
 def _ways(

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ddf.core import checks, shipped_models, storage
 from ddf.data.samples import sample_types
@@ -29,13 +30,15 @@ class FiguresConfig:
     """Section `figures`: how long the fits of the figures take.
 
     steps: of a part. whole_steps: of the one field of the furnished room, whose step costs four times as much.
-    candidate_steps: of g_v. consistency_steps: of each fit of the table of consistency losses. picture_size: pixels.
+    candidate_steps: of g_v. consistency_steps: of each fit of the table of consistency losses. renderer_steps: of
+    each depth renderer. picture_size: pixels.
     """
 
     steps: int
     whole_steps: int
     candidate_steps: int
     consistency_steps: int
+    renderer_steps: int
     picture_size: int
 
     def __post_init__(self) -> None:
@@ -64,12 +67,17 @@ def fitted(name: str, config: FiguresConfig, folder: Path) -> ShapeField:
 
 
 def keep(mesh: Mesh, settings: fit_settings.FitConfig, folder: Path) -> None:
-    """Fit a mesh into a folder, unless the folder has the fit of this mesh and these settings.
+    """Fit a mesh into a folder, unless the folder has the fit of this mesh and these settings."""
+    keep_made(mesh, settings, folder, lambda: fitting.fit(mesh, settings, folder, force=True))
 
-    A change of code alone keeps it: remove the folder to fit anew.
+
+def keep_made(mesh: Mesh, settings: Any, folder: Path, make: Callable[[], object]) -> None:
+    """Call `make`, which writes to the folder, unless it did so for this mesh and these settings, a dataclass.
+
+    A change of code alone keeps what is there: remove the folder to make it anew.
     """
     content = json.dumps([dataclasses.asdict(settings), mesh.vertices.tolist(), mesh.faces.tolist()])
     identity, file = hashlib.sha256(content.encode()).hexdigest(), folder / IDENTITY
     if not file.is_file() or file.read_text(encoding="utf-8") != identity:
-        fitting.fit(mesh, settings, folder, force=True)
+        make()
         storage.write_text(file, identity)

@@ -9,18 +9,22 @@ from ddf.report.paper_figures import (
     distance_figure,
     figure_fields,
     fit_figure,
+    renderer_figure,
     room_figure,
     sample_figure,
+    slice_figure,
     sphere_figures,
 )
 
 SECTIONS: tuple[Callable[[figure_fields.FiguresConfig, Path], pages.Section], ...] = (
     sample_figure.section,
+    slice_figure.section,
     sphere_figures.section,
     fit_figure.section,
     room_figure.section,
     distance_figure.section,
     consistency_table.section,
+    renderer_figure.section,
 )
 _LEAD = (
     "Made by `make figures`. Shapes are our own; numbers are against exact values: closed forms, or rays cast and"

@@ -6,10 +6,11 @@ The camera comes from outside, enters the room, and ends within the rabbit, whos
 
 import dataclasses
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from ddf.export import viewer_fields, viewer_layout, viewer_page
 from ddf.fields import framed_field
@@ -75,11 +76,9 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 picture_strips.strip(columns, rows, per_line=FRAMES),
             ),
             _errors(composite, whole, truth),
+            _agreement(composite),
             _cost(rabbit),
             live((room, rabbit)),
-            pages.Live(
-                "live_room.html", "The room and the rabbit, live: two fields composed", viewer_page.render(live)
-            ),
             f"The one field has twice the width and twice the samples. Its {config.whole_steps:,} steps cost as much as"
             f" {4 * config.whole_steps:,} of a part; the room has {config.steps:,}, the rabbit 6,000.",
             "Answers [DDF22] figs. `simpleroom` and `app:fig:simpleroom2xsl`.",
@@ -153,17 +152,79 @@ def _cells(found: dict[str, np.ndarray], hits: rays.RayHits[np.ndarray], chosen:
     return [f"{np.median(off):.4f}", f"{np.median(angle):.1f}", f"{unseen:.1f}"]
 
 
+def _lattice(
+    fields: Sequence[framed_field.FramedField], turns: Sequence[Float[np.ndarray, "3 3"]], size: int
+) -> tuple[scene_field.SceneField, rays.OrientedPoints[np.ndarray]]:
+    """Objects on a lattice, each turned, and the rays of a picture of all."""
+    side = round(len(fields) ** (1 / 3) + 0.499)
+    cells = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    places = tuple(
+        transforms.Similarity(0.45 / side, turn, (2 * cell + 1) / side - 1)
+        for turn, cell in zip(turns, cells, strict=False)
+    )
+    scene = scene_field.SceneField(tuple(fields), places, np.full(3, -1.3), np.full(3, 1.3))
+    radius = framed_field.framing_radius(scene, 35.0, 25.0, "y")
+    return scene, _points(camera_paths.one(scene, 35.0, 25.0, radius, "y"), size)
+
+
+def agreement(
+    scene: scene_field.SceneField, points: rays.OrientedPoints[np.ndarray]
+) -> tuple[int, float, float, float]:
+    """Of a hard composite: rays that see something; the largest angle in degrees between its normals and those of the
+    part that is nearest, asked alone in its own frame; largest differences of visibility and of depth to the composite
+    without culling.
+    """
+    found, _ = framed_field.query(scene, points, _ASKED)
+    nearest, normals = np.full(len(points.positions), np.inf), np.zeros((len(points.positions), 3))
+    for field, place in zip(scene.fields, scene.scene_from_mesh, strict=True):
+        back = place.inverse()
+        own = rays.OrientedPoints(back.apply(points.positions), back.apply_directions(points.directions))
+        alone, _ = framed_field.query(field, own, _ASKED)
+        depth = np.where(alone["visibility"] >= framed_field.SEEN, place.scale_depth(alone["depth"]), np.inf)
+        nearer = depth < nearest
+        nearest[nearer], normals[nearer] = depth[nearer], place.apply_directions(alone["normals"][nearer])
+    seen = np.isfinite(found["depth"])
+    across = np.linalg.norm(np.cross(found["normals"][seen], normals[seen]), axis=1)
+    angle = np.degrees(np.arctan2(across, (found["normals"][seen] * normals[seen]).sum(axis=1)))
+    whole, _ = framed_field.query(dataclasses.replace(scene, cull=False), points, ("visibility", "depth"))
+    with np.errstate(invalid="ignore"):  # where both are inf
+        depths = np.where(found["depth"] == whole["depth"], 0.0, np.abs(found["depth"] - whole["depth"]))
+    visibilities = np.abs(found["visibility"] - whole["visibility"])
+    return int(seen.sum()), float(angle.max()), float(visibilities.max()), float(depths.max())
+
+
+def _agreement(composite: scene_field.SceneField) -> pages.Table:
+    """The composite of the flight, and 64 rabbits that are turned at random."""
+    flight = [_points(look, 48) for look in camera_paths.fly(FLIGHT, FRAMES)]
+    points = rays.OrientedPoints(
+        *(np.concatenate([getattr(p, n) for p in flight]) for n in ("positions", "directions"))
+    )
+    random, count = np.random.default_rng(0), max(COUNTS)
+    turns = [turn * np.linalg.det(turn) for turn in np.linalg.qr(random.standard_normal((count, 3, 3)))[0]]
+    scenes = {
+        "room and rabbit": (composite, points),
+        f"{count} turned rabbits": _lattice([composite.fields[1]] * count, turns, 48),
+    }
+    rows = []
+    for name, each in scenes.items():
+        seen, angle, visibility, depth = agreement(*each)
+        rows.append([name, f"{seen:,}", f"{angle:.1e}", f"{visibility:.1e}", f"{depth:.1e}"])
+    return pages.Table(
+        "Composites against their parts: the largest angle between normals of the composite and those of the part that"
+        " is nearest, asked alone in its own frame; largest differences of visibility and depth to the composite that"
+        " asks every field for every ray.",
+        [("", 5, False)],
+        ["scene", "rays that see something", "normals, °", "culled: visibility", "culled: depth"],
+        rows,
+    )
+
+
 def _cost(field: framed_field.FramedField, size: int = 48) -> pages.Table:
     """Queries and time of pictures of up to 64 of the same field on a lattice."""
     rows = []
     for count in COUNTS:
-        side = round(count ** (1 / 3) + 0.499)
-        cells = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[:count]
-        places = tuple(transforms.Similarity(0.45 / side, np.eye(3), (2 * cell + 1) / side - 1) for cell in cells)
-        counted = tuple(scene_field.Counted(field) for _ in places)
-        scene = scene_field.SceneField(counted, places, np.full(3, -1.3), np.full(3, 1.3))
-        radius = framed_field.framing_radius(scene, 35.0, 25.0, "y")
-        points = _points(camera_paths.one(scene, 35.0, 25.0, radius, "y"), size)
+        counted = [scene_field.Counted(field) for _ in range(count)]
+        scene, points = _lattice(counted, [np.eye(3)] * count, size)
         started = time.process_time()
         framed_field.query(scene, points, ("depth",))
         seconds, queries = time.process_time() - started, sum(each.queries for each in counted)
