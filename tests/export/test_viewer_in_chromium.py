@@ -17,7 +17,9 @@ from ddf.cli.field import view
 from ddf.core import shipped_models
 from ddf.data import shapenet
 from ddf.export import viewable, viewer_page
+from ddf.fields import checked_cloud
 from ddf.reconstruction import inference, one_image
+from ddf.report import pages
 from ddf.shape import shape_field
 
 sync_api = pytest.importorskip("playwright.sync_api")
@@ -29,6 +31,7 @@ pytestmark = [
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
 SCENE = "objects: [{field: armchair}, {field: rabbit, scale: 0.4, translation: [0.2, 0, 0.5]}]"
 ENCODED = 5e-3  # of cameras and modulations: the browser's pixels are rounded once more than Pillow's
+HITS = 1500  # that distances in the page are measured to; the fewer, the sooner
 PATIENCE_MS = 240_000
 
 
@@ -78,7 +81,7 @@ def _open(browser: Any, file: Path, asked: str, **how: Any) -> Opened:
 def rabbit(browser, tmp_path_factory) -> Iterator[Opened]:
     file = tmp_path_factory.mktemp("pages") / "rabbit.html"
     viewer_page.write(file, viewable.page(shipped_models.place("rabbit")))
-    opened = _open(browser, file, "size=16&mode=depth")
+    opened = _open(browser, file, f"size=16&mode=depth&hits={HITS}")
     opened.still()
     yield opened
     opened.require_quiet()  # of all tests that use the page
@@ -143,12 +146,70 @@ def test_drag_and_wheel_orbit_and_zoom(rabbit):
     rabbit.still()
 
 
+def _sliced(opened: Opened, quantity: str, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of the page's slice, and what it shows there."""
+    opened.page.get_by_role("combobox", name="Shows").select_option(quantity)
+    opened.still()
+    found = opened.page.evaluate("size => ddf.slice(size)", size)
+    return np.array(found["points"]).reshape(-1, 3), np.array(found["values"], dtype=float)
+
+
+def test_a_slice_shows_what_the_field_says_along_one_direction(rabbit):
+    field = ddf.load("rabbit")
+    points, depth = _sliced(rabbit, "depth", 64)
+    low, high = field.corners.min(axis=0), field.corners.max(axis=0)
+    assert len(points) > 200 and (points > low - 1e-6).all() and (points < high + 1e-6).all()
+    assert_close(points[:, 0], np.full(len(points), (low[0] + high[0]) / 2))
+    ahead = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    expected = field.query(points, ahead, ("depth", "visibility"))
+    assert 50 < np.isfinite(expected["depth"]).sum() < len(points)
+    assert_close(depth, expected["depth"], atol=1e-3, rtol=0.0)
+    points, visibility = _sliced(rabbit, "visibility", 64)
+    assert_close(visibility, expected["visibility"], atol=1e-4, rtol=0.0)
+    said = rabbit.page.get_attribute("#canvas", "aria-label")
+    assert f"a slice at x = {(low[0] + high[0]) / 2:.2f} shows Visibility" in said
+
+
+def test_keys_and_slider_move_the_slice_and_what_lies_before_it_is_gone(rabbit):
+    _sliced(rabbit, "visibility", 8)
+    whole = rabbit.page.evaluate("ddf.view.slice.at")
+    rabbit.page.focus("#frame")
+    rabbit.page.keyboard.press(".")
+    rabbit.still()
+    assert rabbit.page.evaluate("ddf.view.slice.at") == pytest.approx(whole + 0.02)
+    rabbit.page.get_by_role("slider", name="Where").fill("0")
+    rabbit.still()
+    points = np.array(rabbit.page.evaluate("size => ddf.slice(size)", 16)["points"]).reshape(-1, 3)
+    assert_close(points[:, 0], np.full(len(points), ddf.load("rabbit").corners[:, 0].min()))
+    assert rabbit.page.locator("#status").inner_text().startswith("16 × 16")
+    for expected in ("Distance UDF", "Direction v*", None):
+        rabbit.page.focus("#frame")
+        rabbit.page.keyboard.press("p")
+        assert rabbit.page.evaluate("ddf.view.slice.quantity?.label ?? null") == expected
+    rabbit.still()
+    rabbit.page.get_by_role("slider", name="Where").evaluate("one => one.value = '0.5'")
+    rabbit.page.evaluate("ddf.view.slice.at = 0.5")
+
+
+def test_distances_are_as_good_as_those_of_python_to_as_many_hits(rabbit):
+    field = ddf.load("rabbit")
+    points, distances = _sliced(rabbit, "udf", 64)
+    expected, ways = field.udf(points)
+    others, other_ways = checked_cloud.draw(field.framed, HITS, seed=1).distances(points)
+    bound = np.abs(others - expected).mean()
+    assert np.abs(distances - expected).mean() < 1.3 * bound < 0.1 * expected.mean()
+    _, directions = _sliced(rabbit, "closest", 64)
+    cosines, bound = ((each.reshape(-1, 3) * ways).sum(axis=1) for each in (directions, other_ways))
+    assert np.median(np.arccos(cosines.clip(-1, 1))) < 1.3 * np.median(np.arccos(bound.clip(-1, 1)))
+    assert f"nearest of {HITS:,} confirmed hits" in rabbit.page.inner_text("#legend")
+
+
 @pytest.fixture(scope="module")
 def pair(browser, tmp_path_factory) -> Iterator[Opened]:
     folder = tmp_path_factory.mktemp("pages")
     (folder / "pair.yaml").write_text(SCENE)
-    viewer_page.write(folder / "pair.html", view.page_of(folder / "pair.yaml"))
-    opened = _open(browser, folder / "pair.html", "size=8&mode=depth")
+    viewer_page.write(folder / "pair.html", view.page_of([folder / "pair.yaml"]))
+    opened = _open(browser, folder / "pair.html", f"size=8&mode=depth&hits={HITS}")
     opened.still()
     yield opened
     opened.require_quiet()
@@ -167,6 +228,15 @@ def test_a_scene_shows_the_nearest_of_its_fields(pair, tmp_path):
     assert_close(fewer["depth"], expected["depth"], atol=1e-3, rtol=0.0)
 
 
+def test_distances_of_a_scene_are_those_to_the_nearest_field(pair, tmp_path):
+    (tmp_path / "pair.yaml").write_text(SCENE)
+    points, distances = _sliced(pair, "udf", 24)
+    expected, _ = checked_cloud.draw(ddf.read_scene(tmp_path / "pair.yaml").framed, HITS).distances(points)
+    assert len(points) > 50 and np.abs(distances - expected).mean() < 0.2 * expected.mean()
+    pair.page.get_by_role("combobox", name="Shows").select_option("none")
+    pair.still()
+
+
 def test_a_handle_moves_its_object(pair):
     where = "ddf.view.world.fields[1].record.world_from_mesh.translation"
     before = pair.page.evaluate(where)
@@ -182,6 +252,20 @@ def test_a_handle_moves_its_object(pair):
     pair.page.get_by_label("rabbit, y").fill(str(before[1]))
     pair.still()
     assert pair.page.evaluate(where)[1] == pytest.approx(before[1])
+
+
+def test_a_live_page_of_a_report_is_loaded_when_it_is_opened(browser, tmp_path):
+    live = viewer_page.render(viewable.page(shipped_models.place("rabbit")))
+    page = pages.Page("Report", [], [pages.Section("Pictures", [pages.Live("live.html", "The rabbit, live", live)])])
+    pages.write(page, tmp_path)
+    opened = _open(browser, tmp_path / "index.html", "")
+    opened.page.wait_for_timeout(500)
+    assert not any(address.endswith("live.html") for address in opened.requests)
+    opened.page.get_by_text("The rabbit, live").click()
+    inside = opened.page.frame_locator("iframe")
+    inside.get_by_role("heading", name="rabbit").wait_for()
+    inside.locator("body[data-state=still], body[data-state=moving]").wait_for()
+    assert opened.faults == []
 
 
 def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):

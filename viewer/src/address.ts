@@ -1,4 +1,4 @@
-/** What the page's address asks for behind its #: `page.html#mode=depth&size=256&azimuth=35&elevation=25`. */
+/** What the page's address asks for behind its #: `page.html#mode=depth&size=256&azimuth=35&elevation=25&slice=udf&at=0.4`. */
 
 export interface Asked {
   mode: string | null;
@@ -6,6 +6,11 @@ export interface Asked {
   size: number | null; // pixels a side at rest
   azimuth: number | null; // degrees
   elevation: number | null;
+  slice: string | null; // name of what it shows
+  axis: string | null; // x, y or z, normal to it
+  at: number | null; // between the sides of the box
+  v: string | null; // x, -x, ..., look
+  hits: number | null; // of a field, that distances are measured to
 }
 
 export function asked(hash: string): Asked {
@@ -20,5 +25,10 @@ export function asked(hash: string): Asked {
     size: number("size", 8, 2048),
     azimuth: number("azimuth", -360, 360),
     elevation: number("elevation", -90, 90),
+    slice: found.get("slice"),
+    axis: found.get("axis"),
+    at: number("at", 0, 1),
+    v: found.get("v"),
+    hits: number("hits", 100, 100_000),
   };
 }

@@ -19,6 +19,14 @@ export function random(seed: number): () => number {
   };
 }
 
+/** An evenly drawn direction. */
+export function way(next: () => number): Vector {
+  const height = 2 * next() - 1;
+  const turn = 2 * Math.PI * next();
+  const flat = Math.sqrt(1 - height * height);
+  return [flat * Math.cos(turn), height, flat * Math.sin(turn)];
+}
+
 /** Rays from evenly drawn points of the fields' boxes in evenly drawn directions. */
 function drawn(world: World, count: number): Rays {
   const next = random(1);
@@ -27,11 +35,8 @@ function drawn(world: World, count: number): Rays {
     const field = world.fields[ray % world.fields.length]!;
     const { lower, upper } = field.record;
     const inside = lower.map((low, i) => low + next() * (upper[i]! - low)) as Vector;
-    const height = 2 * next() - 1;
-    const turn = 2 * Math.PI * next();
-    const flat = Math.sqrt(1 - height * height);
     rays.positions.set(apply(inverse(field.fieldFromWorld), inside), 3 * ray);
-    rays.directions.set([flat * Math.cos(turn), height, flat * Math.sin(turn)], 3 * ray);
+    rays.directions.set(way(next), 3 * ray);
   }
   return rays;
 }

@@ -31,6 +31,12 @@ export interface Answers {
   evaluated: number; // rays that a field was asked for, all fields together
 }
 
+/** Rays from points further along, and how far these are. */
+export interface Starts {
+  rays: Rays;
+  distances: Float64Array;
+}
+
 export class Field {
   constructor(
     readonly record: FieldRecord,
@@ -102,12 +108,15 @@ export function enterBox(field: Field, rays: Rays, limit: Float64Array | null): 
  * The nearest of what the fields say along rays: [DDF22] §4.1 with the hard choice. Fields are asked from the nearest on,
  * and no field for rays that have hit something before they reach its box; unless visibility is asked for, which all
  * fields have a part in.
+ *
+ * @param later where the rays begin instead; depth is still from where they are.
  */
 export async function query(
   world: World,
   rays: Rays,
   outputs: readonly Output[],
   signal?: AbortSignal,
+  later?: Starts,
 ): Promise<Answers> {
   const found: Answers = {
     values: Object.fromEntries(outputs.map((name) => [name, new Float32Array(rays.count * widthOf(name))])),
@@ -119,17 +128,18 @@ export async function query(
   const start: Vector = [rays.positions[0]!, rays.positions[1]!, rays.positions[2]!];
   const away = (field: Field): number =>
     Math.min(...field.worldCorners.map((corner) => Math.hypot(...corner.map((value, i) => value - start[i]!))));
-  const cut = world.box && cutAway(rays, world.box);
+  const asked = later?.rays ?? rays;
+  const cut = world.box && cutAway(asked, world.box);
   const order = world.fields.map((field, index) => ({ field, index, far: away(field) })).sort((a, b) => a.far - b.far);
-  for (const { field, index } of order) await ask(field, index, cut?.rays ?? rays, outputs, found, signal);
-  cut?.distances.forEach((distance, ray) => (found.depth[ray]! += distance));
+  for (const { field, index } of order) await ask(field, index, cut?.rays ?? asked, outputs, found, signal);
+  for (const { distances } of [later, cut].filter((each) => !!each)) distances.forEach((by, ray) => (found.depth[ray]! += by));
   found.seen = found.nearest.reduce((sum, which) => sum + (which >= 0 ? 1 : 0), 0);
   if (found.values.depth) found.values.depth.set(found.depth);
   return found;
 }
 
 /** Rays from where they enter a box, and how far that is; those that miss it start so far away that they miss all. */
-function cutAway(rays: Rays, [lower, upper]: [Vector, Vector]): { rays: Rays; distances: Float64Array } {
+function cutAway(rays: Rays, [lower, upper]: [Vector, Vector]): Starts {
   const positions = rays.positions.slice();
   const distances = new Float64Array(rays.count);
   for (let ray = 0; ray < rays.count; ray++) {

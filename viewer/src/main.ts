@@ -5,6 +5,7 @@ import { readBlock, readPage } from "./blocks.ts";
 import { centre, framingRadius, pixelRays, type Camera, type Stage } from "./camera.ts";
 import { Cloud } from "./cloud.ts";
 import { control, HELP } from "./controls.ts";
+import { Distances } from "./distances.ts";
 import type { Engine, Output } from "./engine.ts";
 import { Field, query, type FieldRecord } from "./field.ts";
 import { Gizmos } from "./gizmos.ts";
@@ -13,6 +14,7 @@ import { layersOf } from "./network.ts";
 import { button, byId, check, choices, element, select } from "./panel.ts";
 import { Reconstruction } from "./reconstruct.ts";
 import { MODES } from "./shading.ts";
+import { SlicePanel } from "./slicing.ts";
 import { summary } from "./summary.ts";
 import { View, type Shown } from "./view.ts";
 import type { open, WasmEngine } from "./wasm.ts";
@@ -20,6 +22,7 @@ import { WebglEngine } from "./webgl.ts";
 
 const WISHES = asked(location.hash);
 const ELEVATION = 25; // of the first picture, degrees
+const [HITS, HITS_OF_A_CPU] = [20_000, 4_000]; // of a field, that distances are measured to
 const SIZES = [128, 256, 384, 512, 768];
 
 type Angles = Pick<Camera, "azimuth" | "elevation">;
@@ -66,12 +69,15 @@ async function main(): Promise<void> {
       ? new window.ddfWasm!.WasmEngine(readBlock)
       : new WebglEngine(gpu, record, layersOf(record, numbers));
   const world = { fields: page.fields.map((record) => new Field(record, engineOf(record))), box: page.box };
-  const view = new View(byId("canvas") as HTMLCanvasElement, world, stage, framed(stage, start), shown, (error) => fail(error.message));
+  const slow = byWasm || typeof gpu === "string" || gpu.isSoftware;
+  const distances = new Distances(Math.round(WISHES.hits ?? (slow ? HITS_OF_A_CPU : HITS)), (text) => (byId("status").textContent = text));
+  const canvas = byId("canvas") as HTMLCanvasElement;
+  const view = new View(canvas, world, stage, framed(stage, start), distances, shown, (error) => fail(error.message));
   view.mode = MODES.find((mode) => mode.name === WISHES.mode) ?? view.mode;
   view.full = Math.round(WISHES.size ?? view.full);
 
   function shown(what: Shown): void {
-    const words = summary(page.title, view.mode, view.camera, world.fields[0]!.engine.name, what);
+    const words = summary(page.title, view, world.fields[0]!.engine.name, what);
     byId("canvas").setAttribute("aria-label", words.picture);
     byId("legend").replaceChildren(...words.legend);
     gizmos?.update();
@@ -98,7 +104,8 @@ async function main(): Promise<void> {
     check("Points on the surface", (on) => void cloud.show(on)),
     element("div", { class: "row" }, button("Back to the start", reset), button("Light or dark", theme)),
   );
-  byId("panel").append(...(rebuilt ? [rebuilt.panel] : []), modes, camera, ...(gizmos ? [gizmos.panel] : []));
+  const slicing = new SlicePanel(view, WISHES);
+  byId("panel").append(...(rebuilt ? [rebuilt.panel] : []), modes, slicing.panel, camera, ...(gizmos ? [gizmos.panel] : []));
 
   function reset(): void {
     view.camera = framed(stage, start);
@@ -116,6 +123,7 @@ async function main(): Promise<void> {
   frame.addEventListener("keydown", (event) => {
     const index = offered.findIndex((mode) => mode.key === event.key);
     if (index >= 0) (modes.querySelectorAll("input")[index] as HTMLInputElement).click();
+    slicing.key(event);
     if (event.key.toLowerCase() === "r" && !event.ctrlKey && !event.metaKey) reset();
   });
 
@@ -131,7 +139,12 @@ async function main(): Promise<void> {
     const arrays = Object.fromEntries(Object.entries(found.values).map(([name, values]) => [name, Array.from(values!)]));
     return { ...arrays, evaluated: found.evaluated } as Record<string, number[]> & { evaluated: number };
   }
-  Object.assign(window, { ddf: { render, view, rebuilt } });
+  /** What the slice shows to the rays of a picture: where, and the numbers there. */
+  async function slice(size: number): Promise<{ points: number[]; values: number[]; evaluated: number }> {
+    const { points, values, evaluated } = (await view.cut(pixelRays(view.camera, stage, size)))!;
+    return { points: Array.from(points), values: Array.from(values), evaluated };
+  }
+  Object.assign(window, { ddf: { render, slice, view, rebuilt } });
   if (rebuilt) await rebuilt.sample(0);
   else view.refresh(false);
 }

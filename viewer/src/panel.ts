@@ -38,9 +38,16 @@ export function button(label: string, act: () => void): HTMLButtonElement {
 }
 
 export function select(label: string, entries: [string, string][], chosen: string, choose: (value: string) => void): HTMLLabelElement {
-  const made = element("select", {}, ...entries.map(([value, text]) => element("option", { value }, text)));
+  const made = element("select", { "aria-label": label }, ...entries.map(([value, text]) => element("option", { value }, text)));
   made.value = chosen;
   made.addEventListener("change", () => choose(made.value));
+  return element("label", {}, element("span", {}, label), made);
+}
+
+/** A slider of shares from 0 to 1. */
+export function slider(label: string, value: number, choose: (value: number) => void): HTMLLabelElement {
+  const made = element("input", { type: "range", min: "0", max: "1", step: "0.01", value: `${value}`, "aria-label": label });
+  made.addEventListener("input", () => choose(made.valueAsNumber));
   return element("label", {}, element("span", {}, label), made);
 }
 

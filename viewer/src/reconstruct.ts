@@ -81,6 +81,7 @@ export class Reconstruction {
       this.engine.replace(modulated(this.layers, found.modulations));
       this.scale = 1 / spread(await hits(this.view.world, undefined, RAYS_OF_SCALE));
       this.cloud.points = [];
+      this.view.distances.forget();
       if (this.cloud.shown) await this.cloud.show(true);
       this.view.camera = this.seenFrom(found.camera);
       this.view.refresh(false);

@@ -25,17 +25,17 @@ export const MODES: Mode[] = [
   { key: "7", name: "normals_2", label: "See-through n₂", outputs: ["depth", "normals_2"], moving: ["depth"], note: "normals of component 2, which may show what lies behind" },
 ];
 
-type Colour = readonly [number, number, number];
+export type Colour = readonly [number, number, number];
 
 const VIRIDIS: Colour[] = [
   [68, 1, 84], [72, 36, 117], [65, 68, 135], [53, 95, 141], [42, 120, 142], [33, 145, 140],
   [34, 168, 132], [68, 191, 112], [122, 209, 81], [189, 223, 38], [253, 231, 37],
 ];
 const [NEGATIVE, ZERO, POSITIVE]: [Colour, Colour, Colour] = [[33, 82, 171], [222, 222, 217], [191, 56, 33]];
-const DARK: Colour = [33, 43, 64];
+export const DARK: Colour = [33, 43, 64];
 const CLAY: Colour = [214, 201, 182];
 
-const mixed = (a: Colour, b: Colour, share: number): Colour => [
+export const mixed = (a: Colour, b: Colour, share: number): Colour => [
   a[0] + share * (b[0] - a[0]),
   a[1] + share * (b[1] - a[1]),
   a[2] + share * (b[2] - a[2]),

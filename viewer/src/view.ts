@@ -1,9 +1,11 @@
 /** The picture on the canvas: coarse while the camera moves, finer and finer when it rests. */
 
-import { pixelRays, type Camera, type Stage } from "./camera.ts";
+import { pixelRays, type Camera, type Rays, type Stage } from "./camera.ts";
 import { query, type Answers, type World } from "./field.ts";
+import type { Distances } from "./distances.ts";
 import { breathe } from "./pacing.ts";
 import { MODES, picture, type Mode, type Picture } from "./shading.ts";
+import { cut, paint, Slice, type Quantity, type Sliced } from "./slice.ts";
 
 const [COARSEST, COARSE_MOST] = [24, 256]; // pixels a side while the camera moves
 const QUICK_MS = 45; // that a picture may take while the camera moves
@@ -15,10 +17,13 @@ export interface Shown {
   answers: Answers;
   picture: Picture;
   milliseconds: number;
+  evaluated: number; // rays
+  slice: [number, number] | null; // range of its colours
 }
 
 export class View {
   mode: Mode = MODES[0]!;
+  readonly slice: Slice;
   full = 384; // pixels a side at rest
   private coarse = 64;
   private running: AbortController | null = null;
@@ -29,9 +34,12 @@ export class View {
     readonly world: World,
     readonly stage: Stage,
     public camera: Camera,
+    readonly distances: Distances,
     private readonly shown: (what: Shown) => void,
     private readonly failed: (error: Error) => void,
-  ) {}
+  ) {
+    this.slice = new Slice(camera, stage);
+  }
 
   /** Something moved, or another mode was chosen: what is being drawn is out of date. */
   refresh(moving = true): void {
@@ -60,14 +68,23 @@ export class View {
   private async once(size: number, moving: boolean, signal: AbortSignal): Promise<void> {
     const started = performance.now();
     const rays = pixelRays(this.camera, this.stage, size);
-    const answers = await query(this.world, rays, moving ? this.mode.moving : this.mode.outputs, signal);
+    const slice = await this.cut(rays, signal);
+    const answers = await query(this.world, rays, moving ? this.mode.moving : this.mode.outputs, signal, slice?.starts);
     const milliseconds = performance.now() - started;
     if (moving) this.coarse = nextCoarse(size, milliseconds);
     const drawn = picture(this.mode, rays, answers, this.camera, this.stage);
+    const range = slice && paint(this.slice as Slice & { quantity: Quantity }, slice, drawn.pixels);
     this.canvas.width = size;
     this.canvas.height = size;
     this.canvas.getContext("2d")!.putImageData(drawn.pixels, 0, 0);
-    this.shown({ size, full: !moving && size >= this.full, answers, picture: drawn, milliseconds });
+    const evaluated = answers.evaluated + (slice?.evaluated ?? 0);
+    this.shown({ size, full: !moving && size >= this.full, answers, picture: drawn, milliseconds, evaluated, slice: range });
+  }
+
+  /** What the slice shows to rays; null without one. */
+  async cut(rays: Rays, signal?: AbortSignal): Promise<Sliced | null> {
+    if (!this.slice.quantity) return null;
+    return cut(this.slice as Slice & { quantity: Quantity }, this.world, this.stage, this.camera, rays, this.distances, signal);
   }
 }
 

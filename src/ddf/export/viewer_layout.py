@@ -13,7 +13,7 @@ from ddf.shape import shape_field
 ABOUT_SCENE = "Directed distance fields in one scene, evaluated live by this page; each ray shows the nearest surface."
 ABOUT_ROW = "Directed distance fields side by side, evaluated live by this page; all are as large as the first."
 GAP = 0.05  # between two of a row, of their longest side
-_ROW_AZIMUTH = 65.0  # degrees, from where a row along x is seen from its front
+_ROW_AZIMUTH = 80.0  # degrees, from where a row along x is seen from its front
 _DEPTHS = {"y": 2, "z": 1}  # axis that a row is looked along, by the one that points up
 
 

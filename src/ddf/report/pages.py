@@ -199,9 +199,9 @@ def _html_block(block: Block, files: Mapping[str, bytes]) -> str:
         return f"<figure>{image}<figcaption>{_inline(block.caption)}</figcaption></figure>"
     if isinstance(block, Live):
         address, caption = html.escape(block.name, quote=True), html.escape(_plain(block.caption), quote=True)
-        frame = f'<iframe title="{caption}" loading="lazy" src="{address}"></iframe>'
+        frame = f'<iframe title="{caption}" data-src="{address}"></iframe>'
         alone = f'<p><a href="{address}">In a window of its own</a></p>'
-        return f"<details><summary>{_inline(block.caption)}</summary>{frame}{alone}</details>"
+        return f"<details {_LOAD}><summary>{_inline(block.caption)}</summary>{frame}{alone}</details>"
     if isinstance(block, tuple):
         return "<ul>" + "".join(f"<li>{_inline(item)}</li>" for item in block) + "</ul>"
     return f"<p>{_inline(block)}</p>"
@@ -248,6 +248,8 @@ def _inline(text: str) -> str:
     return re.sub(r"\[([^\]]+)\]\(([^)\s:]+)\)", r'<a href="\2">\1</a>', text)
 
 
+# An <iframe loading="lazy"> would not do: browsers load it with its <details> still closed.
+_LOAD = 'ontoggle="const frame=this.querySelector(`iframe`);frame.src||=frame.dataset.src"'
 _STYLE = """
 :root{color-scheme:light dark;--page:#fff;--ink:#20242c;--soft:#5a616d;--line:#dfe3e9;--ref:#f4f5f8;--hover:#eef3fa;
 --link:#1f5fa8}

@@ -15,7 +15,7 @@ from ddf.report.experiment.stage_results import Results
 from ddf.shape import shape_field
 
 NAMES = ("best", "median", "worst")
-_ABOUT = "What DDF makes of three test images, by its error at the true camera; evaluated live by this page."
+_ABOUT = "What DDF makes of three test images, with D_C × 1000 at the true camera; evaluated live by this page."
 
 
 def drawn(config_path: Path, results: Results) -> Results:
@@ -36,10 +36,7 @@ def chosen(errors: Mapping[example_strips.Image, example_strips.Errors]) -> dict
     """Images of the smallest, the median (of an even number the smaller of both) and the largest error, by name."""
     ordered = sorted(errors, key=lambda image: (errors[image].ddf, image))
     rows = (0, (len(ordered) - 1) // 2, len(ordered) - 1)
-    return {
-        f"{name}, D_C × 1000: {errors[ordered[row]].ddf:.3f}": ordered[row]
-        for name, row in zip(NAMES, rows, strict=True)
-    }
+    return {f"{name} {errors[ordered[row]].ddf:.3f}": ordered[row] for name, row in zip(NAMES, rows, strict=True)}
 
 
 def page(
