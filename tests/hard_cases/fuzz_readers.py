@@ -1,21 +1,29 @@
-"""Mutated mesh files into the readers: each is read, or refused in one line, without a warning, in bounded time.
+"""Mutated files into the readers: each is read, or refused in one line, without a warning, in bounded time.
 
-    python -m tests.hard_cases.fuzz_readers 100000
+    python tests/hard_cases/fuzz_readers.py 100000 20000
 
-Writes reports/hard_cases_readers.json: how many files, how many were read and refused, the slowest, the memory.
+So many meshes, and so many pictures as `ddf reconstruct` reads them. Writes reports/hard_cases_readers.json: how many
+files of each, how many were read and refused, the slowest, the memory.
 """
 
+import io
 import json
 import resource
 import sys
+import tempfile
 import time
 import warnings
+import zipfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
+from PIL import Image
 
 from ddf.core import checks
+from ddf.data import shapenet
 from ddf.geometry import mesh_io
 
 OUT = Path(__file__).resolve().parents[2] / "reports" / "hard_cases_readers.json"
@@ -41,6 +49,56 @@ def seeds() -> list[tuple[str, bytes]]:
     lists = b"\6" + np.arange(6, dtype=">i4").tobytes() + b"\3" + np.arange(3, dtype=">i4").tobytes()
     found.append((".ply", header.format("binary_big_endian", "face").encode() + positions + lists))
     found.append((".stl", str(ball.export(file_type="stl_ascii")).encode()))
+    return [*found, (".gltf", _GLTF), (".dae", _DAE), (".3mf", _3MF)]
+
+
+_GLTF = json.dumps(
+    {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": 36, "uri": "data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0, "scale": [1, 2, -3], "rotation": [0, 0, 0, 1], "children": [1]}, {"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }
+).encode()
+_DAE = b"""<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><up_axis>Z_UP</up_axis></asset>
+<library_geometries><geometry id="g"><mesh><source id="s"><float_array id="a" count="18">0 0 0 2 0 0 2 1 0 1 1 0 1 2 0 0
+2 0</float_array><technique_common><accessor source="#a" count="6" stride="3"/></technique_common></source><vertices
+id="v"><input semantic="POSITION" source="#s"/></vertices><polylist count="2"><input semantic="VERTEX" source="#v"
+offset="0"/><vcount>6 3</vcount><p>2 3 4 5 0 1 0 1 2</p></polylist><tristrips count="1"><input semantic="VERTEX"
+source="#v" offset="0"/><p>0 1 5 4</p></tristrips></mesh></geometry></library_geometries><library_visual_scenes>
+<visual_scene id="c"><node><rotate>0 0 1 30</rotate><scale>1 -1 1</scale><instance_geometry url="#g"/></node>
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#c"/></scene></COLLADA>"""
+_3MF = b"""<model xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02" unit="millimeter"><resources><object
+id="1"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/></vertices>
+<triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh></object><object id="2"><components><component
+objectid="1" transform="1 0 0 0 1 0 0 0 1 5 0 0"/></components></object></resources><build><item objectid="2"/></build>
+</model>"""
+
+
+def pictures() -> list[tuple[str, bytes]]:
+    """Small whole pictures: PNG of several kinds, JPEG, WebP and GIF, some with an EXIF record."""
+    rng = np.random.default_rng(1)
+    pixels = rng.integers(0, 256, (20, 24, 4)).astype(np.uint8)
+    pixels[..., 3] = np.where(np.indices((20, 24)).sum(0) < 24, 255, 0)
+    image, exif = Image.fromarray(pixels), Image.Exif()
+    exif[0x0112] = 6
+    kinds: list[tuple[str, Image.Image, dict[str, Any]]] = [
+        ("png", image, {"exif": exif}),
+        ("png", image.convert("P"), {}),
+        ("jpeg", image.convert("RGB"), {"exif": exif}),
+        ("webp", image, {"lossless": True, "exif": exif}),
+        ("webp", image, {"quality": 60}),
+        ("gif", image.convert("P"), {}),
+    ]
+    found = []
+    for kind, picture, options in kinds:
+        stream = io.BytesIO()
+        picture.save(stream, format=kind, **options)
+        found.append((f".{kind}", stream.getvalue()))
     return found
 
 
@@ -66,18 +124,31 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(work)
 
 
-def main(count: int) -> None:
-    """Read so many files and write what happened; anything but a mesh or an InputError ends the run."""
-    warnings.simplefilter("error")
-    rng, files = np.random.default_rng(0), seeds()
+def _zipped(model: bytes) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("3D/3dmodel.model", model)
+    return stream.getvalue()
+
+
+def _changed(suffix: str, data: bytes, rng: np.random.Generator) -> bytes:
+    """A mutated file; of a ZIP file sometimes the archive, mostly what it holds."""
+    if suffix != ".3mf":
+        return mutated(data, rng)
+    return mutated(_zipped(data), rng) if rng.integers(0, 4) == 0 else _zipped(mutated(data, rng))
+
+
+def run(count: int, files: Sequence[tuple[str, bytes]], read: Callable[[bytes, str], object]) -> dict[str, Any]:
+    """Read so many files; what happened. Anything but a result or an InputError of one line ends the run."""
+    rng = np.random.default_rng(0)
     outcomes, slowest = {"read": 0, "refused": 0}, 0.0
     before, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
     for i in range(count):
-        suffix, data = files[i % len(files)]
-        data = mutated(data, rng)
+        suffix, whole = files[i % len(files)]
+        data = _changed(suffix, whole, rng)
         begin = time.perf_counter()
         try:
-            mesh_io.parse(data, suffix)
+            read(data, suffix)
             outcomes["read"] += 1
         except checks.InputError as fault:
             if "\n" in str(fault):
@@ -89,9 +160,22 @@ def main(count: int) -> None:
         slowest = max(slowest, time.perf_counter() - begin)
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     found = {"files": count, "seed_files": len(files), **outcomes, "other_errors": 0, "slowest_s": round(slowest, 3)}
-    found |= {"memory_grown_mib": round(grown, 1), "took_s": round(time.perf_counter() - started, 1)}
+    return found | {"memory_grown_mib": round(grown, 1), "took_s": round(time.perf_counter() - started, 1)}
+
+
+def main(meshes: int, images: int) -> None:
+    """Both runs, and their record."""
+    warnings.simplefilter("error")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "picture"
+
+        def read_picture(data: bytes, _: str) -> None:
+            path.write_bytes(data)
+            shapenet.read_any_image(path, 16)
+
+        found = {"meshes": run(meshes, seeds(), mesh_io.parse), "images": run(images, pictures(), read_picture)}
     OUT.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100_000)
+    main(*map(int, sys.argv[1:3] if len(sys.argv) > 2 else ("100000", "20000")))

@@ -45,6 +45,7 @@ SYNSETS = {
 
 LOGGER = logging.getLogger(__name__)
 MAX_PIXELS = 50_000_000  # of an image of any size: 200 MiB as RGBA
+_FORMATS = ("PNG", "WEBP", "JPEG", "GIF")  # the last two have no alpha, and are told so
 _LARGE = 4096  # pixels a side: larger images are made smaller before they are padded to a square
 _JUNK = re.compile(r"\..*|__MACOSX|@eaDir|#recycle|lost\+found|\$RECYCLE\.BIN|System Volume Information")
 _SYNSET = re.compile(r"[0-9]+")
@@ -202,21 +203,12 @@ def read_any_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
         raise checks.InputError(f"{path}: no such image")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the size is judged below
-            opened = Image.open(path)
-        with opened:
-            if opened.mode != "RGBA":
-                raise checks.InputError(f"{path}: must be RGBA, its alpha is the mask of the object; got {opened.mode}")
-            if opened.width * opened.height > MAX_PIXELS:
-                raise checks.InputError(
-                    f"{path}: {opened.width} x {opened.height} pixels; at most {MAX_PIXELS} are read: make it smaller"
-                )
-            opaque = opened.getchannel("A").getextrema() == (255, 255)
-            square = _square(ImageOps.exif_transpose(opened))
+            warnings.simplefilter("ignore")  # Pillow's: the size is judged below, a damaged record turns nothing
+            square, opaque = _square_and_opaque(path)
     except checks.InputError:
         raise
     except _DAMAGED as error:
-        raise checks.InputError(f"{path}: not a readable image ({error})") from error
+        raise checks.InputError(f"{path}: not a readable image ({error}); PNG and WebP are read") from error
     pixels = np.array(square.resize((size, size), Image.Resampling.BILINEAR))
     pixels[pixels[..., 3] == 0] = 0
     if not pixels[..., 3].any():
@@ -224,6 +216,19 @@ def read_any_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
     if opaque:
         LOGGER.warning("%s: its alpha is 255 everywhere, so it has no silhouette; cut the object out first", path)
     return torch.from_numpy(pixels).permute(2, 0, 1).float() / 255
+
+
+def _square_and_opaque(path: Path) -> tuple[Image.Image, bool]:
+    """The image on a square, turned as its EXIF record says, and whether its alpha is 255 everywhere."""
+    with Image.open(path, formats=_FORMATS) as opened:
+        if opened.mode != "RGBA":
+            raise checks.InputError(f"{path}: must be RGBA, its alpha is the mask of the object; got {opened.mode}")
+        if opened.width * opened.height > MAX_PIXELS:
+            raise checks.InputError(
+                f"{path}: {opened.width} x {opened.height} pixels; at most {MAX_PIXELS} are read: make it smaller"
+            )
+        opaque = opened.getchannel("A").getextrema() == (255, 255)
+        return _square(ImageOps.exif_transpose(opened)), opaque
 
 
 # What Pillow raises on damaged files.

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from ddf.core import checks
 from ddf.geometry.formats import raw, text
 
+MAX_FACES = 8_000_000
 _SURFACES = (b"surf", b"curv", b"curv2")
 
 
@@ -16,10 +17,13 @@ def parse(data: bytes) -> raw.Raw:
     """Vertices in float64 and triangles of an OBJ file.
 
     Raises:
-      InputError: a line that cannot be read, by number; an index to no vertex; no text.
+      InputError: a line that cannot be read, by number; an index to no vertex; no text; more than 8 million faces.
     """
     vertices, corners, counts = array("d"), array("q"), array("q")
     data, curved = text.decoded(data), 0
+    num_faces = data.count(b"\nf")
+    if num_faces > MAX_FACES:
+        raise checks.InputError(f"the file has {num_faces} faces; at most {MAX_FACES} are read")
     exact = b"_" in data  # Python takes 1_0 for 10
     for number, fields in _statements(data):
         keyword = fields[0]

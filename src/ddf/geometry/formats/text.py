@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from ddf.core import checks
 
 MAX_LINE = 16 << 20  # bytes; a polygon of a million corners fits
+MAX_LINES = 16_000_000  # of a file: two million triangles of an STL file
 _MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32"),
     (codecs.BOM_UTF32_BE, "utf-32"),
@@ -45,12 +46,15 @@ def lines(data: bytes) -> Iterator[tuple[int, bytes]]:
     """Number (from 1) and content of every line of decoded text; lines end in LF, CR LF or CR.
 
     Raises:
-      InputError: zero bytes (no text file has them), or a line longer than 16 MiB.
+      InputError: zero bytes (no text file has them), a line longer than 16 MiB, or more than 16 million lines.
     """
     if b"\0" in data:
         raise checks.InputError(f"a zero byte at {data.index(0)}: not a text file, or one in an encoding without mark")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    num_lines = data.count(b"\n")
+    if num_lines > MAX_LINES:
+        raise checks.InputError(f"the text has {num_lines} lines; at most {MAX_LINES} are read")
     stream, number = io.BytesIO(data), 0
     while line := stream.readline(MAX_LINE):
         number += 1

@@ -50,7 +50,7 @@ def parse(data: bytes) -> raw.Raw:
     """All triangles of the scene, in the order of its nodes.
 
     Raises:
-      InputError: no COLLADA, more than 256 MiB, no scene, references to nothing or outside the file, a transform or a
+      InputError: no COLLADA, more than 128 MiB, no scene, references to nothing or outside the file, a transform or a
         kind of geometry that is not read, nodes in a circle, more than 20 million triangles.
     """
     tree = _Tree()

@@ -7,6 +7,7 @@ Coordinates are the file's (millimetres unless it says another unit); an object 
 import io
 import posixpath
 import re
+import struct
 import zipfile
 import zlib
 from array import array
@@ -23,6 +24,16 @@ _CORES = re.compile(r"\{http://schemas\.microsoft\.com/3dmanufacturing/(?:core/2
 _PRODUCTION = "{http://schemas.microsoft.com/3dmanufacturing/production/2015/06}"
 _RELATION = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 _READ = ("/core/", "/production/", "/material/")  # of required extensions
+_DAMAGED = (  # what zipfile raises on damaged and encrypted archives
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    LookupError,
+)
 _CHUNK = 1 << 20  # bytes
 _DEEPEST = 64  # components in components
 _MOST = 100_000  # objects placed
@@ -90,7 +101,7 @@ def parse(data: bytes) -> raw.Raw:
 
     Raises:
       InputError: no ZIP, damaged or encrypted, a required extension that is not read, indices or references to
-        nothing, components in a circle, more than 256 MiB of XML or 20 million triangles.
+        nothing, components in a circle, more than 128 MiB of XML or 20 million triangles.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -104,7 +115,9 @@ def parse(data: bytes) -> raw.Raw:
                     models[place] = _model(archive, names, place)
                     waiting += [p for each in models[place].objects.values() for p, _, _ in each.components]
                     waiting += [p for p, _, _ in models[place].built]
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, NotImplementedError) as fault:
+    except checks.InputError:
+        raise
+    except _DAMAGED as fault:
         raise checks.InputError(f"not a readable 3mf mesh: {' '.join(str(fault).split())[:80]}") from fault
     return _flattened(models, start)
 

@@ -1,5 +1,7 @@
 """XML of mesh files, read in one pass by expat; a document type is refused, for its entities can grow without bound."""
 
+import re
+from collections.abc import Iterator
 from xml.etree import ElementTree
 
 import numpy as np
@@ -8,7 +10,9 @@ from jaxtyping import Float, Int
 from ddf.core import checks
 from ddf.geometry.formats import text
 
-MAX_BYTES = 256 << 20  # of text, after any decompression: some five million triangles
+MAX_BYTES = 128 << 20  # of text, after any decompression: some two million triangles
+_PIECE = 1 << 20  # characters whose words are in memory at once
+_SPACE = re.compile(r"\s")
 
 
 class Target:
@@ -50,7 +54,7 @@ class Reader:
         """The next bytes.
 
         Raises:
-          InputError: no XML, or more than 256 MiB of it.
+          InputError: no XML, or more than 128 MiB of it.
         """
         self._total += len(data)
         if self._total > MAX_BYTES:
@@ -78,6 +82,19 @@ def _refused(fault: Exception) -> checks.InputError:
 
 def numbers(words: str, where: str) -> Float[np.ndarray, "k"]:
     """The numbers of a text; `where` begins the complaint."""
+    return np.concatenate([np.zeros(0), *(_numbers(piece, where) for piece in _pieces(words))])
+
+
+def whole_numbers(words: str, where: str) -> Int[np.ndarray, "k"]:
+    """The whole numbers of a text; `where` begins the complaint."""
+    found = [
+        np.array([text.whole(word.encode(), where) for word in piece.split()], dtype=np.int64)
+        for piece in _pieces(words)
+    ]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+
+
+def _numbers(words: str, where: str) -> Float[np.ndarray, "k"]:
     try:
         if "_" not in words:  # Python takes 1_0 for 10
             return np.array(words.split(), dtype=np.float64)
@@ -86,6 +103,11 @@ def numbers(words: str, where: str) -> Float[np.ndarray, "k"]:
     return np.array([text.number(word.encode(), where) for word in words.split()], dtype=np.float64)
 
 
-def whole_numbers(words: str, where: str) -> Int[np.ndarray, "k"]:
-    """The whole numbers of a text; `where` begins the complaint."""
-    return np.array([text.whole(word.encode(), where) for word in words.split()], dtype=np.int64)
+def _pieces(words: str) -> Iterator[str]:
+    """The text in pieces that end between words."""
+    begin = 0
+    while begin < len(words):
+        space = _SPACE.search(words, begin + _PIECE)
+        end = len(words) if space is None else space.end()
+        yield words[begin:end]
+        begin = end
