@@ -26,17 +26,17 @@ def _boxes(page, shapes):
     return [place.apply(viewer_layout.corners(shape)) for place, shape in zip(places, shapes, strict=True)]
 
 
-@pytest.mark.parametrize(("up", "height", "depth"), [("y", 1, 2), ("z", 2, 1)])
-def test_a_row_stands_on_one_floor_as_large_as_the_first(shapes, up, height, depth):
+@pytest.mark.parametrize(("up", "height", "right"), [("y", 1, [0, 0, -1]), ("z", 2, [0, 1, 0])])
+def test_a_row_stands_on_one_floor_as_large_as_the_first(shapes, up, height, right):
     page = viewer_layout.row_page("row", [("small", shapes[0]), ("large", shapes[1])], up)
     first, second = _boxes(page, shapes)
     side = np.ptp(viewer_layout.corners(shapes[0]), axis=0)
     assert_close(np.ptp(first, axis=0), side)
     assert_close(np.ptp(second, axis=0), side)
-    assert_close(second[:, 0].min() - first[:, 0].max(), np.array(viewer_layout.GAP * side.max()))
+    assert_close((second @ right).min() - (first @ right).max(), np.array(viewer_layout.GAP * side.max()))
     for box in (first, second):
         assert_close(box[:, height].min(), np.array(0.0), atol=1e-12)
-        assert_close(box[:, depth].min(), -box[:, depth].max())
+        assert_close(box[:, 0].min(), -box[:, 0].max())
     both = np.concatenate([first, second])
     assert_close(page.corners.min(axis=0), both.min(axis=0))
     assert_close(page.corners.max(axis=0), both.max(axis=0))

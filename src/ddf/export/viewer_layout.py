@@ -13,8 +13,8 @@ from ddf.shape import shape_field
 ABOUT_SCENE = "Directed distance fields in one scene, evaluated live by this page; each ray shows the nearest surface."
 ABOUT_ROW = "Directed distance fields side by side, evaluated live by this page; all are as large as the first."
 GAP = 0.05  # between two of a row, of their longest side
-_ROW_AZIMUTH = 80.0  # degrees, from where a row along x is seen from its front
-_DEPTHS = {"y": 2, "z": 1}  # axis that a row is looked along, by the one that points up
+_ROW_AZIMUTH = 15.0  # degrees; at 0 a row is seen from its front, and so are shapes that look along x
+_RIGHT = {"y": (2, -1.0), "z": (1, 1.0)}  # axis and sign from left to right there, by the axis that points up
 
 
 def corners(shape: shape_field.ShapeField) -> Float[np.ndarray, "8 3"]:
@@ -42,7 +42,7 @@ def scene_page(
 def row_page(
     title: str, shapes: Sequence[tuple[str, shape_field.ShapeField]], up: str = "y", about: str = ABOUT_ROW
 ) -> viewer_page.Page:
-    """The page of fields in a row along x, from left to right.
+    """The page of fields in a row from left to right, seen from +x: along -z, or along y where z points up.
 
     Longest sides of their boxes are made equal to that of the first; the boxes stand on one floor, in the unit of the
     first. A field that stands there several times is in the page once.
@@ -61,17 +61,18 @@ def row_page(
     for (name, shape), box in zip(shapes, boxes, strict=True):
         place = _beside(box, side, reach, up)
         stands = place.apply(box)
-        reach = float(stands[:, 0].max()) + GAP * side
+        axis, sign = _RIGHT[up]
+        reach = float((sign * stands[:, axis]).max()) + GAP * side
         lower, upper = np.minimum(lower, stands.min(axis=0)), np.maximum(upper, stands.max(axis=0))
         fields.append(viewer_fields.placed(baked[id(shape)], place, name))
     return viewer_page.Page(title, about, transforms.box_corners(lower, upper), fields, up, azimuth=_ROW_AZIMUTH)
 
 
 def _beside(box: Float[np.ndarray, "8 3"], side: float, reach: float, up: str) -> transforms.Similarity:
-    """What takes a box to the right of `reach`, onto the floor, its middle into the plane of the row."""
+    """What takes a box to the right of `reach`, onto the floor, its middle to x = 0."""
     lower, upper = box.min(axis=0), box.max(axis=0)
-    scale, depth = side / float((upper - lower).max()), _DEPTHS[up]
+    scale, (axis, sign) = side / float((upper - lower).max()), _RIGHT[up]
     at = -scale * lower
-    at[0] += reach
-    at[depth] = -scale * (lower[depth] + upper[depth]) / 2
+    at[0] = -scale * (lower[0] + upper[0]) / 2
+    at[axis] = sign * reach - scale * (lower if sign > 0 else upper)[axis]
     return transforms.Similarity(scale, np.eye(3), at)

@@ -34,8 +34,8 @@ def test_several_fields_stand_side_by_side(command, fitted, tmp_path, capsys):
     result = json.loads(capsys.readouterr().out)
     assert result["bytes"] == out.stat().st_size and "<title>rabbit, field, rabbit</title>" in out.read_text()
     (record,) = re.findall(r'id="ddf-page">(.*?)</script>', out.read_text())
-    places = [field["world_from_mesh"]["translation"][0] for field in json.loads(record)["fields"]]
-    assert len(places) == 3 and places[0] < places[2]  # of the rabbits
+    places = [field["world_from_mesh"]["translation"][2] for field in json.loads(record)["fields"]]
+    assert len(places) == 3 and places[0] > places[2]  # of the rabbits
 
 
 def test_without_a_file_the_browser_is_asked(fitted, capsys, monkeypatch):

@@ -32,9 +32,20 @@ def _results(experiment):
         for method, error in ((scoring.DDF, 1e-3 * (1 + number)), (scoring.PC_SIREN, 1.0))
     ]
     index = json.loads((experiment.artifacts / "dataset" / "index.json").read_text())
-    logs = {"name": experiment.name, "index": index, "table": NOTHING, "trainings": [pd.DataFrame(rows)]}
-    rest = {"logs": {}, "measures": {}, "packing_errors": {}, "costs": {}, "settings": {}}
-    return stage_results.Results(**logs, cameras=NOTHING, shapes=NOTHING, failures=NOTHING, **rest)
+    return stage_results.Results(
+        name=experiment.name,
+        index=index,
+        table=NOTHING,
+        trainings=[pd.DataFrame(rows)],
+        cameras=NOTHING,
+        shapes=NOTHING,
+        logs={},
+        measures={},
+        packing_errors={},
+        failures=NOTHING,
+        costs={},
+        settings={},
+    )
 
 
 @pytest.fixture
