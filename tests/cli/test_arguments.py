@@ -7,12 +7,12 @@ import pytest
 from ddf.cli import arguments
 from ddf.cli.model import export
 from ddf.export import weight_precision
-from ddf.fields import framed_field
+from ddf.fields import curvature, framed_field, rendering
 from ddf.shape import shape_field
 
 
 def test_lists_are_those_of_the_library():
-    assert tuple(arguments.OUTPUTS) == shape_field.OUTPUTS
+    assert (*rendering.OUTPUTS, *curvature.OUTPUTS, *shape_field.COMPONENT_OUTPUTS) == shape_field.OUTPUTS
     assert arguments.UP_AXES == framed_field.UP_AXES
     assert export.PRECISIONS == (weight_precision.FULL, *weight_precision.PRECISIONS)
 

@@ -6,17 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from ddf.core import shipped_models
+from ddf.fields import output_names
 
-OUTPUTS = {  # of a field, as `shape_field.OUTPUTS`, and their units
-    "visibility": "probability",
-    "depth": "mesh units along the ray",
-    "normals": "unit vectors, axes of the mesh",
-    "mean_curvature": "1 / mesh unit",
-    "gaussian_curvature": "1 / mesh unit²",
-    "weight_1": "share of component 1",
-    "normals_1": "unit vectors of component 1",
-    "normals_2": "unit vectors of component 2",
-}
 UP_AXES = ("y", "z")  # as `framed_field.UP_AXES`
 _WRITES = "writes"  # of the parsed arguments: names of those that are files to write
 
@@ -71,7 +62,7 @@ def add_picture(parser: argparse.ArgumentParser, largest: int, one: str) -> None
         metavar="NAME,...",
         type=outputs,
         default="depth",
-        help=f"some of {','.join(OUTPUTS)}; one for {one} (default %(default)s)",
+        help=f"some of {','.join(output_names.UNITS)}; one for {one} (default %(default)s)",
     )
 
 
@@ -99,9 +90,11 @@ def require_places(args: argparse.Namespace) -> None:
 def outputs(text: str) -> tuple[str, ...]:
     """The type of an argument that is a list of outputs with commas."""
     names = tuple(name.strip() for name in text.split(",") if name.strip())
-    unknown = [name for name in names if name not in OUTPUTS]
+    unknown = [name for name in names if name not in output_names.UNITS]
     if unknown or not names:
-        raise argparse.ArgumentTypeError(f"must be among {', '.join(OUTPUTS)}; got {', '.join(unknown) or 'nothing'}")
+        raise argparse.ArgumentTypeError(
+            f"must be among {', '.join(output_names.UNITS)}; got {', '.join(unknown) or 'nothing'}"
+        )
     return names
 
 

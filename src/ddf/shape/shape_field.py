@@ -11,14 +11,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import checks, storage
-from ddf.fields import cloud_projection, curvature, derivatives, rendering
+from ddf.fields import cloud_projection, curvature, derivatives, output_names, rendering
 from ddf.fields.pddf import NUM_COMPONENTS, PDDF, WEIGHT_ROW, PDDFConfig, visibility
 from ddf.geometry import transforms
 from ddf.training import training_loop
 
 KIND = "single_shape"  # of the file's record
-COMPONENT_OUTPUTS = ("weight_1", "normals_1", "normals_2")  # w_1, n_1, n_2 of the mixture's two components
-OUTPUTS = (*rendering.OUTPUTS, *curvature.OUTPUTS, *COMPONENT_OUTPUTS)
+COMPONENT_OUTPUTS = tuple(output_names.COMPONENTS)
+OUTPUTS = tuple(output_names.UNITS)
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,14 @@ def test_info_counts_and_lists(capsys):
     assert cost["training_time"] is None
 
 
+def test_info_ends_with_a_verdict(capsys):
+    for name, told in (("paper", "ddf with 25,647,367 parameters; 6 trainings"), ("generative", "parameters")):
+        path = ROOT / "configs" / f"{name}.yaml"
+        assert cli.main(["info", str(path), "--no-steps"]) == 0
+        last = capsys.readouterr().out.splitlines()[-1]
+        assert last.startswith(f"{path}: ") and last.endswith(told)
+
+
 def test_info_states_the_time_of_the_trainings_from_measured_steps(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(experiment_cost.os, "cpu_count", lambda: 1)

@@ -45,15 +45,29 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         models["single_shape"] = pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)
         models["ddf_encoder"] = reconstruction_models.Encoder(train.latent_features, train.encoder_width)
     parameters = {name: pddf.count_parameters(model) for name, model in models.items()}
+    cost, stages = experiment_cost.predict(args.config, measured=not args.no_steps), _stages(args.config)
     return {
         "config": str(args.config),
+        "verdict": _verdict(args.config, stages, parameters, cost),
         "parameters": parameters,
         "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
-        "stages": _stages(args.config),
+        "stages": stages,
         "sections": list(sections),
         "artifacts_mib": _sizes(Path("artifacts") / args.config.stem),
-        "cost": experiment_cost.predict(args.config, measured=not args.no_steps),
+        "cost": cost,
     }
+
+
+def _verdict(path: Path, stages: list[str], parameters: dict[str, int], cost: dict[str, Any] | None = None) -> str:
+    """One line: stages, the largest model, and the trainings with their hours where those are known."""
+    name = max(parameters, key=lambda key: parameters[key])
+    line = f"{path}: {len(stages)} stages; the largest model is {name} with {parameters[name]:,} parameters"
+    if cost is None:
+        return line
+    line += f"; {cost['trainings']} trainings"
+    return (
+        line if cost["training_time"] is None else f"{line} of {cost['training_time']['hours']:.3g} hours in all here"
+    )
 
 
 def _generative(path: Path, sections: list[str]) -> dict[str, Any]:
@@ -62,12 +76,13 @@ def _generative(path: Path, sections: list[str]) -> dict[str, Any]:
     from ddf.generative import parameter_counts, settings
 
     vae, gan = config.load(path, settings.VAEConfig), config.load(path, settings.GANConfig)
-    parameters = parameter_counts.count(vae, gan)
+    parameters, stages = parameter_counts.count(vae, gan), _stages(path)
     return {
         "config": str(path),
+        "verdict": _verdict(path, stages, parameters),
         "parameters": parameters,
         "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
-        "stages": _stages(path),
+        "stages": stages,
         "sections": sections,
         "artifacts_mib": _sizes(Path("artifacts") / path.stem),
     }

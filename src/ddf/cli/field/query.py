@@ -4,6 +4,7 @@ import argparse
 from typing import Any
 
 from ddf.cli import arguments, image_files
+from ddf.fields import output_names
 
 EXAMPLES = (
     "ddf query rabbit --rays rays.npz --out answers.npz",
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME,...",
         type=arguments.outputs,
         default="visibility,depth,normals",
-        help=f"some of {','.join(arguments.OUTPUTS)} (default %(default)s)",
+        help=f"some of {','.join(output_names.UNITS)} (default %(default)s)",
     )
 
 
