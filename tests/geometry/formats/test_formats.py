@@ -114,6 +114,8 @@ REFUSED = {
     "zero.obj": (OBJ.encode() + b"\0\0\0", "zero byte"),
     "swallowed.obj": (b"g a \\\n" + OBJ.encode(), "ends in a backslash"),
     "underscore.obj": (OBJ.replace("v 1 ", "v 1_0 ", 1).encode(), "line 2: '1_0' is not a number"),
+    "glued.obj": (OBJ.replace("v 1 ", "v1 ", 1).encode(), "line 2: 'v1' is no statement, a vertex or face is lost"),
+    "wide_space.obj": (OBJ.replace("f 1 ", "f\u00a01 ", 1).encode(), "line 9: .* is no statement"),
     "huge.obj": (OBJ.replace("v 1 ", "v 1e200 ", 1).encode(), "must be at most 1e\\+100"),
     "infinite.obj": (OBJ.replace("v 1 ", "v inf ", 1).encode(), "finite"),
     "count.stl": (

@@ -3,6 +3,7 @@
 Our own reader: libraries split vertices at texture seams, weld or reorder them, and shift indices after a bad line.
 """
 
+import re
 from array import array
 from collections.abc import Iterator
 
@@ -10,6 +11,7 @@ from ddf.core import checks
 from ddf.geometry.formats import raw, text
 
 MAX_FACES = 8_000_000
+_LOST = re.compile(rb"[vVfF][^a-zA-Z]")  # v1, or v with a space that is not ASCII's
 _SURFACES = (b"surf", b"curv", b"curv2")
 
 
@@ -36,6 +38,10 @@ def parse(data: bytes) -> raw.Raw:
             counts.append(len(fields) - 1)
         else:
             curved += keyword in _SURFACES
+            if _LOST.match(keyword):
+                raise checks.InputError(
+                    f"line {number}: {text.shown(keyword)} is no statement, a vertex or face is lost"
+                )
     remarks = (f"{curved} free-form curves and surfaces are left out",) if curved else ()
     return raw.of_polygons(vertices, counts, corners, remarks)
 
