@@ -192,6 +192,16 @@ def test_what_an_ascii_terminal_cannot_show_is_escaped(arguments, mode, tmp_path
     assert refused.stderr.isascii() and refused.stderr.count(b"\n") == 1 and b"no such file or folder" in refused.stderr
 
 
+@pytest.mark.parametrize(("given", "seen"), [(None, "PASSIVE"), ("active", "active")])
+def test_threads_wait_without_spinning_unless_the_user_says_otherwise(command, capsys, monkeypatch, given, seen):
+    monkeypatch.delenv("OMP_WAIT_POLICY", raising=False)
+    if given:
+        monkeypatch.setenv("OMP_WAIT_POLICY", given)
+    command(lambda args: {"policy": os.environ["OMP_WAIT_POLICY"]})
+    assert cli.main(["doctor", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["policy"] == seen
+
+
 def test_an_interrupt_is_one_line(command, capsys):
     def run(args):
         raise KeyboardInterrupt
