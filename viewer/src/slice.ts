@@ -20,7 +20,7 @@ export const QUANTITIES: Quantity[] = [
 ];
 export const AXES = ["x", "y", "z"] as const;
 export const WAYS = ["x", "-x", "y", "-y", "z", "-z", "look"] as const; // the last: as the camera looks
-const LINES_FROM = 128; // pixels a side of the smallest picture with lines of equal values
+export const LINES_FROM = 128; // pixels a side of the smallest picture with lines of equal values
 
 /** Which slice is asked for. */
 export class Slice {

@@ -2,7 +2,7 @@
 
 import { element } from "./panel.ts";
 import { diverging, viridis } from "./shading.ts";
-import { lineStep, position } from "./slice.ts";
+import { LINES_FROM, lineStep, position } from "./slice.ts";
 import type { Shown, View } from "./view.ts";
 
 export interface Words {
@@ -30,10 +30,10 @@ function scale(name: string, range: [number, number] | null): (Node | string)[] 
 }
 
 /** What a slice shows, and where it is. */
-function sliced({ slice, stage, distances }: View, range: [number, number] | null): { legend: (Node | string)[]; words: string } {
+function sliced({ slice, stage, distances }: View, { slice: range, size }: Shown): { legend: (Node | string)[]; words: string } {
   const quantity = slice.quantity;
   if (!quantity) return { legend: [], words: "" };
-  const lines = range && (quantity.name === "udf" || quantity.name === "depth") ? `; lines every ${lineStep(range[1])}` : "";
+  const lines = range && size >= LINES_FROM && (quantity.name === "udf" || quantity.name === "depth") ? `; lines every ${lineStep(range[1])}` : "";
   const where = `${slice.axis} = ${position(slice, stage).toFixed(2)}`;
   const note = quantity.note.replace("{hits}", distances.count.toLocaleString("en"));
   return {
@@ -48,7 +48,7 @@ export function summary(title: string, view: View, engine: string, what: Shown):
   const share = Math.round((100 * answers.seen) / (size * size));
   const from = `azimuth ${Math.round(camera.azimuth)}°, elevation ${Math.round(camera.elevation)}°`;
   const note = picture.approximate ? "while moving: normals from differences of depth" : mode.note;
-  const slice = sliced(view, what.slice);
+  const slice = sliced(view, what);
   const legend = slice.legend.length ? slice.legend : [...scale(mode.name, picture.range), element("span", {}, note)];
   return {
     picture: `${title}, ${mode.label.toLowerCase()}, from ${from}: ${share} % of the picture shows the object${slice.words}`,
