@@ -5,8 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ddf.core import shipped_models
-from ddf.fields import output_names
+from ddf.core import output_names, shipped_models
 
 UP_AXES = ("y", "z")  # as `framed_field.UP_AXES`
 _WRITES = "writes"  # of the parsed arguments: names of those that are files to write

@@ -10,8 +10,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.core import checks, storage
-from ddf.fields import cloud_projection, curvature, derivatives, output_names, rendering
+from ddf.core import checks, output_names, storage
+from ddf.fields import cloud_projection, curvature, derivatives, rendering
 from ddf.fields.pddf import NUM_COMPONENTS, PDDF, WEIGHT_ROW, PDDFConfig, visibility
 from ddf.geometry import transforms
 from ddf.training import training_loop

@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from ddf.cli import arguments, image_files
-from ddf.fields import output_names
+from ddf.core import output_names
 
 EXAMPLES = (
     "ddf query rabbit --rays rays.npz --out answers.npz",

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ddf.cli import arguments, image_files
-from ddf.fields import output_names
+from ddf.core import output_names
 
 if TYPE_CHECKING:
     import numpy as np

@@ -1,6 +1,6 @@
 """What a field can be asked for, by name, with its unit: the one list that commands and fields read, without torch.
 
-`field_outputs.OUTPUTS` says of those that an ONNX file holds how they are computed; there the weights are one array.
+`ddf.fields.field_outputs` says of those that an ONNX file holds how they are computed; there weights are one array.
 """
 
 COMPONENTS = {  # w_1, n_1, n_2 of the mixture's two components
