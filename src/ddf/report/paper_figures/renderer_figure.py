@@ -45,8 +45,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         )
         for index in range(SHOWN)
     ]
-    header = ["trained with losses of", "depth", "normals, °", "wrong visibility, %", "|δ_p · v + 1|"]
-    header += ["‖δ_ω - d (v × δ_p)‖"]
+    header = ["trained with losses of", "depth", "normals, °", "wrong visibility, %", "Property I", "Property III"]
     size = true.depth.shape[-1]
     return pages.Section(
         "Depth renderers are DDFs",
@@ -60,9 +59,10 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             ),
             pages.Table(
                 f"Medians over the pixels of {HELD_OUT} held-out cameras where both see the {SHAPE} (longest side 2):"
-                " |depth - exact|, angle of normals, and residuals of Property I, with δ_p the derivative in the"
-                " camera's position, and of Property III, with δ_ω that in its turn; share of pixels where only one"
-                f" sees it. {config.renderer_steps:,} steps each, on one thread.",
+                " |depth - exact|, angle of normals, and residuals: |δ_p · v + 1| of Property I, with δ_p the"
+                " derivative in the camera's position, and ‖δ_ω - d (v × δ_p)‖ of Property III, with δ_ω that in its"
+                " turn. Wrong visibility: share of pixels where only one sees it."
+                f" {config.renderer_steps:,} steps each, on one thread.",
                 [("", len(header), False)],
                 header,
                 rows,
