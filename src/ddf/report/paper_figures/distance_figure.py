@@ -215,19 +215,27 @@ def _ways(
             found = udf.from_candidates(closest_candidates.asked(field.field), inside, network(inside))
             return dataclasses.replace(
                 _outside(field, found, network.num_candidates),
-                once=f"{config.candidate_steps:,} steps, {seconds:.0f} s",
+                once=f"{config.candidate_steps:,} steps of {candidate_recipe(config).points:,}, {seconds:.0f} s",
             )
 
         ways["the paper's g_v"] = by_network
     return ways
 
 
+def candidate_recipe(config: figure_fields.FiguresConfig) -> closest_candidates.CandidateConfig:
+    """g_v in seconds, or as [DDF22] app. D trains it."""
+    if config.paper_candidates:
+        loop = training_loop.LoopConfig(1e-4, "constant", 0, None, 1, 0, 50, 30.0)
+        return closest_candidates.CandidateConfig(loop, config.candidate_steps)
+    loop = training_loop.LoopConfig(1e-3, "cosine", 0, 1.0, 1, 0, 50, 30.0)
+    return closest_candidates.CandidateConfig(loop, config.candidate_steps, 256, omega_first=3.0)
+
+
 def _candidates(
     field: ShapeField, config: figure_fields.FiguresConfig, folder: Path
 ) -> tuple[udf.CandidateNetwork, float]:
     """g_v of the field, trained in `folder` unless it is there, and the seconds of its steps."""
-    loop = training_loop.LoopConfig(1e-3, "cosine", 0, 1.0, 1, 0, 50, 30.0)
-    settings = closest_candidates.CandidateConfig(loop, config.candidate_steps, 256, omega_first=3.0)
+    settings = candidate_recipe(config)
     network = closest_candidates.fit(field, settings, folder / "candidates")
     log = np.genfromtxt(folder / "candidates" / "log.csv", delimiter=",", names=True)
     return network, float(log["seconds"][-1])

@@ -30,8 +30,8 @@ class FiguresConfig:
     """Section `figures`: how long the fits of the figures take.
 
     steps: of a part. whole_steps: of the one field of the furnished room, whose step costs four times as much.
-    candidate_steps: of g_v. consistency_steps: of each fit of the table of consistency losses. renderer_steps: of
-    each depth renderer. picture_size: pixels.
+    candidate_steps: of g_v; paper_candidates: with the paper's points a step and rate. consistency_steps: of each fit
+    of the table of consistency losses. renderer_steps: of each depth renderer. picture_size: pixels.
     """
 
     steps: int
@@ -40,10 +40,11 @@ class FiguresConfig:
     consistency_steps: int
     renderer_steps: int
     picture_size: int
+    paper_candidates: bool = False
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            if getattr(self, field.name) < 1:
+            if field.name != "paper_candidates" and getattr(self, field.name) < 1:
                 raise checks.InputError(f"figures.{field.name} must be >= 1; got {getattr(self, field.name)}")
 
 
