@@ -12,6 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 KEPT = (
     "README.md",
     "cpu/README.md",
+    "cpu_paper/README.md",
     "figures/README.md",
     "fit/README.md",
     "generative/README.md",
