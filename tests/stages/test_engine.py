@@ -357,7 +357,7 @@ def test_a_config_that_is_not_there_is_one_line(workspace):
 def test_a_root_with_spaces_tildes_and_left_overs_is_read_whole(workspace, tmp_path):
     root = tmp_path / "my data" / "~ shapes $x (1)"
     for index in range(2):
-        write.write_shape(root, 0, "chair", index, 5)
+        write.write_shape(root, 0, "chair", index, 24)
     for part in ("ShapeNetCore.v1", "ShapeNetRendering"):
         for name in ("__MACOSX/03001627/a", "@eaDir/x", "03001627/@eaDir/x", "03001627/.ipynb_checkpoints"):
             (root / part / name).mkdir(parents=True)
