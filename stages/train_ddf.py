@@ -29,7 +29,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     truth = training_truth.read(config_path, category, shapes, section)
     sources += truth.sources
 
-    model = reconstruction_models.ddf_model(train, section).to(training_loop.device())
+    model = reconstruction_models.ddf_model(train, section.field).to(training_loop.device())
     model.camera_head.fit(images.cameras)
     fingerprint = provenance.fingerprint(
         [train, section, category, images.digest(), truth.drawn],

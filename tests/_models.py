@@ -39,7 +39,7 @@ def points(count, seed=0):
 
 def ddf_model(azimuth: Literal["angle", "sincos"] = "angle"):
     torch.manual_seed(0)
-    made = reconstruction_models.ddf_model(dataclasses.replace(TRAIN, azimuth=azimuth), DDF).eval()
+    made = reconstruction_models.ddf_model(dataclasses.replace(TRAIN, azimuth=azimuth), DDF.field).eval()
     made.camera_head.fit(CAMERAS)
     return made
 

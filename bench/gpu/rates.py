@@ -119,7 +119,7 @@ def cloud_rows(sizes: Sizes) -> list[dict[str, Any]]:
     """Whole clouds of a field with random weights: projection of all cycles, and the choice of the points."""
     training_loop.prepare(sizes.train.loop)
     torch.manual_seed(0)
-    model = reconstruction_models.ddf_model(sizes.train, sizes.ddf).to(training_loop.device()).eval()
+    model = reconstruction_models.ddf_model(sizes.train, sizes.ddf.field).to(training_loop.device()).eval()
     with torch.no_grad():
         latents = torch.zeros((1, sizes.train.latent_features), device=training_loop.device())
         modulations = [values[0] for values in model.modulations(latents)]

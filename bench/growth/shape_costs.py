@@ -85,7 +85,7 @@ def reconstruct(config_path: Path) -> dict[str, Any]:
     """
     train = config.load(config_path, settings.TrainConfig)
     section = config.load(config_path, settings.PointcloudsConfig)
-    model = reconstruction_models.ddf_model(train, config.load(config_path, settings.DDFConfig)).eval()
+    model = reconstruction_models.ddf_model(train, config.load(config_path, settings.DDFConfig).field).eval()
     pixels = torch.zeros((1, 4, train.image_size, train.image_size), dtype=torch.uint8)
     cameras = torch.tensor([[0.5, 0.45, 0.8]])
     model.camera_head.fit(cameras.repeat(2, 1) + torch.tensor([[0.0], [0.1]]))

@@ -56,7 +56,7 @@ def measure(category: str) -> list[dict]:
     """All settings on the first view of the first test shapes; one row per setting."""
     train = config.load(CONFIG, settings.TrainConfig)
     section = config.load(CONFIG, settings.PointcloudsConfig)
-    model = reconstruction_models.ddf_model(train, config.load(CONFIG, settings.DDFConfig))
+    model = reconstruction_models.ddf_model(train, config.load(CONFIG, settings.DDFConfig).field)
     training_loop.prepare(train.loop)
     torch.set_num_threads(THREADS)
     views = first_views.read(CONFIG, category, IMAGES, {"train_ddf": model})

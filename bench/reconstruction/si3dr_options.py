@@ -148,7 +148,7 @@ def prepared(task: Task, settings: Settings, dataset: shapenet.Dataset) -> Train
     truth = training_truth.read(CONFIG, task.category, shapes, settings.ddf)
 
     training_loop.prepare(settings.train.loop)
-    model = reconstruction_models.ddf_model(settings.train, settings.ddf).to(training_loop.device())
+    model = reconstruction_models.ddf_model(settings.train, settings.ddf.field).to(training_loop.device())
     model.camera_head.fit(images.cameras)
 
     def groups(model: reconstruction_models.DDFModel) -> list[dict]:
@@ -209,7 +209,7 @@ def score(
     D_C and F of the large cloud with the true camera, of the small one with the predicted and the corrected camera.
     """
     training_loop.prepare(settings.train.loop)
-    model = reconstruction_models.ddf_model(settings.train, settings.ddf)
+    model = reconstruction_models.ddf_model(settings.train, settings.ddf.field)
     training_loop.load_model(model, folder(task, name if name in TRAINED else "base"))
     images = category_data.read_images(dataset, task.category, split(task, dataset)[1], settings.train.image_size)
     samples_dir = config.artifact_dir(CONFIG, "samples", task.category)

@@ -54,7 +54,7 @@ def read(config_path: Path) -> tuple[settings.TrainConfig, Pair, settings.Pointc
     """The training section, both models freshly initialised, and how clouds are drawn."""
     train = config.load(config_path, settings.TrainConfig)
     torch.manual_seed(0)
-    ddf = reconstruction_models.ddf_model(train, config.load(config_path, settings.DDFConfig))
+    ddf = reconstruction_models.ddf_model(train, config.load(config_path, settings.DDFConfig).field)
     models = (ddf.eval(), reconstruction_models.pcsiren_model(train).eval())
     return train, models, config.load(config_path, settings.PointcloudsConfig)
 

@@ -174,14 +174,31 @@ def test_snippets_of_python_run_in_order(page, tmp_path):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_diffs_are_of_files_as_they_are(page):
+    """What a hunk keeps and takes away stands in the file in one piece, and hunks in their order."""
     for diff in blocks(page, "diff"):
-        names = re.findall(r"(?m)^\+\+\+ b/(\S+)$", diff)
-        assert names, "a diff names its files"
-        for name, body in zip(names, re.split(r"(?m)^--- .*\n\+\+\+ .*\n", diff)[1:], strict=True):
-            kept = [line[1:] for line in body.splitlines() if line[:1] in (" ", "-")]
-            if kept:
-                present = set((ROOT / name).read_text().splitlines())
-                assert [line for line in kept if line.strip() and line not in present] == [], name
+        changes = re.split(r"(?m)^--- ", diff)[1:]
+        assert changes, "a diff names its files"
+        for change in changes:
+            old, new, *_ = change.splitlines()
+            assert new.startswith("+++ b/")
+            if old == "/dev/null":
+                assert not (ROOT / new.removeprefix("+++ b/")).exists()
+                continue
+            text, place = (ROOT / old.removeprefix("a/")).read_text(encoding="utf-8"), 0
+            hunks = re.split(r"(?m)^@@ .*\n", change)[1:]
+            assert hunks
+            for hunk in hunks:
+                before = "\n".join(line[1:] for line in hunk.splitlines() if not line.startswith("+"))
+                found = text.find(before, place)
+                assert found >= 0, f"{old} has no longer:\n{before}"
+                place = found + len(before)
+
+
+def test_twelve_changes_take_at_most_four_files_each():
+    sections = re.split(r"(?m)^### ", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))[1:]
+    assert len(sections) == 12
+    for section in sections:
+        assert 1 <= len(re.findall(r"(?m)^\+\+\+ b/", section)) <= 4, section.splitlines()[0]
 
 
 def test_every_rule_above_is_needed():

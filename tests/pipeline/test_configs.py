@@ -91,7 +91,7 @@ def test_both_models_have_one_decoder_in_every_file():
     """Layer by layer: only what goes in and what comes out differs, and the encoders are the same."""
     for path in CONFIGS:
         train = config.load(path, settings.TrainConfig)
-        ddf = reconstruction_models.ddf_model(train, config.load(path, settings.DDFConfig))
+        ddf = reconstruction_models.ddf_model(train, config.load(path, settings.DDFConfig).field)
         pcsiren = reconstruction_models.pcsiren_model(train)
         ours, theirs = ddf.decoder.field.network, pcsiren.decoder.network
         assert ours.omegas == theirs.omegas and len(ours.layers) == len(theirs.layers)
@@ -131,7 +131,7 @@ def test_the_papers_way_at_small_sizes_has_the_papers_losses_samples_cameras_and
 def test_paper_config_builds_the_published_models():
     path = next(path for path in CONFIGS if path.stem == "paper")
     train = config.load(path, settings.TrainConfig)
-    ddf_model = reconstruction_models.ddf_model(train, config.load(path, settings.DDFConfig))
+    ddf_model = reconstruction_models.ddf_model(train, config.load(path, settings.DDFConfig).field)
     pc_siren = reconstruction_models.pcsiren_model(train)
     assert ddf_fields.count_parameters(ddf_model) == 25_647_367
     assert ddf_fields.count_parameters(pc_siren) == 25_645_574

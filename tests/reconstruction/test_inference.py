@@ -28,7 +28,7 @@ def test_scale_makes_the_box_diagonal_one():
 
 def test_reconstruction_has_the_promised_arrays():
     torch.manual_seed(0)
-    model = reconstruction_models.ddf_model(TRAIN, DDF).eval()
+    model = reconstruction_models.ddf_model(TRAIN, DDF.field).eval()
     images = _hand_made.images()
     model.camera_head.fit(images.cameras)
     tensors, facts = inference.reconstruct_ddf(model, images, POINTCLOUDS, "test")

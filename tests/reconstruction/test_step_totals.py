@@ -46,7 +46,7 @@ def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
     frames = [transforms.Similarity(2.0 + i, translation=np.array([0.1 * i, 0.0, -0.05])) for i in range(3)]
     shapes = dataclasses.replace(shapes, similarities=frames)
     config = dataclasses.replace(DDF, shape_weight=0.7, mask_weight=4.0, mask_pixels=pixels)
-    model = reconstruction_models.ddf_model(SEEDED, config)
+    model = reconstruction_models.ddf_model(SEEDED, config.field)
     model.camera_head.fit(images.cameras)
     exact, random, rows, shown, truth = _by_hand(model, images)
     found, terms = training_steps.ddf_step(model, images, shapes, samples, SEEDED, config, STEP)

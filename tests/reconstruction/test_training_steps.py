@@ -24,7 +24,7 @@ def test_steps_lower_the_loss_and_reach_every_parameter(kind):
     torch.manual_seed(0)
     images, shapes = _hand_made.images(), _hand_made.shapes()
     if kind == "ddf":
-        model = reconstruction_models.ddf_model(TRAIN, DDF)
+        model = reconstruction_models.ddf_model(TRAIN, DDF.field)
         model.camera_head.fit(images.cameras)
         samples = _hand_made.samples()
 

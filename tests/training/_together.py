@@ -61,7 +61,7 @@ def fresh(kind):
         _hand_made.samples(),
     )
     if kind == "ddf":
-        model = reconstruction_models.ddf_model(TRAIN, _hand_made.DDF)
+        model = reconstruction_models.ddf_model(TRAIN, _hand_made.DDF.field)
         loss = functools.partial(training_steps.ddf_step, model, images, shapes, samples, TRAIN, _hand_made.DDF)
     else:
         model = reconstruction_models.pcsiren_model(TRAIN)

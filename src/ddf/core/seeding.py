@@ -4,6 +4,13 @@ import hashlib
 
 import numpy as np
 
+_APART = 1_000_003  # between the numbers of two seeds
+
+
+def numbered(seed: int, index: int) -> int:
+    """A seed for each number of a step or of an image, another for each seed."""
+    return seed * _APART + index
+
 
 def generator(seed: int, *names: str) -> np.random.Generator:
     """A random stream of its own for each seed and list of names, whatever else runs before or beside it."""

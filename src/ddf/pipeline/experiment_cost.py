@@ -70,7 +70,7 @@ def _parameters(train: settings.TrainConfig, models: dict[str, Any]) -> int:
     """Of one DDF model and one PC-SIREN model together."""
     with torch.device("meta"):
         built = (
-            reconstruction_models.ddf_model(train, models["ddf"]),
+            reconstruction_models.ddf_model(train, models["ddf"].field),
             reconstruction_models.pcsiren_model(train),
         )
     return sum(pddf.count_parameters(model) for model in built)

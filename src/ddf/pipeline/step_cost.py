@@ -109,7 +109,7 @@ def trial(train: settings.TrainConfig, config: Section) -> Trial:
     """Steps of the model that the section describes, at the sizes of both sections."""
     images, shapes = random_images(train.batch_size, train.image_size), random_shapes(train.batch_size)
     if isinstance(config, settings.DDFConfig):
-        ddf, propose = reconstruction_models.ddf_model(train, config), None
+        ddf, propose = reconstruction_models.ddf_model(train, config.field), None
         scenes = [random_scene()] * train.batch_size if config.casts else []
         samples = random_samples(train.batch_size) if config.samples == "stored" else _fresh_samples(scenes)
         if config.proposals is not None:

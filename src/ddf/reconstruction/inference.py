@@ -17,7 +17,7 @@ import tqdm
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf.core import resume
+from ddf.core import resume, seeding
 from ddf.fields import cloud_projection, pddf, rendering
 from ddf.reconstruction import camera_correction, category_data, reconstruction_models, scales, settings, silhouettes
 from ddf.training import training_loop
@@ -68,7 +68,7 @@ def image_features(
 
 def _generator(config: settings.PointcloudsConfig, image: int) -> torch.Generator:
     """Each image has its own random stream, so that a subset of images gives the same clouds."""
-    return torch.Generator(training_loop.device()).manual_seed(config.seed * 1_000_003 + image)
+    return torch.Generator(training_loop.device()).manual_seed(seeding.numbered(config.seed, image))
 
 
 def reconstruct_ddf(

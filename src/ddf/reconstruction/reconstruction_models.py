@@ -258,9 +258,9 @@ def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, chances: Float[T
     return order.topk(count, dim=-1).indices
 
 
-def ddf_model(train: settings.TrainConfig, config: settings.DDFConfig) -> DDFModel:
+def ddf_model(train: settings.TrainConfig, field: settings.FieldConfig) -> DDFModel:
     """The DDF model of a config, freshly initialised."""
-    return DDFModel(config.field.of(train.decoder), train.latent_features, train.encoder_width, train.azimuth)
+    return DDFModel(field.of(train.decoder), train.latent_features, train.encoder_width, train.azimuth)
 
 
 def pcsiren_model(train: settings.TrainConfig) -> PCSirenModel:

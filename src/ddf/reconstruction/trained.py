@@ -16,15 +16,13 @@ def ddf(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.
 
     Args:
       record: of its model file (`storage.load_metadata`), of kind `ddf`.
-    Raises:
         Of its section `ddf` the field alone is read: how the model was trained may be said in other words by now.
     Raises:
       InputError: the file is damaged, or its record names unknown settings.
     """
     train = config.parse(record["train"], settings.TrainConfig, f"{folder}: train")
     field = config.parse(record["section"]["field"], settings.FieldConfig, f"{folder}: ddf.field")
-    layout = field.of(train.decoder)
-    model = reconstruction_models.DDFModel(layout, train.latent_features, train.encoder_width, train.azimuth)
+    model = reconstruction_models.ddf_model(train, field)
     training_loop.load_model(model, folder, familiarity.PREFIX)
     return model, train.image_size
 

@@ -10,12 +10,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.core import checks, provenance
+from ddf.core import checks, provenance, seeding
 from ddf.fields import pddf, rendering, siren, udf
 from ddf.shape.shape_field import ShapeField
 from ddf.training import training_loop
-
-_GOLDEN = 1_000_003  # steps of one seed have generators of their own
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ def fit(shape: ShapeField, config: CandidateConfig, out_dir: Path) -> udf.Candid
     lower, upper = (torch.from_numpy(side).to(weight) for side in (shape.lower, shape.upper))
 
     def step_loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
-        generator = torch.Generator().manual_seed(config.loop.seed * _GOLDEN + step)
+        generator = torch.Generator().manual_seed(seeding.numbered(config.loop.seed, step))
         share = torch.rand((config.points, 3), generator=generator).to(weight)
         positions = lower + share * (upper - lower)
         value = udf.loss(asked(field), positions, network(positions), config.spread, config.alignment)

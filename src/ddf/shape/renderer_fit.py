@@ -12,14 +12,13 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from ddf.core import checks, provenance
+from ddf.core import checks, provenance, seeding
 from ddf.fields import derivatives
 from ddf.fields.renderers import depth_renderer, image_properties
 from ddf.geometry import cameras, raycast, rays, transforms
 from ddf.geometry.mesh_io import Mesh
 from ddf.training import training_loop
 
-_GOLDEN = 1_000_003  # steps of one seed have generators of their own
 _HUBER = 0.02  # depth error from which on its loss grows linearly
 _DEPTH = 5.0  # γ_d; that of visibility is 1
 
@@ -100,7 +99,7 @@ def fit(mesh: Mesh, config: RendererConfig, out_dir: Path) -> depth_renderer.Dep
     renderer = depth_renderer.DepthRenderer(config.layout).to(training_loop.device())
 
     def step_loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
-        generator = torch.Generator().manual_seed(config.loop.seed * _GOLDEN + step)
+        generator = torch.Generator().manual_seed(seeding.numbered(config.loop.seed, step))
         return _loss(renderer, seen, torch.randint(config.images, (config.batch,), generator=generator), config)
 
     identity = [config, mesh.vertices.tolist(), mesh.faces.tolist()]

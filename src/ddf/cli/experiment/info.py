@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     ddf = config.load(args.config, settings.DDFConfig)
     models: dict[str, torch.nn.Module] = {}
     with torch.device("meta"):
-        models["ddf"] = reconstruction_models.ddf_model(train, ddf)
+        models["ddf"] = reconstruction_models.ddf_model(train, ddf.field)
         models["pc_siren"] = reconstruction_models.pcsiren_model(train)
         models["single_shape"] = pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)
         models["ddf_encoder"] = reconstruction_models.Encoder(train.latent_features, train.encoder_width)

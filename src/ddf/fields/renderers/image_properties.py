@@ -36,11 +36,9 @@ class Views:
         return Views(self.positions[which], self.axes[which])
 
 
-def eikonal(
-    moved: Float[Tensor, "n h w 3"], directions: Float[Tensor, "n h w 3"], value: float = -1.0
-) -> Float[Tensor, "n h w"]:
-    """δ_p · v - value: 0 for depths, and with `value` 0 for visibilities. Source: [DDF22] §3.1, Property I."""
-    return (moved * directions).sum(-1) - value
+def eikonal(moved: Float[Tensor, "n h w 3"], directions: Float[Tensor, "n h w 3"]) -> Float[Tensor, "n h w"]:
+    """δ_p · v + 1, 0 for depths. Source: [DDF22] §3.1, Property I."""
+    return (moved * directions).sum(-1) + 1
 
 
 def gradient_consistency(
