@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import torch
 from _shapes import icosphere
+from _support import assert_close
 from _tiny_fits import TINY
 
-from ddf.core import checks
+from ddf.core import checks, storage
 from ddf.fields import pddf
-from ddf.shape import fit_settings, fitting, shape_samples
+from ddf.shape import fit_settings, fitting, shape_field, shape_samples
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +30,20 @@ def test_a_weight_adds_its_term_and_its_gradient(name, term, drawn):
     assert float((total - plain).detach()) == pytest.approx(2 * float(found[term]), rel=1e-4)
     parts = (torch.autograd.grad(value, list(field.parameters()))[2] for value in (total, plain))
     assert np.subtract(*(part.numpy() for part in parts)).any()
+
+
+def test_a_fit_goes_on_from_the_weights_of_another(tmp_path):
+    mesh, still = icosphere(2), dataclasses.replace(TINY.loop, learning_rate=1e-9, warmup_steps=0, muon=None)
+    fitting.fit(mesh, TINY, tmp_path / "first")
+    first = shape_field.load(tmp_path / "first")
+    settings = dataclasses.replace(TINY, steps=1, loop=still)
+    for name, begin in (("further", first), ("anew", None)):
+        fitting.fit(mesh, settings, tmp_path / name, begin=begin)
+    plans = [storage.read_json(tmp_path / name / fitting.PLAN)["fingerprint"] for name in ("further", "anew")]
+    further, anew = (shape_field.load(tmp_path / name).field.network.head.weight for name in ("further", "anew"))
+    assert_close(further, first.field.network.head.weight, atol=1e-6)
+    assert (anew - further).abs().max() > 1e-3
+    assert plans[0] != plans[1]
 
 
 def test_weights_below_zero_are_named():

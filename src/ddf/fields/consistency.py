@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from ddf.fields import derivatives, pddf
 
 SHORTEST = 1e-3  # field units: nearer starts have no direction that float32 can tell
+BEYOND = 2.0  # weight of a depth too far, a field unit of it, beside the cross-entropy of visibility
 
 
 def view_loss(
@@ -25,9 +26,10 @@ def view_loss(
     visible: Float[Tensor, "*shapes n"],
     modulations: Sequence[Tensor] | None = None,
 ) -> Float[Tensor, ""]:
-    """Mean over n of ξ_1 (BCE(ξ(p_2, v_2), 1) + max(0, d(p_2, v_2) - t)²).
+    """Mean over n of ξ_1 (BCE(ξ(p_2, v_2), 1) + `BEYOND` max(0, d(p_2, v_2) - t)).
 
-    Source: the inequality is that of [DDF22] app. `viewconsis`; as a loss it is derived here. One query a point.
+    Source: the inequality is that of [DDF22] app. `viewconsis`; as a loss it is derived here, linear in the depth
+    because most violations are small. One query a point.
 
     Args:
       surface_points: q_1, field frame; anything where nothing is visible. starts: p_2, anywhere in the box.
@@ -37,7 +39,7 @@ def view_loss(
     t = way.norm(dim=-1)
     counted = visible * (t > SHORTEST)
     raw = field(starts, way / t.clamp_min(SHORTEST)[..., None], None if modulations is None else list(modulations))
-    beyond = torch.relu(field.depth(raw) - t).square()
+    beyond = BEYOND * torch.relu(field.depth(raw) - t)
     hidden = nn.functional.softplus(-raw[..., pddf.VISIBILITY_ROW])  # BCE against 1
     return (counted * (hidden + beyond)).sum() / max(1, counted.numel())
 

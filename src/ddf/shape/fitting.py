@@ -123,6 +123,7 @@ def fit(
     source: Mapping[str, str] | None = None,
     without: str | None = None,
     *,
+    begin: shape_field.ShapeField | None = None,
     threads: int | None = None,
     force: bool = False,
 ) -> dict[str, Any]:
@@ -133,6 +134,7 @@ def fit(
     Args:
       source: name to checksum of the file that the mesh came from, for the record.
       without: a sample type that the field is not trained on; the held-out errors are of all six.
+      begin: a field of the same mesh and kind, from whose weights the fit goes on; in place of `config.start`.
       threads: in place of those of the config, without being another fit.
       force: replace the field of another mesh in the folder.
     Returns:
@@ -145,7 +147,8 @@ def fit(
         raise ValueError("steps and minutes cannot both be null")
     started = time.monotonic()
     content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
-    identity = provenance.fingerprint([config.recipe(), content, without], (), "ddf.shape.fitting")
+    given = [config.recipe(), content, without, *([] if begin is None else [begin.record])]
+    identity = provenance.fingerprint(given, (), "ddf.shape.fitting")
     plan = _plan(config, content, identity, out_dir, force)
     training_loop.prepare(dataclasses.replace(config.loop, threads=threads or config.loop.threads))
     own_from_mesh = transforms.field_from_mesh(raw.surface_vertices())
@@ -156,7 +159,9 @@ def fit(
     samples, packing_errors = shape_samples.draw_samples(mesh, config, drawn, "train", config.tangents, "samples")
     samples = samples if without is None else samples.without(without)
     field = pddf.PDDF(config.field).to(training_loop.device())
-    if config.start == "flat":
+    if begin is not None:
+        field.load_state_dict(begin.field.state_dict())
+    elif config.start == "flat":
         start_flat(field, samples)
     trained = time.monotonic()
     sampling = plan.get("sampling_seconds") or trained - started

@@ -67,9 +67,9 @@ def fitted(name: str, config: FiguresConfig, folder: Path) -> ShapeField:
     return shape_field.load(folder / name)
 
 
-def keep(mesh: Mesh, settings: fit_settings.FitConfig, folder: Path) -> None:
-    """Fit a mesh into a folder, unless the folder has the fit of this mesh and these settings."""
-    keep_made(mesh, settings, folder, lambda: fitting.fit(mesh, settings, folder, force=True))
+def keep(mesh: Mesh, settings: fit_settings.FitConfig, folder: Path, begin: ShapeField | None = None) -> None:
+    """Fit a mesh into a folder, from the weights of `begin` on, unless it has the fit of these."""
+    keep_made(mesh, settings, folder, lambda: fitting.fit(mesh, settings, folder, begin=begin, force=True))
 
 
 def keep_made(mesh: Mesh, settings: Any, folder: Path, make: Callable[[], object]) -> None:
