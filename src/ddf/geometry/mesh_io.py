@@ -19,7 +19,7 @@ from ddf.geometry.formats.scene_files import collada, gltf, threemf
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")  # read and written
 READ = (*SUFFIXES, ".gltf", ".dae", ".3mf")
-MAX_FILE_BYTES = 512 << 20  # of meshes and clouds: five million triangles as text, ten million as numbers
+MAX_FILE_BYTES = 256 << 20  # of meshes and clouds: three million triangles as text, ten million as numbers
 _READERS = {
     ".obj": obj.parse,
     ".ply": ply.parse,

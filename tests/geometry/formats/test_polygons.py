@@ -59,6 +59,24 @@ def test_stars_are_covered_and_use_every_corner(corners, seed):
     assert _area(points, faces) == pytest.approx(_shoelace(flat), rel=1e-9)
 
 
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.integers(0, 3), st.sampled_from([1, -1]))
+def test_quadrilaterals_are_covered_from_any_corner_and_either_way(seed, start, step):
+    rng = np.random.default_rng(seed)
+    angle = np.arange(4) * np.pi / 2 + rng.uniform(-0.3, 0.3, 4)
+    flat = rng.uniform(0.1, 1.0, 4)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points, faces, crossing = _triangulate(_placed(np.roll(flat, start, axis=0)[::step], seed))
+    assert crossing == 0 and set(faces.ravel()) == set(range(4))
+    assert _area(points, faces) == pytest.approx(_shoelace(flat), rel=1e-9)
+
+
+def test_quadrilateral_with_a_repeated_corner_or_three_on_a_line_is_covered():
+    for flat in ([[0, 0], [2, 0], [2, 2], [2, 2]], [[0, 0], [1, 0], [2, 0], [2, 2]], [[0, 0], [2, 0], [2, 2], [0, 0]]):
+        for start in range(4):
+            points, faces, crossing = _triangulate(_placed(np.roll(np.array(flat, dtype=np.float64), start, axis=0)))
+            assert crossing == 0 and _area(points, faces) == pytest.approx(2.0)
+
+
 def test_corners_on_a_straight_line_are_kept():
     flat = np.array([[0, 0], [1, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2], [0, 1]], dtype=np.float64)
     points, faces, _ = _triangulate(_placed(flat))

@@ -7,10 +7,13 @@ import re
 from array import array
 from collections.abc import Iterator
 
+import numpy as np
+
 from ddf.core import checks
 from ddf.geometry.formats import raw, text
 
 _HEADER = re.compile(rb"(ST)?(C)?(N)?(4)?(n)?OFF(.*)", re.IGNORECASE | re.DOTALL)
+_HEADER_LINES = 100_000  # comments among them
 
 
 def parse(data: bytes) -> raw.Raw:
@@ -19,30 +22,89 @@ def parse(data: bytes) -> raw.Raw:
     Raises:
       InputError: no header with counts, binary or four-dimensional OFF, rows that are missing, too many or unreadable.
     """
-    rows = _rows(text.decoded(data))
-    num_vertices, num_faces = _counts(rows, len(data))
+    blocks = text.Blocks(text.decoded(data))
+    num_vertices, num_faces = _counts(_header_rows(blocks), len(data))
     vertices, corners, counts = array("d"), array("q"), array("q")
-    for number, words in _take(rows, num_vertices, num_vertices, num_faces, 0):
-        if len(words) < 3:
-            raise checks.InputError(f"line {number}: a vertex needs three coordinates; got {len(words)}")
-        vertices.extend(text.number(word, f"line {number}") for word in words[:3])
-    for number, words in _take(rows, num_faces, num_vertices, num_faces, num_vertices):
-        size = text.whole(words[0], f"line {number}")
-        if not 0 <= size < len(words):
-            raise checks.InputError(f"line {number}: a face of {size} corners, but {len(words) - 1} numbers follow")
-        corners.extend(text.whole(word, f"line {number}") for word in words[1 : 1 + size])
-        counts.append(size)
-    more = sum(1 for _ in rows)
+    read = 0
+    while read < num_vertices + num_faces:
+        is_vertex = read < num_vertices
+        block = blocks.next((num_vertices if is_vertex else num_vertices + num_faces) - read)
+        if block is None:
+            raise checks.InputError(f"cut short: {num_vertices} vertices and {num_faces} faces, but {read} rows")
+        table = blocks.table(block.data, whole=not is_vertex)
+        if is_vertex:
+            read += _vertices(table, vertices) or _vertices_by_word(_rows(blocks.lines(block)), vertices)
+        else:
+            read += _faces(table, counts, corners) or _faces_by_word(_rows(blocks.lines(block)), counts, corners)
+    more = 0
+    while block := blocks.next():
+        more += sum(1 for _ in _rows(blocks.lines(block)))
     if more:
         raise checks.InputError(f"the header claims {num_vertices} vertices and {num_faces} faces; {more} rows follow")
     return raw.of_polygons(vertices, counts, corners)
 
 
-def _rows(data: bytes) -> Iterator[tuple[int, list[bytes]]]:
-    for number, line in text.lines(data):
+def _header_rows(blocks: text.Blocks) -> Iterator[tuple[int, list[bytes]]]:
+    """Rows of the first lines, one at a time: the others stay where they are."""
+    for _ in range(_HEADER_LINES):
+        block = blocks.next(1)
+        if block is None:
+            return
+        yield from _rows(blocks.lines(block))
+
+
+def _rows(lines: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, list[bytes]]]:
+    for number, line in lines:
         words = line.partition(b"#")[0].split()
         if words:
             yield number, words
+
+
+def _vertices(table: text.Table | None, vertices: array) -> int:
+    """How many rows were read at once: none if one of them is at fault, or there is no table."""
+    if table is None:
+        return 0
+    counts = table.counts[table.counts > 0]
+    if (counts < 3).any():
+        return 0
+    starts = np.cumsum(counts) - counts
+    vertices.frombytes(table.values[starts[:, None] + np.arange(3)].tobytes())
+    return len(counts)
+
+
+def _faces(table: text.Table | None, counts: array, corners: array) -> int:
+    """The same of faces: the number of corners, their vertices, and what follows in the row."""
+    if table is None or not table.counts.any():
+        return 0
+    words = table.counts[table.counts > 0]
+    starts = np.cumsum(words) - words
+    sizes = table.values[starts]
+    if ((sizes < 0) | (sizes >= words)).any():
+        return 0
+    place = np.arange(len(table.values)) - np.repeat(starts, words)
+    corners.frombytes(table.values[(place > 0) & (place <= np.repeat(sizes, words))].tobytes())
+    counts.frombytes(sizes.tobytes())
+    return len(sizes)
+
+
+def _vertices_by_word(rows: Iterator[tuple[int, list[bytes]]], vertices: array) -> int:
+    before = len(vertices)
+    for number, words in rows:
+        if len(words) < 3:
+            raise checks.InputError(f"line {number}: a vertex needs three coordinates; got {len(words)}")
+        vertices.extend(text.number(word, f"line {number}") for word in words[:3])
+    return (len(vertices) - before) // 3
+
+
+def _faces_by_word(rows: Iterator[tuple[int, list[bytes]]], counts: array, corners: array) -> int:
+    before = len(counts)
+    for number, words in rows:
+        size = text.whole(words[0], f"line {number}")
+        if not 0 <= size < len(words):
+            raise checks.InputError(f"line {number}: a face of {size} corners, but {len(words) - 1} numbers follow")
+        corners.extend(text.whole(word, f"line {number}") for word in words[1 : 1 + size])
+        counts.append(size)
+    return len(counts) - before
 
 
 def _counts(rows: Iterator[tuple[int, list[bytes]]], size: int) -> tuple[int, int]:
@@ -64,13 +126,3 @@ def _counts(rows: Iterator[tuple[int, list[bytes]]], size: int) -> tuple[int, in
     raw.require_room("vertices", num_vertices, 6, size)
     raw.require_room("faces", num_faces, 2, size)
     return num_vertices, num_faces
-
-
-def _take(
-    rows: Iterator[tuple[int, list[bytes]]], count: int, num_vertices: int, num_faces: int, before: int
-) -> Iterator[tuple[int, list[bytes]]]:
-    for i in range(count):
-        row = next(rows, None)
-        if row is None:
-            raise checks.InputError(f"cut short: {num_vertices} vertices and {num_faces} faces, but {before + i} rows")
-        yield row

@@ -60,6 +60,7 @@ def _check_vertices(header: ply_header.Header) -> None:
     own = next((element.properties for element in header.elements if element.name == "vertex"), None)
     if own is None:
         raise checks.InputError("a PLY file must have an 'element vertex <count>'; this one has none")
+    raw.require_few_vertices(next(element.count for element in header.elements if element.name == "vertex"))
     axes = [p for p in own if p.name in ("x", "y", "z")]
     if any(p.length for p in axes):
         raise checks.InputError("x, y and z of the vertices of a PLY file must be plain number properties, not lists")
@@ -84,7 +85,8 @@ def _list(found: ply_rows.Found, element: str) -> tuple[np.ndarray, np.ndarray]:
     sizes, values = lists[0]
     if values.dtype.kind == "f":
         raise checks.InputError(f"the list vertex_indices of element {element} must hold whole numbers, not floats")
-    return sizes.astype(np.int64), values.astype(np.int64)
+    raw.require_few_corners(len(values))
+    return sizes.astype(np.int64, copy=False), values.astype(np.int64, copy=False)
 
 
 def _of_strips(sizes: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -1,19 +1,21 @@
 """Polygons cut into triangles: a fan from the first corner where that covers the polygon, else by manifold3d.
 
-A fan covers a polygon when all its triangles turn the same way as the polygon. manifold3d works in the plane of the
-polygon's area vector and uses every corner, those on a straight line too, so that neighbours still share their edges.
+A fan covers a polygon when all its triangles turn the same way as the polygon, and less than once around. Of
+quadrilaterals one of the two diagonals will do. manifold3d works in the plane of the polygon's area vector and uses
+every corner, those on a straight line too, so that neighbours still share their edges.
 """
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ddf.core import checks
 
 MAX_CORNERS = 100_000
 _FLAT = 1e-9  # of the longest side squared: a smaller triangle of a fan counts as none
 _PLANE = 1e-3  # of the longest side: corners further off the plane make a polygon that is not planar
-_CHUNK = 1 << 20  # corners at once
-_WORK = 5e9  # corners squared, of all concave polygons of a file: about five seconds
+_CHUNK = 1 << 16  # corners at once
+_CALL = 1e5  # corners squared whose time a call of manifold3d takes for itself
+_WORK = 4e9  # corners squared, of all other polygons of a file: about five seconds
 
 
 def triangulate(
@@ -34,23 +36,28 @@ def triangulate(
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])
     place = np.concatenate([[0], np.cumsum(counts - 2)[:-1]])
     faces = np.zeros((int((counts - 2).sum()), 3), dtype=np.int64)
-    concave: list[int] = []
-    for size in np.unique(counts):
-        members, step = np.flatnonzero(counts == size), max(_CHUNK // int(size), 1)
+    concave: list[np.ndarray] = []
+    crossing = 0
+    order = np.argsort(counts, kind="stable")
+    for members in np.split(order, np.flatnonzero(np.diff(counts[order])) + 1):
+        size = int(counts[members[0]])
+        step = max(_CHUNK // size, 1)
         for block in np.split(members, range(step, len(members), step)):
             own = corners[first[block][:, None] + np.arange(size)]
+            own, covered = _turned_quads(vertices, own) if size == 4 else (own, _is_covered_by_fan(vertices[own]))
             fan = np.stack([np.broadcast_to(own[:, :1], own[:, 2:].shape), own[:, 1:-1], own[:, 2:]], axis=2)
             faces[place[block][:, None] + np.arange(size - 2)] = fan
-            concave.extend(block[~_is_covered_by_fan(vertices[own])])
-    if sum(float(counts[i]) ** 2 for i in concave) > _WORK:
+            crossing += int((~covered).sum()) if size == 4 else 0
+            concave += [block[~covered]] if size > 4 else []
+    left = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *concave]))
+    if float((counts[left].astype(float) ** 2 + _CALL).sum()) > _WORK:
         raise checks.InputError("too many corners in concave polygons; cut them into triangles first")
-    crossing = 0
-    for i in sorted(concave):
+    for i in left.tolist():
         own = corners[first[i] : first[i] + counts[i]]
         triangles = cut(vertices[own])
         if triangles is not None:
             faces[place[i] : place[i] + counts[i] - 2] = own[triangles]
-        elif counts[i] > 4 and _is_flat(vertices[own]):
+        elif _is_flat(vertices[own]):
             raise checks.InputError(
                 f"polygon {i + 1} ({counts[i]} corners) crosses itself or has a hole; cut it into triangles first"
             )
@@ -59,10 +66,42 @@ def triangulate(
     return faces, crossing
 
 
+def _turned_quads(
+    vertices: Float[np.ndarray, "n 3"], own: Int[np.ndarray, "p 4"]
+) -> tuple[Int[np.ndarray, "p 4"], Bool[np.ndarray, "p"]]:
+    """Quadrilaterals turned so that a fan from the first corner covers them, and where one does.
+
+    One of the diagonals is inside. Where none is, they cross themselves. With a repeated corner or three corners on a
+    line, a triangle without an area is part of the fan if there is no other way.
+    """
+    a, b, c, d = (vertices.take(own[:, i], axis=0).T for i in range(4))
+    size_sq = np.stack([((p - q) ** 2).sum(axis=0) for p, q in ((a, b), (b, c), (c, d), (d, a), (a, c))]).max(axis=0)
+    least = _FLAT * size_sq
+    whole = _cross(c - a, d - b)  # twice the area vector
+    first = _cross(b - a, c - a)
+    length = np.sqrt((whole**2).sum(axis=0))
+    along = whole / np.where(length > 0, length, 1.0)
+    of_first = (first * along).sum(axis=0)
+    of_second = (_cross(c - b, d - b) * along).sum(axis=0)
+    empty = (np.abs(first).max(axis=0) <= least) & (np.abs(whole - first).max(axis=0) <= least)
+    covers = [np.minimum(part, length - part) for part in (of_first, of_second)]  # the smaller triangle of each fan
+    second = (covers[0] <= least) & ((covers[1] > least) | ((covers[0] < -least) & (covers[1] >= -least))) & ~empty
+    covered = empty | (np.maximum(*covers) >= -least)
+    found = own.copy()
+    found[second] = np.roll(own[second], -1, axis=1)
+    return found, covered & ((length > 0) | empty)
+
+
+def _cross(u: Float[np.ndarray, "3 *p"], v: Float[np.ndarray, "3 *p"]) -> Float[np.ndarray, "3 *p"]:
+    """u x v; numpy's own takes three times as long."""
+    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+
+
 def _fan_normals(points: Float[np.ndarray, "*p k 3"]) -> Float[np.ndarray, "*p t 3"]:
     """Twice the area vector of each triangle of the fan from the first corner."""
     spokes = points[..., 1:, :] - points[..., :1, :]
-    return np.cross(spokes[..., :-1, :], spokes[..., 1:, :])
+    along = np.moveaxis(spokes, -1, 0)
+    return np.moveaxis(_cross(along[..., :-1], along[..., 1:]), 0, -1)
 
 
 def _longest(points: Float[np.ndarray, "*p k 3"]) -> Float[np.ndarray, "*p"]:
@@ -79,7 +118,12 @@ def _is_covered_by_fan(points: Float[np.ndarray, "p k 3"]) -> np.ndarray:
     length = np.linalg.norm(whole, axis=1)
     along = np.einsum("ptk,pk->pt", parts, whole) / np.where(length > 0, length, 1.0)[:, None]
     empty = np.abs(parts).max(axis=(1, 2)) <= _FLAT
-    return empty | (along > _FLAT).all(axis=1)
+    right = (along > _FLAT).all(axis=1)
+    if points.shape[1] > 4:
+        spokes = (points[:, 1:] - points[:, :1]) / np.where(scale > 0, scale, 1.0)
+        turns = np.arctan2(along, np.einsum("ptk,ptk->pt", spokes[:, :-1], spokes[:, 1:]))
+        right &= turns.sum(axis=1) < 2 * np.pi
+    return empty | right
 
 
 def cut(points: Float[np.ndarray, "k 3"]) -> Int[np.ndarray, "t 3"] | None:

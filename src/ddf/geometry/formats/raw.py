@@ -11,6 +11,8 @@ from ddf.core import checks
 from ddf.geometry.formats import polygons
 
 LARGEST = 1e100  # of a coordinate: squares and volumes of larger ones leave float64
+MAX_VERTICES = 16_000_000
+MAX_CORNERS = 24_000_000  # of all polygons of a file
 MAX_TRIANGLES = 20_000_000  # of scenes that use one part many times: 1 GiB in memory
 
 
@@ -28,6 +30,18 @@ def require_room(kind: str, claimed: int, least_bytes: int, available: int) -> N
         raise checks.InputError(f"the header claims {claimed} {kind}, but the file has only {available} bytes for them")
 
 
+def require_few_vertices(count: int) -> None:
+    """Raise unless so many vertices fit in memory."""
+    if count > MAX_VERTICES:
+        raise checks.InputError(f"the file has {count} vertices; at most {MAX_VERTICES} are read")
+
+
+def require_few_corners(count: int) -> None:
+    """Raise unless all polygons together have so few corners that their triangles fit in memory."""
+    if count > MAX_CORNERS:
+        raise checks.InputError(f"its polygons have {count} corners; at most {MAX_CORNERS} are read")
+
+
 def widened(values: Num[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
     """Numbers as float64; that some are no numbers is told later, in one line."""
     with np.errstate(invalid="ignore"):
@@ -37,7 +51,7 @@ def widened(values: Num[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
 def require_coordinates(vertices: Float[np.ndarray, "n 3"]) -> None:
     """Raise unless all coordinates are finite and no larger than 1e100."""
     checks.require_finite("vertices", vertices)
-    largest = float(np.abs(vertices).max(initial=0.0))
+    largest = max(float(vertices.max(initial=0.0)), -float(vertices.min(initial=0.0)))
     if largest > LARGEST:
         raise checks.InputError(f"a coordinate is {largest:g}; must be at most {LARGEST:g}")
 
@@ -49,8 +63,10 @@ def of_polygons(
     remarks: tuple[str, ...] = (),
 ) -> Raw:
     """Triangles of polygons: corners one polygon after the other, `counts` of them each; under three are dropped."""
-    positions = np.array(vertices, dtype=np.float64).reshape(-1, 3)
-    sizes, index = np.array(counts, dtype=np.int64), np.array(corners, dtype=np.int64)
+    require_few_vertices(len(vertices) // 3 if isinstance(vertices, array) else len(vertices))
+    require_few_corners(len(corners))
+    positions = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
+    sizes, index = (np.asarray(each, dtype=np.int64).view(np.int64) for each in (counts, corners))  # of array: longlong
     require_coordinates(positions)
     if len(index) and not (0 <= index.min() and index.max() < len(positions)):
         bad = int(index.min()) if index.min() < 0 else int(index.max()) + 1

@@ -6,6 +6,7 @@ Our own reader: libraries tell the two apart by the word `solid` alone, and trus
 import re
 import struct
 from array import array
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -13,6 +14,13 @@ from ddf.core import checks
 from ddf.geometry.formats import raw, text
 
 _HEADER, _ROW = 84, 50
+_SPACE = 32
+_FEW = 1 << 12  # bytes of facets for which arrays do not pay
+_FACET, _SOLID = (
+    re.compile(rb"^[ \t]*" + word, re.IGNORECASE | re.MULTILINE) for word in (rb"facet\b", rb"(?:end)?solid\b")
+)
+_CORNER = (b"vertex", b"", b"", b"")
+_WORDS = (b"facet", b"normal", b"", b"", b"", b"outer", b"loop", *(3 * _CORNER), b"endloop", b"endfacet")
 _TEXT = re.compile(rb"\s*solid\b", re.IGNORECASE)
 
 
@@ -46,34 +54,108 @@ def _soup(vertices: np.ndarray) -> raw.Raw:
 
 
 def _ascii(data: bytes) -> raw.Raw:
-    vertices, in_facet, number, ended = array("d"), 0, 0, False
-    for number, line in text.lines(data):
-        words = line.lower().split()
-        if words[:1] in ([b"solid"], [b"endsolid"]):
-            if in_facet:
-                raise checks.InputError(f"line {number}: {text.shown(words[0])} inside a facet")
-            ended = words[0] == b"endsolid"
-            words = words[words.index(b"facet") :] if b"facet" in words[1:] and b"vertex" in words else []
+    blocks, reading = text.Blocks(data), _Reading()
+    while block := blocks.next():
+        number = block.number
+        for begin, end, plain in _stretches(block.data.lower()):
+            part = block.data[begin:end]
+            if not (plain and reading.at_once(blocks, part)):
+                reading.by_word(blocks.lines(text.Block(number, part)))
+            number += part.count(b"\n")
+    if reading.in_facet or not reading.ended:
+        whole, last = len(reading.vertices) // 9, reading.number
+        raise checks.InputError(f"cut short: {whole} whole triangles, then the file ends at line {last}")
+    return _soup(np.asarray(reading.vertices, dtype=np.float64).reshape(-1, 3))
+
+
+def _stretches(data: bytes) -> Iterator[tuple[int, int, bool]]:
+    """Places in a block in small letters: whole facets to read at once (True), and lines between them by word (False).
+
+    A facet that is split between two blocks is read by word, as are few facets between two lines of `solid`.
+    """
+    place = 0
+    while place < len(data):
+        first = _FACET.search(data, place)
+        solid = _SOLID.search(data, first.start() if first else place)
+        stop = solid.start() if solid else len(data)
+        last = data.rfind(b"endfacet", first.start(), stop) if first else -1
+        end = data.find(b"\n", last) + 1 if last >= 0 else 0
+        if not first or end - first.start() < _FEW:
+            after = data.find(b"\n", stop) + 1 or len(data)
+            yield place, after, False
+            place = after
+            continue
+        if first.start() > place:
+            yield place, first.start(), False
+        yield first.start(), end, True
+        place = end
+
+
+class _Reading:
+    """What was read so far: coordinates, vertices of the facet that is open (and one), whether a solid has ended."""
+
+    def __init__(self) -> None:
+        self.vertices, self.in_facet, self.number, self.ended = array("d"), 0, 0, False
+
+    def at_once(self, blocks: text.Blocks, data: bytes) -> bool:
+        """Read whole facets of usual words; False, and nothing is read, if anything else is among them."""
+        octets = np.frombuffer(data.lower(), np.uint8).copy()
+        is_word = octets > _SPACE
+        edges = np.flatnonzero(np.diff(is_word.view(np.int8), prepend=0, append=0))
+        begins, lengths = edges[::2], edges[1::2] - edges[::2]
+        if self.in_facet or len(begins) % len(_WORDS):
+            return False
+        for i, word in enumerate(_WORDS):
+            if not word:
+                continue
+            own = begins[i :: len(_WORDS)]
+            if (lengths[i :: len(_WORDS)] != len(word)).any():
+                return False
+            for j, letter in enumerate(word):
+                if (octets[own + j] != letter).any():
+                    return False
+                octets[own + j] = _SPACE
+        table = blocks.table(octets.tobytes())
+        if table is None or len(table.values) != 12 * (len(begins) // len(_WORDS)):
+            return False
+        self.vertices.frombytes(table.values.reshape(-1, 12)[:, 3:].tobytes())
+        self.ended = False
+        return True
+
+    def by_word(self, lines: Iterator[tuple[int, bytes]]) -> None:
+        """Read lines word by word.
+
+        Raises:
+          InputError: a word that is none of a facet's; the line is named.
+        """
+        for number, line in lines:
+            self.number = number
+            words = line.lower().split()
+            if words[:1] in ([b"solid"], [b"endsolid"]):
+                if self.in_facet:
+                    raise checks.InputError(f"line {number}: {text.shown(words[0])} inside a facet")
+                self.ended = words[0] == b"endsolid"
+                words = words[words.index(b"facet") :] if b"facet" in words[1:] and b"vertex" in words else []
+            self._read(words, number)
+
+    def _read(self, words: list[bytes], number: int) -> None:
         i = 0
         while i < len(words):
             word, i = words[i], i + 1
             if word == b"vertex":
                 if len(words) < i + 3:
                     raise checks.InputError(f"line {number}: a vertex needs three coordinates; got {len(words) - i}")
-                vertices.extend(text.number(w, f"line {number}") for w in words[i : i + 3])
-                i, in_facet = i + 3, in_facet + 1
+                self.vertices.extend(text.number(w, f"line {number}") for w in words[i : i + 3])
+                i, self.in_facet = i + 3, self.in_facet + 1
             elif word == b"facet":
-                in_facet, ended = _begin(in_facet, number), False
+                self.in_facet, self.ended = _begin(self.in_facet, number), False
                 i += 4 if words[i : i + 1] == [b"normal"] else 0
             elif word == b"endfacet":
-                in_facet = _end(in_facet, number)
+                self.in_facet = _end(self.in_facet, number)
             elif word == b"endsolid":
-                ended, i = True, len(words)
+                self.ended, i = True, len(words)
             elif word not in (b"outer", b"loop", b"endloop"):
                 raise checks.InputError(f"line {number}: {text.shown(word)} is no word of an STL file")
-    if in_facet or not ended:
-        raise checks.InputError(f"cut short: {len(vertices) // 9} whole triangles, then the file ends at line {number}")
-    return _soup(np.array(vertices, dtype=np.float64).reshape(-1, 3))
 
 
 _OPEN = 1  # a facet without a vertex yet; then one more for each

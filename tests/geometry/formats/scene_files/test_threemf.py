@@ -117,7 +117,7 @@ REFUSED = {
     "object": (_zip(_model(build='<item objectid="3"/>')), "names object '3', which is not there"),
     "index": (_zip(_model(_object(1, faces=[(0, 1, 8)]))), "uses vertex 9"),
     "negative": (_zip(_model(_object(1, faces=[(0, 1, -1)]))), "uses vertex -1"),
-    "word": (_zip(_model(_object(1, [["0", "0", "1,5"]]))), "a vertex's z: '1,5' is not a number"),
+    "word": (_zip(_model(_object(1, [["0", "0", "1,5"]]))), "a vertex's coordinate: '1,5' is not a number"),
     "missing": (_zip(_model().replace(' y="0"', "", 1)), "a vertex has no y"),
     "transform": (_zip(_model(build='<item objectid="1" transform="1 0 0"/>')), "must be 12 finite numbers"),
     "extension": (_zip(_model(head=LATTICE)), "beamlattice/2017/02', which is not read"),

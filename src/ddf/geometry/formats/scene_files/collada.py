@@ -16,7 +16,11 @@ from ddf.geometry.formats import raw
 from ddf.geometry.formats.scene_files import collada_geometry, parts, xml_text
 
 _DEEPEST = 128  # nodes in nodes
-_MOST = 100_000  # geometries placed
+_MOST = 50_000  # geometries placed
+_VISITED = 300_000  # nodes and what they hold, each as often as it is used
+_ELEMENTS = 1_000_000  # of a file: a tree of some hundred bytes each
+_BOUND = 8  # controllers on controllers
+_CHUNK = 1 << 20  # bytes
 _UNREAD = ("lookat", "skew")
 
 
@@ -24,11 +28,15 @@ class _Tree(xml_text.Target):
     """All elements, without their namespaces, and those with an id by it."""
 
     def __init__(self) -> None:
-        self._builder = TreeBuilder()
+        self._builder, self._count = TreeBuilder(), 0
+        self.data = self._builder.data
         self.by_id: dict[str, Element] = {}
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """An element begins."""
+        self._count += 1
+        if self._count > _ELEMENTS:
+            raise checks.InputError(f"its XML has more than {_ELEMENTS} elements")
         element = self._builder.start(tag.rpartition("}")[2], attributes)
         if "id" in attributes:
             self.by_id.setdefault(attributes["id"], element)
@@ -36,10 +44,6 @@ class _Tree(xml_text.Target):
     def end(self, tag: str) -> None:
         """An element ends."""
         self._builder.end(tag.rpartition("}")[2])
-
-    def data(self, text: str) -> None:
-        """A piece of text."""
-        self._builder.data(text)
 
     def finished(self) -> Element:
         """The root, once the text has ended."""
@@ -55,7 +59,8 @@ def parse(data: bytes) -> raw.Raw:
     """
     tree = _Tree()
     reader = xml_text.Reader(tree)
-    reader.feed(data)
+    for place in range(0, len(data), _CHUNK):
+        reader.feed(data[place : place + _CHUNK])
     reader.finish()
     root = tree.finished()
     if root.tag != "COLLADA":
@@ -89,8 +94,8 @@ def _placements(tree: _Tree, root: Element, remarks: dict[str, None]) -> Iterato
     visited = 0
     while stack:
         node, above, unread, depth = stack.pop()
-        visited += 1
-        if depth > _DEEPEST or visited > 10 * _MOST:
+        visited += 1 + len(node)
+        if depth > _DEEPEST or visited > _VISITED:
             raise checks.InputError("its nodes form a circle, or are too many")
         matrix = above
         for child in node:
@@ -132,7 +137,7 @@ def _transform(element: Element) -> Float[np.ndarray, "4 4"]:
 def _unskinned(tree: _Tree, controller: str, remarks: dict[str, None]) -> tuple[str, Float[np.ndarray, "4 4"]]:
     """The geometry under skins and morphs, and the transform that binds it."""
     bound = np.eye(4)
-    for _ in range(_DEEPEST):
+    for _ in range(_BOUND):
         element = tree.by_id.get(controller)
         if element is None or element.tag != "controller":
             return controller, bound
@@ -145,7 +150,7 @@ def _unskinned(tree: _Tree, controller: str, remarks: dict[str, None]) -> tuple[
             remarks["morph targets are not applied"] = None
             inner = element.find("morph")
         controller = "" if inner is None else _reference(inner.get("source", ""))
-    raise checks.InputError("its controllers form a circle")
+    raise checks.InputError("its controllers form a circle, or are too many")
 
 
 def _numbers(element: Element, count: int) -> Float[np.ndarray, "k"]:

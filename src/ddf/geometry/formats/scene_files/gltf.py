@@ -17,7 +17,8 @@ from ddf.geometry.formats import raw
 from ddf.geometry.formats.scene_files import gltf_accessors, gltf_scene, parts
 
 MAX_JSON = 64 << 20  # bytes of the JSON part: a tree ten times as large in memory
-MAX_BUFFERS = 512 << 20  # bytes of all buffers beside a text file, as of a file that holds its own
+MAX_BUFFERS = 256 << 20  # bytes of all buffers beside a text file, as of a file that holds its own
+MAX_BRACKETS, MAX_COMMAS = 1_000_000, 8_000_000  # of the JSON part: some hundred bytes of memory each, some tens
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp", "ADOBE_materials_")
 _KNOWN = ("KHR_mesh_quantization", "MSFT_texture_dds", "KHR_animation_pointer", "EXT_lights_image_based")
@@ -39,7 +40,7 @@ def parse_text(data: bytes, folder: Path | None) -> raw.Raw:
     """The same of a text file (.gltf), whose buffers lie in `folder` or in data URIs.
 
     Raises:
-      InputError: as `parse`; a buffer that is not in the folder or below it, or all are of more than 512 MiB.
+      InputError: as `parse`; a buffer that is not in the folder or below it, or all are of more than 256 MiB.
     """
     return _read(data, "gltf", None, folder)
 
@@ -47,6 +48,10 @@ def parse_text(data: bytes, folder: Path | None) -> raw.Raw:
 def _read(text: bytes, kind: str, binary: bytes | None, folder: Path | None) -> raw.Raw:
     if len(text) > MAX_JSON:
         raise checks.InputError(f"its JSON has {len(text)} bytes; at most {MAX_JSON} are read: save it as .glb")
+    if text.count(b"[") + text.count(b"{") > MAX_BRACKETS:
+        raise checks.InputError(f"its JSON has more than {MAX_BRACKETS} lists and objects")
+    if text.count(b",") > MAX_COMMAS:
+        raise checks.InputError(f"its JSON has more than {MAX_COMMAS} entries")
     try:
         tree = json.loads(text)
         if not isinstance(tree, dict):
@@ -100,15 +105,16 @@ def _check_extensions(tree: dict[str, Any]) -> None:
 def _buffers(tree: dict[str, Any], binary: bytes | None, folder: Path | None) -> list[bytes]:
     """The bytes of all buffers. binary: of a GLB, which holds its own. folder: of a text file."""
     buffers: list[bytes] = []
+    left = MAX_BUFFERS
     for i, entry in enumerate(tree.get("buffers", [])):
         wanted = gltf_accessors.whole(entry["byteLength"], "byteLength")
         if "uri" in entry:
-            left = MAX_BUFFERS - sum(map(len, buffers))
             buffers.append(_outside(str(entry["uri"]), wanted, left, None if binary is not None else folder))
         elif binary is not None and i == 0:
             buffers.append(binary)
         else:
             raise checks.InputError(f"buffer {i} has no data")
+        left -= len(buffers[-1])
         if wanted > len(buffers[-1]):
             raise checks.InputError(f"cut short: a buffer of {wanted} bytes, {len(buffers[-1])} are there")
     return buffers

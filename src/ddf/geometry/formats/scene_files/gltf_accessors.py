@@ -24,8 +24,9 @@ class Accessors:
 
     def __init__(self, tree: dict[str, Any], buffers: list[bytes]) -> None:
         self._accessors, self._views, self._buffers = tree.get("accessors", []), tree.get("bufferViews", []), buffers
+        self._room = 16 + sum(map(len, buffers))
         for entry in self._accessors:
-            raw.require_room("accessor entries", whole(entry["count"], "count"), 1, 16 + sum(map(len, buffers)))
+            raw.require_room("accessor entries", whole(entry["count"], "count"), 1, self._room)
 
     def count(self, index: Any) -> int:
         """Entries of an accessor."""
@@ -99,7 +100,7 @@ class Accessors:
         count, index, new = whole(sparse["count"], "count"), sparse["indices"], sparse["values"]
         if index["componentType"] not in (5121, 5123, 5125):
             raise checks.InputError("sparse indices must be unsigned integers")
-        raw.require_room("sparse entries", count, 1, 16 + sum(map(len, self._buffers)))
+        raw.require_room("sparse entries", count, 1, len(values))
         kind = np.dtype(_KINDS[index["componentType"]])
         where = self._strided(index["bufferView"], index.get("byteOffset", 0), kind, 1, count).reshape(-1)
         if count and int(where.max()) >= len(values):

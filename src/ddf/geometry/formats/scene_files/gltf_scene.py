@@ -10,6 +10,7 @@ from ddf.geometry.formats.scene_files import parts
 from ddf.geometry.formats.scene_files.gltf_accessors import Accessors, whole
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_MOST = 100_000  # nodes, and primitives placed
 _NO_TRIANGLES = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
 
 
@@ -38,6 +39,8 @@ def of_scene(tree: dict[str, Any], accessors: Accessors) -> tuple[list[parts.Par
                 skipped[remark] = skipped.get(remark, 0) + 1
                 continue
             total = parts.counted(total, _num_entries(primitive, accessors))
+            if len(found) >= _MOST:
+                raise checks.InputError(f"the scene places more than {_MOST} primitives")
             found.append(parts.placed(*_primitive(primitive, mode, accessors), matrix))
     return found, tuple(skipped)
 
@@ -79,6 +82,8 @@ def _nodes(tree: dict[str, Any]) -> list[tuple[dict[str, Any], Float[np.ndarray,
         if index in seen:
             raise checks.InputError(f"node {index} hangs in the scene twice, or in a circle")
         seen.add(index)
+        if len(seen) > _MOST:
+            raise checks.InputError(f"the scene has more than {_MOST} nodes")
         with np.errstate(over="ignore", invalid="ignore"):
             matrix = above @ _local(nodes[index])
         found.append((nodes[index], matrix))

@@ -36,7 +36,10 @@ _DAMAGED = (  # what zipfile raises on damaged and encrypted archives
 )
 _CHUNK = 1 << 20  # bytes
 _DEEPEST = 64  # components in components
-_MOST = 100_000  # objects placed
+_MOST = 100_000  # objects placed, and objects and components there are
+_WAITING = 1 << 18  # words
+_TAGS = 100  # whose names are remembered
+_ENTRIES = 10_000  # of the archive
 
 
 @dataclass
@@ -46,6 +49,23 @@ class _Object:
     vertices: array = field(default_factory=lambda: array("d"))
     corners: array = field(default_factory=lambda: array("q"))
     components: list[tuple[str, str, Float[np.ndarray, "4 4"]]] = field(default_factory=list)
+    places: list[str] = field(default_factory=list)  # words of vertices that are not numbers yet
+    indices: list[str] = field(default_factory=list)
+
+    def settle(self) -> None:
+        """Turn the words into numbers, all at once.
+
+        Raises:
+          InputError: one of them is no number.
+        """
+        for words, numbers, whole in ((self.places, self.vertices, False), (self.indices, self.corners, True)):
+            table = text.Blocks(b"").table(" ".join(words).encode(), whole)
+            if table is not None and len(table.values) == len(words):
+                numbers.frombytes(table.values.tobytes())
+            else:
+                read, kind = (text.whole, "an index of a triangle") if whole else (text.number, "a vertex's coordinate")
+                numbers.extend(read(word.strip().encode(), kind) for word in words)
+            words.clear()
 
 
 class _Model(xml_text.Target):
@@ -56,6 +76,8 @@ class _Model(xml_text.Target):
         self.unread: set[str] = set()
         self._object: _Object | None = None
         self._prefixes: dict[str, str] = {}
+        self._names: dict[str, str] = {}
+        self._num_parts = 0
 
     def start_ns(self, prefix: str, uri: str) -> None:
         """A namespace gets a prefix."""
@@ -63,21 +85,31 @@ class _Model(xml_text.Target):
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """An element begins."""
-        core = _CORES.fullmatch(tag)
-        if core is None:
+        name = self._names.get(tag)
+        if name is None:
+            core = _CORES.fullmatch(tag)
+            name = core[1] if core else ""
+            self._names = {**self._names, tag: name} if len(self._names) < _TAGS else self._names
+        if not name:
             if tag.endswith(("}beamlattice", "}slicestack", "}booleanshape", "}levelset", "}displacementmesh")):
                 self.unread.add(tag.rpartition("}")[2])
             return
-        name = core[1]
         if name == "vertex" and self._object is not None:
-            self._object.vertices.extend(_number(attributes, axis) for axis in "xyz")
+            self._object.places += _three(attributes, ("x", "y", "z"), name)
+            if len(self._object.places) > _WAITING:
+                self._object.settle()
         elif name == "triangle" and self._object is not None:
-            self._object.corners.extend(_index(attributes, corner) for corner in ("v1", "v2", "v3"))
+            self._object.indices += _three(attributes, ("v1", "v2", "v3"), name)
+            if len(self._object.indices) > _WAITING:
+                self._object.settle()
         elif name == "object":
+            self._count()
             self._object = self.objects[_given(attributes, "id", name)] = _Object()
         elif name == "component" and self._object is not None:
+            self._count()
             self._object.components.append(self._reference(attributes, name))
         elif name == "item":
+            self._count()
             self.built.append(self._reference(attributes, name))
         elif name == "model":
             self.unit = attributes.get("unit", "millimeter")
@@ -89,7 +121,14 @@ class _Model(xml_text.Target):
     def end(self, tag: str) -> None:
         """An element ends."""
         if tag.endswith("}object"):
+            if self._object is not None:
+                self._object.settle()
             self._object = None
+
+    def _count(self) -> None:
+        self._num_parts += 1
+        if self._num_parts > _MOST:
+            raise checks.InputError(f"it has more than {_MOST} objects and components")
 
     def _reference(self, attributes: dict[str, str], name: str) -> tuple[str, str, Float[np.ndarray, "4 4"]]:
         place = attributes.get(f"{_PRODUCTION}path", self.place)
@@ -103,6 +142,8 @@ def parse(data: bytes) -> raw.Raw:
       InputError: no ZIP, damaged or encrypted, a required extension that is not read, indices or references to
         nothing, components in a circle, more than 128 MiB of XML or 20 million triangles.
     """
+    if data.count(b"PK\1\2") > _ENTRIES:
+        raise checks.InputError(f"its archive has more than {_ENTRIES} entries")
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = {name.lstrip("/").lower(): name for name in archive.namelist()}
@@ -179,12 +220,12 @@ def _given(attributes: dict[str, str], name: str, element: str) -> str:
     return attributes[name]
 
 
-def _number(attributes: dict[str, str], axis: str) -> float:
-    return text.number(_given(attributes, axis, "vertex").strip().encode(), f"a vertex's {axis}")
-
-
-def _index(attributes: dict[str, str], corner: str) -> int:
-    return text.whole(_given(attributes, corner, "triangle").strip().encode(), f"a triangle's {corner}")
+def _three(attributes: dict[str, str], names: tuple[str, str, str], element: str) -> tuple[str, str, str]:
+    first, second, third = names
+    try:
+        return attributes[first], attributes[second], attributes[third]
+    except KeyError as fault:
+        raise checks.InputError(f"a {element} has no {fault.args[0]}") from fault
 
 
 def _transform(words: str | None) -> Float[np.ndarray, "4 4"]:

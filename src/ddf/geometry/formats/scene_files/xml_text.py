@@ -1,7 +1,7 @@
 """XML of mesh files, read in one pass by expat; a document type is refused, for its entities can grow without bound."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from xml.etree import ElementTree
 
 import numpy as np
@@ -10,6 +10,8 @@ from jaxtyping import Float, Int
 from ddf.core import checks
 from ddf.geometry.formats import text
 
+MAX_MARKS = 12_000_000  # line ends, entities and twice the tags: each calls a function of ours
+MAX_ATTRIBUTES = 16_000_000
 MAX_BYTES = 128 << 20  # of text, after any decompression: some two million triangles
 _PIECE = 1 << 20  # characters whose words are in memory at once
 _SPACE = re.compile(r"\s")
@@ -30,17 +32,18 @@ class Target:
     def end(self, tag: str) -> None:
         """An element ends."""
 
-    def data(self, text: str) -> None:
-        """Text of an element, or a piece of it."""
+    data: Callable[[str], None] | None = None
+    """Text of an element, or a piece of it; None: text is passed over."""
 
 
 class Reader:
     """A parser that is fed bytes and tells a target."""
 
     def __init__(self, target: Target) -> None:
-        self._target, self._total = target, 0
-        self.start, self.end, self.data = target.start, target.end, target.data
-        self.start_ns = target.start_ns
+        self._total = self._marks = self._attributes = 0
+        self.start, self.end, self.start_ns = target.start, target.end, target.start_ns
+        if target.data is not None:
+            self.data = target.data
         self._parser = ElementTree.XMLParser(target=self)
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
@@ -59,6 +62,12 @@ class Reader:
         self._total += len(data)
         if self._total > MAX_BYTES:
             raise checks.InputError(f"its XML has more than {MAX_BYTES} bytes")
+        self._marks += data.count(b"\n") + data.count(b"\r") + data.count(b"&") + 2 * data.count(b"<")
+        if self._marks > MAX_MARKS:
+            raise checks.InputError("its XML has too many elements and line ends; save it in another format")
+        self._attributes += data.count(b"=")
+        if self._attributes > MAX_ATTRIBUTES:
+            raise checks.InputError("its XML has too many attributes; save it in another format")
         try:
             self._parser.feed(data)
         except (ElementTree.ParseError, ValueError, LookupError) as fault:
@@ -87,11 +96,14 @@ def numbers(words: str, where: str) -> Float[np.ndarray, "k"]:
 
 def whole_numbers(words: str, where: str) -> Int[np.ndarray, "k"]:
     """The whole numbers of a text; `where` begins the complaint."""
-    found = [
-        np.array([text.whole(word.encode(), where) for word in piece.split()], dtype=np.int64)
-        for piece in _pieces(words)
-    ]
-    return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+    return np.concatenate([np.zeros(0, dtype=np.int64), *(_whole_numbers(piece, where) for piece in _pieces(words))])
+
+
+def _whole_numbers(words: str, where: str) -> Int[np.ndarray, "k"]:
+    table = text.Blocks(b"").table(words.encode(), whole=True)
+    if table is not None:
+        return table.values
+    return np.array([text.whole(word.encode(), where) for word in words.split()], dtype=np.int64)
 
 
 def _numbers(words: str, where: str) -> Float[np.ndarray, "k"]:
