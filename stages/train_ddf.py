@@ -14,6 +14,7 @@ from ddf.reconstruction import (
     training_steps,
     training_truth,
 )
+from ddf.reconstruction.gpu import resident
 from ddf.training import distributed, training_loop
 
 
@@ -28,11 +29,13 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     images, shapes, sources = category_data.read_training(index_path, samples_dir, category, train.image_size)
     truth = training_truth.read(config_path, category, shapes, section)
     sources += truth.sources
+    digest, memory = images.digest(), resident.Memory(training_loop.device())
+    images, samples = memory.images(images), memory.samples(truth.samples)
 
     model = reconstruction_models.ddf_model(train, section.field).to(training_loop.device())
     model.camera_head.fit(images.cameras)
     fingerprint = provenance.fingerprint(
-        [train, section, category, images.digest(), truth.drawn],
+        [train, section, category, digest, truth.drawn],
         sources,
         [training_steps, training_truth],
     )
@@ -42,7 +45,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera, section.encoder_share(train.loop)),
         functools.partial(
-            training_steps.ddf_step, model, images, shapes, truth.samples, train, section, propose=truth.propose
+            training_steps.ddf_step, model, images, shapes, samples, train, section, propose=truth.propose
         ),
         section.steps,
         section.loop(train.loop),

@@ -7,6 +7,7 @@ from pathlib import Path
 from ddf.core import config, provenance
 from ddf.pipeline import stage
 from ddf.reconstruction import category_data, reconstruction_models, settings, training_steps
+from ddf.reconstruction.gpu import resident
 from ddf.training import distributed, training_loop
 
 
@@ -19,11 +20,13 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     training_loop.prepare(train.loop, train.batch_size)
 
     images, shapes, sources = category_data.read_training(index_path, samples_dir, category, train.image_size)
+    digest, memory = images.digest(), resident.Memory(training_loop.device())
+    images, shapes = memory.images(images), memory.clouds(shapes)
 
     model = reconstruction_models.pcsiren_model(train).to(training_loop.device())
     model.camera_head.fit(images.cameras)
     modules = [training_steps]
-    fingerprint = provenance.fingerprint([train, section, category, images.digest()], sources, modules)
+    fingerprint = provenance.fingerprint([train, section, category, digest], sources, modules)
     architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training_loop.fit(
         model,

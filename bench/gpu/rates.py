@@ -1,11 +1,14 @@
 """Seconds on the device: whole steps in three precisions, rays of a field, whole clouds."""
 
+import contextlib
 import copy
 import dataclasses
 import statistics
 from collections.abc import Callable
 from typing import Any, get_args
+from unittest import mock
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
@@ -15,12 +18,19 @@ from bench.gpu.sizes import Sizes
 from bench.lib import measuring
 from bench.reconstruction import step_split
 from ddf.fields import cloud_projection, passes, pddf
+from ddf.fields.gpu import compiled_passes
 from ddf.pipeline import step_cost
-from ddf.reconstruction import reconstruction_models
+from ddf.reconstruction import camera_correction, reconstruction_models
+from ddf.reconstruction.gpu import resident
 from ddf.training import training_loop
 
 WARM_UP = 3  # calls before the timed ones
+SPREAD = 0.75  # of the timed cloud in farthest-point order, as configs/gpu.yaml has it
 CHECKED = 8192  # rays whose error is taken
+WITHOUT: dict[str, Callable[[], contextlib.AbstractContextManager[Any]]] = {
+    "data on the device": lambda: mock.patch.object(resident, "room", lambda device: 0),
+    "compiled passes": lambda: mock.patch.object(compiled_passes, "wanted", lambda device: False),
+}
 PRECISIONS: tuple[passes.Matmul, ...] = get_args(passes.Matmul)
 
 
@@ -49,10 +59,18 @@ def on_device(work: Callable[[], object]) -> dict[str, float]:
 
 def step_rows(sizes: Sizes) -> list[dict[str, Any]]:
     """A row per model and precision: whole steps, their parts (timed apart, as that waits for each), peak memory."""
-    return [_step_row(name, precision, sizes) for name in sizes.sections for precision in PRECISIONS]
+    rows = [_step_row(name, precision, sizes) for name in sizes.sections for precision in PRECISIONS]
+    return rows + [_step_row("ddf", "tf32", sizes, without) for without in WITHOUT]
 
 
-def _step_row(name: str, precision: passes.Matmul, sizes: Sizes) -> dict[str, Any]:
+def _step_row(name: str, precision: passes.Matmul, sizes: Sizes, without: str | None = None) -> dict[str, Any]:
+    """A row of `step_rows`; without one of `WITHOUT`, to show what that is worth."""
+    with WITHOUT[without]() if without else contextlib.nullcontext():
+        row = _measured_step(name, precision, sizes)
+    return {**row, "what": f"{row['what']}, without {without}"} if without else row
+
+
+def _measured_step(name: str, precision: passes.Matmul, sizes: Sizes) -> dict[str, Any]:
     loop = dataclasses.replace(sizes.train.loop, matmul=precision)
     train = dataclasses.replace(sizes.train, loop=loop)
     training_loop.prepare(loop)
@@ -125,10 +143,41 @@ def cloud_rows(sizes: Sizes) -> list[dict[str, Any]]:
         modulations = [values[0] for values in model.modulations(latents)]
     generator = torch.Generator(training_loop.device()).manual_seed(0)
 
+    def project() -> list[cloud_projection.ProjectedPoints]:
+        return cloud_projection.sample(model.field, modulations, sizes.cloud_points, sizes.cloud, generator)
+
     def draw() -> None:
-        cycles = cloud_projection.sample(model.field, modulations, sizes.cloud_points, sizes.cloud, generator)
-        cloud_projection.select(cycles, [sizes.cloud_points], sizes.cloud)
+        cloud_projection.select(project(), [sizes.cloud_points], sizes.cloud)
+
+    spread = dataclasses.replace(sizes.cloud, spread=SPREAD, crowding=1.0, least_confidence=0.1)
+
+    def draw_evenly() -> None:
+        cloud_projection.select(project(), [sizes.cloud_points], spread)
 
     size = {"points": sizes.cloud_points, "num_directions": sizes.cloud.num_directions, "cycles": sizes.cloud.cycles}
     size |= {"device": training_loop.device().type}
-    return [{**measuring.row("cloud", size, seconds_of(draw, sizes.repeats), {}), **on_device(draw)}]
+    kinds = {"cloud": draw, "cloud in farthest-point order": draw_evenly, "of it the projection": project}
+    rows = [
+        {**measuring.row(name, size, seconds_of(work, sizes.repeats), {}), **on_device(work)}
+        for name, work in kinds.items()
+    ]
+    return [*rows, _correction_row(model, sizes)]
+
+
+def _correction_row(model: reconstruction_models.DDFModel, sizes: Sizes) -> dict[str, Any]:
+    """Cameras of as many images at a time as a GPU corrects together, moved to agree with a mask of noise."""
+    images = sizes.corrected_images
+    data = step_cost.random_images(images, sizes.correction.mask_size)
+    model.camera_head.fit(data.cameras)
+    with torch.no_grad():
+        latents = torch.zeros((images, sizes.train.latent_features), device=training_loop.device())
+        modulations = model.modulations(latents)
+    alpha, camera = (each.to(latents.device) for each in (data.batch(np.arange(images))[:, 3], data.cameras))
+    scale = torch.full((images,), 2.0, device=latents.device)
+
+    def correct() -> None:
+        camera_correction.correct_camera(model, modulations, camera, scale, alpha, sizes.correction)
+
+    size = {"images": images, "steps": sizes.correction.steps, "device": latents.device.type}
+    name = f"cameras of {images} images corrected"
+    return {**measuring.row(name, size, seconds_of(correct, sizes.repeats), {}), **on_device(correct)}

@@ -17,17 +17,20 @@ class Sizes:
     """Sections of an experiment, and how much of everything is measured.
 
     fields: hidden layers of the fields whose rays are timed, by name. rays: of a timed query. cloud_points: of the
-    timed cloud. repeats: timed calls of each kind. compared_images: of the step that is made on the CPU too.
+    timed cloud. repeats: timed calls of each kind. corrected_images: whose cameras are corrected together.
+    compared_images: of the step that is made on the CPU too.
     """
 
     train: settings.TrainConfig
     ddf: settings.DDFConfig
     pcsiren: settings.PCSirenConfig
     cloud: cloud_projection.CloudConfig
+    correction: settings.CorrectionConfig
     fields: dict[str, tuple[int, ...]]
     rays: int = 2**20
     cloud_points: int = 5000
     repeats: int = 8
+    corrected_images: int = 64
     compared_images: int = 2
 
     @property
@@ -39,12 +42,13 @@ class Sizes:
 def full() -> Sizes:
     """Of configs/paper.yaml, with a cloud of fewer directions."""
     train = config.load(CONFIG, settings.TrainConfig)
-    cloud = config.load(CONFIG, settings.PointcloudsConfig).cloud
+    clouds = config.load(CONFIG, settings.PointcloudsConfig)
     return Sizes(
         train,
         config.load(CONFIG, settings.DDFConfig),
         config.load(CONFIG, settings.PCSirenConfig),
-        dataclasses.replace(cloud, num_directions=DIRECTIONS, cycles=CYCLES),
+        dataclasses.replace(clouds.cloud, num_directions=DIRECTIONS, cycles=CYCLES),
+        clouds.correction,
         {"paper's widths": train.decoder.hidden, "4 x 192": (192,) * 4},
     )
 
@@ -62,8 +66,10 @@ def tiny() -> Sizes:
         dataclasses.replace(whole.ddf, counts=counts, mask_size=8),
         dataclasses.replace(whole.pcsiren, points=20, truth_points=20),
         dataclasses.replace(whole.cloud, num_directions=4, cycles=2),
+        dataclasses.replace(whole.correction, steps=2, mask_size=8),
         {"tiny": hidden},
         rays=256,
         cloud_points=50,
         repeats=2,
+        corrected_images=2,
     )

@@ -67,11 +67,15 @@ def test_check_runs_with_a_handful_of_packages_alone(tmp_path):
     assert done.returncode == 0, done.stderr[-2000:]
     record = json.loads((tmp_path / "gpu" / "check.json").read_text())
     assert [row["what"] for row in record["steps"]] == [
-        f"{model} step, {precision}" for model in ("ddf", "pcsiren") for precision in rates.PRECISIONS
+        *(f"{model} step, {precision}" for model in ("ddf", "pcsiren") for precision in rates.PRECISIONS),
+        "ddf step, tf32, without data on the device",
+        "ddf step, tf32, without compiled passes",
     ]
+    assert [row["waits"] for row in record["counts"]] == [0] * 4
+    assert len(record["clouds"]) == 4 and all(row["median_s"] > 0 for row in record["clouds"])
     assert all(row["kernels"] > 0 and row["median_s"] > 0 and row["loss"] > 0 for row in record["steps"])
     text = (tmp_path / "gpu" / "check.md").read_text()
-    assert text.count("| ddf step, ") == 2 * len(rates.PRECISIONS) and "on the CPU alone" in text
+    assert text.count("| ddf step, ") == 2 * (len(rates.PRECISIONS) + 2) and "on the CPU alone" in text
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")

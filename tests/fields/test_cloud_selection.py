@@ -19,31 +19,6 @@ def test_most_visible_drops_the_least_visible():
     assert sorted(fewer[:, 0].tolist()) == [3.0, 6.0, 9.0, 12.0]
 
 
-def test_farthest_points_equal_a_slow_loop():
-    points = torch.rand(60, 3, generator=torch.Generator().manual_seed(0))
-    order = cloud_projection.farthest_point_order(points, 20).tolist()
-    assert order[0] == 0
-    for i in range(1, 20):
-        nearest = torch.cdist(points, points[order[:i]]).amin(dim=1)
-        assert order[i] == int(nearest.argmax())
-
-
-def test_farthest_points_of_repeated_points_are_finite():
-    points = torch.ones(5, 3)
-    assert cloud_projection.farthest_point_order(points, 5).tolist() == [0] * 5
-
-
-def test_weights_space_points_by_their_inverse():
-    generator = torch.Generator().manual_seed(0)
-    points = torch.rand(4000, 3, generator=generator)
-    points[:, 2] = 0
-    heavy = points[:, 0] > 0.5
-    order = cloud_projection.farthest_point_order(points, 500, torch.where(heavy, 1.0, 0.5))
-    assert heavy[order[0]]
-    share = float(heavy[order].float().mean())
-    assert share == pytest.approx(0.8, abs=0.03)  # spacing twice as wide: a quarter of the points on equal area
-
-
 def test_spread_covers_evenly_and_nests_the_sizes():
     cycles = sample(400, SPREAD)
     large, small = cloud_projection.select(cycles, [400, 150], SPREAD)

@@ -64,7 +64,7 @@ def test_images_at_a_time_change_no_bit(monkeypatch):
     for cores in (1, 3):
         usable = range(cores * torch.get_num_threads())
         monkeypatch.setattr(inference.os, "sched_getaffinity", lambda _, usable=usable: usable, raising=False)
-        monkeypatch.setattr(inference, "CORRECTION_BATCH", 2)
+        monkeypatch.setattr(inference, "CORRECTION_BATCH", {"cpu": 2})
         results.append(inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation)[0])
     for name, values in results[0].items():
         assert torch.equal(values, results[1][name]), name
@@ -76,7 +76,7 @@ def test_killed_reconstruction_goes_on_to_the_same_bits(tmp_path, monkeypatch):
         _hand_made.images(),
         torch.ones(TRAIN.latent_features),
     )
-    monkeypatch.setattr(inference, "CORRECTION_BATCH", 2)
+    monkeypatch.setattr(inference, "CORRECTION_BATCH", {"cpu": 2})
     monkeypatch.setattr(inference, "_threads_at_once", lambda: 1)
     whole, _ = inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation)
     sample, drawn = cloud_projection.sample, []

@@ -35,6 +35,17 @@ def like(values: Any, other: Any) -> Any:
     return (torch.from_numpy(values) if isinstance(values, np.ndarray) else values).to(other)
 
 
+def send(values: Any, device: Any) -> Any:
+    """A tensor, or the tensor of a numpy array, on a torch device.
+
+    A GPU reads it from memory that it may read at any time, so that neither waits for the other.
+    """
+    tensor = sys.modules["torch"].from_numpy(values) if isinstance(values, np.ndarray) else values
+    if device.type != "cuda" or tensor.device.type != "cpu":
+        return tensor.to(device)
+    return tensor.pin_memory().to(device, non_blocking=True)
+
+
 def detached(values: Any) -> Any:
     """The same values, through which no gradient flows."""
     return values.detach() if hasattr(values, "detach") else values

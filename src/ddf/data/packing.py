@@ -25,6 +25,7 @@ POSITION_STEPS = 32767
 DEPTH_STEP = 2 * 3**0.5 / 65534
 MISS = 65535
 FIELDS = ("positions", "directions", "depth", "normals")
+RECORD = 7  # int16 of all four codes of a sample
 
 
 class Samples(TypedDict):
@@ -35,6 +36,28 @@ class Samples(TypedDict):
     depth: Float[Tensor, "*batch"]
     visible: Tensor
     normals: Float[Tensor, "*batch 3"]
+
+
+def records(stored: Mapping[str, np.ndarray], kind: str) -> Int[np.ndarray, "*n record"]:
+    """The four codes of each sample of one type side by side, 14 bytes; `parted` reads them.
+
+    Args:
+      stored: as of `decode`.
+    """
+    depth, normals = (np.ascontiguousarray(stored[f"{kind}.{field}"]).view(np.int16) for field in ("depth", "normals"))
+    parts = stored[f"{kind}.positions"], stored[f"{kind}.directions"], depth[..., None], normals
+    return np.concatenate(parts, axis=-1)
+
+
+def parted(found: Int[Tensor, "*n record"]) -> dict[str, Tensor]:
+    """What `decode_fields` reads, of `records`."""
+    depth = found[..., 5].to(torch.int32) & MISS
+    return {
+        "positions": found[..., :3],
+        "directions": found[..., 3:5],
+        "depth": depth,
+        "normals": found[..., 6:].view(torch.int8),
+    }
 
 
 def encode_unit(vectors: Float[np.ndarray, "*n 3"], dtype: type[np.signedinteger]) -> Int[np.ndarray, "*n 2"]:

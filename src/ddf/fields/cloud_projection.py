@@ -27,17 +27,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf.core import checks
+from ddf.core import arrays, checks
 from ddf.fields import udf
+from ddf.fields.gpu import farthest_points
 from ddf.fields.pddf import PDDF, visibility
 
 CROWD = 8  # neighbours that tell how empty a candidate's surroundings are
 GROUP, SPACING_ROWS = 16, 32  # points in a group and rows at a time of `_spacing`; speed only
+SPACING_VALUES = 2**27  # distances at a time of `_spacing` on a GPU
 LEAST_WEIGHT = 1e-6  # of a candidate: its square is still a float32, and those of no confidence keep an order
 CUBE = ((-1.0,) * 3, (1.0,) * 3)
 BEYOND = 0.05  # field units: a hit so far outside the box, which holds the shape, is none; less is an error of a depth
@@ -134,7 +135,7 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
         spacing = _spacing(points)
         usual = spacing.median()
         weights = weights * (usual / spacing.maximum(usual)).nan_to_num(nan=1.0).pow(config.crowding)
-    order = farthest_point_order(points, max(counts), weights.clamp_min(LEAST_WEIGHT))
+    order = farthest_points.farthest_point_order(points, max(counts), weights.clamp_min(LEAST_WEIGHT))
     return [points[order[:count]] for count in counts]
 
 
@@ -165,37 +166,14 @@ def _spacing(points: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
     others = torch.nn.functional.pad(points, (0, 0, 0, spare)).T
     offset = torch.nn.functional.pad(points.square().sum(-1), (0, spare), value=torch.inf)
     found = []
-    for rows in points.split(SPACING_ROWS):
+    at_once = SPACING_ROWS if points.device.type == "cpu" else max(1, SPACING_VALUES // len(points))
+    for rows in points.split(at_once):
         dist_sq = torch.addmm(offset + rows.square().sum(-1, keepdim=True), rows, others, alpha=-2)
         groups = dist_sq.unflatten(1, (GROUP, -1))
         chosen = groups.amin(dim=1).topk(min(k, groups.shape[2]), dim=1, largest=False).indices
         picked = groups.gather(2, chosen[:, None].expand(-1, GROUP, -1)).flatten(1)
         found.append(picked.topk(k, dim=1, largest=False).values[:, -1])
     return torch.cat(found).clamp_min(0).sqrt()
-
-
-def farthest_point_order(
-    points: Float[Tensor, "n 3"], count: int, weights: Float[Tensor, "n"] | None = None
-) -> Int[Tensor, "count"]:
-    """Indices in the order in which each point is the farthest from all before it, its distance times its weight.
-
-    The first is the heaviest (point 0 without weights). Source: Gonzalez 1985; weights derived here. Costs n distances
-    per index. With repeated points, indices repeat once all places are taken.
-
-    Args:
-      weights: > 0. Around points of weight w the spacing is proportional to 1 / w.
-    """
-    x, y, z = np.ascontiguousarray(points.T.cpu().numpy())
-    scale = np.ones(len(x), dtype=x.dtype) if weights is None else np.square(weights.cpu().numpy())
-    distance_sq = np.full(len(x), np.inf, dtype=x.dtype)
-    order = np.zeros(count, dtype=np.int64)
-    order[0] = scale.argmax()
-    for i in range(count - 1):
-        latest = order[i]
-        gap_sq = np.square(x - x[latest]) + np.square(y - y[latest]) + np.square(z - z[latest])
-        np.minimum(distance_sq, gap_sq, out=distance_sq)
-        order[i + 1] = (distance_sq if weights is None else distance_sq * scale).argmax()
-    return torch.from_numpy(order).to(points.device)
 
 
 def project(
@@ -233,9 +211,15 @@ def project(
     return ProjectedPoints(points, seen, confidence)
 
 
+def _corners(box: Box, like: Tensor) -> tuple[Float[Tensor, "3"], Float[Tensor, "3"]]:
+    """Lower and upper corner, in the type and the place of a tensor."""
+    lower, upper = arrays.send(torch.tensor([list(corner) for corner in box], dtype=like.dtype), like.device)
+    return lower, upper
+
+
 def _in_box_uniformly(normal: Float[Tensor, "*n 3"], box: Box) -> Float[Tensor, "*n 3"]:
     """Points spread evenly in the box, from numbers of N(0, 1): their distribution function is uniform in [0, 1]."""
-    lower, upper = (normal.new_tensor(corner) for corner in box)
+    lower, upper = _corners(box, normal)
     return lower + (upper - lower) * torch.special.ndtr(normal)
 
 
@@ -260,13 +244,13 @@ def recheck(
     """
     if not offsets:
         return points, seen
-    step = torch.tensor(offsets, dtype=points.dtype, device=points.device).repeat_interleave(2)
-    step = step * torch.tensor([-1.0, 1.0], dtype=points.dtype, device=points.device).repeat(len(offsets))
+    both = [side * offset for offset in offsets for side in (-1.0, 1.0)]
+    step = arrays.send(torch.tensor(both, dtype=points.dtype), points.device)
     starts = points + step[:, None, None] * directions
     looking = -step.sign()[:, None, None] * directions
     raw = field(starts.reshape(-1, 3), looking.reshape(-1, 3), modulations)
     depth, answers = field.depth(raw).reshape(len(step), -1), visibility(raw).reshape(len(step), -1)
-    lower, upper = (points.new_tensor(corner) for corner in box)
+    lower, upper = _corners(box, points)
     inside = ((starts >= lower) & (starts <= upper)).all(dim=-1)
     ahead = torch.where(inside, step[:, None] - step.sign()[:, None] * depth, 0.0)
     moved = torch.cat((torch.zeros_like(ahead[:1]), ahead)).median(dim=0).values
@@ -292,7 +276,7 @@ def sample(
       visibility and no confidence, so they are chosen last.
     """
     weight = field.network.head.weight
-    lower, upper = (torch.tensor(corner, dtype=weight.dtype, device=weight.device) for corner in box)
+    lower, upper = _corners(box, weight)
     shape = (config.num_drawn(count), 3)
     unit = torch.rand(shape, generator=generator, dtype=weight.dtype, device=weight.device)
     points = lower + (upper - lower) * unit

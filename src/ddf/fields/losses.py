@@ -8,6 +8,7 @@ mean over the oriented points that it applies to (the paper does not say; derive
 """
 
 import functools
+import math
 import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from ddf.core import checks
 from ddf.data.samples import sample_batch
 from ddf.data.samples import sample_types as types
 from ddf.fields import derivatives, passes
+from ddf.fields.gpu import compiled_passes
 from ddf.fields.pddf import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows
 
 BLOCK_VALUES = {"cpu": 2**19, "cuda": 2**25}  # values of a block: what stays in a CPU's cache, fills a GPU
@@ -167,9 +169,11 @@ class _ShapeLoss(torch.autograd.Function):
         found = [torch.zeros_like(modulation) for modulation in modulations]
         sums = torch.zeros(1 + len(TERMS), dtype=parameters.dtype, device=parameters.head.device)
         numbers = {term.covers: batch.number(*term.covers) for term in TERMS.values()}
-        for shapes, block in batch.blocks(_block_points(field)):
+        compiles = differentiate and compiled_passes.wanted(sums.device)
+        block_loss = functools.partial(compiled_passes.block_loss, _block_loss) if compiles else _block_loss
+        for shapes, block in batch.blocks(_block_points(field, batch)):
             part = [modulation[shapes] for modulation in modulations] if count else None
-            values, gradients = _block_loss(field, block, part, weights, parameters, numbers, differentiate)
+            values, gradients = block_loss(field, block, part, weights, parameters, numbers, differentiate)
             sums += values
             for whole, gradient in zip(found, gradients, strict=False):
                 whole[shapes] += gradient
@@ -187,12 +191,18 @@ class _ShapeLoss(torch.autograd.Function):
         return *([None] * 6), *scaled
 
 
-def _block_points(field: PDDF) -> int:
-    """Points in a block; a CPU's threads share each product of a block, so more of them take a larger one."""
+def _block_points(field: PDDF, batch: sample_batch.SampleBatch) -> int:
+    """Points in a block; a CPU's threads share each product of a block, so more of them take a larger one.
+
+    On a GPU all blocks of a batch have as many shapes as each other, as far as that goes: a pass is compiled for each
+    size.
+    """
     device = field.network.head.weight.device
     if device.type == "cpu":
         return BLOCK_POINTS * torch.get_num_threads()
-    return max(1, block_values(device) // max(field.config.hidden))
+    most, (shapes, count) = max(1, block_values(device) // max(field.config.hidden)), batch.visible.shape
+    parts = math.ceil(shapes / max(1, most // count))
+    return most if most < count else count * math.ceil(shapes / parts)
 
 
 def _block_loss(
@@ -214,19 +224,29 @@ def _block_loss(
     along = torch.cat((block.directions[:, eikonal], block.normals[:, transition]), dim=1)
     states = passes.Block(parameters, inputs, along, modulations)
     gradient = states.adjoint(normals, heavier_rows(states.outputs[:, normals]))
-    with torch.set_grad_enabled(differentiate):
-        leaves = [each.detach().requires_grad_(differentiate) for each in (states.outputs, states.rates, gradient)]
-        points = Points(field, block, weights, leaves[0], leaves[1], leaves[2])
+
+    def total(raw: Tensor, rates: Tensor, gradient: Tensor) -> tuple[Tensor, Tensor]:
+        logits = raw[:, block.span(*types.GROUND_TRUTH), VISIBILITY_ROW]
+        points = Points(field, block, weights, raw, rates, gradient, logits)
         terms = {name: term.summed(points) / numbers[term.covers] for name, term in TERMS.items()}
         shares = [
             terms[name] if term.weight is None else getattr(weights, term.weight) * terms[name]
             for name, term in TERMS.items()
         ]
-        total = functools.reduce(operator.add, shares)
-        found = []
-        if differentiate:
-            found = states.reverse(*torch.autograd.grad(total, leaves, materialize_grads=True))
-    return torch.stack([total, *terms.values()]).detach(), found
+        whole = functools.reduce(operator.add, shares)
+        return whole, torch.stack([whole, *terms.values()]).detach()
+
+    leaves = states.outputs, states.rates, gradient
+    if not differentiate:
+        return total(*leaves)[1], []
+    if torch.compiler.is_compiling():  # its own gradient is not what a compiler reads
+        slopes, values = torch.func.grad(total, argnums=(0, 1, 2), has_aux=True)(*leaves)
+        return values, states.reverse(*slopes)
+    with torch.enable_grad():
+        leaves = [each.detach().requires_grad_() for each in leaves]
+        whole, values = total(*leaves)
+        slopes = torch.autograd.grad(whole, leaves, materialize_grads=True)
+    return values, states.reverse(*slopes)
 
 
 @dataclass(frozen=True)
@@ -234,7 +254,7 @@ class Points:
     """What the terms of the loss read of a block.
 
     raw, rates: outputs and their rates of `passes.Block`. gradient: ∇_p of raw d_{i*} on U A B; raw d_{i*} gives the
-    normal: a positive slope does not turn it.
+    normal: a positive slope does not turn it. logits: of the visibility, where there is ground truth.
     """
 
     field: PDDF
@@ -243,11 +263,7 @@ class Points:
     raw: Float[Tensor, "shapes n 4"]
     rates: Float[Tensor, "shapes k 4"]
     gradient: Float[Tensor, "shapes m 3"]
-
-    @functools.cached_property
-    def logits(self) -> Float[Tensor, "shapes known"]:
-        """Of the visibility, where there is ground truth."""
-        return self.raw[:, self.block.span(*types.GROUND_TRUTH), VISIBILITY_ROW]
+    logits: Float[Tensor, "shapes known"]
 
 
 def _depth_sum(points: Points) -> Tensor:

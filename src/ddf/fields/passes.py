@@ -78,6 +78,18 @@ class Workspace:
         return torch.empty(math.prod(shape), dtype=dtype, device=self.device)
 
 
+class FreshMemory(Workspace):
+    """Memory of its own for every request, which a compiler plans better than the buffers of a `Workspace`."""
+
+    def take(self, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
+        """A tensor of any content."""
+        return torch.empty(shape, dtype=dtype, device=self.device)
+
+    def scratch(self, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
+        """A tensor of any content."""
+        return self.take(shape, dtype)
+
+
 class Parameters:
     """The parameters of a sine network as the passes read them, and the sums of their gradients over blocks.
 
@@ -85,7 +97,7 @@ class Parameters:
       own type. The first layer and the head always keep that type: they are narrow, and carry positions and outputs.
     """
 
-    def __init__(self, network: siren.SineNetwork, product: torch.dtype) -> None:
+    def __init__(self, network: siren.SineNetwork, product: torch.dtype, memory: type[Workspace] = Workspace) -> None:
         self.omegas, self.product, self.dtype = network.omegas, product, network.head.weight.dtype
         scaled = list(zip(network.layers, network.omegas, strict=True))
         self.weights = [layer.weight.detach() * omega for layer, omega in scaled]
@@ -94,7 +106,7 @@ class Parameters:
         self.head, self.head_bias = network.head.weight.detach(), network.head.bias.detach()
         self.weight_grads = [torch.zeros_like(weight) for weight in self.weights]
         self.bias_grads = [torch.zeros_like(bias) for bias in self.biases]
-        self.workspace = Workspace(self.head.device)
+        self.workspace = memory(self.head.device)
         self.head_grad, self.head_bias_grad = torch.zeros_like(self.head), torch.zeros_like(self.head_bias)
 
     def gradients(self) -> list[Tensor]:
@@ -103,6 +115,10 @@ class Parameters:
         for weight, bias, omega in zip(self.weight_grads, self.bias_grads, self.omegas, strict=True):
             found += [weight * omega, bias * omega]
         return [*found, self.head_grad, self.head_bias_grad]
+
+    def sums(self) -> list[Tensor]:
+        """All that blocks add to."""
+        return [*self.weight_grads, *self.bias_grads, self.head_grad, self.head_bias_grad]
 
     def affine(self, index: int, inputs: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
         """W_l x + b_l."""

@@ -75,7 +75,7 @@ def pixel_directions(size: int, like: Array) -> Float[Array, "size size 3"]:
       like: an array of the library and type that the directions are to have, such as the camera.
     """
     xp = arrays.namespace(like)
-    centres = (xp.arange(size, dtype=like.dtype) + 0.5) * (IMAGE_SIZE / size)
+    centres = (xp.arange(size, dtype=like.dtype, device=like.device) + 0.5) * (IMAGE_SIZE / size)
     offset = (centres - CENTRE_PX) / FOCAL_PX
     y, x = xp.meshgrid(-offset, offset, indexing="ij")
     directions = xp.stack((x, y, -xp.ones_like(x)), -1)

@@ -17,6 +17,7 @@ import torch
 from ddf.data.samples import sample_types
 from ddf.geometry import transforms
 from ddf.reconstruction import category_data, proposed_rays, reconstruction_models, settings, training_steps
+from ddf.reconstruction.gpu import resident
 from ddf.training import optimisers, training_loop
 
 if TYPE_CHECKING:  # steps on stored samples run without the packages that cast rays
@@ -108,16 +109,19 @@ def _fresh_samples(scenes: "Sequence[raycast.Scene]") -> training_steps.SampleSo
 def trial(train: settings.TrainConfig, config: Section) -> Trial:
     """Steps of the model that the section describes, at the sizes of both sections."""
     images, shapes = random_images(train.batch_size, train.image_size), random_shapes(train.batch_size)
+    memory = resident.Memory(training_loop.device())
+    images = memory.images(images)
     if isinstance(config, settings.DDFConfig):
         ddf, propose = reconstruction_models.ddf_model(train, config.field), None
         scenes = [random_scene()] * train.batch_size if config.casts else []
         samples = random_samples(train.batch_size) if config.samples == "stored" else _fresh_samples(scenes)
         if config.proposals is not None:
             propose = proposed_rays.Proposer(shapes, scenes, config.proposals)
-        loss = functools.partial(training_steps.ddf_step, ddf, images, shapes, samples, train, config, propose=propose)
+        given = (ddf, images, shapes, memory.samples(samples), train, config)
+        loss = functools.partial(training_steps.ddf_step, *given, propose=propose)
         return _trial(ddf, images, train, config.loop(train.loop), loss)
     pcsiren = reconstruction_models.pcsiren_model(train)
-    loss = functools.partial(training_steps.pcsiren_step, pcsiren, images, shapes, train, config)
+    loss = functools.partial(training_steps.pcsiren_step, pcsiren, images, memory.clouds(shapes), train, config)
     return _trial(pcsiren, images, train, train.loop, loss)
 
 

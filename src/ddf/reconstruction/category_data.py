@@ -22,7 +22,7 @@ import tqdm
 from jaxtyping import Float, Int, Shaped, UInt8
 from torch import Tensor
 
-from ddf.core import checks, storage
+from ddf.core import arrays, checks, storage
 from ddf.data import packing, shapenet, surface_cloud
 from ddf.data.samples import sample_batch, sample_types
 from ddf.geometry import cameras, transforms
@@ -78,8 +78,14 @@ class ImageSet:
     cameras: Float[Tensor, "n 3"]
 
     def batch(self, rows: Int[np.ndarray, "b"]) -> Float[Tensor, "b 4 size size"]:
-        """Images in [0, 1]."""
+        """Images in [0, 1], where the images are."""
+        if isinstance(self.images, Tensor):
+            return self.images[arrays.send(rows, self.images.device)].float() / 255
         return torch.stack([self.images[int(row)] for row in rows]).float() / 255
+
+    def cameras_of(self, rows: Int[np.ndarray, "b"]) -> Float[Tensor, "b 3"]:
+        """Where the cameras are."""
+        return self.cameras[arrays.send(rows, self.cameras.device)]
 
     def names(self) -> list[dict[str, str | int]]:
         """Shape id and view of every image."""
@@ -89,14 +95,18 @@ class ImageSet:
         """SHA-256 of images and cameras: a training goes on only with what it began with."""
         digest = hashlib.sha256()
         for row in range(len(self.shapes)):
-            digest.update(self.images[row].numpy().tobytes())
-        digest.update(self.cameras.numpy().tobytes())
+            digest.update(self.images[row].cpu().numpy().tobytes())
+        digest.update(self.cameras.cpu().numpy().tobytes())
         return digest.hexdigest()
 
     def alpha(self, rows: Int[np.ndarray, "b"], size: int) -> Float[Tensor, "b size size"]:
         """Alpha channels in [0, 1], averaged down (never up) to size x size."""
-        alpha = torch.stack([self.images[int(row)][3] for row in rows]).float() / 255
-        return torch.nn.functional.interpolate(alpha[:, None], (size, size), mode="area")[:, 0]
+        return averaged(self.batch(rows)[:, 3], size)
+
+
+def averaged(alpha: Float[Tensor, "b side side"], size: int) -> Float[Tensor, "b size size"]:
+    """Averaged down (never up) to size x size."""
+    return torch.nn.functional.interpolate(alpha[:, None], (size, size), mode="area")[:, 0]
 
 
 class MappedShards:
@@ -154,7 +164,39 @@ class ShapeSet:
     def subset(self, shape: int, count: int, random: np.random.Generator) -> Float[Tensor, "count 3"]:
         """Random points of one cloud, without repetition as long as there are enough."""
         cloud = self.clouds[shape]
-        return cloud[torch.from_numpy(random.choice(len(cloud), count, replace=len(cloud) < count))]
+        return cloud[torch.from_numpy(subset_rows(len(cloud), count, random))]
+
+    def subsets(
+        self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator, part: slice = slice(None)
+    ) -> Float[Tensor, "own count 3"]:
+        """`subset` of `part` of the shapes, drawn for all of them, where the clouds are."""
+        if isinstance(self.clouds, JoinedClouds):
+            return self.clouds.subsets(shapes, count, random, part)
+        return torch.stack([self.subset(int(shape), count, random) for shape in shapes][part])
+
+
+def subset_rows(size: int, count: int, random: np.random.Generator) -> Int[np.ndarray, "count"]:
+    """Which points of a cloud of this size a subset has."""
+    return random.choice(size, count, replace=size < count)
+
+
+@dataclass(frozen=True)
+class JoinedClouds:
+    """Clouds of the field frame in one tensor, on any device. offsets: where each begins, and the end of the last."""
+
+    points: Float[Tensor, "total 3"]
+    offsets: Int[np.ndarray, "_"]
+
+    def __getitem__(self, index: int, /) -> Float[Tensor, "n 3"]:
+        return self.points[self.offsets[index] : self.offsets[index + 1]]
+
+    def subsets(
+        self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator, part: slice
+    ) -> Float[Tensor, "own count 3"]:
+        """As `ShapeSet.subsets`."""
+        sizes = np.diff(self.offsets)
+        rows = [self.offsets[shape] + subset_rows(int(sizes[shape]), count, random) for shape in shapes]
+        return self.points[arrays.send(np.stack(rows)[part], self.points.device)]
 
 
 @dataclass(frozen=True)
@@ -181,16 +223,14 @@ class SampleSet:
         """
         unknown = without_truth(len(shapes), counts["E"], random, part)
         tables = self.tables(shapes[part])
-        codes: dict[str, list[Tensor]] = {field: [] for field in packing.FIELDS}
-        wanted = {name: counts[name] for name in sample_types.STORED if counts.get(name)}
-        for name, count in wanted.items():
-            kind = sample_types.base(name)
-            stored = tables[0][0][f"{kind}.depth"].shape[1]
-            rows = random.integers(0, stored, (len(shapes), count))[part]
-            for field, parts in codes.items():
-                parts.append(gather(tables, f"{kind}.{field}", rows))
+        stored = {kind: tables[0][0][f"{kind}.depth"].shape[1] for kind in sample_types.KINDS}
+        drawn = stored_rows(stored, len(shapes), counts, random)
+        codes = {
+            field: [gather(tables, f"{sample_types.base(name)}.{field}", rows[part]) for name, rows in drawn.items()]
+            for field in packing.FIELDS
+        }
         decoded = packing.decode_fields({field: torch.cat(parts, dim=1) for field, parts in codes.items()})
-        return batch_of([unknown, decoded], {"E": counts["E"], **wanted})
+        return batch_of([unknown, decoded], counts_of(counts, drawn))
 
     def tables(self, shapes: Int[np.ndarray, "b"]) -> list[tuple[Shard, int]]:
         """The shard of each shape and its row there, for `gather`; each shard is opened once."""
@@ -199,13 +239,35 @@ class SampleSet:
         return [(opened[number], row) for number, row in places]
 
 
-def without_truth(shapes: int, count: int, random: np.random.Generator, part: slice) -> packing.Samples:
-    """Uniform oriented points of so many shapes, without ground truth; those of the shapes `part` are kept."""
+def stored_rows(
+    stored: Mapping[str, int], shapes: int, counts: Mapping[str, int], random: np.random.Generator
+) -> dict[str, Int[np.ndarray, "shapes count"]]:
+    """Which of the `stored` samples of its type each name of a batch takes, for so many shapes."""
+    wanted = {name: counts[name] for name in sample_types.STORED if counts.get(name)}
+    return {
+        name: random.integers(0, stored[sample_types.base(name)], (shapes, count)) for name, count in wanted.items()
+    }
+
+
+def counts_of(counts: Mapping[str, int], drawn: Mapping[str, Int[np.ndarray, "shapes _"]]) -> dict[str, int]:
+    """Points of each type of a batch with these rows."""
+    return {"E": counts["E"], **{name: rows.shape[1] for name, rows in drawn.items()}}
+
+
+def without_truth(
+    shapes: int, count: int, random: np.random.Generator, part: slice, device: torch.device | None = None
+) -> packing.Samples:
+    """Uniform oriented points of so many shapes, without ground truth; those of the shapes `part` are kept.
+
+    Args:
+      device: where they are wanted; None for the CPU.
+    """
     position = random.uniform(-1, 1, (shapes, count, 3))[part].astype(np.float32)
     direction = random.standard_normal((shapes, count, 3))[part].astype(np.float32)
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
-    unknown = torch.zeros(position.shape[:2])
-    positions, directions = torch.from_numpy(position), torch.from_numpy(direction)
+    place = torch.device("cpu") if device is None else device
+    unknown = torch.zeros(position.shape[:2], device=place)
+    positions, directions = arrays.send(position, place), arrays.send(direction, place)
     return packing.Samples(
         positions=positions,
         directions=directions,

@@ -24,7 +24,7 @@ from ddf.training import training_loop
 
 # Images at a time; the networks are in evaluation mode, so the sizes matter to the result by rounding alone.
 ENCODER_BATCH = 64
-CORRECTION_BATCH = 16  # a step of the correction keeps what its gradient needs of every pixel of the mask
+CORRECTION_BATCH = {"cpu": 16, "cuda": 64}  # a step of the correction keeps what its gradient needs of every pixel
 EVEN_RATIOS = tuple(1.2207440846057596**-axis for axis in (1, 2, 3))  # of the root of x^4 = x + 1: see `cube_points`
 ROUGH_POINTS = 500  # of the cloud that tells the scale of a shape before it is corrected
 SCALE = "scale_pred"
@@ -154,7 +154,8 @@ def _by_portion(
         tensors = _on_cpu(make(batches))
         return tensors | {"seconds": torch.tensor([time.monotonic() - started])}
 
-    batches, at_once, parts = _row_batches(images, CORRECTION_BATCH), _threads_at_once(), []
+    size = CORRECTION_BATCH.get(training_loop.device().type, CORRECTION_BATCH["cuda"])
+    batches, at_once, parts = _row_batches(images, size), _threads_at_once(), []
     for start in range(0, len(batches), at_once):
         portion = batches[start : start + at_once]
         if kept is None:

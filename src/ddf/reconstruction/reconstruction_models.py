@@ -247,8 +247,11 @@ def mask_loss(
 
 
 def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, chances: Float[Tensor, "b n"] | None) -> Tensor:
-    """Indices of pixels that meet the box, random where there are more than `num_pixels`; padded with misses."""
-    most = int(meets.sum(-1).max())
+    """Indices of pixels that meet the box, random where there are more than `num_pixels`; padded with misses.
+
+    A CPU leaves out what would pad every image; a GPU would be waited for, which takes longer than these queries.
+    """
+    most = int(meets.sum(-1).max()) if meets.device.type == "cpu" else meets.shape[-1]
     count = max(1, most if num_pixels is None else min(num_pixels, most))
     order = meets.to(torch.float32)
     if num_pixels is not None:

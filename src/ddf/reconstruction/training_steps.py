@@ -9,12 +9,11 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from ddf.core import arrays
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf
 from ddf.reconstruction import category_data, reconstruction_models, settings, varied_images
 from ddf.training import chamfer_loss, distributed, training_loop
-
-GROUP = 32  # distances of which the least is found first, at most
 
 
 @runtime_checkable
@@ -55,6 +54,8 @@ class Proposer(Protocol):
 class Batch:
     """Images of one step with the cameras and shapes that they show; everything on the model's device.
 
+    images: perhaps varied (`varied_images`). alpha: of the images as they are.
+
     Of several processes (`distributed`) each has a part of the images, `part`, and what belongs to them; drawn: the
     shapes of all. `random` is the same everywhere: every process draws for all images and keeps what is its own.
     """
@@ -64,6 +65,7 @@ class Batch:
     rows: np.ndarray
     shapes: np.ndarray
     images: Float[Tensor, "b 4 size size"]
+    alpha: Float[Tensor, "b size size"]
     cameras: Float[Tensor, "b 3"]
     random: np.random.Generator
 
@@ -75,20 +77,18 @@ class Batch:
         rows = random.choice(len(images.shapes), config.batch_size, replace=repeated)
         part, place = distributed.part(config.batch_size), training_loop.device()
         drawn, rows = images.shapes[rows], rows[part]
-        shown, poses = images.batch(rows).to(place), images.cameras[rows].to(place)
+        shown = arrays.send(images.batch(rows), place)
+        alpha, poses = shown[:, 3], arrays.send(images.cameras_of(rows), place)
         if config.augmentation is not None:
             chances = varied_images.numbers(config.batch_size, random, part)
             shown = varied_images.vary(shown, chances, config.augmentation)
-        return cls(part, drawn, rows, drawn[part], shown, poses, random)
+        return cls(part, drawn, rows, drawn[part], shown, alpha, poses, random)
 
     def chances(self, count: int) -> Float[Tensor, "b count"]:
-        """Random numbers in [0, 1) for each image, made on the images' device."""
-        place = self.images.device
-        return torch.rand((len(self.drawn), count), generator=self.generator(place), device=place)[self.part]
-
-    def generator(self, device: torch.device) -> torch.Generator:
-        """Torch's own generator, seeded from this step's."""
-        return torch.Generator(device).manual_seed(int(self.random.integers(2**62)))
+        """Random numbers in [0, 1) for each image: the same on every device."""
+        generator = torch.Generator().manual_seed(int(self.random.integers(2**62)))
+        drawn = torch.rand((len(self.drawn), count), generator=generator)
+        return arrays.send(drawn[self.part], self.images.device)
 
 
 def ddf_step(
@@ -119,11 +119,11 @@ def ddf_step(
         model.field,
         modulations,
         model.camera_head(scores),
-        shapes.field_scales(batch.shapes).to(place),
-        images.alpha(batch.rows, config.mask_size).to(place),
+        arrays.send(shapes.field_scales(batch.shapes), place),
+        category_data.averaged(batch.alpha, config.mask_size),
         config.mask_pixels,
         None if config.mask_pixels is None else batch.chances(config.mask_size**2),
-        shapes.field_shifts(batch.shapes).to(place),
+        arrays.send(shapes.field_shifts(batch.shapes), place),
     ).mean()
     total = config.shape_weight * shape_loss + train.camera_weight * camera_loss + config.mask_weight * mask_loss
     return total, {**terms, "camera": camera_loss.detach(), "mask": mask_loss.detach()}
@@ -140,10 +140,9 @@ def pcsiren_step(
     """D_C in the field frame + γ_RΠ L_Π."""
     batch = Batch.draw(images, train, step)
     place = batch.images.device
-    clouds = [shapes.subset(int(i), config.truth_points, batch.random) for i in batch.drawn]
-    truth = torch.stack(clouds[batch.part]).to(place)
+    truth = arrays.send(shapes.subsets(batch.drawn, config.truth_points, batch.random, batch.part), place)
     seeds = batch.random.uniform(-1, 1, (len(batch.drawn), config.points, 3))[batch.part].astype(np.float32)
-    predicted = model.decoder(torch.from_numpy(seeds).to(place), model.shape_encoder(batch.images))
+    predicted = model.decoder(arrays.send(seeds, place), model.shape_encoder(batch.images))
     chamfer = chamfer_loss.chamfer_loss(predicted, truth)
     camera_loss = model.camera_head.loss(model.camera_encoder(batch.images), batch.cameras)
     total = chamfer + train.camera_weight * camera_loss

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.core import checks
+from ddf.core import arrays, checks
 
 NUMBERS = 9  # drawn per image
 LEAST_WIDTH = 0.05  # pixels: a Gaussian that blurs nothing
@@ -51,7 +51,7 @@ def vary(
     images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 9"], config: AugmentationConfig
 ) -> Float[Tensor, "b 4 h w"]:
     """Images in [0, 1], changed by as much as `chances` in [-1, 1) say; RGB is 0 where alpha is 0."""
-    chances = chances.to(images.device)
+    chances = arrays.send(chances, images.device)
     gains = config.colour * (chances[:, :1] + chances[:, 1:4] / 3)
     power = (config.colour * chances[:, 4:5]).exp()[..., None, None]
     rgb = (images[:, :3].clamp_min(0) ** power * gains.exp()[..., None, None]).clamp(0, 1)

@@ -58,7 +58,7 @@ def _batches(weights: Sequence[Tensor]) -> list[list[Tensor]]:
     """Weights whose products are made together: on a GPU, where launches cost more than products, all of one shape."""
     found: dict[Any, list[Tensor]] = {}
     for index, weight in enumerate(weights):
-        found.setdefault(weight.shape if weight.is_cuda else index, []).append(weight)
+        found.setdefault(index if weight.device.type == "cpu" else weight.shape, []).append(weight)
     return list(found.values())
 
 

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ddf.core import arrays
 from ddf.data.samples import sample_types
 
 
@@ -30,11 +31,11 @@ class SampleBatch:
 
     def to(self, device: torch.device) -> "SampleBatch":
         """The same batch on another device."""
-        return SampleBatch(*(tensor.to(device) for tensor in self._tensors()), counts=self.counts)
+        return SampleBatch(*(arrays.send(tensor, device) for tensor in self.tensors()), counts=self.counts)
 
     def followed_by(self, other: "SampleBatch") -> "SampleBatch":
         """This batch with the points of another one, of later types of the same shapes, behind its own."""
-        pairs = zip(self._tensors(), other._tensors(), strict=True)
+        pairs = zip(self.tensors(), other.tensors(), strict=True)
         return SampleBatch(*(torch.cat(pair, dim=1) for pair in pairs), counts={**self.counts, **other.counts})
 
     def span(self, first: str, last: str) -> slice:
@@ -65,7 +66,8 @@ class SampleBatch:
     def _part(self, shapes: slice, rows: slice) -> "SampleBatch":
         spans = {name: self.span(name, name) for name in self.counts}
         counts = {name: max(0, min(span.stop, rows.stop) - max(span.start, rows.start)) for name, span in spans.items()}
-        return SampleBatch(*(tensor[shapes, rows] for tensor in self._tensors()), counts=counts)
+        return SampleBatch(*(tensor[shapes, rows] for tensor in self.tensors()), counts=counts)
 
-    def _tensors(self) -> tuple[Tensor, ...]:
+    def tensors(self) -> tuple[Tensor, ...]:
+        """In the order in which they are given."""
         return self.positions, self.directions, self.visible, self.depth, self.normals

@@ -1,0 +1,83 @@
+"""Compiled passes give the loss and the gradients of plain ones, by fewer kernels."""
+
+import logging
+
+import _models
+import pytest
+import torch
+from torch._dynamo import exc
+from torch.nn import functional
+
+from ddf.data.samples import sample_batch
+from ddf.fields import losses, passes, pddf
+from ddf.fields.gpu import compiled_passes
+
+COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
+
+
+def _batch(shapes):
+    random, count = torch.Generator().manual_seed(0), sum(COUNTS.values())
+    drawn = torch.randn((shapes, count, 9), generator=random)
+    directions, normals = (functional.normalize(drawn[..., part], dim=-1) for part in (slice(3, 6), slice(6, 9)))
+    chances = torch.rand((2, shapes, count), generator=random)
+    return sample_batch.SampleBatch(
+        drawn[..., :3].tanh(), directions, (chances[0] > 0.4).float(), chances[1], normals, counts=COUNTS
+    )
+
+
+def _gradients(field, batch, modulations, matmul: passes.Matmul = "float32"):
+    given = [each.clone().requires_grad_() for each in modulations]
+    field.zero_grad()
+    loss, terms = losses.shape_loss(field, batch, given, _models.WEIGHTS, matmul)
+    loss.backward()
+    found = [each.grad for each in (*given, *field.parameters())]
+    return torch.stack([loss.detach(), *terms.values()]), torch.cat([each.flatten() for each in found])
+
+
+@pytest.fixture
+def conditional():
+    torch.manual_seed(0)
+    config = pddf.PDDFConfig((24, 16), 2.0, 1.5, "softplus", 20.0)
+    return pddf.PDDF(config), _batch(4), [torch.rand(4, 1, width) + 0.5 for width in config.hidden]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("matmul", "most"), [("float32", 1e-5), ("bfloat16", 2e-2)])
+def test_compiled_loss_and_gradients_are_those_of_plain_passes(conditional, matmul, most, monkeypatch):
+    field, batch, modulations = conditional
+    monkeypatch.setattr(passes, "has_bfloat16", lambda device: True)
+    values, gradients = _gradients(field, batch, modulations, matmul)
+    monkeypatch.setattr(compiled_passes, "wanted", lambda device: True)
+    monkeypatch.setattr(losses, "_block_points", lambda field, batch: 2 * batch.visible.shape[1])  # two blocks
+    own_values, own = _gradients(field, batch, modulations, matmul)
+    assert not compiled_passes._refused and not torch.equal(own, gradients)
+    torch.testing.assert_close(own_values, values, rtol=most, atol=1e-6)
+    assert float((own - gradients).norm() / gradients.norm()) < most
+
+
+def test_where_nothing_compiles_passes_are_plain_and_one_line_says_so(conditional, monkeypatch, caplog):
+    truth = _gradients(*conditional)
+
+    def refuse(*_):
+        raise exc.Unsupported("no compiler\nfor this")
+
+    monkeypatch.setattr(compiled_passes, "_compiled", lambda plain: refuse)
+    monkeypatch.setattr(compiled_passes, "_refused", [])
+    monkeypatch.setattr(compiled_passes, "wanted", lambda device: not compiled_passes._refused)
+    with caplog.at_level(logging.WARNING):
+        found = _gradients(*conditional)
+    assert all(torch.equal(own, other) for own, other in zip(truth, found, strict=True))
+    (record,) = caplog.records
+    assert "the loss is not compiled, so steps take longer" in record.message and "\n" not in record.message
+
+
+def test_a_cpu_compiles_nothing_and_a_gpu_does():
+    assert not compiled_passes.wanted(torch.device("cpu")) and compiled_passes.wanted(torch.device("cuda"))
+
+
+def test_blocks_of_a_gpu_are_of_one_size(monkeypatch):
+    field, batch = pddf.PDDF(pddf.PDDFConfig((24, 16), 2.0, 1.5, "softplus", 20.0)).to("meta"), _batch(7)
+    count = sum(COUNTS.values())
+    for room, wanted in ((3 * count, 3 * count), (4 * count, 4 * count), (6 * count, 4 * count), (20, 20)):
+        monkeypatch.setattr(losses, "block_values", lambda device, room=room: 24 * room)
+        assert losses._block_points(field, batch) == wanted
