@@ -154,7 +154,7 @@ def _by_portion(
         tensors = _on_cpu(make(batches))
         return tensors | {"seconds": torch.tensor([time.monotonic() - started])}
 
-    size = CORRECTION_BATCH.get(training_loop.device().type, CORRECTION_BATCH["cuda"])
+    size = CORRECTION_BATCH[training_loop.device().type]
     batches, at_once, parts = _row_batches(images, size), _threads_at_once(), []
     for start in range(0, len(batches), at_once):
         portion = batches[start : start + at_once]

@@ -14,6 +14,7 @@ from torch.nn import functional
 
 from ddf.core import checks
 from ddf.fields import pddf, rendering, siren
+from ddf.fields.gpu import compiled_passes
 from ddf.geometry import cameras
 from ddf.reconstruction import settings
 
@@ -43,6 +44,8 @@ class Encoder(nn.Module):
 
     def features(self, images: Float[Tensor, "b 4 h w"]) -> Float[Tensor, "b features"]:
         """Pooled features, before the last linear layer."""
+        if images.is_cuda:  # convolutions of a GPU take channels side by side; oneDNN's have failed on small images so
+            images = images.contiguous(memory_format=torch.channels_last)
         hidden = self.maxpool(self.relu(self.bn1(self.conv1(images))))
         hidden = self.layer4(self.layer3(self.layer2(self.layer1(hidden))))
         return hidden.mean(dim=(-2, -1))
@@ -237,7 +240,7 @@ def mask_loss(
         meets = rendering.field_rays(camera, field_scale, directions, field_shift)[3]
         chosen = _choose(meets, num_pixels, chances)
     entry, world, _, chosen_meets = rendering.field_rays(camera, field_scale, directions[chosen], field_shift)
-    raw = field(entry, world, modulations)
+    raw = compiled_passes.raw(field, entry, world, modulations)
     wanted = alpha.flatten(-2)
     target = wanted.gather(1, chosen)
     bce = functional.binary_cross_entropy_with_logits(raw[..., pddf.VISIBILITY_ROW], target, reduction="none")

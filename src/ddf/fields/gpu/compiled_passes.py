@@ -6,10 +6,11 @@ matrix products between them. The compiler joins what lies between two products.
 
 import functools
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from ddf.data.samples import sample_batch
@@ -46,12 +47,37 @@ def block_loss(
         with config.patch(recompile_limit=MOST_FORMS):
             values, found, sums = _compiled(plain)(*given)
     except exc.TorchDynamoException as error:
-        _refused.append(str(error))
-        LOGGER.warning("the loss is not compiled, so steps take longer: %s", " ".join(str(error).split())[:200])
+        _refuse(error)
         return plain(field, block, modulations, weights, parameters, numbers, differentiate)
     for total, own in zip(parameters.sums(), sums, strict=True):
         total += own
     return values, found
+
+
+def raw(
+    field: PDDF, positions: Tensor, directions: Tensor, modulations: Sequence[Tensor] | None
+) -> Float[Tensor, "*batch 4"]:
+    """`field` of these arguments; where a training compiles, by few kernels, and so its gradient."""
+    if not (field.training and torch.is_grad_enabled() and wanted(positions.device)):
+        return field(positions, directions, modulations)
+    from torch._dynamo import config, exc
+
+    try:
+        with config.patch(recompile_limit=MOST_FORMS):
+            return _compiled_field()(field, positions, directions, modulations)
+    except exc.TorchDynamoException as error:
+        _refuse(error)
+        return field(positions, directions, modulations)
+
+
+def _refuse(error: Exception) -> None:
+    _refused.append(str(error))
+    LOGGER.warning("the loss is not compiled, so steps take longer: %s", " ".join(str(error).split())[:200])
+
+
+@functools.cache
+def _compiled_field() -> Callable[..., Tensor]:
+    return torch.compile(lambda field, *given: field(*given), fullgraph=True, dynamic=False)
 
 
 @functools.cache
