@@ -1,4 +1,4 @@
-"""The small files that examples in help and pages name: a mesh, rays, a listing and two clouds."""
+"""The small files that examples in help and pages name: a mesh, a scene, rays, a listing and two clouds."""
 
 import json
 from pathlib import Path
@@ -9,11 +9,15 @@ import trimesh
 from ddf.geometry import mesh_io, point_io
 
 
+_SCENE = Path(__file__).parents[1] / "examples" / "scene.yaml"
+
+
 def write(folder: Path) -> None:
-    """shape.obj, rays.npz, ids.json, cloud.ply and truth.ply."""
+    """shape.obj, scene.yaml, rays.npz, ids.json, cloud.ply and truth.ply."""
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.8)
     mesh = mesh_io.Mesh(np.array(ball.vertices), np.array(ball.faces))
     (folder / "shape.obj").write_bytes(mesh_io.export_bytes(mesh, ".obj"))
+    (folder / "scene.yaml").write_bytes(_SCENE.read_bytes())
     starts = np.array([[0.0, 0.2, 3.0], [0.1, 0.3, 3.0], [3.0, 0.2, 0.0], [3.0, 5.0, 0.0]])
     ahead = np.array([[0.0, 0.0, -1.0]] * 2 + [[-1.0, 0.0, 0.0]] * 2)
     np.savez(folder / "rays.npz", positions=starts, directions=ahead)

@@ -94,7 +94,7 @@ def test_distances_are_those_to_the_surface_and_point_to_it(rabbit):
     along = rabbit.query(positions[far], directions[far])["depth"]
     assert np.median(np.abs(along - distances[far])[np.isfinite(along)]) < 0.03
     onto, _ = rabbit.udf(positions + distances[:, None] * directions)
-    assert onto.max() < 1e-6
+    assert np.median(onto) < 2e-3 and onto.max() < 0.03  # hits are small discs: near the surface, not on it
 
 
 def test_wrong_input_is_one_value_error(rabbit):

@@ -13,7 +13,7 @@ from ddf.core import checks
 MAX_LINE = 16 << 20  # bytes; a polygon of a million corners fits
 MAX_LINES = 12_000_000  # of a file: 1.7 million triangles of an STL file
 MAX_NUMBERS = 60_000_000  # of a file
-MAX_BY_WORD = 20_000_000  # words of a file that are read one by one, a line's end as four: about five seconds
+MAX_BY_WORD = 15_000_000  # words of a file that are read one by one, a line's end as four: about five seconds
 _BLOCK = 1 << 19  # bytes
 _FEED, _SPACE = 10, 32
 _BLANK = b" \t\n\v\f"
@@ -73,7 +73,7 @@ class Blocks:
 
     Raises:
       InputError: zero bytes (no text file has them), a line longer than 16 MiB, or more than 12 million lines; while
-        reading, more than 60 million numbers, or more than 20 million words one by one.
+        reading, more than 60 million numbers, or more than 15 million words one by one.
     """
 
     def __init__(self, data: bytes, number: int = 1) -> None:
