@@ -8,7 +8,6 @@ import trimesh
 
 from ddf.geometry import mesh_io, point_io
 
-
 _SCENE = Path(__file__).parents[1] / "examples" / "scene.yaml"
 
 

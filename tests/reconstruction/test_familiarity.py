@@ -15,18 +15,34 @@ def _features(count, seed, spread=1.0):
 
 
 def test_images_like_those_of_training_are_spread_over_all_quantiles():
-    known = familiarity.measure(_features(600, 0), np.arange(600) // 3)
-    alike = familiarity.quantile(known, _features(2000, 1))
+    known = familiarity.measure([_features(600, 0), _features(600, 3)])
+    alike = familiarity.quantile(known, torch.cat([_features(2000, 1), _features(2000, 4)], dim=1))
     assert abs(np.median(alike) - 0.5) < 0.08 and 0.002 < (alike >= familiarity.FAR).mean() < 0.03
-    far = familiarity.quantile(known, _features(200, 2, spread=10.0))
-    assert (far >= familiarity.FAR).mean() > 0.9
+    for spread in ((10.0, 1.0), (1.0, 10.0)):  # in either stage alone
+        parts = [_features(200, 5 + i, spread=each) for i, each in enumerate(spread)]
+        assert (familiarity.quantile(known, torch.cat(parts, dim=1)) >= familiarity.FAR).mean() > 0.8
 
 
-def test_views_of_one_shape_are_no_measure_of_each_other():
-    twins = _features(100, 0).repeat_interleave(2, dim=0)
-    known = familiarity.measure(twins, np.arange(200) // 2)
-    assert float(known["known.distances"].min()) > 0
-    assert familiarity.measure(twins, np.zeros(200, dtype=int)) == {}
+def test_a_distance_is_that_of_the_widened_covariance():
+    features = _features(500, 0).double()
+    known = familiarity.measure([features])
+    variance = features.var(dim=0)
+    inverse = torch.linalg.inv(torch.cov(features.T) + familiarity.WIDENED * variance.mean() * torch.eye(4))
+    apart = features - features.mean(dim=0)
+    expected = torch.einsum("ni,ij,nj->n", apart, inverse, apart).sqrt()
+    shares = familiarity.quantile(known, features)
+    order = expected.argsort()
+    assert (np.diff(shares[order]) >= -1e-9).all()
+    np.testing.assert_allclose(float(known["known.distances"][-1]), float(expected.max()), rtol=1e-6)
+
+
+def test_one_image_alone_is_no_measure_and_a_file_of_older_words_none():
+    assert familiarity.measure([_features(1, 0)]) == {}
+    same = familiarity.measure([torch.ones(5, 3)])
+    assert familiarity.quantile(same, torch.ones(1, 3)).shape == (1,)
+    old = {"known.features": torch.zeros(3, 4), "known.mean": torch.zeros(4), "head.weight": torch.ones(2)}
+    weights, known = familiarity.parted(old)
+    assert list(weights) == ["head.weight"] and known == {}
 
 
 def test_the_file_keeps_what_is_known_and_the_model_loads_with_it(tmp_path):
@@ -40,6 +56,6 @@ def test_the_file_keeps_what_is_known_and_the_model_loads_with_it(tmp_path):
         trained.add_known(model, shown, folder)
     after, kept = storage.load_tensors(folder / training_loop.MODEL)
     assert {**kept, "content": 0} == {**record, "content": 0} and kept["kind"] == "ddf"
-    assert set(after) - set(before) == {f"known.{name}" for name in ("mean", "factor", "features", "distances")}
+    assert set(after) - set(before) == {f"known.{name}" for name in ("mean", "factor", "distances")}
     again, _ = one_image.load(folder)
     assert all(torch.equal(value, again.state_dict()[name]) for name, value in model.state_dict().items())

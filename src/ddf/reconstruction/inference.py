@@ -39,31 +39,40 @@ def _row_batches(images: category_data.ImageSet, size: int = ENCODER_BATCH) -> l
     return np.array_split(np.arange(count), -(-count // size))
 
 
+Stages = tuple[Float[Tensor, "n half"], Float[Tensor, "n features"]]
+
+
 @torch.no_grad()
 def encode_batch(
     model: reconstruction_models.ReconstructionModel, batch: Float[Tensor, "n 4 s s"]
-) -> tuple[Float[Tensor, "n features"], Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
-    """Features as `image_features` gives them, shape latents and predicted cameras of some images."""
-    features = model.shape_encoder.features(batch)
-    return features, model.shape_encoder.fc(features), model.camera_head(model.camera_encoder(batch))
+) -> tuple[Stages, Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
+    """Features of the shape encoder's last two stages, shape latents and predicted cameras of some images."""
+    stages = model.shape_encoder.stages(batch)
+    return stages, model.shape_encoder.fc(stages[1]), model.camera_head(model.camera_encoder(batch))
 
 
 def encode(
     model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet
 ) -> tuple[Float[Tensor, "n features"], Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
-    """`encode_batch` of all images."""
+    """Features of the last stage, latents and cameras of all images."""
     batches = (images.batch(rows).to(training_loop.device()) for rows in _row_batches(images))
-    features, latents, found = zip(*(encode_batch(model, batch) for batch in batches), strict=True)
-    return torch.cat(features), torch.cat(latents), torch.cat(found)
+    stages, latents, found = zip(*(encode_batch(model, batch) for batch in batches), strict=True)
+    return torch.cat([last for _, last in stages]), torch.cat(latents), torch.cat(found)
 
 
-@torch.no_grad()
 def image_features(
     model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet
 ) -> Float[Tensor, "n features"]:
     """Pooled features of the shape encoder, by which the retrieval row finds the nearest training image."""
+    return image_stages(model, images)[1]
+
+
+@torch.no_grad()
+def image_stages(model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet) -> Stages:
+    """The same of its last two stages, by which `familiarity` tells how usual an image is."""
     batches = (images.batch(rows).to(training_loop.device()) for rows in _row_batches(images))
-    return torch.cat([model.shape_encoder.features(batch) for batch in batches]).cpu()
+    third, last = zip(*(model.shape_encoder.stages(batch) for batch in batches), strict=True)
+    return torch.cat(third).cpu(), torch.cat(last).cpu()
 
 
 def _generator(config: settings.PointcloudsConfig, image: int) -> torch.Generator:

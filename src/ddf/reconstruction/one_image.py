@@ -90,8 +90,8 @@ def reconstruct(
     pixels = shapenet.read_any_image(image, image_size)[None].to(training_loop.device())
     seconds: dict[str, float] = {}
     with _timed(seconds, "encoders"), torch.no_grad():
-        features, latent, seen_from = inference.encode_batch(model, pixels)
-    quantile = float(familiarity.quantile(known, features)[0]) if known else None
+        stages, latent, seen_from = inference.encode_batch(model, pixels)
+    quantile = float(familiarity.quantile(known, torch.cat(stages, dim=1))[0]) if known else None
     drawn = cloud_defaults.cloud()
     if deviation is not None:
         with _timed(seconds, "silhouette"):

@@ -44,11 +44,15 @@ class Encoder(nn.Module):
 
     def features(self, images: Float[Tensor, "b 4 h w"]) -> Float[Tensor, "b features"]:
         """Pooled features, before the last linear layer."""
+        return self.stages(images)[1]
+
+    def stages(self, images: Float[Tensor, "b 4 h w"]) -> tuple[Float[Tensor, "b half"], Float[Tensor, "b features"]]:
+        """Pooled features of the last two stages."""
         if images.is_cuda:  # convolutions of a GPU take channels side by side; oneDNN's have failed on small images so
             images = images.contiguous(memory_format=torch.channels_last)
         hidden = self.maxpool(self.relu(self.bn1(self.conv1(images))))
-        hidden = self.layer4(self.layer3(self.layer2(self.layer1(hidden))))
-        return hidden.mean(dim=(-2, -1))
+        third = self.layer3(self.layer2(self.layer1(hidden)))
+        return third.mean(dim=(-2, -1)), self.layer4(third).mean(dim=(-2, -1))
 
     def forward(self, images: Float[Tensor, "b 4 h w"]) -> Float[Tensor, "b out"]:
         """Latent or camera of each image; values in [0, 1]."""

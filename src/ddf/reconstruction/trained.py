@@ -32,7 +32,7 @@ def add_known(model: reconstruction_models.DDFModel, images: category_data.Image
     path = folder / training_loop.MODEL
     tensors, record = storage.load_tensors(path, framework="torch")
     weights, _ = familiarity.parted(tensors)
-    known = familiarity.measure(inference.image_features(model.eval(), images), images.shapes)
+    known = familiarity.measure(inference.image_stages(model.eval(), images))
     storage.save_tensors(path, weights | known, record)
 
 

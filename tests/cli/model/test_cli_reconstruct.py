@@ -143,12 +143,13 @@ def test_an_image_unlike_those_of_training_is_warned_of(model_dir, tmp_path, cap
     )
     assert cli.main(["reconstruct", image, *rest]) == 0
     assert "the model does not say what its training images were like" in capsys.readouterr().out
-    path, shapes = model_dir / training_loop.MODEL, np.arange(40)
+    path = model_dir / training_loop.MODEL
     tensors, record = storage.load_tensors(path, "torch")
     model, _ = one_image.load(model_dir)
-    near = model.shape_encoder.features(shapenet.read_any_image(tmp_path / "image.png", 32)[None]).detach()
+    near = model.shape_encoder.stages(shapenet.read_any_image(tmp_path / "image.png", 32)[None])
     for moved, warned in ((0.0, False), (1e3, True)):
-        features = near + moved + torch.randn(40, near.shape[1], generator=torch.Generator().manual_seed(0))
-        storage.save_tensors(path, {**tensors, **familiarity.measure(features, shapes)}, record)
+        random = torch.Generator().manual_seed(0)
+        stages = [each.detach() + moved + torch.randn(400, each.shape[1], generator=random) for each in near]
+        storage.save_tensors(path, {**tensors, **familiarity.measure(stages)}, record)
         assert cli.main(["reconstruct", image, *rest]) == 0
         assert ("WARNING: unlike" in capsys.readouterr().out) == warned
