@@ -19,6 +19,8 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import FlopCounterMode
 
 from bench.gpu import parity, sizes
+from ddf.fields import cloud_projection, pddf
+from ddf.fields.gpu import farthest_points
 from ddf.pipeline import step_cost
 from ddf.reconstruction import settings
 from ddf.reconstruction.gpu import resident
@@ -26,6 +28,7 @@ from ddf.reconstruction.gpu import resident
 DEVICE = "meta"
 READS = ("_local_scalar_dense", "item", "is_nonzero", "equal")  # of a value
 SIZES = ("nonzero", "masked_select")  # whose result has a size that the values tell
+EVENLY = {"jitter": 0.2, "recheck": (0.1,), "spread": 0.75, "crowding": 1.0, "least_confidence": 0.1, "aimed": 0.5}
 FREE = ("empty", "new_empty", "detach")  # launch nothing
 
 
@@ -136,14 +139,35 @@ def count(work: Callable[[], object]) -> Counts:
 
 
 def rows(how: sizes.Sizes) -> list[dict[str, Any]]:
-    """A row per model, of a step with plain passes; and of a step whose data come from the host."""
+    """A row per model, of a step with plain passes; of a step whose data come from the host; of a cloud."""
     found = []
     for name, section in how.sections.items():
         for place in ("the device", "the host"):
             counted = step_counts(how.train, section, place == "the device")
-            told = {each: value for each, value in dataclasses.asdict(counted).items() if each != "names"}
-            found.append({"what": f"{name} step, data on {place}", **told, "waits": sum(counted.waits.values())})
-    return found
+            found.append(_row(f"{name} step, data on {place}", counted))
+    return [*found, cloud_row(how)]
+
+
+def cloud_row(how: sizes.Sizes) -> dict[str, Any]:
+    """Of a cloud in farthest-point order, which counts as one operator."""
+    spread = dataclasses.replace(how.cloud, **EVENLY)
+    with faked(), torch.device(DEVICE):
+        field = pddf.PDDF(how.ddf.field.of(how.train.decoder))
+
+    def order(points: Tensor, count: int, weights: Tensor) -> Tensor:
+        return torch.zeros(count, dtype=torch.int64, device=DEVICE)
+
+    def draw() -> None:
+        cycles = cloud_projection.sample(field, None, how.cloud_points, spread, torch.Generator())
+        cloud_projection.select(cycles, [how.cloud_points], spread)
+
+    with faked(), mock.patch.object(farthest_points, "farthest_point_order", order):
+        return _row(f"cloud of {how.cloud_points:,} points", count(draw))
+
+
+def _row(what: str, counted: Counts) -> dict[str, Any]:
+    told = {name: value for name, value in dataclasses.asdict(counted).items() if name != "names"}
+    return {"what": what, **told, "waits": sum(counted.waits.values())}
 
 
 def step_counts(train: settings.TrainConfig, section: step_cost.Section, resident_data: bool = True) -> Counts:

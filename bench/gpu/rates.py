@@ -14,6 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 from torch.profiler import ProfilerActivity, profile
 
+from bench.gpu import counts
 from bench.gpu.sizes import Sizes
 from bench.lib import measuring
 from bench.reconstruction import step_split
@@ -25,7 +26,6 @@ from ddf.reconstruction.gpu import resident
 from ddf.training import training_loop
 
 WARM_UP = 3  # calls before the timed ones
-SPREAD = 0.75  # of the timed cloud in farthest-point order, as configs/gpu.yaml has it
 CHECKED = 8192  # rays whose error is taken
 WITHOUT: dict[str, Callable[[], contextlib.AbstractContextManager[Any]]] = {
     "data on the device": lambda: mock.patch.object(resident, "room", lambda device: 0),
@@ -149,14 +149,17 @@ def cloud_rows(sizes: Sizes) -> list[dict[str, Any]]:
     def draw() -> None:
         cloud_projection.select(project(), [sizes.cloud_points], sizes.cloud)
 
-    spread = dataclasses.replace(sizes.cloud, spread=SPREAD, crowding=1.0, least_confidence=0.1)
+    spread = dataclasses.replace(sizes.cloud, **counts.EVENLY)
+
+    def project_evenly() -> list[cloud_projection.ProjectedPoints]:
+        return cloud_projection.sample(model.field, modulations, sizes.cloud_points, spread, generator)
 
     def draw_evenly() -> None:
-        cloud_projection.select(project(), [sizes.cloud_points], spread)
+        cloud_projection.select(project_evenly(), [sizes.cloud_points], spread)
 
     size = {"points": sizes.cloud_points, "num_directions": sizes.cloud.num_directions, "cycles": sizes.cloud.cycles}
     size |= {"device": training_loop.device().type}
-    kinds = {"cloud": draw, "cloud in farthest-point order": draw_evenly, "of it the projection": project}
+    kinds = {"cloud": draw, "cloud as configs/gpu.yaml has it": draw_evenly, "of it the projection": project_evenly}
     rows = [
         {**measuring.row(name, size, seconds_of(work, sizes.repeats), {}), **on_device(work)}
         for name, work in kinds.items()

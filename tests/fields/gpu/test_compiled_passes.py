@@ -16,6 +16,7 @@ from ddf.data.samples import sample_batch
 from ddf.fields import losses, passes, pddf
 from ddf.fields.gpu import compiled_passes
 
+ABSENT = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
 
 
@@ -53,39 +54,42 @@ from ddf.fields import losses, passes
 from ddf.fields.gpu import compiled_passes
 from fields.gpu import test_compiled_passes as here
 
-matmul = sys.argv[1]
+device, matmul = sys.argv[1:]
 passes.has_bfloat16 = lambda device: True
-given = here.conditional_field()
+field, batch, modulations = here.conditional_field()
+field, batch = field.to(device), batch.to(torch.device(device))
+given = field, batch, [each.to(device) for each in modulations]
+losses._block_points = lambda field, batch: 2 * batch.visible.shape[1]  # two blocks
+compiled_passes.wanted = lambda device: False
 values, gradients = here.gradients_of(*given, matmul)
 compiled_passes.wanted = lambda device: True
-losses._block_points = lambda field, batch: 2 * batch.visible.shape[1]  # two blocks
 own_values, own = here.gradients_of(*given, matmul)
-assert not compiled_passes._refused, compiled_passes._refused
+apart = [((own_values - values) / values).abs().max(), (own - gradients).norm() / gradients.norm()]
 assert not torch.equal(own, gradients)
-field, batch, modulations = given
-leaf = [each.requires_grad_() for each in modulations]
-found = []
-for training in (False, True):  # trainings alone compile
-    raw = compiled_passes.raw(field.train(training), batch.positions, batch.directions, leaf)
-    found.append((raw, *torch.autograd.grad(raw.square().sum(), [*leaf, *field.parameters()])))
+if matmul == "float32":
+    leaf, found = [each.requires_grad_() for each in given[2]], []
+    for training in (False, True):  # trainings alone compile
+        raw = compiled_passes.raw(field.train(training), batch.positions, batch.directions, leaf)
+        slopes = torch.autograd.grad(raw.square().sum(), [*leaf, *field.parameters()])
+        found.append(torch.cat([each.flatten() for each in (raw, *slopes)]))
+    apart.append((found[1] - found[0]).norm() / found[0].norm())
 assert not compiled_passes._refused, compiled_passes._refused
-for one, two in zip(*found, strict=True):
-    torch.testing.assert_close(one, two, rtol=1e-4, atol=1e-4)
-print(float(((own_values - values) / values).abs().max()), float((own - gradients).norm() / gradients.norm()))
+print(*map(float, apart))
 """
 
 
-@pytest.mark.slow
+@pytest.mark.timeout(1800)  # of a busy machine
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda", marks=(pytest.mark.gpu, ABSENT))])
 @pytest.mark.parametrize(("matmul", "most"), [("float32", 1e-4), ("bfloat16", 2e-2)])
-def test_compiled_loss_and_gradients_are_those_of_plain_passes(matmul, most):
+@pytest.mark.slow
+def test_compiled_loss_and_gradients_are_those_of_plain_passes(matmul, most, device):
     """In a process of its own: the compiler cannot read what checks the shapes of arguments in tests."""
     tests = Path(__file__).resolve().parents[2]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tests), os.environ.get("PYTHONPATH", "")])}
-    command = [sys.executable, "-c", COMPILED, matmul]
+    command = [sys.executable, "-c", COMPILED, device, matmul]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-3000:]
-    value, gradient = map(float, done.stdout.split())
-    assert value < most and gradient < most
+    assert max(map(float, done.stdout.split())) < most
 
 
 def test_where_nothing_compiles_passes_are_plain_and_one_line_says_so(monkeypatch, caplog):

@@ -62,6 +62,13 @@ def test_the_kernel_of_a_gpu_gives_the_order_of_numpy():
     assert done.stdout == "the same\n", done.stderr[-2000:]
 
 
+def test_the_kernel_takes_no_more_points_than_it_can_keep():
+    found = [farthest_points.fits(torch.zeros(count, 3, dtype=dtype)) for count, dtype in (
+        (2**14, torch.float32), (2**14 + 1, torch.float32), (9, torch.float64),
+    )]  # fmt: skip
+    assert found == [True, False, False]
+
+
 @pytest.mark.gpu
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
 def test_a_gpu_gives_the_order_of_the_cpu():

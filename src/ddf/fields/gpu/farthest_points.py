@@ -1,6 +1,7 @@
 """The order in which each point of a cloud is the farthest from all before it: by numpy, on a GPU by one kernel.
 
-The kernel needs Triton, which torch brings along on Linux; where it is missing, numpy orders the points of a GPU too.
+The kernel needs Triton, which torch brings along on Linux. Where it is missing, and for very many points, numpy orders
+those of a GPU too.
 """
 
 import importlib.util
@@ -9,6 +10,8 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
+
+MOST_POINTS = 2**14  # that one program keeps beside its processor; more are numpy's
 
 
 def farthest_point_order(
@@ -22,7 +25,7 @@ def farthest_point_order(
     Args:
       weights: > 0. Around points of weight w the spacing is proportional to 1 / w.
     """
-    if points.is_cuda and points.dtype == torch.float32 and importlib.util.find_spec("triton"):
+    if points.is_cuda and fits(points) and importlib.util.find_spec("triton"):
         from ddf.fields.gpu import farthest_kernel
 
         return farthest_kernel.order(points, count, torch.ones_like(points[:, 0]) if weights is None else weights)
@@ -37,3 +40,8 @@ def farthest_point_order(
         np.minimum(distance_sq, gap_sq, out=distance_sq)
         order[i + 1] = (distance_sq if weights is None else distance_sq * scale).argmax()
     return torch.from_numpy(order).to(points.device)
+
+
+def fits(points: Float[Tensor, "n 3"]) -> bool:
+    """Whether the kernel takes these points."""
+    return points.dtype == torch.float32 and len(points) <= MOST_POINTS
