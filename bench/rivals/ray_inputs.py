@@ -1,0 +1,165 @@
+"""How fields of rays describe a ray to a network: our (p, v), and what peers do from outside a shape.
+
+Letters: p + t v a ray, |v| = 1; R the radius of a sphere about the origin that holds the box; x(p, v) the six numbers
+that the network reads, f(x) >= 0 its depth, d = t_0(p, v) + f(x) the depth of the ray. d is the same function of the
+ray whichever point of it p is, but for the way to that point, so that v · ∇_p d = -1 holds by construction. The normal
+is n = ∇_p d/‖∇_p d‖ (Property II of [DDF22] §3.1), and ∇_p d = ∇_p t_0 + (∂x/∂p)^T ∇_x f is written out for each
+(derived here).
+
+Sources: Sitzmann et al. 2021, "Light field networks" (Plücker coordinates; their network gives colour, ours depth);
+Liu et al. 2023, "RayDF" (entry and exit of a sphere; theirs as angles, ours as points, which have no poles); Feng et
+al. 2022, "PRIF" and Sundt and Theoharis 2023, "MARF" (foot of the perpendicular; depth from there, with its sign).
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf.geometry import rays
+
+
+class RayInput(Protocol):
+    """A description of rays that meet the box."""
+
+    @property
+    def named(self) -> tuple[str, str]:
+        """What the first and the last three of the six numbers are."""
+        ...
+
+    def features(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n 6"]:
+        """x(p, v)."""
+        ...
+
+    def offset(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
+        """t_0(p, v): where on the ray depth is counted from; negative behind p."""
+        ...
+
+    def gradient(
+        self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"], slope: Float[Tensor, "n 6"]
+    ) -> Float[Tensor, "n 3"]:
+        """∇_p d, from slope = ∇_x f."""
+        ...
+
+
+def _dot(a: Float[Tensor, "n 3"], b: Float[Tensor, "n 3"]) -> Float[Tensor, "n 1"]:
+    return (a * b).sum(-1, keepdim=True)
+
+
+@dataclass(frozen=True)
+class BoxEntry:
+    """Ours: (e, v) with e = p + t_0 v, where the ray enters the box, or p itself inside it.
+
+    Outside, t_0 = (c_k - p_k)/v_k on the side k = c_k that is entered, so ∇_p t_0 = -e_k/v_k, and
+    ∇_p d = g + (1 + v · g) ∇_p t_0 with g = ∇_e f; inside it is g.
+    """
+
+    lower: Float[Tensor, "3"]
+    upper: Float[Tensor, "3"]
+    named = ("point", "direction")
+
+    def features(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n 6"]:
+        """(e, v)."""
+        return torch.cat((rays.enter_box(p, v, self.lower, self.upper)[0], v), dim=-1)
+
+    def offset(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
+        """The way to the box, 0 inside."""
+        return rays.enter_box(p, v, self.lower, self.upper)[1]
+
+    def gradient(
+        self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"], slope: Float[Tensor, "n 6"]
+    ) -> Float[Tensor, "n 3"]:
+        """By the side that is entered: the one that is met last."""
+        g = slope[:, :3]
+        met = torch.where(v > 0, self.lower - p, self.upper - p) / v
+        met = torch.where(v == 0, -torch.inf, met)
+        last, side = met.max(dim=-1, keepdim=True)
+        way = torch.zeros_like(p).scatter(-1, side, -1 / v.gather(-1, side))
+        return torch.where(last > 0, g + (1 + _dot(v, g)) * way, g)
+
+
+@dataclass(frozen=True)
+class Plucker:
+    """(m, v) with the moment m = p × v; t_0 = -p · v - R, so ∇_p d = v × ∇_m f - v."""
+
+    radius: float
+    named = ("moment", "direction")
+
+    def features(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n 6"]:
+        """(m, v)."""
+        return torch.cat((torch.linalg.cross(p, v), v), dim=-1)
+
+    def offset(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
+        """R before the foot."""
+        return -_dot(p, v)[:, 0] - self.radius
+
+    def gradient(
+        self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"], slope: Float[Tensor, "n 6"]
+    ) -> Float[Tensor, "n 3"]:
+        """v × ∇_m f - v."""
+        return torch.linalg.cross(v, slope[:, :3]) - v
+
+
+@dataclass(frozen=True)
+class TwoSpheres:
+    """(a, b), where the line enters and leaves the sphere; t_0 = t_a.
+
+    t_a, t_b = -p · v ∓ sqrt((p · v)² - |p|² + R²). From |p + t v| = R: ∇_p t_a = -a/(a · v), likewise t_b, so
+    ∇_p d = g_a + g_b + (1 + v · g_a) ∇_p t_a + (v · g_b) ∇_p t_b.
+    """
+
+    radius: float
+    named = ("entry", "exit")
+
+    def _ends(
+        self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]
+    ) -> tuple[Float[Tensor, "n 1"], Float[Tensor, "n 1"]]:
+        along = _dot(p, v)
+        half = (along.square() - _dot(p, p) + self.radius**2).clamp(min=0).sqrt()
+        return -along - half, -along + half
+
+    def features(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n 6"]:
+        """(a, b)."""
+        first, last = self._ends(p, v)
+        return torch.cat((p + first * v, p + last * v), dim=-1)
+
+    def offset(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
+        """t_a."""
+        return self._ends(p, v)[0][:, 0]
+
+    def gradient(
+        self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"], slope: Float[Tensor, "n 6"]
+    ) -> Float[Tensor, "n 3"]:
+        """By both ends; not finite where the ray only touches the sphere."""
+        a, b = self.features(p, v).split(3, dim=-1)
+        g_a, g_b = slope.split(3, dim=-1)
+        to_a, to_b = -a / _dot(a, v), -b / _dot(b, v)
+        return g_a + g_b + (1 + _dot(v, g_a)) * to_a + _dot(v, g_b) * to_b
+
+
+@dataclass(frozen=True)
+class Foot:
+    """(q, v) with q = p - (p · v) v, the point of the line nearest the origin; the network's f - R is signed.
+
+    t_0 = -p · v - R, so ∇_p d = (I - v v^T) ∇_q f - v.
+    """
+
+    radius: float
+    named = ("foot", "direction")
+
+    def features(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n 6"]:
+        """(q, v)."""
+        return torch.cat((p - _dot(p, v) * v, v), dim=-1)
+
+    def offset(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
+        """R before the foot."""
+        return -_dot(p, v)[:, 0] - self.radius
+
+    def gradient(
+        self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"], slope: Float[Tensor, "n 6"]
+    ) -> Float[Tensor, "n 3"]:
+        """(I - v v^T) ∇_q f - v."""
+        g = slope[:, :3]
+        return g - (1 + _dot(v, g)) * v
