@@ -24,17 +24,8 @@ from ddf.geometry import rays
 class RayInput(Protocol):
     """A description of rays that meet the box."""
 
-    @property
-    def named(self) -> tuple[str, str]:
-        """What the first and the last three of the six numbers are."""
-        ...
-
-    def features(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n 6"]:
-        """x(p, v)."""
-        ...
-
-    def offset(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
-        """t_0(p, v): where on the ray depth is counted from; negative behind p."""
+    def read(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, "n 6"], Float[Tensor, "n"]]:
+        """x, and t_0: where on the ray depth is counted from, negative behind p."""
         ...
 
     def gradient(
@@ -58,15 +49,11 @@ class BoxEntry:
 
     lower: Float[Tensor, "3"]
     upper: Float[Tensor, "3"]
-    named = ("point", "direction")
 
-    def features(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n 6"]:
-        """(e, v)."""
-        return torch.cat((rays.enter_box(p, v, self.lower, self.upper)[0], v), dim=-1)
-
-    def offset(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
-        """The way to the box, 0 inside."""
-        return rays.enter_box(p, v, self.lower, self.upper)[1]
+    def read(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, "n 6"], Float[Tensor, "n"]]:
+        """(e, v), and the way to the box, 0 inside."""
+        entry, way, _ = rays.enter_box(p, v, self.lower, self.upper)
+        return torch.cat((entry, v), dim=-1), way
 
     def gradient(
         self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"], slope: Float[Tensor, "n 6"]
@@ -85,15 +72,10 @@ class Plucker:
     """(m, v) with the moment m = p × v; t_0 = -p · v - R, so ∇_p d = v × ∇_m f - v."""
 
     radius: float
-    named = ("moment", "direction")
 
-    def features(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n 6"]:
-        """(m, v)."""
-        return torch.cat((torch.linalg.cross(p, v), v), dim=-1)
-
-    def offset(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
-        """R before the foot."""
-        return -_dot(p, v)[:, 0] - self.radius
+    def read(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, "n 6"], Float[Tensor, "n"]]:
+        """(m, v), from R before the foot."""
+        return torch.cat((torch.linalg.cross(p, v), v), dim=-1), -_dot(p, v)[:, 0] - self.radius
 
     def gradient(
         self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"], slope: Float[Tensor, "n 6"]
@@ -111,29 +93,19 @@ class TwoSpheres:
     """
 
     radius: float
-    named = ("entry", "exit")
 
-    def _ends(
-        self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]
-    ) -> tuple[Float[Tensor, "n 1"], Float[Tensor, "n 1"]]:
+    def read(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, "n 6"], Float[Tensor, "n"]]:
+        """(a, b), from a; both are the foot where the line misses the sphere."""
         along = _dot(p, v)
         half = (along.square() - _dot(p, p) + self.radius**2).clamp(min=0).sqrt()
-        return -along - half, -along + half
-
-    def features(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n 6"]:
-        """(a, b)."""
-        first, last = self._ends(p, v)
-        return torch.cat((p + first * v, p + last * v), dim=-1)
-
-    def offset(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
-        """t_a."""
-        return self._ends(p, v)[0][:, 0]
+        first, last = -along - half, -along + half
+        return torch.cat((p + first * v, p + last * v), dim=-1), first[:, 0]
 
     def gradient(
         self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"], slope: Float[Tensor, "n 6"]
     ) -> Float[Tensor, "n 3"]:
         """By both ends; not finite where the ray only touches the sphere."""
-        a, b = self.features(p, v).split(3, dim=-1)
+        a, b = self.read(p, v)[0].split(3, dim=-1)
         g_a, g_b = slope.split(3, dim=-1)
         to_a, to_b = -a / _dot(a, v), -b / _dot(b, v)
         return g_a + g_b + (1 + _dot(v, g_a)) * to_a + _dot(v, g_b) * to_b
@@ -147,15 +119,11 @@ class Foot:
     """
 
     radius: float
-    named = ("foot", "direction")
 
-    def features(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n 6"]:
-        """(q, v)."""
-        return torch.cat((p - _dot(p, v) * v, v), dim=-1)
-
-    def offset(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
-        """R before the foot."""
-        return -_dot(p, v)[:, 0] - self.radius
+    def read(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, "n 6"], Float[Tensor, "n"]]:
+        """(q, v), from R before the foot."""
+        along = _dot(p, v)
+        return torch.cat((p - along * v, v), dim=-1), -along[:, 0] - self.radius
 
     def gradient(
         self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"], slope: Float[Tensor, "n 6"]

@@ -45,26 +45,27 @@ def _ball(reads, x, name):
 @pytest.mark.parametrize("name", READS)
 def test_the_six_numbers_tell_the_depth_of_a_ball(name):
     p, v, depth, _ = _rays()
-    x = READS[name].features(p, v)
+    x, before = READS[name].read(p, v)
     assert x.shape == (len(p), 6)
     f = _ball(READS[name], x, name)
     assert bool((f >= 0).all())
-    torch.testing.assert_close(READS[name].offset(p, v) + f, depth, rtol=0, atol=1e-9)
+    torch.testing.assert_close(before + f, depth, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", READS)
 def test_any_point_of_a_line_is_the_same_ray(name):
     p, v, _, _ = _rays()
-    moved = p + 0.3 * v  # still outside
-    torch.testing.assert_close(READS[name].features(moved, v), READS[name].features(p, v), rtol=0, atol=1e-9)
-    torch.testing.assert_close(READS[name].offset(moved, v), READS[name].offset(p, v) - 0.3, rtol=0, atol=1e-9)
+    x, before = READS[name].read(p, v)
+    same, moved = READS[name].read(p + 0.3 * v, v)  # still outside
+    torch.testing.assert_close(same, x, rtol=0, atol=1e-9)
+    torch.testing.assert_close(moved, before - 0.3, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", READS)
 def test_gradient_gives_the_normals_of_a_ball_and_falls_along_the_ray(name):
     reads = READS[name]
     p, v, _, normals = _rays()
-    x = reads.features(p, v).requires_grad_()
+    x = reads.read(p, v)[0].requires_grad_()
     (slope,) = torch.autograd.grad(_ball(reads, x, name).sum(), x)
     gradient = reads.gradient(p, v, slope)
     torch.testing.assert_close((gradient * v).sum(-1), torch.full((len(p),), -1.0).double(), rtol=0, atol=1e-9)
@@ -78,9 +79,10 @@ def test_gradient_is_that_of_any_network(name):
     p, v, _, _ = _rays()
     weights = torch.linspace(-1, 1, 6).double()
     p = p.requires_grad_()
-    depth = reads.offset(p, v) + torch.sin(reads.features(p, v) * 2 @ weights)
+    x, before = reads.read(p, v)
+    depth = before + torch.sin(x * 2 @ weights)
     (truth,) = torch.autograd.grad(depth.sum(), p)
-    x = reads.features(p, v).detach().requires_grad_()
+    x = x.detach().requires_grad_()
     (slope,) = torch.autograd.grad(torch.sin(x * 2 @ weights).sum(), x)
     torch.testing.assert_close(reads.gradient(p.detach(), v, slope), truth, rtol=0, atol=1e-8)
 
@@ -88,8 +90,8 @@ def test_gradient_is_that_of_any_network(name):
 def test_inside_the_box_ours_reads_the_point_itself():
     drawn = _shapes.random_rays(50, seed=1, spread=0.6)
     reads = READS["box entry"]
-    x = reads.features(drawn.positions, drawn.directions)
+    x, before = reads.read(drawn.positions, drawn.directions)
     torch.testing.assert_close(x, torch.cat((drawn.positions, drawn.directions), dim=-1))
-    assert not bool(reads.offset(drawn.positions, drawn.directions).any())
+    assert not bool(before.any())
     slope = torch.randn(50, 6, generator=torch.Generator().manual_seed(0)).double()
     torch.testing.assert_close(reads.gradient(drawn.positions, drawn.directions, slope), slope[:, :3])

@@ -1,0 +1,350 @@
+"""Depth images by what a network reads of a ray: our (p, v), peers' lines, a network per camera; and their rivals.
+
+All networks have the hidden layers of configs/fit.yaml, but for those of the field of views. Each is trained here for
+as many seconds of one core (`--seconds`), samples included, on rays of outside cameras, whose truth is cast. One row of
+ours learns from rays that begin inside the box besides. Rows hold the time of one depth image and, over held-out
+cameras outside, errors as in the benchmark rendering. "inside": rays from free points inside the box, between surfaces,
+where a field of lines knows one surface a line; `inside_wrong` is the share of them whose visibility is wrong, or whose
+depth is off by more than `CLOSE`. Signed distances are traced, and the mesh itself is cast.
+"""
+
+import argparse
+import dataclasses
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from bench.fields import rendering
+from bench.lib import cpu_budget, display, measuring, results
+from bench.rivals import ray_fields, ray_inputs, sphere_tracing, view_fields
+from ddf.core import config, seeding
+from ddf.data import mesh_config, mesh_preparation
+from ddf.data.synthetic import showcase
+from ddf.fields import siren
+from ddf.geometry import cameras, mesh_io, raycast, rays, transforms
+from ddf.shape import fit_settings
+
+ON_DEMAND = "python -m bench parametrisations, 20 minutes"
+CONFIG, SECONDS, REPEATS, SIZE = Path("configs/fit.yaml"), 60.0, 5, 256
+FACES, MARGIN, UNIT = 4_000, 0.02, 0.98  # triangles of a mesh; its box beyond it; half its longest side
+TRAIN_CAMERAS, RAYS_EACH, INSIDE_RAYS = 2_000, 250, 200_000
+TRAIN_RADII = (0.6, 1.1)  # of training cameras, benchmark units
+BATCH = 2048
+HELD_OUT = ((35.0, 25.0), (215.0, 15.0), (125.0, -25.0), (300.0, 60.0))  # azimuth and elevation, degrees
+HELD_OUT_RADIUS = 0.8
+FREE_POINTS, LOOKS, CLEAR = 64, 512, 0.1  # inside: points, rays of each, and how far from the surface
+CLOSE = 0.02  # field units, 1 % of the shape
+TRAINED_TOLERANCE = 0.5
+CHUNK = 4096
+OURS, BOTH, FIELD_OF_VIEWS = "DDF: entry of the box", "DDF, inside rays too", "field of views"
+CASTING = "mesh casting"
+VIEWS = view_fields.ViewLayout((48, 48, 48), (64, 64), 4.0, 1.0)
+VIEW_CAMERAS, VIEW_RATE = 16, 2e-3  # cameras of a step of the field of views, and its learning rate
+BUDGETS = rendering.BUDGETS[1:4]
+
+
+def shapes() -> dict[str, mesh_io.Mesh]:
+    """A chair, and a box with a window and a cube in it; both closed, in the frame of the fields."""
+    raw = {"chair": rendering.closed_shape(0)}
+    wrapped = mesh_config.MeshesConfig(faces=FACES, wrap="always")
+    raw["nested"] = mesh_preparation.prepare(showcase.nested(), wrapped, seeding.generator(0, "bench")).mesh
+    placed = {}
+    for name, mesh in raw.items():
+        vertices = UNIT * transforms.field_from_mesh(mesh.vertices).apply(mesh.vertices)
+        placed[name] = mesh_io.Mesh(vertices, mesh.faces)
+    return placed
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """A mesh, its scene and its box, float64; the box's centre is the origin."""
+
+    mesh: mesh_io.Mesh
+    scene: raycast.Scene
+    upper: Float[np.ndarray, "3"]
+
+    @classmethod
+    def of(cls, mesh: mesh_io.Mesh) -> "Place":
+        """Of a mesh that is centred."""
+        return cls(mesh, raycast.Scene(mesh), mesh.box()[1] + MARGIN)
+
+    @property
+    def unit(self) -> float:
+        """Field units per benchmark unit."""
+        return 2 * float(np.linalg.norm(self.upper)) / transforms.BENCHMARK_FROM_V1
+
+    @property
+    def radius(self) -> float:
+        """Of the sphere through the box's corners."""
+        return float(np.linalg.norm(self.upper))
+
+    def corners(self) -> tuple[Float[Tensor, "3"], Float[Tensor, "3"]]:
+        """Of the box, float32."""
+        upper = torch.from_numpy(self.upper).float()
+        return -upper, upper
+
+    def see(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> ray_fields.SeenRays:
+        """What rays see."""
+        p, v = torch.from_numpy(positions), torch.from_numpy(directions)
+        return ray_fields.SeenRays(p.float(), v.float(), raycast.cast(self.scene, rays.OrientedPoints(p, v)))
+
+
+def outside_rays(place: Place, random: np.random.Generator) -> ray_fields.SeenRays:
+    """From cameras all around, each towards points uniform in the box; camera after camera."""
+    centres = _unit(random.standard_normal((TRAIN_CAMERAS, 3))) * random.uniform(*TRAIN_RADII, (TRAIN_CAMERAS, 1))
+    starts = np.repeat(place.unit * centres, RAYS_EACH, axis=0)
+    return place.see(starts, _unit(random.uniform(-place.upper, place.upper, starts.shape) - starts))
+
+
+def inside_rays(place: Place, random: np.random.Generator) -> ray_fields.SeenRays:
+    """From points uniform in the box, all directions."""
+    starts = random.uniform(-place.upper, place.upper, (INSIDE_RAYS, 3))
+    return place.see(starts, _unit(random.standard_normal(starts.shape)))
+
+
+def between(place: Place, random: np.random.Generator) -> ray_fields.SeenRays:
+    """All directions from free points in the box, `CLEAR` of the surface or more."""
+    drawn = random.uniform(-place.upper, place.upper, (100 * FREE_POINTS, 3))
+    free = drawn[place.scene.outside(drawn)]
+    free = free[place.scene.distance(free) > CLEAR][:FREE_POINTS]
+    starts = np.repeat(free, LOOKS, axis=0)
+    return place.see(starts, _unit(random.standard_normal(starts.shape)))
+
+
+def held_out(place: Place) -> ray_fields.SeenRays:
+    """All pixels of the held-out cameras, one image after the other."""
+    pixels = cameras.pixel_directions(SIZE, np.array(1.0)).reshape(-1, 3)
+    starts, directions = [], []
+    for azimuth, elevation in HELD_OUT:
+        camera = cameras.degrees_to_radians(np.array([azimuth, elevation, HELD_OUT_RADIUS]))
+        centre, world = cameras.pixel_rays(camera[0:1], camera[1:2], camera[2:3], pixels)
+        starts.append(np.repeat(place.unit * centre, len(pixels), axis=0))
+        directions.append(world.reshape(-1, 3))
+    return place.see(np.concatenate(starts), np.concatenate(directions))
+
+
+def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+Answer = Callable[[Tensor, Tensor], Tensor]  # of rays that meet the box, positions and directions
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """depth: `inf` where nothing is seen. normals: of rays that see something, at this depth. inside: whether it takes
+    rays that begin inside the box. facts: of its training.
+    """
+
+    depth: Answer
+    normals: Callable[[Tensor, Tensor, Tensor], Tensor]
+    inside: bool
+    facts: Mapping[str, Any]
+
+
+def image(candidate: Candidate, place: Place, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
+    """Depth of all pixels of one camera, of which those whose rays miss the box cost a test."""
+    first, last = rays.box_span(p, v, *place.corners())
+    depth = torch.full_like(first, torch.inf)
+    for rows in torch.nonzero(first <= last).squeeze(-1).split(CHUNK):
+        depth[rows] = candidate.depth(p[rows], v[rows])
+    return depth
+
+
+def errors_of(
+    candidate: Candidate, place: Place, seen: ray_fields.SeenRays, inner: ray_fields.SeenRays
+) -> dict[str, float]:
+    """Of the held-out cameras, and inside."""
+    depth, normals = [], []
+    for p, v in zip(seen.positions.split(SIZE**2), seen.directions.split(SIZE**2), strict=True):
+        one = image(candidate, place, p, v)
+        own = torch.zeros_like(p)
+        hit = torch.isfinite(one)
+        own[hit] = candidate.normals(p[hit], v[hit], one[hit])
+        depth.append(one)
+        normals.append(own)
+    return rendering.errors(torch.cat(depth), torch.cat(normals), seen.truth) | inside_errors(candidate, inner)
+
+
+def inside_errors(candidate: Candidate, inner: ray_fields.SeenRays) -> dict[str, float]:
+    """Median depth error where both see something, and the share of rays told wrongly: seen or not, or the depth."""
+    if not candidate.inside:
+        return {}
+    depth, truth = candidate.depth(inner.positions, inner.directions), inner.truth
+    both = torch.isfinite(depth) & truth.visible
+    off = (depth - truth.depth).abs()
+    right = torch.where(truth.visible, both & (off < CLOSE), ~torch.isfinite(depth))
+    return {"inside_depth_median": float(off[both].median()), "inside_wrong": float(1 - right.double().mean())}
+
+
+def section() -> fit_settings.FitConfig:
+    """Of all networks, one thread."""
+    found = config.load(CONFIG, fit_settings.FitConfig)
+    return dataclasses.replace(found, loop=dataclasses.replace(found.loop, threads=1))
+
+
+def ray_candidates(
+    place: Place, outside: ray_fields.SeenRays, inside: ray_fields.SeenRays, seconds: float
+) -> dict[str, Candidate]:
+    """Fields of rays: equal networks, equal steps, which take ours so many seconds."""
+    settings, lower, upper = section(), *place.corners()
+    own = ray_inputs.BoxEntry(lower, upper)
+
+    def train(reads: ray_inputs.RayInput, *lessons: ray_fields.SeenRays, steps: int) -> Candidate:
+        field = ray_fields.fit(reads, lessons, settings, BATCH, steps)
+        return Candidate(field.depth, lambda p, v, _: field.normals(p, v), True, {"steps": steps})
+
+    steps = cpu_budget.steps_within(lambda count: train(own, outside, steps=count), seconds)
+    found = {OURS: train(own, outside, steps=steps), BOTH: train(own, outside, inside, steps=steps)}
+    peers = {
+        "Plücker coordinates": ray_inputs.Plucker(place.radius),
+        "two spheres": ray_inputs.TwoSpheres(place.radius),
+        "foot of the perpendicular": ray_inputs.Foot(place.radius),
+    }
+    return found | {name: train(reads, outside, steps=steps) for name, reads in peers.items()}
+
+
+def view_candidate(place: Place, outside: ray_fields.SeenRays, seconds: float) -> Candidate:
+    """A network per camera; takes rays of one camera at a time, and none from inside."""
+    settings = section()
+    settings = dataclasses.replace(
+        settings, loop=dataclasses.replace(settings.loop, learning_rate=VIEW_RATE, muon=None)
+    )
+
+    def train(steps: int) -> view_fields.ViewField:
+        each = BATCH // VIEW_CAMERAS
+        return view_fields.fit(VIEWS, outside, place.radius, settings, VIEW_CAMERAS, each, steps)
+
+    steps = cpu_budget.steps_within(train, seconds)
+    field = train(steps)
+    return Candidate(
+        lambda p, v: field.depth(p[:1], v[None])[0],
+        lambda p, v, _: field.normals(p[:1], v[None])[0],
+        False,
+        {"steps": steps},
+    )
+
+
+def traced_candidates(place: Place, seconds: float) -> dict[str, Candidate]:
+    """One network of signed distances, marched on by several budgets."""
+    settings = section()
+    loop = dataclasses.replace(settings.loop, learning_rate=rendering.DISTANCE_RATE)
+    layout = siren.SineLayout(settings.field.hidden, rendering.DISTANCE_OMEGA)
+    rival = sphere_tracing.DistanceConfig(layout, loop)
+
+    def train(steps: int) -> siren.SineNetwork:
+        return sphere_tracing.fit_distance(place.mesh, rival, seconds, steps)[0]
+
+    steps = cpu_budget.steps_within(train, seconds)
+    network = train(steps)
+
+    def of(how: sphere_tracing.Tracing) -> Candidate:
+        def depth(p: Tensor, v: Tensor) -> Tensor:
+            return sphere_tracing.trace(lambda q: network(q).squeeze(-1), p, v, *place.corners(), how)[0]
+
+        return Candidate(depth, functools.partial(rendering.distance_normals, network), True, {"steps": steps})
+
+    return {rendering.tracing_name(how): of(how) for how in BUDGETS}
+
+
+def cast_candidate(place: Place) -> Candidate:
+    """The mesh itself, in float32."""
+
+    def depth(p: Tensor, v: Tensor) -> Tensor:
+        local = np.concatenate((place.scene.local(p.numpy()), v.numpy()), axis=1).astype(np.float32)
+        return rendering.cast_depth(place.scene, local)[0]
+
+    def normals(p: Tensor, v: Tensor, _: Tensor) -> Tensor:
+        return raycast.cast(place.scene, rays.OrientedPoints(p.double(), v.double())).normals.float()
+
+    return Candidate(depth, normals, True, {})
+
+
+def measure(seconds: float) -> list[dict[str, Any]]:
+    """All rows."""
+    rows = []
+    for name, mesh in shapes().items():
+        place = Place.of(mesh)
+        outside, inside, inner = (
+            draw(place, seeding.generator(0, "ray_parametrisations", name, draw.__name__))
+            for draw in (outside_rays, inside_rays, between)
+        )
+        found = ray_candidates(place, outside, inside, seconds) | {
+            FIELD_OF_VIEWS: view_candidate(place, outside, seconds)
+        }
+        found |= traced_candidates(place, seconds) | {CASTING: cast_candidate(place)}
+        rows += rows_of(name, place, found, inner, seconds)
+    return rows
+
+
+@torch.inference_mode()
+def rows_of(
+    name: str, place: Place, found: Mapping[str, Candidate], inner: ray_fields.SeenRays, seconds: float
+) -> list[dict[str, Any]]:
+    """Of one shape: the time is that of the first held-out image."""
+    torch.use_deterministic_algorithms(False)  # training switches it on
+    seen = held_out(place)
+    p, v = seen.positions[: SIZE**2], seen.directions[: SIZE**2]
+    times = measuring.interleaved(
+        {what: lambda one=one: image(one, place, p, v) for what, one in found.items()}, REPEATS
+    )
+    rows = []
+    for what, taken in times.items():
+        tolerance = 0.0 if what == CASTING else TRAINED_TOLERANCE
+        error = errors_of(found[what], place, seen, inner)
+        row = measuring.row(
+            what, {"shape": name, "pixels_a_side": SIZE, "train_seconds": seconds}, taken, error, tolerance
+        )
+        rows.append({**row, **found[what].facts})
+    own = rows[0]["median_s"]
+    return [{**row, "times_ddf": row["median_s"] / own} for row in rows]
+
+
+def sentence(benchmark: results.Benchmark) -> str | None:
+    """What a picture of ours takes beside the fastest tracing as good, and what fields of lines tell inside."""
+    parts = []
+    for name in dict.fromkeys(row.size["shape"] for row in benchmark.rows):
+        rows = {row.what: row for row in benchmark.rows if row.size["shape"] == name}
+        if OURS not in rows:
+            return None
+        own = rows[OURS]
+        good = [
+            row
+            for what, row in rows.items()
+            if what.startswith("sphere tracing")
+            and all(row.error[key] <= own.error[key] for key in ("depth_median", "wrong_visibility"))
+        ]
+        words = f"{name}: {display.number(1e3 * own.seconds[1])} ms" if own.seconds else name
+        if good:
+            words += f", the fastest tracing as good {display.times(display.fastest(good), own)} times as long"
+        else:
+            words += ", no tracing as good"
+        parts.append(words)
+    return f"**Rays**, images of the DDF on one core: {'; '.join(parts)}." if parts else None
+
+
+def _of_networks(row: results.Row) -> bool:
+    return row.what != CASTING
+
+
+SECTION = display.Section(
+    views=(
+        display.View("depth_median", "median error of depth", ("shape",), keep=_of_networks),
+        display.View("normal_angle_deg_median", "median angle of normals, degrees", ("shape",), keep=_of_networks),
+    ),
+    note=sentence,
+)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Train, measure, write."""
+    parser = argparse.ArgumentParser("python -m bench parametrisations", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="of one core, for each training")
+    measuring.write("parametrisations", 1, measure(parser.parse_args(arguments).seconds))
+    print(sentence(results.load(measuring.OUT / "parametrisations.json")))

@@ -1,0 +1,94 @@
+"""The table of ray parametrisations: rays begin where they are said to, exact answers have no error."""
+
+import dataclasses
+
+import _shapes
+import numpy as np
+import pytest
+import torch
+
+from bench.fields import parametrisations as benchmark
+from bench.lib import results
+from ddf.core import seeding
+from ddf.geometry import rays
+
+LEVEL, RADIUS = 4, 0.6
+
+
+@pytest.fixture(scope="module")
+def _place():
+    return benchmark.Place.of(_shapes.icosphere(LEVEL, RADIUS))
+
+
+@pytest.fixture
+def _few(monkeypatch):
+    for name, value in (("TRAIN_CAMERAS", 6), ("RAYS_EACH", 20), ("INSIDE_RAYS", 300), ("FREE_POINTS", 5)):
+        monkeypatch.setattr(benchmark, name, value)
+    monkeypatch.setattr(benchmark, "LOOKS", 30)
+    monkeypatch.setattr(benchmark, "SIZE", 24)
+
+
+def _exact(place):
+    return benchmark.cast_candidate(place)
+
+
+@pytest.mark.usefixtures("_few")
+def test_rays_begin_where_they_are_said_to(_place):
+    random = seeding.generator(0, "test")
+    box = torch.from_numpy(_place.upper)
+    outside = benchmark.outside_rays(_place, random)
+    starts = outside.positions.reshape(6, 20, 3)
+    assert torch.equal(starts, starts[:, :1].expand_as(starts))  # camera after camera
+    assert bool(rays.enter_box(outside.positions, outside.directions, *_place.corners())[2].all())
+    assert float(outside.positions.norm(dim=-1).min()) > _place.radius
+    inside, inner = benchmark.inside_rays(_place, random), benchmark.between(_place, random)
+    for seen in (inside, inner):
+        assert bool((seen.positions.abs() <= box + 1e-6).all()) and len(seen.positions) > 100
+    assert float(inner.positions.norm(dim=-1).min()) > RADIUS + 0.9 * benchmark.CLEAR
+    assert len(torch.unique(inner.positions, dim=0)) == 5
+    hit = inside.truth.visible
+    ends = inside.positions[hit] + inside.truth.depth[hit, None] * inside.directions[hit]
+    np.testing.assert_allclose(ends.norm(dim=-1), RADIUS, atol=5e-3)
+
+
+@pytest.mark.usefixtures("_few")
+def test_an_exact_answer_has_no_error_and_a_late_one_has_its_delay(_place):
+    random = seeding.generator(0, "test")
+    seen, inner = benchmark.held_out(_place), benchmark.between(_place, random)
+    exact = _exact(_place)
+    found = benchmark.errors_of(exact, _place, seen, inner)
+    assert found["silhouette_iou"] == 1 and found["wrong_visibility"] == 0 and found["inside_wrong"] == 0
+    assert found["depth_mean"] < 1e-5 and found["normal_angle_deg_median"] < 0.1
+    late = dataclasses.replace(exact, depth=lambda p, v: exact.depth(p, v) + 0.05)
+    found = benchmark.errors_of(late, _place, seen, inner)
+    assert found["depth_median"] == pytest.approx(0.05, abs=1e-5)
+    assert found["inside_wrong"] == pytest.approx(float(inner.truth.visible.double().mean()))
+    blind = dataclasses.replace(exact, inside=False)
+    assert "inside_wrong" not in benchmark.errors_of(blind, _place, seen, inner)
+
+
+@pytest.mark.usefixtures("_few")
+def test_rays_that_miss_the_box_are_not_asked(_place):
+    exact, asked = _exact(_place), []
+
+    def depth(p, v):
+        asked.append(len(p))
+        return exact.depth(p, v)
+
+    seen = benchmark.held_out(_place)
+    p, v = seen.positions[: benchmark.SIZE**2], seen.directions[: benchmark.SIZE**2]
+    benchmark.image(dataclasses.replace(exact, depth=depth), _place, p, v)
+    assert sum(asked) == int(rays.enter_box(p, v, *_place.corners())[2].sum()) < len(p)
+
+
+def test_sentence_names_the_fastest_tracing_that_is_as_good():
+    def row(what, seconds, median, wrong=0.01):
+        error = {"depth_median": median, "wrong_visibility": wrong}
+        return results.Row(what, {"shape": "chair"}, (seconds,) * 3, error)
+
+    rows = [row(benchmark.OURS, 0.1, 0.01), row("sphere tracing, 4 steps", 0.2, 0.02)]
+    whole = results.Benchmark("parametrisations", "a CPU", 2, 1, {}, rows)
+    assert "chair: 100 ms, no tracing as good" in (benchmark.sentence(whole) or "")
+    rows += [row("sphere tracing, 8 steps", 0.5, 0.009), row("sphere tracing, 16 steps", 0.7, 0.008)]
+    assert "the fastest tracing as good 5 times as long" in (benchmark.sentence(whole) or "")
+    assert benchmark.sentence(dataclasses.replace(whole, rows=rows[1:])) is None
