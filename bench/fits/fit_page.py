@@ -52,10 +52,15 @@ def build(found: dict[str, Benchmark], sheet: pd.DataFrame | None) -> pages.Page
 
 
 def verdict(benchmark: Benchmark) -> str:
-    """How many of the paper's errors every way of fitting reaches, and after how long."""
+    """How many of the paper's errors every way of fitting reaches, after how long, and which are like for like."""
     ends = [row for row in benchmark.rows if row.what.endswith(", end")]
     reached = [f"`{_name(row)}` {_reached(row)} ({_seconds(row.seconds[1])})" for row in ends if row.seconds]
-    return f"Of the paper's twelve held-out errors, each way of fitting reaches: {', '.join(reached)}."
+    alike = any(_name(row) == fit_curves.LIKE for row in ends)
+    return (
+        f"Of the paper's twelve held-out errors, each way of fitting reaches: {', '.join(reached)}."
+        " `fit` and `long_fit` have more samples than the paper's row, a margin around the shape and T samples that see"
+        f" what they touch; {f'`{fit_curves.LIKE}` has the data of the row.' if alike else 'no way has its data.'}"
+    )
 
 
 def _name(row: Row) -> str:

@@ -144,7 +144,10 @@ def test_all_ways_end_in_rows_ratios_and_a_picture_that_the_page_can_tell(tmp_pa
     assert [row.told["times"] for row in ratios] == [8.0] * len(fit_curves.OURS)
     assert ratios[0].seconds == (4.0, 4.0, 4.0) and ratios[0].error == {fit_curves.COMPARED: 0.5}
     assert (tmp_path / "bench" / f"{fit_curves.NAME}.png").exists()
-    assert "8 times as long" in pages.markdown(fit_page.build({fit_curves.NAME: benchmark}, None))
+    page = pages.markdown(fit_page.build({fit_curves.NAME: benchmark}, None))
+    assert "8 times as long" in page and "`like_for_like` has the data of the row." in page
+    old = dataclasses.replace(benchmark, rows=[row for row in benchmark.rows if fit_curves.LIKE not in row.what])
+    assert "no way has its data." in pages.markdown(fit_page.build({fit_curves.NAME: old}, None))
     monkeypatch.setattr(side_by_side, "run", lambda commands, at_once: ["fit"])
     with pytest.raises(checks.InputError, match="not fitted: fit"):
         fit_curves.main([])
