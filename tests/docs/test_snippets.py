@@ -147,6 +147,7 @@ def found_in_configs(name: str) -> bool:
     [pytest.param(page, marks=[] if page.name == "README.md" else pytest.mark.slow) for page in PAGES],
     ids=lambda page: page.name,
 )
+@pytest.mark.timeout(3600)  # of many commands, on a busy machine
 def test_commands_run(page, tmp_path):
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     _page_inputs.write(tmp_path)
@@ -154,7 +155,7 @@ def test_commands_run(page, tmp_path):
     for line in lines(page):
         if not not_run(line, NOT_RUN):
             done = subprocess.run(
-                line, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+                line, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=900
             )
             assert done.returncode == 0, f"{line}\n{done.stderr}"
 

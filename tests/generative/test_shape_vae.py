@@ -50,7 +50,7 @@ def test_a_sample_opens_as_any_field_does(tmp_path):
 
 def test_a_file_of_another_kind_is_refused(tmp_path):
     storage.save_tensors(tmp_path / training_loop.MODEL, {"x": np.zeros(1)}, {"kind": "ddf"})
-    with pytest.raises(checks.InputError, match="holds no shape VAE; give a folder that stage train_vae wrote"):
+    with pytest.raises(checks.InputError, match="of this kind; give a folder that stage train_vae wrote"):
         shape_vae.load(tmp_path)
 
 

@@ -82,7 +82,10 @@ def _scenes() -> Iterator[tuple[str, bytes]]:
         % (i, i + 1, i + 1)
         for i in range(60)
     )
-    yield "doubled_nodes.dae", b"<COLLADA>" + shape + b"<library_nodes>" + nodes + b"</library_nodes></COLLADA>"
+    yield (
+        "doubled_nodes.dae",
+        b"<COLLADA>" + shape + b"<library_nodes>" + nodes + b'<node id="n60"/></library_nodes></COLLADA>',
+    )
     vertices = _repeated(_CORE + b"<vertices>", b'<vertex x="0.123456" y="-0.654321" z="0.111111"/>', b"", 10**9, xml)
     yield "vertices.3mf", _zipped(vertices)
     yield "triangles.3mf", _zipped(_repeated(_CORE, b'<triangle v1="0" v2="1" v3="2"/>\n', b"", 10**9, xml))
@@ -129,7 +132,7 @@ def measure(path: Path) -> dict[str, object]:
 
 
 def main(chosen: list[str]) -> None:
-    """Measure all files, or those whose names are given; the record is written where all were measured."""
+    """Measure all files, or those whose names are given, and write their entries of the record."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     found = []
     with tempfile.TemporaryDirectory() as name:
@@ -143,9 +146,10 @@ def main(chosen: list[str]) -> None:
             sys.stdout.write(json.dumps(found[-1]) + "\n")
             sys.stdout.flush()
             path.unlink()
-    if not chosen:
-        record = json.loads(OUT.read_text(encoding="utf-8")) | {"limits": found}
-        OUT.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    record = json.loads(OUT.read_text(encoding="utf-8"))
+    kept = {entry["file"]: entry for entry in record.get("limits", []) if chosen}
+    record["limits"] = list((kept | {entry["file"]: entry for entry in found}).values())
+    OUT.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -148,6 +148,18 @@ def parse(data: Any, cls: type[T], where: str) -> T:
         raise checks.InputError(f"{file if own_name else where}: {error}") from error
 
 
+def known(data: Any, cls: type) -> Any:
+    """A section of an older record without the keys that its dataclass `cls` no longer has, however deep."""
+    if not isinstance(data, Mapping):
+        return data
+    hints, kept = _hints(cls), {}
+    for name, value in data.items():
+        if name in hints:
+            inner = [hint for hint in (hints[name], *typing.get_args(hints[name])) if dataclasses.is_dataclass(hint)]
+            kept[name] = known(value, typing.cast(type, inner[0])) if inner else value
+    return kept
+
+
 def artifact_dir(config_path: str | Path, stage: str, category: str | None = None, seed: int = 0) -> Path:
     """artifacts/<experiment>/<stage>[/<category>], relative to the repository root, which is where stages run.
 

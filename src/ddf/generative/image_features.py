@@ -14,8 +14,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ddf.core import checks, config, storage
-from ddf.generative import gan_steps, settings
+from ddf.generative import gan_steps, records, settings
 from ddf.generative.networks import translators
 from ddf.reconstruction import category_data
 from ddf.training import distributed, training_loop
@@ -69,10 +68,8 @@ def load(folder: Path) -> FeatureNetwork:
     Raises:
       FileNotFoundError: there is none. InputError: the file is damaged, or holds something else.
     """
-    record = storage.load_metadata(folder / training_loop.MODEL)
-    if record.get("kind") != KIND:
-        raise checks.InputError(f"{folder}: holds no feature network; give a folder that stage train_features wrote")
-    section = config.parse(record["features"], settings.FeaturesConfig, f"{folder}: features")
+    record = records.read(folder, KIND, "train_features")
+    section = records.section(record, "features", settings.FeaturesConfig, folder)
     model = FeatureNetwork(section, record["shapes"])
     training_loop.load_model(model, folder)
     return model

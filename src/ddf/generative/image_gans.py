@@ -3,7 +3,6 @@
 The first has the VAE's decoder in it, frozen, so that its file alone makes images: latent, field, normals, colours.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ddf.core import checks, config, storage
 from ddf.fields import pddf
-from ddf.generative import settings
+from ddf.generative import records, settings
 from ddf.generative.networks import image_networks, translators
 from ddf.training import training_loop
 
@@ -65,23 +63,16 @@ def load(folder: Path) -> ImageGAN:
     Raises:
       FileNotFoundError: there is none. InputError: the file is damaged, or holds something else.
     """
-    record = _record(folder, KIND, "train_gan")
-    vae = config.parse(record["vae"], settings.VAEConfig, f"{folder}: vae")
-    model = ImageGAN(vae, config.parse(record["gan"], settings.GANConfig, f"{folder}: gan"))
+    record = records.read(folder, KIND, "train_gan")
+    vae = records.section(record, "vae", settings.VAEConfig, folder)
+    model = ImageGAN(vae, records.section(record, "gan", settings.GANConfig, folder))
     training_loop.load_model(model, folder)
     return model
 
 
 def load_2d(folder: Path) -> NoiseGAN:
     """The 2D GAN of a folder that stage `train_gan2d` wrote; as `load`."""
-    record = _record(folder, KIND_2D, "train_gan2d")
-    model = NoiseGAN(config.parse(record["gan"], settings.GANConfig, f"{folder}: gan"))
+    record = records.read(folder, KIND_2D, "train_gan2d")
+    model = NoiseGAN(records.section(record, "gan", settings.GANConfig, folder))
     training_loop.load_model(model, folder)
     return model
-
-
-def _record(folder: Path, kind: str, stage: str) -> Mapping[str, Any]:
-    record = storage.load_metadata(folder / training_loop.MODEL)
-    if record.get("kind") != kind:
-        raise checks.InputError(f"{folder}: holds no model of this kind; give a folder that stage {stage} wrote")
-    return record

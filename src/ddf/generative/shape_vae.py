@@ -12,9 +12,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ddf.core import checks, config, storage
+from ddf.core import storage
 from ddf.fields import pddf, rendering
-from ddf.generative import settings
+from ddf.generative import records, settings
 from ddf.generative.networks import point_encoder
 from ddf.geometry import transforms
 from ddf.shape import shape_field
@@ -76,9 +76,7 @@ def load(folder: Path) -> ShapeVAE:
     Raises:
       FileNotFoundError: there is none. InputError: the file is damaged, or holds something else.
     """
-    record = storage.load_metadata(folder / training_loop.MODEL)
-    if record.get("kind") != KIND:
-        raise checks.InputError(f"{folder}: holds no shape VAE; give a folder that stage train_vae wrote")
-    model = ShapeVAE(config.parse(record["vae"], settings.VAEConfig, f"{folder}: vae"))
+    record = records.read(folder, KIND, "train_vae")
+    model = ShapeVAE(records.section(record, "vae", settings.VAEConfig, folder))
     training_loop.load_model(model, folder)
     return model

@@ -18,7 +18,7 @@ from ddf.geometry.formats.scene_files import collada_geometry, parts, xml_text
 _DEEPEST = 128  # nodes in nodes
 _MOST = 50_000  # geometries placed
 _VISITED = 300_000  # nodes and what they hold, each as often as it is used
-_ELEMENTS = 1_000_000  # of a file: a tree of some hundred bytes each
+_ELEMENTS = 2_000_000  # and attributes of a file: a tree of some hundred bytes each
 _BOUND = 8  # controllers on controllers
 _CHUNK = 1 << 20  # bytes
 _UNREAD = ("lookat", "skew")
@@ -34,9 +34,9 @@ class _Tree(xml_text.Target):
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """An element begins."""
-        self._count += 1
+        self._count += 1 + len(attributes)
         if self._count > _ELEMENTS:
-            raise checks.InputError(f"its XML has more than {_ELEMENTS} elements")
+            raise checks.InputError(f"its XML has more than {_ELEMENTS} elements and attributes")
         element = self._builder.start(tag.rpartition("}")[2], attributes)
         if "id" in attributes:
             self.by_id.setdefault(attributes["id"], element)

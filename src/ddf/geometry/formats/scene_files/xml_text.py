@@ -11,7 +11,7 @@ from ddf.core import checks
 from ddf.geometry.formats import text
 
 MAX_MARKS = 12_000_000  # line ends, entities and twice the tags: each calls a function of ours
-MAX_ATTRIBUTES = 16_000_000
+MAX_ATTRIBUTES = 300_000  # of an element: they are held in memory together
 MAX_BYTES = 128 << 20  # of text, after any decompression: some two million triangles
 _PIECE = 1 << 20  # characters whose words are in memory at once
 _SPACE = re.compile(r"\s")
@@ -65,9 +65,10 @@ class Reader:
         self._marks += data.count(b"\n") + data.count(b"\r") + data.count(b"&") + 2 * data.count(b"<")
         if self._marks > MAX_MARKS:
             raise checks.InputError("its XML has too many elements and line ends; save it in another format")
-        self._attributes += data.count(b"=")
+        before, _, tag = data.rpartition(b"<")
+        self._attributes = tag.count(b"=") + (0 if before or tag != data else self._attributes)
         if self._attributes > MAX_ATTRIBUTES:
-            raise checks.InputError("its XML has too many attributes; save it in another format")
+            raise checks.InputError("an element of its XML has too many attributes; save it in another format")
         try:
             self._parser.feed(data)
         except (ElementTree.ParseError, ValueError, LookupError) as fault:
