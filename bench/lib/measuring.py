@@ -36,7 +36,10 @@ def cpu_name() -> str:
 
 
 def interleaved(
-    candidates: Mapping[str, Callable[[], Any]], most: int, seconds: float = MOST_SECONDS
+    candidates: Mapping[str, Callable[[], Any]],
+    most: int,
+    seconds: float = MOST_SECONDS,
+    clock: Callable[[], float] | None = None,
 ) -> dict[str, list[float]]:
     """Seconds of one call of each candidate, sampled in turn, so that a busy moment meets them all.
 
@@ -47,13 +50,15 @@ def interleaved(
     Args:
       most: samples of each at most.
       seconds: time of each, beyond which it is asked no more.
+      clock: in place of `time.perf_counter`; `time.process_time` where one thread works, however busy the machine is.
     """
+    clock = clock or time.perf_counter
     times: dict[str, list[float]] = {}
     calls: dict[str, int] = {}
     for name, candidate in candidates.items():
-        first = _seconds(candidate, 1)
+        first = _seconds(candidate, 1, clock)
         times[name] = [first] if first >= WARM else []
-        calls[name] = max(1, math.ceil(TICK / _seconds(candidate, 1))) if first < COLD * TICK else 1
+        calls[name] = max(1, math.ceil(TICK / _seconds(candidate, 1, clock))) if first < COLD * TICK else 1
     spent = {name: sum(values) for name, values in times.items()}
 
     def open_still(name: str) -> bool:
@@ -65,17 +70,17 @@ def interleaved(
             break
         for name in asked:
             count = calls[name]
-            times[name].append(_seconds(candidates[name], count))
+            times[name].append(_seconds(candidates[name], count, clock))
             spent[name] += count * times[name][-1]
     return times
 
 
-def _seconds(candidate: Callable[[], Any], calls: int) -> float:
+def _seconds(candidate: Callable[[], Any], calls: int, clock: Callable[[], float]) -> float:
     """Mean of so many calls."""
-    started = time.perf_counter()
+    started = clock()
     for _ in range(calls):
         candidate()
-    return (time.perf_counter() - started) / calls
+    return (clock() - started) / calls
 
 
 def settled(seconds: Sequence[float]) -> bool:

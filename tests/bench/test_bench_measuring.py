@@ -1,5 +1,7 @@
 """How benchmarks take seconds, and what they write."""
 
+import itertools
+
 import pytest
 
 from bench.lib import measuring, results
@@ -60,3 +62,9 @@ def test_rows_are_read_as_they_are_written(tmp_path, monkeypatch):
     assert [row.samples for row in found.rows] == [5, 1, 1]
     assert found.took_s is not None and found.took_s >= 0
     assert found.threads == 2 and set(found.versions) == set(measuring.PACKAGES)
+
+
+def test_another_clock_can_be_given():
+    ticks = itertools.count()
+    times = measuring.interleaved({"one": lambda: None}, 3, clock=lambda: float(next(ticks)))
+    assert times == {"one": [1.0, 1.0, 1.0]}
