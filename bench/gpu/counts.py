@@ -29,7 +29,7 @@ DEVICE = "meta"
 READS = ("_local_scalar_dense", "item", "is_nonzero", "equal")  # of a value
 SIZES = ("nonzero", "masked_select")  # whose result has a size that the values tell
 EVENLY = {"jitter": 0.2, "recheck": (0.1,), "spread": 0.75, "crowding": 1.0, "least_confidence": 0.1, "aimed": 0.5}
-FREE = ("empty", "new_empty", "detach")  # launch nothing
+FREE = ("empty", "new_empty", "detach", "_unsafe_view")  # launch nothing
 
 
 @dataclass

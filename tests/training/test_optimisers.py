@@ -123,13 +123,14 @@ def test_several_matrices_at_once_are_those_one_by_one(shape):
         torch.testing.assert_close(found, optimisers.nearest_orthogonal(matrix, *given), atol=1e-12, rtol=1e-10)
 
 
-def test_batches_of_one_shape_move_weights_as_one_by_one(monkeypatch):
-    moved = []
-    for batches in (optimisers._batches, _by_shape):
-        monkeypatch.setattr(optimisers, "_batches", batches)
+def test_weights_move_together_as_one_by_one(monkeypatch):
+    sizes, moved = ((6, 6), (6, 6), (4, 2, 3), (6, 6), (3, 9), (3, 2, 4), (8, 3), (8, 3)), []  # the last four are long
+    for rounds in (optimisers._rounds, _as_on_a_gpu):
+        monkeypatch.setattr(optimisers, "_rounds", rounds)
         torch.manual_seed(0)
-        weights = [torch.nn.Parameter(torch.randn(size).double()) for size in ((6, 6), (6, 6), (4, 2, 3), (6, 6))]
-        muon = optimisers.Muon([{"params": weights, "weight_decay": 0.1}], 0.02, "float32")
+        weights = [torch.nn.Parameter(torch.randn(size).double()) for size in sizes]
+        groups = [{"params": weights[:3], "weight_decay": 0.1}, {"params": weights[3:]}]
+        muon = optimisers.Muon(groups, 0.02, "float32")
         for step in range(3):
             for weight in weights:
                 weight.grad = torch.cos(weight.detach() * (step + 1))
@@ -139,10 +140,17 @@ def test_batches_of_one_shape_move_weights_as_one_by_one(monkeypatch):
         torch.testing.assert_close(one, other, atol=1e-12, rtol=1e-10)
 
 
-def _by_shape(weights):
-    """As on a GPU."""
+def _as_on_a_gpu(weights):
     shapes = {weight.shape for weight in weights}
-    return [[weight for weight in weights if weight.shape == shape] for shape in shapes]
+    return [[[weight for weight in weights if weight.shape == shape] for shape in shapes]]
+
+
+def test_a_gpu_moves_all_weights_of_a_group_in_one_round():
+    sizes = [(4, 4), (2, 6), (4, 4)]
+    own, other = ([torch.zeros(size, device=place) for size in sizes] for place in ("cpu", "meta"))
+    assert [[len(batch) for batch in batches] for batches in optimisers._rounds(own)] == [[1]] * 3
+    assert [[len(batch) for batch in batches] for batches in optimisers._rounds(other)] == [[2, 1]]
+    assert optimisers._rounds([]) == []
 
 
 def test_without_muon_it_is_adamw():

@@ -5,6 +5,7 @@ direction waits for another; a kernel is a matrix of one row per output channel.
 first sine layers, heads, biases, scales.
 """
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -32,34 +33,78 @@ class Muon(torch.optim.Optimizer):
     @torch.no_grad()
     def step(self) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Move every matrix that has a gradient, as torch does it: Nesterov's average, decay apart from it."""
+        by_rate: dict[float, list[Tensor]] = {}
         for group in self.param_groups:
-            for weights in _batches([each for each in group["params"] if each.grad is not None]):
-                each = [self._ahead(weight) for weight in weights]
-                ahead = each[0] if len(each) == 1 else torch.stack(each)
-                factors = ahead.to(passes.product_type(self.matmul, ahead))
-                moves = nearest_orthogonal(factors, QUINTIC, QUINTIC_STEPS, LEAST_NORM)
-                taller = max(1.0, ahead.shape[-2] / ahead.shape[-1])
-                for weight, moved in zip(weights, moves.reshape(-1, *ahead.shape[-2:]), strict=True):
-                    weight.mul_(1 - group["lr"] * group["weight_decay"])
-                    weight.add_(moved.reshape(weight.shape), alpha=-group["lr"] * taller**0.5)
+            weights = [each for each in group["params"] if each.grad is not None]
+            if weights and group["weight_decay"]:
+                _foreach("mul_", weights, 1 - group["lr"] * group["weight_decay"])
+            by_rate.setdefault(group["lr"], []).extend(weights)
+        for rate, weights in by_rate.items():
+            for batches in _rounds(weights):
+                self._move(batches, rate)
 
-    def _ahead(self, weight: Tensor) -> Float[Tensor, "a b"]:
-        """Nesterov's average of the gradient, as a matrix."""
-        gradient, state = weight.grad, self.state[weight]
-        if gradient is None:
-            raise ValueError("a weight without gradient is not moved")
-        if not state:
-            state["momentum_buffer"] = torch.zeros_like(weight)
-        average = state["momentum_buffer"].lerp_(gradient, 1 - MOMENTUM)
-        return gradient.lerp(average, MOMENTUM).flatten(1)
+    def _move(self, batches: Sequence[Sequence[Tensor]], rate: float) -> None:
+        """Of several batches of weights of one shape."""
+        weights = list(itertools.chain.from_iterable(batches))
+        ahead = iter(self._ahead(weights))
+        stacks = [_stacked(list(itertools.islice(ahead, len(batch)))) for batch in batches]
+        factors = [stack.to(passes.product_type(self.matmul, stack)) for stack in stacks]
+        found = nearest_orthogonals(factors, QUINTIC, QUINTIC_STEPS, LEAST_NORM)
+        for batch, moves in zip(batches, found, strict=True):
+            rows, columns = moves.shape[-2:]
+            moved = [each.reshape(batch[0].shape) for each in moves.reshape(-1, rows, columns)]
+            _foreach("add_", batch, moved, alpha=-rate * max(1.0, rows / columns) ** 0.5)
+
+    def _ahead(self, weights: Sequence[Tensor]) -> list[Float[Tensor, "a b"]]:
+        """Nesterov's averages of the gradients, as matrices."""
+        gradients = [weight.grad for weight in weights if weight.grad is not None]
+        for weight in weights:
+            if not self.state[weight]:
+                self.state[weight]["momentum_buffer"] = torch.zeros_like(weight)
+        averages = [self.state[weight]["momentum_buffer"] for weight in weights]
+        _foreach("lerp_", averages, gradients, 1 - MOMENTUM)
+        return [each.flatten(1) for each in _foreach("lerp", gradients, averages, MOMENTUM)]
 
 
-def _batches(weights: Sequence[Tensor]) -> list[list[Tensor]]:
-    """Weights whose products are made together: on a GPU, where launches cost more than products, all of one shape."""
-    found: dict[Any, list[Tensor]] = {}
-    for index, weight in enumerate(weights):
-        found.setdefault(index if weight.device.type == "cpu" else weight.shape, []).append(weight)
-    return list(found.values())
+def _foreach(name: str, *arguments: Any, **named: Any) -> Any:
+    """torch's operator of this name for each of several tensors, which a GPU does at once."""
+    return getattr(torch, f"_foreach_{name}")(*arguments, **named)
+
+
+def _rounds(weights: Sequence[Tensor]) -> list[list[list[Tensor]]]:
+    """Weights that are moved together, those of one shape side by side: on a GPU, where launches cost more than
+    products, all of them; on a CPU, whose cache they would leave, each for itself.
+    """
+    if not weights or weights[0].device.type == "cpu":
+        return [[[weight]] for weight in weights]
+    found: dict[torch.Size, list[Tensor]] = {}
+    for weight in weights:
+        found.setdefault(weight.shape, []).append(weight)
+    return [list(found.values())]
+
+
+def _stacked(matrices: Sequence[Float[Tensor, "a b"]]) -> Float[Tensor, "*n a b"]:
+    return matrices[0] if len(matrices) == 1 else torch.stack(list(matrices))
+
+
+def nearest_orthogonals(
+    matrices: Sequence[Tensor], coefficients: tuple[float, float, float], steps: int, eps: float
+) -> list[Tensor]:
+    """`nearest_orthogonal` of each; the squares of all long ones with as short a side are made together."""
+    if len(matrices) == 1:
+        return [nearest_orthogonal(matrices[0], coefficients, steps, eps)]
+    unit = [_unit(each, eps) for each in matrices]
+    found = [each if _is_long(each) else _iterated(each, coefficients, steps) for each in unit]
+    by_side: dict[int, list[int]] = {}
+    for index, each in enumerate(unit):
+        if _is_long(each):
+            by_side.setdefault(each.shape[-2], []).append(index)
+    for side, members in by_side.items():
+        grams = [(unit[index] @ unit[index].mT).reshape(-1, side, side) for index in members]
+        products = _polynomial(torch.cat(grams), coefficients, steps).split([len(gram) for gram in grams])
+        for index, product in zip(members, products, strict=True):
+            found[index] = product.reshape(*unit[index].shape[:-2], side, side) @ unit[index]
+    return [each if _is_wide(given) else each.mT for given, each in zip(matrices, found, strict=True)]
 
 
 def nearest_orthogonal(
@@ -75,24 +120,55 @@ def nearest_orthogonal(
     Args:
       coefficients: of X <- a X + (b X X^T + c (X X^T)²) X. eps: least norm that X is divided by at first.
     """
-    a, b, c = coefficients
-    wide = matrix if matrix.shape[-2] <= matrix.shape[-1] else matrix.mT
-    found = wide / wide.norm(dim=(-2, -1), keepdim=True).clamp(min=eps)
-    multiply_add = torch.addmm if matrix.ndim == 2 else torch.baddbmm
-    if found.shape[-1] >= 2 * found.shape[-2] and found.dtype != torch.bfloat16:
-        gram, product = found @ found.mT, None
-        for step in range(steps):
-            factor = multiply_add(gram, gram, gram, beta=b, alpha=c)
-            factor.diagonal(dim1=-2, dim2=-1).add_(a)
-            product = factor if product is None else factor @ product
-            if step + 1 < steps:
-                gram = factor @ gram @ factor
-        found = found if product is None else product @ found
+    found = _unit(matrix, eps)
+    if _is_long(found):
+        found = _polynomial(found @ found.mT, coefficients, steps) @ found
     else:
-        for _ in range(steps):
-            gram = found @ found.mT
-            found = multiply_add(found, multiply_add(gram, gram, gram, beta=b, alpha=c), found, beta=a)
-    return found if wide is matrix else found.mT
+        found = _iterated(found, coefficients, steps)
+    return found if _is_wide(matrix) else found.mT
+
+
+def _is_wide(matrix: Float[Tensor, "*n a b"]) -> bool:
+    return matrix.shape[-2] <= matrix.shape[-1]
+
+
+def _is_long(wide: Float[Tensor, "*n a b"]) -> bool:
+    return wide.shape[-1] >= 2 * wide.shape[-2] and wide.dtype != torch.bfloat16
+
+
+def _unit(matrix: Float[Tensor, "*n a b"], eps: float) -> Float[Tensor, "*n c d"]:
+    """Over its norm, the longer side last."""
+    wide = matrix if _is_wide(matrix) else matrix.mT
+    return wide / wide.norm(dim=(-2, -1), keepdim=True).clamp(min=eps)
+
+
+def _multiply_add(added: Tensor, left: Tensor, right: Tensor, beta: float, alpha: float) -> Tensor:
+    return (torch.addmm if added.ndim == 2 else torch.baddbmm)(added, left, right, beta=beta, alpha=alpha)
+
+
+def _polynomial(
+    gram: Float[Tensor, "*n a a"], coefficients: tuple[float, float, float], steps: int
+) -> Float[Tensor, "*n a a"]:
+    """What all steps together multiply X by, of the first X X^T; `steps` is at least 1."""
+    a, b, c = coefficients
+    product = gram
+    for step in range(steps):
+        factor = _multiply_add(gram, gram, gram, beta=b, alpha=c)
+        factor.diagonal(dim1=-2, dim2=-1).add_(a)
+        product = factor @ product if step else factor
+        if step + 1 < steps:
+            gram = factor @ gram @ factor
+    return product
+
+
+def _iterated(
+    found: Float[Tensor, "*n a b"], coefficients: tuple[float, float, float], steps: int
+) -> Float[Tensor, "*n a b"]:
+    a, b, c = coefficients
+    for _ in range(steps):
+        gram = found @ found.mT
+        found = _multiply_add(found, _multiply_add(gram, gram, gram, beta=b, alpha=c), found, beta=a, alpha=1.0)
+    return found
 
 
 class Optimiser:
