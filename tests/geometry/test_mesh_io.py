@@ -152,3 +152,13 @@ def test_every_readable_real_mesh_loads(shared_dir):
     }
     for name, faces in known.items():
         assert len(mesh_io.load(shared_dir / "meshes" / name).faces) == faces
+
+
+def test_a_file_without_a_surface_is_named(tmp_path):
+    path = tmp_path / "line.obj"
+    path.write_text("v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n")
+    assert len(mesh_io.load(path).faces) == 1
+    with pytest.raises(checks.InputError, match=r"line\.obj: no triangle has an area"):
+        mesh_io.load_surface(path)
+    path.write_text("v 0 0 0\nv 1 1 1\nv 2 2 2\nv 0 1 0\nf 1 2 3\nf 1 2 4\n")
+    assert len(mesh_io.load_surface(path).faces) == 2

@@ -125,6 +125,18 @@ def load(path: Path | str) -> Mesh:
         raise checks.InputError(f"{path}: {fault}") from fault
 
 
+def load_surface(path: Path | str) -> Mesh:
+    """As `load`, of a mesh that has a surface.
+
+    Raises:
+      InputError: no triangle has an area; the message names the file.
+    """
+    mesh = load(path)
+    if not have_area(mesh, face_normals(mesh)[1]).any():
+        raise checks.InputError(f"{path}: no triangle has an area")
+    return mesh
+
+
 def require_suffix(suffix: str) -> None:
     """Raise unless meshes with this suffix are written."""
     _require(suffix, SUFFIXES)

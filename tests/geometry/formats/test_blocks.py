@@ -105,6 +105,7 @@ def test_numbers_at_once_are_those_of_python_or_none():
     [
         ("text.MAX_NUMBERS", 10, b"v 0 0 0\n" * 9, ".obj", "more than 10 numbers"),
         ("text.MAX_BY_WORD", 10, b"V 0 0 0\n" * 9, ".obj", "unusual form"),
+        ("text.MAX_CONTINUED", 10, b"# \\\n" * 9, ".obj", "lines that end in backslashes"),
         ("raw.MAX_VERTICES", 8, b"v 0 0 0\n" * 9, ".obj", "9 vertices; at most 8"),
         ("raw.MAX_CORNERS", 8, b"v 0 0 0\n" * 9 + b"f 1 2 3 4 5 6 7 8 9\n", ".obj", "9 corners; at most 8"),
         (
@@ -123,5 +124,6 @@ def test_numbers_at_once_are_those_of_python_or_none():
 )
 def test_what_would_take_long_is_refused(monkeypatch, name, value, data, suffix, words):
     monkeypatch.setattr(f"ddf.geometry.formats.{name}", value)
+    monkeypatch.setattr(text, "_BLOCK", 16)
     with pytest.raises(checks.InputError, match=words):
         mesh_io.parse(data, suffix)

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         fit = dataclasses.replace(fit, steps=args.steps, minutes=None)
     if args.seed is not None:
         fit = dataclasses.replace(fit, loop=dataclasses.replace(fit.loop, seed=args.seed))
-    mesh = mesh_io.load(args.mesh)
+    mesh = mesh_io.load_surface(args.mesh)
     if args.out.exists() and not args.out.is_dir():
         raise checks.InputError(f"{args.out}: is a file; give a folder to write")
     how = {"threads": _threads(fit.loop.threads, args.threads, fit.steps is None), "force": args.force}

@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         faces=args.faces, alpha=args.alpha, offset=args.offset, wrap=args.wrap, holes=holes
     )
     mesh_io.require_suffix(args.out.suffix)
-    raw = mesh_io.load(args.source)
+    raw = mesh_io.load_surface(args.source)
     from ddf.core import (
         seeding,
         storage,  # a bad file is refused before these load 0.9 GiB of packages

@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         box=args.box,
         seed=args.seed,
     )
-    raw = mesh_io.load(args.mesh)
+    raw = mesh_io.load_surface(args.mesh)
     mesh, field_from_raw = _field_mesh(raw, args.watertight)
     arrays, probes = sampling.extract(mesh, config)
     metadata = {

@@ -13,7 +13,8 @@ from ddf.core import checks
 MAX_LINE = 16 << 20  # bytes; a polygon of a million corners fits
 MAX_LINES = 12_000_000  # of a file: 1.7 million triangles of an STL file
 MAX_NUMBERS = 60_000_000  # of a file
-MAX_BY_WORD = 15_000_000  # words of a file that are read one by one, a line's end as four: about five seconds
+MAX_CONTINUED = 4 << 20  # bytes of one line after another that ends in a backslash
+MAX_BY_WORD = 12_000_000  # words of a file that are read one by one, a line's end as four: about five seconds
 _BLOCK = 1 << 19  # bytes
 _FEED, _SPACE = 10, 32
 _BLANK = b" \t\n\v\f"
@@ -73,7 +74,7 @@ class Blocks:
 
     Raises:
       InputError: zero bytes (no text file has them), a line longer than 16 MiB, or more than 12 million lines; while
-        reading, more than 60 million numbers, or more than 15 million words one by one.
+        reading, more than 60 million numbers, or more than 12 million words one by one.
     """
 
     def __init__(self, data: bytes, number: int = 1) -> None:
@@ -94,8 +95,11 @@ class Blocks:
         if begin >= len(data) or most_lines <= 0:
             return None
         end = self._end_of_line(begin if most_lines == 1 else min(begin + _BLOCK, len(data)) - 1)
+        least = end
         while _goes_on(data, begin, end):
             end = self._end_of_line(end)
+            if end - least > MAX_CONTINUED:
+                raise checks.InputError(f"more than {MAX_CONTINUED} bytes of lines that end in backslashes")
         if data.count(b"\n", begin, end) >= most_lines:
             ends = np.flatnonzero(np.frombuffer(data, np.uint8, end - begin, begin) == _FEED)
             end = begin + int(ends[most_lines - 1]) + 1
