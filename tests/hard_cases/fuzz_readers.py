@@ -174,7 +174,8 @@ def main(meshes: int, images: int) -> None:
             shapenet.read_any_image(path, 16)
 
         found = {"meshes": run(meshes, seeds(), mesh_io.parse), "images": run(images, pictures(), read_picture)}
-    OUT.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    record = json.loads(OUT.read_text(encoding="utf-8")) | found
+    OUT.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
