@@ -223,8 +223,7 @@ class SampleSet:
         """
         unknown = without_truth(len(shapes), counts["E"], random, part)
         tables = self.tables(shapes[part])
-        stored = {kind: tables[0][0][f"{kind}.depth"].shape[1] for kind in sample_types.KINDS}
-        drawn = stored_rows(stored, len(shapes), counts, random)
+        drawn = stored_rows(stored_counts(tables[0][0]), len(shapes), counts, random)
         codes = {
             field: [gather(tables, f"{sample_types.base(name)}.{field}", rows[part]) for name, rows in drawn.items()]
             for field in packing.FIELDS
@@ -237,6 +236,11 @@ class SampleSet:
         places = [self.places[i] for i in shapes]
         opened = {number: self.shards[number] for number in {number for number, _ in places}}
         return [(opened[number], row) for number, row in places]
+
+
+def stored_counts(shard: Shard) -> dict[str, int]:
+    """How many samples of each type a shape has, the same for all."""
+    return {kind: shard[f"{kind}.depth"].shape[1] for kind in sample_types.KINDS}
 
 
 def stored_rows(

@@ -40,15 +40,11 @@ def block_loss(
     differentiate: bool,
 ) -> tuple[Tensor, list[Tensor]]:
     """What `plain` gives, and adds to the sums of `parameters`, up to rounding; by `plain` where nothing compiles."""
-    from torch._dynamo import config, exc  # takes a second, for a GPU alone
-
     given = (field, block.tensors(), dict(block.counts), modulations, weights, parameters.product, dict(numbers))
-    try:
-        with config.patch(recompile_limit=MOST_FORMS):
-            values, found, sums = _compiled(plain)(*given)
-    except exc.TorchDynamoException as error:
-        _refuse(error)
+    made = _unless_refused(_compiled(plain), *given)
+    if made is None:
         return plain(field, block, modulations, weights, parameters, numbers, differentiate)
+    values, found, sums = made
     for total, own in zip(parameters.sums(), sums, strict=True):
         total += own
     return values, found
@@ -60,19 +56,21 @@ def raw(
     """`field` of these arguments; where a training compiles, by few kernels, and so its gradient."""
     if not (field.training and torch.is_grad_enabled() and wanted(positions.device)):
         return field(positions, directions, modulations)
-    from torch._dynamo import config, exc
+    found = _unless_refused(_compiled_field(), field, positions, directions, modulations)
+    return field(positions, directions, modulations) if found is None else found
+
+
+def _unless_refused(compiled: Callable[..., Any], *given: Any) -> Any:
+    """What a compiled function gives; None, and a warning, where this machine does not compile it."""
+    from torch._dynamo import config, exc  # takes a second, for a GPU alone
 
     try:
         with config.patch(recompile_limit=MOST_FORMS):
-            return _compiled_field()(field, positions, directions, modulations)
+            return compiled(*given)
     except exc.TorchDynamoException as error:
-        _refuse(error)
-        return field(positions, directions, modulations)
-
-
-def _refuse(error: Exception) -> None:
-    _refused.append(str(error))
-    LOGGER.warning("the loss is not compiled, so steps take longer: %s", " ".join(str(error).split())[:200])
+        _refused.append(str(error))
+        LOGGER.warning("the loss is not compiled, so steps take longer: %s", " ".join(str(error).split())[:200])
+        return None
 
 
 @functools.cache

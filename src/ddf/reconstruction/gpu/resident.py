@@ -53,8 +53,7 @@ class Samples:
 
 def joined_samples(samples: category_data.SampleSet, device: torch.device) -> Samples:
     """All samples of a set on a device; one shard at a time is in the host's memory."""
-    first, _ = samples.tables(np.array([0]))[0]
-    stored = {kind: first[f"{kind}.depth"].shape[1] for kind in sample_types.KINDS}
+    stored = _stored(samples)
     size = (len(samples.places), sum(stored.values()), packing.RECORD)
     whole = torch.zeros(size, dtype=torch.int16, device=device)
     by_shard = np.argsort([shard for shard, _ in samples.places], kind="stable")
@@ -105,9 +104,7 @@ class Memory:
         """The samples, on the device if they are stored and fit there."""
         if not isinstance(samples, category_data.SampleSet):
             return samples
-        shard, _ = samples.tables(np.array([0]))[0]
-        count = sum(shard[f"{kind}.depth"].shape[1] for kind in sample_types.KINDS)
-        size = 2 * packing.RECORD * len(samples.places) * count
+        size = 2 * packing.RECORD * len(samples.places) * sum(_stored(samples).values())
         return joined_samples(samples, self.device) if self._takes("samples", size) else samples
 
     def _takes(self, name: str, size: int) -> bool:
@@ -118,6 +115,12 @@ class Memory:
         where = f"in the memory of {self.device}" if fits else "in files: the GPU has no room for them"
         LOGGER.info("%s of the training set, %.1f GiB: %s", name, size / 2**30, where)
         return fits
+
+
+def _stored(samples: category_data.SampleSet) -> dict[str, int]:
+    """Samples of each type of a shape."""
+    ((shard, _),) = samples.tables(np.array([0]))
+    return category_data.stored_counts(shard)
 
 
 def _silent() -> bool:
