@@ -5,10 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from ddf.core import shipped_models
 from ddf.fields import framed_field
 from ddf.fields.scenes import closed_form, scene_field
 from ddf.geometry import primitives, rays, transforms
 from ddf.report.paper_figures import room_figure
+from ddf.shape import shape_field
 
 TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # a quarter about y
 TORUS = closed_form.ClosedForm(primitives.Torus())
@@ -57,3 +59,14 @@ def test_culling_asks_fewer_queries():
         framed_field.query(dataclasses.replace(SCENE, fields=counted, cull=cull), _points(), ("depth",))
         asked.append(sum(each.queries for each in counted))
     assert 0 < asked[0] < asked[1] / 2
+
+
+def test_networks_in_float64_are_culled_without_a_difference():
+    field = shape_field.load(shipped_models.place("rabbit"))
+    scene = scene_field.SceneField((field, field), PLACES, np.full(3, -1.5), np.full(3, 1.5))
+    double = room_figure._double(scene)
+    seen, angle, visibility, depth = room_figure.agreement(double, _points(1000))
+    assert seen > 20
+    assert angle < 1e-6 and visibility < 1e-12 and depth < 1e-12
+    (kind,) = {each.dtype for each in field.field.parameters()}
+    assert str(kind) == "torch.float32"  # the scene's own networks are left as they are
