@@ -6,7 +6,9 @@ export interface Pixels {
   height: number;
 }
 
-/** Weights of the triangle filter that shrinks or grows `from` pixels to `to`: for every new pixel, the first old one and its weights. */
+const UNIT = 2 ** 22; // what weights are whole multiples of, as Pillow's are
+
+/** Weights of the triangle filter that shrinks or grows `from` pixels to `to`, times `UNIT`: for every new pixel, the first old one and its weights. */
 function filter(from: number, to: number): { first: number; weights: number[] }[] {
   const scale = from / to;
   const support = Math.max(scale, 1);
@@ -16,46 +18,60 @@ function filter(from: number, to: number): { first: number; weights: number[] }[
     const last = Math.min(from, Math.floor(centre + support + 0.5));
     const weights = Array.from({ length: last - first }, (_, i) => Math.max(0, 1 - Math.abs((first + i + 0.5 - centre) / support)));
     const sum = weights.reduce((a, b) => a + b, 0);
-    return { first, weights: weights.map((weight) => weight / sum) };
+    return { first, weights: weights.map((weight) => Math.floor((weight / sum) * UNIT + 0.5)) };
   });
 }
 
-/** In the middle of a transparent square, resized, as planes R, G, B, A in [0, 1]; colours are 0 where alpha is. */
+/** A sum of bytes by such weights, as a byte. */
+const rounded = (sum: number): number => Math.floor(sum / UNIT + 0.5);
+
+/** In the middle of a transparent square, resized, as planes R, G, B, A in [0, 1]; colours are 0 where alpha is. Bytes are rounded where Pillow rounds them. */
 export function encoderInput(image: Pixels, size: number): Float32Array {
   const side = Math.max(image.width, image.height);
   const [left, top] = [Math.floor((side - image.width) / 2), Math.floor((side - image.height) / 2)];
-  const taps = filter(side, size);
-  const rows = new Float64Array(4 * side * size); // resized in x alone
+  const whole = new Uint8Array(4 * side * side);
+  const kept = side === size; // nothing is resized then, and no colour rounded
   for (let y = 0; y < image.height; y++) {
-    taps.forEach(({ first, weights }, x) => {
-      const sums = [0, 0, 0, 0];
-      weights.forEach((weight, i) => {
-        const column = first + i - left;
-        if (column < 0 || column >= image.width) return;
-        const at = 4 * (y * image.width + column);
-        const alpha = image.data[at + 3]!;
-        for (let c = 0; c < 3; c++) sums[c]! += (weight * image.data[at + c]! * alpha) / 255;
-        sums[3]! += weight * alpha;
-      });
-      for (let c = 0; c < 4; c++) rows[4 * ((y + top) * size + x) + c] = Math.round(sums[c]!);
-    });
+    for (let x = 0; x < image.width; x++) {
+      const [from, at] = [4 * (y * image.width + x), 4 * ((y + top) * side + x + left)];
+      const alpha = image.data[from + 3]!;
+      for (let c = 0; c < 3; c++) whole[at + c] = kept ? image.data[from + c]! : Math.round((image.data[from + c]! * alpha) / 255);
+      whole[at + 3] = alpha;
+    }
   }
+  const small = kept ? whole : resized(whole, side, size);
   const planes = new Float32Array(4 * size * size);
-  for (let x = 0; x < size; x++) {
-    taps.forEach(({ first, weights }, y) => {
-      const sums = [0, 0, 0, 0];
-      weights.forEach((weight, i) => {
-        for (let c = 0; c < 4; c++) sums[c]! += weight * rows[4 * ((first + i) * size + x) + c]!;
-      });
-      const alpha = Math.round(sums[3]!);
-      for (let c = 0; c < 3; c++) {
-        const colour = alpha > 0 ? Math.min(255, Math.floor((255 * Math.round(sums[c]!)) / alpha)) : 0;
-        planes[(c * size + y) * size + x] = colour / 255;
-      }
-      planes[(3 * size + y) * size + x] = alpha / 255;
-    });
+  for (let at = 0; at < size * size; at++) {
+    const alpha = small[4 * at + 3]!;
+    for (let c = 0; c < 3; c++) {
+      const colour = small[4 * at + c]!;
+      const own = kept || alpha === 0 ? colour : Math.min(255, Math.floor((255 * colour) / alpha));
+      planes[c * size * size + at] = alpha > 0 ? own / 255 : 0;
+    }
+    planes[3 * size * size + at] = alpha / 255;
   }
   return planes;
+}
+
+/** Premultiplied bytes of a square, resized along x and then along y. */
+function resized(bytes: Uint8Array, side: number, size: number): Uint8Array {
+  const taps = filter(side, size);
+  const rows = new Uint8Array(4 * side * size);
+  for (let y = 0; y < side; y++) {
+    taps.forEach(({ first, weights }, x) => {
+      for (let c = 0; c < 4; c++) {
+        const sum = weights.reduce((total, weight, i) => total + weight * bytes[4 * (y * side + first + i) + c]!, 0);
+        rows[4 * (y * size + x) + c] = rounded(sum);
+      }
+    });
+  }
+  const found = new Uint8Array(4 * size * size);
+  taps.forEach(({ first, weights }, y) => {
+    for (let at = 0; at < 4 * size; at++) {
+      found[4 * y * size + at] = rounded(weights.reduce((total, weight, i) => total + weight * rows[4 * (first + i) * size + at]!, 0));
+    }
+  });
+  return found;
 }
 
 /** The pixels of an image file; throws one line that says what is wrong. */
@@ -63,13 +79,31 @@ export async function read(file: Blob): Promise<Pixels> {
   const bitmap = await createImageBitmap(file, { premultiplyAlpha: "none", colorSpaceConversion: "none" }).catch(() => {
     throw new Error("this is no image that the browser reads; give an RGBA PNG");
   });
-  const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
-  const pen = canvas.getContext("2d", { willReadFrequently: true })!;
-  pen.drawImage(bitmap, 0, 0);
-  const found = pen.getImageData(0, 0, bitmap.width, bitmap.height);
+  const found = { data: bytes(bitmap), width: bitmap.width, height: bitmap.height };
   let [least, most] = [255, 0];
   for (let at = 3; at < found.data.length; at += 4) [least, most] = [Math.min(least, found.data[at]!), Math.max(most, found.data[at]!)];
   if (most === 0) throw new Error("the image is transparent everywhere; its alpha must mask the object");
   if (least === 255) throw new Error("the image has no transparent pixel; cut the object out first, its alpha is the mask");
   return found;
+}
+
+/** As the file has them where there is WebGL2; a canvas multiplies colours by alpha, and what it gives back is rounded twice. */
+function bytes(bitmap: ImageBitmap): ArrayLike<number> {
+  const { width, height } = bitmap;
+  const gl = new OffscreenCanvas(1, 1).getContext("webgl2");
+  if (gl && Math.max(width, height) <= gl.getParameter(gl.MAX_TEXTURE_SIZE)) {
+    const found = new Uint8Array(4 * width * height);
+    const texture = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.pixelStorei(gl.UNPACK_COLORSPACE_CONVERSION_WEBGL, gl.NONE);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, gl.createFramebuffer());
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, found);
+    gl.getExtension("WEBGL_lose_context")?.loseContext();
+    return found;
+  }
+  const pen = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true })!;
+  pen.drawImage(bitmap, 0, 0);
+  return pen.getImageData(0, 0, width, height).data;
 }
