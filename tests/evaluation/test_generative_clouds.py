@@ -31,6 +31,17 @@ def test_novelty_sets_samples_beside_learned_shapes():
     assert generative_clouds.spread([3.0, 1.0, 2.0]).tolist() == [1.0, 2.0, 3.0]
 
 
+def test_sets_are_compared_by_their_nearest():
+    truth = [_cloud(x) for x in (0.0, 1.0, 2.0, 3.0)]
+    one_place = generative_clouds.distribution([_cloud(x) for x in (0.1, 0.11, 0.12, 0.13)], truth)
+    assert one_place["matching_x1000"] == pytest.approx(1000 * 2 * (0.1**2 + 0.87**2 + 1.87**2 + 2.87**2) / 4, rel=0.01)
+    assert one_place["coverage"] == 0.25
+    assert one_place["told_apart"] == 0.75  # the true ones at 0 and 1 are nearest to made ones
+    same = generative_clouds.distribution([_cloud(x + 0.1) for x in (0.0, 1.0, 2.0, 3.0)], truth)
+    assert same["coverage"] == 1 and same["matching_x1000"] == pytest.approx(20.0)
+    assert same["told_apart"] == 0  # each is beside one of the other set
+
+
 def test_clouds_of_fields_are_in_the_benchmark_frame():
     fields = pictures.fields(_generative.vae().decoder, torch.ones(1, 5))
     (near,) = generative_clouds.of_fields(fields, [2.0], 20, 0)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
@@ -75,12 +76,18 @@ def of_shapes(
         fields = pictures.fields(vae.decoder, own)
         clouds = generative_clouds.of_fields(fields, tested.scales.tolist(), section.cloud_points, section.seed)
         found[name] = generative_clouds.compared(clouds, truth) | {"errors": held_out.errors(vae, own, tested)}
-    prior = normal_images.latents(section.samples, vae.config.latent_features, section.seed, "samples")
-    scales = [float(vae.field_scale)] * section.samples
+    like = len(tested.ids)  # as many samples as held-out shapes are compared with these
+    count = max(section.samples, like)
+    prior = normal_images.latents(count, vae.config.latent_features, section.seed, "samples")
     fields = pictures.fields(vae.decoder, prior)
-    drawn = generative_clouds.of_fields(fields, scales, section.cloud_points, section.seed)
+    drawn = generative_clouds.of_fields(fields, [float(vae.field_scale)] * count, section.cloud_points, section.seed)
+    others = [known[row] for row in np.linspace(0, len(known) - 1, min(like, len(known))).round().astype(int)]
     return {
         "held_out": found,
         "divergence": held_out.summary(held_out.divergences(vae, learned, section.seed)),
-        "prior": generative_clouds.novelty(drawn, known, parts.learned, len(tested.ids)),
+        "prior": generative_clouds.novelty(drawn[: section.samples], known, parts.learned, like),
+        "distribution": {
+            "prior": generative_clouds.distribution(drawn[:like], truth),
+            "learned": generative_clouds.distribution(others, truth),
+        },
     }

@@ -28,6 +28,10 @@ def _scores(in_order):
             "optimised": {"chamfer_l2_sq_x1000": 1.0, **clouds},
         },
         "divergence": {"sum": 7.5, "used": 3, "by_dimension": [4.0, 2.0, 1.5, 0.0, 0.0]},
+        "distribution": {
+            "prior": {"matching_x1000": 0.25, "coverage": 0.5, "told_apart": 0.875},
+            "learned": {"matching_x1000": 0.125, "coverage": 0.75, "told_apart": 0.5},
+        },
         "prior": {"nearest": ["a"], "chamfer_x1000": [1.0, 2.0], "between_learned_x1000": [0.5, 1.5, 2.5]},
         "images": {
             "rows": {name: {"kid": kid, **row} for name, kid in named.items()},
@@ -63,6 +67,7 @@ def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order):
     assert ("50.0 ± 1.0" in text) == in_order and ("not in the order" in text) != in_order
     assert "0.40 of that with two" in text and "3 of 5 dimensions" in text
     assert "not computed (no Inception weights)" in text and "| 27 |" in text and "paper, ShapeNet" in text
+    assert "| samples of the prior | 0.250 | 50 | 88 |" in text and "| learned shapes | 0.125 | 75 | 50 |" in text
     assert "| shape VAE | 100 | 2.0 | 1.500 |" in text
     assert text.count("What two cores cannot show") == 1
     for name in ("samples", "views", "between"):
