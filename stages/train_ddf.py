@@ -31,6 +31,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     sources += truth.sources
     digest, memory = images.digest(), resident.Memory(training_loop.device())
     images, samples = memory.images(images), memory.samples(truth.samples)
+    samples, propose = memory.casting(samples, truth.propose)
 
     model = reconstruction_models.ddf_model(train, section.field).to(training_loop.device())
     model.camera_head.fit(images.cameras)
@@ -44,9 +45,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     training_loop.fit(
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera, section.encoder_share(train.loop)),
-        functools.partial(
-            training_steps.ddf_step, model, images, shapes, samples, train, section, propose=truth.propose
-        ),
+        functools.partial(training_steps.ddf_step, model, images, shapes, samples, train, section, propose=propose),
         section.steps,
         section.loop(train.loop),
         out_dir,

@@ -21,6 +21,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from bench.gpu import parity, sizes
 from ddf.fields import cloud_projection, pddf
 from ddf.fields.gpu import farthest_points
+from ddf.geometry.gpu import meshes
 from ddf.pipeline import step_cost
 from ddf.reconstruction import settings
 from ddf.reconstruction.gpu import resident
@@ -123,9 +124,17 @@ def faked(resident_data: bool = True) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         stack.enter_context(parity.placed(DEVICE))
         stack.enter_context(mock.patch.object(resident, "room", lambda _: resident_data << 40))
+        stack.enter_context(mock.patch.object(meshes, "refusal", lambda _: None))
+        stack.enter_context(mock.patch.object(meshes, "_kernel", _no_hits))
         for name in ("rand", "randn"):
             stack.enter_context(mock.patch.object(torch, name, drawn(getattr(torch, name))))
         yield
+
+
+def _no_hits(corners: Tensor, ranges: Tensor, rays: Tensor) -> tuple[Tensor, Tensor]:
+    """As many operators as the kernel that casts rays comes with, without itself."""
+    size = rays.shape[1:]
+    return torch.zeros(size, device=DEVICE), torch.zeros(size, dtype=torch.int32, device=DEVICE)
 
 
 def count(work: Callable[[], object]) -> Counts:
@@ -145,7 +154,13 @@ def rows(how: sizes.Sizes) -> list[dict[str, Any]]:
         for place in ("the device", "the host"):
             counted = step_counts(how.train, section, place == "the device")
             found.append(_row(f"{name} step, data on {place}", counted))
-    return [*found, cloud_row(how)]
+    return [*found, casting_row(how), cloud_row(how)]
+
+
+def casting_row(how: sizes.Sizes) -> dict[str, Any]:
+    """Of a step whose samples are fresh and whose field proposes rays, all of them cast on the device."""
+    section = dataclasses.replace(how.ddf, samples="fresh", proposals=how.proposals)
+    return _row("ddf step, fresh samples and proposals", step_counts(how.train, section))
 
 
 def cloud_row(how: sizes.Sizes) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""One GPU: steps of both models, rays of a field and a cloud at full size, each against the CPU.
+"""One GPU: steps of both models, rays of a field, a cloud and casts on meshes at full size, each against the CPU.
 
 Steps are those of configs/paper.yaml on random data, in float32, tf32 and bfloat16: medians of whole steps, parts timed
 apart (each then waits for the device), kernels and their time, peak memory. Errors are against float64 (fields) and
@@ -16,7 +16,7 @@ from typing import Any
 
 import torch
 
-from bench.gpu import counts, parity, rates, sizes
+from bench.gpu import casts, counts, parity, rates, sizes
 from bench.lib import display, measuring
 from ddf.core import checks
 from ddf.report import pages
@@ -44,7 +44,7 @@ def page(record: Mapping[str, Any]) -> pages.Page:
     where = told.get("gpu", "the CPU alone")
     lead = [f"Made by `python -m bench gpu_check` on {where}, in {record['took_s']:.0f} s. {names}."]
     builders: dict[str, Callable[[Sequence[Mapping[str, Any]]], pages.Section]] = {
-        "steps": _steps, "counts": _counts, "fields": _fields, "clouds": _clouds, "parity": _parity
+        "steps": _steps, "counts": _counts, "fields": _fields, "clouds": _clouds, "casts": _casts, "parity": _parity
     }  # fmt: skip
     return pages.Page(TITLE, lead, [build(record[name]) for name, build in builders.items() if name in record])
 
@@ -120,6 +120,26 @@ def _clouds(rows: Sequence[Mapping[str, Any]]) -> pages.Section:
     return pages.Section("Clouds", [_table(caption, ["", "ms", "kernels", "busy, ms"], lines)])
 
 
+def _casts(rows: Sequence[Mapping[str, Any]]) -> pages.Section:
+    lines = [
+        [
+            row["what"],
+            _ms(row["median_s"]),
+            display.number(row["billion_tests_per_s"]),
+            f"{row['error']['other_hits']:,}",
+            f"{row['error']['depth_max']:.2g}",
+        ]
+        for row in rows
+    ]
+    size = rows[0]["size"]
+    caption = (
+        f"{size['rays']:,} rays on each of {size['meshes']} meshes of {size['triangles']:,} triangles. Other hits and "
+        f"the largest error of a depth: of {size['checked']} rays, against float64."
+    )
+    header = ["", "ms", "billion rays x triangles a second", "other hits", "depth, largest error"]
+    return pages.Section("Casts", [_table(caption, header, lines)])
+
+
 def _parity(rows: Sequence[Mapping[str, Any]]) -> pages.Section:
     names = list(dict.fromkeys(name for row in rows for name in row["error"]))
     lines = [
@@ -143,6 +163,7 @@ def check(how: sizes.Sizes, device: str, out: Path) -> None:
             "counts": lambda: counts.rows(how),
             "fields": lambda: rates.field_rows(how),
             "clouds": lambda: rates.cloud_rows(how),
+            "casts": lambda: casts.rows(how, device),
             "parity": lambda: parity.rows(how, device),
         }
         out.mkdir(parents=True, exist_ok=True)

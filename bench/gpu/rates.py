@@ -20,6 +20,7 @@ from bench.lib import measuring
 from bench.reconstruction import step_split
 from ddf.fields import cloud_projection, passes, pddf
 from ddf.fields.gpu import compiled_passes
+from ddf.geometry.gpu import meshes
 from ddf.pipeline import step_cost
 from ddf.reconstruction import camera_correction, reconstruction_models
 from ddf.reconstruction.gpu import resident
@@ -60,7 +61,16 @@ def on_device(work: Callable[[], object]) -> dict[str, float]:
 def step_rows(sizes: Sizes) -> list[dict[str, Any]]:
     """A row per model and precision: whole steps, their parts (timed apart, as that waits for each), peak memory."""
     rows = [_step_row(name, precision, sizes) for name in sizes.sections for precision in PRECISIONS]
-    return rows + [_step_row("ddf", "tf32", sizes, without) for without in WITHOUT]
+    rows += [_step_row("ddf", "tf32", sizes, without) for without in WITHOUT]
+    if meshes.refusal(training_loop.device()) is not None:  # the host would cast, by packages that may be missing
+        return rows
+    casting: dict[str, dict[str, Any]]
+    casting = {"fresh samples": {"samples": "fresh"}, "proposals": {"proposals": sizes.proposals}}
+    for what, change in casting.items():
+        cast = dataclasses.replace(sizes, ddf=dataclasses.replace(sizes.ddf, **change))
+        row = _step_row("ddf", "tf32", cast)
+        rows.append({**row, "what": f"{row['what']}, with {what}"})
+    return rows
 
 
 def _step_row(name: str, precision: passes.Matmul, sizes: Sizes, without: str | None = None) -> dict[str, Any]:

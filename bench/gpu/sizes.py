@@ -10,6 +10,7 @@ from ddf.reconstruction import settings
 
 CONFIG = Path("configs/paper.yaml")
 DIRECTIONS, CYCLES = 16, 3  # n_v and N_H of the timed cloud
+PROPOSALS = settings.ProposalConfig(160, 2, 0.5, 0.2, 0.05, 0.05)
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,8 @@ class Sizes:
 
     fields: hidden layers of the fields whose rays are timed, by name. rays: of a timed query. cloud_points: of the
     timed cloud. repeats: timed calls of each kind. corrected_images: whose cameras are corrected together.
-    compared_images: of the step that is made on the CPU too.
+    compared_images: of the step that is made on the CPU too. proposals: of the steps that have some; as in
+    configs/cpu.yaml. cast_meshes, cast_rays, cast_triangles: of a timed cast, rays and triangles of each mesh.
     """
 
     train: settings.TrainConfig
@@ -32,6 +34,10 @@ class Sizes:
     repeats: int = 8
     corrected_images: int = 64
     compared_images: int = 2
+    proposals: settings.ProposalConfig = PROPOSALS
+    cast_meshes: int = 32
+    cast_rays: int = 4600
+    cast_triangles: int = 10_000
 
     @property
     def sections(self) -> dict[str, settings.DDFConfig | settings.PCSirenConfig]:
@@ -72,4 +78,8 @@ def tiny() -> Sizes:
         cloud_points=50,
         repeats=2,
         corrected_images=2,
+        proposals=dataclasses.replace(PROPOSALS, points=6),
+        cast_meshes=2,
+        cast_rays=20,
+        cast_triangles=200,
     )

@@ -12,7 +12,7 @@ from unittest import mock
 from ddf.fields import losses, pddf
 from ddf.pipeline import step_cost
 from ddf.reconstruction import category_data, reconstruction_models, training_steps
-from ddf.reconstruction.gpu import resident
+from ddf.reconstruction.gpu import fresh_samples, resident
 from ddf.training import chamfer_loss
 
 # What is wrapped: part of the split, owner, name.
@@ -20,6 +20,7 @@ PARTS = (
     ("data", training_steps.Batch, "draw"),
     ("data", category_data.SampleSet, "draw"),
     ("data", resident.Samples, "draw"),
+    ("data", fresh_samples.CastSamples, "draw"),
     ("data", category_data.ShapeSet, "subsets"),
     ("encoders", reconstruction_models.Encoder, "forward"),
     ("field", losses, "shape_loss"),

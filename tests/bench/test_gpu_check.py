@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from bench.gpu import gpu_check, parity, rates, sizes
+from bench.gpu import casts, gpu_check, parity, rates, sizes
 from ddf.core import checks
 from ddf.pipeline import step_cost
 from ddf.training import training_loop
@@ -71,11 +71,13 @@ def test_check_runs_with_a_handful_of_packages_alone(tmp_path):
         "ddf step, tf32, without data on the device",
         "ddf step, tf32, without compiled passes",
     ]
-    assert [row["waits"] for row in record["counts"]] == [0, 0, 0, 0, 1]  # a cloud's: how many candidates it trusts
+    assert [row["waits"] for row in record["counts"]] == [0, 0, 0, 0, 0, 1]  # a cloud's: how many candidates it trusts
+    (cast,) = record["casts"]
+    assert cast["what"] == "operators" and cast["error"]["other_hits"] == 0 and cast["error"]["depth_max"] < 1e-5
     assert len(record["clouds"]) == 4 and all(row["median_s"] > 0 for row in record["clouds"])
     assert all(row["kernels"] > 0 and row["median_s"] > 0 and row["loss"] > 0 for row in record["steps"])
     text = (tmp_path / "gpu" / "check.md").read_text()
-    assert text.count("| ddf step, ") == 2 * (len(rates.PRECISIONS) + 2) + 2 and "on the CPU alone" in text
+    assert text.count("| ddf step, ") == 2 * (len(rates.PRECISIONS) + 2) + 3 and "on the CPU alone" in text
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
@@ -139,6 +141,16 @@ def test_steps_and_a_resumed_training_are_those_of_the_cpu(model, device, tmp_pa
         assert float((resumed[name] - value).abs().max()) <= (0 if device == "cpu" else 6.1 * rate), name
     moved = torch.cat([(resumed[name] - value).abs().flatten() for name, value in truth.items()])
     assert float((moved > 0.1 * rate).double().mean()) < 0.02
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_rays_are_cast_as_in_float64(device):
+    how = dataclasses.replace(sizes.tiny(), cast_rays=casts.CHECKED)
+    with parity.placed(device):
+        (row,) = casts.rows(how, device)
+    assert row["what"] == ("kernel" if device == "cuda" else "operators")
+    assert row["error"]["other_hits"] == 0 and 0 < row["error"]["depth_max"] < 1e-5
+    assert abs(len(casts.bumpy_sphere(10_000, 0)) - 10_000) < 300
 
 
 @pytest.mark.parametrize("device", DEVICES)

@@ -11,6 +11,7 @@ from _support import assert_close
 from ddf.core import checks, seeding
 from ddf.data import mesh_preparation, packing, sampling
 from ddf.data.samples import draws, sample_types
+from ddf.data.samples.surface import Surface
 from ddf.geometry import mesh_io, primitives, raycast, rays
 
 COUNTS = sample_types.Counts(U=3000, A=3000, B=3000, S=3000, T=3000, O=3000)
@@ -24,7 +25,7 @@ def _decoded(mesh: mesh_io.Mesh, kind: str, config: sampling.SamplesConfig = CON
     return packing.decode({name: torch.from_numpy(values) for name, values in arrays.items()}, kind)
 
 
-def _surface(mesh: mesh_io.Mesh) -> mesh_preparation.Surface:
+def _surface(mesh: mesh_io.Mesh) -> Surface:
     return sampling.surface_of(raycast.Scene(mesh))
 
 

@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 from ddf.core import checks
 
+# Of a prepared mesh, as `mesh_preparation.measure` gives them.
+LOSSES = ("hausdorff", "mean_distance", "hausdorff_seen", "mean_distance_seen", "hausdorff_hidden", "lost")
+
 
 @dataclass(frozen=True)
 class MeshesConfig:

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from ddf.core import checks, parallel, provenance, seeding, storage
-from ddf.data import mesh_config, mesh_preparation
+from ddf.data import mesh_config
 from ddf.geometry import mesh_io, transforms
 
 LOGGER = logging.getLogger(__name__)
-MEASURES = ("id", "faces", "watertight", "wrapped", "off_centre", "diagonal", *mesh_preparation.LOSSES)
+MEASURES = ("id", "faces", "watertight", "wrapped", "off_centre", "diagonal", *mesh_config.LOSSES)
 V1_TOLERANCE = 0.01  # of the diagonal: how far a box may be from v1's, which is centred at 0 with diagonal 1
 
 
@@ -68,13 +68,15 @@ def chosen(shapes: Sequence[RawShape], config: mesh_config.MeshesConfig, categor
 class PrepareShard:
     """Map over raw meshes: writes `NNN.zip`."""
 
-    config: mesh_preparation.MeshesConfig
+    config: mesh_config.MeshesConfig
     category: str
     out_dir: Path
     fingerprint: str
 
     def __call__(self, shapes: Sequence[RawShape], index: int) -> parallel.ShardResult:
         """Prepare the shapes of one shard; a broken shape becomes a failure."""
+        from ddf.data import mesh_preparation  # what reads packs alone needs none of its packages
+
         members, rows, maps, failures = {}, [], {}, []
         for shape in shapes:
             try:

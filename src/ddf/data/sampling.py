@@ -30,8 +30,9 @@ import tqdm
 from jaxtyping import Float, Int, UInt
 
 from ddf.core import checks, seeding
-from ddf.data import mesh_preparation, packing
+from ddf.data import packing
 from ddf.data.samples import draws, sample_types
+from ddf.data.samples.surface import Surface
 from ddf.geometry import raycast
 from ddf.geometry.mesh_io import Mesh
 
@@ -82,7 +83,7 @@ class SamplesConfig:
 
 def draw(
     kind: str,
-    surface: mesh_preparation.Surface,
+    surface: Surface,
     box: draws.Box,
     config: SamplesConfig,
     count: int,
@@ -153,8 +154,68 @@ class Answers:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """`<type>.<field>` in stored form."""
-        parts = _parts(self.drawn).items()
+        parts = parts_of(self.drawn).items()
         return {f"{kind}.{field}": values[part] for kind, part in parts for field, values in self.packed.items()}
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """Samples of several types as they are stored and cast, one type after the other; coordinates in whole rows.
+
+    drawn: before rounding. positions, directions: the whole numbers of their stored form. starts: where rays are cast
+    from, of S lifted off the surface. looking: decoded directions. ahead: of S, how far the start is along the ray.
+    """
+
+    drawn: dict[str, draws.Draw]
+    positions: Float[np.ndarray, "3 n"]
+    directions: tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]
+    starts: Float[np.ndarray, "3 n"]
+    looking: list[Float[np.ndarray, "n"]]
+    ahead: dict[str, Float[np.ndarray, "_"]]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What samples of one mesh are drawn from, without what casts them. size: half the longest side of its box."""
+
+    surface: Surface
+    box: draws.Box
+    size: float
+
+    @classmethod
+    def of(cls, scene: raycast.Scene, config: SamplesConfig) -> "Ground":
+        """Of a mesh that is ready for casting.
+
+        Raises:
+          InputError: the mesh leaves the cube, or has no triangle with an area.
+        """
+        mesh = scene.mesh
+        if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
+            raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
+        return cls(surface_of(scene), box_of(mesh, config), scene.scale)
+
+    def rounded(
+        self, config: SamplesConfig, counts: Mapping[str, int], streams: Mapping[str, np.random.Generator]
+    ) -> Rounded:
+        """So many samples of each type, each drawn from its own stream, rounded to their stored form.
+
+        Coordinates are taken one after the other: numpy is several times slower along an axis of three.
+        """
+        drawn = {
+            kind: draw(kind, self.surface, self.box, config, count, streams[kind]) for kind, count in counts.items()
+        }
+        parts = parts_of(drawn)
+        positions = packing.position_steps(_joined(drawn, "positions"))
+        starts = packing.decode_positions(torch.from_numpy(positions.T)).numpy().T
+        directions = packing.unit_steps(list(_joined(drawn, "directions")), np.int16)
+        x, y = (torch.from_numpy(steps) for steps in directions)
+        looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
+        ahead = {
+            kind: _lift(self.size, drew, starts[:, parts[kind]], [axis[parts[kind]] for axis in looking])
+            for kind, drew in drawn.items()
+            if drew.starts_on
+        }
+        return Rounded(drawn, positions, directions, starts, looking, ahead)
 
 
 class Sampler:
@@ -165,21 +226,11 @@ class Sampler:
     """
 
     def __init__(self, scene: raycast.Scene, config: SamplesConfig) -> None:
-        mesh = scene.mesh
-        if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
-            raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
-        self.scene, self.config = scene, config
-        self.surface, self.box = surface_of(scene), box_of(mesh, config)
+        self.scene, self.config, self.ground = scene, config, Ground.of(scene, config)
 
     def cast(self, counts: Mapping[str, int], streams: Mapping[str, np.random.Generator]) -> Answers:
         """So many samples of each type, each drawn from its own stream, rounded and cast."""
-        return _cast_and_pack(
-            self.scene,
-            {
-                kind: draw(kind, self.surface, self.box, self.config, count, streams[kind])
-                for kind, count in counts.items()
-            },
-        )
+        return _cast_and_pack(self.scene, self.ground.rounded(self.config, counts, streams))
 
 
 def box_of(mesh: Mesh, config: SamplesConfig) -> draws.Box:
@@ -196,56 +247,42 @@ def box_of(mesh: Mesh, config: SamplesConfig) -> draws.Box:
     return draws.Box(lower - config.margin, upper + config.margin)
 
 
-def surface_of(scene: raycast.Scene) -> mesh_preparation.Surface:
+def surface_of(scene: raycast.Scene) -> Surface:
     """What `draws` draw from: the triangles of a scene in float32.
 
     Raises:
       InputError: no triangle has an area.
     """
     corners = scene.mesh.vertices.astype(np.float32)[scene.mesh.faces]
-    return mesh_preparation.Surface(corners, scene.normals.astype(np.float32), scene.areas)
+    return Surface(corners, scene.normals.astype(np.float32), scene.areas)
 
 
-def _parts(drawn: dict[str, draws.Draw]) -> dict[str, slice]:
+def parts_of(drawn: dict[str, draws.Draw]) -> dict[str, slice]:
     """Where each type lies when all are put after another."""
     ends = itertools.accumulate((len(drew.positions) for drew in drawn.values()), initial=0)
     return {kind: slice(*pair) for kind, pair in zip(drawn, itertools.pairwise(ends), strict=True)}
 
 
-def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, draws.Draw]) -> Answers:
-    """All types in one cast.
-
-    Coordinates are taken one after the other: numpy is several times slower along an axis of three.
-    """
-    parts = _parts(drawn)
-    positions = packing.position_steps(_joined(drawn, "positions"))
-    starts = packing.decode_positions(torch.from_numpy(positions.T)).numpy().T
-    directions = packing.unit_steps(list(_joined(drawn, "directions")), np.int16)
-    x, y = (torch.from_numpy(steps) for steps in directions)
-    looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
-    ahead = {
-        kind: _lift(scene, drew, starts[:, parts[kind]], [axis[parts[kind]] for axis in looking])
-        for kind, drew in drawn.items()
-        if drew.starts_on
-    }
-    local = np.zeros((len(x), 6), np.float32)
+def _cast_and_pack(scene: raycast.Scene, rays: Rounded) -> Answers:
+    """All types in one cast."""
+    parts, drawn = parts_of(rays.drawn), rays.drawn
+    local = np.zeros((rays.starts.shape[1], 6), np.float32)
     for axis, centre in enumerate(scene.centre.astype(np.float32)):
-        starts[axis] -= centre
-        np.divide(starts[axis], np.float32(scene.scale), out=local[:, axis])
-        local[:, 3 + axis] = looking[axis]
+        np.divide(rays.starts[axis] - centre, np.float32(scene.scale), out=local[:, axis])
+        local[:, 3 + axis] = rays.looking[axis]
     depth, kept, normals = scene.cast_kept(local)
     depth *= np.float32(scene.scale)
-    for kind, lifted in ahead.items():
+    for kind, lifted in rays.ahead.items():
         depth[parts[kind]] = np.maximum(depth[parts[kind]] + lifted, 0)
-    codes = _normal_codes(scene, kept, normals, looking)
+    codes = _normal_codes(scene, kept, normals, rays.looking)
     for kind, drew in drawn.items():
         if drew.reach is not None:
             depth[parts[kind]] = np.minimum(depth[parts[kind]], drew.reach)
         if drew.normals is not None:
             codes[parts[kind]] = packing.encode_unit(drew.normals, np.int8)
     packed = {
-        "positions": packing.interleaved(list(positions), np.int16),
-        "directions": packing.interleaved(directions, np.int16),
+        "positions": packing.interleaved(list(rays.positions), np.int16),
+        "directions": packing.interleaved(rays.directions, np.int16),
         "depth": packing.encode_depth(depth),
         "normals": codes,
     }
@@ -254,7 +291,7 @@ def _cast_and_pack(scene: raycast.Scene, drawn: dict[str, draws.Draw]) -> Answer
 
 def _probes(scene: raycast.Scene, answers: Answers) -> Probes:
     """The first samples of each type."""
-    drawn, parts = answers.drawn, _parts(answers.drawn)
+    drawn, parts = answers.drawn, parts_of(answers.drawn)
     probes = np.concatenate([np.arange(part.start, part.stop)[:_ERROR_PROBE] for part in parts.values()])
     depth = answers.depth.take(probes)
     face = np.where(np.isfinite(depth), scene.kept.take(answers.kept.take(probes), mode="clip"), -1)
@@ -284,11 +321,12 @@ def _joined(drawn: dict[str, draws.Draw], name: str, count: int | None = None) -
 
 
 def _lift(
-    scene: raycast.Scene, drew: draws.Draw, starts: Float[np.ndarray, "3 n"], looking: list[np.ndarray]
+    size: float, drew: draws.Draw, starts: Float[np.ndarray, "3 n"], looking: list[np.ndarray]
 ) -> Float[np.ndarray, "n"]:
     """Lift starts on the surface off their triangles to the side that they look to, in place.
 
     Args:
+      size: half the longest side of the mesh's box.
       starts, looking: the three coordinates of the stored positions, which are replaced, and of the directions.
     Returns:
       How far along each ray the lifted start lies from the stored one.
@@ -296,13 +334,19 @@ def _lift(
     assert drew.normals is not None
     normals = drew.normals.T
     slope = np.sum([normal * v for normal, v in zip(normals, looking, strict=True)], axis=0)
-    lift = np.copysign(np.float32(raycast.SURFACE_OFFSET * scene.scale), slope)
+    lift = np.copysign(np.float32(raycast.SURFACE_OFFSET * size), slope)
     ahead = np.zeros(len(slope), np.float32)
     for start, position, normal, v in zip(starts, drew.positions.T, normals, looking, strict=True):
         lifted = position + lift * normal
         ahead += (lifted - start) * v
         start[:] = lifted
     return ahead
+
+
+def side_codes(normals: Float[np.ndarray, "m 3"]) -> Int[np.ndarray, "2 m 2"]:
+    """Unit normals of triangles in stored form, and those of their other sides."""
+    sides = normals.T.astype(np.float32)
+    return packing.encode_unit(np.concatenate([sides, -sides], axis=1).T, np.int8).reshape(2, -1, 2)
 
 
 def _normal_codes(
@@ -316,9 +360,7 @@ def _normal_codes(
     Args:
       kept, normals: answers of `raycast.Scene.cast_kept` to rays with the directions `looking`, three coordinates.
     """
-    sides = scene.normals[scene.kept].T.astype(np.float32)
-    codes = packing.encode_unit(np.concatenate([sides, -sides], axis=1).T, np.int8)
-    codes = np.concatenate([codes, np.zeros((1, 2), np.int8)])
+    codes = np.concatenate([side_codes(scene.normals[scene.kept]).reshape(-1, 2), np.zeros((1, 2), np.int8)])
     slope = normals[:, 0] * looking[0]
     for axis in (1, 2):
         slope += normals[:, axis] * looking[axis]

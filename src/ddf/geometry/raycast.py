@@ -6,8 +6,10 @@ nor a mesh far from its origin costs float32 precision. A start next to a face c
 rays begin a little earlier, and where that meets something, float64 decides what lies before the start and what behind.
 """
 
+import functools
+from typing import Any
+
 import numpy as np
-import open3d as o3d
 from jaxtyping import Bool, Float, Int, UInt
 
 from ddf.core import arrays
@@ -38,11 +40,17 @@ class Scene:
         self.centre = lower + (upper - lower) / 2
         self.scale = float((upper - lower).max()) / 2 or 1.0
         self.half_sides = (upper - lower) / 2 / self.scale + _MARGIN
-        self._scene = o3d.t.geometry.RaycastingScene()
+
+    @functools.cached_property
+    def _scene(self) -> Any:
+        """Open3D's, made when the first ray is cast: a GPU casts without it."""
+        import open3d as o3d
+
+        scene = o3d.t.geometry.RaycastingScene()
         if len(self.kept):
-            vertices = np.clip(self.local(mesh.vertices), -2.0, 2.0).astype(np.float32)  # clips only what nothing uses
-            corners = mesh.faces[self.kept].astype(np.uint32)
-            self._scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(corners))
+            vertices = np.clip(self.local(self.mesh.vertices), -2.0, 2.0).astype(np.float32)  # what nothing uses
+            scene.add_triangles(_tensor(vertices), _tensor(self.mesh.faces[self.kept].astype(np.uint32)))
+        return scene
 
     def local(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Positions with the mesh's box centred at 0 and half its longest side as unit."""
@@ -103,7 +111,7 @@ class Scene:
         begin: Float[np.ndarray, "k"],
     ) -> tuple[Float[np.ndarray, "k"], Int[np.ndarray, "k"]]:
         """First hit at t >= 0 (float64) among all that float32 rays meet, which begin at `begin` in local units."""
-        met = self._scene.list_intersections(o3d.core.Tensor(local))
+        met = self._scene.list_intersections(_tensor(local))
         ray = met["ray_ids"].numpy().astype(np.int64)
         face = self.kept[met["primitive_ids"].numpy().astype(np.int64)]
         rough = (begin[ray] + met["t_hit"].numpy()) * self.scale
@@ -131,7 +139,7 @@ class Scene:
 
         The scene must have a triangle with an area.
         """
-        answer = self._scene.cast_rays(o3d.core.Tensor.from_numpy(local))
+        answer = self._scene.cast_rays(_tensor(local, copied=False))
         return answer["t_hit"].numpy(), answer["primitive_ids"].numpy(), answer["primitive_normals"].numpy()
 
     def blocked_local(
@@ -139,7 +147,7 @@ class Scene:
     ) -> Bool[np.ndarray, "n"]:
         """Whether float32 rays in local coordinates meet anything (faster than finding what)."""
         stacked = np.concatenate([positions, directions], axis=1).astype(np.float32)
-        return self._scene.test_occlusions(o3d.core.Tensor(stacked)).numpy()
+        return self._scene.test_occlusions(_tensor(stacked)).numpy()
 
     def met_along(
         self, starts: Float[np.ndarray, "n 3"], ends: Float[np.ndarray, "n 3"]
@@ -148,31 +156,38 @@ class Scene:
         if len(self.kept) == 0 or len(starts) == 0:
             return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
         stacked = np.concatenate([starts, ends - starts], axis=1).astype(np.float32)
-        met = self._scene.list_intersections(o3d.core.Tensor(stacked))
+        met = self._scene.list_intersections(_tensor(stacked))
         within = met["t_hit"].numpy() <= 1.0
         return met["ray_ids"].numpy()[within].astype(np.int64), self.kept[met["primitive_ids"].numpy()[within]]
 
     def met_by(self, local: Float[np.ndarray, "b 6"], count: int) -> tuple[Int[np.ndarray, "k"], Int[np.ndarray, "k"]]:
         """Ray, by its number modulo `count`, and triangle of all that float32 rays in local coordinates meet."""
-        met = self._scene.list_intersections(o3d.core.Tensor(local))
+        met = self._scene.list_intersections(_tensor(local))
         return met["ray_ids"].numpy().astype(np.int64) % count, self.kept[met["primitive_ids"].numpy().astype(np.int64)]
 
     def distance(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Unsigned distance to the surface, in the mesh's unit: nearest triangle by Open3D, its distance in float64."""
         local = self.local(positions)
-        answer = self._scene.compute_closest_points(o3d.core.Tensor(local.astype(np.float32)))
+        answer = self._scene.compute_closest_points(_tensor(local.astype(np.float32)))
         face = self.kept[answer["primitive_ids"].numpy().astype(np.int64)]
         return distance_to_triangles(np.asarray(positions, dtype=np.float64), self.mesh.triangles[face])
 
     def closest(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """The closest points of the surface, in the mesh's frame; float32 of half the longest side."""
-        answer = self._scene.compute_closest_points(o3d.core.Tensor(self.local(positions).astype(np.float32)))
+        answer = self._scene.compute_closest_points(_tensor(self.local(positions).astype(np.float32)))
         return self.scale * answer["points"].numpy().astype(np.float64) + self.centre
 
     def outside(self, positions: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Whether points lie outside a closed mesh (parity of crossings along three rays, by majority)."""
-        query = o3d.core.Tensor(self.local(positions).astype(np.float32))
+        query = _tensor(self.local(positions).astype(np.float32))
         return self._scene.compute_occupancy(query, nsamples=3).numpy() < 0.5
+
+
+def _tensor(values: np.ndarray, copied: bool = True) -> Any:
+    """Open3D's tensor."""
+    import open3d as o3d
+
+    return o3d.core.Tensor(values) if copied else o3d.core.Tensor.from_numpy(values)
 
 
 def distance_to_triangles(

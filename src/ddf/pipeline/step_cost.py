@@ -7,21 +7,25 @@ training with the same sizes on this machine.
 import functools
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
+from ddf.data import sampling
 from ddf.data.samples import sample_types
-from ddf.geometry import transforms
-from ddf.reconstruction import category_data, proposed_rays, reconstruction_models, settings, training_steps
+from ddf.geometry import mesh_io, raycast, transforms
+from ddf.reconstruction import (
+    category_data,
+    proposed_rays,
+    reconstruction_models,
+    settings,
+    training_steps,
+    training_truth,
+)
 from ddf.reconstruction.gpu import resident
 from ddf.training import optimisers, training_loop
-
-if TYPE_CHECKING:  # steps on stored samples run without the packages that cast rays
-    from ddf.geometry import raycast
 
 STORED = 20_000  # random samples per shape and type to draw from, as many as the paper stores
 CLOUD_POINTS, FACES = 8_000, 10_000
@@ -89,21 +93,11 @@ def random_samples(count: int) -> category_data.SampleSet:
     return category_data.SampleSet([arrays], [(0, row) for row in range(count)])
 
 
-def random_scene() -> "raycast.Scene":
+def random_scene() -> raycast.Scene:
     """Small triangles in the cube, as many as a training mesh has."""
-    from ddf.geometry import mesh_io, raycast
-
     random = np.random.default_rng(3)
-    corners = random.uniform(-1, 1, (FACES, 1, 3)) + random.normal(0, 0.02, (FACES, 3, 3))
+    corners = np.clip(random.uniform(-1, 1, (FACES, 1, 3)) + random.normal(0, 0.02, (FACES, 3, 3)), -1, 1)
     return raycast.Scene(mesh_io.Mesh(corners.reshape(-1, 3), np.arange(3 * FACES).reshape(-1, 3)))
-
-
-def _fresh_samples(scenes: "Sequence[raycast.Scene]") -> training_steps.SampleSource:
-    """Drawn and cast in every step."""
-    from ddf.data import sampling
-    from ddf.reconstruction import training_truth
-
-    return training_truth.FreshSamples(scenes, sampling.SamplesConfig())
 
 
 def trial(train: settings.TrainConfig, config: Section) -> Trial:
@@ -114,10 +108,13 @@ def trial(train: settings.TrainConfig, config: Section) -> Trial:
     if isinstance(config, settings.DDFConfig):
         ddf, propose = reconstruction_models.ddf_model(train, config.field), None
         scenes = [random_scene()] * train.batch_size if config.casts else []
-        samples = random_samples(train.batch_size) if config.samples == "stored" else _fresh_samples(scenes)
+        samples: training_steps.SampleSource = training_truth.FreshSamples(scenes, sampling.SamplesConfig())
+        if config.samples == "stored":
+            samples = random_samples(train.batch_size)
         if config.proposals is not None:
-            propose = proposed_rays.Proposer(shapes, scenes, config.proposals)
-        given = (ddf, images, shapes, memory.samples(samples), train, config)
+            propose = proposed_rays.Proposer(shapes, proposed_rays.HostCaster(scenes), config.proposals)
+        samples, propose = memory.casting(memory.samples(samples), propose)
+        given = (ddf, images, shapes, samples, train, config)
         loss = functools.partial(training_steps.ddf_step, *given, propose=propose)
         return _trial(ddf, images, train, config.loop(train.loop), loss)
     pcsiren = reconstruction_models.pcsiren_model(train)

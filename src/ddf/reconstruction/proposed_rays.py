@@ -8,16 +8,19 @@ present field would choose, cast against the training mesh: values alone, no der
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from ddf.core import arrays
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf, udf
 from ddf.reconstruction import category_data, settings
+
+Value = TypeVar("Value", covariant=True)
 
 
 @torch.no_grad()
@@ -34,12 +37,13 @@ def propose(
     """
     width = starts.shape[1] * candidates.shape[2] * max(field.config.hidden)
     rows = max(1, losses.block_values(starts.device) // width)
+    held = [each.detach() for each in modulations]
     found = []
     for first in range(0, len(starts), rows):
         part = slice(first, first + rows)
         shape = candidates[part].shape
         queries = starts[part, :, None].expand(shape).flatten(1, 2), candidates[part].flatten(1, 2)
-        raw = field(*queries, [each[part] for each in modulations])
+        raw = field(*queries, [each[part] for each in held])
         direction = udf.closest_directions(
             candidates[part].flatten(0, 1),
             pddf.visibility(raw).reshape(-1, shape[2]),
@@ -62,15 +66,52 @@ class Casts(Protocol):
         ...
 
 
+@runtime_checkable
+class Listed(category_data.Numbered[Value], Protocol[Value]):
+    """What is asked for by its number, of which there are so many."""
+
+    def __len__(self) -> int: ...
+
+
+@runtime_checkable
+class Caster(Protocol):
+    """What casts a row of rays against the mesh of each of several shapes."""
+
+    def first_hits(
+        self, meshes: Int[np.ndarray, "b"], positions: Float[Tensor, "b n 3"], directions: Float[Tensor, "b n 3"], /
+    ) -> tuple[Float[Tensor, "b n"], Int[Tensor, "b n"]]:
+        """Depth, float32, and triangle, `inf` and -1 on a miss, where the rays are."""
+        ...
+
+
+@dataclass(frozen=True)
+class HostCaster:
+    """Casts on the host, shape after shape."""
+
+    scenes: Listed[Casts]
+
+    def first_hits(
+        self, meshes: Int[np.ndarray, "b"], positions: Float[Tensor, "b n 3"], directions: Float[Tensor, "b n 3"]
+    ) -> tuple[Float[Tensor, "b n"], Int[Tensor, "b n"]]:
+        """As `Caster`."""
+        place = positions.device
+        hits = [
+            self.scenes[int(mesh)].first_hits(starts.double().numpy(), own.double().numpy())
+            for mesh, starts, own in zip(meshes, positions.cpu(), directions.cpu(), strict=True)
+        ]
+        depth, triangle = (torch.from_numpy(np.stack(parts)) for parts in zip(*hits, strict=True))
+        return depth.float().to(place), triangle.to(place)
+
+
 @dataclass(frozen=True)
 class Proposer:
     """Puts proposed rays behind the stored samples of a batch; a `training_steps.Proposer`.
 
-    scenes: of the shapes of the set, in its order.
+    caster: on the meshes of the shapes of the set, in its order.
     """
 
     shapes: category_data.ShapeSet
-    scenes: category_data.Numbered[Casts]
+    caster: Caster
     config: settings.ProposalConfig
 
     def __call__(
@@ -90,20 +131,15 @@ class Proposer:
         starts = self._starts(chosen, random)
         size = (*starts.shape[:2], self.config.directions, 3)
         candidates = torch.from_numpy(random.standard_normal(size, dtype=np.float32))[part]
-        starts, chosen = starts[part], chosen[part]
+        starts, candidates = arrays.send(starts[part], place), arrays.send(candidates, place)
         candidates = torch.nn.functional.normalize(candidates, dim=-1)
-        directions = propose(field, modulations, starts.to(place), candidates.to(place), self.config).cpu()
-        hits = [
-            self.scenes[int(shape)].first_hits(positions.double().numpy(), own.double().numpy())
-            for shape, positions, own in zip(chosen, starts, directions, strict=True)
-        ]
-        depth, triangle = (torch.from_numpy(np.stack(parts)) for parts in zip(*hits, strict=True))
+        directions = propose(field, modulations, starts, candidates, self.config)
+        depth, triangle = self.caster.first_hits(chosen[part], starts, directions)
         visible = triangle >= 0
-        depth = depth.float().masked_fill(~visible, 0.0)
+        depth = depth.masked_fill(~visible, 0.0)
         normals = torch.zeros_like(starts)  # never read
         counts = {"P": self.config.points}
-        proposed = sample_batch.SampleBatch(starts, directions, visible.float(), depth, normals, counts)
-        return stored.followed_by(proposed.to(place))
+        return stored.followed_by(sample_batch.SampleBatch(starts, directions, visible.float(), depth, normals, counts))
 
     def _starts(self, chosen: Int[np.ndarray, "b"], random: np.random.Generator) -> Float[Tensor, "b n 3"]:
         near = round(self.config.near * self.config.points)

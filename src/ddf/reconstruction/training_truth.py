@@ -5,7 +5,7 @@ but every step pays for its rays. They are rounded as stored ones are, so that b
 """
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Int
 
 from ddf.core import checks, config, storage
-from ddf.data import mesh_shards, packing, sampling
+from ddf.data import packing, sampling
 from ddf.data.samples import sample_batch, sample_types
 from ddf.geometry import raycast
 from ddf.reconstruction import category_data, proposed_rays, settings, training_steps
@@ -39,6 +39,9 @@ class Scenes:
         self._places = [(places[name], name) for name in ids]
         self._open = functools.lru_cache(maxsize=OPEN_PACKS)(_Pack)
 
+    def __len__(self) -> int:
+        return len(self._places)
+
     def __getitem__(self, index: int, /) -> raycast.Scene:
         path, name = self._places[index]
         return self._open(path).scene(name)
@@ -48,6 +51,8 @@ class _Pack:
     """The meshes of one pack, each made a scene when it is first asked for."""
 
     def __init__(self, path: Path) -> None:
+        from ddf.data import mesh_shards  # a step on stored samples runs without its packages
+
         self._meshes = mesh_shards.read_pack(path).meshes
         self._scenes: dict[str, raycast.Scene] = {}
 
@@ -64,7 +69,7 @@ class FreshSamples:
     scenes: of the training shapes, in the order of their set. config: how samples are drawn; its counts are not read.
     """
 
-    scenes: category_data.Numbered[raycast.Scene]
+    scenes: proposed_rays.Listed[raycast.Scene]
     config: sampling.SamplesConfig
 
     def draw(
@@ -79,30 +84,54 @@ class FreshSamples:
         Raises:
           InputError: a mesh leaves the cube, or has no triangle with an area.
         """
-        parts = {"E": category_data.without_truth(len(shapes), counts["E"], random, part)}
-        seeds = random.integers(2**63, size=len(shapes))[part]
-        wanted = {
-            kind: [name for name in sample_types.STORED if counts.get(name) and sample_types.base(name) == kind]
-            for kind in sample_types.KINDS
-        }
-        totals = {kind: sum(counts[name] for name in names) for kind, names in wanted.items()}
-        cast = [self._cast(int(shape), totals, int(seed)) for shape, seed in zip(shapes[part], seeds, strict=True)]
+        return fresh_batch(self._cast, shapes, counts, random, part)
+
+    def _cast(
+        self, shapes: Int[np.ndarray, "b"], counts: Mapping[str, int], seeds: Int[np.ndarray, "b"]
+    ) -> dict[str, packing.Samples]:
+        cast = []
+        for shape, seed in zip(shapes, seeds, strict=True):
+            random, sampler = np.random.default_rng(int(seed)), sampling.Sampler(self.scenes[int(shape)], self.config)
+            cast.append(sampler.cast(counts, dict.fromkeys(counts, random)).arrays())
         stacked = {name: torch.from_numpy(np.stack([arrays[name] for arrays in cast])) for name in cast[0]}
-        for kind, names in wanted.items():
-            ends = np.cumsum([0, *(counts[name] for name in names)])
-            decoded = packing.decode(stacked, kind)
-            for name, start, end in zip(names, ends[:-1], ends[1:], strict=True):
-                parts[name] = _rows(decoded, slice(start, end))
-        order = [name for name in ("E", *sample_types.STORED) if name in parts]
-        return category_data.batch_of([parts[name] for name in order], {name: counts[name] for name in order})
-
-    def _cast(self, shape: int, counts: Mapping[str, int], seed: int) -> dict[str, np.ndarray]:
-        random = np.random.default_rng(seed)
-        sampler = sampling.Sampler(self.scenes[shape], self.config)
-        return sampler.cast(counts, dict.fromkeys(counts, random)).arrays()
+        return {kind: packing.decode(stacked, kind) for kind in counts}
 
 
-def _rows(samples: packing.Samples, rows: slice) -> packing.Samples:
+Cast = Callable[
+    [Int[np.ndarray, "b"], Mapping[str, int], Int[np.ndarray, "b"]], dict[str, packing.Samples]
+]  # shapes, samples of each type and seeds of the shapes to samples by type
+
+
+def fresh_batch(
+    cast: Cast,
+    shapes: Int[np.ndarray, "b"],
+    counts: Mapping[str, int],
+    random: np.random.Generator,
+    part: slice,
+    device: torch.device | None = None,
+) -> sample_batch.SampleBatch:
+    """A batch as of `category_data.SampleSet.draw`, of samples that are cast for it.
+
+    Args:
+      device: where `cast` gives them; None for the CPU.
+    """
+    parts = {"E": category_data.without_truth(len(shapes), counts["E"], random, part, device)}
+    seeds = random.integers(2**63, size=len(shapes))[part]
+    wanted = {
+        kind: [name for name in sample_types.STORED if counts.get(name) and sample_types.base(name) == kind]
+        for kind in sample_types.KINDS
+    }
+    found = cast(shapes[part], {kind: sum(counts[name] for name in names) for kind, names in wanted.items()}, seeds)
+    for kind, names in wanted.items():
+        ends = np.cumsum([0, *(counts[name] for name in names)])
+        for name, start, end in zip(names, ends[:-1], ends[1:], strict=True):
+            parts[name] = rows_of(found[kind], slice(start, end))
+    order = [name for name in ("E", *sample_types.STORED) if name in parts]
+    return category_data.batch_of([parts[name] for name in order], {name: counts[name] for name in order})
+
+
+def rows_of(samples: packing.Samples, rows: slice) -> packing.Samples:
+    """Some samples of every shape."""
     return packing.Samples(
         positions=samples["positions"][:, rows],
         directions=samples["directions"][:, rows],
@@ -137,5 +166,7 @@ def read(config_path: Path, category: str, shapes: category_data.ShapeSet, secti
         samples = FreshSamples(scenes, drawn)
     else:
         samples = category_data.read_samples(config.artifact_dir(config_path, "samples", category), shapes.ids)
-    propose = proposed_rays.Proposer(shapes, scenes, section.proposals) if scenes and section.proposals else None
+    propose = None
+    if scenes and section.proposals:
+        propose = proposed_rays.Proposer(shapes, proposed_rays.HostCaster(scenes), section.proposals)
     return Truth(samples, propose, drawn, scenes.paths if scenes else [])

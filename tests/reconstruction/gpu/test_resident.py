@@ -3,14 +3,24 @@
 import logging
 
 import _hand_made
+import _shapes
 import numpy as np
 import pytest
 import torch
 from _hand_made import COUNTS, DDF, PCSIREN, TRAIN
 
 from ddf.data import sampling
-from ddf.reconstruction import category_data, reconstruction_models, training_steps, training_truth
-from ddf.reconstruction.gpu import resident
+from ddf.geometry import raycast
+from ddf.geometry.gpu import meshes
+from ddf.reconstruction import (
+    category_data,
+    proposed_rays,
+    reconstruction_models,
+    settings,
+    training_steps,
+    training_truth,
+)
+from ddf.reconstruction.gpu import fresh_samples, resident
 
 CPU = torch.device("cpu")
 
@@ -99,3 +109,42 @@ def test_a_cpu_keeps_its_files_and_fresh_samples_are_left_alone(roomy):
     images, fresh = _hand_made.images(), training_truth.FreshSamples([], sampling.SamplesConfig())
     assert resident.Memory(CPU).images(images) is images
     assert roomy(1 << 30).samples(fresh) is fresh
+    assert resident.Memory(CPU).casting(fresh, None) == (fresh, None)
+
+
+@pytest.fixture
+def casting():
+    """What casts rays on the host: fresh samples and a proposer, on the same two meshes."""
+    scenes = [raycast.Scene(_shapes.icosphere(1, 0.4)), raycast.Scene(_shapes.cube(0.8))]
+    propose = proposed_rays.Proposer(
+        _hand_made.shapes(), proposed_rays.HostCaster(scenes), settings.ProposalConfig(4, 2, 0.5, 0.1, 0.05, 0.05)
+    )
+    return training_truth.FreshSamples(scenes, sampling.SamplesConfig()), propose
+
+
+def test_rays_are_cast_where_the_meshes_lie(roomy, casting, monkeypatch, caplog):
+    monkeypatch.setattr(meshes, "refusal", lambda device: None)
+    held = fresh_samples.held_meshes
+    monkeypatch.setattr(fresh_samples, "held_meshes", lambda grounds, device: held(grounds, CPU))
+    fresh, propose = casting
+    with caplog.at_level(logging.INFO):
+        samples, proposer = roomy(92 * 40).casting(*casting)
+    assert isinstance(samples, fresh_samples.CastSamples) and samples.codes.shape == (2, 96, 2)
+    assert isinstance(proposer, proposed_rays.Proposer) and proposer.caster is samples.held
+    assert "meshes of the training set" in caplog.text and "in the memory of cuda" in caplog.text
+    stored = _hand_made.samples()
+    samples, proposer = roomy(92 * 36).casting(stored, propose)  # without the normals of samples
+    assert samples is stored and isinstance(proposer.caster, meshes.Meshes)
+    assert roomy(1 << 30).casting(stored, None) == (stored, None)
+    assert isinstance(roomy(1 << 30).casting(fresh, None)[0], fresh_samples.CastSamples)
+
+
+def test_rays_stay_on_the_host_where_meshes_have_no_room_or_no_kernel(roomy, casting, monkeypatch, caplog):
+    with caplog.at_level(logging.INFO):
+        monkeypatch.setattr(meshes, "refusal", lambda device: None)
+        assert roomy(92 * 40 - 1).casting(*casting) == casting
+        monkeypatch.setattr(meshes, "refusal", lambda device: "no compiler")
+        assert roomy(1 << 30).casting(*casting) == casting
+    first, second = (record.message for record in caplog.records)
+    assert "with Open3D on the host: the GPU has no room for them" in first
+    assert second == "rays are cast by Open3D on the host, so steps take longer: no compiler"

@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "faces": len(prepared.mesh.faces),
         "hausdorff": prepared.hausdorff,
         "mean_distance": prepared.mean_distance,
-        **{name: getattr(prepared, name) for name in mesh_preparation.LOSSES[2:]},
+        **{name: getattr(prepared, name) for name in mesh_config.LOSSES[2:]},
         "wrapped": prepared.wrapped,
         "openings_filled": prepared.openings_filled,
         "faces_raw": len(raw.faces),

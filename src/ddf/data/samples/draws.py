@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from ddf.data import mesh_preparation
+from ddf.data.samples.surface import Surface
 
 BOUNDARY_SHARE = 0.1  # of the positions of types A, T and O lie on the boundary of B. Source: [DDF22] app. A
 
@@ -145,7 +145,7 @@ def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray,
     return positions.T
 
 
-def draw_at_surface(surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+def draw_at_surface(surface: Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
     """A: q0 by area, v0 ~ U[S²], p on the segment from q0 along v0 to ∂B, v = -v0."""
     origins, _ = surface.draw(count, rng)
     return _back_along(_inside(origins, box), unit_vectors(count, rng), box, rng)
@@ -165,15 +165,13 @@ def draw_bounding(box: Box, count: int, rng: np.random.Generator) -> Draw:
     return Draw(positions, directions)
 
 
-def draw_surface(surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+def draw_surface(surface: Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
     """S: p by area on S, v ~ U[S²]."""
     positions, face = surface.draw(count, rng)
     return Draw(_inside(positions, box), unit_vectors(count, rng), _rows(surface.normals, face), starts_on=True)
 
 
-def draw_tangent(
-    surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator, touches: bool
-) -> Draw:
+def draw_tangent(surface: Surface, box: Box, count: int, rng: np.random.Generator, touches: bool) -> Draw:
     """T: as A, with v0 uniform in the tangent plane at q0. touches: what it touches there is kept as its reach."""
     origins, face = surface.draw(count, rng)
     normals = _rows(surface.normals, face)
@@ -185,7 +183,7 @@ def _rows(normals: Float[np.ndarray, "m 3"], face: Int[np.ndarray, "n"]) -> Floa
 
 
 def draw_offset(
-    surface: mesh_preparation.Surface, box: Box, count: int, rng: np.random.Generator, epsilon: float, uniform: bool
+    surface: Surface, box: Box, count: int, rng: np.random.Generator, epsilon: float, uniform: bool
 ) -> Draw:
     """O: the line of a T sample moved by ±ε n0 (by a uniform share of it if `uniform`), p on its part inside B."""
     origins, face = surface.draw(count, rng)
@@ -208,7 +206,7 @@ class Place:
       keep how far they are from where they touch the surface.
     """
 
-    surface: mesh_preparation.Surface
+    surface: Surface
     box: Box
     epsilon_o: float
     uniform_offsets: bool

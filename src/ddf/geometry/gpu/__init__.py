@@ -1,0 +1,1 @@
+"""Meshes in a GPU's memory, and rays cast against them there."""
