@@ -1,12 +1,12 @@
 """Depth images by what a network reads of a ray: our (p, v), peers' lines, a network per camera; and their rivals.
 
-All networks have the hidden layers of configs/fit.yaml, but for those of the field of views. Each is trained here for
-as many seconds of one core (`--seconds`) on rays of outside cameras, whose truth was cast before. One row of ours
-learns from rays that begin inside the box besides. Rows hold the time of one depth image, of its one thread, however
-busy the machine is; and errors over held-out cameras outside, as in the benchmark rendering. "inside": rays from free
-points inside the box, between surfaces, where a field of lines knows one surface a line; `inside_wrong` is the share of
-them whose visibility is wrong, or whose depth is off by more than `CLOSE`. Signed distances are traced, and the mesh
-itself is cast.
+All networks have the hidden layers of configs/fit.yaml, but for the small ones: one per camera in the field of views,
+one per cell of lines in the field of cells. Each is trained here for as many seconds of one core (`--seconds`) on rays
+of outside cameras, whose truth was cast before. One row of ours learns from rays that begin inside the box besides.
+Rows hold the time of one depth image, of its one thread, however busy the machine is; and errors over held-out cameras
+outside, as in the benchmark rendering. "inside": rays from free points inside the box, between surfaces, where a field
+of lines knows one surface a line; `inside_wrong` is the share of them whose visibility is wrong, or whose depth is off
+by more than `CLOSE`. Signed distances are traced, and the mesh itself is cast.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from torch import Tensor
 
 from bench.fields import rendering
 from bench.lib import cpu_budget, display, measuring, results
-from bench.rivals import ray_fields, ray_inputs, sphere_tracing, view_fields
+from bench.rivals import cell_fields, cells, ray_fields, ray_inputs, sphere_tracing, view_fields
 from ddf.core import config, seeding
 from ddf.data import mesh_config, mesh_preparation
 from ddf.data.synthetic import showcase
@@ -45,9 +45,11 @@ CLOSE = 0.02  # field units, 1 % of the shape
 TRAINED_TOLERANCE = 0.5
 CHUNK = 4096
 OURS, BOTH, FIELD_OF_VIEWS = "DDF: entry of the box", "DDF, inside rays too", "field of views"
-CASTING = "mesh casting"
+CELLS, CASTING = "field of cells", "mesh casting"
 VIEWS = view_fields.ViewLayout((48, 48, 48), (64, 64), 4.0, 1.0)
 VIEW_CAMERAS, VIEW_RATE = 16, 2e-3  # cameras of a step of the field of views, and its learning rate
+CELL_LAYOUT, CELL_HIDDEN, CELL_OMEGA = cells.CellLayout(4, 3, 0.05, 0.05), (24, 24), 0.7
+CELL_RAYS, CELL_RATE = 32, 1e-2  # rays of a step of each network, and the learning rate
 BUDGETS = rendering.BUDGETS[1:4]
 
 
@@ -141,20 +143,21 @@ Answer = Callable[[Tensor, Tensor], Tensor]  # of rays that meet the box, positi
 @dataclasses.dataclass(frozen=True)
 class Candidate:
     """depth: `inf` where nothing is seen. normals: of rays that see something, at this depth. inside: whether it takes
-    rays that begin inside the box. facts: of its training.
+    rays that begin inside the box. facts: of its training. chunk: rays asked at once.
     """
 
     depth: Answer
     normals: Callable[[Tensor, Tensor, Tensor], Tensor]
     inside: bool
     facts: Mapping[str, Any]
+    chunk: int = CHUNK
 
 
 def image(candidate: Candidate, place: Place, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
     """Depth of all pixels of one camera, of which those whose rays miss the box cost a test."""
     first, last = rays.box_span(p, v, *place.corners())
     depth = torch.full_like(first, torch.inf)
-    for rows in torch.nonzero(first <= last).squeeze(-1).split(CHUNK):
+    for rows in torch.nonzero(first <= last).squeeze(-1).split(candidate.chunk):
         depth[rows] = candidate.depth(p[rows], v[rows])
     return depth
 
@@ -233,6 +236,20 @@ def view_candidate(place: Place, outside: ray_fields.SeenRays, seconds: float) -
     )
 
 
+def cell_candidate(place: Place, outside: ray_fields.SeenRays, seconds: float) -> Candidate:
+    """A small network in each of many cells of lines; the camera's rays are asked together, none from inside."""
+    settings = section()
+    loop = dataclasses.replace(settings.loop, learning_rate=CELL_RATE, muon=None, clip_norm=None)
+    settings, upper = dataclasses.replace(settings, loop=loop), tuple(place.upper.tolist())
+
+    def train(steps: int) -> cell_fields.CellField:
+        return cell_fields.fit(CELL_LAYOUT, CELL_HIDDEN, CELL_OMEGA, outside, upper, settings, CELL_RAYS, steps)
+
+    steps = cpu_budget.steps_within(train, seconds)
+    field = train(steps)
+    return Candidate(field.depth, lambda p, v, _: field.normals(p, v), False, {"steps": steps}, SIZE**2)
+
+
 def traced_candidates(place: Place, seconds: float) -> dict[str, Candidate]:
     """One network of signed distances, marched on by several budgets."""
     settings = section()
@@ -278,7 +295,8 @@ def measure(seconds: float) -> list[dict[str, Any]]:
             for draw in (outside_rays, inside_rays, between)
         )
         found = ray_candidates(place, outside, inside, seconds) | {
-            FIELD_OF_VIEWS: view_candidate(place, outside, seconds)
+            FIELD_OF_VIEWS: view_candidate(place, outside, seconds),
+            CELLS: cell_candidate(place, outside, seconds),
         }
         found |= traced_candidates(place, seconds) | {CASTING: cast_candidate(place)}
         rows += rows_of(name, place, found, inner, seconds)

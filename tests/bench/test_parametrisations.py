@@ -77,7 +77,8 @@ def test_rays_that_miss_the_box_are_not_asked(_place):
 
     seen = benchmark.held_out(_place)
     p, v = seen.positions[: benchmark.SIZE**2], seen.directions[: benchmark.SIZE**2]
-    benchmark.image(dataclasses.replace(exact, depth=depth), _place, p, v)
+    benchmark.image(dataclasses.replace(exact, depth=depth, chunk=100), _place, p, v)
+    assert max(asked) == 100
     assert sum(asked) == int(rays.enter_box(p, v, *_place.corners())[2].sum()) < len(p)
 
 
