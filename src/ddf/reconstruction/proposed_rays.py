@@ -18,6 +18,7 @@ from torch import Tensor
 from ddf.core import arrays
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf, udf
+from ddf.geometry import raycast
 from ddf.reconstruction import category_data, settings
 
 Value = TypeVar("Value", covariant=True)
@@ -56,17 +57,6 @@ def propose(
 
 
 @runtime_checkable
-class Casts(Protocol):
-    """What rays are cast against: a `raycast.Scene`, or something that stands for one."""
-
-    def first_hits(
-        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-        """Depth and triangle, `inf` and -1 on a miss."""
-        ...
-
-
-@runtime_checkable
 class Listed(category_data.Numbered[Value], Protocol[Value]):
     """What is asked for by its number, of which there are so many."""
 
@@ -88,7 +78,7 @@ class Caster(Protocol):
 class HostCaster:
     """Casts on the host, shape after shape."""
 
-    scenes: Listed[Casts]
+    scenes: Listed[raycast.Scene]
 
     def first_hits(
         self, meshes: Int[np.ndarray, "b"], positions: Float[Tensor, "b n 3"], directions: Float[Tensor, "b n 3"]

@@ -42,10 +42,10 @@ def _cast(parts, which, positions, directions, device):
     exact = [
         exact_cast.first_hits(raycast.Scene(parts[mesh]), *own) for mesh, *own in zip(which, starts, along, strict=True)
     ]
-    return depth, face, *(np.stack(values) for values in zip(*exact, strict=True))
+    return [depth, face, *(np.stack(values) for values in zip(*exact, strict=True))]
 
 
-def _same(depth, face, true_depth, true_face, atol=5e-7, outlines=0):
+def _same(depth, face, true_depth, true_face, *, atol=5e-7, outlines=0):
     """The share of rays that meet the same triangle; the others must meet one at the same depth.
 
     outlines: rays that may pass so close to an outline that float32 cannot tell.

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import _models
 import _shapes
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import torch
 from _hand_made import COUNTS
 
 from ddf.data import packing, sampling
+from ddf.fields import pddf
 from ddf.geometry import mesh_io, raycast, transforms
 from ddf.geometry.gpu import meshes
 from ddf.reconstruction import category_data, proposed_rays, settings, training_truth
@@ -68,12 +70,13 @@ def samples(device):
             assert not bool(own.depth[:, rows][~seen[0]].any())
 
 
-class _Straight:
-    """A field that holds every ray to end at once, so that each candidate is as good as another."""
+class _Straight(pddf.PDDF):
+    """A field that holds every ray to be as long, so that each candidate is as good as another."""
 
-    config = dataclasses.make_dataclass("Config", [("hidden", tuple, (8,))])()
+    def __init__(self):
+        super().__init__(_models.FIELD)
 
-    def __call__(self, positions, directions, modulations):
+    def forward(self, positions, directions, modulations=None):
         return torch.ones((*positions.shape[:-1], 4), device=positions.device)
 
     def depth(self, raw):

@@ -67,9 +67,9 @@ def _first_hits(rays, ranges, corners, depth, triangle, count, columns, TRIANGLE
         hit = ((least >= 0) | (most <= 0)) & (total != 0) & (found >= 0) & (found < nearest)
         nearest = tl.where(hit, found, nearest)
         which = tl.where(hit, begin + place[:, None], which)
-    least_depth = tl.min(nearest, axis=0)
-    lowest = tl.min(tl.where(nearest == least_depth[None, :], which, 2147483647), axis=0)  # of triangles as near
-    tl.store(depth + mesh * count + own, least_depth, mask=there)
+    as_near = nearest == tl.min(nearest, axis=0, keep_dims=True)
+    tl.store(depth + mesh * count + own, tl.min(nearest, axis=0), mask=there)
+    lowest = tl.min(tl.where(as_near, which, 2147483647), axis=0)
     tl.store(triangle + mesh * count + own, lowest, mask=there)
 
 
@@ -88,7 +88,7 @@ def first_hits(
     rows, count = rays.shape[1:]
     depth = torch.zeros((rows, count), device=rays.device)
     triangle = torch.zeros((rows, count), dtype=torch.int32, device=rays.device)
-    sizes = (count, corners.shape[1], together, RAYS)
-    how: dict[str, Any] = {"num_warps": WARPS, "enable_fp_fusion": False}
-    _first_hits[(triton.cdiv(count, RAYS), rows)](rays, ranges, corners, depth, triangle, *sizes, **how)
+    how: dict[str, Any] = {"num_warps": WARPS, "enable_fp_fusion": False, "TRIANGLES": together, "RAYS": RAYS}
+    grid = (triton.cdiv(count, RAYS), rows)
+    _first_hits[grid](rays, ranges, corners, depth, triangle, count, corners.shape[1], **how)
     return depth, triangle

@@ -115,7 +115,7 @@ _ROWS = 14  # position, direction, start, own normal (0: the hit's), how far the
 
 def _write(row: Float[np.ndarray, "rows n"], rays: sampling.Rounded) -> None:
     """What a device is told of rays."""
-    row[0:3] = packing.decode_positions(torch.from_numpy(rays.positions)).numpy()
+    row[0:3] = packing.decode_positions(torch.from_numpy(rays.positions.T)).numpy().T
     row[3:6], row[6:9], row[13] = rays.looking, rays.starts, np.inf
     for kind, part in sampling.parts_of(rays.drawn).items():
         drew = rays.drawn[kind]
