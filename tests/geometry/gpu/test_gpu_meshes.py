@@ -65,8 +65,8 @@ def several_meshes(device):
     """Rows on meshes of several sizes, one twice and one without triangles; rays are no whole block."""
     parts, which = [cube(0.9), SOUP, EMPTY, icosphere(1, 0.7), OVERLAPPING], [3, 0, 2, 1, 4, 3]
     points = random_rays(6 * 130, seed=3, spread=1.2)
-    rays = (values.numpy().reshape(6, 130, 3) for values in (points.positions, points.directions))
-    found = _cast(parts, which, *rays, device)
+    starts, aim = (values.numpy().reshape(6, 130, 3) for values in (points.positions, points.directions))
+    found = _cast(parts, which, starts, aim, device)
     assert _same(*found) == 1.0
     seen = (found[1] >= 0).mean(axis=1)
     assert seen[2] == 0 and (np.delete(seen, 2) > 0.15).all() and (seen < 0.9).all()
