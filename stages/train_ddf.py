@@ -14,7 +14,7 @@ from ddf.reconstruction import (
     training_steps,
     training_truth,
 )
-from ddf.reconstruction.gpu import resident
+from ddf.reconstruction.gpu import casting, resident
 from ddf.training import distributed, training_loop
 
 
@@ -31,7 +31,7 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
     sources += truth.sources
     digest, memory = images.digest(), resident.Memory(training_loop.device())
     images, samples = memory.images(images), memory.samples(truth.samples)
-    samples, propose = memory.casting(samples, truth.propose)
+    samples, propose = casting.moved(memory, samples, truth.propose)
 
     model = reconstruction_models.ddf_model(train, section.field).to(training_loop.device())
     model.camera_head.fit(images.cameras)

@@ -24,7 +24,7 @@ from ddf.reconstruction import (
     training_steps,
     training_truth,
 )
-from ddf.reconstruction.gpu import resident
+from ddf.reconstruction.gpu import casting, resident
 from ddf.training import optimisers, training_loop
 
 STORED = 20_000  # random samples per shape and type to draw from, as many as the paper stores
@@ -113,7 +113,7 @@ def trial(train: settings.TrainConfig, config: Section) -> Trial:
             samples = random_samples(train.batch_size)
         if config.proposals is not None:
             propose = proposed_rays.Proposer(shapes, proposed_rays.HostCaster(scenes), config.proposals)
-        samples, propose = memory.casting(memory.samples(samples), propose)
+        samples, propose = casting.moved(memory, memory.samples(samples), propose)
         given = (ddf, images, shapes, samples, train, config)
         loss = functools.partial(training_steps.ddf_step, *given, propose=propose)
         return _trial(ddf, images, train, config.loop(train.loop), loss)

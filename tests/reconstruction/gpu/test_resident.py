@@ -20,7 +20,7 @@ from ddf.reconstruction import (
     training_steps,
     training_truth,
 )
-from ddf.reconstruction.gpu import fresh_samples, resident
+from ddf.reconstruction.gpu import casting, fresh_samples, resident
 
 CPU = torch.device("cpu")
 
@@ -109,11 +109,11 @@ def test_a_cpu_keeps_its_files_and_fresh_samples_are_left_alone(roomy):
     images, fresh = _hand_made.images(), training_truth.FreshSamples([], sampling.SamplesConfig())
     assert resident.Memory(CPU).images(images) is images
     assert roomy(1 << 30).samples(fresh) is fresh
-    assert resident.Memory(CPU).casting(fresh, None) == (fresh, None)
+    assert casting.moved(resident.Memory(CPU), fresh, None) == (fresh, None)
 
 
 @pytest.fixture
-def casting():
+def cast_on_the_host():
     """What casts rays on the host: fresh samples and a proposer, on the same two meshes."""
     scenes = [raycast.Scene(_shapes.icosphere(1, 0.4)), raycast.Scene(_shapes.cube(0.8))]
     propose = proposed_rays.Proposer(
@@ -122,29 +122,29 @@ def casting():
     return training_truth.FreshSamples(scenes, sampling.SamplesConfig()), propose
 
 
-def test_rays_are_cast_where_the_meshes_lie(roomy, casting, monkeypatch, caplog):
+def test_rays_are_cast_where_the_meshes_lie(roomy, cast_on_the_host, monkeypatch, caplog):
     monkeypatch.setattr(meshes, "refusal", lambda device: None)
     held = fresh_samples.held_meshes
     monkeypatch.setattr(fresh_samples, "held_meshes", lambda grounds, device: held(grounds, CPU))
-    fresh, propose = casting
+    fresh, propose = cast_on_the_host
     with caplog.at_level(logging.INFO):
-        samples, proposer = roomy(92 * 40).casting(*casting)
+        samples, proposer = casting.moved(roomy(92 * 40), *cast_on_the_host)
     assert isinstance(samples, fresh_samples.CastSamples) and samples.codes.shape == (2, 96, 2)
     assert isinstance(proposer, proposed_rays.Proposer) and proposer.caster is samples.held
     assert "meshes of the training set" in caplog.text and "in the memory of cuda" in caplog.text
     stored = _hand_made.samples()
-    samples, proposer = roomy(92 * 36).casting(stored, propose)  # without the normals of samples
+    samples, proposer = casting.moved(roomy(92 * 36), stored, propose)  # without the normals of samples
     assert samples is stored and isinstance(proposer.caster, meshes.Meshes)
-    assert roomy(1 << 30).casting(stored, None) == (stored, None)
-    assert isinstance(roomy(1 << 30).casting(fresh, None)[0], fresh_samples.CastSamples)
+    assert casting.moved(roomy(1 << 30), stored, None) == (stored, None)
+    assert isinstance(casting.moved(roomy(1 << 30), fresh, None)[0], fresh_samples.CastSamples)
 
 
-def test_rays_stay_on_the_host_where_meshes_have_no_room_or_no_kernel(roomy, casting, monkeypatch, caplog):
+def test_rays_stay_on_the_host_where_meshes_have_no_room_or_no_kernel(roomy, cast_on_the_host, monkeypatch, caplog):
     with caplog.at_level(logging.INFO):
         monkeypatch.setattr(meshes, "refusal", lambda device: None)
-        assert roomy(92 * 40 - 1).casting(*casting) == casting
+        assert casting.moved(roomy(92 * 40 - 1), *cast_on_the_host) == cast_on_the_host
         monkeypatch.setattr(meshes, "refusal", lambda device: "no compiler")
-        assert roomy(1 << 30).casting(*casting) == casting
+        assert casting.moved(roomy(1 << 30), *cast_on_the_host) == cast_on_the_host
     first, second = (record.message for record in caplog.records)
     assert "with Open3D on the host: the GPU has no room for them" in first
     assert second == "rays are cast by Open3D on the host, so steps take longer: no compiler"

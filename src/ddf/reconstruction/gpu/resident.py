@@ -1,8 +1,7 @@
-"""Training data in a GPU's memory: images as bytes, samples in their stored form, clouds, meshes that rays are cast on.
+"""Training data in a GPU's memory: images as bytes, samples in their stored form, clouds; meshes are of `casting`.
 
 What a step reads is then chosen and decoded on the GPU, from numbers that the host draws exactly as without one; they
-are all that is sent. A kind of data that does not fit stays where it is: in files, of which each step sends its part,
-or with Open3D on the host, for which a step then waits.
+are all that is sent. A kind of data that does not fit stays in its files, of which each step sends its part.
 """
 
 import logging
@@ -16,12 +15,9 @@ from jaxtyping import Int
 from torch import Tensor
 
 from ddf.core import arrays
-from ddf.data import packing, sampling
+from ddf.data import packing
 from ddf.data.samples import sample_batch, sample_types
-from ddf.geometry import raycast
-from ddf.geometry.gpu import meshes
-from ddf.reconstruction import category_data, proposed_rays, training_steps, training_truth
-from ddf.reconstruction.gpu import fresh_samples
+from ddf.reconstruction import category_data, training_steps
 from ddf.training import distributed
 
 LOGGER = logging.getLogger(__name__)
@@ -61,7 +57,7 @@ def joined_samples(samples: category_data.SampleSet, device: torch.device) -> Sa
     size = (len(samples.places), sum(stored.values()), packing.RECORD)
     whole = torch.zeros(size, dtype=torch.int16, device=device)
     by_shard = np.argsort([shard for shard, _ in samples.places], kind="stable")
-    for shape in tqdm.tqdm(by_shard, desc="samples to the GPU", unit="shape", mininterval=2, disable=_silent()):
+    for shape in tqdm.tqdm(by_shard, desc="samples to the GPU", unit="shape", mininterval=2, disable=silent()):
         ((shard, row),) = samples.tables(np.array([shape]))
         own = {name: values[row] for name, values in shard.items()}
         whole[shape] = torch.from_numpy(np.concatenate([packing.records(own, kind) for kind in stored]))
@@ -83,16 +79,6 @@ def joined_clouds(shapes: category_data.ShapeSet, device: torch.device) -> categ
     return replace(shapes, clouds=category_data.JoinedClouds(torch.cat(clouds).to(device), offsets))
 
 
-def read_grounds(
-    scenes: proposed_rays.Listed[raycast.Scene], config: sampling.SamplesConfig
-) -> fresh_samples.GroundFile:
-    """The triangles of all meshes, and what samples of this config are drawn from."""
-    grounds = fresh_samples.GroundFile(config)
-    for index in tqdm.trange(len(scenes), desc="meshes to the GPU", unit="shape", mininterval=2, disable=_silent()):
-        grounds.append(scenes[index])
-    return grounds
-
-
 def room(device: torch.device) -> int:
     """Bytes that training data may take of a device's memory: `SHARE` of what is free; nothing of a CPU's."""
     return int(SHARE * torch.cuda.mem_get_info(device)[0]) if device.type == "cuda" else 0
@@ -107,42 +93,22 @@ class Memory:
     def images(self, images: category_data.ImageSet) -> category_data.ImageSet:
         """The images, on the device if they fit there."""
         each = images.images[0].numel()
-        return joined_images(images, self.device) if self._takes("images", len(images.shapes) * each) else images
+        return joined_images(images, self.device) if self.takes("images", len(images.shapes) * each) else images
 
     def clouds(self, shapes: category_data.ShapeSet) -> category_data.ShapeSet:
         """The shapes, with their clouds on the device if they fit there."""
         size = 12 * len(shapes.ids) * len(shapes.clouds[0])  # clouds differ by a tenth at most
-        return joined_clouds(shapes, self.device) if self._takes("clouds", size) else shapes
+        return joined_clouds(shapes, self.device) if self.takes("clouds", size) else shapes
 
     def samples(self, samples: training_steps.SampleSource) -> training_steps.SampleSource:
         """The samples, on the device if they are stored and fit there."""
         if not isinstance(samples, category_data.SampleSet):
             return samples
         size = 2 * packing.RECORD * len(samples.places) * sum(_stored(samples).values())
-        return joined_samples(samples, self.device) if self._takes("samples", size) else samples
+        return joined_samples(samples, self.device) if self.takes("samples", size) else samples
 
-    def casting(
-        self, samples: training_steps.SampleSource, propose: training_steps.Proposer | None
-    ) -> tuple[training_steps.SampleSource, training_steps.Proposer | None]:
-        """Both, with rays cast on the device, if they cast any and the meshes fit there."""
-        scenes = _cast_on_the_host(samples, propose)
-        if self.device.type == "cpu" or scenes is None:
-            return samples, propose
-        refusal = meshes.refusal(self.device)
-        if refusal is not None:
-            LOGGER.warning("rays are cast by Open3D on the host, so steps take longer: %s", refusal)
-            return samples, propose
-        fresh = samples if isinstance(samples, training_truth.FreshSamples) else None
-        grounds = read_grounds(scenes, fresh.config if fresh else sampling.SamplesConfig())
-        size = int(meshes.begins_of(grounds.counts)[-1]) * (36 + 4 * bool(fresh))
-        if not self._takes("meshes", size, "with Open3D on the host"):
-            return samples, propose
-        held = fresh_samples.held_meshes(grounds, self.device)
-        if fresh:
-            samples = fresh_samples.cast_samples(held, grounds, fresh.config)
-        return samples, replace(propose, caster=held) if isinstance(propose, proposed_rays.Proposer) else propose
-
-    def _takes(self, name: str, size: int, otherwise: str = "in files") -> bool:
+    def takes(self, name: str, size: int, otherwise: str = "in files") -> bool:
+        """Whether so many bytes are left, which then are taken; said in the log, with where the data are otherwise."""
         if self.device.type == "cpu":
             return False
         fits = size <= self.left
@@ -158,16 +124,6 @@ def _stored(samples: category_data.SampleSet) -> dict[str, int]:
     return category_data.stored_counts(shard)
 
 
-def _cast_on_the_host(
-    samples: training_steps.SampleSource, propose: training_steps.Proposer | None
-) -> proposed_rays.Listed[raycast.Scene] | None:
-    """The scenes that rays are cast on, shape after shape; None where none are."""
-    if isinstance(samples, training_truth.FreshSamples):
-        return samples.scenes
-    if isinstance(propose, proposed_rays.Proposer) and isinstance(propose.caster, proposed_rays.HostCaster):
-        return propose.caster.scenes
-    return None
-
-
-def _silent() -> bool:
+def silent() -> bool:
+    """Whether another process shows the progress."""
     return distributed.rank() > 0
