@@ -134,7 +134,8 @@ def test_rays_are_cast_where_the_meshes_lie(roomy, cast_on_the_host, monkeypatch
     assert "meshes of the training set" in caplog.text and "in the memory of cuda" in caplog.text
     stored = _hand_made.samples()
     samples, proposer = casting.moved(roomy(92 * 36), stored, propose)  # without the normals of samples
-    assert samples is stored and isinstance(proposer.caster, meshes.Meshes)
+    assert samples is stored and isinstance(proposer, proposed_rays.Proposer)
+    assert isinstance(proposer.caster, meshes.Meshes)
     assert casting.moved(roomy(1 << 30), stored, None) == (stored, None)
     assert isinstance(casting.moved(roomy(1 << 30), fresh, None)[0], fresh_samples.CastSamples)
 
