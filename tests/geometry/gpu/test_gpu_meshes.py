@@ -61,7 +61,7 @@ def _unit(vectors):
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-def several_meshes(device):
+def _several_meshes(device):
     """Rows on meshes of several sizes, one twice and one without triangles; rays are no whole block."""
     parts, which = [cube(0.9), SOUP, EMPTY, icosphere(1, 0.7), OVERLAPPING], [3, 0, 2, 1, 4, 3]
     points = random_rays(6 * 130, seed=3, spread=1.2)
@@ -72,7 +72,7 @@ def several_meshes(device):
     assert seen[2] == 0 and (np.delete(seen, 2) > 0.15).all() and (seen < 0.9).all()
 
 
-def edges_and_corners(device):
+def _edges_and_corners(device):
     """No ray slips through a closed mesh where its triangles meet, from inside and from outside."""
     for mesh, inside in (
         (icosphere(2, 0.8), [0.0, 0.0, 0.0]),
@@ -91,14 +91,14 @@ def edges_and_corners(device):
                 assert np.abs(depth[0] - np.linalg.norm(away, axis=1)).max() < 5e-7
 
 
-def ties(device):
+def _ties(device):
     """On a diagonal of a face, on an edge and in a corner of a box, the first of the triangles is the one met."""
     aim = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z], dtype=float)
     depth, face, _, true_face = _cast([cube(0.75)], [0], [np.zeros_like(aim)], [aim], device)
     assert (depth == 0.75).all() and (face == true_face).all()
 
 
-def flat_and_tiny_triangles(device):
+def _flat_and_tiny_triangles(device):
     """Rays in a triangle's plane and triangles without an area meet nothing; tiny ones and grazing rays are exact."""
     lines = [[[0, 0, -2], [0, 0, 2], [0, 0, 0]], [[0, 0, 0], [0, 0, 0], [0, 1, 0]], [[0.3, 0.3, 0.3]] * 3]
     corners = np.array([*lines, [[0, -1, 0.5], [1, 1, 0.5], [1, -1, 0.5]]], dtype=float)
@@ -120,7 +120,7 @@ def flat_and_tiny_triangles(device):
     assert _same(*_cast([sheet], [0], [np.tile([0.1, 0.2, 5e-4], (200, 1))], [aim], device), atol=1e-4) == 1.0
 
 
-def beside_a_face(device):
+def _beside_a_face(device):
     """A start that float32 can tell from a face is on its own side of it."""
     mesh = _float32(icosphere(1, 0.9))
     normals, _ = mesh_io.face_normals(mesh)
@@ -133,7 +133,7 @@ def beside_a_face(device):
     assert _same(*found) > 0.99 and 0.4 < (found[0] < 1e-5).mean() < 0.6
 
 
-def sides(device):
+def _sides(device):
     """The side that a ray comes from is told as the order of the corners has it."""
     held = _held([_float32(icosphere(1, 0.9))], device)
     points = random_rays(50, seed=4, spread=0.2)
@@ -143,7 +143,7 @@ def sides(device):
         assert bool((held.from_behind(triangle, toward) == behind).all())
 
 
-CASES = (several_meshes, edges_and_corners, ties, flat_and_tiny_triangles, beside_a_face, sides)
+CASES = (_several_meshes, _edges_and_corners, _ties, _flat_and_tiny_triangles, _beside_a_face, _sides)
 INTERPRETED = """
 from ddf.geometry.gpu import cast_kernel, meshes
 from geometry.gpu import test_gpu_meshes as here

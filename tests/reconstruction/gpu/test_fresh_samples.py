@@ -43,7 +43,7 @@ def _grounds(config=CONFIG):
     return grounds
 
 
-def samples(device):
+def _samples(device):
     """The same numbers drawn, the same rays cast: truth differs by a step of its stored form at most."""
     counts = {name: 16 * count for name, count in COUNTS.items()}
     for config in (CONFIG, dataclasses.replace(CONFIG, tangents="touch", box="tight", margin=0.05)):
@@ -83,7 +83,7 @@ class _Straight(pddf.PDDF):
         return raw[..., 0]
 
 
-def proposals(device):
+def _proposals(device):
     """Proposed rays have the hits that Open3D gives them."""
     cloud = torch.from_numpy(np.random.default_rng(1).uniform(-0.5, 0.5, (90, 3))).float()
     shapes = category_data.ShapeSet(["a", "b"], [transforms.Similarity(1.0)] * 2, [cloud, cloud])
@@ -100,7 +100,7 @@ def proposals(device):
     assert 0.2 < float(found[0][2].mean()) < 0.9
 
 
-CASES = (samples, proposals)
+CASES = (_samples, _proposals)
 INTERPRETED = """
 from ddf.geometry.gpu import cast_kernel, meshes
 from reconstruction.gpu import test_fresh_samples as here
