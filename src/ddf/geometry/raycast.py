@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt
 
-from ddf.core import arrays
+from ddf.core import arrays, extras
 from ddf.core.arrays import Array
 from ddf.geometry import rays, sphere
 from ddf.geometry.exact import ray_triangle
@@ -44,8 +44,7 @@ class Scene:
     @functools.cached_property
     def _scene(self) -> Any:
         """Open3D's, made when the first ray is cast: a GPU casts without it."""
-        import open3d as o3d
-
+        o3d = _open3d()
         scene = o3d.t.geometry.RaycastingScene()
         if len(self.kept):
             vertices = np.clip(self.local(self.mesh.vertices), -2.0, 2.0).astype(np.float32)  # what nothing uses
@@ -183,10 +182,17 @@ class Scene:
         return self._scene.compute_occupancy(query, nsamples=3).numpy() < 0.5
 
 
+def _open3d() -> Any:
+    """Open3D, or the `InputError` that says what to install."""
+    with extras.named():
+        import open3d
+
+    return open3d
+
+
 def _tensor(values: np.ndarray, copied: bool = True) -> Any:
     """Open3D's tensor."""
-    import open3d as o3d
-
+    o3d = _open3d()
     return o3d.core.Tensor(values) if copied else o3d.core.Tensor.from_numpy(values)
 
 
