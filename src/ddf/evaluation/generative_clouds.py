@@ -71,13 +71,18 @@ def nearest(clouds: Clouds, others: Clouds, same: Sequence[int] | None = None) -
 def novelty(samples: Clouds, learned: Clouds, ids: Sequence[str], pairs: int) -> dict[str, Any]:
     """How far samples are from the nearest learned shape, against how far some learned shapes are from theirs."""
     of_samples = nearest(samples, learned)
-    rows = np.linspace(0, len(learned) - 1, min(pairs, len(learned))).round().astype(int).tolist()
+    rows = spaced(len(learned), pairs)
     of_learned = nearest([learned[row] for row in rows], learned, rows)
     return {
         "nearest": [ids[row] for row, _ in of_samples],
         "chamfer_x1000": [distance for _, distance in of_samples],
         "between_learned_x1000": [distance for _, distance in of_learned],
     }
+
+
+def spaced(total: int, count: int) -> list[int]:
+    """So many of `total` numbers from 0 on, or all, at even distances."""
+    return np.linspace(0, total - 1, min(count, total)).round().astype(int).tolist()
 
 
 def distribution(made: Clouds, truth: Clouds) -> dict[str, float]:

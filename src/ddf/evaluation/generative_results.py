@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
@@ -81,7 +80,7 @@ def of_shapes(
     prior = normal_images.latents(count, vae.config.latent_features, section.seed, "samples")
     fields = pictures.fields(vae.decoder, prior)
     drawn = generative_clouds.of_fields(fields, [float(vae.field_scale)] * count, section.cloud_points, section.seed)
-    others = [known[row] for row in np.linspace(0, len(known) - 1, min(like, len(known))).round().astype(int)]
+    others = [known[row] for row in generative_clouds.spaced(len(known), like)]
     return {
         "held_out": found,
         "divergence": held_out.summary(held_out.divergences(vae, learned, section.seed)),

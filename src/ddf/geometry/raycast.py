@@ -182,6 +182,7 @@ class Scene:
         return self._scene.compute_occupancy(query, nsamples=3).numpy() < 0.5
 
 
+@functools.cache
 def _open3d() -> Any:
     """Open3D, or the `InputError` that says what to install."""
     with extras.named():

@@ -108,12 +108,11 @@ def trial(train: settings.TrainConfig, config: Section) -> Trial:
     if isinstance(config, settings.DDFConfig):
         ddf, propose = reconstruction_models.ddf_model(train, config.field), None
         scenes = [random_scene()] * train.batch_size if config.casts else []
-        samples: training_steps.SampleSource = training_truth.FreshSamples(scenes, sampling.SamplesConfig())
-        if config.samples == "stored":
-            samples = random_samples(train.batch_size)
+        fresh, stored = training_truth.FreshSamples(scenes, sampling.SamplesConfig()), config.samples == "stored"
+        samples = memory.samples(random_samples(train.batch_size) if stored else fresh)
         if config.proposals is not None:
             propose = proposed_rays.Proposer(shapes, proposed_rays.HostCaster(scenes), config.proposals)
-        samples, propose = casting.moved(memory, memory.samples(samples), propose)
+        samples, propose = casting.moved(memory, samples, propose)
         given = (ddf, images, shapes, samples, train, config)
         loss = functools.partial(training_steps.ddf_step, *given, propose=propose)
         return _trial(ddf, images, train, config.loop(train.loop), loss)

@@ -152,9 +152,11 @@ def _prior(results: _Results) -> pages.Section:
     caption = "D<sub>C</sub> x 1000 of clouds. A copy of a learned shape would be far below the second row."
     copies = pages.Table(caption, [("", 4, False)], header, rows)
     sets = {"prior": "samples of the prior", "learned": "learned shapes"}
+    alike = results.scores["distribution"]
     rows = [
-        [label, f"{each['matching_x1000']:.3f}", *(f"{100 * each[name]:.0f}" for name in ("coverage", "told_apart"))]
-        for each, label in ((results.scores["distribution"][name], label) for name, label in sets.items())
+        [label, f"{alike[key]['matching_x1000']:.3f}"]
+        + [f"{100 * alike[key][share]:.0f}" for share in ("coverage", "told_apart")]
+        for key, label in sets.items()
     ]
     caption = (
         "As many shapes as were held out, against these. MMD: mean D<sub>C</sub> x 1000 of a held-out shape to the "
