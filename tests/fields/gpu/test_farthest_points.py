@@ -1,10 +1,6 @@
 """The farthest-point order: a slow loop, weights, repeated points; and the kernel of a GPU, interpreted."""
 
-import importlib.util
-import os
-import subprocess
-import sys
-
+import _interpreter
 import pytest
 import torch
 
@@ -53,12 +49,7 @@ print("the same")
 
 
 def test_the_kernel_of_a_gpu_gives_the_order_of_numpy():
-    """By Triton's interpreter, which must be asked for before Triton is imported."""
-    if importlib.util.find_spec("triton") is None:
-        pytest.skip("needs Triton")
-    environment = os.environ | {"TRITON_INTERPRET": "1"}
-    command = [sys.executable, "-c", INTERPRETED]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    done = _interpreter.interpreted(INTERPRETED)
     assert done.stdout == "the same\n", done.stderr[-2000:]
 
 

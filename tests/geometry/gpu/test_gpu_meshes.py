@@ -1,11 +1,8 @@
 """Rays cast by the kernel of a GPU, interpreted, against the exact cast: hard cases, ties, several meshes at once."""
 
 import importlib.util
-import os
-import subprocess
-import sys
-from pathlib import Path
 
+import _interpreter
 import numpy as np
 import pytest
 import torch
@@ -156,12 +153,7 @@ print("the same")
 
 
 def test_the_kernel_gives_the_exact_cast():
-    """By Triton's interpreter, which must be asked for before Triton is imported."""
-    if importlib.util.find_spec("triton") is None:
-        pytest.skip("needs Triton")
-    paths = os.pathsep.join([str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH", "")])
-    environment = os.environ | {"TRITON_INTERPRET": "1", "PYTHONPATH": paths}
-    done = subprocess.run([sys.executable, "-c", INTERPRETED], env=environment, capture_output=True, text=True)
+    done = _interpreter.interpreted(INTERPRETED)
     assert done.stdout == "the same\n", done.stderr[-3000:]
 
 

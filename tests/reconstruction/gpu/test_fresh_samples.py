@@ -1,12 +1,8 @@
 """Samples and proposed rays cast by the kernel of a GPU, interpreted, are those that Open3D casts on the host."""
 
 import dataclasses
-import importlib.util
-import os
-import subprocess
-import sys
-from pathlib import Path
 
+import _interpreter
 import _models
 import _shapes
 import numpy as np
@@ -113,12 +109,7 @@ print("the same")
 
 
 def test_the_kernel_casts_samples_and_proposals_as_open3d_does():
-    """By Triton's interpreter, which must be asked for before Triton is imported."""
-    if importlib.util.find_spec("triton") is None:
-        pytest.skip("needs Triton")
-    paths = os.pathsep.join([str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH", "")])
-    environment = os.environ | {"TRITON_INTERPRET": "1", "PYTHONPATH": paths}
-    done = subprocess.run([sys.executable, "-c", INTERPRETED], env=environment, capture_output=True, text=True)
+    done = _interpreter.interpreted(INTERPRETED)
     assert done.stdout == "the same\n", done.stderr[-3000:]
 
 
