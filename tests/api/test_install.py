@@ -42,7 +42,7 @@ def test_base_install_queries_renders_composes_and_compares_without_torch(tmp_pa
         pytest.skip(f"the packages can be had neither from uv's cache nor from a registry: {done.stderr[-300:]}")
     size = sum(file.stat().st_size for file in (tmp_path / "env").rglob("*") if not file.is_symlink())
     assert size < 350e6
-    script = [python, ROOT / "tests" / "_base_install.py"]
+    script = [python, Path(__file__).parent / "_base_install.py"]
     run = subprocess.run(script, capture_output=True, text=True, cwd=tmp_path, timeout=120)
     assert run.returncode == 0, run.stderr
     result = json.loads(run.stdout)
