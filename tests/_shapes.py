@@ -38,6 +38,11 @@ def moved(mesh: mesh_io.Mesh, scale: float | np.ndarray, shift: tuple[float, flo
     return mesh_io.Mesh(mesh.vertices * scale + np.array(shift), mesh.faces)
 
 
+def float32(mesh: mesh_io.Mesh) -> mesh_io.Mesh:
+    """As a GPU holds it."""
+    return mesh_io.Mesh(mesh.vertices.astype(np.float32), mesh.faces)
+
+
 def random_rays(count: int, seed: int, spread: float = 1.0) -> rays.OrientedPoints:
     """Positions uniform in a cube, directions uniform on the sphere."""
     rng = np.random.default_rng(seed)

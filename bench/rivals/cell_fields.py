@@ -8,10 +8,8 @@ them do, depth and its derivative are continuous. A ray that begins inside the b
 
 import itertools
 import math
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -19,7 +17,7 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from bench.rivals import cells, ray_fields
+from bench.rivals import cells, optimised, ray_fields
 from ddf.fields import derivatives, losses, pddf
 from ddf.shape import fit_settings
 from ddf.training import training_loop
@@ -181,9 +179,5 @@ def fit(
         silhouette = functional.binary_cross_entropy_with_logits(raw[:, pddf.VISIBILITY_ROW], visible)
         return config.weights.depth * depth + config.weights.visibility * silhouette, {"depth": depth.detach()}
 
-    groups = [{"params": list(networks.parameters()), "weight_decay": 0.0}]
-    with tempfile.TemporaryDirectory() as folder:
-        record = {"fingerprint": ""}
-        training_loop.fit(networks, groups, loss, steps, config.loop, Path(folder), record, "field of cells")
-    networks.requires_grad_(False).eval()
+    optimised.optimised(networks, loss, steps, config.loop, "field of cells").requires_grad_(False)
     return CellField(networks, which, layout, upper)

@@ -4,10 +4,8 @@ The network is that of the package, a sine network with two depths, weight and v
 they read alone. The loss is that of the package on values: depth of the mixture and cross-entropy of visibility.
 """
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -15,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from bench.rivals import ray_inputs
+from bench.rivals import optimised, ray_inputs
 from ddf.fields import derivatives, framed_field, losses, pddf
 from ddf.geometry import rays
 from ddf.shape import fit_settings, fitting, shape_samples
@@ -95,8 +93,4 @@ def fit(
         seen = functional.binary_cross_entropy_with_logits(raw[:, pddf.VISIBILITY_ROW], visible)
         return config.weights.depth * depth + config.weights.visibility * seen, {"depth": depth.detach()}
 
-    groups = [{"params": list(network.parameters()), "weight_decay": 0.0}]
-    with tempfile.TemporaryDirectory() as folder:
-        record = {"fingerprint": ""}
-        training_loop.fit(network, groups, loss, steps, config.loop, Path(folder), record, "field of rays")
-    return RayField(network.eval(), reads)
+    return RayField(optimised.optimised(network, loss, steps, config.loop, "field of rays"), reads)

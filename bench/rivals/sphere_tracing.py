@@ -6,17 +6,16 @@ Gropp et al. 2020, "Implicit geometric regularization" (‖∇f‖ = 1).
 """
 
 import functools
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from bench.rivals import optimised
 from ddf.core import seeding
 from ddf.data import mesh_preparation
 from ddf.fields import derivatives, siren
@@ -145,13 +144,8 @@ def fit_distance(
     def losses(network: siren.SineNetwork) -> training_loop.StepLoss:
         return functools.partial(loss, network)
 
-    def groups(network: siren.SineNetwork) -> list[dict]:
-        return [{"params": list(network.parameters()), "weight_decay": 0.0}]
-
     if steps is None:
-        each = step_timing.seconds_per_step(step_timing.Trainee(network, groups, losses, config.loop), seconds)
+        trainee = step_timing.Trainee(network, optimised.groups, losses, config.loop)
+        each = step_timing.seconds_per_step(trainee, seconds)
         steps = max(1, int((seconds - (time.monotonic() - started)) / each))
-    with tempfile.TemporaryDirectory() as folder:
-        out, record = Path(folder), {"fingerprint": ""}
-        training_loop.fit(network, groups(network), losses(network), steps, config.loop, out, record, "signed distance")
-    return network.eval(), steps
+    return optimised.optimised(network, losses(network), steps, config.loop, "signed distance"), steps

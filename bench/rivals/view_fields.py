@@ -13,10 +13,8 @@ Normals (derived here): with o fixed, ∇_v d = s (g - a (1 + v · g)/(v · a)),
 
 import itertools
 import math
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -24,7 +22,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from bench.rivals import ray_fields
+from bench.rivals import optimised, ray_fields
 from ddf.fields import activations, derivatives, losses, pddf
 from ddf.shape import fit_settings
 from ddf.training import training_loop
@@ -180,9 +178,5 @@ def fit(
         silhouette = functional.binary_cross_entropy_with_logits(raw[..., pddf.VISIBILITY_ROW], known)
         return config.weights.depth * depth + config.weights.visibility * silhouette, {"depth": depth.detach()}
 
-    groups = [{"params": list(field.maker.parameters()), "weight_decay": 0.0}]
-    with tempfile.TemporaryDirectory() as folder:
-        record = {"fingerprint": ""}
-        training_loop.fit(field.maker, groups, loss, steps, config.loop, Path(folder), record, "field of views")
-    field.maker.eval()
+    optimised.optimised(field.maker, loss, steps, config.loop, "field of views")
     return field

@@ -6,7 +6,7 @@ import _interpreter
 import numpy as np
 import pytest
 import torch
-from _shapes import cube, icosphere, joined, moved, random_rays, torus
+from _shapes import cube, float32, icosphere, joined, moved, random_rays, torus
 
 from ddf.geometry import mesh_io, raycast
 from ddf.geometry.exact import exact_cast
@@ -19,10 +19,6 @@ OVERLAPPING = joined(torus(sections=8), moved(cube(), 0.3, (0.5, 0.1, 0.0)))
 EMPTY = mesh_io.Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
 
 
-def _float32(mesh):
-    return mesh_io.Mesh(mesh.vertices.astype(np.float32), mesh.faces)
-
-
 def _held(parts, device):
     triangles = [part.triangles for part in parts]
     return meshes.joined([len(own) for own in triangles], triangles, torch.device(device))
@@ -30,7 +26,7 @@ def _held(parts, device):
 
 def _cast(parts, which, positions, directions, device):
     """Depth and triangle of its mesh by the kernel, and those of the exact cast; rays are float32."""
-    parts, which = [_float32(part) for part in parts], np.array(which)
+    parts, which = [float32(part) for part in parts], np.array(which)
     rays = [torch.from_numpy(np.asarray(values, dtype=np.float32)) for values in (positions, directions)]
     held = _held(parts, device)
     depth, face = (values.cpu().numpy() for values in held.first_hits(which, *(each.to(device) for each in rays)))
@@ -119,7 +115,7 @@ def _flat_and_tiny_triangles(device):
 
 def _beside_a_face(device):
     """A start that float32 can tell from a face is on its own side of it."""
-    mesh = _float32(icosphere(1, 0.9))
+    mesh = float32(icosphere(1, 0.9))
     normals, _ = mesh_io.face_normals(mesh)
     face = RANDOM.integers(0, len(mesh.faces), 250)
     weights = RANDOM.dirichlet((2.0, 2.0, 2.0), 250)
@@ -132,7 +128,7 @@ def _beside_a_face(device):
 
 def _sides(device):
     """The side that a ray comes from is told as the order of the corners has it."""
-    held = _held([_float32(icosphere(1, 0.9))], device)
+    held = _held([float32(icosphere(1, 0.9))], device)
     points = random_rays(50, seed=4, spread=0.2)
     starts, aim = (values.float()[None].to(device) for values in (points.positions, points.directions))
     for start, toward, behind in ((starts, aim, True), (starts + 3 * aim, -aim, False)):

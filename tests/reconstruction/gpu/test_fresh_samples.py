@@ -23,12 +23,9 @@ PROPOSALS = settings.ProposalConfig(60, 4, 0.5, 0.1, 0.05, 0.05)
 CHOSEN = np.array([1, 0, 1])
 
 
-def _float32(mesh):
-    return mesh_io.Mesh(mesh.vertices.astype(np.float32), mesh.faces)
-
-
 FLAT = mesh_io.Mesh(np.array([[0.0, 0, 0.9], [0, 0, 0.5], [0, 0, 0.7]]), np.array([[0, 1, 2], [1, 1, 2]]))
-MESHES = [_float32(_shapes.joined(_shapes.icosphere(1, 0.4), FLAT)), _float32(_shapes.torus(0.6, 0.25, 8))]
+PARTS = _shapes.joined(_shapes.icosphere(1, 0.4), FLAT), _shapes.torus(0.6, 0.25, 8)
+MESHES = [_shapes.float32(part) for part in PARTS]
 SCENES = [raycast.Scene(mesh) for mesh in MESHES]
 
 
