@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from bench.rivals import cells, optimised, ray_fields
+from bench.rivals import cells, ray_fields, rival_training
 from ddf.fields import derivatives, losses, pddf
 from ddf.shape import fit_settings
 from ddf.training import training_loop
@@ -179,5 +179,5 @@ def fit(
         silhouette = functional.binary_cross_entropy_with_logits(raw[:, pddf.VISIBILITY_ROW], visible)
         return config.weights.depth * depth + config.weights.visibility * silhouette, {"depth": depth.detach()}
 
-    optimised.optimised(networks, loss, steps, config.loop, "field of cells").requires_grad_(False)
+    rival_training.trained(networks, loss, steps, config.loop, "field of cells").requires_grad_(False)
     return CellField(networks, which, layout, upper)

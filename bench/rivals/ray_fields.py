@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from bench.rivals import optimised, ray_inputs
+from bench.rivals import ray_inputs, rival_training
 from ddf.fields import derivatives, framed_field, losses, pddf
 from ddf.geometry import rays
 from ddf.shape import fit_settings, fitting, shape_samples
@@ -93,4 +93,4 @@ def fit(
         seen = functional.binary_cross_entropy_with_logits(raw[:, pddf.VISIBILITY_ROW], visible)
         return config.weights.depth * depth + config.weights.visibility * seen, {"depth": depth.detach()}
 
-    return RayField(optimised.optimised(network, loss, steps, config.loop, "field of rays"), reads)
+    return RayField(rival_training.trained(network, loss, steps, config.loop, "field of rays"), reads)

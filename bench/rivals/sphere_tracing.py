@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from bench.rivals import optimised
+from bench.rivals import rival_training
 from ddf.core import seeding
 from ddf.data import mesh_preparation
 from ddf.fields import derivatives, siren
@@ -145,7 +145,7 @@ def fit_distance(
         return functools.partial(loss, network)
 
     if steps is None:
-        trainee = step_timing.Trainee(network, optimised.groups, losses, config.loop)
+        trainee = step_timing.Trainee(network, rival_training.groups, losses, config.loop)
         each = step_timing.seconds_per_step(trainee, seconds)
         steps = max(1, int((seconds - (time.monotonic() - started)) / each))
-    return optimised.optimised(network, losses(network), steps, config.loop, "signed distance"), steps
+    return rival_training.trained(network, losses(network), steps, config.loop, "signed distance"), steps

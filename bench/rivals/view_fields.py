@@ -22,7 +22,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from bench.rivals import optimised, ray_fields
+from bench.rivals import ray_fields, rival_training
 from ddf.fields import activations, derivatives, losses, pddf
 from ddf.shape import fit_settings
 from ddf.training import training_loop
@@ -178,5 +178,5 @@ def fit(
         silhouette = functional.binary_cross_entropy_with_logits(raw[..., pddf.VISIBILITY_ROW], known)
         return config.weights.depth * depth + config.weights.visibility * silhouette, {"depth": depth.detach()}
 
-    optimised.optimised(field.maker, loss, steps, config.loop, "field of views")
+    rival_training.trained(field.maker, loss, steps, config.loop, "field of views")
     return field

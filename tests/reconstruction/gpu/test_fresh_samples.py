@@ -21,8 +21,6 @@ ABSENT = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA 
 CONFIG = sampling.SamplesConfig()
 PROPOSALS = settings.ProposalConfig(60, 4, 0.5, 0.1, 0.05, 0.05)
 CHOSEN = np.array([1, 0, 1])
-
-
 FLAT = mesh_io.Mesh(np.array([[0.0, 0, 0.9], [0, 0, 0.5], [0, 0, 0.7]]), np.array([[0, 1, 2], [1, 1, 2]]))
 PARTS = _shapes.joined(_shapes.icosphere(1, 0.4), FLAT), _shapes.torus(0.6, 0.25, 8)
 MESHES = [_shapes.float32(part) for part in PARTS]

@@ -16,7 +16,7 @@ def groups(network: nn.Module) -> list[dict]:
     return [{"params": list(network.parameters()), "weight_decay": 0.0}]
 
 
-def optimised(
+def trained(
     network: Network, loss: training_loop.StepLoss, steps: int, loop: training_loop.LoopConfig, describe: str
 ) -> Network:
     """`network` after so many steps, in evaluation mode."""
