@@ -28,8 +28,10 @@ class ImageGAN(nn.Module):
         self.vae, self.config = vae, gan
         self.decoder = pddf.ConditionalPDDF(vae.field, vae.latent_features).requires_grad_(False)
         self.register_buffer("field_scale", torch.ones(()))
-        self.colours = translators.Translator(gan.texture_features, gan.translator_width, gan.texture_at)
-        self.normals = translators.Translator(0, gan.translator_width)
+        self.colours = translators.Translator(
+            gan.texture_features, gan.translator_width, gan.texture_at, gan.upsampling
+        )
+        self.normals = translators.Translator(0, gan.translator_width, upsampling=gan.upsampling)
         self.textures = translators.TextureEncoder(gan.texture_features, gan.texture_width)
         self.critic = image_networks.Critic(gan.critic_width)
 

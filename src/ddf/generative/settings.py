@@ -89,9 +89,10 @@ class GANConfig:
 
     normals: what f_T translates. views: of each shape that the critic is shown; null for all. texture_features:
     dim(z_T). translator_width, texture_width, critic_width, generator_width: 64, 16, 1024 and 1024 are the paper's.
-    texture_at: pixels that z_T is given at (`translators`). critic_steps: updates of the critic in a step, before the
-    one of the generator. shape_consistency, texture_consistency: γ_CS, γ_CT. gradient_penalty: of E‖∇D‖² on real
-    images. betas: of Adam. steps_2d: of the 2D GAN.
+    texture_at: pixels that z_T is given at; upsampling: how f_T and g_T double an image (both: `translators`).
+    critic_steps: updates of the critic in a step, before the one of the generator. shape_consistency,
+    texture_consistency: γ_CS, γ_CT. gradient_penalty: of E‖∇D‖² on real images. betas: of Adam. steps_2d: of the 2D
+    GAN.
     """
 
     normals: NormalsConfig
@@ -101,6 +102,7 @@ class GANConfig:
     texture_width: int
     critic_width: int
     texture_at: translators.TextureAt
+    upsampling: translators.Upsampling
     generator_width: int
     noise_features: int
     batch_size: int

@@ -17,10 +17,27 @@ def _normals(size=16):
     return (torch.stack((x, y, z)) * (z > 0))[None].repeat(2, 1, 1, 1)
 
 
+@pytest.mark.parametrize("upsampling", ["transposed", "nearest"])
 @pytest.mark.parametrize(("textures", "count"), [(64, 8_038_403), (0, 7_837_699)])
-def test_the_paper_size_has_the_papers_parameters(textures, count):
+def test_the_paper_size_has_the_papers_parameters(textures, count, upsampling):
     with torch.device("meta"):
-        assert pddf.count_parameters(translators.Translator(textures)) == count
+        assert pddf.count_parameters(translators.Translator(textures, upsampling=upsampling)) == count
+
+
+def test_a_doubled_constant_image_is_constant_and_a_transposed_convolution_makes_dots_of_it():
+    torch.manual_seed(0)
+    for upsampling in typing.get_args(translators.Upsampling):
+        doubled = translators._doubled(3, 2, upsampling)(torch.ones(1, 3, 8, 8)).detach()
+        assert doubled.shape == (1, 2, 16, 16)
+        spread = float(doubled[..., 2:-2, 2:-2].std(dim=(-1, -2)).max())
+        assert (spread < 1e-6) == (upsampling == "nearest"), (upsampling, spread)
+
+
+@pytest.mark.parametrize("upsampling", ["transposed", "nearest"])
+def test_a_translated_image_is_as_large_as_its_input(upsampling):
+    images = torch.rand(2, 3, 16, 16)
+    found = translators.Translator(0, 4, upsampling=upsampling)(images).detach()
+    assert found.shape == images.shape and float(found.abs().max()) <= 1
 
 
 def test_the_texture_encoder_is_resnet_20():
