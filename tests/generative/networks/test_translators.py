@@ -17,7 +17,7 @@ def _normals(size=16):
     return (torch.stack((x, y, z)) * (z > 0))[None].repeat(2, 1, 1, 1)
 
 
-@pytest.mark.parametrize("upsampling", ["transposed", "nearest"])
+@pytest.mark.parametrize("upsampling", typing.get_args(translators.Upsampling))
 @pytest.mark.parametrize(("textures", "count"), [(64, 8_038_403), (0, 7_837_699)])
 def test_the_paper_size_has_the_papers_parameters(textures, count, upsampling):
     with torch.device("meta"):
@@ -33,7 +33,7 @@ def test_a_doubled_constant_image_is_constant_and_a_transposed_convolution_makes
         assert (spread < 1e-6) == (upsampling == "nearest"), (upsampling, spread)
 
 
-@pytest.mark.parametrize("upsampling", ["transposed", "nearest"])
+@pytest.mark.parametrize("upsampling", typing.get_args(translators.Upsampling))
 def test_a_translated_image_is_as_large_as_its_input(upsampling):
     images = torch.rand(2, 3, 16, 16)
     found = translators.Translator(0, 4, upsampling=upsampling)(images).detach()
