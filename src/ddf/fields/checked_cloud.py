@@ -1,10 +1,12 @@
-"""Hits of random rays that a field confirms: a cloud for distances, drawn from whatever can be asked along rays.
+"""Hits of random rays that a field is surest of: a cloud for distances, from whatever can be asked along rays.
 
-From p ~ U[B] along v ~ U[S²] the field sees a surface at q = p + d v. It is asked again along the same ray from before
-and from behind q, at `OFFSETS`: a hit stays where the answers agree on where it is. (Whether they also see it does not
-count: on a fitted solid the inner side does not, and the hits are as good.) Last, each hit becomes a small disc in the
-plane of the hits around it: what is left of the field's noise makes nearest hits too near, the gaps between hits make
-them too far, and both turn v*.
+From p ~ U[B] along v ~ U[S²] the field sees a surface at q = p + d v. It is asked again towards q: along the same ray
+from before and from behind, and along another line. How far the answers are apart is the doubt of q. Of hits that are
+near each other the surest stay, so that every part of the surface keeps some: where a field sees a surface badly, a
+bound that is the same everywhere would leave a hole. (Whether the later answers see it does not count: on a fitted
+solid the inner side does not, and the hits are as good.) Last, each hit becomes a small disc in the plane of the hits
+around it: what is left of the field's noise makes nearest hits too near, the gaps between hits make them too far, and
+both turn v*.
 """
 
 from dataclasses import dataclass
@@ -16,12 +18,14 @@ from ddf.core import checks
 from ddf.fields import framed_field
 from ddf.geometry import neighbours, rays
 
-COUNT = 20_000
-LEAST_VISIBILITY = 0.9
-OFFSETS = (0.05, 0.1)  # of half the longest side of the box, as are the others
-LARGEST_SPREAD = 0.015  # mean distance of the answers from their median
+COUNT = 40_000  # hits that are asked about
+OFFSET = 0.05  # from a hit to where it is asked about; of half the longest side of the box, as is the next
+LARGEST_DOUBT = 0.18  # sum of four deviations
+RIVALS = 32  # nearest hits that a hit is compared with
+SURER_RIVALS = 0.3  # share of them from which on it goes
 LARGEST_DISC = 1.5  # radius, in those of the median disc
-PLANE_HITS = 16  # that a plane is laid through
+LONELY = 1.75  # distance to the last of the plane's hits, in the median, from which on a hit is a stray
+PLANE_HITS = 12  # that a plane is laid through
 _FIRST_BATCH, _LARGEST_BATCH, _MOST_BATCHES = 8192, 65_536, 40
 _CHUNK = 2048  # rays at a time: what stays in a core's cache
 
@@ -82,48 +86,98 @@ class CheckedCloud:
 
 
 def draw(field: framed_field.FramedField, count: int = COUNT, seed: int = 0) -> CheckedCloud:
-    """Confirmed hits, mesh frame; fewer than `count` where the field confirms few.
+    """The surest of `count` hits, mesh frame; on a fitted field about a quarter.
 
     Raises:
-      InputError: the field confirms none.
+      InputError: the field sees nothing, or is sure of none.
     """
     random, found, total, batch, asked = np.random.default_rng(seed), [], 0, _FIRST_BATCH, 0
     for _ in range(_MOST_BATCHES):
-        found.append(_confirmed(field, batch, random))
-        total, asked = total + len(found[-1]), asked + batch
+        found.append(_seen(field, batch, random))
+        total, asked = total + len(found[-1][0]), asked + batch
         if total >= count:
             break
         batch = int(np.clip(1.05 * (count - total) * asked / max(total, 1), _FIRST_BATCH, _LARGEST_BATCH))
-    if total == 0:
+    hits, directions = (np.concatenate(part)[:count] for part in zip(*found, strict=True))
+    hits = surest(hits, _doubts(field, hits, directions, random), LARGEST_DOUBT * _half_side(field))
+    if len(hits) == 0:
         raise checks.InputError("the field sees no surface that it confirms: fit it for longer")
-    discs, back = flat_discs(np.concatenate(found)[:count], PLANE_HITS), field.field_from_mesh.inverse()
+    discs, back = flat_discs(hits, PLANE_HITS), field.field_from_mesh.inverse()
     return CheckedCloud(
         Discs(back.apply(discs.centres), back.apply_directions(discs.normals), back.scale * discs.radii)
     )
 
 
-def _confirmed(field: framed_field.FramedField, count: int, random: np.random.Generator) -> Float[np.ndarray, "_ 3"]:
-    """The hits of a batch of rays that the field confirms, field frame."""
+def surest(hits: Float[np.ndarray, "n 3"], doubts: Float[np.ndarray, "n"], largest: float) -> Float[np.ndarray, "_ 3"]:
+    """Hits that fewer than `SURER_RIVALS` of the `RIVALS` nearest are surer than, without those that lie alone.
+
+    Args:
+      doubts: >= 0. largest: doubt from which on a hit is left out whatever the others are.
+    """
+    kept = doubts <= largest
+    hits, doubts = hits[kept], doubts[kept]
+    if len(hits) <= RIVALS:
+        return hits
+    index, _ = neighbours.tree(hits).search(hits, RIVALS + 1)
+    hits = hits[(doubts[index] < doubts[:, None]).sum(axis=1) < SURER_RIVALS * RIVALS]
+    if len(hits) <= PLANE_HITS:
+        return hits
+    _, dist_sq = neighbours.tree(hits).search(hits, PLANE_HITS)
+    reach = np.sqrt(dist_sq.max(axis=1))
+    return hits[reach <= LONELY * np.median(reach)]
+
+
+def _half_side(field: framed_field.FramedField) -> float:
+    return float((field.upper - field.lower).max()) / 2
+
+
+def _seen(
+    field: framed_field.FramedField, count: int, random: np.random.Generator
+) -> tuple[Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3"]]:
+    """Hits in the box of a batch of rays, and the directions of these; field frame."""
     positions = random.uniform(field.lower, field.upper, (count, 3))
-    directions = random.standard_normal((count, 3))
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    directions = _directions(count, random)
     visibility, depth = _ask(field, positions, directions)
-    seen = visibility >= LEAST_VISIBILITY
-    hits = rays.surface_points(positions, directions, depth)[seen]
-    directions = directions[seen]
-    unit = float((field.upper - field.lower).max()) / 2
-    ahead = [np.zeros(len(hits))]
-    for step in [sign * offset * unit for offset in OFFSETS for sign in (-1.0, 1.0)]:
-        starts = hits + step * directions
+    hits = rays.surface_points(positions, directions, depth)
+    kept = (visibility >= framed_field.SEEN) & ((hits >= field.lower) & (hits <= field.upper)).all(axis=-1)
+    return hits[kept], directions[kept]
+
+
+def _directions(count: int, random: np.random.Generator) -> Float[np.ndarray, "count 3"]:
+    found = random.standard_normal((count, 3))
+    return found / np.linalg.norm(found, axis=-1, keepdims=True)
+
+
+def _doubts(
+    field: framed_field.FramedField,
+    hits: Float[np.ndarray, "n 3"],
+    directions: Float[np.ndarray, "n 3"],
+    random: np.random.Generator,
+) -> Float[np.ndarray, "n"]:
+    """Sum of |deviation| of the answers along the ray from their median, and of that along another line from the hit.
+
+    The other line is asked from both sides; the nearer answer counts, since one side may not see the surface.
+    """
+    unit = _half_side(field)
+    along = np.stack([np.zeros(len(hits)), *_answers(field, hits, directions, OFFSET * unit)])
+    across = np.abs(_answers(field, hits, _directions(len(hits), random), OFFSET * unit)).min(axis=0)
+    return np.abs(along - np.median(along, axis=0)).sum(axis=0) + across
+
+
+def _answers(
+    field: framed_field.FramedField, hits: Float[np.ndarray, "n 3"], lines: Float[np.ndarray, "n 3"], offset: float
+) -> Float[np.ndarray, "2 n"]:
+    """Where the field sees the surface along lines through hits, from the hit on, asked from before and from behind.
+
+    0 where the start lies outside the box.
+    """
+    answers = np.zeros((2, len(hits)))
+    for answer, way in zip(answers, (1.0, -1.0), strict=True):
+        starts = hits - way * offset * lines
         inside = ((starts >= field.lower) & (starts <= field.upper)).all(axis=-1)
-        _, depth = _ask(field, starts[inside], -np.sign(step) * directions[inside])
-        answer = np.zeros(len(hits))
-        answer[inside] = step - np.sign(step) * depth
-        ahead.append(answer)
-    answers = np.stack(ahead)
-    spread = np.abs(answers - np.median(answers, axis=0)).mean(axis=0)
-    in_box = ((hits >= field.lower) & (hits <= field.upper)).all(axis=-1)
-    return hits[in_box & (spread <= LARGEST_SPREAD * unit)]
+        _, depth = _ask(field, starts[inside], way * lines[inside])
+        answer[inside] = way * (depth - offset)
+    return answers
 
 
 def _ask(

@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """The distance to the nearest of 20,000 hits that the field confirms, drawn once."""
+    """The distance to the nearest hit, of those that the field is surest of, drawn once."""
     import numpy as np
 
     from ddf.api import field
