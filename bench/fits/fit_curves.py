@@ -75,7 +75,7 @@ def _section(name: str) -> fit_settings.FitConfig:
     if name != LIKE:
         return section
     alike = leave_one_out.settings(section, None, None).samples
-    return dataclasses.replace(section, samples=alike, margin=0.0, tangents="cast")
+    return dataclasses.replace(section, samples=alike, margin=0.0)
 
 
 class Clock:

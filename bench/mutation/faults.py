@@ -122,13 +122,12 @@ MUTANTS = (
         "return there",
         ("tests/training",),
     ),
-    Mutant("T samples that see what they touch", "data/sampling.py", 'config.tangents == "touch"', "True", SAMPLING),
     Mutant("O samples all at their distance", "data/sampling.py", 'config.offsets == "uniform"', "False", SAMPLING),
     Mutant(
         "A samples look away",
         "data/samples/draws.py",
-        "return Draw(positions, -directions, normals, reach",
-        "return Draw(positions, directions, normals, reach",
+        "return Draw(positions, -directions, normals",
+        "return Draw(positions, directions, normals",
         SAMPLING,
     ),
     Mutant(

@@ -10,8 +10,7 @@ Choices where the paper is silent:
   triangle, to the side that v points to, and the depth is corrected for that: its own triangle, and others in its
   plane, cannot be the hit; a second sheet closer than that is not seen.
 - T is cast as it is stored, as [DDF22] does: it passes q0 on either side, by the rounding of the ray and by the facets,
-  and of a convex shape misses as often as it hits. `tangents: touch` says instead that it sees q0, which it touches: no
-  depth is then greater than |q0 - p|.
+  and of a convex shape misses as often as it hits.
 - S and T keep the normal at q0, along which L_T asks for a transition, not that of the hit.
 - O: the offset line is shortened where q0 + s eps n0 would leave B (the other side is tried first), then p is drawn on
   the line's part inside B as for T. So p is in B always, and a tenth lies on its boundary exactly.
@@ -39,16 +38,12 @@ from ddf.geometry.mesh_io import Mesh
 _ERROR_PROBE = 100  # samples of each type whose packing error is measured
 
 
-Tangents = Literal["cast", "touch"]
-
-
 @dataclass(frozen=True)
 class SamplesConfig:
     """What is drawn from each shape.
 
     epsilon_o: distance of O samples from the tangent line, in field units (0.05 single shape, 0.02 ShapeNet).
     offsets: every O sample at that distance ("fixed"), or uniform up to it ("uniform"; "maximum" in [DDF22] app. D).
-    tangents: truth of T samples: of the ray as it is cast ("cast", the paper's) or of the line that touches ("touch").
     box: the cube [-1, 1]^3 ("cube") or the shape's own box ("tight"), `margin` field units wider on every side.
     cloud_points: points of the ground-truth cloud, met within 10 %.
     shard_size: shapes in one file.
@@ -62,7 +57,6 @@ class SamplesConfig:
     cloud_points: int = 8000
     shard_size: int = 16
     seed: int = 0
-    tangents: Tangents = "cast"
 
     def __post_init__(self) -> None:
         if not 0 < self.epsilon_o < 1:
@@ -77,8 +71,6 @@ class SamplesConfig:
             raise checks.InputError(f"samples.cloud_points must be in [10, 1e6]; got {self.cloud_points}")
         if self.shard_size < 1:
             raise checks.InputError(f"samples.shard_size must be >= 1; got {self.shard_size}")
-        if self.tangents not in ("cast", "touch"):
-            raise checks.InputError(f"samples.tangents must be cast or touch; got {self.tangents!r}")
 
 
 def draw(
@@ -90,7 +82,7 @@ def draw(
     rng: np.random.Generator,
 ) -> draws.Draw:
     """`count` oriented points of one type, not yet rounded."""
-    place = draws.Place(surface, box, config.epsilon_o, config.offsets == "uniform", config.tangents == "touch")
+    place = draws.Place(surface, box, config.epsilon_o, config.offsets == "uniform")
     return draws.DRAWS[kind](place, count, rng)
 
 
@@ -276,8 +268,6 @@ def _cast_and_pack(scene: raycast.Scene, rays: Rounded) -> Answers:
         depth[parts[kind]] = np.maximum(depth[parts[kind]] + lifted, 0)
     codes = _normal_codes(scene, kept, normals, rays.looking)
     for kind, drew in drawn.items():
-        if drew.reach is not None:
-            depth[parts[kind]] = np.minimum(depth[parts[kind]], drew.reach)
         if drew.normals is not None:
             codes[parts[kind]] = packing.encode_unit(drew.normals, np.int8)
     packed = {

@@ -99,7 +99,6 @@ class FitConfig:
       2 (1 - margin), in the frame of samples and field. With 0, the paper's way, rays from outside begin on faces that
       lie in a side of the box, where the field is of two minds. Lengths in the config and in results are those of a
       shape whose longest side is 2.
-    tangents: truth of the T samples that are trained on (`sampling.SamplesConfig`); those held out are cast.
     start: what the depths begin as: `flat`, nearly their mean over the training samples (`start_flat`), or `random`,
       the paper's, about `pddf.INITIAL_DEPTH`.
     page, ablation: read by the stages `fit_shape` and `ablate_samples` alone; no part of the fit itself, and not needed
@@ -122,23 +121,16 @@ class FitConfig:
     consistency: ConsistencyWeights = ConsistencyWeights()
     page: PageConfig = _PAGE
     ablation: AblationConfig = _ABLATION
-    tangents: sampling.Tangents = "cast"
 
     def __post_init__(self) -> None:
         sample_types.check_counts("fit.batch", self.batch)
         _check_budget("fit", self.steps, self.minutes)
         self.draw(self.box, self.samples, 0)
 
-    def draw(
-        self,
-        box: Literal["tight", "cube"],
-        counts: sample_types.Counts,
-        seed: int,
-        tangents: sampling.Tangents = "cast",
-    ) -> sampling.SamplesConfig:
+    def draw(self, box: Literal["tight", "cube"], counts: sample_types.Counts, seed: int) -> sampling.SamplesConfig:
         """What `sampling.extract` draws."""
         epsilon_o = self.epsilon_o * (1 - self.margin)
-        return sampling.SamplesConfig(counts, epsilon_o, "fixed", box, self.margin, seed=seed, tangents=tangents)
+        return sampling.SamplesConfig(counts, epsilon_o, "fixed", box, self.margin, seed=seed)
 
     def recipe(self) -> dict[str, Any]:
         """What decides the fitted field: everything but `page` and `ablation`."""
@@ -160,6 +152,5 @@ DEFAULT = FitConfig(
     box="tight",
     margin=0.02,
     start="flat",
-    tangents="touch",
     loop=training_loop.LoopConfig(5e-3, "cosine", 50, 1.0, 2, 0, 50, 30.0, muon=0.03),
 )

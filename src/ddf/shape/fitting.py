@@ -156,7 +156,7 @@ def fit(
     mesh = mesh_io.Mesh(inside, mesh_io.without_flat(raw).faces)  # clipped, a far flat triangle could gain an area
     share = plan.get("samples_share") or _affordable(mesh, config)
     drawn = config.samples.scaled(share)
-    samples, packing_errors = shape_samples.draw_samples(mesh, config, drawn, "train", config.tangents, "samples")
+    samples, packing_errors = shape_samples.draw_samples(mesh, config, drawn, "train", "samples")
     samples = samples if without is None else samples.without(without)
     field = pddf.PDDF(config.field).to(training_loop.device())
     if begin is not None:

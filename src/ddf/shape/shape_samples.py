@@ -74,7 +74,6 @@ def draw_samples(
     config: fit_settings.FitConfig,
     counts: sample_types.Counts,
     stream: str,
-    tangents: sampling.Tangents = "cast",
     describe: str | None = None,
 ) -> tuple[ShapeSamples, dict[str, float]]:
     """Samples of a mesh, field frame, and the largest errors of their stored form (`sampling.packing_errors`).
@@ -82,14 +81,13 @@ def draw_samples(
     Args:
       mesh: in [-1, 1]^3; it is shrunk to leave `config.margin`.
       stream: name of the random stream; training and held-out samples have their own.
-      tangents: truth of T samples, see `sampling.SamplesConfig`.
       describe: title of a progress bar; None for none.
     """
     unit = 1 - config.margin
     mesh = mesh_io.Mesh(unit * mesh.vertices, mesh.faces)
     lower, upper = mesh.box()
     box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else config.box
-    drawn = config.draw(box, counts, config.loop.seed, tangents)
+    drawn = config.draw(box, counts, config.loop.seed)
     packed, probes = sampling.extract(mesh, drawn, stream, describe=describe)
     arrays = {}
     for kind, _ in counts.items():

@@ -32,13 +32,12 @@ class Box:
 class Draw:
     """Oriented points before rounding.
 
-    normals: n0, of S and T. reach: |q0 - p| of T that is told where it touches the surface. starts_on: S, at q0.
+    normals: n0, of S and T. starts_on: S, at q0.
     """
 
     positions: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     normals: Float[np.ndarray, "n 3"] | None = None
-    reach: Float[np.ndarray, "n"] | None = None
     starts_on: bool = False
 
 
@@ -103,12 +102,11 @@ def _back_along(
     box: Box,
     rng: np.random.Generator,
     normals: Float[np.ndarray, "n 3"] | None = None,
-    touches: bool = False,
 ) -> Draw:
     """p on the segment from each origin along v0 to the boundary of B (a tenth exactly on it), and v = -v0.
 
     Args:
-      normals: n0, where the segments touch the surface in their origins, q0. touches: keep |q0 - p| too.
+      normals: n0, where the segments touch the surface in their origins, q0.
     """
     count = len(origins)
     axes = _exit(origins, directions, box)
@@ -124,7 +122,7 @@ def _back_along(
     ends = positions.T.take(rows, axis=1)
     np.copyto(ends, walls, where=axes.take(rows, axis=1) == reach.take(rows))  # whose share is 1
     positions.T[:, rows] = ends
-    return Draw(positions, -directions, normals, reach if touches else None)
+    return Draw(positions, -directions, normals)
 
 
 def _boundary_count(count: int, rng: np.random.Generator) -> int:
@@ -171,11 +169,11 @@ def draw_surface(surface: Surface, box: Box, count: int, rng: np.random.Generato
     return Draw(_inside(positions, box), unit_vectors(count, rng), _rows(surface.normals, face), starts_on=True)
 
 
-def draw_tangent(surface: Surface, box: Box, count: int, rng: np.random.Generator, touches: bool) -> Draw:
-    """T: as A, with v0 uniform in the tangent plane at q0. touches: what it touches there is kept as its reach."""
+def draw_tangent(surface: Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+    """T: as A, with v0 uniform in the tangent plane at q0."""
     origins, face = surface.draw(count, rng)
     normals = _rows(surface.normals, face)
-    return _back_along(_inside(origins, box), _tangents(normals, rng), box, rng, normals, touches)
+    return _back_along(_inside(origins, box), _tangents(normals, rng), box, rng, normals)
 
 
 def _rows(normals: Float[np.ndarray, "m 3"], face: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
@@ -202,15 +200,13 @@ def draw_offset(
 class Place:
     """What samples of one mesh are drawn from.
 
-    epsilon_o: offset of O samples, field units; of each at most that if `uniform_offsets`. tangents_touch: T samples
-      keep how far they are from where they touch the surface.
+    epsilon_o: offset of O samples, field units; of each at most that if `uniform_offsets`.
     """
 
     surface: Surface
     box: Box
     epsilon_o: float
     uniform_offsets: bool
-    tangents_touch: bool
 
 
 DRAWS: dict[str, Callable[[Place, int, np.random.Generator], Draw]] = {
@@ -218,7 +214,7 @@ DRAWS: dict[str, Callable[[Place, int, np.random.Generator], Draw]] = {
     "A": lambda place, count, rng: draw_at_surface(place.surface, place.box, count, rng),
     "B": lambda place, count, rng: draw_bounding(place.box, count, rng),
     "S": lambda place, count, rng: draw_surface(place.surface, place.box, count, rng),
-    "T": lambda place, count, rng: draw_tangent(place.surface, place.box, count, rng, place.tangents_touch),
+    "T": lambda place, count, rng: draw_tangent(place.surface, place.box, count, rng),
     "O": lambda place, count, rng: draw_offset(
         place.surface, place.box, count, rng, place.epsilon_o, place.uniform_offsets
     ),

@@ -98,7 +98,7 @@ class CastSamples:
         positions, directions, starts, own = sent[..., :12].unflatten(-1, (4, 3)).unbind(-2)
         depth, triangle = self.held.first_hits(shapes, starts, directions)
         visible, triangle = torch.isfinite(depth), triangle.clamp_min(0)
-        depth = packing.round_depth(torch.minimum((depth + sent[..., 12]).clamp_min(0), sent[..., 13]))
+        depth = packing.round_depth((depth + sent[..., 12]).clamp_min(0))
         side = self.held.from_behind(triangle, directions).long()
         codes = self.codes[side, triangle].masked_fill(~visible[..., None], 0)
         normals = torch.where(own.any(-1, keepdim=True), own, packing.decode_unit(codes))
@@ -110,13 +110,13 @@ class CastSamples:
         return {kind: training_truth.rows_of(whole, slice(start, end)) for kind, start, end in spans}
 
 
-_ROWS = 14  # position, direction, start, own normal (0: the hit's), how far the start is ahead, the longest depth
+_ROWS = 13  # position, direction, start, own normal (0: the hit's), how far the start is ahead
 
 
 def _write(row: Float[np.ndarray, "rows n"], rays: sampling.Rounded) -> None:
     """What a device is told of rays."""
     row[0:3] = packing.decode_positions(torch.from_numpy(rays.positions.T)).numpy().T
-    row[3:6], row[6:9], row[13] = rays.looking, rays.starts, np.inf
+    row[3:6], row[6:9] = rays.looking, rays.starts
     for kind, part in sampling.parts_of(rays.drawn).items():
         drew = rays.drawn[kind]
         if drew.normals is not None:
@@ -124,8 +124,6 @@ def _write(row: Float[np.ndarray, "rows n"], rays: sampling.Rounded) -> None:
             row[9:12, part] = packing.decode_unit(stored).numpy().T
         if kind in rays.ahead:
             row[12, part] = rays.ahead[kind]
-        if drew.reach is not None:
-            row[13, part] = drew.reach
 
 
 def held_meshes(grounds: GroundFile, device: torch.device) -> meshes.Meshes:

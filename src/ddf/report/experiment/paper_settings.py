@@ -65,7 +65,6 @@ SETTINGS = (
     Setting("true points in the Chamfer loss", "pcsiren.truth_points", "1024", _SI3DR),
     Setting("meshes made watertight", "meshes.wrap", "auto", _SI3DR),
     Setting("triangles per training mesh, at most", "meshes.faces", "10000", _SI3DR),
-    Setting("truth of T samples", "samples.tangents", "cast", "app. datatypes"),
     Setting("U and A samples per shape", "samples.counts.U", "20000", _SI3DR),
     Setting("other samples per shape and type", "samples.counts.S", "10000", _SI3DR),
     Setting("directions per point, n<sub>v</sub>", "pointclouds.cloud.num_directions", "128", _TEXT),
