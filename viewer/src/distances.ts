@@ -1,8 +1,9 @@
 /**
- * Unsigned distances and v*: to the nearest of hits that a field confirms, as `ddf.fields.checked_cloud`.
+ * Unsigned distances and v*: to the nearest of the hits that a field is surest of, as `ddf.fields.checked_cloud`.
  *
- * A hit of a random ray is asked for again along the same ray from before and from behind it; one on which the answers
- * agree stays. Then each becomes a small disc in the plane of the hits around it.
+ * A hit of a random ray is asked for again along the same ray from before and from behind it, and along another line.
+ * Of hits that are near each other those stay on which the answers agree best. Then each becomes a small disc in the
+ * plane of the hits around it.
  */
 
 import { random, way } from "./cloud.ts";
@@ -11,11 +12,13 @@ import { KdTree, type Near } from "./kdtree.ts";
 import { breathe } from "./pacing.ts";
 import { apply, inverse, type Vector } from "./vectors.ts";
 
-const LEAST_VISIBILITY = 0.9;
-const STEPS = [-0.05, 0.05, -0.1, 0.1]; // of half the longest side of the box, as is the next
-const LARGEST_SPREAD = 0.015; // mean distance of the answers from their median
+const SEEN = 0.5;
+const OFFSET = 0.05; // from a hit to where it is asked about; of half the longest side of the box, as is the next
+const LARGEST_DOUBT = 0.18; // range of the answers along a ray, and that along another line
+const [RIVALS, SURER_RIVALS] = [32, 0.3]; // nearest hits that a hit is compared with; share of surer ones from which on it goes
 const LARGEST_DISC = 1.5; // radius, in those of the median disc
-const PLANE_HITS = 16; // that a plane is laid through
+const LONELY = 1.75; // distance to the last of the plane's hits, in the median, from which on a hit is a stray
+const PLANE_HITS = 12; // that a plane is laid through
 const [BATCH, MOST_BATCHES] = [4096, 40]; // rays
 const PIECE = 4096; // points between two breaths of the page
 
@@ -35,7 +38,7 @@ export interface Closest {
 export class Distances {
   private readonly known = new Map<Field, Promise<Discs>>();
 
-  /** count: hits of a field. */
+  /** count: hits that are drawn of a field. */
   constructor(
     readonly count: number,
     private readonly tell: (text: string) => void,
@@ -46,7 +49,7 @@ export class Distances {
     this.known.clear();
   }
 
-  /** From points of the world (3 numbers each) to the nearest surface of all fields; infinite where none is confirmed. */
+  /** From points of the world (3 numbers each) to the nearest surface of all fields; infinite where none is sure. */
   async closest(world: World, points: Float64Array, signal?: AbortSignal): Promise<Closest> {
     const count = points.length / 3;
     const found: Closest = { distances: new Float32Array(count).fill(Infinity), directions: new Float32Array(3 * count) };
@@ -82,11 +85,13 @@ export class Distances {
 
   private async draw(field: Field): Promise<Discs> {
     this.tell(`drawing ${this.count.toLocaleString("en")} hits of ${field.record.name} to measure distances to`);
-    const hits: number[] = [];
-    for (let batch = 0; batch < MOST_BATCHES && hits.length < 3 * this.count; batch++) {
-      hits.push(...(await confirmed(field, batch + 1)));
+    const [hits, doubts]: [number[], number[]] = [[], []];
+    for (let batch = 0; batch < MOST_BATCHES && doubts.length < this.count; batch++) {
+      const found = await doubted(field, batch + 1);
+      hits.push(...found.hits);
+      doubts.push(...found.doubts);
     }
-    return flat(Float64Array.from(hits.slice(0, 3 * this.count)));
+    return flat(surest(hits.slice(0, 3 * this.count), doubts.slice(0, this.count), LARGEST_DOUBT * halfSide(field)));
   }
 }
 
@@ -101,10 +106,25 @@ function toFoot({ centres, normals, radii }: Discs, disc: number, at: Vector): V
   return [0, 1, 2].map((axis) => share * within[axis]! - away[axis]!) as Vector;
 }
 
-/** The hits of a batch of rays that a field confirms, its frame, 3 numbers each. */
-async function confirmed(field: Field, seed: number): Promise<number[]> {
+function halfSide({ record }: Field): number {
+  return Math.max(...record.upper.map((high, axis) => high - record.lower[axis]!)) / 2;
+}
+
+/** Of values of rays, 3 each, those of some rays. */
+function rows(values: ArrayLike<number>, rays: number[]): Float64Array {
+  return Float64Array.from({ length: 3 * rays.length }, (_, i) => values[3 * rays[Math.floor(i / 3)]! + (i % 3)]!);
+}
+
+/** The points that lie in the box of a field. */
+function within({ record: { lower, upper } }: Field, points: Float64Array): number[] {
+  return [...Array(points.length / 3).keys()].filter((i) =>
+    lower.every((low, axis) => points[3 * i + axis]! >= low && points[3 * i + axis]! <= upper[axis]!),
+  );
+}
+
+/** The hits of a batch of rays, the field's frame, 3 numbers each, and how far the answers about each are apart. */
+async function doubted(field: Field, seed: number): Promise<{ hits: number[]; doubts: number[] }> {
   const { lower, upper } = field.record;
-  const unit = Math.max(...upper.map((high, axis) => high - lower[axis]!)) / 2;
   const next = random(seed);
   const rays = { positions: new Float32Array(3 * BATCH), directions: new Float32Array(3 * BATCH) };
   for (let ray = 0; ray < BATCH; ray++) {
@@ -112,30 +132,55 @@ async function confirmed(field: Field, seed: number): Promise<number[]> {
     rays.directions.set(way(next), 3 * ray);
   }
   const first = await field.engine.evaluate(rays.positions, rays.directions, ["visibility", "depth"]);
-  const seen = [...first.visibility!.keys()].filter((ray) => first.visibility![ray]! >= LEAST_VISIBILITY);
-  const hits = Float64Array.from({ length: 3 * seen.length }, (_, i) => {
-    const at = 3 * seen[Math.floor(i / 3)]! + (i % 3);
-    return rays.positions[at]! + first.depth![seen[Math.floor(i / 3)]!]! * rays.directions[at]!;
+  const ends = Float64Array.from(rays.positions, (value, i) => value + first.depth![Math.floor(i / 3)]! * rays.directions[i]!);
+  const kept = within(field, ends).filter((ray) => first.visibility![ray]! >= SEEN);
+  const hits = rows(ends, kept);
+  const [before, behind] = await answers(field, hits, rows(rays.directions, kept));
+  const lines = Float64Array.from(kept.flatMap(() => way(next)));
+  const [left, right] = await answers(field, hits, lines);
+  const doubts = kept.map((_, i) => {
+    const along = [0, before[i]!, behind[i]!].sort((a, b) => a - b);
+    return along[2]! - along[0]! + Math.min(Math.abs(left[i]!), Math.abs(right[i]!));
   });
-  const inBox = (values: ArrayLike<number>, i: number): boolean =>
-    lower.every((low, axis) => values[3 * i + axis]! >= low && values[3 * i + axis]! <= upper[axis]!);
-  const answers = seen.map(() => [0, 0, 0, 0, 0]); // of how far ahead of the hit the surface is
-  for (const [number, share] of STEPS.entries()) {
-    const step = share * unit;
-    const starts = hits.map((value, i) => value + step * rays.directions[3 * seen[Math.floor(i / 3)]! + (i % 3)]!);
-    const inside = [...seen.keys()].filter((i) => inBox(starts, i));
-    const pick = (from: (i: number, axis: number) => number): Float32Array =>
-      Float32Array.from({ length: 3 * inside.length }, (_, i) => from(inside[Math.floor(i / 3)]!, i % 3));
-    const positions = pick((i, axis) => starts[3 * i + axis]!);
-    const directions = pick((i, axis) => -Math.sign(step) * rays.directions[3 * seen[i]! + axis]!);
-    const found = await field.engine.evaluate(positions, directions, ["depth"]);
-    inside.forEach((i, at) => (answers[i]![number + 1] = step - Math.sign(step) * found.depth![at]!));
+  return { hits: [...hits], doubts };
+}
+
+/** Where the surface is seen along lines through hits, from the hit on: from before and from behind; 0 outside the box. */
+async function answers(field: Field, hits: Float64Array, lines: Float64Array): Promise<[Float64Array, Float64Array]> {
+  const offset = OFFSET * halfSide(field);
+  const found: [Float64Array, Float64Array] = [new Float64Array(hits.length / 3), new Float64Array(hits.length / 3)];
+  for (const [side, sign] of [1, -1].entries()) {
+    const starts = hits.map((value, i) => value - sign * offset * lines[i]!);
+    const inside = within(field, starts);
+    const [positions, directions] = [rows(starts, inside), rows(lines, inside).map((value) => sign * value)];
+    const { depth } = await field.engine.evaluate(Float32Array.from(positions), Float32Array.from(directions), ["depth"]);
+    inside.forEach((i, at) => (found[side]![i] = sign * (depth![at]! - offset)));
   }
-  const agreed = (values: number[]): boolean => {
-    const median = values.slice().sort((a, b) => a - b)[2]!;
-    return values.reduce((sum, value) => sum + Math.abs(value - median), 0) / values.length <= LARGEST_SPREAD * unit;
-  };
-  return answers.flatMap((values, i) => (inBox(hits, i) && agreed(values) ? [...hits.subarray(3 * i, 3 * i + 3)] : []));
+  return found;
+}
+
+/** Hits that few of the nearest are surer than, without those that lie alone: `checked_cloud.surest`. */
+function surest(hits: ArrayLike<number>, doubts: number[], largest: number): Float64Array {
+  const kept = [...doubts.keys()].filter((i) => doubts[i]! <= largest);
+  const points = rows(hits, kept);
+  if (kept.length <= RIVALS) return points;
+  const doubt = kept.map((i) => doubts[i]!);
+  const surer = around(points, RIVALS + 1, ({ index }, i) => index.filter((rival) => doubt[rival]! < doubt[i]!).length);
+  const sure = rows(points, [...surer.keys()].filter((i) => surer[i]! < SURER_RIVALS * RIVALS));
+  if (sure.length / 3 <= PLANE_HITS) return sure;
+  const reach = around(sure, PLANE_HITS, ({ squared }) => Math.sqrt(squared[PLANE_HITS - 1]!));
+  const median = reach.slice().sort((a, b) => a - b)[reach.length >> 1]!;
+  return rows(sure, [...reach.keys()].filter((i) => reach[i]! <= LONELY * median));
+}
+
+/** What is found of the `count` points nearest to each point, itself among them. */
+function around<T>(points: Float64Array, count: number, find: (near: Near, i: number) => T): T[] {
+  const tree = new KdTree(points);
+  const near: Near = { index: new Int32Array(count), squared: new Float64Array(count) };
+  return [...Array(points.length / 3).keys()].map((i) => {
+    tree.find(points[3 * i]!, points[3 * i + 1]!, points[3 * i + 2]!, near);
+    return find(near, i);
+  });
 }
 
 /** Each point moved onto the plane of least squares through those around it: `checked_cloud.flat_discs`. */
@@ -144,20 +189,17 @@ function flat(points: Float64Array): Discs {
   const discs = { centres: points, normals: new Float64Array(3 * count), radii: new Float64Array(count) };
   if (count <= PLANE_HITS) return { ...discs, tree: new KdTree(points) };
   discs.centres = points.slice();
-  const tree = new KdTree(points);
-  const near: Near = { index: new Int32Array(PLANE_HITS), squared: new Float64Array(PLANE_HITS) };
-  for (let i = 0; i < count; i++) {
-    tree.find(points[3 * i]!, points[3 * i + 1]!, points[3 * i + 2]!, near);
-    const around = Array.from(near.index, (row) => points.subarray(3 * row, 3 * row + 3));
-    const middle = [0, 1, 2].map((axis) => around.reduce((sum, point) => sum + point[axis]!, 0) / PLANE_HITS);
+  around(points, PLANE_HITS, (near, i) => {
+    const others = Array.from(near.index, (row) => points.subarray(3 * row, 3 * row + 3));
+    const middle = [0, 1, 2].map((axis) => others.reduce((sum, point) => sum + point[axis]!, 0) / PLANE_HITS);
     const spread = (a: number, b: number): number =>
-      around.reduce((sum, point) => sum + (point[a]! - middle[a]!) * (point[b]! - middle[b]!), 0);
+      others.reduce((sum, point) => sum + (point[a]! - middle[a]!) * (point[b]! - middle[b]!), 0);
     const normal = flattest([spread(0, 0), spread(0, 1), spread(0, 2), spread(1, 1), spread(1, 2), spread(2, 2)]);
     const height = normal.reduce((sum, value, axis) => sum + value * (points[3 * i + axis]! - middle[axis]!), 0);
     for (let axis = 0; axis < 3; axis++) discs.centres[3 * i + axis]! -= height * normal[axis]!;
     discs.normals.set(normal, 3 * i);
     discs.radii[i] = Math.sqrt((2 * near.squared[PLANE_HITS - 1]!) / PLANE_HITS);
-  }
+  });
   const largest = LARGEST_DISC * discs.radii.slice().sort()[count >> 1]!;
   discs.radii.forEach((radius, i) => (discs.radii[i] = Math.min(radius, largest)));
   return { ...discs, tree: new KdTree(discs.centres) };

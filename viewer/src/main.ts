@@ -22,7 +22,7 @@ import { WebglEngine } from "./webgl.ts";
 
 const WISHES = asked(location.hash);
 const ELEVATION = 25; // of the first picture, degrees
-const [HITS, HITS_OF_A_CPU] = [20_000, 4_000]; // of a field, that distances are measured to
+const [HITS, HITS_OF_A_CPU] = [40_000, 16_000]; // of a field, of which distances are measured to the surest
 const SIZES = [128, 256, 384, 512, 768];
 
 type Angles = Pick<Camera, "azimuth" | "elevation">;

@@ -15,8 +15,8 @@ export interface Quantity {
 export const QUANTITIES: Quantity[] = [
   { name: "depth", label: "Depth d along v", note: "from the slice along v, near yellow; clear where v meets nothing" },
   { name: "visibility", label: "Visibility ξ along v", note: "whether v meets something: 0 white, 1 dark" },
-  { name: "udf", label: "Distance UDF", note: "to the nearest of {hits} hits that the field confirms, near yellow" },
-  { name: "closest", label: "Direction v*", note: "to the nearest of {hits} confirmed hits, axes as red, green, blue" },
+  { name: "udf", label: "Distance UDF", note: "to the surest of {hits} hits, near yellow" },
+  { name: "closest", label: "Direction v*", note: "to the surest of {hits} hits, axes as red, green, blue" },
 ];
 export const AXES = ["x", "y", "z"] as const;
 export const WAYS = ["x", "-x", "y", "-y", "z", "-z", "look"] as const; // the last: as the camera looks

@@ -20,7 +20,7 @@ from ddf.geometry import neighbours, rays
 
 COUNT = 40_000  # hits that are asked about
 OFFSET = 0.05  # from a hit to where it is asked about; of half the longest side of the box, as is the next
-LARGEST_DOUBT = 0.18  # sum of four deviations
+LARGEST_DOUBT = 0.18  # range of the answers along a ray, and the deviation of that along another line
 RIVALS = 32  # nearest hits that a hit is compared with
 SURER_RIVALS = 0.3  # share of them from which on it goes
 LARGEST_DISC = 1.5  # radius, in those of the median disc
@@ -154,14 +154,14 @@ def _doubts(
     directions: Float[np.ndarray, "n 3"],
     random: np.random.Generator,
 ) -> Float[np.ndarray, "n"]:
-    """Sum of |deviation| of the answers along the ray from their median, and of that along another line from the hit.
+    """Range of the answers along the ray, the hit among them, and |deviation| of that along another line from the hit.
 
     The other line is asked from both sides; the nearer answer counts, since one side may not see the surface.
     """
     unit = _half_side(field)
     along = np.stack([np.zeros(len(hits)), *_answers(field, hits, directions, OFFSET * unit)])
     across = np.abs(_answers(field, hits, _directions(len(hits), random), OFFSET * unit)).min(axis=0)
-    return np.abs(along - np.median(along, axis=0)).sum(axis=0) + across
+    return np.ptp(along, axis=0) + across
 
 
 def _answers(
