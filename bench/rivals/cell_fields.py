@@ -22,7 +22,7 @@ from ddf.fields import derivatives, losses, pddf
 from ddf.shape import fit_settings
 from ddf.training import training_loop
 
-BLOCK = 64  # rays of a block, speed alone
+BLOCK, BLOCKS = 64, 64  # rays of a block, blocks at a time: what stays in a core's cache
 SURE = 0.01  # a network begins with the share of its rays that see something, but for so much
 NOTHING = (0.0, 0.0, 0.0, -4.0)  # raw outputs of no network
 
@@ -72,9 +72,9 @@ class CellField:
         z = torch.where(pddf.first_is_heavier(raw), raw[:, 0], raw[:, 1])
         logit = raw[:, pddf.VISIBILITY_ROW]
         seeing = found.weights * (logit >= 0)
-        columns = torch.stack((seeing * (found.before + z * found.rate), seeing, found.weights * logit), dim=-1)
-        added = columns.new_zeros(len(p), 3).index_add(0, found.rows, columns)
-        return torch.stack((added[:, 0] / added[:, 1], added[:, 2]), dim=-1)
+        parts = seeing * (found.before + z * found.rate), seeing, found.weights * logit
+        depth, sure, visibility = (part.new_zeros(len(p)).index_add(0, found.rows, part) for part in parts)
+        return torch.stack((depth / sure, visibility), dim=-1)
 
     def depth(self, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
         """Along v from p; `inf` where nothing is seen."""
@@ -99,7 +99,8 @@ def outputs(networks: CellNetworks, who: Int[Tensor, "m"], local: Float[Tensor, 
     place[order] = torch.arange(len(order)) + shift.repeat_interleave(counts)
     whose = names.repeat_interleave(blocks)
     laid = local.new_zeros(BLOCK * len(whose), cells.SIDES).index_copy(0, place, local.T)
-    raw = networks(laid.view(len(whose), BLOCK, cells.SIDES), whose.clamp(min=0))
+    parts = zip(laid.view(-1, BLOCK, cells.SIDES).split(BLOCKS), whose.clamp(min=0).split(BLOCKS), strict=True)
+    raw = torch.cat([networks(rays, asked) for rays, asked in parts])
     raw = raw.view(-1, pddf.NUM_OUTPUTS).index_select(0, place)
     return raw if int(names[0]) >= 0 else torch.where((who < 0)[:, None], raw.new_tensor(NOTHING), raw)
 
