@@ -38,7 +38,7 @@ SECTION = {
     "batch": dict.fromkeys("UABSTOE", 20),
     "weights": {
         "depth": 5.0,
-        "depth_of": "mixture",
+        "depth_of": "gated",
         "depth_huber": None,
         "visibility": 1.0,
         "normals": 10.0,

@@ -103,6 +103,31 @@ def test_mixture_depth_loss_weighs_both_components_and_moves_weight_to_the_bette
     assert bool((losses.depth_loss(field, raw, truth, 0 * visible, mixture) == 0).all())
 
 
+def test_gated_depth_loss_moves_a_weight_that_is_sure_and_wrong_and_teaches_both_components():
+    field, gated = _field("relu"), dataclasses.replace(WEIGHTS, depth_of="gated")
+    rows = [[1.0, 3.0, -40.0, 0.0], [1.0, 3.0, 40.0, 0.0], [3.0, 1.0, 40.0, 0.0]]
+    raw = torch.tensor(rows, dtype=torch.float64, requires_grad=True)
+    truth, visible = torch.full((3,), 1.5, dtype=torch.float64), torch.ones(3, dtype=torch.float64)
+    gradient = torch.autograd.grad(losses.depth_loss(field, raw, truth, visible, gated).sum(), raw)[0]
+    gap = 2.25 - 0.25
+    assert gradient[:, 2].tolist() == pytest.approx([-gap, 0.0, gap], abs=1e-12)  # wrong, right, wrong
+    share = losses.LEAST_SHARE
+    assert gradient[0, :2].tolist() == pytest.approx([share * -1.0, (1 - share) * 3.0])  # d e_i = 2 (d_i - d)
+    mixture = dataclasses.replace(gated, depth_of="mixture")
+    dead = torch.autograd.grad(losses.depth_loss(field, raw, truth, visible, mixture).sum(), raw)[0]
+    assert dead[0, 2].abs() < 1e-12 and dead[0, 0].abs() < 1e-12  # what the gated loss is for
+    assert bool((losses.depth_loss(field, raw, truth, 0 * visible, gated) == 0).all())
+
+
+def test_gated_depth_loss_is_least_where_the_weight_chooses_the_better_component():
+    first, second = torch.full((9,), 0.1), torch.full((9,), 0.4)
+    found = losses.gated_depth_error(first, second, torch.linspace(-8, 8, 9))
+    assert bool((found.diff() < 0).all())
+    assert float(found[-1]) == pytest.approx(0.1 + losses.LEAST_SHARE * 0.3, abs=1e-3)
+    same = losses.gated_depth_error(first, first, torch.linspace(-8, 8, 9))
+    torch.testing.assert_close(same, first)  # of equal components no weight is better
+
+
 def test_shape_loss_uses_the_huber_threshold():
     field, batch = _field(), _batch()
     depth = dataclasses.replace(_NOTHING, depth=1.0)

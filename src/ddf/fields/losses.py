@@ -27,6 +27,8 @@ from ddf.fields import derivatives, passes
 from ddf.fields.gpu import compiled_passes
 from ddf.fields.pddf import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows
 
+LEAST_SHARE = 0.05  # of a component in what it learns by, however small its weight
+
 BLOCK_VALUES = {"cpu": 2**19, "cuda": 2**25}  # values of a block: what stays in a CPU's cache, fills a GPU
 BLOCK_POINTS = 1400  # of a block of 𝔏_S, for each thread of a CPU, whatever the width; by trial
 
@@ -41,12 +43,13 @@ class LossWeights:
     """γ of every term, and ε_T, the transition speed that L_T asks for (the paper gives no value).
 
     depth is doubled on A, U and P. depth_of: `chosen` is the paper's |d_{i*} - d|, which gives the weights w_i no
-    gradient; `mixture` is Σ w_i |d_i - d|, which also moves weight to the better component (derived here).
+    gradient; `mixture` is Σ w_i |d_i - d|, which also moves weight to the better component; `gated` does so where
+    the weights are all but 0 and 1 too, see `gated_depth_error` (both derived here).
     depth_huber: error from which L_d grows linearly, see `depth_error`; null for the paper's square.
     """
 
     depth: float
-    depth_of: Literal["chosen", "mixture"]
+    depth_of: Literal["chosen", "mixture", "gated"]
     depth_huber: float | None
     visibility: float
     normals: float
@@ -89,12 +92,33 @@ def depth_loss(
     visible: Float[Tensor, "*n"],
     weights: LossWeights,
 ) -> Float[Tensor, "*n"]:
-    """L_d = ξ |d_{i*} - d|², or the mixture ξ Σ w_i |d_i - d|². Where ξ = 0 the truth is not read."""
+    """L_d = ξ |d_{i*} - d|², the mixture ξ Σ w_i |d_i - d|², or the gated one. Where ξ = 0 the truth is not read."""
     truth = torch.where(visible > 0, truth, 0.0)  # before it is squared: 0 times the overflow of a large one is NaN
     if weights.depth_of == "chosen":
         return visible * depth_error(field.depth(raw), truth, weights.depth_huber)
     first, second = (depth_error(depth, truth, weights.depth_huber) for depth in field.depths(raw).unbind(-1))
-    return visible * torch.lerp(second, first, torch.sigmoid(raw[..., WEIGHT_ROW]))
+    logit = raw[..., WEIGHT_ROW]
+    if weights.depth_of == "gated":
+        return visible * gated_depth_error(first, second, logit)
+    return visible * torch.lerp(second, first, torch.sigmoid(logit))
+
+
+def gated_depth_error(
+    first: Float[Tensor, "*n"], second: Float[Tensor, "*n"], logit: Float[Tensor, "*n"]
+) -> Float[Tensor, "*n"]:
+    """Σ w̃_i e_i + |e_1 - e_2| H(w, better), from the errors e_i of two components (derived here).
+
+    By Σ w_i e_i a weight that has become 1 stays 1: its gradient w_1 w_2 (e_1 - e_2) vanishes, and the other component
+    learns nothing there. So here components learn by w̃_i = ε + (1 - 2ε) w_i with ε = `LEAST_SHARE`, taken as numbers,
+    and the weight by its cross-entropy H against the better component, whose gradient is |e_1 - e_2| at most, and that
+    where the weight is wholly wrong.
+
+    Args:
+      logit: of w_1.
+    """
+    share = LEAST_SHARE + (1 - 2 * LEAST_SHARE) * torch.sigmoid(logit.detach())
+    gap = (first - second).detach()
+    return torch.lerp(second, first, share) + gap.abs() * functional.softplus(gap.sign() * logit)
 
 
 def normal_loss(

@@ -147,7 +147,7 @@ DEFAULT = FitConfig(
     held_out=sample_types.Counts(U=10_000, A=10_000, B=10_000, S=10_000, T=10_000, O=10_000),
     batch={"U": 120, "A": 140, "B": 60, "S": 60, "T": 60, "O": 200, "E": 50}
     | {"U+": 350, "A+": 500, "B+": 300, "S+": 550, "T+": 450},
-    weights=losses.LossWeights(5.0, "mixture", 0.02, 1.0, 1.0, 0.1, 0.5, 0.01, 0.05, 0.0, 1.0),
+    weights=losses.LossWeights(5.0, "gated", 0.02, 1.0, 1.0, 0.1, 0.5, 0.01, 0.05, 0.0, 1.0),
     epsilon_o=0.05,
     box="tight",
     margin=0.02,
