@@ -46,6 +46,7 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {
     "bfloat16 products": {"loop.matmul": "bfloat16"},
     "squared depth loss": {"weights.depth_huber": None},
     "depth loss of the chosen": {"weights.depth_of": "chosen"},
+    "depth loss of the mixture": {"weights.depth_of": "mixture"},
     "half the weight of depth": {"weights.depth": 2.5},
     "no normals": {"weights.normals": 0.0},
     "no eikonal": {"weights.eikonal_depth": 0.0, "weights.eikonal_visibility": 0.0},
