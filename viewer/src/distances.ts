@@ -7,12 +7,11 @@
  */
 
 import { random, way } from "./cloud.ts";
-import type { Field, World } from "./field.ts";
+import { SEEN, type Field, type World } from "./field.ts";
 import { KdTree, type Near } from "./kdtree.ts";
 import { breathe } from "./pacing.ts";
 import { apply, inverse, type Vector } from "./vectors.ts";
 
-const SEEN = 0.5;
 const OFFSET = 0.05; // from a hit to where it is asked about; of half the longest side of the box, as is the next
 const LARGEST_DOUBT = 0.18; // range of the answers along a ray, and that along another line
 const [RIVALS, SURER_RIVALS] = [32, 0.3]; // nearest hits that a hit is compared with; share of surer ones from which on it goes

@@ -12,7 +12,7 @@ both turn v*.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ddf.core import checks
 from ddf.fields import framed_field
@@ -131,6 +131,10 @@ def _half_side(field: framed_field.FramedField) -> float:
     return float((field.upper - field.lower).max()) / 2
 
 
+def _in_box(field: framed_field.FramedField, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+    return np.asarray(((points >= field.lower) & (points <= field.upper)).all(axis=-1))
+
+
 def _seen(
     field: framed_field.FramedField, count: int, random: np.random.Generator
 ) -> tuple[Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3"]]:
@@ -139,7 +143,7 @@ def _seen(
     directions = _directions(count, random)
     visibility, depth = _ask(field, positions, directions)
     hits = rays.surface_points(positions, directions, depth)
-    kept = (visibility >= framed_field.SEEN) & ((hits >= field.lower) & (hits <= field.upper)).all(axis=-1)
+    kept = (visibility >= framed_field.SEEN) & _in_box(field, hits)
     return hits[kept], directions[kept]
 
 
@@ -158,23 +162,22 @@ def _doubts(
 
     The other line is asked from both sides; the nearer answer counts, since one side may not see the surface.
     """
-    unit = _half_side(field)
-    along = np.stack([np.zeros(len(hits)), *_answers(field, hits, directions, OFFSET * unit)])
-    across = np.abs(_answers(field, hits, _directions(len(hits), random), OFFSET * unit)).min(axis=0)
+    along = np.stack([np.zeros(len(hits)), *_answers(field, hits, directions)])
+    across = np.abs(_answers(field, hits, _directions(len(hits), random))).min(axis=0)
     return np.ptp(along, axis=0) + across
 
 
 def _answers(
-    field: framed_field.FramedField, hits: Float[np.ndarray, "n 3"], lines: Float[np.ndarray, "n 3"], offset: float
+    field: framed_field.FramedField, hits: Float[np.ndarray, "n 3"], lines: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, "2 n"]:
     """Where the field sees the surface along lines through hits, from the hit on, asked from before and from behind.
 
     0 where the start lies outside the box.
     """
-    answers = np.zeros((2, len(hits)))
+    answers, offset = np.zeros((2, len(hits))), OFFSET * _half_side(field)
     for answer, way in zip(answers, (1.0, -1.0), strict=True):
         starts = hits - way * offset * lines
-        inside = ((starts >= field.lower) & (starts <= field.upper)).all(axis=-1)
+        inside = _in_box(field, starts)
         _, depth = _ask(field, starts[inside], way * lines[inside])
         answer[inside] = way * (depth - offset)
     return answers
