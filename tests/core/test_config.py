@@ -1,6 +1,7 @@
 """Strict reading of experiment files."""
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Literal
 
 import pytest
@@ -62,9 +63,15 @@ def test_load_gives_typed_values(tmp_path):
     assert isinstance(config.load(path, Section).range[0], float)
 
 
-@pytest.mark.parametrize("text", ["1e-4", "1.0e-4", "1E-04", "+1e-4", ".1e-3", "0.0001"])
-def test_numbers_with_exponents_are_numbers(tmp_path, text):
-    assert config.load(_write(tmp_path, {"scale": text}), Section).scale == pytest.approx(1e-4, rel=1e-12)
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [(t, 1e-4) for t in ("1e-4", "1E-04", "+1e-4", ".1e-3", "0.0001")]
+    + [(t, t) for t in ("1:30", "1:30.5", "1_000", "2020-01-31", "yes", "off", "=")]
+    + [("010", 10), ("0o10", 8), ("0x1F", 31), ("-.inf", -float("inf")), ("5.", 5.0), ("~", None), ("", None)],
+)
+def test_words_and_numbers_are_those_of_yaml_1_2(text, value):
+    found = config.parse_value(text, "here")
+    assert (found, type(found)) == (value, type(value))
 
 
 @pytest.mark.parametrize(
@@ -107,6 +114,18 @@ def test_load_refuses_what_does_not_fit(tmp_path, changes, message):
         ("meshes: {faces: 1, faces: 2}", "not valid YAML.*'faces' is given twice"),
         ("meshes: 3", "meshes must be a mapping"),
         ("meshes: !!python/object/apply:os.getcwd []", "not valid YAML"),
+        ("? [1, 2]\n: 3", "not valid YAML: a key must be one word"),
+        ("meshes: {faces: !!timestamp 2020-99-99}", "not valid YAML: month"),
+        ("meshes: " + "9" * 5000, "not valid YAML"),
+        ("meshes: 0x" + "f" * 16, "over 64 bits"),
+        ("meshes: " + "[" * 5000, "lists within lists"),
+        ("a: &a [*a]", "an alias stands in what it names"),
+        (
+            "a: &a [1]\n" + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in pairwise("abcdef")),
+            "entries",
+        ),
+        ("#" * 200_001, "more than 200,000 bytes"),
+        ("a: " + "x" * 9000, "unknown section"),
     ],
 )
 def test_read_refuses_other_files(tmp_path, text, message):
@@ -115,6 +134,7 @@ def test_read_refuses_other_files(tmp_path, text, message):
     with pytest.raises(checks.InputError, match=message) as caught:
         config.load(path, Section)
     assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500
     assert "bad.yaml" in str(caught.value)
 
 

@@ -88,11 +88,7 @@ def read(path: str | Path) -> SceneFile:
     Raises:
       FileNotFoundError: there is no such file. InputError: it is no YAML, or a key is unknown, missing or out of range.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise checks.InputError(f"{path}: not a UTF-8 text file") from error
-    return config.parse(config.parse_value(text, str(path)), SceneFile, f"{path}: scene")
+    return config.parse(config.read_yaml(path), SceneFile, f"{path}: scene")
 
 
 def build(content: SceneFile, folder: Path) -> Scene:

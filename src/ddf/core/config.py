@@ -13,7 +13,7 @@ import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
 
 import yaml
 
@@ -45,12 +45,27 @@ ALL_SECTIONS = SECTIONS | FIT_SECTIONS | GENERATIVE_SECTIONS | FIGURES_SECTIONS
 T = TypeVar("T")
 
 
+_MOST_BYTES, _MOST_NODES = 200_000, 20_000  # of a file; what aliases name counts as often as they name it
+
+
 class _Loader(yaml.SafeLoader):
-    """safe_load that also reads `1e-4` as a number (as YAML 1.2 and DVC do) and refuses repeated keys."""
+    """YAML 1.2's numbers, as DVC reads them: 1e-4 is one, 010 is ten; 1:30, dates and `yes` are words. Refuses keys
+    that are given twice or are lists, and aliases of aliases that would fill the memory.
+    """
+
+    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}  # those of YAML 1.1 are not taken over
+
+    def get_single_node(self) -> yaml.Node | None:
+        node = super().get_single_node()
+        if node is not None and _size(node, {}) > _MOST_NODES:
+            raise yaml.constructor.ConstructorError(None, None, f"more than {_MOST_NODES:,} entries", node.start_mark)
+        return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[Any] = set()
         for key_node, _ in node.value:
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise yaml.constructor.ConstructorError(None, None, "a key must be one word", key_node.start_mark)
             key = self.construct_object(key_node, deep=True)
             if key in seen:
                 raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is given twice", key_node.start_mark)
@@ -58,9 +73,40 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
-)
+def _size(node: yaml.Node, known: dict[int, int]) -> int:
+    """Nodes below and with this one, with every alias followed."""
+    if known.setdefault(id(node), 0) == 0:
+        known[id(node)] = -1
+        parts = node.value if isinstance(node, yaml.SequenceNode) else []
+        if isinstance(node, yaml.MappingNode):
+            parts = [part for pair in node.value for part in pair]
+        known[id(node)] = 1 + sum(_size(part, known) for part in parts)
+    if known[id(node)] < 0:
+        raise yaml.constructor.ConstructorError(None, None, "an alias stands in what it names", node.start_mark)
+    return known[id(node)]
+
+
+def _whole(loader: _Loader, node: yaml.ScalarNode) -> int:
+    text = loader.construct_scalar(node)
+    value = int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
+    if abs(value) >= 1 << 63:
+        raise yaml.constructor.ConstructorError(None, None, "a whole number of over 64 bits", node.start_mark)
+    return value
+
+
+def _real(loader: _Loader, node: yaml.ScalarNode) -> float:
+    return float(re.sub(r"\.(?=inf|nan)", "", loader.construct_scalar(node).lower()))
+
+
+for _tag, _pattern, _first in (
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?\d+|0o[0-7]+|0x[\da-fA-F]+", list("-+0123456789")),
+    ("float", r"[-+]?(\.\d+|\d+(\.\d*)?)([eE][-+]?\d+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", list("-+.0123456789")),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"(?:{_pattern})\\Z", re.ASCII), _first)
+_Loader.add_constructor("tag:yaml.org,2002:int", _whole)
+_Loader.add_constructor("tag:yaml.org,2002:float", _real)
 
 
 def load(path: str | Path, cls: type[T]) -> T:
@@ -104,13 +150,7 @@ def _section(path: str | Path, sections: Mapping[str, Any], name: str, cls: type
 
 def read(path: str | Path) -> dict[str, Any]:
     """All sections of an experiment file as plain dicts, section names checked."""
-    try:
-        # CSafeLoader is faster, but does not run the checks above; the files have about a hundred lines.
-        data = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
-    except yaml.YAMLError as error:
-        raise checks.InputError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
-    except UnicodeDecodeError as error:
-        raise checks.InputError(f"{path}: not a UTF-8 text file") from error
+    data = read_yaml(path)
     if not isinstance(data, dict):
         raise checks.InputError(f"{path}: must hold the sections {', '.join(SECTIONS)}; got {type(data).__name__}")
     for name in data:
@@ -119,11 +159,29 @@ def read(path: str | Path) -> dict[str, Any]:
     return data
 
 
+def read_yaml(path: str | Path) -> Any:
+    """What a YAML file of up to 200 kB holds.
+
+    Raises:
+      FileNotFoundError: there is no such file. InputError: it is too large, no text, or no YAML; it is named.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            text = file.read(_MOST_BYTES + 1)
+        if len(text) > _MOST_BYTES:
+            raise checks.InputError(f"{path}: more than {_MOST_BYTES:,} bytes; is this the YAML file?")
+        return parse_value(text.decode("utf-8-sig"), str(path))
+    except UnicodeDecodeError as error:
+        raise checks.InputError(f"{path}: not a UTF-8 text file") from error
+
+
 def parse_value(text: str, where: str) -> Any:
     """One value as it would stand in an experiment file; `where` names it in errors."""
-    try:
+    try:  # CSafeLoader is faster, but does not run the checks above; the files have about a hundred lines.
         return yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
+    except RecursionError as error:
+        raise checks.InputError(f"{where}: not valid YAML: lists within lists, too deep") from error
+    except (yaml.YAMLError, ValueError, TypeError, OverflowError, AttributeError, KeyError) as error:
         raise checks.InputError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
 
 
