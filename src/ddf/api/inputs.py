@@ -25,7 +25,7 @@ def points(name: str, values: Any) -> Float[np.ndarray, "n 3"]:
 
 
 def oriented_points(positions: Any, directions: Any) -> rays.OrientedPoints[np.ndarray]:
-    """Positions and directions of unit length, of one shape (n, 3), float64.
+    """Positions and directions of one shape (n, 3), float64; directions within 1e-4 of unit length become of it.
 
     Raises:
       InputError: something else.
@@ -33,7 +33,7 @@ def oriented_points(positions: Any, directions: Any) -> rays.OrientedPoints[np.n
     starts, along = points("positions", positions), points("directions", directions)
     if len(starts) != len(along):
         raise checks.InputError(f"positions and directions must be as many; got {len(starts)} and {len(along)}")
-    return rays.OrientedPoints(starts, along)
+    return rays.unit_points(starts, along)
 
 
 def similarity(matrix: Any) -> transforms.Similarity:

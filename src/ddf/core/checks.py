@@ -3,6 +3,7 @@
 Values are numpy arrays or torch tensors; torch is not imported here, so that bad input is refused without its 0.6 GiB.
 """
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 UNIT_LENGTH_TOLERANCE = 1e-4  # float32 directions that went through a file or a rotation are within 1e-6; typos are not
 
 
+_POINTER = b"version https://git-lfs.github.com/spec/"
 _HEAD, _TAIL = 320, 150  # characters of a message that are kept of a longer one
 
 
@@ -19,6 +21,13 @@ class InputError(ValueError):
     def __init__(self, message: str) -> None:
         long = len(message) > _HEAD + _TAIL
         super().__init__(f"{message[:_HEAD]} ... {message[-_TAIL:]}" if long else message)
+
+
+def require_content(path: str | Path) -> None:
+    """Raise where a Git LFS pointer stands in place of a file's content."""
+    with Path(path).open("rb") as file:
+        if file.read(len(_POINTER)) == _POINTER:
+            raise InputError(f"{path}: a Git LFS pointer, not the file itself; get it by: git lfs pull")
 
 
 def require_vectors(name: str, values: Any) -> None:

@@ -53,7 +53,7 @@ class _Loader(yaml.SafeLoader):
     that are given twice or are lists, and aliases of aliases that would fill the memory.
     """
 
-    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}  # those of YAML 1.1 are not taken over
+    yaml_implicit_resolvers: ClassVar = {}  # pyright: ignore[reportIncompatibleVariableOverride]  (none of YAML 1.1)
 
     def get_single_node(self) -> yaml.Node | None:
         node = super().get_single_node()
@@ -165,6 +165,7 @@ def read_yaml(path: str | Path) -> Any:
     Raises:
       FileNotFoundError: there is no such file. InputError: it is too large, no text, or no YAML; it is named.
     """
+    checks.require_content(path)
     try:
         with Path(path).open("rb") as file:
             text = file.read(_MOST_BYTES + 1)

@@ -306,6 +306,8 @@ def _existing(path: str | Path) -> Path:
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path} does not exist; run the stage that makes it (`make help` lists the stages)")
+    if path.is_file():
+        checks.require_content(path)
     return path
 
 

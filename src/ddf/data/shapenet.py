@@ -201,6 +201,7 @@ def read_any_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
     """
     if not path.is_file():
         raise checks.InputError(f"{path}: no such image")
+    checks.require_content(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's: the size is judged below, a damaged record turns nothing

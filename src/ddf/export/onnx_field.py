@@ -62,6 +62,7 @@ def load(path: Path) -> OnnxField:
     """
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file; give an ONNX file that `ddf export` wrote")
+    checks.require_content(path)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = _usable_cores()  # named, so that onnxruntime pins none of them
     options.log_severity_level = 3

@@ -119,6 +119,7 @@ def load(path: Path | str) -> Mesh:
     size = path.stat().st_size
     if size > MAX_FILE_BYTES:
         raise checks.InputError(f"{path}: {size} bytes; meshes must be at most {MAX_FILE_BYTES}")
+    checks.require_content(path)
     try:
         return parse(path.read_bytes(), path.suffix.lower(), path.parent)
     except checks.InputError as fault:

@@ -26,6 +26,7 @@ def read_points(path: Path | str) -> Float[np.ndarray, "n 3"]:
         raise FileNotFoundError(f"{path}: no such file")
     if not path.is_file():
         raise checks.InputError(f"{path}: not a file; give a PLY cloud")
+    checks.require_content(path)
     if path.stat().st_size > MAX_FILE_BYTES:
         raise checks.InputError(f"{path}: {path.stat().st_size} bytes; clouds must be at most {MAX_FILE_BYTES}")
     try:
@@ -45,6 +46,7 @@ def has_faces(path: Path | str) -> bool:
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file")
+    checks.require_content(path)
     try:
         elements = ply_header.parse(path.read_bytes()).elements
     except checks.InputError as fault:

@@ -7,6 +7,7 @@ Every function takes numpy arrays or torch tensors of any float type, and keeps 
 from dataclasses import dataclass
 from typing import Generic
 
+import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ddf.core import arrays, checks
@@ -31,6 +32,12 @@ class OrientedPoints(Generic[Array]):
             raise checks.InputError(f"positions and directions must have one shape; got {shapes}")
         checks.require_finite("positions", self.positions)
         checks.require_unit("directions", self.directions)
+
+
+def unit_points(positions: np.ndarray, directions: np.ndarray) -> OrientedPoints[np.ndarray]:
+    """As `OrientedPoints`, with directions divided by their lengths: 1e-4 in a length is .1 in a depth of 1000."""
+    checked = OrientedPoints(positions, directions)
+    return OrientedPoints(checked.positions, directions / np.linalg.norm(directions, axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ def test_distances_are_those_of_the_interface(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
-        ({"other": np.zeros((2, 3))}, "must be an NPZ file with an array positions"),
-        ({"positions": np.zeros((2, 2))}, "positions must be numbers of shape (n, 3)"),
+        ({"other": np.zeros((2, 3))}, "has no array 'positions'"),
+        ({"positions": np.zeros((2, 2))}, "positions must be numbers of shape (N, 3)"),
         ({"positions": np.full((1, 3), np.nan)}, "positions must be finite"),
         (None, "No such file"),
     ],

@@ -272,7 +272,55 @@ def test_random_meshes_come_back_as_they_were_and_as_trimesh_reads_them(vertices
     np.testing.assert_allclose(other.triangles, mesh.triangles, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("node", "mesh", "volume"),
+    [
+        ({"rotation": [0, 0, 2**0.5, 2**0.5]}, {}, 0),
+        ({"weights": [1]}, {"weights": [0]}, 1),
+        ({"weights": [0]}, {"weights": [1]}, 0),
+        ({}, {"weights": [1]}, 1),
+    ],
+)
+def test_glb_rotations_have_norm_one_and_weights_of_nodes_win(node, mesh, volume):
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1}
+    glb = _glb(SQUARE, [0, 1, 2, 0, 2, 3], node=node, extra={"meshes": [{"primitives": [primitive], **mesh}]})
+    read = mesh_io.parse(glb, ".glb")
+    assert _measures(read)[0] == pytest.approx(1.0) and read.remarks == ("morph targets are not applied",) * volume
+
+
+def test_glb_json_padded_with_zeros_is_read_and_a_rotation_of_norm_zero_refused():
+    glb = _glb(SQUARE, [0, 1, 2], extra={"a": "b"})
+    place = glb.index(b"}BIN") if b"}BIN" in glb else glb.rindex(b"}", 0, glb.index(b"BIN"))
+    padded = (
+        glb[: place + 1] + glb[place + 1 : glb.index(b"BIN") - 4].replace(b" ", b"\0") + glb[glb.index(b"BIN") - 4 :]
+    )
+    assert padded != glb and len(mesh_io.parse(padded, ".glb").faces) == 1
+    with pytest.raises(checks.InputError, match="rotation of a node must not be zero"):
+        mesh_io.parse(_glb(SQUARE, [0, 1, 2], node={"rotation": [0, 0, 0, 0]}), ".glb")
+
+
+@pytest.mark.parametrize("plain", [True, False])
+def test_obj_fourth_coordinates_are_told(plain):
+    text = OBJ.replace("v 0 0 0\n", "v 0 0 0 2\n").replace("v 1 0 0\n", "v 1 0 0 1\n") + (
+        "" if plain else "V 9 9 9 3\n"
+    )
+    told = f"the fourth coordinate of {1 if plain else 2} vertices is not used"
+    assert mesh_io.parse(text.encode(), ".obj").remarks == (told,)
+
+
+@pytest.mark.parametrize("letters", [75, 5000, 100_000])
+def test_stl_text_is_known_however_long_its_first_line(letters):
+    assert len(mesh_io.parse(STL.replace("solid", "solid " + "x" * letters, 1).encode(), ".stl").faces) == 12
+
+
 SHARED = {
+    "round3/dup_ids.dae": (24, 30.0, 9.0),
+    "round3/prusa_negative.3mf": (12, 6.0, 1.0),
+    "round3/morph_node_weights.glb": (12, 6.0, 1.0),
+    "round3/nonunit_quat.glb": (12, 6.0, 1.0),
+    "round3/w2.obj": (12, 24.0, 8.0),
+    "round3/null_padded_json.glb": (12, 6.0, 1.0),
+    "round3/pctname.3mf": (12, 6.0, 1.0),
     "glued.off": (12, 6.0, 1.0),
     "L2.obj": (20, 14.0, 3.0),
     "bom_spare.obj": (12, 6.0, 1.0),
@@ -305,6 +353,8 @@ def test_kept_files_that_must_be_refused_or_boxed(shared_dir):
         mesh_io.load(cases / "draco.glb")
     with pytest.raises(checks.InputError, match=r"bin_fewer\.stl: the header claims 6 .* room for 12"):
         mesh_io.load(cases / "bin_fewer.stl")
+    with pytest.raises(checks.InputError, match=r"lfs\.stl: a Git LFS pointer"):
+        mesh_io.load(cases / "round3" / "lfs.stl")
     with pytest.raises(checks.InputError, match="6 words in a row of vertex; 3 are declared"):
         point_io.read_points(cases / "cloud_undeclared.ply")
     assert mesh_io.load(cases / "far_point_face.obj").box()[1].tolist() == [1, 1, 1]

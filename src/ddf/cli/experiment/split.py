@@ -76,6 +76,7 @@ def read_listing(source: Path) -> dict[str, list[str]]:
         return {synset: shapenet.list_shapes(source, synset) for synset in shapenet.list_classes(source)}
     if not source.is_file():
         raise checks.InputError(f"{source}: no such file or folder; give IDS.json or a root with ShapeNetRendering/")
+    checks.require_content(source)
     try:
         listing = json.loads(
             source.read_text(encoding="utf-8-sig"), object_pairs_hook=lambda pairs: _once(pairs, source)

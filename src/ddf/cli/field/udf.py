@@ -23,15 +23,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     import numpy as np
 
     from ddf.api import field
-    from ddf.core import checks, storage
+    from ddf.core import storage
+    from ddf.geometry import ray_io
 
-    try:
-        with np.load(args.points, allow_pickle=False) as file:
-            positions = file["positions"]
-    except FileNotFoundError:
-        raise
-    except (ValueError, KeyError, TypeError, EOFError, AttributeError, OSError) as error:
-        raise checks.InputError(f"{args.points}: must be an NPZ file with an array positions, (N, 3)") from error
+    (positions,) = ray_io.arrays(args.points, ("positions",))
     distances, directions = field.load(args.field).udf(positions)
     storage.write_bytes(args.out, image_files.npz({"distances": distances, "directions": directions}))
     least, most = (float(f(distances)) if len(distances) else float("nan") for f in (np.min, np.max))

@@ -35,7 +35,9 @@ def parse(data: bytes) -> raw.Raw:
         _require_few(len(reading.counts))
         if not reading.at_once(blocks, block.data):
             reading.by_word(blocks, block)
-    remarks = (f"{reading.curved} free-form curves and surfaces are left out",) if reading.curved else ()
+    told = {f"{reading.curved} free-form curves and surfaces are left out": reading.curved}
+    told[f"the fourth coordinate of {reading.weighted} vertices is not used"] = reading.weighted
+    remarks = tuple(remark for remark, count in told.items() if count)
     return raw.of_polygons(reading.vertices, reading.counts, reading.corners, remarks)
 
 
@@ -45,10 +47,13 @@ def _require_few(num_faces: int) -> None:
 
 
 class _Reading:
-    """What was read so far: coordinates, corners of each polygon and their vertices from 0, free forms left out."""
+    """What was read so far: coordinates, corners of each polygon and their vertices from 0; free forms left out and
+    weights of vertices that are not 1.
+    """
 
     def __init__(self) -> None:
         self.vertices, self.corners, self.counts, self.curved = array("d"), array("q"), array("q"), 0
+        self.weighted = 0
 
     def at_once(self, blocks: text.Blocks, block: bytes) -> bool:
         """Read a block of plain lines; False, and nothing is read, if one of them is of another form or at fault."""
@@ -82,6 +87,8 @@ class _Reading:
             return False
         starts = np.cumsum(positions.counts[: places.sum()]) - positions.counts[: places.sum()]
         self.vertices.frombytes(positions.values[starts[:, None] + np.arange(3)].tobytes())
+        fourth = starts[positions.counts[: len(starts)] == 4] + 3
+        self.weighted += int((positions.values[fourth] != 1.0).sum())
         self.corners.frombytes(index.tobytes())
         self.counts.frombytes(counts.tobytes())
         return True
@@ -98,6 +105,7 @@ class _Reading:
                 if len(fields) < 4:
                     raise checks.InputError(f"line {number}: a vertex needs three coordinates; got {len(fields) - 1}")
                 self.vertices.extend(text.number(w, f"not a readable obj mesh, line {number}") for w in fields[1:4])
+                self.weighted += len(fields) == 5 and text.number(fields[4], f"line {number}") != 1.0
             elif keyword in (b"f", b"fo"):
                 self.corners.extend(_index(field, len(self.vertices) // 3, number) for field in fields[1:])
                 self.counts.append(len(fields) - 1)

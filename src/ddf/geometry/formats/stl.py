@@ -21,7 +21,7 @@ _FACET, _SOLID = (
 )
 _CORNER = (b"vertex", b"", b"", b"")
 _WORDS = (b"facet", b"normal", b"", b"", b"", b"outer", b"loop", *(3 * _CORNER), b"endloop", b"endfacet")
-_TEXT = re.compile(rb"\s*solid\b", re.IGNORECASE)
+_TEXT = re.compile(rb"\s*solid\b[^\0]*?(?:facet|endsolid)(?![^\0]{0,4096}\0)", re.I)  # however long the name
 
 
 def parse(data: bytes) -> raw.Raw:
@@ -35,7 +35,7 @@ def parse(data: bytes) -> raw.Raw:
     if claimed == room and (claimed > 0 or rest == 0):
         return _binary(data, claimed)
     words = text.decoded(data)
-    if _TEXT.match(words) and b"\0" not in words[:4096] and re.search(rb"facet|endsolid", words[:4096], re.IGNORECASE):
+    if _TEXT.match(words):
         return _ascii(words)
     if claimed < 0:
         raise checks.InputError("not an stl mesh: shorter than its header")

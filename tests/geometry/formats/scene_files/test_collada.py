@@ -157,6 +157,16 @@ def test_what_cannot_be_read_rightly_is_refused_with_its_reason(name):
         mesh_io.parse(data, ".dae")
 
 
+def test_ids_are_those_of_their_own_geometry_first_and_two_that_could_be_meant_are_refused():
+    one = _dae().decode()
+    geometry = one[one.index("<geometry") : one.index("</library_geometries>")]
+    larger = geometry.replace('id="g"', 'id="h"').replace(POINTS, POINTS.replace("1", "2"))
+    both = one.replace(geometry, geometry + larger).replace("<node>", '<node><instance_geometry url="#h"/>')
+    assert _volume(mesh_io.parse(both.encode(), ".dae")) == pytest.approx((30.0, 9.0))
+    with pytest.raises(checks.InputError, match="two geometry elements have the id 'g'"):
+        mesh_io.parse(one.replace(geometry, geometry + geometry).encode(), ".dae")
+
+
 def test_lines_are_left_out_with_a_remark():
     lines = f'<lines count="1">{VERTEX}<p>0 1</p></lines>'
     assert mesh_io.parse(_dae(lines + POLYLIST), ".dae").remarks == ("primitives of lines are left out",)

@@ -45,7 +45,7 @@ def _zip(model=None, name="3D/3dmodel.model", **others):
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(name, _model() if model is None else model)
         for other, text in others.items():
-            archive.writestr(other.replace("__", "/").replace("_model", ".model"), text)
+            archive.writestr(other, text)
     return stream.getvalue()
 
 
@@ -98,6 +98,56 @@ def test_every_bit_of_the_coordinates_comes_back():
     ball = icosphere(2)
     mesh = mesh_io.parse(_zip(_model(_object(1, ball.vertices.tolist(), ball.faces.tolist()))), ".3mf")
     assert np.array_equal(mesh.triangles, ball.triangles)
+
+
+PRUSA = (
+    '<config><object id="1"><volume firstid="0" lastid="11"/><volume firstid="12" lastid="23"><metadata type="volume" '
+    'key="{}" value="{}"/></volume></object></config>'
+)
+BAMBU = '<config><object id="2"><part id="1" subtype="normal_part"/><part id="3" subtype="{}"/></object></config>'
+TWICE = _object(1, [*CUBE, *[[x / 2, y / 2, z / 2] for x, y, z in CUBE]], FACES + [[i + 8 for i in f] for f in FACES])
+COMPOSED = (
+    ONE
+    + _object(3)
+    + '<object id="2"><components><component objectid="1"/><component objectid="3"/></components></object>'
+)
+
+
+@pytest.mark.parametrize(
+    ("objects", "name", "config", "left"),
+    [
+        (TWICE, "Slic3r_PE_model", PRUSA.format("volume_type", "NegativeVolume"), 12),
+        (TWICE, "Slic3r_PE_model", PRUSA.format("modifier", "1"), 12),
+        (TWICE, "Slic3r_PE_model", PRUSA.format("volume_type", "ModelPart"), 24),
+        (COMPOSED, "model_settings", BAMBU.format("negative_part"), 12),
+        (COMPOSED, "model_settings", BAMBU.format("normal_part"), 24),
+    ],
+)
+def test_volumes_of_slicers_that_are_no_shape_are_left_out_with_a_remark(objects, name, config, left):
+    build = '<item objectid="2"/>' if objects is COMPOSED else '<item objectid="1"/>'
+    mesh = mesh_io.parse(_zip(_model(objects, build), **{f"Metadata/{name}.config": config}), ".3mf")
+    told = ("1 negative, modifier or support volumes of a slicer are left out",)
+    assert (len(mesh.faces), mesh.remarks) == (left, told if left == 12 else ())
+
+
+def test_support_objects_are_left_out_with_a_remark():
+    support = _object(2).replace('"model"', '"support"')
+    mesh = mesh_io.parse(_zip(_model(ONE + support, '<item objectid="1"/><item objectid="2"/>')), ".3mf")
+    assert (len(mesh.faces), mesh.remarks) == (12, ("support elements are left out",))
+
+
+@pytest.mark.parametrize(
+    ("target", "name", "encoding"),
+    [
+        ("/3D/my%20part.model", "3D/my part.model", "utf-8"),
+        ("3D/my part.model", "3D/my%20part.model", "utf-8"),
+        ("/3D/a&amp;b.model", "3D/a&b.model", "utf-8"),
+        ("/3D/../3D/Ä.model", "3D\\Ä.model", "utf-16"),
+    ],
+)
+def test_names_of_parts_are_compared_as_opc_says(target, name, encoding):
+    rels = f'<?xml version="1.0" encoding="{encoding}"?>' + RELS.replace("/3D/other.model", target)
+    assert len(mesh_io.parse(_zip(None, name, **{"_rels/.rels": rels.encode(encoding)}), ".3mf").faces) == 12
 
 
 def test_what_is_not_built_is_not_read():

@@ -25,12 +25,12 @@ _UNREAD = ("lookat", "skew")
 
 
 class _Tree(xml_text.Target):
-    """All elements, without their namespaces, and those with an id by it."""
+    """All elements, without their namespaces, and those with an id by tag and id."""
 
     def __init__(self) -> None:
         self._builder, self._count = TreeBuilder(), 0
         self.data = self._builder.data
-        self.by_id: dict[str, Element] = {}
+        self.ids = collada_geometry.Ids()
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """An element begins."""
@@ -38,8 +38,7 @@ class _Tree(xml_text.Target):
         if self._count > _ELEMENTS:
             raise checks.InputError(f"its XML has more than {_ELEMENTS} elements and attributes")
         element = self._builder.start(tag.rpartition("}")[2], attributes)
-        if "id" in attributes:
-            self.by_id.setdefault(attributes["id"], element)
+        self.ids.add(element)
 
     def end(self, tag: str) -> None:
         """An element ends."""
@@ -74,7 +73,7 @@ def parse(data: bytes) -> raw.Raw:
     made: dict[str, parts.Part] = {}
     for key, matrix in _placements(tree, root, remarks):
         if key not in made:
-            made[key] = collada_geometry.triangles(_element(tree, key, "geometry"), tree.by_id, remarks)
+            made[key] = collada_geometry.triangles(_element(tree, key, "geometry"), tree.ids, remarks)
         total = parts.counted(total, len(made[key][1]))
         if len(found) >= _MOST:
             raise checks.InputError(f"the scene places more than {_MOST} geometries")
@@ -138,8 +137,8 @@ def _unskinned(tree: _Tree, controller: str, remarks: dict[str, None]) -> tuple[
     """The geometry under skins and morphs, and the transform that binds it."""
     bound = np.eye(4)
     for _ in range(_BOUND):
-        element = tree.by_id.get(controller)
-        if element is None or element.tag != "controller":
+        element = tree.ids.get(controller, "controller")
+        if element is None:
             return controller, bound
         inner = element.find("skin")
         if inner is not None:
@@ -168,7 +167,7 @@ def _reference(url: str) -> str:
 
 
 def _element(tree: _Tree, key: str, tag: str) -> Element:
-    found = tree.by_id.get(key)
-    if found is None or found.tag != tag:
+    found = tree.ids.get(key, tag)
+    if found is None:
         raise checks.InputError(f"there is no {tag} {key[:40]!a}")
     return found

@@ -1,6 +1,6 @@
 """The polygons of one geometry of a COLLADA file: sources by their accessors, all kinds of primitives."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -12,7 +12,36 @@ from ddf.geometry.formats.scene_files import parts, xml_text
 
 _LEFT_OUT = ("lines", "linestrips")
 _SIZES = {"triangles": 3, "trifans": 0, "tristrips": 0, "polygons": 0, "polylist": 0}
-Ids = Mapping[str, Element]
+
+
+class Ids:
+    """Elements by tag and id: those of one geometry first, then those of the file, where ids may come again."""
+
+    def __init__(self, elements: Iterable[Element] = (), others: "Ids | None" = None) -> None:
+        self._found: dict[tuple[str, str], Element] = {}
+        self._twice: set[tuple[str, str]] = set()
+        self._others = others
+        for element in elements:
+            self.add(element)
+
+    def add(self, element: Element) -> None:
+        """One more element, if it has an id."""
+        key = element.tag, element.get("id", "")
+        if key[1] and self._found.setdefault(key, element) is not element:
+            self._twice.add(key)
+
+    def get(self, key: str, *tags: str) -> Element | None:
+        """The element of one of these kinds with the id.
+
+        Raises:
+          InputError: there are two.
+        """
+        for tag in tags:
+            if (tag, key) in self._twice:
+                raise checks.InputError(f"two {tag} elements have the id {key[:40]!a}; which is meant is not clear")
+            if (tag, key) in self._found:
+                return self._found[tag, key]
+        return None if self._others is None else self._others.get(key, *tags)
 
 
 def triangles(geometry: Element, ids: Ids, remarks: dict[str, None]) -> parts.Part:
@@ -25,6 +54,7 @@ def triangles(geometry: Element, ids: Ids, remarks: dict[str, None]) -> parts.Pa
     if mesh is None:
         kind = geometry[0].tag if len(geometry) else "nothing"
         raise checks.InputError(f"a geometry is {kind[:20]!a}, not a mesh; save it as triangles")
+    ids = Ids(geometry.iter(), ids)
     tables: dict[str, tuple[int, Float[np.ndarray, "n 3"]]] = {}  # first vertex of each source, and its positions
     counts, corners = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     num_vertices = 0
@@ -57,7 +87,7 @@ def _inputs(primitive: Element, ids: Ids) -> tuple[str, int, int]:
         stride = max(stride, offset + 1)
         if element.get("semantic") == "VERTEX":
             found = element.get("source", "")[1:], offset
-    vertices = ids.get(found[0]) if found else None
+    vertices = ids.get(found[0], "vertices") if found else None
     if found is None or vertices is None or not 0 < stride <= 64:
         raise checks.InputError(f"{primitive.tag} without an input of semantic VERTEX")
     for element in vertices.findall("input"):
@@ -67,10 +97,10 @@ def _inputs(primitive: Element, ids: Ids) -> tuple[str, int, int]:
 
 
 def _positions(ids: Ids, key: str) -> Float[np.ndarray, "n 3"]:
-    source = ids.get(key)
+    source = ids.get(key, "source")
     accessor = None if source is None else source.find("technique_common/accessor")
-    array = None if accessor is None else ids.get(accessor.get("source", "")[1:])
-    if accessor is None or array is None or array.tag not in ("float_array", "int_array"):
+    array = None if accessor is None else ids.get(accessor.get("source", "")[1:], "float_array", "int_array")
+    if accessor is None or array is None:
         raise checks.InputError(f"there is no source of positions {key[:40]!a}")
     values = xml_text.numbers(array.text or "", "a position")
     count, offset, stride = (

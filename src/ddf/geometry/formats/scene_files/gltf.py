@@ -90,7 +90,7 @@ def _chunks(data: bytes) -> tuple[bytes, bytes]:
         place += 8 + length
     if _JSON not in chunks:
         raise checks.InputError("not a glb mesh: it has no JSON chunk")
-    return chunks[_JSON], chunks.get(_BINARY, b"")
+    return chunks[_JSON].rstrip(b"\0"), chunks.get(_BINARY, b"")  # some writers pad with zeros in place of spaces
 
 
 def _check_extensions(tree: dict[str, Any]) -> None:

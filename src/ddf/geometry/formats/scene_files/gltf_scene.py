@@ -30,7 +30,7 @@ def of_scene(tree: dict[str, Any], accessors: Accessors) -> tuple[list[parts.Par
         mesh = meshes[whole(node["mesh"], "mesh")]
         if "skin" in node:
             skipped["skins are not applied: the mesh is read as modelled"] = 1
-        if any(mesh.get("weights", node.get("weights", ()))):
+        if any(node.get("weights", mesh.get("weights", ()))):
             skipped["morph targets are not applied"] = 1
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", _TRIANGLES)
@@ -104,7 +104,11 @@ def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
     if "matrix" in node:
         return parts.numbers(node["matrix"], 16, "matrix").reshape(4, 4).T
     matrix = np.eye(4)
-    x, y, z, w = parts.numbers(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), 4, "rotation")
+    quaternion = parts.numbers(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), 4, "rotation")
+    norm = float(np.linalg.norm(quaternion))
+    if not 0 < norm < float("inf"):
+        raise checks.InputError("the rotation of a node must not be zero")
+    x, y, z, w = quaternion / norm
     turn = np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

@@ -8,10 +8,12 @@ import io
 import posixpath
 import re
 import struct
+import urllib.parse
 import zipfile
 import zlib
 from array import array
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -40,6 +42,11 @@ _MOST = 100_000  # objects placed, and objects and components there are
 _WAITING = 1 << 18  # words
 _TAGS = 100  # whose names are remembered
 _ENTRIES = 10_000  # of the archive
+_SUPPORTS = ("support", "solidsupport")  # types of objects that are printed beside the shape
+_SLICERS = ("metadata/slic3r_pe_model.config", "metadata/model_settings.config")  # PrusaSlicer's; Bambu's and Orca's
+
+
+_Told = TypeVar("_Told", bound=xml_text.Target)
 
 
 @dataclass
@@ -104,7 +111,10 @@ class _Model(xml_text.Target):
                 self._object.settle()
         elif name == "object":
             self._count()
-            self._object = self.objects[_given(attributes, "id", name)] = _Object()
+            made = self.objects[_given(attributes, "id", name)] = _Object()
+            self._object = None if attributes.get("type") in _SUPPORTS else made
+            if self._object is None:
+                self.unread.add("support")
         elif name == "component" and self._object is not None:
             self._count()
             self._object.components.append(self._reference(attributes, name))
@@ -132,7 +142,49 @@ class _Model(xml_text.Target):
 
     def _reference(self, attributes: dict[str, str], name: str) -> tuple[str, str, Float[np.ndarray, "4 4"]]:
         place = attributes.get(f"{_PRODUCTION}path", self.place)
-        return place.lstrip("/").lower(), _given(attributes, "objectid", name), _transform(attributes.get("transform"))
+        return _part_name(place), _given(attributes, "objectid", name), _transform(attributes.get("transform"))
+
+
+class _Relations(xml_text.Target):
+    """Of the package: the part that is its model."""
+
+    model = "3d/3dmodel.model"
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """An element begins."""
+        if tag.endswith("}Relationship") and attributes.get("Type") == _RELATION:
+            self.model = _part_name(attributes.get("Target", ""))
+
+
+class _Slicer(xml_text.Target):
+    """What a slicer notes of the volumes that are no part of the shape: negative ones, modifiers, supports.
+
+    ranges: first and last triangle of such volumes, by the id of their object. parts: ids of an object and of one of
+    its components.
+    """
+
+    def __init__(self) -> None:
+        self.ranges: dict[str, list[tuple[int, int]]] = {}
+        self.parts: set[tuple[str, str]] = set()
+        self._key, self._range = "", (0, -1)
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """An element begins."""
+        key, value = attributes.get("key"), attributes.get("value")
+        if tag == "object":
+            self._key, self._range = attributes.get("id", ""), (0, -1)
+        elif tag == "volume":
+            first, last = (text.whole(attributes.get(n, "").encode(), f"a volume's {n}") for n in ("firstid", "lastid"))
+            self._range = first, last
+        elif tag == "part" and attributes.get("subtype", "normal_part") != "normal_part":
+            self.parts.add((self._key, attributes.get("id", "")))
+        elif (key == "volume_type" and value != "ModelPart") or (key == "modifier" and value == "1"):
+            self.ranges.setdefault(self._key, []).append(self._range)
+
+
+def _part_name(name: str) -> str:
+    """A name in an OPC package as names are compared: percent signs decoded, slashes, small letters, from the root."""
+    return posixpath.normpath(urllib.parse.unquote(name).replace("\\", "/")).lstrip("/").lower()
 
 
 def parse(data: bytes) -> raw.Raw:
@@ -146,47 +198,38 @@ def parse(data: bytes) -> raw.Raw:
         raise checks.InputError(f"its archive has more than {_ENTRIES} entries")
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            names = {name.lstrip("/").lower(): name for name in archive.namelist()}
-            start = _start(archive, names)
+            names = {_part_name(name): name for name in archive.namelist()}
+            start = _read(archive, names, "_rels/.rels", _Relations()).model
+            slicers = [_read(archive, names, name, _Slicer()) for name in _SLICERS]
             models: dict[str, _Model] = {}
             waiting = [start]
             while waiting:
                 place = waiting.pop()
                 if place not in models:
-                    models[place] = _model(archive, names, place)
+                    if place not in names:
+                        raise checks.InputError(f"not a 3mf mesh: the part {place[:80]!a} is not in the archive")
+                    models[place] = _read(archive, names, place, _Model(place))
                     waiting += [p for each in models[place].objects.values() for p, _, _ in each.components]
                     waiting += [p for p, _, _ in models[place].built]
     except checks.InputError:
         raise
     except _DAMAGED as fault:
         raise checks.InputError(f"not a readable 3mf mesh: {' '.join(str(fault).split())[:80]}") from fault
-    return _flattened(models, start)
+    return _flattened(models, start, slicers)
 
 
-def _start(archive: zipfile.ZipFile, names: dict[str, str]) -> str:
-    """The part that the package names as its model."""
-    if "_rels/.rels" in names:
-        with archive.open(names["_rels/.rels"]) as part:
-            for relation in re.findall(rb"<[^<>]*Relationship\s[^<>]*>", part.read(_CHUNK)):
-                target = re.search(rb"Target\s*=\s*[\"']([^\"']*)", relation)
-                if _RELATION.encode() in relation and target:
-                    return posixpath.normpath(target[1].decode("utf-8", "replace")).lstrip("/").lower()
-    return "3d/3dmodel.model"
+def _read(archive: zipfile.ZipFile, names: dict[str, str], place: str, target: _Told) -> _Told:
+    """The target, told of a part of the archive; as it is where there is no such part."""
+    if place in names:
+        reader = xml_text.Reader(target)
+        with archive.open(names[place]) as part:
+            while block := part.read(_CHUNK):
+                reader.feed(block)
+        reader.finish()
+    return target
 
 
-def _model(archive: zipfile.ZipFile, names: dict[str, str], place: str) -> _Model:
-    if place not in names:
-        raise checks.InputError(f"not a 3mf mesh: the part {place[:80]!a} is not in the archive")
-    found = _Model(place)
-    reader = xml_text.Reader(found)
-    with archive.open(names[place]) as part:
-        while block := part.read(_CHUNK):
-            reader.feed(block)
-    reader.finish()
-    return found
-
-
-def _flattened(models: dict[str, _Model], start: str) -> raw.Raw:
+def _flattened(models: dict[str, _Model], start: str, slicers: list[_Slicer]) -> raw.Raw:
     if len({model.unit for model in models.values()}) > 1:
         raise checks.InputError("its models have different units; save it in one")
     found: list[parts.Part] = []
@@ -204,14 +247,30 @@ def _flattened(models: dict[str, _Model], start: str) -> raw.Raw:
         with np.errstate(over="ignore", invalid="ignore"):
             matrix = above @ own
         if (place, key) not in made:
-            own_mesh = raw.of_polygons(shape.vertices, [3] * (len(shape.corners) // 3), shape.corners)
+            corners = np.array(shape.corners, dtype=np.int64).reshape(-1, 3)
+            if place == start:
+                corners = corners[_kept(len(corners), [cut for each in slicers for cut in each.ranges.get(key, ())])]
+            own_mesh = raw.of_polygons(shape.vertices, [3] * len(corners), corners.reshape(-1))
             made[place, key] = own_mesh.vertices, own_mesh.faces
         total = parts.counted(total, len(made[place, key][1]))
         if len(made[place, key][1]):
             found.append(parts.placed(*made[place, key], matrix))
-        stack += [(part, matrix, depth + 1) for part in reversed(shape.components)]
+        inner = [part for part in shape.components if not any((key, part[1]) in each.parts for each in slicers)]
+        stack += [(part, matrix, depth + 1) for part in reversed(inner)]
     unread = sorted({name for model in models.values() for name in model.unread})
-    return parts.joined(found, [f"{name} elements are left out" for name in unread])
+    remarks = [f"{name} elements are left out" for name in unread]
+    volumes = sum(len(each.parts) + sum(map(len, each.ranges.values())) for each in slicers)
+    if volumes:
+        remarks.append(f"{volumes} negative, modifier or support volumes of a slicer are left out")
+    return parts.joined(found, remarks)
+
+
+def _kept(count: int, cut: list[tuple[int, int]]) -> np.ndarray:
+    """Which of so many triangles lie in none of the ranges, both ends included."""
+    kept = np.ones(count, dtype=bool)
+    for first, last in cut:
+        kept[max(first, 0) : max(last, -1) + 1] = False
+    return kept
 
 
 def _given(attributes: dict[str, str], name: str, element: str) -> str:
