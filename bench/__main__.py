@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bench.lib import catalogue, compare, measuring
-from ddf.pipeline import stage
+from ddf.core import guard
 
 MODULES = {"page": "bench.lib.page", "fit_page": "bench.fits.fit_page", "compare": "bench.lib.compare"}
 CHECKED = Path(".make/bench").resolve()  # results of `check`
@@ -101,5 +101,5 @@ def main(arguments: Sequence[str]) -> int:
 
 if __name__ == "__main__":
     codes: list[int] = []
-    failed = stage.guarded(lambda: codes.append(main(sys.argv[1:])), "bench")
+    failed = guard.guarded(lambda: codes.append(main(sys.argv[1:])), "bench")
     raise SystemExit(failed or codes[0])

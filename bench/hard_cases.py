@@ -13,7 +13,7 @@ import torch
 
 from bench.lib import measuring
 from ddf.core import storage
-from ddf.report import pages
+from ddf_lab.report import pages
 
 sys.path.insert(0, str(measuring.ROOT / "tests"))  # a package of PyPI is called `tests` too
 import hard_cases

@@ -10,7 +10,7 @@ import torch
 
 from ddf.core import shipped_models
 from ddf.fields.scenes import pose
-from ddf.shape import shape_field
+from ddf.fit import shape_field
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)

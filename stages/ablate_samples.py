@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from ddf.core import config, provenance, storage
-from ddf.pipeline import stage
-from ddf.shape import fit_errors, fit_settings, leave_one_out, source_mesh
+from ddf.fit import fit_settings
+from ddf_lab.engine import stage
+from ddf_lab.evaluation.shape import fit_errors, leave_one_out, source_mesh
 
 
 def run(config_path: Path) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ddf.core import config
 from ddf.data import dataset
-from ddf.pipeline import stage
+from ddf_lab.engine import stage
 
 
 def run(config_path: Path) -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 import pandas as pd
 
 from ddf.core import config, provenance, storage
-from ddf.evaluation import category_scores, scoring
-from ddf.pipeline import stage
+from ddf_lab.engine import stage
+from ddf_lab.evaluation import category_scores, scoring
 
 
 def run(config_path: Path, seed: int = 0) -> None:

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from ddf.core import config, provenance, storage
-from ddf.evaluation import generative_results
-from ddf.generative import settings
-from ddf.pipeline import stage
+from ddf.models.generative import settings
 from ddf.training import training_loop
+from ddf_lab.engine import stage
+from ddf_lab.evaluation.generative import generative_results
 
 
 def run(config_path: Path, category: str) -> None:

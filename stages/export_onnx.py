@@ -5,9 +5,9 @@ from pathlib import Path
 import pandas as pd
 
 from ddf.core import config, provenance, storage
-from ddf.export import exportable, onnx_file
-from ddf.pipeline import stage
+from ddf.io import exportable, onnx_file
 from ddf.training import training_loop
+from ddf_lab.engine import stage
 
 
 def run(config_path: Path, category: str) -> None:

@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from ddf.core import config
-from ddf.pipeline import stage
-from ddf.report.shape import shape_results
-from ddf.shape import fit_settings, fitting, source_mesh
+from ddf.fit import fit_settings, fitting
+from ddf_lab.engine import stage
+from ddf_lab.evaluation.shape import source_mesh
+from ddf_lab.report.shape import shape_results
 
 
 def run(config_path: Path) -> None:

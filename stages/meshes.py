@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ddf.core import config, parallel, provenance
 from ddf.data import mesh_preparation, mesh_shards
-from ddf.pipeline import stage
+from ddf_lab.engine import stage
 
 
 def run(config_path: Path, category: str) -> None:

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from ddf.core import config, parallel, provenance
-from ddf.generative import normal_images, settings
-from ddf.pipeline import stage
+from ddf.models.generative import normal_images, settings
 from ddf.training import training_loop
+from ddf_lab.engine import stage
 
 
 def run(config_path: Path, category: str) -> None:

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from ddf.core import config, provenance, resume, storage
 from ddf.data import shapenet
-from ddf.pipeline import stage
-from ddf.reconstruction import category_data, inference, settings, silhouettes, trained
+from ddf.data.batches import category_data
+from ddf.models.reconstruction import inference, settings, silhouettes, trained
 from ddf.training import training_loop
+from ddf_lab.engine import stage
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from ddf.core import config
-from ddf.pipeline import stage
-from ddf.report.experiment import experiment_page
+from ddf_lab.engine import stage
+from ddf_lab.report.experiment import experiment_page
 
 
 def run(config_path: Path) -> None:

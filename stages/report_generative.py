@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from ddf.core import config
-from ddf.generative import settings
-from ddf.pipeline import stage
-from ddf.report.generative import generative_page
+from ddf.models.generative import settings
+from ddf_lab.engine import stage
+from ddf_lab.report import generative_page
 
 
 def run(config_path: Path, category: str) -> None:

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from ddf.core import config
-from ddf.pipeline import stage
-from ddf.report.shape import shape_page
-from ddf.shape import fit_settings
+from ddf.fit import fit_settings
+from ddf_lab.engine import stage
+from ddf_lab.report.shape import shape_page
 
 
 def run(config_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Write the models that come with the package, src/ddf/models: fields of our own shapes, and trained reconstructions.
+"""Write the models that come with the package, src/ddf/shipped: fields of our own shapes, and trained reconstructions.
 
 Fields are fitted here, in minutes; reconstructions are those of the experiment's seed 0, which must be there.
 """
@@ -6,10 +6,10 @@ Fields are fitted here, in minutes; reconstructions are those of the experiment'
 from pathlib import Path
 
 from ddf.core import config
-from ddf.pipeline import stage
-from ddf.report import model_cards
+from ddf_lab.engine import stage
+from ddf_lab.shipping import model_cards
 
-OUT = Path("src/ddf/models")
+OUT = Path("src/ddf/shipped")
 
 
 def run(config_path: Path) -> None:

@@ -4,18 +4,12 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from ddf.core import config, provenance
-from ddf.pipeline import stage
-from ddf.reconstruction import (
-    category_data,
-    reconstruction_models,
-    settings,
-    trained,
-    training_steps,
-    training_truth,
-)
-from ddf.reconstruction.gpu import casting, resident
-from ddf.training import distributed, training_loop
+from ddf.core import config, distributed, provenance
+from ddf.data.batches import category_data, resident
+from ddf.models.reconstruction import reconstruction_models, settings, trained
+from ddf.training import training_loop
+from ddf.training.reconstruction import casting, training_steps, training_truth
+from ddf_lab.engine import stage
 
 
 def run(config_path: Path, category: str, seed: int = 0) -> None:

@@ -3,10 +3,11 @@
 import functools
 from pathlib import Path
 
-from ddf.core import config, provenance
-from ddf.generative import image_features, settings, shape_data
-from ddf.pipeline import stage
-from ddf.training import distributed, training_loop
+from ddf.core import config, distributed, provenance
+from ddf.models.generative import settings
+from ddf.training import training_loop
+from ddf.training.generative import image_features, shape_data
+from ddf_lab.engine import stage
 
 
 def run(config_path: Path, category: str) -> None:

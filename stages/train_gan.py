@@ -3,10 +3,11 @@
 import dataclasses
 from pathlib import Path
 
-from ddf.core import config, provenance
-from ddf.generative import gan_steps, image_gans, normal_images, settings, shape_data, shape_vae
-from ddf.pipeline import stage
-from ddf.training import distributed, training_loop
+from ddf.core import config, distributed, provenance
+from ddf.models.generative import image_gans, normal_images, settings, shape_vae
+from ddf.training import training_loop
+from ddf.training.generative import gan_steps, shape_data
+from ddf_lab.engine import stage
 
 
 def run(config_path: Path, category: str) -> None:

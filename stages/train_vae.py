@@ -4,10 +4,11 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from ddf.core import config, provenance
-from ddf.generative import settings, shape_data, shape_vae, vae_step
-from ddf.pipeline import stage
-from ddf.training import distributed, training_loop
+from ddf.core import config, distributed, provenance
+from ddf.models.generative import settings, shape_vae
+from ddf.training import training_loop
+from ddf.training.generative import shape_data, vae_step
+from ddf_lab.engine import stage
 
 
 def run(config_path: Path, category: str) -> None:

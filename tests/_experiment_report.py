@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 from _fake_experiment import EVALUATE_SECTION
 
-from ddf.evaluation import scoring
+from ddf_lab.evaluation import scoring
 
 ROOT = Path(__file__).resolve().parents[1]
 

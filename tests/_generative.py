@@ -7,8 +7,9 @@ import _models
 import numpy as np
 import torch
 
-from ddf.generative import image_gans, normal_images, settings, shape_data, shape_vae
-from ddf.reconstruction import category_data
+from ddf.data.batches import category_data
+from ddf.models.generative import image_gans, normal_images, settings, shape_vae
+from ddf.training.generative import shape_data
 
 LOOP = dataclasses.replace(_models.LOOP, checkpoint_seconds=0.0)
 VAE = settings.VAEConfig(_models.FIELD, 5, 8, 10, 1, 2, 4, _hand_made.COUNTS, _models.WEIGHTS, 0.05, "sum", LOOP, 1e-3)

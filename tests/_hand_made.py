@@ -5,13 +5,11 @@ import numpy as np
 import torch
 
 from ddf.data import packing
+from ddf.data.batches import category_data
 from ddf.data.samples import sample_types
 from ddf.fields import cloud_projection
 from ddf.geometry import transforms
-from ddf.reconstruction import (
-    category_data,
-    settings,
-)
+from ddf.models.reconstruction import settings
 
 TRAIN = _models.TRAIN
 PLACES = [(0, 0), (0, 1), (1, 0)]  # of the shapes: shard, and row in it

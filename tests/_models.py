@@ -10,9 +10,9 @@ from torch import nn
 from ddf.core import storage
 from ddf.data.samples import sample_types
 from ddf.fields import losses, pddf
+from ddf.fit import shape_field
 from ddf.geometry import transforms
-from ddf.reconstruction import reconstruction_models, settings
-from ddf.shape import shape_field
+from ddf.models.reconstruction import reconstruction_models, settings
 from ddf.training import training_loop
 
 LOOP = training_loop.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)

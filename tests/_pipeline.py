@@ -5,7 +5,7 @@ import dataclasses
 from pathlib import Path
 
 from ddf.core import config, provenance
-from ddf.pipeline import experiments, graph
+from ddf_lab.engine import experiments, finished, graph
 
 ROOT = Path(__file__).resolve().parents[1]
 PIPELINE = ROOT / "pipeline.yaml"
@@ -27,17 +27,17 @@ def expand(seeds: int = 1) -> dict[str, graph.Item]:
 
 
 def code_of(script: Path) -> list[str]:
-    """The script and the packages of src/ddf that it imports from, directly or not, relative to the repository."""
-    closure = (file.relative_to(provenance.PACKAGE_ROOT) for file in provenance.import_closure(script))
-    packages = sorted({file.parts[0] for file in closure if len(file.parts) > 1})
-    return [script.relative_to(ROOT).as_posix(), *(f"src/ddf/{name}" for name in packages)]
+    """The script and the rooms of both packages that it imports from, directly or not, relative to the repository."""
+    closure = (file.relative_to(provenance.SOURCES) for file in provenance.import_closure(script))
+    rooms = sorted({"/".join(file.parts[:2]) for file in closure if len(file.parts) > 2})
+    return [script.relative_to(ROOT).as_posix(), *(f"src/{room}" for room in rooms)]
 
 
 def sections_read(script: Path) -> set[str]:
     """The config sections that a script gives to config.load(...) as dataclasses; all for config.read and load_all."""
     named = {place.rpartition(":")[2]: section for section, place in config.ALL_SECTIONS.items()}
     sections = set()
-    frame = provenance.PACKAGE_ROOT / "pipeline"
+    frame = provenance.SOURCES / finished.FRAME
     for file in [script, *provenance.import_closure(script)]:
         if file.is_relative_to(frame):
             continue  # it looks at files as a whole

@@ -4,7 +4,7 @@ import dataclasses
 
 from ddf.data.samples import sample_types
 from ddf.fields import pddf
-from ddf.shape import fit_settings
+from ddf.fit import fit_settings
 from ddf.training import training_loop
 
 

@@ -6,7 +6,7 @@ import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
-const out = process.argv[2] ?? join(here, "../src/ddf/export/viewer");
+const out = process.argv[2] ?? join(here, "../src/ddf/io/viewer");
 const common = { bundle: true, minify: true, write: false, target: "es2022", charset: "utf8", legalComments: "none" };
 
 async function text(file, options = {}) {

@@ -22,8 +22,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from bench.lib import display, measuring, results
-from ddf.export import onnx_file, onnx_graphs, onnx_parity, weight_precision
 from ddf.fields import derivatives, passes, pddf, rendering
+from ddf.io import onnx_file, onnx_graphs, onnx_parity, weight_precision
 
 RAYS, NORMAL_RAYS, CHECKED = 65_536, 16_384, 8_192  # timed; timed with normals; whose errors are taken
 CHUNK_VALUES = 2**18  # of one layer, rays times width: 1 MiB, which stays in the cache

@@ -12,7 +12,7 @@ from typing import Any
 
 from bench.lib import measuring
 from ddf.core import config
-from ddf.export import exportable, onnx_file, onnx_parity
+from ddf.io import exportable, onnx_file, onnx_parity
 from ddf.training import training_loop
 
 CONFIG, CATEGORY, MODELS, THREADS = Path("configs/cpu.yaml"), "car", ("ddf", "pcsiren"), 1

@@ -29,8 +29,8 @@ from ddf.core import config, seeding
 from ddf.data import mesh_config, mesh_preparation
 from ddf.data.synthetic import showcase
 from ddf.fields import siren
+from ddf.fit import fit_settings
 from ddf.geometry import cameras, mesh_io, raycast, rays, transforms
-from ddf.shape import fit_settings
 
 ON_DEMAND = "python -m bench parametrisations, 20 minutes"
 CONFIG, SECONDS, REPEATS, SIZE = Path("configs/fit.yaml"), 60.0, 9, 256

@@ -25,9 +25,10 @@ from bench.rivals import sphere_tracing
 from ddf.core import config, seeding
 from ddf.data import mesh_config, mesh_preparation
 from ddf.fields import derivatives, framed_field, rendering, siren
+from ddf.fit import fit_settings, fitting, shape_field
 from ddf.geometry import mesh_io, raycast, rays, sparse_depth
-from ddf.report.shape import shape_views
-from ddf.shape import fit_settings, fitting, shape_field, source_mesh
+from ddf_lab.evaluation.shape import source_mesh
+from ddf_lab.report.shape import shape_views
 
 CONFIG, THREADS, REPEATS, TRAIN_SECONDS = Path("configs/fit.yaml"), 2, 5, 60.0
 TRAINED_TOLERANCE = 0.5  # of errors from run to run: who trains for a time takes as many steps as the machine allows

@@ -17,10 +17,10 @@ import pandas as pd
 from bench.fits import fit_curves
 from bench.lib import measuring, side_by_side
 from ddf.core import checks, config, provenance, storage
+from ddf.fit import fit_settings, fitting, shape_field
 from ddf.geometry import mesh_io
-from ddf.report import field_pictures, picture_strips
-from ddf.report.shape import shape_views
-from ddf.shape import fit_settings, fitting, shape_field
+from ddf.pictures import field_pictures, picture_strips
+from ddf_lab.report.shape import shape_views
 
 ON_DEMAND = "make fit-proof"
 NAME = "contact_sheet"
@@ -60,7 +60,7 @@ def everyday(folder: Path) -> list[Path]:
 def fitted(file: Path, section: fit_settings.FitConfig) -> Fitted:
     """The field of a mesh, fitted now, or before with the same settings, mesh and code."""
     mesh, folder = mesh_io.load(file), FIELDS / file.stem
-    identity = provenance.fingerprint([section.recipe()], [file], "ddf.shape.fitting")
+    identity = provenance.fingerprint([section.recipe()], [file], "ddf.fit.fitting")
     done = folder / DONE
     if not (done.exists() and storage.read_json(done).get("fingerprint") == identity):
         fitting.fit(mesh, section, folder, {file.name: storage.checksum(file)})

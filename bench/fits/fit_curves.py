@@ -1,7 +1,7 @@
 """One shape fitted in several ways: held-out errors of all six sample types against seconds, at times that grow
 geometrically. Seconds are those of training; sampling and evaluations are not counted.
 
-Each way is one of `RECIPES`, fitted by `ddf.shape.fitting.fit` as `ddf fit` does it; the paper's recipe gets as long
+Each way is one of `RECIPES`, fitted by `ddf.fit.fitting.fit` as `ddf fit` does it; the paper's recipe gets as long
 as the longest of the others. The shape is the Stanford bunny with 10,000 triangles, a procedural chair where its file
 is absent. A stopped run goes on from its checkpoints in artifacts/fit_curves. `--only long_fit` fits in one
 way alone and prints its twelve figures beside the paper's.
@@ -25,9 +25,10 @@ from ddf.core import checks, config, storage
 from ddf.data import mesh_config, mesh_preparation
 from ddf.data.samples import sample_types
 from ddf.fields import pddf
+from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io
-from ddf.shape import fit_settings, fitting, leave_one_out, paper_ablation, shape_samples, source_mesh
 from ddf.training import training_loop
+from ddf_lab.evaluation.shape import leave_one_out, paper_ablation, source_mesh
 
 ON_DEMAND = "make fit-proof"
 NAME = "fit_curves"

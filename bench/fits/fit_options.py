@@ -14,8 +14,8 @@ from typing import Any
 from bench.fits import fit_curves
 from bench.lib import display, measuring, overrides, side_by_side
 from ddf.core import checks, config
+from ddf.fit import fit_settings, fitting
 from ddf.geometry import mesh_io
-from ddf.shape import fit_settings, fitting
 
 ON_DEMAND = "make fit-proof"
 NAME = "fit_options"

@@ -16,9 +16,9 @@ from bench.fits import contact_sheet, fit_curves, fit_options, primitive_fits
 from bench.lib import measuring, results
 from bench.lib.results import Benchmark, Row
 from ddf.core import checks, storage
-from ddf.report import pages
-from ddf.report.shape import shape_tables
-from ddf.shape import leave_one_out, paper_ablation
+from ddf_lab.evaluation.shape import leave_one_out, paper_ablation
+from ddf_lab.report import pages
+from ddf_lab.report.shape import shape_tables
 
 TITLE = "What fits of single shapes reach"
 ORDER = paper_ablation.COLUMNS

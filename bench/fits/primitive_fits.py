@@ -24,8 +24,8 @@ from torch import Tensor
 from bench.lib import display, measuring, side_by_side
 from ddf.core import checks, config
 from ddf.fields import framed_field
+from ddf.fit import fit_settings, fitting, shape_field
 from ddf.geometry import mesh_io, primitives, rays
-from ddf.shape import fit_settings, fitting, shape_field
 
 ON_DEMAND = "make fit-proof"
 NAME = "primitive_fits"

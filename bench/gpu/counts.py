@@ -19,12 +19,12 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import FlopCounterMode
 
 from bench.gpu import parity, sizes
+from ddf.data.batches import resident
 from ddf.fields import cloud_projection, pddf
 from ddf.fields.gpu import farthest_points
 from ddf.geometry.gpu import meshes
-from ddf.pipeline import step_cost
-from ddf.reconstruction import settings
-from ddf.reconstruction.gpu import resident
+from ddf.models.reconstruction import settings
+from ddf_lab.engine import step_cost
 
 DEVICE = "meta"
 READS = ("_local_scalar_dense", "item", "is_nonzero", "equal")  # of a value

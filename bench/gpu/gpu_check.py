@@ -19,7 +19,7 @@ import torch
 from bench.gpu import casts, counts, parity, rates, sizes
 from bench.lib import display, measuring
 from ddf.core import checks
-from ddf.report import pages
+from ddf_lab.report import pages
 
 ON_DEMAND = "python -m bench gpu_check, with a GPU"
 OUT = measuring.PAGES / "gpu"

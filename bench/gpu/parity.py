@@ -11,8 +11,8 @@ from torch import Tensor
 
 from bench.gpu.sizes import Sizes
 from ddf.fields import cloud_projection, passes, pddf
-from ddf.pipeline import step_cost
 from ddf.training import training_loop
+from ddf_lab.engine import step_cost
 
 Gradients = dict[str, Tensor]  # float64, on the CPU, by parameter
 

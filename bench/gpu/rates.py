@@ -18,13 +18,13 @@ from bench.gpu import counts
 from bench.gpu.sizes import Sizes
 from bench.lib import measuring
 from bench.reconstruction import step_split
+from ddf.data.batches import resident
 from ddf.fields import cloud_projection, passes, pddf
 from ddf.fields.gpu import compiled_passes
 from ddf.geometry.gpu import meshes
-from ddf.pipeline import step_cost
-from ddf.reconstruction import camera_correction, reconstruction_models
-from ddf.reconstruction.gpu import resident
+from ddf.models.reconstruction import camera_correction, reconstruction_models
 from ddf.training import training_loop
+from ddf_lab.engine import step_cost
 
 WARM_UP = 3  # calls before the timed ones
 CHECKED = 8192  # rays whose error is taken

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ddf.core import config
 from ddf.fields import cloud_projection
-from ddf.reconstruction import settings
+from ddf.models.reconstruction import settings
 
 CONFIG = Path("configs/paper.yaml")
 DIRECTIONS, CYCLES = 16, 3  # n_v and N_H of the timed cloud

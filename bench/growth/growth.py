@@ -23,8 +23,8 @@ import yaml
 
 from bench.growth import projection
 from bench.lib import display, measuring
-from ddf.core import stage_notes
-from ddf.report import pages
+from ddf_lab import stage_notes
+from ddf_lab.report import pages
 
 ROOT = measuring.ROOT
 CONFIG, PAPER = ROOT / "configs" / "cpu.yaml", ROOT / "configs" / "paper.yaml"

@@ -15,16 +15,12 @@ import torch
 
 from ddf.core import config
 from ddf.data import dataset, mesh_preparation, sampling, shapenet, true_clouds
+from ddf.data.batches import category_data
 from ddf.data.synthetic import write
-from ddf.evaluation import metrics, scoring
 from ddf.geometry import mesh_io, neighbours
-from ddf.reconstruction import (
-    camera_correction,
-    category_data,
-    inference,
-    reconstruction_models,
-    settings,
-)
+from ddf.metrics import metrics
+from ddf.models.reconstruction import camera_correction, inference, reconstruction_models, settings
+from ddf_lab.evaluation import scoring
 
 CATEGORIES = ("chair", "plane", "car")
 CLOUD_POINTS = 200  # of the L points of a cloud: its time is linear in them

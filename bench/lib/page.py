@@ -11,7 +11,7 @@ from typing import Any
 from bench.lib import catalogue, measuring, pareto, results
 from bench.lib.display import Section, View, number, text, title
 from bench.lib.results import Benchmark, Row
-from ddf.report import pages
+from ddf_lab.report import pages
 
 TITLE = "Speed against error"
 

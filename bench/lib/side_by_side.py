@@ -13,7 +13,7 @@ from typing import Any
 
 from bench.lib import measuring
 from ddf.core import checks, storage
-from ddf.shape import fit_settings
+from ddf.fit import fit_settings
 
 
 def add_options(parser: argparse.ArgumentParser, all_at_once: int | None = None) -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 from bench.lib import measuring
 from bench.mutation.faults import MUTANTS, Mutant
 from ddf.core import checks, storage
-from ddf.report import pages
+from ddf_lab.report import pages
 
 ON_DEMAND = "python -m bench mutants, ten minutes"
 OUT = measuring.PAGES

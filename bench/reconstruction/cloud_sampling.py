@@ -17,7 +17,7 @@ from bench.lib import display, measuring, results
 from bench.reconstruction import brief_clouds, first_views
 from ddf.core import config
 from ddf.fields import cloud_projection
-from ddf.reconstruction import inference, reconstruction_models, settings
+from ddf.models.reconstruction import inference, reconstruction_models, settings
 from ddf.training import training_loop
 
 CONFIG, CATEGORIES = Path("configs/cpu.yaml"), ("chair", "plane", "car")

@@ -13,8 +13,8 @@ import torch
 from scipy import spatial
 
 from bench.lib import display, measuring
-from ddf.evaluation import metrics
 from ddf.geometry import neighbours
+from ddf.metrics import metrics
 
 THREADS, REPEATS, MOST_SECONDS = 2, 41, 1.5
 NUM_PRED, NUM_TRUTH, NOISE = 5000, 8000, 0.005
@@ -111,7 +111,7 @@ def main() -> None:
     candidates: dict[str, Callable[[], object]] = {
         name: (lambda way=way: scores(*way(prediction, truth))) for name, way in ways.items()
     }
-    candidates["ddf.evaluation.metrics.compare_clouds"] = lambda: metrics.compare_clouds(prediction, truth, TAU_SQ)
+    candidates["ddf.metrics.metrics.compare_clouds"] = lambda: metrics.compare_clouds(prediction, truth, TAU_SQ)
     candidates["Open3D compute_metrics"] = lambda: open3d_metrics(prediction, truth)
     times = measuring.interleaved(candidates, REPEATS, MOST_SECONDS)
     size = {"num_pred": NUM_PRED, "num_truth": NUM_TRUTH}

@@ -8,9 +8,10 @@ import numpy as np
 
 from ddf.core import config
 from ddf.data import shapenet
-from ddf.evaluation import metrics
+from ddf.data.batches import category_data
 from ddf.geometry import transforms
-from ddf.reconstruction import category_data, reconstruction_models, settings
+from ddf.metrics import metrics
+from ddf.models.reconstruction import reconstruction_models, settings
 from ddf.training import training_loop
 
 

@@ -18,9 +18,9 @@ from bench.lib import display, measuring
 from bench.reconstruction import step_split
 from ddf.core import config
 from ddf.fields import pddf
-from ddf.pipeline import step_cost
-from ddf.reconstruction import settings
+from ddf.models.reconstruction import settings
 from ddf.training import training_loop
+from ddf_lab.engine import step_cost
 
 CONFIG, THREADS = Path("configs/paper.yaml"), 2
 SECTIONS = {"ddf": settings.DDFConfig, "pcsiren": settings.PCSirenConfig}

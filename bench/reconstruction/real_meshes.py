@@ -29,10 +29,10 @@ from bench.lib import display, measuring
 from ddf.core import checks, seeding, shipped_models
 from ddf.data import shapenet, true_clouds
 from ddf.data.synthetic import assemble, palette, parts, render, write
-from ddf.evaluation import metrics
 from ddf.fields import rendering
 from ddf.geometry import mesh_io, transforms
-from ddf.reconstruction import inference, one_image, reconstruction_models
+from ddf.metrics import metrics
+from ddf.models.reconstruction import inference, one_image, reconstruction_models
 
 ON_DEMAND = "python -m bench real_meshes, with the meshes"
 NAME = "real_meshes"

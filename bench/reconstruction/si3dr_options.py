@@ -28,16 +28,12 @@ import numpy as np
 from bench.lib import display, measuring, overrides
 from ddf.core import checks, config, provenance, storage
 from ddf.data import shapenet
-from ddf.evaluation import metrics, scoring
-from ddf.reconstruction import (
-    category_data,
-    inference,
-    reconstruction_models,
-    settings,
-    training_steps,
-    training_truth,
-)
+from ddf.data.batches import category_data
+from ddf.metrics import metrics
+from ddf.models.reconstruction import inference, reconstruction_models, settings
 from ddf.training import step_timing, training_loop
+from ddf.training.reconstruction import training_steps, training_truth
+from ddf_lab.evaluation import scoring
 
 ON_DEMAND = "make ablate-options"
 CONFIG = Path("configs/cpu.yaml")

@@ -22,10 +22,11 @@ from torch import Tensor
 from bench.lib import measuring
 from bench.reconstruction import brief_clouds, first_views
 from ddf.core import config
+from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, rendering
 from ddf.geometry import cameras, transforms
-from ddf.pipeline import step_cost
-from ddf.reconstruction import category_data, inference, reconstruction_models, settings
+from ddf.models.reconstruction import inference, reconstruction_models, settings
+from ddf_lab.engine import step_cost
 
 CPU, PAPER = Path("configs/cpu.yaml"), Path("configs/paper.yaml")
 CATEGORY, THREADS, IMAGES = "chair", 2, 2

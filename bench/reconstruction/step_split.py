@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterator
 from typing import Any
 from unittest import mock
 
+from ddf.data.batches import category_data, fresh_samples, resident
 from ddf.fields import losses, pddf
-from ddf.pipeline import step_cost
-from ddf.reconstruction import category_data, reconstruction_models, training_steps
-from ddf.reconstruction.gpu import fresh_samples, resident
+from ddf.models.reconstruction import reconstruction_models
 from ddf.training import chamfer_loss
+from ddf.training.reconstruction import training_steps
+from ddf_lab.engine import step_cost
 
 # What is wrapped: part of the split, owner, name.
 PARTS = (

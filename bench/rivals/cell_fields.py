@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from bench.rivals import cells, ray_fields, rival_training
 from ddf.fields import derivatives, losses, pddf
-from ddf.shape import fit_settings
+from ddf.fit import fit_settings
 from ddf.training import training_loop
 
 BLOCK, BLOCKS = 64, 64  # rays of a block, blocks at a time: what stays in a core's cache

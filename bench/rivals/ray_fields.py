@@ -15,8 +15,8 @@ from torch.nn import functional
 
 from bench.rivals import ray_inputs, rival_training
 from ddf.fields import derivatives, framed_field, losses, pddf
+from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import rays
-from ddf.shape import fit_settings, fitting, shape_samples
 from ddf.training import training_loop
 
 

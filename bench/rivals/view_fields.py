@@ -24,7 +24,7 @@ from torch.nn import functional
 
 from bench.rivals import ray_fields, rival_training
 from ddf.fields import activations, derivatives, losses, pddf
-from ddf.shape import fit_settings
+from ddf.fit import fit_settings
 from ddf.training import training_loop
 
 BEFORE = 1.5  # radii, by which depth begins before the plane: no hit of a camera that sees the whole box lies earlier

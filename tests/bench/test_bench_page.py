@@ -8,7 +8,7 @@ from _benchmarks import benchmark, changed
 from bench.data import sample_extraction
 from bench.fields import field_inference, rendering
 from bench.lib import page, pareto, results
-from ddf.report import pages
+from ddf_lab.report import pages
 
 
 def test_page_has_a_line_per_row_and_a_picture_where_there_is_an_error():

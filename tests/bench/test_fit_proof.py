@@ -16,10 +16,11 @@ from _tiny_fits import TINY
 from bench.fits import contact_sheet, fit_curves, fit_options, fit_page, primitive_fits
 from bench.lib import curve_reach, measuring, overrides, results, side_by_side
 from ddf.core import checks, config, storage
+from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io, primitives, rays
-from ddf.report import pages
-from ddf.shape import fit_settings, fitting, paper_ablation, shape_samples
 from ddf.training import training_loop
+from ddf_lab.evaluation.shape import paper_ablation
+from ddf_lab.report import pages
 
 ROOT = Path(__file__).resolve().parents[2]
 NO_SAMPLES = shape_samples.ShapeSamples({}, np.zeros(3), np.ones(3))

@@ -12,8 +12,8 @@ import torch
 
 from bench.gpu import casts, gpu_check, parity, rates, sizes
 from ddf.core import checks
-from ddf.pipeline import step_cost
 from ddf.training import training_loop
+from ddf_lab.engine import step_cost
 
 ROOT = Path(__file__).resolve().parents[2]
 LIGHT = ("torch", "pillow", "numpy", "safetensors", "jaxtyping", "tqdm", "pyyaml")

@@ -10,7 +10,7 @@ from bench.lib import measuring
 from bench.reconstruction import real_meshes
 from ddf.core import checks, shipped_models
 from ddf.geometry import cameras, mesh_io
-from ddf.reconstruction import one_image
+from ddf.models.reconstruction import one_image
 
 CUBE = mesh_io.Mesh(np.array([[0.0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 5]]), np.array([[0, 1, 2], [0, 2, 3]]))
 

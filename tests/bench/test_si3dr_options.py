@@ -8,7 +8,7 @@ import pytest
 from bench.reconstruction import si3dr_options
 from ddf.core import checks
 from ddf.data import shapenet
-from ddf.reconstruction import category_data
+from ddf.data.batches import category_data
 
 BASE = si3dr_options.Settings.of("base", 0)
 

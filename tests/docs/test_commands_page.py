@@ -11,7 +11,7 @@ from ddf import cli
 from ddf.cli import commands
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "commands.md").read_text()
-MODULES = {name: importlib.import_module(f"ddf.cli.{entry.module}") for name, entry in commands.COMMANDS.items()}
+MODULES = {name: importlib.import_module(entry.module) for name, entry in commands.COMMANDS.items()}
 
 
 @pytest.mark.parametrize("name", commands.COMMANDS)
@@ -27,7 +27,7 @@ def test_there_are_no_other_sections():
 
 @pytest.mark.parametrize("name", commands.COMMANDS)
 def test_examples_are_well_formed(name, monkeypatch):
-    monkeypatch.setattr("ddf.pipeline.stage.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
+    monkeypatch.setattr("ddf.core.guard.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
     for example in MODULES[name].EXAMPLES:
         assert example.startswith(f"ddf {name}")
         assert cli.main(shlex.split(example)[1:]) == 0, example

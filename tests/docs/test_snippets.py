@@ -67,7 +67,7 @@ def test_prose_has_no_line_over_200_characters(page):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_lines_of_shell_are_well_formed(page, monkeypatch):
-    monkeypatch.setattr("ddf.pipeline.stage.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
+    monkeypatch.setattr("ddf.core.guard.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
     monkeypatch.chdir(ROOT)
     for line in lines(page):
         words = shlex.split(line)

@@ -6,10 +6,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ddf.evaluation import metrics
 from ddf.fields import framed_field, rendering
+from ddf.fit import shape_field
 from ddf.geometry import cameras, rays, transforms
-from ddf.shape import shape_field
+from ddf.metrics import metrics
 
 from . import case
 from .field_cases import constant_field

@@ -7,9 +7,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ddf.evaluation import metrics
 from ddf.fields import cloud_projection, pddf, udf
 from ddf.fields.gpu import farthest_points
+from ddf.metrics import metrics
 
 from . import case
 from .field_cases import SATURATED, constant_field

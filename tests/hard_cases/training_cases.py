@@ -9,7 +9,7 @@ from torch import Tensor
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf
 from ddf.geometry import transforms
-from ddf.reconstruction import camera_correction, reconstruction_models, settings
+from ddf.models.reconstruction import camera_correction, reconstruction_models, settings
 
 from . import case
 from .field_cases import SATURATED, constant_field

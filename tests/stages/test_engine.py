@@ -175,7 +175,7 @@ def test_a_changed_comment_of_the_code_runs_nothing(workspace):
 
 
 def test_changed_code_runs_the_stages_that_reach_it(workspace):
-    with workspace.edited("src/ddf/evaluation/scoring.py", r"\Z", "\nUNUSED = 1\n"):
+    with workspace.edited("src/ddf_lab/evaluation/scoring.py", r"\Z", "\nUNUSED = 1\n"):
         assert workspace.smoke() == ["evaluate", "report"]
     assert workspace.smoke() == ["evaluate", "report"]
 

@@ -1,4 +1,4 @@
-/** Colours of what is seen, those of `ddf.report.field_pictures`; nothing is seen where the page shows through. */
+/** Colours of what is seen, those of `ddf.pictures.field_pictures`; nothing is seen where the page shows through. */
 
 import type { Camera, Stage } from "./camera.ts";
 import { axes, type Rays } from "./camera.ts";

@@ -17,7 +17,7 @@ from ddf.fields import framed_field
 from ddf.geometry.mesh_io import Mesh
 
 if TYPE_CHECKING:
-    from ddf.shape import shape_field
+    from ddf.fit import shape_field
 
 ONNX, WEIGHTS = "field.onnx", "model.safetensors"  # of a folder of a field
 
@@ -55,7 +55,7 @@ class Field(queries.Queried):
           (100, 3)
         """
         with extras.named():
-            from ddf.shape import cloud_defaults, shape_field
+            from ddf.fit import cloud_defaults, shape_field
         return shape_field.cloud(self._weights, n, cloud_defaults.cloud(), seed)
 
     def surface(self, n: int = 5000, method: Literal["poisson", "udf"] = "poisson", resolution: int = 64) -> Mesh:
@@ -79,7 +79,7 @@ class Field(queries.Queried):
           (3, True)
         """
         with extras.named():
-            from ddf.shape import surfaces
+            from ddf.fit import surfaces
         if method not in surfaces.METHODS:
             raise checks.InputError(f"method must be one of {', '.join(surfaces.METHODS)}; got {method!r}")
         return surfaces.extract(self.framed, self.cloud, method, n, resolution)
@@ -111,7 +111,7 @@ def load(path_or_name: str | Path) -> Field:
     folder = path if path.is_dir() else path.parent
     onnx = path / ONNX if path.is_dir() else path
     if onnx.suffix == ".onnx" and onnx.is_file():
-        from ddf.export import onnx_field
+        from ddf.io import onnx_field
 
         weights = folder / WEIGHTS
         beside = weights if onnx.name == ONNX and weights.is_file() else None
@@ -144,7 +144,7 @@ def fit(
     if minutes is not None and steps is not None:
         raise checks.InputError(f"a fit takes minutes or steps; got both, {minutes} and {steps}")
     with extras.named():
-        from ddf.shape import fit_settings, fitting
+        from ddf.fit import fit_settings, fitting
     settings = fit_settings.DEFAULT
     if minutes is not None:
         settings = dataclasses.replace(settings, minutes=float(minutes))
@@ -158,6 +158,6 @@ def fit(
 
 
 def _torch_field(path: Path) -> "shape_field.ShapeField":
-    from ddf.shape import shape_field
+    from ddf.fit import shape_field
 
     return shape_field.load(path)

@@ -44,8 +44,8 @@ def reconstruct(image: str | Path, model: str | Path, n: int = 5000, seed: int =
       ((200, 3), ['azimuth_deg', 'elevation_deg', 'radius'])
     """
     with extras.named():
-        from ddf.reconstruction import one_image
-        from ddf.shape import shape_field
+        from ddf.fit import shape_field
+        from ddf.models.reconstruction import one_image
     trained, size = one_image.load(shipped_models.place(model))
     found = one_image.reconstruct(trained, size, Path(image), n, seed)
     shape = shape_field.conditioned(trained.field, found.modulations, found.scale)

@@ -3,7 +3,7 @@
 import numpy.typing as npt
 
 from ddf.api import inputs
-from ddf.evaluation import metrics
+from ddf.metrics import metrics
 
 
 def compare(pred: npt.ArrayLike, truth: npt.ArrayLike, tau_sq: float = metrics.TAU_SQ) -> metrics.CloudScores:

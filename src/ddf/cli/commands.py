@@ -6,36 +6,51 @@ result, one JSON object with --json. Two keys are for people alone: `table` (lab
 and `verdict` (one line, shown last).
 """
 
+import importlib
+import importlib.util
 from typing import NamedTuple
 
 
 class Command(NamedTuple):
-    """Where a command is, below `ddf.cli`, and what it does."""
+    """The room of a command in the help, its module, and what it does."""
 
+    room: str
     module: str
     summary: str
 
 
 ROOMS = {"mesh": "meshes and clouds", "field": "fields", "model": "trained models", "experiment": "experiments"}
 COMMANDS = {
-    "mesh": Command("mesh.mesh", "validate, close, decimate and normalise a mesh; say what was lost"),
-    "cast": Command("mesh.cast", "exact depth, visibility and normals of a mesh along given rays"),
-    "samples": Command("mesh.samples", "the six types of oriented-point samples of a mesh"),
-    "compare": Command("mesh.compare", "Chamfer distance and F-scores of two clouds or meshes"),
-    "fit": Command("field.fit", "fit a field to one mesh, with held-out errors per sample type"),
-    "query": Command("field.query", "what a field says along given rays: depth, visibility, normals, ..."),
-    "render": Command("field.render", "a picture, or the arrays, of what a camera sees of a field"),
-    "view": Command("field.view", "a page that renders a field live, as one file that any browser opens"),
-    "points": Command("field.points", "a point cloud with normals on the surface of a field"),
-    "udf": Command("field.udf", "unsigned distances to the surface of a field, and where it is nearest"),
-    "surface": Command("field.surface", "a triangle mesh of a field, and how near it is to the true one"),
-    "scene": Command("field.scene", "several fields in one scene, from one camera or along a path"),
-    "models": Command("model.models", "the trained models and fields that come with the package"),
-    "reconstruct": Command("model.reconstruct", "camera, cloud and renders from images with a trained model"),
-    "generate": Command("model.generate", "samples of a shape VAE and an image GAN: fields, normals, images"),
-    "export": Command("model.export", "a trained model as an ONNX file, checked against onnxruntime"),
-    "run": Command("experiment.run", "an experiment file through all its stages, to tables, figures and report"),
-    "info": Command("experiment.info", "models, stages, sizes and cost of an experiment file"),
-    "split": Command("experiment.split", "the Pixel2Mesh train and test lists of a ShapeNet root"),
-    "doctor": Command("experiment.doctor", "what this machine has, what is missing and the command for it"),
+    "mesh": Command("mesh", "ddf.cli.mesh.mesh", "validate, close, decimate and normalise a mesh; say what was lost"),
+    "cast": Command("mesh", "ddf.cli.mesh.cast", "exact depth, visibility and normals of a mesh along given rays"),
+    "samples": Command("mesh", "ddf.cli.mesh.samples", "the six types of oriented-point samples of a mesh"),
+    "compare": Command("mesh", "ddf.cli.mesh.compare", "Chamfer distance and F-scores of two clouds or meshes"),
+    "fit": Command("field", "ddf.cli.field.fit", "fit a field to one mesh, with held-out errors per sample type"),
+    "query": Command(
+        "field", "ddf.cli.field.query", "what a field says along given rays: depth, visibility, normals, ..."
+    ),
+    "render": Command("field", "ddf.cli.field.render", "a picture, or the arrays, of what a camera sees of a field"),
+    "view": Command(
+        "field", "ddf.cli.field.view", "a page that renders a field live, as one file that any browser opens"
+    ),
+    "points": Command("field", "ddf.cli.field.points", "a point cloud with normals on the surface of a field"),
+    "udf": Command(
+        "field", "ddf.cli.field.udf", "unsigned distances to the surface of a field, and where it is nearest"
+    ),
+    "surface": Command(
+        "field", "ddf.cli.field.surface", "a triangle mesh of a field, and how near it is to the true one"
+    ),
+    "scene": Command("field", "ddf.cli.field.scene", "several fields in one scene, from one camera or along a path"),
+    "models": Command("model", "ddf.cli.model.models", "the trained models and fields that come with the package"),
+    "reconstruct": Command(
+        "model", "ddf.cli.model.reconstruct", "camera, cloud and renders from images with a trained model"
+    ),
+    "generate": Command(
+        "model", "ddf.cli.model.generate", "samples of a shape VAE and an image GAN: fields, normals, images"
+    ),
+    "export": Command("model", "ddf.cli.model.export", "a trained model as an ONNX file, checked against onnxruntime"),
+    "split": Command("experiment", "ddf.cli.mesh.split", "the Pixel2Mesh train and test lists of a ShapeNet root"),
+    "doctor": Command("experiment", "ddf.cli.doctor", "what this machine has, what is missing and the command for it"),
 }
+if importlib.util.find_spec("ddf_lab"):  # a checkout of the repository: commands about experiments
+    COMMANDS |= {name: Command(*entry) for name, entry in importlib.import_module("ddf_lab.commands").COMMANDS.items()}

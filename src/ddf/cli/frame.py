@@ -16,7 +16,7 @@ from typing import Any
 
 from ddf.cli import arguments, results
 from ddf.cli.commands import COMMANDS, ROOMS
-from ddf.pipeline import stage
+from ddf.core import guard
 
 _NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins; no option does
 _INTERRUPTED = 130
@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     args = parser.parse_args(argv)
     try:
-        return stage.guarded(lambda: _run(args), f"ddf {args.command}")
+        return guard.guarded(lambda: _run(args), f"ddf {args.command}")
     except KeyboardInterrupt:
         sys.stderr.write(f"ddf {args.command}: interrupted\n")
         return _INTERRUPTED
@@ -65,7 +65,7 @@ def _run(args: argparse.Namespace) -> None:
 
 
 def _module(command: str) -> ModuleType:
-    return importlib.import_module(f"ddf.cli.{COMMANDS[command].module}")
+    return importlib.import_module(COMMANDS[command].module)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -92,7 +92,7 @@ def _parser(chosen: str | None) -> _Parser:
     parser = _Parser(prog="ddf", usage="ddf COMMAND ...", description=description, epilog=_listing(), **shape)
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
     commands = parser.add_subparsers(prog="ddf", dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
-    for name, (_, summary) in COMMANDS.items():
+    for name, (_, _, summary) in COMMANDS.items():
         command = commands.add_parser(name, description=f"{summary[0].upper()}{summary[1:]}.", **shape)
         command.add_argument("--json", action="store_true", help="print one JSON object on stdout, for scripts")
         if name == chosen:
@@ -107,7 +107,7 @@ def _listing() -> str:
     lines = []
     for room, title in ROOMS.items():
         lines.append(f"{title}:")
-        inside = [(name, entry) for name, entry in COMMANDS.items() if entry.module.startswith(f"{room}.")]
+        inside = [(name, entry) for name, entry in COMMANDS.items() if entry.room == room]
         lines += [f"  {name:<12} {entry.summary}" for name, entry in inside]
     lines += ["", "ddf COMMAND --help tells its arguments, with examples."]
     return "\n".join([*lines, 'Completion in bash and zsh: eval "$(register-python-argcomplete ddf)"'])

@@ -1,1 +1,1 @@
-"""Level 0: errors, config files, artefact files, provenance, random streams, parallel maps, work that resumes."""
+"""Level 0: errors, files, provenance, random streams, parallel maps, processes, work that resumes."""

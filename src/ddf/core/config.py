@@ -24,22 +24,22 @@ SECTIONS = {
     "dataset": "ddf.data.dataset:DatasetConfig",
     "meshes": "ddf.data.mesh_config:MeshesConfig",
     "samples": "ddf.data.sampling:SamplesConfig",
-    "train": "ddf.reconstruction.settings:TrainConfig",
-    "ddf": "ddf.reconstruction.settings:DDFConfig",
-    "pcsiren": "ddf.reconstruction.settings:PCSirenConfig",
-    "pointclouds": "ddf.reconstruction.settings:PointcloudsConfig",
-    "evaluate": "ddf.evaluation.scoring:EvaluateConfig",
-    "report": "ddf.report.experiment.experiment_page:ReportConfig",
-    "export": "ddf.export.onnx_file:ExportConfig",
+    "train": "ddf.models.reconstruction.settings:TrainConfig",
+    "ddf": "ddf.models.reconstruction.settings:DDFConfig",
+    "pcsiren": "ddf.models.reconstruction.settings:PCSirenConfig",
+    "pointclouds": "ddf.models.reconstruction.settings:PointcloudsConfig",
+    "evaluate": "ddf_lab.evaluation.scoring:EvaluateConfig",
+    "report": "ddf_lab.report.experiment.experiment_page:ReportConfig",
+    "export": "ddf.io.onnx_file:ExportConfig",
 }
-FIT_SECTIONS = {"fit": "ddf.shape.fit_settings:FitConfig"}  # of files of their own: no experiment
+FIT_SECTIONS = {"fit": "ddf.fit.fit_settings:FitConfig"}  # of files of their own: no experiment
 DATA_SECTIONS = ("dataset", "meshes", "samples")  # that generative experiments have too, beside these:
 GENERATIVE_SECTIONS = {
-    "vae": "ddf.generative.settings:VAEConfig",
-    "gan": "ddf.generative.settings:GANConfig",
-    "scores": "ddf.generative.settings:ScoresConfig",
+    "vae": "ddf.models.generative.settings:VAEConfig",
+    "gan": "ddf.models.generative.settings:GANConfig",
+    "scores": "ddf.models.generative.settings:ScoresConfig",
 }
-FIGURES_SECTIONS = {"figures": "ddf.report.paper_figures.figure_fields:FiguresConfig"}  # of a file of its own
+FIGURES_SECTIONS = {"figures": "ddf_lab.figures.figure_fields:FiguresConfig"}  # of a file of its own
 ALL_SECTIONS = SECTIONS | FIT_SECTIONS | GENERATIVE_SECTIONS | FIGURES_SECTIONS
 
 T = TypeVar("T")

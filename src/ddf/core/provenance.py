@@ -1,6 +1,6 @@
 """What made an artefact: configuration, data and the code that was really used, as one fingerprint.
 
-The code version of a module is a hash over its import closure inside the package, taken from syntax trees without
+The code version of a module is a hash over its import closure inside the packages, taken from syntax trees without
 docstrings: a comment or a docstring does not make a trained network stale, a changed constant does.
 """
 
@@ -16,8 +16,8 @@ from typing import Any
 
 from ddf.core import storage
 
-PACKAGE_ROOT = Path(__file__).resolve().parents[1]
-_PACKAGE = PACKAGE_ROOT.name
+SOURCES = Path(__file__).resolve().parents[2]  # the folder that holds both packages
+PACKAGES = ("ddf", "ddf_lab")
 
 
 def fingerprint(
@@ -51,19 +51,19 @@ def record(fingerprint: str, seed: int, sources: Iterable[str | Path] = ()) -> d
 
 @functools.cache
 def code_version(modules: tuple[str, ...]) -> str:
-    """Hash of the syntax trees, docstrings left out, of everything the named modules import from the package."""
+    """Hash of the syntax trees, docstrings left out, of everything the named modules import from the packages."""
     return _hash_of_trees({file for name in modules for file in import_closure(module_file(name))})
 
 
 def script_version(script: str | Path, without: str) -> str:
-    """The same of a script outside the package and of all that it imports from the package but one room of it."""
-    left_out = PACKAGE_ROOT / without
+    """The same of a script outside the packages and of all that it imports from them but one room, `ddf_lab/engine`."""
+    left_out = SOURCES / without
     closure = (file for file in import_closure(script) if not file.is_relative_to(left_out))
     return _hash_of_trees({*closure, Path(script).resolve()})
 
 
 def import_closure(script: str | Path) -> list[Path]:
-    """`script` (if inside the package) and every file of the package that it imports, directly or not, sorted.
+    """`script` (if inside a package) and every file of the packages that it imports, directly or not, sorted.
 
     Imports inside functions count too. Importing a.b.c runs a/__init__.py and a/b/__init__.py, so these are included.
     """
@@ -77,7 +77,7 @@ def import_closure(script: str | Path) -> list[Path]:
         found.add(file)
         for name in imported_modules(file):
             waiting.extend(_package_files(name))
-    return sorted(file for file in found if file.is_relative_to(PACKAGE_ROOT))
+    return sorted(file for file in found if _inside(file))
 
 
 def imported_modules(file: str | Path, typing: bool = False) -> list[str]:
@@ -107,20 +107,20 @@ def imported_modules(file: str | Path, typing: bool = False) -> list[str]:
 def module_file(name: str) -> Path:
     """The file of a module of the package, by its dotted name."""
     files = _package_files(name)
-    expected = PACKAGE_ROOT.joinpath(*name.split(".")[1:])
+    expected = SOURCES.joinpath(*name.split("."))
     if not files or files[-1] not in (expected.with_suffix(".py"), expected / "__init__.py"):
-        raise ValueError(f"{name} is not a module of the package {_PACKAGE}")
+        raise ValueError(f"{name} is not a module of {' or '.join(PACKAGES)}")
     return files[-1]
 
 
 def _package_files(name: str) -> list[Path]:
     """Files that importing `name` runs, outermost first; empty for other packages, shorter for names in a module."""
     parts = name.split(".")
-    if parts[0] != _PACKAGE:
+    if parts[0] not in PACKAGES:
         return []
-    files = [PACKAGE_ROOT / "__init__.py"]
-    for i in range(1, len(parts)):
-        base = PACKAGE_ROOT.joinpath(*parts[1 : i + 1])
+    files: list[Path] = []
+    for i in range(len(parts)):
+        base = SOURCES.joinpath(*parts[: i + 1])
         if (base / "__init__.py").is_file():
             files.append(base / "__init__.py")
         elif base.with_suffix(".py").is_file():
@@ -131,12 +131,17 @@ def _package_files(name: str) -> list[Path]:
     return [file for file in files if file.is_file()]
 
 
+def _inside(file: Path) -> bool:
+    """Whether a file is of one of the packages."""
+    return file.is_relative_to(SOURCES) and file.relative_to(SOURCES).parts[0] in PACKAGES
+
+
 def _hash_of_trees(files: Iterable[Path]) -> str:
     digest = hashlib.sha256()
     for file in sorted(files):
         tree = ast.parse(file.read_text(encoding="utf-8"))
         _strip_docstrings(tree)
-        place = file.relative_to(PACKAGE_ROOT) if file.is_relative_to(PACKAGE_ROOT) else Path(file.name)
+        place = file.relative_to(SOURCES) if _inside(file) else Path(file.name)
         digest.update(f"{place.as_posix()}\0{ast.dump(tree)}\n".encode())
     return digest.hexdigest()
 

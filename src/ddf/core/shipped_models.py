@@ -1,11 +1,11 @@
-"""The trained models and fields that come with the package: `src/ddf/models`, one folder each, listed in index.json."""
+"""The trained models and fields that come with the package: `src/ddf/shipped`, a folder each, listed in index.json."""
 
 import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1] / "models"
+ROOT = Path(__file__).resolve().parents[1] / "shipped"
 INDEX = "index.json"
 
 

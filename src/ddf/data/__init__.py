@@ -1,1 +1,1 @@
-"""Level 2: ShapeNet's layout and split, mesh preparation, oriented-point samples, true clouds, synthetic shapes."""
+"""Level 2: ShapeNet's layout and split, mesh preparation, samples, true clouds, procedural shapes, training batches."""

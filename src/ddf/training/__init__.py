@@ -1,1 +1,1 @@
-"""Level 3: the training loop, its optimisers, processes, and the time of a step."""
+"""Level 4: the training loop, its optimisers, and the steps of each model."""

@@ -21,9 +21,9 @@ import tqdm
 from torch import Tensor, nn
 from torch.optim import swa_utils
 
-from ddf.core import checks, storage
+from ddf.core import checks, distributed, storage
 from ddf.fields import passes
-from ddf.training import distributed, optimisers, plateau
+from ddf.training import optimisers, plateau
 
 LOGGER = logging.getLogger(__name__)
 CHECKPOINT, MODEL, LOG = "checkpoint.safetensors", "model.safetensors", "log.csv"

@@ -11,8 +11,8 @@ from bench.lib import measuring
 from bench.rivals import cell_fields, cells, ray_fields
 from ddf.core import config
 from ddf.fields import derivatives, pddf
+from ddf.fit import fit_settings
 from ddf.geometry import primitives, rays
-from ddf.shape import fit_settings
 
 BALL, SIDE = 0.6, 0.7
 UPPER = (SIDE, SIDE, SIDE)

@@ -13,8 +13,8 @@ from bench.lib import cpu_budget, measuring
 from bench.rivals import ray_fields, ray_inputs
 from ddf.core import config
 from ddf.fields import derivatives, pddf
+from ddf.fit import fit_settings
 from ddf.geometry import primitives, rays
-from ddf.shape import fit_settings
 
 BALL, SIDE = 0.6, 0.7
 CORNER = torch.full((3,), SIDE)

@@ -9,8 +9,8 @@ from torch.nn import functional
 from bench.lib import measuring
 from bench.rivals import ray_fields, view_fields
 from ddf.core import config
+from ddf.fit import fit_settings
 from ddf.geometry import primitives, rays
-from ddf.shape import fit_settings
 
 BALL, RADIUS = 0.6, 1.2
 LAYOUT = view_fields.ViewLayout((16, 16), (8,), 2.0, 1.0)

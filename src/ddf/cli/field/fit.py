@@ -42,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Fit the mesh; returns the held-out errors, times and sizes, as fit.json has them."""
     from ddf.core import checks, config, storage
+    from ddf.fit import fit_settings, fitting
     from ddf.geometry import mesh_io
-    from ddf.shape import fit_settings, fitting
 
     fit = fit_settings.DEFAULT if args.config is None else config.load(args.config, fit_settings.FitConfig)
     if args.minutes is not None:
@@ -84,7 +84,7 @@ def _threads(configured: int, asked: int | None, timed: bool) -> int:
 
 def _few(result: dict[str, Any]) -> str:
     """The part of the verdict on a fit that was too short."""
-    from ddf.shape import fitting
+    from ddf.fit import fitting
 
     if result["steps"] >= fitting.FEW_STEPS:
         return ""

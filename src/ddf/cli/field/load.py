@@ -18,11 +18,11 @@ def framed(path: Path, outputs: Collection[str]) -> "framed_field.FramedField":
     """
     file = path / ONNX if path.is_dir() else path
     if file.suffix == ".onnx" and file.is_file():
-        from ddf.export import onnx_field
+        from ddf.io import onnx_field
 
         found = onnx_field.load(file)
         if file == path or {"visibility", *outputs} <= set(found.outputs):
             return found
-    from ddf.shape import shape_field
+    from ddf.fit import shape_field
 
     return shape_field.load(path)

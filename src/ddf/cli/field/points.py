@@ -5,7 +5,7 @@ import time
 from typing import Any
 
 from ddf.cli import arguments
-from ddf.shape import cloud_defaults
+from ddf.fit import cloud_defaults
 
 EXAMPLES = ("ddf points rabbit cloud.ply -n 2000",)
 
@@ -36,8 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Draw the points and write them with the normals that the field gives where it is asked beside them."""
     from ddf.core import storage
+    from ddf.fit import cloud_normals, shape_field
     from ddf.geometry import point_io
-    from ddf.shape import cloud_normals, shape_field
 
     config = cloud_defaults.cloud(num_directions=args.directions, cycles=args.cycles)
     shape = shape_field.load(args.field)

@@ -157,7 +157,7 @@ def _write(
         storage.write_bytes(path, data)
         return step
     else:
-        from ddf.report import field_pictures
+        from ddf.pictures import field_pictures
 
         (name,) = drawn
         storage.write_bytes(path, image_files.encode(field_pictures.picture(name, images), suffix))

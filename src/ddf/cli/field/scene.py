@@ -142,7 +142,7 @@ def _frame(
 
 def _pictures(name: str, stacked: "dict[str, np.ndarray]") -> "list[np.ndarray]":
     """Frames in colours; depths of all frames on one scale."""
-    from ddf.report import field_pictures
+    from ddf.pictures import field_pictures
 
     if name == "depth":
         return field_pictures.depth_pictures(*stacked["depth"])

@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }
     verdict = f"{len(mesh.faces):,} triangles in {args.out}"
     if truth is not None:
-        from ddf.evaluation import surface_scores
+        from ddf.metrics import surface_scores
 
         used = truth.surface_vertices()
         unit = 2 / float(np.ptp(used, axis=0).max())

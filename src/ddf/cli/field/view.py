@@ -11,7 +11,7 @@ from ddf.cli import arguments
 from ddf.core import shipped_models
 
 if TYPE_CHECKING:
-    from ddf.export import viewer_page
+    from ddf.io import viewer_page
 
 EXAMPLES = (
     "ddf view rabbit",
@@ -54,7 +54,7 @@ class _Shown(argparse.Action):
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Write the page, and open it where no file is named."""
-    from ddf.export import viewer_page
+    from ddf.io import viewer_page
 
     out = args.out
     page = page_of(args.what, args.up, args.wasm)
@@ -80,7 +80,7 @@ def page_of(what: Sequence[Path], up: str = "y", wasm: bool = False) -> "viewer_
     """
     from ddf.api import scene_file
     from ddf.core import checks
-    from ddf.export import viewable
+    from ddf.io import viewable
 
     scenes = [path for path in what if path.suffix in scene_file.SUFFIXES]
     if wasm and (scenes or len(what) > 1):
@@ -95,8 +95,8 @@ def page_of(what: Sequence[Path], up: str = "y", wasm: bool = False) -> "viewer_
 def _scene(file: Path) -> "viewer_page.Page":
     """The page of a scene file; a field that it names several times is in the page once."""
     from ddf.api import scene_file
-    from ddf.export import viewable, viewer_fields, viewer_layout
-    from ddf.shape import shape_field
+    from ddf.fit import shape_field
+    from ddf.io import viewable, viewer_fields, viewer_layout
 
     content = scene_file.read(file)
     scene = scene_file.build(content, file.parent).framed

@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Scores as they are (nothing times 100 or 1000): chamfer_l2_sq is the sum of both means of squared distances."""
     from ddf.core import checks
-    from ddf.evaluation import metrics
+    from ddf.metrics import metrics
 
     read = []
     for name in ("pred", "truth"):

@@ -52,8 +52,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.out.suffix.lower() == ".html":
         return _page(args)
     from ddf.core import checks, config
-    from ddf.export import exportable, onnx_file
     from ddf.fields import field_outputs
+    from ddf.io import exportable, onnx_file
     from ddf.training import training_loop
 
     model, *others = args.model
@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 def _page(args: argparse.Namespace) -> dict[str, Any]:
     """The page that renders the model live."""
     from ddf.cli.field import view
-    from ddf.export import viewer_page
+    from ddf.io import viewer_page
 
     size = viewer_page.write(args.out, view.page_of(args.model))
     return {"out": args.out.as_posix(), "bytes": size, "verdict": f"{args.out}: {size:,} bytes; any browser opens it"}

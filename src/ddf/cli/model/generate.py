@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import torch
 
     from ddf.fields import pddf
-    from ddf.generative import image_gans, shape_vae
+    from ddf.models.generative import image_gans, shape_vae
 
 EXAMPLES = (
     "ddf generate artifacts/generative/train_gan/car new_cars",
@@ -42,8 +42,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     import torch
 
     from ddf.core import checks, provenance, storage
-    from ddf.generative import normal_images, pictures, shape_vae
-    from ddf.report.generative import sheets
+    from ddf.models.generative import normal_images, pictures, shape_vae
+    from ddf.pictures import sheets
 
     if args.out.exists() and not args.out.is_dir():
         raise checks.InputError(f"{args.out}: is a file; give a folder to write")
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 def _load(folder: Path) -> "tuple[shape_vae.ShapeVAE | image_gans.ImageGAN, int]":
     """The model, and the features of its textures: 0 of a VAE."""
     from ddf.core import checks, storage
-    from ddf.generative import image_gans, shape_vae
+    from ddf.models.generative import image_gans, shape_vae
     from ddf.training import training_loop
 
     file = folder / training_loop.MODEL
@@ -100,7 +100,7 @@ def _look(
     model: "shape_vae.ShapeVAE | image_gans.ImageGAN", field: "pddf.PDDF", textures: "torch.Tensor | None"
 ) -> "list[torch.Tensor]":
     """Normals on white of one shape, and its image of each texture, in [0, 1]."""
-    from ddf.generative import image_gans, normal_images, pictures
+    from ddf.models.generative import image_gans, normal_images, pictures
 
     (camera,) = pictures.cameras_around(1, pictures.ELEVATION_DEG, pictures.RADIUS)
     if isinstance(model, image_gans.ImageGAN) and textures is not None:
@@ -116,7 +116,7 @@ def _between(
     """Rows of the sheet between the first two samples: shapes, and of an image GAN their images of each texture."""
     import torch
 
-    from ddf.generative import pictures
+    from ddf.models.generative import pictures
 
     shapes = pictures.fields(model.decoder, pictures.between((latents[0], latents[1]), _BETWEEN))
     mixed = None if textures is None else pictures.between((textures[0], textures[1]), _BETWEEN)
@@ -127,6 +127,6 @@ def _between(
 
 def _png(picture: "torch.Tensor") -> bytes:
     from ddf.cli import image_files
-    from ddf.report import field_pictures
+    from ddf.pictures import field_pictures
 
     return image_files.encode(field_pictures.to_bytes(picture.permute(1, 2, 0).numpy()), ".png")

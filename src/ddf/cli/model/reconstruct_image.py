@@ -13,8 +13,8 @@ from ddf.cli import image_files
 from ddf.core import checks, storage
 from ddf.fields import rendering
 from ddf.geometry import point_io, transforms
-from ddf.reconstruction import familiarity, one_image, reconstruction_models, trained
-from ddf.report import field_pictures
+from ddf.models.reconstruction import familiarity, one_image, reconstruction_models, trained
+from ddf.pictures import field_pictures
 from ddf.training import training_loop
 
 

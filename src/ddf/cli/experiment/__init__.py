@@ -1,1 +1,0 @@
-"""Commands about experiments and this machine."""

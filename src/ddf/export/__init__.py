@@ -1,1 +1,0 @@
-"""Level 5: trained models as ONNX files, compared with torch before they are written."""

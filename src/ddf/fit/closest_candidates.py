@@ -1,0 +1,79 @@
+"""The paper's way to UDF and v* of a fitted field: g_v, trained once against the field, which stays as it is.
+
+[DDF22] app. D: Adam at 1e-4, 1e4 iterations of 4,096 points p ~ U[B], for every field anew.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf.core import checks, provenance, seeding
+from ddf.fields import pddf, rendering, siren, udf
+from ddf.fit.shape_field import ShapeField
+from ddf.training import training_loop
+
+
+@dataclass(frozen=True)
+class CandidateConfig:
+    """How g_v is trained; the defaults are the paper's, but for the loop's bookkeeping.
+
+    points: of a step. spread: τ_n. alignment: τ_d. omega_first: bandwidth of g_v in p; the paper gives none.
+    """
+
+    loop: training_loop.LoopConfig
+    steps: int = 10_000
+    points: int = 4096
+    hidden: tuple[int, ...] = udf.PAPER_LAYOUT.hidden
+    omega_first: float = 1.0
+    num_candidates: int = udf.NUM_CANDIDATES
+    spread: float = 5e-3
+    alignment: float = 0.1
+
+    def __post_init__(self) -> None:
+        if min(self.steps, self.points, self.num_candidates) < 1:
+            raise checks.InputError(
+                f"steps, points and num_candidates must be >= 1; got {self.steps}, {self.points}, {self.num_candidates}"
+            )
+
+    def network(self) -> udf.CandidateNetwork:
+        """A fresh g_v."""
+        return udf.CandidateNetwork(siren.SineLayout(self.hidden, self.omega_first), self.num_candidates)
+
+
+def asked(field: pddf.PDDF, modulations: list[Tensor] | None = None) -> udf.Ask:
+    """A field, plain or conditional, as `udf` asks it: inside its box, field frame, differentiable."""
+
+    def ask(positions: Float[Tensor, "*n 3"], directions: Float[Tensor, "*n 3"], normals: bool) -> udf.Answer:
+        outputs = ("visibility", "depth", "normals") if normals else ("visibility", "depth")
+        flat = positions.reshape(-1, 3), directions.reshape(-1, 3)
+        found = rendering.query(field, *flat, modulations, outputs)
+        where = positions.shape[:-1]
+        return udf.Answer(**{name: value.reshape(*where, *value.shape[1:]) for name, value in found.items()})
+
+    return ask
+
+
+def fit(shape: ShapeField, config: CandidateConfig, out_dir: Path) -> udf.CandidateNetwork:
+    """Train g_v for a field and write it to `out_dir`; a training that was stopped goes on there."""
+    training_loop.prepare(config.loop)
+    network, field = config.network().to(training_loop.device()), shape.field.to(training_loop.device())
+    for value in field.parameters():
+        value.requires_grad_(False)
+    weight = network.network.head.weight
+    lower, upper = (torch.from_numpy(side).to(weight) for side in (shape.lower, shape.upper))
+
+    def step_loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
+        generator = torch.Generator().manual_seed(seeding.numbered(config.loop.seed, step))
+        share = torch.rand((config.points, 3), generator=generator).to(weight)
+        positions = lower + share * (upper - lower)
+        value = udf.loss(asked(field), positions, network(positions), config.spread, config.alignment)
+        return value, {}
+
+    fingerprint = provenance.fingerprint([config, shape.record], (), "ddf.fit.closest_candidates")
+    record = provenance.record(fingerprint, config.loop.seed) | {"kind": "closest_candidates"}
+    groups = [{"params": list(network.parameters()), "weight_decay": 0.0}]  # so that AdamW is Adam
+    training_loop.fit(network, groups, step_loss, config.steps, config.loop, out_dir, record, "g_v")
+    return network.eval().requires_grad_(False)

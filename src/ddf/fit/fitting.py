@@ -1,0 +1,246 @@
+"""Fitting one field to one mesh: six sample types in memory, held-out errors, a budget of steps or of minutes.
+
+The mesh is taken as it is: inner sheets and nested parts are part of the shape. It is moved to the field frame, and
+training and held-out samples are drawn from random streams of their own. Source: [DDF22] §4.1, app. A and C.
+
+Budget: `steps` is the reproducible way. `minutes` is the convenient one: a clock for sampling and training, which the
+schedule follows (`training_loop.Clock`). Sampling takes at most `SAMPLING_SHARE` of it, with fewer samples on a machine
+too slow or too busy for all of them. What was begun stands in `plan.json`, by which a folder is known again.
+"""
+
+import dataclasses
+import functools
+import hashlib
+import math
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from ddf.core import checks, provenance, storage
+from ddf.data.samples import sample_batch, sample_types
+from ddf.fields import consistency, framed_field, losses, pddf, rendering
+from ddf.fit import fit_settings, shape_field, shape_samples
+from ddf.geometry import mesh_io, rays, transforms
+from ddf.training import training_loop
+
+METRICS, PLAN = "fit.json", "plan.json"
+FEW_STEPS = 500  # below so many a field is blurred whatever the shape: the user is told
+SAMPLING_SHARE = 0.3  # of the minutes
+_PROBE = 0.05  # of the samples, drawn once more to time them
+_FLAT = 0.1  # share of a depth head's first weights that `start_flat` keeps
+
+
+@torch.no_grad()
+def start_flat(field: pddf.PDDF, samples: shape_samples.ShapeSamples) -> None:
+    """Make both depths about the mean depth of the visible samples everywhere (derived here).
+
+    From random heads of another mean all samples pull the depths the same way, so that an optimiser with momentum can
+    carry them below zero at all points, where no gradient brings them back: the field then never has a depth.
+    """
+    visible = torch.cat([part["depth"][part["visible"] > 0] for part in samples.arrays.values()])
+    head = field.network.head
+    head.weight[: pddf.NUM_COMPONENTS] *= _FLAT
+    head.bias[: pddf.NUM_COMPONENTS] = _mean(visible) if len(visible) else 0.0
+
+
+def step_loss(
+    field: pddf.PDDF, samples: shape_samples.ShapeSamples, config: fit_settings.FitConfig, step: int
+) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
+    """𝔏_S of the batch of one step, which depends on the seed and the step's number alone."""
+    random = np.random.default_rng((config.loop.seed, step))
+    batch = samples.batch(samples.batch_counts(config.batch), random).to(field.network.head.weight.device)
+    total, terms = losses.shape_loss(field, batch, None, config.weights, config.loop.matmul)
+    for name, (weight, term) in _consistency(field, batch, config.consistency).items():
+        value = term()
+        total, terms[name] = total + weight * value, value.detach()
+    return total, terms
+
+
+def _consistency(
+    field: pddf.PDDF, batch: sample_batch.SampleBatch, weights: fit_settings.ConsistencyWeights
+) -> dict[str, tuple[float, Callable[[], Float[Tensor, ""]]]]:
+    """Weights and terms of `fields.consistency` that count, on the U samples of a batch.
+
+    p_2 of a sample is the position of the one before it.
+    """
+    span = batch.span("U", "U")
+    positions, directions, visible = (v[:, span] for v in (batch.positions, batch.directions, batch.visible))
+    hits = rays.surface_points(positions, directions, batch.depth[:, span])
+
+    def view() -> Float[Tensor, ""]:
+        return consistency.view_loss(field, hits, positions.roll(1, dims=1), visible)
+
+    def gradient() -> Float[Tensor, ""]:
+        return consistency.gradient_loss(field, positions, directions, visible)
+
+    terms = {"view_inequality": (weights.view, view), "gradient_consistency": (weights.gradient, gradient)}
+    return {name: entry for name, entry in terms.items() if entry[0]}
+
+
+def _groups(field: pddf.PDDF) -> list[dict[str, Any]]:
+    """Without decay AdamW is Adam."""
+    return [{"params": list(field.parameters()), "weight_decay": 0.0}]
+
+
+def _plan(config: fit_settings.FitConfig, content: str, identity: str, out_dir: Path, force: bool) -> Mapping[str, Any]:
+    """What an earlier run of the same fit wrote in the folder; of a new one, its mesh and who it is.
+
+    Raises:
+      InputError: the folder holds the field of another mesh, and `force` does not say to replace it.
+    """
+    path = out_dir / PLAN
+    plan = storage.read_json(path) if path.exists() else {}
+    if plan.get("mesh", content) != content and not force:
+        raise checks.InputError(
+            f"{out_dir}: holds the field of another mesh; give another folder, or --force to replace it"
+        )
+    if plan.get("fingerprint") != identity:
+        plan = {"fingerprint": identity, "mesh": content}
+    return plan
+
+
+def _affordable(mesh: mesh_io.Mesh, config: fit_settings.FitConfig) -> float:
+    """Share of the samples that `SAMPLING_SHARE` of the minutes allows, as drawing some of them tells; 1 without."""
+    if config.steps is not None or config.minutes is None:
+        return 1.0
+    started = time.monotonic()
+    shape_samples.draw_samples(mesh, config, config.samples.scaled(_PROBE), "probe")
+    allowed = 60 * SAMPLING_SHARE * config.minutes
+    return min(1.0, max(_PROBE, _PROBE * allowed / (time.monotonic() - started)))
+
+
+def fit(
+    raw: mesh_io.Mesh,
+    config: fit_settings.FitConfig,
+    out_dir: Path,
+    source: Mapping[str, str] | None = None,
+    without: str | None = None,
+    *,
+    begin: shape_field.ShapeField | None = None,
+    threads: int | None = None,
+    force: bool = False,
+) -> dict[str, Any]:
+    """Fit a field to a mesh in its own frame; write model.safetensors (`shape_field.load`), log.csv and fit.json.
+
+    Resumes from `out_dir` if an earlier run with the same mesh, config and code was stopped there.
+
+    Args:
+      source: name to checksum of the file that the mesh came from, for the record.
+      without: a sample type that the field is not trained on; the held-out errors are of all six.
+      begin: a field of the same mesh and kind, from whose weights the fit goes on; in place of `config.start`.
+      threads: in place of those of the config, without being another fit.
+      force: replace the field of another mesh in the folder.
+    Returns:
+      The content of fit.json: held_out (`held_out_errors`), seconds (of all runs that led there), parameters,
+      steps, samples (of training), seconds_per_step, box.
+    Raises:
+      InputError: the mesh has no triangle with an area, or the folder holds the field of another mesh.
+    """
+    if config.steps is None and config.minutes is None:
+        raise ValueError("steps and minutes cannot both be null")
+    started = time.monotonic()
+    content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
+    given = [config.recipe(), content, without, *([] if begin is None else [begin.record])]
+    identity = provenance.fingerprint(given, (), "ddf.fit.fitting")
+    plan = _plan(config, content, identity, out_dir, force)
+    training_loop.prepare(dataclasses.replace(config.loop, threads=threads or config.loop.threads))
+    own_from_mesh = transforms.field_from_mesh(raw.surface_vertices())
+    inside = np.clip(own_from_mesh.apply(raw.vertices), -1.0, 1.0)
+    mesh = mesh_io.Mesh(inside, mesh_io.without_flat(raw).faces)  # clipped, a far flat triangle could gain an area
+    share = plan.get("samples_share") or _affordable(mesh, config)
+    drawn = config.samples.scaled(share)
+    samples, packing_errors = shape_samples.draw_samples(mesh, config, drawn, "train", "samples")
+    samples = samples if without is None else samples.without(without)
+    field = pddf.PDDF(config.field).to(training_loop.device())
+    if begin is not None:
+        field.load_state_dict(begin.field.state_dict())
+    elif config.start == "flat":
+        start_flat(field, samples)
+    trained = time.monotonic()
+    sampling = plan.get("sampling_seconds") or trained - started
+    budget = config.steps or training_loop.Clock(max(60 * (config.minutes or 0.0) - sampling, 1.0))
+    storage.write_json(out_dir / PLAN, {**plan, "samples_share": share, "sampling_seconds": sampling})
+    fingerprint = provenance.fingerprint([identity, config.steps])
+    record = {
+        "fingerprint": fingerprint,
+        "seed": config.loop.seed,
+        "sources": dict(source or {}),
+        "packing_errors": packing_errors,
+        **shape_field.description(
+            config.field, samples.lower, samples.upper, transforms.Similarity(samples.unit).compose(own_from_mesh)
+        ),
+    }
+    loss = functools.partial(step_loss, field, samples, config)
+    name = f"fit without {without}" if without else "fit"
+    steps, seconds = training_loop.fit(field, _groups(field), loss, budget, config.loop, out_dir, record, name)
+    held_out, _ = shape_samples.draw_samples(mesh, config, config.held_out, "held_out")
+    result = {
+        "held_out": held_out_errors(field.eval(), held_out),
+        "seconds": sampling + seconds,
+        "sampling_seconds": sampling,
+        "parameters": pddf.count_parameters(field),
+        "steps": steps,
+        "samples": sum(count for _, count in drawn.items()),
+        "seconds_per_step": seconds / steps,
+        "box": {"lower": samples.lower.tolist(), "upper": samples.upper.tolist()},
+    }
+    storage.write_json(out_dir / METRICS, result)
+    return result
+
+
+@torch.no_grad()
+def held_out_errors(field: pddf.PDDF, samples: shape_samples.ShapeSamples) -> dict[str, Any]:
+    """Errors per sample type, in halves of the shape's longest side ([DDF22]'s unit), as its table `dataablation`.
+
+    Returns:
+      depth_l1: mean |d_{i*} - d| over visible samples; depth_l1_x10: times ten, as printed. visibility_bce: mean over
+      all samples, natural logarithm. normal_angle_deg_median, _p95: between normals over the visible U, A and B samples
+      (the types that L_n covers; the truth is known to under 1 degree), and `normal_angle_deg` of each type. NaN where
+      nothing is visible.
+    """
+    found: dict[str, Any] = {"depth_l1": {}, "depth_l1_x10": {}, "visibility_bce": {}, "normal_angle_deg": {}}
+    angles = []
+    place = field.network.head.weight.device
+    for kind, truth in samples.arrays.items():
+        points = (truth["positions"].split(framed_field.CHUNK_RAYS), truth["directions"].split(framed_field.CHUNK_RAYS))
+        chunks = [(p.to(place), v.to(place)) for p, v in zip(*points, strict=True)]
+        raw = torch.cat([field(p, v) for p, v in chunks])
+        visible = truth["visible"] > 0
+        error = (field.depth(raw).cpu() - truth["depth"])[visible].abs() / samples.unit
+        found["depth_l1"][kind] = _mean(error)
+        found["depth_l1_x10"][kind] = 10 * _mean(error)
+        logits = raw[:, pddf.VISIBILITY_ROW].cpu()
+        found["visibility_bce"][kind] = float(functional.binary_cross_entropy_with_logits(logits, truth["visible"]))
+        if kind in sample_types.ORDER[1:4]:
+            normals = torch.cat([rendering.query(field, p, v, None, ["normals"])["normals"] for p, v in chunks])
+            angle = _angle_deg(normals.cpu()[visible], truth["normals"][visible])
+            found["normal_angle_deg"][kind] = _quantiles(angle)
+            angles.append(angle)
+    overall = _quantiles(torch.cat(angles))
+    found["normal_angle_deg_median"], found["normal_angle_deg_p95"] = overall["median"], overall["p95"]
+    return found
+
+
+def _angle_deg(first: Float[Tensor, "n 3"], second: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
+    crossed = torch.linalg.cross(first, second).norm(dim=-1)
+    return torch.rad2deg(torch.atan2(crossed, (first * second).sum(-1)))
+
+
+def _mean(values: Tensor) -> float:
+    """Mean, NaN of nothing."""
+    return float(values.double().mean())
+
+
+def _quantiles(values: Tensor) -> dict[str, float]:
+    """Median and 95 %, NaN of nothing."""
+    if not len(values):
+        return {"median": math.nan, "p95": math.nan}
+    middle, high = np.quantile(values.numpy(), [0.5, 0.95])
+    return {"median": float(middle), "p95": float(high)}

@@ -1,0 +1,105 @@
+"""The samples of one shape, decoded and in memory: what a fit draws its batches from, and is measured on."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf.data import packing, sampling
+from ddf.data.samples import sample_batch, sample_types
+from ddf.fit import fit_settings
+from ddf.geometry import mesh_io
+
+THIN_BOX = (
+    0.05  # a mesh thinner than this (of its longest side) is fitted in the cube: its own box has no room for rays
+)
+
+
+@dataclass(frozen=True)
+class ShapeSamples:
+    """Decoded samples of one shape by type, float32, and its box, field frame; depth is 0 on a miss.
+
+    A type may be absent: the field is then fitted without it. unit: half of the shape's longest side, field units.
+    """
+
+    arrays: Mapping[str, Mapping[str, Tensor]]
+    lower: Float[np.ndarray, "3"]
+    upper: Float[np.ndarray, "3"]
+    unit: float = 1.0
+
+    def without(self, kind: str) -> "ShapeSamples":
+        """The same without one type."""
+        return dataclasses.replace(self, arrays={name: part for name, part in self.arrays.items() if name != kind})
+
+    def batch_counts(self, counts: Mapping[str, int]) -> dict[str, int]:
+        """The counts per step with the share of absent types given to the others, in their proportions.
+
+        So a step sees as many supervised points whichever type is left out ([DDF22] app. `dataablation` keeps the
+        number of samples; what a minibatch holds it does not say).
+        """
+        supervised = {kind: count for kind, count in counts.items() if kind != "E"}
+        kept = {kind: count for kind, count in supervised.items() if sample_types.base(kind) in self.arrays}
+        share = sum(supervised.values()) / sum(kept.values())
+        return {"E": counts["E"], **{kind: round(count * share) for kind, count in kept.items()}}
+
+    def batch(self, counts: Mapping[str, int], random: np.random.Generator) -> sample_batch.SampleBatch:
+        """Random samples of each type in `counts`, with repetition, and `counts["E"]` uniform points of the box."""
+        extra = counts["E"]
+        position = random.uniform(self.lower, self.upper, (extra, 3)).astype(np.float32)
+        direction = random.standard_normal((extra, 3)).astype(np.float32)
+        direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+        chosen = [
+            {
+                "positions": torch.from_numpy(position),
+                "directions": torch.from_numpy(direction),
+                "visible": torch.zeros(extra),
+                "depth": torch.zeros(extra),
+                "normals": torch.zeros(extra, 3),
+            }
+        ]
+        for kind in [name for name in sample_types.STORED if name in counts]:
+            stored = self.arrays[sample_types.base(kind)]
+            rows = torch.from_numpy(random.integers(0, len(stored["depth"]), counts[kind]))
+            chosen.append({name: values[rows] for name, values in stored.items()})
+        joined = {name: torch.cat([part[name] for part in chosen])[None] for name in chosen[0]}
+        return sample_batch.SampleBatch(**joined, counts=counts)
+
+
+def draw_samples(
+    mesh: mesh_io.Mesh,
+    config: fit_settings.FitConfig,
+    counts: sample_types.Counts,
+    stream: str,
+    describe: str | None = None,
+) -> tuple[ShapeSamples, dict[str, float]]:
+    """Samples of a mesh, field frame, and the largest errors of their stored form (`sampling.packing_errors`).
+
+    Args:
+      mesh: in [-1, 1]^3; it is shrunk to leave `config.margin`.
+      stream: name of the random stream; training and held-out samples have their own.
+      describe: title of a progress bar; None for none.
+    """
+    unit = 1 - config.margin
+    mesh = mesh_io.Mesh(unit * mesh.vertices, mesh.faces)
+    lower, upper = mesh.box()
+    box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else config.box
+    drawn = config.draw(box, counts, config.loop.seed)
+    packed, probes = sampling.extract(mesh, drawn, stream, describe=describe)
+    arrays = {}
+    for kind, _ in counts.items():
+        samples = packing.decode({name: torch.from_numpy(values) for name, values in packed.items()}, kind)
+        visible = samples["visible"]
+        arrays[kind] = {
+            "positions": samples["positions"],
+            "directions": samples["directions"],
+            "visible": visible.float(),
+            "depth": samples["depth"].masked_fill(~visible, 0.0),
+            "normals": samples["normals"],
+        }
+    sides = sampling.box_of(mesh, drawn)
+    samples = ShapeSamples(arrays, sides.lower.astype(np.float64), sides.upper.astype(np.float64), unit)
+    return samples, sampling.packing_errors([probes])

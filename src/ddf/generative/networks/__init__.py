@@ -1,1 +1,0 @@
-"""The networks of the generative models, with the paper's layouts at any width."""

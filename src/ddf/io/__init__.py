@@ -1,0 +1,1 @@
+"""Level 5: trained models as ONNX files and as pages of the viewer."""

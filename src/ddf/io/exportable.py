@@ -1,0 +1,38 @@
+"""Trained models by their folder, as the graphs that can be exported of them."""
+
+from pathlib import Path
+from typing import Any
+
+from ddf.core import checks, storage
+from ddf.fit import shape_field
+from ddf.io import onnx_file, onnx_graphs
+from ddf.io.onnx_graphs import Graph
+from ddf.models.reconstruction import trained
+from ddf.training import training_loop
+
+
+def load(folder: Path, outputs: tuple[str, ...]) -> tuple[dict[str, Graph], dict[str, Any]]:
+    """The graphs of a model by name, the plainest first, and the facts about their source for the files.
+
+    Args:
+      folder: what a training stage wrote. outputs: of fields.
+    Raises:
+      FileNotFoundError: there is no model. InputError: it is damaged, or of a kind that is not known.
+    """
+    path = folder / training_loop.MODEL
+    record = storage.load_metadata(path)
+    if record.get("kind") == shape_field.KIND:
+        shape = shape_field.load(folder)
+        graphs: dict[str, Graph] = {"field": onnx_graphs.FieldGraph(shape.field.cpu(), outputs)}
+        return graphs, onnx_file.describe_source(path, record)
+    if record.get("kind") not in ("ddf", "pcsiren"):
+        raise checks.InputError(
+            f"{folder}: holds no DDF or PC-SIREN model and no field; give a folder that `make train` or `ddf fit` wrote"
+        )
+    if record["kind"] == "ddf":
+        ddf, image_size = trained.ddf(folder, record)
+        graphs = onnx_graphs.ddf_graphs(ddf.cpu(), image_size, outputs)
+    else:
+        pcsiren, image_size = trained.pcsiren(folder, record)
+        graphs = onnx_graphs.pcsiren_graphs(pcsiren.cpu(), image_size)
+    return graphs, onnx_file.describe_source(path, record)

@@ -1,0 +1,215 @@
+"""What is exported: torch modules with named inputs and outputs, around the networks of `fields` and `reconstruction`.
+
+A graph computes what the package itself computes, by the same functions; `onnx_export` turns it into a file and
+`onnx_parity` compares the two. Letters: n oriented points or images, the one free axis; k examples; z latent; s image
+side.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from ddf.core import checks
+from ddf.fields import pddf, siren
+from ddf.fields.field_outputs import OUTPUTS, FieldValues, require_outputs
+from ddf.models.reconstruction import inference, reconstruction_models
+
+DYNAMIC = "n"  # the name of the axis whose length is free
+
+
+class Graph(nn.Module):
+    """What every graph declares.
+
+    what: one sentence for the file. inputs: name to shape, the free axis called `n`. meanings: of the outputs, in
+    order. tolerances: of the outputs. relative: outputs whose differences are divided by
+    max(1, |value|). largest_batch: of a check; None for any.
+    latents: examples of what the encoder gives, for the check; empty where no latent goes in.
+    """
+
+    what: str
+    inputs: dict[str, tuple[int | str, ...]]
+    meanings: dict[str, str]
+    tolerances: dict[str, float]
+    largest_batch: int | None = None
+    relative: frozenset[str] = frozenset()
+    latents: Float[Tensor, "k z"] = torch.zeros(0, 0)
+
+    def values(self, inputs: Mapping[str, Tensor]) -> FieldValues | None:
+        """The field at the inputs, where the graph holds one."""
+        return None
+
+    def clear(self, inputs: Mapping[str, Tensor]) -> dict[str, Bool[Tensor, "n"]]:
+        """Per output of a field, the rows where a difference means a fault; other outputs are continuous everywhere."""
+        values = self.values(inputs)
+        return (
+            {} if values is None else {name: OUTPUTS[name].clear(values) for name in self.meanings if name in OUTPUTS}
+        )
+
+
+class FieldGraph(Graph):
+    """A field, conditional where a modulator is given: positions, directions[, latent] to the chosen outputs."""
+
+    def __init__(
+        self,
+        field: pddf.PDDF,
+        outputs: Sequence[str],
+        modulator: siren.Modulator | None = None,
+        latents: Float[Tensor, "k z"] | None = None,
+    ) -> None:
+        super().__init__()
+        self.field, self.modulator, self.outputs = field, modulator, require_outputs(outputs)
+        self.inputs = {"positions": (DYNAMIC, 3), "directions": (DYNAMIC, 3)}
+        self.what = "directed distance field of one shape: oriented points to visibility, depth and more"
+        if modulator is not None:
+            if latents is None:
+                raise checks.InputError("latents must be given with a modulator: the check needs examples")
+            self.latents = latents
+            self.inputs["latent"] = (1, latents.shape[-1])
+            self.what = "directed distance field conditioned on the latent of a shape"
+        self.meanings = {name: OUTPUTS[name].meaning for name in self.outputs}
+        self.tolerances = {name: OUTPUTS[name].tolerance for name in self.outputs}
+        self.relative = frozenset(name for name in self.outputs if OUTPUTS[name].relative)
+
+    def values(self, inputs: Mapping[str, Tensor]) -> FieldValues:
+        """The field at the inputs."""
+        return self.at(*(inputs[name] for name in self.inputs))
+
+    def at(
+        self,
+        positions: Float[Tensor, "n 3"],
+        directions: Float[Tensor, "n 3"],
+        latent: Float[Tensor, "1 z"] | None = None,
+    ) -> FieldValues:
+        """The field at the points; with a modulator, that of the latent."""
+        modulations = None
+        if self.modulator is not None and latent is not None:
+            modulations = [modulation.squeeze(-2) for modulation in self.modulator(latent)]
+        return FieldValues(self.field, positions, directions, modulations)
+
+    def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
+        """The outputs in order."""
+        values = self.at(*inputs)
+        return tuple(OUTPUTS[name].compute(values) for name in self.outputs)
+
+
+class PointsGraph(Graph):
+    """The PC-SIREN decoder: seeds in [-1, 1]^3 and a latent to points of the shape."""
+
+    what = "PC-SIREN: seeds drawn uniformly from [-1, 1]^3 to points of the shape of the latent"
+
+    def __init__(self, decoder: pddf.PointDecoder, latents: Float[Tensor, "k z"]) -> None:
+        super().__init__()
+        self.decoder, self.latents = decoder, latents
+        self.inputs = {"seeds": (DYNAMIC, 3), "latent": (1, latents.shape[-1])}
+        self.meanings = {"points": "points of the shape, field frame"}
+        self.tolerances = {"points": 1e-5}
+
+    def forward(self, seeds: Float[Tensor, "n 3"], latent: Float[Tensor, "1 z"]) -> tuple[Tensor]:
+        """The points."""
+        modulations = [modulation.squeeze(-2) for modulation in self.decoder.modulator(latent)]
+        return (self.decoder.network(seeds, modulations),)
+
+
+class EncodersGraph(Graph):
+    """Both encoders of a reconstruction model: RGBA images to latents and cameras."""
+
+    what = "encoders: RGBA images to the latent of the shape and to the camera"
+    largest_batch = 64  # images, not points
+
+    def __init__(self, model: reconstruction_models.ReconstructionModel, image_size: int) -> None:
+        super().__init__()
+        self.shape_encoder, self.camera_encoder = model.shape_encoder, model.camera_encoder
+        self.camera_head = model.camera_head
+        self.inputs = {"images": (DYNAMIC, reconstruction_models.IMAGE_CHANNELS, image_size, image_size)}
+        self.meanings = {
+            "latent": "latent of the shape, input of the field and of PC-SIREN",
+            "camera": "azimuth and elevation in radians, radius in benchmark units",
+        }
+        self.tolerances = {"latent": 1e-4, "camera": 1e-4}
+
+    def forward(self, images: Float[Tensor, "n 4 s s"]) -> tuple[Tensor, Tensor]:
+        """Latents and cameras."""
+        return self.shape_encoder(images), self.camera_head(self.camera_encoder(images))
+
+
+class ModulationsGraph(Graph):
+    """From images to what conditions the field, for programs that evaluate the field by themselves."""
+
+    what = "RGBA images to the camera and the modulations of the field's layers, one after the other"
+    largest_batch = 64  # images, not points
+
+    def __init__(self, model: reconstruction_models.DDFModel, image_size: int) -> None:
+        super().__init__()
+        self.model = model
+        self.inputs = {"images": (DYNAMIC, reconstruction_models.IMAGE_CHANNELS, image_size, image_size)}
+        self.meanings = {
+            "camera": "azimuth and elevation in radians, radius in benchmark units",
+            "modulations": "factors of the sines of all layers, first layer first",
+        }
+        self.tolerances = {"camera": 1e-4, "modulations": 1e-4}
+
+    def forward(self, images: Float[Tensor, "n 4 s s"]) -> tuple[Tensor, Tensor]:
+        """As `inference.encode_batch`."""
+        _, latent, camera = inference.encode_batch(self.model, images)
+        return camera, torch.cat([modulation[:, 0] for modulation in self.model.modulations(latent)], dim=-1)
+
+
+class ImageFieldGraph(Graph):
+    """From one image to its field at oriented points, in one file; for many calls use the encoders and the field."""
+
+    what = "one RGBA image and oriented points of the field frame to the camera and the field of the shape"
+
+    def __init__(self, model: reconstruction_models.DDFModel, image_size: int, outputs: Sequence[str]) -> None:
+        super().__init__()
+        self.encoders = EncodersGraph(model, image_size)
+        self.conditional = FieldGraph(model.field, outputs, model.decoder.modulator, torch.zeros(1, 1))
+        image = {"image": (1, *self.encoders.inputs["images"][1:])}
+        self.inputs = image | {"positions": (DYNAMIC, 3), "directions": (DYNAMIC, 3)}
+        self.meanings = {"camera": self.encoders.meanings["camera"]} | self.conditional.meanings
+        self.tolerances = {"camera": self.encoders.tolerances["camera"]} | self.conditional.tolerances
+        self.relative = self.conditional.relative
+
+    def values(self, inputs: Mapping[str, Tensor]) -> FieldValues:
+        """The field of the image at the points."""
+        latent = self.encoders.shape_encoder(inputs["image"])
+        return self.conditional.at(inputs["positions"], inputs["directions"], latent)
+
+    def forward(self, image: Tensor, positions: Tensor, directions: Tensor) -> tuple[Tensor, ...]:
+        """The camera, then the field's outputs."""
+        latent, camera = self.encoders(image)
+        return camera, *self.conditional(positions, directions, latent)
+
+
+def ddf_graphs(model: reconstruction_models.DDFModel, image_size: int, outputs: Sequence[str]) -> dict[str, Graph]:
+    """The graphs of a trained DDF model, by the name of their file."""
+    return {
+        "field": FieldGraph(model.field, outputs, model.decoder.modulator, example_latents(model, image_size)),
+        "encoders": EncodersGraph(model, image_size),
+        "image_field": ImageFieldGraph(model, image_size, outputs),
+    }
+
+
+def pcsiren_graphs(model: reconstruction_models.PCSirenModel, image_size: int) -> dict[str, Graph]:
+    """The graphs of a trained PC-SIREN model, by the name of their file."""
+    return {
+        "pcsiren": PointsGraph(model.decoder, example_latents(model, image_size)),
+        "pcsiren_encoders": EncodersGraph(model, image_size),
+    }
+
+
+@torch.no_grad()
+def example_latents(model: reconstruction_models.ReconstructionModel, image_size: int) -> Float[Tensor, "k z"]:
+    """Latents of three images, in the range that the decoder was trained for."""
+    return model.shape_encoder(example_images(3, image_size, torch.Generator().manual_seed(0)))
+
+
+def example_images(count: int, size: int, generator: torch.Generator) -> Float[Tensor, "n 4 size size"]:
+    """Coloured noise on an ellipse, transparent round it."""
+    axis = torch.linspace(-1, 1, size)
+    half = 0.3 + 0.6 * torch.rand((count, 2, 1, 1), generator=generator)
+    inside = (axis[:, None] / half[:, 0]).square() + (axis / half[:, 1]).square() <= 1
+    colours = torch.rand((count, 3, size, size), generator=generator)
+    alpha = inside.to(colours.dtype)[:, None]
+    return torch.cat((colours * alpha, alpha), dim=1)

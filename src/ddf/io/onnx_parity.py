@@ -1,0 +1,252 @@
+"""Does a file give what the model gives: onnxruntime against torch, both in float32, and both against float64.
+
+Compared are random inputs at several lengths of the free axis and, for fields, the hard cases: corners, edges and
+faces of the box, directions with exact (and negative) zeros, rays that graze the surface, start on it (d = 0), have a
+saturated visibility or stand where the two components are equally heavy. A tolerance holds where the output is
+continuous (`onnx_outputs`); elsewhere it has to be finite, and such rows must be rare among the random ones.
+"""
+
+import copy
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import onnxruntime
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ddf.core import checks
+from ddf.geometry import rays
+from ddf.io import onnx_graphs
+from ddf.io.onnx_graphs import DYNAMIC, Graph
+
+HARD = "hard"
+HARD_OF_EACH = 64  # rays of every hard kind that has to be searched for
+SEARCHED = 4096  # random rays that they are searched among
+TRUTH_ROWS = 1024  # rows that are computed in float64 too
+MOST_UNCLEAR = 0.05  # share of random rows that a check may leave to `finite` alone
+
+
+class ParityError(checks.InputError):
+    """A file does not give what its model gives: it must not be used. One line: which output, by how much."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One output on one set of inputs.
+
+    max_abs, mean_abs, q999_abs: |onnxruntime - torch| over the clear rows, its largest value, mean and 99.9 % quantile;
+    for outputs without a bound (curvatures) divided by max(1, |value|). max_relative: max_abs over the range of torch's
+    values. tolerance: what max_abs is held to. unclear: rows left to
+    the check for finite values. torch_error, onnx_error: largest difference from float64, over the clear
+    ones of the first `TRUTH_ROWS` rows.
+    """
+
+    graph: str
+    precision: str
+    bytes: int
+    cases: str
+    rows: int
+    output: str
+    max_abs: float
+    mean_abs: float
+    q999_abs: float
+    max_relative: float
+    tolerance: float
+    unclear: int
+    torch_error: float
+    onnx_error: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, for a table."""
+        return asdict(self)
+
+
+def session(data: bytes, threads: int = 1) -> onnxruntime.InferenceSession:
+    """A CPU session with a fixed number of threads."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 3
+    return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+
+
+def run(
+    runner: onnxruntime.InferenceSession, inputs: Mapping[str, Tensor], names: Sequence[str]
+) -> dict[str, np.ndarray]:
+    """Named outputs of a session, as arrays."""
+    found = runner.run(list(names), {key: value.numpy() for key, value in inputs.items()})
+    return {name: np.asarray(value) for name, value in zip(names, found, strict=True)}
+
+
+@torch.no_grad()
+def compare(
+    data: bytes, name: str, graph: Graph, batches: Sequence[int], seed: int, precision: str = "float32"
+) -> list[Row]:
+    """Every output on random inputs of every length and on the hard cases.
+
+    Args:
+      data: the file. name: of the graph, for the table. batches: lengths of the free axis.
+    Raises:
+      ParityError: onnxruntime cannot load or run the file, also on no rows, or a value has another shape or is not
+        finite.
+    """
+    try:
+        runner = session(data)
+    except Exception as error:  # onnxruntime has a class of its own per fault, none of them public
+        raise ParityError(f"{name}: onnxruntime cannot load the file: {_line(error)}") from error
+    truth = copy.deepcopy(graph).double()
+    generator = torch.Generator().manual_seed(seed)
+    rows = []
+    for cases, inputs in _case_sets(graph, batches, generator).items():
+        rows += _compare_set(runner, name, graph, truth, cases, inputs, precision, len(data))
+    _require_empty(runner, name, graph)
+    return rows
+
+
+def _require_empty(runner: onnxruntime.InferenceSession, name: str, graph: Graph) -> None:
+    """Raise ParityError unless no rows give outputs without rows, of the shapes that torch gives."""
+    inputs = example_inputs(graph, 0, torch.Generator())
+    expected = [tuple(value.shape) for value in graph(*inputs.values())]
+    try:
+        actual = [value.shape for value in run(runner, inputs, list(graph.meanings)).values()]
+    except Exception as error:  # as above
+        raise ParityError(f"{name}: onnxruntime cannot run on no rows: {_line(error)}") from error
+    if actual != expected:
+        raise ParityError(f"{name}: no rows must give outputs of shapes {expected}; got {actual}")
+
+
+def require(rows: Sequence[Row]) -> None:
+    """Raise ParityError naming the worst output where one is outside its tolerance or too few rows were compared."""
+    outside = [row for row in rows if not row.max_abs <= row.tolerance]  # NaN is outside
+    if outside:
+        worst = max(outside, key=lambda row: row.max_abs / row.tolerance)
+        raise ParityError(
+            f"{worst.graph}: onnxruntime and torch must agree on {worst.output} within {worst.tolerance:g}; "
+            f"got {worst.max_abs:.3g} on {worst.cases} ({worst.rows} rows)"
+        )
+    for row in rows:
+        if row.cases != HARD and row.unclear > max(1, MOST_UNCLEAR * row.rows):
+            raise ParityError(
+                f"{row.graph}: {row.output} must be continuous at {1 - MOST_UNCLEAR:.0%} of random rays at least; "
+                f"{row.unclear} of {row.rows} are not"
+            )
+
+
+def example_inputs(graph: Graph, count: int, generator: torch.Generator) -> dict[str, Tensor]:
+    """Random inputs with `count` rows on the free axis: points of the box, unit directions, latents, images."""
+    makers: dict[str, Callable[[int, Sequence[int | str]], Tensor]] = {
+        "positions": lambda rows, _: torch.rand((rows, 3), generator=generator) * 2 - 1,
+        "seeds": lambda rows, _: torch.rand((rows, 3), generator=generator) * 2 - 1,
+        "directions": lambda rows, _: nn.functional.normalize(torch.randn((rows, 3), generator=generator), dim=-1),
+        "latent": lambda rows, _: graph.latents[torch.randint(len(graph.latents), (rows,), generator=generator)],
+        "images": lambda rows, shape: onnx_graphs.example_images(rows, int(shape[-1]), generator),
+    }
+    makers["image"] = makers["images"]
+    return {
+        name: makers[name](count if shape[0] == DYNAMIC else int(shape[0]), shape)
+        for name, shape in graph.inputs.items()
+    }
+
+
+def box_rays(dtype: torch.dtype = torch.float32) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
+    """Every corner, edge middle, face middle and the centre of the box, with the 26 directions of that lattice.
+
+    Most directions have components that are exactly 0; they are given once as 0.0 and once as -0.0.
+    """
+    lattice = torch.tensor(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)), dtype=dtype)
+    directions = nn.functional.normalize(lattice[lattice.square().sum(-1) > 0], dim=-1)
+    directions = torch.cat((directions, torch.where(directions == 0, -0.0, directions)))
+    return lattice.repeat_interleave(len(directions), dim=0), directions.repeat(len(lattice), 1)
+
+
+def hard_inputs(graph: Graph, generator: torch.Generator) -> dict[str, Tensor]:
+    """The rays of `box_rays` and those that a search finds in the field itself; empty for graphs without a field."""
+    found = example_inputs(graph, SEARCHED, generator)
+    values = graph.values(found)
+    if values is None:
+        return {}
+    raw, cosine = values.raw, (values.normals * values.directions).sum(-1).abs()
+    depth = values.field.depth(raw)
+    starts = rays.surface_points(values.positions, values.directions, depth).clamp(-1, 1)
+    grazing, switching = cosine.argsort()[:HARD_OF_EACH], raw[:, 2].abs().argsort()[:HARD_OF_EACH]
+    order = raw[:, 3].argsort()
+    chosen = torch.cat((grazing, switching, order[:HARD_OF_EACH], order[-HARD_OF_EACH:]))
+    visible = order[-HARD_OF_EACH:]
+    positions, directions = box_rays()
+    found["positions"] = torch.cat((positions, values.positions[chosen], starts[visible], starts[visible]))
+    found["directions"] = torch.cat(
+        (directions, values.directions[chosen], values.directions[visible], -values.directions[visible])
+    )
+    return found
+
+
+def _case_sets(graph: Graph, batches: Sequence[int], generator: torch.Generator) -> dict[str, dict[str, Tensor]]:
+    largest = graph.largest_batch or max(batches)
+    lengths = sorted({min(length, largest) for length in batches})
+    sets = {f"random {length}": example_inputs(graph, length, generator) for length in lengths}
+    hard = hard_inputs(graph, generator)
+    return sets | ({HARD: hard} if hard else {})
+
+
+def _compare_set(
+    runner: onnxruntime.InferenceSession,
+    name: str,
+    graph: Graph,
+    truth: Graph,
+    cases: str,
+    inputs: Mapping[str, Tensor],
+    precision: str,
+    size: int,
+) -> list[Row]:
+    expected = graph(*inputs.values())
+    try:
+        actual = run(runner, inputs, list(graph.meanings))
+    except Exception as error:  # as above
+        raise ParityError(f"{name}: onnxruntime cannot run {cases}: {_line(error)}") from error
+    free = [key for key, shape in graph.inputs.items() if shape[0] == DYNAMIC]
+    count = len(inputs[free[0]])
+    head = {key: value[:TRUTH_ROWS].double() if key in free else value.double() for key, value in inputs.items()}
+    exact = truth(*head.values())
+    clear = graph.clear(inputs)
+    rows = []
+    for output, theirs, ours, best in zip(graph.meanings, actual.values(), expected, exact, strict=True):
+        if theirs.shape != tuple(ours.shape) or not np.isfinite(theirs).all():
+            shape = tuple(ours.shape)
+            raise ParityError(f"{name}: {output} must be finite, of shape {shape}, on {cases}; got {theirs.shape}")
+        keep = clear[output].numpy() if output in clear else np.ones(len(theirs), dtype=bool)
+        got, want = theirs[keep].astype(np.float64), ours.double().numpy()[keep]
+        scale = np.maximum(1.0, np.abs(want)) if output in graph.relative else np.ones_like(want)
+        difference = np.abs(got - want) / scale
+        exact_values, few = best.numpy()[keep[: len(best)]], int(keep[: len(best)].sum())
+        spread = float(np.ptp(want)) if want.size else 0.0
+        rows.append(
+            Row(
+                graph=name,
+                precision=precision,
+                bytes=size,
+                cases=cases,
+                rows=count,
+                output=output,
+                max_abs=_largest(difference),
+                mean_abs=float(difference.mean()) if difference.size else 0.0,
+                q999_abs=float(np.quantile(difference, 0.999)) if difference.size else 0.0,
+                max_relative=_largest(difference) / spread if spread > 0 else 0.0,
+                tolerance=graph.tolerances[output],
+                unclear=int((~keep).sum()),
+                torch_error=_largest(np.abs(want[:few] - exact_values) / scale[:few]),
+                onnx_error=_largest(np.abs(got[:few] - exact_values) / scale[:few]),
+            )
+        )
+    return rows
+
+
+def _largest(values: np.ndarray) -> float:
+    return float(values.max()) if values.size else 0.0
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]

@@ -1,0 +1,1 @@
+"""Level 2: errors of clouds, surfaces, fields, cameras and images."""

@@ -1,0 +1,129 @@
+"""KID, precision and recall of images on named features, by torch-fidelity; and whether they rank what is known.
+
+Sources: Bińkowski et al. 2018 (KID: unbiased, cubic kernel, mean over subsets); Kynkäänniemi et al. 2019 (balls to the
+k-th neighbour). Features come from `image_features` and are made once an image, so that torch-fidelity is given the
+features and not the images.
+"""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+from torchvision.transforms import functional as transforms
+
+from ddf.core import checks
+from ddf.models.generative import settings
+
+BLURS = (2.0, 4.0)  # standard deviations, pixels
+NOISES = (0.05, 0.15)  # standard deviations, of colours in [0, 1]
+
+
+@dataclass(frozen=True)
+class ImageScores:
+    """Of a set of images against real ones. kid_spread: standard deviation over the subsets."""
+
+    kid: float
+    kid_spread: float
+    precision: float
+    recall: float
+
+
+def score(
+    images: Float[Tensor, "n features"], real: Float[Tensor, "m features"], section: settings.ScoresConfig
+) -> ImageScores:
+    """Of features of images against those of real ones."""
+    from torch_fidelity import metric_kid, metric_prc
+
+    of_kid = {"kid_subsets": section.subsets, "kid_subset_size": section.subset_size, "rng_seed": section.seed}
+    kid = metric_kid.kid_features_to_metric(images.double(), real.double(), verbose=False, **of_kid)
+    found = metric_prc.prc_features_to_metric(images, real, prc_neighborhood=section.neighbours, verbose=False)
+    return ImageScores(
+        kid[metric_kid.KEY_METRIC_KID_MEAN],
+        kid[metric_kid.KEY_METRIC_KID_STD],
+        found[metric_prc.KEY_METRIC_PRECISION],
+        found[metric_prc.KEY_METRIC_RECALL],
+    )
+
+
+def blurred(images: Float[Tensor, "n 3 h w"], spread: float) -> Float[Tensor, "n 3 h w"]:
+    """Images behind a Gaussian of that many pixels."""
+    reach = 2 * int(np.ceil(2 * spread)) + 1
+    return transforms.gaussian_blur(images, [reach, reach], [spread, spread])
+
+
+def noisy(images: Float[Tensor, "n 3 h w"], spread: float, seed: int) -> Float[Tensor, "n 3 h w"]:
+    """Images in [-1, 1] with normal noise, which `spread` states for colours in [0, 1]."""
+    generator = torch.Generator().manual_seed(seed)
+    return (images + 2 * spread * torch.randn(images.shape, generator=generator)).clamp(-1, 1)
+
+
+def spoiled(images: Float[Tensor, "n 3 h w"], seed: int) -> dict[str, Float[Tensor, "n 3 h w"]]:
+    """Real images made worse in ways whose order is known, by name."""
+    by_blur = {f"blur {spread:g}": blurred(images, spread) for spread in BLURS}
+    return by_blur | {f"noise {spread:g}": noisy(images, spread, seed) for spread in NOISES}
+
+
+def in_order(kids: Mapping[str, float]) -> bool:
+    """Whether ceiling < blur 2 < blur 4 and ceiling < noise .05 < noise .15; else the score is of no use."""
+    chains = (("blur", BLURS), ("noise", NOISES))
+    values = [[kids["ceiling"], *(kids[f"{name} {spread:g}"] for spread in spreads)] for name, spreads in chains]
+    return all(first < second for chain in values for first, second in itertools.pairwise(chain))
+
+
+def inception_fid(
+    images: Float[Tensor, "n 3 h w"], real: Float[Tensor, "m 3 h w"], weights: Path | None
+) -> float | None:
+    """The FID itself, of images in [-1, 1]; None where there are no weights of Inception.
+
+    Raises:
+      FileNotFoundError: there is no such file.
+    """
+    if weights is None:
+        return None
+    if not weights.is_file():
+        raise FileNotFoundError(f"{weights}: no such file; scores.inception_weights: null leaves FID out")
+    import torch_fidelity
+
+    inputs = {"input1": _Bytes(images), "input2": _Bytes(real), "feature_extractor_weights_path": str(weights)}
+    found = torch_fidelity.calculate_metrics(
+        **inputs, fid=True, cuda=torch.cuda.is_available(), cache=False, verbose=False
+    )
+    return float(found["frechet_inception_distance"])
+
+
+class _Bytes(torch.utils.data.Dataset):
+    """Images as bytes, as torch-fidelity takes them."""
+
+    def __init__(self, images: Float[Tensor, "n 3 h w"]) -> None:
+        self._images = ((images + 1) * 127.5).round().clamp(0, 255).to(torch.uint8)
+
+    def __len__(self) -> int:
+        return len(self._images)
+
+    def __getitem__(self, index: int) -> UInt8[Tensor, "3 h w"]:
+        return self._images[index]
+
+
+def table(
+    sets: Mapping[str, Float[Tensor, "_ features"]],
+    real: Float[Tensor, "m features"],
+    section: settings.ScoresConfig,
+) -> dict[str, Any]:
+    """Scores of every set of images by name, and whether KID ranks the spoiled ones as it must.
+
+    Raises:
+      InputError: a set has fewer images than a subset.
+    """
+    for name, features in {**sets, "real": real}.items():
+        if len(features) < section.subset_size:
+            raise checks.InputError(
+                f"scores.subset_size must be at most the {len(features)} images of {name!r}; got {section.subset_size}"
+            )
+    rows = {name: asdict(score(features, real, section)) for name, features in sets.items()}
+    return {"rows": rows, "in_order": in_order({name: row["kid"] for name, row in rows.items()})}

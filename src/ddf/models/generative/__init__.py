@@ -1,0 +1,1 @@
+"""The shape VAE and the image GANs. [DDF22] §4.4."""

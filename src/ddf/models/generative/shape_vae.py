@@ -1,0 +1,81 @@
+"""The shape VAE: points with normals to a latent, a latent to a directed distance field. [DDF22] app. genmodel.
+
+Of a latent the decoder's modulations are constants, so that a shape is a plain field: they fold into the weights
+(`plain_field`), and what reads a field of one shape reads a sample of the VAE.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ddf.core import storage
+from ddf.fields import pddf, rendering
+from ddf.fit import shape_field
+from ddf.geometry import transforms
+from ddf.models.generative import point_encoder, records, settings
+from ddf.training import training_loop
+
+KIND = "vae"  # of the file's record
+
+
+class ShapeVAE(nn.Module):
+    """E and its heads, and the conditional PDDF that decodes.
+
+    field_scale: field units per v1 unit, the mean over the shapes that were learned: what a sample of the prior, which
+    no mesh has given a size, is drawn at.
+    """
+
+    field_scale: Float[Tensor, ""]
+
+    def __init__(self, config: settings.VAEConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.posterior = point_encoder.Posterior(config.latent_features, config.encoder_width)
+        self.decoder = pddf.ConditionalPDDF(config.field, config.latent_features)
+        self.register_buffer("field_scale", torch.ones(()))
+
+    def parameter_groups(self) -> list[dict[str, Any]]:
+        """Of the optimiser: Adam's, without decay; the encoder's learning rate as a share of the decoder's."""
+        own = self.config.encoder_learning_rate
+        share = 1.0 if own is None else own / self.config.loop.learning_rate
+        return [
+            {"params": list(self.decoder.parameters()), "weight_decay": 0.0},
+            {"params": list(self.posterior.parameters()), "weight_decay": 0.0, "share": share},
+        ]
+
+
+def plain_field(decoder: pddf.ConditionalPDDF, latent: Float[Tensor, "z"]) -> pddf.PDDF:
+    """The field of one latent without a modulator: h = m sin(ω a), so W h = (W diag m) sin(ω a). Derived here."""
+    made = pddf.PDDF(decoder.field.config).to(decoder.field.network.head.weight)
+    made.load_state_dict(decoder.field.state_dict())
+    with torch.no_grad():
+        modulations = decoder.modulator(latent)
+        followers = (*made.network.layers[1:], made.network.head)
+        for modulation, follower in zip(modulations, followers, strict=True):
+            follower.weight *= modulation
+    return made.requires_grad_(False)
+
+
+def write_field(folder: Path, field: pddf.PDDF, field_scale: float, record: dict[str, Any]) -> Path:
+    """A plain field as `ddf fit` writes it: its box is the cube, the frame of its mesh is v1; the file."""
+    upper = np.full(3, rendering.CUBE_HALF)
+    described = shape_field.description(field.config, -upper, upper, transforms.Similarity(field_scale))
+    path = folder / training_loop.MODEL
+    storage.save_tensors(path, dict(field.state_dict()), {**record, **described})
+    return path
+
+
+def load(folder: Path) -> ShapeVAE:
+    """The VAE of a folder that stage `train_vae` wrote, in evaluation mode.
+
+    Raises:
+      FileNotFoundError: there is none. InputError: the file is damaged, or holds something else.
+    """
+    record = records.read(folder, KIND, "train_vae")
+    model = ShapeVAE(records.section(record, "vae", settings.VAEConfig, folder))
+    training_loop.load_model(model, folder)
+    return model

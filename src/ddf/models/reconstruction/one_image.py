@@ -1,0 +1,127 @@
+"""One image to camera, shape and cloud by a trained DDF: what `ddf reconstruct` and `ddf.reconstruct` share."""
+
+import contextlib
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from ddf.core import checks, storage
+from ddf.data import shapenet
+from ddf.fields import cloud_projection
+from ddf.fit import cloud_defaults
+from ddf.models.reconstruction import (
+    familiarity,
+    inference,
+    reconstruction_models,
+    scales,
+    settings,
+    silhouettes,
+    trained,
+)
+from ddf.training import training_loop
+
+CLOUDS = "ddf.safetensors"  # in the folder of stage `pointclouds`
+
+
+@dataclass(frozen=True)
+class Reconstructed:
+    """What the model makes of an image.
+
+    camera: azimuth and elevation (radians) and radius (benchmark units), predicted. modulations: of the field. cloud:
+    field frame. scale: v1 units per field unit, estimated from its box. quantile: how far the image lies from those of
+    training (`familiarity.quantile`); None where the model does not know. seconds: of each part.
+    """
+
+    camera: Float[Tensor, "3"]
+    modulations: list[Float[Tensor, "1 _"]]
+    cloud: Float[Tensor, "n 3"]
+    scale: float
+    quantile: float | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+def load(folder: Path) -> tuple[reconstruction_models.DDFModel, int]:
+    """A trained DDF model, by its folder or file, and the image size that it takes, from the record inside its file.
+
+    Raises:
+      FileNotFoundError: there is no model. InputError: it is damaged, or of another kind.
+    """
+    folder = folder.parent if folder.name == training_loop.MODEL else folder
+    record = storage.load_metadata(folder / training_loop.MODEL)
+    if record.get("kind") != "ddf":
+        raise checks.InputError(f"{folder}: holds no DDF model; give a folder that `make train` wrote under train_ddf/")
+    return trained.ddf(folder, record)
+
+
+def known_deviation(model: reconstruction_models.DDFModel, folder: Path, known: Path) -> Float[Tensor, "z"]:
+    """How latents of the model vary between the training images that stage `pointclouds` encoded.
+
+    Args:
+      folder: of the model, or its file. known: folder of the stage for the category, or its file of clouds.
+    Raises:
+      FileNotFoundError: no such file. InputError: it is damaged, or was made with another model.
+    """
+    folder = folder.parent if folder.name == training_loop.MODEL else folder
+    file = known / CLOUDS if known.is_dir() else known
+    tensors, record = storage.load_tensors(file, "torch")
+    made_with = storage.checksum(folder / training_loop.MODEL)
+    if made_with not in record.get("sources", {}).values() or "train_features" not in tensors:
+        raise checks.InputError(f"{file}: was not made with the model in {folder}; run stage pointclouds on it")
+    return silhouettes.deviation(model, tensors["train_features"])
+
+
+def reconstruct(
+    model: reconstruction_models.DDFModel,
+    image_size: int,
+    image: Path,
+    points: int,
+    seed: int = 0,
+    deviation: Float[Tensor, "z"] | None = None,
+    known: Mapping[str, Tensor] | None = None,
+) -> Reconstructed:
+    """Encode, move the shape towards its silhouette where `deviation` is given, draw the cloud.
+
+    Args:
+      image: RGBA file of any size. points: of the cloud, 2 or more. deviation: of `known_deviation`. known: of
+        `trained.known`.
+    Raises:
+      InputError: the image is damaged or has no alpha; fewer than 2 points.
+    """
+    if points < 2:
+        raise checks.InputError(f"the number of points must be >= 2; got {points}")
+    pixels = shapenet.read_any_image(image, image_size)[None].to(training_loop.device())
+    seconds: dict[str, float] = {}
+    with _timed(seconds, "encoders"), torch.no_grad():
+        stages, latent, seen_from = inference.encode_batch(model, pixels)
+    quantile = float(familiarity.quantile(known, torch.cat(stages, dim=1))[0]) if known else None
+    drawn = cloud_defaults.cloud()
+    if deviation is not None:
+        with _timed(seconds, "silhouette"):
+            how = settings.ShapeCorrectionConfig(**cloud_defaults.SHAPE_CORRECTION)
+            field_scale = inference.rough_field_scales(model, latent, drawn, [_generator(seed)])
+            alpha = functional.interpolate(pixels[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
+            latent = silhouettes.correct_shapes(model, latent, deviation, seen_from, field_scale, alpha, how)
+    modulations = [modulation[0].detach() for modulation in model.modulations(latent)]
+    with _timed(seconds, "cloud"):
+        cycles = cloud_projection.sample(model.field, modulations, points, drawn, _generator(seed))
+        (cloud,) = cloud_projection.select(cycles, [points], drawn)
+    scale = scales.scale_from_cloud(cloud)
+    return Reconstructed(seen_from[0], modulations, cloud, scale, quantile, seconds)
+
+
+def _generator(seed: int) -> torch.Generator:
+    return torch.Generator(training_loop.device()).manual_seed(seed)
+
+
+@contextlib.contextmanager
+def _timed(table: dict[str, float], name: str) -> Iterator[None]:
+    """Note the wall time of a block in a table."""
+    started = time.monotonic()
+    yield
+    table[name] = time.monotonic() - started

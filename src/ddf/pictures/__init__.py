@@ -1,0 +1,1 @@
+"""Level 2: fields and images as pictures for people."""

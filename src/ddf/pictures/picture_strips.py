@@ -1,0 +1,119 @@
+"""Strips of pictures, as the paper's figure: input, visibility, depth, normals, clouds, truth. Pixels only, no axes.
+
+An example has a line of text, then its cells, `PER_LINE` beside each other, so that a phone shows them at a good size.
+Every cell is a square RGB image (uint8) on white. Clouds are drawn as small discs, nearest on top, from a camera of the
+benchmark frame; their colours are 3D coordinates within the box of the truth, darker with distance.
+"""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from PIL import Image, ImageDraw
+
+from ddf.geometry import cameras
+from ddf.pictures import field_pictures, typeface
+
+CELL = 168  # pixels of a cell's side
+_OVERSAMPLING = 3  # discs are drawn this much larger and averaged down
+_DISC_RADIUS = 0.9  # of a point, in pixels of the 137-pixel camera
+PER_LINE = 4  # cells beside each other
+GAP, TEXT, NAME = 6, 54, 26  # pixels between cells, of an example's text, of the names above its cells
+_INK, _FAINT = (32, 36, 44), (110, 116, 128)
+_QUALITY = 90  # of WebP: no difference to be seen, a quarter of the size of a PNG
+
+Picture = field_pictures.Picture
+
+
+@dataclass(frozen=True)
+class StripRow:
+    """One example: a heading, what is said of it below, and one picture per column (None leaves the cell empty)."""
+
+    heading: str
+    lines: Sequence[str]
+    cells: Sequence[Picture | None]
+
+
+def on_white(rgba: Float[np.ndarray, "size size 4"]) -> Picture:
+    """A straight-alpha RGBA image in [0, 1] over white."""
+    rgb, alpha = rgba[..., :3], rgba[..., 3:]
+    return field_pictures.to_bytes(rgb * alpha + (1.0 - alpha))
+
+
+def coordinate_colours(
+    points: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "m 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """RGB = position within the box of `reference`, clipped, kept away from white and black."""
+    lower, upper = reference.min(axis=0), reference.max(axis=0)
+    return 0.08 + 0.84 * np.clip((points - lower) / np.maximum(upper - lower, 1e-9), 0.0, 1.0)
+
+
+def cloud_picture(
+    points: Float[np.ndarray, "n 3"],
+    colours: Float[np.ndarray, "n 3"],
+    camera: Float[np.ndarray, "3"],
+    size: int = CELL,
+) -> Picture:
+    """Points of the benchmark frame seen from a camera (azimuth_rad, elevation_rad, radius), as shaded discs."""
+    extrinsics = cameras.extrinsics(*torch.from_numpy(np.asarray(camera, dtype=np.float64)))
+    cloud = torch.from_numpy(np.asarray(points, dtype=np.float64))
+    z_depth = -cameras.to_camera(cloud, *extrinsics)[..., 2].numpy()
+    column, row = (value.numpy() for value in cameras.project(cloud, *extrinsics))
+    front = z_depth > 1e-6
+    order = np.flatnonzero(front)[np.argsort(-z_depth[front], kind="stable")]  # far first: the nearest is written last
+    side = size * _OVERSAMPLING
+    scale = side / cameras.IMAGE_SIZE
+    offsets = _disc(_DISC_RADIUS * scale)
+    place = np.stack([row, column], axis=-1)[order] * scale
+    pixel = (np.floor(place).astype(np.int64)[:, None] + offsets[None]).reshape(-1, 2)
+    shaded = (colours[order] * _shade(z_depth[order])[:, None]).repeat(len(offsets), axis=0)
+    inside = ((pixel >= 0) & (pixel < side)).all(axis=1)
+    canvas = np.ones((side, side, 3))
+    canvas[pixel[inside, 0], pixel[inside, 1]] = shaded[inside]
+    return field_pictures.to_bytes(canvas.reshape(size, _OVERSAMPLING, size, _OVERSAMPLING, 3).mean(axis=(1, 3)))
+
+
+def _disc(radius: float) -> Int[np.ndarray, "k 2"]:
+    reach = int(np.ceil(radius))
+    offsets = np.stack(tuple(np.mgrid[-reach : reach + 1, -reach : reach + 1]), axis=-1).reshape(-1, 2)
+    return offsets[(offsets**2).sum(axis=1) <= radius**2]
+
+
+def _shade(z_depth: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """1 for the nearest, 0.68 for the farthest point: tells front from back."""
+    near, far = (z_depth.min(), z_depth.max()) if len(z_depth) else (0.0, 1.0)
+    return 1.0 - 0.32 * (z_depth - near) / max(far - near, 1e-12)
+
+
+def strip(columns: Sequence[str], rows: Sequence[StripRow], per_line: int = PER_LINE) -> bytes:
+    """The examples one below the other, as WebP; the column's name stands above every cell."""
+    lines = -(-len(columns) // per_line)
+    line_height = NAME + CELL + GAP
+    row_height = TEXT + lines * line_height
+    width = min(len(columns), per_line) * (CELL + GAP) - GAP
+    canvas = Image.new("RGB", (width, len(rows) * row_height), "white")
+    draw = ImageDraw.Draw(canvas)
+    for j, row in enumerate(rows):
+        top = j * row_height
+        if j:
+            draw.line([(0, top), (width, top)], fill=(200, 204, 210))
+        draw.text((4, top + 16), row.heading, fill=_INK, font=typeface.font(19, bold=True), anchor="lm")
+        draw.text((4, top + 40), "; ".join(row.lines), fill=_FAINT, font=typeface.font(17), anchor="lm")
+        for i, (name, cell) in enumerate(zip(columns, row.cells, strict=True)):
+            left, above = (i % per_line) * (CELL + GAP), top + TEXT + (i // per_line) * line_height
+            if cell is not None:
+                middle = (left + CELL / 2, above + NAME / 2)
+                draw.text(middle, name, fill=_INK, font=typeface.font(17), anchor="mm")
+                picture = Image.fromarray(cell).resize((CELL, CELL), Image.Resampling.BILINEAR)
+                canvas.paste(picture, (left, above + NAME))
+    return webp_bytes(canvas)
+
+
+def webp_bytes(image: Image.Image) -> bytes:
+    """An RGB image as WebP; the same bytes for the same pixels."""
+    buffer = io.BytesIO()
+    image.save(buffer, "WEBP", quality=_QUALITY, method=6, use_sharp_yuv=True)
+    return buffer.getvalue()

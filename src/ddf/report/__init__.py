@@ -1,1 +1,0 @@
-"""Level 6: pages, figures and pictures."""

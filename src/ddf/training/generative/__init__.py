@@ -1,0 +1,1 @@
+"""Steps of the shape VAE and of the image GANs."""

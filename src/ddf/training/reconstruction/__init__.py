@@ -1,0 +1,1 @@
+"""Steps of single-image reconstruction, and where their rays come from."""

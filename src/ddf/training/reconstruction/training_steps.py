@@ -1,0 +1,134 @@
+"""One optimisation step of single-image reconstruction, for the DDF model and for PC-SIREN. [DDF22] §4.3, app. E."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ddf.core import arrays, distributed
+from ddf.data.batches import category_data, sources, varied_images
+from ddf.data.samples import sample_batch
+from ddf.fields import losses, pddf
+from ddf.models.reconstruction import reconstruction_models, settings
+from ddf.training import chamfer_loss, training_loop
+
+
+@runtime_checkable
+class Proposer(Protocol):
+    """Adds rays that the field chooses to the samples of a batch."""
+
+    def __call__(
+        self,
+        stored: sample_batch.SampleBatch,
+        field: pddf.PDDF,
+        modulations: Sequence[Float[Tensor, "b 1 _"]],
+        chosen: Int[np.ndarray, "b"],
+        random: np.random.Generator,
+        part: slice,
+        /,
+    ) -> sample_batch.SampleBatch:
+        """The stored samples of `part` of the shapes `chosen`, with others behind them, drawn for all of `chosen`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Images of one step with the cameras and shapes that they show; everything on the model's device.
+
+    images: perhaps varied (`varied_images`). alpha: of the images as they are.
+
+    Of several processes (`distributed`) each has a part of the images, `part`, and what belongs to them; drawn: the
+    shapes of all. `random` is the same everywhere: every process draws for all images and keeps what is its own.
+    """
+
+    part: slice
+    drawn: np.ndarray
+    rows: np.ndarray
+    shapes: np.ndarray
+    images: Float[Tensor, "b 4 size size"]
+    alpha: Float[Tensor, "b size size"]
+    cameras: Float[Tensor, "b 3"]
+    random: np.random.Generator
+
+    @classmethod
+    def draw(cls, images: category_data.ImageSet, config: settings.TrainConfig, step: int) -> "Batch":
+        """Random images of step `step`, without repetition as long as there are enough."""
+        random = np.random.default_rng((config.loop.seed, step))
+        repeated = len(images.shapes) < config.batch_size
+        rows = random.choice(len(images.shapes), config.batch_size, replace=repeated)
+        part, place = distributed.part(config.batch_size), training_loop.device()
+        drawn, rows = images.shapes[rows], rows[part]
+        shown = arrays.send(images.batch(rows), place)
+        alpha, poses = shown[:, 3], arrays.send(images.cameras_of(rows), place)
+        if config.augmentation is not None:
+            chances = varied_images.numbers(config.batch_size, random, part)
+            shown = varied_images.vary(shown, chances, config.augmentation)
+        return cls(part, drawn, rows, drawn[part], shown, alpha, poses, random)
+
+    def chances(self, count: int) -> Float[Tensor, "b count"]:
+        """Random numbers in [0, 1) for each image: the same on every device."""
+        generator = torch.Generator().manual_seed(int(self.random.integers(2**62)))
+        drawn = torch.rand((len(self.drawn), count), generator=generator)
+        return arrays.send(drawn[self.part], self.images.device)
+
+
+def ddf_step(
+    model: reconstruction_models.DDFModel,
+    images: category_data.ImageSet,
+    shapes: category_data.ShapeSet,
+    samples: sources.SampleSource,
+    train: settings.TrainConfig,
+    config: settings.DDFConfig,
+    step: int,
+    propose: Proposer | None = None,
+) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
+    """γ_RS 𝔏_S + γ_RΠ L_Π + γ_RM L_M, the mask with the predicted camera and the true scale.
+
+    Args:
+      propose: adds the rays that the config's `proposals` ask for.
+    """
+    batch = Batch.draw(images, train, step)
+    place = batch.images.device
+    modulations = model.modulations(model.shape_encoder(batch.images))
+    points = samples.draw(batch.drawn, config.counts, batch.random, batch.part).to(place)
+    if propose is not None:
+        points = propose(points, model.field, modulations, batch.drawn, batch.random, batch.part)
+    shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights, train.loop.matmul)
+    scores = model.camera_encoder(batch.images)
+    camera_loss = model.camera_head.loss(scores, batch.cameras)
+    mask_loss = reconstruction_models.mask_loss(
+        model.field,
+        modulations,
+        model.camera_head(scores),
+        arrays.send(shapes.field_scales(batch.shapes), place),
+        category_data.averaged(batch.alpha, config.mask_size),
+        config.mask_pixels,
+        None if config.mask_pixels is None else batch.chances(config.mask_size**2),
+        arrays.send(shapes.field_shifts(batch.shapes), place),
+    ).mean()
+    total = config.shape_weight * shape_loss + train.camera_weight * camera_loss + config.mask_weight * mask_loss
+    return total, {**terms, "camera": camera_loss.detach(), "mask": mask_loss.detach()}
+
+
+def pcsiren_step(
+    model: reconstruction_models.PCSirenModel,
+    images: category_data.ImageSet,
+    shapes: category_data.ShapeSet,
+    train: settings.TrainConfig,
+    config: settings.PCSirenConfig,
+    step: int,
+) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
+    """D_C in the field frame + γ_RΠ L_Π."""
+    batch = Batch.draw(images, train, step)
+    place = batch.images.device
+    truth = arrays.send(shapes.subsets(batch.drawn, config.truth_points, batch.random, batch.part), place)
+    seeds = batch.random.uniform(-1, 1, (len(batch.drawn), config.points, 3))[batch.part].astype(np.float32)
+    predicted = model.decoder(arrays.send(seeds, place), model.shape_encoder(batch.images))
+    chamfer = chamfer_loss.chamfer_loss(predicted, truth)
+    camera_loss = model.camera_head.loss(model.camera_encoder(batch.images), batch.cameras)
+    total = chamfer + train.camera_weight * camera_loss
+    return total, {"chamfer": chamfer.detach(), "camera": camera_loss.detach()}

@@ -1,0 +1,1 @@
+"""The laboratory: the experiments of the paper, in a checkout of the repository. Imports `ddf`, never the other way."""

@@ -1,0 +1,111 @@
+"""`ddf info CONFIG`: the models of an experiment with exact parameter counts, its stages, sizes of its files, its cost.
+
+The cost is stated before anything has run: shapes, samples, disk, steps, and the time of the trainings on this machine,
+from steps on random data. Those take seconds, and at most about 3 GiB at the paper's sizes; a step of more images is
+scaled from fewer, which `cost.training_time` says (`measured_images` of `batch_size`).
+"""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+EXAMPLES = (
+    "ddf info configs/cpu.yaml --no-steps",
+    "ddf info configs/paper.yaml --json",
+    "ddf info configs/paper_generative.yaml",
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's own arguments."""
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="an experiment file, for example configs/cpu.yaml")
+    parser.add_argument(
+        "--no-steps", action="store_true", help="measure no optimisation steps: no estimate of the time"
+    )
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Counts come from the models themselves, built without memory for their values."""
+    import torch
+
+    from ddf.core import config
+    from ddf.fields import pddf
+    from ddf.models.reconstruction import reconstruction_models, settings
+    from ddf_lab.engine import experiment_cost
+
+    sections = config.read(args.config)
+    if set(sections) & set(config.GENERATIVE_SECTIONS):
+        return _generative(args.config, list(sections))
+    train = config.load(args.config, settings.TrainConfig)
+    ddf = config.load(args.config, settings.DDFConfig)
+    models: dict[str, torch.nn.Module] = {}
+    with torch.device("meta"):
+        models["ddf"] = reconstruction_models.ddf_model(train, ddf.field)
+        models["pc_siren"] = reconstruction_models.pcsiren_model(train)
+        models["single_shape"] = pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)
+        models["ddf_encoder"] = reconstruction_models.Encoder(train.latent_features, train.encoder_width)
+    parameters = {name: pddf.count_parameters(model) for name, model in models.items()}
+    cost, stages = experiment_cost.predict(args.config, measured=not args.no_steps), _stages(args.config)
+    return {
+        "config": str(args.config),
+        "verdict": _verdict(args.config, stages, parameters, cost),
+        "parameters": parameters,
+        "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
+        "stages": stages,
+        "sections": list(sections),
+        "artifacts_mib": _sizes(Path("artifacts") / args.config.stem),
+        "cost": cost,
+    }
+
+
+def _verdict(path: Path, stages: list[str], parameters: dict[str, int], cost: dict[str, Any] | None = None) -> str:
+    """One line: stages, the largest model, and the trainings with their hours where those are known."""
+    name = max(parameters, key=lambda key: parameters[key])
+    line = f"{path}: {len(stages)} stages; the largest model is {name} with {parameters[name]:,} parameters"
+    if cost is None:
+        return line
+    line += f"; {cost['trainings']} trainings"
+    return (
+        line if cost["training_time"] is None else f"{line} of {cost['training_time']['hours']:.3g} hours in all here"
+    )
+
+
+def _generative(path: Path, sections: list[str]) -> dict[str, Any]:
+    """Of a generative experiment: the same without a cost, which nothing predicts."""
+    from ddf.core import config
+    from ddf.models.generative import parameter_counts, settings
+
+    vae, gan = config.load(path, settings.VAEConfig), config.load(path, settings.GANConfig)
+    parameters, stages = parameter_counts.count(vae, gan), _stages(path)
+    return {
+        "config": str(path),
+        "verdict": _verdict(path, stages, parameters),
+        "parameters": parameters,
+        "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
+        "stages": stages,
+        "sections": sections,
+        "artifacts_mib": _sizes(Path("artifacts") / path.stem),
+    }
+
+
+def _stages(config_path: Path) -> list[str]:
+    """Names of the experiment's stages, in order, from the pipeline.yaml beside the folder of the file."""
+    from ddf.core import checks
+    from ddf_lab.engine import experiments, graph
+
+    pipeline = config_path.resolve().parent.parent / "pipeline.yaml"
+    if not pipeline.is_file():
+        return []
+    try:
+        return [item.name for item in graph.expand(experiments.read(config_path).lists(), pipeline)]
+    except (KeyError, TypeError, AttributeError) as error:
+        raise checks.InputError(f"{pipeline}: not a stage graph of this project ({error!r})") from error
+
+
+def _sizes(folder: Path) -> dict[str, float]:
+    """MiB on disk of each stage's results, where they exist."""
+    sizes = {}
+    if folder.is_dir():
+        for stage in sorted(path for path in folder.iterdir() if path.is_dir()):
+            sizes[stage.name] = round(sum(f.stat().st_size for f in stage.rglob("*") if f.is_file()) / 2**20, 1)
+    return sizes

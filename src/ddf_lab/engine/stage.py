@@ -1,0 +1,103 @@
+"""The frame around a stage script: arguments, log, and errors of the user as one line and exit code 2."""
+
+import argparse
+import contextlib
+import fcntl
+import json
+import logging
+import os
+import resource
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ddf.core import guard
+from ddf_lab import stage_notes
+
+
+def main(run: Callable[..., None], description: str | None, category: bool = False, seed: bool = False) -> None:
+    """Parse `--config FILE [--category NAME] [--seed S]` and call `run(config_path[, category][, seed])`.
+
+    InputError and OSError (no such file, disk full, read-only) end the process with one line on stderr and code 2;
+    anything else is a bug and keeps its traceback.
+    """
+    parser = argparse.ArgumentParser(description=(description or "").partition("\n")[0])
+    parser.add_argument("--config", type=Path, required=True, help="experiment file, for example configs/cpu.yaml")
+    if category:
+        parser.add_argument("--category", required=True, help="one of the categories of the experiment")
+    if seed:
+        parser.add_argument("--seed", type=_whole_number, default=0, help="added to the config's seeds (default 0)")
+    arguments = vars(parser.parse_args())
+    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
+    sys.exit(guard.guarded(lambda: _run_alone(run, **arguments), "ddf"))
+
+
+def _whole_number(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"must be a whole number, 0 or more; got {text!r}")
+    return int(text)
+
+
+def label(category: str, seed: int) -> str:
+    """What a progress bar calls the work on a category: `chair`, and `chair seed 1` for a further seed."""
+    return f"{category} seed {seed}" if seed else category
+
+
+def _run_alone(run: Callable[..., None], config: Path, **arguments: Any) -> None:
+    """Run while holding the stage's lock, then note time, memory and what was made of what.
+
+    Where the note of an earlier run says that there is nothing to do, nothing is done. A killed engine can leave a
+    stage's process behind that still writes the same files. The lock is the kernel's and goes with that process; of
+    the processes of one distributed training only the first takes it.
+    """
+    from ddf_lab.engine import finished  # here: `ddf`, which needs `guarded` alone, starts without what it imports
+
+    name, category, seed = Path(sys.argv[0]).stem, arguments.get("category"), arguments.get("seed", 0)
+    record = stage_notes.time_path(config, name, category, seed)
+    record.parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.ExitStack() as stack:
+        first = os.environ.get("RANK", "0") == "0"
+        if first:
+            lock = stack.enter_context(record.with_suffix(".lock").open("w"))
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                sys.stderr.write(f"an earlier process of this stage is still at work on {config}; waiting for it\n")
+                fcntl.flock(lock, fcntl.LOCK_EX)
+        item = finished.find(name, config, category, seed)
+        done = item is not None and finished.is_done(item, stage_notes.read(record))
+        if first:
+            what = " ".join([name, *([label(category, seed)] if category else [f"seed {seed}"] if seed else [])])
+            sys.stderr.write(f"{what}: nothing to do\n" if done else f"{what}\n")
+        if done:
+            return
+        imported = _largest_child_kib()
+        started = time.monotonic()
+        run(config, *arguments.values())
+        seconds = round(time.monotonic() - started, 2)
+        note = {"seconds": seconds, **_peak_memory(imported), **({} if item is None else finished.note(item))}
+        record.write_text(json.dumps(note) + "\n", encoding="utf-8")
+
+
+def _largest_child_kib() -> int:
+    """Largest resident memory of the processes that this one has started and that have ended."""
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss  # KiB on Linux
+
+
+def _peak_memory(imported: int) -> dict[str, float]:
+    """Largest resident memory so far, MiB: of this process, and of the largest worker process that it started.
+
+    `imported` is that of the programs which imports ran before the work: only what is larger is a worker's.
+
+    Pages that processes share, such as those of libraries and of mapped files, count in each of them, and the peaks
+    need not coincide: all workers together take at most their number times the second figure. Workers of a Dask
+    cluster are not counted. `worker_peak_mib` is 0 without workers.
+    """
+    loky = sys.modules.get("joblib.externals.loky")
+    if loky is not None:  # the kernel counts children that have ended
+        loky.get_reusable_executor(reuse=True).shutdown(wait=True)
+    own, largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, _largest_child_kib()
+    workers = largest if largest > imported else 0
+    return {"peak_mib": round(own / 1024, 1), "worker_peak_mib": round(workers / 1024, 1)}

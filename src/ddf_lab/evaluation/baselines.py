@@ -1,0 +1,267 @@
+"""Rows that need no decoder: what a mean shape, a retrieved shape and the truth itself score.
+
+They say what the numbers of the models mean. Retrieval matches many networks (Tatarchenko et al. 2019), the mean
+shape ignores the image, and the ceiling is what a perfect method reaches with that many points. A baseline's
+"prediction" is a random subset of ground-truth points, in the benchmark frame and at the true camera (`Pi_g`).
+"""
+
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import joblib
+import numpy as np
+from jaxtyping import Float
+
+from ddf.core import checks
+from ddf.data import surface_cloud
+from ddf.geometry import neighbours, transforms
+from ddf.metrics import metrics
+from ddf_lab.evaluation import scoring
+
+MEAN_SHAPE, RETRIEVAL, ORACLE = "mean_shape", "retrieval", "oracle_retrieval"
+CEILING, CEILING_VISIBLE, VISIBLE_AGAINST_ALL = "ceiling", "ceiling_visible", "ceiling_visible_vs_all"
+
+Truths = Mapping[str, surface_cloud.Cloud]
+Images = Sequence[tuple[str, int]]
+
+
+def subset(points: Float[np.ndarray, "n 3"], count: int, seed: int, name: str) -> Float[np.ndarray, "m 3"]:
+    """`count` of the points at random, without repetition; the same for the same seed and name.
+
+    Raises:
+      InputError: there are fewer points than that.
+    """
+    if len(points) < count:
+        raise checks.InputError(f"{name}: a subset of {count} points was asked for, the cloud has only {len(points)}")
+    generator = np.random.default_rng([seed, zlib.crc32(name.encode())])
+    return points[generator.permutation(len(points))[:count]]
+
+
+@dataclass(frozen=True)
+class Retrieval:
+    """The one baseline that depends on a training, through its features; made by `prepare_retrieval`.
+
+    Args:
+      sizes: points per size letter, as the models' clouds have ("L": 5000, "S": 2466).
+      retrieved: training shape with the nearest image, per test image.
+    """
+
+    truths: Truths
+    sizes: Mapping[str, int]
+    seed: int
+    retrieved: Mapping[tuple[str, int], str]
+
+    def cases(self, shape: str, images: Images) -> list[scoring.Case]:
+        """The cases of retrieval for the images of one test shape; called as `Baselines.cases` is."""
+        return [case for letter in self.sizes for case in self.column(letter, images)]
+
+    def column(self, letter: str, images: Images) -> list[scoring.Case]:
+        """Those with the number of points that `letter` stands for."""
+        return [
+            scoring.Case(
+                RETRIEVAL,
+                f"Pi_g-{letter}",
+                [image],
+                _stand_in(self.truths, self.retrieved[image], self.sizes[letter], self.seed),
+            )
+            for image in images
+        ]
+
+
+@dataclass(frozen=True)
+class Baselines:
+    """Everything that the baseline rows of one category need; made by `prepare`.
+
+    Args:
+      retrieval: also holds true clouds, numbers of points and seed, which all rows share.
+      mean: the mean shape's cloud per size letter, benchmark frame.
+      oracle: training shape with the smallest D_C, per test shape.
+    """
+
+    retrieval: Retrieval
+    mean: Mapping[str, Float[np.ndarray, "n 3"]]
+    oracle: Mapping[str, str]
+
+    def cases(self, shape: str, images: Images) -> list[scoring.Case]:
+        """The cases of all baselines for the images of one test shape."""
+        truths, seed = self.retrieval.truths, self.retrieval.seed
+        found = []
+        for letter, count in self.retrieval.sizes.items():
+            column = f"Pi_g-{letter}"
+            found.append(scoring.Case(MEAN_SHAPE, column, images, self.mean[letter]))
+            chosen = _stand_in(truths, self.oracle[shape], count, seed)
+            found.append(scoring.Case(ORACLE, column, images, chosen))
+            found += self.retrieval.column(letter, images)
+            found += _ceilings(truths[shape], shape, images, column, count, seed)
+        return found
+
+
+def prepare(
+    ddf: scoring.Predictions,
+    truths: Truths,
+    train_ids: Sequence[str],
+    validation_ids: Sequence[str],
+    sizes: Mapping[str, int],
+    config: scoring.EvaluateConfig,
+    jobs: int | None = None,
+) -> Baselines:
+    """Choose what the baselines answer for the images of one category.
+
+    Args:
+      ddf: images to evaluate, and the encoder's features for the retrieval row.
+      train_ids: shapes whose images the models have seen; those without a cloud are left out.
+      validation_ids: shapes held out for choices, by which the mean shape is chosen.
+    Raises:
+      InputError: no training shape, or not every test shape, has a cloud; or the file lacks features.
+    """
+    train_ids = [shape for shape in train_ids if shape in truths]
+    if not train_ids:
+        raise checks.InputError("no training shape has a ground-truth cloud; the baselines need one")
+    test_ids = list(scoring.views_by_shape(ddf.images))
+    absent = [shape for shape in test_ids if shape not in truths]
+    if absent:
+        raise checks.InputError(f"{ddf.path}: shape {absent[0]} has no ground-truth cloud ({len(absent)} such shapes)")
+    held = [shape for shape in validation_ids if shape in truths]
+    mean = mean_shape(truths, train_ids, held, sizes, config)
+    oracle = oracle_choice(test_ids, train_ids, truths, sizes["L"], config, jobs)
+    return Baselines(prepare_retrieval(ddf, truths, sizes, config), mean, oracle)
+
+
+def mean_shape(
+    truths: Truths,
+    train_ids: Sequence[str],
+    validation_ids: Sequence[str],
+    sizes: Mapping[str, int],
+    config: scoring.EvaluateConfig,
+) -> dict[str, Float[np.ndarray, "n 3"]]:
+    """One answer to every image: of points of all training clouds together, and of each training shape alone, what has
+    the least mean D_C to the validation shapes; points of all together where none are held out.
+
+    Returns:
+      By size letter a cloud of that many points, benchmark frame.
+    """
+    union = transforms.BENCHMARK_FROM_V1 * np.concatenate([truths[shape].points for shape in train_ids])
+    clouds = {letter: subset(union, count, config.seed, f"mean {letter}") for letter, count in sizes.items()}
+    if not validation_ids:
+        return clouds
+    held = [neighbours.Neighbours(truths[shape].benchmark_points(), shape) for shape in validation_ids]
+
+    def distance(cloud: Float[np.ndarray, "n 3"]) -> float:
+        tree = neighbours.Neighbours(cloud)
+        both = [metrics.chamfer_l2_sq(tree.dist_sq(truth), truth.dist_sq(tree)) for truth in held]
+        return float(np.mean(both))
+
+    few = {shape: min(config.oracle_points, len(truths[shape].points)) for shape in train_ids}
+    alone = {shape: distance(_stand_in(truths, shape, few[shape], config.seed)) for shape in train_ids}
+    best = min(alone, key=lambda shape: (alone[shape], shape))
+    if distance(subset(union, few[best], config.seed, "mean")) <= alone[best]:
+        return clouds
+    return {letter: _stand_in(truths, best, count, config.seed) for letter, count in sizes.items()}
+
+
+def prepare_retrieval(
+    ddf: scoring.Predictions, truths: Truths, sizes: Mapping[str, int], config: scoring.EvaluateConfig
+) -> Retrieval:
+    """Choose what retrieval answers for the images of one category.
+
+    Raises:
+      InputError: see `retrieval_choice`.
+    """
+    return Retrieval(truths, sizes, config.seed, retrieval_choice(ddf, truths))
+
+
+def _stand_in(truths: Truths, shape: str, count: int, seed: int) -> Float[np.ndarray, "n 3"]:
+    return subset(truths[shape].benchmark_points(), count, seed, shape)
+
+
+def _ceilings(
+    truth: surface_cloud.Cloud, shape: str, images: Images, column: str, count: int, seed: int
+) -> Iterator[scoring.Case]:
+    """The truth against itself: all points; visible against visible; and visible against all, which is what a
+    perfect surface seen from outside can reach when the truth has hidden points.
+    """
+    yield scoring.Case(CEILING, column, images, subset(truth.benchmark_points(), count, seed, shape))
+    outside = truth.benchmark_points(visible_only=True)
+    outside = subset(outside, min(count, len(outside)), seed, shape)  # a shape can have fewer than `count` in sight
+    yield scoring.Case(CEILING_VISIBLE, column, images, outside, visible_truth=True)
+    yield scoring.Case(VISIBLE_AGAINST_ALL, column, images, outside)
+
+
+def retrieval_choice(ddf: scoring.Predictions, truths: Truths) -> dict[tuple[str, int], str]:
+    """For every test image the shape of the training image whose encoder feature is nearest (Euclidean).
+
+    Raises:
+      InputError: the file has no features, or no training image whose shape has a cloud.
+    """
+    for name in ("features", "train_features"):
+        if name not in ddf.tensors:
+            raise checks.InputError(f"{ddf.path}: has no {name!r}; run the point cloud stage again")
+    shapes = np.array([str(image["id"]) for image in ddf.metadata["train_images"]])
+    usable = np.array([shape in truths for shape in shapes], dtype=bool)
+    if not usable.any():
+        raise checks.InputError(f"{ddf.path}: no training image has a ground-truth cloud")
+    train = ddf.tensors["train_features"][usable].astype(np.float64)
+    choice = {}
+    for image, feature in zip(ddf.images, ddf.tensors["features"].astype(np.float64), strict=True):
+        choice[image] = str(shapes[usable][int(((train - feature) ** 2).sum(axis=1).argmin())])
+    return choice
+
+
+def oracle_choice(
+    test_ids: Sequence[str],
+    train_ids: Sequence[str],
+    truths: Truths,
+    count: int,
+    config: scoring.EvaluateConfig,
+    jobs: int | None = None,
+) -> dict[str, str]:
+    """For every test shape the training shape with the smallest D_C, `count` points against the whole truth.
+
+    All training shapes are ranked with small clouds on both sides; the `oracle_shortlist` best are then compared in
+    full.
+    """
+    small = {
+        shape: _stand_in(truths, shape, min(config.oracle_points, len(truths[shape].points)), config.seed)
+        for shape in {*train_ids, *test_ids}
+    }
+    candidates = {shape: small[shape] for shape in train_ids}
+    shortlists = joblib.Parallel(n_jobs=min(jobs or joblib.cpu_count(), len(test_ids)))(
+        joblib.delayed(_shortlist)([small[shape] for shape in batch], candidates, config.oracle_shortlist)
+        for batch in _batches(test_ids)
+    )
+    ranked = [names for batch in shortlists for names in batch]
+    best = joblib.Parallel(n_jobs=min(jobs or joblib.cpu_count(), len(test_ids)))(
+        joblib.delayed(_shortlist)(
+            [truths[shape].benchmark_points()], {name: _stand_in(truths, name, count, config.seed) for name in names}, 1
+        )
+        for shape, names in zip(test_ids, ranked, strict=True)
+    )
+    return {shape: found[0][0] for shape, found in zip(test_ids, best, strict=True)}
+
+
+def _batches(items: Sequence[str], size: int = 16) -> list[Sequence[str]]:
+    return [items[start : start + size] for start in range(0, len(items), size)]
+
+
+def _shortlist(
+    shapes: Sequence[Float[np.ndarray, "n 3"]], candidates: Mapping[str, Float[np.ndarray, "m 3"]], length: int
+) -> list[list[str]]:
+    trees = {name: neighbours.Neighbours(points, name) for name, points in candidates.items()}
+    return [_least(trees, neighbours.Neighbours(points), length) for points in shapes]
+
+
+def _least(trees: Mapping[str, neighbours.Neighbours], truth: neighbours.Neighbours, length: int) -> list[str]:
+    """Names of the clouds with the least D_C to the truth, equal ones by name.
+
+    One direction of D_C tells most of them apart: the other is asked for as long as it can matter.
+    """
+    one_way = {name: truth.dist_sq(tree) for name, tree in trees.items()}
+    least = {name: float(dist_sq.mean()) for name, dist_sq in one_way.items()}
+    best: list[tuple[float, str]] = []
+    for name in sorted(least, key=lambda name: (least[name], name)):
+        if len(best) == length and least[name] > best[-1][0]:
+            break
+        score = metrics.chamfer_l2_sq(one_way[name], trees[name].dist_sq(truth))
+        best = sorted([*best, (score, name)])[:length]
+    return [name for _, name in best]

@@ -1,0 +1,1 @@
+"""Generative models: clouds, images, held-out shapes."""

@@ -1,0 +1,137 @@
+"""The images of both GANs against real ones: scores with known bounds, and colours when the camera moves."""
+
+import math
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf.core import seeding
+from ddf.data import shapenet
+from ddf.data.batches import category_data
+from ddf.geometry import cameras, mesh_io, raycast, transforms
+from ddf.metrics import image_scores, texture_consistency
+from ddf.models.generative import image_gans, image_networks, normal_images, pictures, settings
+from ddf.training.generative import gan_steps, image_features
+
+CEILING, OURS, FLAT, MEAN, NOISE = "ceiling", "image GAN", "2D GAN", "mean image", "noise"
+_CHUNK = 100
+
+
+def real_halves(
+    images: category_data.ImageSet, count: int, seed: int
+) -> tuple[Float[Tensor, "n 3 h w"], Float[Tensor, "m 3 h w"]]:
+    """At most so many random images of every other shape, and of the others: no shape is in both."""
+    random = np.random.default_rng(seed)
+    halves = []
+    for parity in (0, 1):
+        rows = np.flatnonzero(images.shapes % 2 == parity)
+        chosen = random.permutation(rows)[:count]
+        halves.append(gan_steps.on_white(images.batch(chosen)))
+    return halves[0], halves[1]
+
+
+@torch.no_grad()
+def generated(model: image_gans.ImageGAN, count: int, seed: int) -> Float[Tensor, "n 3 h w"]:
+    """Images of random shapes, textures and cameras, in [-1, 1]."""
+    latents = normal_images.latents(count, model.vae.latent_features, seed, "scores: shapes")
+    textures = normal_images.latents(count, model.config.texture_features, seed, "scores: textures")
+    random = seeding.generator(seed, "scores: cameras")
+    found = []
+    for field, texture in zip(pictures.fields(model.decoder, latents), textures, strict=True):
+        camera = normal_images.random_camera(model.config.normals, random)
+        found.append(2 * pictures.look(model, field, camera, texture[None]).colours[0] - 1)
+    return torch.stack(found).cpu()
+
+
+@torch.no_grad()
+def generated_2d(model: image_gans.NoiseGAN, count: int, seed: int) -> Float[Tensor, "n 3 h w"]:
+    """Images of the 2D GAN, in [-1, 1]."""
+    noise = normal_images.latents(count, model.config.noise_features, seed, "scores: noise")
+    place = next(model.parameters()).device
+    return torch.cat([model.generator(part.to(place)).cpu() for part in noise.split(_CHUNK)])
+
+
+def scores(
+    network: image_features.FeatureNetwork,
+    images: category_data.ImageSet,
+    made: dict[str, Float[Tensor, "_ 3 h w"]],
+    section: settings.ScoresConfig,
+) -> dict[str, Any]:
+    """KID, precision, recall and, with Inception's weights, FID, of models, bounds and spoiled images.
+
+    Real images are split by shape: one half is what all are compared with, the other the ceiling.
+    """
+    real, ceiling = real_halves(images, section.images, section.seed)
+    generator = torch.Generator().manual_seed(section.seed)
+    noise = torch.rand(ceiling.shape, generator=generator) * 2 - 1
+    sets = {CEILING: ceiling, **made, MEAN: real.mean(dim=0).expand_as(real), NOISE: noise}
+    spoiled = image_scores.spoiled(ceiling, section.seed)
+    features = {name: network.features(values) for name, values in {**sets, **spoiled}.items()}
+    found = image_scores.table(features, network.features(real), section)
+    fid = {name: image_scores.inception_fid(values, real, section.inception_weights) for name, values in sets.items()}
+    return {**found, "fid": fid, "real": len(real), "spoiled": list(spoiled)}
+
+
+def consistency(
+    model: image_gans.ImageGAN, dataset: shapenet.Dataset, category: str, ids: list[str], section: settings.ScoresConfig
+) -> dict[str, Any]:
+    """Errors of `texture_consistency` between neighbouring cameras around random shapes.
+
+    shuffled: the second image has another texture. real: renders of some shapes, whose light moves with the camera.
+    """
+    latents = normal_images.latents(section.textured, model.vae.latent_features, section.seed, "consistency: shapes")
+    textures = normal_images.latents(
+        section.textured, model.config.texture_features, section.seed, "consistency: textures"
+    )
+    elevation = sum(model.config.normals.elevation_deg) / 2
+    around = pictures.cameras_around(section.cameras, elevation, model.config.normals.radius)
+    unit = transforms.BENCHMARK_FROM_V1 / float(model.field_scale)
+    own, shuffled = [], []
+    for row, field in enumerate(pictures.fields(model.decoder, latents)):
+        both = textures[[row, (row + 1) % len(textures)]]
+        seen = [pictures.look(model, field, camera, both) for camera in around]
+        shown = [
+            [texture_consistency.Picture(s.camera, (s.depth * unit).cpu(), s.colours[k].cpu()) for k in (0, 1)]
+            for s in seen
+        ]
+        for first, second in zip(shown, shown[1:] + shown[:1], strict=True):
+            own.append((first[0], second[0]))
+            shuffled.append((first[0], second[1]))
+    real = [pair for name in ids[: section.textured] for pair in _real_pairs(dataset, category, name)]
+    named = {"ours": own, "shuffled": shuffled, "real": real}
+    return {
+        name: dict(zip(("error", "points"), texture_consistency.error(pairs), strict=True))
+        for name, pairs in named.items()
+    }
+
+
+def _real_pairs(
+    dataset: shapenet.Dataset, category: str, name: str
+) -> list[tuple[texture_consistency.Picture, texture_consistency.Picture]]:
+    """Each view of a shape with the next one round the shape, up to 60 degrees further."""
+    scene = raycast.Scene(mesh_io.load(dataset.model(category, name)))
+    poses = cameras.degrees_to_radians(torch.tensor(dataset.cameras(category, name), dtype=torch.float64))
+    order = torch.argsort(poses[:, 0]).tolist()
+    shown = [_real_picture(dataset, category, name, view, poses[view], scene) for view in order]
+    pairs = []
+    for first, second in zip(shown, shown[1:] + shown[:1], strict=True):
+        if len(shown) > 1 and float((second.camera[0] - first.camera[0]) % (2 * math.pi)) <= math.pi / 3:
+            pairs.append((first, second))
+    return pairs
+
+
+def _real_picture(
+    dataset: shapenet.Dataset, category: str, name: str, view: int, camera: Float[Tensor, "3"], scene: raycast.Scene
+) -> texture_consistency.Picture:
+    """A render, and the distances of its mesh."""
+    size = image_networks.IMAGE_SIZE
+    image = dataset.image(category, name, view, size)[None]
+    directions = cameras.pixel_directions(size, camera).reshape(-1, 3)
+    centre, world = cameras.pixel_rays(camera[0], camera[1], camera[2], directions)
+    start = (centre / transforms.BENCHMARK_FROM_V1).expand_as(world).numpy()
+    depth, _ = scene.first_hits(start, world.numpy())
+    distance = torch.from_numpy(depth * transforms.BENCHMARK_FROM_V1).reshape(size, size)
+    return texture_consistency.Picture(camera.float(), distance.float(), (gan_steps.on_white(image)[0] + 1) / 2)

@@ -1,0 +1,84 @@
+"""What the generative models of one category reach, from their folders: scores and pictures for the page."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf.data import shapenet
+from ddf.data.batches import category_data
+from ddf.models.generative import image_gans, normal_images, pictures, settings, shape_vae
+from ddf.training.generative import image_features, shape_data
+from ddf_lab.evaluation.generative import generative_clouds, generative_images, generative_pictures, held_out
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where data and models are, and where the latents that are optimised go."""
+
+    index: Path
+    samples: Path
+    vae: Path
+    gan: Path
+    gan2d: Path
+    features: Path
+    out: Path
+
+
+def measure(
+    places: Places, category: str, section: settings.ScoresConfig
+) -> tuple[dict[str, Any], dict[str, Float[Tensor, "_ 3 h w"]]]:
+    """The numbers of the page, and the images of its pictures by name."""
+    vae, gan, rival = shape_vae.load(places.vae), image_gans.load(places.gan), image_gans.load_2d(places.gan2d)
+    parts = shape_data.parts(places.index, places.samples, category, vae.config.held_out)
+    pictured, _ = shape_data.read_pictured(places.index, places.samples, category, gan.config.views)
+    sampled, _ = shape_data.read_sampled(places.index, places.samples, category, 1)
+    made = {
+        generative_images.OURS: generative_images.generated(gan, section.images, section.seed),
+        generative_images.FLAT: generative_images.generated_2d(rival, section.images, section.seed),
+    }
+    network, dataset = image_features.load(places.features), shapenet.Dataset.open(places.index)
+    results = {
+        "shapes": {"learned": len(parts.learned), "held_out": len(parts.held_out), "pictured": len(parts.pictured)},
+        **of_shapes(vae, parts, places, section),
+        "images": generative_images.scores(network, pictured, made, section),
+        "consistency": generative_images.consistency(gan, dataset, category, list(parts.pictured), section),
+    }
+    return results, generative_pictures.draw(gan, rival, pictured, sampled, results["prior"]["nearest"], section)
+
+
+def of_shapes(
+    vae: shape_vae.ShapeVAE, parts: shape_data.Parts, places: Places, section: settings.ScoresConfig
+) -> dict[str, Any]:
+    """Held-out shapes encoded and optimised, the divergence, and samples of the prior beside learned shapes."""
+    learned, tested = (shape_data.read(places.samples, ids)[0] for ids in (parts.learned, parts.held_out))
+    truth, known = (
+        generative_clouds.of_shapes(category_data.read_shapes(places.samples, ids), section.cloud_points, section.seed)
+        for ids in (parts.held_out, parts.learned)
+    )
+    latents = {
+        "encoded": held_out.encode(vae, tested, section.seed)[0],
+        "optimised": held_out.auto_decode(vae, tested, section, places.out / "latents"),
+    }
+    found = {}
+    for name, own in latents.items():
+        fields = pictures.fields(vae.decoder, own)
+        clouds = generative_clouds.of_fields(fields, tested.scales.tolist(), section.cloud_points, section.seed)
+        found[name] = generative_clouds.compared(clouds, truth) | {"errors": held_out.errors(vae, own, tested)}
+    like = len(tested.ids)  # as many samples as held-out shapes are compared with these
+    count = max(section.samples, like)
+    prior = normal_images.latents(count, vae.config.latent_features, section.seed, "samples")
+    fields = pictures.fields(vae.decoder, prior)
+    drawn = generative_clouds.of_fields(fields, [float(vae.field_scale)] * count, section.cloud_points, section.seed)
+    others = [known[row] for row in generative_clouds.spaced(len(known), like)]
+    return {
+        "held_out": found,
+        "divergence": held_out.summary(held_out.divergences(vae, learned, section.seed)),
+        "prior": generative_clouds.novelty(drawn[: section.samples], known, parts.learned, like),
+        "distribution": {
+            "prior": generative_clouds.distribution(drawn[:like], truth),
+            "learned": generative_clouds.distribution(others, truth),
+        },
+    }

@@ -1,0 +1,93 @@
+"""Differences between two methods on the same images, with their standard errors: what a claim may rest on.
+
+Images of one shape are taken together, for they are no independent cases. With N shapes and S trainings, the standard
+error of the mean difference is the root of s_N² / N + s_S² / S: s_N² is the variance over shapes of the difference
+averaged over trainings, s_S² the variance over trainings of the difference averaged over shapes (the terms of a crossed
+design with both factors random; that of their interaction is in both, so the error is never too small).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from ddf.core import checks
+from ddf.metrics import metrics
+
+CLAIMED = 2.0  # standard errors that a difference must exceed to be called one
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Mean of first - second, in the units of tables, over `shapes` shapes and `trainings` trainings.
+
+    error: standard error; NaN of a single shape.
+    """
+
+    mean: float
+    error: float
+    shapes: int
+    trainings: int
+
+    @property
+    def seen(self) -> bool:
+        """Whether it exceeds two of its standard errors."""
+        return abs(self.mean) > CLAIMED * self.error  # NaN: not seen
+
+
+def difference(
+    tables: Sequence[pd.DataFrame],
+    category: str,
+    first: tuple[str, str],
+    second: tuple[str, str],
+    metric: metrics.Metric,
+) -> Difference | None:
+    """How the scores of one method differ from those of another on the same images.
+
+    Args:
+      tables: per_image.csv of every training, in their order. A method that no training changes is in the first alone.
+      first, second: method and column.
+    Returns:
+      None where either has no score.
+    Raises:
+      InputError: the trainings were not scored on the same images.
+    """
+    gaps = []
+    for table in tables:
+        own, other = (_scores(table, tables[0], category, head, metric) for head in (first, second))
+        if own is None or other is None:
+            return None
+        if not own.index.equals(other.index):
+            raise checks.InputError(f"{category}: {first} and {second} were not scored on the same images")
+        gaps.append((own - other).groupby(level="id").mean())
+    if any(not gap.index.equals(gaps[0].index) for gap in gaps):
+        raise checks.InputError(f"{category}: the trainings were not scored on the same shapes")
+    values = metric.factor * np.stack([gap.to_numpy() for gap in gaps])
+    trainings, shapes = values.shape
+    variance = _variance_of_mean(values.mean(axis=0)) if shapes > 1 else math.nan
+    variance += _variance_of_mean(values.mean(axis=1)) if trainings > 1 else 0.0
+    return Difference(float(values.mean()), math.sqrt(variance), shapes, trainings)
+
+
+def _variance_of_mean(values: np.ndarray) -> float:
+    return float(np.var(values, ddof=1) / len(values))
+
+
+def _scores(
+    table: pd.DataFrame, fallback: pd.DataFrame, category: str, head: tuple[str, str], metric: metrics.Metric
+) -> pd.Series | None:
+    """Of every image, by id and view, in their order."""
+    for source in (table, fallback):
+        rows = source[(source["category"] == category) & (source["method"] == head[0]) & (source["column"] == head[1])]
+        if len(rows):
+            return rows.set_index(["id", "view"])[metric.score].sort_index().astype(np.float64)
+    return None
+
+
+def better(found: Difference | None, metric: metrics.Metric) -> int:
+    """1 where the first method is better, -1 where the second is, 0 where no difference is seen."""
+    if found is None or not found.seen:
+        return 0
+    return 1 if (found.mean < 0) == (metric.better == "min") else -1

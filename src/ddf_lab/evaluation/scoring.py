@@ -1,0 +1,286 @@
+"""Scores of predicted clouds for every test image, and their means over images.
+
+A *column* says which camera places the prediction and how many points it has: `Pi_g` the true camera on both sides,
+`Pi_pred` the predicted camera and the scale estimated from the prediction, `Pi_corrected` the camera after gradient
+descent on the mask; `-L` and `-S` the large and the small cloud (5,000 and 2,466 points in the paper). F-scores
+depend on the number of predicted points, so the count is part of the column's name. All comparisons happen in the
+benchmark frame (0.57 x v1), or in the true camera's frame, which is a rigid motion away and so gives the same scores.
+Sources: [DDF22] table `si3dr`; docs/formats.md.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import joblib
+import numpy as np
+import pandas as pd
+import torch
+from jaxtyping import Float
+
+from ddf.core import checks, storage
+from ddf.data import surface_cloud
+from ddf.geometry import cameras, neighbours, transforms
+from ddf.metrics import metrics
+
+DDF, PC_SIREN, DDF_ONE_CYCLE, DDF_ON_MASK = "ddf", "pc_siren", "ddf_nh1", "ddf_on_mask"
+CAMERA_COLUMNS = {"Pi_g": "camera_true", "Pi_corrected": "camera_corrected", "Pi_pred": "camera_pred"}
+MEASURED = "measured"
+FAR_AZIMUTH_DEG = 45.0  # a camera so far off lies in another basin of the mask's loss
+TRUTH = ("truth", "test shapes")  # method and column of what the long table says of the true clouds
+TRUTH_METRICS = {"hidden_share_percent": ("hidden_share", 100.0), "spacing_variation": ("spacing_variation", 1.0)}
+TABLE_FIELDS = ("category", "method", "column", "metric", "value", "images", "seeds", "spread", "source")
+
+
+@dataclass(frozen=True)
+class EvaluateConfig:
+    """Section `evaluate`.
+
+    Args:
+      tau_sq: threshold on squared distance in benchmark units; the second F-score uses twice that.
+      oracle_points: points of the small clouds by which training shapes are ranked for the oracle row.
+      oracle_shortlist: how many of the best-ranked training shapes are then compared with all their points.
+      seed: of the random subsets that stand for predictions in the baseline rows.
+    """
+
+    tau_sq: float
+    oracle_points: int
+    oracle_shortlist: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        if self.tau_sq <= 0:
+            raise checks.InputError(f"evaluate.tau_sq must be positive; got {self.tau_sq}")
+        for name in ("oracle_points", "oracle_shortlist"):
+            if getattr(self, name) < 1:
+                raise checks.InputError(f"evaluate.{name} must be >= 1; got {getattr(self, name)}")
+        if self.seed < 0:
+            raise checks.InputError(f"evaluate.seed must be >= 0; got {self.seed}")
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """One model's clouds and cameras for the test images of a category, in the field frame.
+
+    `clouds` maps names such as "L.h3" (DDF, three cycles) or "L" (PC-SIREN) to (image, point, 3); cameras are (image,
+    3): azimuth_rad, elevation_rad, radius. `scale_true` and `centre_true` map the field to the v1 frame; a prediction
+    is taken for centred there, as v1's shapes are, and has `scale_pred`.
+    """
+
+    path: Path
+    images: Sequence[tuple[str, int]]
+    tensors: Mapping[str, np.ndarray]
+    metadata: Mapping
+
+    def cloud(self, name: str, image: int, camera: str) -> Float[np.ndarray, "n 3"]:
+        """One predicted cloud in the benchmark frame of the true camera, as the column's camera places it."""
+        points = self.tensors[name][image].astype(np.float64)
+        if camera == "Pi_g":
+            v1 = float(self.tensors["scale_true"][image]) * points + self.tensors["centre_true"][image]
+            return transforms.BENCHMARK_FROM_V1 * v1
+        own = f"scale_pred.{name.partition('.')[2]}"  # of clouds that have a scale of their own
+        scale = self.tensors[own if own in self.tensors else "scale_pred"][image]
+        points = transforms.BENCHMARK_FROM_V1 * float(scale) * points
+        return _move_between_cameras(
+            points, self.tensors[CAMERA_COLUMNS[camera]][image], self.tensors["camera_true"][image]
+        )
+
+
+def _move_between_cameras(
+    points: Float[np.ndarray, "n 3"], camera_from: Float[np.ndarray, "3"], camera_to: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "n 3"]:
+    """The points whose coordinates in `camera_to` are those that `points` have in `camera_from`; benchmark frame."""
+    rotation_from, centre_from = _extrinsics(camera_from)
+    rotation_to, centre_to = _extrinsics(camera_to)
+    return (points - centre_from) @ rotation_from.T @ rotation_to + centre_to
+
+
+def _extrinsics(camera: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+    rotation, centre = cameras.extrinsics(*torch.from_numpy(np.asarray(camera, dtype=np.float64)))
+    return rotation.numpy(), centre.numpy()
+
+
+def load_predictions(path: Path | str) -> Predictions:
+    """Read the clouds of one model and category, and check that all parts speak of the same images.
+
+    Raises:
+      FileNotFoundError, InputError: the file is absent, damaged, or its parts do not fit together.
+    """
+    tensors, metadata = storage.load_tensors(path)
+    needed = (
+        "camera_true",
+        "camera_pred",
+        "scale_true",
+        "centre_true",
+        "scale_pred",
+    )  # clouds are checked by `columns`
+    missing = [name for name in needed if name not in tensors] + ([] if "images" in metadata else ["images"])
+    if missing:
+        raise checks.InputError(f"{path}: has no {missing[0]!r}; run the point cloud stage again")
+    images = [(str(image["id"]), int(image["view"])) for image in metadata["images"]]
+    per_image = [name for name in tensors if not name.startswith("render.") and name != "train_features"]
+    for name in per_image:
+        if len(tensors[name]) != len(images):
+            raise checks.InputError(f"{path}: {name} has {len(tensors[name])} rows for {len(images)} images")
+        if not np.isfinite(tensors[name]).all():
+            bad = images[int(np.argwhere(~np.isfinite(tensors[name]))[0][0])]
+            raise checks.InputError(f"{path}: {name} of image {bad[0]} view {bad[1]:02d} is not finite")
+    return Predictions(Path(path), images, tensors, metadata)
+
+
+def load_truth(samples_dir: Path | str) -> dict[str, surface_cloud.Cloud]:
+    """Ground-truth clouds of a category by shape id, from the files that the shards' records name.
+
+    Raises:
+      FileNotFoundError, InputError: no shard, or a damaged file.
+    """
+    clouds: dict[str, surface_cloud.Cloud] = {}
+    for path in storage.shard_files(samples_dir, ".clouds.safetensors", "samples"):
+        tensors, metadata = storage.load_tensors(path)
+        clouds |= {shape: surface_cloud.Cloud.stored(tensors, row) for row, shape in enumerate(metadata["ids"])}
+    return clouds
+
+
+def columns(ddf: Predictions, pc_siren: Predictions) -> list[tuple[str, str, Predictions, str, str]]:
+    """(method, column, predictions, cloud name, camera) of the paper's columns that the files hold."""
+    cycles = _cycles(ddf)
+    most = f".h{cycles[-1]}"
+    found = [(DDF, f"Pi_g-{size}", ddf, size + most, "Pi_g") for size in "LS"]
+    if "camera_corrected" in ddf.tensors:
+        found.append((DDF, "Pi_corrected-S", ddf, "S" + most, "Pi_corrected"))
+    found += [(DDF, f"Pi_pred-{size}", ddf, size + most, "Pi_pred") for size in "LS"]
+    both = [(camera, size) for camera in ("Pi_g", "Pi_pred") for size in "LS"]
+    found += [(PC_SIREN, f"{camera}-{size}", pc_siren, size, camera) for camera, size in both]
+    if 1 in cycles and len(cycles) > 1:
+        found += [(DDF_ONE_CYCLE, f"{camera}-{size}", ddf, f"{size}.h1", camera) for camera, size in both]
+    if "L.mask" in ddf.tensors:
+        found += [(DDF_ON_MASK, f"{camera}-{size}", ddf, f"{size}.mask", camera) for camera, size in both]
+    return found
+
+
+def _cycles(ddf: Predictions) -> list[int]:
+    """The numbers of cycles N_H for which there are clouds, ascending."""
+    cycles = sorted(int(name.partition(".h")[2]) for name in ddf.tensors if name.startswith("L.h"))
+    if not cycles:
+        raise checks.InputError(f"{ddf.path}: has no cloud 'L.h<cycles>'; run the point cloud stage again")
+    return cycles
+
+
+def large_cloud(ddf: Predictions) -> str:
+    """Name of DDF's large cloud after all cycles."""
+    return f"L.h{_cycles(ddf)[-1]}"
+
+
+def cloud_sizes(pc_siren: Predictions) -> dict[str, int]:
+    """Points per size letter of the columns' names."""
+    return {size: pc_siren.tensors[size].shape[1] for size in "LS"}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One prediction to be compared with the truth of its shape, and the images for which the result stands."""
+
+    method: str
+    column: str
+    images: Sequence[tuple[str, int]]
+    prediction: Float[np.ndarray, "n 3"]
+    visible_truth: bool = False
+
+
+def views_by_shape(images: Sequence[tuple[str, int]]) -> dict[str, list[int]]:
+    """Rows of the images of every shape, in the order of first appearance."""
+    rows: dict[str, list[int]] = {}
+    for row, (shape, _) in enumerate(images):
+        rows.setdefault(shape, []).append(row)
+    return rows
+
+
+def model_cases(ddf: Predictions, pc_siren: Predictions, shape: str) -> list[Case]:
+    """The cases of both models for the images of one shape."""
+    return [
+        Case(method, column, [predictions.images[row]], predictions.cloud(name, row, camera))
+        for method, column, predictions, name, camera in columns(ddf, pc_siren)
+        for row in views_by_shape(predictions.images).get(shape, [])
+    ]
+
+
+def score_all(
+    cases: Iterable[tuple[surface_cloud.Cloud, Sequence[Case]]], tau_sq: float, jobs: int | None = None
+) -> pd.DataFrame:
+    """One row per case and image. Shapes are spread over processes as they come; each truth is indexed once.
+
+    Raises:
+      InputError: a cloud cannot be used; the message names method, column and image.
+    """
+    tasks = (joblib.delayed(_score_shape)(shape_cases, truth, tau_sq) for truth, shape_cases in cases)
+    rows = joblib.Parallel(n_jobs=jobs or joblib.cpu_count())(tasks)
+    return pd.DataFrame([row for shape_rows in rows for row in shape_rows])
+
+
+def _score_shape(cases: Sequence[Case], truth: surface_cloud.Cloud, tau_sq: float) -> list[dict]:
+    trees: dict[bool, neighbours.Neighbours] = {}
+    rows = []
+    for case in cases:
+        if case.visible_truth not in trees:
+            points = truth.benchmark_points(case.visible_truth)
+            trees[case.visible_truth] = neighbours.Neighbours(points, f"truth of {case.images[0][0]}")
+        name = f"{case.method} {case.column} of {case.images[0][0]} view {case.images[0][1]:02d}"
+        prediction = neighbours.Neighbours(case.prediction, name)
+        scores = vars(metrics.compare_clouds(prediction, trees[case.visible_truth], tau_sq))
+        scores = scores | {"spacing_variation": metrics.spacing_variation(prediction)}
+        rows += [{"method": case.method, "column": case.column, "id": i, "view": v, **scores} for i, v in case.images]
+    return rows
+
+
+def camera_errors(method: str, predictions: Predictions) -> pd.DataFrame:
+    """Absolute errors of predicted and corrected cameras and of the scale, one row per image and column, each with the
+    true azimuth in [0, 360).
+    """
+    truth = predictions.tensors["camera_true"].astype(np.float64)
+    scale_ratio = predictions.tensors["scale_pred"].astype(np.float64) / predictions.tensors["scale_true"]
+    tables = []
+    for column in ("Pi_pred", "Pi_corrected"):
+        if CAMERA_COLUMNS[column] not in predictions.tensors:
+            continue
+        guess = predictions.tensors[CAMERA_COLUMNS[column]].astype(np.float64)
+        table = pd.DataFrame(predictions.images, columns=["id", "view"])
+        table.insert(0, "column", column)
+        table.insert(0, "method", method)
+        table["azimuth_deg"] = np.degrees(truth[:, 0]) % 360.0
+        table["azimuth_error_deg"] = metrics.angle_difference_deg(guess[:, 0], truth[:, 0])
+        table["elevation_error_deg"] = np.degrees(np.abs(guess[:, 1] - truth[:, 1]))
+        table["radius_error"] = np.abs(guess[:, 2] - truth[:, 2])
+        table["scale_error_percent"] = 100.0 * np.abs(scale_ratio - 1.0)
+        tables.append(table)
+    return pd.concat(tables, ignore_index=True)
+
+
+def summary(per_image: pd.DataFrame, camera_table: pd.DataFrame, shapes: pd.DataFrame) -> pd.DataFrame:
+    """The long table: means of scores over images, medians of camera errors and the share of cameras in another basin,
+    and of the true clouds the share of hidden points and the variation of the spacing.
+
+    `spread` is the standard error over images (one seed was trained; it says nothing about other seeds).
+    """
+    rows: list[tuple] = []
+    for (category, method, column), group in per_image.groupby(["category", "method", "column"], sort=False):
+        for metric in metrics.METRICS.values():
+            values = metric.factor * group[metric.score].to_numpy(dtype=np.float64)
+            mean, error = values.mean(), _standard_error(values)
+            rows.append((category, method, column, metric.name, mean, len(values), 1, error))
+    for (category, method, column), group in camera_table.groupby(["category", "method", "column"], sort=False):
+        for name in ("azimuth_error_deg", "elevation_error_deg", "radius_error", "scale_error_percent"):
+            values = group[name].to_numpy(dtype=np.float64)
+            rows.append((category, method, column, f"{name}_median", np.median(values), len(values), 1, np.nan))
+        far = 100.0 * (group["azimuth_error_deg"].to_numpy(dtype=np.float64) > FAR_AZIMUTH_DEG)
+        rows.append((category, method, column, "azimuth_far_x100", far.mean(), len(far), 1, _standard_error(far)))
+    for category, group in shapes.groupby("category", sort=False):
+        for metric, (name, factor) in TRUTH_METRICS.items():
+            values = factor * group[name].to_numpy(dtype=np.float64)
+            rows.append((category, *TRUTH, metric, values.mean(), len(values), 1, np.nan))
+    table = pd.DataFrame(rows, columns=list(TABLE_FIELDS[:-1]))
+    table["source"] = MEASURED
+    return table
+
+
+def _standard_error(values: Float[np.ndarray, " n"]) -> float:
+    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")

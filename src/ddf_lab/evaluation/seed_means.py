@@ -1,0 +1,75 @@
+"""The long table of an experiment that was trained with several seeds: means and standard deviations over them.
+
+The seeds share data set, meshes, samples and test images; training and cloud drawing differ. Seed 0 is the run that an
+experiment with one seed has.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ddf.core import checks, config, storage
+from ddf_lab.evaluation import baselines, scoring
+
+TRAINED = (scoring.DDF, scoring.PC_SIREN, scoring.DDF_ONE_CYCLE, scoring.DDF_ON_MASK, baselines.RETRIEVAL)
+COUNT = "count"  # written by make beside the tables of the further seeds
+_KEYS = ["category", "method", "column", "metric"]
+
+
+def read_count(config_path: Path) -> int:
+    """How many seeds the last call of make asked for; 1 where nothing was asked.
+
+    Raises:
+      InputError: the file that says it does not hold a number >= 1.
+    """
+    path = config.artifact_dir(config_path, "evaluate_seeds") / COUNT
+    text = path.read_text(encoding="utf-8").strip() if path.exists() else "1"
+    if not text.isdecimal() or int(text) < 1:
+        raise checks.InputError(f"{path}: must hold the number of seeds, 1 or more; got {text!r}")
+    return int(text)
+
+
+def read_table(config_path: Path, seeds: int) -> pd.DataFrame:
+    """The measured long table of the first `seeds` seeds, see `over_seeds`.
+
+    Raises:
+      FileNotFoundError, InputError: a seed was not evaluated, or its table is damaged or does not fit the others.
+    """
+    folders = [config.artifact_dir(config_path, "evaluate", seed=seed) for seed in range(seeds)]
+    return over_seeds([storage.load_table(folder / "si3dr.csv")[0] for folder in folders])
+
+
+def over_seeds(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """The first table with, in the rows of trained methods, mean and spread over all tables.
+
+    There `value` is the mean over seeds of the means over images, `spread` the sample standard deviation over seeds and
+    `seeds` their number. Other rows, which no training changes, stay as seed 0 has them.
+
+    Args:
+      tables: the long table of each seed, in their order; one alone is returned as it is.
+    Raises:
+      InputError: a seed has other trained rows, or another number of images, than seed 0.
+    """
+    first = tables[0]
+    if len(tables) == 1:
+        return first
+    trained = first["method"].isin(TRAINED)
+    own = first[trained].set_index(_KEYS)
+    columns = []
+    for seed, table in enumerate(tables):
+        rows = table[table["method"].isin(TRAINED)].set_index(_KEYS)
+        odd = rows.index.symmetric_difference(own.index)
+        if len(odd):
+            raise checks.InputError(f"seed {seed} and seed 0 were not evaluated alike: {' '.join(map(str, odd[0]))}")
+        rows = rows.loc[own.index]
+        if (rows["images"] != own["images"]).any():
+            raise checks.InputError(f"seed {seed} was evaluated on another number of images than seed 0")
+        columns.append(rows["value"].to_numpy(dtype=np.float64))
+    values = np.stack(columns)
+    merged = first.copy()
+    merged.loc[trained, "value"] = values.mean(axis=0)
+    merged.loc[trained, "spread"] = values.std(axis=0, ddof=1)
+    merged.loc[trained, "seeds"] = len(tables)
+    return merged

@@ -1,0 +1,45 @@
+"""The page of the figures: one section each, found in `SECTIONS`."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ddf_lab.figures import (
+    consistency_table,
+    distance_figure,
+    figure_fields,
+    fit_figure,
+    renderer_figure,
+    room_figure,
+    sample_figure,
+    slice_figure,
+    sphere_figures,
+)
+from ddf_lab.report import pages
+
+SECTIONS: tuple[Callable[[figure_fields.FiguresConfig, Path], pages.Section], ...] = (
+    sample_figure.section,
+    slice_figure.section,
+    sphere_figures.section,
+    fit_figure.section,
+    room_figure.section,
+    distance_figure.section,
+    consistency_table.section,
+    renderer_figure.section,
+)
+_LEAD = (
+    "Made by `make figures`. Shapes are our own; numbers are against exact values: closed forms, or rays cast and"
+    " distances measured on the mesh that was fitted.",
+    "Fields: {steps:,} steps for two spheres and the room, {whole_steps:,} for the one field of the furnished room; the"
+    " others come with the package (`ddf models`).",
+)
+
+
+def write(config: figure_fields.FiguresConfig, fields: Path, out: Path) -> None:
+    """Make every section and write the page.
+
+    Args:
+      fields: folder of the fits, which are kept.
+    """
+    lead = tuple(line.format(steps=config.steps, whole_steps=config.whole_steps) for line in _LEAD)
+    page = pages.Page("The figures of the paper", [lead], [section(config, fields) for section in SECTIONS])
+    pages.write(page, out)

@@ -1,0 +1,90 @@
+"""Fits of several shapes: depth, normals and mean curvature from several cameras. [DDF22] fig. `singobjfits`.
+
+One query a pixel; derivatives are those of the same oriented points. Truth: rays cast against the mesh.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ddf.data.synthetic import showcase
+from ddf.fields import framed_field
+from ddf.fit.shape_field import ShapeField
+from ddf.geometry import raycast, rays
+from ddf.io import viewer_layout, viewer_page
+from ddf.pictures import field_pictures, picture_strips
+from ddf_lab.figures import figure_fields
+from ddf_lab.report import pages
+
+NAMES = ("rabbit", "armchair", "airliner", "nested")
+CAMERAS = ((35.0, 25.0, 0.9), (160.0, 15.0, 0.9))
+_ASKED = ("visibility", "depth", "normals", "mean_curvature")
+_COLUMNS = ("depth", "exact depth", "normals", "exact normals", "mean curv.")
+
+
+def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
+    """A line of pictures per camera, errors per shape, and all shapes live."""
+    strips, lines = [], []
+    fields = [(name, figure_fields.fitted(name, config, folder)) for name in NAMES]
+    for name, field in fields:
+        scene, errors = raycast.Scene(showcase.SHAPES[name]()), []
+        for camera in CAMERAS:
+            images, evaluated = framed_field.render(field, camera, config.picture_size, _ASKED)
+            starts, directions = framed_field.camera_rays(field, camera, config.picture_size)
+            back = field.field_from_mesh.inverse()
+            hits = raycast.cast(scene, rays.OrientedPoints(back.apply(starts), back.apply_directions(directions)))
+            cells, found = _pictures(images, hits)
+            errors.append([*found, evaluated / config.picture_size**2])
+            strips.append(picture_strips.StripRow(f"{name}, azimuth {camera[0]:g}°", ("one query a pixel",), cells))
+        depth, angle, wrong, asked = np.mean(errors, axis=0)
+        scale = field.field_from_mesh.scale
+        lines.append([name, f"{scale * depth:.4f}", f"{angle:.1f}", f"{100 * wrong:.1f}", f"{asked:.2f}"])
+    return pages.Section(
+        "Fits of several shapes",
+        [
+            pages.Figure(
+                "fits.webp",
+                "Curvature: blue is convex, red is concave.",
+                "Depth, normals and mean curvature of four shapes from two cameras",
+                picture_strips.strip(_COLUMNS, strips, per_line=len(_COLUMNS)),
+            ),
+            pages.Table(
+                "Means over the cameras: median |depth - exact| (longest side about 2) and angle where both see the"
+                " shape, share of pixels where only one does, queries a pixel.",
+                [("", 5, False)],
+                ["shape", "depth", "normals, °", "wrong visibility, %", "queries a pixel"],
+                lines,
+            ),
+            live(fields),
+            "Answers [DDF22] fig. `singobjfits`.",
+        ],
+    )
+
+
+def live(fields: Sequence[tuple[str, ShapeField]]) -> pages.Live:
+    """The page of all shapes in a row."""
+    content = viewer_page.render(viewer_layout.row_page("Fits of several shapes", fields))
+    return pages.Live("live_fits.html", "The fields, live", content)
+
+
+def _pictures(
+    images: dict[str, np.ndarray], hits: rays.RayHits[np.ndarray]
+) -> tuple[list[picture_strips.Picture], list[float]]:
+    """Cells of one camera; median depth error and angle, and the share of pixels with the wrong visibility."""
+    shape = images["visibility"].shape
+    true, normals, visible = (getattr(hits, name) for name in ("depth", "normals", "visible"))
+    depths = field_pictures.depth_pictures(images["depth"], true.reshape(shape))
+    seen = visible.reshape(shape).astype(float)
+    cells = [
+        *depths,
+        field_pictures.normals_picture(images["normals"], images["visibility"]),
+        field_pictures.normals_picture(normals.reshape(*shape, 3), seen),
+        field_pictures.signed_picture(images["mean_curvature"], images["visibility"]),
+    ]
+    found = np.isfinite(images["depth"]).ravel()
+    both = found & visible
+    cosine = (images["normals"].reshape(-1, 3)[both] * normals[both]).sum(axis=1)
+    angle = np.median(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    off = np.median(np.abs(images["depth"].ravel()[both] - true[both]))
+    return cells, [float(off), float(angle), float((found != visible).mean())]

@@ -1,0 +1,110 @@
+"""Two spheres: how the weight w_1 lets a smooth network jump, in renders and slices; n_1 and n_2 see through.
+
+[DDF22] figs. `prob_illus`, `seethrough`, `discontillus` and the slices of fig. 1, against the closed form.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from ddf.fields import framed_field
+from ddf.fit.shape_field import ShapeField
+from ddf.geometry import primitives, rays
+from ddf.pictures import field_pictures, picture_strips
+from ddf_lab.figures import figure_fields
+from ddf_lab.report import pages
+
+CAMERAS = ((90.0, 15.0, 0.9), (35.0, 15.0, 0.9), (8.0, 15.0, 0.9))  # azimuth, elevation in degrees, radius
+SLICES = (((0.0, 0.0, -1.0), "(0, 0, -1)"), ((1.0, 0.0, 0.0), "(1, 0, 0)"), ((1.0, 1.0, 1.0), "(1, 1, 1)"))
+_ASKED = ("visibility", "depth", "weight_1", "normals", "normals_1", "normals_2")
+_COLUMNS = ("depth", "exact depth", "w_1", "normals", "n_1", "n_2")
+_EDGE = 0.03  # on either side of where the truth jumps, field units
+
+
+def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
+    """Renders and slices in one strip, and errors beside and away from the jumps."""
+    field, size = figure_fields.fitted("two_spheres", config, folder), config.picture_size
+    rows = []
+    for camera in CAMERAS:
+        starts, directions = framed_field.camera_rays(field, camera, size)
+        back = field.field_from_mesh.inverse()
+        points = rays.OrientedPoints(back.apply(starts), back.apply_directions(directions))
+        rows.append(_row(f"render, azimuth {camera[0]:g}°", field, points, size))
+    for direction, name in SLICES:
+        rows.append(_row(f"slice z = 0, v ∥ {name}", field, _slice(field, direction, size), size))
+    strip = picture_strips.strip(_COLUMNS, rows, per_line=len(_COLUMNS))
+    return pages.Section(
+        "Two spheres, and jumps",
+        [
+            pages.Figure(
+                "spheres.webp",
+                "w_1 red: d_1 is the depth; blue: d_2. Where it turns, depth may jump: at occlusion edges, and in"
+                " slices where p passes through the surface. n_2 shows what lies behind where d_2 is the lighter one.",
+                "Depth, exact depth, weight and normals of both components, in renders and slices",
+                strip,
+            ),
+            _table(field),
+            "Answers [DDF22] figs. `prob_illus`, `seethrough`, `discontillus`, and fig. 1's slices.",
+        ],
+    )
+
+
+def _slice(field: ShapeField, direction: tuple[float, float, float], size: int) -> rays.OrientedPoints[np.ndarray]:
+    """Positions of the plane z = 0 of the box, all along one direction."""
+    corners = field.field_from_mesh.inverse().apply(np.stack([field.lower, field.upper]))
+    half = float(np.ptp(corners, axis=0).max()) / 2
+    steps = half * (2 * (np.arange(size) + 0.5) / size - 1)
+    y, x = np.meshgrid(-steps, steps, indexing="ij")
+    positions = corners.mean(axis=0) + np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    unit = np.array(direction) / np.linalg.norm(direction)
+    return rays.OrientedPoints(positions, np.broadcast_to(unit, positions.shape).copy())
+
+
+def _exact(points: rays.OrientedPoints[np.ndarray]) -> rays.RayHits:
+    tensors = rays.OrientedPoints(torch.from_numpy(points.positions), torch.from_numpy(points.directions))
+    return primitives.cast(primitives.two_spheres(), tensors)
+
+
+def _row(
+    heading: str, field: ShapeField, points: rays.OrientedPoints[np.ndarray], size: int
+) -> picture_strips.StripRow:
+    found, _ = framed_field.query(field, points, _ASKED)
+    images = {name: values.reshape(size, size, *values.shape[1:]) for name, values in found.items()}
+    depth, true = field_pictures.depth_pictures(images["depth"], _exact(points).depth.numpy().reshape(size, size))
+    others = [field_pictures.picture(name, images) for name in ("weight_1", "normals", "normals_1", "normals_2")]
+    hits = _exact(points)
+    both = np.isfinite(found["depth"]) & hits.visible.numpy()
+    error = np.median(np.abs(found["depth"][both] - hits.depth.numpy()[both]))
+    return picture_strips.StripRow(heading, (f"median depth error {error:.4f}",), [depth, true, *others])
+
+
+def _table(field: ShapeField, count: int = 40_000) -> pages.Table:
+    """Errors near and far from occlusion edges, of random rays: an edge is where a ray turned a little jumps."""
+    random = np.random.default_rng(0)
+    corners = field.field_from_mesh.inverse().apply(np.stack([field.lower, field.upper]))
+    positions = random.uniform(corners[0], corners[1], (count, 3))
+    directions = random.standard_normal((count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    points = rays.OrientedPoints(positions, directions)
+    found, _ = framed_field.query(field, points, ("visibility", "depth", "weight_1"))
+    depth = _exact(points).depth.numpy()
+    jump = np.zeros(count, dtype=bool)
+    for axis in np.eye(3):
+        moved = _exact(rays.OrientedPoints(positions + _EDGE * axis, directions)).depth.numpy()
+        with np.errstate(invalid="ignore"):  # where both are inf
+            jump |= np.isfinite(depth) & (~np.isfinite(moved) | (np.abs(moved - depth) > 5 * _EDGE))
+    both, rows = np.isfinite(depth) & np.isfinite(found["depth"]), []
+    off = np.zeros(count)
+    off[both] = np.abs(found["depth"][both] - depth[both])
+    for name, chosen in (("beside a jump", both & jump), ("elsewhere", both & ~jump)):
+        mixed = np.abs(found["weight_1"][chosen] - 0.5) < 0.4
+        values = (off[chosen].mean(), np.median(off[chosen]), 100 * mixed.mean())
+        rows.append([name, f"{chosen.sum():,}", f"{values[0]:.4f}", f"{values[1]:.4f}", f"{values[2]:.1f}"])
+    return pages.Table(
+        f"Random rays that field and truth see. A jump: moving p by {_EDGE} loses the surface or changes depth by more"
+        " than five times that. Undecided: w_1 between 0.1 and 0.9.",
+        [("", 5, False)],
+        ["rays", "number", "mean depth error", "median", "undecided, %"],
+        rows,
+    )

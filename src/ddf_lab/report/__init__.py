@@ -1,0 +1,1 @@
+"""Pages of experiments: charts, tables, pictures."""

@@ -1,0 +1,92 @@
+"""The page of an experiment: Markdown with its figures, the table as CSV, and one self-contained HTML file.
+
+What is listed comes from the experiment's own index and config, never from what happens to lie in a folder. Nothing
+in the files depends on the day; times are those that the stages measured.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ddf.core import checks, storage
+from ddf_lab.report import pages
+from ddf_lab.report.experiment import example_strips, live_shapes, seed_notes, stage_results
+from ddf_lab.report.experiment.sections import (
+    azimuth,
+    bounds,
+    cameras,
+    costs,
+    data,
+    evenness,
+    limits,
+    one_cycle,
+    pictures,
+    results,
+    shape_and_camera,
+    shapes_and_images,
+    training,
+)
+
+SECTIONS = (  # in the order of the page; each gives a `pages.Section` from the results
+    results.section,
+    pictures.section,
+    bounds.section,
+    one_cycle.section,
+    shape_and_camera.section,
+    cameras.section,
+    shapes_and_images.section,
+    azimuth.section,
+    evenness.section,
+    training.section,
+    data.section,
+    costs.section,
+    limits.section,
+)
+_FIRST = "examples.webp"
+_FIRST_CAPTION = "Of each category the test image whose D<sub>C</sub> of DDF is the median: input, both clouds, truth."
+_FIRST_ALT = "a test image of each category with the clouds that DDF and PC-SIREN make of it, and the true cloud"
+_SYNTHETIC = "synthetic shapes in ShapeNet's layout"
+_SHAPENET = "ShapeNet-v1 with 3D-R2N2 renders"
+_LEAD = (
+    "Experiment `{name}`: 3D reconstruction from single images of {data}.",
+    "DDF: directed distance fields. PC-SIREN: a baseline with the same encoders that maps points of a cube to surface "
+    "points.",
+    "Made by `make reproduce-table CONFIG=configs/{name}.yaml{seeds}`. All numbers are in [si3dr.csv](si3dr.csv).",
+)
+
+
+@dataclass(frozen=True)
+class ReportConfig:
+    """Section `report`.
+
+    Args:
+      examples: pictures of every strip by the error of DDF, and as many by the difference between the models.
+    """
+
+    examples: int
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.examples <= 20:
+            raise checks.InputError(f"report.examples must be in 2..20; got {self.examples}")
+
+
+def write(config_path: Path, out_dir: Path, settings: ReportConfig) -> None:
+    """Read everything and write README.md, index.html, si3dr.csv and the figures."""
+    found = example_strips.drawn(config_path, stage_results.read_results(config_path), settings.examples)
+    found = live_shapes.drawn(config_path, found)
+    storage.write_text(out_dir / "si3dr.csv", found.table.to_csv(index=False, lineterminator="\n"))
+    pages.write(build(found), out_dir)
+
+
+def build(found: stage_results.Results) -> pages.Page:
+    """The page from results already read."""
+    values = {
+        "name": found.name,
+        "data": _SYNTHETIC if found.synthetic else _SHAPENET,
+        "seeds": f" SEEDS={found.seeds}" if found.seeds > 1 else "",
+    }
+    lead: list[pages.Block] = [results.verdict(found)]
+    if found.examples:
+        caption = seed_notes.of_first(found, _FIRST_CAPTION)
+        lead.append(pages.Figure(_FIRST, caption, _FIRST_ALT, found.examples))
+    lead.append(tuple(pages.paragraph(text, **values) for text in _LEAD))
+    return pages.Page(f"Results of the experiment {found.name}", lead, [section(found) for section in SECTIONS])

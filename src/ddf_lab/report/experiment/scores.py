@@ -1,0 +1,138 @@
+"""Numbers of the long table si3dr.csv as the page prints them: look-up, names, pairs of methods side by side."""
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from ddf.metrics.metrics import METRICS, PRINTED
+from ddf_lab.evaluation import baselines, scoring
+from ddf_lab.report.experiment.stage_results import Head, Results
+from ddf_lab.report.pages import Cell, Table
+
+METHOD_LABELS = {
+    scoring.DDF: "DDF",
+    scoring.PC_SIREN: "PC-SIREN",
+    scoring.DDF_ONE_CYCLE: "DDF, N<sub>H</sub> = 1",
+    scoring.DDF_ON_MASK: "DDF, shape moved to the mask",
+    "p2m": "P2M",
+    "3dr": "3DR",
+    baselines.CEILING: "ceiling: truth against itself",
+    baselines.CEILING_VISIBLE: "ceiling, visible points of the truth only",
+    baselines.VISIBLE_AGAINST_ALL: "ceiling, visible points against all",
+    baselines.ORACLE: "oracle retrieval (best training shape)",
+    baselines.RETRIEVAL: "retrieval (nearest training image)",
+    baselines.MEAN_SHAPE: "mean shape",
+}
+CAMERA_LABELS = {"Pi_g": "Π<sub>g</sub>", "Pi_corrected": "Π̂<sub>∇</sub>", "Pi_pred": "Π̂"}
+NOTHING = "–"
+
+
+def column_label(column: str) -> str:
+    """As the paper prints it: Π<sub>g</sub>-L and so on."""
+    camera, dash, size = column.partition("-")
+    return CAMERA_LABELS.get(camera, camera) + dash + size
+
+
+def number(value: float | None, digits: int) -> str:
+    """A number as printed; a dash for none, and for a mean over nothing."""
+    return NOTHING if value is None or pd.isna(value) else f"{value:.{digits}f}"
+
+
+def difference(value: float | None, other: float | None, digits: int) -> str:
+    """By how much a value is above another, with its sign; a dash where one is missing."""
+    if value is None or other is None or pd.isna(value - other):
+        return NOTHING
+    return f"{value - other:+.{digits}f}"
+
+
+class Scores:
+    """Look-up of the long table by category, method, column and metric, per source."""
+
+    def __init__(self, table: pd.DataFrame, source: str = scoring.MEASURED) -> None:
+        chosen = table[(table["source"] == source) & table["value"].notna()]
+        keys = ["category", "method", "column", "metric"]
+        self.rows = {tuple(row[key] for key in keys): row for row in chosen.to_dict("records")}
+
+    def value(self, category: str, head: Head, metric: str) -> float | None:
+        """The number, or None where the source has none."""
+        row = self.rows.get((category, *head, metric))
+        return None if row is None else float(row["value"])
+
+    def images(self, category: str, heads: Sequence[Head], metric: str) -> list[int]:
+        """Image counts of the cells that exist."""
+        found = [self.rows.get((category, *head, metric)) for head in heads]
+        return [int(row["images"]) for row in found if row is not None]
+
+    def text(self, category: str, head: Head, metric: str, digits: int) -> str:
+        """The number as printed, `mean ± standard deviation` for a mean over seeds; a dash where there is none."""
+        row = self.rows.get((category, *head, metric))
+        if row is None:
+            return NOTHING
+        value = f"{float(row['value']):.{digits}f}"
+        return f"{value} ± {float(row['spread']):.{digits}f}" if row["seeds"] > 1 else value
+
+    def cell(self, category: str, head: Head, metric: str, best: bool = False, count: bool = False) -> Cell:
+        """A printed number with what its spread is and its image count as a note; `count` prints the count too."""
+        row = self.rows.get((category, *head, metric))
+        if row is None:
+            return Cell(NOTHING)
+        text = self.text(category, head, metric, METRICS[metric].digits)
+        if pd.isna(row["images"]):
+            return Cell(text, best)
+        over = f"standard deviation over {row['seeds']:.0f} seeds" if row["seeds"] > 1 else "standard error over images"
+        error = "" if pd.isna(row["spread"]) else f"{over} {float(row['spread']):.3g}, "
+        return Cell(f"{text} ({int(row['images'])})" if count else text, best, f"{error}{int(row['images'])} images")
+
+
+def images_note(scores: Scores, categories: Sequence[str], heads: Sequence[Head], metric: str) -> str:
+    """How many images the numbers of a table are of, one sentence; empty where the table says it cell by cell."""
+    counts = {category: sorted(set(scores.images(category, heads, metric))) for category in categories}
+    counts = {category: found for category, found in counts.items() if found}
+    if not counts or any(len(found) > 1 for found in counts.values()):
+        return ""
+    single = {found[0] for found in counts.values()}
+    if len(single) == 1:
+        return f"{single.pop()} images of each category."
+    return f"Images: {', '.join(f'{category} {found[0]}' for category, found in counts.items())}."
+
+
+def pairs(
+    results: Results,
+    categories: Sequence[str],
+    columns: Sequence[str],
+    methods: Sequence[tuple[str, str]],
+    caption: str,
+    source: str = scoring.MEASURED,
+) -> Table | None:
+    """Two methods side by side for every metric; a row per category and column of the paper's table.
+
+    Bold: the better of both, where their paired difference exceeds two of its standard errors; never among quoted
+    numbers. The number of images stands in the caption, or in every cell of a category whose cells differ in it.
+
+    Args:
+      methods: (name to print, method), two of them.
+    Returns:
+      None where the source has no number of these methods.
+    """
+    scores = Scores(results.table, source)
+    measured = source == scoring.MEASURED
+    heads = [(method, column) for column in columns for _, method in methods]
+    rows: list[list[Cell | str]] = []
+    for category in categories:
+        if not any((category, *head, metric) in scores.rows for head in heads for metric in PRINTED):
+            continue
+        counted = len(set(scores.images(category, heads, next(iter(PRINTED))))) > 1 if measured else False
+        for column in columns:
+            cells: list[Cell | str] = [category if column == columns[0] else "", column_label(column)]
+            first, second = ((method, column) for _, method in methods)
+            for metric in PRINTED:
+                won = results.better(category, first, second, metric) if measured else 0
+                cells.append(scores.cell(category, first, metric, won > 0, counted))
+                cells.append(scores.cell(category, second, metric, won < 0, counted))
+            rows.append(cells)
+    if not rows:
+        return None
+    note = images_note(scores, categories, heads, next(iter(PRINTED))) if measured else ""
+    groups = [("", 2, False), *((str(metric.label), len(methods), not measured) for metric in PRINTED.values())]
+    header = ["", "camera, points", *[name for name, _ in methods] * len(PRINTED)]
+    return Table(f"{caption} {note}".strip(), groups, header, rows, labels=2, rule_every=len(columns))

@@ -1,0 +1,66 @@
+"""Cameras: errors of the predicted and of the corrected ones."""
+
+import numpy as np
+
+from ddf_lab.evaluation import scoring
+from ddf_lab.report import figures
+from ddf_lab.report.experiment import scores, seed_notes
+from ddf_lab.report.experiment.stage_results import Results
+from ddf_lab.report.pages import Figure, Section, Table
+
+PREDICTED = (
+    ("DDF", scoring.DDF, "Pi_pred"),
+    ("DDF, corrected", scoring.DDF, "Pi_corrected"),
+    ("PC-SIREN", scoring.PC_SIREN, "Pi_pred"),
+)
+_METRICS = {
+    "azimuth_error_deg_median": ("azimuth, degrees", 1),
+    "azimuth_far_x100": (f"azimuth > {scoring.FAR_AZIMUTH_DEG:.0f}°, % of images", 0),
+    "elevation_error_deg_median": ("elevation, degrees", 2),
+    "radius_error_median": ("radius, benchmark units", 3),
+    "scale_error_percent_median": ("scale, %", 1),
+}
+_CURVES = "Share of test images whose azimuth error is at most so large. Dashed: after the correction by the mask."
+_ALT = "rising curves of the share of images over the azimuth error of DDF, corrected DDF and PC-SIREN, by category"
+_CAPTION = "Median absolute errors over test images, before (Π̂) and after (Π̂<sub>∇</sub>) the correction by the mask."
+_READING = (
+    "The scale is estimated from the diagonal of the predicted cloud.",
+    "With an azimuth so far off, the descent on the mask ends in another basin.",
+)
+
+
+def section(results: Results) -> Section:
+    """Curves of the azimuth's errors, then the medians of all errors."""
+    curves = {category: azimuth_errors(results, category) for category in results.categories}
+    drawn = figures.cumulative_shares(
+        {c: lines for c, lines in curves.items() if lines}, "azimuth error, degrees", 180.0
+    )
+    picture = Figure("cameras.svg", seed_notes.of_first(results, _CURVES), _ALT, drawn.encode())
+    return Section("Cameras", [picture, table(results), _READING])
+
+
+def azimuth_errors(results: Results, category: str) -> list[tuple[str, str, bool, np.ndarray]]:
+    """(name, method, whether corrected, azimuth errors in degrees) of every predicted camera."""
+    found = []
+    for name, method, column in PREDICTED:
+        rows = results.camera_rows(category, method, column)
+        if len(rows):
+            errors = rows["azimuth_error_deg"].to_numpy(dtype=np.float64)
+            found.append((name, method, column == "Pi_corrected", errors))
+    return found
+
+
+def table(results: Results) -> Table:
+    """Median errors of predicted and corrected cameras and of the estimated scale; how many cameras are far off."""
+    found = scores.Scores(results.table)
+    heads = [(method, column) for _, method, column in PREDICTED]
+    rows = []
+    for category in results.categories:
+        for head in heads:
+            texts = [found.text(category, head, metric, digits) for metric, (_, digits) in _METRICS.items()]
+            label = f"{scores.METHOD_LABELS[head[0]]}, {scores.CAMERA_LABELS[head[1]]}"
+            rows.append([category if head == heads[0] else "", label, *texts])
+    header = ["", "", *(label for label, _ in _METRICS.values())]
+    note = scores.images_note(found, results.categories, heads, next(iter(_METRICS)))
+    caption = seed_notes.over_seeds(results, f"{_CAPTION} {note}".strip())
+    return Table(caption, [("", len(header), False)], header, rows, labels=2, rule_every=len(heads))

@@ -1,0 +1,47 @@
+"""What does not reproduce: the limits of the experiment, and the settings that are not the paper's."""
+
+from ddf_lab.report.experiment.paper_settings import SETTINGS
+from ddf_lab.report.experiment.stage_results import Results
+from ddf_lab.report.pages import Block, Section, Table
+
+NONE_SAYS = {"ddf.mask_pixels": "all", "pointclouds.test_views": "those of the split"}  # what null in the file is
+_SYNTHETIC = (
+    "The shapes are procedural, made by this project in ShapeNet's layout with the same cameras.",
+    "Scores on them compare the methods on these shapes; they do not reproduce the paper's ShapeNet numbers.",
+)
+_SIZES = ("Sizes differ from the paper's (table below), and so does every number that depends on them.",)
+_ONE_SEED = (
+    "One seed was trained.",
+    "The standard errors in [si3dr.csv](si3dr.csv) are over images and say nothing about other seeds.",
+)
+_SEEDS = (
+    "{seeds} seeds were trained, all on the same data set and samples.",
+    "In [si3dr.csv](si3dr.csv) `seeds` says of how many a number is the mean.",
+    "Where that is more than one, `spread` is the sample standard deviation over seeds, else the standard error over "
+    "images.",
+)
+_QUOTED = ("P2M and 3D-R2N2 were not run here; their numbers are quoted.",)
+_CAPTION = (
+    "Settings that differ from the paper's, with its place of each, or that it does not give. `configs/paper.yaml` has "
+    "the paper's."
+)
+
+
+def section(results: Results) -> Section:
+    """Bullets, and the table of settings where any differs."""
+    changed = changed_settings(results)
+    limits = [*(_SYNTHETIC if results.synthetic else ()), *(_SIZES if changed else ())]
+    limits += [*(_SEEDS if results.seeds > 1 else _ONE_SEED), *_QUOTED]
+    blocks: list[Block] = [tuple(text.format(seeds=results.seeds) for text in limits)]
+    if changed:
+        blocks.append(Table(_CAPTION, [("", 3, False)], ["", "here", "paper"], changed))
+    return Section("What does not reproduce", blocks)
+
+
+def changed_settings(results: Results) -> list[tuple[str, str, str]]:
+    """Name, value here and what the paper prints of every setting that is not the paper's, or that it does not give."""
+    return [
+        (setting.name, here, setting.printed)
+        for setting in SETTINGS
+        if (here := results.setting(setting.key, NONE_SAYS.get(setting.key, "none"))) != setting.paper
+    ]

@@ -1,0 +1,232 @@
+"""Charts, as SVG text; the only module that imports matplotlib.
+
+Text is drawn as outlines, so a chart looks the same everywhere, and nothing in the file depends on the day it was made.
+Panels stand two in a line, so that a chart can be read on a phone, 400 pixels wide.
+One colour per method in every chart: blue for DDF, orange for PC-SIREN, greys for baselines.
+"""
+
+import io
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+from matplotlib import figure, ticker
+
+Samples = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]
+AngleCurve = tuple[str, str, bool, Samples]  # name, method for the colour, dashed, (angles in degrees, values)
+RANGE = 2000  # of a logarithmic axis over the angle, largest to smallest
+SECTORS = 6  # of the full turn, over each of which a median is taken
+METHOD_COLOURS = {"ddf": "#1F5FA8", "ddf_nh1": "#7FA7D6", "pc_siren": "#D5702A"}
+BASELINE_COLOUR, CEILING_COLOUR = "#A9AFBA", "#5E6673"
+_MAX_POINTS = 400  # of a curve: more cannot be told apart, and the file stays small
+_PANELS_IN_LINE = 2
+_WIDTH = 5.6  # of every chart, inches
+_POINTS_PER_INCH = 94  # of a shown chart: 72 is its true size, a little small on a screen
+_STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#9AA1AD",
+    "axes.labelcolor": "#3A404A",
+    "axes.axisbelow": True,
+    "xtick.color": "#5A616D",
+    "ytick.color": "#5A616D",
+    "axes.grid": True,
+    "grid.color": "#E6E9EE",
+    "grid.linewidth": 0.7,
+    "legend.frameon": False,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "ddf",
+}
+
+
+def score_bars(scores: Mapping[str, Sequence[tuple[str, str, float]]], label: str) -> str:
+    """One panel per category, one bar per method, the value at its end.
+
+    Args:
+      scores: category to (method, name to print, value), from top to bottom.
+      label: of the value axis.
+    """
+    with matplotlib.rc_context(_STYLE):
+        longest = max(len(rows) for rows in scores.values())
+        chart, panels = _panels(len(scores), 0.25 * longest + 0.75)
+        for panel, (category, rows) in zip(panels, scores.items(), strict=True):
+            names, values = [name for _, name, _ in rows], [value for _, _, value in rows]
+            places = np.arange(len(rows))[::-1]
+            panel.barh(places, values, height=0.66, color=[_bar_colour(method) for method, _, _ in rows])
+            for place, value in zip(places, values, strict=True):
+                panel.annotate(
+                    f"{value:.1f}", (value, place), (3, 0), textcoords="offset points", va="center", fontsize=8.5
+                )
+            panel.set_title(category)
+            panel.set_yticks(places, names)
+            panel.tick_params(axis="y", length=0)
+            panel.grid(axis="y", visible=False)
+            panel.set_xlim(0, 120)
+            panel.set_xlabel(label)
+        return _svg(chart)
+
+
+def _bar_colour(method: str) -> str:
+    return METHOD_COLOURS.get(method, CEILING_COLOUR if method.startswith("ceiling") else BASELINE_COLOUR)
+
+
+def loss_curves(logs: Mapping[str, Mapping[str, pd.DataFrame]]) -> str:
+    """Training losses: a column per model, a line per category; the total in the model's colour, its terms thin.
+
+    Args:
+      logs: model's name to category to log (columns `step`, `loss`, then terms, `seconds`).
+    """
+    with matplotlib.rc_context(_STYLE):
+        categories = list(next(iter(logs.values())))
+        chart = figure.Figure(figsize=(_WIDTH, 1.9 * len(categories) + 1.4), layout="constrained")
+        grid = chart.subplots(len(categories), len(logs), sharey="col", squeeze=False)
+        for panels, (model, tables) in zip(grid.T, logs.items(), strict=True):
+            colour = METHOD_COLOURS["ddf" if model == "DDF" else "pc_siren"]
+            for panel, (category, log) in zip(panels, tables.items(), strict=True):
+                _draw_losses(panel, log, colour)
+                panel.set_title(f"{model}, {category}")
+            panels[-1].set_xlabel("step")
+            panels[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.32), fontsize=8.5, handlelength=1.2, ncols=2)
+        for line in grid:
+            line[0].set_ylabel("loss")
+        return _svg(chart)
+
+
+def _draw_losses(panel: Any, log: pd.DataFrame, colour: str) -> None:
+    thin = log.iloc[:: max(1, -(-len(log) // _MAX_POINTS))]
+    terms = [name for name in log.columns if name not in ("step", "loss", "seconds")]
+    shades = matplotlib.colormaps["tab20c"](np.linspace(0, 1, 20))[:, :3]
+    for i, name in enumerate(terms):
+        values = thin[name].to_numpy(dtype=np.float64)
+        if (values < 0).any():  # the normals' term is -|cosine|, in [-1, 0]; one more is an error again
+            values, name = values + 1.0, f"{name} + 1"
+        shade = shades[(4 * i + i // 5) % 20]
+        panel.plot(thin["step"], np.where(values > 0, values, np.nan), lw=0.7, color=shade, label=name)
+    window = max(1, len(log) // 40)
+    smooth = log["loss"].rolling(window, min_periods=1, center=True).mean().iloc[thin.index]
+    panel.plot(thin["step"], thin["loss"], lw=0.5, alpha=0.35, color=colour)
+    panel.plot(thin["step"], smooth, lw=1.6, color=colour, label="total")
+    if (thin["loss"] > 0).all():
+        panel.set_yscale("log")
+        panel.yaxis.set_minor_formatter(ticker.NullFormatter())
+    panel.xaxis.set_major_locator(ticker.MaxNLocator(4))
+
+
+def paired_scatter(
+    values: Mapping[str, tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]], x_label: str, y_label: str
+) -> str:
+    """One panel per category: every image as a point, on equal logarithmic axes with the diagonal."""
+    with matplotlib.rc_context(_STYLE):
+        chart, panels = _panels(len(values), 2.75)
+        whole = np.concatenate([np.concatenate(pair) for pair in values.values()])
+        positive = whole[whole > 0]
+        low, high = (positive.min() / 1.3, positive.max() * 1.3) if len(positive) else (0.1, 1.0)
+        marks = (1.0, 2.0, 5.0) if high < 30 * low else (1.0,)  # of a decade: more would run into each other
+        for panel, (category, (x, y)) in zip(panels, values.items(), strict=True):
+            panel.plot([low, high], [low, high], lw=0.8, color="#9AA1AD")
+            panel.scatter(x, y, s=11, color=METHOD_COLOURS["ddf"], alpha=0.55, linewidths=0)
+            panel.set(xscale="log", yscale="log", xlim=(low, high), ylim=(low, high), aspect="equal")
+            panel.set_title(category)
+            for axis in (panel.xaxis, panel.yaxis):
+                axis.set_major_locator(ticker.LogLocator(subs=marks, numticks=12))
+                axis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+                axis.set_minor_formatter(ticker.NullFormatter())
+            below = f"below: {100 * np.mean(y < x):.0f} %" if len(x) else "no image"
+            panel.text(0.97, 0.05, below, transform=panel.transAxes, ha="right", color="#3A404A")
+        chart.supxlabel(x_label, fontsize=9.5)
+        chart.supylabel(y_label, fontsize=9.5)
+        return _svg(chart)
+
+
+def cumulative_shares(
+    curves: Mapping[str, Sequence[tuple[str, str, bool, Float[np.ndarray, " n"]]]], label: str, upper: float
+) -> str:
+    """One panel per category: share of images whose error is at most x.
+
+    Args:
+      curves: category to (name, method for the colour, dashed, errors).
+    """
+    with matplotlib.rc_context(_STYLE):
+        chart, panels = _panels(len(curves), 2.2)
+        for panel, (category, lines) in zip(panels, curves.items(), strict=True):
+            for name, method, dashed, errors in lines:
+                x = np.concatenate([[0.0], np.sort(errors), [upper]])
+                y = 100.0 * np.concatenate([[0.0], np.arange(1, len(errors) + 1), [len(errors)]]) / len(errors)
+                style = (0, (3, 1.5)) if dashed else "solid"
+                panel.step(x, y, where="post", lw=1.4, ls=style, color=METHOD_COLOURS[method], label=name)
+            panel.set(xlim=(0, upper), ylim=(0, 101))
+            panel.set_title(category)
+            panel.xaxis.set_major_locator(ticker.MultipleLocator(upper / 4))
+        chart.supxlabel(label, fontsize=9.5)
+        chart.supylabel("images, %", fontsize=9.5)
+        panels[-1].legend(loc="lower right", fontsize=8.5)
+        return _svg(chart)
+
+
+def medians_over_angle(quantities: Sequence[tuple[str, Mapping[str, Sequence[AngleCurve]]]], label: str) -> str:
+    """A column of panels per quantity, a line per category: every image as a point over an angle, and the median of
+    each sector of the full turn as a line. Logarithmic; values below 1/`RANGE` of the column's largest are drawn there.
+
+    Args:
+      quantities: (name and unit, category to its curves).
+      label: of the angle axis.
+    """
+    with matplotlib.rc_context(_STYLE):
+        categories = list(quantities[0][1])
+        chart = figure.Figure(figsize=(_WIDTH, 1.9 * len(categories) + 0.9), layout="constrained")
+        grid = chart.subplots(len(categories), len(quantities), sharex=True, sharey="col", squeeze=False)
+        for panels, (name, curves) in zip(grid.T, quantities, strict=True):
+            largest = max(float(line[3][1].max()) for lines in curves.values() for line in lines)
+            for panel, (category, lines) in zip(panels, curves.items(), strict=True):
+                for line in lines:
+                    _draw_sectors(panel, *line, (largest or 1.0) / RANGE)
+                panel.set_title(f"{category}: {name}")
+                panel.set(xlim=(0, 360), yscale="log")
+                panel.xaxis.set_major_locator(ticker.MultipleLocator(90))
+                panel.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+                panel.yaxis.set_minor_formatter(ticker.NullFormatter())
+            panels[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=8.5, handlelength=1.6)
+        chart.supxlabel(label, fontsize=9.5)
+        return _svg(chart)
+
+
+def _draw_sectors(panel: Any, name: str, method: str, dashed: bool, samples: Samples, least: float) -> None:
+    angles, values = samples[0], np.maximum(samples[1], least)
+    colour = METHOD_COLOURS[method]
+    faces = "none" if dashed else colour
+    panel.scatter(angles, values, s=9, facecolors=faces, edgecolors=colour, alpha=0.45, linewidths=0.6 * dashed)
+    edges = np.linspace(0.0, 360.0, SECTORS + 1)
+    sector = np.clip(np.digitize(angles, edges) - 1, 0, SECTORS - 1)
+    medians = [np.median(values[sector == i]) if (sector == i).any() else np.nan for i in range(SECTORS)]
+    panel.stairs(
+        medians, edges, baseline=None, lw=1.5, ls=(0, (3, 1.5)) if dashed else "solid", color=colour, label=name
+    )
+
+
+def _panels(count: int, height: float) -> tuple[figure.Figure, list[Any]]:
+    """Panels of one quantity on shared axes, `_PANELS_IN_LINE` in a line; a single one has the width of both."""
+    columns = min(count, _PANELS_IN_LINE)
+    lines = -(-count // columns)
+    chart = figure.Figure(figsize=(_WIDTH, height * lines), layout="constrained")
+    places = list(chart.subplots(lines, columns, sharey=True, squeeze=False).flat)
+    for empty in places[count:]:
+        empty.remove()
+    return chart, places[:count]
+
+
+def _svg(chart: figure.Figure) -> str:
+    buffer = io.StringIO()
+    chart.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    width, height = (f"{inches * _POINTS_PER_INCH:g}pt" for inches in chart.get_size_inches())
+    return re.sub(
+        r'width="[\d.]+pt" height="[\d.]+pt"', f'width="{width}" height="{height}"', buffer.getvalue(), count=1
+    )

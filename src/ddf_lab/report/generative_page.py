@@ -1,0 +1,239 @@
+"""The page of a generative experiment: pictures first, then what was measured. [DDF22] §4.4.
+
+Everything comes from what the trainings and the stage `evaluate_generative` wrote.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import torch
+
+from ddf.core import config, storage
+from ddf.metrics import metrics
+from ddf.models.generative import pictures as picture_arrays
+from ddf.models.generative import settings
+from ddf.pictures import sheets
+from ddf.training import training_loop
+from ddf_lab.evaluation.generative import generative_clouds, generative_images
+from ddf_lab.report import pages
+
+PAPER_FID: Final = {generative_images.OURS: "27", generative_images.FLAT: "15"}  # [DDF22] §4.4
+NO_WEIGHTS: Final = "not computed (no Inception weights)"
+UNUSED: Final = "not used"
+RATIO: Final = 1.3  # of D_C through the encoder to that of optimised latents
+TRAININGS: Final = {
+    "train_vae": "shape VAE",
+    "train_gan": "image GAN",
+    "train_gan2d": "2D GAN",
+    "train_features": "feature network",
+}
+_ROWS: Final = {
+    generative_images.CEILING: "real images of other shapes (ceiling)",
+    generative_images.OURS: "image GAN: latent, field, normals, colours",
+    generative_images.FLAT: "2D GAN: noise, colours",
+    generative_images.MEAN: "mean of the real images",
+    generative_images.NOISE: "noise",
+}
+_LEAD: Final = (
+    "Experiment `{name}`: a shape VAE of {learned} {category} shapes, and images from its normals.",
+    "Made by `make reproduce-generative CONFIG=configs/{name}.yaml`. All numbers were measured here, unless a "
+    "column says paper.",
+    "The critics saw images of {pictured} other shapes. {held_out} shapes were held out.",
+    "`ddf generate artifacts/{name}/train_gan/{category} OUT_DIR` draws more.",
+)
+_LIMIT: Final = (
+    "What two cores cannot show: the paper's trainings have 100,000 steps of full-size networks; here the image GANs "
+    "have {gan} and {flat} steps of narrow ones, so image quality says nothing about the method's best."
+)
+_FEATURES: Final = (
+    "KID x 1000, precision and recall x 100 against {real} real images. Features: a ResNet-20 of width {width}, "
+    "trained here for {steps} steps to tell {shapes} other shapes and their views apart. ±: standard deviation over "
+    "{subsets} subsets of {size}. FID, paper, ShapeNet: [DDF22] §4.4, of other images and another network."
+)
+
+
+@dataclass(frozen=True)
+class _Results:
+    name: str
+    category: str
+    scores: Mapping[str, Any]
+    pictures: Mapping[str, np.ndarray]
+    gan: settings.GANConfig
+    section: settings.ScoresConfig
+    logs: Mapping[str, list[dict[str, float]]]
+
+
+def write(
+    config_path: Path, category: str, gan: settings.GANConfig, section: settings.ScoresConfig, folder: Path
+) -> None:
+    """Read the results of the experiment and write the page."""
+    evaluated = config.artifact_dir(config_path, "evaluate_generative", category)
+    pictures, _ = storage.load_tensors(evaluated / "pictures.safetensors")
+    logs = {name: training_loop.read_log(config.artifact_dir(config_path, name, category)) for name in TRAININGS}
+    scores = storage.read_json(evaluated / "scores.json")
+    results = _Results(config_path.stem, category, scores, pictures, gan, section, logs)
+    pages.write(_page(results), folder)
+
+
+def _page(results: _Results) -> pages.Page:
+    named = {"name": results.name, "category": results.category, **results.scores["shapes"]}
+    lead = tuple(line.format(**named) for line in _LEAD)
+    sections = (_samples, _shapes, _prior, _images, _views, _between, _trainings)
+    return pages.Page(f"Generated {results.category} shapes", [lead], [section(results) for section in sections])
+
+
+def _sheet(name: str, caption: str, alt: str, rows: list[sheets.Row]) -> pages.Figure:
+    return pages.Figure(f"{name}.webp", caption, alt, sheets.sheet(rows))
+
+
+def _on_white(normals: sheets.Images) -> sheets.Images:
+    return picture_arrays.on_white(torch.from_numpy(normals)).numpy()
+
+
+def _samples(results: _Results) -> pages.Section:
+    found = results.pictures
+    rows = [
+        ("normals of samples of the prior", _on_white(found["samples_normals"])),
+        ("their images, each with a random texture", found["samples_colours"]),
+        ("a render of the nearest learned shape", found["samples_nearest"]),
+        ("2D GAN", found["rival_colours"]),
+        ("real images", found["real_colours"]),
+    ]
+    caption = "Not chosen: the first samples of the seed. The nearest shape is by D<sub>C</sub>; its camera differs."
+    return pages.Section("Samples", [_sheet("samples", caption, "Samples of both GANs, and real images", rows)])
+
+
+def _shapes(results: _Results) -> pages.Section:
+    found = results.scores["held_out"]
+    encoded, optimised = found["encoded"], found["optimised"]
+    ratio = encoded["chamfer_l2_sq_x1000"] / optimised["chamfer_l2_sq_x1000"]
+    verdict = (
+        f"Through the encoder D<sub>C</sub> of held-out shapes is {ratio:.2f} times that of latents optimised on each "
+        f"shape; the aim is at most {RATIO}."
+    )
+    names = {"encoded": "encoded from points", "optimised": "latents optimised on the shape"}
+    header = ["", *(metric.label or "" for metric in metrics.PRINTED.values())]
+    rows = [
+        [label, *(f"{found[name][key]:.{metric.digits}f}" for key, metric in metrics.PRINTED.items())]
+        for name, label in names.items()
+    ]
+    clouds = pages.Table("Held-out shapes: D<sub>C</sub> x 1000, F x 100.", [("", len(header), False)], header, rows)
+    types = list(encoded["errors"]["depth_l1"])
+    rows = [
+        [f"{what}, {label}", *(f"{found[name]['errors'][key][kind]:.3f}" for kind in types)]
+        for key, what in (("depth_l1", "depth"), ("visibility_bce", "visibility"))
+        for name, label in names.items()
+    ]
+    caption = (
+        "Mean error of depth (halves of the longest side) and cross-entropy of visibility, by sample type. Median "
+        f"angle of normals: {encoded['errors']['normals']['median_deg']:.1f}° encoded, "
+        f"{optimised['errors']['normals']['median_deg']:.1f}° optimised."
+    )
+    errors = pages.Table(caption, [("", len(types) + 1, False)], ["", *types], rows)
+    kl = results.scores["divergence"]
+    largest = ", ".join(f"{value:.2f}" for value in kl["by_dimension"][:5])
+    smallest = ", ".join(f"{value:.2f}" for value in kl["by_dimension"][-2:])
+    said = (
+        f"The divergence from the prior is {kl['sum']:.1f} nats a shape; {kl['used']} of {len(kl['by_dimension'])} "
+        f"dimensions have more than 0.1. Largest: {largest}; smallest: {smallest}."
+    )
+    return pages.Section("Held-out shapes", [verdict, clouds, errors, said])
+
+
+def _prior(results: _Results) -> pages.Section:
+    found = results.scores["prior"]
+    header = ["distance to the nearest learned shape", "least", "median", "largest"]
+    named = {"samples of the prior": "chamfer_x1000", "learned shapes, to another one": "between_learned_x1000"}
+    rows = [
+        [label, *(f"{value:.3f}" for value in generative_clouds.spread(found[key]))] for label, key in named.items()
+    ]
+    caption = "D<sub>C</sub> x 1000 of clouds. A copy of a learned shape would be far below the second row."
+    copies = pages.Table(caption, [("", 4, False)], header, rows)
+    sets = {"prior": "samples of the prior", "learned": "learned shapes"}
+    alike = results.scores["distribution"]
+    rows = [
+        [label, f"{alike[key]['matching_x1000']:.3f}"]
+        + [f"{100 * alike[key][share]:.0f}" for share in ("coverage", "told_apart")]
+        for key, label in sets.items()
+    ]
+    caption = (
+        "As many shapes as were held out, against these. MMD: mean D<sub>C</sub> x 1000 of a held-out shape to the "
+        "nearest. COV: held-out shapes that are the nearest to one of them, %. 1-NNA: shapes of both sets whose "
+        "nearest other one is of their own set, %; 50 is best."
+    )
+    like = pages.Table(caption, [("", 4, False)], ["", "MMD ↓", "COV ↑", "1-NNA"], rows)
+    return pages.Section("Samples as a set", [like, copies])
+
+
+def _images(results: _Results) -> pages.Section:
+    found, section = results.scores["images"], results.section
+    rows = []
+    for name, label in _ROWS.items():
+        row, fid = found["rows"][name], found["fid"][name]
+        kid = f"{1000 * row['kid']:.1f} ± {1000 * row['kid_spread']:.1f}" if found["in_order"] else UNUSED
+        shares = [f"{100 * row[share]:.1f}" for share in ("precision", "recall")]
+        rows.append([label, kid, *shares, NO_WEIGHTS if fid is None else f"{fid:.1f}", PAPER_FID.get(name, "–")])
+    header = ["", "KID ↓", "precision ↑", "recall ↑", "FID ↓", "FID ↓"]
+    caption = _FEATURES.format(
+        real=found["real"],
+        width=section.features.width,
+        steps=section.features.steps,
+        shapes=results.scores["shapes"]["learned"] + results.scores["shapes"]["held_out"],
+        subsets=section.subsets,
+        size=section.subset_size,
+    )
+    groups = [("", 1, False), ("measured", 4, False), ("paper, ShapeNet", 1, True)]
+    kids = ", ".join(f"{name} {1000 * found['rows'][name]['kid']:.1f}" for name in ("ceiling", *found["spoiled"]))
+    check = f"KID of real images, spoiled: {kids}. " + (
+        "They are in the order that they must have."
+        if found["in_order"]
+        else "They are not in the order that they must have, so KID is not used."
+    )
+    limit = _LIMIT.format(gan=results.gan.steps, flat=results.gan.steps_2d)
+    return pages.Section("Images", [pages.Table(caption, groups, header, rows), check, limit])
+
+
+def _views(results: _Results) -> pages.Section:
+    found = results.scores["consistency"]
+    rows = [
+        ("normals", _on_white(results.pictures["views_normals"])),
+        ("the same texture", results.pictures["views_colours"]),
+    ]
+    figure = _sheet("views", "One shape and one texture, cameras all round.", "One shape from all round", rows)
+    labels = {
+        "ours": "one texture",
+        "shuffled": "another texture in the second image",
+        "real": "renders of true shapes",
+    }
+    cells = [[label, f"{found[key]['error']:.3f}", f"{found[key]['points']:,}"] for key, label in labels.items()]
+    caption = (
+        "Mean absolute difference of a surface point's colour, in [0, 1], between neighbouring cameras. The light of "
+        "the renders moves with the camera."
+    )
+    table = pages.Table(caption, [("", 3, False)], ["", "difference ↓", "points"], cells)
+    share = found["ours"]["error"] / found["shuffled"]["error"]
+    verdict = f"With one texture the difference is {share:.2f} of that with two; the aim is at most 0.5."
+    return pages.Section("When the camera moves", [figure, table, verdict])
+
+
+def _between(results: _Results) -> pages.Section:
+    shapes, colours = results.pictures["grid_normals"], results.pictures["grid_colours"]
+    grid = colours.reshape(len(shapes), -1, *colours.shape[1:])
+    rows = [("shapes, from one latent to another", _on_white(shapes))]
+    rows += [("texture" if row == 0 else "", grid[:, row]) for row in range(grid.shape[1])]
+    caption = "Shapes from left to right, textures from top to bottom, both along great circles of their latents."
+    return pages.Section("Between shapes and textures", [_sheet("between", caption, "Interpolations", rows)])
+
+
+def _trainings(results: _Results) -> pages.Section:
+    rows = [
+        [label, f"{log[-1]['step']:,.0f}", f"{log[-1]['seconds'] / 60:.1f}", f"{log[-1]['loss']:.3f}"]
+        for name, label in TRAININGS.items()
+        if (log := results.logs[name])
+    ]
+    caption = "One process each. The losses are not of one kind."
+    header = ["", "steps", "minutes", "last loss"]
+    return pages.Section("Training", [pages.Table(caption, [("", 4, False)], header, rows)])

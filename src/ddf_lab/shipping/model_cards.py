@@ -1,0 +1,181 @@
+"""The models that come with the package, with a card each: what they are of, how they were trained, what they reach."""
+
+import dataclasses
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+
+from ddf.core import config, storage
+from ddf.data import shapenet, splits
+from ddf.data.synthetic import showcase
+from ddf.fit import fit_settings, fitting, shape_field, shape_samples
+from ddf.geometry import mesh_io, transforms
+from ddf.io import onnx_file
+from ddf.models.reconstruction import familiarity, settings
+from ddf.training import training_loop
+from ddf_lab.shipping import shipping
+
+STEPS = 6000  # of a field's fit: what two quiet cores do in two to four minutes
+ONNX = onnx_file.ExportConfig(
+    outputs=("visibility", "depth", "normals", "weights", "mean_curvature", "gaussian_curvature"),
+    batches=(1, 7, 4096),
+    precisions=(),
+    seed=0,
+)
+SAMPLES = 3  # images beside a reconstruction model: first views of its first test shapes
+LICENCE = "MIT, as this repository. Shapes and images are made by its own code; nothing else went in."
+FIELDS = {  # of `showcase.SHAPES`: what each shows
+    "rabbit": "A sitting rabbit: one smooth closed surface.",
+    "nested": "A box with a window and a cube inside: inner structure, which a field from outside cannot hold.",
+    "armchair": "An upholstered armchair: flat faces, a deep seat.",
+    "airliner": "An airliner: thin wings, a tail and engines.",
+}
+
+
+def write_all(config_path: Path, fitted: Path, out: Path) -> None:
+    """All shipped models, one folder each, and their index.
+
+    Args:
+      config_path: the experiment whose reconstructions (seed 0) are shipped.
+      fitted: folder of the fits; one that is there already is not repeated.
+    Raises:
+      FileNotFoundError: the experiment has no trained model or no table.
+    """
+    entries = [write_field(name, summary, fitted / name, out / name) for name, summary in FIELDS.items()]
+    dataset = shapenet.Dataset.open(config.artifact_dir(config_path, "dataset") / "index.json")
+    entries += [write_reconstruction(config_path, dataset, name, out / name) for name in dataset.categories]
+    shipping.write_index(out, entries)
+
+
+def fit_config() -> fit_settings.FitConfig:
+    """How the shipped fields are fitted: the recipe of `ddf fit` for a number of steps, on one thread."""
+    return dataclasses.replace(
+        fit_settings.DEFAULT, steps=STEPS, minutes=None, loop=dataclasses.replace(fit_settings.DEFAULT.loop, threads=1)
+    )
+
+
+def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, Any]:
+    """Fit one of `showcase.SHAPES` unless its folder has a field, write weights, ONNX file and card; its entry."""
+    mesh, settings = showcase.SHAPES[name](), fit_config()
+    if not (fitted / training_loop.MODEL).exists():
+        fitting.fit(mesh, settings, fitted)
+    result = storage.read_json(fitted / fitting.METRICS)
+    shipping.write_weights(fitted, out)
+    rows = shipping.write_onnx(out, ONNX)
+    errors = _held_out(mesh, settings, out)
+    kinds = errors["depth_l1"]
+    shipping.write_card(
+        out,
+        name,
+        summary,
+        {
+            "Data": [
+                f"`ddf.data.synthetic.showcase.{name}`: {len(mesh.faces):,} triangles, made by this repository.",
+                f"{sum(count for _, count in settings.samples.items()):,} oriented points of the six types.",
+            ],
+            "Training": [
+                f"{result['steps']:,} steps, seed {settings.loop.seed}, {result['parameters']:,} parameters, on a CPU.",
+                "Matrices are stored in float16; the ONNX file holds the same values.",
+            ],
+            "Scores": [
+                "Held-out errors of these weights, 10,000 samples a type; the longest side of the shape is 2.",
+                "Mean depth error: " + ", ".join(f"{kind} {value:.4f}" for kind, value in kinds.items()) + ".",
+                f"Median angle of normals: {errors['normal_angle_deg_median']:.1f} degrees.",
+                f"ONNX against torch: depth differs by {_largest(rows, 'depth'):.1e} at most.",
+            ],
+            "Limits": [
+                "One shape alone. Depths are blurred at occlusion edges; curvature is rough near sharp edges.",
+            ],
+            "Licence": [LICENCE],
+        },
+    )
+    return {"name": name, "kind": "field", "summary": summary}
+
+
+def write_reconstruction(config_path: Path, dataset: shapenet.Dataset, name: str, out: Path) -> dict[str, Any]:
+    """Weights, sample images and card of the DDF that the experiment trained on a category; its entry."""
+    trained = config.artifact_dir(config_path, "train_ddf", name)
+    if not (trained / training_loop.MODEL).exists():
+        raise FileNotFoundError(
+            f"{trained / training_loop.MODEL}: no trained model; run make train CONFIG={config_path}"
+        )
+    train = config.load(config_path, settings.TrainConfig)
+    section = config.load(config_path, settings.DDFConfig)
+    record = {"train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
+    weights = shipping.write_weights(trained, out, record)
+    tests = dataset.test(name)
+    entry = dataset.category(name)
+    for number, (shape, views) in enumerate(tests[:SAMPLES]):
+        image = shapenet.image_path(dataset.root, entry.synset, shape, views[0])
+        shutil.copyfile(image, out / f"sample_{number}.png")
+    (scores, seeds), parameters = _scores(config_path, name), _count(weights)
+    summary = f"Camera and field of a {name} from one RGBA image."
+    shipping.write_card(
+        out,
+        name,
+        summary,
+        {
+            "Data": [
+                f"{len(dataset.train(name))} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each.",
+                f"`sample_0.png` to `sample_{SAMPLES - 1}.png` show test shapes, which training never saw.",
+            ],
+            "Training": [
+                f"Seed 0 of `{config_path}`: {section.steps:,} steps, {parameters:,} parameters.",
+                f"Images are reduced to {train.image_size} x {train.image_size} pixels.",
+                "Matrices are stored in float16.",
+            ],
+            "Scores": [
+                f"{_of(seeds)} on test shapes, in float32: `reports/{config_path.stem}/si3dr.csv`.",
+                "D_C x 1000 / F(τ) x 100, with 5,000 points.",
+                *(f"{what}: {scores[column][0]:.3f} / {scores[column][1]:.1f}." for column, what in _COLUMNS.items()),
+            ],
+            "Limits": [
+                "Trained on synthetic shapes and renders alone: real photographs are outside of what it knows.",
+                f"Any object is taken for a {name}. The image needs an alpha channel that masks the object.",
+                "`ddf reconstruct` warns of images unlike 99 % of those of training. Some of other objects pass.",
+            ],
+            "Licence": [LICENCE],
+        },
+    )
+    return {"name": name, "kind": "reconstruction", "summary": summary}
+
+
+def _of(seeds: int) -> str:
+    return "Means of one training" if seeds == 1 else f"Means of {seeds} trainings"
+
+
+_COLUMNS = {"Pi_g-L": "True camera", "Pi_pred-L": "Predicted camera"}
+
+
+def _scores(config_path: Path, category: str) -> tuple[dict[str, tuple[float, float]], int]:
+    """D_C and F(τ) of the DDF in the columns of `_COLUMNS`, and of how many trainings they are the means."""
+    table = pd.read_csv(Path("reports") / config_path.stem / "si3dr.csv")
+    rows = table[(table.category == category) & (table.method == "ddf") & (table.source == "measured")]
+    found = rows.set_index(["column", "metric"]).value
+    means = {column: (found[column, "chamfer_l2_sq_x1000"], found[column, "f_score_tau_x100"]) for column in _COLUMNS}
+    return means, int(rows.seeds.max())
+
+
+def _held_out(mesh: mesh_io.Mesh, settings: fit_settings.FitConfig, out: Path) -> Mapping[str, Any]:
+    """The held-out errors of the rounded weights."""
+    own = transforms.field_from_mesh(mesh.vertices[np.unique(mesh.faces)])
+    samples, _ = shape_samples.draw_samples(
+        mesh_io.Mesh(np.clip(own.apply(mesh.vertices), -1.0, 1.0), mesh.faces), settings, settings.held_out, "held_out"
+    )
+    return fitting.held_out_errors(shape_field.load(out).field, samples)
+
+
+def _largest(rows: list, output: str) -> float:
+    return float(np.max([row.max_abs for row in rows if row.output == output]))
+
+
+def _count(weights: Path) -> int:
+    """Trained parameters of a file: all floating tensors but the running statistics of normalisation."""
+    tensors, _ = familiarity.parted(storage.load_tensors(weights, framework="torch")[0])
+    kept = [v for k, v in tensors.items() if not k.rpartition(".")[2].startswith(("running_", "num_batches"))]
+    return int(sum(torch.numel(value) for value in kept))

@@ -1,0 +1,112 @@
+"""`ddf fit` end to end on a tiny field; bad input is one line and exit code 2."""
+
+import json
+import runpy
+from pathlib import Path
+
+import pytest
+import yaml
+from _tiny_fits import SECTION
+
+from ddf import cli
+from ddf.cli.field import fit
+from ddf.core import config
+from ddf.fit import fit_settings, fitting, shape_field
+
+ROOT = Path(__file__).resolve().parents[4]
+
+
+def test_fit_says_what_scripts_rely_on(work, capsys):
+    arguments = ["fit", "--json", str(work / "torus.ply"), str(work / "json"), "--config", str(work / "tiny.yaml")]
+    assert cli.main([*arguments, "--steps", "3"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert set(result["held_out"]["depth_l1"]) == set("UABSTO")
+    assert set(result["held_out"]["visibility_bce"]) == set("UABSTO")
+    assert result["held_out"]["normal_angle_deg_median"] > 0
+    assert result["seconds"] > 0
+    assert result["parameters"] == 6 * 16 + 16 + 16 * 16 + 16 + 16 * 4 + 4
+    assert result["steps"] == 3
+
+
+def test_fit_writes_field_log_and_metrics(fitted):
+    folder, metrics = fitted
+    assert {path.name for path in folder.iterdir()} >= {"model.safetensors", "log.csv", "fit.json"}
+    assert metrics["steps"] == 5
+    record = shape_field.load(folder).record
+    assert record["seed"] == 3
+    assert list(record["sources"]) == ["torus.ply"]
+    assert record["field_from_mesh"]["scale"] == pytest.approx((1 - SECTION["margin"]) / 30)
+
+
+def test_minutes_take_about_that_long_and_few_steps_are_said(work, capsys):
+    arguments = ["fit", str(work / "torus.ply"), str(work / "timed"), "--config", str(work / "tiny.yaml")]
+    assert cli.main([*arguments, "--minutes", "0.02"]) == 0
+    verdict = capsys.readouterr().out.splitlines()[-1]
+    steps = json.loads((work / "timed" / fitting.METRICS).read_text())["steps"]
+    assert steps >= 1 and ("FEWER than 500 steps" in verdict) == (steps < 500)
+
+
+@pytest.mark.parametrize(
+    ("asked", "timed", "load", "limit", "threads"),
+    [
+        (None, True, 0.2, "", 2),  # idle
+        (None, True, 7.0, "", 1),  # busy
+        (None, False, 7.0, "", 2),  # by steps: part of the result
+        (None, False, 0.0, "1", 1),
+        (3, True, 7.0, "1", 3),
+    ],
+)
+def test_threads_are_those_asked_for_allowed_and_idle(asked, timed, load, limit, threads, monkeypatch):
+    monkeypatch.setattr(fit.os, "getloadavg", lambda: (load, 0, 0))
+    monkeypatch.setattr(fit.os, "cpu_count", lambda: 4)
+    monkeypatch.setenv("OMP_NUM_THREADS", limit)
+    assert fit._threads(2, asked, timed) == threads
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        (["--steps", "0"], "fit.steps must be >= 1 or null; got 0"),
+        (["--minutes", "-1"], "fit.minutes must be > 0 or null; got -1.0"),
+        (["--minutes", "nan"], "fit.minutes must be > 0 or null; got nan"),
+        (["--seed", "-1"], "seed must be >= 0; got -1"),
+        (["--config", "none.yaml"], "No such file or directory: none.yaml"),
+    ],
+)
+def test_bad_fits_are_one_line_and_exit_2(work, extra, message, capsys):
+    assert cli.main(["fit", str(work / "torus.ply"), str(work / "bad"), *extra]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not (work / "bad").exists()
+
+
+def test_bad_meshes_and_folders_are_one_line_and_exit_2(work, capsys):
+    (work / "empty.obj").write_text("v 0 0 0\n")
+    for mesh, out in (("none.obj", "x"), ("empty.obj", "x"), ("torus.ply", "tiny.yaml")):
+        assert cli.main(["fit", str(work / mesh), str(work / out)]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_stage_fits_the_mesh_of_the_config_or_a_procedural_chair(work, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run = runpy.run_path(str(ROOT / "stages" / "fit_shape.py"))["run"]
+    sources = []
+    for mesh in (None, str(work / "torus.ply")):
+        Path("tiny.yaml").write_text(yaml.safe_dump({"fit": {**SECTION, "mesh": mesh}}))
+        run(Path("tiny.yaml"))
+        sources.append(shape_field.load(tmp_path / "artifacts" / "tiny" / "fit_shape").record["sources"])
+    assert sources[0] == {}
+    assert list(sources[1]) == ["torus.ply"]
+
+
+def test_default_config_file_is_the_default_of_the_command():
+    assert config.load(ROOT / "configs" / "fit.yaml", fit_settings.FitConfig) == fit_settings.DEFAULT
+
+
+def test_what_the_reader_left_out_is_said(work, capsys):
+    text = (work / "torus.ply").with_name("half.obj")
+    text.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2\nf 1 3 4\nf 1 2 4\nf 2 3 4\n")
+    arguments = ["fit", str(text), str(work / "half"), "--config", str(work / "tiny.yaml"), "--steps", "1"]
+    assert cli.main(arguments) == 0
+    assert capsys.readouterr().out.rstrip().endswith("of the file: 1 faces of fewer than three corners are left out")

@@ -1,0 +1,74 @@
+"""`ddf generate`."""
+
+import dataclasses
+import json
+
+import _generative
+import numpy as np
+import pytest
+from PIL import Image
+
+import ddf
+from ddf import cli
+from ddf.core import storage
+from ddf.models.generative import image_gans, shape_vae
+from ddf.training import training_loop
+
+
+def _write(folder, kind):
+    record = {"kind": kind, "vae": dataclasses.asdict(_generative.VAE), "gan": dataclasses.asdict(_generative.GAN)}
+    model = _generative.image_gan() if kind == image_gans.KIND else _generative.vae()
+    storage.save_tensors(folder / training_loop.MODEL, dict(model.state_dict()), record)
+    return str(folder)
+
+
+def _run(capsys, *arguments):
+    code = cli.main(["generate", *arguments, "--json"])
+    found = capsys.readouterr()
+    return json.loads(found.out) if code == 0 else found.err
+
+
+def test_samples_of_an_image_gan_open_as_fields(tmp_path, capsys):
+    model = _write(tmp_path / "gan", image_gans.KIND)
+    found = _run(capsys, model, str(tmp_path / "out"), "-n", "2", "--seed", "3")
+    assert (
+        found["samples"] == ["000", "001"] and found["images"] and found["sheets"] == ["samples.webp", "between.webp"]
+    )
+    with Image.open(tmp_path / "out/001/image.png") as image, Image.open(tmp_path / "out/001/normal.png") as normals:
+        assert image.size == normals.size == (64, 64)
+    field = ddf.load(tmp_path / "out" / "001")
+    assert field.query(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), ("visibility",))["visibility"].shape == (1,)
+    again = _run(capsys, model, str(tmp_path / "again"), "-n", "1", "--seed", "3")
+    assert again["sheets"] == ["samples.webp"]
+    first, second = (tmp_path / folder / "000" / training_loop.MODEL for folder in ("out", "again"))
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_vae_has_shapes_alone(tmp_path, capsys):
+    found = _run(capsys, _write(tmp_path / "vae", shape_vae.KIND), str(tmp_path / "out"), "-n", "2")
+    assert not found["images"] and not (tmp_path / "out/000/image.png").exists()
+    assert (tmp_path / "out/000/normal.png").exists()
+    page = tmp_path / "samples.html"
+    assert cli.main(["view", *(str(tmp_path / "out" / name) for name in found["samples"]), str(page)]) == 0
+    assert "<title>000, 001</title>" in page.read_text()
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("ddf", "holds neither a shape VAE nor an image GAN"),
+        (None, "no such model; give a folder that stage train_gan"),
+    ],
+)
+def test_what_is_no_model_is_told_in_a_line(tmp_path, capsys, kind, said):
+    if kind:
+        storage.save_tensors(tmp_path / "model" / training_loop.MODEL, {"x": np.zeros(1)}, {"kind": kind})
+    error = _run(capsys, str(tmp_path / "model"), str(tmp_path / "out"))
+    assert said in error and error.count("\n") == 1
+
+
+def test_a_file_in_place_of_the_folder_is_told(tmp_path, capsys):
+    (tmp_path / "out").write_text("")
+    assert "is a file; give a folder to write" in _run(
+        capsys, _write(tmp_path / "m", shape_vae.KIND), f"{tmp_path}/out"
+    )

@@ -1,0 +1,37 @@
+"""Arguments shared by commands: lists that name what the library has, and checks before any work."""
+
+import argparse
+
+import pytest
+
+from ddf.cli import arguments
+from ddf.cli.model import export
+from ddf.fields import curvature, framed_field, rendering
+from ddf.fit import shape_field
+from ddf.io import weight_precision
+
+
+def test_lists_are_those_of_the_library():
+    assert (*rendering.OUTPUTS, *curvature.OUTPUTS, *shape_field.COMPONENT_OUTPUTS) == shape_field.OUTPUTS
+    assert arguments.UP_AXES == framed_field.UP_AXES
+    assert export.PRECISIONS == (weight_precision.FULL, *weight_precision.PRECISIONS)
+
+
+@pytest.mark.parametrize("text", ["x", "1.5", "0", "11", ""])
+def test_whole_numbers_keep_to_their_range(text):
+    with pytest.raises(argparse.ArgumentTypeError, match=f"must be a whole number, 1 to 10; got '{text}'"):
+        arguments.whole_number(1, 10)(text)
+
+
+def test_whole_numbers_may_have_no_end():
+    assert arguments.whole_number(0)("123456789") == 123456789
+    with pytest.raises(argparse.ArgumentTypeError, match="must be a whole number, 0 or more; got '-1'"):
+        arguments.whole_number(0)("-1")
+
+
+def test_outputs_are_a_list_with_commas():
+    assert arguments.outputs(" depth, normals,") == ("depth", "normals")
+    with pytest.raises(argparse.ArgumentTypeError, match=r"must be among visibility, .*; got colour"):
+        arguments.outputs("depth,colour")
+    with pytest.raises(argparse.ArgumentTypeError, match="got nothing"):
+        arguments.outputs(",")

@@ -1,0 +1,255 @@
+"""Files that are whole or absent."""
+
+import errno
+import os
+import resource
+import signal
+import zipfile
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from joblib.externals import loky
+
+from ddf.core import checks, guard, storage
+
+ARRAYS = {
+    "positions": np.arange(12, dtype=np.int16).reshape(2, 2, 3),
+    "depth": np.array([0, 65535], dtype=np.uint16),
+    "scalar": np.array(1.5, dtype=np.float32),
+    "empty": np.zeros((0, 3)),
+    "strided": np.arange(12.0).reshape(3, 4).T[::2],
+    "flags": np.array([True, False]),
+}
+
+
+def _umask_mode() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
+
+
+@pytest.mark.parametrize("framework", ["numpy", "torch"])
+def test_tensors_come_back_bit_for_bit(tmp_path, framework):
+    path = tmp_path / "deep" / "a.safetensors"
+    storage.save_tensors(path, {**ARRAYS, "weights": torch.linspace(0, 1, 5)}, {"seed": 3, "ids": ["a", "b"]})
+    tensors, metadata = storage.load_tensors(path, framework)
+    assert set(tensors) == {*ARRAYS, "weights"}
+    for name, array in ARRAYS.items():
+        found = tensors[name].numpy() if framework == "torch" else tensors[name]
+        assert found.dtype == array.dtype
+        np.testing.assert_array_equal(found, array)
+    assert metadata["seed"] == 3
+    assert metadata["ids"] == ["a", "b"]
+    assert metadata["format_version"] == storage.FORMAT_VERSION
+    assert metadata["packages"]["numpy"] == np.__version__
+    assert storage.load_metadata(path)["ids"] == ["a", "b"]
+
+
+def test_equal_input_gives_equal_bytes(tmp_path):
+    members = {"b.ply": b"2", "a.ply": b"1"}
+    for i in range(2):
+        storage.save_tensors(tmp_path / f"{i}.safetensors", ARRAYS, {"b": 1, "a": 2})
+        storage.save_pack(tmp_path / f"{i}.zip", members, {"b": 1, "a": 2})
+    for suffix in ("safetensors", "zip"):
+        assert (tmp_path / f"0.{suffix}").read_bytes() == (tmp_path / f"1.{suffix}").read_bytes()
+
+
+def test_pack_comes_back_and_is_an_ordinary_zip(tmp_path):
+    path = tmp_path / "000.zip"
+    members = {"chair/a.ply": b"ply\n", "b.ply": bytes(range(256)), "empty": b""}
+    storage.save_pack(path, members, {"fingerprint": "x"})
+    found, metadata = storage.load_pack(path)
+    assert found == members
+    assert list(found) == list(members)
+    assert metadata["fingerprint"] == "x"
+    with zipfile.ZipFile(path) as archive:
+        assert archive.testzip() is None
+        assert archive.read("b.ply") == members["b.ply"]
+        assert {entry.compress_type for entry in archive.infolist()} == {zipfile.ZIP_STORED}
+
+
+def test_table_comes_back_bit_for_bit(tmp_path):
+    table = pd.DataFrame({"id": ["a", "b,c"], "value": [1 / 3, 1e-300], "count": [1, 2]})
+    storage.save_table(tmp_path / "t.csv", table, {"seed": 1})
+    found, metadata = storage.load_table(tmp_path / "t.csv")
+    pd.testing.assert_frame_equal(found, table, check_exact=True)
+    assert metadata["seed"] == 1
+
+
+def _small_files(folder):
+    storage.save_tensors(folder / "a.safetensors", {"x": np.arange(3, dtype=np.int16)}, {"seed": 1})
+    storage.save_pack(folder / "a.zip", {"m": b"abc"}, {})
+    storage.save_table(folder / "a.csv", pd.DataFrame({"x": [1, 2]}), {})
+    return {
+        folder / "a.safetensors": storage.load_tensors,
+        folder / "a.zip": storage.load_pack,
+        folder / "a.csv": storage.load_table,
+    }
+
+
+def test_every_flipped_bit_position_is_noticed(tmp_path):
+    for path, load in _small_files(tmp_path).items():
+        good = path.read_bytes()
+        for i in range(len(good)):
+            path.write_bytes(good[:i] + bytes([good[i] ^ (1 << (i % 8))]) + good[i + 1 :])
+            with pytest.raises(checks.InputError, match=path.name):
+                load(path)
+        path.write_bytes(good)
+        load(path)
+
+
+def test_every_truncation_is_noticed(tmp_path):
+    for path, load in _small_files(tmp_path).items():
+        good = path.read_bytes()
+        for length in range(len(good)):
+            path.write_bytes(good[:length])
+            with pytest.raises(checks.InputError, match=path.name):
+                load(path)
+
+
+def test_foreign_files_are_refused_in_one_line(tmp_path):
+    for content in (b"", b"hello\nworld", b"\0" * 100, b"\xff" * 100):
+        for name, load in (("f.safetensors", storage.load_tensors), ("f.zip", storage.load_pack)):
+            (tmp_path / name).write_bytes(content)
+            with pytest.raises(checks.InputError, match=name) as caught:
+                load(tmp_path / name)
+            assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    for load in (storage.load_tensors, storage.load_pack, storage.load_table, storage.checksum, storage.load_metadata):
+        with pytest.raises(FileNotFoundError, match=r"absent\.x does not exist; run the stage"):
+            load(tmp_path / "absent.x")
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "a.txt"
+    storage.write_text(path, "old")
+    with pytest.raises(RuntimeError), storage.atomic_path(path) as temporary:
+        temporary.write_text("half")
+        assert path.read_text() == "old"
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_a_full_disk_is_an_os_error_and_leaves_nothing(tmp_path, monkeypatch):
+    def full(_descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match=r"No space left on device.*a\.safetensors"):
+        storage.save_tensors(tmp_path / "a.safetensors", ARRAYS, {})
+    assert os.listdir(tmp_path) == []
+
+
+def _fill_disk(folder: str, name: str) -> None:
+    """Write more than the limit on the size of files, which stands for a full disk."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+    storage.write_bytes(os.path.join(folder, name), b"x" * 2000)
+
+
+def test_an_error_of_the_disk_names_the_file_even_from_another_process(tmp_path):
+    with loky.ProcessPoolExecutor(max_workers=1) as executor, pytest.raises(OSError, match="too large") as caught:
+        executor.submit(_fill_disk, str(tmp_path), "a.csv").result()
+    assert guard.describe(caught.value) == f"File too large: {tmp_path / 'a.csv'}"
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("error", "name"),
+    [
+        (OSError(errno.ENOSPC, "full"), "a.txt"),
+        (OSError(errno.ENOENT, "absent", "other.txt"), "other.txt"),
+        (OSError("a message of its own"), None),
+    ],
+)
+def test_only_an_error_without_a_name_gets_one(error, name):
+    with pytest.raises(OSError) as caught, storage.naming("a.txt"):
+        raise error
+    assert caught.value is error and error.filename == name
+
+
+def test_mapped_tensors_are_those_that_were_written(tmp_path):
+    storage.save_tensors(tmp_path / "a.safetensors", ARRAYS, {})
+    mapped = storage.map_tensors(tmp_path / "a.safetensors")
+    assert set(mapped) == set(ARRAYS)
+    for name, array in ARRAYS.items():
+        assert mapped[name].dtype == array.dtype
+        np.testing.assert_array_equal(mapped[name], array)
+    (tmp_path / "b.safetensors").write_bytes(b"hello")
+    with pytest.raises(checks.InputError, match=r"b\.safetensors is damaged"):
+        storage.map_tensors(tmp_path / "b.safetensors")
+
+
+def test_folders_and_devices_are_not_replaced(tmp_path):
+    for path in (tmp_path, "/dev/null"):
+        with pytest.raises(checks.InputError, match="is not a regular file"):
+            storage.write_text(path, "x")
+
+
+def test_a_link_is_followed(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "target")
+    storage.write_text(tmp_path / "link", "x")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "target").read_text() == "x"
+
+
+def test_files_get_the_usual_permissions(tmp_path):
+    storage.write_text(tmp_path / "a.txt", "x")
+    assert (tmp_path / "a.txt").stat().st_mode & 0o777 == _umask_mode()
+
+
+def test_a_mean_over_nothing_is_null_in_json_and_infinity_is_an_error(tmp_path):
+    nothing = float("nan")
+    storage.write_json(tmp_path / "a.json", {"a": nothing, "b": [1.5, (nothing,)], "c": {"d": nothing}, "e": "nan"})
+    assert storage.read_json(tmp_path / "a.json") == {"a": None, "b": [1.5, [None]], "c": {"d": None}, "e": "nan"}
+    with pytest.raises(ValueError, match="JSON"):
+        storage.write_json(tmp_path / "b.json", {"a": float("inf")})
+
+
+def test_metadata_must_be_json(tmp_path):
+    with pytest.raises(ValueError, match="JSON"):
+        storage.save_tensors(tmp_path / "a.safetensors", {}, {"loss": float("nan")})
+    with pytest.raises(TypeError):
+        storage.save_tensors(tmp_path / "a.safetensors", {}, {"object": object()})
+    assert os.listdir(tmp_path) == []
+
+
+def test_pack_refuses_its_reserved_name(tmp_path):
+    with pytest.raises(ValueError, match="reserved"):
+        storage.save_pack(tmp_path / "a.zip", {"record.json": b""}, {})
+
+
+def test_checksum_of_a_folder_sees_names_and_contents(tmp_path):
+    def make(name: str, files: dict[str, str]) -> str:
+        for file, text in files.items():
+            (tmp_path / name / file).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / name / file).write_text(text)
+        return storage.checksum(tmp_path / name)
+
+    first = make("a", {"x": "1", "d/y": "2"})
+    assert make("b", {"d/y": "2", "x": "1"}) == first
+    assert len({first, make("c", {"x": "2", "d/y": "1"}), make("d", {"x": "1", "y": "2"}), make("e", {"x": "1"})}) == 4
+
+
+def test_read_json_names_a_damaged_file(tmp_path):
+    (tmp_path / "a.json").write_text("{")
+    with pytest.raises(checks.InputError, match=r"a\.json: not valid JSON"):
+        storage.read_json(tmp_path / "a.json")
+
+
+def test_a_full_disk_is_an_error_of_the_disk_that_names_the_file(tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as caught:
+            storage.save_tensors(tmp_path / "out.safetensors", {"a": np.zeros(10_000)}, {})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert caught.value.errno == errno.EFBIG
+    assert caught.value.filename == str(tmp_path / "out.safetensors")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,88 @@
+"""Images, shapes and samples of a category: what is read and what a batch draws."""
+
+from pathlib import Path
+
+import _hand_made
+import numpy as np
+import pytest
+import torch
+from _hand_made import COUNTS
+
+from ddf.core import checks, storage
+from ddf.data import shapenet
+from ddf.data.batches import category_data
+from ddf.data.samples import sample_types
+from ddf.geometry import transforms
+
+
+def test_drawn_samples_belong_to_their_shapes_and_types():
+    batch = _hand_made.samples().draw(np.array([2, 0]), COUNTS, np.random.default_rng(0))
+    known = batch.span(*sample_types.GROUND_TRUTH)
+    assert batch.positions.shape == (2, sum(COUNTS.values()), 3)
+    torch.testing.assert_close(batch.directions.norm(dim=-1), torch.ones(2, sum(COUNTS.values())), atol=1e-5, rtol=0)
+    for row, depth in ((0, 0.75), (1, 0.25)):
+        seen = batch.visible[row, known] == 1
+        assert 0 < int(seen.sum()) < len(seen)
+        torch.testing.assert_close(
+            batch.depth[row, known][seen], torch.full((int(seen.sum()),), depth), atol=1e-4, rtol=0
+        )
+        assert bool((batch.depth[row, known][~seen] == 0).all())
+    cosine = (batch.normals * batch.directions).sum(-1)[:, known]
+    assert float(cosine.max()) < -0.99
+
+
+def test_shards_give_what_was_written_however_many_are_open(tmp_path, monkeypatch):
+    monkeypatch.setattr(category_data, "OPEN_SHARDS", 1)
+    ids, samples = [f"shape{i}" for i in range(3)], _hand_made.samples()
+    points = [np.random.default_rng(i).random((5 + i, 3)).astype(np.float32) for i in range(3)]
+    for number, rows in enumerate(([0, 1], [2])):
+        names = [ids[i] for i in rows]
+        frames = {name: transforms.Similarity(2.0 + i).to_dict() for i, name in zip(rows, names, strict=True)}
+        written = {f"{number}{category_data.SAMPLES}": "", f"{number}{category_data.CLOUDS}": ""}
+        path = tmp_path / f"{number}{category_data.SAMPLES}"
+        storage.save_tensors(path, samples.shards[number], {"ids": names, "field_from_raw": frames})
+        arrays = {"points": np.concatenate([points[i] for i in rows])}
+        arrays["offsets"] = np.cumsum([0, *(len(points[i]) for i in rows)])
+        arrays["hidden"] = np.zeros(len(arrays["points"]), dtype=bool)
+        storage.save_tensors(tmp_path / f"{number}{category_data.CLOUDS}", arrays, {"ids": names})
+        storage.write_json(tmp_path / f"{number:03d}.json", {"files": written})
+    read, shapes = category_data.read_samples(tmp_path, ids[::-1]), category_data.read_shapes(tmp_path, ids[::-1])
+    drawn = (
+        whole.draw(np.array(order), COUNTS, np.random.default_rng(0))
+        for whole, order in ((samples, [2, 0, 1]), (read, [0, 2, 1]))
+    )
+    for one, two in zip(*(vars(batch).values() for batch in drawn), strict=True):
+        assert torch.equal(one, two) if isinstance(one, torch.Tensor) else one == two
+    for i in range(3):
+        torch.testing.assert_close(shapes.clouds[i], torch.from_numpy((4.0 - i) * points[2 - i]), rtol=1e-6, atol=0)
+    _flip_last_byte(tmp_path / f"1{category_data.CLOUDS}")
+    with pytest.raises(checks.InputError, match=r"1\.clouds\.safetensors is damaged"):
+        category_data.read_shapes(tmp_path, ids)
+    with pytest.raises(checks.InputError, match="no samples of shape other"):
+        category_data.read_samples(tmp_path, [*ids, "other"])
+
+
+def test_images_come_back_from_their_file():
+    bytes_of = torch.randint(0, 256, (3, 5, 5, 4), generator=torch.Generator().manual_seed(0)).to(torch.uint8)
+    file = category_data.ImageFile(5)
+    for image in bytes_of:
+        file.append(image.permute(2, 0, 1).float() / 255)  # as pictures are read: not contiguous
+    whole = bytes_of.permute(0, 3, 1, 2)
+    poses = torch.zeros(3, 3)
+    read, kept = (category_data.ImageSet(["a"], [0, 1, 2], np.zeros(3, int), images, poses) for images in (file, whole))
+    rows = np.array([2, 0, 2])
+    assert torch.equal(read.batch(rows), whole[rows].float() / 255)
+    assert torch.equal(read.alpha(rows, 2), kept.alpha(rows, 2)) and read.digest() == kept.digest()
+
+
+def _flip_last_byte(path):
+    data = path.read_bytes()
+    path.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+
+
+def test_test_views_are_the_first_of_the_splits():
+    entries = (shapenet.ShapeEntry("a", (0, 1, 2, 3, 4), ()), shapenet.ShapeEntry("b", (0, 1), (2, 3, 4)))
+    unseen = shapenet.ShapeEntry("c", (), (0, 1, 2, 3, 4))
+    dataset = shapenet.Dataset(Path("root"), {"chair": shapenet.CategoryEntry("1", (*entries, unseen))})
+    assert dataset.train("chair") == [("a", (0, 1, 2, 3, 4)), ("b", (0, 1))]
+    assert category_data.test_views(dataset, "chair", 2) == [("b", (2, 3)), ("c", (0, 1))]

@@ -1,0 +1,362 @@
+"""Fitting one shape: a sphere becomes a sphere in seconds, a resumed fit equals an uninterrupted one."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+import torch
+from _shapes import cube, icosphere, joined, moved, torus
+from _tiny_fits import TINY, counts
+
+from ddf.core import checks, storage
+from ddf.data.samples import sample_types
+from ddf.fields import framed_field, pddf
+from ddf.fit import fit_settings, fitting, shape_field, shape_samples
+from ddf.geometry import mesh_io, primitives, rays
+from ddf.training import training_loop
+from ddf_lab.evaluation.shape import fit_errors
+
+SPHERE = dataclasses.replace(
+    TINY,
+    field=pddf.PDDFConfig((48, 48, 48), 3.0, 1.0, "softplus", 100.0),
+    steps=1200,
+    samples=counts(10_000),
+    held_out=counts(1000),
+    batch={"U": 250, "A": 250, "B": 125, "S": 60, "T": 60, "O": 60, "E": 20},
+    loop=training_loop.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
+)
+RADIUS, CENTRE = 3.0, (10.0, -4.0, 2.0)
+
+
+@pytest.fixture(scope="module")
+def sphere(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sphere")
+    mesh = moved(icosphere(4), RADIUS, CENTRE)
+    result = fitting.fit(mesh, SPHERE, folder)
+    return shape_field.load(folder), result
+
+
+def test_fitted_sphere_has_small_errors_on_every_type(sphere):
+    _, result = sphere
+    held_out = result["held_out"]
+    assert set(held_out["depth_l1"]) == set(held_out["visibility_bce"]) == set("UABSTO")
+    assert max(held_out["depth_l1"][kind] for kind in "UAB") < 0.08  # S needs the hand-over exactly at the surface
+    assert max(held_out["depth_l1"][kind] for kind in "TO") < 0.15
+    assert max(held_out["visibility_bce"][kind] for kind in "UABSO") < 0.35  # T only just touches a sphere
+    assert held_out["depth_l1_x10"]["A"] == pytest.approx(10 * held_out["depth_l1"]["A"])
+    assert held_out["normal_angle_deg_median"] < 8
+    assert result["parameters"] == 6 * 48 + 48 + 2 * (48 * 48 + 48) + 48 * 4 + 4
+
+
+def test_fitted_sphere_has_the_depth_normals_and_curvatures_of_the_sphere(sphere):
+    shape, _ = sphere
+    truth = primitives.Sphere(CENTRE, RADIUS)
+    random = np.random.default_rng(0)
+    start = random.standard_normal((400, 3))
+    start *= 4 * RADIUS / np.linalg.norm(start, axis=1, keepdims=True)
+    target = 0.6 * RADIUS * (2 * random.random((400, 3)) - 1)
+    v = torch.from_numpy((target - start) / np.linalg.norm(target - start, axis=1, keepdims=True))
+    points = rays.OrientedPoints(torch.from_numpy(start + np.array(CENTRE)), v)
+    hits = primitives.cast(truth, points)
+    found, _ = framed_field.query(shape, points, shape_field.OUTPUTS)
+    seen = hits.visible.numpy() & np.isfinite(found["depth"])
+    assert seen.sum() > 0.9 * hits.visible.sum()
+    assert np.median(np.abs(found["depth"] - hits.depth.numpy())[seen]) < 0.04 * RADIUS
+    cosine = (found["normals"] * hits.normals.numpy()).sum(-1)[seen]
+    assert np.median(cosine) > 0.99
+    assert np.median(found["mean_curvature"][seen]) == pytest.approx(-2 / RADIUS, rel=0.15)  # as printed, no 1/2
+    assert np.median(found["gaussian_curvature"][seen]) == pytest.approx(1 / RADIUS**2, rel=0.3)
+
+
+def test_resumed_fit_equals_an_uninterrupted_one(tmp_path, monkeypatch):
+    config = dataclasses.replace(TINY, loop=dataclasses.replace(TINY.loop, checkpoint_seconds=0.0))
+    whole = fitting.fit(cube(), config, tmp_path / "whole")
+    step_loss = fitting.step_loss
+
+    def stops(field, samples, config, step):
+        if step == 4:
+            raise KeyboardInterrupt
+        return step_loss(field, samples, config, step)
+
+    monkeypatch.setattr(fitting, "step_loss", stops)
+    with pytest.raises(KeyboardInterrupt):
+        fitting.fit(cube(), config, tmp_path / "cut")
+    assert not (tmp_path / "cut" / training_loop.MODEL).exists()
+    begun = []
+    monkeypatch.setattr(fitting, "step_loss", lambda *a: begun.append(a[-1]) or step_loss(*a))
+    resumed = fitting.fit(cube(), config, tmp_path / "cut")
+    assert begun == [4, 5]
+    assert str(resumed["held_out"]) == str(whole["held_out"])  # NaN, where no T sample of a cube sees it, is not itself
+    one, two = (storage.load_tensors(tmp_path / name / training_loop.MODEL)[0] for name in ("whole", "cut"))
+    assert all(np.array_equal(one[name], two[name]) for name in one)
+
+
+class _Time:
+    """A clock that every step and every draw of samples moves on."""
+
+    def __init__(self, monkeypatch, step_seconds):
+        self.now, self.step_seconds = 0.0, step_seconds
+        step_loss, draw = fitting.step_loss, shape_samples.draw_samples
+        monkeypatch.setattr(fitting, "step_loss", lambda *a: self.moved(self.step_seconds) or step_loss(*a))
+        monkeypatch.setattr(shape_samples, "draw_samples", lambda *a: self.moved(0.1 * len(a)) or draw(*a))
+        for module in (fitting, training_loop):
+            monkeypatch.setattr(module, "time", self)
+
+    def monotonic(self):
+        return self.now
+
+    def moved(self, seconds):
+        self.now += seconds
+
+
+def test_minutes_are_a_clock_whatever_a_step_takes(tmp_path, monkeypatch):
+    config = dataclasses.replace(TINY, steps=None, minutes=0.5)
+    time = _Time(monkeypatch, 1.0)
+    rates, rate = [], training_loop.LoopConfig.rate
+    monkeypatch.setattr(training_loop.LoopConfig, "rate", lambda *a: rates.append(rate(*a)) or rates[-1])
+    quiet = fitting.fit(cube(), config, tmp_path / "quiet")
+    assert 28 <= quiet["steps"] <= 30 and quiet["seconds"] == pytest.approx(30, abs=1)
+    assert rates[-1] < 0.02 * TINY.loop.learning_rate  # the schedule ends with the time
+    begun, steps = time.now, len(rates)
+    time.step_seconds = 3.0
+    busy = fitting.fit(cube(), config, tmp_path / "busy")
+    assert busy["steps"] == len(rates) - steps == pytest.approx(10, abs=1)
+    assert time.now - begun == pytest.approx(30, abs=4)
+    assert rates[-1] < 0.05 * TINY.loop.learning_rate
+
+
+def test_a_resumed_fit_counts_the_seconds_of_all_its_runs(tmp_path, monkeypatch):
+    loop = dataclasses.replace(TINY.loop, checkpoint_seconds=0.0, log_every=100)
+    config = dataclasses.replace(TINY, steps=None, minutes=0.5, loop=loop)
+    time = _Time(monkeypatch, 1.0)
+    counted, step_loss = [], fitting.step_loss
+
+    def stops(*given):
+        counted.append(given[-1])
+        if len(counted) == 8:
+            raise KeyboardInterrupt
+        return step_loss(*given)
+
+    monkeypatch.setattr(fitting, "step_loss", stops)
+    with pytest.raises(KeyboardInterrupt):
+        fitting.fit(cube(), config, tmp_path)
+    time.moved(1000.0)  # until somebody starts it again
+    found = fitting.fit(cube(), config, tmp_path)
+    assert 28 <= found["steps"] <= 30 and found["seconds"] == pytest.approx(30, abs=1)
+
+
+def test_few_samples_are_drawn_where_minutes_allow_no_more(monkeypatch):
+    config = dataclasses.replace(TINY, steps=None, minutes=1.0)
+    time = _Time(monkeypatch, 0.0)
+    monkeypatch.setattr(shape_samples, "draw_samples", lambda *a: time.moved(3.6))
+    assert fitting._affordable(cube(), config) == pytest.approx(0.25)  # 18 s of the minute are for samples
+    assert fitting._affordable(cube(), TINY) == 1.0
+    assert TINY.samples.scaled(0.25).U == 50 and TINY.samples.scaled(1e-9).O == 1
+
+
+def test_the_field_of_another_mesh_is_replaced_by_force_alone(tmp_path):
+    fitting.fit(cube(), TINY, tmp_path)
+    with pytest.raises(checks.InputError, match="holds the field of another mesh; give another folder, or --force"):
+        fitting.fit(cube(0.5), TINY, tmp_path)
+    fitting.fit(cube(0.5), TINY, tmp_path, force=True)
+    fitting.fit(cube(0.5), dataclasses.replace(TINY, steps=3), tmp_path)  # other settings of the same mesh are welcome
+
+
+def test_rate_ends_at_zero():
+    loop = fit_settings.DEFAULT.loop
+    assert loop.rate(9999, 10_000) < 1e-6 * loop.learning_rate
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.02, 0.1])
+def test_samples_stay_in_the_tight_box_and_thin_meshes_get_the_cube(margin):
+    slab, config = moved(cube(), np.array([1.0, 0.4, 0.7]), (0.0, 0.0, 0.0)), dataclasses.replace(TINY, margin=margin)
+    samples, _ = shape_samples.draw_samples(slab, config, TINY.samples, "train")
+    sides = (1 - margin) * np.array([1.0, 0.4, 0.7]) + margin
+    np.testing.assert_allclose(samples.upper, sides, atol=1e-6)
+    np.testing.assert_allclose(samples.lower, -sides, atol=1e-6)
+    batch = samples.batch({**TINY.batch, "E": 500}, np.random.default_rng(0))
+    assert bool((batch.positions.abs() <= torch.from_numpy(sides) + 1e-4).all())
+    assert batch.positions.shape == (1, 620, 3)
+    extra = batch.positions[0, :500].abs().amax(0)
+    assert bool((extra > 0.9 * torch.from_numpy(sides)).all())
+    thin, _ = shape_samples.draw_samples(
+        moved(slab, np.array([1.0, 0.01, 1.0]), (0.0, 0.0, 0.0)), config, TINY.samples, "x"
+    )
+    assert thin.upper.tolist() == [1.0, 1.0, 1.0]
+
+
+def test_rays_from_the_sides_of_the_box_have_a_margin_of_way_to_faces_in_them():
+    """Samples on the sides of the box that look straight in: the face of a cube is a margin away, not 0 or 2."""
+    config = dataclasses.replace(TINY, margin=0.1)
+    samples, _ = shape_samples.draw_samples(cube(), config, counts(4000), "train")
+    bounding = samples.arrays["B"]
+    places, along = bounding["positions"], bounding["directions"]
+    centred = places.abs().sort(dim=-1).values[:, 1] < 0.8  # and not beside the face
+    facing = centred & (along.abs().amax(-1) > 0.99) & ((places * along).sum(-1) < -0.95)
+    assert int(facing.sum()) > 10
+    torch.testing.assert_close(bounding["depth"][facing], torch.full((int(facing.sum()),), 0.1), rtol=0.05, atol=1e-3)
+
+
+def test_errors_are_those_of_a_shape_of_length_two_whatever_the_margin():
+    field, found = pddf.PDDF(TINY.field), {}
+    with torch.no_grad():
+        field.network.head.weight.zero_()
+    for margin in (0.0, 0.5):
+        with torch.no_grad():
+            field.network.head.bias[:2] = (1 - margin) * 0.5  # the same surface, seen in both frames
+        config = dataclasses.replace(TINY, margin=margin)
+        samples, _ = shape_samples.draw_samples(cube(), config, counts(2000), "held_out")
+        found[margin] = fitting.held_out_errors(field, samples)["depth_l1"]["S"]
+    assert found[0.5] == pytest.approx(found[0.0], rel=0.05)  # S starts on the shape alone
+
+
+def test_errors_over_rays_that_all_miss_are_not_a_number_and_never_0():
+    samples, _ = shape_samples.draw_samples(cube(), TINY, counts(50), "held_out")
+    for part in samples.arrays.values():
+        part["visible"].zero_()
+    found = fitting.held_out_errors(pddf.PDDF(TINY.field), samples)
+    means = [found["depth_l1"]["U"], found["depth_l1_x10"]["T"], found["normal_angle_deg_median"]]
+    assert all(map(math.isnan, [*means, *found["normal_angle_deg"]["A"].values()]))
+    assert found["visibility_bce"]["U"] > 0  # of all samples, seen or not
+    table = fit_errors.fit_table(json.loads(json.dumps(found).replace("NaN", "null")))  # as fit.json has it
+    assert table[(table["source"] == "measured") & (table["metric"] == "depth_l1_x10")]["value"].isna().all()
+
+
+def test_training_and_held_out_samples_differ():
+    one, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "train")
+    two, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "held_out")
+    assert not torch.equal(one.arrays["U"]["positions"], two.arrays["U"]["positions"])
+
+
+def test_inner_sheets_are_part_of_the_shape():
+    nested = joined(cube(), cube(0.3))
+    samples, _ = shape_samples.draw_samples(nested, TINY, counts(2000), "train")
+    half = 0.3 * (1 - TINY.margin)
+    u = samples.arrays["U"]
+    hits = primitives.cast(
+        primitives.Box((-half, -half, -half), (half, half, half)),
+        rays.OrientedPoints(u["positions"].double(), torch.nn.functional.normalize(u["directions"].double(), dim=-1)),
+    )
+    inner = hits.visible & (u["positions"].abs().amax(-1) < 1 - TINY.margin)  # others see the outer cube first
+    assert bool(inner.any())
+    torch.testing.assert_close(u["depth"][inner].double(), hits.depth[inner], rtol=0, atol=1e-3)
+
+
+def test_file_holds_what_made_it(tmp_path):
+    fitting.fit(moved(cube(), 7.0, (1.0, 2.0, 3.0)), TINY, tmp_path, {"cube.obj": "abc"})
+    record = storage.load_metadata(tmp_path / training_loop.MODEL)
+    assert record["sources"] == {"cube.obj": "abc"}
+    assert record["seed"] == 0
+    assert "torch" in record["packages"]
+    shape = shape_field.load(tmp_path)
+    np.testing.assert_allclose(shape.field_from_mesh.apply(np.array([[8.0, 9.0, 10.0]])), 1 - TINY.margin)
+    again = tmp_path / "again"
+    fitting.fit(moved(cube(), 7.0, (1.0, 2.0, 3.0)), TINY, again, {"cube.obj": "abc"})
+    assert (again / training_loop.MODEL).read_bytes() == (tmp_path / training_loop.MODEL).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"minutes": None, "steps": None}, "fit.steps or fit.minutes must be given"),
+        ({"minutes": 0.0}, "fit.minutes must be > 0"),
+        ({"minutes": float("nan")}, "fit.minutes must be > 0"),
+        ({"steps": 0}, "fit.steps must be >= 1"),
+        ({"batch": {"U": 1}}, "fit.batch must give each of E, U, A, B, S, T, O"),
+        ({"batch": {**TINY.batch, "O+": 1}}, r"may give U\+, A\+, B\+, S\+, T\+ >= 1"),
+        ({"batch": {**TINY.batch, "S+": 0}}, r"may give U\+, A\+, B\+, S\+, T\+ >= 1"),
+        ({"epsilon_o": 2.0}, "epsilon_o must be in"),
+    ],
+)
+def test_bad_configs_are_refused(changes, message):
+    with pytest.raises(checks.InputError, match=message):
+        dataclasses.replace(TINY, **changes)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: fit_settings.PageConfig(4, "y", 10), "fit.page.picture_size must be in 8..1024; got 4"),
+        (lambda: fit_settings.PageConfig(8, "y", 0), "fit.page.rays must be >= 1; got 0"),
+        (lambda: fit_settings.AblationConfig(5, 10, 1, None), "fit.ablation.samples must be >= 6; got 5"),
+        (lambda: fit_settings.AblationConfig(6, 0, 1, None), "fit.ablation.held_out must be >= 1; got 0"),
+        (lambda: fit_settings.AblationConfig(6, 1, None, None), "fit.ablation.steps or fit.ablation.minutes must be"),
+        (lambda: fit_settings.AblationConfig(6, 1, None, -1.0), "fit.ablation.minutes must be > 0 or null; got -1.0"),
+    ],
+)
+def test_bad_page_and_ablation_sections_are_refused(make, message):
+    with pytest.raises(checks.InputError, match=message):
+        make()
+
+
+def test_page_and_ablation_are_no_part_of_the_fit(tmp_path, monkeypatch):
+    first = fitting.fit(cube(), TINY, tmp_path)
+    changed = dataclasses.replace(
+        TINY, page=fit_settings.PageConfig(9, "z", 7), ablation=fit_settings.AblationConfig(60, 7, 7, None)
+    )
+    monkeypatch.setattr(fitting, "step_loss", lambda *_: pytest.fail("trained again"))
+    assert str(fitting.fit(cube(), changed, tmp_path)["held_out"]) == str(first["held_out"])
+
+
+def test_a_left_out_type_gives_its_share_of_a_step_to_the_others():
+    samples, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "train")
+    counts = {"U": 400, "A": 400, "B": 200, "S": 100, "T": 200, "O": 150, "E": 50}
+    assert samples.batch_counts(counts) == counts
+    fewer = samples.without("S").batch_counts(counts)
+    assert "S" not in fewer and fewer["E"] == 50
+    assert abs(sum(fewer.values()) - sum(counts.values())) <= 3
+    assert fewer["U"] == round(400 * 1450 / 1350)
+    batch = samples.without("S").batch(fewer, np.random.default_rng(0))
+    assert batch.positions.shape == (1, sum(fewer.values()), 3)
+    assert batch.span("S", "S").start == batch.span("S", "S").stop
+
+
+def test_points_of_values_alone_are_of_their_type_and_go_with_it():
+    samples, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "train")
+    counts = {**dict.fromkeys(sample_types.ORDER, 10), "S+": 300, "U+": 20}
+    batch = samples.batch(samples.batch_counts(counts), np.random.default_rng(0))
+    assert batch.positions.shape == (1, 390, 3)
+    assert batch.span("S+", "S+") == slice(90, 390)
+    stored = {tuple(row) for row in samples.arrays["S"]["positions"].tolist()}
+    assert all(tuple(row) in stored for row in batch.positions[0, 90:].tolist())
+    fewer = samples.without("S").batch_counts(counts)
+    assert "S" not in fewer and "S+" not in fewer
+    assert abs(sum(fewer.values()) - 390) <= 4
+
+
+def test_mesh_without_area_is_refused(tmp_path):
+    line = mesh_io.Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2]]))
+    with pytest.raises(checks.InputError, match="must have a triangle with an area"):
+        fitting.fit(line, TINY, tmp_path)
+
+
+@pytest.mark.parametrize(("start", "kept"), [("flat", True), ("random", False)])
+def test_a_flat_start_keeps_depth_above_zero_where_a_random_one_loses_its_gradient(tmp_path, start, kept):
+    config = dataclasses.replace(
+        TINY,
+        start=start,
+        field=pddf.PDDFConfig((64, 64, 64), 6.0, 1.0, "softplus", 100.0),
+        steps=80,
+        samples=counts(2000),
+        batch={"U": 100, "A": 100, "B": 50, "S": 25, "T": 50, "O": 40, "E": 10},
+        loop=training_loop.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
+    )
+    fitting.fit(torus(0.7, 0.3), config, tmp_path)
+    held_out, _ = shape_samples.draw_samples(torus(0.7, 0.3), config, config.held_out, "held_out")
+    seen = {name: values[held_out.arrays["U"]["visible"] > 0] for name, values in held_out.arrays["U"].items()}
+    raw = shape_field.load(tmp_path).field(seen["positions"], seen["directions"])[:, : pddf.NUM_COMPONENTS]
+    dead = float((raw < -0.05).float().mean())  # 5 over the sharpness: a slope of 0.7 %
+    assert dead < 0.1 if kept else dead > 0.5
+
+
+def test_a_flat_start_is_the_mean_depth_nearly_everywhere():
+    samples, _ = shape_samples.draw_samples(cube(), TINY, TINY.samples, "train")
+    field = pddf.PDDF(fit_settings.DEFAULT.field)
+    fitting.start_flat(field, samples)
+    visible = [part["visible"] > 0 for part in samples.arrays.values()]
+    mean = torch.cat([part["depth"][seen] for part, seen in zip(samples.arrays.values(), visible, strict=True)]).mean()
+    uniform = samples.arrays["U"]
+    found = field.depths(field(uniform["positions"], uniform["directions"])).detach()
+    assert float((found - mean).abs().max()) < 0.5 and float(found.std()) < 0.15

@@ -1,0 +1,287 @@
+import json
+import sys
+from pathlib import Path
+
+import _models
+import numpy as np
+import onnx
+import pytest
+import torch
+from _support import assert_close
+
+from ddf.core import checks, shipped_models, storage
+from ddf.fields import derivatives, pddf
+from ddf.fields.field_outputs import OUTPUTS
+from ddf.io import exportable, onnx_file, onnx_graphs, onnx_parity, onnx_reductions, weight_precision
+
+ALL = tuple(OUTPUTS)
+SOURCE = {"source": "chair/model.safetensors", "source_sha256": "0" * 64, "config": {"kind": "ddf"}}
+QUICK = onnx_file.ExportConfig(ALL, (1, 7), ("float16", "int8"), 0)
+
+
+def _properties(data):
+    return {entry.key: entry.value for entry in onnx.load_from_string(data).metadata_props}
+
+
+def _run(data, inputs, names):
+    return onnx_parity.run(onnx_parity.session(data), inputs, names)
+
+
+def _truth(field, positions, directions):
+    """All outputs in float64; normals by autograd, with nothing of the explicit passes."""
+    field = field.double()
+    p, v = positions.double().requires_grad_(), directions.double()
+    raw = field(p, v)
+    depth = field.depth(raw)
+    chosen = torch.where(raw[:, 2] >= 0, raw[:, 0], raw[:, 1])
+    (gradient,) = torch.autograd.grad(chosen.sum(), p)
+    first = torch.sigmoid(raw[:, 2])
+    return {
+        "visibility": torch.sigmoid(raw[:, 3]),
+        "depth": depth,
+        "normals": derivatives.normals(gradient, v),
+        "weights": torch.stack((first, 1 - first), dim=-1),
+    }
+
+
+@pytest.mark.parametrize("activation", ["relu", "softplus"])
+def test_plain_field_gives_float64_values_at_any_length(activation):
+    graph = onnx_graphs.FieldGraph(_models.field(activation), ALL)
+    data = onnx_file.to_onnx(graph, SOURCE)
+    for count in (1, 7, 300):
+        positions, directions = _models.points(count, seed=count)
+        found = _run(data, {"positions": positions, "directions": directions}, ALL)
+        for name, value in _truth(_models.field(activation), positions, directions).items():
+            assert_close(found[name], value, atol=2e-6 if name != "normals" else 2e-5, rtol=0.0)
+
+
+@pytest.mark.parametrize(("activation", "sign"), [("relu", 1), ("relu", -1), ("softplus", 1), ("softplus", -1)])
+def test_saturated_visibility_and_depth_of_zero_are_exact(activation, sign):
+    field = _models.field(activation)
+    with torch.no_grad():
+        field.network.head.bias[3] = 300.0 * sign  # exp overflows in float32
+        field.network.head.bias[:2] = -300.0
+    positions, directions = onnx_parity.box_rays()
+    data = onnx_file.to_onnx(onnx_graphs.FieldGraph(field, ALL), SOURCE)
+    found = _run(data, {"positions": positions, "directions": directions}, ALL)
+    assert (found["visibility"] == (1.0 if sign > 0 else 0.0)).all()
+    assert (found["depth"] == 0.0).all()
+    assert np.isfinite(found["normals"]).all()
+    assert_close(np.linalg.norm(found["normals"], axis=-1), np.ones(len(positions)))
+
+
+@pytest.mark.parametrize("name", ["field", "encoders", "image_field"])
+def test_no_rows_give_no_rows_from_the_graph_itself(name):
+    graph = onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)[name]
+    inputs = onnx_parity.example_inputs(graph, 0, torch.Generator())
+    found = _run(onnx_file.to_onnx(graph, SOURCE), inputs, list(graph.meanings))
+    widths = {"normals": (3,), "weights": (2,), "latent": (6,), "camera": (3,)}
+    one_camera = {"camera": (1, 3)} if name == "image_field" else {}
+    expected = {key: (0, *widths.get(key, ())) for key in graph.meanings} | one_camera
+    assert {key: value.shape for key, value in found.items()} == expected
+
+
+def test_axes_counted_from_the_front_change_no_value(monkeypatch):
+    graph = onnx_graphs.FieldGraph(_models.field(), ALL)
+    inputs = dict(zip(graph.inputs, _models.points(33), strict=True))
+    found = _run(onnx_file.to_onnx(graph, SOURCE), inputs, ALL)
+    monkeypatch.setattr(onnx_reductions, "count_axes_from_the_front", lambda model: None)
+    before = onnx_file.to_onnx(graph, SOURCE)
+    for name, values in _run(before, inputs, ALL).items():
+        assert np.array_equal(values, found[name])
+    with pytest.raises(onnx_parity.ParityError, match="field: onnxruntime cannot run on no rows"):
+        onnx_parity.compare(before, "field", graph, (1,), 0)
+
+
+def test_shipped_fields_take_no_rows_and_come_from_the_weights_beside_them():
+    for folder in sorted(file.parent for file in shipped_models.ROOT.glob("*/field.onnx")):
+        runner = onnx_parity.session((folder / "field.onnx").read_bytes())
+        inputs = {name: torch.zeros(0, 3) for name in ("positions", "directions")}
+        found = onnx_parity.run(runner, inputs, ALL)
+        assert [found[name].shape for name in ("depth", "normals", "mean_curvature")] == [(0,), (0, 3), (0,)]
+        _, source = exportable.load(folder, ALL)
+        assert _properties((folder / "field.onnx").read_bytes())["source_sha256"] == source["source_sha256"]
+
+
+def test_outputs_are_those_asked_for_in_order():
+    graph = onnx_graphs.FieldGraph(_models.field(), ("normals", "depth"))
+    model = onnx.load_from_string(onnx_file.to_onnx(graph, SOURCE))
+    shapes = {
+        value.name: [d.dim_param or d.dim_value for d in value.type.tensor_type.shape.dim]
+        for value in [*model.graph.input, *model.graph.output]
+    }
+    assert shapes == {"positions": ["n", 3], "directions": ["n", 3], "normals": ["n", 3], "depth": ["n"]}
+    assert list(shapes)[2:] == ["normals", "depth"]
+
+
+def test_values_only_files_hold_no_derivative_pass():
+    sizes = {}
+    for outputs in (("depth",), ("depth", "normals")):
+        model = onnx.load_from_string(onnx_file.to_onnx(onnx_graphs.FieldGraph(_models.field(), outputs), SOURCE))
+        sizes[outputs] = sum(node.op_type == "Cos" for node in model.graph.node)
+    assert sizes == {("depth",): 0, ("depth", "normals"): 3}
+
+
+@pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
+def test_every_graph_of_a_model_agrees_with_torch(kind, tmp_path):
+    graphs = (
+        onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)
+        if kind == "ddf"
+        else onnx_graphs.pcsiren_graphs(_models.pcsiren_model(), 32)
+    )
+    for name, graph in graphs.items():
+        rows = onnx_file.export(graph, name, tmp_path / f"{name}.onnx", SOURCE, QUICK)
+        assert {row.output for row in rows} == set(graph.meanings)
+        assert max(row.max_abs / row.tolerance for row in rows) < 1
+        assert max(row.onnx_error for row in rows) < 1e-4  # from float64
+        cases = {row.cases for row in rows}
+        assert cases == {"random 1", "random 7"} | ({"hard"} if "positions" in graph.inputs else set())
+
+
+def test_azimuth_from_sine_and_cosine_agrees_with_torch(tmp_path):
+    graph = onnx_graphs.EncodersGraph(_models.ddf_model("sincos"), 32)
+    rows = onnx_file.export(graph, "encoders", tmp_path / "encoders.onnx", SOURCE, QUICK)
+    assert max(row.max_abs / row.tolerance for row in rows) < 1
+    images = onnx_graphs.example_images(7, 32, torch.Generator().manual_seed(1))
+    (camera,) = _run((tmp_path / "encoders.onnx").read_bytes(), {"images": images}, ("camera",)).values()
+    assert len(set(camera[:, 0])) == 7 and (camera[:, 0] > 0).any()
+
+
+def test_conditional_field_follows_its_latent():
+    model = _models.ddf_model()
+    graph = onnx_graphs.ddf_graphs(model, 32, ("depth",))["field"]
+    data = onnx_file.to_onnx(graph, SOURCE)
+    positions, directions = _models.points(9)
+    for seed in (0, 1):
+        latent = torch.randn((1, 6), generator=torch.Generator().manual_seed(seed))
+        modulations = [m[0] for m in model.modulations(latent)]
+        with torch.no_grad():
+            expected = model.field.depth(model.field(positions, directions, modulations))
+        inputs = {"positions": positions, "directions": directions, "latent": latent}
+        assert_close(_run(data, inputs, ["depth"])["depth"], expected)
+
+
+def test_bundle_equals_encoders_then_field():
+    model = _models.ddf_model()
+    graphs = onnx_graphs.ddf_graphs(model, 32, ALL)
+    image = onnx_graphs.example_images(1, 32, torch.Generator().manual_seed(5))
+    positions, directions = _models.points(11)
+    rays = {"positions": positions, "directions": directions}
+    whole = _run(onnx_file.to_onnx(graphs["image_field"], SOURCE), {"image": image} | rays, ("camera", *ALL))
+    parts = _run(onnx_file.to_onnx(graphs["encoders"], SOURCE), {"images": image}, ("latent", "camera"))
+    latent = {"latent": torch.from_numpy(parts["latent"])}
+    parts |= _run(onnx_file.to_onnx(graphs["field"], SOURCE), rays | latent, ALL)
+    for name in ("camera", *ALL):
+        assert_close(whole[name], parts[name])
+
+
+def test_file_says_what_it_is(tmp_path):
+    folder = _models.write_model(tmp_path / "chair")
+    graphs, source = exportable.load(folder, ALL)
+    data = onnx_file.to_onnx(graphs["field"], source)
+    model, found = onnx.load_from_string(data), _properties(data)
+    assert [(entry.domain, entry.version) for entry in model.opset_import] == [("", onnx_file.OPSET)]
+    assert (model.producer_name, model.producer_version) == ("ddf", onnx_file.version())
+    assert found["source"] == "chair/model.safetensors"
+    assert found["source_sha256"] == storage.checksum(folder / "model.safetensors")
+    assert json.loads(found["box"]) == [[-1, -1, -1], [1, 1, 1]]
+    assert json.loads(found["config"])["hidden"] == [24, 16, 16]
+    assert set(json.loads(found["outputs"])) == set(ALL)
+    assert found["model_license"] == "MIT"
+    assert found["ddf_version"] == onnx_file.version()
+    assert found["transform"].startswith("none")
+    assert found["precision"] == "float32"
+
+
+def test_transform_of_a_single_shape_is_kept(tmp_path):
+    path = tmp_path / "model.safetensors"
+    path.write_bytes(b"x")
+    transform = {"scale": 2.0, "rotation": np.eye(3).tolist(), "translation": [0.0, 1.0, 0.0]}
+    source = onnx_file.describe_source(path, {"kind": "single_shape", "field_from_mesh": transform})
+    found = _properties(onnx_file.to_onnx(onnx_graphs.FieldGraph(_models.field(), ("depth",)), source))
+    assert json.loads(found["transform"]) == transform
+
+
+def test_equal_models_give_equal_bytes_without_places_of_this_machine():
+    graphs = [onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL) for _ in range(2)]
+    for name in graphs[0]:
+        first, second = (onnx_file.to_onnx(each[name], SOURCE) for each in graphs)
+        assert first == second
+        assert str(Path.cwd()).encode() not in first
+        assert sys.prefix.encode() not in first
+
+
+def _with_one_weight_changed(data):
+    model = onnx.load_from_string(data)
+    largest = max(model.graph.initializer, key=lambda tensor: len(tensor.raw_data))
+    values = onnx.numpy_helper.to_array(largest).copy()
+    values.flat[3] += 1e-2
+    largest.CopyFrom(onnx.numpy_helper.from_array(values, largest.name))
+    return model.SerializeToString()
+
+
+def test_file_that_differs_from_its_model_is_refused_and_leaves_nothing(tmp_path, monkeypatch):
+    graph = onnx_graphs.FieldGraph(_models.field(), ALL)
+    right = onnx_file.to_onnx
+    monkeypatch.setattr(onnx_file, "to_onnx", lambda *args: _with_one_weight_changed(right(*args)))
+    with pytest.raises(onnx_parity.ParityError, match=r"field: onnxruntime and torch must agree on \w+ within"):
+        onnx_file.export(graph, "field", tmp_path / "field.onnx", SOURCE, QUICK)
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "field.onnx").write_bytes(b"earlier")
+    with pytest.raises(onnx_parity.ParityError):
+        onnx_file.export(graph, "field", tmp_path / "field.onnx", SOURCE, QUICK)
+    assert (tmp_path / "field.onnx").read_bytes() == b"earlier"
+
+
+def test_smaller_weights_are_measured_and_labelled(tmp_path):
+    graph = onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)["field"]
+    data = onnx_file.to_onnx(graph, SOURCE)
+    config = onnx_file.ExportConfig(ALL, (1, 7), weight_precision.PRECISIONS, 0)
+    rows = onnx_file.measure_precisions(graph, "field", data, config)
+    assert {row.precision for row in rows} == set(weight_precision.PRECISIONS)
+    numbers = [value for row in rows for value in row.to_dict().values() if isinstance(value, float)]
+    assert np.isfinite(numbers).all()
+    mean = {row.precision: row.mean_abs for row in rows if (row.output, row.cases) == ("visibility", "random 4096")}
+    assert 0 < mean["float16"] < mean["bfloat16"] < mean["int8"] < 0.1
+    assert list(tmp_path.iterdir()) == []
+    found = onnx_file.export(graph, "field", tmp_path / "half.onnx", SOURCE, config, "float16")
+    assert {row.precision for row in found} == {"float16"}
+    assert _properties((tmp_path / "half.onnx").read_bytes())["precision"] == "float16"
+
+
+def test_wide_files_halve_and_quarter():
+    wide = pddf.PDDF(pddf.PDDFConfig((128, 128), 1.0, 1.0, "relu", 1.0))
+    data = onnx_file.to_onnx(onnx_graphs.FieldGraph(wide, ("depth",)), SOURCE)
+    sizes = {name: len(weight_precision.reduce(data, name)) for name in weight_precision.PRECISIONS}
+    assert sizes["float16"] < 0.56 * len(data)
+    assert sizes["bfloat16"] < 0.56 * len(data)
+    assert sizes["int8"] < 0.36 * len(data)
+
+
+def test_float16_weights_are_the_rounded_ones():
+    field = _models.field()
+    data = weight_precision.reduce(onnx_file.to_onnx(onnx_graphs.FieldGraph(field, ("depth",)), SOURCE), "float16")
+    positions, directions = _models.points(20)
+    found = _run(data, {"positions": positions, "directions": directions}, ["depth"])["depth"]
+    with torch.no_grad():
+        for layer in (*field.network.layers, field.network.head):
+            if layer is field.network.layers[0]:
+                layer.weight.copy_((layer.weight * 3.0).half().float() / 3.0)  # omega is folded in before
+            else:
+                layer.weight.copy_(layer.weight.half().float())
+        assert_close(found, field.depth(field(positions, directions)))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"batches": ()}, "export.batches must be >= 1"),
+        ({"batches": (0,)}, "export.batches must be >= 1"),
+        ({"precisions": ("int4",)}, "precision must be one of float16, bfloat16, int8; got 'int4'"),
+        ({"outputs": ("colour",)}, "outputs must be one or more of"),
+    ],
+)
+def test_config_out_of_range_is_refused(values, message):
+    given = {"outputs": ALL, "batches": (1,), "precisions": (), "seed": 0} | values
+    with pytest.raises(checks.InputError, match=message):
+        onnx_file.ExportConfig(**given)

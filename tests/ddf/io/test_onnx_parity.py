@@ -1,0 +1,119 @@
+import dataclasses
+
+import _models
+import onnx
+import pytest
+import torch
+
+from ddf.fields import field_outputs
+from ddf.io import onnx_file, onnx_graphs, onnx_parity
+
+ALL = tuple(field_outputs.OUTPUTS)
+
+
+def _row(**values):
+    row = onnx_parity.Row("field", "float32", 1, "random 7", 100, "depth", 1e-6, 1e-7, 1e-6, 1e-6, 1e-5, 0, 1e-6, 1e-6)
+    return dataclasses.replace(row, **values)
+
+
+def test_box_rays_are_on_the_lattice_with_zeros_of_both_signs():
+    positions, directions = onnx_parity.box_rays()
+    assert len(positions) == 27 * 52
+    assert len(torch.unique(positions, dim=0)) == 27
+    torch.testing.assert_close(directions.norm(dim=-1), torch.ones(len(directions)))
+    zero = directions == 0
+    assert (zero & torch.signbit(directions)).any()
+    assert (zero & ~torch.signbit(directions)).any()
+    axis_aligned = zero.sum(-1) == 2
+    assert int(axis_aligned.sum()) == 27 * 12
+
+
+@torch.no_grad()
+def test_hard_rays_graze_switch_saturate_and_start_on_the_surface():
+    graph = onnx_graphs.FieldGraph(_models.field("relu"), ALL)
+    hard = onnx_parity.hard_inputs(graph, torch.Generator().manual_seed(0))
+    common = onnx_parity.example_inputs(graph, 1000, torch.Generator().manual_seed(1))
+    found, usual = graph.values(hard), graph.values(common)
+    cosine = (found.normals * found.directions).sum(-1).abs()
+    first, each = len(onnx_parity.box_rays()[0]), onnx_parity.HARD_OF_EACH
+    assert cosine[first : first + each].max() < 0.05
+    assert found.raw[first + each : first + 2 * each, 2].abs().max() < 0.05
+    assert found.raw[:, 3].max() >= usual.raw[:, 3].max() - 0.05
+    assert found.raw[:, 3].min() <= usual.raw[:, 3].min() + 0.05
+    assert found.positions.abs().max() == 1
+    tail = hard["positions"][-2 * each :]
+    assert torch.equal(tail[:each], tail[each:])
+    assert torch.equal(hard["directions"][-1], -hard["directions"][-1 - each])
+
+
+def test_graphs_without_a_field_have_no_hard_rays():
+    graph = onnx_graphs.pcsiren_graphs(_models.pcsiren_model(), 32)["pcsiren"]
+    assert onnx_parity.hard_inputs(graph, torch.Generator().manual_seed(0)) == {}
+
+
+def test_comparison_at_65536_points_and_its_float64_errors():
+    graph = onnx_graphs.FieldGraph(_models.field(), ALL)
+    rows = onnx_parity.compare(onnx_file.to_onnx(graph, {}), "field", graph, (1, 7, 65536), 0)
+    onnx_parity.require(rows)
+    assert [row.cases for row in rows[:: len(ALL)]] == ["random 1", "random 7", "random 65536", "hard"]
+    assert {row.rows for row in rows if row.cases == "random 65536"} == {65536}
+    for row in rows:
+        assert row.mean_abs <= row.max_abs <= row.tolerance
+        assert row.q999_abs <= row.max_abs
+        assert 0 < row.torch_error < 10 * row.tolerance or row.rows < 10
+        assert row.onnx_error <= row.torch_error + row.max_abs
+    assert sum(row.unclear for row in rows if row.output == "visibility") == 0
+
+
+def test_difference_is_measured_not_assumed():
+    field, other = _models.field(), _models.field()
+    with torch.no_grad():
+        other.network.head.bias[0] += 0.25
+        for each in (field, other):
+            each.network.head.bias[2] = 50.0  # the first component everywhere
+            each.network.head.bias[0] += 5.0  # where softplus is the identity
+    data = onnx_file.to_onnx(onnx_graphs.FieldGraph(other, ("depth",)), {})
+    rows = onnx_parity.compare(data, "field", onnx_graphs.FieldGraph(field, ("depth",)), (7,), 0)
+    for row in rows:
+        assert row.max_abs == pytest.approx(0.25, abs=1e-5)
+        assert row.mean_abs == pytest.approx(0.25, abs=1e-5)
+        assert row.onnx_error == pytest.approx(0.25, abs=1e-5)
+        assert row.torch_error < 1e-5
+    with pytest.raises(onnx_parity.ParityError, match=r"must agree on depth within 1e-05; got 0\.25"):
+        onnx_parity.require(rows)
+
+
+def test_largest_batch_of_images_is_kept():
+    graph = onnx_graphs.EncodersGraph(_models.ddf_model(), 32)
+    graph.largest_batch = 5
+    rows = onnx_parity.compare(onnx_file.to_onnx(graph, {}), "encoders", graph, (1, 7, 65536), 0)
+    assert [row.cases for row in rows[::2]] == ["random 1", "random 5"]
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"max_abs": 2e-5}, "field: onnxruntime and torch must agree on depth within 1e-05; got 2e-05 on random 7"),
+        ({"max_abs": float("nan")}, "must agree on depth"),
+        ({"unclear": 6}, "depth must be continuous at 95% of random rays at least; 6 of 100 are not"),
+    ],
+)
+def test_rows_outside_their_tolerance_are_refused(values, message):
+    onnx_parity.require([_row(), _row(cases="hard", unclear=90), _row(unclear=5)])
+    with pytest.raises(onnx_parity.ParityError, match=message):
+        onnx_parity.require([_row(), _row(**values)])
+
+
+def test_values_that_are_not_finite_and_files_that_do_not_load_are_refused():
+    graph = onnx_graphs.FieldGraph(_models.field(), ("depth",))
+    model = onnx.load_from_string(onnx_file.to_onnx(graph, {}))
+    for tensor in model.graph.initializer:
+        if len(tensor.raw_data) == 4 * 16 * 24:
+            tensor.raw_data = b"\xff" * len(tensor.raw_data)  # NaN
+    with pytest.raises(onnx_parity.ParityError, match="depth must be finite, of shape"):
+        onnx_parity.compare(model.SerializeToString(), "field", graph, (7,), 0)
+    with pytest.raises(onnx_parity.ParityError, match="field: onnxruntime cannot load the file"):
+        onnx_parity.compare(b"nonsense", "field", graph, (7,), 0)
+    with pytest.raises(onnx_parity.ParityError, match="field: onnxruntime cannot run random 7"):
+        other = onnx_graphs.FieldGraph(_models.field(), ("visibility",))
+        onnx_parity.compare(onnx_file.to_onnx(other, {}), "field", graph, (7,), 0)

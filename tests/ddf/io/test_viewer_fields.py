@@ -1,0 +1,76 @@
+"""Fields as the viewer's page holds them: frequencies and modulations baked into plain sine networks."""
+
+import itertools
+
+import numpy as np
+import pytest
+import torch
+from _support import assert_close
+
+from ddf.core import checks
+from ddf.fields import pddf
+from ddf.fit import shape_field
+from ddf.geometry import transforms
+from ddf.io import viewer_fields
+
+
+def _field():
+    torch.manual_seed(0)
+    return pddf.PDDF(pddf.PDDFConfig((8, 12), 3.0, 2.0, "softplus", 100.0))
+
+
+def _shape(field, modulations=None):
+    return shape_field.ShapeField(field, -np.ones(3), np.ones(3), transforms.Similarity(2.0), {}, modulations)
+
+
+def _plain(baked, inputs):
+    """The network as the page evaluates it: W sin(... sin(W_1 x + b_1)) + b."""
+    widths, at, states = baked.record["widths"], 0, inputs
+    for index, (columns, rows) in enumerate(itertools.pairwise(widths)):
+        weight = baked.numbers[at : at + rows * columns].reshape(rows, columns)
+        at += rows * columns
+        states = states @ weight.T + baked.numbers[at : at + rows]
+        at += rows
+        states = np.sin(states) if index < len(widths) - 2 else states
+    assert at == len(baked.numbers)
+    return states
+
+
+def test_frequencies_are_baked_in():
+    field, inputs = _field(), torch.randn(5, 6, generator=torch.Generator().manual_seed(1))
+    expected = field.network(inputs)
+    assert_close(_plain(viewer_fields.bake(_shape(field), "one"), inputs.numpy()), expected)
+
+
+def test_modulations_are_baked_in():
+    generator = torch.Generator().manual_seed(1)
+    field, inputs = _field(), torch.randn(5, 6, generator=generator)
+    modulations = [0.5 + torch.rand(1, width, generator=generator) for width in field.config.hidden]
+    expected = field.network(inputs, modulations)
+    assert_close(_plain(viewer_fields.bake(_shape(field, modulations), "one"), inputs.numpy()), expected)
+    assert (expected - field.network(inputs)).abs().max() > 0.1
+
+
+def test_the_record_says_how_the_field_is_asked():
+    record = viewer_fields.bake(_shape(_field()), "one").record
+    assert record["widths"] == [6, 8, 12, 4]
+    assert record["field_from_mesh"]["scale"] == 2.0 and record["world_from_mesh"]["scale"] == 1.0
+
+
+def test_several_fields_share_a_block():
+    one, two = (viewer_fields.bake(_shape(_field()), "f") for _ in range(2))
+    records, numbers = viewer_fields.together([one, two])
+    assert [record["offset"] for record in records] == [0, len(one.numbers)]
+    assert_close(numbers[records[1]["offset"] :], two.numbers)
+
+
+def test_a_field_that_stands_twice_is_there_once():
+    one = viewer_fields.bake(_shape(_field()), "f")
+    records, numbers = viewer_fields.together([one, viewer_fields.placed(one, transforms.Similarity(3.0))])
+    assert [record["offset"] for record in records] == [0, 0] and len(numbers) == len(one.numbers)
+    assert records[1]["world_from_mesh"]["scale"] == 3.0
+
+
+def test_a_page_needs_a_field():
+    with pytest.raises(checks.InputError, match="at least one field"):
+        viewer_fields.together([])

@@ -1,0 +1,292 @@
+"""The viewer's page in a real Chromium, with software rendering: its numbers are those of `Field.render`."""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from _support import assert_close
+
+import ddf
+from ddf.api.field import Field
+from ddf.cli.field import view
+from ddf.core import shipped_models
+from ddf.data import shapenet
+from ddf.fields import checked_cloud
+from ddf.fit import shape_field
+from ddf.io import viewable, viewer_page
+from ddf.models.reconstruction import inference, one_image
+from ddf_lab.report import pages
+
+sync_api = pytest.importorskip("playwright.sync_api")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium"),
+]
+SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
+SCENE = "objects: [{field: armchair}, {field: rabbit, scale: 0.4, translation: [0.2, 0, 0.5]}]"
+ENCODED = {"camera": 1e-4, "modulations": 1e-4}  # the pixels are Python's, byte for byte; sums are wasm's
+HITS = 4000  # of whose surest distances in the page are measured to; the fewer, the sooner
+PATIENCE_MS = 240_000
+
+
+@dataclass
+class Opened:
+    """A page, and what it should not have done."""
+
+    page: Any
+    faults: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+    def render(self, outputs: tuple[str, ...], size: int) -> dict[str, Any]:
+        """What the page computes from the camera of `Field.render`."""
+        found = self.page.evaluate("([size, outputs]) => ddf.render({}, size, outputs)", [size, list(outputs)])
+        shapes = {name: (size, size, 3) if name.startswith("normals") else (size, size) for name in outputs}
+        arrays = {name: np.array(found[name], dtype=float).reshape(shape) for name, shape in shapes.items()}
+        return arrays | {"evaluated": found["evaluated"]}
+
+    def require_quiet(self) -> None:
+        """No error was reported, and nothing was asked for but the file itself and what it made in its own memory."""
+        assert self.faults == []
+        asked = [address for address in self.requests if not address.startswith(("blob:null/", "data:"))]
+        assert asked == [self.page.url.partition("#")[0]]
+
+    def still(self) -> None:
+        """Wait for the picture at rest."""
+        self.page.wait_for_selector("body[data-state=still]", timeout=PATIENCE_MS)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as driver:
+        yield driver.chromium.launch(executable_path=CHROMIUM, args=list(SOFTWARE))
+
+
+def _open(browser: Any, file: Path, asked: str, **how: Any) -> Opened:
+    opened = Opened(browser.new_page(**how))
+    opened.page.on("console", lambda message: opened.faults.append(message.text) if message.type == "error" else None)
+    opened.page.on("pageerror", lambda error: opened.faults.append(str(error)))
+    opened.page.on("request", lambda request: opened.requests.append(request.url))
+    opened.page.goto(f"{file.as_uri()}#{asked}")
+    opened.page.set_default_timeout(PATIENCE_MS)
+    return opened
+
+
+@pytest.fixture(scope="module")
+def rabbit(browser, tmp_path_factory) -> Iterator[Opened]:
+    file = tmp_path_factory.mktemp("pages") / "rabbit.html"
+    viewer_page.write(file, viewable.page(shipped_models.place("rabbit")))
+    opened = _open(browser, file, f"size=16&mode=depth&hits={HITS}")
+    opened.still()
+    yield opened
+    opened.require_quiet()  # of all tests that use the page
+
+
+def test_pixels_are_those_of_field_render(rabbit):
+    outputs = ("visibility", "depth", "normals")
+    found, expected = rabbit.render(outputs, 64), ddf.load("rabbit").render(35, 25, size=64, outputs=outputs)
+    seen = np.isfinite(expected["depth"])
+    assert seen.sum() > 500 and 0 < found["evaluated"] < 64 * 64
+    assert_close(found["visibility"], expected["visibility"], atol=1e-4, rtol=0.0)
+    assert_close(found["depth"], expected["depth"], atol=1e-3, rtol=0.0)
+    cosines = (found["normals"] * expected["normals"]).sum(-1)[seen]
+    assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() < 1.0
+
+
+def test_without_a_gpu_the_field_runs_by_wasm(browser, tmp_path):
+    viewer_page.write(tmp_path / "rabbit.html", viewable.page(shipped_models.place("rabbit"), wasm=True))
+    opened = _open(browser, tmp_path / "rabbit.html", "size=32&mode=normals")
+    opened.still()
+    assert "by wasm" in opened.page.inner_text("#status")
+    outputs = ("visibility", "depth", "normals", "weight_1", "mean_curvature")
+    found, expected = opened.render(outputs, 64), ddf.load("rabbit").render(35, 25, size=64, outputs=outputs)
+    seen = np.isfinite(expected["depth"])
+    for name in outputs:
+        atol, rtol = (2e-3, 2e-3) if name == "mean_curvature" else (1e-3, 0.0)
+        assert_close(found[name][seen], expected[name][seen], atol=atol, rtol=rtol)
+    assert opened.page.locator("input[value=normals_2]").count() == 0  # which the graphs do not give
+    opened.require_quiet()
+
+
+def test_keys_turn_the_camera_and_choose_what_is_shown(rabbit):
+    azimuth = rabbit.page.evaluate("ddf.view.camera.azimuth")
+    before = rabbit.page.get_attribute("#canvas", "aria-label")
+    rabbit.page.focus("#frame")
+    rabbit.page.keyboard.press("ArrowRight")
+    rabbit.page.keyboard.press("4")
+    rabbit.still()
+    assert rabbit.page.evaluate("ddf.view.camera.azimuth") == pytest.approx(azimuth + 6)
+    assert rabbit.page.is_checked("input[value=visibility]")
+    said = rabbit.page.get_attribute("#canvas", "aria-label")
+    assert said != before and "visibility" in said and "azimuth 41" in said
+    rabbit.page.keyboard.press("r")
+    rabbit.still()
+    assert rabbit.page.evaluate("ddf.view.camera.azimuth") == azimuth
+
+
+def test_drag_and_wheel_orbit_and_zoom(rabbit):
+    start = rabbit.page.evaluate("ddf.view.camera")
+    box = rabbit.page.locator("#frame").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    rabbit.page.mouse.move(x, y)
+    rabbit.page.mouse.down()
+    rabbit.page.mouse.move(x + 60, y + 30)
+    rabbit.page.mouse.up()
+    rabbit.page.mouse.wheel(0, 100)
+    rabbit.still()
+    moved = rabbit.page.evaluate("ddf.view.camera")
+    assert moved["azimuth"] > start["azimuth"] and moved["elevation"] > start["elevation"]
+    assert moved["radius"] > start["radius"]
+    rabbit.page.get_by_role("button", name="Back to the start").click()
+    rabbit.still()
+
+
+def _sliced(opened: Opened, quantity: str, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of the page's slice, and what it shows there."""
+    opened.page.get_by_role("combobox", name="Shows").select_option(quantity)
+    opened.still()
+    found = opened.page.evaluate("size => ddf.slice(size)", size)
+    return np.array(found["points"]).reshape(-1, 3), np.array(found["values"], dtype=float)
+
+
+def test_a_slice_shows_what_the_field_says_along_one_direction(rabbit):
+    field = ddf.load("rabbit")
+    points, depth = _sliced(rabbit, "depth", 64)
+    low, high = field.corners.min(axis=0), field.corners.max(axis=0)
+    assert len(points) > 200 and (points > low - 1e-6).all() and (points < high + 1e-6).all()
+    assert_close(points[:, 0], np.full(len(points), (low[0] + high[0]) / 2))
+    ahead = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    expected = field.query(points, ahead, ("depth", "visibility"))
+    assert 50 < np.isfinite(expected["depth"]).sum() < len(points)
+    assert_close(depth, expected["depth"], atol=1e-3, rtol=0.0)
+    points, visibility = _sliced(rabbit, "visibility", 64)
+    assert_close(visibility, expected["visibility"], atol=1e-4, rtol=0.0)
+    said = rabbit.page.get_attribute("#canvas", "aria-label")
+    assert f"a slice at x = {(low[0] + high[0]) / 2:.2f} shows Visibility" in said
+
+
+def test_keys_and_slider_move_the_slice_and_what_lies_before_it_is_gone(rabbit):
+    _sliced(rabbit, "visibility", 8)
+    whole = rabbit.page.evaluate("ddf.view.slice.at")
+    rabbit.page.focus("#frame")
+    rabbit.page.keyboard.press(".")
+    rabbit.still()
+    assert rabbit.page.evaluate("ddf.view.slice.at") == pytest.approx(whole + 0.02)
+    rabbit.page.get_by_role("slider", name="Where").fill("0")
+    rabbit.still()
+    points = np.array(rabbit.page.evaluate("size => ddf.slice(size)", 16)["points"]).reshape(-1, 3)
+    assert_close(points[:, 0], np.full(len(points), ddf.load("rabbit").corners[:, 0].min()))
+    assert rabbit.page.locator("#status").inner_text().startswith("16 × 16")
+    for expected in ("Distance UDF", "Direction v*", None):
+        rabbit.page.focus("#frame")
+        rabbit.page.keyboard.press("p")
+        assert rabbit.page.evaluate("ddf.view.slice.quantity?.label ?? null") == expected
+    rabbit.still()
+    rabbit.page.get_by_role("slider", name="Where").evaluate("one => one.value = '0.5'")
+    rabbit.page.evaluate("ddf.view.slice.at = 0.5")
+
+
+def test_distances_are_as_good_as_those_of_python_to_as_many_hits(rabbit):
+    field = ddf.load("rabbit")
+    points, distances = _sliced(rabbit, "udf", 64)
+    expected, ways = field.udf(points)
+    others, other_ways = checked_cloud.draw(field.framed, HITS, seed=1).distances(points)
+    bound = np.abs(others - expected).mean()
+    assert np.abs(distances - expected).mean() < 1.3 * bound < 0.1 * expected.mean()
+    _, directions = _sliced(rabbit, "closest", 64)
+    cosines, bound = ((each.reshape(-1, 3) * ways).sum(axis=1) for each in (directions, other_ways))
+    assert np.median(np.arccos(cosines.clip(-1, 1))) < 1.3 * np.median(np.arccos(bound.clip(-1, 1)))
+    assert f"the surest of {HITS:,} hits" in rabbit.page.inner_text("#legend")
+
+
+@pytest.fixture(scope="module")
+def pair(browser, tmp_path_factory) -> Iterator[Opened]:
+    folder = tmp_path_factory.mktemp("pages")
+    (folder / "pair.yaml").write_text(SCENE)
+    viewer_page.write(folder / "pair.html", view.page_of([folder / "pair.yaml"]))
+    opened = _open(browser, folder / "pair.html", f"size=8&mode=depth&hits={HITS}")
+    opened.still()
+    yield opened
+    opened.require_quiet()
+
+
+def test_a_scene_shows_the_nearest_of_its_fields(pair, tmp_path):
+    (tmp_path / "pair.yaml").write_text(SCENE)
+    outputs = ("visibility", "depth", "normals")
+    expected = ddf.read_scene(tmp_path / "pair.yaml").render(35, 25, size=32, outputs=outputs)
+    found = pair.render(outputs, 32)
+    assert np.isfinite(expected["depth"]).sum() > 100
+    for name in outputs:
+        assert_close(found[name], expected[name], atol=1e-3, rtol=0.0)
+    fewer = pair.render(("depth",), 32)
+    assert fewer["evaluated"] < found["evaluated"]  # of rays that hit the front one, the other is not asked
+    assert_close(fewer["depth"], expected["depth"], atol=1e-3, rtol=0.0)
+
+
+def test_distances_of_a_scene_are_those_to_the_nearest_field(pair, tmp_path):
+    (tmp_path / "pair.yaml").write_text(SCENE)
+    points, distances = _sliced(pair, "udf", 24)
+    expected, _ = checked_cloud.draw(ddf.read_scene(tmp_path / "pair.yaml").framed, HITS).distances(points)
+    assert len(points) > 50 and np.abs(distances - expected).mean() < 0.2 * expected.mean()
+    pair.page.get_by_role("combobox", name="Shows").select_option("none")
+    pair.still()
+
+
+def test_a_handle_moves_its_object(pair):
+    where = "ddf.view.world.fields[1].record.world_from_mesh.translation"
+    before = pair.page.evaluate(where)
+    box = pair.page.locator("#overlay circle").nth(1).bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    pair.page.mouse.move(x, y)
+    pair.page.mouse.down()
+    pair.page.mouse.move(x, y - 50)
+    pair.page.mouse.up()
+    pair.still()
+    after = pair.page.evaluate(where)
+    assert after[1] > before[1] + 0.05 and pair.page.evaluate("ddf.view.camera.azimuth") == 35
+    pair.page.get_by_label("rabbit, y").fill(str(before[1]))
+    pair.still()
+    assert pair.page.evaluate(where)[1] == pytest.approx(before[1])
+
+
+def test_a_live_page_of_a_report_is_loaded_when_it_is_opened(browser, tmp_path):
+    live = viewer_page.render(viewable.page(shipped_models.place("rabbit")))
+    page = pages.Page("Report", [], [pages.Section("Pictures", [pages.Live("live.html", "The rabbit, live", live)])])
+    pages.write(page, tmp_path)
+    opened = _open(browser, tmp_path / "index.html", "")
+    opened.page.wait_for_timeout(500)
+    assert not any(address.endswith("live.html") for address in opened.requests)
+    opened.page.get_by_text("The rabbit, live").click()
+    inside = opened.page.frame_locator("iframe")
+    inside.get_by_role("heading", name="rabbit").wait_for()
+    inside.locator("body[data-state=still], body[data-state=moving]").wait_for()
+    assert opened.faults == []
+
+
+def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):
+    folder = shipped_models.place("chair")
+    model, image_size = one_image.load(folder)
+    pixels = shapenet.read_any_image(folder / "sample_0.png", image_size)
+    with torch.no_grad():
+        _, latent, camera = inference.encode_batch(model, pixels[None])
+        modulations = model.modulations(latent)
+    viewer_page.write(tmp_path / "chair.html", viewable.page(folder))
+    opened = _open(browser, tmp_path / "chair.html", "size=8&mode=depth")
+    opened.still()
+    encoded = opened.page.evaluate(
+        "({camera: ddf.rebuilt.encoded.camera, modulations: [...ddf.rebuilt.encoded.modulations]})"
+    )
+    wanted = {"camera": camera[0], "modulations": torch.cat([layer[0, 0] for layer in modulations])}
+    for name, values in wanted.items():
+        assert_close(np.array(encoded[name]), values.double().numpy(), atol=ENCODED[name], rtol=0.0)
+    shape = shape_field.conditioned(model.field, [layer[0] for layer in modulations], 1.0)
+    found, expected = opened.render(("depth",), 32)["depth"], Field(shape).render(35, 25, size=32)["depth"]
+    both = np.isfinite(found) & np.isfinite(expected)
+    assert both.sum() > 100 and (np.isfinite(found) != np.isfinite(expected)).sum() < 0.02 * both.sum()
+    assert np.quantile(np.abs(found[both] - expected[both]), 0.99) < 1e-2
+    opened.require_quiet()

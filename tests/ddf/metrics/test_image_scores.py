@@ -1,0 +1,69 @@
+"""KID, precision and recall against their definitions, and the order of spoiled images."""
+
+import dataclasses
+
+import _generative
+import pytest
+import torch
+from _support import assert_close
+
+from ddf.metrics import image_scores
+
+FAR = 100.0
+
+
+def _section(size, subsets=2):
+    return dataclasses.replace(_generative.SCORES, images=size, subset_size=size, subsets=subsets)
+
+
+def test_kid_is_the_unbiased_mmd_of_the_cubic_kernel():
+    generator = torch.Generator().manual_seed(0)
+    first, second = (torch.randn((6, 3), generator=generator).double() for _ in "ab")
+    within = sum(
+        float((x[i] @ x[j] / 3 + 1) ** 3) / 30 for x in (first, second) for i in range(6) for j in range(6) if i != j
+    )
+    across = sum(float((a @ b / 3 + 1) ** 3) / 36 for a in first for b in second)
+    found = image_scores.score(first, second, _section(6))
+    assert found.kid == pytest.approx(within - 2 * across)
+    assert found.kid_spread == pytest.approx(0, abs=1e-12)  # every subset is all of them
+
+
+def test_precision_and_recall_of_the_same_and_of_distant_images():
+    points = torch.randn((8, 4), generator=torch.Generator().manual_seed(0))
+    same, distant = (
+        image_scores.score(points, points, _section(8)),
+        image_scores.score(points + FAR, points, _section(8)),
+    )
+    assert (same.precision, same.recall, distant.precision, distant.recall) == (1, 1, 0, 0)
+    near = torch.cat((points[:4], points[4:] + FAR))
+    assert image_scores.score(near, points, _section(8)).precision == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("changed", "holds"),
+    [({}, True), ({"blur 4": 1.5}, False), ({"noise 0.05": -1.0}, False), ({"ceiling": 9.0}, False)],
+)
+def test_the_order_that_a_score_must_have(changed, holds):
+    kids = {"ceiling": 0.0, "blur 2": 2.0, "blur 4": 3.0, "noise 0.05": 1.0, "noise 0.15": 2.0}
+    assert image_scores.in_order({**kids, **changed}) == holds
+
+
+def test_blur_keeps_even_images_and_noise_has_its_spread():
+    even = torch.full((2, 3, 64, 64), 0.25)
+    assert_close(image_scores.blurred(even, 4.0), even)
+    step = torch.cat((even[..., :32] * 0, even[..., 32:]), dim=-1)
+    weights = torch.exp(-0.5 * (torch.arange(-8, 9) / 4.0) ** 2)
+    assert float(image_scores.blurred(step, 4.0)[0, 0, 32, 31]) == pytest.approx(
+        0.25 * float(weights[:8].sum() / weights.sum()), rel=0.02
+    )
+    found = image_scores.noisy(torch.zeros(1, 3, 64, 64), 0.05, 0)
+    assert float(found.std()) == pytest.approx(0.1, rel=0.05)
+
+
+def test_a_set_that_is_too_small_and_missing_weights_are_told(tmp_path):
+    features, images = torch.zeros(5, 2), torch.zeros(2, 3, 8, 8)
+    with pytest.raises(ValueError, match="must be at most the 5 images of 'ours'; got 6"):
+        image_scores.table({"ours": features}, torch.zeros(6, 2), _section(6))
+    assert image_scores.inception_fid(images, images, None) is None
+    with pytest.raises(FileNotFoundError, match="inception_weights: null leaves FID out"):
+        image_scores.inception_fid(images, images, tmp_path / "none.pth")

@@ -1,0 +1,195 @@
+"""Cloud metrics against a brute-force float64 computation, and in closed form."""
+
+import numpy as np
+import pytest
+
+from ddf.core import checks
+from ddf.geometry import neighbours
+from ddf.metrics import metrics
+
+
+def _brute_dist_sq(queries, points):
+    difference = np.asarray(queries, np.float64)[:, None] - np.asarray(points, np.float64)[None]
+    return (difference**2).sum(-1).min(1)
+
+
+def _brute_scores(prediction, truth, tau_sq):
+    to_truth, to_prediction = _brute_dist_sq(prediction, truth), _brute_dist_sq(truth, prediction)
+    scores = [to_truth.mean() + to_prediction.mean()]
+    for threshold in (tau_sq, 2 * tau_sq):
+        precision, recall = (to_truth <= threshold).mean(), (to_prediction <= threshold).mean()
+        scores.append(2 * precision * recall / (precision + recall) if precision + recall else 0.0)
+    return [*scores, (to_truth <= tau_sq).mean(), (to_prediction <= tau_sq).mean()]
+
+
+def _values(scores):
+    return [scores.chamfer_l2_sq, scores.f_score_tau, scores.f_score_2tau, scores.precision_tau, scores.recall_tau]
+
+
+def _cloud(seed, count, spread=0.3, offset=0.0):
+    return np.random.default_rng(seed).normal(size=(count, 3)) * spread + offset
+
+
+_PAIRS = {
+    "unequal counts": (_cloud(0, 300), _cloud(1, 1100)),
+    "close pair": (_cloud(0, 500, 0.01), _cloud(0, 500, 0.01) + 1e-3),
+    "duplicates": (np.repeat(_cloud(2, 40, 0.02), 5, axis=0), np.concatenate([_cloud(3, 90, 0.02)] * 3)),
+    "all the same point": (np.full((64, 3), 0.25), np.full((700, 3), 0.255)),
+    "one point against many": (_cloud(4, 1, 0.01), _cloud(5, 200, 0.01)),
+    "many against one point": (_cloud(4, 200, 0.01), _cloud(5, 1, 0.01)),
+    "one against one": (_cloud(4, 1), _cloud(5, 1)),
+    "float32 far from the origin": (np.float32(_cloud(6, 400, 0.02, 7e3)), np.float32(_cloud(7, 300, 0.02, 7e3))),
+    "far from the origin": (_cloud(6, 400, 0.01, 1e5), _cloud(7, 300, 0.01, 1e5)),
+    "flat and collinear": (_cloud(8, 200) * [1, 0, 0], _cloud(9, 150) * [1, 0, 0]),
+}
+
+
+@pytest.mark.parametrize("name", _PAIRS)
+@pytest.mark.parametrize("tau_sq", [1e-4, 0.02])
+def test_scores_equal_brute_force(name, tau_sq):
+    prediction, truth = _PAIRS[name]
+    scores = metrics.compare_clouds(prediction, truth, tau_sq)
+    np.testing.assert_allclose(_values(scores), _brute_scores(prediction, truth, tau_sq), rtol=1e-6, atol=0)
+    assert (scores.num_pred, scores.num_truth) == (len(prediction), len(truth))
+
+
+def test_nearest_index_attains_the_distance():
+    points, queries = _cloud(1, 250), _cloud(2, 80)
+    dist_sq, index = neighbours.Neighbours(points).nearest(queries)
+    np.testing.assert_allclose(((queries - points[index]) ** 2).sum(-1), dist_sq, rtol=1e-12)
+    np.testing.assert_allclose(dist_sq, _brute_dist_sq(queries, points), rtol=1e-12)
+
+
+def test_spacing_is_the_distance_to_the_nearest_other_point():
+    points = np.concatenate([_cloud(1, 250), _cloud(1, 3)])  # three places are taken twice
+    dist_sq = ((points[:, None] - points[None]) ** 2).sum(-1)
+    np.fill_diagonal(dist_sq, np.inf)
+    np.testing.assert_allclose(neighbours.Neighbours(points).spacing() ** 2, dist_sq.min(1), rtol=1e-12)
+    with pytest.raises(checks.InputError, match="two points or more; got 1"):
+        neighbours.Neighbours(points[:1]).spacing()
+
+
+@pytest.mark.parametrize("name", _PAIRS)
+def test_distances_come_in_the_order_of_the_cloud_that_asked(name):
+    prediction, truth = _PAIRS[name]
+    searched, asking = neighbours.Neighbours(truth), neighbours.Neighbours(prediction)
+    np.testing.assert_array_equal(searched.dist_sq(asking), searched.dist_sq(prediction))
+    np.testing.assert_allclose(searched.dist_sq(asking), _brute_dist_sq(prediction, truth), rtol=1e-6, atol=0)
+
+
+@pytest.mark.parametrize("extent", [0.0, 5e-324, 1e-308, 1e150])
+def test_clouds_of_any_extent_are_searched(extent):
+    points = np.array([[0.0, 0.0, 0.0], [extent, 0.0, extent], [0.0, extent, extent]])
+    dist_sq, index = neighbours.Neighbours(points).nearest(points)
+    np.testing.assert_array_equal(dist_sq, 0.0)
+    if extent == 1e150:  # squares of the others are 0
+        np.testing.assert_array_equal(index, [0, 1, 2])
+
+
+def test_variation_of_spacing_of_a_lattice_of_even_and_of_crowded_points():
+    generator = np.random.default_rng(0)
+    lattice = np.stack(np.meshgrid(np.arange(70.0), np.arange(70.0), [0.0]), axis=-1).reshape(-1, 3)
+    even = generator.uniform(size=(40_000, 3)) * [1, 1, 0]
+    crowded = even**2  # three quarters of the area hold half of the points
+    variation = [metrics.spacing_variation(neighbours.Neighbours(points)) for points in (lattice, even, crowded)]
+    assert variation[0] == pytest.approx(0.0, abs=1e-12)
+    assert variation[1] == pytest.approx(np.sqrt(4 / np.pi - 1), abs=0.01)  # its error at this count is 0.003
+    assert variation[2] > 0.7
+    scaled = metrics.spacing_variation(neighbours.Neighbours(7.0 * even + 1.0))
+    assert scaled == pytest.approx(variation[1], rel=1e-6)
+    for nowhere in (even[:1], np.repeat(even[:5], 2, axis=0)):
+        assert np.isnan(metrics.spacing_variation(neighbours.Neighbours(nowhere)))
+
+
+def test_shifted_grid_in_closed_form():
+    axis = np.arange(8) * 0.125  # binary fractions: every distance is exact
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    shift = 0.03125
+    scores = metrics.compare_clouds(grid + shift * np.eye(3)[0], grid, tau_sq=shift**2)
+    assert scores.chamfer_l2_sq == 2 * shift**2  # the sum of both directions, not half of it
+    assert scores.f_score_tau == scores.precision_tau == scores.recall_tau == 1.0  # <=, not <
+    below = metrics.compare_clouds(grid + shift * np.eye(3)[0], grid, tau_sq=np.nextafter(shift**2, 0))
+    assert below.f_score_tau == 0.0 and below.f_score_2tau == 1.0
+
+
+def test_precision_and_recall_are_not_exchanged():
+    truth = np.array([[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0], [3.0, 0, 0]])
+    scores = metrics.compare_clouds(truth[:1], truth, tau_sq=0.01)
+    assert scores.precision_tau == 1.0 and scores.recall_tau == 0.25
+    assert scores.f_score_tau == pytest.approx(2 * 0.25 / 1.25)
+    assert scores.chamfer_l2_sq == pytest.approx((0 + 1 + 4 + 9) / 4)
+
+
+def test_identical_clouds_are_perfect_and_swapping_keeps_symmetric_scores():
+    prediction, truth = _cloud(1, 200), _cloud(2, 350)
+    perfect = metrics.compare_clouds(truth, truth[::-1])
+    assert perfect.chamfer_l2_sq == 0.0 and perfect.f_score_tau == perfect.f_score_2tau == 1.0
+    one, other = metrics.compare_clouds(prediction, truth, 0.01), metrics.compare_clouds(truth, prediction, 0.01)
+    assert one.chamfer_l2_sq == pytest.approx(other.chamfer_l2_sq, rel=1e-14)
+    assert one.f_score_tau == pytest.approx(other.f_score_tau, rel=1e-14)
+    assert one.precision_tau == other.recall_tau
+
+
+def test_sampling_error_falls_as_one_over_the_number_of_points():
+    generator = np.random.default_rng(0)
+
+    def sphere(count):
+        points = generator.normal(size=(count, 3))
+        return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+    counts = np.array([250, 1000, 4000])
+    errors = [metrics.compare_clouds(sphere(n), sphere(n)).chamfer_l2_sq for n in counts]
+    slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope == pytest.approx(-1.0, abs=0.1)  # squared spacing of a surface sample: area / n
+
+
+def test_reused_trees_give_the_same_scores():
+    prediction, truth = _cloud(1, 100), _cloud(2, 130)
+    reused = metrics.compare_clouds(neighbours.Neighbours(prediction), neighbours.Neighbours(truth), 0.02)
+    assert reused == metrics.compare_clouds(prediction, truth, 0.02)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        (np.zeros((0, 3)), "empty cloud"),
+        (np.array([[0.0, np.nan, 0.0]]), "must be finite"),
+        (np.array([[0.0, 0.0, 0.0], [np.inf, 0.0, 0.0]]), "must be finite"),
+    ],
+)
+def test_unusable_clouds_are_errors(side, bad, message):
+    clouds = [np.zeros((2, 3)), np.zeros((2, 3))]
+    clouds[side] = bad
+    with pytest.raises(checks.InputError, match=message) as caught:
+        metrics.compare_clouds(clouds[0], clouds[1])
+    assert ("prediction", "truth")[side] in str(caught.value)
+
+
+@pytest.mark.parametrize("tau_sq", [0.0, -1.0, np.nan, np.inf])
+def test_threshold_must_be_positive(tau_sq):
+    with pytest.raises(checks.InputError, match="tau_sq"):
+        metrics.compare_clouds(np.zeros((1, 3)), np.zeros((1, 3)), tau_sq)
+
+
+def test_depth_visibility_and_normal_errors_in_closed_form():
+    visible = np.array([True, True, False])
+    assert metrics.depth_l1(np.array([1.0, 2.0, 9.0]), np.array([1.5, 1.0, np.inf]), visible) == 0.75
+    assert np.isnan(metrics.depth_l1(np.ones(2), np.ones(2), np.zeros(2, dtype=bool)))
+    assert metrics.visibility_bce(np.full(3, 0.5), visible) == pytest.approx(np.log(2))
+    assert metrics.visibility_bce(np.array([1.0, 1.0, 0.0]), visible) == pytest.approx(1e-7, rel=1e-6)
+    angles = np.radians([0.0, 1e-5, 45.0, 180.0])
+    turned = np.stack([np.cos(angles), np.sin(angles), np.zeros(4)], -1)
+    np.testing.assert_allclose(
+        metrics.normal_angle_deg(turned, np.tile([1.0, 0, 0], (4, 1))), np.degrees(angles), rtol=1e-9, atol=1e-12
+    )
+
+
+def test_azimuth_differences_wrap_round():
+    got = metrics.angle_difference_deg(np.radians([350.0, 10.0, 0.0, 90.0]), np.radians([10.0, 350.0, 180.0, 90.0]))
+    np.testing.assert_allclose(got, [20.0, 20.0, 180.0, 0.0], atol=1e-10)
+
+
+def test_overflowing_distances_are_an_error_not_a_number():
+    with pytest.raises(checks.InputError, match="overflow"):
+        metrics.compare_clouds(np.full((2, 3), 1e200), np.zeros((2, 3)))

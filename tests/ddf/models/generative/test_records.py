@@ -1,0 +1,41 @@
+"""Files of generative models stay readable when the words for how they were trained change."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import _generative
+import pytest
+
+from ddf.core import checks, config
+from ddf.models.generative import records, settings
+
+
+def _record():
+    """As a file holds it: plain values."""
+    return json.loads(
+        json.dumps({name: dataclasses.asdict(getattr(_generative, name.upper())) for name in ("vae", "gan")})
+    )
+
+
+def test_a_section_is_read_as_it_was_written():
+    record = _record()
+    assert records.section(record, "vae", settings.VAEConfig, Path("here")) == _generative.VAE
+    assert records.section(record, "gan", settings.GANConfig, Path("here")) == _generative.GAN
+
+
+def test_keys_that_are_gone_are_passed_over_however_deep():
+    record = _record()
+    record["vae"]["gone"] = record["vae"]["loop"]["gone"] = record["vae"]["field"]["gone"] = {"a": 1}
+    assert records.section(record, "vae", settings.VAEConfig, Path("here")) == _generative.VAE
+    with pytest.raises(checks.InputError, match="unknown key"):
+        config.parse(record["vae"], settings.VAEConfig, "here")
+
+
+def test_what_the_network_needs_must_be_there_and_fit():
+    record = _record()
+    del record["vae"]["latent_features"]
+    with pytest.raises(checks.InputError, match="key 'latent_features' is missing"):
+        records.section(record, "vae", settings.VAEConfig, Path("here"))
+    with pytest.raises(checks.InputError, match="no section vae"):
+        records.section({}, "vae", settings.VAEConfig, Path("here"))

@@ -1,0 +1,137 @@
+import dataclasses
+
+import _models
+import _shapes
+import numpy as np
+import pytest
+import torch
+
+from ddf.core import checks, config
+from ddf.data.batches import category_data
+from ddf.data.samples import sample_batch, sample_types
+from ddf.fields import losses, pddf
+from ddf.geometry import raycast, transforms
+from ddf.models.reconstruction import settings
+from ddf.training.reconstruction import proposed_rays
+
+CONFIG = settings.ProposalConfig(20, 6, 0.5, 0.1, 0.05, 0.05)
+RADII = (0.4, 0.8)
+
+
+class _Spheres(pddf.PDDF):
+    """The true field of a sphere about the origin per shape, its radius as modulation."""
+
+    def __init__(self):
+        super().__init__(_models.FIELD)
+        self.asked = 0
+
+    def forward(self, positions, directions, modulations=None):
+        assert modulations is not None
+        self.asked += positions[..., 0].numel()
+        radius = modulations[0].squeeze(-1)
+        along, square = (positions * directions).sum(-1), positions.square().sum(-1)
+        root = along.square() - square + radius.square()
+        near, far = -along - root.clamp_min(0).sqrt(), -along + root.clamp_min(0).sqrt()
+        depth = torch.where(near > 0, near, far)
+        seen = (root > 0) & (depth > 0)
+        return torch.stack((depth, depth, depth, torch.where(seen, 50.0, -50.0)), dim=-1)
+
+    def depth(self, raw):
+        return raw[..., 0]
+
+
+def _stored(shapes):
+    counts: dict[str, int] = dict.fromkeys(sample_types.ORDER, 1)
+    n = len(counts)
+    zeros = torch.zeros(shapes, n, 3)
+    return sample_batch.SampleBatch(zeros, zeros, zeros[..., 0], zeros[..., 0], zeros, counts)
+
+
+def _proposer(settings=CONFIG):
+    unit = torch.nn.functional.normalize(torch.randn(50, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
+    clouds = [radius * unit for radius in RADII]
+    shapes = category_data.ShapeSet(["small", "large"], [transforms.Similarity(1.0)] * 2, clouds)
+    scenes = [raycast.Scene(_shapes.icosphere(4, radius)) for radius in RADII]
+    return proposed_rays.Proposer(shapes, proposed_rays.HostCaster(scenes), settings)
+
+
+def _propose(settings=CONFIG, chosen=(1, 0, 1), seed=0, field=None):
+    modulations = [torch.tensor([RADII[shape] for shape in chosen]).view(-1, 1, 1).requires_grad_()]
+    random = np.random.default_rng(seed)
+    return _proposer(settings)(_stored(len(chosen)), field or _Spheres(), modulations, np.array(chosen), random)
+
+
+def test_truth_is_that_of_each_shape_and_only_the_candidates_are_asked_for():
+    field = _Spheres()
+    batch = _propose(field=field)
+    assert field.asked == 3 * 20 * 6
+    rows = batch.span("P", "P")
+    assert batch.counts == {**dict.fromkeys(sample_types.ORDER, 1), "P": 20}
+    assert (rows.start, rows.stop) == (7, 27)
+    positions, directions = batch.positions[:, rows], batch.directions[:, rows]
+    torch.testing.assert_close(directions.norm(dim=-1), torch.ones(3, 20))
+    radius = torch.tensor([0.8, 0.4, 0.8]).view(3, 1, 1)
+    raw = _Spheres()(positions, directions, [radius])
+    seen, clear = batch.visible[:, rows] > 0, _clearance(positions, directions, radius) > 0.01
+    assert torch.equal(seen[clear], (raw[..., 3] > 0)[clear])
+    torch.testing.assert_close(batch.depth[:, rows][seen & clear], raw[..., 0][seen & clear], atol=0.01, rtol=0)
+    assert bool((batch.depth[:, rows][~seen] == 0).all())
+    assert not batch.directions.requires_grad
+
+
+def _clearance(positions, directions, radius):
+    """How far from the sphere's outline, and how far from its surface, a ray passes and starts."""
+    along = (positions * directions).sum(-1, keepdim=True)
+    passing = (positions - along * directions).norm(dim=-1) - radius[..., 0]
+    return torch.minimum(passing.abs(), (positions.norm(dim=-1) - radius[..., 0]).abs())
+
+
+def test_more_candidates_lead_to_nearer_surfaces():
+    few, many = (_propose(dataclasses.replace(CONFIG, points=200, directions=k, near=0.0)) for k in (1, 64))
+    rows = few.span("P", "P")
+    assert few.visible[:, rows].mean() < 0.6
+    assert many.visible[:, rows].mean() > 0.9
+    gaps = (many.positions[:, rows].norm(dim=-1) - torch.tensor([[0.8], [0.4], [0.8]])).abs()
+    assert float((many.depth[:, rows] - gaps).median()) < 0.05  # nearly along the normal
+
+
+@pytest.mark.parametrize("near", [0.0, 0.35, 1.0])
+def test_the_share_near_the_surface_starts_there(near):
+    batch = _propose(dataclasses.replace(CONFIG, points=40, near=near, jitter=1e-3), chosen=(0,))
+    starts = batch.positions[0, batch.span("P", "P")]
+    close = (starts.norm(dim=-1) - RADII[0]).abs() < 0.01
+    assert int(close.sum()) == pytest.approx(40 * near, abs=2)
+    assert bool((starts.abs() <= 1).all())
+
+
+def test_same_generator_gives_the_same_rays():
+    first, again, other = _propose(seed=3), _propose(seed=3), _propose(seed=4)
+    assert torch.equal(first.positions, again.positions)
+    assert torch.equal(first.directions, again.directions)
+    assert not torch.equal(first.positions, other.positions)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("points", 0), ("directions", 0), ("near", 1.5), ("jitter", 0.0), ("temperature", 0.0)]
+)
+def test_impossible_settings_are_named(key, value):
+    values = {**dataclasses.asdict(CONFIG), key: value}
+    with pytest.raises(checks.InputError, match=f"proposals.{key}"):
+        config.parse(values, settings.ProposalConfig, "ddf.proposals")
+
+
+def test_the_loss_reads_depth_and_visibility_of_proposed_rays():
+    field = _models.field().requires_grad_(True)
+    counts: dict[str, int] = dict.fromkeys((*sample_types.ORDER, "P"), 2)
+    generator = torch.Generator().manual_seed(0)
+    n = sum(counts.values())
+    unit = torch.nn.functional.normalize(torch.randn(1, n, 3, generator=generator), dim=-1)
+    batch = sample_batch.SampleBatch(unit * 0.5, unit, torch.ones(1, n), torch.full((1, n), 0.3), unit, counts)
+    values = []
+    for shift in (0.0, 0.5):
+        depth = batch.depth.clone()
+        depth[:, batch.span("P", "P")] += shift
+        changed = dataclasses.replace(batch, depth=depth)
+        values.append(losses.shape_loss(field, changed, None, _models.WEIGHTS)[1])
+    assert values[0]["depth"] != values[1]["depth"]
+    assert values[0]["normals"] == values[1]["normals"]

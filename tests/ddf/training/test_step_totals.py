@@ -1,0 +1,135 @@
+"""A step's total, by hand in float64: every weight, every source of numbers, and what is not drawn by chance alone."""
+
+import copy
+import dataclasses
+
+import _hand_made
+import numpy as np
+import pytest
+import torch
+from _hand_made import DDF, PCSIREN, TRAIN
+
+from bench.rivals.plain_loss import plain_loss
+from ddf.fields import rendering
+from ddf.geometry import transforms
+from ddf.models.reconstruction import reconstruction_models
+from ddf.training.reconstruction import training_steps
+
+SEEDED = dataclasses.replace(TRAIN, camera_weight=3.0, loop=dataclasses.replace(TRAIN.loop, seed=5))
+STEP = 2
+
+
+def _by_hand(model, images):
+    """A float64 copy of the model in training mode, and the images and cameras of the step, by its seed and number."""
+    random = np.random.default_rng((SEEDED.loop.seed, STEP))
+    rows = random.choice(len(images.shapes), SEEDED.batch_size, replace=False)
+    shown = torch.stack([images.images[int(row)] for row in rows]).double() / 255
+    return copy.deepcopy(model).double(), random, rows, shown, images.cameras[rows].double()
+
+
+def _camera_loss(model, scores, truth, images):
+    """‖Π_g - Π̂‖² of z-scores by the statistics of all training cameras, mean over images."""
+    known = images.cameras.double()
+    wanted = (truth - known.mean(dim=0)) / known.std(dim=0)
+    return (scores - wanted).square().sum(dim=-1).mean()
+
+
+def _double(batch):
+    return dataclasses.replace(
+        batch, **{f.name: getattr(batch, f.name).double() for f in dataclasses.fields(batch) if f.name != "counts"}
+    )
+
+
+@pytest.mark.parametrize("pixels", [None, 20])
+def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
+    torch.manual_seed(0)
+    images, shapes, samples = _hand_made.images(), _hand_made.shapes(), _hand_made.samples()
+    frames = [transforms.Similarity(2.0 + i, translation=np.array([0.1 * i, 0.0, -0.05])) for i in range(3)]
+    shapes = dataclasses.replace(shapes, similarities=frames)
+    config = dataclasses.replace(DDF, shape_weight=0.7, mask_weight=4.0, mask_pixels=pixels)
+    model = reconstruction_models.ddf_model(SEEDED, config.field)
+    model.camera_head.fit(images.cameras)
+    exact, random, rows, shown, truth = _by_hand(model, images)
+    found, terms = training_steps.ddf_step(model, images, shapes, samples, SEEDED, config, STEP)
+
+    drawn = images.shapes[rows]
+    modulations = exact.decoder.modulator(exact.shape_encoder(shown))
+    points = _double(samples.draw(drawn, config.counts, random))
+    shape_loss = plain_loss(exact.field, points, modulations, config.weights)
+    scores = exact.camera_encoder(shown)
+    camera_loss = _camera_loss(exact, scores, truth, images)
+    predicted = exact.camera_head(scores)
+    masks = []
+    for row, shape in enumerate(drawn):
+        scale, shift = torch.tensor(frames[shape].scale), torch.tensor(frames[shape].translation)
+        directions = torch.nn.functional.normalize(_pixels(config.mask_size), dim=-1)
+        entry, world, _, meets = rendering.field_rays(predicted[row], scale, directions, shift)
+        raw = exact.field(entry[None], world[None], [m[row : row + 1] for m in modulations])[0]
+        visible = torch.where(meets, torch.sigmoid(raw[..., 3]), 0.0)
+        masks.append((visible, images.alpha(rows[row : row + 1], config.mask_size)[0].double().flatten(), meets))
+    if pixels is None:
+        mask_loss = torch.stack(
+            [torch.nn.functional.binary_cross_entropy(visible, alpha) for visible, alpha, _ in masks]
+        ).mean()
+    else:
+        mask_loss = torch.stack(_of_some(masks, pixels, random)).mean()
+    expected = 0.7 * shape_loss + 3.0 * camera_loss + 4.0 * mask_loss
+    torch.testing.assert_close(found.double(), expected, rtol=2e-4, atol=0)
+    torch.testing.assert_close(terms["camera"].double(), camera_loss, rtol=1e-4, atol=0)
+    torch.testing.assert_close(terms["mask"].double(), mask_loss, rtol=1e-3, atol=0)
+    assert min(float(each.detach().abs()) for each in (shape_loss, camera_loss, mask_loss)) > 0.1
+
+
+def _pixels(size):
+    """Camera-frame directions through pixel centres: f = 149.84375 and c = 68.5 at 137 pixels."""
+    place = (torch.arange(size, dtype=torch.float64) + 0.5) * 137 / size
+    v, u = torch.meshgrid(place, place, indexing="ij")
+    return torch.stack(((u - 68.5) / 149.84375, (v - 68.5) / -149.84375, -torch.ones_like(u)), dim=-1).reshape(-1, 3)
+
+
+def _of_some(masks, pixels, random):
+    """The same of the pixels with the largest chances among those that meet the cube, for all of those."""
+    chances = torch.rand(
+        (len(masks), len(masks[0][0])), generator=torch.Generator().manual_seed(int(random.integers(2**62)))
+    )
+    losses = []
+    for (visible, alpha, meets), chance in zip(masks, chances, strict=True):
+        chosen = (chance * meets + meets).topk(pixels).indices
+        seen = torch.nn.functional.binary_cross_entropy(visible[chosen], alpha[chosen])
+        losses.append(seen * meets.double().mean() + 100 * (alpha * ~meets).mean())
+    return losses
+
+
+def test_pcsiren_step_is_the_weighted_sum_of_its_parts():
+    torch.manual_seed(0)
+    images, shapes = _hand_made.images(), _hand_made.shapes()
+    model = reconstruction_models.pcsiren_model(SEEDED)
+    model.camera_head.fit(images.cameras)
+    exact, random, rows, shown, truth = _by_hand(model, images)
+    found, terms = training_steps.pcsiren_step(model, images, shapes, SEEDED, PCSIREN, STEP)
+
+    drawn = images.shapes[rows]
+    clouds = []
+    for shape in drawn:
+        cloud = shapes.clouds[int(shape)]
+        chosen = random.choice(len(cloud), PCSIREN.truth_points, replace=False)
+        assert len(set(chosen)) == PCSIREN.truth_points and chosen.max() >= PCSIREN.truth_points
+        clouds.append(cloud[torch.from_numpy(chosen)].double())
+    seeds = torch.from_numpy(random.uniform(-1, 1, (len(drawn), PCSIREN.points, 3)).astype(np.float32)).double()
+    predicted = exact.decoder(seeds, exact.shape_encoder(shown))
+    apart = torch.cdist(predicted, torch.stack(clouds)).square()
+    chamfer = (apart.amin(dim=2).mean(dim=1) + apart.amin(dim=1).mean(dim=1)).mean()
+    camera_loss = _camera_loss(exact, exact.camera_encoder(shown), truth, images)
+    torch.testing.assert_close(found.double(), chamfer + 3.0 * camera_loss, rtol=1e-4, atol=0)
+    torch.testing.assert_close(terms["chamfer"].double(), chamfer, rtol=1e-4, atol=0)
+
+
+def test_batches_follow_seed_and_step():
+    images = _hand_made.images(count=40, shapes=3)
+    other = dataclasses.replace(SEEDED, loop=dataclasses.replace(SEEDED.loop, seed=6))
+    rows = [
+        training_steps.Batch.draw(images, train, step).rows for train, step in ((SEEDED, 2), (SEEDED, 3), (other, 2))
+    ]
+    assert not np.array_equal(rows[0], rows[1]) and not np.array_equal(rows[0], rows[2])
+    expected = np.random.default_rng((5, 2)).choice(40, SEEDED.batch_size, replace=False)
+    assert np.array_equal(rows[0], expected)

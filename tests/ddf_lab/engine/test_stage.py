@@ -1,0 +1,63 @@
+"""The frame around a stage script: arguments, notes of time and memory, errors in one line."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from ddf_lab import stage_notes
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def _stage(tmp_path: Path, body: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    script = tmp_path / "do_it.py"
+    head = '"""Do it."""\nfrom ddf.core import checks\nfrom ddf_lab.engine import stage\n'
+    main = "stage.main(run, __doc__, category=True, seed=True)"
+    script.write_text(f"{head}def run(config, category, seed):\n    {body}\n{main}\n")
+    command = [sys.executable, str(script), *arguments]
+    variables = {**os.environ, "PYTHONPATH": str(ROOT / "src"), **environment}
+    return subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
+
+
+def test_stage_scripts_pass_arguments_and_note_their_time(tmp_path):
+    result = _stage(tmp_path, "print(config, category)", "--config", "configs/a.yaml", "--category", "chair")
+    assert (result.returncode, result.stdout, result.stderr) == (0, "configs/a.yaml chair\n", "do_it chair\n")
+    times = json.loads((tmp_path / stage_notes.time_path(Path("configs/a.yaml"), "do_it", "chair")).read_text())
+    assert times["seconds"] >= 0
+    assert times["worker_peak_mib"] == 0  # it started none
+
+
+def test_stage_scripts_note_the_memory_of_their_own_process_and_of_workers(tmp_path):
+    spend = "joblib.Parallel(n_jobs=2)(joblib.delayed(bytearray)(n << 20) for n in (1, 300))"
+    body = f"import joblib; own = bytearray(200 << 20); own[::4096] = own[::4096]; {spend}"
+    result = _stage(tmp_path, body, "--config", "configs/a.yaml", "--category", "chair")
+    assert (result.returncode, result.stderr) == (0, "do_it chair\n")
+    noted = json.loads((tmp_path / stage_notes.time_path(Path("configs/a.yaml"), "do_it", "chair")).read_text())
+    assert 200 < noted["peak_mib"]
+    assert 300 < noted["worker_peak_mib"]
+
+
+def test_stages_of_further_seeds_have_a_lock_and_a_time_of_their_own(tmp_path):
+    arguments = ("--config", "configs/a.yaml", "--category", "chair", "--seed")
+    result = _stage(tmp_path, "print(config, category, seed)", *arguments, "2")
+    assert (result.returncode, result.stdout, result.stderr) == (0, "configs/a.yaml chair 2\n", "do_it chair seed 2\n")
+    assert {path.name for path in (tmp_path / "artifacts/a/times").iterdir()} == {
+        "do_it-chair-2.json",
+        "do_it-chair-2.lock",
+    }
+    result = _stage(tmp_path, "pass", *arguments, "-1")
+    assert result.returncode == 2
+    assert result.stderr.splitlines()[-1].endswith("argument --seed: must be a whole number, 0 or more; got '-1'")
+
+
+def test_stage_scripts_end_with_one_line_and_code_2(tmp_path):
+    result = _stage(tmp_path, "raise checks.InputError('no')", "--config", "a.yaml", "--category", "chair")
+    assert (result.returncode, result.stderr) == (2, "do_it chair\nddf: error: no\n")
+    (tmp_path / "artifacts" / "b").mkdir(parents=True)
+    (tmp_path / "artifacts" / "b" / "times").write_text("in the way")
+    result = _stage(tmp_path, "pass", "--config", "b.yaml", "--category", "chair")
+    assert result.returncode == 2
+    assert result.stderr.startswith("ddf: error: ")
+    assert len(result.stderr.splitlines()) == 1

@@ -1,0 +1,51 @@
+"""Clouds of a VAE's fields: distances to the nearest, and frames."""
+
+import _generative
+import numpy as np
+import pytest
+import torch
+
+from ddf.geometry import neighbours
+from ddf.models.generative import pictures
+from ddf_lab.evaluation.generative import generative_clouds
+
+
+def _cloud(x):
+    return neighbours.Neighbours(np.array([[x, 0.0, 0.0], [x, 1.0, 0.0]]), "cloud")
+
+
+def test_the_nearest_is_found_and_a_shape_is_not_its_own():
+    clouds = [_cloud(x) for x in (0.0, 0.1, 0.5)]
+    (row, distance), *_ = generative_clouds.nearest([_cloud(0.45)], clouds)
+    assert row == 2 and distance == pytest.approx(1000 * 2 * 0.05**2)
+    found = generative_clouds.nearest(clouds, clouds, [0, 1, 2])
+    assert [row for row, _ in found] == [1, 0, 1]
+    assert found[0][1] == pytest.approx(1000 * 2 * 0.1**2)
+
+
+def test_novelty_sets_samples_beside_learned_shapes():
+    learned = [_cloud(x) for x in (0.0, 0.1, 0.5)]
+    found = generative_clouds.novelty([_cloud(0.11)], learned, ["a", "b", "c"], 2)
+    assert found["nearest"] == ["b"] and found["chamfer_x1000"][0] == pytest.approx(0.2)
+    assert found["between_learned_x1000"] == pytest.approx([20.0, 320.0])
+    assert generative_clouds.spread([3.0, 1.0, 2.0]).tolist() == [1.0, 2.0, 3.0]
+
+
+def test_sets_are_compared_by_their_nearest():
+    truth = [_cloud(x) for x in (0.0, 1.0, 2.0, 3.0)]
+    one_place = generative_clouds.distribution([_cloud(x) for x in (0.1, 0.11, 0.12, 0.13)], truth)
+    assert one_place["matching_x1000"] == pytest.approx(1000 * 2 * (0.1**2 + 0.87**2 + 1.87**2 + 2.87**2) / 4, rel=0.01)
+    assert one_place["coverage"] == 0.25
+    assert one_place["told_apart"] == 0.75  # the true ones at 0 and 1 are nearest to made ones
+    same = generative_clouds.distribution([_cloud(x + 0.1) for x in (0.0, 1.0, 2.0, 3.0)], truth)
+    assert same["coverage"] == 1 and same["matching_x1000"] == pytest.approx(20.0)
+    assert same["told_apart"] == 0  # each is beside one of the other set
+
+
+def test_clouds_of_fields_are_in_the_benchmark_frame():
+    fields = pictures.fields(_generative.vae().decoder, torch.ones(1, 5))
+    (near,) = generative_clouds.of_fields(fields, [2.0], 20, 0)
+    (far,) = generative_clouds.of_fields(fields, [1.0], 20, 0)
+    assert len(near) == 20
+    assert generative_clouds.compared([near], [near])["chamfer_l2_sq_x1000"] == 0
+    assert float(far.spacing().mean()) == pytest.approx(2 * float(near.spacing().mean()))

@@ -1,0 +1,86 @@
+"""Means and standard deviations over seeds, on tables whose numbers are known."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ddf.core import checks, storage
+from ddf_lab.evaluation import scoring, seed_means
+
+
+def _table(*rows):
+    """Long table of (method, metric, value); every other field is the same."""
+    records = [
+        {
+            "category": "chair",
+            "method": method,
+            "column": "Pi_g-L",
+            "metric": metric,
+            "value": value,
+            "images": 32,
+            "seeds": 1,
+            "spread": 0.5,
+            "source": scoring.MEASURED,
+        }
+        for method, metric, value in rows
+    ]
+    return pd.DataFrame(records, columns=list(scoring.TABLE_FIELDS))
+
+
+FIRST = _table(("ddf", "a", 1.0), ("ceiling", "a", 9.0), ("pc_siren", "a", 4.0), ("retrieval", "a", 2.0))
+SECOND = _table(("retrieval", "a", 2.0), ("pc_siren", "a", 6.0), ("ddf", "a", 2.0))  # other order, no ceiling
+THIRD = _table(("ddf", "a", 6.0), ("pc_siren", "a", 5.0), ("retrieval", "a", 2.0))
+
+
+def test_mean_and_sample_deviation_of_trained_rows():
+    merged = seed_means.over_seeds([FIRST, SECOND, THIRD]).set_index("method")
+    assert merged.loc["ddf", "value"] == pytest.approx(3.0)
+    assert merged.loc["ddf", "spread"] == pytest.approx(np.sqrt((4 + 1 + 9) / 2))
+    assert merged.loc["pc_siren", ["value", "spread"]].tolist() == pytest.approx([5.0, 1.0])
+    assert merged.loc["retrieval", ["value", "spread"]].tolist() == pytest.approx([2.0, 0.0])
+    assert merged["seeds"].to_dict() == {"ddf": 3, "ceiling": 1, "pc_siren": 3, "retrieval": 3}
+    assert (merged["images"] == 32).all()
+
+
+def test_rows_that_no_training_changes_stay_and_so_does_the_order():
+    merged = seed_means.over_seeds([FIRST, SECOND])
+    assert tuple(merged.columns) == scoring.TABLE_FIELDS
+    assert merged["method"].tolist() == FIRST["method"].tolist()
+    pd.testing.assert_frame_equal(merged.iloc[[1]], FIRST.iloc[[1]])
+    assert FIRST["value"].tolist() == [1.0, 9.0, 4.0, 2.0]  # the input is left alone
+
+
+def test_one_seed_is_the_table_itself():
+    assert seed_means.over_seeds([FIRST]) is FIRST
+
+
+def test_seeds_that_were_not_evaluated_alike_are_refused():
+    with pytest.raises(checks.InputError, match=r"seed 2 and seed 0 were not evaluated alike: chair pc_siren Pi_g-L a"):
+        seed_means.over_seeds([FIRST, SECOND, THIRD[THIRD["method"] != "pc_siren"]])
+    with pytest.raises(checks.InputError, match="seed 1 was evaluated on another number of images"):
+        seed_means.over_seeds([FIRST, SECOND.assign(images=31)])
+
+
+def test_tables_are_read_where_the_stage_leaves_them(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "configs" / "a.yaml"
+    storage.save_table(tmp_path / "artifacts/a/evaluate/si3dr.csv", FIRST, {"fingerprint": "x"})
+    storage.save_table(tmp_path / "artifacts/a/evaluate_seeds/1/si3dr.csv", SECOND, {"fingerprint": "x"})
+    merged = seed_means.read_table(path, 2)
+    pd.testing.assert_frame_equal(merged, seed_means.over_seeds([FIRST, SECOND]))
+    pd.testing.assert_frame_equal(seed_means.read_table(path, 1), FIRST)
+    with pytest.raises(FileNotFoundError, match=r"evaluate_seeds/2/si3dr\.csv"):
+        seed_means.read_table(path, 3)
+
+
+def test_the_number_of_seeds_is_what_make_wrote(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "configs" / "a.yaml"
+    assert seed_means.read_count(path) == 1
+    count = tmp_path / "artifacts/a/evaluate_seeds/count"
+    storage.write_text(count, "3\n")
+    assert seed_means.read_count(path) == 3
+    for wrong in ("", "0", "three"):
+        count.write_text(wrong)
+        with pytest.raises(checks.InputError, match="count: must hold the number of seeds"):
+            seed_means.read_count(path)

@@ -1,0 +1,52 @@
+"""Closest points in closed form are those of the meshes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ddf.core import config
+from ddf.data.synthetic import showcase
+from ddf.geometry import raycast
+from ddf_lab.figures import distance_figure, figure_fields
+
+POSITIONS = np.random.default_rng(0).uniform(-1, 1, (400, 3))
+
+
+@pytest.mark.parametrize("name, off", [("room", 1e-5), ("two_spheres", 2e-3)])
+def test_closest_points_are_those_of_the_mesh(name, off):
+    mesh = {"room": showcase.room, "two_spheres": showcase.two_spheres}[name]()
+    closest = distance_figure.exact(name, mesh)(POSITIONS)
+    distances = np.linalg.norm(closest - POSITIONS, axis=1)
+    np.testing.assert_allclose(distances, raycast.Scene(mesh).distance(POSITIONS), atol=off)
+
+
+def test_the_medial_planes_of_the_room_are_where_v_turns():
+    """On the room's axis four sides are equally far; beside it the nearest one is that of the larger coordinate."""
+    positions = np.array([[0.31, 0.3, 0.5], [0.3, 0.31, 0.5], [0.1, 0.2, -0.9], [0.0, 0.4, 0.99]])
+    np.testing.assert_allclose(
+        distance_figure.to_room(positions), [[1, 0.3, 0.5], [0.3, 1, 0.5], [0.1, 0.2, -1], [0, 1, 0.99]]
+    )
+
+
+def test_each_bound_is_told_by_itself():
+    def holds(mean, angle, along_true):
+        errors = distance_figure.Errors(mean, 0.0, angle, 0.0)
+        return distance_figure.bounds_line("rabbit", errors, along_true)[2::2]
+
+    assert holds(0.010, 7.0, 0.010) == ["yes", "yes", "yes"]
+    assert holds(0.0112, 7.0, 0.0177) == ["no", "yes", "yes"]
+    assert holds(0.009, 7.1, 0.005) == ["yes", "no", "no"]
+
+
+def test_paper_udf_trains_g_v_as_the_paper_does():
+    """[DDF22] app. D: 5 x 128, K_c = 5, 1e4 iterations of 4,096 points, Adam at 1e-4."""
+    path = Path(__file__).resolve().parents[3] / "configs" / "paper_udf.yaml"
+    found = distance_figure.candidate_recipe(config.load(path, figure_fields.FiguresConfig))
+    assert (found.hidden, found.num_candidates, found.steps, found.points) == ((128,) * 5, 5, 10_000, 4096)
+    assert (found.loop.learning_rate, found.loop.schedule, found.spread, found.alignment) == (
+        1e-4,
+        "constant",
+        5e-3,
+        0.1,
+    )

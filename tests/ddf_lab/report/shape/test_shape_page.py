@@ -1,0 +1,189 @@
+"""The stages on a single shape end to end, on a tiny field: files, printed numbers, a page that stands alone."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+from _shapes import torus
+from _tiny_fits import SECTION
+
+from ddf.core import guard, storage
+from ddf.fit import field_diagnostics
+from ddf.geometry import mesh_io
+from ddf_lab.evaluation.shape import fit_errors, paper_ablation
+from ddf_lab.report import pages
+from ddf_lab.report.shape import shape_page, shape_tables
+
+_STAGES = Path(__file__).resolve().parents[4] / "stages"
+_PAGE = {"README.md", "index.html", "fit.csv", "ablate_samples.csv", "views.webp", "slices.webp", "losses.svg"}
+
+
+def _run(name):
+    runpy.run_path(str(_STAGES / f"{name}.py"))["run"](Path("tiny_fit.yaml"))
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory):
+    """The current folder of a finished experiment."""
+    folder = tmp_path_factory.mktemp("shape")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        Path("torus.ply").write_bytes(mesh_io.ply_bytes(torus(sections=16)))
+        Path("tiny_fit.yaml").write_text(yaml.safe_dump({"fit": {**SECTION, "mesh": "torus.ply"}}))
+        for name in ("fit_shape", "ablate_samples", "report_shape"):
+            _run(name)
+        yield folder
+
+
+def _rows(folder):
+    """Cells of every table row of the Markdown page."""
+    lines = (folder / "reports" / "tiny_fit" / "README.md").read_text().splitlines()
+    cells = [re.split(r"(?<!\\)\|", line.strip("|")) for line in lines if line.startswith("| ")]
+    return [[cell.strip().replace("**", "") for cell in row] for row in cells]
+
+
+def test_stages_write_field_tables_and_page(reported):
+    fitted, ablated = (reported / "artifacts" / "tiny_fit" / name for name in ("fit_shape", "ablate_samples"))
+    assert {path.name for path in fitted.iterdir()} >= {
+        "model.safetensors",
+        "log.csv",
+        "fit.json",
+        "fit.csv",
+        "diagnostics.json",
+        "views.webp",
+        "slices.webp",
+        "views.json",
+    }
+    assert {path.name for path in ablated.glob("without_*")} == {f"without_{kind}" for kind in (*"UABOTS", "none")}
+    table, record = storage.load_table(ablated / "ablate_samples.csv")
+    assert len(table) == 7 * 2 * 6 * 2
+    assert record["sources"].keys() == {"artifacts/tiny_fit/ablate_samples/ablation.json"}
+    assert {path.name for path in (reported / "reports" / "tiny_fit").iterdir()} == _PAGE
+
+
+def test_page_needs_no_other_file(reported):
+    text = (reported / "reports" / "tiny_fit" / "index.html").read_text()
+    assert text.count('src="data:image/webp;base64,') == 2 and text.count('src="data:image/svg+xml;base64,') == 1
+    without_data = re.sub(r'src="data:[^"]+"', "", text)
+    assert "http" not in without_data and "src=" not in without_data
+
+
+def test_links_and_pictures_of_the_page_exist(reported):
+    folder = reported / "reports" / "tiny_fit"
+    linked = set(re.findall(r"\]\(([^)]+)\)", (folder / "README.md").read_text()))
+    assert linked == _PAGE - {"README.md", "index.html"}
+
+
+def test_printed_errors_are_those_of_the_tables(reported):
+    rows = _rows(reported)
+    metrics = storage.read_json(reported / "artifacts" / "tiny_fit" / "fit_shape" / "fit.json")
+    held_out = metrics["held_out"]
+    assert [
+        "L1 × 10 of depth",
+        "here",
+        *(shape_tables.number(held_out["depth_l1_x10"][kind]) for kind in "UABOTS"),
+    ] in rows
+    assert ["L1 × 10 of depth", "paper, bunny", "0.45", "0.75", "0.19", "0.50", "0.77", "0.67"] in rows
+    table = pd.read_csv(reported / "reports" / "tiny_fit" / "ablate_samples.csv")
+    value = table.set_index(["source", "without", "metric", "type"])["value"]
+    ours = [shape_tables.number(value["measured", "S", "visibility_bce", kind]) for kind in "UABOTS"]
+    assert ["S", *ours] in rows and ["S", "0.14", "0.06", "0.06", "0.42", "0.17", "0.48"] in rows
+    angles = [held_out["normal_angle_deg"][kind]["median"] for kind in "UAB"] + [held_out["normal_angle_deg_median"]]
+    assert ["median", *(f"{angle:.1f}°" for angle in angles)] in rows
+    assert ["parameters", f"{metrics['parameters']:,}"] in rows
+    assert ["steps", "5"] in rows
+
+
+def test_page_says_how_many_rays_the_box_saved(reported):
+    views = storage.read_json(reported / "artifacts" / "tiny_fit" / "fit_shape" / "views.json")
+    asked, evaluated = (sum(view[key] for view in views) for key in ("rays", "evaluated"))
+    assert asked == 144 * len(views) > evaluated > 0
+    saved = asked - evaluated
+    assert ["rays evaluated", f"{evaluated:,}"] in _rows(reported)
+    assert ["rays saved by the box", f"{saved:,} ({100 * saved / asked:.0f} %)"] in _rows(reported)
+
+
+def test_every_diagnostic_is_printed(reported):
+    found = storage.read_json(reported / "artifacts" / "tiny_fit" / "fit_shape" / "diagnostics.json")
+    assert tuple(found) == field_diagnostics.NAMES
+    printed = [row for row in _rows(reported) if "eikonal" in row[0] or "consistency" in row[0]]
+    assert [row[2:] for row in printed] == [
+        [*(shape_tables.number(values[key]) for key in ("median", "p95", "worst")), f"{values['rays']:,}"]
+        for values in found.values()
+    ]
+
+
+def _long(values):
+    """A long table with the same values of ours and of the paper, by left-out and held-out type."""
+    return pd.DataFrame(
+        [
+            (without, kind, "depth_l1_x10", values(without, kind), source)
+            for without in (*"UABOTS", "none")
+            for kind in "UABOTS"
+            for source in ("measured", paper_ablation.SOURCE)
+        ],
+        columns=["without", "type", "metric", "value", "source"],
+    )
+
+
+def test_bold_and_findings_name_the_worst_of_each_column():
+    table = _long(lambda without, kind: 2.0 if without == kind and kind in "UT" else 1.5 if without == "none" else 1.0)
+    assert shape_tables.worst_for_itself(table, "depth_l1_x10", "measured") == ["U", "T"]
+    rows = shape_tables.ablation(table, "depth_l1_x10", "measured", "").rows
+    bold = {(row[0], i) for row in rows for i, cell in enumerate(row[1:]) if isinstance(cell, pages.Cell) and cell.best}
+    assert bold == {("U", 0), ("none", 1), ("none", 2), ("none", 3), ("T", 4), ("none", 5)}
+
+
+def test_report_before_its_stages_is_one_clear_line(reported, tmp_path, monkeypatch, capsys):
+    text = (reported / "tiny_fit.yaml").read_text()
+    monkeypatch.chdir(tmp_path)
+    Path("tiny_fit.yaml").write_text(text)
+    assert guard.guarded(lambda: _run("report_shape"), "ddf") == 2
+    assert re.fullmatch(r"ddf: error: .*fit_shape/fit\.json.*\n", capsys.readouterr().err)
+
+
+def test_fit_table_has_angles_of_all_types_together():
+    errors = {metric: dict.fromkeys(fit_errors.TYPES, 0.5) for metric in paper_ablation.METRICS}
+    angles = {"normal_angle_deg": {"U": {"median": 1.0, "p95": 9.0}}, "normal_angle_deg_median": 2.0}
+    table = fit_errors.fit_table({**errors, **angles, "normal_angle_deg_p95": 8.0})
+    value = table[table["source"] == "measured"].set_index(["type", "metric"])["value"]
+    assert value["UAB", "normal_angle_deg_median"] == 2.0
+    assert value["U", "normal_angle_deg_p95"] == 9.0
+    assert value["S", "visibility_bce"] == 0.5
+
+
+def _page_results(depth, lower):
+    """Results with one depth error of type U, and `lower` of the other eleven errors below the paper's."""
+    rows = []
+    for i, (metric, kind) in enumerate(
+        (metric, kind) for metric in shape_tables.METRIC_NAMES for kind in fit_errors.TYPES
+    ):
+        ours = depth if i == 0 else 1.0 if i <= lower else 3.0
+        rows += [(metric, kind, ours, "measured"), (metric, kind, 2.0, paper_ablation.SOURCE)]
+    errors = pd.DataFrame(rows, columns=["metric", "type", "value", "source"])
+    return shape_page.Results("x", None, {}, pd.DataFrame(), errors, {}, [], {}, pd.DataFrame())
+
+
+def test_verdict_says_how_far_depth_is_off_and_how_many_errors_are_below_the_papers():
+    text = shape_page.verdict(_page_results(0.5, 4))
+    assert "off by 2.5 % of the box's longest side" in text and "twelve held-out errors, 5 are below" in text
+    nothing = shape_page.verdict(_page_results(float("nan"), 4))
+    assert "No held-out ray of type U meets the shape." in nothing and "errors, 4 are below" in nothing
+
+
+def test_page_starts_with_a_verdict_and_a_picture_and_no_table_is_wide(reported):
+    title, verdict, picture = (reported / "reports" / "tiny_fit" / "README.md").read_text().split("\n\n")[:3]
+    assert title.startswith("# ") and verdict.count(". ") == 1 and picture.endswith("](views.webp)")
+    assert max(len(row) for row in _rows(reported)) == 8
+
+
+def test_a_mean_over_nothing_is_a_dash():
+    assert shape_tables.number(float("nan")) == shape_tables.number(float("nan"), "°", 1) == "–"
+    assert (shape_tables.number(0.0), shape_tables.number(0.01), shape_tables.number(4.0, "°", 1)) == (
+        "0.00",
+        "0.01",
+        "4.0°",
+    )

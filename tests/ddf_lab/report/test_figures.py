@@ -1,0 +1,79 @@
+"""Charts: valid SVG, equal bytes, values as text-free marks in the right number, nothing that depends on the day."""
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ddf_lab.report import figures
+
+_STEPS = np.arange(0, 1000, 10)
+_LOG = pd.DataFrame({"step": _STEPS, "loss": 3 * np.exp(-_STEPS / 300), "normals": -np.linspace(0.1, 0.9, 100)})
+_ERRORS = np.array([3.0, 40.0, 170.0])
+_EVERYWHERE = (np.array([10.0, 20.0, 200.0, 359.0]), np.array([1.0, 3.0, 0.5, 2.0]))
+_SOMEWHERE = (np.array([30.0]), np.array([0.0]))  # on a logarithmic axis
+_ANGLES = [
+    ("D_C", {"car": [("DDF", "ddf", False, _EVERYWHERE)]}),
+    ("error", {"car": [("DDF", "ddf", True, _SOMEWHERE), ("PC-SIREN", "pc_siren", False, _EVERYWHERE)]}),
+]
+_CHARTS = {
+    "bars": lambda: figures.score_bars({"chair": [("ddf", "DDF", 70.2), ("ceiling", "ceiling", 99.0)]}, "F"),
+    "losses": lambda: figures.loss_curves({"DDF": {"chair": _LOG}, "PC-SIREN": {"chair": _LOG[["step", "loss"]]}}),
+    "scatter": lambda: figures.paired_scatter({"chair": (np.array([0.1, 2.0]), np.array([0.2, 1.0]))}, "x", "y"),
+    "one equal pair": lambda: figures.paired_scatter({"chair": (np.array([0.4]), np.array([0.4]))}, "x", "y"),
+    "angles": lambda: figures.medians_over_angle(_ANGLES, "azimuth"),
+    "shares": lambda: figures.cumulative_shares({"car": [("DDF", "ddf", True, _ERRORS)]}, "azimuth", 180.0),
+}
+
+
+def _uses(svg, style):
+    return sum(style in (node.get("style") or "") for node in ElementTree.fromstring(svg).iter())
+
+
+@pytest.mark.parametrize("name", _CHARTS)
+def test_charts_are_svg_with_equal_bytes_and_no_date(name):
+    first, second = _CHARTS[name](), _CHARTS[name]()
+    assert first == second
+    root = ElementTree.fromstring(first)
+    assert root.tag.endswith("svg") and float(root.attrib["width"].removesuffix("pt")) > 100
+    assert "<dc:date>" not in first and "<text" not in first  # text is drawn as outlines
+    assert len(first) < 200_000
+
+
+def test_bars_have_the_colours_of_their_methods_and_lengths_in_proportion():
+    svg = _CHARTS["bars"]()
+    assert _uses(svg, f"fill: {figures.METHOD_COLOURS['ddf'].lower()}") == 1
+    assert _uses(svg, f"fill: {figures.CEILING_COLOUR.lower()}") == 1
+    lengths = {}
+    for node in ElementTree.fromstring(svg).iter():
+        for colour in (figures.METHOD_COLOURS["ddf"], figures.CEILING_COLOUR):
+            if f"fill: {colour.lower()}" in (node.get("style") or ""):
+                x = [
+                    float(word) for word in node.attrib["d"].replace("M", "").replace("L", "").replace("z", "").split()
+                ][::2]
+                lengths[colour] = max(x) - min(x)
+    ratio = lengths[figures.METHOD_COLOURS["ddf"]] / lengths[figures.CEILING_COLOUR]
+    assert ratio == pytest.approx(70.2 / 99.0, rel=1e-4)
+
+
+def test_every_loss_term_is_drawn_even_a_negative_one():
+    colour = "stroke: #3182bd"  # of the first term
+    with_terms, without = (figures.loss_curves({"DDF": {"chair": table}}) for table in (_LOG, _LOG[["step", "loss"]]))
+    assert _uses(with_terms, colour) == 2  # the curve and its mark in the legend
+    assert _uses(without, colour) == 0
+    nodes = ElementTree.fromstring(with_terms).iter()
+    drawn = [node.attrib["d"].count("L") for node in nodes if colour in (node.get("style") or "") and node.get("d")]
+    assert max(drawn) == len(_LOG) - 1
+
+
+def test_every_image_and_one_line_of_medians_per_method_are_drawn_over_the_angle():
+    orange = figures.METHOD_COLOURS["pc_siren"].lower()
+    root = ElementTree.fromstring(_CHARTS["angles"]())
+    tags = [node for node in root.iter() if node.tag.endswith("use") and f"fill: {orange}" in (node.get("style") or "")]
+    assert len(tags) == len(_EVERYWHERE[0])
+    lines = [node for node in root.iter() if f"stroke: {orange}" in (node.get("style") or "") and node.get("d")]
+    (line,) = [node.attrib["d"] for node in lines if "M" in node.attrib["d"] and node.attrib["d"].count("M") == 3]
+    words = line.replace("M", "").replace("L", "").split()
+    heights = [float(word) for word in words[1::2]]
+    assert len(set(heights)) == 2  # of the three sectors that hold images two have the median 2

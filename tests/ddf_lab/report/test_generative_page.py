@@ -1,0 +1,87 @@
+"""The page of a generative experiment, from hand-made results."""
+
+import _generative
+import numpy as np
+import pytest
+
+from ddf.core import config, storage
+from ddf.pictures import sheets
+from ddf.training import training_loop
+from ddf_lab.report import generative_page
+
+_KIDS = {"ceiling": 0.0, "blur 2": 0.2, "blur 4": 0.3, "noise 0.05": 0.1, "noise 0.15": 0.2}
+
+
+def _scores(in_order):
+    row = {"kid_spread": 0.001, "precision": 0.5, "recall": 0.25}
+    named = {**_KIDS, "image GAN": 0.05, "2D GAN": 0.04, "mean image": 0.4, "noise": 0.9}
+    errors = {
+        "depth_l1": dict.fromkeys("UABSTO", 0.02),
+        "visibility_bce": dict.fromkeys("UABSTO", 0.1),
+        "normals": {"median_deg": 12.0},
+    }
+    clouds = {"f_score_tau_x100": 50.0, "f_score_2tau_x100": 70.0, "errors": errors}
+    point = {"points": 1000}
+    return {
+        "shapes": {"learned": 9, "held_out": 2, "pictured": 5},
+        "held_out": {
+            "encoded": {"chamfer_l2_sq_x1000": 1.2, **clouds},
+            "optimised": {"chamfer_l2_sq_x1000": 1.0, **clouds},
+        },
+        "divergence": {"sum": 7.5, "used": 3, "by_dimension": [4.0, 2.0, 1.5, 0.0, 0.0]},
+        "distribution": {
+            "prior": {"matching_x1000": 0.25, "coverage": 0.5, "told_apart": 0.875},
+            "learned": {"matching_x1000": 0.125, "coverage": 0.75, "told_apart": 0.5},
+        },
+        "prior": {"nearest": ["a"], "chamfer_x1000": [1.0, 2.0], "between_learned_x1000": [0.5, 1.5, 2.5]},
+        "images": {
+            "rows": {name: {"kid": kid, **row} for name, kid in named.items()},
+            "in_order": in_order,
+            "fid": dict.fromkeys(named),
+            "real": 20,
+            "spoiled": list(_KIDS)[1:],
+        },
+        "consistency": {
+            "ours": {"error": 0.04, **point},
+            "shuffled": {"error": 0.1, **point},
+            "real": {"error": 0.05, **point},
+        },
+    }
+
+
+@pytest.mark.parametrize("in_order", [True, False])
+def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "tiny.yaml"
+    evaluated = config.artifact_dir(path, "evaluate_generative", "car")
+    storage.write_json(evaluated / "scores.json", _scores(in_order))
+    names = ("samples_normals", "samples_colours", "samples_nearest", "rival_colours", "real_colours")
+    names += ("views_normals", "views_colours", "grid_normals")
+    images = {name: np.full((3, 3, 64, 64), 0.5, np.float32) for name in names}
+    images["grid_colours"] = np.full((6, 3, 64, 64), 0.5, np.float32)
+    storage.save_tensors(evaluated / "pictures.safetensors", images, {})
+    log = "step,loss,seconds\n100,1.5,120.0\n"
+    storage.write_text(config.artifact_dir(path, "train_vae", "car") / training_loop.LOG, log)
+    generative_page.write(path, "car", _generative.GAN, _generative.SCORES, tmp_path / "page")
+    text = (tmp_path / "page" / "README.md").read_text()
+    assert "1.20 times that of latents optimised" in text
+    assert ("50.0 ± 1.0" in text) == in_order and ("not in the order" in text) != in_order
+    assert "0.40 of that with two" in text and "3 of 5 dimensions" in text
+    assert "not computed (no Inception weights)" in text and "| 27 |" in text and "paper, ShapeNet" in text
+    assert "| samples of the prior | 0.250 | 50 | 88 |" in text and "| learned shapes | 0.125 | 75 | 50 |" in text
+    assert "| shape VAE | 100 | 2.0 | 1.500 |" in text
+    assert text.count("What two cores cannot show") == 1
+    for name in ("samples", "views", "between"):
+        assert f"]({name}.webp)" in text and (tmp_path / "page" / f"{name}.webp").stat().st_size > 200
+
+
+def test_a_sheet_has_a_row_of_cells_for_each_name():
+    from io import BytesIO
+
+    from PIL import Image
+
+    images = np.zeros((2, 3, 64, 64))
+    with Image.open(BytesIO(sheets.sheet([("one", images), ("two", images[:1])]))) as picture:
+        assert picture.size == (2 * sheets.CELL + 4, 2 * (sheets.CELL + 28))
+        assert picture.getpixel((10, 24 + sheets.CELL // 2)) == (0, 0, 0)
+        assert picture.getpixel((sheets.CELL + 20, picture.height - sheets.CELL // 2)) == (255, 255, 255)
