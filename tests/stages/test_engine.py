@@ -262,10 +262,8 @@ def test_further_seeds_are_added_and_left_out_again(workspace):
 
 def test_two_calls_at_once_run_one_after_the_other(workspace):
     shutil.rmtree(workspace.artifacts / "evaluate")
-    lock = workspace.root / ".make" / "lock.pid"
-    lock.unlink()
     first = workspace.start("smoke")
-    first.wait_for(lock.exists)
+    first.wait_for((workspace.root / ".make" / "lock").read_text)
     second = workspace.start("smoke")
     codes = [run.process.wait(timeout=PATIENCE) for run in (first, second)]
     assert codes == [0, 0], first.output + second.output

@@ -8,7 +8,7 @@ from typing import Any
 from ddf.core import output_names, shipped_models
 
 UP_AXES = ("y", "z")  # as `framed_field.UP_AXES`
-_WRITES = "writes"  # of the parsed arguments: names of those that are files to write
+_WRITES = "writes"  # of the parsed arguments: the name of the one that is written, and whether it is a folder
 
 
 def add_field(parser: argparse.ArgumentParser) -> None:
@@ -39,9 +39,15 @@ def add_out(parser: argparse.ArgumentParser, name: str, metavar: str, help: str)
     mark_out(parser, name.lstrip("-"))
 
 
+def add_folder(parser: argparse.ArgumentParser, help: str, name: str = "out", **how: Any) -> None:
+    """A folder that the command writes, made if needed."""
+    parser.add_argument(name, type=Path, help=f"folder, made if needed; {help}", **{"metavar": "OUT_DIR", **how})
+    parser.set_defaults(**{_WRITES: (name.lstrip("-"), True)})
+
+
 def mark_out(parser: argparse.ArgumentParser, name: str) -> None:
     """Let `require_places` check the file of that name in the parsed arguments."""
-    parser.set_defaults(**{_WRITES: name})
+    parser.set_defaults(**{_WRITES: (name, False)})
     parser.add_argument("--make-folders", action="store_true", help="make the folder of the output where it is missing")
 
 
@@ -66,24 +72,40 @@ def add_picture(parser: argparse.ArgumentParser, largest: int, one: str) -> None
 
 
 def require_places(args: argparse.Namespace) -> None:
-    """Raise before the work when what it gives could not be written.
+    """Raise before the work when what it gives could not be written, or would replace what it reads.
 
     Raises:
-      InputError: the output's folder does not exist (with --make-folders it is made), or no file can have its name.
+      InputError: the output's folder does not exist (with --make-folders it is made), no file can have its name, or it
+        is a file that the command reads.
     """
-    if not hasattr(args, _WRITES):
-        return
-    from ddf.core import checks  # takes numpy, which bare help and `ddf doctor` do without
-
-    out = getattr(args, getattr(args, _WRITES))
+    name, is_folder = getattr(args, _WRITES, ("", False))
+    out = getattr(args, name, None)
     if out is None:
+        return
+    from ddf.core import checks, storage  # take numpy, which bare help and `ddf doctor` do without
+
+    read = [path for value in vars(args).values() for path in (value if isinstance(value, list) else [value])]
+    storage.protect(path for path in read if isinstance(path, Path) and path is not out and path.is_file())
+    if is_folder:
+        if out.exists() and not out.is_dir():
+            raise checks.InputError(f"{out}: is a file; give a folder to write")
         return
     if out.exists() and not out.is_file():
         raise checks.InputError(f"{out}: not a regular file; give the name of a file to write")
+    storage.require_not_read(out)
     if args.make_folders:
         out.parent.mkdir(parents=True, exist_ok=True)
     elif not out.parent.is_dir():
         raise checks.InputError(f"{out}: there is no folder {out.parent}; make it, or add --make-folders")
+
+
+def kept(args: argparse.Namespace) -> str:
+    """What is left when a command is interrupted that says nothing better; the command itself belongs after a colon."""
+    name, is_folder = getattr(args, _WRITES, ("", False))
+    out = getattr(args, name, None)
+    if out is None:
+        return getattr(args, "kept", "")
+    return f"files in {out} are whole; start again by:" if is_folder else f"{out} is not written; start again by:"
 
 
 def outputs(text: str) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """The frame of every command: arguments, help, results as a table or as JSON, errors in one line.
 
-Exit code 0; 2 after one line on stderr when the input is at fault; 130 when interrupted.
+Exit code 0; 2 after one line on stderr when the input is at fault; 130 or 143 when SIGINT or SIGTERM ended it, after a
+line that says what is kept.
 """
 
 import argparse
@@ -9,6 +10,8 @@ import importlib
 import io
 import os
 import re
+import shlex
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from types import ModuleType
@@ -16,10 +19,9 @@ from typing import Any
 
 from ddf.cli import arguments, results
 from ddf.cli.commands import COMMANDS, ROOMS
-from ddf.core import guard
+from ddf.core import guard, interrupts
 
 _NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins; no option does
-_INTERRUPTED = 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,11 +38,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 0
     args = parser.parse_args(argv)
-    try:
-        return guard.guarded(lambda: _run(args), f"ddf {args.command}")
-    except KeyboardInterrupt:
-        sys.stderr.write(f"ddf {args.command}: interrupted\n")
-        return _INTERRUPTED
+    with interrupts.raised():
+        return guard.guarded(lambda: _run(args, argv), f"ddf {args.command}")
 
 
 def with_negative_values(argv: Sequence[str]) -> list[str]:
@@ -55,11 +54,17 @@ def with_negative_values(argv: Sequence[str]) -> list[str]:
     return joined
 
 
-def _run(args: argparse.Namespace) -> None:
+def _run(args: argparse.Namespace, words: Sequence[str]) -> None:
     module = _module(args.command)
     with _stdout_to_stderr() if args.json else contextlib.nullcontext():
         arguments.require_places(args)
-        result: dict[str, Any] = module.run(args)
+        try:
+            result: dict[str, Any] = module.run(args)
+        except KeyboardInterrupt as stop:
+            kept = getattr(stop, "kept", "") or arguments.kept(args)
+            if kept.endswith(":"):
+                kept += f" ddf {shlex.join(words)}"
+            raise interrupts.Interrupted(getattr(stop, "number", signal.SIGINT), kept) from stop
     sys.stdout.write(results.json_line(result) if args.json else results.text(result))
     sys.stdout.flush()
 

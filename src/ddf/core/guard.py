@@ -1,13 +1,19 @@
 """Errors of the user or of the machine as one line on stderr and exit code 2; anything else keeps its traceback."""
 
+import signal
 import sys
 from collections.abc import Callable
 
 from ddf.core import extras
 
 
-def guarded(function: Callable[[], object], program: str) -> int:
-    """Call `function`; exit code 0, or 2 after one line on stderr when the user's input or disk is at fault."""
+def guarded(function: Callable[[], object], program: str, kept: str = "") -> int:
+    """Call `function`; exit code 0, or 2 after one line on stderr when the user's input or disk is at fault.
+
+    Args:
+      kept: what is left, and how to go on, where a signal ends the work and nothing says it better; 128 and the
+        signal's number is the code then.
+    """
     try:
         function()
     except (ValueError, OSError) as error:
@@ -17,6 +23,11 @@ def guarded(function: Callable[[], object], program: str) -> int:
             raise
         sys.stderr.write(f"{program}: error: {' '.join(describe(error).split())}\n")
         return 2
+    except KeyboardInterrupt as stop:
+        told = getattr(stop, "kept", "") or kept
+        told += " the same command" if told.endswith(":") else ""
+        sys.stderr.write(f"{program}: interrupted{f': {told}' if told else ''}\n")
+        return 128 + getattr(stop, "number", signal.SIGINT)
     except ModuleNotFoundError as error:
         told = extras.hint(error)
         if told is None:

@@ -17,7 +17,7 @@ import os
 import re
 import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -37,6 +37,21 @@ _PACK_RECORD = "record.json"
 _DIGEST_LENGTH = 64  # hex digits of SHA-256
 
 
+_READ: dict[tuple[int, int], Path] = {}  # files that this process reads and must not replace, by device and number
+
+
+def protect(paths: Iterable[Path]) -> None:
+    """Let nothing here replace these files, under whatever name; in place of those of an earlier call."""
+    _READ.clear()
+    _READ.update({(path.stat().st_dev, path.stat().st_ino): path for path in paths})
+
+
+def require_not_read(path: Path) -> None:
+    """Raise where a file to write is one that is read."""
+    if path.exists() and (source := _READ.get((path.stat().st_dev, path.stat().st_ino))):
+        raise checks.InputError(f"{source} is read and would be replaced by the output; give another name to write")
+
+
 @contextlib.contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """A temporary sibling of `path`, flushed to disk and renamed to it if the body succeeds, removed if it fails.
@@ -47,6 +62,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     given, path = path, Path(os.path.realpath(path))
     if path.exists() and not path.is_file():
         raise checks.InputError(f"{path} is not a regular file; give the name of a file to write")
+    require_not_read(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=f".tmp{path.suffix}", dir=path.parent)
     os.close(handle)

@@ -23,14 +23,14 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from ddf.core import checks, provenance, storage
+from ddf.core import checks, locks, provenance, storage
 from ddf.data.samples import sample_batch, sample_types
 from ddf.fields import consistency, framed_field, losses, pddf, rendering
 from ddf.fit import fit_settings, shape_field, shape_samples
 from ddf.geometry import mesh_io, rays, transforms
 from ddf.training import training_loop
 
-METRICS, PLAN = "fit.json", "plan.json"
+METRICS, PLAN, _LOCK = "fit.json", "plan.json", ".lock"
 FEW_STEPS = 500  # below so many a field is blurred whatever the shape: the user is told
 SAMPLING_SHARE = 0.3  # of the minutes
 _PROBE = 0.05  # of the samples, drawn once more to time them
@@ -89,14 +89,18 @@ def _groups(field: pddf.PDDF) -> list[dict[str, Any]]:
     return [{"params": list(field.parameters()), "weight_decay": 0.0}]
 
 
-def _plan(config: fit_settings.FitConfig, content: str, identity: str, out_dir: Path, force: bool) -> Mapping[str, Any]:
+def _plan(content: str, identity: str, out_dir: Path, force: bool) -> Mapping[str, Any]:
     """What an earlier run of the same fit wrote in the folder; of a new one, its mesh and who it is.
 
     Raises:
-      InputError: the folder holds the field of another mesh, and `force` does not say to replace it.
+      InputError: the folder holds the field of another mesh or another model, and `force` does not say to replace it.
     """
     path = out_dir / PLAN
     plan = storage.read_json(path) if path.exists() else {}
+    if not path.exists() and (out_dir / training_loop.MODEL).exists() and not force:
+        raise checks.InputError(
+            f"{out_dir}: holds a model that no fit wrote; give another folder, or --force to replace it"
+        )
     if plan.get("mesh", content) != content and not force:
         raise checks.InputError(
             f"{out_dir}: holds the field of another mesh; give another folder, or --force to replace it"
@@ -104,6 +108,25 @@ def _plan(config: fit_settings.FitConfig, content: str, identity: str, out_dir: 
     if plan.get("fingerprint") != identity:
         plan = {"fingerprint": identity, "mesh": content}
     return plan
+
+
+def _finished(out_dir: Path, fingerprint: str, budget: int | training_loop.Clock) -> dict[str, Any] | None:
+    """The content of fit.json where this fit, with this budget or more, ended before and its field is whole."""
+    try:
+        _, record = storage.load_tensors(out_dir / training_loop.MODEL)
+        found = _nan_for_null(storage.read_json(out_dir / METRICS))
+    except (FileNotFoundError, checks.InputError):
+        return None
+    spent = found["seconds"] - found["sampling_seconds"]
+    over = spent >= budget.seconds if isinstance(budget, training_loop.Clock) else found["steps"] == budget
+    return found if over and record["fingerprint"] == fingerprint and record["steps"] == found["steps"] else None
+
+
+def _nan_for_null(data: Any) -> Any:
+    """What `storage.write_json` was given."""
+    if isinstance(data, dict):
+        return {key: _nan_for_null(value) for key, value in data.items()}
+    return math.nan if data is None else data
 
 
 def _affordable(mesh: mesh_io.Mesh, config: fit_settings.FitConfig) -> float:
@@ -129,7 +152,7 @@ def fit(
 ) -> dict[str, Any]:
     """Fit a field to a mesh in its own frame; write model.safetensors (`shape_field.load`), log.csv and fit.json.
 
-    Resumes from `out_dir` if an earlier run with the same mesh, config and code was stopped there.
+    Goes on in `out_dir` where an earlier run with the same mesh, config and code was stopped, or had fewer minutes.
 
     Args:
       source: name to checksum of the file that the mesh came from, for the record.
@@ -139,17 +162,40 @@ def fit(
       force: replace the field of another mesh in the folder.
     Returns:
       The content of fit.json: held_out (`held_out_errors`), seconds (of all runs that led there), parameters,
-      steps, samples (of training), seconds_per_step, box.
+      steps, samples (of training), seconds_per_step, box. And already: whether an earlier run had ended it.
     Raises:
-      InputError: the mesh has no triangle with an area, or the folder holds the field of another mesh.
+      InputError: the mesh has no triangle with an area, another fit is at work in the folder, or it holds the field of
+        another mesh.
     """
     if config.steps is None and config.minutes is None:
         raise ValueError("steps and minutes cannot both be null")
+    busy = f"{out_dir}: another fit (process {{number}}) is at work there; wait for it, or give another folder"
+    with locks.held(out_dir / _LOCK, busy, wait=False):
+        return _fit(raw, config, out_dir, source, without, begin, threads, force)
+
+
+def _fit(
+    raw: mesh_io.Mesh,
+    config: fit_settings.FitConfig,
+    out_dir: Path,
+    source: Mapping[str, str] | None,
+    without: str | None,
+    begin: shape_field.ShapeField | None,
+    threads: int | None,
+    force: bool,
+) -> dict[str, Any]:
+    """As `fit`, in a folder of its own."""
     started = time.monotonic()
     content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
-    given = [config.recipe(), content, without, *([] if begin is None else [begin.record])]
+    recipe = {name: value for name, value in config.recipe().items() if name != "minutes"}  # more of them go on
+    given = [recipe, content, without, *([] if begin is None else [begin.record])]
     identity = provenance.fingerprint(given, (), "ddf.fit.fitting")
-    plan = _plan(config, content, identity, out_dir, force)
+    plan = _plan(content, identity, out_dir, force)
+    fingerprint = provenance.fingerprint([identity, config.steps])
+    if sampled := plan.get("sampling_seconds"):
+        earlier = _finished(out_dir, fingerprint, _budget(config, sampled))
+        if earlier is not None:
+            return {**earlier, "already": True}
     training_loop.prepare(dataclasses.replace(config.loop, threads=threads or config.loop.threads))
     own_from_mesh = transforms.field_from_mesh(raw.surface_vertices())
     inside = np.clip(own_from_mesh.apply(raw.vertices), -1.0, 1.0)
@@ -165,9 +211,7 @@ def fit(
         start_flat(field, samples)
     trained = time.monotonic()
     sampling = plan.get("sampling_seconds") or trained - started
-    budget = config.steps or training_loop.Clock(max(60 * (config.minutes or 0.0) - sampling, 1.0))
     storage.write_json(out_dir / PLAN, {**plan, "samples_share": share, "sampling_seconds": sampling})
-    fingerprint = provenance.fingerprint([identity, config.steps])
     record = {
         "fingerprint": fingerprint,
         "seed": config.loop.seed,
@@ -179,7 +223,9 @@ def fit(
     }
     loss = functools.partial(step_loss, field, samples, config)
     name = f"fit without {without}" if without else "fit"
-    steps, seconds = training_loop.fit(field, _groups(field), loss, budget, config.loop, out_dir, record, name)
+    steps, seconds = training_loop.fit(
+        field, _groups(field), loss, _budget(config, sampling), config.loop, out_dir, record, name
+    )
     held_out, _ = shape_samples.draw_samples(mesh, config, config.held_out, "held_out")
     result = {
         "held_out": held_out_errors(field.eval(), held_out),
@@ -192,7 +238,12 @@ def fit(
         "box": {"lower": samples.lower.tolist(), "upper": samples.upper.tolist()},
     }
     storage.write_json(out_dir / METRICS, result)
-    return result
+    return {**result, "already": False}
+
+
+def _budget(config: fit_settings.FitConfig, sampling: float) -> int | training_loop.Clock:
+    """Steps, or the time that sampling leaves of the minutes."""
+    return config.steps or training_loop.Clock(max(60 * (config.minutes or 0.0) - sampling, 1.0))
 
 
 @torch.no_grad()

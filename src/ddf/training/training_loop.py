@@ -6,7 +6,6 @@ an uninterrupted one would (same machine kind, same number of threads and proces
 
 import csv
 import io
-import itertools
 import logging
 import math
 import time
@@ -21,7 +20,7 @@ import tqdm
 from torch import Tensor, nn
 from torch.optim import swa_utils
 
-from ddf.core import checks, distributed, storage
+from ddf.core import checks, distributed, interrupts, storage
 from ddf.fields import passes
 from ddf.training import optimisers, plateau
 
@@ -158,6 +157,7 @@ def fit(
     Returns:
       Steps and seconds of all runs that led to the model.
     Raises:
+      Interrupted: SIGINT or SIGTERM came; the first process has written a checkpoint, from which the next call goes on.
       FloatingPointError: the loss is not finite; says at which step, and that the last checkpoint is whole.
       InputError: processes differ in data, config or checkpoint.
     """
@@ -174,7 +174,7 @@ def fit(
     progress = _progress(steps, start, describe, disable=not first)
     model.train()
     reduced = 0
-    for step in itertools.count(start):
+    for step, signal in interrupts.counted(start):
         spent = time.monotonic() - began
         if _is_over(steps, step, spent):
             break
@@ -196,7 +196,7 @@ def fit(
         done = step + 1
         spent = time.monotonic() - began
         last = _is_over(steps, done, spent)
-        saves = last or time.monotonic() - saved_at >= config.checkpoint_seconds
+        saves = last or bool(signal.number) or time.monotonic() - saved_at >= config.checkpoint_seconds
         if done % config.log_every == 0 or last:
             rows.append(_log_row(done, terms, spent, out_dir))
             progress.set_postfix(loss=f"{rows[-1]['loss']:.3f}", refresh=False)
@@ -208,6 +208,11 @@ def fit(
             saved_at = time.monotonic()
         if last:
             break
+        if signal.number:
+            progress.close()
+            raise interrupts.Interrupted(
+                signal.number, f"step {done:,} is kept in {out_dir}; go on by:" if first else ""
+            )
     progress.close()
     if average is not None:
         model.load_state_dict(average.module.state_dict())

@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="changes",
         help="section.key=value: a variant of the experiment, in folders of its own",
     )
+    parser.set_defaults(kept="what is finished is kept; go on by:")
     parser.add_argument("--dag", action="store_true", help="draw the stages, as text, dag.svg and dag.md; run nothing")
 
 

@@ -110,11 +110,11 @@ def find(given: str, changes: Sequence[str] = ()) -> Experiment:
     """
     file = _existing(given)
     sections = config.read(file)
+    taken = file.parent != CONFIGS and (CONFIGS / file.name).exists()
+    if taken or not NAME.fullmatch(file.stem):
+        why = f"{CONFIGS / file.name} has it" if taken else "letters, digits and _ only"
+        raise checks.InputError(f"{given}: {file.stem!r} cannot be an experiment's name ({why}); rename the file")
     if file.parent != CONFIGS:
-        taken = CONFIGS / file.name
-        if not NAME.fullmatch(file.stem) or taken.exists():
-            why = f"{taken} has it" if taken.exists() else "letters, digits and _ only"
-            raise checks.InputError(f"{given}: {file.stem!r} cannot be an experiment's name ({why}); rename the file")
         file = _write(file.stem, sections, f"{given}")
     if not changes:
         return read(file)
@@ -142,6 +142,9 @@ def read(file: Path) -> Experiment:
         categories = tuple(sections["dataset"]["categories"])
     except (KeyError, TypeError) as error:
         raise checks.InputError(f"{file}: dataset.categories is missing or wrong") from error
+    for name in categories:  # it stands in commands that a shell runs
+        if not isinstance(name, str) or not NAME.fullmatch(name):
+            raise checks.InputError(f"{file}: dataset.categories: {name!r} is no category (letters, digits and _ only)")
     if generative and len(categories) != 1:
         raise checks.InputError(f"{file}: the models are of one category; dataset.categories has {list(categories)}")
     return Experiment(file, categories, "generative" if generative else "reconstruction")

@@ -4,6 +4,7 @@ What no stage makes is written here, so that DVC can watch it: the data's folder
 the mesh of a fit, and params.yaml with the items of the graph.
 """
 
+import contextlib
 import json
 import os
 import subprocess
@@ -12,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
 import yaml
 
 from ddf.core import checks, config, storage
@@ -55,7 +57,7 @@ def run(given: str, changes: Sequence[str], options: Options) -> Path:
         if changed:
             config.load_all(experiment.file)  # what does not fit is told before the work
         stale = engine.stale([item for item in items if item.name in changed])
-        failed = schedule.run(graph.affected(items, stale), options.jobs, engine.run)
+        failed = schedule.run(graph.affected(items, stale), options.jobs, engine.run, engine.stop)
     if failed:
         raise checks.InputError(f"{failed[0].name} failed, its message is above; the same command goes on from there")
     page = Path("reports") / experiment.name / "README.md"
@@ -119,6 +121,7 @@ class _Engine:
     def __init__(self, environment: dict[str, str], descriptor: int) -> None:
         self._environment, self._descriptor = environment, descriptor
         self._console = console.Console(sys.stderr)
+        self._running: set[subprocess.Popen[bytes]] = set()
 
     def _start(self, command: Sequence[str], stdout: int | None, stderr: int | None) -> subprocess.Popen[bytes]:
         inherited = (self._descriptor,)
@@ -148,8 +151,18 @@ class _Engine:
         command = [*nice, "dvc", "--wait-for-lock", "repro", "-q", "--no-run-cache", "--single-item", item.name]
         process = self._start(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         assert process.stdout is not None
+        self._running.add(process)
         self._console.relay(process.stdout.fileno())
+        self._running.remove(process)
         return process.wait() == 0
+
+    def stop(self) -> None:
+        """Tell what runs below DVC to end: DVC, which passes no signal on, ends with it."""
+        for process in list(self._running):
+            with contextlib.suppress(psutil.Error):
+                for child in psutil.Process(process.pid).children(recursive=True):
+                    with contextlib.suppress(psutil.Error):
+                        child.terminate()
 
 
 def _note_of(item: graph.Item) -> Path:

@@ -7,12 +7,14 @@ from itertools import groupby
 from ddf_lab.engine import graph
 
 
-def run(items: Sequence[graph.Item], jobs: int, start: Callable[[graph.Item], bool]) -> list[graph.Item]:
+def run(
+    items: Sequence[graph.Item], jobs: int, start: Callable[[graph.Item], bool], stop: Callable[[], None] = lambda: None
+) -> list[graph.Item]:
     """Call `start` for every item whose forerunners succeeded, group by group of stages next to each other.
 
     Args:
       items: in the order of the graph. jobs: side by side, for stages whose number is not fixed.
-      start: does the work; whether it succeeded.
+      start: does the work; whether it succeeded. stop: ends what runs, where the call is interrupted.
     Returns:
       The items that failed or were left out because of one that did; first those that failed, as they ended.
     """
@@ -20,18 +22,18 @@ def run(items: Sequence[graph.Item], jobs: int, start: Callable[[graph.Item], bo
     left: list[graph.Item] = []
     for together, group in groupby(items, key=lambda item: item.together):
         by_seed = sorted(group, key=lambda item: item.seed)  # the first goes first
-        _run_group(by_seed, together or jobs, start, failed, left)
+        _run_group(by_seed, together or jobs, (start, stop), failed, left)
     return failed + left
 
 
 def _run_group(
     items: Iterable[graph.Item],
     width: int,
-    start: Callable[[graph.Item], bool],
+    work: tuple[Callable[[graph.Item], bool], Callable[[], None]],
     failed: list[graph.Item],
     left: list[graph.Item],
 ) -> None:
-    waiting = list(items)
+    waiting, (start, stop) = list(items), work
     running: dict[futures.Future[bool], graph.Item] = {}
     with futures.ThreadPoolExecutor(width) as pool:
         while waiting or running:
@@ -42,6 +44,10 @@ def _run_group(
                 elif len(running) < width and not any(item.follows(o) for o in (*running.values(), *waiting)):
                     waiting.remove(item)
                     running[pool.submit(start, item)] = item
-            done, _ = futures.wait(running, return_when=futures.FIRST_COMPLETED)
+            try:
+                done, _ = futures.wait(running, return_when=futures.FIRST_COMPLETED)
+            except KeyboardInterrupt:
+                stop()
+                raise
             failed += [running.pop(future) for future in done if not future.result()]
             running = {future: item for future, item in running.items() if future not in done}

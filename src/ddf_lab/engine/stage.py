@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import fcntl
 import json
 import logging
 import os
@@ -13,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ddf.core import guard
+from ddf.core import guard, interrupts, locks
 from ddf_lab import stage_notes
 
 
@@ -31,7 +30,9 @@ def main(run: Callable[..., None], description: str | None, category: bool = Fal
         parser.add_argument("--seed", type=_whole_number, default=0, help="added to the config's seeds (default 0)")
     arguments = vars(parser.parse_args())
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
-    sys.exit(guard.guarded(lambda: _run_alone(run, **arguments), "ddf"))
+    kept = "what is finished is kept, and the same command goes on from there"
+    with interrupts.raised():
+        sys.exit(guard.guarded(lambda: _run_alone(run, **arguments), Path(sys.argv[0]).stem, kept))
 
 
 def _whole_number(text: str) -> int:
@@ -60,12 +61,8 @@ def _run_alone(run: Callable[..., None], config: Path, **arguments: Any) -> None
     with contextlib.ExitStack() as stack:
         first = os.environ.get("RANK", "0") == "0"
         if first:
-            lock = stack.enter_context(record.with_suffix(".lock").open("w"))
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                sys.stderr.write(f"an earlier process of this stage is still at work on {config}; waiting for it\n")
-                fcntl.flock(lock, fcntl.LOCK_EX)
+            busy = f"an earlier process of this stage ({{number}}) is still at work on {config}"
+            stack.enter_context(locks.held(record.with_suffix(".lock"), busy))
         item = finished.find(name, config, category, seed)
         done = item is not None and finished.is_done(item, stage_notes.read(record))
         if first:

@@ -4,6 +4,7 @@ import errno
 import importlib.metadata
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +15,7 @@ import pytest
 
 from ddf import cli
 from ddf.cli import commands, frame
-from ddf.core import checks
+from ddf.core import checks, interrupts
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -202,13 +203,50 @@ def test_threads_wait_without_spinning_unless_the_user_says_otherwise(command, c
     assert json.loads(capsys.readouterr().out)["policy"] == seen
 
 
-def test_an_interrupt_is_one_line(command, capsys):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_is_one_line_with_what_is_kept_and_the_command_that_goes_on(command, capsys, tmp_path, number):
+    command(lambda args: os.kill(os.getpid(), number))
+    assert cli.main(["doctor"]) == 128 + number
+    assert capsys.readouterr().err == "ddf doctor: interrupted\n"
+
     def run(args):
-        raise KeyboardInterrupt
+        raise interrupts.Interrupted(number, "step 7 is kept; go on by:")
 
     command(run)
-    assert cli.main(["doctor"]) == 130
-    assert capsys.readouterr().err == "ddf doctor: interrupted\n"
+    assert cli.main(["doctor", "a b"]) == 128 + number
+    assert capsys.readouterr().err == "ddf doctor: interrupted: step 7 is kept; go on by: ddf doctor 'a b'\n"
+
+
+def test_an_interrupted_command_with_a_file_says_that_it_is_not_written(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("ddf.geometry.mesh_io.load_surface", lambda path: os.kill(os.getpid(), signal.SIGINT))
+    out = tmp_path / "out.ply"
+    assert cli.main(["mesh", "in.obj", str(out)]) == 130
+    assert (
+        capsys.readouterr().err
+        == f"ddf mesh: interrupted: {out} is not written; start again by: ddf mesh in.obj {out}\n"
+    )
+
+
+@pytest.mark.parametrize("link", [None, "symlink_to", "hardlink_to"])
+def test_an_output_that_is_an_input_is_refused_under_every_name(tmp_path, capsys, link):
+    mesh, out = tmp_path / "a.obj", tmp_path / ("b.obj" if link else "a.obj")
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    np.savez(tmp_path / "r.npz", positions=np.zeros((1, 3)), directions=np.eye(3)[:1])
+    if link:
+        getattr(out, link)(mesh)
+    before, rays = mesh.read_bytes(), str(tmp_path / "r.npz")
+    for words in (["mesh", str(mesh), str(out)], ["cast", str(mesh), "--rays", rays, "--out", str(out)]):
+        assert cli.main(words) == 2
+        assert f"{mesh} is read and would be replaced by the output" in capsys.readouterr().err
+    assert cli.main(["cast", str(mesh), "--rays", rays, "--out", rays]) == 2
+    assert "r.npz is read and would be replaced" in capsys.readouterr().err and mesh.read_bytes() == before
+
+
+def test_no_file_that_is_read_is_replaced_in_an_output_folder(tmp_path, capsys):
+    lists = tmp_path / "train_list.txt"
+    lists.write_text('{"03001627": ["a"]}')
+    assert cli.main(["split", str(lists), "--out", str(tmp_path)]) == 2
+    assert "is read and would be replaced" in capsys.readouterr().err and lists.read_text() == '{"03001627": ["a"]}'
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,11 @@
 """Fitting one shape: a sphere becomes a sphere in seconds, a resumed fit equals an uninterrupted one."""
 
 import dataclasses
+import itertools
 import json
 import math
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -10,7 +13,7 @@ import torch
 from _shapes import cube, icosphere, joined, moved, torus
 from _tiny_fits import TINY, counts
 
-from ddf.core import checks, storage
+from ddf.core import checks, interrupts, locks, storage
 from ddf.data.samples import sample_types
 from ddf.fields import framed_field, pddf
 from ddf.fit import fit_settings, fitting, shape_field, shape_samples
@@ -70,24 +73,32 @@ def test_fitted_sphere_has_the_depth_normals_and_curvatures_of_the_sphere(sphere
     assert np.median(found["gaussian_curvature"][seen]) == pytest.approx(1 / RADIUS**2, rel=0.3)
 
 
-def test_resumed_fit_equals_an_uninterrupted_one(tmp_path, monkeypatch):
-    config = dataclasses.replace(TINY, loop=dataclasses.replace(TINY.loop, checkpoint_seconds=0.0))
-    whole = fitting.fit(cube(), config, tmp_path / "whole")
-    step_loss = fitting.step_loss
+@pytest.mark.parametrize(
+    ("module", "name", "call", "left"),
+    [
+        (shape_samples, "draw_samples", 0, [0, 1, 2, 3, 4, 5]),
+        (fitting, "step_loss", 3, [4, 5]),
+        (fitting, "held_out_errors", 0, []),
+    ],
+)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_fit_that_a_signal_ends_goes_on_to_the_same_field(tmp_path, monkeypatch, module, name, call, left, number):
+    whole, calls, original = fitting.fit(cube(), TINY, tmp_path / "whole"), itertools.count(), getattr(module, name)
 
-    def stops(field, samples, config, step):
-        if step == 4:
-            raise KeyboardInterrupt
-        return step_loss(field, samples, config, step)
+    def signalled(*given):
+        if next(calls) == call:
+            os.kill(os.getpid(), number)
+        return original(*given)
 
-    monkeypatch.setattr(fitting, "step_loss", stops)
-    with pytest.raises(KeyboardInterrupt):
-        fitting.fit(cube(), config, tmp_path / "cut")
-    assert not (tmp_path / "cut" / training_loop.MODEL).exists()
-    begun = []
+    monkeypatch.setattr(module, name, signalled)
+    with pytest.raises(interrupts.Interrupted) as caught, interrupts.raised():
+        fitting.fit(cube(), TINY, tmp_path / "cut")
+    assert caught.value.number == number
+    assert caught.value.kept == (f"step 4 is kept in {tmp_path / 'cut'}; go on by:" if name == "step_loss" else "")
+    begun, step_loss = [], fitting.step_loss
     monkeypatch.setattr(fitting, "step_loss", lambda *a: begun.append(a[-1]) or step_loss(*a))
-    resumed = fitting.fit(cube(), config, tmp_path / "cut")
-    assert begun == [4, 5]
+    resumed = fitting.fit(cube(), TINY, tmp_path / "cut")
+    assert begun == left and not resumed["already"]
     assert str(resumed["held_out"]) == str(whole["held_out"])  # NaN, where no T sample of a cube sees it, is not itself
     one, two = (storage.load_tensors(tmp_path / name / training_loop.MODEL)[0] for name in ("whole", "cut"))
     assert all(np.array_equal(one[name], two[name]) for name in one)
@@ -145,6 +156,33 @@ def test_a_resumed_fit_counts_the_seconds_of_all_its_runs(tmp_path, monkeypatch)
     time.moved(1000.0)  # until somebody starts it again
     found = fitting.fit(cube(), config, tmp_path)
     assert 28 <= found["steps"] <= 30 and found["seconds"] == pytest.approx(30, abs=1)
+
+
+def test_a_finished_fit_is_said_at_once_and_more_minutes_go_on(tmp_path, monkeypatch):
+    config = dataclasses.replace(TINY, steps=None, minutes=0.5)
+    time = _Time(monkeypatch, 1.0)
+    first, begun = fitting.fit(cube(), config, tmp_path), time.now
+    again = fitting.fit(cube(), config, tmp_path)
+    assert time.now == begun and str(again) == str(first | {"already": True})
+    fewer = fitting.fit(cube(), dataclasses.replace(config, minutes=0.2), tmp_path)
+    more = fitting.fit(cube(), dataclasses.replace(config, minutes=1.0), tmp_path)
+    assert fewer["already"] and more["seconds"] == pytest.approx(60, abs=1)
+    assert more["steps"] == pytest.approx(60, abs=2) and time.now - begun == pytest.approx(30, abs=5)
+    data = bytearray((tmp_path / training_loop.MODEL).read_bytes())
+    data[-1] ^= 1
+    (tmp_path / training_loop.MODEL).write_bytes(data)
+    assert not fitting.fit(cube(), config, tmp_path)["already"]  # a damaged field is none
+
+
+def test_two_fits_in_one_folder_and_the_folder_of_another_model_are_refused(tmp_path):
+    with (
+        locks.held(tmp_path / ".lock", ""),
+        pytest.raises(checks.InputError, match=r"another fit \(process \d+\) is at"),
+    ):
+        fitting.fit(cube(), TINY, tmp_path)
+    (tmp_path / training_loop.MODEL).write_bytes(b"of a category")
+    with pytest.raises(checks.InputError, match="holds a model that no fit wrote"):
+        fitting.fit(cube(), TINY, tmp_path)
 
 
 def test_few_samples_are_drawn_where_minutes_allow_no_more(monkeypatch):

@@ -69,6 +69,17 @@ def test_a_new_experiment_is_one_new_file(folder):
     assert items[0] == "dataset@mine" and items[-1] == "report@mine"
 
 
+@pytest.mark.parametrize("name", ["my exp", "$(touch PWN)", "a;b", "a-b"])
+def test_names_that_a_shell_would_read_are_refused_wherever_they_stand(folder, name):
+    shutil.copy(SMOKE, folder / "configs" / f"{name}.yaml")
+    with pytest.raises(checks.InputError, match=r"cannot be an experiment's name \(letters, digits and _ only\)"):
+        experiments.find(name)
+    text = (folder / "configs/smoke.yaml").read_text().replace("{primitives: 12}", f'{{"{name}": 12}}')
+    (folder / "configs/smoke.yaml").write_text(text)
+    with pytest.raises(checks.InputError, match=r"is no category"):
+        experiments.find("smoke")
+
+
 def test_a_file_from_elsewhere_is_copied_into_a_folder_of_its_own(folder, tmp_path_factory):
     other = tmp_path_factory.mktemp("else where") / "mine.yaml"
     shutil.copy(SMOKE, other)

@@ -1,6 +1,10 @@
 """Items run side by side as far as they may, in order, and a failure stops what follows from it alone."""
 
+import os
+import signal
 import threading
+
+import pytest
 
 from ddf_lab.engine import graph, schedule
 
@@ -30,6 +34,19 @@ def test_forerunners_come_first():
     assert sorted(started) == sorted(item.name for item in CHAIN)
     for before, after in (("a@x", "b@x"), ("a@y", "b@y"), ("b@x", "c@"), ("b@y", "c@")):
         assert started.index(before) < started.index(after)
+
+
+def test_an_interrupt_stops_what_runs_and_starts_no_more():
+    started, ended = [], threading.Event()
+
+    def start(item):
+        started.append(item.name)
+        os.kill(os.getpid(), signal.SIGINT)
+        return ended.wait(10)
+
+    with pytest.raises(KeyboardInterrupt):
+        schedule.run(CHAIN, 1, start, ended.set)
+    assert ended.is_set() and started == ["a@x"]
 
 
 def test_one_job_keeps_the_order_of_the_graph():

@@ -14,11 +14,8 @@ EXAMPLES = ("ddf fit shape.obj my_field --minutes 2", "ddf fit shape.obj my_fiel
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare mesh, folder and budget."""
     parser.add_argument("mesh", metavar="MESH", type=Path, help="mesh file; fitted as it is, inner sheets included")
-    parser.add_argument(
-        "out",
-        metavar="OUT_DIR",
-        type=Path,
-        help="folder, made if needed; gets model.safetensors, log.csv, fit.json; resumes",
+    arguments.add_folder(
+        parser, "gets model.safetensors, log.csv, fit.json; an interrupted or longer fit goes on there"
     )
     parser.add_argument(
         "--config", metavar="C", type=Path, help="file with a section `fit` (default: configs/fit.yaml)"
@@ -41,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Fit the mesh; returns the held-out errors, times and sizes, as fit.json has them."""
-    from ddf.core import checks, config, storage
+    from ddf.core import config, storage
     from ddf.fit import fit_settings, fitting
     from ddf.geometry import mesh_io
 
@@ -53,20 +50,21 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.seed is not None:
         fit = dataclasses.replace(fit, loop=dataclasses.replace(fit.loop, seed=args.seed))
     mesh = mesh_io.load_surface(args.mesh)
-    if args.out.exists() and not args.out.is_dir():
-        raise checks.InputError(f"{args.out}: is a file; give a folder to write")
     how = {"threads": _threads(fit.loop.threads, args.threads, fit.steps is None), "force": args.force}
     result = fitting.fit(mesh, fit, args.out, {args.mesh.name: storage.checksum(args.mesh)}, **how)
     held_out = result["held_out"]
     rows = [(kind, *(held_out[name][kind] for name in ("depth_l1", "visibility_bce"))) for kind in held_out["depth_l1"]]
+    spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
+    verdict = f"{args.out}: fitted already, {spent}; more --minutes go on from there"
+    if not result.pop("already"):
+        verdict = f"normals off by {results.cell(held_out['normal_angle_deg_median'])} degrees (median) after {spent}; "
+        verdict += f"field in {args.out}{_few(result)}"
     return {
         **result,
         "left_out": list(mesh.remarks),
         "out": args.out.as_posix(),
         "table": results.grid(("held-out type", "depth L1", "visibility BCE"), rows),
-        "verdict": f"normals off by {results.cell(held_out['normal_angle_deg_median'])} degrees (median) after "
-        f"{result['steps']:,} steps in {result['seconds']:.0f} s; field in {args.out}{_few(result)}"
-        f"{results.left_out(mesh.remarks)}",
+        "verdict": verdict + results.left_out(mesh.remarks),
     }
 
 

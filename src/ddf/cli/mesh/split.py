@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ddf.cli import results
+from ddf.cli import arguments, results
 
 EXAMPLES = ("ddf split ids.json --out lists", "ddf split /data/shapenet --out lists --strict")
 
@@ -18,13 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="a JSON object {synset: [ids]}, or a root that holds ShapeNetRendering/",
     )
-    parser.add_argument(
-        "--out",
-        metavar="DIR",
-        type=Path,
-        required=True,
-        help="folder, made if needed; gets train_list.txt and test_list.txt",
-    )
+    arguments.add_folder(parser, "gets train_list.txt and test_list.txt", "--out", metavar="DIR", required=True)
     parser.add_argument(
         "--strict", action="store_true", help="shapes with views on both sides train whole (not Pixel2Mesh's split)"
     )

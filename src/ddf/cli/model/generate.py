@@ -23,12 +23,7 @@ _BETWEEN = 5  # shapes, and textures, of the interpolation
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare model, folder, number and seed."""
     parser.add_argument("model", metavar="MODEL", type=Path, help="folder that stage train_gan or train_vae wrote")
-    parser.add_argument(
-        "out",
-        metavar="OUT_DIR",
-        type=Path,
-        help="folder, made if needed; gets a folder with a field and pictures for each sample, and sheets of all",
-    )
+    arguments.add_folder(parser, "gets a folder with a field and pictures for each sample, and sheets of all")
     parser.add_argument(
         "-n", "--samples", type=arguments.whole_number(1, _MOST), default=8, help="how many (default %(default)s)"
     )
@@ -41,12 +36,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Draw latents, write their fields and what they look like."""
     import torch
 
-    from ddf.core import checks, provenance, storage
+    from ddf.core import provenance, storage
     from ddf.models.generative import normal_images, pictures, shape_vae
     from ddf.pictures import sheets
 
-    if args.out.exists() and not args.out.is_dir():
-        raise checks.InputError(f"{args.out}: is a file; give a folder to write")
     model, features = _load(args.model)
     latents = normal_images.latents(args.samples, model.decoder.modulator.layers[0].in_features, args.seed, "samples")
     textures = normal_images.latents(args.samples, features, args.seed, "textures")

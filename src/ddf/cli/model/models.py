@@ -1,11 +1,10 @@
 """`ddf models`: the trained models and fields that come with the package, and copies of them."""
 
 import argparse
-import shutil
 from pathlib import Path
 from typing import Any
 
-from ddf.cli import results
+from ddf.cli import arguments, results
 from ddf.core import shipped_models
 
 EXAMPLES = ("ddf models", "ddf models get chair chair_model")
@@ -17,9 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="[get NAME OUT]", required=False)
     get = actions.add_parser("get", help="copy the files of a model to a folder", description="Copy a model's files.")
     get.add_argument("name", metavar="NAME", help="of the list that `ddf models` prints")
-    get.add_argument(
-        "out", metavar="OUT", type=Path, help="folder, made if needed; files of the same name are replaced"
-    )
+    arguments.add_folder(get, "files of the same name are replaced", metavar="OUT")
     get.add_argument("--json", action="store_true", default=argparse.SUPPRESS, help="print one JSON object on stdout")
 
 
@@ -48,16 +45,13 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _copy(models: dict[str, shipped_models.ShippedModel], name: str, out: Path) -> dict[str, Any]:
     """Copy one model's files."""
-    from ddf.core import checks
+    from ddf.core import checks, storage
 
     if name not in models:
         raise checks.InputError(f"no model is called {name!r}; there are {', '.join(models) or 'none'}")
-    if out.exists() and not out.is_dir():
-        raise checks.InputError(f"{out}: is a file; give a folder to write")
-    out.mkdir(parents=True, exist_ok=True)
     model = models[name]
     for file in model.files:
-        shutil.copyfile(model.folder / file, out / file)
+        storage.write_bytes(out / file, (model.folder / file).read_bytes())
     return {
         "name": name,
         "kind": model.kind,

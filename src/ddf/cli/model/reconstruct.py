@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ddf.cli import arguments
 from ddf.core import shipped_models
 
 EXAMPLES = (
@@ -24,12 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=shipped_models.place,
         help="trained DDF: a name that `ddf models` lists, or artifacts/cpu/train_ddf/chair",
     )
-    parser.add_argument(
-        "out",
-        metavar="OUT_DIR",
-        type=Path,
-        help="folder, made if needed; gets cloud.ply, camera.json and pictures; of several images, a folder for each",
-    )
+    arguments.add_folder(parser, "gets cloud.ply, camera.json and pictures; of several images, a folder for each")
     parser.add_argument("-n", "--points", type=int, default=DEFAULT_POINTS, help="of the cloud (default %(default)s)")
     parser.add_argument("--size", type=int, default=DEFAULT_SIZE, help="of the renders, pixels (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the cloud (default %(default)s)")
