@@ -1,6 +1,7 @@
 """Items of the graph side by side: each starts when all that it reads is made; where one fails, the others go on."""
 
-from collections.abc import Callable, Iterable, Sequence
+import contextlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent import futures
 from itertools import groupby
 
@@ -26,6 +27,16 @@ def run(
     return failed + left
 
 
+@contextlib.contextmanager
+def _ended_by(stop: Callable[[], None]) -> Iterator[None]:
+    """Call `stop` where the body is interrupted, before its threads are waited for."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        stop()
+        raise
+
+
 def _run_group(
     items: Iterable[graph.Item],
     width: int,
@@ -35,7 +46,7 @@ def _run_group(
 ) -> None:
     waiting, (start, stop) = list(items), work
     running: dict[futures.Future[bool], graph.Item] = {}
-    with futures.ThreadPoolExecutor(width) as pool:
+    with futures.ThreadPoolExecutor(width) as pool, _ended_by(stop):
         while waiting or running:
             for item in list(waiting):
                 if any(item.follows(other) for other in (*failed, *left)):
@@ -44,10 +55,6 @@ def _run_group(
                 elif len(running) < width and not any(item.follows(o) for o in (*running.values(), *waiting)):
                     waiting.remove(item)
                     running[pool.submit(start, item)] = item
-            try:
-                done, _ = futures.wait(running, return_when=futures.FIRST_COMPLETED)
-            except KeyboardInterrupt:
-                stop()
-                raise
+            done, _ = futures.wait(running, return_when=futures.FIRST_COMPLETED)
             failed += [running.pop(future) for future in done if not future.result()]
             running = {future: item for future, item in running.items() if future not in done}
