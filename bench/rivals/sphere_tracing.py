@@ -17,7 +17,7 @@ from torch import Tensor
 
 from bench.rivals import rival_training
 from ddf.core import seeding
-from ddf.data import mesh_preparation
+from ddf.data.samples.surface import Surface
 from ddf.fields import derivatives, siren
 from ddf.geometry import raycast, rays
 from ddf.geometry.mesh_io import Mesh
@@ -125,7 +125,7 @@ def fit_distance(
     training_loop.prepare(config.loop)
     random = seeding.generator(config.loop.seed, "sphere_tracing")
     lower, upper = mesh.box()
-    near, _ = mesh_preparation.sample_surface(mesh, config.points // 2, random)
+    near, _ = Surface.of(mesh).draw(config.points // 2, random)
     spread = np.resize(config.spreads, len(near))[:, None]
     near = near + spread * random.standard_normal(near.shape)
     drawn = np.concatenate([near, random.uniform(lower, upper, (config.points - len(near), 3))])

@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import torch
 
-from ddf.data import mesh_preparation, mesh_topology, sampling
+from ddf.data import mesh_topology, sampling
 from ddf.data.samples import draws
+from ddf.data.samples.surface import Surface
 from ddf.geometry import mesh_io, raycast, rays, transforms
 
 from . import case
@@ -221,9 +222,7 @@ def _all_degenerate(dtype: torch.dtype) -> case.Outcome:
     return case.every(
         _both(flat, points, lambda hits: case.exact(hits.depth, [math.inf])),
         case.refused(lambda: mesh_topology.clean(flat), "no triangle has an area"),
-        case.refused(
-            lambda: mesh_preparation.sample_surface(flat, 1, np.random.default_rng(0)), "must have a triangle with an"
-        ),
+        case.refused(lambda: Surface.of(flat).draw(1, np.random.default_rng(0)), "must have a triangle with an"),
         case.refused(lambda: transforms.field_from_mesh(flat.vertices), "vertices must span a box"),
     )
 
@@ -320,7 +319,7 @@ def _sizes(dtype: torch.dtype) -> case.Outcome:
 def _sampled(dtype: torch.dtype) -> case.Outcome:
     flat = mesh_io.Mesh(np.repeat([[5.0, 5.0, 5.0]], 3, axis=0), np.zeros((500, 3), dtype=np.int64))
     soup = _joined(flat, CUBE, flat)
-    points, face = mesh_preparation.sample_surface(soup, 4000, np.random.default_rng(0))
+    points, face = Surface.of(soup).draw(4000, np.random.default_rng(0))
     on_cube = torch.from_numpy(points).to(dtype).abs().amax(-1)
     return case.every(
         case.true("none on a flat one", (face >= 500) & (face < 512)),

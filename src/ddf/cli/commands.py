@@ -52,5 +52,6 @@ COMMANDS = {
     "split": Command("experiment", "ddf.cli.mesh.split", "the Pixel2Mesh train and test lists of a ShapeNet root"),
     "doctor": Command("experiment", "ddf.cli.doctor", "what this machine has, what is missing and the command for it"),
 }
-if importlib.util.find_spec("ddf_lab"):  # a checkout of the repository: commands about experiments
+IN_A_CHECKOUT = ("run", "info")  # those that `ddf_lab` brings
+if importlib.util.find_spec("ddf_lab"):
     COMMANDS |= {name: Command(*entry) for name, entry in importlib.import_module("ddf_lab.commands").COMMANDS.items()}

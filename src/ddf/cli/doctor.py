@@ -28,7 +28,8 @@ CPU_FLAGS = ("avx2", "fma", "avx512f", "avx512_bf16", "amx_bf16")
 MIN_DISK_GIB, MIN_MEMORY_GIB = 5.0, 4.0
 _IMPORTS = ("torch", "torchvision", "open3d", "pymeshlab", "dvc")
 EXAMPLES = ("ddf doctor", "ddf doctor --fast")
-_ROOT = Path(__file__).resolve().parents[3]
+_LOCK = Path(__file__).resolve().parents[3] / "requirements.lock"
+_CHECKOUT = _LOCK.is_file()  # `make setup` brings all there; elsewhere extras are a choice
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,10 +51,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "memory_gib": _memory_gib(missing),
         "disk_free_gib": _disk_gib(missing),
     }
-    result["extras"] = _extras(missing)
+    result["extras"] = _extras()
     if not (3, 11) <= sys.version_info[:2] <= (3, 13):
         what = f"Python 3.11, 3.12 or 3.13 (this is {result['python']})"
-        missing.append({"what": what, "command": "make setup PYTHON=python3.11"})
+        missing.append({"what": what, "command": _setup("PYTHON=python3.11")})
     if not args.fast:
         result["imports"] = _imports(missing)
         result["gpu"] = _gpu()
@@ -65,11 +66,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _packages(missing: list[dict[str, str]]) -> dict[str, str | None]:
     """Installed version of every pinned package; without requirements.lock, of the package's own requirements."""
-    lock = _ROOT / "requirements.lock"
-    if lock.is_file():
-        pins = dict(re.findall(r"(?m)^([A-Za-z0-9._-]+)==(\S+)$", lock.read_text()))
+    if _CHECKOUT:
+        pins = dict(re.findall(r"(?m)^([A-Za-z0-9._-]+)==(\S+)$", _LOCK.read_text()))
     else:
-        needed = [item for item in importlib.metadata.requires("ddf") or [] if "extra ==" not in item]
+        needed = [item for item in importlib.metadata.requires(extras.DISTRIBUTION) or [] if "extra ==" not in item]
         pins = {re.split(r"[^\w.-]", item)[0]: None for item in needed}
     found: dict[str, str | None] = {}
     wrong = []
@@ -81,19 +81,19 @@ def _packages(missing: list[dict[str, str]]) -> dict[str, str | None]:
         if found[name] is None or pin not in (None, found[name]):
             wrong.append(f"{name} {pin or ''}".strip() + (f" (is {found[name]})" if found[name] else ""))
     if wrong:
-        missing.append({"what": f"packages: {', '.join(wrong)}", "command": "make setup"})
+        missing.append({"what": f"packages: {', '.join(wrong)}", "command": _setup()})
     return found
 
 
-def _extras(missing: list[dict[str, str]]) -> dict[str, bool]:
-    """Whether the modules of each extra are there. In a checkout `make setup` brings them all."""
-    found = {}
-    for extra in sorted(set(extras.EXTRA_OF.values())):
-        absent = [name for name, own in extras.EXTRA_OF.items() if own == extra and not _is_there(name)]
-        found[extra] = not absent
-        if absent and not (_ROOT / "requirements.lock").is_file():
-            missing.append({"what": f"extra {extra}: {', '.join(absent)}", "command": extras.command(extra)})
-    return found
+def _setup(options: str = "") -> str:
+    """The command that installs this package's own requirements anew."""
+    return f"make setup {options}".strip() if _CHECKOUT else f"pip install {extras.DISTRIBUTION}"
+
+
+def _extras() -> dict[str, bool]:
+    """Whether the modules of each extra are there. A choice, but in a checkout, where `_packages` tells what lacks."""
+    names = extras.EXTRA_OF
+    return {extra: all(_is_there(name) for name in names if names[name] == extra) for extra in set(names.values())}
 
 
 def _is_there(module: str) -> bool:
@@ -109,7 +109,7 @@ def _libraries(missing: list[dict[str, str]]) -> dict[str, bool]:
         except OSError:
             found[name] = False
     absent = [LIBRARIES[name] for name, there in found.items() if not there]
-    if absent:
+    if absent and (_CHECKOUT or _is_there("open3d")):  # which loads them
         command = f"sudo apt-get install {' '.join(absent)}"
         missing.append({"what": f"system libraries: {', '.join(absent)}", "command": command})
     return found
@@ -118,10 +118,10 @@ def _libraries(missing: list[dict[str, str]]) -> dict[str, bool]:
 def _commands(missing: list[dict[str, str]]) -> dict[str, bool]:
     found = {name: shutil.which(name) is not None for name in COMMANDS}
     packages = {"flock": "util-linux"}
-    missing.extend(
+    missing.extend(  # of make and what it runs
         {"what": f"command {name}", "command": f"sudo apt-get install {packages.get(name, name)}"}
         for name, there in found.items()
-        if not there
+        if _CHECKOUT and not there
     )
     return found
 
@@ -149,7 +149,7 @@ def _threads() -> dict[str, int | None]:
 
 def _memory_gib(missing: list[dict[str, str]]) -> float:
     total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    if total < MIN_MEMORY_GIB:
+    if _CHECKOUT and total < MIN_MEMORY_GIB:
         missing.append(
             {"what": f"memory: {total:.1f} GiB, {MIN_MEMORY_GIB:g} needed", "command": "use a larger machine"}
         )
@@ -158,7 +158,7 @@ def _memory_gib(missing: list[dict[str, str]]) -> float:
 
 def _disk_gib(missing: list[dict[str, str]]) -> float:
     free = shutil.disk_usage(Path.cwd()).free / 2**30
-    if free < MIN_DISK_GIB:
+    if _CHECKOUT and free < MIN_DISK_GIB:
         missing.append({"what": f"disk: {free:.1f} GiB free, {MIN_DISK_GIB:g} needed", "command": "free some space"})
     return round(free, 1)
 
@@ -173,7 +173,7 @@ def _imports(missing: list[dict[str, str]]) -> dict[str, str]:
         except (ImportError, OSError) as error:
             results[name] = " ".join(str(error).split())
             if _is_there(name):  # what is not there is told by `_packages` and `_extras`
-                missing.append({"what": f"{name} does not load: {results[name]}", "command": "make setup"})
+                missing.append({"what": f"{name} does not load: {results[name]}", "command": _setup()})
     return results
 
 
@@ -195,6 +195,11 @@ def _lines(result: dict[str, Any]) -> list[str]:
         f"GPU        {result.get('gpu') or 'none (not needed)'}",
         f"packages   {sum(v is not None for v in result['packages'].values())} of {len(result['packages'])} installed",
         f"libraries  {sum(result['libraries'].values())} of {len(result['libraries'])} found",
+    ]
+    lines += [
+        f"extra      {name}: {'installed' if there else f'not installed; a choice: {extras.command(name)}'}"
+        for name, there in sorted(result["extras"].items())
+        if not _CHECKOUT
     ]
     lines += [f"MISSING    {entry['what']}\n           {entry['command']}" for entry in result["missing"]]
     return lines

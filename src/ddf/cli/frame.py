@@ -18,7 +18,7 @@ from types import ModuleType
 from typing import Any
 
 from ddf.cli import arguments, results
-from ddf.cli.commands import COMMANDS, ROOMS
+from ddf.cli.commands import COMMANDS, IN_A_CHECKOUT, ROOMS
 from ddf.core import guard, interrupts
 
 _NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins; no option does
@@ -33,7 +33,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # threads that wait by spinning stall a busy machine
     if "_ARGCOMPLETE" in os.environ:
         _complete()
-    parser = _parser(next((word for word in argv if not word.startswith("-")), None))
+    chosen = next((word for word in argv if not word.startswith("-")), None)
+    if chosen in IN_A_CHECKOUT and chosen not in COMMANDS:
+        sys.stderr.write(f"ddf {chosen}: error: experiments need a checkout of the repository: `make setup` in it\n")
+        return 2
+    parser = _parser(chosen)
     if not argv:
         parser.print_help()
         return 0
@@ -84,9 +88,9 @@ class _Version(argparse.Action):
     """Looks the version up only when it is asked for."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        import importlib.metadata
+        from ddf.core import extras
 
-        sys.stdout.write(f"ddf {importlib.metadata.version('ddf')}\n")
+        sys.stdout.write(f"ddf {extras.version()}\n")
         parser.exit()
 
 

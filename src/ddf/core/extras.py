@@ -3,7 +3,8 @@
 import contextlib
 from collections.abc import Iterator
 
-_TORCH = ("torch", "safetensors", "tqdm", "open3d")
+DISTRIBUTION = "directed-distance-fields"  # as package indexes name it
+_TORCH = ("onnx", "open3d", "torch", "tqdm", "trimesh")
 _EXPERIMENTS = (
     "argcomplete",
     "dask",
@@ -11,9 +12,7 @@ _EXPERIMENTS = (
     "dvc",
     "fast_simplification",
     "joblib",
-    "manifold3d",
     "matplotlib",
-    "onnx",
     "OpenEXR",
     "pandas",
     "psutil",
@@ -21,14 +20,23 @@ _EXPERIMENTS = (
     "rtree",
     "torch_fidelity",
     "torchvision",
-    "trimesh",
 )
 EXTRA_OF = dict.fromkeys(_TORCH, "torch") | dict.fromkeys(_EXPERIMENTS, "experiments")  # modules to extras
 
 
 def command(extra: str) -> str:
     """What installs an extra."""
-    return f'pip install "ddf[{extra}]"'
+    return f'pip install "{DISTRIBUTION}[{extra}]"'
+
+
+def version() -> str:
+    """Version of this package; `unknown` where it runs from a folder without being installed."""
+    import importlib.metadata  # takes longer than all else that `ddf --help` imports
+
+    try:
+        return importlib.metadata.version(DISTRIBUTION)
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown"
 
 
 def hint(error: ModuleNotFoundError) -> str | None:

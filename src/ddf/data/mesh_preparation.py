@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import fast_simplification
 import numpy as np
 import pymeshlab
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from ddf.core import checks
 from ddf.data import mesh_openings, mesh_topology
@@ -111,13 +111,6 @@ def decimate(mesh: Mesh, faces: int) -> Mesh:
     return slow
 
 
-def sample_surface(
-    mesh: Mesh, count: int, rng: np.random.Generator
-) -> tuple[Float[np.ndarray, "count 3"], Int[np.ndarray, "count"]]:
-    """As `Surface.draw`, of a mesh that is drawn from once."""
-    return Surface.of(mesh).draw(count, rng)
-
-
 def measure(raw: Mesh, result: Mesh, points: int, rng: np.random.Generator) -> dict[str, float]:
     """How far the surfaces of two meshes of one frame lie apart, in units of the raw box's diagonal.
 
@@ -134,8 +127,8 @@ def measure(raw: Mesh, result: Mesh, points: int, rng: np.random.Generator) -> d
     """
     diagonal = raw.diagonal()
     raw_scene, result_scene = raycast.Scene(raw), raycast.Scene(result)
-    raw_points, raw_faces = sample_surface(raw, points, rng)
-    result_points, _ = sample_surface(result, points, rng)
+    raw_points, raw_faces = Surface.of(raw).draw(points, rng)
+    result_points, _ = Surface.of(result).draw(points, rng)
     hidden = ~raycast.visible_from_outside(raw_scene, raw_points, raw_faces)
     probes = np.concatenate([raw_points, _features(raw)])
     there = result_scene.distance(probes) / diagonal

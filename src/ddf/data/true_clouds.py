@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ddf.data import mesh_preparation, surface_cloud
+from ddf.data import surface_cloud
+from ddf.data.samples.surface import Surface
 from ddf.geometry import raycast
 from ddf.geometry.mesh_io import Mesh, face_normals
 
@@ -42,7 +43,7 @@ def poisson_disk(
     Raises:
       InputError: no triangle has an area.
     """
-    darts, face = mesh_preparation.sample_surface(mesh, _CANDIDATES * count, rng)
+    darts, face = Surface.of(mesh).draw(_CANDIDATES * count, rng)
     radius = np.sqrt(_DENSITY * face_normals(mesh)[1].sum() / count)
     kept = _throw(darts, radius)
     for _ in range(_MAX_ROUNDS - 1):

@@ -10,13 +10,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.core import checks, output_names, storage
+from ddf.core import checks, output_names
 from ddf.fields import cloud_projection, curvature, derivatives, rendering
 from ddf.fields.pddf import NUM_COMPONENTS, PDDF, WEIGHT_ROW, PDDFConfig, visibility
+from ddf.fit import field_file
 from ddf.geometry import transforms
 from ddf.training import training_loop
 
-KIND = "single_shape"  # of the file's record
 COMPONENT_OUTPUTS = tuple(output_names.COMPONENTS)
 OUTPUTS = tuple(output_names.UNITS)
 
@@ -64,7 +64,7 @@ def description(
 ) -> dict[str, Any]:
     """What the record of a field file must hold for `load`, besides what every artefact carries."""
     return {
-        "kind": KIND,
+        "kind": field_file.KIND,
         "field": asdict(config),
         "box": {"lower": lower.tolist(), "upper": upper.tolist()},
         "field_from_mesh": field_from_mesh.to_dict(),
@@ -83,22 +83,13 @@ def load(path: Path) -> ShapeField:
     Raises:
       FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
     """
-    folder = path.parent if path.name == training_loop.MODEL else path
-    file = folder / training_loop.MODEL
-    if not file.exists():
-        raise FileNotFoundError(f"{file}: no such field; give a folder that `ddf fit` wrote")
-    record = storage.load_metadata(file)
-    if record.get("kind") != KIND:
-        raise checks.InputError(f"{file}: holds no field of a single shape; give a folder that `ddf fit` wrote")
+    stored = field_file.read(path)
     try:
-        config = PDDFConfig(**{**record["field"], "hidden": tuple(record["field"]["hidden"])})
-        lower, upper = (np.array(record["box"][side], dtype=np.float64) for side in ("lower", "upper"))
-        field_from_mesh = transforms.Similarity.from_dict(record["field_from_mesh"])
-    except (KeyError, TypeError) as error:
-        raise checks.InputError(f"{file}: its record lacks what a field needs ({error})") from error
-    field = PDDF(config)
-    training_loop.load_model(field, folder)
-    return ShapeField(field, lower, upper, field_from_mesh, record)
+        field = PDDF(PDDFConfig(**stored.config))
+    except TypeError as error:
+        raise checks.InputError(f"{stored.file}: its record lacks what a field needs ({error})") from error
+    training_loop.load_model(field, stored.file.parent)
+    return ShapeField(field, stored.lower, stored.upper, stored.field_from_mesh, stored.record)
 
 
 def evaluate(

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from ddf.core import checks, storage
-from ddf.fit import shape_field
+from ddf.fit import field_file, shape_field
 from ddf.io import onnx_file, onnx_graphs
 from ddf.io.onnx_graphs import Graph
 from ddf.models.reconstruction import trained
@@ -21,7 +21,7 @@ def load(folder: Path, outputs: tuple[str, ...]) -> tuple[dict[str, Graph], dict
     """
     path = folder / training_loop.MODEL
     record = storage.load_metadata(path)
-    if record.get("kind") == shape_field.KIND:
+    if record.get("kind") == field_file.KIND:
         shape = shape_field.load(folder)
         graphs: dict[str, Graph] = {"field": onnx_graphs.FieldGraph(shape.field.cpu(), outputs)}
         return graphs, onnx_file.describe_source(path, record)

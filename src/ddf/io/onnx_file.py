@@ -7,7 +7,6 @@ its warning is silenced here, and it is called in this one place; every file is 
 it. Building the graph by hand would need a second definition of every network and of every derivative pass.
 """
 
-import importlib.metadata
 import json
 import tempfile
 import warnings
@@ -19,7 +18,7 @@ from typing import Any
 import onnx
 import torch
 
-from ddf.core import checks, storage
+from ddf.core import checks, extras, storage
 from ddf.fields import field_outputs
 from ddf.io import onnx_parity, onnx_reductions, weight_precision
 from ddf.io.onnx_graphs import DYNAMIC, Graph
@@ -126,7 +125,7 @@ def _describe(model: onnx.ModelProto, graph: Graph, source: Mapping[str, Any]) -
     for node in model.graph.node:
         node.doc_string = ""
     model.ir_version = IR_VERSION
-    model.producer_name, model.producer_version, model.doc_string = "ddf", version(), graph.what
+    model.producer_name, model.producer_version, model.doc_string = "ddf", extras.version(), graph.what
     facts: dict[str, Any] = {
         "what": graph.what,
         "inputs": {name: list(shape) for name, shape in graph.inputs.items()},
@@ -135,7 +134,7 @@ def _describe(model: onnx.ModelProto, graph: Graph, source: Mapping[str, Any]) -
         "box": [[-1, -1, -1], [1, 1, 1]],
         "images": "RGBA in [0, 1], rows from the top, transparent pixels black, the object filling a square image",
         "precision": weight_precision.FULL,
-        "ddf_version": version(),
+        "ddf_version": extras.version(),
         "model_license": LICENCE,
         **source,
     }
@@ -163,14 +162,6 @@ def describe_source(model_file: Path, record: Mapping[str, Any]) -> dict[str, An
 
 
 LAYER_KEYS = ("hidden", "omega_first", "omega_hidden", "depth_activation", "depth_sharpness")
-
-
-def version() -> str:
-    """Version of this package; `unknown` where it runs from a folder without being installed."""
-    try:
-        return importlib.metadata.version("ddf")
-    except importlib.metadata.PackageNotFoundError:
-        return "unknown"
 
 
 def figures(rows: Sequence[onnx_parity.Row]) -> dict[str, dict[str, float]]:

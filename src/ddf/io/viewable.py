@@ -1,13 +1,16 @@
 """What can be viewed, by its path, as the page that shows it."""
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ddf.core import checks, storage
-from ddf.fit import shape_field
-from ddf.io import onnx_file, onnx_graphs, onnx_parity, viewer_fields, viewer_layout, viewer_page
-from ddf.models.reconstruction import one_image
-from ddf.training import training_loop
+from ddf.fit import field_file
+from ddf.io import viewer_fields, viewer_layout, viewer_page
+
+if TYPE_CHECKING:
+    from ddf.fit import shape_field
 
 # Of a field, for onnxruntime: it computes all outputs of a graph, so there is one for each amount of work.
 GRAPHS = {
@@ -29,10 +32,15 @@ def page(path: Path, up: str = "y", wasm: bool = False) -> viewer_page.Page:
     Raises:
       FileNotFoundError: there is no such field. InputError: it is damaged, or holds something else; it is named.
     """
-    file = path if path.name == training_loop.MODEL else path / training_loop.MODEL
+    file = path if path.name == field_file.MODEL else path / field_file.MODEL
     if file.is_file() and storage.load_metadata(file).get("kind") == "ddf":
         return model_page(file.parent)
-    return field_page(_field(path), name_of(path), up, wasm)
+    found = field_page(_field(path), name_of(path), up)
+    if not wasm:
+        return found
+    from ddf.fit import shape_field
+
+    return with_graphs(found, shape_field.load(path))
 
 
 def row_page(paths: Sequence[Path], up: str = "y") -> viewer_page.Page:
@@ -52,11 +60,11 @@ def row_page(paths: Sequence[Path], up: str = "y") -> viewer_page.Page:
     return viewer_layout.row_page(title, places, up)
 
 
-def _field(path: Path) -> shape_field.ShapeField:
+def _field(path: Path) -> field_file.FieldFile:
     """A field by its weights."""
     if path.suffix == ".onnx":
         raise checks.InputError(f"{path}: a page takes a field's weights; give the folder that `ddf fit` wrote")
-    return shape_field.load(path)
+    return field_file.read(path)
 
 
 def model_page(folder: Path) -> viewer_page.Page:
@@ -65,6 +73,10 @@ def model_page(folder: Path) -> viewer_page.Page:
     Raises:
       InputError: the model is damaged, or its folder has no image `sample_0.png` to begin with.
     """
+    from ddf.fit import shape_field
+    from ddf.io import onnx_file, onnx_graphs, onnx_parity
+    from ddf.models.reconstruction import one_image
+
     samples = [file.read_bytes() for file in sorted(folder.glob("sample_*.png"))]
     if not samples:
         raise checks.InputError(f"{folder}: put an RGBA image sample_0.png there, which the page shows first")
@@ -83,11 +95,15 @@ def name_of(path: Path) -> str:
     return path.resolve().name if path.is_dir() else path.resolve().parent.name
 
 
-def field_page(shape: shape_field.ShapeField, name: str, up: str = "y", wasm: bool = False) -> viewer_page.Page:
+def field_page(shape: "field_file.FieldFile | shape_field.ShapeField", name: str, up: str = "y") -> viewer_page.Page:
     """The page of one field, in the frame of its mesh."""
-    graphs = {}
-    for key, outputs in GRAPHS.items() if wasm else ():
-        graphs[key] = onnx_file.to_onnx(onnx_graphs.FieldGraph(shape.field.cpu(), outputs), {})
-    return viewer_page.Page(
-        name, _ABOUT, viewer_layout.corners(shape), [viewer_fields.bake(shape, name)], up, graphs=graphs
-    )
+    return viewer_page.Page(name, _ABOUT, viewer_layout.corners(shape), [viewer_fields.bake(shape, name)], up)
+
+
+def with_graphs(page: viewer_page.Page, shape: "shape_field.ShapeField") -> viewer_page.Page:
+    """The page of one field, which then does without WebGL2."""
+    from ddf.io import onnx_file, onnx_graphs
+
+    field = shape.field.cpu()
+    graphs = {key: onnx_file.to_onnx(onnx_graphs.FieldGraph(field, outputs), {}) for key, outputs in GRAPHS.items()}
+    return dataclasses.replace(page, graphs=graphs)

@@ -5,15 +5,18 @@ with weights ω_l W_l diag(m_{l-1}) and biases ω_l b_l, whose head is W diag(m_
 fields of one shape, reconstructions and samples.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float32
 
 from ddf.core import arrays, checks
-from ddf.fit import shape_field
+from ddf.fit import field_file
 from ddf.geometry import transforms
+
+if TYPE_CHECKING:
+    from ddf.fit import shape_field
 
 
 @dataclass(frozen=True)
@@ -28,20 +31,30 @@ class BakedField:
     numbers: Float32[np.ndarray, "n"]
 
 
-def bake(shape: shape_field.ShapeField, name: str) -> BakedField:
-    """A field for a page in the frame of its mesh; see `placed`."""
-    network, config = shape.field.network, shape.field.config
-    numbers, before = [], None
-    for index, (layer, omega) in enumerate(zip(network.layers, network.omegas, strict=True)):
-        numbers += _layer(layer, omega, before)
-        before = None if shape.modulations is None else arrays.to_numpy(shape.modulations[index]).reshape(-1)
-    numbers += _layer(network.head, 1.0, before)
+def bake(shape: "field_file.FieldFile | shape_field.ShapeField", name: str) -> BakedField:
+    """A field for a page in the frame of its mesh (see `placed`), by its file or as torch holds it.
+
+    Raises:
+      InputError: as `FieldFile.layers`.
+    """
+    if isinstance(shape, field_file.FieldFile):
+        layers, config, modulations = shape.layers(), shape.config, None
+    else:
+        network, config, modulations = shape.field.network, asdict(shape.field.config), shape.modulations
+        parts = zip((*network.layers, network.head), (*network.omegas, 1.0), strict=True)
+        layers = [(arrays.to_numpy(part.weight), arrays.to_numpy(part.bias), omega) for part, omega in parts]
+    numbers = []
+    for index, (weight, bias, omega) in enumerate(layers):
+        weight = omega * weight.astype(np.float64)
+        if modulations is not None and index:
+            weight = weight * arrays.to_numpy(modulations[index - 1]).reshape(-1)
+        numbers += [weight.reshape(-1), omega * bias.astype(np.float64)]
     record = {
         "name": name,
-        "widths": [network.layers[0].in_features, *config.hidden, network.head.out_features],
+        "widths": [layers[0][0].shape[1], *(len(bias) for _, bias, _ in layers)],
         "offset": 0,
-        "depth_activation": config.depth_activation,
-        "depth_sharpness": config.depth_sharpness,
+        "depth_activation": config["depth_activation"],
+        "depth_sharpness": config["depth_sharpness"],
         "lower": shape.lower.tolist(),
         "upper": shape.upper.tolist(),
         "field_from_mesh": shape.field_from_mesh.to_dict(),
@@ -54,13 +67,6 @@ def placed(field: BakedField, world_from_mesh: transforms.Similarity, name: str 
     """The same field elsewhere, under another name where one is given."""
     changed = {"world_from_mesh": world_from_mesh.to_dict(), "name": name or field.record["name"]}
     return BakedField(field.record | changed, field.numbers)
-
-
-def _layer(layer: Any, omega: float, before: np.ndarray | None) -> list[np.ndarray]:
-    """Weights and biases of one layer, float64, flat; before: modulations of the states that come in."""
-    weight, bias = (arrays.to_numpy(values).astype(np.float64) for values in (layer.weight, layer.bias))
-    weight = omega * weight if before is None else omega * weight * before
-    return [weight.reshape(-1), omega * bias]
 
 
 def together(fields: list[BakedField]) -> tuple[list[dict[str, Any]], Float32[np.ndarray, "n"]]:

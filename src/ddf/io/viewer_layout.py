@@ -1,14 +1,18 @@
 """Where the fields of a page stand: as a scene says, or side by side."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks
-from ddf.fit import shape_field
+from ddf.fit import field_file
 from ddf.geometry import transforms
 from ddf.io import viewer_fields, viewer_page
+
+if TYPE_CHECKING:
+    from ddf.fit import shape_field
 
 ABOUT_SCENE = "Directed distance fields in one scene, evaluated live by this page; each ray shows the nearest surface."
 ABOUT_ROW = "Directed distance fields side by side, evaluated live by this page; all are as large as the first."
@@ -17,7 +21,7 @@ _ROW_AZIMUTH = 15.0  # degrees; at 0 a row is seen from its front, and so are sh
 _RIGHT = {"y": (2, -1.0), "z": (1, 1.0)}  # axis and sign from left to right there, by the axis that points up
 
 
-def corners(shape: shape_field.ShapeField) -> Float[np.ndarray, "8 3"]:
+def corners(shape: "field_file.FieldFile | shape_field.ShapeField") -> Float[np.ndarray, "8 3"]:
     """Those of a field's box, in the frame of its mesh."""
     return shape.field_from_mesh.inverse().apply(transforms.box_corners(shape.lower, shape.upper))
 
@@ -40,7 +44,10 @@ def scene_page(
 
 
 def row_page(
-    title: str, shapes: Sequence[tuple[str, shape_field.ShapeField]], up: str = "y", about: str = ABOUT_ROW
+    title: str,
+    shapes: "Sequence[tuple[str, field_file.FieldFile | shape_field.ShapeField]]",
+    up: str = "y",
+    about: str = ABOUT_ROW,
 ) -> viewer_page.Page:
     """The page of fields in a row from left to right, seen from +x: along -z, or along y where z points up.
 

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ddf.data import mesh_preparation, mesh_topology
+from ddf.data import mesh_topology
+from ddf.data.samples.surface import Surface
 from ddf.geometry import mesh_io, neighbours
 from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import metrics
@@ -45,5 +46,5 @@ def compare(
 
 def _draw(mesh: Mesh, count: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Points drawn by area, and the normals of their triangles."""
-    points, face = mesh_preparation.sample_surface(mesh, count, random)
+    points, face = Surface.of(mesh).draw(count, random)
     return points, mesh_io.face_normals(mesh)[0][face]

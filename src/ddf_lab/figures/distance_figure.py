@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from ddf.data import mesh_preparation
+from ddf.data.samples.surface import Surface
 from ddf.data.synthetic import showcase
 from ddf.fields import checked_cloud, framed_field, udf
 from ddf.fields.scenes import scene_field
@@ -172,7 +172,7 @@ def _measured(
     corners = field.field_from_mesh.inverse().apply(np.stack([field.lower, field.upper]))
     unit = 2 / float(np.ptp(mesh.surface_vertices(), axis=0).max())
     uniform = random.uniform(corners[0], corners[1], (POINTS, 3))
-    surface, _ = mesh_preparation.sample_surface(mesh, POINTS, random)
+    surface, _ = Surface.of(mesh).draw(POINTS, random)
     close = np.clip(surface + random.uniform(-NEAR, NEAR, (POINTS, 3)) / unit / np.sqrt(3), corners[0], corners[1])
     measured = {}
     for way, ask in _ways(name, field, nearest, cloud, config, folder).items():

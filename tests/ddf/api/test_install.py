@@ -24,6 +24,11 @@ def test_names_are_listed_and_lazy():
     subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
 
 
+def test_a_room_takes_no_public_name():
+    program = "import ddf, ddf.fit.field_file\nassert ddf.fit.__module__ == 'ddf.api.field', ddf.fit"
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
 @pytest.mark.slow
 def test_base_install_queries_renders_composes_and_compares_without_torch(tmp_path):
     if not UV.is_file():
@@ -50,4 +55,4 @@ def test_base_install_queries_renders_composes_and_compares_without_torch(tmp_pa
     assert result["heavy"] == []
     assert set(result["told"]) == {"points", "surface", "cast", "fit", "reconstruct"}
     for name, line in result["told"].items():
-        assert line.startswith("this needs ") and line.endswith(': pip install "ddf[torch]"'), name
+        assert line.startswith("this needs ") and line.endswith(': pip install "directed-distance-fields[torch]"'), name

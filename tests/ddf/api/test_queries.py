@@ -140,7 +140,7 @@ def test_an_onnx_file_alone_says_what_it_lacks(tmp_path):
 
 def test_a_missing_package_is_named_with_its_extra():
     told = extras.hint(ModuleNotFoundError("No module named 'torch'", name="torch.nn"))
-    assert told == 'this needs torch: pip install "ddf[torch]"'
+    assert told == 'this needs torch: pip install "directed-distance-fields[torch]"'
     with pytest.raises(checks.InputError, match=r"this needs pymeshlab: .*\[experiments\]"), extras.named():
         raise ModuleNotFoundError(name="pymeshlab")
     with pytest.raises(ModuleNotFoundError, match="nothing"), extras.named():

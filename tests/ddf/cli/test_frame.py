@@ -161,7 +161,7 @@ def test_version_is_that_of_the_package_and_imports_nothing_of_it(capsys):
     with pytest.raises(SystemExit) as caught:
         cli.main(["--version"])
     assert caught.value.code == 0
-    assert capsys.readouterr().out == f"ddf {importlib.metadata.version('ddf')}\n"
+    assert capsys.readouterr().out == f"ddf {importlib.metadata.version('directed-distance-fields')}\n"
     done = "print('numpy' in sys.modules)"
     result = _fresh(f"import sys, ddf.cli\ntry:\n    ddf.cli.main(['--version'])\nexcept SystemExit:\n    {done}")
     assert result.stdout.splitlines()[-1] == "False"

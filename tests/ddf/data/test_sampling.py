@@ -7,7 +7,7 @@ from _shapes import cube, icosphere, joined, moved
 from _support import assert_close
 
 from ddf.core import checks, seeding
-from ddf.data import mesh_preparation, packing, sampling
+from ddf.data import packing, sampling
 from ddf.data.samples import draws, sample_types
 from ddf.data.samples.surface import Surface
 from ddf.geometry import mesh_io, primitives, raycast, rays
@@ -170,7 +170,7 @@ def test_directions_are_uniform_on_the_sphere():
 def test_surface_points_are_uniform_by_area_and_skip_degenerate_triangles():
     flat = mesh_io.Mesh(np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]]), np.array([[0, 1, 2]]))
     mesh = joined(flat, SLAB, flat)
-    _, face = mesh_preparation.sample_surface(mesh, 20_000, _random())
+    _, face = Surface.of(mesh).draw(20_000, _random())
     _, areas = mesh_io.face_normals(mesh)
     share = np.bincount(face, minlength=len(mesh.faces)) / 20_000
     assert share[0] == share[-1] == 0

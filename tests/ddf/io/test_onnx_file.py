@@ -9,7 +9,7 @@ import pytest
 import torch
 from _support import assert_close
 
-from ddf.core import checks, shipped_models, storage
+from ddf.core import checks, extras, shipped_models, storage
 from ddf.fields import derivatives, pddf
 from ddf.fields.field_outputs import OUTPUTS
 from ddf.io import exportable, onnx_file, onnx_graphs, onnx_parity, onnx_reductions, weight_precision
@@ -181,14 +181,14 @@ def test_file_says_what_it_is(tmp_path):
     data = onnx_file.to_onnx(graphs["field"], source)
     model, found = onnx.load_from_string(data), _properties(data)
     assert [(entry.domain, entry.version) for entry in model.opset_import] == [("", onnx_file.OPSET)]
-    assert (model.producer_name, model.producer_version) == ("ddf", onnx_file.version())
+    assert (model.producer_name, model.producer_version) == ("ddf", extras.version())
     assert found["source"] == "chair/model.safetensors"
     assert found["source_sha256"] == storage.checksum(folder / "model.safetensors")
     assert json.loads(found["box"]) == [[-1, -1, -1], [1, 1, 1]]
     assert json.loads(found["config"])["hidden"] == [24, 16, 16]
     assert set(json.loads(found["outputs"])) == set(ALL)
     assert found["model_license"] == "MIT"
-    assert found["ddf_version"] == onnx_file.version()
+    assert found["ddf_version"] == extras.version()
     assert found["transform"].startswith("none")
     assert found["precision"] == "float32"
 

@@ -77,7 +77,7 @@ def _read(path: Path, args: argparse.Namespace, stream: str) -> "tuple[Float[np.
     mesh = mesh_io.load(path)
     if args.vertices:
         return mesh.vertices, f"{len(mesh.vertices):,} vertices"
-    from ddf.data import mesh_preparation  # takes longer to load than all the rest
+    from ddf.data.samples import surface
 
-    points, _ = mesh_preparation.sample_surface(mesh, args.points, seeding.generator(args.seed, "compare", stream))
+    points, _ = surface.Surface.of(mesh).draw(args.points, seeding.generator(args.seed, "compare", stream))
     return points, f"{len(points):,} points drawn by area (seed {args.seed})"

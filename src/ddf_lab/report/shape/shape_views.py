@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 
 from ddf.core import seeding
-from ddf.data import mesh_preparation
+from ddf.data.samples.surface import Surface
 from ddf.fields import framed_field
 from ddf.fit import shape_field
 from ddf.fit.shape_field import ShapeField
@@ -79,7 +79,7 @@ def _inner_points(scene: raycast.Scene, random: np.random.Generator) -> Float[np
 
     No parity and no orientation, so that doubled, flipped and open parts of collected meshes do no harm.
     """
-    points, face = mesh_preparation.sample_surface(scene.mesh, _CANDIDATES // 2, random)
+    points, face = Surface.of(scene.mesh).draw(_CANDIDATES // 2, random)
     inwards = np.concatenate([-scene.normals[face], scene.normals[face]])
     starts = np.concatenate([points, points]) + _LIFT * scene.mesh.diagonal() * inwards
     depth, _ = scene.first_hits(starts, inwards)

@@ -1,0 +1,63 @@
+"""The file of a field of one shape: its record, and its weights as arrays. Needs no torch."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ddf.core import checks, storage
+from ddf.geometry import transforms
+
+KIND = "single_shape"  # of the record
+MODEL = "model.safetensors"  # of the folder that `ddf fit` writes
+
+
+@dataclass(frozen=True)
+class FieldFile:
+    """What the record says: the box (field frame), the map to its frame, the keys of `pddf.PDDFConfig`."""
+
+    file: Path
+    lower: Float[np.ndarray, "3"]
+    upper: Float[np.ndarray, "3"]
+    field_from_mesh: transforms.Similarity
+    config: dict[str, Any]
+    record: dict[str, Any]
+
+    def layers(self) -> list[tuple[Float[np.ndarray, "out in"], Float[np.ndarray, "out"], float]]:
+        """Weights, biases and ω of each sine layer; the head last, with ω = 1.
+
+        Raises:
+          InputError: the file is damaged, or holds another architecture.
+        """
+        tensors, count = storage.load_tensors(self.file)[0], len(self.config["hidden"])
+        omegas = [self.config["omega_first"], *[self.config["omega_hidden"]] * (count - 1), 1.0]
+        names = [*(f"network.layers.{index}" for index in range(count)), "network.head"]
+        widths = [6, *self.config["hidden"], 4]
+        found = [tuple(tensors.get(f"{name}.{part}", np.zeros(0)) for part in ("weight", "bias")) for name in names]
+        for index, (weight, bias) in enumerate(found):
+            if weight.shape != (widths[index + 1], widths[index]) or bias.shape != weight.shape[:1]:
+                raise checks.InputError(f"{self.file}: does not fit the architecture of its config: {names[index]}")
+        return [(weight, bias, omega) for (weight, bias), omega in zip(found, omegas, strict=True)]
+
+
+def read(path: Path) -> FieldFile:
+    """A field's record, from its file or the folder that `ddf fit` wrote.
+
+    Raises:
+      FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
+    """
+    file = path if path.name == MODEL else path / MODEL
+    if not file.exists():
+        raise FileNotFoundError(f"{file}: no such field; give a folder that `ddf fit` wrote")
+    record = storage.load_metadata(file)
+    if record.get("kind") != KIND:
+        raise checks.InputError(f"{file}: holds no field of a single shape; give a folder that `ddf fit` wrote")
+    try:
+        config = {**record["field"], "hidden": tuple(record["field"]["hidden"])}
+        lower, upper = (np.array(record["box"][side], dtype=np.float64) for side in ("lower", "upper"))
+        field_from_mesh = transforms.Similarity.from_dict(record["field_from_mesh"])
+    except (KeyError, TypeError) as error:
+        raise checks.InputError(f"{file}: its record lacks what a field needs ({error})") from error
+    return FieldFile(file, lower, upper, field_from_mesh, config, record)
