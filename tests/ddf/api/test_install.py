@@ -48,7 +48,8 @@ def test_base_install_queries_renders_composes_and_compares_without_torch(tmp_pa
     size = sum(file.stat().st_size for file in (tmp_path / "env").rglob("*") if not file.is_symlink())
     assert size < 350e6
     script = [python, Path(__file__).parent / "_base_install.py"]
-    run = subprocess.run(script, capture_output=True, text=True, cwd=tmp_path, timeout=120)
+    alone = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    run = subprocess.run(script, capture_output=True, text=True, cwd=tmp_path, env=alone, timeout=120)
     assert run.returncode == 0, run.stderr
     result = json.loads(run.stdout)
     assert Path(result["file"]).is_relative_to(tmp_path)
