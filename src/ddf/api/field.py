@@ -17,7 +17,10 @@ from ddf.fields import framed_field
 from ddf.geometry.mesh_io import Mesh
 
 if TYPE_CHECKING:
+    from ddf.fields.grid import patch_field
     from ddf.fit import shape_field
+
+    Weights = shape_field.ShapeField | patch_field.PatchField
 
 ONNX, WEIGHTS = "field.onnx", "model.safetensors"  # of a folder of a field
 
@@ -25,15 +28,13 @@ ONNX, WEIGHTS = "field.onnx", "model.safetensors"  # of a folder of a field
 class Field(queries.Queried):
     """A trained field of one shape. Everything is in the frame and the unit of the mesh that it was fitted to."""
 
-    def __init__(
-        self, framed: framed_field.FramedField, weights: "Callable[[], shape_field.ShapeField] | None" = None
-    ) -> None:
+    def __init__(self, framed: framed_field.FramedField, weights: "Callable[[], Weights] | None" = None) -> None:
         super().__init__(framed)
         self._load_weights = weights
 
     @cached_property
-    def _weights(self) -> "shape_field.ShapeField":
-        """The field in torch, which `points` differs through."""
+    def _weights(self) -> "Weights":
+        """The field by its own file, which `points` needs."""
         if self._load_weights is None:
             raise checks.InputError("this needs the weights of the field; an ONNX file alone does not give them")
         with extras.named():
@@ -55,8 +56,8 @@ class Field(queries.Queried):
           (100, 3)
         """
         with extras.named():
-            from ddf.fit import cloud_defaults, shape_field
-        return shape_field.cloud(self._weights, n, cloud_defaults.cloud(), seed)
+            from ddf.fit import kinds
+        return kinds.points(self._weights, n, seed)
 
     def surface(self, n: int = 5000, method: Literal["poisson", "udf"] = "poisson", resolution: int = 64) -> Mesh:
         """A triangle mesh of the surface. Needs Open3D.
@@ -122,29 +123,42 @@ def load(path_or_name: str | Path) -> Field:
 
 
 def fit(
-    mesh: Any, minutes: int | float | None = None, steps: int | None = None, out: str | Path | None = None
+    mesh: Any,
+    minutes: int | float | None = None,
+    steps: int | None = None,
+    out: str | Path | None = None,
+    kind: Literal["patches", "sine"] | None = None,
 ) -> Field:
     """Fit a field to a mesh, as `ddf fit` does. Needs torch and Open3D.
 
     Args:
       mesh: what `read_mesh` gives, a path, or anything with `vertices` (n, 3) and `faces` (m, 3).
-      minutes: wall time of sampling and training; 2 if nothing is said. steps: instead, the reproducible way.
+      kind: `patches`, small curved pieces in an octree, in seconds; `sine`, the paper's network. None: patches, but a
+        network where a budget is given.
+      minutes: of a network, wall time of sampling and training, 2 if nothing is said. steps: instead, the
+        reproducible way.
       out: folder that keeps the field, its log and its errors; a stopped fit goes on there. None keeps no files.
     Returns:
       The field, in the frame and the unit of the mesh.
     Raises:
-      ValueError: the mesh has no triangle with an area, both budgets are given, or a package is not installed.
+      ValueError: the mesh has no triangle with an area, budgets contradict each other or the kind, or a package is not
+        installed.
 
     Example:
       >>> import ddf, types
       >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
       >>> faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
-      >>> field = ddf.fit(types.SimpleNamespace(vertices=corners, faces=faces), steps=2)  # doctest: +SKIP
+      >>> field = ddf.fit(types.SimpleNamespace(vertices=corners, faces=faces))  # doctest: +SKIP
     """
+    if kind not in ("patches", "sine", None):
+        raise checks.InputError(f"kind must be patches or sine; got {kind!r}")
+    if kind == "patches" and (minutes, steps) != (None, None):
+        raise checks.InputError("patches take neither minutes nor steps; they are of kind sine")
     if minutes is not None and steps is not None:
         raise checks.InputError(f"a fit takes minutes or steps; got both, {minutes} and {steps}")
     with extras.named():
-        from ddf.fit import fit_settings, fitting
+        from ddf.fields.grid import build
+        from ddf.fit import fit_settings, fitting, patch_fitting
     settings = fit_settings.DEFAULT
     if minutes is not None:
         settings = dataclasses.replace(settings, minutes=float(minutes))
@@ -152,12 +166,15 @@ def fit(
         settings = dataclasses.replace(settings, steps=steps, minutes=None)
     given = meshes.as_mesh(mesh)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        fitting.fit(given, settings, Path(folder))
+        if kind == "sine" or (minutes, steps) != (None, None):
+            fitting.fit(given, settings, Path(folder))
+        else:
+            patch_fitting.fit(given, build.PatchConfig(), Path(folder))
         shape = _torch_field(Path(folder))
     return Field(shape, lambda: shape)
 
 
-def _torch_field(path: Path) -> "shape_field.ShapeField":
-    from ddf.fit import shape_field
+def _torch_field(path: Path) -> "Weights":
+    from ddf.fit import kinds
 
-    return shape_field.load(path)
+    return kinds.load(path)

@@ -128,5 +128,6 @@ class Queried:
 
     @cached_property
     def cloud(self) -> checked_cloud.CheckedCloud:
-        """The hits that `udf` measures to, drawn at the first use."""
-        return checked_cloud.draw(self.framed)
+        """The points that `udf` measures to, drawn at the first use: a field's own, or hits."""
+        own = getattr(self.framed, "cloud", None)
+        return checked_cloud.draw(self.framed) if own is None else own()

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterator
 
 DISTRIBUTION = "directed-distance-fields"  # as package indexes name it
-_TORCH = ("onnx", "open3d", "torch", "tqdm", "trimesh")
+_TORCH = ("numba", "onnx", "open3d", "torch", "tqdm", "trimesh")
 _EXPERIMENTS = (
     "argcomplete",
     "dask",

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 FORMAT_VERSION = 1
 RECORDS = "[0-9]*.json"  # pattern of the records that tell which shards of a folder are done, see `parallel`
 # Packages whose version can change the numbers in an artefact.
-RECORDED_PACKAGES = ("numpy", "open3d", "pymeshlab", "torch", "torchvision")
+RECORDED_PACKAGES = ("numba", "numpy", "open3d", "pymeshlab", "torch", "torchvision")
 _PACK_RECORD = "record.json"
 _DIGEST_LENGTH = 64  # hex digits of SHA-256
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ddf.core import checks, storage
 from ddf.geometry import transforms
 
-KIND = "single_shape"  # of the record
+KIND, PATCHES = "single_shape", "patches"  # of the record: a network, and what `patch_field` reads
 MODEL = "model.safetensors"  # of the folder that `ddf fit` writes
 
 
@@ -52,6 +52,8 @@ def read(path: Path) -> FieldFile:
     if not file.exists():
         raise FileNotFoundError(f"{file}: no such field; give a folder that `ddf fit` wrote")
     record = storage.load_metadata(file)
+    if record.get("kind") == PATCHES:
+        raise checks.InputError(f"{file}: holds patches, this needs a network's weights: fit it with `--kind sine`")
     if record.get("kind") != KIND:
         raise checks.InputError(f"{file}: holds no field of a single shape; give a folder that `ddf fit` wrote")
     try:

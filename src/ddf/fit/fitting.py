@@ -8,6 +8,7 @@ schedule follows (`training_loop.Clock`). Sampling takes at most `SAMPLING_SHARE
 too slow or too busy for all of them. What was begun stands in `plan.json`, by which a folder is known again.
 """
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
@@ -26,6 +27,7 @@ from torch.nn import functional
 from ddf.core import checks, locks, provenance, storage
 from ddf.data.samples import sample_batch, sample_types
 from ddf.fields import consistency, framed_field, losses, pddf, rendering
+from ddf.fields.grid import patch_field
 from ddf.fit import fit_settings, shape_field, shape_samples
 from ddf.geometry import mesh_io, rays, transforms
 from ddf.training import training_loop
@@ -33,6 +35,7 @@ from ddf.training import training_loop
 METRICS, PLAN, _LOCK = "fit.json", "plan.json", ".lock"
 FEW_STEPS = 500  # below so many a field is blurred whatever the shape: the user is told
 SAMPLING_SHARE = 0.3  # of the minutes
+CERTAIN = 6.9  # logit of 0.999, for a visibility that is 0 or 1: its cross-entropy would be infinite
 _PROBE = 0.05  # of the samples, drawn once more to time them
 _FLAT = 0.1  # share of a depth head's first weights that `start_flat` keeps
 
@@ -89,7 +92,17 @@ def _groups(field: pddf.PDDF) -> list[dict[str, Any]]:
     return [{"params": list(field.parameters()), "weight_decay": 0.0}]
 
 
-def _plan(content: str, identity: str, out_dir: Path, force: bool) -> Mapping[str, Any]:
+def owned(out_dir: Path) -> contextlib.AbstractContextManager[int]:
+    """Keeps other fits out of a folder.
+
+    Raises:
+      InputError: another fit is at work there.
+    """
+    busy = f"{out_dir}: another fit (process {{number}}) is at work there; wait for it, or give another folder"
+    return locks.held(out_dir / _LOCK, busy, wait=False)
+
+
+def plan_of(content: str, identity: str, out_dir: Path, force: bool) -> Mapping[str, Any]:
     """What an earlier run of the same fit wrote in the folder; of a new one, its mesh and who it is.
 
     Raises:
@@ -127,6 +140,14 @@ def _nan_for_null(data: Any) -> Any:
     if isinstance(data, dict):
         return {key: _nan_for_null(value) for key, value in data.items()}
     return math.nan if data is None else data
+
+
+def in_cube(raw: mesh_io.Mesh) -> tuple[mesh_io.Mesh, transforms.Similarity]:
+    """A mesh in [-1, 1]³, its longest side 2, and the map that brought it there."""
+    own_from_mesh = transforms.field_from_mesh(raw.surface_vertices())
+    inside = np.clip(own_from_mesh.apply(raw.vertices), -1.0, 1.0)
+    kept = mesh_io.without_flat(raw).faces  # clipped, a far flat triangle could gain an area
+    return mesh_io.Mesh(inside, kept), own_from_mesh
 
 
 def _affordable(mesh: mesh_io.Mesh, config: fit_settings.FitConfig) -> float:
@@ -169,8 +190,7 @@ def fit(
     """
     if config.steps is None and config.minutes is None:
         raise ValueError("steps and minutes cannot both be null")
-    busy = f"{out_dir}: another fit (process {{number}}) is at work there; wait for it, or give another folder"
-    with locks.held(out_dir / _LOCK, busy, wait=False):
+    with owned(out_dir):
         return _fit(raw, config, out_dir, source, without, begin, threads, force)
 
 
@@ -190,16 +210,14 @@ def _fit(
     recipe = {name: value for name, value in config.recipe().items() if name != "minutes"}  # more of them go on
     given = [recipe, content, without, *([] if begin is None else [begin.record])]
     identity = provenance.fingerprint(given, (), "ddf.fit.fitting")
-    plan = _plan(content, identity, out_dir, force)
+    plan = plan_of(content, identity, out_dir, force)
     fingerprint = provenance.fingerprint([identity, config.steps])
     if sampled := plan.get("sampling_seconds"):
         earlier = _finished(out_dir, fingerprint, _budget(config, sampled))
         if earlier is not None:
             return {**earlier, "already": True}
     training_loop.prepare(dataclasses.replace(config.loop, threads=threads or config.loop.threads))
-    own_from_mesh = transforms.field_from_mesh(raw.surface_vertices())
-    inside = np.clip(own_from_mesh.apply(raw.vertices), -1.0, 1.0)
-    mesh = mesh_io.Mesh(inside, mesh_io.without_flat(raw).faces)  # clipped, a far flat triangle could gain an area
+    mesh, own_from_mesh = in_cube(raw)
     share = plan.get("samples_share") or _affordable(mesh, config)
     drawn = config.samples.scaled(share)
     samples, packing_errors = shape_samples.draw_samples(mesh, config, drawn, "train", "samples")
@@ -247,36 +265,51 @@ def _budget(config: fit_settings.FitConfig, sampling: float) -> int | training_l
 
 
 @torch.no_grad()
-def held_out_errors(field: pddf.PDDF, samples: shape_samples.ShapeSamples) -> dict[str, Any]:
+def held_out_errors(field: pddf.PDDF | patch_field.PatchField, samples: shape_samples.ShapeSamples) -> dict[str, Any]:
     """Errors per sample type, in halves of the shape's longest side ([DDF22]'s unit), as its table `dataablation`.
 
     Returns:
       depth_l1: mean |d_{i*} - d| over visible samples; depth_l1_x10: times ten, as printed. visibility_bce: mean over
-      all samples, natural logarithm. normal_angle_deg_median, _p95: between normals over the visible U, A and B samples
-      (the types that L_n covers; the truth is known to under 1 degree), and `normal_angle_deg` of each type. NaN where
-      nothing is visible.
+      all samples, natural logarithm; patches are taken to be `CERTAIN`. normal_angle_deg_median, _p95: between normals
+      over the visible U, A and B samples (the types that L_n covers; the truth is known to under 1 degree), and
+      `normal_angle_deg` of each type. NaN where nothing is visible.
     """
     found: dict[str, Any] = {"depth_l1": {}, "depth_l1_x10": {}, "visibility_bce": {}, "normal_angle_deg": {}}
     angles = []
-    place = field.network.head.weight.device
     for kind, truth in samples.arrays.items():
         points = (truth["positions"].split(framed_field.CHUNK_RAYS), truth["directions"].split(framed_field.CHUNK_RAYS))
-        chunks = [(p.to(place), v.to(place)) for p, v in zip(*points, strict=True)]
-        raw = torch.cat([field(p, v) for p, v in chunks])
+        faced = kind in sample_types.ORDER[1:4]
+        answers = [_ask(field, p, v, faced) for p, v in zip(*points, strict=True)]
+        depth, logits, *normals = (torch.cat(part).cpu() for part in zip(*answers, strict=True))
         visible = truth["visible"] > 0
-        error = (field.depth(raw).cpu() - truth["depth"])[visible].abs() / samples.unit
+        error = (depth - truth["depth"])[visible].abs() / samples.unit
         found["depth_l1"][kind] = _mean(error)
         found["depth_l1_x10"][kind] = 10 * _mean(error)
-        logits = raw[:, pddf.VISIBILITY_ROW].cpu()
         found["visibility_bce"][kind] = float(functional.binary_cross_entropy_with_logits(logits, truth["visible"]))
-        if kind in sample_types.ORDER[1:4]:
-            normals = torch.cat([rendering.query(field, p, v, None, ["normals"])["normals"] for p, v in chunks])
-            angle = _angle_deg(normals.cpu()[visible], truth["normals"][visible])
+        if faced:
+            angle = _angle_deg(normals[0][visible], truth["normals"][visible])
             found["normal_angle_deg"][kind] = _quantiles(angle)
             angles.append(angle)
     overall = _quantiles(torch.cat(angles))
     found["normal_angle_deg_median"], found["normal_angle_deg_p95"] = overall["median"], overall["p95"]
     return found
+
+
+def _ask(
+    field: pddf.PDDF | patch_field.PatchField,
+    positions: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "n 3"],
+    faced: bool,
+) -> list[Tensor]:
+    """Depth, logits of visibility and, if wanted, normals."""
+    if isinstance(field, pddf.PDDF):
+        p, v = (values.to(field.network.head.weight) for values in (positions, directions))
+        raw = field(p, v)
+        normals = [rendering.query(field, p, v, None, ["normals"])["normals"]] if faced else []
+        return [field.depth(raw), raw[:, pddf.VISIBILITY_ROW], *normals]
+    asked = field.evaluate(positions.numpy(), directions.numpy(), ("depth", "visibility", "normals"))
+    depth, visible, normals = (torch.from_numpy(asked[name]).float() for name in ("depth", "visibility", "normals"))
+    return [depth, CERTAIN * (2 * visible - 1), normals][: 3 if faced else 2]
 
 
 def _angle_deg(first: Float[Tensor, "n 3"], second: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:

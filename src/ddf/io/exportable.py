@@ -21,7 +21,7 @@ def load(folder: Path, outputs: tuple[str, ...]) -> tuple[dict[str, Graph], dict
     """
     path = folder / training_loop.MODEL
     record = storage.load_metadata(path)
-    if record.get("kind") == field_file.KIND:
+    if record.get("kind") in (field_file.KIND, field_file.PATCHES):  # these are refused by name
         shape = shape_field.load(folder)
         graphs: dict[str, Graph] = {"field": onnx_graphs.FieldGraph(shape.field.cpu(), outputs)}
         return graphs, onnx_file.describe_source(path, record)

@@ -4,11 +4,18 @@ import argparse
 import dataclasses
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ddf.cli import arguments, results
 
-EXAMPLES = ("ddf fit shape.obj my_field --minutes 2", "ddf fit shape.obj my_field --steps 2000 --seed 1")
+if TYPE_CHECKING:
+    from ddf.geometry import mesh_io
+
+EXAMPLES = (
+    "ddf fit shape.obj my_field",
+    "ddf fit shape.obj my_field --minutes 2",
+    "ddf fit shape.obj my_field --steps 2000 --seed 1",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,6 +26,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--config", metavar="C", type=Path, help="file with a section `fit` (default: configs/fit.yaml)"
+    )
+    parser.add_argument(
+        "--kind",
+        choices=("patches", "sine"),
+        help="patches: small curved pieces in an octree, in seconds; sine: a network, which takes all options below "
+        "and is the default where one of them is given (default: patches)",
+    )
+    parser.add_argument(
+        "--tolerance",
+        metavar="T",
+        type=float,
+        help="of patches: largest distance from the mesh, of half its longest side (default 3e-4)",
     )
     budget = parser.add_mutually_exclusive_group()
     budget.add_argument(
@@ -38,10 +57,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Fit the mesh; returns the held-out errors, times and sizes, as fit.json has them."""
-    from ddf.core import config, storage
+    from ddf.core import checks, config, storage
     from ddf.fit import fit_settings, fitting
-    from ddf.geometry import mesh_io
 
+    of_sine = [name for name in ("config", "minutes", "steps", "seed", "threads") if getattr(args, name) is not None]
+    kind = args.kind or ("sine" if of_sine else "patches")
+    if kind == "patches" and of_sine:
+        raise checks.InputError(f"--{of_sine[0]} is of --kind sine; patches take --tolerance alone")
+    if kind == "sine" and args.tolerance is not None:
+        raise checks.InputError("--tolerance is of --kind patches")
+    if kind == "patches":
+        return _patches(args)
     fit = fit_settings.DEFAULT if args.config is None else config.load(args.config, fit_settings.FitConfig)
     if args.minutes is not None:
         fit = dataclasses.replace(fit, steps=None, minutes=args.minutes)
@@ -49,16 +75,40 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         fit = dataclasses.replace(fit, steps=args.steps, minutes=None)
     if args.seed is not None:
         fit = dataclasses.replace(fit, loop=dataclasses.replace(fit.loop, seed=args.seed))
-    mesh = mesh_io.load_surface(args.mesh)
+    mesh = _mesh(args)
     how = {"threads": _threads(fit.loop.threads, args.threads, fit.steps is None), "force": args.force}
     result = fitting.fit(mesh, fit, args.out, {args.mesh.name: storage.checksum(args.mesh)}, **how)
-    held_out = result["held_out"]
-    rows = [(kind, *(held_out[name][kind] for name in ("depth_l1", "visibility_bce"))) for kind in held_out["depth_l1"]]
     spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
     verdict = f"{args.out}: fitted already, {spent}; more --minutes go on from there"
     if not result.pop("already"):
-        verdict = f"normals off by {results.cell(held_out['normal_angle_deg_median'])} degrees (median) after {spent}; "
-        verdict += f"field in {args.out}{_few(result)}"
+        verdict = f"{_off(result)} after {spent}; field in {args.out}{_few(result)}"
+    return _answer(args, mesh, result, verdict)
+
+
+def _patches(args: argparse.Namespace) -> dict[str, Any]:
+    """As `run`, of patches."""
+    from ddf.core import storage
+    from ddf.fields.grid import build
+    from ddf.fit import patch_fitting
+
+    config = build.PatchConfig() if args.tolerance is None else build.PatchConfig(tolerance=args.tolerance)
+    mesh = _mesh(args)
+    source = {args.mesh.name: storage.checksum(args.mesh)}
+    result = patch_fitting.fit(mesh, config, args.out, source, force=args.force)
+    size = f"by {result['patches']:,} patches of {result['bytes']:,} bytes in {result['seconds']:.1f} s"
+    return _answer(args, mesh, result, f"{_off(result)} {size}; field in {args.out}")
+
+
+def _mesh(args: argparse.Namespace) -> "mesh_io.Mesh":
+    from ddf.geometry import mesh_io
+
+    return mesh_io.load_surface(args.mesh)
+
+
+def _answer(args: argparse.Namespace, mesh: "mesh_io.Mesh", result: dict[str, Any], verdict: str) -> dict[str, Any]:
+    """The result with its table and verdict."""
+    held_out = result["held_out"]
+    rows = [(kind, *(held_out[name][kind] for name in ("depth_l1", "visibility_bce"))) for kind in held_out["depth_l1"]]
     return {
         **result,
         "left_out": list(mesh.remarks),
@@ -66,6 +116,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "table": results.grid(("held-out type", "depth L1", "visibility BCE"), rows),
         "verdict": verdict + results.left_out(mesh.remarks),
     }
+
+
+def _off(result: dict[str, Any]) -> str:
+    """The verdict's first words."""
+    return f"normals off by {results.cell(result['held_out']['normal_angle_deg_median'])} degrees (median)"
 
 
 def _threads(configured: int, asked: int | None, timed: bool) -> int:

@@ -36,13 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Draw the points and write them with the normals that the field gives where it is asked beside them."""
     from ddf.core import storage
-    from ddf.fit import cloud_normals, shape_field
+    from ddf.fit import cloud_normals, kinds
     from ddf.geometry import point_io
 
-    config = cloud_defaults.cloud(num_directions=args.directions, cycles=args.cycles)
-    shape = shape_field.load(args.field)
+    shape = kinds.load(args.field)
     started = time.monotonic()
-    points = shape_field.cloud(shape, args.points, config, args.seed)
+    points = kinds.points(shape, args.points, args.seed, num_directions=args.directions, cycles=args.cycles)
     normals = None if args.no_normals else cloud_normals.ask(shape, points)
     seconds = time.monotonic() - started
     storage.write_bytes(args.out, point_io.points_ply(points, normals))

@@ -1,0 +1,1 @@
+"""Fields whose surface lies in small patches, found along the ray through an octree."""

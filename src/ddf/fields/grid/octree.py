@@ -1,0 +1,110 @@
+"""The cells and patches of a field: as rays walk through them, and as a file holds them.
+
+In a file everything is in the order of levels: the states of the R³ base cells (x slowest), then those of the eight
+parts of each cell that is cut, level after level; the patches of leaves in that order. Sides halve from level to level.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ddf.core import checks
+from ddf.fields.grid import kernels
+
+BASE = 16  # cells of the base along a side
+EMPTY, LEAF, CUT = 0, 1, 2  # states
+BENT = 1 << 10  # of a code in a file: the patch is no plane
+_ONE = 32767  # of int16
+_PARTS = np.indices((2, 2, 2)).reshape(3, -1).T  # least corners of the parts of a cell, in its halves
+_TYPES = {"cells": np.uint8, "codes": np.uint16, "planes": np.int16, "bends": np.int16}
+
+
+@dataclass(frozen=True)
+class Octree:
+    """What `kernels.trace` walks through, and where the patches are: centre and side of the cell of each."""
+
+    base: Int[np.ndarray, "r r r"]
+    children: Int[np.ndarray, "k 8"]
+    patches: Float[np.ndarray, "n 7"]
+    codes: Int[np.ndarray, "n"]
+    centres: Float[np.ndarray, "n 3"]
+    sides: Float[np.ndarray, "n"]
+
+
+def pack(
+    states: Int[np.ndarray, "m"],
+    rows: Float[np.ndarray, "n 7"],
+    codes: Int[np.ndarray, "n"],
+    sides: Float[np.ndarray, "n"],
+) -> dict[str, np.ndarray]:
+    """The arrays of a file: 2 bits a cell, 8 bytes a plane, 14 a paraboloid.
+
+    A normal is two coordinates on the octahedron, an offset is over the side, A, B, C are times the side over
+    `kernels.MOST_BENT`.
+    """
+    quads = np.pad(states, (0, -len(states) % 4)).reshape(-1, 4).astype(np.uint8)
+    bent = (rows[:, 4:] != 0).any(axis=1)
+    folded = rows[:, :2] / np.abs(rows[:, :3]).sum(axis=1, keepdims=True)
+    below = (1 - np.abs(folded[:, ::-1])) * np.where(folded >= 0, 1.0, -1.0)
+    folded = np.where(rows[:, 2:3] >= 0, folded, below)
+    planes = np.concatenate([folded, rows[:, 3:4] / sides[:, None]], axis=1)
+    bends = rows[bent, 4:] * sides[bent, None] / kernels.MOST_BENT
+    return {
+        "cells": quads @ np.array([1, 4, 16, 64], np.uint8),
+        "codes": (codes + BENT * bent).astype(np.uint16),
+        "planes": np.rint(np.clip(planes, -1, 1) * _ONE).astype(np.int16),
+        "bends": np.rint(np.clip(bends, -1, 1) * _ONE).astype(np.int16),
+    }
+
+
+def unpack(arrays: Mapping[str, np.ndarray]) -> Octree:
+    """The inverse of `pack`.
+
+    Raises:
+      InputError: an array is missing or of another type, or their sizes contradict each other.
+    """
+    for name, kind in _TYPES.items():
+        if name not in arrays or arrays[name].dtype != kind:
+            raise checks.InputError(f"{name} must be there as {np.dtype(kind)}")
+    codes, planes, bends = arrays["codes"].astype(np.int64), arrays["planes"], arrays["bends"]
+    states = (arrays["cells"][:, None] >> np.array([0, 2, 4, 6], np.uint8) & 3).reshape(-1)
+    last = np.flatnonzero(codes & kernels.LAST) + 1
+    bent = (codes & BENT) != 0
+    leaves, per_leaf = (states == LEAF).sum(), np.diff(last, prepend=0)
+    cells = BASE**3 + 8 * (states == CUT).sum()
+    sound = len(last) == leaves and last.max(initial=0) == len(codes) and per_leaf.max(initial=0) <= kernels.MOST
+    sound &= planes.shape == (len(codes), 3) and bends.shape == (bent.sum(), 3)
+    if not sound or (states > CUT).any() or not 0 <= len(states) - cells < 4:
+        raise checks.InputError("its cells and patches do not fit together")
+    states, lows, begin, side = states[:cells], base_lows(), 0, 2.0 / BASE
+    centres, sides = [], []
+    while len(lows):  # one level
+        level = states[begin : begin + len(lows)]
+        centres.append(lows[level == LEAF] + side / 2)
+        sides.append(np.full(len(centres[-1]), side))
+        begin, side = begin + len(lows), side / 2
+        lows = (lows[level == CUT][:, None] + side * _PARTS).reshape(-1, 3)
+    nodes = np.zeros(cells, np.int32)
+    nodes[states == LEAF] = np.concatenate([[0], last[:-1]])[:leaves] + 1
+    nodes[states == CUT] = -1 - np.arange((states == CUT).sum())
+    side, centre = (np.repeat(np.concatenate(part), per_leaf, axis=0) for part in (sides, centres))
+    rows = np.zeros((len(codes), kernels.WIDTH))
+    rows[:, :3], rows[:, 3] = _unfolded(planes[:, :2] / _ONE), planes[:, 2] / _ONE * side
+    rows[bent, 4:] = bends / _ONE * kernels.MOST_BENT / side[bent, None]
+    base, children = nodes[: BASE**3].reshape(3 * (BASE,)), nodes[BASE**3 :].reshape(-1, 8)
+    return Octree(base, children, rows.astype(np.float32), codes, centre, side)
+
+
+def base_lows() -> Float[np.ndarray, "m 3"]:
+    """Least corners of the base cells, in the order of a file."""
+    return np.indices(3 * (BASE,)).reshape(3, -1).T * (2.0 / BASE) - 1
+
+
+def _unfolded(folded: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+    """Unit normals of coordinates on the octahedron."""
+    height = 1 - np.abs(folded).sum(axis=1)
+    flat = folded - np.where(folded >= 0, 1, -1) * np.maximum(-height, 0)[:, None]
+    normals = np.concatenate([flat, height[:, None]], axis=1)
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)

@@ -1,0 +1,147 @@
+"""A field of patches: what it is asked, its file, and even points on it. It is a `framed_field.FramedField`.
+
+Of the paper's mixture it is the case in which component k is the k-th patch that the ray could meet, and the weights
+are 0 and 1: visibility is certain. Inside a cell Properties I to III and V hold by construction, since depth is the
+root of f(p + d v) = 0.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ddf.core import checks, storage
+from ddf.fields import checked_cloud
+from ddf.fields.grid import build, kernels, octree
+from ddf.geometry import mesh_io, transforms
+
+KIND = "patches"  # of the file's record
+OUTPUTS = ("visibility", "depth", "normals", "mean_curvature", "gaussian_curvature")
+MARGIN = 0.02  # between the shape and the cube [-1, 1]³: rays from outside begin on no face
+BOX_MARGIN = 0.01  # between the shape and its box
+CLOUD = 40_000  # points that distances are measured to
+_COLUMNS = {"depth": 0, "normals": slice(1, 4), "mean_curvature": 4, "gaussian_curvature": 5}
+
+
+@dataclass(frozen=True)
+class PatchField:
+    """Patches, their box (field frame), the map to that frame, the tolerance they were fitted to, the file's record."""
+
+    tree: octree.Octree
+    lower: Float[np.ndarray, "3"]
+    upper: Float[np.ndarray, "3"]
+    field_from_mesh: transforms.Similarity
+    tolerance: float
+    record: Mapping[str, Any]
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """All but those of the sine field's two components."""
+        return OUTPUTS
+
+    @property
+    def scalar(self) -> Float[np.ndarray, ""]:
+        """Cameras are computed by numpy."""
+        return np.zeros(())
+
+    def evaluate(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
+    ) -> dict[str, Float[np.ndarray, "n ..."]]:
+        """Named outputs, field frame, float64; 0 on a miss, as is the visibility, which is else 1."""
+        tree, (starts, along) = self.tree, (np.require(v, np.float64, ["C", "W"]) for v in (positions, directions))
+        box = np.stack([self.lower, self.upper])
+        met = kernels.trace(starts, along, box, tree.base, tree.children, tree.patches, tree.codes, self.tolerance)
+        seen = np.isfinite(met[:, 0])
+        met[~seen, 0] = 0.0
+        found = {name: met[:, column] for name, column in _COLUMNS.items() if name in outputs}
+        return found | ({"visibility": seen.astype(np.float64)} if "visibility" in outputs else {})
+
+    def points(self, count: int, seed: int = 0) -> Float[np.ndarray, "count 3"]:
+        """Points on the patches, mesh frame, evenly spread by area.
+
+        Raises:
+          InputError: a count below 1.
+        """
+        return self.field_from_mesh.inverse().apply(self._spread(count, seed)[0])
+
+    def cloud(self) -> checked_cloud.CheckedCloud:
+        """Points with their planes, for distances, mesh frame."""
+        points, normals, area = self._spread(CLOUD, 0)
+        back = self.field_from_mesh.inverse()
+        radii = np.full(CLOUD, back.scale * np.sqrt(2 * area / CLOUD / np.pi))  # discs overlap, as `flat_discs`
+        return checked_cloud.CheckedCloud(
+            checked_cloud.Discs(back.apply(points), back.apply_directions(normals), radii)
+        )
+
+    def _spread(self, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, float]:
+        """Points at equal steps of area along the order of the cells, normals of their patches, and the whole area."""
+        if count < 1:
+            raise checks.InputError(f"the number of points must be >= 1; got {count}")
+        samples, patch, area = self._samples
+        ends = np.cumsum(area)
+        steps = (np.arange(count) + np.random.default_rng(seed).uniform(size=count)) / count * ends[-1]
+        chosen = np.minimum(np.searchsorted(ends, steps), len(ends) - 1)
+        return samples[chosen], self.tree.patches[patch[chosen], :3].astype(np.float64), float(ends[-1])
+
+    @cached_property
+    def _samples(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points of a grid on every patch, the patch of each, and its share of the area."""
+        tree, count = self.tree, len(self.tree.codes)
+        samples = kernels.sample_patches(tree.patches.astype(np.float64), tree.codes, tree.sides)
+        patch, here = np.nonzero(np.isfinite(samples[..., 0]))
+        facing = np.abs(tree.patches[:, :3]).max(axis=1)
+        area = (tree.sides / kernels.GRID) ** 2 / facing
+        return samples[patch, here] + tree.centres[patch], patch, np.broadcast_to(area, (count,))[patch]
+
+
+def fitted(
+    mesh: mesh_io.Mesh, own_from_mesh: transforms.Similarity, config: build.PatchConfig
+) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The arrays of a mesh's patches, and what the record of the file must hold besides what every artefact carries.
+
+    Args:
+      mesh: in [-1, 1]³, its longest side 2. own_from_mesh: the map that brought it there.
+    Raises:
+      InputError: no triangle has an area.
+    """
+    mesh = mesh_io.Mesh((1 - MARGIN) * mesh.vertices, mesh.faces)
+    lower, upper = mesh.box()
+    return build.build(mesh, config), {
+        "kind": KIND,
+        "tolerance": config.tolerance,
+        "box": {"lower": (lower - BOX_MARGIN).tolist(), "upper": (upper + BOX_MARGIN).tolist()},
+        "field_from_mesh": transforms.Similarity(1 - MARGIN).compose(own_from_mesh).to_dict(),
+    }
+
+
+def of(arrays: Mapping[str, np.ndarray], record: Mapping[str, Any]) -> PatchField:
+    """The field of the content of a file.
+
+    Raises:
+      InputError: the record lacks something, or the arrays do not fit together.
+    """
+    try:
+        lower, upper = (np.array(record["box"][side], dtype=np.float64) for side in ("lower", "upper"))
+        place, tolerance = transforms.Similarity.from_dict(record["field_from_mesh"]), float(record["tolerance"])
+    except (KeyError, TypeError) as error:
+        raise checks.InputError(f"its record lacks what a field needs ({error})") from error
+    return PatchField(octree.unpack(arrays), lower, upper, place, tolerance, record)
+
+
+def load(file: Path) -> PatchField:
+    """The field of a file.
+
+    Raises:
+      FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
+    """
+    arrays, record = storage.load_tensors(file)
+    if record.get("kind") != KIND:
+        raise checks.InputError(f"{file}: holds no field of patches")
+    try:
+        return of(arrays, record)
+    except checks.InputError as error:
+        raise checks.InputError(f"{file}: {error}") from error

@@ -1,0 +1,270 @@
+"""Patches against closed forms, a slow search along the ray, the paper's properties, and shapes that break grids."""
+
+import numpy as np
+import pytest
+import torch
+from _shapes import cube, icosphere, joined, moved, torus
+
+from ddf.core import checks
+from ddf.fields import framed_field
+from ddf.fields.grid import build, kernels, octree, patch_field
+from ddf.fit import fitting
+from ddf.geometry import primitives, raycast, rays
+from ddf.geometry.mesh_io import Mesh
+
+EVERYTHING = patch_field.OUTPUTS
+FINE = build.PatchConfig()
+
+
+def field_of(mesh: Mesh, config: build.PatchConfig = FINE) -> patch_field.PatchField:
+    return patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), config))
+
+
+def random_rays(count: int, half: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(seed)
+    directions = random.standard_normal((count, 3))
+    return random.uniform(-half, half, (count, 3)), directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def ask(field: patch_field.PatchField, positions, directions) -> dict[str, np.ndarray]:
+    points = rays.OrientedPoints(np.array(positions, float), np.array(directions, float))
+    return framed_field.query(field, points, EVERYTHING)[0]
+
+
+@pytest.fixture(scope="module")
+def ball() -> patch_field.PatchField:
+    return field_of(icosphere(5))
+
+
+@pytest.fixture(scope="module")
+def block() -> patch_field.PatchField:
+    return field_of(cube())
+
+
+def test_depth_normals_and_curvatures_of_a_sphere(ball):
+    positions, directions = random_rays(4000, 1.0)
+    found = ask(ball, positions, directions)
+    along = (positions * directions).sum(axis=1)
+    inside = np.linalg.norm(positions, axis=1) < 0.99
+    root = along**2 + 1 - (positions**2).sum(axis=1)
+    steep = (root > 0.1) & (inside | (np.linalg.norm(positions, axis=1) > 1.01))
+    truth = np.where(inside, 1, -1) * np.sqrt(np.maximum(root, 0)) - along
+    seen = steep & (inside | (along < 0))
+    assert (found["visibility"][steep] == seen[steep]).all()
+    assert np.abs(found["depth"][seen] - truth[seen]).max() < 2e-3
+    normals = (positions + truth[:, None] * directions) * np.where(inside, -1, 1)[:, None]
+    angle = np.degrees(np.arccos(np.clip((found["normals"] * normals).sum(axis=1), -1, 1)))[seen]
+    assert np.median(angle) < 0.5 and angle.max() < 5
+    mean, gaussian = (found[f"{name}_curvature"][seen] for name in ("mean", "gaussian"))
+    assert np.median(np.abs(mean - np.where(inside, 2, -2)[seen])) < 0.1 * 2
+    assert np.median(np.abs(gaussian - 1)) < 0.1
+
+
+def test_a_box_is_exact_to_the_rounding_of_its_file(block):
+    positions, directions = random_rays(4000, 1.5)
+    truth = raycast.cast(cube(), rays.OrientedPoints(positions, directions))
+    found = ask(block, positions, directions)
+    far = ~np.isclose(np.abs(positions), 1, atol=1e-3).any(axis=1)
+    agree = (found["visibility"] > 0.5) == truth.visible
+    assert agree[far].mean() > 0.999
+    both = (found["visibility"] > 0.5) & truth.visible
+    assert np.quantile(np.abs(found["depth"][both] - truth.depth[both]), 0.99) < 1e-4
+    assert np.quantile((found["normals"] * truth.normals).sum(axis=1)[both], 0.01) > 0.9999
+    assert sum(array.nbytes for array in _arrays(cube()).values()) < 45_000
+
+
+def _arrays(mesh: Mesh) -> dict[str, np.ndarray]:
+    return patch_field.fitted(*fitting.in_cube(mesh), FINE)[0]
+
+
+def test_a_plate_thinner_than_a_cell_keeps_both_sides():
+    plate = moved(cube(), np.array([1.0, 0.002, 1.0]), (0.0, 0.0, 0.0))
+    field = field_of(plate)
+    positions = np.random.default_rng(0).uniform(-0.9, 0.9, (2000, 3))
+    for side in (1.0, -1.0):
+        positions[:, 1] = side * 0.5
+        down = np.tile([0.0, -side, 0.0], (len(positions), 1))
+        assert np.abs(ask(field, positions, down)["depth"] - 0.498).max() < 1e-5
+    positions[:, 1] = 0.0
+    between = ask(field, positions, np.tile([0.0, 1.0, 0.0], (len(positions), 1)))
+    assert np.abs(between["depth"] - 0.002).max() < 1e-5
+
+
+def test_the_properties_of_a_directed_distance_field_hold(ball):
+    positions, directions = random_rays(1000, 0.5)
+    found = ball.evaluate(positions, directions, EVERYTHING)
+    depth, normals = found["depth"], found["normals"]
+    step = 1e-5
+    moved_on = ball.evaluate(positions + step * directions, directions, ("depth",))["depth"]
+    assert np.allclose(moved_on, depth - step, atol=1e-9)  # I: v . ∇_p d = -1, exactly, whatever the patch
+    gradient = np.stack(
+        [
+            (
+                ball.evaluate(positions + step * axis, directions, ("depth",))["depth"]
+                - ball.evaluate(positions - step * axis, directions, ("depth",))["depth"]
+            )
+            / (2 * step)
+            for axis in np.eye(3)
+        ],
+        axis=1,
+    )
+    within = np.abs(gradient).max(axis=1) < 10  # the stencil stays in one cell
+    assert within.mean() > 0.98
+    slope = (normals * directions).sum(axis=1)
+    predicted = -normals / slope[:, None]  # II, and the head's normal agrees with the gradient's
+    off = np.linalg.norm(gradient - predicted, axis=1)
+    assert np.quantile(off[within], 0.98) < 1e-4
+    turn = np.cross(np.random.default_rng(1).standard_normal((1000, 3)), directions)
+    turned = directions + step * turn
+    change = ball.evaluate(positions, turned / np.linalg.norm(turned, axis=1, keepdims=True), ("depth",))["depth"]
+    expected = depth * (predicted * turn).sum(axis=1)  # III: ∇_v d δ = d ∇_p d δ
+    assert np.quantile(np.abs((change - depth) / step - expected)[within], 0.97) < 1e-3
+
+
+def test_rays_equal_a_slow_search_through_all_patches(block):
+    """Every patch of every cell, without an octree: the least root inside its cell that no other patch cuts off."""
+    tree, (positions, directions) = block.tree, random_rays(200, 0.9, seed=3)
+    first = np.maximum.accumulate(np.where(np.r_[True, tree.codes[:-1] & kernels.LAST], np.arange(len(tree.codes)), 0))
+    least = np.full(len(positions), np.inf)
+    for i, row in enumerate(tree.patches.astype(float)):
+        assert (row[4:] == 0).all()
+        start = positions - tree.centres[i]
+        t = (row[3] - start @ row[:3]) / (directions @ row[:3])
+        hit = start + t[:, None] * directions
+        held = (t >= 0) & (np.abs(hit) <= tree.sides[i] / 2 + 1e-9).all(axis=1)
+        for j in range(kernels.MOST):
+            cut = tree.codes[i] >> (2 + 2 * j) & 3
+            if cut:
+                other = tree.patches[first[i] + j].astype(float)
+                value = (hit @ other[:3] - other[3]) * (1 if cut == 1 else -1)
+                held &= value >= -block.tolerance / 2 ** (tree.codes[i] >> kernels.FINENESS & kernels.FINEST)
+        least = np.where(held, np.minimum(least, t), least)
+    found = block.evaluate(positions, directions, ("depth", "visibility"))
+    both = (found["visibility"] > 0) & np.isfinite(least)
+    assert both.mean() > 0.97
+    assert np.quantile(np.abs(found["depth"][both] - least[both]), 0.98) < 1e-9
+
+
+@pytest.mark.parametrize("mesh", [icosphere(4), cube(), torus()], ids=["sphere", "cube", "torus"])
+def test_rays_that_start_on_the_surface_do_not_meet_it_there(mesh):
+    random, field = np.random.default_rng(5), field_of(mesh)
+    corners = mesh.triangles[random.integers(0, len(mesh.faces), 4000)]
+    starts = np.einsum("ni,nij->nj", random.dirichlet(np.ones(3), 4000), corners)
+    directions = random_rays(4000, 1.0, seed=6)[1]
+    scene = raycast.Scene(mesh)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    lift = np.copysign(raycast.SURFACE_OFFSET, (normals * directions).sum(axis=1))
+    truth = scene.first_hits(starts + lift[:, None] * normals, directions)[0]
+    found = ask(field, starts, directions)["depth"]
+    assert (np.isfinite(found) != np.isfinite(truth)).mean() < 0.01
+
+
+def test_inner_parts_are_seen_from_between():
+    field = field_of(joined(icosphere(4), icosphere(4, 0.4)))
+    positions = np.array([[0.7, 0.0, 0.0], [0.7, 0.0, 0.0], [0.0, 0.1, 0.0]])
+    found = ask(field, positions, [[-1, 0, 0], [1, 0, 0], [0, 1, 0]])
+    assert np.allclose(found["depth"], [0.3, 0.3, 0.3], atol=3e-3)
+
+
+def test_axis_parallel_and_diagonal_rays_along_cell_borders(block):
+    starts = np.array([[-3.0, 0.0, 0.0], [0.0, -3.0, 0.5], [-3.0, -3.0, 0.0], [-3.0, -3.0, -3.0], [0.0, 0.0, 0.0]])
+    ways = np.array([[1.0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 1, 1], [0, 0, -1]])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    assert np.allclose(ask(block, starts, ways)["depth"], [2, 2, 2 * 2**0.5, 2 * 3**0.5, 1], atol=1e-3)
+    assert np.isinf(ask(block, [[-3.0, 1.001, 0.0], [0.0, 0.0, 3.0]], [[1, 0, 0], [0, 0, 1]])["depth"]).all()
+
+
+def test_a_mesh_far_away_and_flat_triangles_change_nothing():
+    shape = icosphere(3)
+    flat = Mesh(np.concatenate([shape.vertices, [[9.0, 9, 9]]]), np.concatenate([shape.faces, [[642, 642, 642]]]))
+    far = moved(flat, 30.0, (5e5, -2e5, 1e5))
+    positions, directions = random_rays(500, 0.8)
+    near = ask(field_of(shape), positions, directions)
+    found = ask(field_of(far), 30 * positions + [5e5, -2e5, 1e5], directions)
+    both = (near["visibility"] > 0) & (found["visibility"] > 0)
+    assert (near["visibility"] == found["visibility"]).mean() > 0.99 and both.mean() > 0.5
+    assert np.quantile(np.abs(found["depth"][both] / 30 - near["depth"][both]), 0.99) < 1e-5
+
+
+def test_no_rays_and_no_surface():
+    field = field_of(cube())
+    assert field.evaluate(np.zeros((0, 3)), np.zeros((0, 3)), EVERYTHING)["normals"].shape == (0, 3)
+    with pytest.raises(checks.InputError, match="no triangle with an area"):
+        build.build(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])), FINE)
+    with pytest.raises(checks.InputError, match="tolerance must be in"):
+        build.PatchConfig(tolerance=0.0)
+
+
+def test_closer_patches_come_closer_until_they_run_out():
+    shape, errors, sizes = torus(sections=192), [], []
+    positions, directions = random_rays(3000, 0.9, seed=2)
+    truth = raycast.cast(shape, rays.OrientedPoints(positions, directions))
+    for config in (build.PatchConfig(1e-3), build.PatchConfig(2e-4), build.PatchConfig(4e-5)):
+        field = field_of(shape, config)
+        found = ask(field, positions, directions)
+        both = (found["visibility"] > 0) & truth.visible
+        errors.append(np.median(np.abs(found["depth"][both] - truth.depth[both])))
+        sizes.append(len(field.tree.codes))
+    assert errors[0] > 2 * errors[1] > 4 * errors[2] and sizes[0] < sizes[1] < sizes[2]
+    few = field_of(shape, build.PatchConfig(4e-5, patches=sizes[1]))
+    assert len(few.tree.codes) < 1.5 * sizes[1]
+
+
+def test_points_lie_evenly_on_the_surface_and_distances_are_those_of_the_mesh(ball):
+    points = ball.points(5000, seed=1)
+    assert np.abs(np.linalg.norm(points, axis=1) - 1).max() < 3e-3
+    assert np.abs(points.mean(axis=0)).max() < 0.01 and np.allclose((points**2).mean(axis=0), 1 / 3, atol=0.01)
+    assert not np.array_equal(points, ball.points(5000, seed=2))
+    asked = random_rays(2000, 1.0)[0]
+    distances, ways = ball.cloud().distances(asked)
+    assert np.abs(distances - np.abs(1 - np.linalg.norm(asked, axis=1))).max() < 5e-3
+    assert np.abs(np.linalg.norm(asked + distances[:, None] * ways, axis=1) - 1).max() < 5e-3
+    with pytest.raises(checks.InputError, match="must be >= 1; got 0"):
+        ball.points(0)
+
+
+def test_arrays_of_a_file_say_what_is_wrong_with_them():
+    arrays = _arrays(cube())
+    tree = octree.unpack(arrays)
+    assert octree.BASE**3 == tree.base.size and len(tree.patches) == len(tree.sides) == len(tree.centres)
+    for name, broken in {
+        "codes": arrays["codes"][:-1],
+        "cells": arrays["cells"][:-8],
+        "planes": arrays["planes"][:, :2],
+        "bends": np.zeros((1, 3), np.int16),
+    }.items():
+        with pytest.raises(checks.InputError, match="do not fit together"):
+            octree.unpack(arrays | {name: broken})
+    with pytest.raises(checks.InputError, match="codes must be there as uint16"):
+        octree.unpack(arrays | {"codes": arrays["codes"].astype(np.int32)})
+
+
+def test_cells_that_meet_a_triangle_are_those_that_it_crosses():
+    """Against a dense sample of the triangle, and none beyond its box."""
+    corners = np.array([[[-0.9, -0.7, -0.2], [0.8, -0.1, 0.9], [0.1, 0.9, -0.8]]])
+    lows = octree.base_lows()
+    starts, triangles = np.arange(len(lows) + 1), np.zeros(len(lows), np.int64)
+    normal = np.cross(corners[0, 1] - corners[0, 0], corners[0, 2] - corners[0, 0])
+    normals = (normal / np.linalg.norm(normal))[None]
+    rows, _, counts, errors, _ = kernels.fit_cells(corners, normals, lows, 0.125, starts, triangles, 1e-4, False)
+    points = np.random.default_rng(0).dirichlet(np.ones(3), 300_000) @ corners[0]
+    crossed = np.zeros(len(lows), bool)
+    crossed[np.ravel_multi_index(tuple(((points + 1) / 0.125).astype(int).T), (16, 16, 16))] = True
+    assert (counts[crossed] == 1).all() and (counts > 0).sum() < crossed.sum() + 8  # corners that samples miss
+    assert errors.max() < 1e-9 and np.abs(np.abs(rows[counts > 0, 0, :3] @ normals[0]) - 1).max() < 1e-12
+
+
+def test_curvatures_of_a_torus_are_those_of_its_closed_form():
+    field, shape = field_of(torus(sections=256)), primitives.Torus()
+    positions, directions = random_rays(3000, 0.99)
+    points = rays.OrientedPoints(torch.from_numpy(positions), torch.from_numpy(directions))
+    truth, bends = primitives.cast(shape, points), primitives.curvatures(shape, points).numpy()
+    found = ask(field, positions, directions)
+    grazing = np.abs((truth.normals.numpy() * directions).sum(axis=1)) < 0.1
+    seen = truth.visible.numpy() & (found["visibility"] > 0) & ~grazing
+    seen[seen] = np.abs(found["depth"][seen] - truth.depth.numpy()[seen]) < 0.02
+    assert seen.mean() > 0.35
+    mean, gaussian = bends.sum(axis=1)[seen], bends.prod(axis=1)[seen]
+    assert np.median(np.abs(found["mean_curvature"][seen] - mean) / np.abs(mean)) < 0.1
+    assert np.median(np.abs(found["gaussian_curvature"][seen] - gaussian) / np.abs(gaussian)) < 0.1

@@ -1,0 +1,104 @@
+"""Patches from mesh to file and back: what the folder holds, old kinds beside it, refusals in one line."""
+
+import json
+
+import numpy as np
+import pytest
+from _shapes import cube, icosphere
+
+import ddf
+from ddf import cli
+from ddf.core import checks, storage
+from ddf.fields.grid import build, patch_field
+from ddf.fit import kinds, patch_fitting, shape_field
+from ddf.geometry import mesh_io
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("patches") / "cube"
+    return folder, patch_fitting.fit(cube(2.0), build.PatchConfig(), folder, {"cube.ply": "0"})
+
+
+def test_held_out_errors_are_those_of_an_exact_field(fitted):
+    _, result = fitted
+    held_out = result["held_out"]
+    assert set(held_out["depth_l1"]) == set("UABSTO") == set(held_out["visibility_bce"])
+    assert max(held_out["depth_l1"][kind] for kind in "UABO") < 1e-3
+    assert held_out["normal_angle_deg_median"] < 0.5 and held_out["visibility_bce"]["U"] < 0.02
+    assert result["bytes"] < 45_000 and result["steps"] == 0 and result["patches"] > 1000
+
+
+def test_a_file_answers_as_what_was_written(fitted):
+    folder, result = fitted
+    assert {path.name for path in folder.iterdir()} >= {"model.safetensors", "fit.json", "plan.json"}
+    assert json.loads((folder / "fit.json").read_text())["patches"] == result["patches"]
+    assert (folder / "model.safetensors").stat().st_size < result["bytes"] + 4000
+    shape = kinds.load(folder)
+    assert isinstance(shape, patch_field.PatchField) and shape.record["sources"] == {"cube.ply": "0"}
+    field = ddf.load(folder)
+    assert field.outputs == patch_field.OUTPUTS
+    seen = field.query([[0.0, 0.0, 9.0]], [[0.0, 0.0, -1.0]], outputs=field.outputs)
+    assert seen["depth"] == pytest.approx(7, abs=1e-4) and np.allclose(seen["normals"], [[0, 0, 1]], atol=1e-4)
+    assert np.isfinite(field.render(size=16)["depth"]).any()
+    assert np.abs(np.abs(field.points(300)).max(axis=1) - 2).max() < 1e-3
+    distances, ways = field.udf([[0.0, 5.0, 0.0]])
+    assert distances[0] == pytest.approx(3, abs=0.02) and ways[0, 1] < -0.99
+    assert np.abs(np.abs(field.surface(method="udf", resolution=16).vertices).max(axis=1) - 2).max() < 0.2
+    beside = np.eye(4)
+    beside[0, 3] = 5.0
+    pair = ddf.compose([field, field], [np.eye(4), beside]).query([[5.0, 0, 9]], [[0, 0, -1.0]])
+    assert pair["depth"] == pytest.approx(7, abs=1e-4)
+
+
+def test_the_same_mesh_gives_the_same_bytes(fitted, tmp_path):
+    patch_fitting.fit(cube(2.0), build.PatchConfig(), tmp_path, {"cube.ply": "0"})
+    assert (tmp_path / "model.safetensors").read_bytes() == (fitted[0] / "model.safetensors").read_bytes()
+
+
+def test_what_needs_a_network_refuses_patches_in_one_line(fitted, tmp_path, capsys):
+    folder, _ = fitted
+    with pytest.raises(checks.InputError, match="holds patches, this needs a network's weights"):
+        shape_field.load(folder)
+    for command in (["view", str(folder), str(tmp_path / "v.html")], ["export", str(folder), str(tmp_path / "f.onnx")]):
+        assert cli.main(command) == 2
+        error = capsys.readouterr().err
+        assert "holds patches" in error and len(error.splitlines()) == 1
+
+
+def test_another_mesh_in_the_folder_is_kept_unless_forced(fitted, tmp_path):
+    patch_fitting.fit(icosphere(2), build.PatchConfig(), tmp_path)
+    with pytest.raises(checks.InputError, match="holds the field of another mesh"):
+        patch_fitting.fit(cube(), build.PatchConfig(), tmp_path)
+    patch_fitting.fit(cube(), build.PatchConfig(), tmp_path, force=True)
+    assert ddf.load(tmp_path).query([[0.0, 0.0, 3.0]], [[0, 0, -1.0]])["depth"] == pytest.approx(2, abs=1e-4)
+
+
+def test_damage_is_named(fitted, tmp_path):
+    arrays, record = storage.load_tensors(fitted[0] / "model.safetensors")
+    file = tmp_path / "model.safetensors"
+    storage.save_tensors(file, arrays | {"codes": arrays["codes"][1:]}, record)
+    with pytest.raises(checks.InputError, match=r"model\.safetensors: its cells and patches do not fit together"):
+        kinds.load(file)
+    storage.save_tensors(file, arrays, {**record, "box": {}})
+    with pytest.raises(checks.InputError, match=r"model\.safetensors: its record lacks what a field needs"):
+        kinds.load(file)
+
+
+def test_the_command_fits_patches_unless_training_is_asked_for(tmp_path, capsys):
+    mesh = tmp_path / "ball.ply"
+    mesh.write_bytes(mesh_io.ply_bytes(icosphere(3)))
+    assert cli.main(["fit", "--json", str(mesh), str(tmp_path / "out"), "--tolerance", "1e-3"]) == 0
+    assert json.loads(capsys.readouterr().out)["patches"] > 100
+    assert cli.main(["fit", str(mesh), str(tmp_path / "no"), "--kind", "patches", "--minutes", "1"]) == 2
+    assert "--minutes is of --kind sine" in capsys.readouterr().err
+    assert cli.main(["fit", str(mesh), str(tmp_path / "no"), "--steps", "2", "--tolerance", "1e-3"]) == 2
+    assert "--tolerance is of --kind patches" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="patches take neither minutes nor steps"):
+        ddf.fit(mesh, steps=2, kind="patches")
+    assert ddf.fit(mesh).outputs == patch_field.OUTPUTS
+
+
+def test_the_public_fit_stays_a_function_when_its_folder_is_imported():
+    assert ddf.fit.__name__ == "fit" and callable(ddf.fit)
+    assert patch_fitting.__name__ == "ddf.fit.patch_fitting"
