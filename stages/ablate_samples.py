@@ -1,17 +1,16 @@
 """Fit the shape of `fit_shape` once without each sample type and once with all: ablate_samples.csv."""
 
-from pathlib import Path
-
-from ddf.core import config, provenance, storage
+from ddf.core import provenance, storage
 from ddf.fit import fit_settings
 from ddf_lab.engine import stage
 from ddf_lab.evaluation.shape import fit_errors, leave_one_out, source_mesh
+from ddf_lab.run import Run
 
 
-def run(config_path: Path) -> None:
+def make(run: Run) -> None:
     """Fit seven fields, each within the budget of `fit.ablation`, and write their held-out errors."""
-    fit = config.load(config_path, fit_settings.FitConfig)
-    out_dir = config.artifact_dir(config_path, "ablate_samples")
+    fit = run.section(fit_settings.FitConfig)
+    out_dir = run.folder("ablate_samples")
     mesh, source = source_mesh.read(fit.mesh, fit.loop.seed)
     results = leave_one_out.run(mesh, fit, out_dir, source)
     sources = [out_dir / leave_one_out.RESULTS]
@@ -20,4 +19,4 @@ def run(config_path: Path) -> None:
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__)
+    stage.main(make, __doc__)

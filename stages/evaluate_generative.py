@@ -1,28 +1,27 @@
 """Measure the generative models: held-out shapes, samples of the prior, images, and colours when the camera moves."""
 
-from pathlib import Path
-
-from ddf.core import config, provenance, storage
+from ddf.core import provenance, storage
 from ddf.models.generative import settings
 from ddf.training import training_loop
 from ddf_lab.engine import stage
 from ddf_lab.evaluation.generative import generative_results
+from ddf_lab.run import Run
 
 
-def run(config_path: Path, category: str) -> None:
+def make(run: Run) -> None:
     """Read models, shapes and images; write scores.json and pictures.safetensors."""
-    section = config.load(config_path, settings.ScoresConfig)
-    out_dir = config.artifact_dir(config_path, "evaluate_generative", category)
+    section = run.section(settings.ScoresConfig)
+    out_dir = run.folder("evaluate_generative")
     trained = {"vae": "train_vae", "gan": "train_gan", "gan2d": "train_gan2d", "features": "train_features"}
-    folders = {name: config.artifact_dir(config_path, stage_name, category) for name, stage_name in trained.items()}
+    folders = {name: run.folder(stage_name) for name, stage_name in trained.items()}
     places = generative_results.Places(
-        index=config.artifact_dir(config_path, "dataset") / "index.json",
-        samples=config.artifact_dir(config_path, "samples", category),
+        index=run.index,
+        samples=run.folder("samples"),
         out=out_dir,
         **folders,
     )
     training_loop.prepare(section.features.loop)
-    results, pictures = generative_results.measure(places, category, section)
+    results, pictures = generative_results.measure(places, run.category, section)
     storage.write_json(out_dir / "scores.json", results)
     sources = [folder / training_loop.MODEL for folder in folders.values()]
     fingerprint = provenance.fingerprint(section, sources, [generative_results])
@@ -31,4 +30,4 @@ def run(config_path: Path, category: str) -> None:
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__, category=True)
+    stage.main(make, __doc__, category=True)

@@ -1,22 +1,21 @@
 """Export both trained models of one category as ONNX files, each compared with its model before it is written."""
 
-from pathlib import Path
-
 import pandas as pd
 
-from ddf.core import config, provenance, storage
+from ddf.core import provenance, storage
 from ddf.io import exportable, onnx_file
 from ddf.training import training_loop
 from ddf_lab.engine import stage
+from ddf_lab.run import Run
 
 
-def run(config_path: Path, category: str) -> None:
+def make(run: Run) -> None:
     """Write one file per graph and onnx_parity.csv, which also says what smaller weights would cost."""
-    section = config.load(config_path, onnx_file.ExportConfig)
-    out_dir = config.artifact_dir(config_path, "export_onnx", category)
+    section = run.section(onnx_file.ExportConfig)
+    out_dir = run.folder("export_onnx")
     sources, rows = [], []
     for model in ("ddf", "pcsiren"):
-        folder = config.artifact_dir(config_path, f"train_{model}", category)
+        folder = run.folder(f"train_{model}")
         graphs, source = exportable.load(folder, section.outputs)
         sources.append(folder / training_loop.MODEL)
         for name, graph in graphs.items():
@@ -24,10 +23,10 @@ def run(config_path: Path, category: str) -> None:
             rows += onnx_file.export(graph, name, out, source, section)
             rows += onnx_file.measure_precisions(graph, name, out.read_bytes(), section)
     table = pd.DataFrame([row.to_dict() for row in rows])
-    table.insert(0, "category", category)
+    table.insert(0, "category", run.category)
     record = provenance.record(provenance.fingerprint([section], sources, exportable), section.seed, sources)
     storage.save_table(out_dir / "onnx_parity.csv", table, record)
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__, category=True)
+    stage.main(make, __doc__, category=True)

@@ -1,18 +1,15 @@
 """Stage `figures`: the figures of the paper remade, with numbers against exact values, in reports/<experiment>/."""
 
-from pathlib import Path
-
-from ddf.core import config
 from ddf_lab.engine import stage
 from ddf_lab.figures import figure_fields, figures_page
+from ddf_lab.run import Run
 
 
-def run(config_path: Path) -> None:
+def make(run: Run) -> None:
     """Fit what is missing and write the page."""
-    figures = config.load(config_path, figure_fields.FiguresConfig)
-    fields = config.artifact_dir(config_path, "figures") / "fields"
-    figures_page.write(figures, fields, Path("reports") / config_path.stem)
+    figures = run.section(figure_fields.FiguresConfig)
+    figures_page.write(figures, run.folder("figures") / "fields", run.page)
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__)
+    stage.main(make, __doc__)

@@ -1,28 +1,26 @@
 """Raw meshes to closed, small meshes in the field frame, with the loss of each."""
 
-from pathlib import Path
-
-from ddf.core import config, parallel, provenance
+from ddf.core import parallel, provenance
 from ddf.data import mesh_preparation, mesh_shards
 from ddf_lab.engine import stage
+from ddf_lab.run import Run
 
 
-def run(config_path: Path, category: str) -> None:
+def make(run: Run) -> None:
     """Read the data set's index, prepare every shape of the category, write packs."""
-    section = config.load(config_path, mesh_preparation.MeshesConfig)
-    index_path = config.artifact_dir(config_path, "dataset") / "index.json"
-    out_dir = config.artifact_dir(config_path, "meshes", category)
+    section = run.section(mesh_preparation.MeshesConfig)
+    out_dir = run.folder("meshes")
     fingerprint = provenance.fingerprint(section, [], mesh_shards)
     parallel.map_shards(
-        mesh_shards.PrepareShard(section, category, out_dir, fingerprint),
-        mesh_shards.chosen(mesh_shards.raw_shapes(index_path, category), section, category),
+        mesh_shards.PrepareShard(section, run.category, out_dir, fingerprint),
+        mesh_shards.chosen(mesh_shards.raw_shapes(run.index, run.category), section, run.category),
         shard_size=section.shard_size,
         out_dir=out_dir,
         fingerprint=fingerprint,
-        describe=f"meshes {category}",
+        describe=f"meshes {run.category}",
         name_of=lambda shape: shape.id,
     )
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__, category=True)
+    stage.main(make, __doc__, category=True)

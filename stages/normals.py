@@ -1,18 +1,17 @@
 """Normals of random shapes of the VAE's prior, rendered ahead for the image GAN."""
 
-from pathlib import Path
-
-from ddf.core import config, parallel, provenance
+from ddf.core import parallel, provenance
 from ddf.models.generative import normal_images, settings
 from ddf.training import training_loop
 from ddf_lab.engine import stage
+from ddf_lab.run import Run
 
 
-def run(config_path: Path, category: str) -> None:
+def make(run: Run) -> None:
     """Load the VAE, write normals in shards."""
-    section = config.load(config_path, settings.GANConfig).normals
-    vae = config.artifact_dir(config_path, "train_vae", category)
-    out_dir = config.artifact_dir(config_path, "normals", category)
+    section = run.section(settings.GANConfig).normals
+    vae = run.folder("train_vae")
+    out_dir = run.folder("normals")
     fingerprint = provenance.fingerprint(section, [vae / training_loop.MODEL], normal_images)
     parallel.map_shards(
         normal_images.RenderShard(section, vae, out_dir, fingerprint),
@@ -20,9 +19,9 @@ def run(config_path: Path, category: str) -> None:
         shard_size=section.shard_size,
         out_dir=out_dir,
         fingerprint=fingerprint,
-        describe=f"normals {category}",
+        describe=f"normals {run.category}",
     )
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__, category=True)
+    stage.main(make, __doc__, category=True)

@@ -3,45 +3,43 @@
 A run that was killed goes on from the images it had finished.
 """
 
-from pathlib import Path
-
-from ddf.core import config, provenance, resume, storage
+from ddf.core import provenance, resume, storage
 from ddf.data import shapenet
 from ddf.data.batches import category_data
 from ddf.models.reconstruction import inference, settings, silhouettes, trained
 from ddf.training import training_loop
 from ddf_lab.engine import stage
+from ddf_lab.run import Run
 
 
-def run(config_path: Path, category: str, seed: int = 0) -> None:
+def make(run: Run) -> None:
     """Read both models and the images of the category, write one file per model."""
-    train = config.load(config_path, settings.TrainConfig)
-    section = config.reseeded(config.load(config_path, settings.PointcloudsConfig), seed)
-    index_path = config.artifact_dir(config_path, "dataset") / "index.json"
-    samples_dir = config.artifact_dir(config_path, "samples", category)
+    train = run.section(settings.TrainConfig)
+    section = run.reseeded(settings.PointcloudsConfig)
+    samples_dir = run.folder("samples")
     training_loop.prepare(train.loop)
 
-    dataset = shapenet.Dataset.open(index_path)
+    dataset = shapenet.Dataset.open(run.index)
     test, train_images = (
-        category_data.read_images(dataset, category, category_data.available(samples_dir, views), train.image_size)
+        category_data.read_images(dataset, run.category, category_data.available(samples_dir, views), train.image_size)
         for views in (
-            category_data.test_views(dataset, category, section.test_views),
-            dataset.train(category),
+            category_data.test_views(dataset, run.category, section.test_views),
+            dataset.train(run.category),
         )
     )
     common = {"camera_true": test.cameras, **category_data.read_shapes(samples_dir, test.ids).placements(test.shapes)}
 
-    out = config.artifact_dir(config_path, "pointclouds", category, seed)
+    out = run.folder("pointclouds", seed=run.seed)
     for name in ("ddf", "pcsiren"):
-        folder = config.artifact_dir(config_path, f"train_{name}", category, seed)
-        sources = [index_path, folder / training_loop.MODEL]
-        key = provenance.fingerprint([section, category, test.digest()], sources, inference)
+        folder = run.folder(f"train_{name}", seed=run.seed)
+        sources = [run.index, folder / training_loop.MODEL]
+        key = provenance.fingerprint([section, run.category, test.digest()], sources, inference)
         kept = resume.Kept(out, key)
         built = storage.load_metadata(folder / training_loop.MODEL)
         if name == "ddf":
             ddf, _ = trained.ddf(folder, built)
             features = inference.image_features(ddf, train_images)
-            given = (ddf, test, section, stage.label(category, seed), silhouettes.deviation(ddf, features), kept)
+            given = (ddf, test, section, run.label, silhouettes.deviation(ddf, features), kept)
             tensors, facts = inference.reconstruct_ddf(*given)
             tensors["train_features"] = features  # for the retrieval row
         else:
@@ -54,4 +52,4 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__, category=True, seed=True)
+    stage.main(make, __doc__, category=True, seed=True)

@@ -1,19 +1,15 @@
 """Stage `report_generative`: the page on the generative models, as Markdown and HTML, in reports/<experiment>/."""
 
-from pathlib import Path
-
-from ddf.core import config
 from ddf.models.generative import settings
 from ddf_lab.engine import stage
 from ddf_lab.report import generative_page
+from ddf_lab.run import Run
 
 
-def run(config_path: Path, category: str) -> None:
+def make(run: Run) -> None:
     """Read what the stages before left behind and write the page."""
-    gan = config.load(config_path, settings.GANConfig)
-    scores = config.load(config_path, settings.ScoresConfig)
-    generative_page.write(config_path, category, gan, scores, Path("reports") / config_path.stem)
+    generative_page.write(run, run.section(settings.GANConfig), run.section(settings.ScoresConfig))
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__, category=True)
+    stage.main(make, __doc__, category=True)

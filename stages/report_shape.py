@@ -1,18 +1,15 @@
 """Stage `report_shape`: the page on a single shape, as Markdown and self-contained HTML, in reports/<experiment>/."""
 
-from pathlib import Path
-
-from ddf.core import config
 from ddf.fit import fit_settings
 from ddf_lab.engine import stage
 from ddf_lab.report.shape import shape_page
+from ddf_lab.run import Run
 
 
-def run(config_path: Path) -> None:
+def make(run: Run) -> None:
     """Read what `fit_shape` and `ablate_samples` left behind and write the page."""
-    fit = config.load(config_path, fit_settings.FitConfig)
-    shape_page.write(config_path, fit, Path("reports") / config_path.stem)
+    shape_page.write(run, run.section(fit_settings.FitConfig))
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__)
+    stage.main(make, __doc__)

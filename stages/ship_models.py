@@ -5,18 +5,17 @@ Fields are fitted here, in minutes; reconstructions are those of the experiment'
 
 from pathlib import Path
 
-from ddf.core import config
 from ddf_lab.engine import stage
+from ddf_lab.run import Run
 from ddf_lab.shipping import model_cards
 
 OUT = Path("src/ddf/shipped")
 
 
-def run(config_path: Path) -> None:
+def make(run: Run) -> None:
     """Fit the fields that are not there, round, export, describe."""
-    fitted = config.artifact_dir(config_path, "shipped_fields")
-    model_cards.write_all(config_path, fitted, OUT)
+    model_cards.write_all(run, run.folder("shipped_fields"), OUT)
 
 
 if __name__ == "__main__":
-    stage.main(run, __doc__)
+    stage.main(make, __doc__)

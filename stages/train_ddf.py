@@ -2,26 +2,28 @@
 
 import dataclasses
 import functools
-from pathlib import Path
 
-from ddf.core import config, distributed, provenance
+from ddf.core import distributed, provenance
+from ddf.data import sampling
 from ddf.data.batches import category_data, resident
 from ddf.models.reconstruction import reconstruction_models, settings, trained
 from ddf.training import training_loop
 from ddf.training.reconstruction import casting, training_steps, training_truth
 from ddf_lab.engine import stage
+from ddf_lab.run import Run
 
 
-def run(config_path: Path, category: str, seed: int = 0) -> None:
+def make(run: Run) -> None:
     """Read training images and samples of the category, train, write model and log."""
-    train = config.reseeded(config.load(config_path, settings.TrainConfig), seed)
-    section = config.load(config_path, settings.DDFConfig)
-    index_path = config.artifact_dir(config_path, "dataset") / "index.json"
-    samples_dir = config.artifact_dir(config_path, "samples", category)
+    train = run.reseeded(settings.TrainConfig)
+    section = run.section(settings.DDFConfig)
     training_loop.prepare(train.loop, train.batch_size)
 
-    images, shapes, sources = category_data.read_training(index_path, samples_dir, category, train.image_size)
-    truth = training_truth.read(config_path, category, shapes, section)
+    images, shapes, sources = category_data.read_training(
+        run.index, run.folder("samples"), run.category, train.image_size
+    )
+    drawn = run.section(sampling.SamplesConfig)
+    truth = training_truth.read(shapes, section, drawn, run.folder("samples"), run.folder("meshes"))
     sources += truth.sources
     digest, memory = images.digest(), resident.Memory(training_loop.device())
     images, samples = memory.images(images), memory.samples(truth.samples)
@@ -29,13 +31,10 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
 
     model = reconstruction_models.ddf_model(train, section.field).to(training_loop.device())
     model.camera_head.fit(images.cameras)
-    fingerprint = provenance.fingerprint(
-        [train, section, category, digest, truth.drawn],
-        sources,
-        [training_steps, training_truth],
-    )
+    facts, modules = [train, section, run.category, digest, truth.drawn], [training_steps, training_truth]
+    fingerprint = provenance.fingerprint(facts, sources, modules)
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
-    out_dir = config.artifact_dir(config_path, "train_ddf", category, seed)
+    out_dir = run.folder("train_ddf", seed=run.seed)
     training_loop.fit(
         model,
         model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera, section.encoder_share(train.loop)),
@@ -44,11 +43,11 @@ def run(config_path: Path, category: str, seed: int = 0) -> None:
         section.loop(train.loop),
         out_dir,
         provenance.record(fingerprint, train.loop.seed, sources) | architecture,
-        f"ddf {stage.label(category, seed)}",
+        f"ddf {run.label}",
     )
     if distributed.rank() == 0:
         trained.add_known(model, images, out_dir)
 
 
 if __name__ == "__main__":
-    stage.main(distributed.shared(run), __doc__, category=True, seed=True)
+    stage.main(distributed.shared(make), __doc__, category=True, seed=True)

@@ -1,45 +1,43 @@
 """Train the image GAN on one category: normals of the VAE's shapes to colours, against images of other shapes."""
 
 import dataclasses
-from pathlib import Path
 
-from ddf.core import config, distributed, provenance
+from ddf.core import distributed, provenance
 from ddf.models.generative import image_gans, normal_images, settings, shape_vae
 from ddf.training import training_loop
 from ddf.training.generative import gan_steps, shape_data
 from ddf_lab.engine import stage
+from ddf_lab.run import Run
 
 
-def run(config_path: Path, category: str) -> None:
+def make(run: Run) -> None:
     """Read images and normals, train, write model and log."""
-    gan = config.load(config_path, settings.GANConfig)
-    index_path = config.artifact_dir(config_path, "dataset") / "index.json"
-    samples_dir = config.artifact_dir(config_path, "samples", category)
-    vae_dir = config.artifact_dir(config_path, "train_vae", category)
+    gan = run.section(settings.GANConfig)
+    vae_dir = run.folder("train_vae")
     training_loop.prepare(gan.loop, gan.batch_size)
 
-    images, sources = shape_data.read_pictured(index_path, samples_dir, category, gan.views)
-    normals, shards = normal_images.read(config.artifact_dir(config_path, "normals", category))
+    images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category, gan.views)
+    normals, shards = normal_images.read(run.folder("normals"))
     sources += [*shards, vae_dir / training_loop.MODEL]
     vae = shape_vae.load(vae_dir)
     model = image_gans.ImageGAN(vae.config, gan)
     model.decoder.load_state_dict(vae.decoder.state_dict())
     model.field_scale.copy_(vae.field_scale)
     model.to(training_loop.device())
-    fingerprint = provenance.fingerprint([gan, category, images.digest()], sources, [gan_steps])
+    fingerprint = provenance.fingerprint([gan, run.category, images.digest()], sources, [gan_steps])
     training_loop.fit(
         model,
         model.parameter_groups(),
         gan_steps.image_updates(model, images, normals),
         gan.steps,
         gan.loop,
-        config.artifact_dir(config_path, "train_gan", category),
+        run.folder("train_gan"),
         provenance.record(fingerprint, gan.loop.seed, sources)
-        | gan_steps.record(gan, image_gans.KIND, category)
+        | gan_steps.record(gan, image_gans.KIND, run.category)
         | {"vae": dataclasses.asdict(vae.config)},
-        f"gan {category}",
+        f"gan {run.category}",
     )
 
 
 if __name__ == "__main__":
-    stage.main(distributed.shared(run), __doc__, category=True)
+    stage.main(distributed.shared(make), __doc__, category=True)

@@ -7,18 +7,19 @@ import pandas as pd
 from _fake_experiment import EVALUATE_SECTION
 
 from ddf_lab.evaluation import scoring
+from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def experiment_file(experiment):
-    """cpu.yaml with the fake's own evaluate and report sections."""
+def experiment_run(experiment):
+    """A run of cpu.yaml with the fake's own evaluate and report sections."""
     text = (ROOT / "configs" / "cpu.yaml").read_text().partition("evaluate:")[0]
-    return Path(experiment.write_config(f"{text}evaluate: {EVALUATE_SECTION}\nreport: {{examples: 3}}\n"))
+    return Run.read(experiment.write_config(f"{text}evaluate: {EVALUATE_SECTION}\nreport: {{examples: 3}}\n"))
 
 
-def run(stage, config_path, *arguments):
-    runpy.run_path(str(ROOT / "stages" / f"{stage}.py"))["run"](config_path, *arguments)
+def make(stage, run):
+    runpy.run_path(str(ROOT / "stages" / f"{stage}.py"))["make"](run)
 
 
 def markdown_tables(text):

@@ -4,7 +4,8 @@ import ast
 import dataclasses
 from pathlib import Path
 
-from ddf.core import config, provenance
+from ddf.core import provenance
+from ddf_lab import run
 from ddf_lab.engine import experiments, finished, graph
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -29,21 +30,20 @@ def expand(seeds: int = 1) -> dict[str, graph.Item]:
 def code_of(script: Path) -> list[str]:
     """The script and the rooms of both packages that it imports from, directly or not, relative to the repository."""
     closure = (file.relative_to(provenance.SOURCES) for file in provenance.import_closure(script))
-    rooms = sorted({"/".join(file.parts[:2]) for file in closure if len(file.parts) > 2})
-    return [script.relative_to(ROOT).as_posix(), *(f"src/{room}" for room in rooms)]
+    rooms = {"/".join(file.parts[:2]) for file in closure if file.name != "__init__.py"} - {finished.FRAME}
+    return [script.relative_to(ROOT).as_posix(), *(f"src/{room}" for room in sorted(rooms))]
 
 
 def sections_read(script: Path) -> set[str]:
-    """The config sections that a script gives to config.load(...) as dataclasses; all for config.read and load_all."""
-    named = {place.rpartition(":")[2]: section for section, place in config.ALL_SECTIONS.items()}
-    sections = set()
-    frame = provenance.SOURCES / finished.FRAME
+    """The sections that a script, or what it imports, asks its run for; all of its kind for `run.sections()`."""
+    named = {place.rpartition(":")[2]: section for section, place in run.SECTIONS.items()}
+    sections: set[str] = set()
     for file in [script, *provenance.import_closure(script)]:
-        if file.is_relative_to(frame):
-            continue  # it looks at files as a whole
         for node in ast.walk(ast.parse(file.read_text())):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("config.read", "config.load_all"):
-                sections.update(config.SECTIONS)
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == "config.load":
-                sections.add(named[ast.unparse(node.args[1]).rpartition(".")[2]])
+            if not isinstance(node, ast.Call):
+                continue
+            if ast.unparse(node.func) == "run.sections":
+                sections.update(experiments.KINDS["reconstruction"])
+            if ast.unparse(node.func) in ("run.section", "run.reseeded"):
+                sections.add(named[ast.unparse(node.args[0]).rpartition(".")[2]])
     return sections

@@ -26,7 +26,7 @@ LEVELS = {
     "ddf_lab.shipping": 7,
     "ddf_lab.report": 8,
     "ddf_lab.figures": 8,
-    "ddf_lab.stage_notes": 7,
+    "ddf_lab.run": 7,
     "ddf_lab.engine": 9,
     "ddf_lab.commands": 10,
 }
@@ -47,7 +47,7 @@ LIGHT_MODULES = [
     "fit.field_diagnostics",
 ]
 
-FILES = sorted(file for name in provenance.PACKAGES for file in (provenance.SOURCES / name).rglob("*.py"))
+FILES = sorted(file for name in ("ddf", "ddf_lab") for file in (provenance.SOURCES / name).rglob("*.py"))
 
 
 def _name(file: Path) -> str:

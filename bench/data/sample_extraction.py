@@ -79,7 +79,7 @@ def occlusion_rays(scene: raycast.Scene, points: np.ndarray, face: np.ndarray) -
 
 def measure(name: str, mesh: Mesh, path: Path, folder: Path) -> list[dict[str, Any]]:
     """Rows of one shape and one experiment's counts."""
-    drawn = config.load(Path(path), sampling.SamplesConfig)
+    drawn = config.load(Path(path), "samples", sampling.SamplesConfig)
     arrays, probes = sampling.extract(mesh, drawn, "bench")
     errors = sampling.packing_errors([probes])
     tensor, scene = stored_rays(mesh, arrays), built(mesh)

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from bench.lib import measuring
-from ddf.core import config
 from ddf.io import exportable, onnx_file, onnx_parity
 from ddf.training import training_loop
+from ddf_lab.run import Run
 
 CONFIG, CATEGORY, MODELS, THREADS = Path("configs/cpu.yaml"), "car", ("ddf", "pcsiren"), 1
 FIGURES = ("max_abs", "mean_abs", "q999_abs", "max_relative", "torch_error", "onnx_error")
@@ -21,13 +21,13 @@ TOGETHER = ("image_field",)  # graphs of others: their smaller weights cost what
 TOLERANCE = 0.5  # relative: rounding, which another processor does in another order
 
 
-def compared(category: str) -> list[onnx_parity.Row]:
+def compared(run: Run) -> list[onnx_parity.Row]:
     """All rows of both models' graphs; a float32 file outside its tolerance ends it."""
-    section = config.load(CONFIG, onnx_file.ExportConfig)
+    section = run.section(onnx_file.ExportConfig)
     rows: list[onnx_parity.Row] = []
     with tempfile.TemporaryDirectory() as folder:
         for model in MODELS:
-            graphs, source = exportable.load(config.artifact_dir(CONFIG, f"train_{model}", category), section.outputs)
+            graphs, source = exportable.load(run.folder(f"train_{model}"), section.outputs)
             for name, graph in graphs.items():
                 out = Path(folder) / f"{name}.onnx"
                 rows += onnx_file.export(graph, name, out, source, section)
@@ -54,9 +54,10 @@ def together(rows: Sequence[onnx_parity.Row]) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Compare and write; without trained models say so and leave the results as they are."""
-    folders = [config.artifact_dir(CONFIG, f"train_{model}", CATEGORY) for model in MODELS]
+    run = Run.read(CONFIG, CATEGORY)
+    folders = [run.folder(f"train_{model}") for model in MODELS]
     absent = [folder for folder in folders if not (folder / training_loop.MODEL).exists()]
     if absent:
         print(f"onnx_parity: skipped, {absent[0]} is not there; `make reproduce-table` makes it")
         return
-    measuring.write("onnx_parity", THREADS, together(compared(CATEGORY)))
+    measuring.write("onnx_parity", THREADS, together(compared(run)))

@@ -190,7 +190,7 @@ def inside_errors(candidate: Candidate, inner: ray_fields.SeenRays) -> dict[str,
 
 def section() -> fit_settings.FitConfig:
     """Of all networks, one thread."""
-    found = config.load(CONFIG, fit_settings.FitConfig)
+    found = config.load(CONFIG, "fit", fit_settings.FitConfig)
     return dataclasses.replace(found, loop=dataclasses.replace(found.loop, threads=1))
 
 

@@ -233,7 +233,7 @@ class Fitted:
 
 def fitted(mesh: mesh_io.Mesh) -> Fitted:
     """Train both."""
-    section = config.load(CONFIG, fit_settings.FitConfig)
+    section = config.load(CONFIG, "fit", fit_settings.FitConfig)
     loop = dataclasses.replace(section.loop, threads=THREADS)
     section = dataclasses.replace(section, steps=None, minutes=TRAIN_SECONDS / 60, loop=loop)
     with tempfile.TemporaryDirectory() as folder:

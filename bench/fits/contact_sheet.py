@@ -115,7 +115,7 @@ def main(given: Sequence[str]) -> None:
     parser.add_argument("--fit-only", action="store_true", help="write no sheet")
     side_by_side.add_options(parser)
     arguments = parser.parse_args(given)
-    section = config.load(CONFIG, fit_settings.FitConfig)
+    section = config.load(CONFIG, "fit", fit_settings.FitConfig)
     minutes = section.minutes if arguments.minutes is None else arguments.minutes
     section = side_by_side.budgeted(section, minutes, side_by_side.threads(arguments, section.loop.threads))
     files = [file for file in everyday(arguments.folder) if not arguments.only or file.stem in arguments.only]

@@ -72,7 +72,8 @@ def recipe(name: str, minutes: float | None, threads: int) -> fit_settings.FitCo
 
 
 def _section(name: str) -> fit_settings.FitConfig:
-    section = config.load(Path("configs") / f"{'long_fit' if name == LIKE else name}.yaml", fit_settings.FitConfig)
+    file = Path("configs") / f"{'long_fit' if name == LIKE else name}.yaml"
+    section = config.load(file, "fit", fit_settings.FitConfig)
     if name != LIKE:
         return section
     alike = leave_one_out.settings(section, None, None).samples

@@ -142,7 +142,7 @@ def main(given: Sequence[str]) -> None:
     side_by_side.add_rows(parser, known)
     side_by_side.add_options(parser)
     arguments = parser.parse_args(given)
-    section = config.load(CONFIG, fit_settings.FitConfig)
+    section = config.load(CONFIG, "fit", fit_settings.FitConfig)
     minutes = section.minutes if arguments.minutes is None else arguments.minutes
     if minutes is None or not minutes > 0:
         raise checks.InputError(f"--minutes must be > 0; got {minutes}")

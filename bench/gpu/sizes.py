@@ -47,12 +47,12 @@ class Sizes:
 
 def full() -> Sizes:
     """Of configs/paper.yaml, with a cloud of fewer directions."""
-    train = config.load(CONFIG, settings.TrainConfig)
-    clouds = config.load(CONFIG, settings.PointcloudsConfig)
+    train = config.load(CONFIG, "train", settings.TrainConfig)
+    clouds = config.load(CONFIG, "pointclouds", settings.PointcloudsConfig)
     return Sizes(
         train,
-        config.load(CONFIG, settings.DDFConfig),
-        config.load(CONFIG, settings.PCSirenConfig),
+        config.load(CONFIG, "ddf", settings.DDFConfig),
+        config.load(CONFIG, "pcsiren", settings.PCSirenConfig),
         dataclasses.replace(clouds.cloud, num_directions=DIRECTIONS, cycles=CYCLES),
         clouds.correction,
         {"paper's widths": train.decoder.hidden, "4 x 192": (192,) * 4},

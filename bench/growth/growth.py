@@ -23,7 +23,7 @@ import yaml
 
 from bench.growth import projection
 from bench.lib import display, measuring
-from ddf_lab import stage_notes
+from ddf_lab import run
 from ddf_lab.report import pages
 
 ROOT = measuring.ROOT
@@ -45,8 +45,8 @@ SMALL = {  # of cpu.yaml, so that 300 shapes take a minute or two; everything el
     "evaluate": {"oracle_points": 250},
     "export": {"outputs": ["visibility", "depth", "normals"], "batches": [1, 7], "precisions": []},
 }
-STAGES = (*stage_notes.STAGES, "export_onnx", "report")
-WHOLE = (*stage_notes.WHOLE, "report")
+STAGES = (*run.STAGES, "export_onnx", "report")
+WHOLE = (*run.WHOLE, "report")
 MACHINES = {"2 cores": 2, "64 cores": 64}
 GIB = 2**30
 
@@ -141,15 +141,15 @@ def paper_costs(folder: Path, images: dict[str, float]) -> dict[str, Any]:
         shape_costs,  # here: the kernel counts this process's memory as a peak of the stages that it starts
     )
 
-    settings = yaml.safe_load(PAPER.read_text(encoding="utf-8"))
+    paper = run.Run.read(PAPER)
     index = folder / "artifacts" / f"growth{SIZES[0]}" / "dataset" / "index.json"
     os.chdir(folder)  # the index names its files from here
     return {
         "dataset": {"cpu_s": shape_costs.check(index, CATEGORY, 10)},
-        **shape_costs.prepare(PAPER, folder),
-        "pointclouds": shape_costs.reconstruct(PAPER),
-        "evaluate": shape_costs.evaluate(PAPER, settings["samples"]["cloud_points"]) | images,
-        "steps": {"train_ddf": settings["ddf"]["steps"], "train_pcsiren": settings["pcsiren"]["steps"]},
+        **shape_costs.prepare(paper, folder),
+        "pointclouds": shape_costs.reconstruct(paper),
+        "evaluate": shape_costs.evaluate(paper, paper.given["samples"]["cloud_points"]) | images,
+        "steps": {f"train_{model}": paper.given[model]["steps"] for model in ("ddf", "pcsiren")},
     }
 
 
@@ -190,7 +190,7 @@ def project(
         }
     for stage, model in (("train_ddf", "ddf"), ("train_pcsiren", "pcsiren")):
         rows[stage] = _training(stage, model, costs, step, gpu)
-    return [{"stage": stage, **rows[stage]} for stage in stage_notes.STAGES]
+    return [{"stage": stage, **rows[stage]} for stage in run.STAGES]
 
 
 def _cloud_bytes(cloud: Mapping[str, Any], split: projection.Split) -> int:

@@ -13,7 +13,6 @@ from typing import Any, TypeVar
 import numpy as np
 import torch
 
-from ddf.core import config
 from ddf.data import dataset, mesh_preparation, sampling, shapenet, true_clouds
 from ddf.data.batches import category_data
 from ddf.data.synthetic import write
@@ -21,6 +20,7 @@ from ddf.geometry import mesh_io, neighbours
 from ddf.metrics import metrics
 from ddf.models.reconstruction import camera_correction, inference, reconstruction_models, settings
 from ddf_lab.evaluation import scoring
+from ddf_lab.run import Run
 
 CATEGORIES = ("chair", "plane", "car")
 CLOUD_POINTS = 200  # of the L points of a cloud: its time is linear in them
@@ -35,11 +35,11 @@ def timed(work: Callable[[], Result]) -> tuple[Result, float]:
     return result, time.process_time() - started
 
 
-def prepare(config_path: Path, folder: Path) -> dict[str, dict[str, Any]]:
+def prepare(run: Run, folder: Path) -> dict[str, dict[str, Any]]:
     """One shape of each category through the stages `meshes` and `samples`: mean CPU seconds and bytes per shape."""
     sections = {
-        "meshes": config.load(config_path, mesh_preparation.MeshesConfig),
-        "samples": config.load(config_path, sampling.SamplesConfig),
+        "meshes": run.section(mesh_preparation.MeshesConfig),
+        "samples": run.section(sampling.SamplesConfig),
     }
     seconds: dict[str, list[float]] = {name: [] for name in sections}
     sizes: dict[str, list[int]] = {name: [] for name in sections}
@@ -74,14 +74,14 @@ def check(index_path: Path, category: str, count: int) -> float:
     return spent / len(names)
 
 
-def reconstruct(config_path: Path) -> dict[str, Any]:
+def reconstruct(run: Run) -> dict[str, Any]:
     """CPU seconds of one test image in stage `pointclouds`, from a DDF of full size with random weights.
 
     Clouds of few points and few steps of correction are measured, and taken to be linear in both.
     """
-    train = config.load(config_path, settings.TrainConfig)
-    section = config.load(config_path, settings.PointcloudsConfig)
-    model = reconstruction_models.ddf_model(train, config.load(config_path, settings.DDFConfig).field).eval()
+    train = run.section(settings.TrainConfig)
+    section = run.section(settings.PointcloudsConfig)
+    model = reconstruction_models.ddf_model(train, run.section(settings.DDFConfig).field).eval()
     pixels = torch.zeros((1, 4, train.image_size, train.image_size), dtype=torch.uint8)
     cameras = torch.tensor([[0.5, 0.45, 0.8]])
     model.camera_head.fit(cameras.repeat(2, 1) + torch.tensor([[0.0], [0.1]]))
@@ -114,10 +114,10 @@ def reconstruct(config_path: Path) -> dict[str, Any]:
     }
 
 
-def evaluate(config_path: Path, cloud_points: int) -> dict[str, float]:
+def evaluate(run: Run, cloud_points: int) -> dict[str, float]:
     """CPU seconds of one comparison of a cloud L with a truth, and of one pair of shapes that the oracle row ranks."""
-    section = config.load(config_path, scoring.EvaluateConfig)
-    large = config.load(config_path, settings.PointcloudsConfig).large
+    section = run.section(scoring.EvaluateConfig)
+    large = run.section(settings.PointcloudsConfig).large
     shapes = [write.make_shape(0, category, 0) for category in CATEGORIES]
     rng = np.random.default_rng(0)
     points = [

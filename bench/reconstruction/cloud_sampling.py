@@ -15,10 +15,10 @@ import torch
 
 from bench.lib import display, measuring, results
 from bench.reconstruction import brief_clouds, first_views
-from ddf.core import config
 from ddf.fields import cloud_projection
 from ddf.models.reconstruction import inference, reconstruction_models, settings
 from ddf.training import training_loop
+from ddf_lab.run import Run
 
 CONFIG, CATEGORIES = Path("configs/cpu.yaml"), ("chair", "plane", "car")
 IMAGES, THREADS = 2, 2
@@ -52,14 +52,14 @@ def told(cloud: cloud_projection.CloudConfig, points: int) -> dict[str, Any]:
     return {"num_directions": cloud.num_directions, "cycles": cloud.cycles, **listed, "points": points}
 
 
-def measure(category: str) -> list[dict]:
+def measure(run: Run, category: str) -> list[dict]:
     """All settings on the first view of the first test shapes; one row per setting."""
-    train = config.load(CONFIG, settings.TrainConfig)
-    section = config.load(CONFIG, settings.PointcloudsConfig)
-    model = reconstruction_models.ddf_model(train, config.load(CONFIG, settings.DDFConfig).field)
+    train = run.section(settings.TrainConfig)
+    section = run.section(settings.PointcloudsConfig)
+    model = reconstruction_models.ddf_model(train, run.section(settings.DDFConfig).field)
     training_loop.prepare(train.loop)
     torch.set_num_threads(THREADS)
-    views = first_views.read(CONFIG, category, IMAGES, {"train_ddf": model})
+    views = first_views.read(run, category, IMAGES, {"train_ddf": model})
     _, latents, _ = inference.encode(model, views.images)
     with torch.no_grad():
         modulations = model.modulations(latents)
@@ -125,9 +125,10 @@ SECTION = display.Section(
 
 def main() -> None:
     """Measure every category of the experiment; without its trained models say so and leave the results as they are."""
-    lacking = [name for name in CATEGORIES if not first_views.trained(CONFIG, name)]
+    run = Run.read(CONFIG)
+    lacking = [name for name in CATEGORIES if not first_views.trained(run, name)]
     if lacking:
-        folder = config.artifact_dir(CONFIG, "train_ddf", lacking[0])
+        folder = run.folder("train_ddf", lacking[0])
         print(f"cloud_sampling: skipped, {folder} is not there; `make reproduce-table` makes it")
         return
-    measuring.write("cloud_sampling", THREADS, [row for category in CATEGORIES for row in measure(category)])
+    measuring.write("cloud_sampling", THREADS, [row for category in CATEGORIES for row in measure(run, category)])

@@ -2,17 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from ddf.core import config
 from ddf.data import shapenet
 from ddf.data.batches import category_data
 from ddf.geometry import transforms
 from ddf.metrics import metrics
 from ddf.models.reconstruction import reconstruction_models, settings
 from ddf.training import training_loop
+from ddf_lab.run import Run
 
 
 @dataclass(frozen=True)
@@ -33,24 +32,22 @@ class Views:
         return {"chamfer_l2_sq_x1000": 1e3 * found.chamfer_l2_sq, "f_score_tau_x100": 100 * found.f_score_tau}
 
 
-def trained(config_path: Path, category: str) -> bool:
+def trained(run: Run, category: str) -> bool:
     """Whether the experiment's DDF of a category is there."""
-    return (config.artifact_dir(config_path, "train_ddf", category) / training_loop.MODEL).exists()
+    return (run.folder("train_ddf", category) / training_loop.MODEL).exists()
 
 
-def read(
-    config_path: Path, category: str, count: int, models: Mapping[str, reconstruction_models.ReconstructionModel]
-) -> Views:
+def read(run: Run, category: str, count: int, models: Mapping[str, reconstruction_models.ReconstructionModel]) -> Views:
     """The first `count` test shapes; the weights of the models, by stage, are loaded.
 
     Raises:
       FileNotFoundError, InputError: a stage has not run, or left a damaged file; it is named.
     """
-    train = config.load(config_path, settings.TrainConfig)
+    train = run.section(settings.TrainConfig)
     for name, model in models.items():
-        training_loop.load_model(model, config.artifact_dir(config_path, name, category))
-    dataset = shapenet.Dataset.open(config.artifact_dir(config_path, "dataset") / "index.json")
-    samples = config.artifact_dir(config_path, "samples", category)
+        training_loop.load_model(model, run.folder(name, category))
+    dataset = shapenet.Dataset.open(run.index)
+    samples = run.folder("samples", category)
     shown = category_data.available(samples, category_data.test_views(dataset, category, 1))[:count]
     images = category_data.read_images(dataset, category, shown, train.image_size)
     shapes = category_data.read_shapes(samples, images.ids)

@@ -29,11 +29,11 @@ REPEATS, MOST_SECONDS = 2, 20.0  # a model's steps are not repeated any more onc
 
 def measure(model: str, images: int) -> dict[str, Any]:
     """Steps of one model with `images` images, after one of two images that warms up; and this process's memory."""
-    train = config.load(CONFIG, settings.TrainConfig)
+    train = config.load(CONFIG, "train", settings.TrainConfig)
     train = dataclasses.replace(train, loop=dataclasses.replace(train.loop, threads=THREADS))
     training_loop.prepare(train.loop)
 
-    section = config.load(CONFIG, SECTIONS[model])
+    section = config.load(CONFIG, model, SECTIONS[model])
     step_split.one_step(step_cost.trial(dataclasses.replace(train, batch_size=2), section), 0)
     own = step_cost.trial(dataclasses.replace(train, batch_size=images), section)
     steps: list[dict[str, float]] = []
@@ -52,7 +52,7 @@ def main(given: Sequence[str]) -> None:
     parser.add_argument("--images", type=int, help="of a batch (default: that of configs/paper.yaml)")
     parser.add_argument("--one", choices=list(SECTIONS), help=argparse.SUPPRESS)  # prints instead of writing
     arguments = parser.parse_args(given)
-    images = arguments.images or config.load(CONFIG, settings.TrainConfig).batch_size
+    images = arguments.images or config.load(CONFIG, "train", settings.TrainConfig).batch_size
     if arguments.one:
         print(json.dumps(measure(arguments.one, images)))
         return

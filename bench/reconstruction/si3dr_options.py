@@ -27,13 +27,14 @@ import numpy as np
 
 from bench.lib import display, measuring, overrides
 from ddf.core import checks, config, provenance, storage
-from ddf.data import shapenet
+from ddf.data import sampling, shapenet
 from ddf.data.batches import category_data
 from ddf.metrics import metrics
 from ddf.models.reconstruction import inference, reconstruction_models, settings
 from ddf.training import step_timing, training_loop
 from ddf.training.reconstruction import training_steps, training_truth
 from ddf_lab.evaluation import scoring
+from ddf_lab.run import Run
 
 ON_DEMAND = "make ablate-options"
 CONFIG = Path("configs/cpu.yaml")
@@ -83,6 +84,11 @@ class Task:
     views: int
     seed: int
 
+    @property
+    def run(self) -> Run:
+        """Where the category's data are."""
+        return Run.read(CONFIG, self.category)
+
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
@@ -99,13 +105,12 @@ class Settings:
         Raises:
           InputError: cpu.yaml already has the value.
         """
-        whole = overrides.changed(config.read(CONFIG), OPTIONS[name], str(CONFIG))
-        sections = cls(
-            config.parse(whole["train"], settings.TrainConfig, f"{CONFIG}: train"),
-            config.parse(whole["ddf"], settings.DDFConfig, f"{CONFIG}: ddf"),
-            config.parse(whole["pointclouds"], settings.PointcloudsConfig, f"{CONFIG}: pointclouds"),
+        run = Run(CONFIG, overrides.changed(config.read(CONFIG), OPTIONS[name], str(CONFIG)), seed=seed)
+        return cls(
+            run.reseeded(settings.TrainConfig),
+            run.reseeded(settings.DDFConfig),
+            run.reseeded(settings.PointcloudsConfig),
         )
-        return config.reseeded(sections, seed)
 
 
 def folder(task: Task, name: str) -> Path:
@@ -119,7 +124,7 @@ def split(task: Task, dataset: shapenet.Dataset) -> tuple[list, list]:
     Raises:
       InputError: none are held out.
     """
-    samples = config.artifact_dir(CONFIG, "samples", task.category)
+    samples = task.run.folder("samples")
     known = category_data.available(samples, dataset.train(task.category))
     held = category_data.available(samples, dataset.validation(task.category))
     if not held:
@@ -137,11 +142,13 @@ class Training:
 
 def prepared(task: Task, settings: Settings, dataset: shapenet.Dataset) -> Training:
     """A row's training as the stage does it, but for the shapes held out."""
-    samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
+    samples_dir = task.run.folder("samples")
     shown, _ = split(task, dataset)
     images = category_data.read_images(dataset, task.category, shown, settings.train.image_size)
     shapes = category_data.read_shapes(samples_dir, images.ids)
-    truth = training_truth.read(CONFIG, task.category, shapes, settings.ddf)
+    truth = training_truth.read(
+        shapes, settings.ddf, task.run.section(sampling.SamplesConfig), samples_dir, task.run.folder("meshes")
+    )
 
     training_loop.prepare(settings.train.loop)
     model = reconstruction_models.ddf_model(settings.train, settings.ddf.field).to(training_loop.device())
@@ -208,7 +215,7 @@ def score(
     model = reconstruction_models.ddf_model(settings.train, settings.ddf.field)
     training_loop.load_model(model, folder(task, name if name in TRAINED else "base"))
     images = category_data.read_images(dataset, task.category, split(task, dataset)[1], settings.train.image_size)
-    samples_dir = config.artifact_dir(CONFIG, "samples", task.category)
+    samples_dir = task.run.folder("samples")
     section = dataclasses.replace(settings.pointclouds, rendered=0, shape_correction=None)
     tensors, facts = inference.reconstruct_ddf(model, images, section, name)
     arrays = {key: value.numpy() for key, value in tensors.items()} | {"camera_true": images.cameras.numpy()}
@@ -244,7 +251,7 @@ def against_base(own: Mapping[str, float], base: Mapping[str, float]) -> str:
 
 def make(task: Task, name: str) -> None:
     """Train where the row says so, score, and keep the row."""
-    dataset = shapenet.Dataset.open(config.artifact_dir(CONFIG, "dataset") / "index.json")
+    dataset = shapenet.Dataset.open(task.run.index)
     settings = Settings.of(name, task.seed)
     trained = train(task, name, settings, dataset) if name in TRAINED else {}
     error, cloud_seconds, by_shape = score(task, name, settings, dataset)
@@ -259,10 +266,8 @@ def make(task: Task, name: str) -> None:
 
 def identity(task: Task, name: str) -> str:
     """Of everything that a row depends on; a row without training, of its model too."""
-    samples = storage.shard_files(
-        config.artifact_dir(CONFIG, "samples", task.category), category_data.SAMPLES, "samples"
-    )
-    sources = [config.artifact_dir(CONFIG, "dataset") / "index.json", *samples]
+    samples = storage.shard_files(task.run.folder("samples"), category_data.SAMPLES, "samples")
+    sources = [task.run.index, *samples]
     sources += [] if name in TRAINED else [folder(task, "base") / training_loop.MODEL]
     settings = dataclasses.asdict(Settings.of(name, task.seed))
     return provenance.fingerprint([dataclasses.asdict(task), settings], sources, [training_steps, inference, scoring])
@@ -325,7 +330,7 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--one", choices=list(OPTIONS), help=argparse.SUPPRESS)
     given = parser.parse_args(arguments)
     task = Task(given.category, given.steps, given.views, given.seed)
-    needed = config.artifact_dir(CONFIG, "samples", task.category)
+    needed = task.run.folder("samples")
     if not needed.exists():
         print(f"si3dr_options: skipped, {needed} is not there; `make reproduce-table` makes it")
     elif given.one:

@@ -21,12 +21,12 @@ from torch import Tensor
 
 from bench.lib import measuring
 from bench.reconstruction import brief_clouds, first_views
-from ddf.core import config
 from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, rendering
 from ddf.geometry import cameras, transforms
 from ddf.models.reconstruction import inference, reconstruction_models, settings
 from ddf_lab.engine import step_cost
+from ddf_lab.run import Run
 
 CPU, PAPER = Path("configs/cpu.yaml"), Path("configs/paper.yaml")
 CATEGORY, THREADS, IMAGES = "chair", 2, 2
@@ -51,31 +51,29 @@ class Scene:
     views: first_views.Views | None
 
 
-def read(config_path: Path) -> tuple[settings.TrainConfig, Pair, settings.PointcloudsConfig]:
+def read(run: Run) -> tuple[settings.TrainConfig, Pair, settings.PointcloudsConfig]:
     """The training section, both models freshly initialised, and how clouds are drawn."""
-    train = config.load(config_path, settings.TrainConfig)
+    train = run.section(settings.TrainConfig)
     torch.manual_seed(0)
-    ddf = reconstruction_models.ddf_model(train, config.load(config_path, settings.DDFConfig).field)
+    ddf = reconstruction_models.ddf_model(train, run.section(settings.DDFConfig).field)
     models = (ddf.eval(), reconstruction_models.pcsiren_model(train).eval())
-    return train, models, config.load(config_path, settings.PointcloudsConfig)
+    return train, models, run.section(settings.PointcloudsConfig)
 
 
-def random_scene(config_path: Path) -> Scene:
+def random_scene(run: Run) -> Scene:
     """Random weights on random images."""
-    train, models, section = read(config_path)
+    train, models, section = read(run)
     images = step_cost.random_images(IMAGES, train.image_size)
     for model in models:
         model.camera_head.fit(images.cameras)
-    return Scene(f"{config_path.name}, random weights", models, section, images, [2.0] * IMAGES, None)
+    return Scene(f"{run.file.name}, random weights", models, section, images, [2.0] * IMAGES, None)
 
 
-def trained_scene(config_path: Path) -> Scene:
+def trained_scene(run: Run) -> Scene:
     """The experiment's own models on the first views of its first test shapes."""
-    _, models, section = read(config_path)
-    views = first_views.read(
-        config_path, CATEGORY, IMAGES, dict(zip(("train_ddf", "train_pcsiren"), models, strict=True))
-    )
-    name = f"{config_path.name}, trained, {CATEGORY}"
+    _, models, section = read(run)
+    views = first_views.read(run, CATEGORY, IMAGES, dict(zip(("train_ddf", "train_pcsiren"), models, strict=True)))
+    name = f"{run.file.name}, trained, {CATEGORY}"
     return Scene(name, models, section, views.images, views.field_scales, views)
 
 
@@ -121,7 +119,7 @@ def changed(cloud: cloud_projection.CloudConfig, **values: Any) -> cloud_project
 
 def variants() -> dict[cloud_projection.CloudConfig, str]:
     """Ways of drawing a cloud, and what to call them: as cpu.yaml says, with fewer directions, in brief."""
-    cloud = config.load(CPU, settings.PointcloudsConfig).cloud
+    cloud = Run.read(CPU).section(settings.PointcloudsConfig).cloud
     found = {changed(cloud, cycles=cycles): f"as {CPU.name}" for cycles in CYCLES}
     found.setdefault(changed(cloud, num_directions=FEWER_DIRECTIONS), f"as {CPU.name}, fewer directions")
     found.setdefault(changed(cloud, **brief_clouds.IN_BRIEF), f"as {CPU.name}, in brief")
@@ -166,7 +164,7 @@ def measure(scene: Scene) -> list[dict[str, Any]]:
         work = functools.partial(draw, setting=setting)
         add(f"DDF cloud {name}", {"points": count, **dataclasses.asdict(setting)}, work, clouds=True)
     if scene.views is None:
-        paper = config.load(PAPER, settings.PointcloudsConfig).cloud
+        paper = Run.read(PAPER).section(settings.PointcloudsConfig).cloud
         size = {"points": PAPER_POINTS, **dataclasses.asdict(paper)}
         add(f"DDF cloud as {PAPER.name}", size, functools.partial(draw, setting=paper, points=PAPER_POINTS))
     for pixels in DEPTH_SIZES:
@@ -186,5 +184,7 @@ def measure(scene: Scene) -> list[dict[str, Any]]:
 def main() -> None:
     """Measure both widths."""
     torch.set_num_threads(THREADS)
-    scenes = (trained_scene(CPU) if first_views.trained(CPU, CATEGORY) else random_scene(CPU), random_scene(PAPER))
+    cpu = Run.read(CPU)
+    first = trained_scene(cpu) if first_views.trained(cpu, CATEGORY) else random_scene(cpu)
+    scenes = (first, random_scene(Run.read(PAPER)))
     measuring.write("single_image", THREADS, [row for scene in scenes for row in measure(scene)])

@@ -10,6 +10,7 @@ import _models
 import pytest
 
 from ddf.core import storage
+from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[2]
 EXPORT = "export: {outputs: [visibility, depth, normals], batches: [1, 7], precisions: [float16], seed: 0}\n"
@@ -24,7 +25,7 @@ def written(tmp_path_factory):
     (root / "configs/tiny.yaml").write_text(EXPORT)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
-        runpy.run_path(str(ROOT / "stages/export_onnx.py"))["run"](Path("configs/tiny.yaml"), "chair")
+        runpy.run_path(str(ROOT / "stages/export_onnx.py"))["make"](Run.read("configs/tiny.yaml", "chair"))
     return root / "artifacts/tiny/export_onnx/chair"
 
 

@@ -1,13 +1,11 @@
-"""Strict reading of experiment files: one YAML file is one experiment, one top-level section per stage.
+"""Strict reading of YAML files whose top-level keys are sections, each described by a dataclass.
 
-The dataclass of a section lives beside the code that uses it, so that a change of its schema touches only the code that
-reads it; `SECTIONS` names them all. `load` refuses unknown and missing keys, repeated keys and wrong types; ranges are
-checked by the dataclass.
+The dataclass lives beside the code that uses it. Unknown, missing and repeated keys and wrong types are refused; ranges
+are checked by the dataclass.
 """
 
 import dataclasses
 import functools
-import importlib
 import re
 import types
 import typing
@@ -18,29 +16,6 @@ from typing import Any, ClassVar, Literal, TypeVar
 import yaml
 
 from ddf.core import checks
-
-# Section of an experiment file: its dataclass, as text, for a lower package imports no higher one.
-SECTIONS = {
-    "dataset": "ddf.data.dataset:DatasetConfig",
-    "meshes": "ddf.data.mesh_config:MeshesConfig",
-    "samples": "ddf.data.sampling:SamplesConfig",
-    "train": "ddf.models.reconstruction.settings:TrainConfig",
-    "ddf": "ddf.models.reconstruction.settings:DDFConfig",
-    "pcsiren": "ddf.models.reconstruction.settings:PCSirenConfig",
-    "pointclouds": "ddf.models.reconstruction.settings:PointcloudsConfig",
-    "evaluate": "ddf_lab.evaluation.scoring:EvaluateConfig",
-    "report": "ddf_lab.report.experiment.experiment_page:ReportConfig",
-    "export": "ddf.io.onnx_file:ExportConfig",
-}
-FIT_SECTIONS = {"fit": "ddf.fit.fit_settings:FitConfig"}  # of files of their own: no experiment
-DATA_SECTIONS = ("dataset", "meshes", "samples")  # that generative experiments have too, beside these:
-GENERATIVE_SECTIONS = {
-    "vae": "ddf.models.generative.settings:VAEConfig",
-    "gan": "ddf.models.generative.settings:GANConfig",
-    "scores": "ddf.models.generative.settings:ScoresConfig",
-}
-FIGURES_SECTIONS = {"figures": "ddf_lab.figures.figure_fields:FiguresConfig"}  # of a file of its own
-ALL_SECTIONS = SECTIONS | FIT_SECTIONS | GENERATIVE_SECTIONS | FIGURES_SECTIONS
 
 T = TypeVar("T")
 
@@ -109,53 +84,30 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _whole)
 _Loader.add_constructor("tag:yaml.org,2002:float", _real)
 
 
-def load(path: str | Path, cls: type[T]) -> T:
-    """The section of an experiment file that belongs to a dataclass, as an instance of it.
+def load(path: str | Path, name: str, cls: type[T]) -> T:
+    """One section of a YAML file as an instance of its dataclass, see `section`."""
+    return section(read(path), name, cls, path)
+
+
+def section(sections: Mapping[str, Any], name: str, cls: type[T], path: str | Path) -> T:
+    """A section by its name, as an instance of the dataclass that describes it.
 
     Args:
-      path: a YAML file whose top-level keys are a subset of `ALL_SECTIONS`.
-      cls: one that these list; every field without a default must be given, every given key must be a field.
+      sections: as `read` gives them, of the file `path`.
+      cls: every field without a default must be given, every given key must be a field.
     Raises:
       InputError: naming the file and the key, for anything that does not fit.
     """
-    return _section(path, read(path), section_of(cls), cls)
-
-
-def load_all(path: str | Path) -> dict[str, Any]:
-    """Every section of an experiment file, in the file's order, as `load` gives it."""
-    sections = read(path)
-    return {name: _section(path, sections, name, class_of(name)) for name in sections}
-
-
-def section_of(cls: type) -> str:
-    """The name of the section that a dataclass describes."""
-    place = f"{cls.__module__}:{cls.__qualname__}"
-    names = [name for name, own in ALL_SECTIONS.items() if own == place]
-    if not names:
-        raise ValueError(f"config.ALL_SECTIONS lists no section of {place}")
-    return names[0]
-
-
-def class_of(section: str) -> type:
-    """The dataclass of a section, imported."""
-    module, _, name = ALL_SECTIONS[section].partition(":")
-    return getattr(importlib.import_module(module), name)
-
-
-def _section(path: str | Path, sections: Mapping[str, Any], name: str, cls: type[T]) -> T:
     if name not in sections:
-        raise checks.InputError(f"{path}: section {name!r} is missing; give it as configs/cpu.yaml does")
+        raise checks.InputError(f"{path}: section {name!r} is missing")
     return parse(sections[name], cls, f"{path}: {name}")
 
 
 def read(path: str | Path) -> dict[str, Any]:
-    """All sections of an experiment file as plain dicts, section names checked."""
+    """All sections of a file as plain dicts."""
     data = read_yaml(path)
     if not isinstance(data, dict):
-        raise checks.InputError(f"{path}: must hold the sections {', '.join(SECTIONS)}; got {type(data).__name__}")
-    for name in data:
-        if name not in ALL_SECTIONS:
-            raise checks.InputError(f"{path}: unknown section {name!r}; the sections are {', '.join(ALL_SECTIONS)}")
+        raise checks.InputError(f"{path}: must hold sections of keys and values; got {type(data).__name__}")
     return data
 
 
@@ -217,27 +169,6 @@ def known(data: Any, cls: type) -> Any:
             inner = [hint for hint in (hints[name], *typing.get_args(hints[name])) if dataclasses.is_dataclass(hint)]
             kept[name] = known(value, typing.cast(type, inner[0])) if inner else value
     return kept
-
-
-def artifact_dir(config_path: str | Path, stage: str, category: str | None = None, seed: int = 0) -> Path:
-    """artifacts/<experiment>/<stage>[/<category>], relative to the repository root, which is where stages run.
-
-    Of seed 1 and on artifacts/<experiment>/<stage>_seeds/<seed>[/<category>]: a folder that seed 0 never sees.
-    """
-    folder = Path("artifacts") / Path(config_path).stem / (f"{stage}_seeds/{seed}" if seed else stage)
-    return folder / category if category else folder
-
-
-def reseeded(section: T, seed: int) -> T:
-    """A section (a dataclass) with `seed` added to every key `seed` in it, however deep; 0 leaves it as it is."""
-    changes: dict[str, Any] = {}
-    for field in dataclasses.fields(typing.cast(Any, section)):
-        value = getattr(section, field.name)
-        if field.name == "seed":
-            changes["seed"] = value + seed
-        elif dataclasses.is_dataclass(value):
-            changes[field.name] = reseeded(value, seed)
-    return dataclasses.replace(typing.cast(Any, section), **changes)
 
 
 @functools.cache

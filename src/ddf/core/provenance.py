@@ -9,6 +9,7 @@ import dataclasses
 import functools
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -16,8 +17,8 @@ from typing import Any
 
 from ddf.core import storage
 
-SOURCES = Path(__file__).resolve().parents[2]  # the folder that holds both packages
-PACKAGES = ("ddf", "ddf_lab")
+SOURCES = Path(__file__).resolve().parents[2]  # the folder that holds the packages
+PACKAGE = re.compile(r"ddf(_\w+)?")  # ours: this one, and in a checkout those beside it
 
 
 def fingerprint(
@@ -56,7 +57,7 @@ def code_version(modules: tuple[str, ...]) -> str:
 
 
 def script_version(script: str | Path, without: str) -> str:
-    """The same of a script outside the packages and of all that it imports from them but one room, `ddf_lab/engine`."""
+    """The same of a script outside the packages and of all that it imports from them but one room."""
     left_out = SOURCES / without
     closure = (file for file in import_closure(script) if not file.is_relative_to(left_out))
     return _hash_of_trees({*closure, Path(script).resolve()})
@@ -109,14 +110,14 @@ def module_file(name: str) -> Path:
     files = _package_files(name)
     expected = SOURCES.joinpath(*name.split("."))
     if not files or files[-1] not in (expected.with_suffix(".py"), expected / "__init__.py"):
-        raise ValueError(f"{name} is not a module of {' or '.join(PACKAGES)}")
+        raise ValueError(f"{name} is not a module of {SOURCES}")
     return files[-1]
 
 
 def _package_files(name: str) -> list[Path]:
     """Files that importing `name` runs, outermost first; empty for other packages, shorter for names in a module."""
     parts = name.split(".")
-    if parts[0] not in PACKAGES:
+    if not PACKAGE.fullmatch(parts[0]):
         return []
     files: list[Path] = []
     for i in range(len(parts)):
@@ -133,7 +134,7 @@ def _package_files(name: str) -> list[Path]:
 
 def _inside(file: Path) -> bool:
     """Whether a file is of one of the packages."""
-    return file.is_relative_to(SOURCES) and file.relative_to(SOURCES).parts[0] in PACKAGES
+    return file.is_relative_to(SOURCES) and bool(PACKAGE.fullmatch(file.relative_to(SOURCES).parts[0]))
 
 
 def _hash_of_trees(files: Iterable[Path]) -> str:

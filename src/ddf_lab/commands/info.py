@@ -9,6 +9,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ddf_lab.run import Run
+
 EXAMPLES = (
     "ddf info configs/cpu.yaml --no-steps",
     "ddf info configs/paper.yaml --json",
@@ -28,16 +30,14 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Counts come from the models themselves, built without memory for their values."""
     import torch
 
-    from ddf.core import config
     from ddf.fields import pddf
     from ddf.models.reconstruction import reconstruction_models, settings
-    from ddf_lab.engine import experiment_cost
+    from ddf_lab.engine import experiment_cost, experiments
 
-    sections = config.read(args.config)
-    if set(sections) & set(config.GENERATIVE_SECTIONS):
-        return _generative(args.config, list(sections))
-    train = config.load(args.config, settings.TrainConfig)
-    ddf = config.load(args.config, settings.DDFConfig)
+    experiment = Run.read(args.config)
+    if experiments.is_generative(experiment.given):
+        return _generative(experiment)
+    train, ddf = experiment.section(settings.TrainConfig), experiment.section(settings.DDFConfig)
     models: dict[str, torch.nn.Module] = {}
     with torch.device("meta"):
         models["ddf"] = reconstruction_models.ddf_model(train, ddf.field)
@@ -45,15 +45,15 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         models["single_shape"] = pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)
         models["ddf_encoder"] = reconstruction_models.Encoder(train.latent_features, train.encoder_width)
     parameters = {name: pddf.count_parameters(model) for name, model in models.items()}
-    cost, stages = experiment_cost.predict(args.config, measured=not args.no_steps), _stages(args.config)
+    cost, stages = experiment_cost.predict(experiment, measured=not args.no_steps), _stages(args.config)
     return {
         "config": str(args.config),
         "verdict": _verdict(args.config, stages, parameters, cost),
         "parameters": parameters,
         "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
         "stages": stages,
-        "sections": list(sections),
-        "artifacts_mib": _sizes(Path("artifacts") / args.config.stem),
+        "sections": list(experiment.given),
+        "artifacts_mib": _sizes(Path("artifacts") / experiment.name),
         "cost": cost,
     }
 
@@ -70,21 +70,20 @@ def _verdict(path: Path, stages: list[str], parameters: dict[str, int], cost: di
     )
 
 
-def _generative(path: Path, sections: list[str]) -> dict[str, Any]:
+def _generative(experiment: Run) -> dict[str, Any]:
     """Of a generative experiment: the same without a cost, which nothing predicts."""
-    from ddf.core import config
     from ddf.models.generative import parameter_counts, settings
 
-    vae, gan = config.load(path, settings.VAEConfig), config.load(path, settings.GANConfig)
-    parameters, stages = parameter_counts.count(vae, gan), _stages(path)
+    parameters = parameter_counts.count(experiment.section(settings.VAEConfig), experiment.section(settings.GANConfig))
+    stages = _stages(experiment.file)
     return {
-        "config": str(path),
-        "verdict": _verdict(path, stages, parameters),
+        "config": str(experiment.file),
+        "verdict": _verdict(experiment.file, stages, parameters),
         "parameters": parameters,
         "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
         "stages": stages,
-        "sections": sections,
-        "artifacts_mib": _sizes(Path("artifacts") / path.stem),
+        "sections": list(experiment.given),
+        "artifacts_mib": _sizes(Path("artifacts") / experiment.name),
     }
 
 

@@ -4,40 +4,34 @@ import contextlib
 import dataclasses
 import os
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import torch
 
-from ddf.core import config, storage
+from ddf.core import storage
+from ddf.data import dataset, sampling
 from ddf.fields import pddf
 from ddf.models.reconstruction import reconstruction_models, settings
 from ddf.training import training_loop
 from ddf_lab.engine import step_cost
+from ddf_lab.run import Run
 
 SAMPLE_BYTES = 14  # as `packing` stores a sample: 6 position, 4 direction, 2 depth, 2 normal
 CLOUD_BYTES = 13  # of a true point: three float32 and whether it is hidden
 MODEL_COPIES = 4  # of the parameters on disk: the model, and the checkpoint with AdamW's two moments
 
 
-def predict(config_path: Path, measured: bool) -> dict[str, Any]:
+def predict(run: Run, measured: bool) -> dict[str, Any]:
     """Shapes, samples and bytes by category, steps, and with `measured` seconds of the trainings on this machine.
 
     A category of which all shapes are taken is counted once the stage `dataset` has listed them; until then its
     numbers, and the sums, are null and those `per_shape` hold. Meshes and synthetic renders are not in the bytes.
     """
-    sections = config.read(config_path)
-    train = config.load(config_path, settings.TrainConfig)
-    models = {
-        "ddf": config.load(config_path, settings.DDFConfig),
-        "pcsiren": config.load(config_path, settings.PCSirenConfig),
-    }
-    shapes = count_shapes(config_path, sections["dataset"]["categories"])
-    samples = sum(sections["samples"]["counts"].values())
-    per_shape = {
-        "samples": samples,
-        "bytes": samples * SAMPLE_BYTES + sections["samples"]["cloud_points"] * CLOUD_BYTES,
-    }
+    train, drawn = run.section(settings.TrainConfig), run.section(sampling.SamplesConfig)
+    models = {"ddf": run.section(settings.DDFConfig), "pcsiren": run.section(settings.PCSirenConfig)}
+    shapes = count_shapes(run)
+    samples = sum(count for _, count in drawn.counts.items())
+    per_shape = {"samples": samples, "bytes": samples * SAMPLE_BYTES + drawn.cloud_points * CLOUD_BYTES}
     known = [count for count in shapes.values() if count is not None]
     total = sum(known) if len(known) == len(shapes) else None
     in_all = {name: each.steps * len(shapes) for name, each in models.items()}
@@ -57,12 +51,12 @@ def predict(config_path: Path, measured: bool) -> dict[str, Any]:
     }
 
 
-def count_shapes(config_path: Path, categories: dict[str, int | None]) -> dict[str, int | None]:
+def count_shapes(run: Run) -> dict[str, int | None]:
     """Shapes by category: those listed by the stage `dataset` where it has run, else as many as the file asks for."""
-    index = config.artifact_dir(config_path, "dataset") / "index.json"
-    if not index.exists():
+    categories = run.section(dataset.DatasetConfig).categories
+    if not run.index.exists():
         return dict(categories)
-    listed = storage.read_json(index)["categories"]
+    listed = storage.read_json(run.index)["categories"]
     return {name: len(listed[name]["shapes"]) if name in listed else count for name, count in categories.items()}
 
 

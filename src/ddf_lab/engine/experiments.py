@@ -8,7 +8,7 @@ import dataclasses
 import hashlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -16,6 +16,7 @@ from typing import Any, Literal
 import yaml
 
 from ddf.core import checks, config, storage
+from ddf_lab.run import Run
 
 CONFIGS = Path("configs")
 NAME = re.compile(r"\w+")
@@ -25,6 +26,13 @@ Lists = dict[str, dict[str, dict[str, str]]]
 
 
 Kind = Literal["reconstruction", "shape", "generative", "figures"]
+DATA = ("dataset", "meshes", "samples")
+KINDS: dict[Kind, tuple[str, ...]] = {  # by the sections that a file must have
+    "reconstruction": (*DATA, "train", "ddf", "pcsiren", "pointclouds", "evaluate", "report", "export"),
+    "shape": ("fit",),
+    "generative": (*DATA, "vae", "gan", "scores"),
+    "figures": ("figures",),
+}
 LAST_STAGE: dict[Kind, str] = {
     "reconstruction": "report",
     "shape": "report_shape",
@@ -77,7 +85,7 @@ class Experiment:
         runs = {
             f"{self.name}-{each}-{seed}": item(self.file, each, seed) for seed in numbers for each in self.categories
         }
-        evaluations = {f"{self.name}-{seed}": item(self.file, None, seed) for seed in numbers}
+        evaluations = {f"{self.name}-{seed}": item(self.file, "", seed) for seed in numbers}
         return none | {
             "sources": whole,
             "sets": tasks,
@@ -88,12 +96,12 @@ class Experiment:
         }
 
 
-def item(file: Path, category: str | None = None, seed: int = 0) -> dict[str, str]:
+def item(file: Path, category: str = "", seed: int = 0) -> dict[str, str]:
     """What stands in pipeline.yaml for `item`: of seed 1, option is " --seed 1" and folder "_seeds/1"."""
     return {
         "file": file.as_posix(),
         "name": file.stem,
-        "category": category or "",
+        "category": category,
         "option": f" --seed {seed}" if seed else "",
         "folder": f"_seeds/{seed}" if seed else "",
     }
@@ -109,7 +117,7 @@ def find(given: str, changes: Sequence[str] = ()) -> Experiment:
       InputError: there is no such file, its name is another's, or a key is unknown.
     """
     file = _existing(given)
-    sections = config.read(file)
+    sections = dict(Run.read(file).given)
     taken = file.parent != CONFIGS and (CONFIGS / file.name).exists()
     if taken or not NAME.fullmatch(file.stem):
         why = f"{CONFIGS / file.name} has it" if taken else "letters, digits and _ only"
@@ -126,18 +134,16 @@ def find(given: str, changes: Sequence[str] = ()) -> Experiment:
 
 def read(file: Path) -> Experiment:
     """The experiment of a file, wherever that is; InputError where a section is missing."""
-    sections = config.read(file)
-    if set(sections) == set(config.FIT_SECTIONS):
-        return Experiment(file, (), "shape")
-    if set(sections) == set(config.FIGURES_SECTIONS):
-        return Experiment(file, (), "figures")
-    generative = bool(set(sections) & set(config.GENERATIVE_SECTIONS))
-    needed = (*config.DATA_SECTIONS, *config.GENERATIVE_SECTIONS) if generative else tuple(config.SECTIONS)
-    missing = [name for name in needed if name not in sections]
-    if missing and generative:
-        raise checks.InputError(f"{file}: section {missing[0]!r} is missing; give it as configs/generative.yaml does")
-    if missing:
-        raise checks.InputError(f"{file}: section {missing[0]!r} is missing; give it as configs/cpu.yaml does")
+    sections = Run.read(file).given
+    for kind in ("shape", "figures"):
+        if tuple(sections) == KINDS[kind]:
+            return Experiment(file, (), kind)
+    generative = is_generative(sections)
+    kind: Kind = "generative" if generative else "reconstruction"
+    for name in KINDS[kind]:
+        if name not in sections:
+            like = "generative" if generative else "cpu"
+            raise checks.InputError(f"{file}: section {name!r} is missing; give it as configs/{like}.yaml does")
     try:
         categories = tuple(sections["dataset"]["categories"])
     except (KeyError, TypeError) as error:
@@ -147,7 +153,12 @@ def read(file: Path) -> Experiment:
             raise checks.InputError(f"{file}: dataset.categories: {name!r} is no category (letters, digits and _ only)")
     if generative and len(categories) != 1:
         raise checks.InputError(f"{file}: the models are of one category; dataset.categories has {list(categories)}")
-    return Experiment(file, categories, "generative" if generative else "reconstruction")
+    return Experiment(file, categories, kind)
+
+
+def is_generative(sections: Iterable[str]) -> bool:
+    """Whether an experiment with these sections is one of generative models."""
+    return not set(sections).isdisjoint(set(KINDS["generative"]) - set(DATA))
 
 
 def _existing(given: str) -> Path:

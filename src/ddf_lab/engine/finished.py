@@ -13,16 +13,26 @@ from typing import Any
 
 from ddf.core import config, provenance, storage
 from ddf_lab.engine import experiments, graph
+from ddf_lab.run import Run
 
 FRAME = "ddf_lab/engine"  # the room around the stages: no result depends on it
 
 
-def find(stage: str, config_path: Path, category: str | None, seed: int) -> graph.Item | None:
+def find(stage: str, run: Run) -> graph.Item | None:
     """The item of a stage that runs in the repository; None elsewhere, and for any other script."""
     entry = graph.load().get(stage) if graph.PIPELINE.is_file() else None
     if entry is None:
         return None
-    return graph.make_item(stage, entry["do"], "", experiments.item(config_path, category, seed))
+    return graph.make_item(stage, entry["do"], "", experiments.item(run.file, run.category, run.seed))
+
+
+def read(path: Path) -> dict[str, Any]:
+    """The note of a stage's last run; empty where there is none, or none that can be read."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def note(item: graph.Item) -> dict[str, Any]:

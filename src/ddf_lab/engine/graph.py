@@ -24,10 +24,11 @@ class Item:
     sections: Mapping[str, tuple[str, ...]]  # by experiment file
     deps: tuple[str, ...]
     outs: tuple[str, ...]
-    category: str | None = None
+    category: str = ""
     seed: int = 0
     together: int | None = 1
     nice: int = 0
+    experiment: str = ""
 
     @property
     def name(self) -> str:
@@ -77,10 +78,11 @@ def make_item(stage: str, entry: Mapping[str, Any], key: str, values: Mapping[st
         sections={file: tuple(names) for params in filled["params"] for file, names in params.items()},
         deps=tuple(_paths(filled["deps"])),
         outs=tuple(_paths(filled["outs"])),
-        category=values["category"] or None,
+        category=values["category"],
         seed=int(values["folder"].rpartition("/")[2] or 0),
         together=None if together == "jobs" else int(together),
         nice=int(meta.get("nice", 0)),
+        experiment=values["name"],
     )
 
 

@@ -17,8 +17,8 @@ import psutil
 import yaml
 
 from ddf.core import checks, config, storage
-from ddf_lab import stage_notes
 from ddf_lab.engine import console, experiments, finished, graph, lock, schedule
+from ddf_lab.run import Run, time_path
 
 ITEMS = Path("params.yaml")
 STALE = Path(".dvc/tmp/rwlock")  # DVC's own, left behind where it was killed
@@ -55,7 +55,7 @@ def run(given: str, changes: Sequence[str], options: Options) -> Path:
         engine = _Engine(_environment(experiment, options), descriptor)
         changed = engine.changed([item for item in items if item.stage in stages])
         if changed:
-            config.load_all(experiment.file)  # what does not fit is told before the work
+            Run.read(experiment.file).sections()  # what does not fit is told before the work
         stale = engine.stale([item for item in items if item.name in changed])
         failed = schedule.run(graph.affected(items, stale), options.jobs, engine.run, engine.stop)
     if failed:
@@ -138,7 +138,7 @@ class _Engine:
 
     def stale(self, items: Sequence[graph.Item]) -> list[str]:
         """Names of those that have work to do; that the others have none is put down in DVC's record."""
-        done = [item for item in items if finished.is_done(item, stage_notes.read(_note_of(item)))]
+        done = [item for item in items if finished.is_done(item, finished.read(_note_of(item)))]
         if done:
             self._start(["dvc", "commit", "-q", "-f", *(item.name for item in done)], None, None).wait()
         return [item.name for item in items if item not in done]
@@ -166,5 +166,4 @@ class _Engine:
 
 
 def _note_of(item: graph.Item) -> Path:
-    (file,) = item.sections
-    return stage_notes.time_path(Path(file), item.stage, item.category, item.seed)
+    return time_path(item.experiment, item.stage, item.category, item.seed)

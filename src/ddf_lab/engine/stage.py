@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import dataclasses
 import json
 import logging
 import os
@@ -13,11 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from ddf.core import guard, interrupts, locks
-from ddf_lab import stage_notes
+from ddf_lab.engine import finished
+from ddf_lab.run import Run, time_path
 
 
-def main(run: Callable[..., None], description: str | None, category: bool = False, seed: bool = False) -> None:
-    """Parse `--config FILE [--category NAME] [--seed S]` and call `run(config_path[, category][, seed])`.
+def main(make: Callable[[Run], None], description: str | None, category: bool = False, seed: bool = False) -> None:
+    """Parse `--config FILE [--category NAME] [--seed S]` and call `make` with the run that they name.
 
     InputError and OSError (no such file, disk full, read-only) end the process with one line on stderr and code 2;
     anything else is a bug and keeps its traceback.
@@ -32,7 +34,7 @@ def main(run: Callable[..., None], description: str | None, category: bool = Fal
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     kept = "what is finished is kept, and the same command goes on from there"
     with interrupts.raised():
-        sys.exit(guard.guarded(lambda: _run_alone(run, **arguments), Path(sys.argv[0]).stem, kept))
+        sys.exit(guard.guarded(lambda: _run_alone(make, **arguments), Path(sys.argv[0]).stem, kept))
 
 
 def _whole_number(text: str) -> int:
@@ -41,38 +43,34 @@ def _whole_number(text: str) -> int:
     return int(text)
 
 
-def label(category: str, seed: int) -> str:
-    """What a progress bar calls the work on a category: `chair`, and `chair seed 1` for a further seed."""
-    return f"{category} seed {seed}" if seed else category
-
-
-def _run_alone(run: Callable[..., None], config: Path, **arguments: Any) -> None:
+def _run_alone(make: Callable[[Run], None], config: Path, **arguments: Any) -> None:
     """Run while holding the stage's lock, then note time, memory and what was made of what.
 
     Where the note of an earlier run says that there is nothing to do, nothing is done. A killed engine can leave a
     stage's process behind that still writes the same files. The lock is the kernel's and goes with that process; of
     the processes of one distributed training only the first takes it.
     """
-    from ddf_lab.engine import finished  # here: `ddf`, which needs `guarded` alone, starts without what it imports
-
-    name, category, seed = Path(sys.argv[0]).stem, arguments.get("category"), arguments.get("seed", 0)
-    record = stage_notes.time_path(config, name, category, seed)
+    name, run = Path(sys.argv[0]).stem, Run.read(config, **arguments)
+    record = time_path(run.name, name, run.category, run.seed)
     record.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as stack:
         first = os.environ.get("RANK", "0") == "0"
         if first:
             busy = f"an earlier process of this stage ({{number}}) is still at work on {config}"
             stack.enter_context(locks.held(record.with_suffix(".lock"), busy))
-        item = finished.find(name, config, category, seed)
-        done = item is not None and finished.is_done(item, stage_notes.read(record))
+        item = finished.find(name, run)
+        done = item is not None and finished.is_done(item, finished.read(record))
         if first:
-            what = " ".join([name, *([label(category, seed)] if category else [f"seed {seed}"] if seed else [])])
+            what = f"{name} {run.label}".rstrip()
             sys.stderr.write(f"{what}: nothing to do\n" if done else f"{what}\n")
         if done:
             return
+        if item is not None:  # a section that `params` does not list would change without a new run
+            listed = {section for names in item.sections.values() for section in names}
+            run = dataclasses.replace(run, given={key: value for key, value in run.given.items() if key in listed})
         imported = _largest_child_kib()
         started = time.monotonic()
-        run(config, *arguments.values())
+        make(run)
         seconds = round(time.monotonic() - started, 2)
         note = {"seconds": seconds, **_peak_memory(imported), **({} if item is None else finished.note(item))}
         record.write_text(json.dumps(note) + "\n", encoding="utf-8")

@@ -5,39 +5,39 @@ experiment with one seed has.
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from ddf.core import checks, config, storage
+from ddf.core import checks, storage
 from ddf_lab.evaluation import baselines, scoring
+from ddf_lab.run import Run
 
 TRAINED = (scoring.DDF, scoring.PC_SIREN, scoring.DDF_ONE_CYCLE, scoring.DDF_ON_MASK, baselines.RETRIEVAL)
 COUNT = "count"  # written by make beside the tables of the further seeds
 _KEYS = ["category", "method", "column", "metric"]
 
 
-def read_count(config_path: Path) -> int:
+def read_count(run: Run) -> int:
     """How many seeds the last call of make asked for; 1 where nothing was asked.
 
     Raises:
       InputError: the file that says it does not hold a number >= 1.
     """
-    path = config.artifact_dir(config_path, "evaluate_seeds") / COUNT
+    path = run.folder("evaluate_seeds") / COUNT
     text = path.read_text(encoding="utf-8").strip() if path.exists() else "1"
     if not text.isdecimal() or int(text) < 1:
         raise checks.InputError(f"{path}: must hold the number of seeds, 1 or more; got {text!r}")
     return int(text)
 
 
-def read_table(config_path: Path, seeds: int) -> pd.DataFrame:
+def read_table(run: Run, seeds: int) -> pd.DataFrame:
     """The measured long table of the first `seeds` seeds, see `over_seeds`.
 
     Raises:
       FileNotFoundError, InputError: a seed was not evaluated, or its table is damaged or does not fit the others.
     """
-    folders = [config.artifact_dir(config_path, "evaluate", seed=seed) for seed in range(seeds)]
+    folders = [run.folder("evaluate", seed=seed) for seed in range(seeds)]
     return over_seeds([storage.load_table(folder / "si3dr.csv")[0] for folder in folders])
 
 

@@ -5,13 +5,12 @@ Everything comes from what the trainings and the stage `evaluate_generative` wro
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import torch
 
-from ddf.core import config, storage
+from ddf.core import storage
 from ddf.metrics import metrics
 from ddf.models.generative import pictures as picture_arrays
 from ddf.models.generative import settings
@@ -19,6 +18,7 @@ from ddf.pictures import sheets
 from ddf.training import training_loop
 from ddf_lab.evaluation.generative import generative_clouds, generative_images
 from ddf_lab.report import pages
+from ddf_lab.run import Run
 
 PAPER_FID: Final = {generative_images.OURS: "27", generative_images.FLAT: "15"}  # [DDF22] §4.4
 NO_WEIGHTS: Final = "not computed (no Inception weights)"
@@ -66,16 +66,14 @@ class _Results:
     logs: Mapping[str, list[dict[str, float]]]
 
 
-def write(
-    config_path: Path, category: str, gan: settings.GANConfig, section: settings.ScoresConfig, folder: Path
-) -> None:
+def write(run: Run, gan: settings.GANConfig, section: settings.ScoresConfig) -> None:
     """Read the results of the experiment and write the page."""
-    evaluated = config.artifact_dir(config_path, "evaluate_generative", category)
+    evaluated = run.folder("evaluate_generative")
     pictures, _ = storage.load_tensors(evaluated / "pictures.safetensors")
-    logs = {name: training_loop.read_log(config.artifact_dir(config_path, name, category)) for name in TRAININGS}
+    logs = {name: training_loop.read_log(run.folder(name)) for name in TRAININGS}
     scores = storage.read_json(evaluated / "scores.json")
-    results = _Results(config_path.stem, category, scores, pictures, gan, section, logs)
-    pages.write(_page(results), folder)
+    results = _Results(run.name, run.category, scores, pictures, gan, section, logs)
+    pages.write(_page(results), run.page)
 
 
 def _page(results: _Results) -> pages.Page:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import torch
 
-from ddf.core import config, storage
+from ddf.core import storage
 from ddf.data import shapenet, splits
 from ddf.data.synthetic import showcase
 from ddf.fit import fit_settings, fitting, shape_field, shape_samples
@@ -18,6 +18,7 @@ from ddf.geometry import mesh_io, transforms
 from ddf.io import onnx_file
 from ddf.models.reconstruction import familiarity, settings
 from ddf.training import training_loop
+from ddf_lab.run import Run
 from ddf_lab.shipping import shipping
 
 STEPS = 6000  # of a field's fit: what two quiet cores do in two to four minutes
@@ -37,18 +38,18 @@ FIELDS = {  # of `showcase.SHAPES`: what each shows
 }
 
 
-def write_all(config_path: Path, fitted: Path, out: Path) -> None:
+def write_all(run: Run, fitted: Path, out: Path) -> None:
     """All shipped models, one folder each, and their index.
 
     Args:
-      config_path: the experiment whose reconstructions (seed 0) are shipped.
+      run: the experiment whose reconstructions (seed 0) are shipped.
       fitted: folder of the fits; one that is there already is not repeated.
     Raises:
       FileNotFoundError: the experiment has no trained model or no table.
     """
     entries = [write_field(name, summary, fitted / name, out / name) for name, summary in FIELDS.items()]
-    dataset = shapenet.Dataset.open(config.artifact_dir(config_path, "dataset") / "index.json")
-    entries += [write_reconstruction(config_path, dataset, name, out / name) for name in dataset.categories]
+    dataset = shapenet.Dataset.open(run.index)
+    entries += [write_reconstruction(run, dataset, name, out / name) for name in dataset.categories]
     shipping.write_index(out, entries)
 
 
@@ -97,15 +98,13 @@ def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, A
     return {"name": name, "kind": "field", "summary": summary}
 
 
-def write_reconstruction(config_path: Path, dataset: shapenet.Dataset, name: str, out: Path) -> dict[str, Any]:
+def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Path) -> dict[str, Any]:
     """Weights, sample images and card of the DDF that the experiment trained on a category; its entry."""
-    trained = config.artifact_dir(config_path, "train_ddf", name)
+    trained = run.folder("train_ddf", name)
     if not (trained / training_loop.MODEL).exists():
-        raise FileNotFoundError(
-            f"{trained / training_loop.MODEL}: no trained model; run make train CONFIG={config_path}"
-        )
-    train = config.load(config_path, settings.TrainConfig)
-    section = config.load(config_path, settings.DDFConfig)
+        raise FileNotFoundError(f"{trained / training_loop.MODEL}: no trained model; run make train CONFIG={run.file}")
+    train = run.section(settings.TrainConfig)
+    section = run.section(settings.DDFConfig)
     record = {"train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     weights = shipping.write_weights(trained, out, record)
     tests = dataset.test(name)
@@ -113,7 +112,7 @@ def write_reconstruction(config_path: Path, dataset: shapenet.Dataset, name: str
     for number, (shape, views) in enumerate(tests[:SAMPLES]):
         image = shapenet.image_path(dataset.root, entry.synset, shape, views[0])
         shutil.copyfile(image, out / f"sample_{number}.png")
-    (scores, seeds), parameters = _scores(config_path, name), _count(weights)
+    (scores, seeds), parameters = _scores(run, name), _count(weights)
     summary = f"Camera and field of a {name} from one RGBA image."
     shipping.write_card(
         out,
@@ -125,12 +124,12 @@ def write_reconstruction(config_path: Path, dataset: shapenet.Dataset, name: str
                 f"`sample_0.png` to `sample_{SAMPLES - 1}.png` show test shapes, which training never saw.",
             ],
             "Training": [
-                f"Seed 0 of `{config_path}`: {section.steps:,} steps, {parameters:,} parameters.",
+                f"Seed 0 of `{run.file}`: {section.steps:,} steps, {parameters:,} parameters.",
                 f"Images are reduced to {train.image_size} x {train.image_size} pixels.",
                 "Matrices are stored in float16.",
             ],
             "Scores": [
-                f"{_of(seeds)} on test shapes, in float32: `reports/{config_path.stem}/si3dr.csv`.",
+                f"{_of(seeds)} on test shapes, in float32: `reports/{run.name}/si3dr.csv`.",
                 "D_C x 1000 / F(τ) x 100, with 5,000 points.",
                 *(f"{what}: {scores[column][0]:.3f} / {scores[column][1]:.1f}." for column, what in _COLUMNS.items()),
             ],
@@ -152,9 +151,9 @@ def _of(seeds: int) -> str:
 _COLUMNS = {"Pi_g-L": "True camera", "Pi_pred-L": "Predicted camera"}
 
 
-def _scores(config_path: Path, category: str) -> tuple[dict[str, tuple[float, float]], int]:
+def _scores(run: Run, category: str) -> tuple[dict[str, tuple[float, float]], int]:
     """D_C and F(τ) of the DDF in the columns of `_COLUMNS`, and of how many trainings they are the means."""
-    table = pd.read_csv(Path("reports") / config_path.stem / "si3dr.csv")
+    table = pd.read_csv(run.page / "si3dr.csv")
     rows = table[(table.category == category) & (table.method == "ddf") & (table.source == "measured")]
     found = rows.set_index(["column", "metric"]).value
     means = {column: (found[column, "chamfer_l2_sq_x1000"], found[column, "f_score_tau_x100"]) for column in _COLUMNS}

@@ -130,7 +130,7 @@ def test_a_lesson_keeps_every_pair_with_its_network():
 
 
 def _section() -> fit_settings.FitConfig:
-    section = config.load(measuring.ROOT / "configs/fit.yaml", fit_settings.FitConfig)
+    section = config.load(measuring.ROOT / "configs/fit.yaml", "fit", fit_settings.FitConfig)
     loop = dataclasses.replace(section.loop, threads=1, learning_rate=1e-2, muon=None)
     return dataclasses.replace(section, loop=loop)
 

@@ -27,7 +27,7 @@ READS = {
 
 
 def _section() -> fit_settings.FitConfig:
-    section = config.load(measuring.ROOT / Path("configs/fit.yaml"), fit_settings.FitConfig)
+    section = config.load(measuring.ROOT / Path("configs/fit.yaml"), "fit", fit_settings.FitConfig)
     field = dataclasses.replace(section.field, hidden=(32, 32))
     return dataclasses.replace(section, field=field, loop=dataclasses.replace(section.loop, threads=1))
 

@@ -85,7 +85,7 @@ def _learnt() -> view_fields.ViewField:
     o, v = _views(200, 50)
     starts, along = o.repeat_interleave(50, dim=0), v.reshape(-1, 3)
     truth = primitives.cast(primitives.Sphere(radius=BALL), rays.OrientedPoints(starts, along))
-    section = config.load(measuring.ROOT / "configs/fit.yaml", fit_settings.FitConfig)
+    section = config.load(measuring.ROOT / "configs/fit.yaml", "fit", fit_settings.FitConfig)
     loop = dataclasses.replace(section.loop, threads=1, learning_rate=4e-3, muon=None)
     seen = ray_fields.SeenRays(starts.float(), along.float(), truth)
     return view_fields.fit(LAYOUT, seen, RADIUS, dataclasses.replace(section, loop=loop), 16, 16, 300)

@@ -32,12 +32,6 @@ class Section:
             raise checks.InputError(f"meshes.faces must be >= 4; got {self.faces}")
 
 
-@pytest.fixture(autouse=True)
-def _listed(monkeypatch):
-    for listed in (config.SECTIONS, config.ALL_SECTIONS):
-        monkeypatch.setitem(listed, "meshes", f"{__name__}:Section")
-
-
 GOOD: dict[str, Any] = {
     "faces": "10",
     "scale": "1e-4",
@@ -57,10 +51,10 @@ def _write(tmp_path, changes: dict[str, str | None], section: str = "meshes"):
 
 def test_load_gives_typed_values(tmp_path):
     path = _write(tmp_path, {"counts": "{U: 3}", "limit": "null"})
-    assert config.load(path, Section) == Section(
+    assert config.load(path, "meshes", Section) == Section(
         faces=10, scale=1e-4, mode="fast", names=("a", "b"), range=(0.0, 1.5), inner=Inner(3, 0.5), counts={"U": 3}
     )
-    assert isinstance(config.load(path, Section).range[0], float)
+    assert isinstance(config.load(path, "meshes", Section).range[0], float)
 
 
 @pytest.mark.parametrize(
@@ -100,16 +94,15 @@ def test_words_and_numbers_are_those_of_yaml_1_2(text, value):
 )
 def test_load_refuses_what_does_not_fit(tmp_path, changes, message):
     with pytest.raises(checks.InputError, match=message):
-        config.load(_write(tmp_path, changes), Section)
+        config.load(_write(tmp_path, changes), "meshes", Section)
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "must hold the sections"),
-        ("- 1", "must hold the sections"),
+        ("", "must hold sections"),
+        ("- 1", "must hold sections"),
         ("meshes: {a: 1", "not valid YAML"),
-        ("meshs: {a: 1}", "unknown section 'meshs'"),
         ("samples: {a: 1}", "section 'meshes' is missing"),
         ("meshes: {faces: 1, faces: 2}", "not valid YAML.*'faces' is given twice"),
         ("meshes: 3", "meshes must be a mapping"),
@@ -125,26 +118,17 @@ def test_load_refuses_what_does_not_fit(tmp_path, changes, message):
             "entries",
         ),
         ("#" * 200_001, "more than 200,000 bytes"),
-        ("a: " + "x" * 9000, "unknown section"),
+        ("meshes: " + "x" * 9000, "meshes must be a mapping"),
     ],
 )
 def test_read_refuses_other_files(tmp_path, text, message):
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(checks.InputError, match=message) as caught:
-        config.load(path, Section)
+        config.load(path, "meshes", Section)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 500
     assert "bad.yaml" in str(caught.value)
-
-
-def test_a_file_is_read_by_the_list_of_sections(tmp_path):
-    path = _write(tmp_path, {})
-    assert config.section_of(Section) == "meshes"
-    assert config.class_of("meshes") is Section
-    assert config.load_all(path) == {"meshes": config.load(path, Section)}
-    with pytest.raises(ValueError, match=r"config.ALL_SECTIONS lists no section of .*:Inner"):
-        config.load(path, Inner)
 
 
 def test_read_refuses_binary_files_and_names_missing_ones(tmp_path):
@@ -153,27 +137,3 @@ def test_read_refuses_binary_files_and_names_missing_ones(tmp_path):
         config.read(tmp_path / "binary.yaml")
     with pytest.raises(FileNotFoundError, match=r"absent\.yaml"):
         config.read(tmp_path / "absent.yaml")
-
-
-def test_artifact_dir_is_named_after_the_file():
-    assert config.artifact_dir("some/where/cpu.yaml", "meshes", "chair").as_posix() == "artifacts/cpu/meshes/chair"
-    assert config.artifact_dir("cpu.yaml", "evaluate").as_posix() == "artifacts/cpu/evaluate"
-    assert config.artifact_dir("cpu.yaml", "evaluate", seed=2).as_posix() == "artifacts/cpu/evaluate_seeds/2"
-    assert config.artifact_dir("a/cpu.yaml", "train_ddf", "car", 1).as_posix() == "artifacts/cpu/train_ddf_seeds/1/car"
-
-
-def test_a_further_seed_moves_every_seed_of_a_section_and_nothing_else():
-    @dataclass(frozen=True)
-    class Loop:
-        seed: int
-        seeds: int
-
-    @dataclass(frozen=True)
-    class Train:
-        loop: Loop
-        name: str
-        seed: int
-
-    section = Train(Loop(5, 7), "a", 0)
-    assert config.reseeded(section, 0) == section
-    assert config.reseeded(section, 2) == Train(Loop(7, 7), "a", 2)

@@ -45,7 +45,7 @@ def _run(section, out_dir):
 
 def test_synthetic_set_is_made_checked_and_indexed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    out_dir = config.artifact_dir("configs/smoke.yaml", "dataset")
+    out_dir = Path("artifacts/smoke/dataset")
     index = _run(_config(), out_dir)
     assert index["root"] == "artifacts/smoke/dataset"
     entry = index["categories"]["primitives"]
@@ -158,6 +158,6 @@ def test_values_out_of_range_are_refused(changes, text):
 
 @pytest.mark.parametrize(("name", "views"), [("smoke", shapenet.NUM_VIEWS), ("cpu", 5), ("paper", shapenet.NUM_VIEWS)])
 def test_experiment_files_have_a_valid_section(name, views, pytestconfig):
-    section = config.load(pytestconfig.rootpath / "configs" / f"{name}.yaml", dataset.DatasetConfig)
+    section = config.load(pytestconfig.rootpath / "configs" / f"{name}.yaml", "dataset", dataset.DatasetConfig)
     assert section.views == views
     assert (section.source == "shapenet") == (name == "paper")

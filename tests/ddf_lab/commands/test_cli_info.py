@@ -9,6 +9,7 @@ import torch
 from ddf import cli
 from ddf.core import storage
 from ddf_lab.engine import experiment_cost
+from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -61,7 +62,7 @@ def test_info_counts_the_steps_of_all_categories(tmp_path):
     path = tmp_path / "mine.yaml"
     text = (ROOT / "configs" / "smoke.yaml").read_text()
     path.write_text(text.replace("{primitives: 12}", "{chair: 5, car: 5}"))
-    cost = experiment_cost.predict(path, measured=False)
+    cost = experiment_cost.predict(Run.read(path), measured=False)
     assert cost["steps_in_all"] == {name: 2 * stated for name, stated in cost["steps"].items()}
 
 
@@ -70,8 +71,8 @@ def test_info_counts_the_shapes_that_the_dataset_stage_has_listed(tmp_path, monk
     shapes = [{"id": name, "train_views": [0], "test_views": []} for name in "abc"]
     index = {"categories": {"chair": {"synset": "03001627", "shapes": shapes}}}
     storage.write_json(Path("artifacts/paper/dataset/index.json"), index)
-    found = experiment_cost.count_shapes(Path("configs/paper.yaml"), {"chair": None, "car": 7})
-    assert found == {"chair": 3, "car": 7}
+    given = {"dataset": {"source": "shapenet", "categories": {"chair": None, "car": 7}, "seed": 0, "views": 24}}
+    assert experiment_cost.count_shapes(Run(Path("paper.yaml"), given)) == {"chair": 3, "car": 7}
 
 
 def test_info_names_an_unknown_key(tmp_path, capsys):

@@ -12,56 +12,41 @@ from ddf.core import config
 from ddf.fields import pddf as ddf_fields
 from ddf.fit import cloud_defaults, fit_settings
 from ddf.models.reconstruction import reconstruction_models, settings
+from ddf_lab.engine import experiments
+from ddf_lab.run import SECTIONS, Run, class_of
 
 FILES = sorted((Path(__file__).resolve().parents[3] / "configs").glob("*.yaml"))
-FITS = [path for path in FILES if set(config.read(path)) == set(config.FIT_SECTIONS)]  # of single shapes
-GENERATIVE = [path for path in FILES if set(config.read(path)) & set(config.GENERATIVE_SECTIONS)]
-FIGURES = [path for path in FILES if set(config.read(path)) == set(config.FIGURES_SECTIONS)]
-CONFIGS = [path for path in FILES if path not in (*FITS, *GENERATIVE, *FIGURES)]
+KINDS: dict[Path, experiments.Kind] = {path: experiments.read(path).kind for path in FILES}
+GENERATIVE = [path for path in FILES if KINDS[path] == "generative"]
+CONFIGS = [path for path in FILES if KINDS[path] == "reconstruction"]
 
 
 def test_every_section_names_its_dataclass():
-    for section in config.ALL_SECTIONS:
-        assert is_dataclass(config.class_of(section)), section
-        assert config.section_of(config.class_of(section)) == section
+    for section in SECTIONS:
+        assert is_dataclass(class_of(section)), section
 
 
-@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_section_loads(path):
-    found = config.load_all(path)
-    assert set(found) == set(config.SECTIONS)
-    for section, value in found.items():
-        assert type(value) is config.class_of(section)
-        assert config.load(path, type(value)) == value
+    run = Run.read(path)
+    assert set(run.sections()) == set(experiments.KINDS[KINDS[path]])
+    for section, value in run.sections().items():
+        assert type(value) is class_of(section)
+        assert run.section(type(value)) == value
 
 
 def test_commands_draw_clouds_as_the_default_experiment_does():
     (path,) = (path for path in CONFIGS if path.stem == "cpu")
-    section = config.load(path, settings.PointcloudsConfig)
+    section = Run.read(path).section(settings.PointcloudsConfig)
     assert section.cloud == cloud_defaults.cloud()
     assert dataclasses.asdict(cloud_defaults.cloud()) == cloud_defaults.CLOUD
     assert section.shape_correction is not None
     assert dataclasses.asdict(section.shape_correction) == cloud_defaults.SHAPE_CORRECTION
 
 
-@pytest.mark.parametrize("path", FITS, ids=lambda path: path.stem)
-def test_fit_files_load(path):
-    assert set(config.load_all(path)) == set(config.FIT_SECTIONS)
-
-
-@pytest.mark.parametrize("path", GENERATIVE, ids=lambda path: path.stem)
-def test_generative_files_load(path):
-    assert set(config.load_all(path)) == {*config.DATA_SECTIONS, *config.GENERATIVE_SECTIONS}
-
-
-@pytest.mark.parametrize("path", FIGURES, ids=lambda path: path.stem)
-def test_files_of_figures_load(path):
-    assert set(config.load_all(path)) == set(config.FIGURES_SECTIONS)
-
-
 def test_paper_fit_has_the_published_field():
-    path = next(path for path in FITS if path.stem == "paper_fit")
-    assert config.load(path, fit_settings.FitConfig).field == ddf_fields.PAPER_SINGLE_SHAPE
+    path = next(path for path in FILES if path.stem == "paper_fit")
+    assert Run.read(path).section(fit_settings.FitConfig).field == ddf_fields.PAPER_SINGLE_SHAPE
 
 
 def _left_out(given: dict[str, Any], whole: Any, prefix: str = "") -> dict[str, Any]:
@@ -80,8 +65,8 @@ def _left_out(given: dict[str, Any], whole: Any, prefix: str = "") -> dict[str, 
 def test_what_a_file_leaves_out_is_the_papers_way(path):
     """A file says its sizes and its departures; whatever else there is has its paper's value."""
     published_by = "paper_generative" if path in GENERATIVE else "paper"
-    paper = config.load_all(next(path for path in FILES if path.stem == published_by))
-    for name, section in config.load_all(path).items():
+    paper = Run.read(next(path for path in FILES if path.stem == published_by)).sections()
+    for name, section in Run.read(path).sections().items():
         for key, value in _left_out(config.read(path)[name], section).items():
             published = functools.reduce(getattr, key.split("."), paper[name])
             assert value == published, (name, key)
@@ -90,8 +75,8 @@ def test_what_a_file_leaves_out_is_the_papers_way(path):
 def test_both_models_have_one_decoder_in_every_file():
     """Layer by layer: only what goes in and what comes out differs, and the encoders are the same."""
     for path in CONFIGS:
-        train = config.load(path, settings.TrainConfig)
-        ddf = reconstruction_models.ddf_model(train, config.load(path, settings.DDFConfig).field)
+        train = Run.read(path).section(settings.TrainConfig)
+        ddf = reconstruction_models.ddf_model(train, Run.read(path).section(settings.DDFConfig).field)
         pcsiren = reconstruction_models.pcsiren_model(train)
         ours, theirs = ddf.decoder.field.network, pcsiren.decoder.network
         assert ours.omegas == theirs.omegas and len(ours.layers) == len(theirs.layers)
@@ -113,7 +98,7 @@ def test_both_models_have_one_decoder_in_every_file():
 
 
 def test_the_papers_way_at_small_sizes_has_the_papers_losses_samples_cameras_and_clouds():
-    both = {name: config.load_all(path) for path in CONFIGS if (name := path.stem) in ("cpu_paper", "paper")}
+    both = {name: Run.read(path).sections() for path in CONFIGS if (name := path.stem) in ("cpu_paper", "paper")}
     small, paper = both["cpu_paper"], both["paper"]
     assert small["ddf"].weights == paper["ddf"].weights and small["ddf"].field == paper["ddf"].field
     assert (small["ddf"].mask_weight, small["ddf"].mask_pixels, small["ddf"].proposals) == (10.0, None, None)
@@ -129,8 +114,8 @@ def test_the_papers_way_at_small_sizes_has_the_papers_losses_samples_cameras_and
 
 def test_paper_config_builds_the_published_models():
     path = next(path for path in CONFIGS if path.stem == "paper")
-    train = config.load(path, settings.TrainConfig)
-    ddf_model = reconstruction_models.ddf_model(train, config.load(path, settings.DDFConfig).field)
+    train = Run.read(path).section(settings.TrainConfig)
+    ddf_model = reconstruction_models.ddf_model(train, Run.read(path).section(settings.DDFConfig).field)
     pc_siren = reconstruction_models.pcsiren_model(train)
     assert ddf_fields.count_parameters(ddf_model) == 25_647_367
     assert ddf_fields.count_parameters(pc_siren) == 25_645_574

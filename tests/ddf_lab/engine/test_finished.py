@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from ddf_lab.engine import finished, graph
+from ddf_lab.run import Run
 
 CONFIG = "evaluate: {tau_sq: 1e-4, oracle_points: 250, oracle_shortlist: 2, seed: 0}\n"
 
@@ -70,4 +71,4 @@ def test_the_frame_of_stages_does_not_count(item, monkeypatch):
 
 def test_a_script_that_is_no_stage_of_the_graph_has_no_item(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert finished.find("report", Path("a.yaml"), None, 0) is None  # no graph here
+    assert finished.find("report", Run(Path("a.yaml"), {})) is None  # no graph here

@@ -11,7 +11,7 @@ from ddf_lab.engine import graph, schedule
 
 def _item(name, reads=(), together=None, seed=0):
     stage, _, key = name.partition("@")
-    return graph.Item(stage, key, "", {}, tuple(f"out/{r}" for r in reads), (f"out/{name}",), None, seed, together)
+    return graph.Item(stage, key, "", {}, tuple(f"out/{r}" for r in reads), (f"out/{name}",), "", seed, together)
 
 
 CHAIN = [_item("a@x"), _item("a@y"), _item("b@x", ["a@x"]), _item("b@y", ["a@y"]), _item("c@", ["b@x", "b@y"])]

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from ddf_lab import stage_notes
+from ddf_lab import run
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -14,19 +14,31 @@ ROOT = Path(__file__).resolve().parents[3]
 def _stage(tmp_path: Path, body: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     script = tmp_path / "do_it.py"
     head = '"""Do it."""\nfrom ddf.core import checks\nfrom ddf_lab.engine import stage\n'
-    main = "stage.main(run, __doc__, category=True, seed=True)"
-    script.write_text(f"{head}def run(config, category, seed):\n    {body}\n{main}\n")
+    main = "stage.main(make, __doc__, category=True, seed=True)"
+    script.write_text(f"{head}def make(run):\n    {body}\n{main}\n")
+    for name in ("configs/a.yaml", "b.yaml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("evaluate: {}\nsamples: {}\n")
     command = [sys.executable, str(script), *arguments]
     variables = {**os.environ, "PYTHONPATH": str(ROOT / "src"), **environment}
     return subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
 
 
 def test_stage_scripts_pass_arguments_and_note_their_time(tmp_path):
-    result = _stage(tmp_path, "print(config, category)", "--config", "configs/a.yaml", "--category", "chair")
+    result = _stage(tmp_path, "print(run.file, run.category)", "--config", "configs/a.yaml", "--category", "chair")
     assert (result.returncode, result.stdout, result.stderr) == (0, "configs/a.yaml chair\n", "do_it chair\n")
-    times = json.loads((tmp_path / stage_notes.time_path(Path("configs/a.yaml"), "do_it", "chair")).read_text())
+    times = json.loads((tmp_path / run.time_path("a", "do_it", "chair")).read_text())
     assert times["seconds"] >= 0
     assert times["worker_peak_mib"] == 0  # it started none
+
+
+def test_a_stage_of_the_graph_is_given_the_sections_that_its_params_list(tmp_path):
+    entry = "do: {cmd: x, params: [{'${item.file}': [samples]}], deps: [], outs: []}"
+    (tmp_path / "pipeline.yaml").write_text(f"stages: {{do_it: {{{entry}}}}}\n")
+    (tmp_path / "stages").mkdir()
+    (tmp_path / "stages" / "do_it.py").touch()
+    result = _stage(tmp_path, "print(list(run.given))", "--config", "configs/a.yaml", "--category", "chair")
+    assert (result.returncode, result.stdout) == (0, "['samples']\n")
 
 
 def test_stage_scripts_note_the_memory_of_their_own_process_and_of_workers(tmp_path):
@@ -34,14 +46,14 @@ def test_stage_scripts_note_the_memory_of_their_own_process_and_of_workers(tmp_p
     body = f"import joblib; own = bytearray(200 << 20); own[::4096] = own[::4096]; {spend}"
     result = _stage(tmp_path, body, "--config", "configs/a.yaml", "--category", "chair")
     assert (result.returncode, result.stderr) == (0, "do_it chair\n")
-    noted = json.loads((tmp_path / stage_notes.time_path(Path("configs/a.yaml"), "do_it", "chair")).read_text())
+    noted = json.loads((tmp_path / run.time_path("a", "do_it", "chair")).read_text())
     assert 200 < noted["peak_mib"]
     assert 300 < noted["worker_peak_mib"]
 
 
 def test_stages_of_further_seeds_have_a_lock_and_a_time_of_their_own(tmp_path):
     arguments = ("--config", "configs/a.yaml", "--category", "chair", "--seed")
-    result = _stage(tmp_path, "print(config, category, seed)", *arguments, "2")
+    result = _stage(tmp_path, "print(run.file, run.category, run.seed)", *arguments, "2")
     assert (result.returncode, result.stdout, result.stderr) == (0, "configs/a.yaml chair 2\n", "do_it chair seed 2\n")
     assert {path.name for path in (tmp_path / "artifacts/a/times").iterdir()} == {
         "do_it-chair-2.json",
@@ -53,7 +65,7 @@ def test_stages_of_further_seeds_have_a_lock_and_a_time_of_their_own(tmp_path):
 
 
 def test_stage_scripts_end_with_one_line_and_code_2(tmp_path):
-    result = _stage(tmp_path, "raise checks.InputError('no')", "--config", "a.yaml", "--category", "chair")
+    result = _stage(tmp_path, "raise checks.InputError('no')", "--config", "configs/a.yaml", "--category", "chair")
     assert (result.returncode, result.stderr) == (2, "do_it chair\nddf: error: no\n")
     (tmp_path / "artifacts" / "b").mkdir(parents=True)
     (tmp_path / "artifacts" / "b" / "times").write_text("in the way")

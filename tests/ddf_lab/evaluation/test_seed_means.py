@@ -1,11 +1,16 @@
 """Means and standard deviations over seeds, on tables whose numbers are known."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from ddf.core import checks, storage
 from ddf_lab.evaluation import scoring, seed_means
+from ddf_lab.run import Run
+
+RUN = Run(Path("configs/a.yaml"), {})
 
 
 def _table(*rows):
@@ -63,24 +68,22 @@ def test_seeds_that_were_not_evaluated_alike_are_refused():
 
 def test_tables_are_read_where_the_stage_leaves_them(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    path = tmp_path / "configs" / "a.yaml"
     storage.save_table(tmp_path / "artifacts/a/evaluate/si3dr.csv", FIRST, {"fingerprint": "x"})
     storage.save_table(tmp_path / "artifacts/a/evaluate_seeds/1/si3dr.csv", SECOND, {"fingerprint": "x"})
-    merged = seed_means.read_table(path, 2)
+    merged = seed_means.read_table(RUN, 2)
     pd.testing.assert_frame_equal(merged, seed_means.over_seeds([FIRST, SECOND]))
-    pd.testing.assert_frame_equal(seed_means.read_table(path, 1), FIRST)
+    pd.testing.assert_frame_equal(seed_means.read_table(RUN, 1), FIRST)
     with pytest.raises(FileNotFoundError, match=r"evaluate_seeds/2/si3dr\.csv"):
-        seed_means.read_table(path, 3)
+        seed_means.read_table(RUN, 3)
 
 
 def test_the_number_of_seeds_is_what_make_wrote(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    path = tmp_path / "configs" / "a.yaml"
-    assert seed_means.read_count(path) == 1
+    assert seed_means.read_count(RUN) == 1
     count = tmp_path / "artifacts/a/evaluate_seeds/count"
     storage.write_text(count, "3\n")
-    assert seed_means.read_count(path) == 3
+    assert seed_means.read_count(RUN) == 3
     for wrong in ("", "0", "three"):
         count.write_text(wrong)
         with pytest.raises(checks.InputError, match="count: must hold the number of seeds"):
-            seed_means.read_count(path)
+            seed_means.read_count(RUN)

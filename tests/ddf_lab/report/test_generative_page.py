@@ -4,10 +4,11 @@ import _generative
 import numpy as np
 import pytest
 
-from ddf.core import config, storage
+from ddf.core import storage
 from ddf.pictures import sheets
 from ddf.training import training_loop
 from ddf_lab.report import generative_page
+from ddf_lab.run import Run
 
 _KIDS = {"ceiling": 0.0, "blur 2": 0.2, "blur 4": 0.3, "noise 0.05": 0.1, "noise 0.15": 0.2}
 
@@ -52,8 +53,8 @@ def _scores(in_order):
 @pytest.mark.parametrize("in_order", [True, False])
 def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order):
     monkeypatch.chdir(tmp_path)
-    path = tmp_path / "tiny.yaml"
-    evaluated = config.artifact_dir(path, "evaluate_generative", "car")
+    run = Run(tmp_path / "tiny.yaml", {}, "car")
+    evaluated = run.folder("evaluate_generative")
     storage.write_json(evaluated / "scores.json", _scores(in_order))
     names = ("samples_normals", "samples_colours", "samples_nearest", "rival_colours", "real_colours")
     names += ("views_normals", "views_colours", "grid_normals")
@@ -61,9 +62,9 @@ def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order):
     images["grid_colours"] = np.full((6, 3, 64, 64), 0.5, np.float32)
     storage.save_tensors(evaluated / "pictures.safetensors", images, {})
     log = "step,loss,seconds\n100,1.5,120.0\n"
-    storage.write_text(config.artifact_dir(path, "train_vae", "car") / training_loop.LOG, log)
-    generative_page.write(path, "car", _generative.GAN, _generative.SCORES, tmp_path / "page")
-    text = (tmp_path / "page" / "README.md").read_text()
+    storage.write_text(run.folder("train_vae") / training_loop.LOG, log)
+    generative_page.write(run, _generative.GAN, _generative.SCORES)
+    text = (run.page / "README.md").read_text()
     assert "1.20 times that of latents optimised" in text
     assert ("50.0 ± 1.0" in text) == in_order and ("not in the order" in text) != in_order
     assert "0.40 of that with two" in text and "3 of 5 dimensions" in text
@@ -72,7 +73,7 @@ def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order):
     assert "| shape VAE | 100 | 2.0 | 1.500 |" in text
     assert text.count("What two cores cannot show") == 1
     for name in ("samples", "views", "between"):
-        assert f"]({name}.webp)" in text and (tmp_path / "page" / f"{name}.webp").stat().st_size > 200
+        assert f"]({name}.webp)" in text and (run.page / f"{name}.webp").stat().st_size > 200
 
 
 def test_a_sheet_has_a_row_of_cells_for_each_name():

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         raise checks.InputError("--tolerance is of --kind patches")
     if kind == "patches":
         return _patches(args)
-    fit = fit_settings.DEFAULT if args.config is None else config.load(args.config, fit_settings.FitConfig)
+    fit = fit_settings.DEFAULT if args.config is None else config.load(args.config, "fit", fit_settings.FitConfig)
     if args.minutes is not None:
         fit = dataclasses.replace(fit, steps=None, minutes=args.minutes)
     if args.steps is not None:

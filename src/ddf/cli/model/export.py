@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         raise checks.InputError(f"{args.out}: an ONNX file holds one model; give one, or a name that ends in .html")
     settings = onnx_file.ExportConfig(tuple(field_outputs.OUTPUTS), BATCHES, (), 0)
     if args.config is not None:
-        settings = config.load(args.config, onnx_file.ExportConfig)
+        settings = config.load(args.config, "export", onnx_file.ExportConfig)
     outputs = settings.outputs if args.outputs is None else field_outputs.require_outputs(args.outputs)
     folder = model.parent if model.name == training_loop.MODEL else model
     graphs, source = exportable.load(folder, outputs)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from ddf.core import config
 from ddf.data import sampling
 from ddf.data.batches import category_data, host_samples, sources
 from ddf.models.reconstruction import settings
@@ -23,21 +22,27 @@ class Truth:
     sources: list[Path]
 
 
-def read(config_path: Path, category: str, shapes: category_data.ShapeSet, section: settings.DDFConfig) -> Truth:
-    """As the section asks for it, of the given shapes, from the artefacts of `samples` and, for casting, `meshes`.
+def read(
+    shapes: category_data.ShapeSet,
+    section: settings.DDFConfig,
+    drawn: sampling.SamplesConfig,
+    samples_dir: Path,
+    meshes_dir: Path,
+) -> Truth:
+    """As the section asks for it, of the given shapes.
 
+    Args:
+      drawn: how fresh samples are drawn. samples_dir: of stored ones. meshes_dir: of meshes to cast rays on.
     Raises:
       InputError: a shape is in no shard, or a file is damaged; it is named.
     """
-    scenes = (
-        host_samples.Scenes(config.artifact_dir(config_path, "meshes", category), shapes.ids) if section.casts else None
-    )
-    drawn = config.load(config_path, sampling.SamplesConfig) if section.samples == "fresh" else None
-    if scenes and drawn:
+    scenes = host_samples.Scenes(meshes_dir, shapes.ids) if section.casts else None
+    fresh = section.samples == "fresh"
+    if scenes and fresh:
         samples = host_samples.FreshSamples(scenes, drawn)
     else:
-        samples = category_data.read_samples(config.artifact_dir(config_path, "samples", category), shapes.ids)
+        samples = category_data.read_samples(samples_dir, shapes.ids)
     propose = None
     if scenes and section.proposals:
         propose = proposed_rays.Proposer(shapes, proposed_rays.HostCaster(scenes), section.proposals)
-    return Truth(samples, propose, drawn, scenes.paths if scenes else [])
+    return Truth(samples, propose, drawn if fresh else None, scenes.paths if scenes else [])

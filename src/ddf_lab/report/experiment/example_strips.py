@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from ddf.core import config
 from ddf.data import shapenet, surface_cloud
 from ddf.geometry import transforms
 from ddf.pictures import field_pictures, picture_strips
 from ddf_lab.evaluation import scoring
 from ddf_lab.report.experiment.stage_results import Results
+from ddf_lab.run import Run
 
 Image = tuple[str, int]  # id of the shape, view
 COLUMNS = ("input", "visibility", "depth", "normals", "truth", "DDF cloud", "PC-SIREN cloud")
@@ -41,7 +41,7 @@ class Clouds(NamedTuple):
     image_root: tuple[Path, str]
 
 
-def drawn(config_path: Path, results: Results, count: int) -> Results:
+def drawn(run: Run, results: Results, count: int) -> Results:
     """The results with their pictures.
 
     Args:
@@ -49,9 +49,9 @@ def drawn(config_path: Path, results: Results, count: int) -> Results:
     """
     strips, first, rendered = {}, [], 0
     for name, entry in results.index["categories"].items():
-        folder = config.artifact_dir(config_path, "pointclouds", name)
+        folder = run.folder("pointclouds", name)
         ours, theirs = (scoring.load_predictions(folder / f"{model}.safetensors") for model in ("ddf", "pcsiren"))
-        truths = scoring.load_truth(config.artifact_dir(config_path, "samples", name))
+        truths = scoring.load_truth(run.folder("samples", name))
         clouds = Clouds(ours, theirs, truths, (Path(results.index["root"]), entry["synset"]))
         errors = image_errors(results.per_image[results.per_image["category"] == name])
         first.append(_first_row(name, clouds, errors))

@@ -25,6 +25,7 @@ from ddf_lab.report.experiment.sections import (
     shapes_and_images,
     training,
 )
+from ddf_lab.run import Run
 
 SECTIONS = (  # in the order of the page; each gives a `pages.Section` from the results
     results.section,
@@ -69,10 +70,10 @@ class ReportConfig:
             raise checks.InputError(f"report.examples must be in 2..20; got {self.examples}")
 
 
-def write(config_path: Path, out_dir: Path, settings: ReportConfig) -> None:
+def write(run: Run, out_dir: Path, settings: ReportConfig) -> None:
     """Read everything and write README.md, index.html, si3dr.csv and the figures."""
-    found = example_strips.drawn(config_path, stage_results.read_results(config_path), settings.examples)
-    found = live_shapes.drawn(config_path, found)
+    found = example_strips.drawn(run, stage_results.read_results(run), settings.examples)
+    found = live_shapes.drawn(run, found)
     storage.write_text(out_dir / "si3dr.csv", found.table.to_csv(index=False, lineterminator="\n"))
     pages.write(build(found), out_dir)
 

@@ -6,24 +6,25 @@ from pathlib import Path
 
 import torch
 
-from ddf.core import checks, config
+from ddf.core import checks
 from ddf.data import shapenet
 from ddf.fit import shape_field
 from ddf.io import viewer_layout, viewer_page
 from ddf.models.reconstruction import inference, one_image
 from ddf_lab.report.experiment import example_strips
 from ddf_lab.report.experiment.stage_results import Results
+from ddf_lab.run import Run
 
 NAMES = ("best", "median", "worst")
 _ABOUT = "What DDF makes of three test images, with D_C × 1000 at the true camera; evaluated live by this page."
 
 
-def drawn(config_path: Path, results: Results) -> Results:
+def drawn(run: Run, results: Results) -> Results:
     """The results with their live pages; without that of a category whose model is not there or cannot be read."""
     live = {}
     for category, entry in results.index["categories"].items():
         errors = example_strips.image_errors(results.per_image[results.per_image["category"] == category])
-        folder = config.artifact_dir(config_path, "train_ddf", category)
+        folder = run.folder("train_ddf", category)
         root = (Path(results.index["root"]), entry["synset"])
         try:
             live[category] = viewer_page.render(page(category, folder, root, chosen(errors)))

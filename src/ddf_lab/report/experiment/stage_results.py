@@ -8,10 +8,10 @@ from typing import Any
 
 import pandas as pd
 
-from ddf.core import checks, config, storage
+from ddf.core import checks, storage
 from ddf.metrics import metrics
-from ddf_lab import stage_notes
 from ddf_lab.evaluation import paired, paper_results, seed_means
+from ddf_lab.run import STAGES, WHOLE, Run, time_path
 
 MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN"}
 CLOUDS = {"ddf.safetensors": "DDF", "pcsiren.safetensors": "PC-SIREN"}  # files of the stage `pointclouds`
@@ -123,37 +123,35 @@ class Results:
         return self.index["source"] == "synthetic"
 
 
-def read_results(config_path: Path) -> Results:
+def read_results(run: Run) -> Results:
     """Read and verify all artefacts of an experiment but its clouds.
 
     Raises:
       FileNotFoundError, InputError: a stage has not run, or left a damaged file; it is named.
     """
-    folder = config.artifact_dir(config_path, "evaluate")
-    index = storage.read_json(config.artifact_dir(config_path, "dataset") / "index.json")
+    folder = run.folder("evaluate")
+    index = storage.read_json(run.index)
     categories = list(index["categories"])
-    seeds = seed_means.read_count(config_path)
-    measured = seed_means.read_table(config_path, seeds)
+    seeds = seed_means.read_count(run)
+    measured = seed_means.read_table(run, seeds)
     paper = paper_results.long_table(categories)
     return Results(
-        name=Path(config_path).stem,
+        name=run.name,
         index=index,
         table=pd.concat([measured, paper], ignore_index=True) if len(paper) else measured,
-        trainings=[_read_scores(config.artifact_dir(config_path, "evaluate", seed=seed)) for seed in range(seeds)],
+        trainings=[_read_scores(run.folder("evaluate", seed=seed)) for seed in range(seeds)],
         cameras=storage.load_table(folder / "cameras.csv", dtype={"id": str})[0],
         shapes=storage.load_table(folder / "shapes.csv", dtype={"id": str})[0],
-        logs={label: _read_logs(config_path, model, categories) for model, label in MODELS.items()},
-        measures={name: _read_measures(config.artifact_dir(config_path, "meshes", name)) for name in categories},
-        packing_errors={
-            name: _packing_errors(config.artifact_dir(config_path, "samples", name)) for name in categories
-        },
-        failures=_read_failures(config_path, categories),
-        costs={name: _stage_cost(config_path, name, categories) for name in stage_notes.STAGES},
-        settings={name: dataclasses.asdict(section) for name, section in config.load_all(config_path).items()},
+        logs={label: _read_logs(run, model, categories) for model, label in MODELS.items()},
+        measures={name: _read_measures(run.folder("meshes", name)) for name in categories},
+        packing_errors={name: _packing_errors(run.folder("samples", name)) for name in categories},
+        failures=_read_failures(run, categories),
+        costs={name: _stage_cost(run, name, categories) for name in STAGES},
+        settings={name: dataclasses.asdict(section) for name, section in run.sections().items()},
         seeds=seeds,
-        seconds={label: _test_seconds(config_path, file, categories) for file, label in CLOUDS.items()},
+        seconds={label: _test_seconds(run, file, categories) for file, label in CLOUDS.items()},
         further_seconds={
-            label: [training_seconds(_read_logs(config_path, model, categories, seed)) for seed in range(1, seeds)]
+            label: [training_seconds(_read_logs(run, model, categories, seed)) for seed in range(1, seeds)]
             for model, label in MODELS.items()
         },
     )
@@ -163,9 +161,9 @@ def _read_scores(folder: Path) -> pd.DataFrame:
     return storage.load_table(folder / "per_image.csv", dtype={"id": str})[0]
 
 
-def _test_seconds(config_path: Path, file: str, categories: Sequence[str]) -> dict[str, float]:
+def _test_seconds(run: Run, file: str, categories: Sequence[str]) -> dict[str, float]:
     """Wall time of a test image by part, mean over categories; empty where a run of clouds noted none."""
-    paths = [config.artifact_dir(config_path, "pointclouds", name) / file for name in categories]
+    paths = [run.folder("pointclouds", name) / file for name in categories]
     notes = [storage.load_metadata(path).get("seconds", {}) for path in paths]
     names = [name for name in notes[0] if all(name in note for note in notes)] if notes else []
     return {name: sum(note[name] for note in notes) / len(notes) for name in names}
@@ -176,8 +174,8 @@ def training_seconds(logs: Mapping[str, pd.DataFrame]) -> float:
     return sum(float(log["seconds"].iloc[-1]) for log in logs.values())
 
 
-def _read_logs(config_path: Path, model: str, categories: Sequence[str], seed: int = 0) -> dict[str, pd.DataFrame]:
-    return {name: _read_log(config.artifact_dir(config_path, model, name, seed)) for name in categories}
+def _read_logs(run: Run, model: str, categories: Sequence[str], seed: int = 0) -> dict[str, pd.DataFrame]:
+    return {name: _read_log(run.folder(model, name, seed)) for name in categories}
 
 
 def _read_log(folder: Path) -> pd.DataFrame:
@@ -201,18 +199,18 @@ def _packing_errors(folder: Path) -> dict[str, float]:
     return largest
 
 
-def _read_failures(config_path: Path, categories: Sequence[str]) -> pd.DataFrame:
-    folders = [config.artifact_dir(config_path, "dataset")]
+def _read_failures(run: Run, categories: Sequence[str]) -> pd.DataFrame:
+    folders = [run.folder("dataset")]
     for name in ("meshes", "samples"):
-        folders += [config.artifact_dir(config_path, name, category) for category in categories]
+        folders += [run.folder(name, category) for category in categories]
     tables = [pd.read_csv(path, dtype=str) for folder in folders if (path := folder / "failures.csv").exists()]
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=["id", "stage", "reason"])
 
 
-def _stage_cost(config_path: Path, name: str, categories: Sequence[str]) -> Cost:
+def _stage_cost(run: Run, name: str, categories: Sequence[str]) -> Cost:
     """What the notes of a stage's last runs say; notes of earlier versions have no memory."""
-    names = [None] if name in stage_notes.WHOLE else list(categories)
-    paths = [stage_notes.time_path(config_path, name, category) for category in names]
+    names = [""] if name in WHOLE else list(categories)
+    paths = [time_path(run.name, name, category) for category in names]
     notes = [storage.read_json(path) if path.exists() else {} for path in paths]
     known = ([note[key] for note in notes if key in note] for key in ("seconds", "peak_mib", "worker_peak_mib"))
     seconds, own, workers = (values if len(values) == len(notes) else [] for values in known)

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import pandas as pd
 
-from ddf.core import config, storage
+from ddf.core import storage
 from ddf.fit import fit_settings, fitting
 from ddf.training import training_loop
 from ddf_lab.evaluation.shape import fit_errors, leave_one_out, paper_ablation
@@ -17,6 +17,7 @@ from ddf_lab.evaluation.shape.fit_errors import MEASURED, TYPES
 from ddf_lab.report import figures, pages
 from ddf_lab.report.shape import shape_tables, shape_views
 from ddf_lab.report.shape.shape_results import DIAGNOSTICS, SLICES, VIEW_RECORD, VIEWS
+from ddf_lab.run import Run
 
 CURVES = "losses.svg"
 
@@ -100,16 +101,16 @@ class Results:
     ablation_errors: pd.DataFrame
 
 
-def read(config_path: Path, fit: fit_settings.FitConfig) -> Results:
+def read(run: Run, fit: fit_settings.FitConfig) -> Results:
     """Everything that the page says.
 
     Raises:
       FileNotFoundError: a stage has not run.
     """
-    folder = config.artifact_dir(config_path, "fit_shape")
-    ablated = config.artifact_dir(config_path, "ablate_samples")
+    folder = run.folder("fit_shape")
+    ablated = run.folder("ablate_samples")
     return Results(
-        name=config_path.stem,
+        name=run.name,
         source=None if fit.mesh is None else Path(fit.mesh).name,
         metrics=storage.read_json(folder / fitting.METRICS),
         log=pd.DataFrame(training_loop.read_log(folder)),
@@ -121,14 +122,14 @@ def read(config_path: Path, fit: fit_settings.FitConfig) -> Results:
     )
 
 
-def write(config_path: Path, fit: fit_settings.FitConfig, out_dir: Path) -> None:
+def write(run: Run, fit: fit_settings.FitConfig) -> None:
     """README.md, index.html, both tables and the pictures."""
-    results = read(config_path, fit)
-    folder = config.artifact_dir(config_path, "fit_shape")
+    results = read(run, fit)
+    folder = run.folder("fit_shape")
     page = build(results, fit, {name: (folder / name).read_bytes() for name in (VIEWS, SLICES)})
     for name, table in ((fit_errors.FIT, results.errors), (fit_errors.ABLATION, results.ablation_errors)):
-        storage.write_text(out_dir / name, table.to_csv(index=False, lineterminator="\n"))
-    pages.write(page, out_dir)
+        storage.write_text(run.page / name, table.to_csv(index=False, lineterminator="\n"))
+    pages.write(page, run.page)
 
 
 def build(results: Results, fit: fit_settings.FitConfig, pictures: dict[str, bytes]) -> pages.Page:

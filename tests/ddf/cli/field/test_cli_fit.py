@@ -12,6 +12,7 @@ from ddf import cli
 from ddf.cli.field import fit
 from ddf.core import config
 from ddf.fit import fit_settings, fitting, shape_field
+from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[4]
 
@@ -90,18 +91,18 @@ def test_bad_meshes_and_folders_are_one_line_and_exit_2(work, capsys):
 
 def test_stage_fits_the_mesh_of_the_config_or_a_procedural_chair(work, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run = runpy.run_path(str(ROOT / "stages" / "fit_shape.py"))["run"]
+    make = runpy.run_path(str(ROOT / "stages" / "fit_shape.py"))["make"]
     sources = []
     for mesh in (None, str(work / "torus.ply")):
         Path("tiny.yaml").write_text(yaml.safe_dump({"fit": {**SECTION, "mesh": mesh}}))
-        run(Path("tiny.yaml"))
+        make(Run.read("tiny.yaml"))
         sources.append(shape_field.load(tmp_path / "artifacts" / "tiny" / "fit_shape").record["sources"])
     assert sources[0] == {}
     assert list(sources[1]) == ["torus.ply"]
 
 
 def test_default_config_file_is_the_default_of_the_command():
-    assert config.load(ROOT / "configs" / "fit.yaml", fit_settings.FitConfig) == fit_settings.DEFAULT
+    assert config.load(ROOT / "configs" / "fit.yaml", "fit", fit_settings.FitConfig) == fit_settings.DEFAULT
 
 
 def test_what_the_reader_left_out_is_said(work, capsys):

@@ -10,7 +10,7 @@ import pytest
 import torch
 from _support import assert_close
 
-from ddf.core import checks, config, storage
+from ddf.core import checks, storage
 from ddf.data import packing, sampling
 from ddf.data.batches import category_data, host_samples
 from ddf.data.samples import sample_types
@@ -125,25 +125,23 @@ def test_scenes_are_in_the_order_asked_for_however_few_packs_are_open(tmp_path, 
 
 def test_fresh_samples_need_meshes_alone_and_stored_ones_no_mesh(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    path = tmp_path / "small.yaml"
-    path.write_text("samples: {epsilon_o: 0.03}\n")
-    packs = config.artifact_dir(path, "meshes", "ball")
-    packs.mkdir(parents=True)
+    drawn, nothing, packs = sampling.SamplesConfig(epsilon_o=0.03), tmp_path / "nothing", tmp_path / "meshes"
+    packs.mkdir()
     _write_packs(packs)
     shapes = category_data.ShapeSet(["c", "a"], [transforms.Similarity(1.0)] * 2, [torch.zeros(5, 3)] * 2)
     proposals = settings.ProposalConfig(4, 2, 0.5, 0.1, 0.05, 0.05)
     fresh = dataclasses.replace(_models.DDF, samples="fresh", proposals=proposals)
-    truth = training_truth.read(path, "ball", shapes, fresh)
-    assert truth.drawn is not None and truth.drawn.epsilon_o == 0.03
+    truth = training_truth.read(shapes, fresh, drawn, nothing, packs)
+    assert truth.drawn == drawn
     assert truth.sources == sorted(packs.glob("*.zip"))
     batch = truth.samples.draw(np.array([0, 1]), COUNTS, np.random.default_rng(0), slice(None))
     radius = batch.positions[:, batch.span("S", "S")].norm(dim=-1)
     assert_close(radius.numpy(), np.array([[0.6] * 4, [0.2] * 4]), atol=0.06)
     assert truth.propose is not None and truth.propose.config == proposals
-    with pytest.raises((checks.InputError, FileNotFoundError), match="samples"):
-        training_truth.read(path, "ball", shapes, dataclasses.replace(_models.DDF, proposals=proposals))
+    with pytest.raises((checks.InputError, FileNotFoundError), match="nothing"):
+        training_truth.read(shapes, dataclasses.replace(_models.DDF, proposals=proposals), drawn, nothing, packs)
     stored = dataclasses.replace(_models.DDF, samples="stored", proposals=None)
     assert not stored.casts
     sets = category_data.SampleSet([], [])
     monkeypatch.setattr(category_data, "read_samples", lambda folder, ids: sets)
-    assert training_truth.read(path, "no meshes", shapes, stored) == training_truth.Truth(sets, None, None, [])
+    assert training_truth.read(shapes, stored, drawn, nothing, nothing) == training_truth.Truth(sets, None, None, [])

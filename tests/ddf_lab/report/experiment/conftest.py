@@ -1,10 +1,11 @@
 """A small experiment, evaluated and reported: once with one seed, once with two."""
 
 import contextlib
+import dataclasses
 import shutil
 
 import pytest
-from _experiment_report import experiment_file, run
+from _experiment_report import experiment_run, make
 from _fake_experiment import FakeExperiment
 
 from ddf.core import storage
@@ -25,16 +26,16 @@ def reported(tmp_path_factory):
     root = tmp_path_factory.mktemp("report")
     experiment = FakeExperiment(root, categories=("chair", "plane", "primitives"), train=4, test=2)
     with contextlib.chdir(root):
-        config_path = experiment_file(experiment)
-        run("evaluate", config_path)
-        run("report", config_path)
-    return experiment, config_path, root / "reports" / "fake"
+        run = experiment_run(experiment)
+        make("evaluate", run)
+        make("report", run)
+    return experiment, run, root / "reports" / "fake"
 
 
 @pytest.fixture(scope="session")
 def seeded(reported):
     """The report with two seeds, in a folder of its own; clouds of the second are those of the first, 1 % larger."""
-    experiment, config_path, folder = reported
+    experiment, run, folder = reported
     further = experiment.artifacts / "pointclouds_seeds" / "1"
     for category in experiment.categories:
         for model in ("ddf", "pcsiren"):
@@ -45,9 +46,9 @@ def seeded(reported):
     for model in stage_results.MODELS:
         shutil.copytree(experiment.artifacts / model, experiment.artifacts / f"{model}_seeds" / "1")
     with contextlib.chdir(folder.parents[1]):
-        run("evaluate", config_path, 1)
+        make("evaluate", dataclasses.replace(run, seed=1))
         count = experiment.artifacts / "evaluate_seeds" / seed_means.COUNT
         storage.write_text(count, "2\n")
-        experiment_page.write(config_path, folder.parent / "seeded", experiment_page.ReportConfig(examples=3))
+        experiment_page.write(run, folder.parent / "seeded", experiment_page.ReportConfig(examples=3))
         count.unlink()
     return folder, folder.parent / "seeded"

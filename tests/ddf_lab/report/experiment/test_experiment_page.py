@@ -60,9 +60,9 @@ def test_failures_losses_and_limits_are_named(reported):
 
 
 def test_second_writing_gives_the_same_bytes(reported):
-    _, config_path, folder = reported
+    _, run, folder = reported
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    experiment_page.write(config_path, folder.parent / "again", experiment_page.ReportConfig(examples=3))
+    experiment_page.write(run, folder.parent / "again", experiment_page.ReportConfig(examples=3))
     assert {path.name: path.read_bytes() for path in (folder.parent / "again").iterdir()} == before
 
 

@@ -19,6 +19,7 @@ from ddf.fit import shape_field
 from ddf.io import viewer_fields
 from ddf_lab.evaluation import scoring
 from ddf_lab.report.experiment import example_strips, live_shapes, stage_results
+from ddf_lab.run import Run
 
 NOTHING = pd.DataFrame()
 
@@ -58,7 +59,7 @@ def experiment(tmp_path, monkeypatch):
 
 
 def test_a_category_without_a_model_is_left_out(experiment):
-    live = live_shapes.drawn(Path("configs/fake.yaml"), _results(experiment)).live
+    live = live_shapes.drawn(Run(Path("configs/fake.yaml"), {}), _results(experiment)).live
     assert list(live) == ["chair"]
     (text,) = re.findall(r'id="ddf-page">(.*?)</script>', live["chair"].decode())
     names = [field["name"] for field in json.loads(text)["fields"]]
@@ -67,11 +68,11 @@ def test_a_category_without_a_model_is_left_out(experiment):
 
 def test_a_damaged_model_breaks_nothing(experiment):
     (experiment.artifacts / "train_ddf" / "chair" / "model.safetensors").write_bytes(b"damaged")
-    assert live_shapes.drawn(Path("configs/fake.yaml"), _results(experiment)).live == {}
+    assert live_shapes.drawn(Run(Path("configs/fake.yaml"), {}), _results(experiment)).live == {}
 
 
 def test_fields_are_those_of_the_images(experiment):
-    live = live_shapes.drawn(Path("configs/fake.yaml"), _results(experiment)).live
+    live = live_shapes.drawn(Run(Path("configs/fake.yaml"), {}), _results(experiment)).live
     (block,) = re.findall(r'id="ddf-weights">(.*?)</script>', live["chair"].decode())
     numbers = np.frombuffer(gzip.decompress(b64decode(block)), np.float32).reshape(3, -1)
     model = _models.ddf_model()

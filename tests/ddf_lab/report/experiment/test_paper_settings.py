@@ -6,17 +6,17 @@ import pandas as pd
 import pytest
 from _experiment_report import ROOT
 
-from ddf.core import checks, config
-from ddf_lab.evaluation import scoring
-from ddf_lab.report.experiment import experiment_page, stage_results
+from ddf.core import checks
+from ddf_lab.report.experiment import stage_results
 from ddf_lab.report.experiment.paper_settings import NOT_GIVEN, SETTINGS
 from ddf_lab.report.experiment.sections import limits
+from ddf_lab.run import Run
 
 
 @pytest.mark.parametrize("name", ["smoke", "cpu", "paper"])
 def test_every_experiment_file_has_the_settings_that_the_report_prints(name):
-    path = ROOT / "configs" / f"{name}.yaml"
-    settings = {section: dataclasses.asdict(value) for section, value in config.load_all(path).items()}
+    sections = Run.read(ROOT / "configs" / f"{name}.yaml").sections()
+    settings = {section: dataclasses.asdict(value) for section, value in sections.items()}
     empty = pd.DataFrame()
     results = stage_results.Results(name, {}, empty, [], empty, empty, {}, {}, {}, empty, {}, settings)
     changed = limits.changed_settings(results)
@@ -29,5 +29,3 @@ def test_every_experiment_file_has_the_settings_that_the_report_prints(name):
         assert {row[0] for row in changed} == {each.name for each in SETTINGS if each.paper == NOT_GIVEN}
     with pytest.raises(checks.InputError, match=r"no key 'train\.nothing'"):
         results.setting("train.nothing")
-    config.load(path, experiment_page.ReportConfig)
-    config.load(path, scoring.EvaluateConfig)

@@ -22,7 +22,7 @@ def test_further_seeds_are_evaluated_without_what_no_training_changes(seeded):
 
 
 def test_times_are_summed_over_categories_and_memory_is_the_largest(reported, tmp_path):
-    _, config_path, _ = reported
+    _, run, _ = reported
     folder = Path("artifacts") / "fake" / "times"
     for name, seconds in (("train_ddf-chair", 100), ("train_ddf-plane", 20), ("train_ddf-primitives", 3)):
         memory = {"peak_mib": 1000.0 + seconds, "worker_peak_mib": 0.0}
@@ -31,12 +31,12 @@ def test_times_are_summed_over_categories_and_memory_is_the_largest(reported, tm
     noted = {"seconds": 7.0, "peak_mib": 300.0, "worker_peak_mib": 400.0}
     storage.write_json(folder / "dataset.json", noted)
     storage.write_json(folder / "evaluate.json", {"seconds": 9.0})  # of a version that noted no memory
-    found = stage_results.read_results(config_path).costs
+    found = stage_results.read_results(run).costs
     assert found["train_ddf"] == stage_results.Cost(123.0, 1100.0, None)  # the sum, the largest, no workers
     assert found["train_pcsiren"] == stage_results.Cost(None, None, None)
     assert found["dataset"] == stage_results.Cost(7.0, 300.0, 400.0)
     assert found["evaluate"] == stage_results.Cost(9.0, None, None)
-    experiment_page.write(config_path, tmp_path, experiment_page.ReportConfig(examples=3))
+    experiment_page.write(run, tmp_path, experiment_page.ReportConfig(examples=3))
     lines = (tmp_path / "README.md").read_text().splitlines()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     assert ["dataset", "7 s", "300", "400"] in rows and ["train_ddf", "2.0 min", "1,100", "–"] in rows
@@ -46,15 +46,15 @@ def test_times_are_summed_over_categories_and_memory_is_the_largest(reported, tm
 
 
 def test_damaged_and_missing_inputs_are_named(reported):
-    _, config_path, _ = reported
+    _, run, _ = reported
     path = Path("artifacts/fake/evaluate/si3dr.csv")
     original = path.read_bytes()
     path.write_bytes(original.replace(b"measured", b"measurec", 1))
     with pytest.raises(checks.InputError, match=r"si3dr\.csv is damaged"):
-        stage_results.read_results(config_path)
+        stage_results.read_results(run)
     path.write_bytes(original)
     log = Path("artifacts/fake/train_pcsiren/plane/log.csv")
     moved = log.rename(log.with_suffix(".moved"))
     with pytest.raises(FileNotFoundError, match=r"plane.log\.csv does not exist"):
-        stage_results.read_results(config_path)
+        stage_results.read_results(run)
     moved.rename(log)

@@ -16,13 +16,14 @@ from ddf.geometry import mesh_io
 from ddf_lab.evaluation.shape import fit_errors, paper_ablation
 from ddf_lab.report import pages
 from ddf_lab.report.shape import shape_page, shape_tables
+from ddf_lab.run import Run
 
 _STAGES = Path(__file__).resolve().parents[4] / "stages"
 _PAGE = {"README.md", "index.html", "fit.csv", "ablate_samples.csv", "views.webp", "slices.webp", "losses.svg"}
 
 
 def _run(name):
-    runpy.run_path(str(_STAGES / f"{name}.py"))["run"](Path("tiny_fit.yaml"))
+    runpy.run_path(str(_STAGES / f"{name}.py"))["make"](Run.read("tiny_fit.yaml"))
 
 
 @pytest.fixture(scope="module")

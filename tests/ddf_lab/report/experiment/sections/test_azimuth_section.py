@@ -9,8 +9,8 @@ from ddf_lab.report.experiment.sections import azimuth
 
 
 def test_errors_over_azimuth_belong_to_their_images(reported):
-    experiment, config_path, _ = reported
-    results = stage_results.read_results(config_path)
+    experiment, run, _ = reported
+    results = stage_results.read_results(run)
     ddf = scoring.load_predictions(experiment.artifacts / "pointclouds" / "plane" / "ddf.safetensors")
     (_, chamfer), (_, errors) = azimuth.over_azimuth(results)
     angles, values = chamfer["plane"][0][3]

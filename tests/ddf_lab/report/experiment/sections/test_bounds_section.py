@@ -22,8 +22,8 @@ def test_one_cycle_and_baseline_tables_have_every_row(reported):
 
 
 def test_distances_from_ceiling_and_retrieval_are_those_of_the_table(reported):
-    _, config_path, folder = reported
-    results = stage_results.read_results(config_path)
+    _, run, folder = reported
+    results = stage_results.read_results(run)
     value = measured(folder)
     text = (folder / "README.md").read_text()
     rows = markdown_tables(text)[4]

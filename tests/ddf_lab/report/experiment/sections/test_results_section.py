@@ -79,9 +79,9 @@ def test_findings_say_where_a_model_beats_retrieval_and_where_not(reported, monk
 
 def test_shapes_on_the_mask_have_a_table_of_their_own(reported):
     """Work at test time that the other model cannot do stands in no column beside it."""
-    _, config_path, folder = reported
+    _, run, folder = reported
     text = (folder / "README.md").read_text()
-    results = stage_results.read_results(config_path)
+    results = stage_results.read_results(run)
     assert results_section.on_the_mask(results) is None and "shapes moved until" not in text  # the fake moves no shape
     own = results.per_image[results.per_image["method"] == scoring.DDF]
     moved = own.assign(method=scoring.DDF_ON_MASK)
