@@ -334,14 +334,14 @@ def test_an_output_that_cannot_be_written_is_one_line(workspace):
     evaluate.write_text("a file where the folder should be")
     result = subprocess.run(script, cwd=workspace.root, env=environment, capture_output=True, text=True)
     assert result.returncode == 2
-    assert result.stderr.splitlines()[-1].startswith("ddf: error: ")
+    assert result.stderr.splitlines()[-1].startswith("evaluate: error: ")
     assert "Traceback" not in result.stderr
     evaluate.unlink()
     # A limit on the size of files stands for a full disk: the same place fails, with the same kind of error.
     limited = ["bash", "-c", f"ulimit -f 1; trap '' XFSZ; exec {' '.join(script)}"]
     result = subprocess.run(limited, cwd=workspace.root, env=environment, capture_output=True, text=True)
     assert result.returncode == 2
-    assert result.stderr.splitlines()[-1].startswith("ddf: error: File too large: artifacts/smoke/evaluate/")
+    assert result.stderr.splitlines()[-1].startswith("evaluate: error: File too large: artifacts/smoke/evaluate/")
     assert "Traceback" not in result.stderr
     assert not list(evaluate.glob("*"))
     workspace.smoke()

@@ -71,8 +71,9 @@ def test_info_counts_the_shapes_that_the_dataset_stage_has_listed(tmp_path, monk
     shapes = [{"id": name, "train_views": [0], "test_views": []} for name in "abc"]
     index = {"categories": {"chair": {"synset": "03001627", "shapes": shapes}}}
     storage.write_json(Path("artifacts/paper/dataset/index.json"), index)
-    given = {"dataset": {"source": "shapenet", "categories": {"chair": None, "car": 7}, "seed": 0, "views": 24}}
-    assert experiment_cost.count_shapes(Run(Path("paper.yaml"), given)) == {"chair": 3, "car": 7}
+    run = Run.read(ROOT / "configs" / "paper.yaml")
+    run.given["dataset"]["categories"] = {"chair": None, "car": 7}
+    assert experiment_cost.count_shapes(run) == {"chair": 3, "car": 7}
 
 
 def test_info_names_an_unknown_key(tmp_path, capsys):

@@ -66,10 +66,10 @@ def test_stages_of_further_seeds_have_a_lock_and_a_time_of_their_own(tmp_path):
 
 def test_stage_scripts_end_with_one_line_and_code_2(tmp_path):
     result = _stage(tmp_path, "raise checks.InputError('no')", "--config", "configs/a.yaml", "--category", "chair")
-    assert (result.returncode, result.stderr) == (2, "do_it chair\nddf: error: no\n")
+    assert (result.returncode, result.stderr) == (2, "do_it chair\ndo_it: error: no\n")
     (tmp_path / "artifacts" / "b").mkdir(parents=True)
     (tmp_path / "artifacts" / "b" / "times").write_text("in the way")
     result = _stage(tmp_path, "pass", "--config", "b.yaml", "--category", "chair")
     assert result.returncode == 2
-    assert result.stderr.startswith("ddf: error: ")
+    assert result.stderr.startswith("do_it: error: ")
     assert len(result.stderr.splitlines()) == 1
