@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ddf.core import checks
-from ddf.geometry.formats import obj, off, ply, stl
+from ddf.geometry.formats import ac3d, obj, off, ply, stl
 from ddf.geometry.formats.scene_files import collada, gltf, threemf
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")  # read and written
-READ = (*SUFFIXES, ".gltf", ".dae", ".3mf")
+READ = (*SUFFIXES, ".gltf", ".dae", ".3mf", ".ac", ".acc")
 MAX_FILE_BYTES = 256 << 20  # of meshes and clouds: three million triangles as text, ten million as numbers
 _READERS = {
     ".obj": obj.parse,
@@ -28,6 +28,8 @@ _READERS = {
     ".glb": gltf.parse,
     ".dae": collada.parse,
     ".3mf": threemf.parse,
+    ".ac": ac3d.parse,
+    ".acc": ac3d.parse,
 }
 _FLAT = 1e-14  # of the longest side squared
 _NOT_BLANK = re.compile(rb"[^\0 \t\r\n]")
@@ -105,7 +107,7 @@ def without_flat(mesh: Mesh) -> Mesh:
 
 
 def load(path: Path | str) -> Mesh:
-    """Read OBJ, PLY, STL, OFF, GLB, glTF, DAE or 3MF as one triangle mesh, in the file's own frame and order.
+    """Read OBJ, PLY, STL, OFF, GLB, glTF, DAE, 3MF or AC3D as one triangle mesh, in the file's own frame and order.
 
     Raises:
       FileNotFoundError: no such file.

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from ddf.data.synthetic.looks.textures import Texture
+from ddf.data.synthetic.looks.textures import Picture, Texture
 from ddf.data.synthetic.parts import Part
 
 DECIMALS = 8  # of the written coordinates: a diagonal of 1 is then off by 2e-8 at most
@@ -25,7 +25,7 @@ class Shape:
     normals: per triangle corner, unit, outwards where the parts are closed; triangles of zero area have zeros.
     colours, gloss, hardness: per triangle, from the paints.
     parts: (name, number of triangles), in the order of the triangles.
-    textures: of the paints. texture: number of that of each triangle; -1 for none.
+    textures: of the paints. texture: number of that of each triangle; -1 for none. covering: pictures over all that.
     """
 
     vertices: Float[np.ndarray, "n 3"]
@@ -37,6 +37,19 @@ class Shape:
     parts: tuple[tuple[str, int], ...]
     textures: tuple[Texture, ...]
     texture: Int[np.ndarray, "m"]
+    covering: "Covering | None" = None
+
+
+@dataclass(frozen=True)
+class Covering:
+    """Pictures on a shape, in place of colours: the number of that of each triangle (-1 for none), where in it the
+    corners lie, and the level of it whose pixels are about as large as those of a view.
+    """
+
+    pictures: tuple[Picture, ...]
+    number: Int[np.ndarray, "m"]
+    uvs: Float32[np.ndarray, "m 3 2"]
+    level: Int[np.ndarray, "m"]
 
 
 @dataclass(frozen=True)

@@ -107,19 +107,24 @@ class Renderer:
 
         hardness = self._shape.hardness[hits.triangles]
         diffuse, shine, shadow = lights.fall(view.light, view.azimuth_deg, normals, directions, hardness, hidden)
-        colour = self._colours(hits.triangles, places) * diffuse[:, None]
+        colour = self._colours(hits, places) * diffuse[:, None]
         colour += (0.45 * self._shape.gloss[hits.triangles] * shine)[:, None]
         return np.clip(colour, 0, 1), shadow
 
-    def _colours(
-        self, triangles: UInt32[np.ndarray, "n"], places: Float32[np.ndarray, "n 3"]
-    ) -> Float32[np.ndarray, "n 3"]:
-        """Linear colours of the paints with their textures, at places in benchmark units."""
-        colours, texture = self._shape.colours[triangles], self._shape.texture[triangles]
+    def _colours(self, hits: "_Hits", places: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
+        """Linear colours of the paints with their textures and pictures, at places in benchmark units."""
+        colours, texture = self._shape.colours[hits.triangles], self._shape.texture[hits.triangles]
         for number, worn in enumerate(self._shape.textures):
             rows = np.flatnonzero(texture == number)
             share = worn.shares(places[rows] / np.float32(transforms.BENCHMARK_FROM_V1))[:, None]
             colours[rows] += share * (np.array(worn.colour, dtype=np.float32) - colours[rows])
+        over = self._shape.covering
+        for number, picture in enumerate(over.pictures if over else ()):
+            rows = np.flatnonzero(over.number[hits.triangles] == number)
+            u, v = hits.uvs[rows, :1], hits.uvs[rows, 1:]
+            first, second, third = over.uvs[hits.triangles[rows]].transpose(1, 0, 2)
+            places_in = (1 - u - v) * first + u * second + v * third
+            colours[rows] = picture.colours(places_in, over.level[hits.triangles[rows]])
         return colours
 
 

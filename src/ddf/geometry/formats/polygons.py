@@ -19,13 +19,14 @@ _WORK = 4e9  # corners squared, of all other polygons of a file: about five seco
 
 
 def triangulate(
-    vertices: Float[np.ndarray, "n 3"], counts: Int[np.ndarray, "p"], corners: Int[np.ndarray, "c"]
+    vertices: Float[np.ndarray, "n 3"], counts: Int[np.ndarray, "p"], corners: Int[np.ndarray, "c"], refuse: bool = True
 ) -> tuple[Int[np.ndarray, "m 3"], int]:
     """Triangles of all polygons in their order, `count - 2` each, and how many crossed themselves and were fanned.
 
     Args:
       counts: corners of each polygon, 3 or more.
       corners: vertices of all polygons, one after the other.
+      refuse: flat polygons that cannot be cut; else they are fanned.
     Raises:
       InputError: a flat polygon of five corners or more that crosses itself or has a hole, or too many corners.
     """
@@ -57,7 +58,7 @@ def triangulate(
         triangles = cut(vertices[own])
         if triangles is not None:
             faces[place[i] : place[i] + counts[i] - 2] = own[triangles]
-        elif _is_flat(vertices[own]):
+        elif refuse and _is_flat(vertices[own]):
             raise checks.InputError(
                 f"polygon {i + 1} ({counts[i]} corners) crosses itself or has a hole; cut it into triangles first"
             )

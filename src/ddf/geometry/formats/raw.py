@@ -61,8 +61,12 @@ def of_polygons(
     counts: Sequence[int] | array | Int[np.ndarray, "p"],
     corners: Sequence[int] | array | Int[np.ndarray, "c"],
     remarks: tuple[str, ...] = (),
+    refuse: bool = True,
 ) -> Raw:
-    """Triangles of polygons: corners one polygon after the other, `counts` of them each; under three are dropped."""
+    """Triangles of polygons: corners one polygon after the other, `counts` of them each; under three are dropped.
+
+    refuse: as of `polygons.triangulate`.
+    """
     require_few_vertices(len(vertices) // 3 if isinstance(vertices, array) else len(vertices))
     require_few_corners(len(corners))
     positions = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
@@ -75,7 +79,7 @@ def of_polygons(
     if dropped:
         index, sizes = index[np.repeat(sizes >= 3, sizes)], sizes[sizes >= 3]
         remarks = (*remarks, f"{dropped} faces of fewer than three corners are left out")
-    faces, crossing = polygons.triangulate(positions, sizes, index)
+    faces, crossing = polygons.triangulate(positions, sizes, index, refuse)
     if crossing:
         remarks = (*remarks, f"{crossing} polygons cross themselves: cut from their first corner")
     return Raw(positions, faces, remarks)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, Int
 
 TURN = np.float32(2 * np.pi)
 
@@ -32,6 +32,34 @@ class Texture:
         """How much of the second colour there is at each place of the v1 frame, in [0, 1]."""
         axes, shift = np.array(self.axes, dtype=np.float32), np.array(self.shift, dtype=np.float32)
         return KINDS[self.kind](places @ axes.T + shift)
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """An image to lay on a shape: linear RGB in [0, 1], rows from the top; each level has half the size of the last."""
+
+    levels: tuple[Float32[np.ndarray, "_ _ 3"], ...]
+
+    @classmethod
+    def of(cls, pixels: Float32[np.ndarray, "h w 3"]) -> "Picture":
+        """All levels of an image, by means of two times two pixels, down to a side of one."""
+        levels = [pixels]
+        while min(pixels.shape[:2]) > 1:
+            height, width = (side // 2 for side in pixels.shape[:2])
+            pixels = pixels[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
+            levels.append(pixels)
+        return cls(tuple(levels))
+
+    def colours(self, places: Float32[np.ndarray, "n 2"], level: Int[np.ndarray, "n"]) -> Float32[np.ndarray, "n 3"]:
+        """The nearest pixels of a level at places (u right, v up), the image repeated in both directions."""
+        found = np.zeros((len(places), 3), dtype=np.float32)
+        inside = places - np.floor(places)
+        for number, pixels in enumerate(self.levels):
+            rows = np.flatnonzero(np.clip(level, 0, len(self.levels) - 1) == number)
+            height, width, _ = pixels.shape
+            column = np.minimum((inside[rows, 0] * width).astype(int), width - 1)
+            found[rows] = pixels[np.minimum(((1 - inside[rows, 1]) * height).astype(int), height - 1), column]
+        return found
 
 
 def _stripes(q: Phases) -> Shares:
