@@ -25,6 +25,9 @@ COMMANDS = {
     "cast": Command("mesh", "ddf.cli.mesh.cast", "exact depth, visibility and normals of a mesh along given rays"),
     "samples": Command("mesh", "ddf.cli.mesh.samples", "the six types of oriented-point samples of a mesh"),
     "compare": Command("mesh", "ddf.cli.mesh.compare", "Chamfer distance and F-scores of two clouds or meshes"),
+    "shapes": Command(
+        "mesh", "ddf.cli.mesh.shapes", "shapes of other people: chairs, planes, cars, ...; fetching them"
+    ),
     "fit": Command("field", "ddf.cli.field.fit", "fit a field to one mesh, with held-out errors per sample type"),
     "query": Command(
         "field", "ddf.cli.field.query", "what a field says along given rays: depth, visibility, normals, ..."

@@ -28,6 +28,7 @@ MODELS, RENDERS = "ShapeNetCore.v1", "ShapeNetRendering"  # folders of a root
 NUM_VIEWS = 24
 SYNSETS = {
     "plane": "02691156",
+    "bed": "02818832",
     "bench": "02828884",
     "cabinet": "02933112",
     "car": "02958343",

@@ -8,7 +8,7 @@ import csv
 import functools
 from collections.abc import Collection
 from dataclasses import dataclass
-from importlib import resources
+from pathlib import Path
 
 from ddf.data.public import packages
 
@@ -39,7 +39,7 @@ class Row:
 @functools.cache
 def rows() -> tuple[Row, ...]:
     """All shapes, by category and id."""
-    text = resources.files(__package__).joinpath("manifest.csv").read_text(encoding="utf-8")
+    text = Path(__file__).with_name("manifest.csv").read_text(encoding="utf-8")
     return tuple(Row(**{**entry, "wheels": _axles(entry["wheels"])}) for entry in csv.DictReader(text.splitlines()))
 
 

@@ -118,13 +118,13 @@ class Renderer:
             rows = np.flatnonzero(texture == number)
             share = worn.shares(places[rows] / np.float32(transforms.BENCHMARK_FROM_V1))[:, None]
             colours[rows] += share * (np.array(worn.colour, dtype=np.float32) - colours[rows])
-        over = self._shape.covering
-        for number, picture in enumerate(over.pictures if over else ()):
-            rows = np.flatnonzero(over.number[hits.triangles] == number)
-            u, v = hits.uvs[rows, :1], hits.uvs[rows, 1:]
-            first, second, third = over.uvs[hits.triangles[rows]].transpose(1, 0, 2)
-            places_in = (1 - u - v) * first + u * second + v * third
-            colours[rows] = picture.colours(places_in, over.level[hits.triangles[rows]])
+        if over := self._shape.covering:
+            for number, picture in enumerate(over.pictures):
+                rows = np.flatnonzero(over.number[hits.triangles] == number)
+                u, v = hits.uvs[rows, :1], hits.uvs[rows, 1:]
+                first, second, third = over.uvs[hits.triangles[rows]].transpose(1, 0, 2)
+                inside = (1 - u - v) * first + u * second + v * third
+                colours[rows] = picture.colours(inside, over.level[hits.triangles[rows]])
         return colours
 
 

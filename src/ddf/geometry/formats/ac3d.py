@@ -90,22 +90,23 @@ class _Reading:
                 objects += 1
                 if objects > MAX_OBJECTS:
                     raise checks.InputError(f"more than {MAX_OBJECTS} objects")
-                count, *frame = open_kids.pop() if open_kids else (1, np.eye(3), np.zeros(3))
+                count, rotation, place = open_kids.pop() if open_kids else (1, np.eye(3), np.zeros(3))
                 if count > 1:
-                    open_kids.append((count - 1, *frame))
-                kids, rotation, place = self._object(*frame)
+                    open_kids.append((count - 1, rotation, place))
+                kids, rotation, place = self._object(rotation, place)
                 if kids:
                     open_kids.append((kids, rotation, place))
         missing = sum(count for count, *_ in open_kids)  # of many files, that are whole all the same
         vertices, uvs = (np.array(a, dtype=np.float64) for a in (self.vertices, self.uvs))
-        per_polygon = (np.array(a, dtype=np.int64) for a in (self.material, self.texture))
-        counts, corners = (np.array(a, dtype=np.int64) for a in (self.counts, self.corners))
+        whole = (self.counts, self.corners, self.material, self.texture)
+        counts, corners, material, texture = (np.array(a, dtype=np.int64) for a in whole)
         return Surfaces(
             vertices.reshape(-1, 3),
             counts,
             corners,
             uvs.reshape(-1, 2),
-            *per_polygon,
+            material,
+            texture,
             tuple(self.materials),
             tuple(self.textures),
             (f"{missing} objects that it counts are not there",) if missing else (),

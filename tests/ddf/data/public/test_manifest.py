@@ -1,0 +1,54 @@
+"""The manifest of public shapes: plain names, proper frames, and splits by their rule."""
+
+import hashlib
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from ddf.data import shapenet
+from ddf.data.public import manifest, packages, shapes
+
+CHOSEN = {"chair": 16, "plane": 24, "car": 10}  # categories whose test shapes were chosen, with their number
+
+
+def test_rows_have_plain_unique_ids_known_places_and_licences():
+    rows = manifest.rows()
+    assert len({row.id for row in rows}) == len(rows) > 300
+    for row in rows:
+        shapenet.check_name(row.id, "manifest")
+        assert row.category in shapenet.SYNSETS and row.package in packages.PACKAGES and row.creator
+        assert row.licence in ("CC0-1.0", "CC-BY-3.0", "CC-BY-3.0-US", "GPL-2.0-or-later")
+        assert ".." not in row.path and not row.path.startswith("/") and (not row.looks or row.looks.endswith("/"))
+        assert np.linalg.det(shapes.turned(row.axes)) == pytest.approx(1)
+
+
+def test_splits_follow_the_hash_of_the_id_but_for_the_chosen_test_shapes():
+    rows = manifest.rows()
+    tests = Counter(row.category for row in rows if row.split == "test")
+    assert {name: tests[name] for name in CHOSEN} == CHOSEN
+    for row in rows:
+        share = int(hashlib.sha256(row.id.encode()).hexdigest()[:8], 16) / 2**32
+        by_hash = "validation" if share < 0.15 else "train"
+        if row.category not in CHOSEN and share >= 0.8:
+            by_hash = "test"
+        assert row.split == by_hash or (row.split == "test" and row.category in CHOSEN), row.id
+
+
+@pytest.mark.real
+def test_every_shape_of_a_kept_package_reads_upright_with_colours(monkeypatch):
+    kept = [package for package in packages.PACKAGES.values() if packages.has(package, manifest.wanted(package))]
+    if not kept:
+        pytest.skip("no package of shapes is kept; `ddf shapes get`")
+    for package in kept:
+        with packages.read(package) as archive:
+            own = [row for row in manifest.rows() if row.package == package.name]
+            for row in own[:: max(len(own) // 12, 1)]:
+                shape = shapes.shape(shapes.load(archive, row))
+                sides = np.ptp(shape.vertices, axis=0)
+                assert np.linalg.norm(sides) == pytest.approx(1, abs=1e-6), row.id
+                assert 0 <= shape.colours.min() and shape.colours.max() <= 1
+                if row.category == "plane":
+                    assert sides[1] < min(sides[0], sides[2]), row.id
+                if row.category == "car":
+                    assert sides[0] > max(sides[1], sides[2]), row.id

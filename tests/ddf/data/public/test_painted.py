@@ -1,0 +1,108 @@
+"""Painted meshes: the surface that `mesh_io` reads, in the colours of their materials and pictures."""
+
+import zipfile
+
+import _packages
+import numpy as np
+import pytest
+
+from ddf.core import checks
+from ddf.data.public import painted, shapes
+from ddf.data.synthetic import palette, parts, render
+from ddf.data.synthetic.looks import lights
+from ddf.data.synthetic.looks.textures import Picture
+from ddf.geometry import mesh_io
+
+QUAD = "AC3Db\n{}OBJECT world\nkids 1\nOBJECT poly\n{}numvert 4\n0 0 0\n1 0 0\n1 1 0\n0 1 0\nnumsurf 1\nSURF 0x10\n{}"
+REFS = "refs 4\n0 0 0\n1 1 0\n2 1 1\n3 0 1\nkids 0\n"
+
+
+def _archive(tmp_path, **members):
+    path = tmp_path / "kept.zip"
+    path.write_bytes(_packages.zipped({name.replace("_", "/", 1).replace("__", "."): d for name, d in members.items()}))
+    return zipfile.ZipFile(path)
+
+
+def test_obj_keeps_the_surface_and_takes_materials_and_pictures(tmp_path):
+    archive = _archive(tmp_path, a_a__obj=_packages.OBJ, a_a__mtl=_packages.MTL, a_wood__png=_packages.png())
+    mesh = painted.load(archive, "a/a.obj")
+    plain = mesh_io.parse(_packages.OBJ.encode(), ".obj")
+    np.testing.assert_array_equal(mesh.vertices[mesh.faces], plain.triangles)
+    assert np.ptp(mesh.colours, axis=0).max() == 0
+    np.testing.assert_allclose(mesh.colours[0], painted.WHITE * np.array([1, 0.5, 0]) ** 2.2, rtol=1e-5)
+    assert (mesh.picture == 0).all() and mesh.uvs[0].tolist() == [[0, 0], [1, 0], [1, 1]]
+    np.testing.assert_allclose(mesh.pictures[0].levels[-1], [[painted.WHITE * np.array([1, 0, 0])]])
+
+
+def test_without_its_materials_a_mesh_is_grey(tmp_path):
+    mesh = painted.load(_archive(tmp_path, a_a__obj=_packages.OBJ), "a/a.obj")
+    assert len(mesh.pictures) == 0 and len(np.unique(mesh.colours)) == 1
+
+
+def test_ac3d_looks_come_from_a_folder_beside_and_invisible_faces_go(tmp_path):
+    materials = 'MATERIAL "a" rgb 0 0 1 trans 0\nMATERIAL "b" rgb 0 0 1 trans 1\n'
+    faces = f"mat 0\n{REFS}".replace("kids 0\n", "") + f"SURF 0x10\nmat 1\n{REFS}"
+    text = QUAD.format(materials, 'texture "C:\\\\own\\\\skin.png"\n', faces).replace("numsurf 1", "numsurf 2")
+    archive = _archive(tmp_path, m_p__ac=text, looks_skin__png=_packages.png((0, 255, 0)))
+    mesh = painted.load(archive, "m/p.ac", "looks/")
+    assert len(mesh.faces) == 2 and (mesh.picture == 0).all()
+    assert mesh.pictures[0].levels[0][0, 0].argmax() == 1
+    with pytest.raises(checks.InputError, match=r"m/p.ac: no triangles"):
+        painted.load(_archive(tmp_path, m_p__ac=text.replace("mat 0", "mat 1")), "m/p.ac")
+
+
+def test_damage_names_archive_and_member(tmp_path):
+    broken = _packages.OBJ.replace("f 5 7 8 6", "f 5 7 8 99")
+    with pytest.raises(checks.InputError, match=r"kept.zip: a/a.obj: a face uses a vertex"):
+        painted.load(_archive(tmp_path, a_a__obj=broken), "a/a.obj")
+    archive = _archive(tmp_path, a_a__obj=_packages.OBJ)
+    data = bytearray((tmp_path / "kept.zip").read_bytes())
+    data[60] ^= 1
+    (tmp_path / "kept.zip").write_bytes(data)
+    with pytest.raises(checks.InputError, match=r"kept.zip: a/a.obj: Bad CRC"):
+        painted.load(archive, "a/a.obj")
+
+
+def test_turning_keeps_winding_outwards_and_parts_join(tmp_path):
+    mesh = painted.load(_archive(tmp_path, a_a__obj=_packages.OBJ), "a/a.obj")
+
+    def volume(vertices, faces):
+        a, b, c = vertices[faces].transpose(1, 0, 2)
+        return np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
+
+    mirror = mesh.turned(np.diag([1.0, 1.0, -1.0]))
+    assert volume(mirror.vertices, mirror.faces) == pytest.approx(volume(mesh.vertices, mesh.faces))
+    box = parts.box((5, 5, 5), (1, 1, 1), palette.TYRE)
+    both = mesh.joined([box])
+    assert volume(both.vertices, both.faces) == pytest.approx(volume(mesh.vertices, mesh.faces) + 1)
+    np.testing.assert_allclose(both.colours[-1], palette.TYRE.colour)
+
+
+def test_pictures_show_where_their_places_are():
+    """A square facing the camera: its left half red, its right half blue, upper left corner green."""
+    pixels = np.zeros((8, 8, 3), dtype=np.float32)
+    pixels[:, :4, 0], pixels[:, 4:, 2] = 1, 1
+    pixels[:2, :2] = [0, 1, 0]
+    corners = np.array([[0.0, 0, 1], [0, 0, 0], [0, 1, 0], [0, 1, 1]])  # seen from +X: +Z is on the left
+    uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    whole = painted.Painted(
+        corners, faces, np.zeros((2, 3), dtype=np.float32), np.zeros(2, int), uvs[faces], (Picture.of(pixels),)
+    )
+    light = lights.Light(lamps=0.0, key=0.0, sky=1.0, above=0.0, front=0.0, gamma=1.0)
+    view = render.Renderer(shapes.shape(whole)).render(render.View(0.0, 0.0, 0.8, light))
+    rows, columns = np.nonzero(view[..., 3] == 255)
+    top, left, down, across = rows.min(), columns.min(), np.ptp(rows), np.ptp(columns)
+    seen = [
+        view[top + int(y * down), left + int(x * across), :3].argmax() for y, x in ((0.1, 0.1), (0.6, 0.2), (0.6, 0.8))
+    ]
+    assert seen == [1, 0, 2]
+    covering = shapes.shape(whole).covering
+    assert covering is not None and covering.level.tolist() == [0, 0]  # 64 pixels are fewer than those of a view
+
+
+def test_far_pictures_are_seen_as_their_mean():
+    fine = np.indices((256, 256)).sum(axis=0) % 2
+    picture = Picture.of(np.repeat(fine[..., None], 3, axis=2).astype(np.float32))
+    seen = picture.colours(np.random.default_rng(0).random((100, 2), dtype=np.float32), np.full(100, 3))
+    np.testing.assert_allclose(seen, 0.5)
