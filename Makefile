@@ -9,7 +9,6 @@ LAUNCH ?=#                    goes before every training command, such as srun -
 SEEDS  ?= 1#                  trainings of each model that the tables average; the first is that of SEEDS=1
 JOBS   ?= $(shell nproc)#     trainings side by side; each takes train.loop.threads
 BENCH  ?=#                    some of the benchmarks, by name; all without it
-OPTIONS ?=#                   of `make fit-proof` and of `make ablate-options`
 PYTHON ?=#                    for .venv; without it the first of python3.11, 3.12, 3.13 that is there
 UV_VERSION := 0.13.8
 READY := .venv/.ready-$(shell pwd | cksum | cut -d' ' -f1)#   another folder is another environment
@@ -55,7 +54,7 @@ test-fast: lint ## lint, types and unit tests
 test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged files
 	@$(RUN) -m pytest -q -m slow
 test-browser: $(READY) ## the page of `ddf view` in a real Chromium (installed by apt-get as root; skipped where there is none)
-	@if .ci/chromium >/dev/null; then $(RUN) -m pytest -q -m browser tests/export; \
+	@if .ci/chromium >/dev/null; then $(RUN) -m pytest -q -m browser tests/ddf/io; \
 	else echo "no Chromium: the tests of the viewer's page are left out (apt-get install chromium)"; fi
 viewer: ## the page's template of `ddf view` from viewer/src, with npm's packages; needs node
 	@cd viewer && npm install --silent && npm run --silent check && npm run --silent build
@@ -63,14 +62,8 @@ test-gpu: $(READY) ## the tests marked gpu, on a machine that has one
 	@$(RUN) -m pytest -q -m gpu
 lint: $(READY) ## format check, lint and types
 	@ruff format --check -q . && ruff check -q . && pyright --warnings
-bench: $(READY) ## speed against error (reports/bench) and the page of hard cases: [BENCH="evaluation rendering"]
+bench: $(READY) ## speed against error (reports/bench) and the page of hard cases: [BENCH="evaluation ray_casting"]
 	@$(RUN) -m bench run $(BENCH)
-bench-check: $(READY) ## the benchmarks once more, compared with reports/bench: [BENCH="evaluation rendering"]
-	@$(RUN) -m bench check $(BENCH)
-fit-proof: $(READY) ## what fits of single shapes reach, in hours: [PROOFS="fit_curves primitive_fits"] [OPTIONS="--side-by-side 2"]
-	@$(RUN) -m bench run $(or $(PROOFS),fits) -- $(OPTIONS)
-ablate-options: $(READY) ## every switch of the reconstruction turned alone, up to an hour: [OPTIONS="--steps 800"]
-	@$(RUN) -m bench run si3dr_options -- $(OPTIONS)
 
 ##@ Household
 setup: $(READY) ## the environment in .venv, from requirements.lock; nothing to do when it is there

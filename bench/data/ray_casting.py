@@ -13,7 +13,7 @@ import numpy as np
 import torch
 import trimesh
 
-from bench.lib import display, measured_shapes, measuring
+from bench.lib import measuring
 from ddf.geometry import raycast, rays
 from ddf.geometry.mesh_io import Mesh
 
@@ -21,6 +21,24 @@ FACES, MANY, FEW, TRUTHS, REPEATS, THREADS = 10_000, 200_000, 1000, 1000, 5, 2
 
 Depths = np.ndarray
 Caster = Callable[[rays.OrientedPoints], Depths]
+
+
+def sphere(faces: int) -> Mesh:
+    """A closed unit sphere of about so many triangles: rings of a grid, welded at seam and poles."""
+    rings = max(round(np.sqrt(faces / 4)), 2)
+    height, turn = np.pi * np.arange(1, rings) / rings, 2 * np.pi * np.arange(2 * rings) / (2 * rings)
+    height, turn = (grid.ravel() for grid in np.meshgrid(height, turn, indexing="ij"))
+    middle = np.stack([np.sin(height) * np.cos(turn), np.cos(height), np.sin(height) * np.sin(turn)], axis=1)
+    index = np.arange(len(middle)).reshape(rings - 1, 2 * rings)
+    a, b = index[:-1], index[1:]
+    c, d = np.roll(a, -1, axis=1), np.roll(b, -1, axis=1)
+    north, south = np.full(2 * rings, len(middle)), np.full(2 * rings, len(middle) + 1)
+    quads = [np.stack([x.ravel() for x in corners], axis=1) for corners in ((a, c, b), (c, d, b))]
+    caps = [
+        np.stack([north, np.roll(index[0], -1), index[0]], axis=1),
+        np.stack([south, index[-1], np.roll(index[-1], -1)], axis=1),
+    ]
+    return Mesh(np.concatenate([middle, [[0, 1.0, 0], [0, -1.0, 0]]]), np.concatenate([*quads, *caps]))
 
 
 def random_rays(count: int) -> rays.OrientedPoints:
@@ -120,23 +138,10 @@ def measure(name: str, mesh: Mesh, points: rays.OrientedPoints) -> list[dict[str
     return rows
 
 
-SECTION = display.Section(
-    views=(
-        display.View(
-            "depth_median",
-            "median error of depth",
-            ("rays",),
-            cost=lambda row: 1e3 * display.milliseconds(row) / row.size["count"],
-            cost_label="µs a ray",
-        ),
-    )
-)
-
-
 def main() -> None:
     """Ask all three questions."""
     torch.set_num_threads(THREADS)
-    mesh = measured_shapes.sphere(FACES)
+    mesh = sphere(FACES)
     questions = {"random": random_rays(MANY), "camera": camera_rays(MANY), "edges": edge_rays(mesh, MANY)}
     measuring.write(
         "ray_casting", THREADS, [row for name, ask in questions.items() for row in measure(name, mesh, ask)]

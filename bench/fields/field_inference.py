@@ -27,7 +27,6 @@ from ddf.io import onnx_file, onnx_graphs, onnx_parity, weight_precision
 
 RAYS, NORMAL_RAYS, CHECKED = 65_536, 16_384, 8_192  # timed; timed with normals; whose errors are taken
 CHUNK_VALUES = 2**18  # of one layer, rays times width: 1 MiB, which stays in the cache
-PARITY_RAYS = 4_096  # curvature keeps every layer of every ray in memory
 LAYERS = {128: 6, 256: 6, 512: 7}
 REPEATS, MOST_SECONDS = 7, 1.0
 OMEGA_FIRST = 2.0  # of configs/fit.yaml
@@ -210,7 +209,7 @@ def has_compiler() -> bool:
 def measure(
     exported: Exported, outputs: Sequence[str], error: Mapping[tuple[str, str], dict[str, float]]
 ) -> list[dict[str, Any]]:
-    """Every program on one field, one row each; `best` marks the fastest float32 one of onnxruntime and of the rest.
+    """Every program on one field, one row each.
 
     Args:
       error: of every runtime and precision (`checked_errors`).
@@ -226,7 +225,7 @@ def measure(
         row = measuring.row(name, size, seconds, error[same])
         told = {"runtime": runtime, "precision": precision, "how": how, "rays_per_s": count / row["median_s"]}
         rows.append({**row, **told})
-    return mark_best(rows)
+    return rows
 
 
 def checked_errors(exported: Exported) -> dict[tuple[str, str], dict[str, float]]:
@@ -248,102 +247,35 @@ def threaded(
     return in_chunks(program, rays, chunk, workers)
 
 
-def mark_best(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows with `best`: the fastest in float32 of onnxruntime, and of everything that is torch."""
-    full = [row for row in rows if row["precision"] == "float32"]
-    sides = ([r for r in full if r["runtime"] == "onnxruntime"], [r for r in full if r["runtime"] != "onnxruntime"])
-    fastest = [min(side, key=lambda row: row["median_s"]) for side in sides]
-    return [{**row, "best": any(row is one for one in fastest)} for row in rows]
-
-
-def parity(field: pddf.PDDF) -> list[dict[str, Any]]:
-    """onnxruntime against torch, every output of a field; no time is taken."""
-    graph = onnx_graphs.FieldGraph(field, (*WITH_NORMALS, "mean_curvature", "gaussian_curvature"))
-    width = field.config.hidden[0]
-    rows = onnx_parity.compare(onnx_file.to_onnx(graph, {}), f"field of {width}", graph, (PARITY_RAYS,), 0)
-    return [
-        {
-            "what": f"onnxruntime against torch, {row.output}, {row.cases}",
-            "size": {"width": width, "layers": LAYERS[width], "rays": row.rows},
-            "error": {"max": row.max_abs, "p999": row.q999_abs, "unclear_rays": row.unclear},
-        }
-        for row in rows
-    ]
-
-
 def _values_only(row: results.Row) -> bool:
-    """Rows of one batch with all threads, without normals."""
-    return "normals" not in row.size.get("outputs", ("normals",)) and row.size.get("threads", 1) > 1
+    return row.size["outputs"] == list(VALUES)
 
 
-def inference_sentence(benchmark: results.Benchmark) -> str | None:
-    """Width, precision and runtime against the error of depth."""
-    rows = [row for row in benchmark.rows if row.seconds and _values_only(row) and "depth_mean" in row.error]
-    if not rows:
-        return None
+def sentence(benchmark: results.Benchmark) -> str | None:
+    """The fastest of onnxruntime and of torch at each width, in float32."""
     parts = []
-    for width in sorted({row.size["width"] for row in rows}):
-        group = [row for row in rows if row.size["width"] == width]
-        full = [row for row in group if row.told.get("precision") == "float32"] or group
-        chosen = {row.key: row for row in (display.fastest(full), display.fastest(group))}
-        told = [_inference_words(row) for row in chosen.values()]
-        parts.append(f"width {width}: {' against '.join(told)}")
-    return f"**Fields**, fastest in float32 against fastest of all: {'; '.join(parts)}."
+    for outputs, width in dict.fromkeys((tuple(row.size["outputs"]), row.size["width"]) for row in benchmark.rows):
+        full = [
+            row
+            for row in benchmark.rows
+            if (tuple(row.size["outputs"]), row.size["width"], row.told["precision"]) == (outputs, width, "float32")
+        ]
+        sides = [[row for row in full if (row.told["runtime"] == "onnxruntime") is onnx] for onnx in (True, False)]
+        parts.append(f"{outputs[-1]}, width {width}: {display.times(*map(display.fastest, sides))}")
+    return f"Fastest way of onnxruntime, as a multiple of the fastest of torch, float32: {'; '.join(parts)}."
 
 
-def _inference_words(row: results.Row) -> str:
-    rate = row.size["rays"] / row.seconds[1] / 1e6 if row.seconds else float("nan")
-    error = display.number(row.error["depth_mean"])
-    return f"{row.what} ({display.number(rate)} million rays/s, mean error of depth {error})"
-
-
-def runtimes_note(benchmark: results.Benchmark) -> str | None:
-    """onnxruntime over the fastest of torch's ways, in float32."""
-    parts = []
-    for outputs in (["visibility", "depth"], ["visibility", "depth", "normals"]):
-        rows = [row for row in benchmark.rows if row.seconds and row.size.get("outputs") == outputs]
-        full = [row for row in rows if row.told.get("precision") == "float32"]
-        words = []
-        for width in sorted({row.size["width"] for row in full}):
-            sides = [
-                [row for row in full if row.size["width"] == width and (row.told["runtime"] == "onnxruntime") == onnx]
-                for onnx in (True, False)
-            ]
-            words.append(f"{display.times(*map(display.fastest, sides))} (width {width})")
-        if words:
-            parts.append(f"{' and '.join((', '.join(outputs[:-1]), outputs[-1]))}: {', '.join(words)}")
-    if not parts:
-        return None
-    return (
-        "The fastest way of onnxruntime as a multiple of the time of the fastest way of torch, float32, two threads: "
-        f"{'; '.join(parts)}. The goal is at most 1."
-    )
-
-
-SECTION = display.Section(
-    views=(display.View("depth_mean", "mean error of depth", ("width",), keep=_values_only),),
-    note=runtimes_note,
-    headline=inference_sentence,
-)
+SECTION = display.Section((display.View("depth_mean", "mean error of depth", ("width",), _values_only),), sentence)
 
 
 def main() -> None:
-    """Measure every width, say which is faster, write."""
-    rows, parities = [], []
+    """Measure every width, write."""
+    rows = []
     for width, layers in LAYERS.items():
         torch.manual_seed(0)
-        field = pddf.PDDF(pddf.PDDFConfig((width,) * layers, OMEGA_FIRST, 1.0, "softplus", 100.0)).eval()
-        exported = Exported(field)
+        exported = Exported(pddf.PDDF(pddf.PDDFConfig((width,) * layers, OMEGA_FIRST, 1.0, "softplus", 100.0)).eval())
         error = checked_errors(exported)
-        for outputs in (VALUES, WITH_NORMALS):
-            found = measure(exported, outputs, error)
-            ours, theirs = sorted(
-                (row for row in found if row["best"]), key=lambda row: row["runtime"] != "onnxruntime"
-            )
-            ratio = theirs["median_s"] / ours["median_s"]
-            print(f"{width}, {outputs[-1]}: {ours['what']}: {ratio:.2f} x {theirs['what']}", flush=True)
-            rows += found
-        parities += parity(field)
+        rows += [row for outputs in (VALUES, WITH_NORMALS) for row in measure(exported, outputs, error)]
     if not has_compiler():
         print("torch.compile left out: there is no C++ compiler with the headers of Python")
-    measuring.write("field_inference", THREADS, rows + parities)
+    measuring.write("field_inference", THREADS, rows)

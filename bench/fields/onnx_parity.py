@@ -1,8 +1,8 @@
-"""onnxruntime against torch: every output of every exported graph of a trained category, and what smaller weights cost.
+"""onnxruntime against torch: every output of every graph of the shipped car's model, and what smaller weights cost.
 
-Reads the models of `make reproduce-table` (artifacts/cpu); without them there is nothing to compare. What the stage
-`export_onnx` does, with the section `export` of configs/cpu.yaml, and nothing is kept: float32 is held to the tolerance
-of each output, random inputs at every length and the hard cases apart. A row has the largest figures of its inputs.
+What the stage `export_onnx` does, with the section `export` of configs/cpu.yaml, and nothing is kept: float32 is held
+to the tolerance of each output, random inputs at every length and the hard cases apart. A row has the largest figures
+of its inputs.
 """
 
 import tempfile
@@ -11,28 +11,25 @@ from pathlib import Path
 from typing import Any
 
 from bench.lib import measuring
+from ddf.core import config, shipped_models
 from ddf.io import exportable, onnx_file, onnx_parity
-from ddf.training import training_loop
-from ddf_lab.run import Run
 
-CONFIG, CATEGORY, MODELS, THREADS = Path("configs/cpu.yaml"), "car", ("ddf", "pcsiren"), 1
+CONFIG, MODEL, THREADS = Path("configs/cpu.yaml"), "car", 1
 FIGURES = ("max_abs", "mean_abs", "q999_abs", "max_relative", "torch_error", "onnx_error")
 TOGETHER = ("image_field",)  # graphs of others: their smaller weights cost what those of the parts do
-TOLERANCE = 0.5  # relative: rounding, which another processor does in another order
 
 
-def compared(run: Run) -> list[onnx_parity.Row]:
-    """All rows of both models' graphs; a float32 file outside its tolerance ends it."""
-    section = run.section(onnx_file.ExportConfig)
+def compared() -> list[onnx_parity.Row]:
+    """All rows of the model's graphs; a float32 file outside its tolerance ends it."""
+    section = config.load(CONFIG, onnx_file.ExportConfig)
     rows: list[onnx_parity.Row] = []
+    graphs, source = exportable.load(shipped_models.place(MODEL), section.outputs)
     with tempfile.TemporaryDirectory() as folder:
-        for model in MODELS:
-            graphs, source = exportable.load(run.folder(f"train_{model}"), section.outputs)
-            for name, graph in graphs.items():
-                out = Path(folder) / f"{name}.onnx"
-                rows += onnx_file.export(graph, name, out, source, section)
-                if name not in TOGETHER:
-                    rows += onnx_file.measure_precisions(graph, name, out.read_bytes(), section)
+        for name, graph in graphs.items():
+            out = Path(folder) / f"{name}.onnx"
+            rows += onnx_file.export(graph, name, out, source, section)
+            if name not in TOGETHER:
+                rows += onnx_file.measure_precisions(graph, name, out.read_bytes(), section)
     return rows
 
 
@@ -44,20 +41,14 @@ def together(rows: Sequence[onnx_parity.Row]) -> list[dict[str, Any]]:
     lines = []
     for (graph, precision, output, hard), members in groups.items():
         size = {"precision": precision, "output": output, "inputs": "hard cases" if hard else "random"}
-        size |= {"rows": [row.rows for row in members], "category": CATEGORY}
+        size |= {"rows": [row.rows for row in members]}
         error = {name: max(getattr(row, name) for row in members) for name in FIGURES}
         held = members[0].tolerance if precision == "float32" else None
         told = {"tolerance": held, "unclear": sum(row.unclear for row in members), "bytes": members[0].bytes}
-        lines.append({"what": graph, "size": size, "error": error, "error_tolerance": TOLERANCE, **told})
+        lines.append({"what": graph, "size": size, "error": error, **told})
     return lines
 
 
 def main() -> None:
-    """Compare and write; without trained models say so and leave the results as they are."""
-    run = Run.read(CONFIG, CATEGORY)
-    folders = [run.folder(f"train_{model}") for model in MODELS]
-    absent = [folder for folder in folders if not (folder / training_loop.MODEL).exists()]
-    if absent:
-        print(f"onnx_parity: skipped, {absent[0]} is not there; `make reproduce-table` makes it")
-        return
-    measuring.write("onnx_parity", THREADS, together(compared(run)))
+    """Compare and write."""
+    measuring.write("onnx_parity", THREADS, together(compared()))

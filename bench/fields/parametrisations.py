@@ -1,12 +1,12 @@
-"""Depth images by what a network reads of a ray: our (p, v), peers' lines, a network per camera; and their rivals.
+"""Depth images by what a network reads of a ray: our (p, v) and peers' lines; against sphere tracing and mesh casting.
 
-All networks have the hidden layers of configs/fit.yaml, but for the small ones: one per camera in the field of views,
-one per cell of lines in the field of cells. Each is trained here for as many seconds of one core (`--seconds`) on rays
-of outside cameras, whose truth was cast before. One row of ours learns from rays that begin inside the box besides.
-Rows hold the time of one depth image, of its one thread, however busy the machine is; and errors over held-out cameras
-outside, as in the benchmark rendering. "inside": rays from free points inside the box, between surfaces, where a field
-of lines knows one surface a line; `inside_wrong` is the share of them whose visibility is wrong, or whose depth is off
-by more than `CLOSE`. Signed distances are traced, and the mesh itself is cast.
+All networks have the hidden layers of configs/fit.yaml. Each is trained here for as many seconds of one core
+(`--seconds`) on rays of outside cameras, whose truth was cast before. One row of ours learns from rays that begin
+inside the box besides. Rows hold the time of one depth image, of its one thread, however busy the machine is; and
+errors over held-out cameras outside, in field units. "Refined" asks for fewer pixels (`sparse_depth`). "inside": rays
+from free points inside the box, between surfaces, where a field of lines knows one surface a line; `inside_wrong` is
+the share of them whose visibility is wrong, or whose depth is off by more than `CLOSE`. Signed distances are traced,
+and the mesh itself is cast.
 """
 
 import argparse
@@ -22,15 +22,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from bench.fields import rendering
 from bench.lib import cpu_budget, display, measuring, results
-from bench.rivals import cell_fields, cells, ray_fields, ray_inputs, sphere_tracing, view_fields
+from bench.rivals import ray_fields, ray_inputs, sphere_tracing
 from ddf.core import config, seeding
 from ddf.data import mesh_config, mesh_preparation
 from ddf.data.synthetic import showcase
-from ddf.fields import siren
+from ddf.fields import derivatives, siren
 from ddf.fit import fit_settings
-from ddf.geometry import cameras, mesh_io, raycast, rays, transforms
+from ddf.geometry import cameras, mesh_io, raycast, rays, sparse_depth, transforms
+from ddf_lab.evaluation.shape import source_mesh
 
 ON_DEMAND = "python -m bench parametrisations, 20 minutes"
 CONFIG, SECONDS, REPEATS, SIZE = Path("configs/fit.yaml"), 60.0, 9, 256
@@ -42,24 +42,24 @@ HELD_OUT = ((35.0, 25.0), (215.0, 15.0), (125.0, -25.0), (300.0, 60.0))  # azimu
 HELD_OUT_RADIUS = 0.8
 FREE_POINTS, LOOKS, CLEAR = 64, 512, 0.1  # inside: points, rays of each, and how far from the surface
 CLOSE = 0.02  # field units, 1 % of the shape
-TRAINED_TOLERANCE = 0.5
 CHUNK = 4096
-OURS, BOTH, FIELD_OF_VIEWS = "DDF: entry of the box", "DDF, inside rays too", "field of views"
-CELLS, CASTING = "field of cells", "mesh casting"
-VIEWS = view_fields.ViewLayout((48, 48, 48), (64, 64), 4.0, 1.0)
-VIEW_CAMERAS, VIEW_RATE = 16, 2e-3  # cameras of a step of the field of views, and its learning rate
-CELL_LAYOUT, CELL_HIDDEN, CELL_OMEGA = cells.CellLayout(4, 3, 0.05, 0.05), (24, 24), 0.7
-CELL_RAYS, CELL_RATE = 32, 1e-2  # rays of a step of each network, and the learning rate
-BUDGETS = rendering.BUDGETS[1:4]
+OURS, BOTH, CASTING = "DDF: entry of the box", "DDF, inside rays too", "mesh casting"
+REFINED = ", refined"  # behind the name of what is asked for fewer pixels
+REFINEMENT = sparse_depth.Refinement(tolerance=0.005, stride=8)  # field units
+BUDGETS = [  # of steps; f where a ray has arrived, and where one out of steps still has
+    sphere_tracing.Tracing(steps, threshold, within)
+    for steps, threshold, within in (
+        (6, 2e-2, 4e-2), (8, 1e-2, 2e-2), (12, 1e-2, 1e-2), (16, 5e-3, 5e-3), (32, 2e-3, 5e-3), (64, 1e-3, 5e-3)
+    )
+]  # fmt: skip
+DISTANCE_OMEGA, DISTANCE_RATE = 10.0, 2e-3  # omega_first and learning rate of the signed-distance network
 
 
 def shapes() -> dict[str, mesh_io.Mesh]:
     """A chair, and a box with a window and a cube in it; both closed, in the frame of the fields."""
-    raw = {"chair": rendering.closed_shape(0)}
-    wrapped = mesh_config.MeshesConfig(faces=FACES, wrap="always")
-    raw["nested"] = mesh_preparation.prepare(showcase.nested(), wrapped, seeding.generator(0, "bench")).mesh
-    placed = {}
-    for name, mesh in raw.items():
+    wrapped, placed = mesh_config.MeshesConfig(faces=FACES, wrap="always"), {}
+    for name, raw in {"chair": source_mesh.read(None, 0)[0], "nested": showcase.nested()}.items():
+        mesh = mesh_preparation.prepare(raw, wrapped, seeding.generator(0, "bench")).mesh
         vertices = UNIT * transforms.field_from_mesh(mesh.vertices).apply(mesh.vertices)
         placed[name] = mesh_io.Mesh(vertices, mesh.faces)
     return placed
@@ -138,49 +138,57 @@ def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 Answer = Callable[[Tensor, Tensor], Tensor]  # of rays that meet the box, positions and directions
+Image = Callable[["Candidate", Place, Tensor, Tensor], Tensor]  # depth of all pixels of one camera
 
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """depth: `inf` where nothing is seen. normals: of rays that see something, at this depth. inside: whether it takes
-    rays that begin inside the box. facts: of its training. chunk: rays asked at once.
-    """
+    """depth: `inf` where nothing is seen. normals: of rays that see something, at this depth. facts: of training."""
 
     depth: Answer
     normals: Callable[[Tensor, Tensor, Tensor], Tensor]
-    inside: bool
     facts: Mapping[str, Any]
-    chunk: int = CHUNK
 
 
 def image(candidate: Candidate, place: Place, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
     """Depth of all pixels of one camera, of which those whose rays miss the box cost a test."""
     first, last = rays.box_span(p, v, *place.corners())
     depth = torch.full_like(first, torch.inf)
-    for rows in torch.nonzero(first <= last).squeeze(-1).split(candidate.chunk):
+    for rows in torch.nonzero(first <= last).squeeze(-1).split(CHUNK):
         depth[rows] = candidate.depth(p[rows], v[rows])
     return depth
 
 
-def errors_of(
-    candidate: Candidate, place: Place, seen: ray_fields.SeenRays, inner: ray_fields.SeenRays
-) -> dict[str, float]:
-    """Of the held-out cameras, and inside."""
-    depth, normals = [], []
-    for p, v in zip(seen.positions.split(SIZE**2), seen.directions.split(SIZE**2), strict=True):
-        one = image(candidate, place, p, v)
-        own = torch.zeros_like(p)
-        hit = torch.isfinite(one)
-        own[hit] = candidate.normals(p[hit], v[hit], one[hit])
-        depth.append(one)
-        normals.append(own)
-    return rendering.errors(torch.cat(depth), torch.cat(normals), seen.truth) | inside_errors(candidate, inner)
+def refined(candidate: Candidate, place: Place, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
+    """The same from fewer pixels."""
+
+    def ask(pixels: np.ndarray) -> np.ndarray:
+        rows = torch.from_numpy(pixels)
+        return image(candidate, place, p[rows], v[rows]).double().numpy()
+
+    return torch.from_numpy(sparse_depth.depth_image(ask, SIZE, REFINEMENT)[0]).flatten().float()
+
+
+def outside_errors(draw: Image, candidate: Candidate, place: Place, seen: ray_fields.SeenRays) -> dict[str, float]:
+    """Of the held-out cameras."""
+    views = list(zip(seen.positions.split(SIZE**2), seen.directions.split(SIZE**2), strict=True))
+    depth, normals = torch.cat([draw(candidate, place, p, v) for p, v in views]), torch.zeros_like(seen.positions)
+    hit = torch.isfinite(depth)
+    normals[hit] = candidate.normals(seen.positions[hit], seen.directions[hit], depth[hit])
+    both = hit & seen.truth.visible
+    off = (depth[both].double() - seen.truth.depth[both]).abs()
+    cosine = (normals[both].double() * seen.truth.normals[both]).sum(-1).clamp(-1, 1)
+    return {
+        "depth_median": float(off.median()),
+        "depth_mean": float(off.mean()),
+        "wrong_visibility": float((hit != seen.truth.visible).double().mean()),
+        "silhouette_iou": int(both.sum()) / int((hit | seen.truth.visible).sum()),
+        "normal_angle_deg_median": float(torch.rad2deg(torch.acos(cosine)).median()),
+    }
 
 
 def inside_errors(candidate: Candidate, inner: ray_fields.SeenRays) -> dict[str, float]:
     """Median depth error where both see something, and the share of rays told wrongly: seen or not, or the depth."""
-    if not candidate.inside:
-        return {}
     depth, truth = candidate.depth(inner.positions, inner.directions), inner.truth
     both = torch.isfinite(depth) & truth.visible
     off = (depth - truth.depth).abs()
@@ -203,7 +211,7 @@ def ray_candidates(
 
     def train(reads: ray_inputs.RayInput, *lessons: ray_fields.SeenRays, steps: int) -> Candidate:
         field = ray_fields.fit(reads, lessons, settings, BATCH, steps)
-        return Candidate(field.depth, lambda p, v, _: field.normals(p, v), True, {"steps": steps})
+        return Candidate(field.depth, lambda p, v, _: field.normals(p, v), {"steps": steps})
 
     steps = cpu_budget.steps_within(lambda count: train(own, outside, steps=count), seconds)
     found = {OURS: train(own, outside, steps=steps), BOTH: train(own, outside, inside, steps=steps)}
@@ -215,50 +223,15 @@ def ray_candidates(
     return found | {name: train(reads, outside, steps=steps) for name, reads in peers.items()}
 
 
-def view_candidate(place: Place, outside: ray_fields.SeenRays, seconds: float) -> Candidate:
-    """A network per camera; takes rays of one camera at a time, and none from inside."""
-    settings = section()
-    settings = dataclasses.replace(
-        settings, loop=dataclasses.replace(settings.loop, learning_rate=VIEW_RATE, muon=None)
-    )
-
-    def train(steps: int) -> view_fields.ViewField:
-        each = BATCH // VIEW_CAMERAS
-        return view_fields.fit(VIEWS, outside, place.radius, settings, VIEW_CAMERAS, each, steps)
-
-    steps = cpu_budget.steps_within(train, seconds)
-    field = train(steps)
-    return Candidate(
-        lambda p, v: field.depth(p[:1], v[None])[0],
-        lambda p, v, _: field.normals(p[:1], v[None])[0],
-        False,
-        {"steps": steps},
-    )
-
-
-def cell_candidate(place: Place, outside: ray_fields.SeenRays, seconds: float) -> Candidate:
-    """A small network in each of many cells of lines; the camera's rays are asked together, none from inside."""
-    settings = section()
-    loop = dataclasses.replace(settings.loop, learning_rate=CELL_RATE, muon=None, clip_norm=None)
-    settings, upper = dataclasses.replace(settings, loop=loop), tuple(place.upper.tolist())
-
-    def train(steps: int) -> cell_fields.CellField:
-        return cell_fields.fit(CELL_LAYOUT, CELL_HIDDEN, CELL_OMEGA, outside, upper, settings, CELL_RAYS, steps)
-
-    steps = cpu_budget.steps_within(train, seconds)
-    field = train(steps)
-    return Candidate(field.depth, lambda p, v, _: field.normals(p, v), False, {"steps": steps}, SIZE**2)
-
-
 def traced_candidates(place: Place, seconds: float) -> dict[str, Candidate]:
     """One network of signed distances, marched on by several budgets."""
     settings = section()
-    loop = dataclasses.replace(settings.loop, learning_rate=rendering.DISTANCE_RATE)
-    layout = siren.SineLayout(settings.field.hidden, rendering.DISTANCE_OMEGA)
+    loop = dataclasses.replace(settings.loop, learning_rate=DISTANCE_RATE)
+    layout = siren.SineLayout(settings.field.hidden, DISTANCE_OMEGA)
     rival = sphere_tracing.DistanceConfig(layout, loop, points=DISTANCES)
 
     def train(steps: int) -> siren.SineNetwork:
-        return sphere_tracing.fit_distance(place.mesh, rival, seconds, steps)[0]
+        return sphere_tracing.fit_distance(place.mesh, rival, steps)
 
     steps = cpu_budget.steps_within(train, seconds)
     network = train(steps)
@@ -267,9 +240,15 @@ def traced_candidates(place: Place, seconds: float) -> dict[str, Candidate]:
         def depth(p: Tensor, v: Tensor) -> Tensor:
             return sphere_tracing.trace(lambda q: network(q).squeeze(-1), p, v, *place.corners(), how)[0]
 
-        return Candidate(depth, functools.partial(rendering.distance_normals, network), True, {"steps": steps})
+        return Candidate(depth, functools.partial(traced_normals, network), {"steps": steps})
 
-    return {rendering.tracing_name(how): of(how) for how in BUDGETS}
+    return {f"sphere tracing, {how.max_steps} steps, f < {how.threshold:g}": of(how) for how in BUDGETS}
+
+
+def traced_normals(network: siren.SineNetwork, p: Tensor, v: Tensor, depth: Tensor) -> Tensor:
+    """∇f/‖∇f‖ at the hits, facing back."""
+    found = derivatives.trace(network, rays.surface_points(p, v, depth))
+    return derivatives.normals(derivatives.adjoint(network, found.slopes, torch.ones_like(found.outputs)), v)
 
 
 def cast_candidate(place: Place) -> Candidate:
@@ -277,12 +256,12 @@ def cast_candidate(place: Place) -> Candidate:
 
     def depth(p: Tensor, v: Tensor) -> Tensor:
         local = np.concatenate((place.scene.local(p.numpy()), v.numpy()), axis=1).astype(np.float32)
-        return rendering.cast_depth(place.scene, local)[0]
+        return torch.from_numpy(place.scene.cast_local(local)[0]) * place.scene.scale
 
     def normals(p: Tensor, v: Tensor, _: Tensor) -> Tensor:
         return raycast.cast(place.scene, rays.OrientedPoints(p.double(), v.double())).normals.float()
 
-    return Candidate(depth, normals, True, {})
+    return Candidate(depth, normals, {})
 
 
 def measure(seconds: float) -> list[dict[str, Any]]:
@@ -294,11 +273,8 @@ def measure(seconds: float) -> list[dict[str, Any]]:
             draw(place, seeding.generator(0, "ray_parametrisations", name, draw.__name__))
             for draw in (outside_rays, inside_rays, between)
         )
-        found = ray_candidates(place, outside, inside, seconds) | {
-            FIELD_OF_VIEWS: view_candidate(place, outside, seconds),
-            CELLS: cell_candidate(place, outside, seconds),
-        }
-        found |= traced_candidates(place, seconds) | {CASTING: cast_candidate(place)}
+        found = ray_candidates(place, outside, inside, seconds) | traced_candidates(place, seconds)
+        found[CASTING] = cast_candidate(place)
         rows += rows_of(name, place, found, inner, seconds)
     return rows
 
@@ -311,41 +287,36 @@ def rows_of(
     torch.use_deterministic_algorithms(False)  # training switches it on
     seen = held_out(place)
     p, v = seen.positions[: SIZE**2], seen.directions[: SIZE**2]
-    asked = {what: functools.partial(image, one, place, p, v) for what, one in found.items()}
+    ways: dict[str, tuple[Image, Candidate]] = {what: (image, one) for what, one in found.items()}
+    ways |= {what + REFINED: (refined, found[what]) for what in found if what == OURS or what.startswith("sphere")}
+    asked = {what: functools.partial(draw, one, place, p, v) for what, (draw, one) in ways.items()}
     times = measuring.interleaved(asked, REPEATS, clock=time.process_time)
     rows = []
     for what, taken in times.items():
-        tolerance = 0.0 if what == CASTING else TRAINED_TOLERANCE
-        error = errors_of(found[what], place, seen, inner)
-        row = measuring.row(
-            what, {"shape": name, "pixels_a_side": SIZE, "train_seconds": seconds}, taken, error, tolerance
-        )
-        rows.append({**row, **found[what].facts})
-    own = rows[0]["median_s"]
-    return [{**row, "times_ddf": row["median_s"] / own} for row in rows]
+        draw, one = ways[what]
+        error = outside_errors(draw, one, place, seen) | ({} if draw is refined else inside_errors(one, inner))
+        size = {"shape": name, "pixels_a_side": SIZE, "train_seconds": seconds}
+        rows.append(measuring.row(what, size, taken, error) | dict(one.facts))
+    return [{**row, "times_ddf": row["median_s"] / rows[0]["median_s"]} for row in rows]
 
 
 def sentence(benchmark: results.Benchmark) -> str | None:
-    """What a picture of ours takes beside the fastest tracing as good, and what fields of lines tell inside."""
+    """What a picture of ours takes, of every pixel and refined, beside the fastest tracing as good."""
     parts = []
     for name in dict.fromkeys(row.size["shape"] for row in benchmark.rows):
         rows = {row.what: row for row in benchmark.rows if row.size["shape"] == name}
-        if OURS not in rows:
-            return None
-        own = rows[OURS]
-        good = [
-            row
-            for what, row in rows.items()
-            if what.startswith("sphere tracing")
-            and all(row.error[key] <= own.error[key] for key in ("depth_median", "wrong_visibility"))
-        ]
-        words = f"{name}: {display.number(1e3 * own.seconds[1])} ms" if own.seconds else name
-        if good:
-            words += f", the fastest tracing as good {display.times(display.fastest(good), own)} times as long"
-        else:
-            words += ", no tracing as good"
-        parts.append(words)
-    return f"**Rays**, images of the DDF on one core: {'; '.join(parts)}." if parts else None
+        traced = [row for what, row in rows.items() if what.startswith("sphere tracing")]
+        whole = [row for row in traced if not row.what.endswith(REFINED)]
+        parts += [_against(name, rows[what], rivals) for what, rivals in ((OURS, whole), (OURS + REFINED, traced))]
+    return f"**Rays**, images of the DDF on one core: {'; '.join(parts)}."
+
+
+def _against(shape: str, own: results.Row, rivals: Sequence[results.Row]) -> str:
+    good = [r for r in rivals if all(r.error[k] <= own.error[k] for k in ("depth_median", "wrong_visibility"))]
+    told = f"{shape}{REFINED if own.what.endswith(REFINED) else ''}: {display.milliseconds(own)} ms, "
+    if not good:
+        return told + "no tracing as good"
+    return f"{told}the fastest tracing as good {display.times(display.fastest(good), own)} times as long"
 
 
 def _of_networks(row: results.Row) -> bool:

@@ -21,10 +21,8 @@ REPORTS = ROOT / "reports"
 REAL_MESHES = ROOT.parent / "shared" / "meshes"  # beside the project, where somebody has put them
 OUT = Path(os.environ.get("DDF_BENCH_OUT") or REPORTS / "bench")
 PAGES = OUT / "pages" if os.environ.get("DDF_BENCH_OUT") else REPORTS  # of benchmarks with a page of their own
-TICK, WARM, LEAST, MOST_SECONDS = 0.01, 1.0, 5, 4.0  # seconds, seconds, samples, seconds: see `interleaved`
+TICK, WARM, MOST_SECONDS = 0.01, 1.0, 4.0  # seconds: see `interleaved`
 COLD = 10  # by no larger factor is a first call slower than the next ones
-SETTLED = 0.02  # error of a median, as a share of it, that more samples need not make smaller
-MEDIAN_ERROR = 0.93  # of normal samples: standard error of the median, 1.253 σ/√n, with σ = (q3 - q1)/1.349
 PACKAGES = ("torch", "numpy", "open3d", "onnxruntime")
 
 
@@ -44,8 +42,8 @@ def interleaved(
     """Seconds of one call of each candidate, sampled in turn, so that a busy moment meets them all.
 
     A sample lasts `TICK` or longer: of what is faster, so many calls are made, and their mean taken. The first call
-    warms up, and is the first sample where it takes `WARM` or longer. A candidate leaves when it has two samples and
-    took `seconds`; all end when, from `LEAST` samples on, the medians of all that are left are settled.
+    warms up, and is the first sample where it takes `WARM` or longer. A candidate leaves when it has `most` samples, or
+    two and took `seconds`.
 
     Args:
       most: samples of each at most.
@@ -66,8 +64,6 @@ def interleaved(
         return taken < min(2, most) or (taken < most and spent[name] < seconds)
 
     while asked := [name for name in candidates if open_still(name)]:
-        if all(len(times[name]) >= LEAST and settled(times[name]) for name in asked):
-            break
         for name in asked:
             count = calls[name]
             times[name].append(_seconds(candidates[name], count, clock))
@@ -83,28 +79,11 @@ def _seconds(candidate: Callable[[], Any], calls: int, clock: Callable[[], float
     return (clock() - started) / calls
 
 
-def settled(seconds: Sequence[float]) -> bool:
-    """Whether more samples would move the median by less than `SETTLED`, as far as the quartiles tell."""
-    low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive")
-    return MEDIAN_ERROR * (high - low) / math.sqrt(len(seconds)) <= SETTLED * middle
-
-
-def row(
-    what: str,
-    size: Mapping[str, Any],
-    seconds: Sequence[float],
-    error: Mapping[str, float],
-    error_tolerance: float = 0.0,
-) -> dict[str, Any]:
-    """One line: median and quartiles of the seconds, how many they are, and the error that belongs to them.
-
-    Args:
-      error_tolerance: relative difference of errors from one run to the next; 0 where they do not depend on the run.
-    """
+def row(what: str, size: Mapping[str, Any], seconds: Sequence[float], error: Mapping[str, float]) -> dict[str, Any]:
+    """One line: median and quartiles of the seconds, how many they are, and the error that belongs to them."""
     low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive") if len(seconds) > 1 else [*seconds] * 3
     times = {"median_s": middle, "quartiles_s": [low, high], "samples": len(seconds)}
-    line = {"what": what, "size": dict(size), **times, "error": dict(error)}
-    return line | ({"error_tolerance": error_tolerance} if error_tolerance else {})
+    return {"what": what, "size": dict(size), **times, "error": dict(error)}
 
 
 def write(name: str, threads: int, rows: Sequence[Mapping[str, Any]]) -> None:

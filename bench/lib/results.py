@@ -1,10 +1,4 @@
-"""What the benchmarks wrote: rows, how far a median may move in a second run, the frontier.
-
-Spread of a row: the factor within which a second run's median lies, but for one row of a hundred. The difference of
-two medians of logarithms has the variance 2 (drift² + π/2 σ²/n). σ, of one sample, is what the quartiles show, widened
-by 1 + 2/n, as those of few samples are close together, and no less than `LEAST_NOISE`; n is the number of samples;
-`DRIFT` is what a run's own quartiles cannot show: other users, clocks and memory differ from one minute to another.
-"""
+"""What the benchmarks wrote: rows of speed and error, and which of them are on the frontier."""
 
 import json
 import math
@@ -15,17 +9,12 @@ from typing import Any
 
 from ddf.core import checks
 
-DRIFT = 0.08  # standard deviation of a median's logarithm from run to run, on a machine that others use too
-LEAST_NOISE = 0.10  # σ is taken to be no less: the quartiles of few samples are close together by chance
-QUARTILES = 1.349  # distance of a normal distribution's quartiles, in standard deviations
-CERTAINTY = 2.6  # standard deviations: 99 % of normal differences
-
 
 @dataclass(frozen=True)
 class Row:
     """One line.
 
-    seconds: (q1, median, q3) of `samples` samples, or None where only the error was measured. told: everything else.
+    seconds: (q1, median, q3), or None where only the error was measured. told: everything else.
     """
 
     what: str
@@ -33,22 +22,11 @@ class Row:
     seconds: tuple[float, float, float] | None
     error: dict[str, float]
     told: dict[str, Any] = field(default_factory=dict)
-    samples: int = 1
-
-    @property
-    def key(self) -> str:
-        """What a row is called in both runs."""
-        return json.dumps([self.what, self.size], sort_keys=True)
-
-    @property
-    def label(self) -> str:
-        """The key, for people."""
-        return ", ".join([self.what, *(f"{name} {value}" for name, value in self.size.items())])
 
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A file of rows and where they were measured. took_s: seconds of the whole script, None where unknown."""
+    """A file of rows and where they were measured. took_s: seconds of the whole script."""
 
     name: str
     cpu: str
@@ -56,7 +34,7 @@ class Benchmark:
     threads: int
     versions: dict[str, str]
     rows: list[Row]
-    took_s: float | None = None
+    took_s: float
 
 
 def load(file: Path) -> Benchmark:
@@ -69,7 +47,7 @@ def load(file: Path) -> Benchmark:
         record = json.loads(file.read_text(encoding="utf-8"))
         rows = [_row(entry) for entry in record["rows"]]
         machine = (record["cpu"], record["cores"], record["threads"], record["versions"])
-        return Benchmark(record["benchmark"], *machine, rows, record.get("took_s"))
+        return Benchmark(record["benchmark"], *machine, rows, record["took_s"])
     except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
         raise checks.InputError(f"{file}: not the result of a benchmark ({type(error).__name__}: {error})") from error
 
@@ -82,7 +60,7 @@ def _row(entry: dict[str, Any]) -> Row:
         if not 0 < seconds[0] <= seconds[1] <= seconds[2] < math.inf:
             raise ValueError(f"seconds must be positive and in order; got {seconds} in {entry['what']}")
     told = {name: value for name, value in entry.items() if name not in _OWN}
-    return Row(entry["what"], dict(entry["size"]), seconds, dict(entry["error"]), told, entry.get("samples", 1))
+    return Row(entry["what"], dict(entry["size"]), seconds, dict(entry["error"]), told)
 
 
 _OWN = ("what", "size", "median_s", "quartiles_s", "samples", "error")
@@ -98,16 +76,6 @@ def load_folder(folder: Path) -> dict[str, Benchmark]:
     if not found:
         raise checks.InputError(f"{folder}: holds no results; `make bench` writes them")
     return found
-
-
-def spread(row: Row) -> float:
-    """The factor within which a second run's median lies (module docstring); 1 where nothing was timed."""
-    if row.seconds is None:
-        return 1.0
-    seen = math.log(row.seconds[2] / row.seconds[0]) / QUARTILES
-    noise = max(LEAST_NOISE, seen * (1 + 2 / row.samples))
-    variance = 2 * (DRIFT**2 + math.pi / 2 * noise**2 / row.samples)
-    return math.exp(CERTAINTY * math.sqrt(variance))
 
 
 def frontier(points: Sequence[tuple[float, float]]) -> list[int]:

@@ -1,12 +1,9 @@
 """The rival of a DDF render: a signed-distance network of the same size, and sphere tracing through it.
 
 Letters: f signed distance (negative inside), p + t v the ray, r = |f| the sphere that holds no surface.
-Sources: Hart 1996, "Sphere tracing"; Keinert et al. 2014, "Enhanced sphere tracing", §3.1 (over-relaxation);
-Gropp et al. 2020, "Implicit geometric regularization" (‖∇f‖ = 1).
+Sources: Hart 1996, "Sphere tracing"; Gropp et al. 2020, "Implicit geometric regularization" (‖∇f‖ = 1).
 """
 
-import functools
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -21,7 +18,7 @@ from ddf.data.samples.surface import Surface
 from ddf.fields import derivatives, siren
 from ddf.geometry import raycast, rays
 from ddf.geometry.mesh_io import Mesh
-from ddf.training import step_timing, training_loop
+from ddf.training import training_loop
 
 Distance = Callable[[Tensor], Tensor]  # points (n, 3) to f (n)
 
@@ -31,14 +28,12 @@ class Tracing:
     """How far and how finely to march.
 
     max_steps: network queries of one ray, at most. threshold: f below which a ray has arrived. within: f below which a
-    ray that ran out of steps still counts as arrived. relaxation: steps are this times f, 1 to 2; a ray whose spheres
-    then leave a gap goes back and on without. chunk: rays marched together, speed and memory only.
+    ray that ran out of steps still counts as arrived. chunk: rays marched together, speed and memory only.
     """
 
     max_steps: int
     threshold: float
     within: float
-    relaxation: float = 1.0
     chunk: int = 4096
 
 
@@ -73,22 +68,17 @@ def _march(
 ) -> tuple[Float[Tensor, "n"], int]:
     """One chunk; only rays that are still under way are queried."""
     depth, left, queries = torch.full_like(entry, torch.inf), torch.arange(len(entry)), 0
-    t, factor = entry, torch.full_like(entry, how.relaxation)
-    step, radius = torch.zeros_like(entry), torch.zeros_like(entry)  # of the last move
+    t = entry
     for index in range(how.max_steps):
         f = distance(torch.addcmul(starts, t[:, None], directions))
         queries += len(f)
-        gap = (factor > 1) & (f.abs() + radius < step)
-        arrived = (f < (how.threshold if index < how.max_steps - 1 else how.within)) & ~gap
-        depth[left[arrived]] = (t + f)[arrived]
-        step, radius = torch.where(gap, radius - step, factor * f), f.abs()
-        factor = torch.where(gap, torch.ones_like(factor), factor)
-        t = t + step
+        arrived = f < (how.threshold if index < how.max_steps - 1 else how.within)
+        t = t + f
+        depth[left[arrived]] = t[arrived]
         on = torch.nonzero(~arrived & (t <= leave)).squeeze(-1)
         if not len(on):
             break
-        left, starts, directions, leave = left[on], starts[on], directions[on], leave[on]
-        t, factor, step, radius = t[on], factor[on], step[on], radius[on]
+        left, starts, directions, leave, t = left[on], starts[on], directions[on], leave[on], t[on]
     return depth, queries
 
 
@@ -113,15 +103,8 @@ def signed_distances(scene: raycast.Scene, points: Float[np.ndarray, "n 3"]) -> 
     return scene.distance(points) * np.where(scene.outside(points), 1.0, -1.0)
 
 
-def fit_distance(
-    mesh: Mesh, config: DistanceConfig, seconds: float, steps: int | None = None
-) -> tuple[siren.SineNetwork, int]:
-    """A network for f of a closed mesh, trained for so many seconds, its samples included; and its number of steps.
-
-    Args:
-      steps: decide, where given.
-    """
-    started = time.monotonic()
+def fit_distance(mesh: Mesh, config: DistanceConfig, steps: int) -> siren.SineNetwork:
+    """A network for f of a closed mesh."""
     training_loop.prepare(config.loop)
     random = seeding.generator(config.loop.seed, "sphere_tracing")
     lower, upper = mesh.box()
@@ -133,7 +116,7 @@ def fit_distance(
     points = torch.from_numpy(drawn).float()
     network = siren.SineNetwork(3, config.layout, 1)
 
-    def loss(network: siren.SineNetwork, step: int) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
         rows = torch.from_numpy(np.random.default_rng((config.loop.seed, step)).integers(0, len(points), config.batch))
         found = derivatives.trace(network, points[rows])
         gradient = derivatives.adjoint(network, found.slopes, torch.ones(len(rows), 1))
@@ -141,11 +124,4 @@ def fit_distance(
         eikonal = (gradient.norm(dim=-1) - 1).square().mean()
         return error + config.eikonal * eikonal, {"error": error.detach(), "eikonal": eikonal.detach()}
 
-    def losses(network: siren.SineNetwork) -> training_loop.StepLoss:
-        return functools.partial(loss, network)
-
-    if steps is None:
-        trainee = step_timing.Trainee(network, rival_training.groups, losses, config.loop)
-        each = step_timing.seconds_per_step(trainee, seconds)
-        steps = max(1, int((seconds - (time.monotonic() - started)) / each))
-    return rival_training.trained(network, losses(network), steps, config.loop, "signed distance"), steps
+    return rival_training.trained(network, loss, steps, config.loop, "signed distance")

@@ -2,7 +2,6 @@
 
 import _shapes
 import numpy as np
-import pytest
 import torch
 
 from bench.rivals import sphere_tracing
@@ -27,26 +26,15 @@ def _rays(count=600):
     return starts.float(), directions.float(), depth.float()
 
 
-@pytest.mark.parametrize("relaxation", [1.0, 1.6])
-def test_exact_distances_give_the_closed_form_depth(relaxation):
+def test_exact_distances_give_the_closed_form_depth():
     starts, directions, truth = _rays()
-    how = sphere_tracing.Tracing(200, 1e-5, 1e-5, relaxation, chunk=128)
-    depth, _ = sphere_tracing.trace(_sphere, starts, directions, LOWER, UPPER, how)
+    depth, _ = sphere_tracing.trace(_sphere, starts, directions, LOWER, UPPER, LONG)
     offset = torch.linalg.cross(starts, directions).norm(dim=-1)  # of the ray from the centre
     clear = (offset - RADIUS).abs() > 1e-3
     assert 50 < int(torch.isfinite(truth).sum()) < 550
     torch.testing.assert_close(depth[clear], truth[clear], rtol=0, atol=1e-3)
     steep = offset < 0.5 * RADIUS
     torch.testing.assert_close(depth[steep], truth[steep], rtol=0, atol=3e-5)
-
-
-def test_relaxation_saves_queries():
-    starts, directions, _ = _rays()
-    spent = {}
-    for relaxation in (1.0, 1.4):
-        how = sphere_tracing.Tracing(200, 1e-5, 1e-5, relaxation)
-        _, spent[relaxation] = sphere_tracing.trace(_sphere, starts, directions, LOWER, UPPER, how)
-    assert spent[1.4] < spent[1.0]
 
 
 def test_rays_that_miss_the_box_cost_nothing():
@@ -84,8 +72,7 @@ def test_signed_distances_of_a_mesh_are_those_of_its_sphere():
 def test_a_trained_network_traces_the_sphere():
     loop = training_loop.LoopConfig(5e-3, "cosine", 10, 1.0, 1, 0, 50, 1e9)
     config = sphere_tracing.DistanceConfig(siren.SineLayout((32, 32), 3.0), loop, points=20_000, batch=512)
-    network, steps = sphere_tracing.fit_distance(_shapes.icosphere(3, RADIUS), config, 1.0, steps=300)
-    assert steps == 300
+    network = sphere_tracing.fit_distance(_shapes.icosphere(3, RADIUS), config, steps=300)
     starts, directions, truth = _rays()
     how = sphere_tracing.Tracing(64, 1e-3, 1e-2)
     with torch.no_grad():

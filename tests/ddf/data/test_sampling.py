@@ -177,6 +177,12 @@ def test_surface_points_are_uniform_by_area_and_skip_degenerate_triangles():
     assert_close(share, areas / areas.sum(), atol=0.012, rtol=0)
 
 
+def test_surface_points_are_uniform_within_a_triangle():
+    corners = np.array([[0.0, 0, 0], [0.9, 0, 0], [0, 0.6, 0]])
+    points, _ = _surface(mesh_io.Mesh(corners, np.array([[0, 1, 2]]))).draw(20_000, _random())
+    assert_close(points.mean(axis=0), corners.mean(axis=0), atol=0.005, rtol=0)
+
+
 def test_triangles_without_an_area_change_no_sample():
     flat = mesh_io.Mesh(np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]]), np.array([[0, 1, 2]]))
     with_them, _ = sampling.extract(joined(flat, SLAB, flat), CONFIG, "test")

@@ -124,6 +124,9 @@ def test_gated_depth_loss_is_least_where_the_weight_chooses_the_better_component
     found = losses.gated_depth_error(first, second, torch.linspace(-8, 8, 9))
     assert bool((found.diff() < 0).all())
     assert float(found[-1]) == pytest.approx(0.1 + losses.LEAST_SHARE * 0.3, abs=1e-3)
+    logit = torch.linspace(-8, 8, 9, requires_grad=True)
+    slope = torch.autograd.grad(losses.gated_depth_error(first, second, logit).sum(), logit)[0]
+    torch.testing.assert_close(slope, -0.3 * torch.sigmoid(-logit.detach()))  # of the cross-entropy alone
     same = losses.gated_depth_error(first, first, torch.linspace(-8, 8, 9))
     torch.testing.assert_close(same, first)  # of equal components no weight is better
 

@@ -10,7 +10,7 @@ from _support import assert_close
 from _tiny_fits import TINY
 
 from ddf.core import checks, storage
-from ddf.fields import pddf
+from ddf.fields import consistency, pddf
 from ddf.fit import fit_settings, fitting, shape_field, shape_samples
 
 
@@ -30,6 +30,18 @@ def test_a_weight_adds_its_term_and_its_gradient(name, term, drawn):
     assert float((total - plain).detach()) == pytest.approx(2 * float(found[term]), rel=1e-4)
     parts = (torch.autograd.grad(value, list(field.parameters()))[2] for value in (total, plain))
     assert np.subtract(*(part.numpy() for part in parts)).any()
+
+
+def test_a_hit_is_looked_at_from_the_sample_before(drawn):
+    field, samples = drawn
+    settings = dataclasses.replace(TINY, consistency=fit_settings.ConsistencyWeights(view=1.0))
+    found = fitting.step_loss(field, samples, settings, 0)[1]["view_inequality"]
+    batch = samples.batch(samples.batch_counts(TINY.batch), np.random.default_rng((TINY.loop.seed, 0)))
+    span = batch.span("U", "U")
+    starts, visible = batch.positions[:, span], batch.visible[:, span]
+    hits = starts + batch.depth[:, span, None] * batch.directions[:, span]
+    before = torch.stack([starts[:, i - 1] for i in range(starts.shape[1])], dim=1)
+    assert_close(found, consistency.view_loss(field, hits, before, visible).detach())
 
 
 def test_a_fit_goes_on_from_the_weights_of_another(tmp_path):

@@ -53,6 +53,19 @@ def test_the_generators_loss_does_not_saturate_and_leaves_the_critic_alone():
     assert_close(fake.grad, torch.full_like(fake, -2 / (1 + math.exp(-12))).detach())
 
 
+@pytest.mark.parametrize("kind", MODELS)
+def test_every_update_of_a_step_draws_numbers_of_its_own(kind, monkeypatch):
+    make, updates = MODELS[kind]
+    turns, own = [], gan_steps.Draw.of
+    monkeypatch.setattr(
+        gan_steps.Draw, "of", lambda gan, step, turn: turns.append((step, turn)) or own(gan, step, turn)
+    )
+    steps = updates(make())
+    for update in steps:
+        update(5)
+    assert turns == [(5, turn) for turn in range(len(steps))] and len(steps) > 1
+
+
 def test_images_are_laid_on_white():
     image = torch.tensor([0.5, 0.0, 1.0, 0.5]).reshape(1, 4, 1, 1)
     assert_close(gan_steps.on_white(image).flatten(), torch.tensor([0.5, 0.0, 1.0]))

@@ -1,11 +1,14 @@
 """Steps of both models on hand-made data."""
 
+import dataclasses
+
 import _hand_made
 import numpy as np
 import pytest
 import torch
 from _hand_made import DDF, PCSIREN, TRAIN
 
+from ddf.data.batches import varied_images
 from ddf.models.reconstruction import reconstruction_models
 from ddf.training.reconstruction import training_steps
 
@@ -15,6 +18,13 @@ def test_same_step_draws_the_same_batch_and_another_does_not():
     assert np.array_equal(draws[0].rows, draws[1].rows)
     assert not np.array_equal(draws[0].random.random(9), draws[2].random.random(9))
     assert len(set(draws[0].rows)) == 4
+
+
+def test_the_mask_is_that_of_the_images_as_they_are():
+    varied = dataclasses.replace(TRAIN, augmentation=varied_images.AugmentationConfig(0.5, 1.0, 3.0, 0.5))
+    found = training_steps.Batch.draw(_hand_made.images(), varied, 3)
+    wanted = _hand_made.images().batch(found.rows)
+    assert torch.equal(found.alpha, wanted[:, 3]) and not torch.equal(found.images[:, 3], wanted[:, 3])
 
 
 @pytest.mark.parametrize("kind", ["ddf", "pcsiren"])

@@ -16,9 +16,7 @@ KEPT = (
     "figures/README.md",
     "fit/README.md",
     "generative/README.md",
-    "fit_proof/README.md",
     "bench/README.md",
-    "growth.md",
     "hard_cases.md",
     "mutants.md",
 )

@@ -211,6 +211,9 @@ def test_correction_finds_the_radius_of_a_ball():
     angles = dataclasses.replace(config, steps=5, free=("azimuth", "elevation"))
     turned = camera_correction.correct_camera(model, [], start, scale, mask, angles)
     assert float(turned[0, 2]) == pytest.approx(float(start[0, 2]))  # a radius that is not free stays
+    model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.8], [6.2, 0.53, 0.95], [3.0, 0.5, 0.9]]))
+    held = camera_correction.correct_camera(model, [], start, scale, mask, config)
+    assert float(held[0, 2]) == pytest.approx(0.8)  # the least radius of the training images
 
 
 @pytest.mark.parametrize("free", [(), ("azimuth", "roll")])

@@ -1,1 +1,0 @@
-"""What fits of single shapes reach: `make fit-proof`."""
