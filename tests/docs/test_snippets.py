@@ -60,12 +60,6 @@ def test_blocks_say_their_language_and_none_is_indented(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_prose_has_no_line_over_200_characters(page):
-    outside = re.sub(r"(?ms)^```.*?^```$", "", page.read_text())
-    assert [line for line in outside.splitlines() if len(line) > 200 and not line.startswith(("|", "!["))] == []
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_lines_of_shell_are_well_formed(page, monkeypatch):
     monkeypatch.setattr("ddf.core.guard.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
     monkeypatch.chdir(ROOT)
@@ -119,7 +113,7 @@ def test_what_the_text_names_exists(page):
         elif re.match(r"(src|tests|stages|configs|bench|docs|reports|examples)/\S*$", span) and not set(span) & set(
             "<*{"
         ):
-            assert (ROOT / span).exists() or re.search(r"reports/(NAME|bench/BENCHMARK)", span), span
+            assert (ROOT / span).exists() or re.search(r"reports/NAME", span), span
         elif span.startswith("python -m bench "):
             assert list((ROOT / "bench").rglob(f"{span.split()[3]}.py")), span
 
@@ -193,13 +187,6 @@ def test_diffs_are_of_files_as_they_are(page):
                 found = text.find(before, place)
                 assert found >= 0, f"{old} has no longer:\n{before}"
                 place = found + len(before)
-
-
-def test_twelve_changes_take_at_most_four_files_each():
-    sections = re.split(r"(?m)^### ", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))[1:]
-    assert len(sections) == 12
-    for section in sections:
-        assert 1 <= len(re.findall(r"(?m)^\+\+\+ b/", section)) <= 4, section.splitlines()[0]
 
 
 def test_every_rule_above_is_needed():
