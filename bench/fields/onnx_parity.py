@@ -21,7 +21,7 @@ TOGETHER = ("image_field",)  # graphs of others: their smaller weights cost what
 
 def compared() -> list[onnx_parity.Row]:
     """All rows of the model's graphs; a float32 file outside its tolerance ends it."""
-    section = config.load(CONFIG, onnx_file.ExportConfig)
+    section = config.load(CONFIG, "export", onnx_file.ExportConfig)
     rows: list[onnx_parity.Row] = []
     graphs, source = exportable.load(shipped_models.place(MODEL), section.outputs)
     with tempfile.TemporaryDirectory() as folder:

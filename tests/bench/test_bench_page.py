@@ -39,8 +39,8 @@ def test_page_without_an_error_to_draw_is_a_table():
 def test_note_compares_the_runtimes_in_float32():
     kinds = (("torch", 0.2), ("torch.compile", 0.1), ("onnxruntime", 0.12), ("onnxruntime", 0.11))
     size = {"width": 128, "outputs": ["visibility", "depth"]}
-    rows = [results.Row("", size, (t,) * 3, {}, {"runtime": name, "precision": "float32"}) for name, t in kinds]
-    rows.append(results.Row("", size, (0.01,) * 3, {}, {"runtime": "onnxruntime", "precision": "int8"}))
+    rows = [results.Row("", size, (t, t, t), {}, {"runtime": name, "precision": "float32"}) for name, t in kinds]
+    rows.append(results.Row("", size, (0.01, 0.01, 0.01), {}, {"runtime": "onnxruntime", "precision": "int8"}))
     note = field_inference.sentence(dataclasses.replace(_benchmark(), rows=rows)) or ""
     assert note.endswith("float32: depth, width 128: 1.1.")
 
