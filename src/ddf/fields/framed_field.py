@@ -27,7 +27,10 @@ UP_AXES = tuple(_UP_FROM_Y)
 
 @runtime_checkable
 class FramedField(Protocol):
-    """A field of one shape, its box (field frame) and the map to its frame."""
+    """A field of one shape, its box (field frame) and the map to its frame.
+
+    One with a true `enters_its_box` is given all rays as they are, those that miss its box too.
+    """
 
     @property
     def lower(self) -> Float[np.ndarray, "3"]:
@@ -107,7 +110,10 @@ def _query_field_frame(
     unknown = sorted(set(outputs) - set(field.outputs))
     if unknown:
         raise checks.InputError(f"outputs must be among {', '.join(field.outputs)}; got {', '.join(unknown)}")
-    entry, distance, meets = rays.enter_box(positions, directions, field.lower, field.upper)
+    if getattr(field, "enters_its_box", False):
+        entry, distance, meets = positions, np.zeros(len(positions)), np.ones(len(positions), bool)
+    else:
+        entry, distance, meets = rays.enter_box(positions, directions, field.lower, field.upper)
     inside, looking = entry[meets], directions[meets]
     parts = [
         field.evaluate(
@@ -208,9 +214,8 @@ def render(
       InputError: a size below 1, a radius below 0, an unknown axis or output, or a camera that is not finite.
     """
     starts, directions = _checked_rays(field, camera, size, up)
-    mesh_from_field = field.field_from_mesh.inverse()
-    points = rays.OrientedPoints(mesh_from_field.apply(starts), mesh_from_field.apply_directions(directions))
-    found, evaluated = query(field, points, outputs)
+    found, evaluated = _query_field_frame(field, starts, directions, outputs)
+    found = in_mesh_frame(found, field.field_from_mesh)
     return {name: values.reshape(size, size, *values.shape[1:]) for name, values in found.items()}, evaluated
 
 

@@ -28,8 +28,10 @@ class PatchConfig:
     def __post_init__(self) -> None:
         if not 1e-6 <= self.tolerance <= 0.1:
             raise checks.InputError(f"patches.tolerance must be in 1e-6..0.1; got {self.tolerance}")
-        if self.patches < 1 or not 0 <= self.depth <= 10:
-            raise checks.InputError(f"patches.patches must be >= 1, depth in 0..10; got {self.patches}, {self.depth}")
+        if self.patches < 1 or not 0 <= self.depth <= kernels.DEEPEST:
+            raise checks.InputError(
+                f"patches.patches must be >= 1, depth in 0..{kernels.DEEPEST}; got {self.patches}, {self.depth}"
+            )
 
 
 def build(mesh: mesh_io.Mesh, config: PatchConfig) -> dict[str, np.ndarray]:

@@ -24,6 +24,8 @@ GRID = 6  # samples of a patch along a side of its cell
 FLAT = 0.125  # of the tolerance: a plane that is so near needs no bending
 MOST_BENT = 4.0  # |A| s from which on a paraboloid is no patch
 _MANY = 48  # triangles of a cell from which on it is cut, not clustered
+DEEPEST = 10  # how often a base cell may be cut, at most
+_LONG = 1e300  # in place of 1/0
 _STEP = 1e-9  # into a cell, so that its own numbers say where the ray is
 _NEAR, _NEAR_ROUGH, _NEAREST = 2.0, 0.25, 1.5e-5  # starts on a patch: in errors of a cell, in sides of a rough one
 
@@ -149,59 +151,39 @@ def trace(positions, directions, box, base, children, patches, codes, tolerance)
     patches begin at k - 1, -k < 0 a cell whose eight parts are children[k - 1], x slowest.
     """
     out = np.zeros((len(positions), 6))
-    resolution = base.shape[0]
+    finest = base.shape[0] << DEEPEST  # cells along a side, were all cut to the end
+    unit, per = 2.0 / finest, 0.5 * finest
     for ray in range(len(positions)):
         px, py, pz = positions[ray, 0], positions[ray, 1], positions[ray, 2]
         vx, vy, vz = directions[ray, 0], directions[ray, 1], directions[ray, 2]
         out[ray, 0] = np.inf
-        t, leave, near = 0.0, np.inf, 0.0
-        for axis in range(3):
-            p, v = positions[ray, axis], directions[ray, axis]
-            if v == 0:
-                if p < box[0, axis] or p > box[1, axis]:
-                    leave = -1.0
-            else:
-                low, high = (box[0, axis] - p) / v, (box[1, axis] - p) / v
-                t, leave = max(t, min(low, high)), min(leave, max(low, high))
-        ix, iy, iz = (1 / vx if vx else np.inf), (1 / vy if vy else np.inf), (1 / vz if vz else np.inf)
+        ix, iy, iz = (1 / vx if vx else _LONG), (1 / vy if vy else _LONG), (1 / vz if vz else _LONG)
+        ax, ay, az = (box[0, 0] - px) * ix, (box[0, 1] - py) * iy, (box[0, 2] - pz) * iz
+        bx, by, bz = (box[1, 0] - px) * ix, (box[1, 1] - py) * iy, (box[1, 2] - pz) * iz
+        t, near = max(0.0, min(ax, bx), min(ay, by), min(az, bz)), 0.0
+        leave = min(max(ax, bx), max(ay, by), max(az, bz))
+        sx, sy, sz = int(vx >= 0), int(vy >= 0), int(vz >= 0)  # the side of a cell by which the ray leaves it
         while t <= leave:
             inside = t + _STEP
-            x, y, z = px + inside * vx, py + inside * vy, pz + inside * vz
-            half = 0.5 * resolution
-            i = min(max(int((x + 1) * half), 0), resolution - 1)
-            j = min(max(int((y + 1) * half), 0), resolution - 1)
-            k = min(max(int((z + 1) * half), 0), resolution - 1)
-            side = 2.0 / resolution
-            lx, ly, lz = i * side - 1, j * side - 1, k * side - 1
-            node = base[i, j, k]
+            i = min(max(int((px + inside * vx + 1) * per), 0), finest - 1)
+            j = min(max(int((py + inside * vy + 1) * per), 0), finest - 1)
+            k = min(max(int((pz + inside * vz + 1) * per), 0), finest - 1)
+            shift = DEEPEST
+            node = base[i >> shift, j >> shift, k >> shift]
             while node < 0:
-                side *= 0.5
-                part = 0
-                if x >= lx + side:
-                    lx, part = lx + side, 4
-                if y >= ly + side:
-                    ly, part = ly + side, part + 2
-                if z >= lz + side:
-                    lz, part = lz + side, part + 1
-                node = children[-node - 1, part]
-            end = leave
-            if vx:
-                end = min(end, ((lx + side if vx > 0 else lx) - px) * ix)
-            if vy:
-                end = min(end, ((ly + side if vy > 0 else ly) - py) * iy)
-            if vz:
-                end = min(end, ((lz + side if vz > 0 else lz) - pz) * iz)
+                shift -= 1
+                node = children[-node - 1, (i >> shift & 1) << 2 | (j >> shift & 1) << 1 | (k >> shift & 1)]
+            side = unit * (1 << shift)
+            i, j, k = i >> shift, j >> shift, k >> shift
+            end = min(leave, ((i + sx) * side - 1 - px) * ix)
+            end = min(end, ((j + sy) * side - 1 - py) * iy, ((k + sz) * side - 1 - pz) * iz)
             if node > 0:
-                cx, cy, cz = lx + 0.5 * side, ly + 0.5 * side, lz + 0.5 * side
-                dx, dy, dz = px - cx, py - cy, pz - cz
+                x, y, z = px + 1 - (i + 0.5) * side, py + 1 - (j + 0.5) * side, pz + 1 - (k + 0.5) * side
                 near = max(near, _nearness(codes[node - 1], side, tolerance)) if t <= side else 0.0
-                depth, which = _cell_hit(
-                    patches, codes, node - 1, dx, dy, dz, vx, vy, vz, t, end, side, tolerance, near
-                )
+                depth, which = _cell_hit(patches, codes, node - 1, x, y, z, vx, vy, vz, t, end, side, tolerance, near)
                 if which >= 0:
                     out[ray, 0] = depth
-                    dx, dy, dz = dx + depth * vx, dy + depth * vy, dz + depth * vz
-                    _surface(patches, which, dx, dy, dz, vx, vy, vz, out, ray)
+                    _surface(patches, which, x + depth * vx, y + depth * vy, z + depth * vz, vx, vy, vz, out, ray)
                     break
             t = max(end, t) + _STEP
     return out

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt
 
 from ddf.core import checks
 from ddf.fields.grid import kernels
@@ -28,7 +28,7 @@ class Octree:
     base: Int[np.ndarray, "r r r"]
     children: Int[np.ndarray, "k 8"]
     patches: Float[np.ndarray, "n 7"]
-    codes: Int[np.ndarray, "n"]
+    codes: UInt[np.ndarray, "n"]
     centres: Float[np.ndarray, "n 3"]
     sides: Float[np.ndarray, "n"]
 
@@ -94,7 +94,7 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> Octree:
     rows[:, :3], rows[:, 3] = _unfolded(planes[:, :2] / _ONE), planes[:, 2] / _ONE * side
     rows[bent, 4:] = bends / _ONE * kernels.MOST_BENT / side[bent, None]
     base, children = nodes[: BASE**3].reshape(3 * (BASE,)), nodes[BASE**3 :].reshape(-1, 8)
-    return Octree(base, children, rows.astype(np.float32), codes, centre, side)
+    return Octree(base, children, rows.astype(np.float32), arrays["codes"], centre, side)
 
 
 def base_lows() -> Float[np.ndarray, "m 3"]:

@@ -38,6 +38,8 @@ class PatchField:
     tolerance: float
     record: Mapping[str, Any]
 
+    enters_its_box = True  # as `framed_field` asks: rays from outside need no slab test
+
     @property
     def outputs(self) -> tuple[str, ...]:
         """All but those of the sine field's two components."""
