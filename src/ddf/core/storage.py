@@ -33,6 +33,7 @@ FORMAT_VERSION = 1
 RECORDS = "[0-9]*.json"  # pattern of the records that tell which shards of a folder are done, see `parallel`
 # Packages whose version can change the numbers in an artefact.
 RECORDED_PACKAGES = ("numba", "numpy", "open3d", "pymeshlab", "torch", "torchvision")
+_LARGEST_RECORD = 16 << 20  # characters
 _PACK_RECORD = "record.json"
 _DIGEST_LENGTH = 64  # hex digits of SHA-256
 
@@ -158,10 +159,12 @@ def load_tensors(
 
     path = _existing(path)
     try:
-        with safetensors.safe_open(path, framework="pt" if framework == "torch" else "numpy") as file:
-            record = json.loads((file.metadata() or {})["ddf"])
+        with _opened(path, "pt" if framework == "torch" else "numpy") as file:
+            record = _parsed((file.metadata() or {})["ddf"], path)
             tensors = {name: file.get_tensor(name) for name in file.keys()}
         expected = record.pop("checksum")
+    except checks.InputError:
+        raise
     except (safetensors.SafetensorError, KeyError, ValueError, TypeError, AttributeError) as error:
         raise _damaged(path, error) from error
     if _content_checksum({name: _as_array(value) for name, value in tensors.items()}, record) != expected:
@@ -180,7 +183,7 @@ def map_tensors(path: str | Path) -> dict[str, np.ndarray]:
 
     path = _existing(path)
     try:
-        with safetensors.safe_open(path, framework="pt") as file:
+        with _opened(path, "pt") as file:
             return {name: file.get_tensor(name).numpy() for name in file.keys()}
     except safetensors.SafetensorError as error:
         raise _damaged(path, error) from error
@@ -192,10 +195,61 @@ def load_metadata(path: str | Path) -> dict[str, Any]:
 
     path = _existing(path)
     try:
-        with safetensors.safe_open(path, framework="numpy") as file:
-            return json.loads((file.metadata() or {})["ddf"])
-    except (safetensors.SafetensorError, KeyError, ValueError) as error:
+        with _opened(path, "numpy") as file:
+            return _parsed((file.metadata() or {})["ddf"], path)
+    except (safetensors.SafetensorError, KeyError) as error:
         raise _damaged(path, error) from error
+
+
+def shapes(path: str | Path) -> dict[str, tuple[int, ...]]:
+    """The shapes of the arrays of a file from `save_tensors`, by name, from its head alone."""
+    import safetensors
+
+    path = _existing(path)
+    try:
+        with _opened(path, "numpy") as file:
+            return {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}
+    except safetensors.SafetensorError as error:
+        raise _damaged(path, error) from error
+
+
+@contextlib.contextmanager
+def _opened(path: Path, framework: str) -> Iterator[Any]:
+    """A safetensors file under any name: the library itself takes names in UTF-8 alone."""
+    import safetensors
+
+    with path.open("rb") as stream:
+        name = f"/proc/self/fd/{stream.fileno()}" if _is_odd(path) else path
+        with safetensors.safe_open(name, framework=framework) as file:
+            yield file
+
+
+def _is_odd(path: Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return True
+    return False
+
+
+def _parsed(text: str | bytes, path: Path) -> dict[str, Any]:
+    """A record, of the version that is read.
+
+    Raises:
+      InputError: it is too large, no JSON object, or of another version.
+    """
+    try:
+        record = json.loads(text) if len(text) <= _LARGEST_RECORD else None
+    except (ValueError, RecursionError) as error:
+        raise _damaged(path, error) from error
+    if not isinstance(record, dict):
+        raise _damaged(path, "its record is none")
+    version = record.get("format_version")
+    if version != FORMAT_VERSION:
+        raise checks.InputError(
+            f"{path}: its format version is {str(version)[:20]}; this version of ddf reads {FORMAT_VERSION}: update ddf"
+        )
+    return record
 
 
 def save_pack(path: str | Path, members: Mapping[str, bytes], metadata: Mapping[str, Any]) -> None:
@@ -222,7 +276,7 @@ def load_pack(path: str | Path) -> tuple[dict[str, bytes], dict[str, Any]]:
         raise _damaged(path, "its checksum does not fit")
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
-    return members, json.loads(members.pop(_PACK_RECORD))
+    return members, _parsed(members.pop(_PACK_RECORD), path)
 
 
 def save_table(path: str | Path, table: "pd.DataFrame", metadata: Mapping[str, Any]) -> None:

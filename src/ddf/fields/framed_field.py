@@ -8,7 +8,9 @@ every other output is 0.
 A field is a `FramedField`: torch (`shape_field`) or onnxruntime (`onnx_field`). Nothing here imports either.
 """
 
-from collections.abc import Collection
+import contextlib
+from collections.abc import Collection, Iterator
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -62,6 +64,28 @@ class FramedField(Protocol):
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
         """Named outputs inside the box, field frame and unit, whether or not anything is visible."""
         ...
+
+
+@contextlib.contextmanager
+def record_of(file: Path) -> Iterator[None]:
+    """Name the file where its record is not what a field needs."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
+        reason = f"no {error}" if isinstance(error, KeyError) else error
+        raise checks.InputError(f"{file}: its record lacks what a field needs ({reason})") from error
+
+
+def corners(lower: Any, upper: Any) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """The corners of a box as a record has them.
+
+    Raises:
+      ValueError: they are none, or span nothing.
+    """
+    low, high = (np.array(corner, dtype=np.float64).reshape(3) for corner in (lower, upper))
+    if not (np.isfinite([low, high]).all() and (low < high).all()):
+        raise checks.InputError(f"lower must be below upper on every axis; got {low.tolist()} and {high.tolist()}")
+    return low, high
 
 
 def query(

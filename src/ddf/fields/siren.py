@@ -37,7 +37,7 @@ class SineLayout:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hidden", tuple(self.hidden))
-        if not self.hidden or min(self.hidden) < 1:
+        if not 0 < len(self.hidden) <= 256 or min(self.hidden) < 1:
             raise checks.InputError(f"hidden must list at least one positive width; got {self.hidden}")
         if not (self.omega_first > 0 and self.omega_hidden > 0):
             raise checks.InputError(f"omega must be positive; got {self.omega_first}, {self.omega_hidden}")

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks, storage
+from ddf.fields import framed_field
 from ddf.geometry import transforms
 
 KIND, PATCHES = "single_shape", "patches"  # of the record: a network, and what `patch_field` reads
@@ -39,6 +40,7 @@ class FieldFile:
         for index, (weight, bias) in enumerate(found):
             if weight.shape != (widths[index + 1], widths[index]) or bias.shape != weight.shape[:1]:
                 raise checks.InputError(f"{self.file}: does not fit the architecture of its config: {names[index]}")
+            checks.require_finite(f"{self.file}: {names[index]}", weight)
         return [(weight, bias, omega) for (weight, bias), omega in zip(found, omegas, strict=True)]
 
 
@@ -56,10 +58,13 @@ def read(path: Path) -> FieldFile:
         raise checks.InputError(f"{file}: holds patches, this needs a network's weights: fit it with `--kind sine`")
     if record.get("kind") != KIND:
         raise checks.InputError(f"{file}: holds no field of a single shape; give a folder that `ddf fit` wrote")
-    try:
+    with framed_field.record_of(file):
         config = {**record["field"], "hidden": tuple(record["field"]["hidden"])}
-        lower, upper = (np.array(record["box"][side], dtype=np.float64) for side in ("lower", "upper"))
+        if not all(type(width) is int and width > 0 for width in config["hidden"]):
+            raise ValueError(f"hidden must be widths; got {record['field']['hidden']}")
+        for name in ("omega_first", "omega_hidden", "depth_sharpness"):
+            config[name] = float(config[name])
+            checks.require_finite(name, np.array(config[name]))
+        lower, upper = framed_field.corners(record["box"]["lower"], record["box"]["upper"])
         field_from_mesh = transforms.Similarity.from_dict(record["field_from_mesh"])
-    except (KeyError, TypeError) as error:
-        raise checks.InputError(f"{file}: its record lacks what a field needs ({error})") from error
     return FieldFile(file, lower, upper, field_from_mesh, config, record)

@@ -10,8 +10,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.core import checks, output_names
-from ddf.fields import cloud_projection, curvature, derivatives, rendering
+from ddf.core import checks, config, output_names
+from ddf.fields import cloud_projection, curvature, derivatives, framed_field, rendering
 from ddf.fields.pddf import NUM_COMPONENTS, PDDF, WEIGHT_ROW, PDDFConfig, visibility
 from ddf.fit import field_file
 from ddf.geometry import transforms
@@ -84,11 +84,9 @@ def load(path: Path) -> ShapeField:
       FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
     """
     stored = field_file.read(path)
-    try:
-        field = PDDF(PDDFConfig(**stored.config))
-    except TypeError as error:
-        raise checks.InputError(f"{stored.file}: its record lacks what a field needs ({error})") from error
-    training_loop.load_model(field, stored.file.parent)
+    with framed_field.record_of(stored.file):
+        how = config.parse(stored.record["field"], PDDFConfig, "field")
+    field = training_loop.built(lambda: PDDF(how), stored.file.parent)
     return ShapeField(field, stored.lower, stored.upper, stored.field_from_mesh, stored.record)
 
 

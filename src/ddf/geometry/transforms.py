@@ -31,6 +31,10 @@ class Similarity:
         object.__setattr__(self, "scale", float(self.scale))
         object.__setattr__(self, "rotation", np.asarray(self.rotation, dtype=np.float64))
         object.__setattr__(self, "translation", np.asarray(self.translation, dtype=np.float64))
+        if self.rotation.shape != (3, 3) or self.translation.shape != (3,):
+            raise checks.InputError(
+                f"a rotation is 3x3, a translation 3 numbers; got {self.rotation.shape}, {self.translation.shape}"
+            )
         if not (np.isfinite(self.scale) and self.scale > 0):
             raise checks.InputError(f"scale must be positive and finite; got {self.scale}")
         checks.require_finite("translation", self.translation)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,18 @@ import onnxruntime
 from jaxtyping import Float
 
 from ddf.core import checks
+from ddf.fields import framed_field
 from ddf.geometry import transforms
 
 SUFFIX = ".onnx"
 _FIRST_WEIGHT = "weight_1"  # of the output `weights` of the file
+_LARGEST = 256 << 20  # bytes of a file
+_FEW = 400 << 20  # bytes of memory that any file may take; a larger one a hundred times its own
+_ROWS = 4096  # at once, for memory alone
+_FOLDED = "optimization.constant_folding_max_output_size_in_bytes"
+_PLACE = re.compile(r"\[ONNXRuntimeError\] : \d+ : \w+ : |/onnxruntime_src/\S+.*?\)(?= [A-Z])")
+_LOOPS = (b"\x22\x04Loop", b"\x22\x04Scan", b"\x22\x02If", b"\x22\x0bSequenceMap")  # as a graph spells its operators
+_SHAPES = {"normals": (3,), _FIRST_WEIGHT: (2,)}  # of an output's row, where it is no number
 
 
 @dataclass(frozen=True)
@@ -48,7 +57,15 @@ class OnnxField:
         asked = [name for name in self.outputs if name in outputs]
         stored = ["weights" if name == _FIRST_WEIGHT else name for name in asked]
         inputs = {"positions": positions.astype(np.float32), "directions": directions.astype(np.float32)}
-        found = dict(zip(asked, map(np.asarray, self.session.run(stored, inputs)), strict=True))
+        parts = [
+            self.session.run(stored, {name: values[start : start + _ROWS] for name, values in inputs.items()})
+            for start in range(0, len(positions), _ROWS)
+        ]
+        found = dict(zip(asked, map(np.concatenate, zip(*parts, strict=True)), strict=True))
+        for name, values in found.items():
+            shape = (len(positions), *_SHAPES.get(name, ()))
+            if values.dtype != np.float32 or values.shape != shape:
+                raise ValueError(f"output {name[:40]!r} must be float32 of shape {shape}; it is {values.shape}")
         if _FIRST_WEIGHT in found:
             found[_FIRST_WEIGHT] = found[_FIRST_WEIGHT][:, 0]
         return found
@@ -63,26 +80,45 @@ def load(path: Path) -> OnnxField:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file; give an ONNX file that `ddf export` wrote")
     checks.require_content(path)
+    if path.stat().st_size > _LARGEST:
+        raise checks.InputError(f"{path}: {path.stat().st_size} bytes; at most {_LARGEST} are read")
+    data = path.read_bytes()  # read here, so that no weights outside the file are followed
+    looping = next((word.decode()[2:] for word in _LOOPS if word in data), None)
+    if looping is not None:
+        raise checks.InputError(f"{path}: has a node {looping}, which no file of `ddf export` has")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = _usable_cores()  # named, so that onnxruntime pins none of them
-    options.log_severity_level = 3
+    options.log_severity_level = 4
+    arena = onnxruntime.OrtArenaCfg(max(_FEW, 100 * len(data)), -1, -1, -1)  # bytes at most; the rest as it is
+    onnxruntime.create_and_register_allocator(_memory(), arena)  # of the sessions that follow
+    options.add_session_config_entry("session.use_env_allocators", "1")
+    options.add_session_config_entry(_FOLDED, str(max(_FEW // 16, 4 * len(data))))
     try:
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime has a class of its own per fault, none of them public
         raise checks.InputError(f"{path}: not an ONNX file that onnxruntime reads: {_line(error)}") from error
     inputs = [value.name for value in session.get_inputs()]
     facts = session.get_modelmeta().custom_metadata_map
     if inputs != ["positions", "directions"] or not {"box", "transform"} <= set(facts):
         raise checks.InputError(
-            f"{path}: holds no field of a single shape (its inputs: {', '.join(inputs)}); give what `ddf export` wrote "
-            "of a field that `ddf fit` wrote"
+            f"{path}: holds no field of a single shape (its inputs: {', '.join(inputs)[:80]}); give what `ddf export` "
+            "wrote of a field that `ddf fit` wrote"
         )
+    with framed_field.record_of(path):
+        field = OnnxField(session, *framed_field.corners(*json.loads(facts["box"])), _similarity(facts["transform"]))
     try:
-        lower, upper = (np.array(corner, dtype=np.float64).reshape(3) for corner in json.loads(facts["box"]))
-        field_from_mesh = _similarity(facts["transform"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise checks.InputError(f"{path}: its record lacks what a field needs ({error})") from error
-    return OnnxField(session, lower, upper, field_from_mesh)
+        probe = field.evaluate(np.zeros((2, 3)), np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]), field.outputs)
+    except Exception as error:
+        raise checks.InputError(f"{path}: its graph does not give what a field gives: {_line(error)}") from error
+    unfit = {"visibility", "depth"} - set(probe) or {name for name, values in probe.items() if np.isnan(values).any()}
+    if unfit:
+        raise checks.InputError(f"{path}: gives no {min(unfit)[:40]}, or values that are not numbers")
+    return field
+
+
+def _memory() -> onnxruntime.OrtMemoryInfo:
+    kinds = onnxruntime.OrtAllocatorType, onnxruntime.OrtMemType
+    return onnxruntime.OrtMemoryInfo("Cpu", kinds[0].ORT_ARENA_ALLOCATOR, 0, kinds[1].DEFAULT)
 
 
 def _similarity(text: str) -> transforms.Similarity:
@@ -98,4 +134,6 @@ def _usable_cores() -> int:
 
 
 def _line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]
+    """What onnxruntime says, without the place in its source; of a later format, what helps."""
+    said = _PLACE.sub("", " ".join(str(error).split()))
+    return f"{said}; update onnxruntime" if re.search(r"IR version|opset", said) else said

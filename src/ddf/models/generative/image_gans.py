@@ -66,14 +66,12 @@ def load(folder: Path) -> ImageGAN:
     """
     record = records.read(folder, KIND, "train_gan")
     vae = records.section(record, "vae", settings.VAEConfig, folder)
-    model = ImageGAN(vae, records.section(record, "gan", settings.GANConfig, folder))
-    training_loop.load_model(model, folder)
-    return model
+    gan = records.section(record, "gan", settings.GANConfig, folder)
+    return training_loop.built(lambda: ImageGAN(vae, gan), folder)
 
 
 def load_2d(folder: Path) -> NoiseGAN:
     """The 2D GAN of a folder that stage `train_gan2d` wrote; as `load`."""
     record = records.read(folder, KIND_2D, "train_gan2d")
-    model = NoiseGAN(records.section(record, "gan", settings.GANConfig, folder))
-    training_loop.load_model(model, folder)
-    return model
+    gan = records.section(record, "gan", settings.GANConfig, folder)
+    return training_loop.built(lambda: NoiseGAN(gan), folder)

@@ -76,6 +76,5 @@ def load(folder: Path) -> ShapeVAE:
       FileNotFoundError: there is none. InputError: the file is damaged, or holds something else.
     """
     record = records.read(folder, KIND, "train_vae")
-    model = ShapeVAE(records.section(record, "vae", settings.VAEConfig, folder))
-    training_loop.load_model(model, folder)
-    return model
+    config = records.section(record, "vae", settings.VAEConfig, folder)
+    return training_loop.built(lambda: ShapeVAE(config), folder)

@@ -40,6 +40,8 @@ class TrainConfig:
         for name, least in (("image_size", 32), ("encoder_width", 1), ("latent_features", 1), ("batch_size", 2)):
             if getattr(self, name) < least:
                 raise checks.InputError(f"train.{name} must be >= {least}; got {getattr(self, name)}")
+        if self.image_size > 1024:
+            raise checks.InputError(f"train.image_size must be <= 1024; got {self.image_size}")
         for name in ("camera_weight", "weight_decay_shape", "weight_decay_camera"):
             if not getattr(self, name) >= 0:
                 raise checks.InputError(f"train.{name} must be >= 0; got {getattr(self, name)}")

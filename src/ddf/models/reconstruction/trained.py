@@ -1,5 +1,6 @@
 """Trained models from the files that `training_loop.fit` wrote: the record inside says how they are built."""
 
+import functools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from torch import Tensor
 
 from ddf.core import config, storage
 from ddf.data.batches import category_data
+from ddf.fields import framed_field
 from ddf.models.reconstruction import familiarity, inference, reconstruction_models, settings
 from ddf.training import training_loop
 
@@ -21,11 +23,11 @@ def ddf(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.
     Raises:
       InputError: the file is damaged, or its record names unknown settings.
     """
-    train = config.parse(record["train"], settings.TrainConfig, f"{folder}: train")
-    field = config.parse(record["section"]["field"], settings.FieldConfig, f"{folder}: ddf.field")
-    model = reconstruction_models.ddf_model(train, field)
-    training_loop.load_model(model, folder, familiarity.PREFIX)
-    return model, train.image_size
+    with framed_field.record_of(folder):
+        train = config.parse(record["train"], settings.TrainConfig, "train")
+        field = config.parse(record["section"]["field"], settings.FieldConfig, "ddf.field")
+    make = functools.partial(reconstruction_models.ddf_model, train, field)
+    return training_loop.built(make, folder, familiarity.PREFIX), train.image_size
 
 
 def add_known(model: reconstruction_models.DDFModel, images: category_data.ImageSet, folder: Path) -> None:
@@ -44,7 +46,6 @@ def known(folder: Path) -> dict[str, Tensor]:
 
 def pcsiren(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.PCSirenModel, int]:
     """As `ddf`, for a record of kind `pcsiren`."""
-    train = config.parse(record["train"], settings.TrainConfig, f"{folder}: train")
-    model = reconstruction_models.pcsiren_model(train)
-    training_loop.load_model(model, folder)
-    return model, train.image_size
+    with framed_field.record_of(folder):
+        train = config.parse(record["train"], settings.TrainConfig, "train")
+    return training_loop.built(lambda: reconstruction_models.pcsiren_model(train), folder), train.image_size
