@@ -1,13 +1,16 @@
 """Mutated files into the readers: each is read, or refused in one line, without a warning, in bounded time.
 
-    python tests/hard_cases/fuzz_readers.py 100000 20000
+    python tests/hard_cases/fuzz_readers.py 100000 20000 10000
 
-So many meshes, and so many pictures as `ddf reconstruct` reads them. Writes reports/hard_cases_readers.json: how many
+So many meshes, so many pictures as `ddf reconstruct` reads them, and so many each of records of fields, of ONNX graphs
+and of scene files. Writes reports/hard_cases_readers.json: how many
 files of each, how many were read and refused, the slowest, the memory.
 """
 
+import contextlib
 import io
 import json
+import math
 import resource
 import sys
 import tempfile
@@ -22,9 +25,14 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from ddf.core import checks
+import ddf
+from ddf.api import scene_file
+from ddf.core import checks, storage
 from ddf.data import shapenet
-from ddf.geometry import mesh_io
+from ddf.fields import pddf
+from ddf.fit import field_file, shape_field
+from ddf.geometry import mesh_io, transforms
+from ddf.io import onnx_field, onnx_file, onnx_graphs
 
 OUT = Path(__file__).resolve().parents[2] / "reports" / "hard_cases_readers.json"
 _WORDS = (b"-1", b"0", b"1e999", b"nan", b"99999999999", b"\\", b"#", b"\r", b"\0", b"\xff\xfe", b"end_header", b"list")
@@ -124,6 +132,78 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(work)
 
 
+_FIELD = pddf.PDDF(pddf.PDDFConfig((8, 8), 1.0, 1.0, "softplus", 10.0))
+_RECORD = {"format_version": 1, "kind": "single_shape", "steps": 3, "fingerprint": "a"} | shape_field.description(
+    _FIELD.config, -np.ones(3), np.ones(3), transforms.Similarity(2.0)
+)
+_ODD = (None, True, -1, 0, 2, 1 << 62, 10**400, 1e308, math.nan, math.inf, "", "a", "1", [], {}, [[1]], {"a": 1})
+_SCENE = b"""objects:
+  - {field: rabbit, scale: 1e-1, rotation_deg: [0, 0x10, .5], translation: &t [1, 2, 3]}
+  - field: rabbit
+    translation: *t
+box: {lower: [-1, -1, -1], upper: [1, 1, 1]}
+soft: ~
+fly: [{position: [0, 0, 2], target: [0, 0, 0]}]
+"""
+
+
+def _graph() -> bytes:
+    """A small field as an ONNX file."""
+    graph = onnx_graphs.FieldGraph(_FIELD, ("visibility", "depth", "normals"))
+    record = _RECORD | {"box": {"lower": [-1] * 3, "upper": [1] * 3}}
+    facts = {"box": [record["box"]["lower"], record["box"]["upper"]], "transform": record["field_from_mesh"]}
+    return onnx_file.to_onnx(graph, facts)
+
+
+def _broken(tree: Any, rng: np.random.Generator) -> Any:
+    """A record with one part of it, somewhere, replaced or left out."""
+    if not isinstance(tree, dict | list) or not tree or rng.integers(0, 4) == 0:
+        return _ODD[int(rng.integers(0, len(_ODD)))]
+    keys = list(tree) if isinstance(tree, dict) else list(range(len(tree)))
+    key = keys[int(rng.integers(0, len(keys)))]
+    if rng.integers(0, 5) == 0:
+        rest = [(k, tree[k]) for k in keys if k != key]
+        return dict(rest) if isinstance(tree, dict) else [value for _, value in rest]
+    pairs = [(k, _broken(tree[k], rng) if k == key else tree[k]) for k in keys]
+    return dict(pairs) if isinstance(tree, dict) else [value for _, value in pairs]
+
+
+def read_record(data: bytes, path: Path) -> None:
+    """A field with this record, read by torch and without, and asked."""
+    import safetensors.numpy
+
+    arrays = {name: value.numpy() for name, value in _FIELD.state_dict().items()}
+    record = json.loads(data)
+    if isinstance(record, dict):  # a right checksum: what is broken is the record itself
+        with contextlib.suppress(ValueError):  # of a NaN, which no file of ours has
+            record["checksum"] = storage._content_checksum(arrays, record)
+    safetensors.numpy.save_file(arrays, path / "model.safetensors", {"ddf": json.dumps(record)})
+    with np.errstate(all="ignore"):
+        field_file.read(path).layers()
+        ddf.load(path).query([[0.0, 0.0, 3.0]], [[0.0, 0.0, -1.0]])
+
+
+def read_graph(data: bytes, path: Path) -> None:
+    """An ONNX file as a field, asked once."""
+    (path / "field.onnx").write_bytes(data)
+    onnx_field.load(path / "field.onnx")
+
+
+def read_scene(data: bytes, path: Path) -> None:
+    """A scene file."""
+    (path / "scene.yaml").write_bytes(data)
+    scene_file.read(path / "scene.yaml")
+
+
+def others() -> dict[str, tuple[list[tuple[str, bytes]], Callable[[bytes, Path], None]]]:
+    """Whole files of further kinds, and what reads them in a folder."""
+    return {
+        "records": ([(".record", json.dumps(_RECORD).encode())], read_record),
+        "graphs": ([(".onnx", _graph())], read_graph),
+        "scenes": ([(".yaml", _SCENE)], read_scene),
+    }
+
+
 def _zipped(model: bytes) -> bytes:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
@@ -133,6 +213,8 @@ def _zipped(model: bytes) -> bytes:
 
 def _changed(suffix: str, data: bytes, rng: np.random.Generator) -> bytes:
     """A mutated file; of a ZIP file sometimes the archive, mostly what it holds."""
+    if suffix == ".record":
+        return json.dumps(_broken(json.loads(data), rng)).encode()
     if suffix != ".3mf":
         return mutated(data, rng)
     return mutated(_zipped(data), rng) if rng.integers(0, 4) == 0 else _zipped(mutated(data, rng))
@@ -151,7 +233,7 @@ def run(count: int, files: Sequence[tuple[str, bytes]], read: Callable[[bytes, s
             read(data, suffix)
             outcomes["read"] += 1
         except checks.InputError as fault:
-            if "\n" in str(fault):
+            if "\n" in str(fault) or len(str(fault)) >= 500:
                 raise
             outcomes["refused"] += 1
         except BaseException:
@@ -163,8 +245,8 @@ def run(count: int, files: Sequence[tuple[str, bytes]], read: Callable[[bytes, s
     return found | {"memory_grown_mib": round(grown, 1), "took_s": round(time.perf_counter() - started, 1)}
 
 
-def main(meshes: int, images: int) -> None:
-    """Both runs, and their record."""
+def main(meshes: int, images: int, more: int) -> None:
+    """All runs, and their record."""
     warnings.simplefilter("error")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "picture"
@@ -174,9 +256,11 @@ def main(meshes: int, images: int) -> None:
             shapenet.read_any_image(path, 16)
 
         found = {"meshes": run(meshes, seeds(), mesh_io.parse), "images": run(images, pictures(), read_picture)}
+        for kind, (files, read) in others().items():
+            found[kind] = run(more, files, lambda data, _, read=read: read(data, Path(folder)))
     record = json.loads(OUT.read_text(encoding="utf-8")) | found
     OUT.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:3] if len(sys.argv) > 2 else ("100000", "20000")))
+    main(*map(int, sys.argv[1:4] if len(sys.argv) > 3 else ("100000", "20000", "10000")))

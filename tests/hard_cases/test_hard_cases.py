@@ -10,7 +10,7 @@ import torch
 
 import hard_cases
 from ddf.core import checks
-from hard_cases import case
+from hard_cases import case, fuzz_readers
 
 
 def _parameters():
@@ -39,6 +39,13 @@ def test_committed_page_is_of_this_list():
     rows = json.loads(page.read_text(encoding="utf-8"))["rows"]
     listed = [(row["group"], row["case"], row["given"], row["expected"], row["passed"]) for row in rows]
     assert listed == [(c.group, c.name, c.given, c.expected, not c.known) for c in hard_cases.CASES]
+
+
+@pytest.mark.parametrize("kind", fuzz_readers.others())
+def test_broken_files_are_read_or_refused_in_one_line(kind, tmp_path):
+    files, read = fuzz_readers.others()[kind]
+    found = fuzz_readers.run(100, files, lambda data, _: read(data, tmp_path))
+    assert found["read"] and found["refused"] > 50 and found["slowest_s"] < 5
 
 
 def test_close_allows_so_much_and_no_more():

@@ -162,13 +162,13 @@ def load_tensors(
         with _opened(path, "pt" if framework == "torch" else "numpy") as file:
             record = _parsed((file.metadata() or {})["ddf"], path)
             tensors = {name: file.get_tensor(name) for name in file.keys()}
-        expected = record.pop("checksum")
+        arrays = {name: _as_array(value) for name, value in tensors.items()}
+        if record.pop("checksum") != _content_checksum(arrays, record):
+            raise _damaged(path, "its checksum does not fit")
     except checks.InputError:
         raise
-    except (safetensors.SafetensorError, KeyError, ValueError, TypeError, AttributeError) as error:
+    except (safetensors.SafetensorError, KeyError, ValueError, TypeError) as error:
         raise _damaged(path, error) from error
-    if _content_checksum({name: _as_array(value) for name, value in tensors.items()}, record) != expected:
-        raise _damaged(path, "its checksum does not fit")
     return tensors, record
 
 

@@ -72,7 +72,7 @@ def record_of(file: Path) -> Iterator[None]:
     try:
         yield
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
-        reason = f"no {error}" if isinstance(error, KeyError) else error
+        reason = f"no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
         raise checks.InputError(f"{file}: its record lacks what a field needs ({reason})") from error
 
 

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.core import checks, config, output_names
+from ddf.core import checks, output_names
 from ddf.fields import cloud_projection, curvature, derivatives, framed_field, rendering
 from ddf.fields.pddf import NUM_COMPONENTS, PDDF, WEIGHT_ROW, PDDFConfig, visibility
 from ddf.fit import field_file
@@ -83,6 +83,8 @@ def load(path: Path) -> ShapeField:
     Raises:
       FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
     """
+    from ddf.core import config  # takes yaml, which inference does without
+
     stored = field_file.read(path)
     with framed_field.record_of(stored.file):
         how = config.parse(stored.record["field"], PDDFConfig, "field")

@@ -94,11 +94,15 @@ def load(path: Path) -> OnnxField:
     options.add_session_config_entry("session.use_env_allocators", "1")
     options.add_session_config_entry(_FOLDED, str(max(_FEW // 16, 4 * len(data))))
     try:
-        session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        how: dict[str, Any] = {
+            "providers": ["CPUExecutionProvider"],
+            "enable_fallback": 0,
+        }  # that prints, and tries again
+        session = onnxruntime.InferenceSession(data, options, **how)
+        inputs = [value.name for value in session.get_inputs()]
+        facts = session.get_modelmeta().custom_metadata_map
     except Exception as error:  # onnxruntime has a class of its own per fault, none of them public
         raise checks.InputError(f"{path}: not an ONNX file that onnxruntime reads: {_line(error)}") from error
-    inputs = [value.name for value in session.get_inputs()]
-    facts = session.get_modelmeta().custom_metadata_map
     if inputs != ["positions", "directions"] or not {"box", "transform"} <= set(facts):
         raise checks.InputError(
             f"{path}: holds no field of a single shape (its inputs: {', '.join(inputs)[:80]}); give what `ddf export` "

@@ -59,7 +59,19 @@ def test_file_and_folder_load_the_same_field(tmp_path):
         ({"kind": "ddf"}, "holds no field of a single shape"),
         ({"box": {"lower": [0, 0, 0]}}, "its record lacks what a field needs"),
         ({"field": {"hidden": [16, 16]}}, "its record lacks what a field needs"),
-        ({"field": {**dict(shape_field.asdict(CONFIG)), "hidden": [16, 8]}}, "does not fit the architecture"),
+        ({"box": {"lower": [0, 0, 0], "upper": [1, 0, 1]}}, "lower must be below upper"),
+        ({"box": {"lower": ["a"], "upper": [1, 0, 1]}}, "its record lacks what a field needs"),
+        ({"format_version": 999}, "its format version is 999; this version of ddf reads 1: update ddf"),
+        *(
+            ({"field": {**shape_field.asdict(CONFIG), "hidden": hidden}}, reason)
+            for hidden, reason in (
+                ([16, 8], "does not fit the architecture"),
+                ([1 << 20, 1 << 20], "does not fit the architecture"),
+                ([1 << 62] * 3, "describes no model"),
+                ([8] * 1000, "lacks what a field needs"),
+                (["a"], "lacks what a field needs"),
+            )
+        ),
     ],
 )
 def test_other_files_are_refused(tmp_path, changes, message):
@@ -67,6 +79,15 @@ def test_other_files_are_refused(tmp_path, changes, message):
         shape_field.load(_write(tmp_path, **changes))
     with pytest.raises(FileNotFoundError, match="no such field"):
         shape_field.load(tmp_path / "nothing")
+
+
+def test_weights_that_are_not_finite_are_refused(tmp_path):
+    _write(tmp_path)
+    tensors, record = storage.load_tensors(tmp_path / "model.safetensors")
+    tensors["network.head.bias"] = tensors["network.head.bias"] * np.nan
+    storage.save_tensors(tmp_path / "model.safetensors", tensors, record)
+    with pytest.raises(checks.InputError, match=r"network\.head\.bias holds values that are not finite"):
+        shape_field.load(tmp_path)
 
 
 def test_answers_are_those_of_the_network_in_the_unit_of_the_mesh(shape):
