@@ -13,13 +13,8 @@ from typing import Any
 import matplotlib
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
 from matplotlib import figure, ticker
 
-Samples = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]
-AngleCurve = tuple[str, str, bool, Samples]  # name, method for the colour, dashed, (angles in degrees, values)
-RANGE = 2000  # of a logarithmic axis over the angle, largest to smallest
-SECTORS = 6  # of the full turn, over each of which a median is taken
 METHOD_COLOURS = {"ddf": "#1F5FA8", "ddf_nh1": "#7FA7D6", "pc_siren": "#D5702A"}
 BASELINE_COLOUR, CEILING_COLOUR = "#A9AFBA", "#5E6673"
 _MAX_POINTS = 400  # of a curve: more cannot be told apart, and the file stays small
@@ -119,97 +114,6 @@ def _draw_losses(panel: Any, log: pd.DataFrame, colour: str) -> None:
         panel.set_yscale("log")
         panel.yaxis.set_minor_formatter(ticker.NullFormatter())
     panel.xaxis.set_major_locator(ticker.MaxNLocator(4))
-
-
-def paired_scatter(
-    values: Mapping[str, tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]], x_label: str, y_label: str
-) -> str:
-    """One panel per category: every image as a point, on equal logarithmic axes with the diagonal."""
-    with matplotlib.rc_context(_STYLE):
-        chart, panels = _panels(len(values), 2.75)
-        whole = np.concatenate([np.concatenate(pair) for pair in values.values()])
-        positive = whole[whole > 0]
-        low, high = (positive.min() / 1.3, positive.max() * 1.3) if len(positive) else (0.1, 1.0)
-        marks = (1.0, 2.0, 5.0) if high < 30 * low else (1.0,)  # of a decade: more would run into each other
-        for panel, (category, (x, y)) in zip(panels, values.items(), strict=True):
-            panel.plot([low, high], [low, high], lw=0.8, color="#9AA1AD")
-            panel.scatter(x, y, s=11, color=METHOD_COLOURS["ddf"], alpha=0.55, linewidths=0)
-            panel.set(xscale="log", yscale="log", xlim=(low, high), ylim=(low, high), aspect="equal")
-            panel.set_title(category)
-            for axis in (panel.xaxis, panel.yaxis):
-                axis.set_major_locator(ticker.LogLocator(subs=marks, numticks=12))
-                axis.set_major_formatter(ticker.FormatStrFormatter("%g"))
-                axis.set_minor_formatter(ticker.NullFormatter())
-            below = f"below: {100 * np.mean(y < x):.0f} %" if len(x) else "no image"
-            panel.text(0.97, 0.05, below, transform=panel.transAxes, ha="right", color="#3A404A")
-        chart.supxlabel(x_label, fontsize=9.5)
-        chart.supylabel(y_label, fontsize=9.5)
-        return _svg(chart)
-
-
-def cumulative_shares(
-    curves: Mapping[str, Sequence[tuple[str, str, bool, Float[np.ndarray, " n"]]]], label: str, upper: float
-) -> str:
-    """One panel per category: share of images whose error is at most x.
-
-    Args:
-      curves: category to (name, method for the colour, dashed, errors).
-    """
-    with matplotlib.rc_context(_STYLE):
-        chart, panels = _panels(len(curves), 2.2)
-        for panel, (category, lines) in zip(panels, curves.items(), strict=True):
-            for name, method, dashed, errors in lines:
-                x = np.concatenate([[0.0], np.sort(errors), [upper]])
-                y = 100.0 * np.concatenate([[0.0], np.arange(1, len(errors) + 1), [len(errors)]]) / len(errors)
-                style = (0, (3, 1.5)) if dashed else "solid"
-                panel.step(x, y, where="post", lw=1.4, ls=style, color=METHOD_COLOURS[method], label=name)
-            panel.set(xlim=(0, upper), ylim=(0, 101))
-            panel.set_title(category)
-            panel.xaxis.set_major_locator(ticker.MultipleLocator(upper / 4))
-        chart.supxlabel(label, fontsize=9.5)
-        chart.supylabel("images, %", fontsize=9.5)
-        panels[-1].legend(loc="lower right", fontsize=8.5)
-        return _svg(chart)
-
-
-def medians_over_angle(quantities: Sequence[tuple[str, Mapping[str, Sequence[AngleCurve]]]], label: str) -> str:
-    """A column of panels per quantity, a line per category: every image as a point over an angle, and the median of
-    each sector of the full turn as a line. Logarithmic; values below 1/`RANGE` of the column's largest are drawn there.
-
-    Args:
-      quantities: (name and unit, category to its curves).
-      label: of the angle axis.
-    """
-    with matplotlib.rc_context(_STYLE):
-        categories = list(quantities[0][1])
-        chart = figure.Figure(figsize=(_WIDTH, 1.9 * len(categories) + 0.9), layout="constrained")
-        grid = chart.subplots(len(categories), len(quantities), sharex=True, sharey="col", squeeze=False)
-        for panels, (name, curves) in zip(grid.T, quantities, strict=True):
-            largest = max(float(line[3][1].max()) for lines in curves.values() for line in lines)
-            for panel, (category, lines) in zip(panels, curves.items(), strict=True):
-                for line in lines:
-                    _draw_sectors(panel, *line, (largest or 1.0) / RANGE)
-                panel.set_title(f"{category}: {name}")
-                panel.set(xlim=(0, 360), yscale="log")
-                panel.xaxis.set_major_locator(ticker.MultipleLocator(90))
-                panel.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
-                panel.yaxis.set_minor_formatter(ticker.NullFormatter())
-            panels[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=8.5, handlelength=1.6)
-        chart.supxlabel(label, fontsize=9.5)
-        return _svg(chart)
-
-
-def _draw_sectors(panel: Any, name: str, method: str, dashed: bool, samples: Samples, least: float) -> None:
-    angles, values = samples[0], np.maximum(samples[1], least)
-    colour = METHOD_COLOURS[method]
-    faces = "none" if dashed else colour
-    panel.scatter(angles, values, s=9, facecolors=faces, edgecolors=colour, alpha=0.45, linewidths=0.6 * dashed)
-    edges = np.linspace(0.0, 360.0, SECTORS + 1)
-    sector = np.clip(np.digitize(angles, edges) - 1, 0, SECTORS - 1)
-    medians = [np.median(values[sector == i]) if (sector == i).any() else np.nan for i in range(SECTORS)]
-    panel.stairs(
-        medians, edges, baseline=None, lw=1.5, ls=(0, (3, 1.5)) if dashed else "solid", color=colour, label=name
-    )
 
 
 def _panels(count: int, height: float) -> tuple[figure.Figure, list[Any]]:

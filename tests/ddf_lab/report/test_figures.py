@@ -10,20 +10,9 @@ from ddf_lab.report import figures
 
 _STEPS = np.arange(0, 1000, 10)
 _LOG = pd.DataFrame({"step": _STEPS, "loss": 3 * np.exp(-_STEPS / 300), "normals": -np.linspace(0.1, 0.9, 100)})
-_ERRORS = np.array([3.0, 40.0, 170.0])
-_EVERYWHERE = (np.array([10.0, 20.0, 200.0, 359.0]), np.array([1.0, 3.0, 0.5, 2.0]))
-_SOMEWHERE = (np.array([30.0]), np.array([0.0]))  # on a logarithmic axis
-_ANGLES = [
-    ("D_C", {"car": [("DDF", "ddf", False, _EVERYWHERE)]}),
-    ("error", {"car": [("DDF", "ddf", True, _SOMEWHERE), ("PC-SIREN", "pc_siren", False, _EVERYWHERE)]}),
-]
 _CHARTS = {
     "bars": lambda: figures.score_bars({"chair": [("ddf", "DDF", 70.2), ("ceiling", "ceiling", 99.0)]}, "F"),
     "losses": lambda: figures.loss_curves({"DDF": {"chair": _LOG}, "PC-SIREN": {"chair": _LOG[["step", "loss"]]}}),
-    "scatter": lambda: figures.paired_scatter({"chair": (np.array([0.1, 2.0]), np.array([0.2, 1.0]))}, "x", "y"),
-    "one equal pair": lambda: figures.paired_scatter({"chair": (np.array([0.4]), np.array([0.4]))}, "x", "y"),
-    "angles": lambda: figures.medians_over_angle(_ANGLES, "azimuth"),
-    "shares": lambda: figures.cumulative_shares({"car": [("DDF", "ddf", True, _ERRORS)]}, "azimuth", 180.0),
 }
 
 
@@ -65,15 +54,3 @@ def test_every_loss_term_is_drawn_even_a_negative_one():
     nodes = ElementTree.fromstring(with_terms).iter()
     drawn = [node.attrib["d"].count("L") for node in nodes if colour in (node.get("style") or "") and node.get("d")]
     assert max(drawn) == len(_LOG) - 1
-
-
-def test_every_image_and_one_line_of_medians_per_method_are_drawn_over_the_angle():
-    orange = figures.METHOD_COLOURS["pc_siren"].lower()
-    root = ElementTree.fromstring(_CHARTS["angles"]())
-    tags = [node for node in root.iter() if node.tag.endswith("use") and f"fill: {orange}" in (node.get("style") or "")]
-    assert len(tags) == len(_EVERYWHERE[0])
-    lines = [node for node in root.iter() if f"stroke: {orange}" in (node.get("style") or "") and node.get("d")]
-    (line,) = [node.attrib["d"] for node in lines if "M" in node.attrib["d"] and node.attrib["d"].count("M") == 3]
-    words = line.replace("M", "").replace("L", "").split()
-    heights = [float(word) for word in words[1::2]]
-    assert len(set(heights)) == 2  # of the three sectors that hold images two have the median 2

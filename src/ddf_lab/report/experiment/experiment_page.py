@@ -11,7 +11,6 @@ from ddf.core import checks, storage
 from ddf_lab.report import pages
 from ddf_lab.report.experiment import example_strips, live_shapes, seed_notes, stage_results
 from ddf_lab.report.experiment.sections import (
-    azimuth,
     bounds,
     cameras,
     costs,
@@ -21,8 +20,6 @@ from ddf_lab.report.experiment.sections import (
     one_cycle,
     pictures,
     results,
-    shape_and_camera,
-    shapes_and_images,
     training,
 )
 from ddf_lab.run import Run
@@ -32,10 +29,7 @@ SECTIONS = (  # in the order of the page; each gives a `pages.Section` from the 
     pictures.section,
     bounds.section,
     one_cycle.section,
-    shape_and_camera.section,
     cameras.section,
-    shapes_and_images.section,
-    azimuth.section,
     evenness.section,
     training.section,
     data.section,

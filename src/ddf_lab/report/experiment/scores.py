@@ -38,13 +38,6 @@ def number(value: float | None, digits: int) -> str:
     return NOTHING if value is None or pd.isna(value) else f"{value:.{digits}f}"
 
 
-def difference(value: float | None, other: float | None, digits: int) -> str:
-    """By how much a value is above another, with its sign; a dash where one is missing."""
-    if value is None or other is None or pd.isna(value - other):
-        return NOTHING
-    return f"{value - other:+.{digits}f}"
-
-
 class Scores:
     """Look-up of the long table by category, method, column and metric, per source."""
 

@@ -8,11 +8,6 @@ def over_seeds(results: Results, text: str) -> str:
     return _with(results, text, "± is the standard deviation over {seeds} seeds; numbers without it have no training.")
 
 
-def of_means(results: Results, text: str) -> str:
-    """A text on differences of numbers of the long table."""
-    return _with(results, text, "Differences of means over {seeds} seeds.")
-
-
 def of_scores(results: Results, text: str) -> str:
     """A text on numbers of the long table that are shown without their spread."""
     return _with(results, text, "Means over {seeds} seeds.")

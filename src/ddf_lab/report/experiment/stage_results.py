@@ -86,11 +86,6 @@ class Results:
         """Those for which the paper prints numbers."""
         return [name for name in self.categories if name in paper_results.SI3DR]
 
-    def camera_rows(self, category: str, method: str, column: str) -> pd.DataFrame:
-        """Rows of `cameras` of one predicted camera."""
-        rows = self.cameras
-        return rows[(rows["category"] == category) & (rows["method"] == method) & (rows["column"] == column)]
-
     def setting(self, key: str, nothing: str = "none") -> str:
         """A value of an experiment by its dotted key, as printed; one that its file leaves out is the default.
 

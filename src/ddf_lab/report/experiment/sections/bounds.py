@@ -29,16 +29,11 @@ _BARS = {
     baselines.MEAN_SHAPE: "mean shape",
 }
 _COLUMNS = ("Pi_g-L", "Pi_g-S")
-_DISTANCE_METRICS = ("chamfer_l2_sq_x1000", "f_score_tau_x100")
 _BARS_CAPTION = "F-scores at the true camera, L points. Blue: DDF. Orange: PC-SIREN. Grey: no model."
 _BARS_ALT = "bars of the F-scores of ceiling, oracle retrieval, DDF, PC-SIREN, retrieval and mean shape, by category"
 _CAPTION = (
     "At the true camera. Bold: better than all others of both models, retrieval and the mean shape, by more than two "
     "standard errors."
-)
-_DISTANCES = (
-    "Scores of the models less those of the ceiling (truth against itself) and of retrieval; true camera, L points. "
-    "Bold: better than retrieval by more than two standard errors."
 )
 _READING = (
     "Ceiling: a random subset of the truth against all of it. No method does better with so many points.",
@@ -51,9 +46,9 @@ _READING = (
 
 
 def section(results: Results) -> Section:
-    """Bars, the table of all rows, how far the models are from both ends."""
+    """Bars, and the table of all rows."""
     bars = Figure("baselines.svg", seed_notes.of_scores(results, _BARS_CAPTION), _BARS_ALT, draw(results))
-    return Section("Baselines and ceilings", [bars, table(results), _READING, distances(results)])
+    return Section("Baselines and ceilings", [bars, table(results), _READING])
 
 
 def draw(results: Results) -> bytes:
@@ -87,27 +82,3 @@ def table(results: Results) -> Table:
     note = scores.images_note(found, results.categories, heads, "chamfer_l2_sq_x1000")
     caption = seed_notes.over_seeds(results, f"{_CAPTION} {note}".strip())
     return Table(caption, layout, ["", "", *labels * len(_COLUMNS)], rows, labels=2, rule_every=len(ORDER))
-
-
-def distances(results: Results) -> Table:
-    """Both models at the true camera, L points, as differences from the ceiling and from the retrieved shape."""
-    found = scores.Scores(results.table)
-    rows: list[list[Cell | str]] = []
-    for category in results.categories:
-        for method in (scoring.DDF, scoring.PC_SIREN):
-            cells: list[Cell | str] = []
-            for metric in _DISTANCE_METRICS:
-                digits = metrics.PRINTED[metric].digits
-                head, rival = (method, "Pi_g-L"), (baselines.RETRIEVAL, "Pi_g-L")
-                own, ceiling, retrieved = (
-                    found.value(category, who, metric) for who in (head, (baselines.CEILING, "Pi_g-L"), rival)
-                )
-                won = results.better(category, head, rival, metric) > 0
-                cells.append(scores.difference(own, ceiling, digits))
-                cells.append(Cell(scores.difference(own, retrieved, digits), won))
-            rows.append([category if method == scoring.DDF else "", scores.METHOD_LABELS[method], *cells])
-    parts = ["from the ceiling", "from retrieval"]
-    groups = [(str(metrics.PRINTED[metric].label), len(parts), False) for metric in _DISTANCE_METRICS]
-    header = ["", "", *parts * len(groups)]
-    caption = seed_notes.of_means(results, _DISTANCES)
-    return Table(caption, [("", 2, False), *groups], header, rows, labels=2, rule_every=2)

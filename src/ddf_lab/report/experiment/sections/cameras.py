@@ -1,12 +1,9 @@
 """Cameras: errors of the predicted and of the corrected ones."""
 
-import numpy as np
-
 from ddf_lab.evaluation import scoring
-from ddf_lab.report import figures
 from ddf_lab.report.experiment import scores, seed_notes
 from ddf_lab.report.experiment.stage_results import Results
-from ddf_lab.report.pages import Figure, Section, Table
+from ddf_lab.report.pages import Section, Table
 
 PREDICTED = (
     ("DDF", scoring.DDF, "Pi_pred"),
@@ -20,8 +17,6 @@ _METRICS = {
     "radius_error_median": ("radius, benchmark units", 3),
     "scale_error_percent_median": ("scale, %", 1),
 }
-_CURVES = "Share of test images whose azimuth error is at most so large. Dashed: after the correction by the mask."
-_ALT = "rising curves of the share of images over the azimuth error of DDF, corrected DDF and PC-SIREN, by category"
 _CAPTION = "Median absolute errors over test images, before (Π̂) and after (Π̂<sub>∇</sub>) the correction by the mask."
 _READING = (
     "The scale is estimated from the diagonal of the predicted cloud.",
@@ -30,24 +25,8 @@ _READING = (
 
 
 def section(results: Results) -> Section:
-    """Curves of the azimuth's errors, then the medians of all errors."""
-    curves = {category: azimuth_errors(results, category) for category in results.categories}
-    drawn = figures.cumulative_shares(
-        {c: lines for c, lines in curves.items() if lines}, "azimuth error, degrees", 180.0
-    )
-    picture = Figure("cameras.svg", seed_notes.of_first(results, _CURVES), _ALT, drawn.encode())
-    return Section("Cameras", [picture, table(results), _READING])
-
-
-def azimuth_errors(results: Results, category: str) -> list[tuple[str, str, bool, np.ndarray]]:
-    """(name, method, whether corrected, azimuth errors in degrees) of every predicted camera."""
-    found = []
-    for name, method, column in PREDICTED:
-        rows = results.camera_rows(category, method, column)
-        if len(rows):
-            errors = rows["azimuth_error_deg"].to_numpy(dtype=np.float64)
-            found.append((name, method, column == "Pi_corrected", errors))
-    return found
+    """The medians of all errors."""
+    return Section("Cameras", [table(results), _READING])
 
 
 def table(results: Results) -> Table:
