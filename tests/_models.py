@@ -25,9 +25,9 @@ PCSIREN = settings.PCSirenConfig(1, 8, 8)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 
-def field(activation: pddf.DepthActivation = "softplus") -> pddf.PDDF:
+def field(activation: pddf.DepthActivation = "softplus", components: int = 2) -> pddf.PDDF:
     torch.manual_seed(0)
-    config = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0)
+    config = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0, components=components)
     return pddf.PDDF(config).requires_grad_(False)
 
 

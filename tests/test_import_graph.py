@@ -12,9 +12,9 @@ from ddf.core import provenance
 LEVELS = {
     "ddf.core": 0,
     "ddf.geometry": 1,
-    "ddf.pictures": 1,
     "ddf.data": 2,
     "ddf.fields": 2,
+    "ddf.pictures": 3,
     "ddf.training": 3,
     "ddf.fit": 3,
     "ddf.models": 3,

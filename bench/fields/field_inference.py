@@ -22,7 +22,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from bench.lib import display, measuring, results
-from ddf.fields import derivatives, passes, pddf, rendering
+from ddf.fields import derivatives, field_values, passes, pddf
 from ddf.io import onnx_file, onnx_graphs, onnx_parity, weight_precision
 
 RAYS, NORMAL_RAYS, CHECKED = 65_536, 16_384, 8_192  # timed; timed with normals; whose errors are taken
@@ -158,8 +158,8 @@ def programs(exported: Exported, outputs: Sequence[str], threads: int) -> dict[t
     }
     if threads == 1:
         return found
-    found["rendering.query", "float32"] = torch.inference_mode()(
-        lambda p, v: list(rendering.query(field, p, v, None, outputs).values())
+    found["field_values.evaluate", "float32"] = torch.inference_mode()(
+        lambda p, v: list(field_values.evaluate(field, p, v, outputs).values())
     )
     if passes.has_bfloat16(field.network.head.weight.device):  # in software they would take minutes
         found["torch", "bfloat16 products"] = LayerLoop(field, outputs, brain, full)

@@ -5,7 +5,7 @@ import math
 import torch
 from torch import Tensor
 
-from ddf.fields import derivatives, losses, pddf, rendering
+from ddf.fields import derivatives, field_outputs, field_values, losses, pddf
 from ddf.geometry import rays
 
 from . import case
@@ -168,6 +168,6 @@ def _no_normal(dtype: torch.dtype) -> case.Outcome:
 def _no_rays(dtype: torch.dtype) -> case.Outcome:
     nothing = torch.zeros(0, 3, dtype=dtype)
     field = constant_field((1, 1, 0, 0), dtype)
-    found = rendering.query(field, nothing, nothing, None, rendering.OUTPUTS)
+    found = field_values.evaluate(field, nothing, nothing, field_outputs.DEFAULT)
     shapes = [tuple(found[name].shape) for name in ("visibility", "depth", "normals")]
     return case.Outcome(f"shapes {shapes}", shapes == [(0,), (0,), (0, 3)])

@@ -32,7 +32,6 @@ const GRAPHS: [string, Output[]][] = [
   ["normals", ["visibility", "depth", "weight_1", "normals"]],
   ["mean_curvature", ["visibility", "depth", "weight_1", "normals", "mean_curvature"]],
 ];
-const STORED = (name: Output): string => (name === "weight_1" ? "weights" : name);
 
 /** A field on the CPU, where there is no WebGL2 or none but software. */
 export class WasmEngine implements Engine {
@@ -56,12 +55,8 @@ export class WasmEngine implements Engine {
     for (let from = 0; from < count; from += CHUNK) {
       const until = Math.min(count, from + CHUNK);
       const rays = (all: Float32Array) => ({ data: all.slice(3 * from, 3 * until), shape: [until - from, 3] });
-      const found = await model.run({ positions: rays(positions), directions: rays(directions) }, known.map(STORED));
-      for (const name of known) {
-        const given = found[STORED(name)]!;
-        const first = name === "weight_1" ? given.filter((_, i) => i % 2 === 0) : given;
-        values[name]!.set(first, from * widthOf(name));
-      }
+      const found = await model.run({ positions: rays(positions), directions: rays(directions) }, known);
+      for (const name of known) values[name]!.set(found[name]!, from * widthOf(name));
       await breathe();
       signal?.throwIfAborted();
     }

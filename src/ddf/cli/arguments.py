@@ -5,7 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ddf.core import output_names, shipped_models
+from ddf.core import shipped_models
+from ddf.fields import field_outputs
 
 UP_AXES = ("y", "z")  # as `framed_field.UP_AXES`
 _WRITES = "writes"  # of the parsed arguments: the name of the one that is written, and whether it is a folder
@@ -67,7 +68,7 @@ def add_picture(parser: argparse.ArgumentParser, largest: int, one: str) -> None
         metavar="NAME,...",
         type=outputs,
         default="depth",
-        help=f"some of {','.join(output_names.UNITS)}; one for {one} (default %(default)s)",
+        help=f"some of {','.join(field_outputs.OUTPUTS)}; one for {one} (default %(default)s)",
     )
 
 
@@ -110,13 +111,12 @@ def kept(args: argparse.Namespace) -> str:
 
 def outputs(text: str) -> tuple[str, ...]:
     """The type of an argument that is a list of outputs with commas."""
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    unknown = [name for name in names if name not in output_names.UNITS]
-    if unknown or not names:
-        raise argparse.ArgumentTypeError(
-            f"must be among {', '.join(output_names.UNITS)}; got {', '.join(unknown) or 'nothing'}"
-        )
-    return names
+    from ddf.core import checks
+
+    try:
+        return field_outputs.require([name.strip() for name in text.split(",") if name.strip()])
+    except checks.InputError as error:
+        raise argparse.ArgumentTypeError(str(error).removeprefix("outputs ")) from error
 
 
 def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:

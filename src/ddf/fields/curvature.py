@@ -13,18 +13,16 @@ Depth is d = φ(y) (`activations`): H[d] = φ' H[y] + φ'' ∇y ∇y^T. Along ta
 the term of φ'' vanishes whatever it is.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ddf.core import checks
 from ddf.fields import derivatives, siren
-from ddf.fields.pddf import NUM_COMPONENTS, PDDF, heavier_rows
-
-OUTPUTS = ("mean_curvature", "gaussian_curvature")
+from ddf.fields.pddf import PDDF, heavier_rows
 
 
 @dataclass(frozen=True)
@@ -37,19 +35,6 @@ class SecondTrace:
     outputs: Float[Tensor, "*shapes n out"]
     slopes: list[Float[Tensor, "*shapes n _"]]
     bends: list[Float[Tensor, "*shapes n _"]]
-
-
-@dataclass(frozen=True)
-class Surface:
-    """The surface that a field sees along each ray, field frame and units; meaningless where nothing is visible.
-
-    raw: the network's outputs. normals: unit, facing back. mean, gaussian: None where not asked for.
-    """
-
-    raw: Float[Tensor, "*shapes n 4"]
-    normals: Float[Tensor, "*shapes n 3"]
-    mean: Float[Tensor, "*shapes n"] | None
-    gaussian: Float[Tensor, "*shapes n"] | None
 
 
 def trace(
@@ -131,7 +116,7 @@ def depth_hessian_form(
     two = tangent_states(field.network, found.slopes, second)
     form = hessian_form(found.bends, adjoints, one, two)
     slope = (rows * field.depth_slopes(found.outputs)).sum(-1)
-    bend = depth_bend(field, (rows * found.outputs[..., :NUM_COMPONENTS]).sum(-1))
+    bend = depth_bend(field, (rows * found.outputs[..., : rows.shape[-1]]).sum(-1))
     return slope * form + bend * (gradient * first).sum(-1) * (gradient * second).sum(-1)
 
 
@@ -146,41 +131,50 @@ def tangent_basis(normals: Float[Tensor, "*n 3"]) -> tuple[Float[Tensor, "*n 3"]
     return first, second
 
 
-def surface(
-    field: PDDF,
-    positions: Float[Tensor, "*shapes n 3"],
-    directions: Float[Tensor, "*shapes n 3"],
-    modulations: Sequence[Tensor] | None = None,
-    outputs: Collection[str] = OUTPUTS,
-) -> Surface:
-    """Normals and curvatures of the surface that d_{i*} sees, from II_ij = (t_j^T H_p[d] t_i) n^T v, g = I.
+class Surface:
+    """The surface that a field sees along each ray, field frame and units; meaningless where nothing is visible.
 
-    Source: [DDF22] §3.1, Property V. Mean curvature is tr(II), without a factor 1/2, as printed there; Gaussian
-    curvature is det(II). With respect to the normal that faces the viewer: a sphere of radius r has mean curvature -2/r
-    seen from outside, +2/r from inside, and Gaussian curvature 1/r² (the convention of `primitives`). Only what is
-    asked for is computed: the mean alone needs no mixed form.
+    From II_ij = (t_j^T H_p[d] t_i) n^T v, g = I. Source: [DDF22] §3.1, Property V. With respect to the normal that
+    faces the viewer: a sphere of radius r has mean curvature -2/r seen from outside, +2/r from inside, and Gaussian
+    curvature 1/r² (the convention of `primitives`). Only what is read is computed: the mean alone needs no mixed form.
 
-    Args:
-      outputs: some of `OUTPUTS`.
-    Raises:
-      InputError: an output that does not exist.
+    raw: the network's outputs. slopes: as of `derivatives.Trace`. gradient: ∇_p of the raw d_{i*}. normals: unit,
+    facing back.
     """
-    unknown = sorted(set(outputs) - set(OUTPUTS))
-    if unknown:
-        raise checks.InputError(f"outputs must be among {', '.join(OUTPUTS)}; got {', '.join(unknown)}")
-    found = trace(field.network, field.inputs(positions, directions), modulations)
-    rows = heavier_rows(found.outputs)
-    adjoints, gradient = adjoint_states(field.network, found.slopes, rows)
-    normals = derivatives.normals(gradient, directions)
-    if not outputs:
-        return Surface(found.outputs, normals, None, None)
-    first, second = (tangent_states(field.network, found.slopes, t) for t in tangent_basis(normals))
-    slope = (rows * field.depth_slopes(found.outputs)).sum(-1)  # φ'' meets ∇y · t_i = 0
-    factor = slope * (normals * directions).sum(-1)
-    form_11 = factor * hessian_form(found.bends, adjoints, first, first)
-    form_22 = factor * hessian_form(found.bends, adjoints, second, second)
-    mean = form_11 + form_22 if "mean_curvature" in outputs else None
-    if "gaussian_curvature" not in outputs:
-        return Surface(found.outputs, normals, mean, None)
-    form_12 = factor * hessian_form(found.bends, adjoints, first, second)
-    return Surface(found.outputs, normals, mean, form_11 * form_22 - form_12.square())
+
+    def __init__(
+        self,
+        field: PDDF,
+        positions: Float[Tensor, "*shapes n 3"],
+        directions: Float[Tensor, "*shapes n 3"],
+        modulations: Sequence[Tensor] | None = None,
+    ) -> None:
+        found = trace(field.network, field.inputs(positions, directions), modulations)
+        rows = heavier_rows(found.outputs)
+        self.raw, self.slopes, self._bends = found.outputs, found.slopes, found.bends
+        self._adjoints, self.gradient = adjoint_states(field.network, found.slopes, rows)
+        self.normals = derivatives.normals(self.gradient, directions)
+        self._network = field.network
+        slope = (rows * field.depth_slopes(found.outputs)).sum(-1)  # φ'' meets ∇y · t_i = 0
+        self._factor = slope * (self.normals * directions).sum(-1)
+
+    @cached_property
+    def _tangents(self) -> list[list[Float[Tensor, "*shapes n _"]]]:
+        return [tangent_states(self._network, self.slopes, t) for t in tangent_basis(self.normals)]
+
+    def _form(self, one: int, two: int) -> Float[Tensor, "*shapes n"]:
+        return self._factor * hessian_form(self._bends, self._adjoints, self._tangents[one], self._tangents[two])
+
+    @cached_property
+    def _own(self) -> tuple[Float[Tensor, "*shapes n"], Float[Tensor, "*shapes n"]]:
+        return self._form(0, 0), self._form(1, 1)
+
+    @cached_property
+    def mean(self) -> Float[Tensor, "*shapes n"]:
+        """tr(II), without a factor 1/2, as printed there."""
+        return self._own[0] + self._own[1]
+
+    @cached_property
+    def gaussian(self) -> Float[Tensor, "*shapes n"]:
+        """det(II)."""
+        return self._own[0] * self._own[1] - self._form(0, 1).square()

@@ -17,9 +17,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ddf.core import arrays, checks
+from ddf.fields import field_outputs
 from ddf.geometry import cameras, rays, sparse_depth, transforms
 
-DEFAULT_OUTPUTS = ("visibility", "depth", "normals")
 SEEN = 0.5  # visibility from which on a surface counts as seen
 FRAMED = 0.95  # of a picture's half width, that a framed box takes
 CHUNK_RAYS = 16384  # speed and memory only
@@ -89,7 +89,7 @@ def corners(lower: Any, upper: Any) -> tuple[Float[np.ndarray, "3"], Float[np.nd
 
 
 def query(
-    field: FramedField, points: rays.OrientedPoints, outputs: Collection[str] = DEFAULT_OUTPUTS
+    field: FramedField, points: rays.OrientedPoints, outputs: Collection[str] = field_outputs.DEFAULT
 ) -> tuple[dict[str, Float[np.ndarray, "n ..."]], int]:
     """Named outputs at oriented points of the mesh's frame, and the number of rays that the field was evaluated for.
 
@@ -97,9 +97,7 @@ def query(
       points: (n, 3), float64 for far cameras; anywhere, the start need not lie in the box.
       outputs: some of `field.outputs`.
     Returns:
-      visibility (n) in [0, 1], 0 where the box is missed; depth (n) in mesh units; normals (n, 3), unit, facing back;
-      mean_curvature (n) in 1/mesh unit and gaussian_curvature (n) in 1/mesh unit², signs as in `curvature.surface`;
-      weight_1 (n), normals_1 and normals_2 (n, 3) as in `shape_field.components`.
+      Arrays by name, with the units of `field_outputs.OUTPUTS`; visibility is 0 where the box is missed.
     Raises:
       InputError: an output that the field does not have.
     """
@@ -111,17 +109,13 @@ def query(
 
 def in_mesh_frame(found: dict[str, np.ndarray], field_from_mesh: transforms.Similarity) -> dict[str, np.ndarray]:
     """Outputs of the field frame in the frame and the unit of the mesh."""
-    scale, found = field_from_mesh.scale, dict(found)
-    if "depth" in found:
-        found["depth"] = found["depth"] / scale
-    for name in ("normals", "normals_1", "normals_2"):
-        if name in found:
-            found[name] = field_from_mesh.inverse().apply_directions(found[name])
-    if "mean_curvature" in found:
-        found["mean_curvature"] = found["mean_curvature"] * scale
-    if "gaussian_curvature" in found:
-        found["gaussian_curvature"] = found["gaussian_curvature"] * scale**2
-    return found
+    scale, turned = field_from_mesh.scale, {}
+    for name, values in found.items():
+        output = field_outputs.OUTPUTS[name]
+        if output.kind == "directions":
+            values = field_from_mesh.inverse().apply_directions(values)
+        turned[name] = values / scale**output.length if output.length > 0 else values * scale**-output.length
+    return turned
 
 
 def _query_field_frame(
@@ -131,9 +125,7 @@ def _query_field_frame(
     outputs: Collection[str],
 ) -> tuple[dict[str, np.ndarray], int]:
     """As `query`, everything in the field frame and float64."""
-    unknown = sorted(set(outputs) - set(field.outputs))
-    if unknown:
-        raise checks.InputError(f"outputs must be among {', '.join(field.outputs)}; got {', '.join(unknown)}")
+    field_outputs.require(outputs, field.outputs)
     if getattr(field, "enters_its_box", False):
         entry, distance, meets = positions, np.zeros(len(positions)), np.ones(len(positions), bool)
     else:
@@ -229,7 +221,7 @@ def render(
     field: FramedField,
     camera: tuple[float, float, float],
     size: int,
-    outputs: Collection[str] = DEFAULT_OUTPUTS,
+    outputs: Collection[str] = field_outputs.DEFAULT,
     up: str = "y",
 ) -> tuple[dict[str, Float[np.ndarray, "size size ..."]], int]:
     """Images from one camera (`camera_rays`), as `query` gives them, and the number of rays evaluated.

@@ -1,7 +1,8 @@
 """Probabilistic directed distance fields, plain and conditional, and the point-cloud decoder of the baseline.
 
-A PDDF maps (p, v) to K = 2 depths d_i, a weight w_1 (w_2 = 1 - w_1) and a visibility ξ. Source: [DDF22] §3.3. The
-network's raw outputs are (d_1, d_2, logit w_1, logit ξ) before any activation; every loss works on logits.
+A PDDF maps (p, v) to K depths d_i, their weights w_i and a visibility ξ. Source: [DDF22] §3.3, where K = 2. The
+network's raw outputs are (d_1, ..., d_K, s_1, ..., s_{K-1}, logit ξ) before any activation, with w = softmax(s) and
+s_K = 0: of two components s_1 is the logit of w_1. Every loss works on logits.
 """
 
 from collections.abc import Callable
@@ -14,10 +15,11 @@ from torch import Tensor, nn
 
 from ddf.core import checks
 from ddf.fields import activations, siren
+from ddf.fields.field_outputs import MOST_COMPONENTS
 
-NUM_COMPONENTS = 2
+NUM_COMPONENTS = 2  # the paper's K
 DIRECTION = slice(3, 6)  # of the inputs (p, v)
-WEIGHT_ROW, VISIBILITY_ROW, NUM_OUTPUTS = 2, 3, 4
+WEIGHT_ROW, VISIBILITY_ROW, NUM_OUTPUTS = 2, -1, 4  # the first and the last of two components
 INITIAL_DEPTH = 1.0  # both depth biases start here: a ReLU that starts below zero never learns
 
 DepthActivation = Literal["relu", "softplus"]
@@ -31,6 +33,7 @@ class PDDFConfig:
       softplus(β x)/β, which is within log(2)/β of ReLU (`activations`).
     direction_scale: first weights of v, as a multiple of those of p: the bandwidth in v is this times `omega_first`.
       1 is the paper's; by trial, fields fit faster with less.
+    components: K.
     """
 
     hidden: tuple[int, ...]
@@ -39,9 +42,12 @@ class PDDFConfig:
     depth_activation: DepthActivation
     depth_sharpness: float
     direction_scale: float = 1.0
+    components: int = NUM_COMPONENTS
 
     def __post_init__(self) -> None:
         self.layout()
+        if not 1 <= self.components <= MOST_COMPONENTS:
+            raise checks.InputError(f"ddf.components must be 1 to {MOST_COMPONENTS}; got {self.components}")
         if self.depth_activation not in activations.ACTIVATIONS:
             known = ", ".join(activations.ACTIVATIONS)
             raise checks.InputError(f"ddf.depth_activation must be one of {known}; got {self.depth_activation!r}")
@@ -64,17 +70,17 @@ class PDDF(nn.Module):
     def __init__(self, config: PDDFConfig) -> None:
         super().__init__()
         self.config = config
-        self.network = siren.SineNetwork(DIRECTION.stop, config.layout(), NUM_OUTPUTS)
+        self.network = siren.SineNetwork(DIRECTION.stop, config.layout(), 2 * config.components)
         with torch.no_grad():
             self.network.layers[0].weight[:, DIRECTION] *= config.direction_scale
-        nn.init.constant_(self.network.head.bias[:NUM_COMPONENTS], INITIAL_DEPTH)
+        nn.init.constant_(self.network.head.bias[: config.components], INITIAL_DEPTH)
 
     def forward(
         self,
         positions: Float[Tensor, "*batch 3"],
         directions: Float[Tensor, "*batch 3"],
         modulations: list[Tensor] | None = None,
-    ) -> Float[Tensor, "*batch 4"]:
+    ) -> Float[Tensor, "*batch out"]:
         """Raw outputs at oriented points of the field frame; see `visibility`, `depth`."""
         return self.network(self.inputs(positions, directions), modulations)
 
@@ -89,17 +95,20 @@ class PDDF(nn.Module):
         """Of depth; its functions take the sharpness of the config."""
         return activations.ACTIVATIONS[self.config.depth_activation]
 
-    def depths(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
+    def depths(self, raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
         """d_1, d_2 >= 0, field units."""
-        return self.activation.value(raw[..., :NUM_COMPONENTS], self.config.depth_sharpness)
+        return self.activation.value(raw[..., : self.config.components], self.config.depth_sharpness)
 
-    def depth_slopes(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
+    def depth_slopes(self, raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
         """∂d_i/∂raw_i, the factor between a raw derivative and that of the depth."""
-        return self.activation.slope(raw[..., :NUM_COMPONENTS], self.config.depth_sharpness)
+        return self.activation.slope(raw[..., : self.config.components], self.config.depth_sharpness)
 
-    def depth(self, raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch"]:
-        """d_{i*}, the depth of the heavier component; only that one's activation is evaluated."""
-        chosen = torch.where(first_is_heavier(raw), raw[..., 0], raw[..., 1])
+    def depth(self, raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch"]:
+        """d_{i*}, the depth of the heaviest component; only that one's activation is evaluated."""
+        if self.config.components == NUM_COMPONENTS:
+            chosen = torch.where(first_is_heavier(raw), raw[..., 0], raw[..., 1])
+        else:
+            chosen = (raw[..., : self.config.components] * heavier_rows(raw)).sum(-1)
         return self.activation.value(chosen, self.config.depth_sharpness)
 
 
@@ -128,17 +137,40 @@ class PointDecoder(nn.Module):
 
 
 def first_is_heavier(raw: Float[Tensor, "*batch 4"]) -> Bool[Tensor, "*batch"]:
-    """i* = 1, that is w_1 >= 1/2."""
+    """i* = 1, that is w_1 >= 1/2, of two components."""
     return raw[..., WEIGHT_ROW] >= 0
 
 
-def heavier_rows(raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
+def scores(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
+    """s_1, ..., s_K, whose softmax the weights are."""
+    return nn.functional.pad(raw[..., raw.shape[-1] // 2 : -1], (0, 1))
+
+
+def weights(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
+    """w_1, ..., w_K."""
+    if raw.shape[-1] != NUM_OUTPUTS:
+        return torch.softmax(scores(raw), dim=-1)
+    first = torch.sigmoid(raw[..., WEIGHT_ROW])
+    return torch.stack((first, 1 - first), dim=-1)
+
+
+def margin(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch"]:
+    """By how much the largest score is above the next; `inf` of a single component."""
+    if raw.shape[-1] == 2:
+        return torch.full_like(raw[..., 0], torch.inf)
+    first, second = scores(raw).topk(2, dim=-1).values.unbind(-1)
+    return first - second
+
+
+def heavier_rows(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
     """One-hot rows of i*: the cotangents by which an adjoint pass gives the gradient of raw d_{i*}."""
+    if raw.shape[-1] != NUM_OUTPUTS:
+        return nn.functional.one_hot(scores(raw).argmax(-1), raw.shape[-1] // 2).to(raw.dtype)
     first = first_is_heavier(raw).to(raw.dtype)
     return torch.stack((first, 1 - first), dim=-1)
 
 
-def visibility(raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch"]:
+def visibility(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch"]:
     """ξ in [0, 1]."""
     return torch.sigmoid(raw[..., VISIBILITY_ROW])
 

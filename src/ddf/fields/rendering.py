@@ -10,12 +10,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ddf.core import checks
-from ddf.fields import derivatives
-from ddf.fields.pddf import PDDF, heavier_rows, visibility
+from ddf.fields import field_outputs, field_values
+from ddf.fields.pddf import PDDF
 from ddf.geometry import cameras, rays, transforms
 
-OUTPUTS = ("visibility", "depth", "normals")
 CUBE_HALF = 1.0  # conditional fields fill the cube [-1, 1]^3: at test time the shape's own box is not known
 
 
@@ -53,41 +51,6 @@ def field_rays(
     return entry, world, distance, meets
 
 
-def query(
-    field: PDDF,
-    positions: Float[Tensor, "n 3"],
-    directions: Float[Tensor, "n 3"],
-    modulations: Sequence[Float[Tensor, "1 _"]] | None,
-    outputs: Collection[str],
-) -> dict[str, Tensor]:
-    """Named outputs of one field at oriented points of its frame; without gradients kept for training.
-
-    Returns:
-      visibility (n,) in [0, 1]; depth (n,) in field units; normals (n, 3) unit, facing back. Depth and normals are what
-      the field says there whether or not it says that anything is visible.
-    Raises:
-      InputError: an output that does not exist.
-    """
-    unknown = sorted(set(outputs) - set(OUTPUTS))
-    if unknown:
-        raise checks.InputError(f"outputs must be among {', '.join(OUTPUTS)}; got {', '.join(unknown)}")
-    if "normals" not in outputs:
-        raw = field(positions, directions, modulations)
-        gradient = None
-    else:
-        trace = derivatives.trace(field.network, field.inputs(positions, directions), modulations)
-        raw = trace.outputs
-        gradient = derivatives.adjoint(field.network, trace.slopes, heavier_rows(raw))
-    found = {}
-    if "visibility" in outputs:
-        found["visibility"] = visibility(raw)
-    if "depth" in outputs:
-        found["depth"] = field.depth(raw)
-    if gradient is not None:
-        found["normals"] = derivatives.normals(gradient, directions)
-    return found
-
-
 @torch.no_grad()
 def render(
     field: PDDF,
@@ -95,7 +58,7 @@ def render(
     camera: Float[Tensor, "3"],
     field_scale: Float[Tensor, ""],
     size: int,
-    outputs: Collection[str] = OUTPUTS,
+    outputs: Collection[str] = field_outputs.DEFAULT,
 ) -> tuple[dict[str, Tensor], int]:
     """Images of one field from one camera, and the number of queries spent.
 
@@ -105,7 +68,7 @@ def render(
     """
     directions = cameras.pixel_directions(size, camera).reshape(-1, 3)
     entry, world, distance, meets = field_rays(camera, field_scale, directions)
-    found = query(field, entry[meets], world[meets], modulations, outputs)
+    found = field_values.evaluate(field, entry[meets], world[meets], outputs, modulations)
     images = {}
     for name, values in found.items():
         background = torch.inf if name == "depth" else 0.0

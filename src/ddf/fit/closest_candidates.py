@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import checks, provenance, seeding
-from ddf.fields import pddf, rendering, siren, udf
+from ddf.fields import field_values, pddf, siren, udf
 from ddf.fit.shape_field import ShapeField
 from ddf.training import training_loop
 
@@ -49,7 +49,7 @@ def asked(field: pddf.PDDF, modulations: list[Tensor] | None = None) -> udf.Ask:
     def ask(positions: Float[Tensor, "*n 3"], directions: Float[Tensor, "*n 3"], normals: bool) -> udf.Answer:
         outputs = ("visibility", "depth", "normals") if normals else ("visibility", "depth")
         flat = positions.reshape(-1, 3), directions.reshape(-1, 3)
-        found = rendering.query(field, *flat, modulations, outputs)
+        found = field_values.evaluate(field, *flat, outputs, modulations)
         where = positions.shape[:-1]
         return udf.Answer(**{name: value.reshape(*where, *value.shape[1:]) for name, value in found.items()})
 

@@ -35,7 +35,7 @@ class FieldFile:
         tensors, count = storage.load_tensors(self.file)[0], len(self.config["hidden"])
         omegas = [self.config["omega_first"], *[self.config["omega_hidden"]] * (count - 1), 1.0]
         names = [*(f"network.layers.{index}" for index in range(count)), "network.head"]
-        widths = [6, *self.config["hidden"], 4]
+        widths = [6, *self.config["hidden"], 2 * self.config.get("components", 2)]
         found = [tuple(tensors.get(f"{name}.{part}", np.zeros(0)) for part in ("weight", "bias")) for name in names]
         for index, (weight, bias) in enumerate(found):
             if weight.shape != (widths[index + 1], widths[index]) or bias.shape != weight.shape[:1]:

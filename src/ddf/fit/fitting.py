@@ -26,7 +26,7 @@ from torch.nn import functional
 
 from ddf.core import checks, locks, provenance, storage
 from ddf.data.samples import sample_batch, sample_types
-from ddf.fields import consistency, framed_field, losses, pddf, rendering
+from ddf.fields import consistency, field_values, framed_field, losses, pddf
 from ddf.fields.grid import patch_field
 from ddf.fit import fit_settings, shape_field, shape_samples
 from ddf.geometry import mesh_io, rays, transforms
@@ -49,8 +49,8 @@ def start_flat(field: pddf.PDDF, samples: shape_samples.ShapeSamples) -> None:
     """
     visible = torch.cat([part["depth"][part["visible"] > 0] for part in samples.arrays.values()])
     head = field.network.head
-    head.weight[: pddf.NUM_COMPONENTS] *= _FLAT
-    head.bias[: pddf.NUM_COMPONENTS] = _mean(visible) if len(visible) else 0.0
+    head.weight[: field.config.components] *= _FLAT
+    head.bias[: field.config.components] = _mean(visible) if len(visible) else 0.0
 
 
 def step_loss(
@@ -305,7 +305,7 @@ def _ask(
     if isinstance(field, pddf.PDDF):
         p, v = (values.to(field.network.head.weight) for values in (positions, directions))
         raw = field(p, v)
-        normals = [rendering.query(field, p, v, None, ["normals"])["normals"]] if faced else []
+        normals = [field_values.evaluate(field, p, v, ["normals"])["normals"]] if faced else []
         return [field.depth(raw), raw[:, pddf.VISIBILITY_ROW], *normals]
     asked = field.evaluate(positions.numpy(), directions.numpy(), ("depth", "visibility", "normals"))
     depth, visible, normals = (torch.from_numpy(asked[name]).float() for name in ("depth", "visibility", "normals"))

@@ -10,15 +10,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.core import checks, output_names
-from ddf.fields import cloud_projection, curvature, derivatives, framed_field, rendering
-from ddf.fields.pddf import NUM_COMPONENTS, PDDF, WEIGHT_ROW, PDDFConfig, visibility
+from ddf.core import checks
+from ddf.fields import cloud_projection, field_outputs, field_values, framed_field, rendering
+from ddf.fields.pddf import PDDF, PDDFConfig
 from ddf.fit import field_file
 from ddf.geometry import transforms
 from ddf.training import training_loop
-
-COMPONENT_OUTPUTS = tuple(output_names.COMPONENTS)
-OUTPUTS = tuple(output_names.UNITS)
 
 
 @dataclass(frozen=True)
@@ -37,8 +34,8 @@ class ShapeField:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """All of `OUTPUTS`."""
-        return OUTPUTS
+        """Those of a field of so many components."""
+        return field_outputs.of(self.field.config.components)
 
     @property
     def scalar(self) -> Float[Tensor, ""]:
@@ -49,10 +46,10 @@ class ShapeField:
     def evaluate(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
-        """Named outputs inside the box, field frame, in the network's own type (`evaluate`)."""
+        """Named outputs inside the box, field frame, in the network's own type."""
         weight = self.field.network.head.weight
         inside, looking = (torch.from_numpy(values).to(weight) for values in (positions, directions))
-        found = evaluate(self.field, inside, looking, outputs, self.modulations)
+        found = field_values.evaluate(self.field, inside, looking, outputs, self.modulations)
         return {name: values.cpu().numpy() for name, values in found.items()}
 
 
@@ -90,67 +87,6 @@ def load(path: Path) -> ShapeField:
         how = config.parse(stored.record["field"], PDDFConfig, "field")
     field = training_loop.built(lambda: PDDF(how), stored.file.parent)
     return ShapeField(field, stored.lower, stored.upper, stored.field_from_mesh, stored.record)
-
-
-def evaluate(
-    field: PDDF,
-    positions: Float[Tensor, "n 3"],
-    directions: Float[Tensor, "n 3"],
-    outputs: Collection[str],
-    modulations: Sequence[Float[Tensor, "1 _"]] | None = None,
-) -> dict[str, Tensor]:
-    """Named outputs in the field frame: those of `rendering.query`, the curvatures and those of `components`.
-
-    No pass that nothing asks for.
-
-    Raises:
-      InputError: an output that does not exist.
-    """
-    unknown = sorted(set(outputs) - set(OUTPUTS))
-    if unknown:
-        raise checks.InputError(f"outputs must be among {', '.join(OUTPUTS)}; got {', '.join(unknown)}")
-    parts = components(field, positions, directions, outputs, modulations)
-    others = [name for name in outputs if name not in COMPONENT_OUTPUTS]
-    curvatures = [name for name in curvature.OUTPUTS if name in outputs]
-    if others and not curvatures:
-        return parts | rendering.query(field, positions, directions, modulations, others)
-    if not others:
-        return parts
-    surface = curvature.surface(field, positions, directions, modulations, curvatures)
-    found = {
-        "visibility": visibility(surface.raw),
-        "depth": field.depth(surface.raw),
-        "normals": surface.normals,
-        "mean_curvature": surface.mean,
-        "gaussian_curvature": surface.gaussian,
-    }
-    return parts | {name: values for name, values in found.items() if name in outputs and values is not None}
-
-
-def components(
-    field: PDDF,
-    positions: Float[Tensor, "n 3"],
-    directions: Float[Tensor, "n 3"],
-    outputs: Collection[str],
-    modulations: Sequence[Float[Tensor, "1 _"]] | None = None,
-) -> dict[str, Tensor]:
-    """What the components of the mixture say by themselves, field frame; only what is asked for.
-
-    weight_1 (n) is w_1 in [0, 1]; where it is at least 1/2 component 1 gives the output. normals_1, normals_2 (n, 3)
-    are n_i = ±∇_p d_i/‖∇_p d_i‖, facing back, of both components, whichever is heavier: the lighter one may show the
-    surface behind the visible one. Source: [DDF22] §3.3, fig. `seethrough`.
-    """
-    if not set(outputs) & set(COMPONENT_OUTPUTS):
-        return {}
-    trace = derivatives.trace(field.network, field.inputs(positions, directions), modulations)
-    found = {}
-    if "weight_1" in outputs:
-        found["weight_1"] = torch.sigmoid(trace.outputs[..., WEIGHT_ROW])
-    for row, name in zip(torch.eye(NUM_COMPONENTS).to(trace.outputs), ("normals_1", "normals_2"), strict=True):
-        if name in outputs:
-            gradient = derivatives.adjoint(field.network, trace.slopes, row.expand(len(positions), -1))
-            found[name] = derivatives.normals(gradient, directions)
-    return found
 
 
 @torch.no_grad()

@@ -11,11 +11,11 @@ from ddf.models.reconstruction import trained
 from ddf.training import training_loop
 
 
-def load(folder: Path, outputs: tuple[str, ...]) -> tuple[dict[str, Graph], dict[str, Any]]:
+def load(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str, Graph], dict[str, Any]]:
     """The graphs of a model by name, the plainest first, and the facts about their source for the files.
 
     Args:
-      folder: what a training stage wrote. outputs: of fields.
+      folder: what a training stage wrote. outputs: of fields, None for all.
     Raises:
       FileNotFoundError: there is no model. InputError: it is damaged, or of a kind that is not known.
     """

@@ -13,18 +13,16 @@ import onnxruntime
 from jaxtyping import Float
 
 from ddf.core import checks
-from ddf.fields import framed_field
+from ddf.fields import field_outputs, framed_field
 from ddf.geometry import transforms
 
 SUFFIX = ".onnx"
-_FIRST_WEIGHT = "weight_1"  # of the output `weights` of the file
 _LARGEST = 256 << 20  # bytes of a file
 _FEW = 400 << 20  # bytes of memory that any file may take; a larger one a hundred times its own
 _ROWS = 4096  # at once, for memory alone
 _FOLDED = "optimization.constant_folding_max_output_size_in_bytes"
 _PLACE = re.compile(r"\[ONNXRuntimeError\] : \d+ : \w+ : |/onnxruntime_src/\S+.*?\)(?= [A-Z])")
 _LOOPS = (b"\x22\x04Loop", b"\x22\x04Scan", b"\x22\x02If", b"\x22\x0bSequenceMap")  # as a graph spells its operators
-_SHAPES = {"normals": (3,), _FIRST_WEIGHT: (2,)}  # of an output's row, where it is no number
 
 
 @dataclass(frozen=True)
@@ -38,9 +36,8 @@ class OnnxField:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Those of the file; `weights` goes by the name of its first column."""
-        names = (output.name for output in self.session.get_outputs())
-        return tuple(_FIRST_WEIGHT if name == "weights" else name for name in names)
+        """Those of the file that this version knows."""
+        return tuple(output.name for output in self.session.get_outputs() if output.name in field_outputs.OUTPUTS)
 
     @property
     def scalar(self) -> Float[np.ndarray, ""]:
@@ -55,19 +52,16 @@ class OnnxField:
             one_row = self.evaluate(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), outputs)
             return {name: values[:0] for name, values in one_row.items()}
         asked = [name for name in self.outputs if name in outputs]
-        stored = ["weights" if name == _FIRST_WEIGHT else name for name in asked]
         inputs = {"positions": positions.astype(np.float32), "directions": directions.astype(np.float32)}
         parts = [
-            self.session.run(stored, {name: values[start : start + _ROWS] for name, values in inputs.items()})
+            self.session.run(asked, {name: values[start : start + _ROWS] for name, values in inputs.items()})
             for start in range(0, len(positions), _ROWS)
         ]
         found = dict(zip(asked, map(np.concatenate, zip(*parts, strict=True)), strict=True))
         for name, values in found.items():
-            shape = (len(positions), *_SHAPES.get(name, ()))
+            shape = (len(positions), *((3,) if field_outputs.OUTPUTS[name].kind == "directions" else ()))
             if values.dtype != np.float32 or values.shape != shape:
                 raise ValueError(f"output {name[:40]!r} must be float32 of shape {shape}; it is {values.shape}")
-        if _FIRST_WEIGHT in found:
-            found[_FIRST_WEIGHT] = found[_FIRST_WEIGHT][:, 0]
         return found
 
 

@@ -43,7 +43,7 @@ class ExportConfig:
     seed: int
 
     def __post_init__(self) -> None:
-        field_outputs.require_outputs(self.outputs)
+        field_outputs.require(self.outputs)
         if not self.batches or min(self.batches) < 1 or self.seed < 0:
             raise checks.InputError(f"export.batches must be >= 1 and seed >= 0; got {self.batches}, {self.seed}")
         for precision in self.precisions:

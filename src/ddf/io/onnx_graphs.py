@@ -12,8 +12,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ddf.core import checks
-from ddf.fields import pddf, siren
-from ddf.fields.field_outputs import OUTPUTS, FieldValues, require_outputs
+from ddf.fields import field_outputs, pddf, siren
+from ddf.fields.field_outputs import OUTPUTS
+from ddf.fields.field_values import FieldValues
 from ddf.models.reconstruction import inference, reconstruction_models
 
 DYNAMIC = "n"  # the name of the axis whose length is free
@@ -49,17 +50,19 @@ class Graph(nn.Module):
 
 
 class FieldGraph(Graph):
-    """A field, conditional where a modulator is given: positions, directions[, latent] to the chosen outputs."""
+    """A field, conditional where a modulator is given: positions, directions[, latent] to chosen outputs or to all."""
 
     def __init__(
         self,
         field: pddf.PDDF,
-        outputs: Sequence[str],
+        outputs: Sequence[str] | None,
         modulator: siren.Modulator | None = None,
         latents: Float[Tensor, "k z"] | None = None,
     ) -> None:
         super().__init__()
-        self.field, self.modulator, self.outputs = field, modulator, require_outputs(outputs)
+        self.field, self.modulator = field, modulator
+        known = field_outputs.of(field.config.components)
+        self.outputs = field_outputs.require(outputs or known, known)
         self.inputs = {"positions": (DYNAMIC, 3), "directions": (DYNAMIC, 3)}
         self.what = "directed distance field of one shape: oriented points to visibility, depth and more"
         if modulator is not None:
@@ -86,7 +89,7 @@ class FieldGraph(Graph):
         modulations = None
         if self.modulator is not None and latent is not None:
             modulations = [modulation.squeeze(-2) for modulation in self.modulator(latent)]
-        return FieldValues(self.field, positions, directions, modulations)
+        return FieldValues(self.field, positions, directions, modulations, (*self.outputs, "normals"))
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
         """The outputs in order."""
@@ -161,7 +164,7 @@ class ImageFieldGraph(Graph):
 
     what = "one RGBA image and oriented points of the field frame to the camera and the field of the shape"
 
-    def __init__(self, model: reconstruction_models.DDFModel, image_size: int, outputs: Sequence[str]) -> None:
+    def __init__(self, model: reconstruction_models.DDFModel, image_size: int, outputs: Sequence[str] | None) -> None:
         super().__init__()
         self.encoders = EncodersGraph(model, image_size)
         self.conditional = FieldGraph(model.field, outputs, model.decoder.modulator, torch.zeros(1, 1))
@@ -182,7 +185,9 @@ class ImageFieldGraph(Graph):
         return camera, *self.conditional(positions, directions, latent)
 
 
-def ddf_graphs(model: reconstruction_models.DDFModel, image_size: int, outputs: Sequence[str]) -> dict[str, Graph]:
+def ddf_graphs(
+    model: reconstruction_models.DDFModel, image_size: int, outputs: Sequence[str] | None
+) -> dict[str, Graph]:
     """The graphs of a trained DDF model, by the name of their file."""
     return {
         "field": FieldGraph(model.field, outputs, model.decoder.modulator, example_latents(model, image_size)),

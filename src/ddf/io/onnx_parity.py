@@ -3,7 +3,7 @@
 Compared are random inputs at several lengths of the free axis and, for fields, the hard cases: corners, edges and
 faces of the box, directions with exact (and negative) zeros, rays that graze the surface, start on it (d = 0), have a
 saturated visibility or stand where the two components are equally heavy. A tolerance holds where the output is
-continuous (`onnx_outputs`); elsewhere it has to be finite, and such rows must be rare among the random ones.
+continuous (`field_outputs`); elsewhere it has to be finite, and such rows must be rare among the random ones.
 """
 
 import copy
@@ -19,6 +19,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ddf.core import checks
+from ddf.fields import pddf
 from ddf.geometry import rays
 from ddf.io import onnx_graphs
 from ddf.io.onnx_graphs import DYNAMIC, Graph
@@ -172,8 +173,8 @@ def hard_inputs(graph: Graph, generator: torch.Generator) -> dict[str, Tensor]:
     raw, cosine = values.raw, (values.normals * values.directions).sum(-1).abs()
     depth = values.field.depth(raw)
     starts = rays.surface_points(values.positions, values.directions, depth).clamp(-1, 1)
-    grazing, switching = cosine.argsort()[:HARD_OF_EACH], raw[:, 2].abs().argsort()[:HARD_OF_EACH]
-    order = raw[:, 3].argsort()
+    grazing, switching = cosine.argsort()[:HARD_OF_EACH], pddf.margin(raw).argsort()[:HARD_OF_EACH]
+    order = raw[:, pddf.VISIBILITY_ROW].argsort()
     chosen = torch.cat((grazing, switching, order[:HARD_OF_EACH], order[-HARD_OF_EACH:]))
     visible = order[-HARD_OF_EACH:]
     positions, directions = box_rays()

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 # Of a field, for onnxruntime: it computes all outputs of a graph, so there is one for each amount of work.
 GRAPHS = {
-    "values": ("visibility", "depth", "weights"),
-    "normals": ("visibility", "depth", "weights", "normals"),
-    "mean_curvature": ("visibility", "depth", "weights", "normals", "mean_curvature"),
+    "values": ("visibility", "depth", "weight_1"),
+    "normals": ("visibility", "depth", "weight_1", "normals"),
+    "mean_curvature": ("visibility", "depth", "weight_1", "normals", "mean_curvature"),
 }
 _NAMED = 4  # fields of a title
 _ABOUT_MODEL = "From one image to a directed distance field, inside this page: nothing leaves this machine."

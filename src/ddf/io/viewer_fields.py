@@ -18,6 +18,8 @@ from ddf.geometry import transforms
 if TYPE_CHECKING:
     from ddf.fit import shape_field
 
+_OUTPUTS = 4  # of a network of two components
+
 
 @dataclass(frozen=True)
 class BakedField:
@@ -35,7 +37,7 @@ def bake(shape: "field_file.FieldFile | shape_field.ShapeField", name: str) -> B
     """A field for a page in the frame of its mesh (see `placed`), by its file or as torch holds it.
 
     Raises:
-      InputError: as `FieldFile.layers`.
+      InputError: as `FieldFile.layers`, or the field has not the two components that the page draws.
     """
     if isinstance(shape, field_file.FieldFile):
         layers, config, modulations = shape.layers(), shape.config, None
@@ -43,6 +45,9 @@ def bake(shape: "field_file.FieldFile | shape_field.ShapeField", name: str) -> B
         network, config, modulations = shape.field.network, asdict(shape.field.config), shape.modulations
         parts = zip((*network.layers, network.head), (*network.omegas, 1.0), strict=True)
         layers = [(arrays.to_numpy(part.weight), arrays.to_numpy(part.bias), omega) for part, omega in parts]
+    outputs = len(layers[-1][1])
+    if outputs != _OUTPUTS:
+        raise checks.InputError(f"{name}: the page draws fields of two components; got {outputs // 2}")
     numbers = []
     for index, (weight, bias, omega) in enumerate(layers):
         weight = omega * weight.astype(np.float64)

@@ -1,8 +1,9 @@
-"""Pictures of a fitted field: any output of `shape_field` as RGB pixels on white."""
+"""Pictures of a fitted field: any of its outputs as RGB pixels on white."""
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from ddf.fields import field_outputs
 from ddf.pictures import viridis
 
 Picture = UInt8[np.ndarray, "_ _ 3"]  # square, of any size
@@ -69,14 +70,12 @@ def depth_pictures(*depths: Float[np.ndarray, "size size"]) -> list[Picture]:
 
 
 def picture(name: str, images: dict[str, Float[np.ndarray, "size size ..."]]) -> Picture:
-    """One of `shape_field.OUTPUTS`; `images` holds it and the visibility."""
-    visibility = images["visibility"]
-    if name == "visibility":
-        return visibility_picture(visibility)
-    if name == "depth":
-        return depth_picture(images["depth"], visibility)
-    if name.startswith("normals"):
-        return normals_picture(images[name], visibility)
-    if name == "weight_1":
-        return weight_picture(images[name], visibility)
-    return signed_picture(images[name], visibility)
+    """One of `field_outputs.OUTPUTS`, drawn as its kind is; `images` holds it and the visibility."""
+    draw = {
+        "probability": lambda values, _: visibility_picture(values),
+        "depth": depth_picture,
+        "directions": normals_picture,
+        "share": weight_picture,
+        "signed": signed_picture,
+    }
+    return draw[field_outputs.OUTPUTS[name].kind](images[name], images["visibility"])

@@ -23,7 +23,7 @@ from ddf_lab.shipping import shipping
 
 STEPS = 6000  # of a field's fit: what two quiet cores do in two to four minutes
 ONNX = onnx_file.ExportConfig(
-    outputs=("visibility", "depth", "normals", "weights", "mean_curvature", "gaussian_curvature"),
+    outputs=("visibility", "depth", "normals", "weight_1", "mean_curvature", "gaussian_curvature"),
     batches=(1, 7, 4096),
     precisions=(),
     seed=0,

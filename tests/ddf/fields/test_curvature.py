@@ -4,7 +4,6 @@ import pytest
 import torch
 from torch.nn import functional
 
-from ddf.core import checks
 from ddf.fields import curvature, pddf, siren
 from ddf.geometry import primitives, rays
 
@@ -59,7 +58,7 @@ def test_hessian_form_equals_autograd(modulated, activation, dtype, tolerance):
 def test_curvatures_equal_property_v_from_autograd(modulated):
     field, modulations = _field(), _modulations(2) if modulated else None
     p, v = _random(2, 40, 3), functional.normalize(_random(2, 40, 3, seed=2), dim=-1)
-    found = curvature.surface(field, p, v, modulations)
+    found = curvature.Surface(field, p, v, modulations)
     gradient, hessian = _autograd_hessian(field, p, v, modulations)
     n = functional.normalize(gradient, dim=-1)
     n = torch.where((n * v).sum(-1, keepdim=True) > 0, -n, n)
@@ -67,8 +66,6 @@ def test_curvatures_equal_property_v_from_autograd(modulated):
     form = project @ hessian @ project * (n * v).sum(-1)[..., None, None]  # II on the tangent plane, 0 along n
     mean = form.diagonal(dim1=-2, dim2=-1).sum(-1)
     gaussian = (mean.square() - (form @ form).diagonal(dim1=-2, dim2=-1).sum(-1)) / 2
-    assert found.mean is not None
-    assert found.gaussian is not None
     assert (found.normals - n).abs().max() <= 1e-10
     assert (found.mean - mean).abs().max() <= 1e-8 * mean.abs().max()
     assert (found.gaussian - gaussian).abs().max() <= 1e-8 * gaussian.abs().max()
@@ -108,20 +105,12 @@ def test_only_what_is_asked_is_computed(monkeypatch):
     monkeypatch.setattr(
         curvature, "hessian_form", lambda bends, g, one, two: calls.append(1) or form(bends, g, one, two)
     )
-    both = curvature.surface(field, p, v)
+    both = curvature.Surface(field, p, v)
+    assert not calls
+    mean = both.mean
+    assert len(calls) == 2
+    assert bool((both.gaussian <= mean.square() / 4 + 1e-9).all())
     assert len(calls) == 3
-    mean = curvature.surface(field, p, v, None, ["mean_curvature"])
-    assert len(calls) == 5
-    assert mean.gaussian is None
-    assert mean.mean is not None and both.mean is not None
-    assert torch.equal(mean.mean, both.mean)
-    none = curvature.surface(field, p, v, None, [])
-    assert len(calls) == 5
-    assert none.mean is None and none.gaussian is None
-    gaussian = curvature.surface(field, p, v, None, ["gaussian_curvature"])
-    assert gaussian.mean is None
-    with pytest.raises(checks.InputError, match="outputs must be among mean_curvature, gaussian_curvature; got depth"):
-        curvature.surface(field, p, v, None, ["depth"])
 
 
 def test_tangent_basis_is_orthonormal_and_finite_at_zero():
@@ -134,8 +123,7 @@ def test_tangent_basis_is_orthonormal_and_finite_at_zero():
 def test_parameters_receive_the_gradient_of_a_curvature():
     field = _field()
     p, v = _random(6, 3), functional.normalize(_random(6, 3, seed=2), dim=-1)
-    found = curvature.surface(field, p, v)
-    assert found.mean is not None and found.gaussian is not None
+    found = curvature.Surface(field, p, v)
     (found.mean.square().sum() + found.gaussian.square().sum()).backward()
     weight = field.network.layers[1].weight.grad
     assert weight is not None

@@ -1,8 +1,6 @@
-import pytest
 import torch
 
-from ddf.core import checks
-from ddf.fields import derivatives, pddf, rendering, siren
+from ddf.fields import derivatives, field_values, pddf, rendering, siren
 from ddf.geometry import cameras, transforms
 
 FIELD = pddf.PDDFConfig((16, 16), 2.0, 1.0, "softplus", 10.0)
@@ -35,7 +33,7 @@ def test_normals_equal_autograd_of_the_chosen_depth():
     v = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1)
     raw = field(p, v)
     (gradient,) = torch.autograd.grad(torch.where(raw[:, 2] >= 0, raw[:, 0], raw[:, 1]).sum(), p)
-    found = rendering.query(field, p.detach(), v, None, ["normals"])["normals"]
+    found = field_values.evaluate(field, p.detach(), v, ["normals"])["normals"]
     torch.testing.assert_close(found, derivatives.normals(gradient, v), rtol=1e-4, atol=1e-5)
     assert bool(((found * v).sum(-1) <= 1e-6).all())
 
@@ -70,8 +68,3 @@ def test_conditional_field_uses_its_modulations():
     first, _ = rendering.render(field, one, camera, scale, 16, ["depth"])
     second, _ = rendering.render(field, two, camera, scale, 16, ["depth"])
     assert not torch.equal(first["depth"], second["depth"])
-
-
-def test_unknown_output_is_refused():
-    with pytest.raises(checks.InputError, match="outputs must be among visibility, depth, normals; got colour"):
-        rendering.query(_field(), torch.zeros(1, 3), torch.tensor([[1.0, 0, 0]]), None, ["colour"])

@@ -15,7 +15,7 @@ from _tiny_fits import TINY, counts
 
 from ddf.core import checks, interrupts, locks, storage
 from ddf.data.samples import sample_types
-from ddf.fields import framed_field, pddf
+from ddf.fields import field_outputs, framed_field, pddf
 from ddf.fit import fit_settings, fitting, shape_field, shape_samples
 from ddf.geometry import mesh_io, primitives, rays
 from ddf.training import training_loop
@@ -63,7 +63,7 @@ def test_fitted_sphere_has_the_depth_normals_and_curvatures_of_the_sphere(sphere
     v = torch.from_numpy((target - start) / np.linalg.norm(target - start, axis=1, keepdims=True))
     points = rays.OrientedPoints(torch.from_numpy(start + np.array(CENTRE)), v)
     hits = primitives.cast(truth, points)
-    found, _ = framed_field.query(shape, points, shape_field.OUTPUTS)
+    found, _ = framed_field.query(shape, points, field_outputs.of(2))
     seen = hits.visible.numpy() & np.isfinite(found["depth"])
     assert seen.sum() > 0.9 * hits.visible.sum()
     assert np.median(np.abs(found["depth"] - hits.depth.numpy())[seen]) < 0.04 * RADIUS

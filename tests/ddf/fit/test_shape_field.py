@@ -1,12 +1,14 @@
 """A field file and what is asked of it: frames, units, rays that miss, far cameras; no training needed."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
 from torch.nn import functional
 
 from ddf.core import checks, storage
-from ddf.fields import cloud_projection, curvature, derivatives, framed_field, pddf
+from ddf.fields import cloud_projection, curvature, derivatives, field_outputs, field_values, framed_field, pddf
 from ddf.fit import shape_field
 from ddf.geometry import rays, sparse_depth, transforms
 from ddf.training import training_loop
@@ -92,14 +94,13 @@ def test_weights_that_are_not_finite_are_refused(tmp_path):
 
 def test_answers_are_those_of_the_network_in_the_unit_of_the_mesh(shape):
     p, v = _rays()
-    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), shape_field.OUTPUTS)
+    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), field_outputs.of(2))
     with torch.no_grad():
         raw = shape.field(p.float(), v.float())
-        surface = curvature.surface(shape.field, p.float(), v.float())
+        surface = curvature.Surface(shape.field.requires_grad_(False), p.float(), v.float())
     seen = (pddf.visibility(raw) >= 0.5).numpy()
     assert 0 < seen.sum() < len(seen)
     assert evaluated == len(p)
-    assert surface.mean is not None and surface.gaussian is not None
     np.testing.assert_allclose(found["visibility"], pddf.visibility(raw), rtol=1e-4)
     np.testing.assert_allclose(found["depth"][seen], 50 * shape.field.depth(raw).numpy()[seen], rtol=1e-4, atol=1e-4)
     np.testing.assert_allclose(found["normals"][seen], surface.normals.numpy()[seen], atol=1e-4)
@@ -114,8 +115,8 @@ def test_answers_are_those_of_the_network_in_the_unit_of_the_mesh(shape):
 
 def test_each_output_alone_equals_all_together(shape):
     points = _in_mesh_frame(*_rays())
-    together, _ = framed_field.query(shape, points, shape_field.OUTPUTS)
-    for name in shape_field.OUTPUTS:
+    together, _ = framed_field.query(shape, points, field_outputs.of(2))
+    for name in field_outputs.of(2):
         alone, _ = framed_field.query(shape, points, [name])
         assert set(alone) == {name}
         np.testing.assert_allclose(alone[name], together[name], rtol=1e-4, atol=1e-5)
@@ -142,9 +143,9 @@ def test_rays_that_miss_the_box_are_never_evaluated(shape, monkeypatch):
     p = torch.tensor([[0.0, 0.0, 3.0], [0.0, 0.0, 3.0], [0.0, 0.7, 3.0], [0.0, 0.0, 0.0]], dtype=torch.float64)
     v = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]], dtype=torch.float64)
     counted = []
-    forward = shape_field.evaluate
-    monkeypatch.setattr(shape_field, "evaluate", lambda f, a, *b: counted.append(len(a)) or forward(f, a, *b))
-    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), shape_field.OUTPUTS)
+    forward = field_values.evaluate
+    monkeypatch.setattr(field_values, "evaluate", lambda f, a, *b: counted.append(len(a)) or forward(f, a, *b))
+    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), field_outputs.of(2))
     assert sum(counted) == evaluated == 2  # behind the camera, and beside the box: components of exactly 0
     assert found["visibility"][[0, 2]].tolist() == [0.0, 0.0]
     assert bool((found["visibility"][[1, 3]] > 0).all())
@@ -155,11 +156,11 @@ def test_rays_that_miss_the_box_are_never_evaluated(shape, monkeypatch):
 
 def test_no_rays_and_all_missing_give_empty_and_background(shape):
     none = torch.zeros(0, 3, dtype=torch.float64)
-    found, evaluated = framed_field.query(shape, rays.OrientedPoints(none, none), shape_field.OUTPUTS)
+    found, evaluated = framed_field.query(shape, rays.OrientedPoints(none, none), field_outputs.of(2))
     assert evaluated == 0
     assert found["normals"].shape == (0, 3)
     p, v = torch.tensor([[0.0, 9.0, 0.0]]).double(), torch.tensor([[0.0, 1.0, 0.0]]).double()
-    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), shape_field.OUTPUTS)
+    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), field_outputs.of(2))
     assert evaluated == 0
     assert found["depth"].tolist() == [np.inf]
 
@@ -168,7 +169,7 @@ def test_components_are_weight_and_normals_of_both_depths(tmp_path):
     shape = shape_field.load(_write(tmp_path, CONFIG))
     p, v = _rays()
     found, _ = framed_field.query(
-        shape, _in_mesh_frame(p, v), ["visibility", "normals", *shape_field.COMPONENT_OUTPUTS]
+        shape, _in_mesh_frame(p, v), ["visibility", "normals", "weight_1", "normals_1", "normals_2"]
     )
     seen = found["visibility"] >= 0.5
     start = p.float().requires_grad_()
@@ -182,6 +183,14 @@ def test_components_are_weight_and_normals_of_both_depths(tmp_path):
         np.testing.assert_allclose(found[f"normals_{i + 1}"][heavier], found["normals"][heavier], atol=1e-5)
     assert seen.any()
     assert not found["normals_1"][~seen].any()
+
+
+@pytest.mark.parametrize(("components", "last"), [(1, "gaussian_curvature"), (3, "normals_3")])
+def test_a_file_says_how_many_components_its_field_has(tmp_path, components, last):
+    shape = shape_field.load(_write(tmp_path, dataclasses.replace(CONFIG, components=components)))
+    assert shape.outputs[-1] == last
+    found, _ = framed_field.query(shape, _in_mesh_frame(*_rays(5)), shape.outputs)
+    assert list(found) == list(shape.outputs) and all(np.isfinite(found["visibility"]))
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
@@ -206,7 +215,7 @@ def test_camera_looks_at_the_centre_with_its_axis_up(shape, up):
 
 @pytest.mark.parametrize("radius", [0.0, 0.05, 0.285, 1.0, 570.0])
 def test_renders_are_finite_from_inside_on_and_far_from_the_box(shape, radius):
-    images, evaluated = framed_field.render(shape, (90.0, 0.0, radius), 12, shape_field.OUTPUTS)
+    images, evaluated = framed_field.render(shape, (90.0, 0.0, radius), 12, field_outputs.of(2))
     assert evaluated <= 144
     assert radius == 570.0 or evaluated > 0
     for name, image in images.items():

@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from ddf.cli import arguments, image_files
-from ddf.core import output_names
+from ddf.fields import field_outputs
 
 EXAMPLES = (
     "ddf query rabbit --rays rays.npz --out answers.npz",
@@ -21,8 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--outputs",
         metavar="NAME,...",
         type=arguments.outputs,
-        default="visibility,depth,normals",
-        help=f"some of {','.join(output_names.UNITS)} (default %(default)s)",
+        default=",".join(field_outputs.DEFAULT),
+        help=f"some of {','.join(field_outputs.OUTPUTS)} (default %(default)s)",
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ddf.cli import arguments, image_files
-from ddf.core import output_names
+from ddf.fields import field_outputs
 
 if TYPE_CHECKING:
     import numpy as np
@@ -86,7 +86,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     seen = images["visibility"] >= framed_field.SEEN
     result = {
         "output": ",".join(args.outputs),
-        "range": {name: _range(values, seen) | {"unit": output_names.UNITS[name]} for name, values in drawn.items()},
+        "range": {
+            name: _range(values, seen) | {"unit": field_outputs.OUTPUTS[name].unit} for name, values in drawn.items()
+        },
         "camera": {"azimuth_deg": azimuth, "elevation_deg": elevation, "radius": radius},
         "pixels": args.size**2,
         "evaluated": evaluated,

@@ -6,6 +6,7 @@ from typing import Any
 
 from ddf.cli import arguments, results
 from ddf.core import shipped_models
+from ddf.fields import field_outputs
 
 EXAMPLES = (
     "ddf export rabbit field.onnx",
@@ -33,10 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--outputs",
-        type=lambda text: tuple(text.split(",")),
+        type=arguments.outputs,
         metavar="NAME,...",
-        help="of a field, some of visibility,depth,normals,weights,mean_curvature,gaussian_curvature (default: all, or "
-        "those of --config)",
+        help=f"of a field, some of {','.join(field_outputs.OUTPUTS)} (default: all that it has, or those of --config)",
     )
     parser.add_argument("--config", type=Path, metavar="CONFIG", help="experiment file; its section `export` is used")
     parser.add_argument(
@@ -52,17 +52,17 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.out.suffix.lower() == ".html":
         return _page(args)
     from ddf.core import checks, config
-    from ddf.fields import field_outputs
     from ddf.io import exportable, onnx_file
     from ddf.training import training_loop
 
     model, *others = args.model
     if others:
         raise checks.InputError(f"{args.out}: an ONNX file holds one model; give one, or a name that ends in .html")
-    settings = onnx_file.ExportConfig(tuple(field_outputs.OUTPUTS), BATCHES, (), 0)
+    settings = onnx_file.ExportConfig(field_outputs.DEFAULT, BATCHES, (), 0)
+    outputs = args.outputs
     if args.config is not None:
         settings = config.load(args.config, "export", onnx_file.ExportConfig)
-    outputs = settings.outputs if args.outputs is None else field_outputs.require_outputs(args.outputs)
+        outputs = outputs or settings.outputs
     folder = model.parent if model.name == training_loop.MODEL else model
     graphs, source = exportable.load(folder, outputs)
     name = args.graph or next(iter(graphs))

@@ -52,7 +52,7 @@ def block_loss(
 
 def raw(
     field: PDDF, positions: Tensor, directions: Tensor, modulations: Sequence[Tensor] | None
-) -> Float[Tensor, "*batch 4"]:
+) -> Float[Tensor, "*batch out"]:
     """`field` of these arguments; where a training compiles, by few kernels, and so its gradient."""
     if not (field.training and torch.is_grad_enabled() and wanted(positions.device)):
         return field(positions, directions, modulations)

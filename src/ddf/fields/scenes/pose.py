@@ -123,7 +123,7 @@ def _loss(
 
 def _ask(
     shape: Holder, at: Pose, view: tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]
-) -> tuple[Float[Tensor, "m 4"], Float[Tensor, "m"], Tensor]:
+) -> tuple[Float[Tensor, "m out"], Float[Tensor, "m"], Tensor]:
     """Raw outputs of the rays that meet the box, the way to it, and which rays these are."""
     rotation = at.rotation()
     positions, directions = (view[0] - at.shift) @ rotation, view[1] @ rotation

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ddf.fields import framed_field
+from ddf.fields import field_outputs, framed_field
 from ddf.fields.scenes import composition
 from ddf.geometry import rays, transforms
 
@@ -77,7 +77,7 @@ class SceneField:
             for name, values in _ask(field, place, positions[chosen], directions[chosen], others).items():
                 whole = answers.setdefault(name, np.zeros((len(positions), *values.shape[1:])))
                 whole[chosen] += weight[chosen].reshape(-1, *[1] * (values.ndim - 1)) * values
-        for name in (name for name in others if name.startswith("normals")):
+        for name in (name for name in others if field_outputs.OUTPUTS[name].kind == "directions"):
             length = np.linalg.norm(answers[name], axis=-1, keepdims=True)
             answers[name] = answers[name] / np.where(length > 0, length, 1.0)
         return {name: answers[name] for name in outputs}

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from ddf.core import resume, seeding
 from ddf.data.batches import category_data
-from ddf.fields import cloud_projection, pddf, rendering
+from ddf.fields import cloud_projection, field_outputs, pddf, rendering
 from ddf.models.reconstruction import camera_correction, reconstruction_models, scales, settings, silhouettes
 from ddf.training import training_loop
 
@@ -337,7 +337,7 @@ def _renders(
         return rendering.render(model.field, [m[image] for m in modulations], predicted[image], field_scale, size)[0]
 
     pictures = list(_in_threads(render, rendered))
-    return {f"render.{name}": torch.stack([p[name] for p in pictures]) for name in rendering.OUTPUTS if pictures}
+    return {f"render.{name}": torch.stack([p[name] for p in pictures]) for name in field_outputs.DEFAULT if pictures}
 
 
 def _on_cpu(tensors: dict[str, Tensor]) -> dict[str, Tensor]:

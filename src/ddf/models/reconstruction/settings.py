@@ -81,6 +81,7 @@ class FieldConfig:
     depth_activation: pddf.DepthActivation
     depth_sharpness: float = 100.0
     direction_scale: float = 1.0
+    components: int = 2
 
     def __post_init__(self) -> None:
         self.of(siren.SineLayout((1,), 1.0, 1.0))
@@ -94,6 +95,7 @@ class FieldConfig:
             self.depth_activation,
             self.depth_sharpness,
             self.direction_scale,
+            self.components,
         )
 
 

@@ -13,8 +13,7 @@ from jaxtyping import Float
 
 from ddf.core import seeding
 from ddf.data.samples.surface import Surface
-from ddf.fields import framed_field
-from ddf.fit import shape_field
+from ddf.fields import field_values, framed_field
 from ddf.fit.shape_field import ShapeField
 from ddf.geometry import raycast, rays, sphere
 from ddf.geometry.mesh_io import Mesh
@@ -166,7 +165,7 @@ def slice_images(
     asked = [
         torch.from_numpy(values[inside]).to(weight).split(framed_field.CHUNK_RAYS) for values in (positions, directions)
     ]
-    parts = [shape_field.evaluate(shape.field, p, v, _SLICED) for p, v in zip(*asked, strict=True)]
+    parts = [field_values.evaluate(shape.field, p, v, _SLICED) for p, v in zip(*asked, strict=True)]
     images = {name: np.full(len(positions), np.inf if name == "depth" else 0.0) for name in _SLICED}
     for name, values in images.items():
         values[inside] = torch.cat([part[name] for part in parts]).double().cpu().numpy()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ddf import cli
-from ddf.fit import shape_field
+from ddf.fields import field_outputs
 
 ROOT = Path(__file__).resolve().parents[4]
 
@@ -23,11 +23,11 @@ def test_query_answers_in_the_frame_of_the_mesh(work, fitted, capsys):
     along = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     path = _rays(work / "rays.npz", positions=starts, directions=along)
     arguments = ["query", "--json", str(fitted[0]), "--rays", str(path), "--out", str(work / "out.npz")]
-    assert cli.main([*arguments, "--outputs", ",".join(shape_field.OUTPUTS)]) == 0
+    assert cli.main([*arguments, "--outputs", ",".join(field_outputs.of(2))]) == 0
     result = json.loads(capsys.readouterr().out)
     assert (result["rays"], result["evaluated"], result["saved"]) == (4, 3, 1)
     with np.load(work / "out.npz") as found:
-        assert set(found.files) == set(shape_field.OUTPUTS)
+        assert set(found.files) == set(field_outputs.of(2))
         assert found["depth"].shape == (4,)
         assert found["normals"].shape == (4, 3)
         assert np.isinf(found["depth"][1])
@@ -60,7 +60,7 @@ def test_bad_rays_are_one_line_and_exit_2(work, fitted, arrays, outputs, message
     assert not out.exists()
 
 
-@pytest.mark.parametrize(("outputs", "message"), [("colour", "must be among visibility, "), ("", "got nothing")])
+@pytest.mark.parametrize(("outputs", "message"), [("colour", "must be among visibility, "), ("", "got none")])
 def test_unknown_outputs_are_one_line_and_exit_2(fitted, outputs, message, capsys):
     with pytest.raises(SystemExit) as caught:
         cli.main(["query", str(fitted[0]), "--rays", "no.npz", "--out", "never.npz", "--outputs", outputs])

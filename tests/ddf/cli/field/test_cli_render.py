@@ -10,14 +10,14 @@ from PIL import Image
 
 from ddf import cli
 from ddf.core import shipped_models
-from ddf.fields import framed_field
+from ddf.fields import field_outputs, framed_field
 from ddf.fit import shape_field
 from ddf.geometry import rays
 
 ROOT = Path(__file__).resolve().parents[4]
 
 
-@pytest.mark.parametrize("output", shape_field.OUTPUTS)
+@pytest.mark.parametrize("output", field_outputs.of(2))
 def test_render_writes_a_picture(work, fitted, output, capsys):
     out = work / f"{output}.png"
     arguments = ["render", "--json", str(fitted[0]), str(out), "--size", "24", "--output", output]

@@ -26,7 +26,7 @@ def test_export_reports_parity_and_opset(tmp_path, capsys):
     assert _export(folder / training_loop.MODEL, out) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["opset"] == 18
-    assert set(result["parity"]) == set(field_outputs.OUTPUTS)
+    assert set(result["parity"]) == set(field_outputs.of(2))
     assert all(0 < entry["max_abs"] <= entry["tolerance"] for entry in result["parity"].values())
     assert result["inputs"] == {"positions": ["n", 3], "directions": ["n", 3], "latent": [1, 6]}
     assert result["bytes"] == out.stat().st_size
