@@ -14,11 +14,11 @@ from scipy import spatial
 
 from bench.lib import display, measuring
 from ddf.geometry import neighbours
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 
 THREADS, REPEATS, MOST_SECONDS = 2, 41, 1.5
 NUM_PRED, NUM_TRUTH, NOISE = 5000, 8000, 0.005
-TAU_SQ = metrics.TAU_SQ
+TAU_SQ = cloud_scores.TAU_SQ
 Distances = tuple[np.ndarray, np.ndarray]
 
 
@@ -32,7 +32,7 @@ def torus(count: int, noise: float, seed: int) -> np.ndarray:
 
 
 def ours(prediction: np.ndarray, truth: np.ndarray) -> Distances:
-    """The search of the package, as `metrics.compare_clouds` does it for its scores."""
+    """The search of the package, as `cloud_scores.compare_clouds` does it for its scores."""
     left, right = neighbours.Neighbours(prediction), neighbours.Neighbours(truth)
     return right.dist_sq(left), left.dist_sq(right)
 
@@ -89,7 +89,7 @@ def open3d_metrics(prediction: np.ndarray, truth: np.ndarray) -> list[float]:
 
 def scores(there: np.ndarray, back: np.ndarray) -> tuple[float, float]:
     """D_C and F(τ)."""
-    return metrics.chamfer_l2_sq(there, back), metrics.f_score(there, back, TAU_SQ)
+    return cloud_scores.chamfer_l2_sq(there, back), cloud_scores.f_score(there, back, TAU_SQ)
 
 
 SECTION = display.Section(views=(display.View("chamfer_relative", "relative error of D_C"),))
@@ -111,7 +111,9 @@ def main() -> None:
     candidates: dict[str, Callable[[], object]] = {
         name: (lambda way=way: scores(*way(prediction, truth))) for name, way in ways.items()
     }
-    candidates["ddf.metrics.metrics.compare_clouds"] = lambda: metrics.compare_clouds(prediction, truth, TAU_SQ)
+    candidates["ddf.metrics.cloud_scores.compare_clouds"] = lambda: cloud_scores.compare_clouds(
+        prediction, truth, TAU_SQ
+    )
     candidates["Open3D compute_metrics"] = lambda: open3d_metrics(prediction, truth)
     times = measuring.interleaved(candidates, REPEATS, MOST_SECONDS)
     size = {"num_pred": NUM_PRED, "num_truth": NUM_TRUTH}
@@ -127,7 +129,7 @@ def main() -> None:
             truth_length = sum(float(np.sqrt(dist_sq).mean()) for dist_sq in exact)
             value, share, error = chamfer * length / truth_length, percent / 100, {}
         else:
-            result = metrics.compare_clouds(prediction, truth, TAU_SQ)
+            result = cloud_scores.compare_clouds(prediction, truth, TAU_SQ)
             value, share, error = result.chamfer_l2_sq, result.f_score_tau, {}
         error |= {"chamfer_relative": abs(value - chamfer) / chamfer, "f_score_difference": abs(share - f_score)}
         rows.append(measuring.row(name, size, seconds, error))

@@ -31,7 +31,7 @@ from ddf.data import shapenet, true_clouds
 from ddf.data.synthetic import assemble, palette, parts, render, write
 from ddf.fields import rendering
 from ddf.geometry import mesh_io, transforms
-from ddf.metrics import metrics
+from ddf.metrics import camera_errors, cloud_scores
 from ddf.models.reconstruction import inference, one_image, reconstruction_models
 
 ON_DEMAND = "python -m bench real_meshes, with the meshes"
@@ -119,13 +119,13 @@ def measure(real: RealMesh, model_dir: Path, folder: Path, views: int, clouds: i
     with tempfile.TemporaryDirectory() as out:
         made = renders(real, folder, Path(out), views)
         cameras = seen_from(model, size, made.images)
-        azimuth = metrics.angle_difference_deg(cameras[:, 0], made.cameras[:, 0])
+        azimuth = camera_errors.angle_difference_deg(cameras[:, 0], made.cameras[:, 0])
         scores, overlaps, seconds = [], [], []
         for image in made.images[:clouds]:
             started = time.perf_counter()
             found = one_image.reconstruct(model, size, image, CLOUD_POINTS, SEED)
             seconds.append(time.perf_counter() - started)
-            scores.append(metrics.compare_clouds(_placed(found.cloud, real, folder), made.truth))
+            scores.append(cloud_scores.compare_clouds(_placed(found.cloud, real, folder), made.truth))
             overlaps.append(silhouette_iou(model, found, shapenet.read_image(image, size)[3]))
     errors = {
         "chamfer_l2_sq_x1000": 1e3 * float(np.mean([score.chamfer_l2_sq for score in scores])),

@@ -9,7 +9,7 @@ from torch import Tensor
 from ddf.fields import framed_field, rendering
 from ddf.fit import shape_field
 from ddf.geometry import cameras, rays, transforms
-from ddf.metrics import metrics
+from ddf.metrics import camera_errors
 
 from . import case
 from .field_cases import constant_field
@@ -173,7 +173,7 @@ def _differences(dtype: torch.dtype) -> case.Outcome:
         torch.deg2rad(torch.tensor(degrees, dtype=torch.float64)).to(dtype).numpy()
         for degrees in ((359.9, 0.1, 180.0, 0.0, 725.0), (0.1, 359.9, -180.0, 180.0, 5.0))
     )
-    found = metrics.angle_difference_deg(first, second)
+    found = camera_errors.angle_difference_deg(first, second)
     return case.close(found, [0.2, 0.2, 0.0, 180.0, 0.0], 1e3 * case.step(dtype))
 
 

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ddf.fields import cloud_projection, pddf, udf
 from ddf.fields.gpu import farthest_points
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 
 from . import case
 from .field_cases import SATURATED, constant_field
@@ -25,7 +25,7 @@ def _array(points: object, dtype: torch.dtype) -> np.ndarray:
 
 def _scores(prediction: object, truth: object, dtype: torch.dtype, expected: tuple[float, ...]) -> case.Outcome:
     """(D_C, F, F at 2τ, precision, recall) at τ = 1e-4, within 2 ε of the largest."""
-    found = metrics.compare_clouds(_array(prediction, dtype), _array(truth, dtype), 1e-4)
+    found = cloud_scores.compare_clouds(_array(prediction, dtype), _array(truth, dtype), 1e-4)
     values = (found.chamfer_l2_sq, found.f_score_tau, found.f_score_2tau, found.precision_tau, found.recall_tau)
     return case.close(values, expected, 2 * case.step(dtype) * max(expected))
 
@@ -80,7 +80,9 @@ def _disjoint(dtype: torch.dtype) -> case.Outcome:
 )
 def _threshold(dtype: torch.dtype) -> case.Outcome:
     clouds = _array([[0.5, 0, 0]], dtype), _array([[0.5 + 2.0**-7, 0, 0]], dtype)
-    found = [metrics.compare_clouds(*clouds, tau).f_score_tau for tau in (2.0**-14, float(np.nextafter(2.0**-14, 0)))]
+    found = [
+        cloud_scores.compare_clouds(*clouds, tau).f_score_tau for tau in (2.0**-14, float(np.nextafter(2.0**-14, 0)))
+    ]
     return case.exact(found, [1.0, 0.0])
 
 
@@ -91,7 +93,7 @@ def _threshold(dtype: torch.dtype) -> case.Outcome:
 )
 def _far_clouds(dtype: torch.dtype) -> case.Outcome:
     here = np.array([[1e6, -1e6, 5e5], [1e6, -1e6, 5e5 + 8]])
-    found = metrics.compare_clouds(_array(here, dtype), _array(here + 0.25 * np.eye(3)[0], dtype), 1e-4)
+    found = cloud_scores.compare_clouds(_array(here, dtype), _array(here + 0.25 * np.eye(3)[0], dtype), 1e-4)
     return case.exact(found.chamfer_l2_sq, 0.125)
 
 
@@ -106,49 +108,12 @@ def _unusable(dtype: torch.dtype) -> case.Outcome:
     faults += [([[1e200, 0, 0]], r"have coordinates within ±1e\+150")] if dtype == torch.float64 else []
     for points, rule in [(np.zeros((0, 3)).tolist(), "hold at least one point; got an empty cloud"), *faults]:
         bad = _array(points, dtype).reshape(-1, 3)
-        found.append(case.refused(lambda b=bad: metrics.compare_clouds(b, good), "prediction must " + rule))
-        found.append(case.refused(lambda b=bad: metrics.compare_clouds(good, b), "truth must " + rule))
+        found.append(case.refused(lambda b=bad: cloud_scores.compare_clouds(b, good), "prediction must " + rule))
+        found.append(case.refused(lambda b=bad: cloud_scores.compare_clouds(good, b), "truth must " + rule))
     for tau in (0.0, -1.0, math.nan, math.inf):
         told = "tau_sq must be a positive squared distance"
-        found.append(case.refused(lambda t=tau: metrics.compare_clouds(good, good, t), told))
+        found.append(case.refused(lambda t=tau: cloud_scores.compare_clouds(good, good, t), told))
     return case.worst(*found, found[0])
-
-
-@METRICS.case(
-    "visibility exactly 0 and 1",
-    "ξ = 1 and 0, right and wrong",
-    "cross-entropy 1e-7 and -log(1e-7) = 16.12, finite",
-)
-def _saturated_bce(dtype: torch.dtype) -> case.Outcome:
-    visibility = torch.tensor([1.0, 0.0], dtype=dtype).numpy()
-    right = metrics.visibility_bce(visibility, np.array([True, False]))
-    wrong = metrics.visibility_bce(visibility, np.array([False, True]))
-    return case.close([right, wrong], [1e-7, -math.log(1e-7)], [1e-13, 1e-8])
-
-
-@METRICS.case(
-    "depth error without a hit",
-    "no ray truly hits; one of two does, the other's depth is inf",
-    "NaN, the mean of nothing; the error of the one that hits",
-)
-def _no_hits(dtype: torch.dtype) -> case.Outcome:
-    depth = torch.tensor([1.0, math.inf], dtype=dtype).numpy()
-    nothing = metrics.depth_l1(depth, depth, np.array([False, False]))
-    one = metrics.depth_l1(depth, depth + torch.tensor(0.5, dtype=dtype).numpy(), np.array([True, False]))
-    return case.every(case.true("NaN", math.isnan(nothing)), case.exact(one, 0.5))
-
-
-@METRICS.case(
-    "angles of nearly equal and nearly opposite normals",
-    "unit vectors 0, 1e-6, 90, 180 - 1e-6 and 180 degrees apart, in float64; rounded to float32 in that row",
-    "the angle within 100 ε degrees: no arccos near ±1",
-)
-def _angles(dtype: torch.dtype) -> case.Outcome:
-    angles = np.radians([0.0, 1e-6, 90.0, 180 - 1e-6, 180.0])
-    turned = torch.tensor(np.stack([np.cos(angles), np.sin(angles), 0 * angles], -1)).to(dtype)
-    fixed = torch.tensor([[1.0, 0.0, 0.0]], dtype=dtype).expand(5, 3)
-    found = metrics.normal_angle_deg(turned.numpy(), fixed.numpy())
-    return case.close(found, np.degrees(angles), 100 * case.step(dtype))
 
 
 class TwoSheets(pddf.PDDF):

@@ -3,10 +3,10 @@
 import numpy.typing as npt
 
 from ddf.api import inputs
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 
 
-def compare(pred: npt.ArrayLike, truth: npt.ArrayLike, tau_sq: float = metrics.TAU_SQ) -> metrics.CloudScores:
+def compare(pred: npt.ArrayLike, truth: npt.ArrayLike, tau_sq: float = cloud_scores.TAU_SQ) -> cloud_scores.CloudScores:
     """Chamfer distance and F-scores of two clouds.
 
     Args:
@@ -25,4 +25,4 @@ def compare(pred: npt.ArrayLike, truth: npt.ArrayLike, tau_sq: float = metrics.T
       >>> round(scores.chamfer_l2_sq, 6), scores.f_score_tau
       (5e-05, 1.0)
     """
-    return metrics.compare_clouds(inputs.points("pred", pred), inputs.points("truth", truth), tau_sq)
+    return cloud_scores.compare_clouds(inputs.points("pred", pred), inputs.points("truth", truth), tau_sq)

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from ddf.core import checks
 from ddf.data import surface_cloud
 from ddf.geometry import neighbours, transforms
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import scoring
 
 MEAN_SHAPE, RETRIEVAL, ORACLE = "mean_shape", "retrieval", "oracle_retrieval"
@@ -149,7 +149,7 @@ def mean_shape(
 
     def distance(cloud: Float[np.ndarray, "n 3"]) -> float:
         tree = neighbours.Neighbours(cloud)
-        both = [metrics.chamfer_l2_sq(tree.dist_sq(truth), truth.dist_sq(tree)) for truth in held]
+        both = [cloud_scores.chamfer_l2_sq(tree.dist_sq(truth), truth.dist_sq(tree)) for truth in held]
         return float(np.mean(both))
 
     few = {shape: min(config.oracle_points, len(truths[shape].points)) for shape in train_ids}
@@ -262,6 +262,6 @@ def _least(trees: Mapping[str, neighbours.Neighbours], truth: neighbours.Neighbo
     for name in sorted(least, key=lambda name: (least[name], name)):
         if len(best) == length and least[name] > best[-1][0]:
             break
-        score = metrics.chamfer_l2_sq(one_way[name], trees[name].dist_sq(truth))
+        score = cloud_scores.chamfer_l2_sq(one_way[name], trees[name].dist_sq(truth))
         best = sorted([*best, (score, name)])[:length]
     return [name for _, name in best]

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from ddf.geometry import neighbours
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import baselines, scoring
 
 FACTS = ("id", "points", "hidden_share", "spacing_variation", "oracle_id")
@@ -45,7 +45,7 @@ def evaluate(
             "id": shape,
             "points": len(truths[shape].points),
             "hidden_share": float(truths[shape].hidden.mean()),
-            "spacing_variation": metrics.spacing_variation(neighbours.Neighbours(truths[shape].points)),
+            "spacing_variation": cloud_scores.spacing_variation(neighbours.Neighbours(truths[shape].points)),
             "oracle_id": chosen,
         }
         for shape, chosen in oracle.items()

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from ddf.core import checks
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 
 CLAIMED = 2.0  # standard errors that a difference must exceed to be called one
 
@@ -42,7 +42,7 @@ def difference(
     category: str,
     first: tuple[str, str],
     second: tuple[str, str],
-    metric: metrics.Metric,
+    metric: cloud_scores.Metric,
 ) -> Difference | None:
     """How the scores of one method differ from those of another on the same images.
 
@@ -76,7 +76,7 @@ def _variance_of_mean(values: np.ndarray) -> float:
 
 
 def _scores(
-    table: pd.DataFrame, fallback: pd.DataFrame, category: str, head: tuple[str, str], metric: metrics.Metric
+    table: pd.DataFrame, fallback: pd.DataFrame, category: str, head: tuple[str, str], metric: cloud_scores.Metric
 ) -> pd.Series | None:
     """Of every image, by id and view, in their order."""
     for source in (table, fallback):
@@ -86,7 +86,7 @@ def _scores(
     return None
 
 
-def better(found: Difference | None, metric: metrics.Metric) -> int:
+def better(found: Difference | None, metric: cloud_scores.Metric) -> int:
     """1 where the first method is better, -1 where the second is, 0 where no difference is seen."""
     if found is None or not found.seen:
         return 0

@@ -21,7 +21,8 @@ from jaxtyping import Float
 from ddf.core import checks, storage
 from ddf.data import surface_cloud
 from ddf.geometry import cameras, neighbours, transforms
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
+from ddf.metrics.camera_errors import ERRORS
 
 DDF, PC_SIREN, DDF_ONE_CYCLE, DDF_ON_MASK = "ddf", "pc_siren", "ddf_nh1", "ddf_on_mask"
 CAMERA_COLUMNS = {"Pi_g": "camera_true", "Pi_corrected": "camera_corrected", "Pi_pred": "camera_pred"}
@@ -226,8 +227,7 @@ def _score_shape(cases: Sequence[Case], truth: surface_cloud.Cloud, tau_sq: floa
             trees[case.visible_truth] = neighbours.Neighbours(points, f"truth of {case.images[0][0]}")
         name = f"{case.method} {case.column} of {case.images[0][0]} view {case.images[0][1]:02d}"
         prediction = neighbours.Neighbours(case.prediction, name)
-        scores = vars(metrics.compare_clouds(prediction, trees[case.visible_truth], tau_sq))
-        scores = scores | {"spacing_variation": metrics.spacing_variation(prediction)}
+        scores = cloud_scores.compare_clouds(prediction, trees[case.visible_truth], tau_sq).to_dict()
         rows += [{"method": case.method, "column": case.column, "id": i, "view": v, **scores} for i, v in case.images]
     return rows
 
@@ -247,10 +247,8 @@ def camera_errors(method: str, predictions: Predictions) -> pd.DataFrame:
         table.insert(0, "column", column)
         table.insert(0, "method", method)
         table["azimuth_deg"] = np.degrees(truth[:, 0]) % 360.0
-        table["azimuth_error_deg"] = metrics.angle_difference_deg(guess[:, 0], truth[:, 0])
-        table["elevation_error_deg"] = np.degrees(np.abs(guess[:, 1] - truth[:, 1]))
-        table["radius_error"] = np.abs(guess[:, 2] - truth[:, 2])
-        table["scale_error_percent"] = 100.0 * np.abs(scale_ratio - 1.0)
+        for name, error in ERRORS.items():
+            table[name] = error.compute(guess, truth, scale_ratio)
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
 
@@ -263,12 +261,12 @@ def summary(per_image: pd.DataFrame, camera_table: pd.DataFrame, shapes: pd.Data
     """
     rows: list[tuple] = []
     for (category, method, column), group in per_image.groupby(["category", "method", "column"], sort=False):
-        for metric in metrics.METRICS.values():
+        for metric in cloud_scores.METRICS.values():
             values = metric.factor * group[metric.score].to_numpy(dtype=np.float64)
             mean, error = values.mean(), _standard_error(values)
             rows.append((category, method, column, metric.name, mean, len(values), 1, error))
     for (category, method, column), group in camera_table.groupby(["category", "method", "column"], sort=False):
-        for name in ("azimuth_error_deg", "elevation_error_deg", "radius_error", "scale_error_percent"):
+        for name in ERRORS:
             values = group[name].to_numpy(dtype=np.float64)
             rows.append((category, method, column, f"{name}_median", np.median(values), len(values), 1, np.nan))
         far = 100.0 * (group["azimuth_error_deg"].to_numpy(dtype=np.float64) > FAR_AZIMUTH_DEG)

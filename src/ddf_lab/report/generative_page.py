@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from ddf.core import storage
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 from ddf.models.generative import pictures as picture_arrays
 from ddf.models.generative import settings
 from ddf.pictures import sheets
@@ -113,9 +113,9 @@ def _shapes(results: _Results) -> pages.Section:
         f"shape; the aim is at most {RATIO}."
     )
     names = {"encoded": "encoded from points", "optimised": "latents optimised on the shape"}
-    header = ["", *(metric.label or "" for metric in metrics.PRINTED.values())]
+    header = ["", *(metric.label or "" for metric in cloud_scores.PRINTED.values())]
     rows = [
-        [label, *(f"{found[name][key]:.{metric.digits}f}" for key, metric in metrics.PRINTED.items())]
+        [label, *(f"{found[name][key]:.{metric.digits}f}" for key, metric in cloud_scores.PRINTED.items())]
         for name, label in names.items()
     ]
     clouds = pages.Table("Held-out shapes: D<sub>C</sub> x 1000, F x 100.", [("", len(header), False)], header, rows)

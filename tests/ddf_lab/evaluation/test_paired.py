@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 from ddf.core import checks
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import paired
 
-CHAMFER, F_SCORE = metrics.METRICS["chamfer_l2_sq_x1000"], metrics.METRICS["f_score_tau_x100"]
+CHAMFER, F_SCORE = cloud_scores.METRICS["chamfer_l2_sq_x1000"], cloud_scores.METRICS["f_score_tau_x100"]
 OURS, THEIRS = ("ddf", "Pi_g-L"), ("pc_siren", "Pi_g-L")
 
 

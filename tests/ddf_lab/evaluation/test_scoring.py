@@ -12,7 +12,7 @@ from _fake_experiment import BENCHMARK, NUM_TRUTH, SIZES, FakeExperiment, neares
 from ddf.core import checks, storage
 from ddf.data import surface_cloud
 from ddf.geometry import cameras, neighbours
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import baselines, paper_results, scoring
 
 SETTINGS = scoring.EvaluateConfig(tau_sq=1e-4, oracle_points=100, oracle_shortlist=3, seed=5)
@@ -55,7 +55,7 @@ def test_predicted_camera_columns_equal_a_comparison_in_camera_frames(experiment
         rotation, centre = _reference_camera(tensors["camera_true"])
         truth = (BENCHMARK * truths[shape].points.astype(np.float64) - centre) @ rotation.T
         placed = ddf.cloud("L.h3", row, column)
-        got = metrics.compare_clouds(placed, truths[shape].benchmark_points()).chamfer_l2_sq
+        got = cloud_scores.compare_clouds(placed, truths[shape].benchmark_points()).chamfer_l2_sq
         assert got == pytest.approx(_brute(prediction, truth), rel=1e-9)
 
 
@@ -107,7 +107,7 @@ def test_scores_do_not_depend_on_the_number_of_processes(experiment):
 
 
 def test_mean_over_images_and_standard_error():
-    scores = {name: [0.1, 0.3, 0.2] for name in (metric.score for metric in metrics.METRICS.values())}
+    scores = {name: [0.1, 0.3, 0.2] for name in (metric.score for metric in cloud_scores.METRICS.values())}
     table = pd.DataFrame({"category": "chair", "method": "ddf", "column": "Pi_g-L", **scores})
     none = pd.DataFrame(columns=["category", "method", "column"])
     means = scoring.summary(table, none, none[["category"]]).set_index("metric")
@@ -268,7 +268,7 @@ def test_ceiling_prediction_is_a_subset_of_the_truth():
     points = np.random.default_rng(0).normal(size=(500, 3))
     truth = surface_cloud.Cloud(points.astype(np.float32), np.zeros(500, dtype=bool))
     chosen = baselines.subset(truth.benchmark_points(), 200, 1, "x")
-    scores = metrics.compare_clouds(chosen, truth.benchmark_points())
+    scores = cloud_scores.compare_clouds(chosen, truth.benchmark_points())
     assert scores.precision_tau == 1.0 and scores.num_pred == 200
     assert len(np.unique(chosen, axis=0)) == 200
     assert (baselines.subset(points, 200, 1, "x") == baselines.subset(points, 200, 1, "x")).all()

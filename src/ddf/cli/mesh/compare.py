@@ -1,7 +1,6 @@
 """`ddf compare`: Chamfer distance and F-scores of two point clouds; of a mesh, points drawn on it count."""
 
 import argparse
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,8 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Scores as they are (nothing times 100 or 1000): chamfer_l2_sq is the sum of both means of squared distances."""
+    from ddf.cli import results
     from ddf.core import checks
-    from ddf.metrics import metrics
+    from ddf.metrics import cloud_scores
 
     read = []
     for name in ("pred", "truth"):
@@ -56,12 +56,16 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         except MemoryError as fault:
             raise checks.InputError(f"{getattr(args, name)}: does not fit into memory") from fault
     (pred, pred_is), (truth, truth_is) = read
-    scores = dataclasses.asdict(metrics.compare_clouds(pred, truth, args.tau_sq))
+    scores = cloud_scores.compare_clouds(pred, truth, args.tau_sq).to_dict()
+    units = {metric.score: metric.unit for metric in cloud_scores.METRICS.values()}
     verdict = (
         f"F-score {scores['f_score_tau']:.1%} within {args.tau_sq**0.5:.4g} units: {pred_is} of {args.pred.name} "
         f"against {truth_is} of {args.truth.name}"
     )
-    return {**scores, "tau_sq": args.tau_sq, "pred": pred_is, "truth": truth_is, "verdict": verdict}
+    found = {**scores, "tau_sq": args.tau_sq}
+    rows = [(name, value, units.get(name, "")) for name, value in found.items()]
+    table = results.grid(("score", "value", "unit"), rows)
+    return {**found, "pred": pred_is, "truth": truth_is, "table": table, "verdict": verdict}
 
 
 def _read(path: Path, args: argparse.Namespace, stream: str) -> "tuple[Float[np.ndarray, 'n 3'], str]":

@@ -13,7 +13,7 @@ from ddf.data.batches import category_data
 from ddf.fields import pddf, rendering
 from ddf.fit import cloud_defaults, shape_field
 from ddf.geometry import neighbours, transforms
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 
 Clouds = Sequence[neighbours.Neighbours]
 
@@ -40,17 +40,17 @@ def of_shapes(shapes: category_data.ShapeSet, count: int, seed: int) -> Clouds:
 
 
 def compared(predicted: Clouds, truth: Clouds) -> dict[str, float]:
-    """Mean D_C x 1000 and F-scores x 100 of predictions and truths in the same order."""
-    scores = [metrics.compare_clouds(one, other) for one, other in zip(predicted, truth, strict=True)]
+    """Means of what reports print, D_C x 1000 and so on, of predictions and truths in the same order."""
+    scores = [cloud_scores.compare_clouds(one, other) for one, other in zip(predicted, truth, strict=True)]
     return {
-        name: metric.factor * float(np.mean([getattr(score, metric.score) for score in scores]))
-        for name, metric in metrics.PRINTED.items()
+        name: metric.factor * float(np.mean([score.scores[metric.score] for score in scores]))
+        for name, metric in cloud_scores.PRINTED.items()
     }
 
 
 def chamfer(one: neighbours.Neighbours, other: neighbours.Neighbours) -> float:
     """D_C."""
-    return metrics.chamfer_l2_sq(other.dist_sq(one), one.dist_sq(other))
+    return cloud_scores.chamfer_l2_sq(other.dist_sq(one), one.dist_sq(other))
 
 
 def nearest(clouds: Clouds, others: Clouds, same: Sequence[int] | None = None) -> list[tuple[int, float]]:

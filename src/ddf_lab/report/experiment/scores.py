@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from ddf.metrics.metrics import METRICS, PRINTED
+from ddf.metrics.cloud_scores import METRICS, PRINTED
 from ddf_lab.evaluation import baselines, scoring
 from ddf_lab.report.experiment.stage_results import Head, Results
 from ddf_lab.report.pages import Cell, Table

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from ddf.core import checks, storage
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import paired, paper_results, seed_means
 from ddf_lab.run import STAGES, WHOLE, Run, time_path
 
@@ -70,11 +70,11 @@ class Results:
 
     def difference(self, category: str, first: Head, second: Head, metric: str) -> paired.Difference | None:
         """How the scores of one method and column differ from those of another, see `paired.difference`."""
-        return paired.difference(self.trainings, category, first, second, metrics.METRICS[metric])
+        return paired.difference(self.trainings, category, first, second, cloud_scores.METRICS[metric])
 
     def better(self, category: str, first: Head, second: Head, metric: str) -> int:
         """1 where the first is better by more than two standard errors, -1 where the second is, else 0."""
-        return paired.better(self.difference(category, first, second, metric), metrics.METRICS[metric])
+        return paired.better(self.difference(category, first, second, metric), cloud_scores.METRICS[metric])
 
     @property
     def categories(self) -> list[str]:

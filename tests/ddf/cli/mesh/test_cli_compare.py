@@ -7,9 +7,18 @@ import pytest
 
 from ddf import cli
 from ddf.geometry import mesh_io, point_io
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 
-_KEYS = {"chamfer_l2_sq", "f_score_tau", "f_score_2tau", "precision_tau", "recall_tau", "num_pred", "num_truth"}
+_KEYS = {
+    "chamfer_l2_sq",
+    "f_score_tau",
+    "f_score_2tau",
+    "precision_tau",
+    "recall_tau",
+    "num_pred",
+    "num_truth",
+    "spacing_variation",
+}
 
 
 @pytest.fixture
@@ -26,15 +35,15 @@ def test_json_holds_the_scores_of_the_library(clouds, capfd):
     got = json.loads(capfd.readouterr().out)
     assert got.keys() >= _KEYS
     pred, truth = (point_io.read_points(clouds[name]) for name in ("pred", "truth"))
-    expected = vars(metrics.compare_clouds(pred, truth, 4e-4))
+    expected = cloud_scores.compare_clouds(pred, truth, 4e-4).to_dict()
     assert {key: got[key] for key in expected} == expected and 0 < got["f_score_tau"] < 1
 
 
 def test_default_threshold_is_tau_and_text_names_every_score(clouds, capfd):
     assert cli.main(["compare", clouds["pred"], clouds["truth"]]) == 0
     *rows, verdict = capfd.readouterr().out.splitlines()
-    lines = dict(line.split(maxsplit=1) for line in rows)
-    assert lines.keys() >= _KEYS and float(lines["tau_sq"]) == 1e-4
+    lines = {name: rest for name, *rest in (line.split() for line in rows)}
+    assert lines.keys() >= _KEYS and float(lines["tau_sq"][0]) == 1e-4 and lines["f_score_tau"][1] == "share"
     assert verdict.endswith("within 0.01 units: 80 points of pred.ply against 120 points of truth.ply")
 
 

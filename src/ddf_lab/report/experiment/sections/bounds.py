@@ -2,7 +2,7 @@
 
 import math
 
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import baselines, scoring
 from ddf_lab.report import figures
 from ddf_lab.report.experiment import scores, seed_notes
@@ -70,13 +70,13 @@ def table(results: Results) -> Table:
             cells: list[Cell | str] = [category if method == ORDER[0] else "", scores.METHOD_LABELS[method]]
             for column in _COLUMNS:
                 rivals = [(rival, column) for rival in _COMPETITORS if rival != method]
-                for metric in metrics.PRINTED:
+                for metric in cloud_scores.PRINTED:
                     best = method in _COMPETITORS and all(
                         results.better(category, (method, column), rival, metric) > 0 for rival in rivals
                     )
                     cells.append(found.cell(category, (method, column), metric, best))
             rows.append(cells)
-    labels = [str(metric.label) for metric in metrics.PRINTED.values()]
+    labels = [str(metric.label) for metric in cloud_scores.PRINTED.values()]
     layout = [("", 2, False), *((scores.column_label(column), len(labels), False) for column in _COLUMNS)]
     heads = [(method, column) for method in ORDER for column in _COLUMNS]
     note = scores.images_note(found, results.categories, heads, "chamfer_l2_sq_x1000")

@@ -1,5 +1,6 @@
 """Cameras: errors of the predicted and of the corrected ones."""
 
+from ddf.metrics.camera_errors import ERRORS
 from ddf_lab.evaluation import scoring
 from ddf_lab.report.experiment import scores, seed_notes
 from ddf_lab.report.experiment.stage_results import Results
@@ -10,13 +11,9 @@ PREDICTED = (
     ("DDF, corrected", scoring.DDF, "Pi_corrected"),
     ("PC-SIREN", scoring.PC_SIREN, "Pi_pred"),
 )
-_METRICS = {
-    "azimuth_error_deg_median": ("azimuth, degrees", 1),
-    "azimuth_far_x100": (f"azimuth > {scoring.FAR_AZIMUTH_DEG:.0f}°, % of images", 0),
-    "elevation_error_deg_median": ("elevation, degrees", 2),
-    "radius_error_median": ("radius, benchmark units", 3),
-    "scale_error_percent_median": ("scale, %", 1),
-}
+_AZIMUTH, *_OTHERS = ((f"{name}_median", (error.label, error.digits)) for name, error in ERRORS.items())
+_FAR = ("azimuth_far_x100", (f"azimuth > {scoring.FAR_AZIMUTH_DEG:.0f}°, % of images", 0))
+_METRICS = dict((_AZIMUTH, _FAR, *_OTHERS))
 _CAPTION = "Median absolute errors over test images, before (Π̂) and after (Π̂<sub>∇</sub>) the correction by the mask."
 _READING = (
     "The scale is estimated from the diagonal of the predicted cloud.",

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import baselines, paper_results, scoring
 from ddf_lab.report.experiment import scores, seed_notes
 from ddf_lab.report.experiment.stage_results import Results
@@ -167,11 +167,11 @@ def quoted(results: Results) -> Table | None:
         [
             category if head == heads[0] else "",
             scores.METHOD_LABELS[head[0]],
-            *(table.cell(category, head, metric) for metric in metrics.PRINTED),
+            *(table.cell(category, head, metric) for metric in cloud_scores.PRINTED),
         ]
         for category in results.paper_categories
         for head in heads
     ]
-    header = ["", "", *(str(metric.label) for metric in metrics.PRINTED.values())]
-    groups = [("", 2, False), ("", len(metrics.PRINTED), True)]
+    header = ["", "", *(str(metric.label) for metric in cloud_scores.PRINTED.values())]
+    groups = [("", 2, False), ("", len(cloud_scores.PRINTED), True)]
     return Table(_QUOTED, groups, header, rows, labels=2, rule_every=len(heads)) if rows else None

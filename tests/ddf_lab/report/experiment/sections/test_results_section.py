@@ -5,7 +5,7 @@ import dataclasses
 import pandas as pd
 from _experiment_report import markdown_tables
 
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import paper_results, scoring
 from ddf_lab.report import pages
 from ddf_lab.report.experiment import experiment_page, scores, stage_results
@@ -59,7 +59,7 @@ def test_bold_is_the_better_model_by_the_rule_of_claims(reported):
         cells = [cell.strip() for cell in line.strip("| ").split(" | ")][-6:]
         category, column = ("chair", "plane", "primitives")[i // 5], results_section.COLUMNS[i % 5]
         ours, theirs = ((method, column) for _, method in results_section.MODELS)
-        for (left, right), metric in zip((cells[:2], cells[2:4], cells[4:]), metrics.PRINTED, strict=True):
+        for (left, right), metric in zip((cells[:2], cells[2:4], cells[4:]), cloud_scores.PRINTED, strict=True):
             won = results.better(category, ours, theirs, metric)
             assert (left.startswith("**"), right.startswith("**")) == (won > 0, won < 0)
             bold += won != 0

@@ -5,7 +5,7 @@ import pytest
 
 from ddf.core import checks
 from ddf.geometry import neighbours
-from ddf.metrics import metrics
+from ddf.metrics import cloud_scores
 
 
 def _brute_dist_sq(queries, points):
@@ -48,7 +48,7 @@ _PAIRS = {
 @pytest.mark.parametrize("tau_sq", [1e-4, 0.02])
 def test_scores_equal_brute_force(name, tau_sq):
     prediction, truth = _PAIRS[name]
-    scores = metrics.compare_clouds(prediction, truth, tau_sq)
+    scores = cloud_scores.compare_clouds(prediction, truth, tau_sq)
     np.testing.assert_allclose(_values(scores), _brute_scores(prediction, truth, tau_sq), rtol=1e-6, atol=0)
     assert (scores.num_pred, scores.num_truth) == (len(prediction), len(truth))
 
@@ -91,30 +91,30 @@ def test_variation_of_spacing_of_a_lattice_of_even_and_of_crowded_points():
     lattice = np.stack(np.meshgrid(np.arange(70.0), np.arange(70.0), [0.0]), axis=-1).reshape(-1, 3)
     even = generator.uniform(size=(40_000, 3)) * [1, 1, 0]
     crowded = even**2  # three quarters of the area hold half of the points
-    variation = [metrics.spacing_variation(neighbours.Neighbours(points)) for points in (lattice, even, crowded)]
+    variation = [cloud_scores.spacing_variation(neighbours.Neighbours(points)) for points in (lattice, even, crowded)]
     assert variation[0] == pytest.approx(0.0, abs=1e-12)
     assert variation[1] == pytest.approx(np.sqrt(4 / np.pi - 1), abs=0.01)  # its error at this count is 0.003
     assert variation[2] > 0.7
-    scaled = metrics.spacing_variation(neighbours.Neighbours(7.0 * even + 1.0))
+    scaled = cloud_scores.spacing_variation(neighbours.Neighbours(7.0 * even + 1.0))
     assert scaled == pytest.approx(variation[1], rel=1e-6)
     for nowhere in (even[:1], np.repeat(even[:5], 2, axis=0)):
-        assert np.isnan(metrics.spacing_variation(neighbours.Neighbours(nowhere)))
+        assert np.isnan(cloud_scores.spacing_variation(neighbours.Neighbours(nowhere)))
 
 
 def test_shifted_grid_in_closed_form():
     axis = np.arange(8) * 0.125  # binary fractions: every distance is exact
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
     shift = 0.03125
-    scores = metrics.compare_clouds(grid + shift * np.eye(3)[0], grid, tau_sq=shift**2)
+    scores = cloud_scores.compare_clouds(grid + shift * np.eye(3)[0], grid, tau_sq=shift**2)
     assert scores.chamfer_l2_sq == 2 * shift**2  # the sum of both directions, not half of it
     assert scores.f_score_tau == scores.precision_tau == scores.recall_tau == 1.0  # <=, not <
-    below = metrics.compare_clouds(grid + shift * np.eye(3)[0], grid, tau_sq=np.nextafter(shift**2, 0))
+    below = cloud_scores.compare_clouds(grid + shift * np.eye(3)[0], grid, tau_sq=np.nextafter(shift**2, 0))
     assert below.f_score_tau == 0.0 and below.f_score_2tau == 1.0
 
 
 def test_precision_and_recall_are_not_exchanged():
     truth = np.array([[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0], [3.0, 0, 0]])
-    scores = metrics.compare_clouds(truth[:1], truth, tau_sq=0.01)
+    scores = cloud_scores.compare_clouds(truth[:1], truth, tau_sq=0.01)
     assert scores.precision_tau == 1.0 and scores.recall_tau == 0.25
     assert scores.f_score_tau == pytest.approx(2 * 0.25 / 1.25)
     assert scores.chamfer_l2_sq == pytest.approx((0 + 1 + 4 + 9) / 4)
@@ -122,9 +122,12 @@ def test_precision_and_recall_are_not_exchanged():
 
 def test_identical_clouds_are_perfect_and_swapping_keeps_symmetric_scores():
     prediction, truth = _cloud(1, 200), _cloud(2, 350)
-    perfect = metrics.compare_clouds(truth, truth[::-1])
+    perfect = cloud_scores.compare_clouds(truth, truth[::-1])
     assert perfect.chamfer_l2_sq == 0.0 and perfect.f_score_tau == perfect.f_score_2tau == 1.0
-    one, other = metrics.compare_clouds(prediction, truth, 0.01), metrics.compare_clouds(truth, prediction, 0.01)
+    one, other = (
+        cloud_scores.compare_clouds(prediction, truth, 0.01),
+        cloud_scores.compare_clouds(truth, prediction, 0.01),
+    )
     assert one.chamfer_l2_sq == pytest.approx(other.chamfer_l2_sq, rel=1e-14)
     assert one.f_score_tau == pytest.approx(other.f_score_tau, rel=1e-14)
     assert one.precision_tau == other.recall_tau
@@ -138,15 +141,15 @@ def test_sampling_error_falls_as_one_over_the_number_of_points():
         return points / np.linalg.norm(points, axis=1, keepdims=True)
 
     counts = np.array([250, 1000, 4000])
-    errors = [metrics.compare_clouds(sphere(n), sphere(n)).chamfer_l2_sq for n in counts]
+    errors = [cloud_scores.compare_clouds(sphere(n), sphere(n)).chamfer_l2_sq for n in counts]
     slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert slope == pytest.approx(-1.0, abs=0.1)  # squared spacing of a surface sample: area / n
 
 
 def test_reused_trees_give_the_same_scores():
     prediction, truth = _cloud(1, 100), _cloud(2, 130)
-    reused = metrics.compare_clouds(neighbours.Neighbours(prediction), neighbours.Neighbours(truth), 0.02)
-    assert reused == metrics.compare_clouds(prediction, truth, 0.02)
+    reused = cloud_scores.compare_clouds(neighbours.Neighbours(prediction), neighbours.Neighbours(truth), 0.02)
+    assert reused == cloud_scores.compare_clouds(prediction, truth, 0.02)
 
 
 @pytest.mark.parametrize("side", [0, 1])
@@ -162,34 +165,16 @@ def test_unusable_clouds_are_errors(side, bad, message):
     clouds = [np.zeros((2, 3)), np.zeros((2, 3))]
     clouds[side] = bad
     with pytest.raises(checks.InputError, match=message) as caught:
-        metrics.compare_clouds(clouds[0], clouds[1])
+        cloud_scores.compare_clouds(clouds[0], clouds[1])
     assert ("prediction", "truth")[side] in str(caught.value)
 
 
 @pytest.mark.parametrize("tau_sq", [0.0, -1.0, np.nan, np.inf])
 def test_threshold_must_be_positive(tau_sq):
     with pytest.raises(checks.InputError, match="tau_sq"):
-        metrics.compare_clouds(np.zeros((1, 3)), np.zeros((1, 3)), tau_sq)
-
-
-def test_depth_visibility_and_normal_errors_in_closed_form():
-    visible = np.array([True, True, False])
-    assert metrics.depth_l1(np.array([1.0, 2.0, 9.0]), np.array([1.5, 1.0, np.inf]), visible) == 0.75
-    assert np.isnan(metrics.depth_l1(np.ones(2), np.ones(2), np.zeros(2, dtype=bool)))
-    assert metrics.visibility_bce(np.full(3, 0.5), visible) == pytest.approx(np.log(2))
-    assert metrics.visibility_bce(np.array([1.0, 1.0, 0.0]), visible) == pytest.approx(1e-7, rel=1e-6)
-    angles = np.radians([0.0, 1e-5, 45.0, 180.0])
-    turned = np.stack([np.cos(angles), np.sin(angles), np.zeros(4)], -1)
-    np.testing.assert_allclose(
-        metrics.normal_angle_deg(turned, np.tile([1.0, 0, 0], (4, 1))), np.degrees(angles), rtol=1e-9, atol=1e-12
-    )
-
-
-def test_azimuth_differences_wrap_round():
-    got = metrics.angle_difference_deg(np.radians([350.0, 10.0, 0.0, 90.0]), np.radians([10.0, 350.0, 180.0, 90.0]))
-    np.testing.assert_allclose(got, [20.0, 20.0, 180.0, 0.0], atol=1e-10)
+        cloud_scores.compare_clouds(np.zeros((1, 3)), np.zeros((1, 3)), tau_sq)
 
 
 def test_overflowing_distances_are_an_error_not_a_number():
     with pytest.raises(checks.InputError, match="overflow"):
-        metrics.compare_clouds(np.full((2, 3), 1e200), np.zeros((2, 3)))
+        cloud_scores.compare_clouds(np.full((2, 3), 1e200), np.zeros((2, 3)))
