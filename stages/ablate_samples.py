@@ -14,7 +14,7 @@ def make(run: Run) -> None:
     mesh, source = source_mesh.read(fit.mesh, fit.loop.seed)
     results = leave_one_out.run(mesh, fit, out_dir, source)
     sources = [out_dir / leave_one_out.RESULTS]
-    record = provenance.record(provenance.fingerprint([fit], sources, fit_errors), fit.loop.seed, sources)
+    record = provenance.record([fit], fit.loop.seed, sources, fit_errors)
     storage.save_table(out_dir / fit_errors.ABLATION, fit_errors.ablation_table(results), record)
 
 

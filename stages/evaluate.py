@@ -26,7 +26,7 @@ def make(run: Run) -> None:
         sources += [folders["pointclouds"] / f"{model}.safetensors" for model in ("ddf", "pcsiren")]
     whole = {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
     whole["si3dr"] = scoring.summary(whole["per_image"], whole["cameras"], whole["shapes"])
-    record = provenance.record(provenance.fingerprint(settings, sources, category_scores), settings.seed, sources)
+    record = provenance.record(settings, settings.seed, sources, category_scores)
     out_dir = run.folder("evaluate", seed=run.seed)
     for name, table in whole.items():
         storage.save_table(out_dir / f"{name}.csv", table, record)

@@ -24,8 +24,7 @@ def make(run: Run) -> None:
     results, pictures = generative_results.measure(places, run.category, section)
     storage.write_json(out_dir / "scores.json", results)
     sources = [folder / training_loop.MODEL for folder in folders.values()]
-    fingerprint = provenance.fingerprint(section, sources, [generative_results])
-    record = provenance.record(fingerprint, section.seed, sources)
+    record = provenance.record(section, section.seed, sources, generative_results)
     storage.save_tensors(out_dir / "pictures.safetensors", pictures, record)
 
 

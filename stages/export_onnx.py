@@ -24,7 +24,7 @@ def make(run: Run) -> None:
             rows += onnx_file.measure_precisions(graph, name, out.read_bytes(), section)
     table = pd.DataFrame([row.to_dict() for row in rows])
     table.insert(0, "category", run.category)
-    record = provenance.record(provenance.fingerprint([section], sources, exportable), section.seed, sources)
+    record = provenance.record([section], section.seed, sources, exportable)
     storage.save_table(out_dir / "onnx_parity.csv", table, record)
 
 

@@ -3,7 +3,7 @@
 A run that was killed goes on from the images it had finished.
 """
 
-from ddf.core import provenance, resume, storage
+from ddf.core import notes, provenance, storage
 from ddf.data import shapenet
 from ddf.data.batches import category_data
 from ddf.models.reconstruction import inference, settings, silhouettes, trained
@@ -33,8 +33,8 @@ def make(run: Run) -> None:
     for name in ("ddf", "pcsiren"):
         folder = run.folder(f"train_{name}", seed=run.seed)
         sources = [run.index, folder / training_loop.MODEL]
-        key = provenance.fingerprint([section, run.category, test.digest()], sources, inference)
-        kept = resume.Kept(out, key)
+        record = provenance.record([section, run.category, test.digest()], section.seed, sources, inference)
+        kept = notes.Portions(out, record["fingerprint"])
         built = storage.load_metadata(folder / training_loop.MODEL)
         if name == "ddf":
             ddf, _ = trained.ddf(folder, built)
@@ -46,8 +46,7 @@ def make(run: Run) -> None:
             pcsiren, _ = trained.pcsiren(folder, built)
             tensors, facts = inference.reconstruct_pcsiren(pcsiren, test, section)
         names = {"images": test.names(), "train_images": train_images.names()}
-        record = provenance.record(key, section.seed, sources) | names | facts
-        storage.save_tensors(out / f"{name}.safetensors", tensors | common, record)
+        storage.save_tensors(out / f"{name}.safetensors", tensors | common, record | names | facts)
         kept.clear()
 
 

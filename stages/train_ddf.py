@@ -32,7 +32,6 @@ def make(run: Run) -> None:
     model = reconstruction_models.ddf_model(train, section.field).to(training_loop.device())
     model.camera_head.fit(images.cameras)
     facts, modules = [train, section, run.category, digest, truth.drawn], [training_steps, training_truth]
-    fingerprint = provenance.fingerprint(facts, sources, modules)
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     out_dir = run.folder("train_ddf", seed=run.seed)
     training_loop.fit(
@@ -42,7 +41,7 @@ def make(run: Run) -> None:
         section.steps,
         section.loop(train.loop),
         out_dir,
-        provenance.record(fingerprint, train.loop.seed, sources) | architecture,
+        provenance.record(facts, train.loop.seed, sources, modules) | architecture,
         f"ddf {run.label}",
     )
     if distributed.rank() == 0:

@@ -17,7 +17,7 @@ def make(run: Run) -> None:
 
     images, sources = shape_data.read_sampled(run.index, run.folder("samples"), run.category, section.views)
     model = image_features.FeatureNetwork(section, len(images.ids)).to(training_loop.device())
-    fingerprint = provenance.fingerprint([section, run.category, images.digest()], sources, [image_features])
+    record = provenance.record([section, run.category, images.digest()], section.loop.seed, sources, image_features)
     training_loop.fit(
         model,
         model.parameter_groups(),
@@ -25,8 +25,7 @@ def make(run: Run) -> None:
         section.steps,
         section.loop,
         run.folder("train_features"),
-        provenance.record(fingerprint, section.loop.seed, sources)
-        | image_features.description(section, run.category, len(images.ids)),
+        record | image_features.description(section, run.category, len(images.ids)),
         f"features {run.category}",
     )
 

@@ -24,7 +24,7 @@ def make(run: Run) -> None:
     model.decoder.load_state_dict(vae.decoder.state_dict())
     model.field_scale.copy_(vae.field_scale)
     model.to(training_loop.device())
-    fingerprint = provenance.fingerprint([gan, run.category, images.digest()], sources, [gan_steps])
+    record = provenance.record([gan, run.category, images.digest()], gan.loop.seed, sources, gan_steps)
     training_loop.fit(
         model,
         model.parameter_groups(),
@@ -32,9 +32,7 @@ def make(run: Run) -> None:
         gan.steps,
         gan.loop,
         run.folder("train_gan"),
-        provenance.record(fingerprint, gan.loop.seed, sources)
-        | gan_steps.record(gan, image_gans.KIND, run.category)
-        | {"vae": dataclasses.asdict(vae.config)},
+        record | gan_steps.record(gan, image_gans.KIND, run.category) | {"vae": dataclasses.asdict(vae.config)},
         f"gan {run.category}",
     )
 

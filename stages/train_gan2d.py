@@ -15,7 +15,7 @@ def make(run: Run) -> None:
 
     images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category, gan.views)
     model = image_gans.NoiseGAN(gan).to(training_loop.device())
-    fingerprint = provenance.fingerprint([gan, run.category, images.digest()], sources, [gan_steps])
+    record = provenance.record([gan, run.category, images.digest()], gan.loop.seed, sources, gan_steps)
     training_loop.fit(
         model,
         model.parameter_groups(),
@@ -23,8 +23,7 @@ def make(run: Run) -> None:
         gan.steps_2d,
         gan.loop,
         run.folder("train_gan2d"),
-        provenance.record(fingerprint, gan.loop.seed, sources)
-        | gan_steps.record(gan, image_gans.KIND_2D, run.category),
+        record | gan_steps.record(gan, image_gans.KIND_2D, run.category),
         f"2D gan {run.category}",
     )
 

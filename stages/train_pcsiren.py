@@ -26,7 +26,7 @@ def make(run: Run) -> None:
 
     model = reconstruction_models.pcsiren_model(train).to(training_loop.device())
     model.camera_head.fit(images.cameras)
-    fingerprint = provenance.fingerprint([train, section, run.category, digest], sources, training_steps)
+    facts = [train, section, run.category, digest]
     architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training_loop.fit(
         model,
@@ -35,7 +35,7 @@ def make(run: Run) -> None:
         section.steps,
         train.loop,
         run.folder("train_pcsiren", seed=run.seed),
-        provenance.record(fingerprint, train.loop.seed, sources) | architecture,
+        provenance.record(facts, train.loop.seed, sources, training_steps) | architecture,
         f"pcsiren {run.label}",
     )
 

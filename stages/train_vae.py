@@ -22,7 +22,7 @@ def make(run: Run) -> None:
     model = shape_vae.ShapeVAE(section)
     model.field_scale.fill_(float(shapes.scales.mean()))
     model.to(training_loop.device())
-    fingerprint = provenance.fingerprint([section, run.category, list(learned)], sources, [vae_step])
+    record = provenance.record([section, run.category, list(learned)], section.loop.seed, sources, vae_step)
     training_loop.fit(
         model,
         model.parameter_groups(),
@@ -30,8 +30,7 @@ def make(run: Run) -> None:
         section.steps,
         section.loop,
         run.folder("train_vae"),
-        provenance.record(fingerprint, section.loop.seed, sources)
-        | {"kind": shape_vae.KIND, "category": run.category, "vae": dataclasses.asdict(section)},
+        record | {"kind": shape_vae.KIND, "category": run.category, "vae": dataclasses.asdict(section)},
         f"vae {run.category}",
     )
 

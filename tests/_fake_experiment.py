@@ -113,7 +113,7 @@ class FakeExperiment:
         )
         failures = f"id,stage,reason\n{category}99,meshes,no triangles left\n"
         storage.write_text(folder / "failures.csv", failures)
-        storage.write_json(folder / "000.json", {"key": "x", "files": {"000.zip": ""}, "failures": []})
+        storage.write_json(folder / "000.json", {"fingerprint": "x", "files": {"000.zip": ""}, "failures": []})
 
     def _write_samples(self, category):
         axes = self.categories[category]["axes"]
@@ -129,7 +129,7 @@ class FakeExperiment:
         storage.save_tensors(folder / "000.samples.safetensors", samples, record)
         storage.write_text(folder / "failures.csv", "id,stage,reason\n")
         files = {"000.clouds.safetensors": "", "000.samples.safetensors": ""}
-        record = {"key": "x", "files": files, "failures": []}
+        record = {"fingerprint": "x", "files": files, "failures": []}
         storage.write_json(folder / "000.json", record)
 
     def _surface(self, category, shape, count, noise):

@@ -1,7 +1,7 @@
 """Maps over many shapes: shards on local processes, or on a Dask cluster when DASK_SCHEDULER_ADDRESS is set.
 
-A shard is done when its record file says so: `NNN.json` holds the fingerprint, the checksums of the files that the
-shard wrote and its failures. A run that was killed continues with the shards that have no (or another) record.
+A shard is done when its note `NNN.json` fits (`notes`), which holds its failures too. A run that was killed continues
+with the others.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ import joblib
 import tqdm
 from joblib.externals import loky
 
-from ddf.core import checks, storage
+from ddf.core import checks, notes, storage
 
 MAX_FAILURE_SHARE = 0.02
 SCHEDULER_SECONDS = 20  # to wait for the Dask scheduler
@@ -81,10 +81,10 @@ def map_shards(
     out_dir.mkdir(parents=True, exist_ok=True)
     shards = [items[start : start + shard_size] for start in range(0, len(items), shard_size)]
     tasks = [_Task(function, shard, i, out_dir, _shard_key(fingerprint, shard)) for i, shard in enumerate(shards)]
-    waiting = [task for task in tasks if not task.is_done()]
+    waiting = [task for task in tasks if not task.note.fits()]
     _run_all(waiting, describe, len(tasks), jobs)
     for task in waiting:
-        if not task.record_path.exists():
+        if not task.note.path.exists():
             _run_isolated(task, describe, name_of)
     _remove_strangers(out_dir, tasks)
     failures = [failure for task in tasks for failure in task.failures()]
@@ -109,38 +109,28 @@ class _Task:
     key: str
 
     @property
-    def record_path(self) -> Path:
-        return self.out_dir / f"{self.index:03d}.json"
-
-    def is_done(self) -> bool:
-        """Whether the record fits and every file it names is there with the checksum it had."""
-        with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-            record = storage.read_json(self.record_path)
-            if record["key"] == self.key:
-                return all(storage.checksum(self.out_dir / name) == sha for name, sha in record["files"].items())
-        return False
+    def note(self) -> notes.Note:
+        return notes.Note(self.out_dir / f"{self.index:03d}.json", self.key)
 
     def run(self, extra: Sequence[Failure] = ()) -> None:
-        """Do the work, then write the record: in this order, so that a record means a whole shard."""
-        self.record_path.unlink(missing_ok=True)
+        """Do the work, then write the note: in this order, so that a note means a whole shard."""
+        self.note.path.unlink(missing_ok=True)
         result = self.function(self.items, self.index)
         failures = [dataclasses.asdict(failure) for failure in [*result.failures, *extra]]
-        files = {path.relative_to(self.out_dir).as_posix(): storage.checksum(path) for path in result.files}
-        storage.write_json(self.record_path, {"key": self.key, "files": files, "failures": failures})
+        self.note.write(result.files, failures=failures)
 
     def files(self) -> set[Path]:
-        record = storage.read_json(self.record_path)
-        return {self.record_path, *(self.out_dir / name for name in record["files"])}
+        return {self.note.path, *(self.out_dir / name for name in storage.read_json(self.note.path)["files"])}
 
     def failures(self) -> list[Failure]:
-        return [Failure(**failure) for failure in storage.read_json(self.record_path)["failures"]]
+        return [Failure(**failure) for failure in storage.read_json(self.note.path)["failures"]]
 
 
 def _run_all(tasks: Sequence[_Task], describe: str, total: int, jobs: int | None) -> None:
     """All tasks on the workers; returns early, leaving tasks without a record, when a worker process dies."""
     done = total - len(tasks)
     for task in tasks:
-        task.record_path.unlink(missing_ok=True)
+        task.note.path.unlink(missing_ok=True)
     with tqdm.tqdm(total=total, initial=done, desc=describe, unit="shard") as progress:
         # At least two, because joblib runs a single job inside this process, which a bad mesh could then kill.
         workers = max(2, jobs or joblib.cpu_count())

@@ -21,33 +21,28 @@ SOURCES = Path(__file__).resolve().parents[2]  # the folder that holds the packa
 PACKAGE = re.compile(r"ddf(_\w+)?")  # ours: this one, and in a checkout those beside it
 
 
-def fingerprint(
-    section: Any, sources: Sequence[str | Path] = (), module: str | ModuleType | Sequence[str | ModuleType] = ()
-) -> str:
-    """Hex digest over a config section, the contents of source files and folders, and a code version.
+Modules = str | ModuleType | Sequence[str | ModuleType]
+
+
+def fingerprint(section: Any, sources: Iterable[str | Path] = (), module: Modules = ()) -> str:
+    """Hex digest over a config section, the contents of source files and folders, and a code version; see `record`."""
+    return record(section, 0, sources, module)["fingerprint"]
+
+
+def record(section: Any, seed: int, sources: Iterable[str | Path] = (), module: Modules = ()) -> dict[str, Any]:
+    """The metadata that every artefact carries, to be merged with its own: fingerprint, seed, source checksums.
 
     Args:
       section: a dataclass, or a list or dict of dataclasses and plain values.
-      sources: files or folders; their contents count, their places do not.
-      module: one or more modules of the package, as names or module objects, whose import closure counts.
+      sources: files or folders; their contents count in the fingerprint, their places do not.
+      module: one or more modules of the packages, as names or module objects, whose import closure counts.
     """
     modules = [module] if isinstance(module, str | ModuleType) else list(module)
     names = [item if isinstance(item, str) else item.__name__ for item in modules]
-    content = {
-        "config": _plain(section),
-        "sources": [storage.checksum(path) for path in sources],
-        "code": code_version(tuple(sorted(names))),
-    }
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def record(fingerprint: str, seed: int, sources: Iterable[str | Path] = ()) -> dict[str, Any]:
-    """The metadata that every artefact carries, to be merged with its own: fingerprint, seed, source checksums."""
-    return {
-        "fingerprint": fingerprint,
-        "seed": seed,
-        "sources": {Path(path).as_posix(): storage.checksum(path) for path in sources},
-    }
+    sums = {Path(path).as_posix(): storage.checksum(path) for path in sources}
+    content = {"config": _plain(section), "sources": [*sums.values()], "code": code_version(tuple(sorted(names)))}
+    digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return {"fingerprint": digest, "seed": seed, "sources": sums}
 
 
 @functools.cache

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import safetensors
 
 FORMAT_VERSION = 1
-RECORDS = "[0-9]*.json"  # pattern of the records that tell which shards of a folder are done, see `parallel`
+RECORDS = "[0-9]*.json"  # pattern of the notes that tell which shards of a folder are done, see `parallel`
 # Packages whose version can change the numbers in an artefact.
 RECORDED_PACKAGES = ("numba", "numpy", "open3d", "pymeshlab", "torch", "torchvision")
 _LARGEST_RECORD = 16 << 20  # characters
@@ -301,7 +301,7 @@ def load_table(path: str | Path, **options: Any) -> tuple["pd.DataFrame", dict[s
 
 
 def shard_files(folder: str | Path, suffix: str, stage: str) -> list[Path]:
-    """The files of one kind that the shards of a folder wrote, in order, as their records `NNN.json` name them.
+    """The files of one kind that the shards of a folder wrote, in order, as their notes `NNN.json` name them.
 
     Raises:
       FileNotFoundError: no shard of the folder wrote such a file; the message names `stage`, which makes them.

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ddf.core import checks, parallel, provenance, seeding, storage
+from ddf.core import checks, parallel, seeding, storage
 from ddf.data import mesh_config
 from ddf.geometry import mesh_io, transforms
 
@@ -100,10 +100,10 @@ class PrepareShard:
             maps[shape.id] = prepared.field_from_raw.to_dict()
         members["measures.csv"] = _csv_bytes(rows)
         members["field_from_raw.json"] = json.dumps(maps, indent=1).encode()
-        record = provenance.record(self.fingerprint, self.config.seed)
         sources = {shape.path: shape.checksum for shape in shapes}
+        record = {"fingerprint": self.fingerprint, "seed": self.config.seed, "sources": sources, "ids": list(maps)}
         path = self.out_dir / f"{index:03d}.zip"
-        storage.save_pack(path, members, {**record, "sources": sources, "ids": list(maps)})
+        storage.save_pack(path, members, record)
         return parallel.ShardResult([path], failures)
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ddf.core import checks, parallel, provenance, seeding, storage
+from ddf.core import checks, parallel, seeding, storage
 from ddf.data import mesh_shards, sampling, surface_cloud, true_clouds
 from ddf.geometry import mesh_io, transforms
 
@@ -67,8 +67,8 @@ class ExtractShard:
                 failures.append(parallel.Failure(shape.id, "samples", str(error)))
         if not done:
             return parallel.ShardResult([], failures)
-        record = provenance.record(self.fingerprint, self.config.seed)
-        record["sources"] = {shape.pack: shape.pack_checksum for shape in shapes}
+        sources = {shape.pack: shape.pack_checksum for shape in shapes}
+        record = {"fingerprint": self.fingerprint, "seed": self.config.seed, "sources": sources}
         return parallel.ShardResult([*_write_extracted(done, self.out_dir, index, record)], failures)
 
 

@@ -72,8 +72,8 @@ def fit(shape: ShapeField, config: CandidateConfig, out_dir: Path) -> udf.Candid
         value = udf.loss(asked(field), positions, network(positions), config.spread, config.alignment)
         return value, {}
 
-    fingerprint = provenance.fingerprint([config, shape.record], (), "ddf.fit.closest_candidates")
-    record = provenance.record(fingerprint, config.loop.seed) | {"kind": "closest_candidates"}
+    facts = [config, shape.record]
+    record = provenance.record(facts, config.loop.seed, (), __name__) | {"kind": "closest_candidates"}
     groups = [{"params": list(network.parameters()), "weight_decay": 0.0}]  # so that AdamW is Adam
     training_loop.fit(network, groups, step_loss, config.steps, config.loop, out_dir, record, "g_v")
     return network.eval().requires_grad_(False)

@@ -103,18 +103,10 @@ def fit(mesh: Mesh, config: RendererConfig, out_dir: Path) -> depth_renderer.Dep
         return _loss(renderer, seen, torch.randint(config.images, (config.batch,), generator=generator), config)
 
     identity = [config, mesh.vertices.tolist(), mesh.faces.tolist()]
-    fingerprint = provenance.fingerprint(identity, (), "ddf.fit.renderer_fit")
-    record = provenance.record(fingerprint, config.loop.seed) | {"kind": "depth_renderer"}
+    record = provenance.record(identity, config.loop.seed, (), "ddf.fit.renderer_fit") | {"kind": "depth_renderer"}
     groups = [{"params": list(renderer.parameters()), "weight_decay": 0.0}]  # so that AdamW is Adam
     training_loop.fit(renderer, groups, step_loss, config.steps, config.loop, out_dir, record, "depth renderer")
     return renderer.eval().requires_grad_(False)
-
-
-def load(config: RendererConfig, folder: Path) -> depth_renderer.DepthRenderer:
-    """A renderer that `fit` wrote."""
-    renderer = depth_renderer.DepthRenderer(config.layout)
-    training_loop.load_model(renderer, folder)
-    return renderer.requires_grad_(False)
 
 
 def _loss(

@@ -18,7 +18,7 @@ import yaml
 
 from ddf.core import checks, config, storage
 from ddf_lab.engine import console, experiments, finished, graph, lock, schedule
-from ddf_lab.run import Run, time_path
+from ddf_lab.run import Run
 
 ITEMS = Path("params.yaml")
 STALE = Path(".dvc/tmp/rwlock")  # DVC's own, left behind where it was killed
@@ -138,7 +138,7 @@ class _Engine:
 
     def stale(self, items: Sequence[graph.Item]) -> list[str]:
         """Names of those that have work to do; that the others have none is put down in DVC's record."""
-        done = [item for item in items if finished.is_done(item, finished.read(_note_of(item)))]
+        done = [item for item in items if finished.note(item).fits()]
         if done:
             self._start(["dvc", "commit", "-q", "-f", *(item.name for item in done)], None, None).wait()
         return [item.name for item in items if item not in done]
@@ -163,7 +163,3 @@ class _Engine:
                 for child in psutil.Process(process.pid).children(recursive=True):
                     with contextlib.suppress(psutil.Error):
                         child.terminate()
-
-
-def _note_of(item: graph.Item) -> Path:
-    return time_path(item.experiment, item.stage, item.category, item.seed)

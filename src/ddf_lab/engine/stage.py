@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import dataclasses
-import json
 import logging
 import os
 import resource
@@ -13,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ddf.core import guard, interrupts, locks
+from ddf.core import guard, interrupts, locks, notes
 from ddf_lab.engine import finished
 from ddf_lab.run import Run, time_path
 
@@ -59,7 +58,8 @@ def _run_alone(make: Callable[[Run], None], config: Path, **arguments: Any) -> N
             busy = f"an earlier process of this stage ({{number}}) is still at work on {config}"
             stack.enter_context(locks.held(record.with_suffix(".lock"), busy))
         item = finished.find(name, run)
-        done = item is not None and finished.is_done(item, finished.read(record))
+        note = finished.note(item) if item else notes.Note(record, "")
+        done = item is not None and note.fits()
         if first:
             what = f"{name} {run.label}".rstrip()
             sys.stderr.write(f"{what}: nothing to do\n" if done else f"{what}\n")
@@ -72,8 +72,7 @@ def _run_alone(make: Callable[[Run], None], config: Path, **arguments: Any) -> N
         started = time.monotonic()
         make(run)
         seconds = round(time.monotonic() - started, 2)
-        note = {"seconds": seconds, **_peak_memory(imported), **({} if item is None else finished.note(item))}
-        record.write_text(json.dumps(note) + "\n", encoding="utf-8")
+        note.write(item.outs if item else (), seconds=seconds, **_peak_memory(imported))
 
 
 def _largest_child_kib() -> int:

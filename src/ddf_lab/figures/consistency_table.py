@@ -32,7 +32,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     for number, (name, weights) in enumerate(FITS.items()):
         settings = dataclasses.replace(further(config), consistency=weights)
         place = folder / f"consistency_{number}"
-        figure_fields.keep(mesh, settings, place, fitted)
+        fitting.fit(mesh, settings, place, begin=fitted, force=True)
         fit, field = storage.read_json(place / fitting.METRICS), shape_field.load(place)
         errors.append(error_line(name, fit["held_out"]))
         residuals.append(residual_line(name, fit, field_diagnostics.measure(field, RAYS)))

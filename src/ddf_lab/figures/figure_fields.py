@@ -1,21 +1,17 @@
 """The fields that the figures are of: those that come with the package, and a few short fits, kept as artefacts."""
 
 import dataclasses
-import hashlib
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from ddf.core import checks, shipped_models, storage
+from ddf.core import checks, shipped_models
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
 from ddf.fit import fit_settings, fitting, shape_field
 from ddf.fit.shape_field import ShapeField
 from ddf.geometry.mesh_io import Mesh
 
-IDENTITY = "identity.txt"  # what a kept fit was made from
 STAND = (0.5, (0.0, -0.74, 0.0))  # scale and place of the rabbit in the room: its feet are on the floor
 SHAPES: dict[str, Callable[[], Mesh]] = {
     "room": showcase.room,
@@ -60,25 +56,8 @@ def recipe(name: str, config: FiguresConfig) -> fit_settings.FitConfig:
 
 
 def fitted(name: str, config: FiguresConfig, folder: Path) -> ShapeField:
-    """The field of one of `SHAPES`, fitted into `folder`/name unless it is there, or of a name of `ddf models`."""
+    """The field of one of `SHAPES`, fitted in `folder`/name, or of a name of `ddf models`."""
     if name not in SHAPES:
         return shape_field.load(shipped_models.place(name))
-    keep(SHAPES[name](), recipe(name, config), folder / name)
+    fitting.fit(SHAPES[name](), recipe(name, config), folder / name, force=True)
     return shape_field.load(folder / name)
-
-
-def keep(mesh: Mesh, settings: fit_settings.FitConfig, folder: Path, begin: ShapeField | None = None) -> None:
-    """Fit a mesh into a folder, from the weights of `begin` on, unless it has the fit of these."""
-    keep_made(mesh, settings, folder, lambda: fitting.fit(mesh, settings, folder, begin=begin, force=True))
-
-
-def keep_made(mesh: Mesh, settings: Any, folder: Path, make: Callable[[], object]) -> None:
-    """Call `make`, which writes to the folder, unless it did so for this mesh and these settings, a dataclass.
-
-    A change of code alone keeps what is there: remove the folder to make it anew.
-    """
-    content = json.dumps([dataclasses.asdict(settings), mesh.vertices.tolist(), mesh.faces.tolist()])
-    identity, file = hashlib.sha256(content.encode()).hexdigest(), folder / IDENTITY
-    if not file.is_file() or file.read_text(encoding="utf-8") != identity:
-        make()
-        storage.write_text(file, identity)

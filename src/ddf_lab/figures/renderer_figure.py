@@ -3,7 +3,6 @@
 [DDF22] app. `neurren`. Truth: rays cast against the mesh.
 """
 
-import functools
 from pathlib import Path
 
 import numpy as np
@@ -35,8 +34,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     true = renderer_fit.cast(mesh, views, recipe(1, (0.0, 0.0)).layout.image)
     for number, (name, weights) in enumerate(LOSSES.items()):
         settings, place = recipe(config.renderer_steps, weights), folder / f"renderer_{number}"
-        figure_fields.keep_made(mesh, settings, place, functools.partial(renderer_fit.fit, mesh, settings, place))
-        found, residuals = renderer_fit.render(renderer_fit.load(settings, place), views)
+        found, residuals = renderer_fit.render(renderer_fit.fit(mesh, settings, place), views)
         cells.append(found)
         rows.append(_row(name, renderer_fit.errors(found, residuals, true)))
     columns = ["depth", "with DDF losses", "exact depth", "normals", "with DDF losses", "exact normals"]

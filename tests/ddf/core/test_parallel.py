@@ -75,7 +75,7 @@ def test_only_damaged_missing_or_changed_shards_run_again(out_dir):
         _map(out_dir)
         assert _calls(out_dir) == [1]
         assert (out_dir / "001.txt").read_bytes() == good
-    (out_dir / "002.json").write_text('{"key": "half')
+    (out_dir / "002.json").write_text('{"fingerprint": "half')
     _map(out_dir)
     assert _calls(out_dir) == [2]
     _map(out_dir, items=[0, 1, 2, 3, 4, 5, 6, 70, 8, 9])

@@ -89,7 +89,7 @@ def test_fingerprint_follows_config_sources_and_code(package, tmp_path):
 
 def test_unknown_modules_are_refused(package):
     for name in ("ddf.nothing", "ddf.b.x", "torch", "ddf.c.nothing"):
-        with pytest.raises(ValueError, match="not a module of ddf or ddf_lab"):
+        with pytest.raises(ValueError, match="not a module of"):
             provenance.module_file(name)
 
 
@@ -98,4 +98,5 @@ def test_record_names_sources_with_their_checksums(tmp_path):
     source.write_bytes(b"")
     empty = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"
     record = provenance.record("f", 3, [source])
-    assert record == {"fingerprint": "f", "seed": 3, "sources": {source.as_posix(): empty}}
+    made = provenance.fingerprint("f", [source])
+    assert record == {"fingerprint": made, "seed": 3, "sources": {source.as_posix(): empty}}

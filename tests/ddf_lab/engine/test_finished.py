@@ -29,14 +29,13 @@ def item(tmp_path, monkeypatch):
 
 
 def test_nothing_changed_is_done(item):
-    noted = finished.note(item)
-    assert finished.is_done(item, noted)
+    finished.note(item).write(item.outs)
+    assert finished.note(item).fits()
     Path("stages/count.py").write_text(
         '"""Other words."""\nfrom ddf.core import seeding  # why\nfrom ddf_lab.engine import stage\n'
     )
     Path("a.yaml").write_text(f"# a remark\n{CONFIG}dataset: {{}}\n")
-    assert finished.is_done(item, noted)
-    assert not finished.is_done(item, {})
+    assert finished.note(item).fits()
 
 
 @pytest.mark.parametrize(
@@ -47,26 +46,26 @@ def test_nothing_changed_is_done(item):
         ("out/c.txt", ""),
         ("a.yaml", CONFIG.replace("250", "251")),
         ("stages/count.py", "from ddf.core import seeding\nX = 1\n"),
-        ("stages/count.py", "from ddf.core import resume, seeding\n"),
+        ("stages/count.py", "from ddf.core import notes, seeding\n"),
     ],
 )
 def test_whatever_it_uses_or_made_counts(item, name, text):
-    noted = finished.note(item)
+    finished.note(item).write(item.outs)
     Path(name).write_text(text)
-    assert not finished.is_done(item, noted)
+    assert not finished.note(item).fits()
 
 
 @pytest.mark.parametrize("name", ["in.txt", "out/b.txt"])
 def test_what_is_missing_is_not_done(item, name):
-    noted = finished.note(item)
+    finished.note(item).write(item.outs)
     Path(name).unlink()
-    assert not finished.is_done(item, noted)
+    assert not finished.note(item).fits()
 
 
 def test_the_frame_of_stages_does_not_count(item, monkeypatch):
-    first = finished.fingerprint(item)
+    first = finished.note(item).fingerprint
     monkeypatch.setattr(finished, "FRAME", "nothing")
-    assert finished.fingerprint(item) != first
+    assert finished.note(item).fingerprint != first
 
 
 def test_a_script_that_is_no_stage_of_the_graph_has_no_item(tmp_path, monkeypatch):

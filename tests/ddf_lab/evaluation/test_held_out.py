@@ -18,6 +18,9 @@ def test_optimised_latents_fit_better_and_leave_the_decoder_alone(tmp_path):
     assert_close(model.decoder.field.network.head.weight, before)
     again = held_out.auto_decode(_generative.vae(), SHAPES, _generative.SCORES, tmp_path / "again")
     assert torch.equal(found, again)
+    with torch.no_grad():
+        model.decoder.field.network.head.bias.add_(0.1)
+    assert not torch.equal(found, held_out.auto_decode(model, SHAPES, _generative.SCORES, tmp_path))  # of another VAE
     rows = [row["loss"] for row in held_out.training_loop.read_log(tmp_path)]
     assert rows[-1] < rows[0]
 

@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Draw latents, write their fields and what they look like."""
     import torch
 
-    from ddf.core import provenance, storage
+    from ddf.core import storage
     from ddf.models.generative import normal_images, pictures, shape_vae
     from ddf.pictures import sheets
 
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     textures = normal_images.latents(args.samples, features, args.seed, "textures")
     fields = pictures.fields(model.decoder, latents)
     rows: list[tuple[str, list[torch.Tensor]]] = [("normals", []), *([("images", [])] if features else [])]
-    record = provenance.record("", args.seed, [])
+    record = {"fingerprint": "", "seed": args.seed, "sources": {}}
     for number, field in enumerate(fields):
         folder = args.out / f"{number:03d}"
         shape_vae.write_field(folder, field, float(model.field_scale), record)

@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf.core import parallel, provenance, seeding, storage
+from ddf.core import parallel, seeding, storage
 from ddf.data.batches import category_data
 from ddf.fields import framed_field, pddf, rendering
 from ddf.models.generative import image_networks, settings, shape_vae
@@ -72,7 +72,7 @@ class RenderShard:
             poses.append(camera)
         path = self.out_dir / f"{index:03d}{SUFFIX}"
         tensors = {"normals": torch.stack(images), "latents": torch.stack(shapes), "cameras": torch.stack(poses)}
-        storage.save_tensors(path, tensors, provenance.record(self.fingerprint, self.config.seed))
+        storage.save_tensors(path, tensors, {"fingerprint": self.fingerprint, "seed": self.config.seed})
         return parallel.ShardResult([path])
 
 

@@ -17,7 +17,7 @@ import tqdm
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf.core import resume, seeding
+from ddf.core import notes, seeding
 from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, field_outputs, pddf, rendering
 from ddf.models.reconstruction import camera_correction, reconstruction_models, scales, settings, silhouettes
@@ -87,7 +87,7 @@ def reconstruct_ddf(
     config: settings.PointcloudsConfig,
     describe: str,
     deviation: Float[Tensor, "z"] | None = None,
-    kept: resume.Kept | None = None,
+    kept: notes.Portions | None = None,
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S after all cycles and after one, each with its scale; with `shape_correction` those of the shapes
     that agree with the silhouette too (`ON_MASK`); cameras, renders, and features for the retrieval row. And the facts.
@@ -153,7 +153,7 @@ def _cycles_kept(cloud: cloud_projection.CloudConfig) -> dict[int, str]:
 
 def _by_portion(
     images: category_data.ImageSet,
-    kept: resume.Kept | None,
+    kept: notes.Portions | None,
     name: str,
     make: Callable[[Sequence[Rows]], dict[str, Tensor]],
 ) -> tuple[dict[str, Tensor], float]:

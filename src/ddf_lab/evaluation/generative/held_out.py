@@ -3,6 +3,7 @@
 The second is what the decoder can do at best; what the first adds to its error is the encoder's. Park et al. 2019.
 """
 
+import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -59,9 +60,10 @@ def auto_decode(
         return loss, {}
 
     loop = settings.auto_loop(section)
-    settled = provenance.fingerprint([section.auto_steps, loop, vae, list(shapes.ids)], [], __name__)
+    weights = b"".join(value.cpu().numpy().tobytes() for value in model.state_dict().values())
+    facts = [section.auto_steps, loop, vae, list(shapes.ids), hashlib.sha256(weights).hexdigest()]
+    record = provenance.record(facts, section.seed, (), __name__)
     groups = [{"params": [found.values], "weight_decay": 0.0}]
-    record = {"fingerprint": settled, "seed": section.seed}
     training_loop.fit(found, groups, step_loss, section.auto_steps, loop, folder, record, "latents")
     return found.values.detach()
 

@@ -21,7 +21,7 @@ def write(mesh: mesh_io.Mesh, fit: fit_settings.FitConfig, out_dir: Path) -> Non
     shape = shape_field.load(out_dir)
     held_out = storage.read_json(out_dir / fitting.METRICS)["held_out"]
     model, seed = out_dir / training_loop.MODEL, fit.loop.seed
-    record = provenance.record(provenance.fingerprint([fit], [model], __name__), seed, [model])
+    record = provenance.record([fit], seed, [model], __name__)
     storage.save_table(out_dir / fit_errors.FIT, fit_errors.fit_table(held_out), record)
     storage.write_json(out_dir / DIAGNOSTICS, field_diagnostics.measure(shape, fit.page.rays, seed))
     views = shape_views.render(shape, mesh, fit.page.picture_size, fit.page.up, seed)

@@ -8,7 +8,7 @@ import pytest
 import torch
 from _hand_made import DDF, POINTCLOUDS, TRAIN
 
-from ddf.core import checks, resume
+from ddf.core import checks, notes
 from ddf.fields import cloud_projection
 from ddf.models.reconstruction import inference, reconstruction_models, scales, settings, silhouettes
 
@@ -82,7 +82,7 @@ def test_killed_reconstruction_goes_on_to_the_same_bits(tmp_path, monkeypatch):
         return sample(field, modulations, count, *rest)
 
     monkeypatch.setattr(cloud_projection, "sample", count)
-    kept = resume.Kept(tmp_path, "key")
+    kept = notes.Portions(tmp_path, "key")
     with pytest.raises(KeyboardInterrupt):
         inference.reconstruct_ddf(model, images, CORRECTED, "test", deviation, kept)
     stopped = len(drawn)

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from ddf.core import resume
+from ddf.core import notes
 
 ROWS = [3, 4]
 
@@ -17,7 +17,7 @@ def _made(value, calls):
 
 
 def test_portion_is_made_once_and_found_again(tmp_path):
-    kept, calls = resume.Kept(tmp_path / "new", "a"), []
+    kept, calls = notes.Portions(tmp_path / "new", "a"), []
     first = kept.get("clouds", ROWS, _made(1.0, calls))
     again = kept.get("clouds", ROWS, _made(2.0, calls))
     assert calls == [1.0]
@@ -30,14 +30,14 @@ def test_portion_is_made_once_and_found_again(tmp_path):
 )
 def test_portion_of_another_step_or_rows_or_fingerprint_is_not_used(name, rows, fingerprint, tmp_path):
     calls = []
-    resume.Kept(tmp_path, "a").get("clouds", ROWS, _made(1.0, calls))
-    found = resume.Kept(tmp_path, fingerprint).get(name, rows, _made(2.0, calls))
+    notes.Portions(tmp_path, "a").get("clouds", ROWS, _made(1.0, calls))
+    found = notes.Portions(tmp_path, fingerprint).get(name, rows, _made(2.0, calls))
     assert calls == [1.0, 2.0]
     assert float(found["points"].max()) == 2.0
 
 
 def test_damaged_portion_is_made_again(tmp_path):
-    kept, calls = resume.Kept(tmp_path, "a"), []
+    kept, calls = notes.Portions(tmp_path, "a"), []
     kept.get("clouds", ROWS, _made(1.0, calls))
     (path,) = tmp_path.iterdir()
     data = bytearray(path.read_bytes())
@@ -51,7 +51,7 @@ def test_work_that_fails_leaves_no_portion(tmp_path):
     def fail():
         raise FloatingPointError
 
-    kept, calls = resume.Kept(tmp_path, "a"), []
+    kept, calls = notes.Portions(tmp_path, "a"), []
     with pytest.raises(FloatingPointError):
         kept.get("clouds", ROWS, fail)
     kept.get("clouds", ROWS, _made(1.0, calls))
@@ -60,7 +60,7 @@ def test_work_that_fails_leaves_no_portion(tmp_path):
 
 def test_clearing_leaves_other_files(tmp_path):
     for fingerprint in "ab":
-        resume.Kept(tmp_path, fingerprint).get("clouds", [ord(fingerprint)], _made(1.0, []))
+        notes.Portions(tmp_path, fingerprint).get("clouds", [ord(fingerprint)], _made(1.0, []))
     (tmp_path / "ddf.safetensors").write_text("result")
-    resume.Kept(tmp_path, "a").clear()
+    notes.Portions(tmp_path, "a").clear()
     assert [path.name for path in tmp_path.iterdir()] == ["ddf.safetensors"]
