@@ -7,6 +7,7 @@ from ddf_lab.evaluation.shape import fit_errors, leave_one_out, source_mesh
 from ddf_lab.run import Run
 
 
+@stage.main()
 def make(run: Run) -> None:
     """Fit seven fields, each within the budget of `fit.ablation`, and write their held-out errors."""
     fit = run.section(fit_settings.FitConfig)
@@ -16,7 +17,3 @@ def make(run: Run) -> None:
     sources = [out_dir / leave_one_out.RESULTS]
     record = provenance.record([fit], fit.loop.seed, sources, fit_errors)
     storage.save_table(out_dir / fit_errors.ABLATION, fit_errors.ablation_table(results), record)
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__)

@@ -8,6 +8,7 @@ from ddf_lab.evaluation import category_scores, scoring
 from ddf_lab.run import Run
 
 
+@stage.main(seed=True)
 def make(run: Run) -> None:
     """Evaluate every category of the data set; writes si3dr, per_image, cameras and shapes as CSV."""
     settings = run.section(scoring.EvaluateConfig)
@@ -30,7 +31,3 @@ def make(run: Run) -> None:
     out_dir = run.folder("evaluate", seed=run.seed)
     for name, table in whole.items():
         storage.save_table(out_dir / f"{name}.csv", table, record)
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__, seed=True)

@@ -8,25 +8,13 @@ from ddf_lab.evaluation.generative import generative_results
 from ddf_lab.run import Run
 
 
+@stage.main(category=True)
 def make(run: Run) -> None:
     """Read models, shapes and images; write scores.json and pictures.safetensors."""
     section = run.section(settings.ScoresConfig)
-    out_dir = run.folder("evaluate_generative")
-    trained = {"vae": "train_vae", "gan": "train_gan", "gan2d": "train_gan2d", "features": "train_features"}
-    folders = {name: run.folder(stage_name) for name, stage_name in trained.items()}
-    places = generative_results.Places(
-        index=run.index,
-        samples=run.folder("samples"),
-        out=out_dir,
-        **folders,
-    )
     training_loop.prepare(section.features.loop)
-    results, pictures = generative_results.measure(places, run.category, section)
-    storage.write_json(out_dir / "scores.json", results)
-    sources = [folder / training_loop.MODEL for folder in folders.values()]
+    results, pictures = generative_results.measure(run, section)
+    storage.write_json(run.folder("evaluate_generative") / "scores.json", results)
+    sources = [run.folder(f"train_{name}") / training_loop.MODEL for name in ("vae", "gan", "gan2d", "features")]
     record = provenance.record(section, section.seed, sources, generative_results)
-    storage.save_tensors(out_dir / "pictures.safetensors", pictures, record)
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__, category=True)
+    storage.save_tensors(run.folder("evaluate_generative") / "pictures.safetensors", pictures, record)

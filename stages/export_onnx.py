@@ -9,6 +9,7 @@ from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
 
+@stage.main(category=True)
 def make(run: Run) -> None:
     """Write one file per graph and onnx_parity.csv, which also says what smaller weights would cost."""
     section = run.section(onnx_file.ExportConfig)
@@ -26,7 +27,3 @@ def make(run: Run) -> None:
     table.insert(0, "category", run.category)
     record = provenance.record([section], section.seed, sources, exportable)
     storage.save_table(out_dir / "onnx_parity.csv", table, record)
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__, category=True)

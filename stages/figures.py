@@ -5,11 +5,8 @@ from ddf_lab.figures import figure_fields, figures_page
 from ddf_lab.run import Run
 
 
+@stage.main()
 def make(run: Run) -> None:
     """Fit what is missing and write the page."""
     figures = run.section(figure_fields.FiguresConfig)
     figures_page.write(figures, run.folder("figures") / "fields", run.page)
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__)

@@ -7,6 +7,7 @@ from ddf_lab.report.shape import shape_results
 from ddf_lab.run import Run
 
 
+@stage.main()
 def make(run: Run) -> None:
     """Read or make the mesh, fit it; write field, log, held-out errors, diagnostics and pictures."""
     fit = run.section(fit_settings.FitConfig)
@@ -14,7 +15,3 @@ def make(run: Run) -> None:
     mesh, source = source_mesh.read(fit.mesh, fit.loop.seed)
     fitting.fit(mesh, fit, out_dir, source, force=True)
     shape_results.write(mesh, fit, out_dir)
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__)

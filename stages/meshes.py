@@ -6,6 +6,7 @@ from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
 
+@stage.main(category=True)
 def make(run: Run) -> None:
     """Read the data set's index, prepare every shape of the category, write packs."""
     section = run.section(mesh_preparation.MeshesConfig)
@@ -18,9 +19,4 @@ def make(run: Run) -> None:
         out_dir=out_dir,
         fingerprint=fingerprint,
         describe=f"meshes {run.category}",
-        name_of=lambda shape: shape.id,
     )
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__, category=True)

@@ -7,6 +7,7 @@ from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
 
+@stage.main(category=True)
 def make(run: Run) -> None:
     """Load the VAE, write normals in shards."""
     section = run.section(settings.GANConfig).normals
@@ -21,7 +22,3 @@ def make(run: Run) -> None:
         fingerprint=fingerprint,
         describe=f"normals {run.category}",
     )
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__, category=True)

@@ -12,6 +12,7 @@ from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
 
+@stage.main(category=True, seed=True)
 def make(run: Run) -> None:
     """Read both models and the images of the category, write one file per model."""
     train = run.section(settings.TrainConfig)
@@ -48,7 +49,3 @@ def make(run: Run) -> None:
         names = {"images": test.names(), "train_images": train_images.names()}
         storage.save_tensors(out / f"{name}.safetensors", tensors | common, record | names | facts)
         kept.clear()
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__, category=True, seed=True)

@@ -5,10 +5,7 @@ from ddf_lab.report.experiment import experiment_page
 from ddf_lab.run import Run
 
 
+@stage.main()
 def make(run: Run) -> None:
     """Read what all stages left behind and write the report."""
     experiment_page.write(run, run.page, run.section(experiment_page.ReportConfig))
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__)

@@ -6,10 +6,7 @@ from ddf_lab.report import generative_page
 from ddf_lab.run import Run
 
 
+@stage.main(category=True)
 def make(run: Run) -> None:
     """Read what the stages before left behind and write the page."""
     generative_page.write(run, run.section(settings.GANConfig), run.section(settings.ScoresConfig))
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__, category=True)

@@ -6,10 +6,7 @@ from ddf_lab.report.shape import shape_page
 from ddf_lab.run import Run
 
 
+@stage.main()
 def make(run: Run) -> None:
     """Read what `fit_shape` and `ablate_samples` left behind and write the page."""
     shape_page.write(run, run.section(fit_settings.FitConfig))
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__)

@@ -6,6 +6,7 @@ from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
 
+@stage.main(category=True)
 def make(run: Run) -> None:
     """Read the packs of prepared meshes, write samples and clouds in shards."""
     section = run.section(sampling.SamplesConfig)
@@ -20,9 +21,4 @@ def make(run: Run) -> None:
         out_dir=out_dir,
         fingerprint=fingerprint,
         describe=f"samples {run.category}",
-        name_of=lambda shape: shape.id,
     )
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__, category=True)

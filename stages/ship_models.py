@@ -12,10 +12,7 @@ from ddf_lab.shipping import model_cards
 OUT = Path("src/ddf/shipped")
 
 
+@stage.main()
 def make(run: Run) -> None:
     """Fit the fields that are not there, round, export, describe."""
     model_cards.write_all(run, run.folder("shipped_fields"), OUT)
-
-
-if __name__ == "__main__":
-    stage.main(make, __doc__)

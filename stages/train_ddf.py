@@ -13,6 +13,8 @@ from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
 
+@stage.main(category=True, seed=True)
+@distributed.shared
 def make(run: Run) -> None:
     """Read training images and samples of the category, train, write model and log."""
     train = run.reseeded(settings.TrainConfig)
@@ -46,7 +48,3 @@ def make(run: Run) -> None:
     )
     if distributed.rank() == 0:
         trained.add_known(model, images, out_dir)
-
-
-if __name__ == "__main__":
-    stage.main(distributed.shared(make), __doc__, category=True, seed=True)

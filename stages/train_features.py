@@ -10,6 +10,8 @@ from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
 
+@stage.main(category=True)
+@distributed.shared
 def make(run: Run) -> None:
     """Read images, train, write model and log."""
     section = run.section(settings.ScoresConfig).features
@@ -28,7 +30,3 @@ def make(run: Run) -> None:
         record | image_features.description(section, run.category, len(images.ids)),
         f"features {run.category}",
     )
-
-
-if __name__ == "__main__":
-    stage.main(distributed.shared(make), __doc__, category=True)

@@ -10,6 +10,8 @@ from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
 
+@stage.main(category=True)
+@distributed.shared
 def make(run: Run) -> None:
     """Read images and normals, train, write model and log."""
     gan = run.section(settings.GANConfig)
@@ -35,7 +37,3 @@ def make(run: Run) -> None:
         record | gan_steps.record(gan, image_gans.KIND, run.category) | {"vae": dataclasses.asdict(vae.config)},
         f"gan {run.category}",
     )
-
-
-if __name__ == "__main__":
-    stage.main(distributed.shared(make), __doc__, category=True)

@@ -8,6 +8,8 @@ from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
 
+@stage.main(category=True)
+@distributed.shared
 def make(run: Run) -> None:
     """Read images, train, write model and log."""
     gan = run.section(settings.GANConfig)
@@ -26,7 +28,3 @@ def make(run: Run) -> None:
         record | gan_steps.record(gan, image_gans.KIND_2D, run.category),
         f"2D gan {run.category}",
     )
-
-
-if __name__ == "__main__":
-    stage.main(distributed.shared(make), __doc__, category=True)

@@ -12,6 +12,8 @@ from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
 
+@stage.main(category=True, seed=True)
+@distributed.shared
 def make(run: Run) -> None:
     """Read training images and clouds of the category, train, write model and log."""
     train = run.reseeded(settings.TrainConfig)
@@ -38,7 +40,3 @@ def make(run: Run) -> None:
         provenance.record(facts, train.loop.seed, sources, training_steps) | architecture,
         f"pcsiren {run.label}",
     )
-
-
-if __name__ == "__main__":
-    stage.main(distributed.shared(make), __doc__, category=True, seed=True)

@@ -11,6 +11,8 @@ from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
 
+@stage.main(category=True)
+@distributed.shared
 def make(run: Run) -> None:
     """Read the samples of the shapes that are learned, train, write model and log."""
     section = run.section(settings.VAEConfig)
@@ -33,7 +35,3 @@ def make(run: Run) -> None:
         record | {"kind": shape_vae.KIND, "category": run.category, "vae": dataclasses.asdict(section)},
         f"vae {run.category}",
     )
-
-
-if __name__ == "__main__":
-    stage.main(distributed.shared(make), __doc__, category=True)

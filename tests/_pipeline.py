@@ -15,7 +15,7 @@ FILES = sorted((ROOT / "configs").glob("*.yaml"))
 
 def experiment(file: Path) -> experiments.Experiment:
     """As the runner sees it, whose folder is the repository."""
-    return dataclasses.replace(experiments.read(file), file=Path("configs") / file.name)
+    return dataclasses.replace(experiments.read(run.Run.read(file)), file=Path("configs") / file.name)
 
 
 EXPERIMENTS = [experiment(file) for file in FILES]

@@ -58,7 +58,6 @@ def map_shards(
     fingerprint: str,
     describe: str,
     max_failure_share: float = MAX_FAILURE_SHARE,
-    name_of: Callable[[Item], str] = str,
     jobs: int | None = None,
 ) -> list[Failure]:
     """Run `function(shard_items, shard_index)` for every shard that is not done yet; progress goes to stderr.
@@ -68,10 +67,9 @@ def map_shards(
     that no current shard owns are removed. All failures are written to `failures.csv`.
 
     Args:
-      items: JSON-like values or dataclasses, in the order of the data set; they are sent to other processes.
+      items: JSON-like values, or dataclasses with an `id`, in the order of the data set; sent to other processes.
       fingerprint: of everything that the result depends on besides the items themselves.
       describe: the stage's name, for the progress bar and failures.
-      name_of: the id of an item.
     Returns:
       The failures of all shards, in the order of the items.
     Raises:
@@ -85,7 +83,7 @@ def map_shards(
     _run_all(waiting, describe, len(tasks), jobs)
     for task in waiting:
         if not task.note.path.exists():
-            _run_isolated(task, describe, name_of)
+            _run_isolated(task, describe)
     _remove_strangers(out_dir, tasks)
     failures = [failure for task in tasks for failure in task.failures()]
     _write_failures(out_dir / "failures.csv", failures)
@@ -157,19 +155,23 @@ def _backend() -> Iterator[None]:
         yield
 
 
-def _run_isolated(task: _Task, describe: str, name_of: Callable[[Any], str]) -> None:
+def _run_isolated(task: _Task, describe: str) -> None:
     """A shard that lost its process: try each item alone, then run the shard without those that kill a process."""
     survivors, extra = [], []
     for item in task.items:
         if _survives(dataclasses.replace(task, items=[item]), ()):
             survivors.append(item)
         else:
-            extra.append(Failure(name_of(item), describe, "its process died (crash in native code, or out of memory)"))
+            extra.append(Failure(_name(item), describe, "its process died (crash in native code, or out of memory)"))
     if not _survives(dataclasses.replace(task, items=survivors), extra):
         raise checks.InputError(
-            f"{describe}: shard {task.index} ({name_of(task.items[0])} ...) ended its process, although its items pass "
+            f"{describe}: shard {task.index} ({_name(task.items[0])} ...) ended its process, although its items pass "
             "one by one; check the memory, or use smaller shards"
         )
+
+
+def _name(item: Any) -> str:
+    return getattr(item, "id", str(item))
 
 
 def _survives(task: _Task, extra: Sequence[Failure]) -> bool:

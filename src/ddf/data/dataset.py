@@ -132,7 +132,6 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
         out_dir=out_dir,
         fingerprint=provenance.fingerprint([config.source, config.views, config.seed, str(root)], [], __name__),
         describe="dataset",
-        name_of=lambda item: item.id,
     )
     broken = {failure.id for failure in failures}
     categories = {}

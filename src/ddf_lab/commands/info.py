@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         models["single_shape"] = pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)
         models["ddf_encoder"] = reconstruction_models.Encoder(train.latent_features, train.encoder_width)
     parameters = {name: pddf.count_parameters(model) for name, model in models.items()}
-    cost, stages = experiment_cost.predict(experiment, measured=not args.no_steps), _stages(args.config)
+    cost, stages = experiment_cost.predict(experiment, measured=not args.no_steps), _stages(experiment)
     return {
         "config": str(args.config),
         "verdict": _verdict(args.config, stages, parameters, cost),
@@ -75,7 +75,7 @@ def _generative(experiment: Run) -> dict[str, Any]:
     from ddf.models.generative import parameter_counts, settings
 
     parameters = parameter_counts.count(experiment.section(settings.VAEConfig), experiment.section(settings.GANConfig))
-    stages = _stages(experiment.file)
+    stages = _stages(experiment)
     return {
         "config": str(experiment.file),
         "verdict": _verdict(experiment.file, stages, parameters),
@@ -87,16 +87,16 @@ def _generative(experiment: Run) -> dict[str, Any]:
     }
 
 
-def _stages(config_path: Path) -> list[str]:
+def _stages(experiment: Run) -> list[str]:
     """Names of the experiment's stages, in order, from the pipeline.yaml beside the folder of the file."""
     from ddf.core import checks
     from ddf_lab.engine import experiments, graph
 
-    pipeline = config_path.resolve().parent.parent / "pipeline.yaml"
+    pipeline = experiment.file.resolve().parent.parent / "pipeline.yaml"
     if not pipeline.is_file():
         return []
     try:
-        return [item.name for item in graph.expand(experiments.read(config_path).lists(), pipeline)]
+        return [item.name for item in graph.expand(experiments.read(experiment).lists(), pipeline)]
     except (KeyError, TypeError, AttributeError) as error:
         raise checks.InputError(f"{pipeline}: not a stage graph of this project ({error!r})") from error
 

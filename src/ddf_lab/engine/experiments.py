@@ -39,17 +39,17 @@ LAST_STAGE: dict[Kind, str] = {
     "generative": "report_generative",
     "figures": "figures",
 }
-LISTS = (  # of pipeline.yaml
-    "sources",
-    "sets",
-    "experiments",
-    "tasks",
-    "runs",
-    "evaluations",
-    "shapes",
-    "generations",
-    "figures",
-)
+LISTS: dict[str, tuple[tuple[Kind, ...], bool, bool]] = {  # of pipeline.yaml: kinds; by category; with further seeds
+    "sources": (("reconstruction", "generative"), False, False),
+    "sets": (("reconstruction", "generative"), True, False),
+    "experiments": (("reconstruction",), False, False),
+    "tasks": (("reconstruction",), True, False),
+    "runs": (("reconstruction",), True, True),
+    "evaluations": (("reconstruction",), False, True),
+    "shapes": (("shape",), False, False),
+    "generations": (("generative",), True, False),
+    "figures": (("figures",), False, False),
+}
 
 
 @dataclass(frozen=True)
@@ -73,27 +73,13 @@ class Experiment:
 
     def lists(self, seeds: int = 1) -> Lists:
         """What pipeline.yaml makes its items of: the stages of this experiment, and those of further seeds."""
-        whole, numbers = {self.name: item(self.file)}, range(1, seeds)
-        tasks = {f"{self.name}-{category}": item(self.file, category) for category in self.categories}
-        none: Lists = {name: {} for name in LISTS}
-        if self.kind == "shape":
-            return none | {"shapes": whole}
-        if self.kind == "figures":
-            return none | {"figures": whole}
-        if self.kind == "generative":
-            return none | {"sources": whole, "sets": tasks, "generations": tasks}
-        runs = {
-            f"{self.name}-{each}-{seed}": item(self.file, each, seed) for seed in numbers for each in self.categories
-        }
-        evaluations = {f"{self.name}-{seed}": item(self.file, "", seed) for seed in numbers}
-        return none | {
-            "sources": whole,
-            "sets": tasks,
-            "experiments": whole,
-            "tasks": tasks,
-            "runs": tasks | runs,
-            "evaluations": whole | evaluations,
-        }
+        found: Lists = {}
+        for name, (kinds, by_category, seeded) in LISTS.items():
+            categories = self.categories if by_category else ("",)
+            numbers = range(seeds if seeded else 1) if self.kind in kinds else ()
+            items = [item(self.file, category, seed) for seed in numbers for category in categories]
+            found[name] = {_key(each): each for each in items}
+        return found
 
 
 def item(file: Path, category: str = "", seed: int = 0) -> dict[str, str]:
@@ -105,6 +91,12 @@ def item(file: Path, category: str = "", seed: int = 0) -> dict[str, str]:
         "option": f" --seed {seed}" if seed else "",
         "folder": f"_seeds/{seed}" if seed else "",
     }
+
+
+def _key(item: dict[str, str]) -> str:
+    """cpu, cpu-chair, cpu-chair-1."""
+    parts = (item["name"], item["category"], item["folder"].rpartition("/")[2])
+    return "-".join(part for part in parts if part)
 
 
 def find(given: str, changes: Sequence[str] = ()) -> Experiment:
@@ -125,16 +117,16 @@ def find(given: str, changes: Sequence[str] = ()) -> Experiment:
     if file.parent != CONFIGS:
         file = _write(file.stem, sections, f"{given}")
     if not changes:
-        return read(file)
+        return read(Run.read(file))
     changed = dict(_change(sections, change) for change in changes)
     digest = hashlib.sha256(json.dumps(changed, sort_keys=True).encode()).hexdigest()[:HASH_DIGITS]
     variant = _write(f"{file.stem}+{digest}", sections, f"{file} with {' '.join(changes)}")
-    return dataclasses.replace(read(variant), base=file.stem)
+    return dataclasses.replace(read(Run.read(variant)), base=file.stem)
 
 
-def read(file: Path) -> Experiment:
+def read(run: Run) -> Experiment:
     """The experiment of a file, wherever that is; InputError where a section is missing."""
-    sections = Run.read(file).given
+    file, sections = run.file, run.given
     for kind in ("shape", "figures"):
         if tuple(sections) == KINDS[kind]:
             return Experiment(file, (), kind)

@@ -16,11 +16,12 @@ from pathlib import Path
 import psutil
 import yaml
 
-from ddf.core import checks, config, storage
-from ddf_lab.engine import console, experiments, finished, graph, lock, schedule
+from ddf.core import checks, config, locks, storage
+from ddf_lab.engine import console, experiments, finished, graph, schedule
 from ddf_lab.run import Run
 
 ITEMS = Path("params.yaml")
+LOCK = Path(".make/lock")  # one run at a time in a folder
 STALE = Path(".dvc/tmp/rwlock")  # DVC's own, left behind where it was killed
 
 
@@ -47,7 +48,7 @@ def run(given: str, changes: Sequence[str], options: Options) -> Path:
       InputError: for input at fault, and where a stage failed, which has then said why.
     """
     graph.load()
-    with lock.held() as descriptor:
+    with locks.held(LOCK, "another run holds this folder (process {number})") as descriptor:
         STALE.unlink(missing_ok=True)
         experiment = experiments.find(given, changes)
         stages = _known(options.stages or [experiment.last_stage], experiment)

@@ -10,20 +10,33 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from ddf.core import guard, interrupts, locks, notes
 from ddf_lab.engine import finished
 from ddf_lab.run import Run, time_path
 
+Make = Callable[[Run], None]
 
-def main(make: Callable[[Run], None], description: str | None, category: bool = False, seed: bool = False) -> None:
-    """Parse `--config FILE [--category NAME] [--seed S]` and call `make` with the run that they name.
+
+def main(category: bool = False, seed: bool = False) -> Callable[[Make], Make]:
+    """Of a script's last function: called with the run of `--config FILE [--category NAME] [--seed S]` where the script
+    is run, left as it is where it is imported.
 
     InputError and OSError (no such file, disk full, read-only) end the process with one line on stderr and code 2;
     anything else is a bug and keeps its traceback.
     """
-    parser = argparse.ArgumentParser(description=(description or "").partition("\n")[0])
+
+    def called(make: Make) -> Make:
+        if make.__module__ == "__main__":
+            _start(make, category, seed)
+        return make
+
+    return called
+
+
+def _start(make: Make, category: bool, seed: bool) -> NoReturn:
+    parser = argparse.ArgumentParser(description=(sys.modules["__main__"].__doc__ or "").partition("\n")[0])
     parser.add_argument("--config", type=Path, required=True, help="experiment file, for example configs/cpu.yaml")
     if category:
         parser.add_argument("--category", required=True, help="one of the categories of the experiment")
@@ -42,7 +55,7 @@ def _whole_number(text: str) -> int:
     return int(text)
 
 
-def _run_alone(make: Callable[[Run], None], config: Path, **arguments: Any) -> None:
+def _run_alone(make: Make, config: Path, **arguments: Any) -> None:
     """Run while holding the stage's lock, then note time, memory and what was made of what.
 
     Where the note of an earlier run says that there is nothing to do, nothing is done. A killed engine can leave a

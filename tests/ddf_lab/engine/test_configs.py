@@ -16,7 +16,7 @@ from ddf_lab.engine import experiments
 from ddf_lab.run import SECTIONS, Run, class_of
 
 FILES = sorted((Path(__file__).resolve().parents[3] / "configs").glob("*.yaml"))
-KINDS: dict[Path, experiments.Kind] = {path: experiments.read(path).kind for path in FILES}
+KINDS: dict[Path, experiments.Kind] = {path: experiments.read(Run.read(path)).kind for path in FILES}
 GENERATIVE = [path for path in FILES if KINDS[path] == "generative"]
 CONFIGS = [path for path in FILES if KINDS[path] == "reconstruction"]
 

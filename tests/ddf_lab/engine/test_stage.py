@@ -14,8 +14,8 @@ ROOT = Path(__file__).resolve().parents[3]
 def _stage(tmp_path: Path, body: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     script = tmp_path / "do_it.py"
     head = '"""Do it."""\nfrom ddf.core import checks\nfrom ddf_lab.engine import stage\n'
-    main = "stage.main(make, __doc__, category=True, seed=True)"
-    script.write_text(f"{head}def make(run):\n    {body}\n{main}\n")
+    main = "@stage.main(category=True, seed=True)"
+    script.write_text(f"{head}{main}\ndef make(run):\n    {body}\n")
     for name in ("configs/a.yaml", "b.yaml"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("evaluate: {}\nsamples: {}\n")

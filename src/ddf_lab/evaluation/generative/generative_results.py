@@ -1,7 +1,5 @@
 """What the generative models of one category reach, from their folders: scores and pictures for the page."""
 
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from jaxtyping import Float
@@ -12,55 +10,43 @@ from ddf.data.batches import category_data
 from ddf.models.generative import image_gans, normal_images, pictures, settings, shape_vae
 from ddf.training.generative import image_features, shape_data
 from ddf_lab.evaluation.generative import generative_clouds, generative_images, generative_pictures, held_out
+from ddf_lab.run import Run
 
 
-@dataclass(frozen=True)
-class Places:
-    """Where data and models are, and where the latents that are optimised go."""
-
-    index: Path
-    samples: Path
-    vae: Path
-    gan: Path
-    gan2d: Path
-    features: Path
-    out: Path
-
-
-def measure(
-    places: Places, category: str, section: settings.ScoresConfig
-) -> tuple[dict[str, Any], dict[str, Float[Tensor, "_ 3 h w"]]]:
+def measure(run: Run, section: settings.ScoresConfig) -> tuple[dict[str, Any], dict[str, Float[Tensor, "_ 3 h w"]]]:
     """The numbers of the page, and the images of its pictures by name."""
-    vae, gan, rival = shape_vae.load(places.vae), image_gans.load(places.gan), image_gans.load_2d(places.gan2d)
-    parts = shape_data.parts(places.index, places.samples, category, vae.config.held_out)
-    pictured, _ = shape_data.read_pictured(places.index, places.samples, category, gan.config.views)
-    sampled, _ = shape_data.read_sampled(places.index, places.samples, category, 1)
+    vae, gan = shape_vae.load(run.folder("train_vae")), image_gans.load(run.folder("train_gan"))
+    rival, data = image_gans.load_2d(run.folder("train_gan2d")), (run.index, run.folder("samples"), run.category)
+    parts = shape_data.parts(*data, vae.config.held_out)
+    pictured, _ = shape_data.read_pictured(*data, gan.config.views)
+    sampled, _ = shape_data.read_sampled(*data, 1)
     made = {
         generative_images.OURS: generative_images.generated(gan, section.images, section.seed),
         generative_images.FLAT: generative_images.generated_2d(rival, section.images, section.seed),
     }
-    network, dataset = image_features.load(places.features), shapenet.Dataset.open(places.index)
+    network, dataset = image_features.load(run.folder("train_features")), shapenet.Dataset.open(run.index)
     results = {
         "shapes": {"learned": len(parts.learned), "held_out": len(parts.held_out), "pictured": len(parts.pictured)},
-        **of_shapes(vae, parts, places, section),
+        **of_shapes(vae, parts, run, section),
         "images": generative_images.scores(network, pictured, made, section),
-        "consistency": generative_images.consistency(gan, dataset, category, list(parts.pictured), section),
+        "consistency": generative_images.consistency(gan, dataset, run.category, list(parts.pictured), section),
     }
     return results, generative_pictures.draw(gan, rival, pictured, sampled, results["prior"]["nearest"], section)
 
 
 def of_shapes(
-    vae: shape_vae.ShapeVAE, parts: shape_data.Parts, places: Places, section: settings.ScoresConfig
+    vae: shape_vae.ShapeVAE, parts: shape_data.Parts, run: Run, section: settings.ScoresConfig
 ) -> dict[str, Any]:
     """Held-out shapes encoded and optimised, the divergence, and samples of the prior beside learned shapes."""
-    learned, tested = (shape_data.read(places.samples, ids)[0] for ids in (parts.learned, parts.held_out))
+    samples = run.folder("samples")
+    learned, tested = (shape_data.read(samples, ids)[0] for ids in (parts.learned, parts.held_out))
     truth, known = (
-        generative_clouds.of_shapes(category_data.read_shapes(places.samples, ids), section.cloud_points, section.seed)
+        generative_clouds.of_shapes(category_data.read_shapes(samples, ids), section.cloud_points, section.seed)
         for ids in (parts.held_out, parts.learned)
     )
     latents = {
         "encoded": held_out.encode(vae, tested, section.seed)[0],
-        "optimised": held_out.auto_decode(vae, tested, section, places.out / "latents"),
+        "optimised": held_out.auto_decode(vae, tested, section, run.folder("evaluate_generative") / "latents"),
     }
     found = {}
     for name, own in latents.items():
