@@ -39,7 +39,7 @@ def test_portion_of_another_step_or_rows_or_fingerprint_is_not_used(name, rows, 
 def test_damaged_portion_is_made_again(tmp_path):
     kept, calls = notes.Portions(tmp_path, "a"), []
     kept.get("clouds", ROWS, _made(1.0, calls))
-    (path,) = tmp_path.iterdir()
+    (path,) = tmp_path.glob("*.safetensors")
     data = bytearray(path.read_bytes())
     data[-1] ^= 1
     path.write_bytes(data)
