@@ -1,13 +1,17 @@
-"""A hook of mkdocs: the site holds the pages where the repository has them, so that their links work in both places."""
+"""Hooks of mkdocs: pages lie where the repository has them, so that links work in both places; formulas are MathML."""
 
+import html
+import re
 import subprocess
 from pathlib import Path
+from typing import Any
 
+from latex2mathml import converter
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/*.md", "docs/*.webp", "reports/**/*.md"]
+PAGES = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/*.md", "docs/*.webp", "docs/*.svg", "reports/**/*.md"]
 LINKED = ["LICENSE", "CITATION.cff", "pipeline.yaml", "configs/*.yaml", "src/ddf/**/*.py", "reports/**", "examples/**"]
 
 
@@ -22,3 +26,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         if (ROOT / name).is_file()
     ]
     return Files([*theme, *own])
+
+
+def on_page_content(content: str, **_: Any) -> str:
+    """Replaces the formulas that arithmatex found; browsers draw MathML themselves."""
+    formula = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
+    return formula.sub(lambda found: converter.convert(html.unescape(found[1])), content)

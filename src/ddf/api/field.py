@@ -60,7 +60,7 @@ class Field(queries.Queried):
         return kinds.points(self._weights, n, seed)
 
     def surface(self, n: int = 5000, method: Literal["poisson", "udf"] = "poisson", resolution: int = 64) -> Mesh:
-        """A triangle mesh of the surface. Needs Open3D.
+        """A triangle mesh of the surface. `poisson` needs Open3D.
 
         Args:
           n: points with normals that `poisson` goes through; they are some of those that `udf` measures to.
@@ -79,11 +79,12 @@ class Field(queries.Queried):
           >>> mesh.vertices.shape[1], len(mesh.faces) > 100
           (3, True)
         """
-        with extras.named():
-            from ddf.fit import surfaces
+        from ddf.fit import surfaces
+
         if method not in surfaces.METHODS:
             raise checks.InputError(f"method must be one of {', '.join(surfaces.METHODS)}; got {method!r}")
-        return surfaces.extract(self.framed, self.cloud, method, n, resolution)
+        with extras.named():
+            return surfaces.extract(self.framed, self.cloud, method, n, resolution)
 
 
 def load(path_or_name: str | Path) -> Field:

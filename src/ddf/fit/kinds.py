@@ -1,16 +1,20 @@
 """Fields of one shape by their files, of either kind: a sine network's (`shape_field`), patches (`patch_field`)."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from ddf.core import storage
-from ddf.fields.grid import patch_field
-from ddf.fit import cloud_defaults, field_file, shape_field
+from ddf.fit import cloud_defaults, field_file
+
+if TYPE_CHECKING:
+    from ddf.fields.grid import patch_field
+    from ddf.fit import shape_field
 
 
-def load(path: Path) -> shape_field.ShapeField | patch_field.PatchField:
+def load(path: Path) -> "shape_field.ShapeField | patch_field.PatchField":
     """A field from its file, or from the folder that `ddf fit` wrote.
 
     Raises:
@@ -18,12 +22,17 @@ def load(path: Path) -> shape_field.ShapeField | patch_field.PatchField:
     """
     file = path if path.name == field_file.MODEL else path / field_file.MODEL
     if file.is_file() and storage.load_metadata(file).get("kind") == field_file.PATCHES:
+        from ddf.fields.grid import patch_field
+
         return patch_field.load(file)
+    field_file.read(path)  # what is no field is told before torch is asked for
+    from ddf.fit import shape_field
+
     return shape_field.load(path)
 
 
 def points(
-    shape: shape_field.ShapeField | patch_field.PatchField, count: int, seed: int = 0, **changed: int
+    shape: "shape_field.ShapeField | patch_field.PatchField", count: int, seed: int = 0, **changed: int
 ) -> Float[np.ndarray, "count 3"]:
     """Points on the surface, mesh frame: a network's by projection, patches' by area.
 
@@ -32,6 +41,9 @@ def points(
     Raises:
       InputError: a count below 1, or a setting that does not do.
     """
+    from ddf.fields.grid import patch_field
+    from ddf.fit import shape_field
+
     if isinstance(shape, patch_field.PatchField):
         return shape.points(count, seed)
     return shape_field.cloud(shape, count, cloud_defaults.cloud(**changed), seed)

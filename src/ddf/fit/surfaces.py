@@ -12,7 +12,7 @@ import numpy as np
 from ddf.core import checks
 from ddf.fields import checked_cloud, framed_field
 from ddf.fit import cloud_normals
-from ddf.geometry import poisson, unsigned_surface
+from ddf.geometry import unsigned_surface
 from ddf.geometry.mesh_io import Mesh
 
 Method = Literal["poisson", "udf"]
@@ -37,6 +37,8 @@ def extract(
       InputError: too few hits have a normal, or there is no surface.
     """
     if method == "poisson":
+        from ddf.geometry import poisson  # Open3D, which `udf` does without
+
         points = cloud.hits[:hits]
         normals = cloud_normals.ask(field, points)
         found = normals.any(axis=1)

@@ -1,16 +1,23 @@
-"""The package as users get it: a wheel in a fresh environment outside the checkout; and what starting it imports."""
+"""The package as users get it: a wheel in fresh environments, where the commands of the pages run."""
 
 import json
 import os
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import _page_inputs
 import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
 UV = ROOT / ".venv" / "bin" / "uv"
 HEAVY = ("torch", "torchvision", "pandas", "matplotlib", "open3d", "trimesh", "scipy", "onnxruntime", "numpy")
+PYTHONS = ("3.11", "3.12", "3.13")
+BASE_BYTES = 350e6
+ALONE = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+README, QUICK_START = ((ROOT / page).read_text() for page in ("README.md", "docs/quickstart.md"))
 
 
 def test_import_and_version_take_nothing_heavy():
@@ -29,31 +36,94 @@ def test_a_room_takes_no_public_name():
     subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
 
 
-@pytest.mark.slow
-def test_base_install_queries_renders_composes_and_compares_without_torch(tmp_path):
+def section(extra: str) -> list[str]:
+    """Lines of shell of the quick start that need one extra; the README's, too, for the base install."""
+    heading = f'pip install ".[{extra}]"' if extra else "pip install ."
+    (found,) = re.findall(rf"(?ms)^## With `{re.escape(heading)}`$(.*?)(?=^## |\Z)", QUICK_START)
+    shell = "".join(re.findall(r"(?ms)^```sh\n(.*?)^```$", found if extra else found + README))
+    return [line for line in shell.splitlines() if line.startswith("ddf ")]
+
+
+def interpreter(version: str) -> Path | None:
+    """A Python of this version on this machine."""
+    named = [
+        shutil.which(f"python{version}"),
+        *map(str, (Path.home() / ".pyenv/versions").glob(f"{version}.*/bin/python")),
+    ]
+    for name in filter(None, named):
+        told = subprocess.run(
+            [name, "-c", "import sys; print(*sys.version_info[:2], sep='.')"], capture_output=True, text=True
+        )
+        if told.stdout.strip() == version:
+            return Path(name)
+    return None
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
     if not UV.is_file():
         pytest.skip("uv is not in .venv: run `make setup`")
-    build = [UV, "build", "--wheel", "-q", "--no-build-isolation", "--offline", "-o", tmp_path / "dist", ROOT]
-    subprocess.run(build, check=True, timeout=120, env={**os.environ, "VIRTUAL_ENV": str(ROOT / ".venv")})
-    (wheel,) = (tmp_path / "dist").glob("*.whl")
-    subprocess.run([UV, "venv", "-q", "-p", sys.executable, tmp_path / "env"], check=True, timeout=60)
-    python = tmp_path / "env" / "bin" / "python"
-    install = [UV, "pip", "install", "-q", "--python", python, "-c", ROOT / "requirements.lock", wheel]
-    for how in (["--offline"], []):  # from uv's cache, else from the registry
-        done = subprocess.run([*install, *how], capture_output=True, text=True, timeout=200)
+    out = tmp_path_factory.mktemp("dist")
+    build = [UV, "build", "--wheel", "-q", "--no-build-isolation", "--offline", "-o", out, ROOT]
+    subprocess.run(build, check=True, timeout=120, env={**ALONE, "VIRTUAL_ENV": str(ROOT / ".venv")})
+    return next(out.glob("*.whl"))
+
+
+def environment(folder: Path, version: str, wheel: Path, extra: str) -> Path:
+    """The folder of the commands of a fresh environment; from uv's cache, else from the registry, else skipped."""
+    python = interpreter(version)
+    if python is None:
+        pytest.skip(f"there is no Python {version} on this machine")
+    subprocess.run([UV, "venv", "-q", "-p", python, folder / "env"], check=True, timeout=60)
+    what = f"{wheel}[{extra}]" if extra else str(wheel)
+    own = [UV, "pip", "install", "-q", "-p", folder / "env", "-c", ROOT / "requirements.lock", what]
+    for how in (["--offline"], []):
+        done = subprocess.run([*own, *how], capture_output=True, text=True, timeout=900)
         if done.returncode == 0:
-            break
-    else:
-        pytest.skip(f"the packages can be had neither from uv's cache nor from a registry: {done.stderr[-300:]}")
+            return folder / "env" / "bin"
+    pytest.skip(f"the packages can be had neither from uv's cache nor from a registry: {done.stderr[-300:]}")
+
+
+def run(commands: Path, folder: Path, line: str) -> subprocess.CompletedProcess[str]:
+    path = f"{commands}:/usr/bin:/bin"
+    return subprocess.run(
+        line, shell=True, cwd=folder, env={**ALONE, "PATH": path}, capture_output=True, text=True, timeout=600
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+@pytest.mark.parametrize("version", PYTHONS)
+@pytest.mark.parametrize("extra", ["", "torch", "experiments"])
+def test_the_commands_of_the_pages_run_in_the_extra_that_they_name(extra, version, wheel, tmp_path):
+    commands = environment(tmp_path, version, wheel, extra)
+    _page_inputs.write(tmp_path)
+    assert section(extra)
+    for line in section(extra):
+        done = run(commands, tmp_path, line.replace("--minutes 2", "--minutes 0.3"))
+        assert done.returncode == 0, f"{line}\n{done.stderr}"
+    doctor = json.loads(run(commands, tmp_path, "ddf doctor --json").stdout)
+    assert doctor["missing"] == [] and doctor["extras"]["torch"] == bool(extra)
+    for name in ("run", "info"):
+        done = run(commands, tmp_path, f"ddf {name} configs/cpu.yaml")
+        assert done.returncode == 2 and re.fullmatch(rf"ddf {name}: error: .*checkout.*\n", done.stderr)
+    if extra:
+        return
     size = sum(file.stat().st_size for file in (tmp_path / "env").rglob("*") if not file.is_symlink())
-    assert size < 350e6
-    script = [python, Path(__file__).parent / "_base_install.py"]
-    alone = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    run = subprocess.run(script, capture_output=True, text=True, cwd=tmp_path, env=alone, timeout=120)
-    assert run.returncode == 0, run.stderr
-    result = json.loads(run.stdout)
-    assert Path(result["file"]).is_relative_to(tmp_path)
-    assert result["heavy"] == []
+    assert size <= BASE_BYTES
+    assert run(commands, tmp_path, "python -c 'import ddf_lab'").returncode == 1
+    done = run(commands, tmp_path, f"python {Path(__file__).parent / '_base_install.py'}")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert Path(result["file"]).is_relative_to(tmp_path) and result["heavy"] == []
     assert set(result["told"]) == {"points", "surface", "cast", "fit", "reconstruct"}
-    for name, line in result["told"].items():
-        assert line.startswith("this needs ") and line.endswith(': pip install "directed-distance-fields[torch]"'), name
+    for name, told in result["told"].items():
+        assert told.startswith("this needs ") and told.endswith(': pip install "directed-distance-fields[torch]"'), name
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_the_library_alone(wheel):
+    import zipfile
+
+    tops = {name.split("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
+    assert tops == {"ddf", f"{wheel.name.split('-py3')[0]}.dist-info"}

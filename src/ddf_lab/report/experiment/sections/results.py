@@ -12,6 +12,7 @@ MODELS = ((scores.METHOD_LABELS[scoring.DDF], scoring.DDF), (scores.METHOD_LABEL
 COLUMNS = ("Pi_g-L", "Pi_g-S", "Pi_corrected-S", "Pi_pred-L", "Pi_pred-S")
 _VERDICTS = (("With the true camera", "Pi_g-L"), ("With the predicted camera", "Pi_pred-L"))
 _CHAMFER = "chamfer_l2_sq_x1000"
+_COMPARED = {_CHAMFER: "D<sub>C</sub>", "f_score_tau_x100": "F<sub>τ</sub>"}
 _CAPTION = (
     "Single-image reconstruction, measured here. Means over images. Bold: the better model of a row, where their "
     "paired difference exceeds two of its standard errors."
@@ -25,14 +26,14 @@ _READING = (
     "L and S: {large} and {small} predicted points, against the whole true cloud.",
     "Π<sub>g</sub>: true camera. Π̂: predicted camera and estimated scale.",
     "Π̂<sub>∇</sub>: predicted camera after gradient descent on the mask.",
-    "The first sentences of the page compare D<sub>C</sub> with L points.",
+    "The first sentences of the page compare D<sub>C</sub> and F<sub>τ</sub> with L points.",
     "A difference is called one where, paired by image, it exceeds two of its standard errors over {over}.",
-    "Neither model sees the test image's mask but in the columns that say so.",
+    "Encoders read images with alpha, so both models see the mask. What descends on it has columns that say so.",
 )
 _MASK_COLUMNS = ("Pi_g-L", "Pi_pred-L")
 _ON_MASK = (
-    "DDF with shapes moved until their silhouettes from the predicted camera agree with the test image's alpha, work "
-    "at test time that PC-SIREN, which has no visibility, cannot do. Bold as above."
+    "DDF with shapes moved until their silhouettes from the predicted camera agree with the test image's alpha. "
+    "PC-SIREN is given no such descent here. Bold as above."
 )
 _NEEDED = (  # what is to be done for a column
     ("Π<sub>g</sub>, Π̂", ("encoders", "cloud")),
@@ -46,28 +47,33 @@ _SECONDS = (
 
 
 def verdict(results: Results) -> str:
-    """Which model has the smaller Chamfer distance, with either camera, in two sentences."""
+    """Which model is better by the rule of claims, in what, with either camera, in two sentences."""
     return " ".join(_sentence(where, better_model(results, column)) for where, column in _VERDICTS)
 
 
-def better_model(results: Results, column: str) -> dict[str, str]:
-    """By category the model whose D_C is smaller, empty where no difference is seen (`paired.Difference.seen`)."""
+def better_model(results: Results, column: str) -> dict[tuple[str, str], str]:
+    """By category and metric the better model, empty where no difference is seen (`paired.Difference.seen`)."""
     ours, theirs = ((method, column) for _, method in MODELS)
-    found = {}
-    for category in results.categories:
-        if results.difference(category, ours, theirs, _CHAMFER) is not None:
-            won = results.better(category, ours, theirs, _CHAMFER)
-            found[category] = {1: MODELS[0][0], -1: MODELS[1][0], 0: ""}[won]
-    return found
+    names = {1: MODELS[0][0], -1: MODELS[1][0], 0: ""}
+    return {
+        (category, label): names[results.better(category, ours, theirs, metric)]
+        for category in results.categories
+        for metric, label in _COMPARED.items()
+        if results.difference(category, ours, theirs, metric) is not None
+    }
 
 
-def _sentence(where: str, found: Mapping[str, str]) -> str:
+def _sentence(where: str, found: Mapping[tuple[str, str], str]) -> str:
     parts = []
     for model, _ in MODELS:
-        won = [category for category, better in found.items() if better == model]
-        parts += [f"{model} is closer to the truth for {_listed(won)}"] if won else []
-    even = [category for category, better in found.items() if not better]
-    parts += [f"no difference between the models is seen for {_listed(even)}"] if even else []
+        won: dict[str, list[str]] = {}
+        for (category, label), better in found.items():
+            if better == model:
+                won.setdefault(category, []).append(label)
+        scores_of = [f"{category} ({' and '.join(labels)})" for category, labels in won.items()]
+        parts += [f"{model} is better for {_listed(scores_of)}"] if won else []
+    if "" in found.values():
+        parts.append(f"no {'other ' if parts else ''}difference is seen")
     return f"{where}, {'; '.join(parts)}." if parts else f"{where}, nothing was compared."
 
 
