@@ -24,7 +24,8 @@ NOT_RUN = {
     r"ddf reconstruct .*/sample_": "a minute of a busy core; tests/cli runs it on tiny models",
     r"ddf points ": "half a minute of a core; tests/cli runs it",
     r"ddf run ": "an experiment; tests/stages runs stages on tiny data",
-    r"ddf fit |my_field": "two minutes; tests/cli runs it",
+    r"ddf fit |my_field|my_network": "two minutes; tests/ddf/api/test_install.py runs it",
+    r"pip install ": "tests/ddf/api/test_install.py does in fresh environments",
     r"ddf split /path": "needs ShapeNet; tests/cli runs it on a listing",
     r"\. .venv/bin/activate": "changes the shell that runs it",
 }
