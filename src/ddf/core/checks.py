@@ -30,6 +30,13 @@ def require_content(path: str | Path) -> None:
             raise InputError(f"{path}: a Git LFS pointer, not the file itself; get it by: git lfs pull")
 
 
+def require_whole(name: str, value: Any, least: int) -> int:
+    """Raise unless a value is a whole number, `least` or more."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise InputError(f"{name} must be a whole number, {least} or more; got {value!r}")
+    return int(value)
+
+
 def require_vectors(name: str, values: Any) -> None:
     """Raise unless the last axis has length 3."""
     if values.ndim == 0 or values.shape[-1] != 3:

@@ -11,6 +11,7 @@ import hashlib
 import io
 import json
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -24,6 +25,7 @@ from ddf.core import checks, notes, storage
 
 MAX_FAILURE_SHARE = 0.02
 SCHEDULER_SECONDS = 20  # to wait for the Dask scheduler
+_SHOWN = 5  # items left out that are said one by one
 SMALL_RUN = 50  # below this many items, one failure is allowed although it is more than 2 %
 
 Item = TypeVar("Item")
@@ -64,7 +66,7 @@ def map_shards(
 
     The function writes its files into `out_dir` (through `storage`), named by the shard index, catches what a broken
     item raises and reports it as a Failure. An item that kills its process is found, reported and left out. Files
-    that no current shard owns are removed. All failures are written to `failures.csv`.
+    that no current shard owns are removed. All failures are written to `failures.csv`, and up to five are said.
 
     Args:
       items: JSON-like values, or dataclasses with an `id`, in the order of the data set; sent to other processes.
@@ -86,6 +88,10 @@ def map_shards(
             _run_isolated(task, describe)
     _remove_strangers(out_dir, tasks)
     failures = [failure for task in tasks for failure in task.failures()]
+    for failure in failures[:_SHOWN]:
+        sys.stderr.write(f"{describe}: left out {failure.id}: {' '.join(failure.reason.split())[:300]}\n")
+    if len(failures) > _SHOWN:
+        sys.stderr.write(f"{describe}: {len(failures)} left out in all, listed in {out_dir / 'failures.csv'}\n")
     _write_failures(out_dir / "failures.csv", failures)
     _check_failures(failures, len(items), max_failure_share, describe, out_dir)
     return failures

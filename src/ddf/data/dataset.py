@@ -17,6 +17,7 @@ from ddf.data.synthetic import write
 
 ROOT_VARIABLE = "DDF_DATA"  # environment variable with the root of real data, set by `make ... DATA=`
 SHARD_SIZES = {"synthetic": 4, "shapenet": 100}  # a shape takes about half a second to make, 10 ms to check
+_NOT_V2 = "whose meshes are turned against the renders; v1 is needed"
 CHECK_SIZE = 64  # pixels; any size reads the whole file
 
 
@@ -95,6 +96,8 @@ class ShardJob:
 def check_shape(root: Path, synset: str, shape_id: str, num_views: int) -> None:
     """Raise InputError unless mesh, metadata of all views and the images that the split uses are there and whole."""
     model = shapenet.model_path(root, synset, shape_id)
+    if not model.is_file() and (model.parent / "models" / "model_normalized.obj").is_file():
+        raise checks.InputError(f"{model}: no such mesh; {model.parent} is laid out as ShapeNetCore.v2, {_NOT_V2}")
     if not model.is_file() or model.stat().st_size == 0:
         raise checks.InputError(f"{model}: no such mesh, or an empty file; unpack ShapeNetCore.v1 there")
     folder = shapenet.rendering_dir(root, synset, shape_id)
@@ -164,6 +167,8 @@ def real_root(environment: Mapping[str, str]) -> Path:
             "`make reproduce-table CONFIG=configs/paper.yaml DATA=/path/to/shapenet`"
         )
     root = Path(given).expanduser().resolve()
+    if not (root / shapenet.MODELS).is_dir() and (root / "ShapeNetCore.v2").is_dir():
+        raise checks.InputError(f"{root}: holds ShapeNetCore.v2, {_NOT_V2}: unpack ShapeNetCore.v1 there")
     for name, what in ((shapenet.MODELS, "the meshes"), (shapenet.RENDERS, "the 3D-R2N2 renders")):
         if not (root / name).is_dir():
             raise checks.InputError(

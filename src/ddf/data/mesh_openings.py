@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float, Int
 
+from ddf.geometry import raycast
 from ddf.geometry.formats import polygons
 from ddf.geometry.mesh_io import Mesh
 
@@ -41,6 +42,15 @@ def width(mesh: Mesh, loop: Int[np.ndarray, "k"]) -> float:
     """Diagonal of the box of an opening, as a share of the mesh's."""
     corners = mesh.vertices[loop]
     return float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)) / mesh.diagonal())
+
+
+def entered(mesh: Mesh, wrap: Mesh) -> list[float]:
+    """Widths of the openings that a closed wrap of the mesh goes through: what lies behind them is a shell."""
+    found = loops(mesh)
+    if not found:
+        return []
+    through = raycast.Scene(wrap).outside(np.stack([mesh.vertices[loop].mean(axis=0) for loop in found]))
+    return [width(mesh, loop) for loop, out in zip(found, through, strict=True) if out]
 
 
 def filled(mesh: Mesh, largest: float) -> tuple[Mesh, int]:

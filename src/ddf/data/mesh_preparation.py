@@ -199,30 +199,29 @@ def prepare(raw: Mesh, config: MeshesConfig, rng: np.random.Generator) -> Prepar
         verdict="",
         **losses,
     )
-    return dataclasses.replace(prepared, verdict=_verdict(prepared, raw, unit, config))
+    widths = mesh_openings.entered(unit, solid) if wrapped and prepared.watertight else []
+    return dataclasses.replace(prepared, verdict=_verdict(prepared, raw, unit, widths, config))
 
 
-def _verdict(prepared: Prepared, raw: Mesh, unit: Mesh, config: MeshesConfig) -> str:
+def _verdict(prepared: Prepared, raw: Mesh, unit: Mesh, widths: list[float], config: MeshesConfig) -> str:
     """What was done, and what a user should know before trusting it, in one line."""
     said = ["wrapped" if prepared.wrapped else "kept as it is"]
     if prepared.openings_filled:
         said.insert(0, f"{prepared.openings_filled} openings filled")
     if len(prepared.mesh.faces) < len(unit.faces) and not prepared.wrapped:
         said.append(f"reduced to {len(prepared.mesh.faces)} triangles")
-    if prepared.wrapped and prepared.watertight and (thin := thickness(prepared.mesh)) < THIN * config.offset:
-        said += _about_openings(unit, config, thin)
+    if prepared.watertight and not prepared.wrapped:
+        inside = mesh_topology.nesting(unit)
+        held = 0 if inside is None else int(inside.any(axis=1).sum())
+        said += [f"{held} of its parts lie inside others: walls of cavities, or bodies in them"] if held else []
+    if widths:
+        thin = thickness(prepared.mesh)
+        share = f", {100 * thin:.2g} % of the diagonal thick" if thin < THIN * config.offset else " in part"
+        more = f"{len(widths)} openings, the widest {max(widths):.2g} of the diagonal; try --close holes"
+        said.append(f"a thin shell{share}: {more}")
     if prepared.hausdorff > LOSS_TO_TELL:
         hidden = " (hidden parts)" if prepared.hausdorff_seen < prepared.hausdorff_hidden else ""
         said.append(f"up to {100 * prepared.hausdorff:.2g} % of the diagonal away from the raw mesh{hidden}")
     if len(unit.faces) < 4 or (prepared.wrapped and 2 * len(unit.faces) < len(raw.faces)):
         said.append(f"made from {len(unit.faces)} of {len(raw.faces)} triangles")
     return "; ".join(said)
-
-
-def _about_openings(unit: Mesh, config: MeshesConfig, thin: float) -> list[str]:
-    widths = [mesh_openings.width(unit, loop) for loop in mesh_openings.loops(unit)]
-    if not widths:
-        return []
-    shell = f"a thin shell, {100 * thin:.2g} % of the diagonal thick"
-    more = f": {len(widths)} openings, the widest {max(widths):.2g} of the diagonal; try --close holes"
-    return [shell + (more if config.holes < max(widths) else "")]

@@ -25,11 +25,15 @@ V1_TOLERANCE = 0.01  # of the diagonal: how far a box may be from v1's, which is
 
 @dataclass(frozen=True)
 class RawShape:
-    """A shape's raw mesh file; the checksum makes a shard stale when the file changes."""
+    """A shape's raw mesh file; the checksum makes a shard stale when the file changes.
+
+    view: an image (path) and its camera (degrees, benchmark units) that the mesh must agree with; None for no check.
+    """
 
     id: str
     path: str
     checksum: str
+    view: tuple[str, float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -47,13 +51,20 @@ def raw_shapes(index_path: Path, category: str) -> list[RawShape]:
     Raises:
       InputError: an unknown category, or a shape without its mesh file.
     """
+    from ddf.data import shapenet  # takes torch, which what reads packs alone does without
+
     index = storage.read_json(index_path)
     if category not in index["categories"]:
         raise checks.InputError(f"{index_path}: no category {category!r}; it has {', '.join(index['categories'])}")
     entry = index["categories"][category]
-    folder = Path(index["root"]) / "ShapeNetCore.v1" / entry["synset"]
-    paths = [(shape["id"], folder / shape["id"] / "model.obj") for shape in entry["shapes"]]
-    return [RawShape(name, path.as_posix(), storage.checksum(path) if path.is_file() else "") for name, path in paths]
+    root, synset, found = Path(index["root"]), entry["synset"], []
+    for name in (shape["id"] for shape in entry["shapes"]):
+        path, renders = shapenet.model_path(root, synset, name), shapenet.rendering_dir(root, synset, name)
+        view = None
+        if (renders / shapenet.METADATA).is_file():
+            view = (shapenet.image_path(root, synset, name, 0).as_posix(), *shapenet.read_cameras(renders)[0].tolist())
+        found.append(RawShape(name, path.as_posix(), storage.checksum(path) if path.is_file() else "", view))
+    return found
 
 
 def chosen(shapes: Sequence[RawShape], config: mesh_config.MeshesConfig, category: str) -> list[RawShape]:
@@ -75,13 +86,15 @@ class PrepareShard:
 
     def __call__(self, shapes: Sequence[RawShape], index: int) -> parallel.ShardResult:
         """Prepare the shapes of one shard; a broken shape becomes a failure."""
-        from ddf.data import mesh_preparation  # what reads packs alone needs none of its packages
+        from ddf.data import mesh_preparation, silhouette_check  # what reads packs alone needs none of their packages
 
         members, rows, maps, failures = {}, [], {}, []
         for shape in shapes:
             try:
                 rng = seeding.generator(self.config.seed, self.category, shape.id, "measure")
                 raw = mesh_io.load(shape.path)
+                if shape.view is not None:
+                    silhouette_check.require(raw, silhouette_check.View(*shape.view))
                 prepared = mesh_preparation.prepare(raw, self.config, rng)
             except (checks.InputError, OSError) as error:
                 failures.append(parallel.Failure(shape.id, "meshes", str(error)))

@@ -4,14 +4,17 @@ Every decision is the same at any scale and place, and under a rounding far belo
 """
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy import sparse, spatial
 
 from ddf.core import checks
 from ddf.data import mesh_crossings
+from ddf.geometry import raycast
 from ddf.geometry.mesh_io import Mesh, face_normals, have_area
 
 _WELD_TOLERANCE = 1e-5  # of the diagonal: float32 noise of seams in STL files reaches 4e-6, real detail starts at 1e-4
+
+_MOST_PIECES = 1000  # more are a soup; and twice as many pairs whose boxes meet
 
 
 def clean(mesh: Mesh) -> Mesh:
@@ -123,35 +126,72 @@ def volumes(mesh: Mesh) -> Float[np.ndarray, "pieces"]:
 
 
 def outward(mesh: Mesh) -> Mesh:
-    """The mesh with the pieces turned that face inwards; where pieces do not lie apart all together, or none."""
-    volume = volumes(mesh)
-    if not _lie_apart(mesh):  # one may be the wall of a cavity in another
+    """The mesh with the pieces turned that face inwards, and with each all that lies inside it; where pieces touch or
+    are too many to be told apart all together, or none.
+    """
+    volume, inside = volumes(mesh), nesting(mesh)
+    if inside is None:
         return mesh if volume.sum() >= 0 else Mesh(mesh.vertices, mesh.faces[:, ::-1])
-    inwards = (volume < 0)[components(mesh)[mesh.faces[:, 0]]]
+    inwards = (volume < 0)[_outermost(inside)][components(mesh)[mesh.faces[:, 0]]]
     return Mesh(mesh.vertices, np.where(inwards[:, None], mesh.faces[:, ::-1], mesh.faces))
 
 
 def is_sound(mesh: Mesh) -> bool:
-    """Closed pieces, right side out or inside out, whose boxes lie apart, that nowhere pass through themselves."""
+    """Closed pieces, right side out or inside out, that pass neither through themselves nor through each other and
+    nowhere touch. What lies inside a piece is the wall of a cavity or lies in one: it faces the other way each time.
+    """
     if not (is_watertight(mesh) and has_manifold_vertices(mesh)):
         return False
-    return _lie_apart(mesh) and len(mesh_crossings.pierced(mesh)) == 0
+    inside, inwards = nesting(mesh), volumes(mesh) < 0
+    if inside is None or ((inwards ^ inwards[_outermost(inside)]) != (inside.sum(axis=1) % 2 == 1)).any():
+        return False
+    return len(mesh_crossings.pierced(mesh)) == 0
 
 
-def _lie_apart(mesh: Mesh) -> bool:
-    """Whether the boxes of all pieces are apart by more than the weld tolerance."""
+def _outermost(inside: Bool[np.ndarray, "n n"]) -> Int[np.ndarray, "n"]:
+    """Of every piece the one around it that lies in no other; itself where it lies in none."""
+    free = ~inside.any(axis=1)
+    return np.where(free, np.arange(len(inside)), np.argmax(inside & free, axis=1))
+
+
+def nesting(mesh: Mesh) -> Bool[np.ndarray, "pieces pieces"] | None:
+    """Which piece of a closed mesh (row) lies inside which (column), of pieces that do not cross; None where two are
+    nearer than the weld tolerance, or the boxes of too many meet.
+
+    Pieces whose boxes lie apart are not looked at. Of others the vertices and points on the edges are measured.
+    """
     label = components(mesh)
     count = int(label.max()) + 1
-    if count == 1:
-        return True
-    if count > 1000:  # a soup
-        return False
+    inside = np.zeros((count, count), dtype=bool)
+    if count > _MOST_PIECES:
+        return None
     lower, upper = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(lower, label, mesh.vertices)
     np.maximum.at(upper, label, mesh.vertices)
+    least = _WELD_TOLERANCE * mesh.diagonal()
     gap = np.maximum(lower[:, None] - upper[None], lower[None] - upper[:, None]).max(axis=-1)
     np.fill_diagonal(gap, np.inf)
-    return bool((gap > _WELD_TOLERANCE * mesh.diagonal()).all())
+    pairs = np.argwhere(gap <= least)
+    if len(pairs) > 2 * _MOST_PIECES:
+        return None
+    pieces = {
+        i: without_unused(Mesh(mesh.vertices, mesh.faces[label[mesh.faces[:, 0]] == i])) for i in np.unique(pairs)
+    }
+    scenes = {i: raycast.Scene(piece) for i, piece in pieces.items()}
+    probes = {i: _along_edges(piece) for i, piece in pieces.items()}
+    for one, other in pairs:
+        points = probes[one]
+        near = ((points >= lower[other] - least) & (points <= upper[other] + least)).all(axis=1)
+        if near.any() and scenes[other].distance(points[near]).min() <= least:
+            return None
+        inside[one, other] = bool(near.all() and not scenes[other].outside(points[:1])[0])
+    return inside
+
+
+def _along_edges(mesh: Mesh) -> Float[np.ndarray, "k 3"]:
+    """The vertices, and points at eighths of the edges."""
+    starts, stops = mesh.vertices[np.unique(np.sort(_edges(mesh.faces), axis=1), axis=0)].transpose(1, 0, 2)
+    return np.concatenate([mesh.vertices, *(starts + share * (stops - starts) for share in np.arange(1, 8) / 8)])
 
 
 def without_unused(mesh: Mesh) -> Mesh:

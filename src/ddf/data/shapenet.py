@@ -25,6 +25,7 @@ from ddf.core import checks, storage
 from ddf.geometry import cameras
 
 MODELS, RENDERS = "ShapeNetCore.v1", "ShapeNetRendering"  # folders of a root
+METADATA = "rendering_metadata.txt"  # of the renders of a shape
 NUM_VIEWS = 24
 SYNSETS = {
     "plane": "02691156",
@@ -146,7 +147,7 @@ def read_cameras(folder: Path) -> Float[np.ndarray, "views 3"]:
     Raises:
       InputError: the file is missing, or a line is not "azimuth elevation 0 ratio 25"; file and line are named.
     """
-    path = folder / "rendering_metadata.txt"
+    path = folder / METADATA
     if not path.is_file():
         raise checks.InputError(f"{path}: no such file; unpack the renders of this shape again")
     try:

@@ -81,6 +81,11 @@ def test_real_and_synthetic_roots_give_the_same_index(copy_of_root, tmp_path):
     assert kept == [shape["id"] for shape in read["categories"]["chair"]["shapes"]][::2]
 
 
+def _as_v2(model):
+    (model.parent / "models").mkdir()
+    model.rename(model.parent / "models" / "model_normalized.obj")
+
+
 def _faults(root, shape):
     """One function per fault, and what the report must say."""
     folder = shapenet.rendering_dir(root, CHAIR, shape)
@@ -92,7 +97,8 @@ def _faults(root, shape):
         "must hold 5 lines": lambda: metadata.write_text("10 25 0 0.7 25\n" * 4),
         "rendering_metadata.txt:1": lambda: metadata.write_text("10 25 0\n" * 5),
         "metadata.txt: no such file": metadata.unlink,
-        "model.obj: no such mesh": shapenet.model_path(root, CHAIR, shape).unlink,
+        "model.obj: no such mesh, or an empty": shapenet.model_path(root, CHAIR, shape).unlink,
+        "laid out as ShapeNetCore.v2": lambda: _as_v2(shapenet.model_path(root, CHAIR, shape)),
     }
 
 
@@ -130,6 +136,9 @@ def test_missing_roots_say_how_to_give_one(tmp_path, monkeypatch):
         dataset.make(section, tmp_path / "out")
     monkeypatch.setenv("DDF_DATA", str(tmp_path / "nowhere"))
     with pytest.raises(checks.InputError, match=f"nowhere/ShapeNetCore.v1: no such folder.*{hint}"):
+        dataset.make(section, tmp_path / "out")
+    (tmp_path / "nowhere" / "ShapeNetCore.v2").mkdir(parents=True)
+    with pytest.raises(checks.InputError, match=r"nowhere: holds ShapeNetCore\.v2, .* unpack ShapeNetCore\.v1 there"):
         dataset.make(section, tmp_path / "out")
     (tmp_path / "nowhere" / "ShapeNetCore.v1").mkdir(parents=True)
     with pytest.raises(checks.InputError, match="ShapeNetRendering: no such folder"):

@@ -332,6 +332,59 @@ def test_closed_pieces_that_lie_apart_are_kept_and_turned_outwards_one_by_one():
     assert mesh_preparation.prepare(joined(inwards, moved(cube(), 1.0, (1.5, 0, 0))), CONFIG, _random()).wrapped
 
 
+def _ring(shift, axes):
+    ring = torus(0.5, 0.1, 24)
+    return mesh_io.Mesh(
+        ring.vertices[:, axes] + np.array(shift), ring.faces if axes == [0, 1, 2] else ring.faces[:, ::-1]
+    )
+
+
+def _turned(mesh):
+    return mesh_io.Mesh(mesh.vertices, mesh.faces[:, ::-1])
+
+
+TOGETHER = {  # pieces whose boxes meet, and how many lie inside others; None: not kept
+    "rings": ((_ring((0, 0, 0), [0, 1, 2]), _ring((0.5, 0, 0), [0, 2, 1])), 0),
+    "cavity": ((cube(), _turned(cube(0.5))), 1),
+    "body in a cavity": ((cube(), _turned(cube(0.5)), cube(0.2)), 2),
+    "solid in a solid": ((cube(), cube(0.5)), None),
+    "touching": ((cube(), moved(cube(0.5), 1.0, (1.5, 0.3, 0.2))), None),
+    "crossing": ((cube(), moved(cube(0.5), 1.0, (1.2, 0.3, 0.2))), None),
+}
+
+
+@pytest.mark.parametrize("inside_out", [False, True])
+@pytest.mark.parametrize("name", TOGETHER)
+def test_closed_pieces_whose_boxes_meet_are_kept_unless_their_surfaces_do(name, inside_out):
+    parts, held = TOGETHER[name]
+    raw = joined(*parts)
+    volume = mesh_topology.volumes(raw).sum()
+    done = mesh_preparation.prepare(_turned(raw) if inside_out else raw, CONFIG, _random())
+    assert done.wrapped == (held is None) and done.watertight
+    if held is not None:
+        assert len(done.mesh.faces) == len(raw.faces) and done.hausdorff == 0
+        assert mesh_topology.volumes(done.mesh).sum() == pytest.approx(volume * done.field_from_raw.scale**3)
+        assert (f"{held} of its parts lie inside others" in done.verdict) == (held > 0)
+
+
+def test_an_open_part_beside_a_solid_is_told():
+    bowl = cube(0.5)
+    lidless = mesh_io.Mesh(bowl.vertices, bowl.faces[bowl.vertices[bowl.faces][:, :, 1].min(axis=1) < 0.4])
+    done = mesh_preparation.prepare(joined(moved(lidless, 1.0, (2.0, 0, 0)), cube(0.5)), CONFIG, _random())
+    assert done.wrapped and "a thin shell in part: 1 openings, the widest 0.43 of the diagonal" in done.verdict
+    whole = mesh_preparation.prepare(_unwelded(cube()), CONFIG, _random())
+    assert "shell" not in whole.verdict
+
+
+@pytest.mark.real
+def test_a_cube_in_the_slot_of_a_comb_is_kept(shared_dir):
+    raw = mesh_io.load(shared_dir / "cases" / "round3" / "comb_and_cube.obj")
+    done = mesh_preparation.prepare(raw, CONFIG, _random())
+    assert not done.wrapped and len(done.mesh.faces) == 168
+    volume = mesh_topology.volumes(done.mesh).sum() / done.field_from_raw.scale**3
+    assert volume == pytest.approx(111.000064, rel=1e-9)
+
+
 def test_closed_meshes_that_flat_triangles_or_pairs_hold_together_are_kept():
     box = cube()
     middle = box.vertices[box.faces[0, [0, 1]]].mean(axis=0)  # cut one side of an edge alone: a flat triangle closes it
