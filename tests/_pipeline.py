@@ -2,6 +2,7 @@
 
 import ast
 import dataclasses
+import functools
 from pathlib import Path
 
 from ddf.core import provenance
@@ -18,12 +19,9 @@ def experiment(file: Path) -> experiments.Experiment:
     return dataclasses.replace(experiments.read(run.Run.read(file)), file=Path("configs") / file.name)
 
 
-EXPERIMENTS = [experiment(file) for file in FILES]
-
-
 def expand(seeds: int = 1) -> dict[str, graph.Item]:
     """The items of all experiments with that many seeds, each experiment's in order."""
-    found = [item for each in EXPERIMENTS for item in graph.expand(each.lists(seeds), PIPELINE)]
+    found = [item for each in map(experiment, FILES) for item in graph.expand(each.lists(seeds), PIPELINE)]
     return {item.name: item for item in found}
 
 
@@ -37,13 +35,18 @@ def code_of(script: Path) -> list[str]:
 def sections_read(script: Path) -> set[str]:
     """The sections that a script, or what it imports, asks its run for; all of its kind for `run.sections()`."""
     named = {place.rpartition(":")[2]: section for section, place in run.SECTIONS.items()}
-    sections: set[str] = set()
-    for file in [script, *provenance.import_closure(script)]:
-        for node in ast.walk(ast.parse(file.read_text())):
-            if not isinstance(node, ast.Call):
-                continue
-            if ast.unparse(node.func) == "run.sections":
-                sections.update(experiments.KINDS["reconstruction"])
-            if ast.unparse(node.func) in ("run.section", "run.reseeded"):
-                sections.add(named[ast.unparse(node.args[0]).rpartition(".")[2]])
-    return sections
+    asked = {call for file in [script, *provenance.import_closure(script)] for call in _asked(file)}
+    whole = experiments.KINDS["reconstruction"] if ("run.sections", "") in asked else ()
+    return {*whole, *(named[name] for _, name in asked if name)}
+
+
+@functools.cache
+def _asked(file: Path) -> set[tuple[str, str]]:
+    """What of `run` a file calls to read sections, and the class that it names."""
+    calls = (node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call))
+    named = ((ast.unparse(call.func), call) for call in calls if isinstance(call.func, ast.Attribute))
+    return {
+        (name, ast.unparse(call.args[0]).rpartition(".")[2] if call.args else "")
+        for name, call in named
+        if name in ("run.sections", "run.section", "run.reseeded")
+    }

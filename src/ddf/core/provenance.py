@@ -82,8 +82,13 @@ def imported_modules(file: str | Path, typing: bool = False) -> list[str]:
     Args:
       typing: with those under `if TYPE_CHECKING:`, which no run imports.
     """
+    return list(_imported(Path(file), Path(file).stat().st_mtime_ns, typing))
+
+
+@functools.cache
+def _imported(file: Path, _changed: int, typing: bool) -> tuple[str, ...]:
     names: set[str] = set()
-    waiting: list[ast.AST] = [ast.parse(Path(file).read_text(encoding="utf-8"))]
+    waiting: list[ast.AST] = [ast.parse(file.read_text(encoding="utf-8"))]
     while waiting:
         node = waiting.pop()
         if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
@@ -97,7 +102,7 @@ def imported_modules(file: str | Path, typing: bool = False) -> list[str]:
                 raise ValueError(f"{file}:{node.lineno}: imports must be absolute")
             names.add(node.module or "")
             names.update(f"{node.module}.{alias.name}" for alias in node.names)
-    return sorted(names)
+    return tuple(sorted(names))
 
 
 def module_file(name: str) -> Path:

@@ -9,7 +9,6 @@ from pathlib import Path
 import _models
 import pytest
 import torch
-from torch._dynamo import exc
 from torch.nn import functional
 
 from ddf.data.samples import sample_batch
@@ -93,6 +92,8 @@ def test_compiled_loss_and_gradients_are_those_of_plain_passes(matmul, most, dev
 
 
 def test_where_nothing_compiles_passes_are_plain_and_one_line_says_so(monkeypatch, caplog):
+    from torch._dynamo import exc  # slow to import
+
     given = conditional_field()
     truth = gradients_of(*given)
 
