@@ -11,6 +11,7 @@ from unittest import mock
 
 from ddf.data.batches import category_data, fresh_samples, resident
 from ddf.fields import losses, pddf
+from ddf.models.encoders import encoder
 from ddf.models.reconstruction import reconstruction_models
 from ddf.training import chamfer_loss
 from ddf.training.reconstruction import training_steps
@@ -23,7 +24,7 @@ PARTS = (
     ("data", resident.Samples, "draw"),
     ("data", fresh_samples.CastSamples, "draw"),
     ("data", category_data.ShapeSet, "subsets"),
-    ("encoders", reconstruction_models.Encoder, "forward"),
+    ("encoders", encoder.Encoder, "forward"),
     ("field", losses, "shape_loss"),
     ("field", pddf.PointDecoder, "forward"),
     ("field", chamfer_loss, "chamfer_loss"),

@@ -15,6 +15,7 @@ from ddf.core import checks
 from ddf.fields import field_outputs, pddf, siren
 from ddf.fields.field_outputs import OUTPUTS
 from ddf.fields.field_values import FieldValues
+from ddf.models.encoders.encoder import IMAGE_CHANNELS
 from ddf.models.reconstruction import inference, reconstruction_models
 
 DYNAMIC = "n"  # the name of the axis whose length is free
@@ -125,7 +126,7 @@ class EncodersGraph(Graph):
         super().__init__()
         self.shape_encoder, self.camera_encoder = model.shape_encoder, model.camera_encoder
         self.camera_head = model.camera_head
-        self.inputs = {"images": (DYNAMIC, reconstruction_models.IMAGE_CHANNELS, image_size, image_size)}
+        self.inputs = {"images": (DYNAMIC, IMAGE_CHANNELS, image_size, image_size)}
         self.meanings = {
             "latent": "latent of the shape, input of the field and of PC-SIREN",
             "camera": "azimuth and elevation in radians, radius in benchmark units",
@@ -146,7 +147,7 @@ class ModulationsGraph(Graph):
     def __init__(self, model: reconstruction_models.DDFModel, image_size: int) -> None:
         super().__init__()
         self.model = model
-        self.inputs = {"images": (DYNAMIC, reconstruction_models.IMAGE_CHANNELS, image_size, image_size)}
+        self.inputs = {"images": (DYNAMIC, IMAGE_CHANNELS, image_size, image_size)}
         self.meanings = {
             "camera": "azimuth and elevation in radians, radius in benchmark units",
             "modulations": "factors of the sines of all layers, first layer first",

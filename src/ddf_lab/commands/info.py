@@ -31,6 +31,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     import torch
 
     from ddf.fields import pddf
+    from ddf.models.encoders import catalogue
     from ddf.models.reconstruction import reconstruction_models, settings
     from ddf_lab.engine import experiment_cost, experiments
 
@@ -43,7 +44,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         models["ddf"] = reconstruction_models.ddf_model(train, ddf.field)
         models["pc_siren"] = reconstruction_models.pcsiren_model(train)
         models["single_shape"] = pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)
-        models["ddf_encoder"] = reconstruction_models.Encoder(train.latent_features, train.encoder_width)
+        models["ddf_encoder"] = catalogue.ENCODERS[train.encoder](train.latent_features, train.encoder_width)
     parameters = {name: pddf.count_parameters(model) for name, model in models.items()}
     cost, stages = experiment_cost.predict(experiment, measured=not args.no_steps), _stages(experiment)
     return {

@@ -1,6 +1,6 @@
 """How far an image lies from the training images, by the shape encoder's features: any object gets a shape otherwise.
 
-The distance is Mahalanobis's, |Fᵀ (f - μ)| with F Fᵀ = (Σ + s D)⁻¹: f the pooled features of the last two stages, μ and
+The distance is Mahalanobis's, |Fᵀ (f - μ)| with F Fᵀ = (Σ + s D)⁻¹: f the encoder's pooled stages, μ and
 Σ of the training images, D the mean variance of each stage, s a share of it, for features that hardly vary. What is
 usual is told by the training images themselves. A trial, no command, on 360 validation and test images of a category
 and 144 renders of real meshes: at the 99 % point the shipped models call 1 to 2 % of their own category far. The

@@ -40,16 +40,16 @@ def _row_batches(images: category_data.ImageSet, size: int = ENCODER_BATCH) -> l
     return np.array_split(np.arange(count), -(-count // size))
 
 
-Stages = tuple[Float[Tensor, "n half"], Float[Tensor, "n features"]]
+Stages = tuple[Float[Tensor, "n _"], ...]
 
 
 @torch.no_grad()
 def encode_batch(
     model: reconstruction_models.ReconstructionModel, batch: Float[Tensor, "n 4 s s"]
 ) -> tuple[Stages, Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
-    """Features of the shape encoder's last two stages, shape latents and predicted cameras of some images."""
+    """Features of the shape encoder's stages, shape latents and predicted cameras of some images."""
     stages = model.shape_encoder.stages(batch)
-    return stages, model.shape_encoder.fc(stages[1]), model.camera_head(model.camera_encoder(batch))
+    return stages, model.shape_encoder.fc(stages[-1]), model.camera_head(model.camera_encoder(batch))
 
 
 def encode(
@@ -58,22 +58,22 @@ def encode(
     """Features of the last stage, latents and cameras of all images."""
     batches = (images.batch(rows).to(training_loop.device()) for rows in _row_batches(images))
     stages, latents, found = zip(*(encode_batch(model, batch) for batch in batches), strict=True)
-    return torch.cat([last for _, last in stages]), torch.cat(latents), torch.cat(found)
+    return torch.cat([each[-1] for each in stages]), torch.cat(latents), torch.cat(found)
 
 
 def image_features(
     model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet
 ) -> Float[Tensor, "n features"]:
     """Pooled features of the shape encoder, by which the retrieval row finds the nearest training image."""
-    return image_stages(model, images)[1]
+    return image_stages(model, images)[-1]
 
 
 @torch.no_grad()
 def image_stages(model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet) -> Stages:
-    """The same of its last two stages, by which `familiarity` tells how usual an image is."""
+    """The same of its stages, by which `familiarity` tells how usual an image is."""
     batches = (images.batch(rows).to(training_loop.device()) for rows in _row_batches(images))
-    third, last = zip(*(model.shape_encoder.stages(batch) for batch in batches), strict=True)
-    return torch.cat(third).cpu(), torch.cat(last).cpu()
+    found = (model.shape_encoder.stages(batch) for batch in batches)
+    return tuple(torch.cat(stage).cpu() for stage in zip(*found, strict=True))
 
 
 def _generator(config: settings.PointcloudsConfig, image: int) -> torch.Generator:

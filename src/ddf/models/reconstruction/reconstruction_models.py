@@ -1,4 +1,4 @@
-"""Single-image 3D reconstruction: encoders, the two models, camera regression and correction. [DDF22] §4.3, app. E.
+"""Single-image 3D reconstruction: the two models, camera regression and correction. [DDF22] §4.3, app. E.
 
 An RGBA image goes to a shape latent z_s and to a camera (azimuth, elevation, radius); a conditional PDDF or PC-SIREN
 turns z_s into a shape. Cameras are (..., 3): azimuth and elevation in radians, radius in benchmark units.
@@ -6,6 +6,7 @@ turns z_s into a shape. Cameras are (..., 3): azimuth and elevation in radians, 
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
@@ -16,80 +17,11 @@ from ddf.core import checks
 from ddf.fields import pddf, rendering, siren
 from ddf.fields.gpu import compiled_passes
 from ddf.geometry import cameras
+from ddf.models.encoders import catalogue
 from ddf.models.reconstruction import settings
 
-RESNET18_WIDTH = 64
 LEAST_PAIR = 0.05  # a (sin θ, cos θ) shorter than this says nothing; the slope of its angle is 1 / length
-IMAGE_CHANNELS = 4
 LOG_OF_ZERO = -100.0  # where `torch.nn.functional.binary_cross_entropy` bounds a logarithm
-
-
-class Encoder(nn.Module):
-    """ResNet-18 on RGBA images with a chosen first width; 64 is torchvision's own network, not pretrained."""
-
-    def __init__(self, out_features: int, width: int = RESNET18_WIDTH) -> None:
-        super().__init__()
-        self.conv1 = nn.Conv2d(IMAGE_CHANNELS, width, kernel_size=7, stride=2, padding=3, bias=False)
-        self.bn1 = nn.BatchNorm2d(width)
-        self.relu = nn.ReLU(inplace=True)
-        self.maxpool = nn.MaxPool2d(kernel_size=3, stride=2, padding=1)
-        self.layer1 = _stage(width, width, stride=1)
-        self.layer2 = _stage(width, 2 * width, stride=2)
-        self.layer3 = _stage(2 * width, 4 * width, stride=2)
-        self.layer4 = _stage(4 * width, 8 * width, stride=2)
-        self.fc = nn.Linear(8 * width, out_features)
-        for module in self.modules():
-            if isinstance(module, nn.Conv2d):
-                nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
-
-    def features(self, images: Float[Tensor, "b 4 h w"]) -> Float[Tensor, "b features"]:
-        """Pooled features, before the last linear layer."""
-        return self.stages(images)[1]
-
-    def stages(self, images: Float[Tensor, "b 4 h w"]) -> tuple[Float[Tensor, "b half"], Float[Tensor, "b features"]]:
-        """Pooled features of the last two stages."""
-        if images.is_cuda:  # convolutions of a GPU take channels side by side; oneDNN's have failed on small images so
-            images = images.contiguous(memory_format=torch.channels_last)
-        hidden = self.maxpool(self.relu(self.bn1(self.conv1(images))))
-        third = self.layer3(self.layer2(self.layer1(hidden)))
-        return third.mean(dim=(-2, -1)), self.layer4(third).mean(dim=(-2, -1))
-
-    def forward(self, images: Float[Tensor, "b 4 h w"]) -> Float[Tensor, "b out"]:
-        """Latent or camera of each image; values in [0, 1]."""
-        return self.fc(self.features(images))
-
-
-class BasicBlock(nn.Module):
-    """Two convolutions around which the input is added; weights as torchvision's block of that name has them.
-
-    Its own, for `import torchvision` takes as long as all the rest of `ddf reconstruct` takes to start. Source: He et
-    al. 2016.
-    """
-
-    def __init__(self, inputs: int, outputs: int, stride: int, downsample: nn.Module | None) -> None:
-        super().__init__()
-        self.conv1 = nn.Conv2d(inputs, outputs, kernel_size=3, stride=stride, padding=1, bias=False)
-        self.bn1 = nn.BatchNorm2d(outputs)
-        self.relu = nn.ReLU(inplace=True)
-        self.conv2 = nn.Conv2d(outputs, outputs, kernel_size=3, padding=1, bias=False)
-        self.bn2 = nn.BatchNorm2d(outputs)
-        self.downsample = downsample
-
-    def forward(self, images: Float[Tensor, "b inputs h w"]) -> Float[Tensor, "b outputs h2 w2"]:
-        """Half as wide and high with a stride of 2."""
-        added = images if self.downsample is None else self.downsample(images)
-        hidden = self.relu(self.bn1(self.conv1(images)))
-        return self.relu(self.bn2(self.conv2(hidden)) + added)
-
-
-def _stage(inputs: int, outputs: int, stride: int) -> nn.Sequential:
-    downsample = None
-    if stride != 1 or inputs != outputs:
-        downsample = nn.Sequential(
-            nn.Conv2d(inputs, outputs, kernel_size=1, stride=stride, bias=False), nn.BatchNorm2d(outputs)
-        )
-    first = BasicBlock(inputs, outputs, stride, downsample)
-    return nn.Sequential(first, BasicBlock(outputs, outputs, 1, None))
 
 
 class CameraHead(nn.Module):
@@ -164,12 +96,18 @@ class ReconstructionModel(nn.Module):
     """Two encoders and a decoder. Parameters at the paper's sizes: 25,647,367 (DDF) and 25,645,574 (PC-SIREN)."""
 
     def __init__(
-        self, decoder: nn.Module, latent_features: int, encoder_width: int, azimuth: settings.Azimuth = "angle"
+        self,
+        decoder: nn.Module,
+        latent_features: int,
+        encoder_width: int,
+        azimuth: settings.Azimuth = "angle",
+        encoder: str = "resnet",
     ) -> None:
         super().__init__()
+        make = catalogue.ENCODERS[encoder]
         self.camera_head = CameraHead(azimuth)
-        self.shape_encoder = Encoder(latent_features, encoder_width)
-        self.camera_encoder = Encoder(self.camera_head.num_scores, encoder_width)
+        self.shape_encoder = make(latent_features, encoder_width)
+        self.camera_encoder = make(self.camera_head.num_scores, encoder_width)
         self.decoder = decoder
 
     def parameter_groups(
@@ -193,10 +131,8 @@ class DDFModel(ReconstructionModel):
 
     decoder: pddf.ConditionalPDDF
 
-    def __init__(
-        self, config: pddf.PDDFConfig, latent_features: int, encoder_width: int, azimuth: settings.Azimuth = "angle"
-    ) -> None:
-        super().__init__(pddf.ConditionalPDDF(config, latent_features), latent_features, encoder_width, azimuth)
+    def __init__(self, config: pddf.PDDFConfig, latent_features: int, *encoders: Any) -> None:
+        super().__init__(pddf.ConditionalPDDF(config, latent_features), latent_features, *encoders)
 
     @property
     def field(self) -> pddf.PDDF:
@@ -213,10 +149,8 @@ class PCSirenModel(ReconstructionModel):
 
     decoder: pddf.PointDecoder
 
-    def __init__(
-        self, layout: siren.SineLayout, latent_features: int, encoder_width: int, azimuth: settings.Azimuth = "angle"
-    ) -> None:
-        super().__init__(pddf.PointDecoder(layout, latent_features), latent_features, encoder_width, azimuth)
+    def __init__(self, layout: siren.SineLayout, latent_features: int, *encoders: Any) -> None:
+        super().__init__(pddf.PointDecoder(layout, latent_features), latent_features, *encoders)
 
 
 def mask_loss(
@@ -270,9 +204,9 @@ def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, chances: Float[T
 
 def ddf_model(train: settings.TrainConfig, field: settings.FieldConfig) -> DDFModel:
     """The DDF model of a config, freshly initialised."""
-    return DDFModel(field.of(train.decoder), train.latent_features, train.encoder_width, train.azimuth)
+    return DDFModel(field.of(train.decoder), train.latent_features, *train.encoders)
 
 
 def pcsiren_model(train: settings.TrainConfig) -> PCSirenModel:
     """The PC-SIREN model of a config, freshly initialised."""
-    return PCSirenModel(train.decoder, train.latent_features, train.encoder_width, train.azimuth)
+    return PCSirenModel(train.decoder, train.latent_features, *train.encoders)

@@ -7,6 +7,7 @@ from ddf.core import checks
 from ddf.data.batches import varied_images
 from ddf.data.samples import sample_types
 from ddf.fields import cloud_projection, losses, pddf, siren
+from ddf.models.encoders import catalogue
 from ddf.training import training_loop
 
 CAMERA_NUMBERS = ("azimuth", "elevation", "radius")
@@ -18,7 +19,8 @@ CubePoints = Literal["random", "even"]
 class TrainConfig:
     """Section `train`: what both models share.
 
-    image_size: of the encoders' input. encoder_width: 64 is ResNet-18. decoder: hidden layers and frequencies of both
+    image_size: of the encoders' input. encoder, encoder_width: a name of `encoders.catalogue` and its first width; the
+    paper's are resnet and 64, ResNet-18. decoder: hidden layers and frequencies of both
     decoders, of which only input and output differ. camera_weight: γ_RΠ.
     azimuth: `angle` is the paper's, `sincos` regresses (sin θ, cos θ), see `reconstruction_models.CameraHead`.
     augmentation: how training images are varied; null, the paper's way, for the images as they are.
@@ -35,6 +37,7 @@ class TrainConfig:
     loop: training_loop.LoopConfig
     azimuth: Azimuth = "angle"
     augmentation: varied_images.AugmentationConfig | None = None
+    encoder: str = "resnet"
 
     def __post_init__(self) -> None:
         for name, least in (("image_size", 32), ("encoder_width", 1), ("latent_features", 1), ("batch_size", 2)):
@@ -45,6 +48,12 @@ class TrainConfig:
         for name in ("camera_weight", "weight_decay_shape", "weight_decay_camera"):
             if not getattr(self, name) >= 0:
                 raise checks.InputError(f"train.{name} must be >= 0; got {getattr(self, name)}")
+        catalogue.require(self.encoder)
+
+    @property
+    def encoders(self) -> tuple[int, Azimuth, str]:
+        """What both models make their encoders by: `ReconstructionModel`."""
+        return self.encoder_width, self.azimuth, self.encoder
 
 
 @dataclass(frozen=True)

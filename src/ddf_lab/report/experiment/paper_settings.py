@@ -26,6 +26,7 @@ _LAYERS = "512, 512, 512, 256, 256, 256, 256"
 _SI3DR, _SINGLE, _TABLE, _TEXT = "app. si3dr", "app. singlefits", "table si3dr", "§4.3"
 SETTINGS = (
     Setting("image size of the encoders", "train.image_size", "128", _SI3DR),
+    Setting("encoder", "train.encoder", "resnet", _SI3DR),
     Setting("encoder width (64 is ResNet-18)", "train.encoder_width", "64", _SI3DR),
     Setting("latent size", "train.latent_features", "512", _SI3DR),
     Setting("hidden layers of both decoders", "train.decoder.hidden", _LAYERS, _SI3DR),

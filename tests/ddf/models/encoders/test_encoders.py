@@ -1,0 +1,65 @@
+"""Every encoder of the catalogue does what reconstruction, familiarity and ONNX files ask of it."""
+
+import dataclasses
+
+import _models
+import pytest
+import torch
+from torch import nn
+
+from ddf.core import checks
+from ddf.io import onnx_file, onnx_graphs, onnx_parity
+from ddf.models.encoders import catalogue, convnext
+from ddf.models.reconstruction import familiarity, inference, reconstruction_models
+
+
+def _model(name):
+    torch.manual_seed(0)
+    train = dataclasses.replace(_models.TRAIN, encoder=name)
+    model = reconstruction_models.ddf_model(train, _models.OWN)
+    model.camera_head.fit(_models.CAMERAS)
+    return model
+
+
+@pytest.mark.parametrize("name", catalogue.ENCODERS)
+def test_encoder_learns_a_latent_and_tells_its_stages(name):
+    images = torch.rand(6, 4, 32, 32, generator=torch.Generator().manual_seed(0))
+    model = _model(name)
+    stages, latents, cameras = inference.encode_batch(model.eval(), images)
+    assert latents.shape == (6, 6) and cameras.shape == (6, 3)
+    torch.testing.assert_close(model.shape_encoder(images), latents)
+    torch.testing.assert_close(model.shape_encoder.fc(stages[-1]), latents)
+    known = familiarity.measure(stages)
+    assert familiarity.quantile(known, torch.cat(stages, dim=1)).shape == (6,)
+    model.train().shape_encoder(images).square().sum().backward()
+    assert all(bool(p.grad.isfinite().all()) for p in model.shape_encoder.parameters())
+
+
+@pytest.mark.parametrize("name", catalogue.ENCODERS)
+def test_encoder_is_the_same_in_onnx(name):
+    graph = onnx_graphs.EncodersGraph(_model(name).eval(), 32)
+    onnx_parity.require(onnx_parity.compare(onnx_file.to_onnx(graph, {}), name, graph, (1, 3), 0))
+
+
+def test_one_that_has_features_of_one_stage_alone_is_enough(monkeypatch):
+    class Plain(catalogue.encoder.Encoder):
+        def __init__(self, out_features, width):
+            super().__init__()
+            self.first, self.fc = nn.Conv2d(4, width, 3), nn.Linear(width, out_features)
+
+        def stages(self, images):
+            return (self.first(images).mean(dim=(-2, -1)),)
+
+    monkeypatch.setitem(catalogue.ENCODERS, "plain", Plain)
+    test_encoder_learns_a_latent_and_tells_its_stages("plain")
+
+
+def test_convnext_has_the_parameters_of_its_smallest_published_size():
+    """Woo et al. 2023 give 3.7 M for atto, with a head of 1000 and three channels."""
+    encoder = convnext.ConvNeXt(1000, 40)
+    assert sum(p.numel() for p in encoder.parameters()) == 3_708_400 + 16 * 40
+
+
+def test_unknown_encoder_is_refused():
+    with pytest.raises(checks.InputError, match=r"train\.encoder must be one of resnet, convnext; got 'vit'"):
+        dataclasses.replace(_models.TRAIN, encoder="vit")
