@@ -334,7 +334,7 @@ def _sampled(dtype: torch.dtype) -> case.Outcome:
 )
 def _offset(dtype: torch.dtype) -> case.Outcome:
     surface = sampling.surface_of(raycast.Scene(CUBE))
-    drawn = draws.draw_offset(surface, draws.CUBE, 2000, np.random.default_rng(0), 0.05, uniform=False)
+    drawn = draws.draw_offset(draws.Place(surface, draws.CUBE, 0.05), 2000, np.random.default_rng(0))
     depth = torch.from_numpy(drawn.positions).to(dtype).abs()
     off = (depth - 0.95).abs().amin(-1)
     return case.every(

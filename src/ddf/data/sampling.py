@@ -83,7 +83,7 @@ def draw(
 ) -> draws.Draw:
     """`count` oriented points of one type, not yet rounded."""
     place = draws.Place(surface, box, config.epsilon_o, config.offsets == "uniform")
-    return draws.DRAWS[kind](place, count, rng)
+    return sample_types.DRAWS[kind](place, count, rng)
 
 
 @dataclass(frozen=True)

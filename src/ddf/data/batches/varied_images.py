@@ -6,6 +6,7 @@ generator: a resumed training and one of several processes see the same images.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,6 @@ from torch import Tensor
 
 from ddf.core import arrays, checks
 
-NUMBERS = 9  # drawn per image
 LEAST_WIDTH = 0.05  # pixels: a Gaussian that blurs nothing
 LEAST_ALPHA = 1 / 510  # half a step of eight bits: less is nothing
 
@@ -35,32 +35,54 @@ class AugmentationConfig:
     alpha: float
 
     def __post_init__(self) -> None:
-        for name, most in (("colour", 2.0), ("blur", 4.0), ("shift", 8.0), ("alpha", 2.0)):
+        for name, most in _LARGEST.items():
             if not 0 <= getattr(self, name) <= most:
                 raise checks.InputError(
                     f"train.augmentation.{name} must be in [0, {most:g}]; got {getattr(self, name)}"
                 )
 
 
-def numbers(count: int, random: np.random.Generator, part: slice) -> Float[Tensor, "b 9"]:
+def numbers(count: int, random: np.random.Generator, part: slice) -> Float[Tensor, "b numbers"]:
     """Random numbers in [-1, 1) for `part` of so many images, drawn for all."""
     return torch.from_numpy(random.uniform(-1, 1, (count, NUMBERS))[part].astype(np.float32))
 
 
 def vary(
-    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 9"], config: AugmentationConfig
+    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b numbers"], config: AugmentationConfig
 ) -> Float[Tensor, "b 4 h w"]:
     """Images in [0, 1], changed by as much as `chances` in [-1, 1) say; RGB is 0 where alpha is 0."""
-    chances = arrays.send(chances, images.device)
+    own = arrays.send(chances, images.device).split([each.numbers for each in AUGMENTATIONS], dim=1)
+    for each, part in zip(AUGMENTATIONS, own, strict=True):
+        if any(getattr(config, key) for key in each.largest):
+            images = each.change(images, part, config)
+    return images
+
+
+def _coloured(
+    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 5"], config: AugmentationConfig
+) -> Float[Tensor, "b 4 h w"]:
     gains = config.colour * (chances[:, :1] + chances[:, 1:4] / 3)
     power = (config.colour * chances[:, 4:5]).exp()[..., None, None]
     rgb = (images[:, :3].clamp_min(0) ** power * gains.exp()[..., None, None]).clamp(0, 1)
-    alpha = images[:, 3:] ** (config.alpha * chances[:, 5:6]).exp()[..., None, None]
-    spread = torch.cat((rgb * alpha, alpha), dim=1)
-    if config.blur or config.shift:
-        width = (config.blur * chances[:, 6:7].abs()).clamp_min(LEAST_WIDTH)
-        for axis, row in ((-1, 7), (-2, 8)):
-            spread = _moved(spread, width, config.shift * chances[:, row : row + 1], axis, _reach(config))
+    return torch.cat((rgb, images[:, 3:]), dim=1)
+
+
+def _hardened(
+    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 1"], config: AugmentationConfig
+) -> Float[Tensor, "b 4 h w"]:
+    alpha = images[:, 3:] ** (config.alpha * chances).exp()[..., None, None]
+    shown = alpha >= LEAST_ALPHA
+    return torch.cat((images[:, :3] * shown, alpha * shown), dim=1)
+
+
+def _moved(
+    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 3"], config: AugmentationConfig
+) -> Float[Tensor, "b 4 h w"]:
+    """Blurred and shifted, colours as much as they are opaque."""
+    spread = torch.cat((images[:, :3] * images[:, 3:], images[:, 3:]), dim=1)
+    width = (config.blur * chances[:, :1].abs()).clamp_min(LEAST_WIDTH)
+    for axis, row in ((-1, 1), (-2, 2)):
+        spread = _along(spread, width, config.shift * chances[:, row : row + 1], axis, _reach(config))
     alpha = spread[:, 3:] * (spread[:, 3:] >= LEAST_ALPHA)
     rgb = torch.where(alpha > 0, spread[:, :3] / spread[:, 3:].clamp_min(LEAST_ALPHA), 0.0)
     return torch.cat((rgb, alpha), dim=1).clamp(0, 1)
@@ -71,7 +93,7 @@ def _reach(config: AugmentationConfig) -> int:
     return math.ceil(config.shift) + math.ceil(3 * config.blur)
 
 
-def _moved(
+def _along(
     images: Float[Tensor, "b c h w"], width: Float[Tensor, "b 1"], by: Float[Tensor, "b 1"], axis: int, reach: int
 ) -> Float[Tensor, "b c h w"]:
     """Each image blurred by a Gaussian of its own width and moved by its own pixels along one axis; 0 comes in.
@@ -88,3 +110,21 @@ def _moved(
     weights = kernels.repeat_interleave(channels, dim=0)[:, None].unflatten(2, shape)
     planes = images.reshape(1, count * channels, *images.shape[2:])
     return torch.nn.functional.conv2d(planes, weights, padding=padding, groups=count * channels).reshape(images.shape)
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """One change of images. largest: its keys in the config and how large they may be. numbers: drawn per image."""
+
+    largest: dict[str, float]
+    numbers: int
+    change: Callable[[Tensor, Tensor, AugmentationConfig], Tensor]
+
+
+AUGMENTATIONS = (  # in this order; a new one is an entry here, a function above and its key in the config
+    Augmentation({"colour": 2.0}, 5, _coloured),
+    Augmentation({"alpha": 2.0}, 1, _hardened),
+    Augmentation({"blur": 4.0, "shift": 8.0}, 3, _moved),
+)
+NUMBERS = sum(each.numbers for each in AUGMENTATIONS)
+_LARGEST = {key: most for each in AUGMENTATIONS for key, most in each.largest.items()}

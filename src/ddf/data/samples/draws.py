@@ -5,7 +5,6 @@ back along. Draws are float32; their memory holds one coordinate after the other
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +41,19 @@ class Draw:
 
 
 CUBE = Box(-np.ones(3), np.ones(3))
+
+
+@dataclass(frozen=True)
+class Place:
+    """What samples of one mesh are drawn from.
+
+    epsilon_o: offset of O samples, field units; of each at most that if `uniform_offsets`.
+    """
+
+    surface: Surface
+    box: Box
+    epsilon_o: float = 0.0
+    uniform_offsets: bool = False
 
 
 def unit_vectors(count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
@@ -131,9 +143,9 @@ def _boundary_count(count: int, rng: np.random.Generator) -> int:
     return int(whole) + int(rest > 0 and rng.random() < rest)
 
 
-def draw_uniform(box: Box, count: int, rng: np.random.Generator) -> Draw:
+def draw_uniform(place: Place, count: int, rng: np.random.Generator) -> Draw:
     """U: p ~ U[B], v ~ U[S²]."""
-    return Draw(_in_box(box, count, rng), unit_vectors(count, rng))
+    return Draw(_in_box(place.box, count, rng), unit_vectors(count, rng))
 
 
 def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
@@ -143,14 +155,15 @@ def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray,
     return positions.T
 
 
-def draw_at_surface(surface: Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+def draw_at_surface(place: Place, count: int, rng: np.random.Generator) -> Draw:
     """A: q0 by area, v0 ~ U[S²], p on the segment from q0 along v0 to ∂B, v = -v0."""
-    origins, _ = surface.draw(count, rng)
-    return _back_along(_inside(origins, box), unit_vectors(count, rng), box, rng)
+    origins, _ = place.surface.draw(count, rng)
+    return _back_along(_inside(origins, place.box), unit_vectors(count, rng), place.box, rng)
 
 
-def draw_bounding(box: Box, count: int, rng: np.random.Generator) -> Draw:
+def draw_bounding(place: Place, count: int, rng: np.random.Generator) -> Draw:
     """B: p ~ U[∂B], v uniform on the hemisphere that points inwards."""
+    box = place.box
     sides = box.upper - box.lower
     areas = np.repeat([sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]], 2)
     wall = np.minimum(np.searchsorted(np.cumsum(areas), _shares(count, rng) * areas.sum(), side="right"), 5)
@@ -163,59 +176,34 @@ def draw_bounding(box: Box, count: int, rng: np.random.Generator) -> Draw:
     return Draw(positions, directions)
 
 
-def draw_surface(surface: Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+def draw_surface(place: Place, count: int, rng: np.random.Generator) -> Draw:
     """S: p by area on S, v ~ U[S²]."""
-    positions, face = surface.draw(count, rng)
-    return Draw(_inside(positions, box), unit_vectors(count, rng), _rows(surface.normals, face), starts_on=True)
+    positions, face = place.surface.draw(count, rng)
+    return Draw(
+        _inside(positions, place.box), unit_vectors(count, rng), _rows(place.surface.normals, face), starts_on=True
+    )
 
 
-def draw_tangent(surface: Surface, box: Box, count: int, rng: np.random.Generator) -> Draw:
+def draw_tangent(place: Place, count: int, rng: np.random.Generator) -> Draw:
     """T: as A, with v0 uniform in the tangent plane at q0."""
-    origins, face = surface.draw(count, rng)
-    normals = _rows(surface.normals, face)
-    return _back_along(_inside(origins, box), _tangents(normals, rng), box, rng, normals)
+    origins, face = place.surface.draw(count, rng)
+    normals = _rows(place.surface.normals, face)
+    return _back_along(_inside(origins, place.box), _tangents(normals, rng), place.box, rng, normals)
 
 
 def _rows(normals: Float[np.ndarray, "m 3"], face: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
     return normals.take(face, axis=0).T.copy().T
 
 
-def draw_offset(
-    surface: Surface, box: Box, count: int, rng: np.random.Generator, epsilon: float, uniform: bool
-) -> Draw:
-    """O: the line of a T sample moved by ±ε n0 (by a uniform share of it if `uniform`), p on its part inside B."""
-    origins, face = surface.draw(count, rng)
-    origins, normals = _inside(origins, box), _rows(surface.normals, face)
-    size = _shares(count, rng) if uniform else np.ones(count, np.float32)
-    size *= epsilon
+def draw_offset(place: Place, count: int, rng: np.random.Generator) -> Draw:
+    """O: the line of a T sample moved by ±ε n0 (by a share of it if `uniform_offsets`), p on its part inside B."""
+    origins, face = place.surface.draw(count, rng)
+    origins, normals = _inside(origins, place.box), _rows(place.surface.normals, face)
+    size = _shares(count, rng) if place.uniform_offsets else np.ones(count, np.float32)
+    size *= place.epsilon_o
     side = np.where(_shares(count, rng) < 0.5, np.float32(-1), np.float32(1))[:, None] * normals
-    room, other = _exit(origins, side, box).min(axis=0), _exit(origins, -side, box).min(axis=0)
+    room, other = _exit(origins, side, place.box).min(axis=0), _exit(origins, -side, place.box).min(axis=0)
     turned = (room < size) & (other > room)
     step = np.minimum(size, np.where(turned, other, room))
-    moved = _inside(origins + np.where(turned, -step, step)[:, None] * side, box)
-    return _back_along(moved, _tangents(normals, rng), box, rng)
-
-
-@dataclass(frozen=True)
-class Place:
-    """What samples of one mesh are drawn from.
-
-    epsilon_o: offset of O samples, field units; of each at most that if `uniform_offsets`.
-    """
-
-    surface: Surface
-    box: Box
-    epsilon_o: float
-    uniform_offsets: bool
-
-
-DRAWS: dict[str, Callable[[Place, int, np.random.Generator], Draw]] = {
-    "U": lambda place, count, rng: draw_uniform(place.box, count, rng),
-    "A": lambda place, count, rng: draw_at_surface(place.surface, place.box, count, rng),
-    "B": lambda place, count, rng: draw_bounding(place.box, count, rng),
-    "S": lambda place, count, rng: draw_surface(place.surface, place.box, count, rng),
-    "T": lambda place, count, rng: draw_tangent(place.surface, place.box, count, rng),
-    "O": lambda place, count, rng: draw_offset(
-        place.surface, place.box, count, rng, place.epsilon_o, place.uniform_offsets
-    ),
-}
+    moved = _inside(origins + np.where(turned, -step, step)[:, None] * side, place.box)
+    return _back_along(moved, _tangents(normals, rng), place.box, rng)

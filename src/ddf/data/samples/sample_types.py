@@ -1,7 +1,7 @@
 """The types of oriented-point samples, once: what each supervises, in the order in which a batch holds them.
 
 A term of the loss reads one slice of a batch, so the types of a term stand side by side in `TYPES`. A new type is an
-entry here, a key of `Counts`, and a function in `draws.DRAWS`.
+entry here, a key of `Counts`, and a function in `draws`.
 """
 
 import dataclasses
@@ -9,20 +9,23 @@ import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from ddf.core import checks
+from ddf.data.samples import draws
 
 
 @dataclass(frozen=True)
 class SampleType:
     """One type of samples and the terms of the loss that cover it.
 
-    stored: drawn with its ground truth by the stage `samples`. derivatives: not of points that depth and visibility
-    alone supervise. values: may also come so, as `U+` of `U`, for less than half the cost. eikonal, normals,
-    transition: covered by these terms. doubled: its depth counts twice. needed: every batch has some.
+    draw: with its ground truth by the stage `samples`; None of points that are not stored. derivatives: not of points
+    that depth and visibility alone supervise. values: may also come so, as `U+` of `U`, for less than half the cost.
+    eikonal, normals, transition: covered by these terms. doubled: its depth counts twice. needed: every batch has some.
     """
 
     name: str
-    stored: bool = True
+    draw: Callable[[draws.Place, int, np.random.Generator], draws.Draw] | None = None
     derivatives: bool = True
     values: bool = False
     eikonal: bool = False
@@ -33,14 +36,14 @@ class SampleType:
 
 
 TYPES = (
-    SampleType("E", stored=False, eikonal=True),  # extra uniform points, without ground truth
-    SampleType("U", values=True, eikonal=True, normals=True, doubled=True),
-    SampleType("A", values=True, eikonal=True, normals=True, doubled=True),
-    SampleType("B", values=True, eikonal=True, normals=True),
-    SampleType("S", values=True, transition=True),
-    SampleType("T", values=True, transition=True),
-    SampleType("O"),  # has no derivatives anyway
-    SampleType("P", stored=False, derivatives=False, doubled=True, needed=False),  # rays that the field proposes itself
+    SampleType("E", eikonal=True),  # extra uniform points, without ground truth
+    SampleType("U", draws.draw_uniform, values=True, eikonal=True, normals=True, doubled=True),
+    SampleType("A", draws.draw_at_surface, values=True, eikonal=True, normals=True, doubled=True),
+    SampleType("B", draws.draw_bounding, values=True, eikonal=True, normals=True),
+    SampleType("S", draws.draw_surface, values=True, transition=True),
+    SampleType("T", draws.draw_tangent, values=True, transition=True),
+    SampleType("O", draws.draw_offset),  # has no derivatives anyway
+    SampleType("P", derivatives=False, doubled=True, needed=False),  # rays that the field proposes itself
 )
 
 
@@ -53,7 +56,8 @@ def _named(of: Callable[[SampleType], bool]) -> tuple[str, ...]:
     return tuple(kind.name for kind in TYPES if of(kind))
 
 
-KINDS = _named(lambda kind: kind.stored)  # what a shard holds
+DRAWS = {kind.name: kind.draw for kind in TYPES if kind.draw is not None}
+KINDS = tuple(DRAWS)  # what a shard holds
 ORDER = _named(lambda kind: kind.derivatives)
 STORED_VALUES = tuple(f"{name}+" for name in _named(lambda kind: kind.values))
 VALUES_ONLY = (*STORED_VALUES, *_named(lambda kind: not kind.derivatives))

@@ -32,7 +32,7 @@ class ConvNeXt(Encoder):
         for module in self.modules():
             if isinstance(module, nn.Conv2d | nn.Linear):
                 nn.init.trunc_normal_(module.weight, std=0.02)
-                nn.init.zeros_(module.bias)
+                module.bias = nn.Parameter(torch.zeros(len(module.weight)))
 
     def stages(self, images: Float[Tensor, "b 4 h w"]) -> tuple[Float[Tensor, "b half"], Float[Tensor, "b features"]]:
         """Pooled features of the last two stages."""

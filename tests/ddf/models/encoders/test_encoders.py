@@ -32,7 +32,7 @@ def test_encoder_learns_a_latent_and_tells_its_stages(name):
     known = familiarity.measure(stages)
     assert familiarity.quantile(known, torch.cat(stages, dim=1)).shape == (6,)
     model.train().shape_encoder(images).square().sum().backward()
-    assert all(bool(p.grad.isfinite().all()) for p in model.shape_encoder.parameters())
+    assert all(p.grad is not None and bool(p.grad.isfinite().all()) for p in model.shape_encoder.parameters())
 
 
 @pytest.mark.parametrize("name", catalogue.ENCODERS)
