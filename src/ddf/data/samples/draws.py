@@ -168,10 +168,10 @@ def draw_bounding(place: Place, count: int, rng: np.random.Generator) -> Draw:
     areas = np.repeat([sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]], 2)
     wall = np.minimum(np.searchsorted(np.cumsum(areas), _shares(count, rng) * areas.sum(), side="right"), 5)
     positions, directions = _in_box(box, count, rng), unit_vectors(count, rng)
-    for axis, (place, turned) in enumerate(zip(positions.T, directions.T, strict=True)):
+    for axis, (position, turned) in enumerate(zip(positions.T, directions.T, strict=True)):
         rows = np.flatnonzero(wall >> 1 == axis)
         upper = wall[rows] % 2 == 1
-        place[rows] = np.where(upper, box.upper[axis], box.lower[axis])
+        position[rows] = np.where(upper, box.upper[axis], box.lower[axis])
         turned[rows] = np.copysign(turned[rows], np.where(upper, np.float32(-1), np.float32(1)))
     return Draw(positions, directions)
 
