@@ -16,7 +16,7 @@ from typing import Any
 
 import torch
 
-from bench.gpu import casts, counts, parity, rates, sizes
+from bench.gpu import casts, parity, rates, sizes
 from bench.lib import display, measuring
 from ddf.core import checks
 from ddf_lab.report import pages
@@ -44,7 +44,7 @@ def page(record: Mapping[str, Any]) -> pages.Page:
     where = told.get("gpu", "the CPU alone")
     lead = [f"Made by `python -m bench gpu_check` on {where}, in {record['took_s']:.0f} s. {names}."]
     builders: dict[str, Callable[[Sequence[Mapping[str, Any]]], pages.Section]] = {
-        "steps": _steps, "counts": _counts, "fields": _fields, "clouds": _clouds, "casts": _casts, "parity": _parity
+        "steps": _steps, "fields": _fields, "clouds": _clouds, "casts": _casts, "parity": _parity
     }  # fmt: skip
     return pages.Page(TITLE, lead, [build(record[name]) for name, build in builders.items() if name in record])
 
@@ -79,23 +79,6 @@ def _steps(rows: Sequence[Mapping[str, Any]]) -> pages.Section:
             _table("Parts, ms: each waits for the device, so that together they take longer.", ["", *PARTS], parts),
         ],
     )
-
-
-def _counts(rows: Sequence[Mapping[str, Any]]) -> pages.Section:
-    lines = [
-        [
-            row["what"],
-            *(f"{row[name]:,}" for name in ("launches", "waits", "sent", "fetched")),
-            f"{row['bytes'] / 2**30:.1f}",
-            f"{row['flops'] / 1e12:.2f}",
-        ]
-        for row in rows
-    ]
-    header = ["", "operators", "waits for a value", "copies to it", "copies from it", "GiB read and written", "TFLOP"]
-    caption = (
-        "What a step asks a GPU for, counted without one: operators one by one, as none is compiled, without AdamW."
-    )
-    return pages.Section("Counts", [_table(caption, header, lines)])
 
 
 def _fields(rows: Sequence[Mapping[str, Any]]) -> pages.Section:
@@ -160,7 +143,6 @@ def check(how: sizes.Sizes, device: str, out: Path) -> None:
     with parity.placed(device):
         sections: dict[str, Callable[[], list[dict[str, Any]]]] = {
             "steps": lambda: rates.step_rows(how),
-            "counts": lambda: counts.rows(how),
             "fields": lambda: rates.field_rows(how),
             "clouds": lambda: rates.cloud_rows(how),
             "casts": lambda: casts.rows(how, device),

@@ -14,8 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 from torch.profiler import ProfilerActivity, profile
 
-from bench.gpu import counts
-from bench.gpu.sizes import Sizes
+from bench.gpu.sizes import EVENLY, Sizes
 from bench.lib import measuring
 from bench.reconstruction import step_split
 from ddf.data.batches import resident
@@ -159,7 +158,7 @@ def cloud_rows(sizes: Sizes) -> list[dict[str, Any]]:
     def draw() -> None:
         cloud_projection.select(project(), [sizes.cloud_points], sizes.cloud)
 
-    spread = dataclasses.replace(sizes.cloud, **counts.EVENLY)
+    spread = dataclasses.replace(sizes.cloud, **EVENLY)
 
     def project_evenly() -> list[cloud_projection.ProjectedPoints]:
         return cloud_projection.sample(model.field, modulations, sizes.cloud_points, spread, generator)

@@ -10,6 +10,7 @@ from ddf.models.reconstruction import settings
 
 CONFIG = Path("configs/paper.yaml")
 DIRECTIONS, CYCLES = 16, 3  # n_v and N_H of the timed cloud
+EVENLY = {"jitter": 0.2, "recheck": (0.1,), "spread": 0.75, "crowding": 1.0, "least_confidence": 0.1, "aimed": 0.5}
 PROPOSALS = settings.ProposalConfig(160, 2, 0.5, 0.2, 0.05, 0.05)
 
 

@@ -71,13 +71,12 @@ def test_check_runs_with_a_handful_of_packages_alone(tmp_path):
         "ddf step, tf32, without data on the device",
         "ddf step, tf32, without compiled passes",
     ]
-    assert [row["waits"] for row in record["counts"]] == [0, 0, 0, 0, 0, 1]  # a cloud's: how many candidates it trusts
     (cast,) = record["casts"]
     assert cast["what"] == "operators" and cast["error"]["other_hits"] == 0 and cast["error"]["depth_max"] < 1e-5
     assert len(record["clouds"]) == 4 and all(row["median_s"] > 0 for row in record["clouds"])
     assert all(row["kernels"] > 0 and row["median_s"] > 0 and row["loss"] > 0 for row in record["steps"])
     text = (tmp_path / "gpu" / "check.md").read_text()
-    assert text.count("| ddf step, ") == 2 * (len(rates.PRECISIONS) + 2) + 3 and "on the CPU alone" in text
+    assert text.count("| ddf step, ") == 2 * (len(rates.PRECISIONS) + 2) and "on the CPU alone" in text
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
