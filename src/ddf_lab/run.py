@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self, TypeVar, cast
 
-from ddf.core import checks, config
+from ddf.core import checks, config, names
 
 # Section of an experiment file: its dataclass, which lives beside the code that uses it. As text, for a stage imports
 # only what it reads.
@@ -53,7 +53,9 @@ class Run:
         given = config.read(file)
         for name in given:
             if name not in SECTIONS:
-                raise checks.InputError(f"{file}: unknown section {name!r}; the sections are {', '.join(SECTIONS)}")
+                raise checks.InputError(
+                    f"{file}: unknown section {name!r}; the sections are {names.known(name, SECTIONS)}"
+                )
         return cls(Path(file), given, category, seed)
 
     @property

@@ -57,7 +57,7 @@ class Field(queries.Queried):
         """
         with extras.named():
             from ddf.fit import kinds
-        return kinds.points(self._weights, n, seed)
+        return kinds.points(self._weights, checks.require_whole("n", n, 1), seed)
 
     def surface(self, n: int = 5000, method: Literal["poisson", "udf"] = "poisson", resolution: int = 64) -> Mesh:
         """A triangle mesh of the surface. `poisson` needs Open3D.
@@ -83,8 +83,9 @@ class Field(queries.Queried):
 
         if method not in surfaces.METHODS:
             raise checks.InputError(f"method must be one of {', '.join(surfaces.METHODS)}; got {method!r}")
+        sizes = checks.require_whole("n", n, 1), checks.require_whole("resolution", resolution, 2)
         with extras.named():
-            return surfaces.extract(self.framed, self.cloud, method, n, resolution)
+            return surfaces.extract(self.framed, self.cloud, method, *sizes)
 
 
 def load(path_or_name: str | Path) -> Field:
@@ -106,10 +107,7 @@ def load(path_or_name: str | Path) -> Field:
       >>> ddf.load("rabbit").outputs[:3]
       ('visibility', 'depth', 'normals')
     """
-    path = shipped_models.place(path_or_name)
-    if not path.exists():
-        names = ", ".join(model.name for model in shipped_models.listed() if model.kind == "field")
-        raise FileNotFoundError(f"{path}: no such file or folder, and no field of that name; there are {names}")
+    path = shipped_models.require(path_or_name, "field")
     folder = path if path.is_dir() else path.parent
     onnx = path / ONNX if path.is_dir() else path
     if onnx.suffix == ".onnx" and onnx.is_file():
@@ -164,7 +162,7 @@ def fit(
     if minutes is not None:
         settings = dataclasses.replace(settings, minutes=float(minutes))
     if steps is not None:
-        settings = dataclasses.replace(settings, steps=steps, minutes=None)
+        settings = dataclasses.replace(settings, steps=checks.require_whole("steps", steps, 1), minutes=None)
     given = meshes.as_mesh(mesh)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
         if kind == "sine" or (minutes, steps) != (None, None):

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from jaxtyping import Float
 
 from ddf.api import inputs
+from ddf.core import checks
 from ddf.fields import checked_cloud, framed_field
 from ddf.geometry import transforms
 
@@ -99,6 +100,7 @@ class Queried:
           >>> pictures["depth"].shape, pictures["normals"].shape
           ((32, 32), (32, 32, 3))
         """
+        checks.require_whole("size", size, 1)
         if radius is None:
             radius = framed_field.framing_radius(self.framed, float(azimuth_deg), float(elevation_deg), up)
         camera = (float(azimuth_deg), float(elevation_deg), float(radius))

@@ -46,7 +46,7 @@ def reconstruct(image: str | Path, model: str | Path, n: int = 5000, seed: int =
     with extras.named():
         from ddf.fit import shape_field
         from ddf.models.reconstruction import one_image
-    trained, size = one_image.load(shipped_models.place(model))
+    trained, size = one_image.load(shipped_models.require(model, "reconstruction"))
     found = one_image.reconstruct(trained, size, Path(image), n, seed)
     shape = shape_field.conditioned(trained.field, found.modulations, found.scale)
     azimuth, elevation, radius = (float(value) for value in found.camera)

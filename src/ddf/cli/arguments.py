@@ -9,17 +9,24 @@ from ddf.core import shipped_models
 from ddf.fields import field_outputs
 
 UP_AXES = ("y", "z")  # as `framed_field.UP_AXES`
+_READS = "reads"  # of the parsed arguments: the name of the one that names models, and their kinds
 _WRITES = "writes"  # of the parsed arguments: the name of the one that is written, and whether it is a folder
 
 
 def add_field(parser: argparse.ArgumentParser) -> None:
     """The fitted field that a command reads."""
+    mark_known(parser, "field", "field")
     parser.add_argument(
         "field",
         metavar="FIELD",
         type=shipped_models.place,
         help="folder that `ddf fit` wrote, its model.safetensors, its ONNX file, or a name that `ddf models` lists",
     )
+
+
+def mark_known(parser: argparse.ArgumentParser, name: str, *kinds: str) -> None:
+    """Let `require_places` check that the models of that name in the parsed arguments are there."""
+    parser.set_defaults(**{_READS: (name, kinds)})
 
 
 def add_rays(parser: argparse.ArgumentParser, frame: str) -> None:
@@ -76,16 +83,20 @@ def require_places(args: argparse.Namespace) -> None:
     """Raise before the work when what it gives could not be written, or would replace what it reads.
 
     Raises:
+      FileNotFoundError: a model that it reads is not there.
       InputError: the output's folder does not exist (with --make-folders it is made), no file can have its name, or it
         is a file that the command reads.
     """
+    model, kinds = getattr(args, _READS, ("", ()))
+    for given in _listed(getattr(args, model, [])):
+        shipped_models.require(given, *kinds)
     name, is_folder = getattr(args, _WRITES, ("", False))
     out = getattr(args, name, None)
     if out is None:
         return
     from ddf.core import checks, storage  # take numpy, which bare help and `ddf doctor` do without
 
-    read = [path for value in vars(args).values() for path in (value if isinstance(value, list) else [value])]
+    read = [path for value in vars(args).values() for path in _listed(value)]
     storage.protect(path for path in read if isinstance(path, Path) and path is not out and path.is_file())
     if is_folder:
         if out.exists() and not out.is_dir():
@@ -98,6 +109,10 @@ def require_places(args: argparse.Namespace) -> None:
         out.parent.mkdir(parents=True, exist_ok=True)
     elif not out.parent.is_dir():
         raise checks.InputError(f"{out}: there is no folder {out.parent}; make it, or add --make-folders")
+
+
+def _listed(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else [value]
 
 
 def kept(args: argparse.Namespace) -> str:

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal, TypeVar
 
 import yaml
 
-from ddf.core import checks
+from ddf.core import checks, names
 
 T = TypeVar("T")
 
@@ -146,7 +146,7 @@ def parse(data: Any, cls: type[T], where: str) -> T:
     fields = {field.name: field for field in dataclasses.fields(typing.cast(Any, cls))}
     unknown = [str(key) for key in data if key not in fields]
     if unknown:
-        raise checks.InputError(f"{where}: unknown key {unknown[0]!r}; the keys are {', '.join(fields)}")
+        raise checks.InputError(f"{where}: unknown key {unknown[0]!r}; the keys are {names.known(unknown[0], fields)}")
     missing = [name for name, field in fields.items() if name not in data and _is_required(field)]
     if missing:
         raise checks.InputError(f"{where}: key {missing[0]!r} is missing")

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from ddf.core import names
+
 ROOT = Path(__file__).resolve().parents[1] / "shipped"
 INDEX = "index.json"
 
@@ -33,6 +35,21 @@ def listed(root: Path = ROOT) -> tuple[ShippedModel, ...]:
         return ()
     entries = json.loads(index.read_text(encoding="utf-8"))["models"]
     return tuple(ShippedModel(e["name"], e["kind"], e["summary"], root / e["name"], e["files"]) for e in entries)
+
+
+def require(name_or_path: str | Path, *kinds: str) -> Path:
+    """As `place`, of what is there.
+
+    Args:
+      kinds: of the models that are meant, for the complaint.
+    Raises:
+      FileNotFoundError: no such path, and no model of that name.
+    """
+    path = place(name_or_path)
+    if not path.exists():
+        there = names.known(name_or_path, [model.name for model in listed() if model.kind in kinds])
+        raise FileNotFoundError(f"{path}: no such file or folder, and no {kinds[0]} of that name; there are {there}")
+    return path
 
 
 def place(name_or_path: str | Path) -> Path:

@@ -199,9 +199,11 @@ def framing_radius(field: FramedField, azimuth_deg: float, elevation_deg: float,
     A corner (x, y, z) in the camera's axes, about the box's centre, is seen at f x / (r - z) from the picture's middle.
 
     Raises:
-      InputError: an angle that is not finite.
+      InputError: an angle that is not finite, or an unknown axis.
     """
     checks.require_finite("camera", np.array([azimuth_deg, elevation_deg]))
+    if up not in UP_AXES:
+        raise checks.InputError(f"up must be among {', '.join(UP_AXES)}; got {up!r}")
     _, unit, turn = _camera_frame(field, up)
     signs = np.array(np.meshgrid(*3 * [(-1.0, 1.0)])).reshape(3, -1).T
     corners = signs * (field.upper - field.lower) / 2 @ turn / unit

@@ -51,8 +51,8 @@ class PDDFConfig:
         if self.depth_activation not in activations.ACTIVATIONS:
             known = ", ".join(activations.ACTIVATIONS)
             raise checks.InputError(f"ddf.depth_activation must be one of {known}; got {self.depth_activation!r}")
-        if not self.depth_sharpness > 0:
-            raise checks.InputError(f"ddf.depth_sharpness must be > 0; got {self.depth_sharpness}")
+        if not 0 < self.depth_sharpness <= 1e6:
+            raise checks.InputError(f"ddf.depth_sharpness must be > 0 and at most 1e6; got {self.depth_sharpness}")
         if not 0 < self.direction_scale < float("inf"):
             raise checks.InputError(f"ddf.direction_scale must be > 0 and finite; got {self.direction_scale}")
 

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import yaml
 
-from ddf.core import checks, config, storage
+from ddf.core import checks, config, names, storage
 from ddf_lab.run import Run
 
 CONFIGS = Path("configs")
@@ -156,8 +156,8 @@ def is_generative(sections: Iterable[str]) -> bool:
 def _existing(given: str) -> Path:
     found = next((path for path in (Path(given), CONFIGS / f"{given}.yaml") if path.is_file()), None)
     if found is None:
-        names = ", ".join(sorted(path.stem for path in CONFIGS.glob("*.yaml")))
-        raise checks.InputError(f"{given}: no such experiment file; those in {CONFIGS}/ are {names}")
+        there = names.known(given, sorted(path.stem for path in CONFIGS.glob("*.yaml")))
+        raise checks.InputError(f"{given}: no such experiment file; those in {CONFIGS}/ are {there}")
     inside = found.resolve().parent == CONFIGS.resolve()
     return CONFIGS / found.name if inside else found
 

@@ -1,5 +1,9 @@
 """Fields and scenes through the Python interface: ONNX against torch, scenes against fields, distances, refusals."""
 
+import subprocess
+import sys
+import types
+
 import numpy as np
 import pytest
 
@@ -74,6 +78,43 @@ def test_in_a_scene_the_nearest_field_hides_the_others(rabbit):
         np.testing.assert_allclose(both[name], values, atol=1e-4, err_msg=name)
     beside = ddf.compose([rabbit, rabbit], [behind, np.eye(4)]).query([[0.0, 0.45, -1.0]], FRONT[1])
     np.testing.assert_allclose(beside["depth"] + 1.0 - 3.0, alone["depth"] - 5.0, atol=1e-3)
+
+
+def test_a_scene_has_a_depth_exactly_where_it_is_visible(rabbit):
+    scene = ddf.compose([rabbit] * 3, [_turned(angle, at=(0.01 * angle, 0, 0)) for angle in (0.0, 0.4, 0.8)])
+    found = scene.query(*_rays(rabbit, 4000))
+    np.testing.assert_array_equal(np.isfinite(found["depth"]), found["visibility"] >= 0.5)
+
+
+def test_directions_that_are_nearly_of_unit_length_become_so(rabbit):
+    starts, along = np.add(FRONT[0], [[0, 0, 1e3]]), np.array(FRONT[1])
+    near, exact = (rabbit.query(starts, scale * along)["depth"] for scale in (1 + 9e-5, 1.0))
+    np.testing.assert_allclose(near, exact, rtol=1e-7)
+    hits = ddf.cast(
+        types.SimpleNamespace(vertices=100 * np.eye(3), faces=[[0, 1, 2]]), [[0, 0, 1e3]], [[0, 0, -1.00009]]
+    )
+    assert hits.depth.tolist() == [900.0]
+
+
+def test_numbers_and_axes_of_another_kind_are_value_errors():
+    program = """
+import ddf
+rabbit = ddf.load("rabbit")
+for call in (lambda: rabbit.points(2.5), lambda: rabbit.render(size=8.0), lambda: rabbit.render(up="x"),
+             lambda: rabbit.surface(n=1.5), lambda: ddf.fit("a.obj", steps=2.5), lambda: ddf.load("rabit")):
+    try:
+        call()
+    except (ValueError, FileNotFoundError) as error:
+        print(type(error).__name__, error)
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    said = run.stdout.splitlines()
+    assert said[0] == "InputError n must be a whole number, 1 or more; got 2.5" and len(said) == 6, run.stdout
+    assert said[1:3] == [
+        "InputError size must be a whole number, 1 or more; got 8.0",
+        "InputError up must be among y, z; got 'x'",
+    ]
+    assert "steps must be" in said[4] and said[5].endswith("(did you mean rabbit?)")
 
 
 def test_renders_frame_the_box(rabbit):

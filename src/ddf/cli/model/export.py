@@ -19,6 +19,7 @@ BATCHES = (1, 7, 65536)  # rays that the file and the model are compared with
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare model, file and what goes into it."""
+    arguments.mark_known(parser, "model", "field", "reconstruction")
     parser.add_argument(
         "model",
         metavar="MODEL",

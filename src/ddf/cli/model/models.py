@@ -45,10 +45,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _copy(models: dict[str, shipped_models.ShippedModel], name: str, out: Path) -> dict[str, Any]:
     """Copy one model's files."""
-    from ddf.core import checks, storage
+    from ddf.core import checks, names, storage
 
     if name not in models:
-        raise checks.InputError(f"no model is called {name!r}; there are {', '.join(models) or 'none'}")
+        raise checks.InputError(f"no model is called {name!r}; there are {names.known(name, models)}")
     model = models[name]
     for file in model.files:
         storage.write_bytes(out / file, (model.folder / file).read_bytes())

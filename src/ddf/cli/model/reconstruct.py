@@ -19,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "images", metavar="IMAGE.png", nargs="+", type=Path, help="RGBA images; the alpha is the mask of the object"
     )
+    arguments.mark_known(parser, "model", "reconstruction")
     parser.add_argument(
         "model",
         metavar="MODEL",

@@ -52,13 +52,15 @@ class Placed:
 class Composite(Generic[Array]):
     """What each ray meets in the scene; depths in world units.
 
-    visibility: ξ, 0 where every box is missed. depth: d, `inf` where every field is. nearest_depth: the least depth of
-    the fields with visibility >= 1/2, `inf` where there is none. nearest: which field that is, -1 where there is none.
-    weights: a_k, field by field; 0 for one that takes no part. queries: oriented points that fields were asked for, all
-    fields together.
+    visibility: ξ, 0 where every box is missed. nearest_visibility: the largest ξ_k, of the hard choice: at least 1/2
+    exactly where that has a depth, as ξ need not be. depth: d, `inf` where every field is. nearest_depth: the least
+    depth of the fields with visibility >= 1/2, `inf` where there is none. nearest: which field that is, -1 where there
+    is none. weights: a_k, field by field; 0 for one that takes no part. queries: oriented points that fields were asked
+    for, all fields together.
     """
 
     visibility: Float[Array, "n"]
+    nearest_visibility: Float[Array, "n"]
     depth: Float[Array, "n"]
     nearest_depth: Float[Array, "n"]
     nearest: Int[Array, "n"]
@@ -100,6 +102,7 @@ def compose(
     nearest_depth = xp.amin(hard, 0)
     return Composite(
         visibility=1 - (1 - visibilities).prod(0),
+        nearest_visibility=xp.amax(visibilities, 0),
         depth=xp.where(nothing, xp.inf, depth),
         nearest_depth=nearest_depth,
         nearest=xp.where(xp.isfinite(nearest_depth), xp.argmin(hard, 0), -1),

@@ -1,9 +1,9 @@
 """Several fields and where they stand, asked as one field: every output of the composite, hard or soft.
 
-Hard: visibility is that of `composition`, all else is of the nearest field that is visible, which alone is asked for
-it. Soft, with the weights a_k of `composition`: depth is Σ a_k d_k, and every other output the same mean, of normals
-the unit vector along it (derived here; the paper composes visibility and depth alone). As η_T goes to 0 it is the hard
-one.
+Hard: visibility is the largest of the fields, at least 1/2 exactly where there is a depth; all else is of the nearest
+field that is visible, which alone is asked for it. Soft, with the weights a_k of `composition`: depth is Σ a_k d_k, and
+every other output the same mean, of normals the unit vector along it (derived here; the paper composes visibility and
+depth alone). As η_T goes to 0 its depth is the hard one.
 """
 
 from collections.abc import Collection, Iterator
@@ -69,7 +69,7 @@ class SceneField:
         blend = self.blend or _ANY
         found = composition.compose(placed, positions, directions, blend.temperature, blend.inverse_depth, self.cull)
         depth = found.nearest_depth if self.blend is None else found.depth
-        answers = {"visibility": found.visibility, "depth": depth}
+        answers = {"visibility": found.visibility if self.blend else found.nearest_visibility, "depth": depth}
         others = [name for name in outputs if name not in answers]
         for index, (field, place) in enumerate(self._members() if others else ()):
             weight = found.weights[index] if self.blend else (found.nearest == index).astype(np.float64)

@@ -156,7 +156,7 @@ def test_a_name_of_a_shipped_field_is_a_field(work, capsys):
 
 def test_something_else_than_a_field_is_refused(work, fitted, capsys):
     assert cli.main(["render", str(work / "nothing"), str(work / "never.png")]) == 2
-    assert "no such field; give a folder that `ddf fit` wrote" in capsys.readouterr().err
+    assert "no such file or folder, and no field of that name; there are rabbit, " in capsys.readouterr().err
     damaged = work / "damaged"
     damaged.mkdir()
     data = bytearray((fitted[0] / "model.safetensors").read_bytes())

@@ -1,0 +1,34 @@
+"""Unknown names are answered with the known ones and the nearest."""
+
+import pytest
+
+from ddf import cli
+from ddf.core import names
+
+
+def test_the_nearest_is_asked_for_where_one_is_near():
+    assert names.known("rabit", ["chair", "rabbit"]) == "chair, rabbit (did you mean rabbit?)"
+    assert names.known("xyz", ["chair"]) == "chair" and names.known("a", []) == "none"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ["render", "rabit", "a.png"],
+            "no field of that name; there are rabbit, nested, armchair, airliner (did you mean",
+        ),
+        (["points", "rabit", "a.ply"], "(did you mean rabbit?)"),
+        (
+            ["reconstruct", "a.png", "chairs", "out"],
+            "no reconstruction of that name; there are chair, plane, car (did you",
+        ),
+        (["export", "armchiar", "a.onnx"], "(did you mean armchair?)"),
+        (["models", "get", "rabit", "out"], "no model is called 'rabit'; there are rabbit, nested"),
+    ],
+)
+def test_commands_know_the_models_and_ask_for_the_nearest(words, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(words) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and "torch" not in error and not list(tmp_path.iterdir())
