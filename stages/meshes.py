@@ -1,5 +1,7 @@
 """Raw meshes to closed, small meshes in the field frame, with the loss of each."""
 
+import functools
+
 from ddf.core import parallel, provenance
 from ddf.data import mesh_preparation, mesh_shards
 from ddf_lab.engine import stage
@@ -10,13 +12,11 @@ from ddf_lab.run import Run
 def make(run: Run) -> None:
     """Read the data set's index, prepare every shape of the category, write packs."""
     section = run.section(mesh_preparation.MeshesConfig)
-    out_dir = run.folder("meshes")
-    fingerprint = provenance.fingerprint(section, [], mesh_shards)
     parallel.map_shards(
-        mesh_shards.PrepareShard(section, run.category, out_dir, fingerprint),
+        functools.partial(mesh_shards.prepare, section, run.category),
         mesh_shards.chosen(mesh_shards.raw_shapes(run.index, run.category), section, run.category),
         shard_size=section.shard_size,
-        out_dir=out_dir,
-        fingerprint=fingerprint,
+        out_dir=run.folder("meshes"),
+        fingerprint=provenance.fingerprint(section, [], mesh_shards),
         describe=f"meshes {run.category}",
     )

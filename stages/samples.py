@@ -1,5 +1,7 @@
 """Prepared meshes to oriented-point samples, and raw meshes to ground-truth clouds."""
 
+import functools
+
 from ddf.core import parallel, provenance
 from ddf.data import mesh_shards, sample_shards, sampling
 from ddf_lab.engine import stage
@@ -10,15 +12,13 @@ from ddf_lab.run import Run
 def make(run: Run) -> None:
     """Read the packs of prepared meshes, write samples and clouds in shards."""
     section = run.section(sampling.SamplesConfig)
-    out_dir = run.folder("samples")
     raw = mesh_shards.raw_shapes(run.index, run.category)
     shapes = sample_shards.prepared_shapes(run.folder("meshes"), raw)
-    fingerprint = provenance.fingerprint(section, [], sample_shards)
     parallel.map_shards(
-        sample_shards.ExtractShard(section, run.category, out_dir, fingerprint),
+        functools.partial(sample_shards.extract, section, run.category),
         shapes,
         shard_size=section.shard_size,
-        out_dir=out_dir,
-        fingerprint=fingerprint,
+        out_dir=run.folder("samples"),
+        fingerprint=provenance.fingerprint(section, [], sample_shards),
         describe=f"samples {run.category}",
     )

@@ -48,7 +48,20 @@ class ShardResult:
     failures: Sequence[Failure] = ()
 
 
-ShardFunction = Callable[[Sequence[Any], int], ShardResult]
+@dataclasses.dataclass(frozen=True)
+class Shard:
+    """Where the files of one shard go. fingerprint: of everything that they depend on besides the items."""
+
+    out_dir: Path
+    index: int
+    fingerprint: str
+
+    def file(self, suffix: str) -> Path:
+        """`NNN<suffix>`."""
+        return self.out_dir / f"{self.index:03d}{suffix}"
+
+
+ShardFunction = Callable[[Sequence[Any], Shard], ShardResult]
 
 
 def map_shards(
@@ -62,11 +75,11 @@ def map_shards(
     max_failure_share: float = MAX_FAILURE_SHARE,
     jobs: int | None = None,
 ) -> list[Failure]:
-    """Run `function(shard_items, shard_index)` for every shard that is not done yet; progress goes to stderr.
+    """Run `function(items, shard)` for every shard that is not done yet; progress goes to stderr.
 
-    The function writes its files into `out_dir` (through `storage`), named by the shard index, catches what a broken
-    item raises and reports it as a Failure. An item that kills its process is found, reported and left out. Files
-    that no current shard owns are removed. All failures are written to `failures.csv`, and up to five are said.
+    The function writes its files to `shard.file` (through `storage`), catches what a broken item raises and reports it
+    as a Failure. An item that kills its process is found, reported and left out. Files that no current shard owns are
+    removed. All failures are written to `failures.csv`, and up to five are said.
 
     Args:
       items: JSON-like values, or dataclasses with an `id`, in the order of the data set; sent to other processes.
@@ -79,8 +92,8 @@ def map_shards(
     """
     out_dir = Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)
-    shards = [items[start : start + shard_size] for start in range(0, len(items), shard_size)]
-    tasks = [_Task(function, shard, i, out_dir, _shard_key(fingerprint, shard)) for i, shard in enumerate(shards)]
+    parts = [items[start : start + shard_size] for start in range(0, len(items), shard_size)]
+    tasks = [_Task(function, part, Shard(out_dir, i, fingerprint)) for i, part in enumerate(parts)]
     waiting = [task for task in tasks if not task.note.fits()]
     _run_all(waiting, describe, len(tasks), jobs)
     for task in waiting:
@@ -108,23 +121,23 @@ def digest(out_dir: str | Path) -> str:
 class _Task:
     function: ShardFunction
     items: Sequence[Any]
-    index: int
-    out_dir: Path
-    key: str
+    shard: Shard
 
     @property
     def note(self) -> notes.Note:
-        return notes.Note(self.out_dir / f"{self.index:03d}.json", self.key)
+        text = json.dumps([_plain(item) for item in self.items], sort_keys=True, default=str)
+        key = hashlib.sha256(f"{self.shard.fingerprint}\n{text}".encode()).hexdigest()
+        return notes.Note(self.shard.file(".json"), key)
 
     def run(self, extra: Sequence[Failure] = ()) -> None:
         """Do the work, then write the note: in this order, so that a note means a whole shard."""
         self.note.path.unlink(missing_ok=True)
-        result = self.function(self.items, self.index)
+        result = self.function(self.items, self.shard)
         failures = [dataclasses.asdict(failure) for failure in [*result.failures, *extra]]
         self.note.write(result.files, failures=failures)
 
     def files(self) -> set[Path]:
-        return {self.note.path, *(self.out_dir / name for name in storage.read_json(self.note.path)["files"])}
+        return {self.note.path, *(self.shard.out_dir / name for name in storage.read_json(self.note.path)["files"])}
 
     def failures(self) -> list[Failure]:
         return [Failure(**failure) for failure in storage.read_json(self.note.path)["failures"]]
@@ -171,8 +184,8 @@ def _run_isolated(task: _Task, describe: str) -> None:
             extra.append(Failure(_name(item), describe, "its process died (crash in native code, or out of memory)"))
     if not _survives(dataclasses.replace(task, items=survivors), extra):
         raise checks.InputError(
-            f"{describe}: shard {task.index} ({_name(task.items[0])} ...) ended its process, although its items pass "
-            "one by one; check the memory, or use smaller shards"
+            f"{describe}: shard {task.shard.index} ({_name(task.items[0])} ...) ended its process, although its items "
+            "pass one by one; check the memory, or use smaller shards"
         )
 
 
@@ -188,11 +201,6 @@ def _survives(task: _Task, extra: Sequence[Failure]) -> bool:
         except BrokenProcessPool:
             return False
     return True
-
-
-def _shard_key(fingerprint: str, items: Sequence[Any]) -> str:
-    text = json.dumps([_plain(item) for item in items], sort_keys=True, default=str)
-    return hashlib.sha256(f"{fingerprint}\n{text}".encode()).hexdigest()
 
 
 def _plain(item: Any) -> Any:

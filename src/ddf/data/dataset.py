@@ -4,6 +4,7 @@ Both sources end in the same check of the same files, and the split is taken fro
 are left out, so that a broken file moves no other shape to the other side.
 """
 
+import functools
 import os
 import shutil
 from collections.abc import Mapping, Sequence
@@ -70,27 +71,20 @@ class Item:
     index: int
 
 
-@dataclass(frozen=True)
-class ShardJob:
-    """Map over shapes: makes them (if `seed` is given) and checks them; writes nothing else."""
-
-    root: Path
-    views: int
-    seed: int | None
-
-    def __call__(self, items: Sequence[Item], index: int) -> parallel.ShardResult:
-        """A shape with a fault becomes a failure."""
-        files: list[Path] = []
-        failures = []
-        for item in items:
-            synset = shapenet.SYNSETS[item.category]
-            if self.seed is not None:
-                files += write.write_shape(self.root, self.seed, item.category, item.index, self.views)
-            try:
-                check_shape(self.root, synset, item.id, self.views)
-            except (checks.InputError, OSError) as error:
-                failures.append(parallel.Failure(item.id, "dataset", str(error)))
-        return parallel.ShardResult(files, failures)
+def _checked(
+    root: Path, views: int, seed: int | None, items: Sequence[Item], shard: parallel.Shard
+) -> parallel.ShardResult:
+    """Map over shapes: makes them (if `seed` is given) and checks them; one with a fault becomes a failure."""
+    files: list[Path] = []
+    failures = []
+    for item in items:
+        if seed is not None:
+            files += write.write_shape(root, seed, item.category, item.index, views)
+        try:
+            check_shape(root, shapenet.SYNSETS[item.category], item.id, views)
+        except (checks.InputError, OSError) as error:
+            failures.append(parallel.Failure(item.id, "dataset", str(error)))
+    return parallel.ShardResult(files, failures)
 
 
 def check_shape(root: Path, synset: str, shape_id: str, num_views: int) -> None:
@@ -129,7 +123,7 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     else:
         forget_checks(out_dir)
     failures = parallel.map_shards(
-        ShardJob(root, config.views, config.seed if synthetic else None),
+        functools.partial(_checked, root, config.views, config.seed if synthetic else None),
         items,
         shard_size=SHARD_SIZES[config.source],
         out_dir=out_dir,

@@ -75,49 +75,42 @@ def chosen(shapes: Sequence[RawShape], config: mesh_config.MeshesConfig, categor
     return [shapes[row] for row in sorted(rows)]
 
 
-@dataclass(frozen=True)
-class PrepareShard:
+def prepare(
+    config: mesh_config.MeshesConfig, category: str, shapes: Sequence[RawShape], shard: parallel.Shard
+) -> parallel.ShardResult:
     """Map over raw meshes: writes `NNN.zip`."""
+    from ddf.data import mesh_preparation, silhouette_check  # what reads packs alone needs none of their packages
 
-    config: mesh_config.MeshesConfig
-    category: str
-    out_dir: Path
-    fingerprint: str
-
-    def __call__(self, shapes: Sequence[RawShape], index: int) -> parallel.ShardResult:
-        """Prepare the shapes of one shard; a broken shape becomes a failure."""
-        from ddf.data import mesh_preparation, silhouette_check  # what reads packs alone needs none of their packages
-
-        members, rows, maps, failures = {}, [], {}, []
-        for shape in shapes:
-            try:
-                rng = seeding.generator(self.config.seed, self.category, shape.id, "measure")
-                raw = mesh_io.load(shape.path)
-                if shape.view is not None:
-                    silhouette_check.require(raw, silhouette_check.View(*shape.view))
-                prepared = mesh_preparation.prepare(raw, self.config, rng)
-            except (checks.InputError, OSError) as error:
-                failures.append(parallel.Failure(shape.id, "meshes", str(error)))
-                continue
-            members[f"{shape.id}.ply"] = mesh_io.ply_bytes(prepared.mesh)
-            off_centre, diagonal = frame_of(raw)
-            if max(off_centre, abs(diagonal - 1)) > V1_TOLERANCE:
-                LOGGER.warning(
-                    "%s: its box is %.3g off the origin with diagonal %.3g; v1's are centred there with diagonal 1, so "
-                    "predicted cameras and scales of this shape are off",
-                    *(shape.path, off_centre, diagonal),
-                )
-            values = {"id": shape.id, "faces": len(prepared.mesh.faces)}
-            values |= {"off_centre": round(off_centre, 6), "diagonal": round(diagonal, 6)}
-            rows.append({name: values.get(name, getattr(prepared, name, None)) for name in MEASURES})
-            maps[shape.id] = prepared.field_from_raw.to_dict()
-        members["measures.csv"] = _csv_bytes(rows)
-        members["field_from_raw.json"] = json.dumps(maps, indent=1).encode()
-        sources = {shape.path: shape.checksum for shape in shapes}
-        record = {"fingerprint": self.fingerprint, "seed": self.config.seed, "sources": sources, "ids": list(maps)}
-        path = self.out_dir / f"{index:03d}.zip"
-        storage.save_pack(path, members, record)
-        return parallel.ShardResult([path], failures)
+    members, rows, maps, failures = {}, [], {}, []
+    for shape in shapes:
+        try:
+            rng = seeding.generator(config.seed, category, shape.id, "measure")
+            raw = mesh_io.load(shape.path)
+            if shape.view is not None:
+                silhouette_check.require(raw, silhouette_check.View(*shape.view))
+            prepared = mesh_preparation.prepare(raw, config, rng)
+        except (checks.InputError, OSError) as error:
+            failures.append(parallel.Failure(shape.id, "meshes", str(error)))
+            continue
+        members[f"{shape.id}.ply"] = mesh_io.ply_bytes(prepared.mesh)
+        off_centre, diagonal = frame_of(raw)
+        if max(off_centre, abs(diagonal - 1)) > V1_TOLERANCE:
+            LOGGER.warning(
+                "%s: its box is %.3g off the origin with diagonal %.3g; v1's are centred there with diagonal 1, so "
+                "predicted cameras and scales of this shape are off",
+                *(shape.path, off_centre, diagonal),
+            )
+        values = {"id": shape.id, "faces": len(prepared.mesh.faces)}
+        values |= {"off_centre": round(off_centre, 6), "diagonal": round(diagonal, 6)}
+        rows.append({name: values.get(name, getattr(prepared, name, None)) for name in MEASURES})
+        maps[shape.id] = prepared.field_from_raw.to_dict()
+    members["measures.csv"] = _csv_bytes(rows)
+    members["field_from_raw.json"] = json.dumps(maps, indent=1).encode()
+    sources = {shape.path: shape.checksum for shape in shapes}
+    record = {"fingerprint": shard.fingerprint, "seed": config.seed, "sources": sources, "ids": list(maps)}
+    path = shard.file(".zip")
+    storage.save_pack(path, members, record)
+    return parallel.ShardResult([path], failures)
 
 
 def frame_of(mesh: mesh_io.Mesh) -> tuple[float, float]:

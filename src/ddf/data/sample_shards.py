@@ -47,29 +47,22 @@ def prepared_shapes(folder: Path, raw: Sequence[mesh_shards.RawShape]) -> list[P
     return shapes
 
 
-@dataclass(frozen=True)
-class ExtractShard:
+def extract(
+    config: sampling.SamplesConfig, category: str, shapes: Sequence[PreparedShape], shard: parallel.Shard
+) -> parallel.ShardResult:
     """Map over prepared meshes: writes `NNN.samples.safetensors` and `NNN.clouds.safetensors`."""
-
-    config: sampling.SamplesConfig
-    category: str
-    out_dir: Path
-    fingerprint: str
-
-    def __call__(self, shapes: Sequence[PreparedShape], index: int) -> parallel.ShardResult:
-        """Sample the shapes of one shard; a broken shape becomes a failure."""
-        packs = {pack: mesh_shards.read_pack(pack) for pack in dict.fromkeys(shape.pack for shape in shapes)}
-        done, failures = [], []
-        for shape in shapes:
-            try:
-                done.append(_Extracted.make(shape, packs[shape.pack], self.config, self.category))
-            except (checks.InputError, OSError) as error:
-                failures.append(parallel.Failure(shape.id, "samples", str(error)))
-        if not done:
-            return parallel.ShardResult([], failures)
-        sources = {shape.pack: shape.pack_checksum for shape in shapes}
-        record = {"fingerprint": self.fingerprint, "seed": self.config.seed, "sources": sources}
-        return parallel.ShardResult([*_write_extracted(done, self.out_dir, index, record)], failures)
+    packs = {pack: mesh_shards.read_pack(pack) for pack in dict.fromkeys(shape.pack for shape in shapes)}
+    done, failures = [], []
+    for shape in shapes:
+        try:
+            done.append(_Extracted.make(shape, packs[shape.pack], config, category))
+        except (checks.InputError, OSError) as error:
+            failures.append(parallel.Failure(shape.id, "samples", str(error)))
+    if not done:
+        return parallel.ShardResult([], failures)
+    sources = {shape.pack: shape.pack_checksum for shape in shapes}
+    record = {"fingerprint": shard.fingerprint, "seed": config.seed, "sources": sources}
+    return parallel.ShardResult([*_write_extracted(done, shard, record)], failures)
 
 
 @dataclass(frozen=True)
@@ -90,7 +83,7 @@ class _Extracted:
         return cls(shape.id, arrays, probes, cloud, pack.field_from_raw[shape.id])
 
 
-def _write_extracted(done: list[_Extracted], out_dir: Path, index: int, record: dict) -> list[Path]:
+def _write_extracted(done: list[_Extracted], shard: parallel.Shard, record: dict) -> list[Path]:
     ids = [item.id for item in done]
     tensors = {name: np.stack([item.arrays[name] for item in done]) for name in done[0].arrays}
     sizes = [len(item.cloud.points) for item in done]
@@ -101,7 +94,7 @@ def _write_extracted(done: list[_Extracted], out_dir: Path, index: int, record: 
     }
     errors = sampling.packing_errors([item.probes for item in done])
     maps = {item.id: item.field_from_raw.to_dict() for item in done}
-    paths = [out_dir / f"{index:03d}.samples.safetensors", out_dir / f"{index:03d}.clouds.safetensors"]
+    paths = [shard.file(".samples.safetensors"), shard.file(".clouds.safetensors")]
     storage.save_tensors(paths[0], tensors, {**record, "ids": ids, "field_from_raw": maps, "packing_errors": errors})
     share = {item.id: float(item.cloud.hidden.mean()) for item in done}
     storage.save_tensors(paths[1], cloud_tensors, {**record, "ids": ids, "hidden_share": share})

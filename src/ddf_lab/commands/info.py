@@ -27,27 +27,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Counts come from the models themselves, built without memory for their values."""
-    import torch
-
-    from ddf.fields import pddf
-    from ddf.models.encoders import catalogue
-    from ddf.models.reconstruction import reconstruction_models, settings
+    """Counts come from the models themselves, built without memory for their values; generative ones have no cost."""
     from ddf_lab.engine import experiment_cost, experiments
 
     experiment = Run.read(args.config)
-    if experiments.is_generative(experiment.given):
-        return _generative(experiment)
-    train, ddf = experiment.section(settings.TrainConfig), experiment.section(settings.DDFConfig)
-    models: dict[str, torch.nn.Module] = {}
-    with torch.device("meta"):
-        models["ddf"] = reconstruction_models.ddf_model(train, ddf.field)
-        models["pc_siren"] = reconstruction_models.pcsiren_model(train)
-        models["single_shape"] = pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)
-        models["ddf_encoder"] = catalogue.ENCODERS[train.encoder](train.latent_features, train.encoder_width)
-    parameters = {name: pddf.count_parameters(model) for name, model in models.items()}
-    cost, stages = experiment_cost.predict(experiment, measured=not args.no_steps), _stages(experiment)
-    return {
+    generative = experiments.is_generative(experiment.given)
+    parameters = _generative(experiment) if generative else _reconstruction(experiment)
+    cost = None if generative else experiment_cost.predict(experiment, measured=not args.no_steps)
+    stages = _stages(experiment)
+    found = {
         "config": str(args.config),
         "verdict": _verdict(args.config, stages, parameters, cost),
         "parameters": parameters,
@@ -55,8 +43,34 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "stages": stages,
         "sections": list(experiment.given),
         "artifacts_mib": _sizes(Path("artifacts") / experiment.name),
-        "cost": cost,
     }
+    return found if generative else found | {"cost": cost}
+
+
+def _reconstruction(experiment: Run) -> dict[str, int]:
+    """Parameters of every model."""
+    import torch
+
+    from ddf.fields import pddf
+    from ddf.models.encoders import catalogue
+    from ddf.models.reconstruction import reconstruction_models, settings
+
+    train, ddf = experiment.section(settings.TrainConfig), experiment.section(settings.DDFConfig)
+    with torch.device("meta"):
+        models = {
+            "ddf": reconstruction_models.ddf_model(train, ddf.field),
+            "pc_siren": reconstruction_models.pcsiren_model(train),
+            "single_shape": pddf.PDDF(pddf.PAPER_SINGLE_SHAPE),
+            "ddf_encoder": catalogue.ENCODERS[train.encoder](train.latent_features, train.encoder_width),
+        }
+    return {name: pddf.count_parameters(model) for name, model in models.items()}
+
+
+def _generative(experiment: Run) -> dict[str, int]:
+    """Parameters of every model."""
+    from ddf.models.generative import parameter_counts, settings
+
+    return parameter_counts.count(experiment.section(settings.VAEConfig), experiment.section(settings.GANConfig))
 
 
 def _verdict(path: Path, stages: list[str], parameters: dict[str, int], cost: dict[str, Any] | None = None) -> str:
@@ -69,23 +83,6 @@ def _verdict(path: Path, stages: list[str], parameters: dict[str, int], cost: di
     return (
         line if cost["training_time"] is None else f"{line} of {cost['training_time']['hours']:.3g} hours in all here"
     )
-
-
-def _generative(experiment: Run) -> dict[str, Any]:
-    """Of a generative experiment: the same without a cost, which nothing predicts."""
-    from ddf.models.generative import parameter_counts, settings
-
-    parameters = parameter_counts.count(experiment.section(settings.VAEConfig), experiment.section(settings.GANConfig))
-    stages = _stages(experiment)
-    return {
-        "config": str(experiment.file),
-        "verdict": _verdict(experiment.file, stages, parameters),
-        "parameters": parameters,
-        "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
-        "stages": stages,
-        "sections": list(experiment.given),
-        "artifacts_mib": _sizes(Path("artifacts") / experiment.name),
-    }
 
 
 def _stages(experiment: Run) -> list[str]:

@@ -13,9 +13,9 @@ import pytest
 from ddf.core import checks, parallel, storage
 
 
-def _square(out_dir: Path, bad: set[int], killers: set[int], pause: float, items, index: int) -> parallel.ShardResult:
+def _square(bad: set[int], killers: set[int], pause: float, items, shard: parallel.Shard) -> parallel.ShardResult:
     failures, lines = [], []
-    (out_dir.parent / "begun").touch()
+    (shard.out_dir.parent / "begun").touch()
     time.sleep(pause)
     for item in items:
         if item in killers:
@@ -24,19 +24,17 @@ def _square(out_dir: Path, bad: set[int], killers: set[int], pause: float, items
             failures.append(parallel.Failure(str(item), "square", "is\nbad"))
         else:
             lines.append(str(item * item))
-    path = out_dir / f"{index:03d}.txt"
+    path = shard.file(".txt")
     storage.write_text(path, "\n".join(lines))
-    with (out_dir.parent / "calls").open("a") as log:
-        log.write(f"{index}\n")
+    with (shard.out_dir.parent / "calls").open("a") as log:
+        log.write(f"{shard.index}\n")
     return parallel.ShardResult([path], failures)
 
 
 def _map(out_dir: Path, items: Sequence[int] = range(10), bad=(), killers=(), pause=0.0, **options):
     (out_dir.parent / "calls").write_text("")
     options = {"shard_size": 4, "fingerprint": "f", "describe": "square", **options}
-    return parallel.map_shards(
-        partial(_square, out_dir, set(bad), set(killers), pause), list(items), out_dir=out_dir, **options
-    )
+    return parallel.map_shards(partial(_square, set(bad), set(killers), pause), list(items), out_dir=out_dir, **options)
 
 
 def _calls(out_dir: Path) -> list[int]:
@@ -153,7 +151,7 @@ def test_an_item_that_kills_its_process_is_left_out(out_dir):
     ]
 
 
-def _broken(items, index: int) -> parallel.ShardResult:
+def _broken(items, shard: parallel.Shard) -> parallel.ShardResult:
     raise OSError(28, "No space left on device")
 
 
@@ -167,9 +165,9 @@ def test_no_items_are_no_shards(out_dir):
     assert os.listdir(out_dir) == ["failures.csv"]
 
 
-def _slow(out_dir: Path, items, index: int) -> parallel.ShardResult:
-    time.sleep(0.01 * (5 - index))
-    return _square(out_dir, set(), set(), 0.0, items, index)
+def _slow(items, shard: parallel.Shard) -> parallel.ShardResult:
+    time.sleep(0.01 * (5 - shard.index))
+    return _square(set(), set(), 0.0, items, shard)
 
 
 def test_result_does_not_depend_on_the_number_of_workers(tmp_path):
@@ -178,7 +176,7 @@ def test_result_does_not_depend_on_the_number_of_workers(tmp_path):
         out_dir = tmp_path / str(jobs) / "out"
         out_dir.mkdir(parents=True)
         parallel.map_shards(
-            partial(_slow, out_dir),
+            _slow,
             list(range(10)),
             shard_size=2,
             out_dir=out_dir,

@@ -9,7 +9,7 @@ import torch
 from _shapes import cube, icosphere, joined, moved
 from _support import assert_close
 
-from ddf.core import checks, storage
+from ddf.core import checks, parallel, storage
 from ddf.data import mesh_preparation, mesh_shards, mesh_topology, packing, sample_shards, sampling
 from ddf.data.samples import sample_types
 from ddf.geometry import mesh_io, raycast, transforms
@@ -43,7 +43,7 @@ def dataset(tmp_path_factory):
 def packs(dataset, tmp_path_factory):
     out = tmp_path_factory.mktemp("meshes")
     shapes = mesh_shards.raw_shapes(dataset / "index.json", "thing")
-    result = mesh_shards.PrepareShard(MESHES, "thing", out, "f")(shapes, 0)
+    result = mesh_shards.prepare(MESHES, "thing", shapes, parallel.Shard(out, 0, "f"))
     return out, shapes, result
 
 
@@ -71,7 +71,7 @@ def test_a_shape_that_is_not_in_the_frame_of_v1_is_told(dataset, tmp_path, caplo
         paths[name] = tmp_path / f"{name}.obj"
         paths[name].write_bytes(mesh_io.export_bytes(mesh, ".obj"))
     shapes = [mesh_shards.RawShape(name, path.as_posix(), "x") for name, path in paths.items()]
-    mesh_shards.PrepareShard(MESHES, "thing", tmp_path, "f")(shapes, 0)
+    mesh_shards.prepare(MESHES, "thing", shapes, parallel.Shard(tmp_path, 0, "f"))
     told = [record.getMessage() for record in caplog.records if "v1's are centred" in record.getMessage()]
     assert [message.partition(":")[0] for message in told] == [str(paths["off"]), str(paths["large"])]
     assert "0.2 off the origin with diagonal 1;" in told[0]
@@ -91,7 +91,7 @@ def test_stored_similarity_leads_from_the_raw_frame(packs):
 def test_same_shapes_give_the_same_bytes(packs, tmp_path):
     out, shapes, _ = packs
     first = (out / "000.zip").read_bytes()
-    mesh_shards.PrepareShard(MESHES, "thing", tmp_path, "f")(shapes, 0)
+    mesh_shards.prepare(MESHES, "thing", shapes, parallel.Shard(tmp_path, 0, "f"))
     assert (tmp_path / "000.zip").read_bytes() == first
 
 
@@ -99,8 +99,8 @@ def test_samples_and_clouds_do_not_depend_on_the_sharding(packs, tmp_path):
     out, raw, _ = packs
     shapes = sample_shards.prepared_shapes(out, raw)
     assert [shape.id for shape in shapes] == ["a", "c"]
-    whole = sample_shards.ExtractShard(SAMPLES, "thing", tmp_path, "f")(shapes, 0)
-    single = sample_shards.ExtractShard(SAMPLES, "thing", tmp_path, "f")(shapes[1:], 1)
+    whole = sample_shards.extract(SAMPLES, "thing", shapes, parallel.Shard(tmp_path, 0, "f"))
+    single = sample_shards.extract(SAMPLES, "thing", shapes[1:], parallel.Shard(tmp_path, 1, "f"))
     assert [path.name for path in whole.files] == ["000.samples.safetensors", "000.clouds.safetensors"]
     assert not whole.failures and not single.failures
     both, metadata = storage.load_tensors(whole.files[0])
@@ -118,7 +118,7 @@ def test_samples_and_clouds_do_not_depend_on_the_sharding(packs, tmp_path):
 def test_stored_samples_see_the_stored_mesh(packs, tmp_path):
     out, raw, _ = packs
     shapes = sample_shards.prepared_shapes(out, raw)[:1]
-    result = sample_shards.ExtractShard(SAMPLES, "thing", tmp_path, "f")(shapes, 0)
+    result = sample_shards.extract(SAMPLES, "thing", shapes, parallel.Shard(tmp_path, 0, "f"))
     tensors, metadata = storage.load_tensors(result.files[0], framework="torch")
     samples = packing.decode({name: value[0] for name, value in tensors.items()}, "A")
     seen = samples["visible"]

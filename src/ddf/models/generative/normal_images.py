@@ -47,33 +47,26 @@ def render(
     return normals.permute(2, 0, 1), torch.where(seen, found["depth"], torch.inf)
 
 
-@dataclass(frozen=True)
-class RenderShard:
+def render_shard(
+    config: settings.NormalsConfig, vae: Path, numbers: Sequence[int], shard: parallel.Shard
+) -> parallel.ShardResult:
     """Map over numbers of images: writes `NNN.safetensors`."""
-
-    config: settings.NormalsConfig
-    vae: Path
-    out_dir: Path
-    fingerprint: str
-
-    def __call__(self, numbers: Sequence[int], index: int) -> parallel.ShardResult:
-        """Render the images of one shard, on one thread: shards run side by side."""
-        torch.set_num_threads(1)
-        model = shape_vae.load(self.vae)
-        shapes, poses, images = [], [], []
-        for number in numbers:
-            random = seeding.generator(self.config.seed, "normals", str(number))
-            latent = torch.from_numpy(random.standard_normal(model.config.latent_features).astype(np.float32))
-            camera = random_camera(self.config, random)
-            field = shape_vae.plain_field(model.decoder, latent.to(model.field_scale.device))
-            normals, _ = render(field, model.field_scale, camera)
-            images.append((normals * LEVELS).round().to(torch.int8).cpu())
-            shapes.append(latent)
-            poses.append(camera)
-        path = self.out_dir / f"{index:03d}{SUFFIX}"
-        tensors = {"normals": torch.stack(images), "latents": torch.stack(shapes), "cameras": torch.stack(poses)}
-        storage.save_tensors(path, tensors, {"fingerprint": self.fingerprint, "seed": self.config.seed})
-        return parallel.ShardResult([path])
+    torch.set_num_threads(1)
+    model = shape_vae.load(vae)
+    shapes, poses, images = [], [], []
+    for number in numbers:
+        random = seeding.generator(config.seed, "normals", str(number))
+        latent = torch.from_numpy(random.standard_normal(model.config.latent_features).astype(np.float32))
+        camera = random_camera(config, random)
+        field = shape_vae.plain_field(model.decoder, latent.to(model.field_scale.device))
+        normals, _ = render(field, model.field_scale, camera)
+        images.append((normals * LEVELS).round().to(torch.int8).cpu())
+        shapes.append(latent)
+        poses.append(camera)
+    path = shard.file(SUFFIX)
+    tensors = {"normals": torch.stack(images), "latents": torch.stack(shapes), "cameras": torch.stack(poses)}
+    storage.save_tensors(path, tensors, {"fingerprint": shard.fingerprint, "seed": config.seed})
+    return parallel.ShardResult([path])
 
 
 @dataclass(frozen=True)

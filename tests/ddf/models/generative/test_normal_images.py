@@ -28,7 +28,11 @@ def test_shards_hold_what_is_rendered(tmp_path):
     record = {"kind": shape_vae.KIND, "vae": dataclasses.asdict(_generative.VAE)}
     storage.save_tensors(tmp_path / "vae" / training_loop.MODEL, dict(model.state_dict()), record)
     out = tmp_path / "normals"
-    job = normal_images.RenderShard(_generative.NORMALS, tmp_path / "vae", out, "x")
+
+    def job(numbers, index):
+        shard = parallel.Shard(out, index, "x")
+        return normal_images.render_shard(_generative.NORMALS, tmp_path / "vae", numbers, shard)
+
     (path,) = job([2, 3], 1).files
     storage.write_json(out / "001.json", {"files": {path.name: ""}})
     found, files = normal_images.read(out)
