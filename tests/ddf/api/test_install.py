@@ -6,6 +6,8 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
+import zipfile
 from pathlib import Path
 
 import _page_inputs
@@ -64,7 +66,7 @@ def wheel(tmp_path_factory):
     if not UV.is_file():
         pytest.skip("uv is not in .venv: run `make setup`")
     out = tmp_path_factory.mktemp("dist")
-    build = [UV, "build", "--wheel", "-q", "--no-build-isolation", "--offline", "-o", out, ROOT]
+    build = [UV, "build", "-q", "--no-build-isolation", "--offline", "-o", out, ROOT]
     subprocess.run(build, check=True, timeout=120, env={**ALONE, "VIRTUAL_ENV": str(ROOT / ".venv")})
     return next(out.glob("*.whl"))
 
@@ -122,8 +124,39 @@ def test_the_commands_of_the_pages_run_in_the_extra_that_they_name(extra, versio
 
 
 @pytest.mark.slow
-def test_the_wheel_holds_the_library_alone(wheel):
-    import zipfile
-
-    tops = {name.split("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
+def test_the_wheel_holds_the_library_and_the_sdist_docs_and_examples(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        tops = {name.split("/")[0] for name in archive.namelist()}
     assert tops == {"ddf", f"{wheel.name.split('-py3')[0]}.dist-info"}
+    (sdist,) = wheel.parent.glob("*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    tracked = subprocess.run(
+        ["git", "ls-files", "docs", "examples", "src/ddf"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert set(tracked.stdout.splitlines()) <= names
+
+
+@pytest.mark.slow
+def test_indexes_and_type_checkers_take_it(wheel, tmp_path):
+    environment(tmp_path, "3.11", wheel, "")
+    user = 'import ddf\nfield = ddf.load("rabbit")\nfield.render(size="large")\n'
+    (tmp_path / "user.py").write_text(user, encoding="utf-8")
+
+    def told(*words: object) -> str:
+        done = subprocess.run(
+            [UV, "tool", "run", "-q", *map(str, words)],
+            cwd=tmp_path,
+            env=ALONE,
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+        if "Failed to fetch" in done.stderr or "No solution found" in done.stderr:
+            pytest.skip(f"{words[0]} cannot be had: {done.stderr[-200:]}")
+        return done.stdout + done.stderr
+
+    assert told("twine", "check", "--strict", *wheel.parent.glob("directed*")).count("PASSED") == 2
+    assert told("check-wheel-contents", wheel).strip().endswith("OK")
+    found = told("mypy", "--strict", "--python-executable", tmp_path / "env/bin/python", "user.py")
+    assert found.count("error:") == 1 and 'incompatible type "str"; expected "int"' in found
