@@ -6,7 +6,7 @@ inside the box besides. Rows hold the time of one depth image, of its one thread
 errors over held-out cameras outside, in field units. "Refined" asks for fewer pixels (`sparse_depth`). "inside": rays
 from free points inside the box, between surfaces, where a field of lines knows one surface a line; `inside_wrong` is
 the share of them whose visibility is wrong, or whose depth is off by more than `CLOSE`. Signed distances are traced,
-and the mesh itself is cast.
+patches and the mesh itself are asked.
 """
 
 import argparse
@@ -27,8 +27,9 @@ from bench.rivals import ray_fields, ray_inputs, sphere_tracing
 from ddf.core import config, seeding
 from ddf.data import mesh_config, mesh_preparation
 from ddf.data.synthetic import showcase
-from ddf.fields import derivatives, siren
-from ddf.fit import fit_settings
+from ddf.fields import derivatives, framed_field, siren
+from ddf.fields.grid import build, patch_field
+from ddf.fit import fit_settings, fitting
 from ddf.geometry import cameras, mesh_io, raycast, rays, sparse_depth, transforms
 from ddf_lab.evaluation.shape import source_mesh
 
@@ -44,6 +45,7 @@ FREE_POINTS, LOOKS, CLEAR = 64, 512, 0.1  # inside: points, rays of each, and ho
 CLOSE = 0.02  # field units, 1 % of the shape
 CHUNK = 4096
 OURS, BOTH, CASTING = "DDF: entry of the box", "DDF, inside rays too", "mesh casting"
+PATCHES = "DDF: patches"
 REFINED = ", refined"  # behind the name of what is asked for fewer pixels
 REFINEMENT = sparse_depth.Refinement(tolerance=0.005, stride=8)  # field units
 BUDGETS = [  # of steps; f where a ray has arrived, and where one out of steps still has
@@ -251,6 +253,20 @@ def traced_normals(network: siren.SineNetwork, p: Tensor, v: Tensor, depth: Tens
     return derivatives.normals(derivatives.adjoint(network, found.slopes, torch.ones_like(found.outputs)), v)
 
 
+def patch_candidate(place: Place) -> Candidate:
+    """What `ddf fit` makes of the mesh; nothing is trained."""
+    started = time.process_time()
+    mesh, field_from_mesh = fitting.in_cube(place.mesh)
+    field = patch_field.of(*patch_field.fitted(mesh, field_from_mesh, build.PatchConfig()))
+    facts = {"seconds": time.process_time() - started}
+
+    def ask(p: Tensor, v: Tensor, output: str) -> Tensor:
+        points = rays.OrientedPoints(p.double().numpy(), v.double().numpy())
+        return torch.from_numpy(framed_field.query(field, points, (output,))[0][output]).float()
+
+    return Candidate(lambda p, v: ask(p, v, "depth"), lambda p, v, _: ask(p, v, "normals"), facts)
+
+
 def cast_candidate(place: Place) -> Candidate:
     """The mesh itself, in float32."""
 
@@ -274,6 +290,7 @@ def measure(seconds: float) -> list[dict[str, Any]]:
             for draw in (outside_rays, inside_rays, between)
         )
         found = ray_candidates(place, outside, inside, seconds) | traced_candidates(place, seconds)
+        found[PATCHES] = patch_candidate(place)
         found[CASTING] = cast_candidate(place)
         rows += rows_of(name, place, found, inner, seconds)
     return rows
