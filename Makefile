@@ -36,7 +36,7 @@ fit-shape $(SHAPE_STAGES): CONFIG := configs/fit.yaml
 fit-shape: $(READY) ## one field for one shape, what each sample type is worth, and their page: [CONFIG=configs/paper_fit.yaml]
 	$(run)
 figures: CONFIG := configs/figures.yaml
-figures: $(READY) ## the figures of the paper, remade, with numbers against exact values: reports/figures
+figures: $(READY) ## the figures of the paper, remade, with numbers against exact values
 	$(run)
 STAGES := $(shell sed -n 's/^  \([a-z_]*\):$$/stage-\1/p' pipeline.yaml)
 $(STAGES): $(READY) ## one stage (dataset, meshes, ..., report) and what it needs
@@ -44,6 +44,8 @@ $(STAGES): $(READY) ## one stage (dataset, meshes, ..., report) and what it need
 train: $(READY) ## the trainings and what they need, JOBS=4 side by side, each behind LAUNCH="srun --gres=gpu:1"
 	$(run) --stage train_ddf --stage train_pcsiren
 report: stage-report ## tables, figures and report of CONFIG (makes what is missing)
+publish: $(READY) ## the page of CONFIG as it was made last, to reports/, where git keeps it
+	@$(RUN) -m ddf_lab.report.publish "$$CONFIG"
 dag: $(READY) ## the stages of CONFIG as a graph: text, artifacts/<experiment>/dag.svg and dag.md
 	$(run) --dag
 

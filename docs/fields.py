@@ -1,11 +1,16 @@
-"""Writes docs/fields.webp, the picture of README.md: depth, normals and curvature of the fields of `ddf models`."""
+"""Writes docs/fields.webp, the picture of README.md: depth, normals and curvature of the fields of `ddf models`.
 
+Its metadata hold the checksums of the fields.
+"""
+
+import json
 import tempfile
 from pathlib import Path
 
 from PIL import Image
 
 from ddf import cli
+from ddf_lab.report import publish
 
 FIELDS = ("rabbit", "armchair", "airliner", "nested")
 OUTPUTS = ("depth", "normals", "mean_curvature")
@@ -22,7 +27,7 @@ def main() -> None:
             for column, name in enumerate(FIELDS):
                 cli.main(["render", name, str(file), "--output", output, "--size", str(SIZE)])
                 sheet.paste(Image.open(file).convert("RGB"), (SIZE * column, SIZE * row))
-    sheet.save(OUT, quality=80)
+    sheet.save(OUT, quality=80, xmp=json.dumps(publish.shipped_fields()).encode())
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Stage `figures`: the figures of the paper remade, with numbers against exact values, in reports/<experiment>/."""
+"""Stage `figures`: the paper's figures remade, with numbers against exact values, in artifacts/<experiment>/report."""
 
 from ddf_lab.engine import stage
 from ddf_lab.figures import figure_fields, figures_page

@@ -1,4 +1,4 @@
-"""Stage `report`: tables, figures, one Markdown page and one self-contained HTML page in reports/<experiment>/."""
+"""Stage `report`: tables, figures, a Markdown page and a self-contained HTML page in artifacts/<experiment>/report."""
 
 from ddf_lab.engine import stage
 from ddf_lab.report.experiment import experiment_page

@@ -1,4 +1,4 @@
-"""Stage `report_generative`: the page on the generative models, as Markdown and HTML, in reports/<experiment>/."""
+"""Stage `report_generative`: the page on generative models, as Markdown and HTML, in artifacts/<experiment>/report."""
 
 from ddf.models.generative import settings
 from ddf_lab.engine import stage

@@ -76,7 +76,7 @@ class Run:
     @property
     def page(self) -> Path:
         """The folder of the report."""
-        return Path("reports") / self.name
+        return self.folder("report", "")
 
     def folder(self, stage: str, category: str | None = None, seed: int = 0) -> Path:
         """artifacts/<experiment>/<stage>[/<category>], by default of the own category; of a further seed another."""

@@ -33,7 +33,10 @@ def test_folders_are_named_after_the_file():
     chair = Run(Path("cpu.yaml"), {}, "chair", 1)
     assert chair.folder("samples").as_posix() == "artifacts/cpu/samples/chair"
     assert chair.folder("train_ddf", seed=chair.seed).as_posix() == "artifacts/cpu/train_ddf_seeds/1/chair"
-    assert (chair.index.as_posix(), chair.page.as_posix()) == ("artifacts/cpu/dataset/index.json", "reports/cpu")
+    assert (chair.index.as_posix(), chair.page.as_posix()) == (
+        "artifacts/cpu/dataset/index.json",
+        "artifacts/cpu/report",
+    )
     assert (cpu.label, chair.label) == ("", "chair seed 1")
 
 

@@ -98,7 +98,7 @@ class Workspace:
 
     @property
     def report(self) -> str:
-        return (self.root / "reports" / "smoke" / "README.md").read_text()
+        return (self.root / "artifacts" / "smoke" / "report" / "README.md").read_text()
 
     @contextlib.contextmanager
     def edited(self, file: str, pattern: str, replacement: str) -> Iterator[None]:

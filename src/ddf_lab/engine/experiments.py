@@ -63,7 +63,7 @@ class Experiment:
 
     @property
     def name(self) -> str:
-        """Of its folders in artifacts/ and reports/."""
+        """Of its folder in artifacts/."""
         return self.file.stem
 
     @property

@@ -61,8 +61,8 @@ def run(given: str, changes: Sequence[str], options: Options) -> Path:
         failed = schedule.run(graph.affected(items, stale), options.jobs, engine.run, engine.stop)
     if failed:
         raise checks.InputError(f"{failed[0].name} failed, its message is above; the same command goes on from there")
-    page = Path("reports") / experiment.name / "README.md"
-    return page if experiment.last_stage in stages else Path("artifacts") / experiment.name
+    folder = Path("artifacts") / experiment.name
+    return folder / "report" / "README.md" if experiment.last_stage in stages else folder
 
 
 def _known(stages: Iterable[str], experiment: experiments.Experiment) -> set[str]:

@@ -53,7 +53,7 @@ def test_no_output_is_made_twice(seeded):
 def test_paths_carry_the_name_of_their_experiment(seeded):
     for item in seeded.values():
         experiment = item.key.split("-")[0]
-        assert all(path.startswith((f"artifacts/{experiment}/", f"reports/{experiment}")) for path in item.outs)
+        assert all(path.startswith(f"artifacts/{experiment}/") for path in item.outs)
         assert all(path.startswith(f"artifacts/{experiment}/") for path in item.data)
         assert f"--config configs/{experiment}.yaml" in item.command
         assert list(item.sections) == [f"configs/{experiment}.yaml"]
@@ -76,7 +76,7 @@ def test_folders_persist_but_for_reports_and_nothing_is_copied():
     for name, entry in yaml.safe_load(_pipeline.PIPELINE.read_text())["stages"].items():
         for out in entry["do"]["outs"]:
             ((path, options),) = out.items()
-            page = path.startswith("reports/")
+            page = path.endswith("/report")
             assert options == ({"cache": False} if page else {"cache": False, "persist": True}), name
 
 

@@ -1,0 +1,36 @@
+"""`python -m ddf_lab.report.publish CONFIG` (`make publish`): the page of a run to reports/, where git keeps it.
+
+HTML stays behind. A page whose pictures show fields that come with the package says by `inputs.json` which ones.
+"""
+
+import shutil
+import sys
+from pathlib import Path
+
+from ddf.core import guard, shipped_models, storage
+from ddf.training import training_loop
+from ddf_lab.run import Run
+
+INPUTS = "inputs.json"
+
+
+def publish(run: Run, root: Path = Path("reports")) -> Path:
+    """Replace the folder of the experiment by its page; FileNotFoundError: there is none yet."""
+    page, out = run.page, root / run.name
+    if not (page / "README.md").is_file():
+        raise FileNotFoundError(f"{page}: no page; `ddf run {run.file}` makes it")
+    shutil.rmtree(out, ignore_errors=True)
+    shutil.copytree(page, out, ignore=shutil.ignore_patterns("*.html"))
+    if "figures" in run.given:
+        storage.write_json(out / INPUTS, shipped_fields())
+    return out
+
+
+def shipped_fields() -> dict[str, str]:
+    """Checksum of every field that comes with the package, by its name."""
+    fields = (model for model in shipped_models.listed() if model.kind == "field")
+    return {field.name: storage.checksum(field.folder / training_loop.MODEL) for field in fields}
+
+
+if __name__ == "__main__":
+    raise SystemExit(guard.guarded(lambda: sys.stdout.write(f"{publish(Run.read(sys.argv[1]))}\n"), "publish"))
