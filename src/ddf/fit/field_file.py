@@ -60,8 +60,8 @@ def read(path: Path) -> FieldFile:
         raise checks.InputError(f"{file}: holds no field of a single shape; give a folder that `ddf fit` wrote")
     with framed_field.record_of(file):
         config = {**record["field"], "hidden": tuple(record["field"]["hidden"])}
-        if not all(type(width) is int and width > 0 for width in config["hidden"]):
-            raise ValueError(f"hidden must be widths; got {record['field']['hidden']}")
+        for number in (*config["hidden"], config.get("components", 2)):
+            checks.require_whole("a width, or the number of components,", number, 1)
         for name in ("omega_first", "omega_hidden", "depth_sharpness"):
             config[name] = float(config[name])
             checks.require_finite(name, np.array(config[name]))
