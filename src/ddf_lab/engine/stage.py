@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from ddf.core import guard, interrupts, locks, notes
 from ddf_lab.engine import finished
@@ -37,7 +37,9 @@ def main(category: bool = False, seed: bool = False) -> Callable[[Make], Make]:
 
 def _start(make: Make, category: bool, seed: bool) -> NoReturn:
     parser = argparse.ArgumentParser(description=(sys.modules["__main__"].__doc__ or "").partition("\n")[0])
-    parser.add_argument("--config", type=Path, required=True, help="experiment file, for example configs/cpu.yaml")
+    parser.add_argument(
+        "--config", type=Path, required=True, dest="file", help="experiment file, for example configs/cpu.yaml"
+    )
     if category:
         parser.add_argument("--category", required=True, help="one of the categories of the experiment")
     if seed:
@@ -46,7 +48,7 @@ def _start(make: Make, category: bool, seed: bool) -> NoReturn:
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     kept = "what is finished is kept, and the same command goes on from there"
     with interrupts.raised():
-        sys.exit(guard.guarded(lambda: _run_alone(make, **arguments), Path(sys.argv[0]).stem, kept))
+        sys.exit(guard.guarded(lambda: _run_alone(make, Run.read(**arguments)), Path(sys.argv[0]).stem, kept))
 
 
 def _whole_number(text: str) -> int:
@@ -55,20 +57,20 @@ def _whole_number(text: str) -> int:
     return int(text)
 
 
-def _run_alone(make: Make, config: Path, **arguments: Any) -> None:
+def _run_alone(make: Make, run: Run) -> None:
     """Run while holding the stage's lock, then note time, memory and what was made of what.
 
     Where the note of an earlier run says that there is nothing to do, nothing is done. A killed engine can leave a
     stage's process behind that still writes the same files. The lock is the kernel's and goes with that process; of
     the processes of one distributed training only the first takes it.
     """
-    name, run = Path(sys.argv[0]).stem, Run.read(config, **arguments)
+    name = Path(sys.argv[0]).stem
     record = time_path(run.name, name, run.category, run.seed)
     record.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as stack:
         first = os.environ.get("RANK", "0") == "0"
         if first:
-            busy = f"an earlier process of this stage ({{number}}) is still at work on {config}"
+            busy = f"an earlier process of this stage ({{number}}) is still at work on {run.file}"
             stack.enter_context(locks.held(record.with_suffix(".lock"), busy))
         item = finished.find(name, run)
         note = finished.note(item) if item else notes.Note(record, "")
