@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from ddf.core import config
+from ddf_lab.run import Run
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +54,8 @@ def test_no_output_is_made_twice(seeded):
 def test_paths_carry_the_name_of_their_experiment(seeded):
     for item in seeded.values():
         experiment = item.key.split("-")[0]
+        run = Run(Path(f"configs/{experiment}.yaml"), {}, item.category, item.seed)
+        assert Path(item.outs[-1]) in (run.folder(item.stage, seed=item.seed), run.page), item.name
         assert all(path.startswith(f"artifacts/{experiment}/") for path in item.outs)
         assert all(path.startswith(f"artifacts/{experiment}/") for path in item.data)
         assert f"--config configs/{experiment}.yaml" in item.command

@@ -32,13 +32,16 @@ def test_stage_scripts_pass_arguments_and_note_their_time(tmp_path):
     assert times["worker_peak_mib"] == 0  # it started none
 
 
-def test_a_stage_of_the_graph_is_given_the_sections_that_its_params_list(tmp_path):
-    entry = "do: {cmd: x, params: [{'${item.file}': [samples]}], deps: [], outs: []}"
+def test_a_stage_of_the_graph_is_given_what_it_lists_and_is_done_by_what_it_began_with(tmp_path):
+    entry = "do: {cmd: x, params: [{'${item.file}': [samples]}], deps: [in.txt], outs: []}"
     (tmp_path / "pipeline.yaml").write_text(f"stages: {{do_it: {{{entry}}}}}\n")
     (tmp_path / "stages").mkdir()
     (tmp_path / "stages" / "do_it.py").touch()
-    result = _stage(tmp_path, "print(list(run.given))", "--config", "configs/a.yaml", "--category", "chair")
-    assert (result.returncode, result.stdout) == (0, "['samples']\n")
+    arguments = ("--config", "configs/a.yaml", "--category", "chair")
+    changing = "print(list(run.given)); open('in.txt', 'w').write('changed meanwhile')"
+    runs = [_stage(tmp_path, body, *arguments) for body in (changing, "pass", "pass")]
+    assert [run.stdout for run in runs] == ["['samples']\n", "", ""]
+    assert [run.stderr for run in runs] == ["do_it chair\n"] * 2 + ["do_it chair: nothing to do\n"]
 
 
 def test_stage_scripts_note_the_memory_of_their_own_process_and_of_workers(tmp_path):
