@@ -72,7 +72,6 @@ def map_shards(
     out_dir: str | Path,
     fingerprint: str,
     describe: str,
-    max_failure_share: float = MAX_FAILURE_SHARE,
     jobs: int | None = None,
 ) -> list[Failure]:
     """Run `function(items, shard)` for every shard that is not done yet; progress goes to stderr.
@@ -88,7 +87,7 @@ def map_shards(
     Returns:
       The failures of all shards, in the order of the items.
     Raises:
-      InputError: more than `max_failure_share` of the items failed (one of fewer than 50 is allowed).
+      InputError: more than 2 % of the items failed (one of fewer than 50 is allowed).
     """
     out_dir = Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)
@@ -106,7 +105,7 @@ def map_shards(
     if len(failures) > _SHOWN:
         sys.stderr.write(f"{describe}: {len(failures)} left out in all, listed in {out_dir / 'failures.csv'}\n")
     _write_failures(out_dir / "failures.csv", failures)
-    _check_failures(failures, len(items), max_failure_share, describe, out_dir)
+    _check_failures(failures, len(items), describe, out_dir)
     return failures
 
 
@@ -223,8 +222,8 @@ def _write_failures(path: Path, failures: Sequence[Failure]) -> None:
     storage.write_text(path, buffer.getvalue())
 
 
-def _check_failures(failures: Sequence[Failure], total: int, share: float, describe: str, out_dir: Path) -> None:
-    allowed = max(int(share * total), 1 if 1 < total < SMALL_RUN else 0)
+def _check_failures(failures: Sequence[Failure], total: int, describe: str, out_dir: Path) -> None:
+    allowed = max(int(MAX_FAILURE_SHARE * total), 1 if 1 < total < SMALL_RUN else 0)
     if len(failures) > allowed:
         first = failures[0]
         raise checks.InputError(

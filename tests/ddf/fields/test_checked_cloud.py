@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from _closed_form import ClosedForm
 
 from ddf.core import checks
 from ddf.fields import checked_cloud
-from ddf.fields.scenes import closed_form, scene_field
+from ddf.fields.scenes import scene_field
 from ddf.geometry import primitives
 
-SPHERE = closed_form.ClosedForm(primitives.Sphere(radius=0.8))
+SPHERE = ClosedForm(primitives.Sphere(radius=0.8))
 
 
 def test_distances_to_an_exact_sphere():
@@ -29,7 +30,7 @@ def test_distances_to_an_exact_sphere():
 
 
 def test_hits_that_the_field_denies_from_elsewhere_do_not_count():
-    class Wavering(closed_form.ClosedForm):
+    class Wavering(ClosedForm):
         def evaluate(self, positions, directions, outputs):
             found = super().evaluate(positions, directions, outputs)
             return found | {"depth": np.where(positions[:, 0] > 0, found["depth"], 1.3 * found["depth"])}
@@ -40,7 +41,7 @@ def test_hits_that_the_field_denies_from_elsewhere_do_not_count():
 
 
 def test_a_part_that_the_field_sees_badly_keeps_hits():
-    class Unsure(closed_form.ClosedForm):
+    class Unsure(ClosedForm):
         """Sees x < 0 as through a mist: depths that depend on the start, by a tenth of it."""
 
         def evaluate(self, positions, directions, outputs):
@@ -75,7 +76,7 @@ def test_the_surest_of_near_hits_stay_and_strays_go():
 
 
 def test_a_field_without_a_surface_is_told():
-    nothing = closed_form.ClosedForm(primitives.Sphere((9.0, 0.0, 0.0)))
+    nothing = ClosedForm(primitives.Sphere((9.0, 0.0, 0.0)))
     with pytest.raises(checks.InputError, match="sees no surface that it confirms"):
         checked_cloud.draw(nothing, 10)
 

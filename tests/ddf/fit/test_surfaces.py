@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 import trimesh
+from _closed_form import ClosedForm
 
 from ddf.core import checks
 from ddf.fields import checked_cloud
-from ddf.fields.scenes import closed_form
 from ddf.fit import surfaces
 from ddf.geometry import primitives
 
-SPHERE = closed_form.ClosedForm(primitives.Sphere(radius=0.8))
+SPHERE = ClosedForm(primitives.Sphere(radius=0.8))
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +27,6 @@ def test_a_sphere_is_found_both_ways(method, cloud):
 
 
 def test_a_field_without_normals_is_told(cloud):
-    blind = closed_form.ClosedForm(primitives.Sphere((9.0, 0.0, 0.0)))
+    blind = ClosedForm(primitives.Sphere((9.0, 0.0, 0.0)))
     with pytest.raises(checks.InputError, match="gives no normals"):
         surfaces.extract(blind, cloud, "poisson", hits=10)

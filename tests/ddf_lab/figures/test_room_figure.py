@@ -4,17 +4,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+from _closed_form import ClosedForm
 
 from ddf.core import shipped_models
 from ddf.fields import framed_field
-from ddf.fields.scenes import closed_form, scene_field
+from ddf.fields.scenes import scene_field
 from ddf.fit import shape_field
 from ddf.geometry import primitives, rays, transforms
 from ddf_lab.figures import room_figure
 
 TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # a quarter about y
-TORUS = closed_form.ClosedForm(primitives.Torus())
-BALL = closed_form.ClosedForm(primitives.Sphere(radius=0.8))
+TORUS = ClosedForm(primitives.Torus())
+BALL = ClosedForm(primitives.Sphere(radius=0.8))
 PLACES = (
     transforms.Similarity(0.5, TURN, np.array([0.6, 0.1, 0.0])),
     transforms.Similarity(0.3, np.eye(3), -np.ones(3) / 2),

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from _closed_form import ClosedForm
 
 from ddf.core import checks
 from ddf.fields import framed_field
-from ddf.fields.scenes import camera_paths, closed_form
+from ddf.fields.scenes import camera_paths
 from ddf.geometry import primitives
 
-FIELD = closed_form.ClosedForm(primitives.Sphere(), np.array([-1.0, -0.4, -0.7]), np.array([1.0, 0.6, 0.7]))
+FIELD = ClosedForm(primitives.Sphere(), np.array([-1.0, -0.4, -0.7]), np.array([1.0, 0.6, 0.7]))
 
 
 @pytest.mark.parametrize("up", ["y", "z"])

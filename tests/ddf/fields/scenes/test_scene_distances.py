@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from _closed_form import ClosedForm
 
-from ddf.fields.scenes import closed_form, scene_distances
+from ddf.fields.scenes import scene_distances
 from ddf.geometry import primitives, transforms
 
-SPHERE = closed_form.ClosedForm(primitives.Sphere(radius=1.0))
+SPHERE = ClosedForm(primitives.Sphere(radius=1.0))
 
 
 def _to_unit_sphere(positions):
