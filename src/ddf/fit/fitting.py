@@ -27,7 +27,6 @@ from torch.nn import functional
 from ddf.core import checks, locks, provenance, storage
 from ddf.data.samples import sample_batch, sample_types
 from ddf.fields import consistency, field_values, framed_field, losses, pddf
-from ddf.fields.grid import patch_field
 from ddf.fit import fit_settings, shape_field, shape_samples
 from ddf.geometry import mesh_io, rays, transforms
 from ddf.training import training_loop
@@ -265,7 +264,7 @@ def _budget(config: fit_settings.FitConfig, sampling: float) -> int | training_l
 
 
 @torch.no_grad()
-def held_out_errors(field: pddf.PDDF | patch_field.PatchField, samples: shape_samples.ShapeSamples) -> dict[str, Any]:
+def held_out_errors(field: pddf.PDDF | framed_field.FramedField, samples: shape_samples.ShapeSamples) -> dict[str, Any]:
     """Errors per sample type, in halves of the shape's longest side ([DDF22]'s unit), as its table `dataablation`.
 
     Returns:
@@ -296,7 +295,7 @@ def held_out_errors(field: pddf.PDDF | patch_field.PatchField, samples: shape_sa
 
 
 def _ask(
-    field: pddf.PDDF | patch_field.PatchField,
+    field: pddf.PDDF | framed_field.FramedField,
     positions: Float[Tensor, "n 3"],
     directions: Float[Tensor, "n 3"],
     faced: bool,

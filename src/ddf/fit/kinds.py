@@ -1,7 +1,10 @@
-"""Fields of one shape by their files, of either kind: a sine network's (`shape_field`), patches (`patch_field`)."""
+"""Fields of one shape by their files, of either kind: a sine network's (`shape_field`), patches (`patch_field`).
+
+What only the other kind needs is not imported.
+"""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -41,9 +44,8 @@ def points(
     Raises:
       InputError: a count below 1, or a setting that does not do.
     """
-    from ddf.fields.grid import patch_field
+    if shape.record.get("kind") == field_file.PATCHES:
+        return cast("patch_field.PatchField", shape).points(count, seed)
     from ddf.fit import shape_field
 
-    if isinstance(shape, patch_field.PatchField):
-        return shape.points(count, seed)
-    return shape_field.cloud(shape, count, cloud_defaults.cloud(**changed), seed)
+    return shape_field.cloud(cast(shape_field.ShapeField, shape), count, cloud_defaults.cloud(**changed), seed)

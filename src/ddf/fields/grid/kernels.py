@@ -22,10 +22,11 @@ LAST, ROUGH, FINENESS, FINEST = 1, 2, 11, 7  # of a code
 WIDTH = 7  # of a row
 GRID = 6  # samples of a patch along a side of its cell
 FLAT = 0.125  # of the tolerance: a plane that is so near needs no bending
-MOST_BENT = 4.0  # |A| s from which on a paraboloid is no patch
+MOST_BENT = 1.0  # |A| s from which on a paraboloid is no patch
 _MANY = 48  # triangles of a cell from which on it is cut, not clustered
 DEEPEST = 10  # how often a base cell may be cut, at most
 _LONG = 1e300  # in place of 1/0
+_ROUNDING = 5e-6  # of patches by their files, at most
 _STEP = 1e-9  # into a cell, so that its own numbers say where the ray is
 _NEAR, _NEAR_ROUGH, _NEAREST = 2.0, 0.25, 1.5e-5  # starts on a patch: in errors of a cell, in sides of a rough one
 
@@ -99,11 +100,13 @@ def _nearness(code, side, tolerance):
 
 @compiled
 def _cell_hit(patches, codes, first, x, y, z, vx, vy, vz, begin, end, side, tolerance, near):
-    """The first t >= 0 in [begin, end], with the slack of the tolerance, on a patch of a cell, and which; else `inf`.
+    """The first t >= 0 on a patch of a cell, and which; else `inf`.
+
+    In [begin, end], or by the error of the cell beyond, so that neighbours leave no gap.
 
     A patch that the ray starts on, x = x(0), is not met where it starts. near: as far off it may lie.
     """
-    best, which, count, error = np.inf, -1, 1, _error(codes[first], tolerance)
+    best, which, count, error = np.inf, -1, 1, max(_error(codes[first], tolerance), _ROUNDING)
     while codes[first + count - 1] & LAST == 0:
         count += 1
     for i in range(count):
@@ -113,7 +116,7 @@ def _cell_hit(patches, codes, first, x, y, z, vx, vy, vz, begin, end, side, tole
         for root in (near_root, far_root):
             if not 0 <= root < best or (on and abs(root) <= min(abs(near_root), abs(far_root))):
                 continue
-            slack = min(tolerance / max(abs(2 * q2 * root + q1), 1e-12), 0.5 * side)
+            slack = min(error / max(abs(2 * q2 * root + q1), 1e-12), 0.5 * side)
             if root < begin - slack or root > end + slack:
                 continue
             held = True
@@ -276,7 +279,7 @@ def _fit(points, weights, labels, label, side, bent, rows, row):
                 for k in range(j + 1):
                     matrix[j, k] += weights[i] * basis[j] * basis[k]
         for j in range(size):
-            matrix[j, j] += total * (1e-12 if j < 3 else 1e-7)  # what few points leave open is flat
+            matrix[j, j] += total * (1e-12 if j < 3 else 1e-5)  # what few points leave open is flat
             if turn == 2 and 0 < j < 3:
                 matrix[j, j] += 1e12 * total
         _solve(matrix, right, size)

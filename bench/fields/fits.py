@@ -1,0 +1,203 @@
+"""Fields of one mesh by kind, beside the mesh itself: errors, bytes, and milliseconds of an image on one core.
+
+Four meshes from outside, four made here, chosen for nothing, and a sphere of more and more triangles.
+
+`sine` is the default network of `ddf fit --kind sine` after some seconds of one core, all samples included; `patches`
+is what `ddf fit` makes, by tolerance; `mesh` is `ddf.cast`. Lengths are in halves of the longest side. Images are 8 of
+256 x 256 from outside; `wrong` are percents of 50,000 rays, from inside the box or from the surface, whose visibility
+is wrong or whose depth is off by more than 0.02. Bytes of a mesh are its corners and triangles, without the caster's
+tree. All times are those of one core's work.
+"""
+
+import argparse
+import dataclasses
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import trimesh
+
+from bench.data import ray_casting
+from bench.lib import cpu_budget, measuring
+from ddf.data.samples import sample_types
+from ddf.data.synthetic import assemble, cars, chairs, planes
+from ddf.fields import framed_field
+from ddf.fields.grid import build, patch_field
+from ddf.fit import fit_settings, fitting, shape_field
+from ddf.geometry import mesh_io, raycast, rays
+
+ON_DEMAND = "python -m bench fits, half an hour"
+REAL = ("spot_23k.obj", "chair_kaykit_A.obj", "hard_nested_dishwasher.stl", "teapot.obj")
+BUDGETS, TOLERANCES, GROWING = (20, 60), (3e-4, 1e-3), (1_000, 10_000, 100_000, 1_000_000)
+RAYS, SIZE, VIEWS, OFF, REPEATS = 50_000, 256, 8, 0.02, 5
+OUTPUTS = ("visibility", "depth", "normals")
+_BUILDERS = {"chair": chairs.build, "plane": planes.build, "car": cars.build}
+
+Answer = tuple[np.ndarray, np.ndarray]  # depth, infinite on a miss, and normals
+
+
+@dataclass(frozen=True)
+class Way:
+    """Something that answers rays of the mesh's frame. image: renders one, for the clock."""
+
+    name: str
+    ask: Callable[[rays.OrientedPoints], Answer]
+    image: Callable[[], Any]
+    size: int
+    seconds: float
+
+
+def meshes() -> dict[str, mesh_io.Mesh]:
+    """By name; those from outside where they are."""
+    found = {name: mesh_io.load_surface(measuring.REAL_MESHES / name) for name in REAL if _there(name)}
+    for kind, make in _BUILDERS.items():
+        shape = assemble.shape(make(np.random.default_rng(7)), np.random.default_rng(7))
+        found[f"made {kind}"] = mesh_io.Mesh(shape.vertices, shape.triangles)
+    ring = trimesh.creation.torus(0.7, 0.3, major_sections=120, minor_sections=80)
+    return {**found, "made ring": mesh_io.Mesh(np.array(ring.vertices), np.array(ring.faces))}
+
+
+def _there(name: str) -> bool:
+    return (measuring.REAL_MESHES / name).is_file()
+
+
+def sine(mesh: mesh_io.Mesh, seconds: float) -> Way:
+    """A network after so many seconds of one core."""
+    tiny = sample_types.Counts(**dict.fromkeys("UABSTO", 50))
+    with tempfile.TemporaryDirectory() as folder:
+
+        def train(steps: int) -> None:
+            config = dataclasses.replace(fit_settings.DEFAULT, steps=steps, minutes=None, held_out=tiny)
+            fitting.fit(mesh, config, Path(folder) / str(steps), threads=1)
+
+        steps = cpu_budget.steps_within(train, seconds)
+        started = time.process_time()
+        train(steps)
+        took = time.process_time() - started
+        field = shape_field.load(Path(folder) / str(steps))
+    size = sum(values.numel() * 4 for values in field.field.parameters())
+    return _way(f"sine, {seconds:g} s", field, size, took)
+
+
+def patches(mesh: mesh_io.Mesh, tolerance: float) -> Way:
+    """Patches of a tolerance."""
+    started = time.process_time()
+    arrays, record = patch_field.fitted(*fitting.in_cube(mesh), build.PatchConfig(tolerance))
+    took = time.process_time() - started
+    size = sum(values.nbytes for values in arrays.values())
+    return _way(f"patches, {tolerance:g}", patch_field.of(arrays, record), size, took)
+
+
+def _way(name: str, field: framed_field.FramedField, size: int, took: float) -> Way:
+    def ask(points: rays.OrientedPoints) -> Answer:
+        found, _ = framed_field.query(field, points, OUTPUTS)
+        return found["depth"], found["normals"]
+
+    camera = (35.0, 25.0, framed_field.framing_radius(field, 35.0, 25.0))
+    return Way(name, ask, lambda: framed_field.render(field, camera, SIZE, ("visibility", "depth")), size, took)
+
+
+def cast(mesh: mesh_io.Mesh, field: framed_field.FramedField) -> Way:
+    """The mesh itself, cast; its image has the rays of a field's."""
+    started = time.process_time()
+    scene = raycast.Scene(mesh)
+    camera = (35.0, 25.0, framed_field.framing_radius(field, 35.0, 25.0))
+    back = field.field_from_mesh.inverse()
+    starts, ways = framed_field.camera_rays(field, camera, SIZE)
+    points = rays.OrientedPoints(back.apply(starts), back.apply_directions(ways))
+    scene.first_hits(points.positions[:1], points.directions[:1])
+    took = time.process_time() - started
+
+    def ask(asked: rays.OrientedPoints) -> Answer:
+        hits = raycast.cast(scene, asked)
+        return hits.depth, hits.normals
+
+    return Way("mesh", ask, lambda: ask(points), 12 * (len(mesh.vertices) + len(mesh.faces)), took)
+
+
+def inner(mesh: mesh_io.Mesh, random: np.random.Generator) -> rays.OrientedPoints:
+    """Uniform in the box, any way."""
+    return rays.OrientedPoints(random.uniform(*mesh.box(), (RAYS, 3)), _ways(random))
+
+
+def on_surface(scene: raycast.Scene, random: np.random.Generator) -> rays.OrientedPoints:
+    """Uniform on the surface, any way; just off it on the side that they look to, so that the mesh knows."""
+    chosen = random.choice(len(scene.areas), RAYS, p=scene.areas / scene.areas.sum())
+    points = np.einsum("ni,nij->nj", random.dirichlet(np.ones(3), RAYS), scene.mesh.triangles[chosen])
+    ways, normals = _ways(random), scene.normals[chosen]
+    lift = raycast.SURFACE_OFFSET * scene.scale * np.sign((ways * normals).sum(axis=1))
+    return rays.OrientedPoints(points + lift[:, None] * normals, ways)
+
+
+def _ways(random: np.random.Generator) -> np.ndarray:
+    ways = random.standard_normal((RAYS, 3))
+    return ways / np.linalg.norm(ways, axis=1, keepdims=True)
+
+
+def errors(way: Way, scene: raycast.Scene, field: framed_field.FramedField) -> dict[str, float]:
+    """Against the mesh."""
+    random, found = np.random.default_rng(5), {}
+    for name, points in {"inner": inner(scene.mesh, random), "surface": on_surface(scene, random)}.items():
+        truth, depth = scene.first_hits(points.positions, points.directions)[0], way.ask(points)[0]
+        seen, there = np.isfinite(depth), np.isfinite(truth)
+        off = np.abs(np.where(seen, depth, 0.0) - np.where(there, truth, 0.0)) > OFF * scene.scale
+        found[f"wrong_{name}"] = 100 * float(((seen != there) | (seen & there & off)).mean())
+    parts, back = [], field.field_from_mesh.inverse()
+    for view in range(VIEWS):
+        azimuth, elevation = 360 * view / VIEWS + 20, (25.0, -15.0)[view % 2]
+        camera = (azimuth, elevation, framed_field.framing_radius(field, azimuth, elevation))
+        starts, ways = framed_field.camera_rays(field, camera, SIZE)
+        points = rays.OrientedPoints(back.apply(starts), back.apply_directions(ways))
+        truth, (depth, normals) = raycast.cast(scene, points), way.ask(points)
+        seen = np.isfinite(depth)
+        both = seen & truth.visible
+        cosine = (normals[both] * truth.normals[both]).sum(axis=1)
+        parts.append((np.abs(depth[both] - truth.depth[both]), cosine, both.sum(), (seen | truth.visible).sum()))
+    depths, cosines, both, either = zip(*parts, strict=True)
+    depth = np.concatenate(depths) / scene.scale
+    angle = np.degrees(np.arccos(np.clip(np.concatenate(cosines), -1, 1)))
+    return {
+        **found,
+        "depth_median": float(np.median(depth)),
+        "depth_mean": float(depth.mean()),
+        "silhouettes": float(np.sum(both) / np.sum(either)),
+        "normals_deg": float(np.median(angle)),
+    }
+
+
+def rows_of(name: str, mesh: mesh_io.Mesh, budgets: Sequence[float], tolerances: Sequence[float]) -> list[dict]:
+    """All ways for one mesh, their images timed in turn."""
+    fields = [patches(mesh, tolerance) for tolerance in tolerances] + [sine(mesh, seconds) for seconds in budgets]
+    frame = patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), build.PatchConfig(1e-2)))
+    scene, ways = raycast.Scene(mesh), [*fields, cast(mesh, frame)]
+    times = measuring.interleaved({way.name: way.image for way in ways}, REPEATS, clock=time.process_time)
+    size, rows = {"shape": name, "triangles": len(mesh.faces)}, []
+    for way in ways:
+        row = measuring.row(way.name, size, times[way.name], errors(way, scene, frame))
+        rows.append({**row, "bytes": way.size, "made_in_s": way.seconds})
+        print(name, rows[-1], flush=True)
+    return rows
+
+
+def main(given: Sequence[str]) -> None:
+    """Fit, ask and time."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, nargs="*", default=BUDGETS, help="of sine, one core")
+    parser.add_argument("--only", nargs="*", help="shapes by name")
+    arguments = parser.parse_args(given)
+    torch.set_num_threads(1)
+    patches(ray_casting.sphere(100), TOLERANCES[0])  # compiles
+    shapes: dict[str, tuple[mesh_io.Mesh, Sequence[float], Sequence[float]]] = {
+        name: (mesh, arguments.seconds, TOLERANCES) for name, mesh in meshes().items()
+    }
+    for count in GROWING:
+        shapes[f"sphere {count:,}"] = (ray_casting.sphere(count), (), TOLERANCES[:1])
+    chosen = {name: how for name, how in shapes.items() if not arguments.only or name in arguments.only}
+    rows = [row for name, how in chosen.items() for row in rows_of(name, *how)]
+    if not arguments.only:
+        measuring.write("fits", 1, rows)
