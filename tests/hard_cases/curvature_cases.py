@@ -12,6 +12,7 @@ The shapes of `primitives` have to say the same of such rays. The networks see a
 import math
 from dataclasses import dataclass
 
+import _closed_form
 import torch
 from torch.nn import functional
 
@@ -64,7 +65,7 @@ class Place:
     back: float = math.inf
 
 
-TORUS = primitives.Torus(0.75, 0.25)
+TORUS = _closed_form.Torus(0.75, 0.25)
 FRAME = torch.eye(3, dtype=torch.float64)
 TURN = torch.tensor([[0.48, 0.8, 0.36], [-0.6, 0.0, 0.8], [0.64, -0.6, 0.48]], dtype=torch.float64)
 
@@ -95,7 +96,7 @@ ALLOWED = " within 8 ε/|n·v|, the rounding of a tangent over the slope"
 
 @CURVATURE.case("plane", GIVEN + "κ = 0, 0", "mean 0, Gaussian 0")
 def _plane(dtype: torch.dtype) -> case.Outcome:
-    return _compare(Place(primitives.Plane((1.0, 0.0, 0.0)), (0.0, 0.0, 0.0), 1.0, (0.0, 0.0)), dtype)
+    return _compare(Place(_closed_form.Plane((1.0, 0.0, 0.0)), (0.0, 0.0, 0.0), 1.0, (0.0, 0.0)), dtype)
 
 
 @CURVATURE.case("sphere from outside", GIVEN + "radius 1/2", "mean -4, Gaussian 4," + ALLOWED)

@@ -3,6 +3,7 @@
 import itertools
 import math
 
+import _closed_form
 import torch
 from torch import Tensor
 from torch.nn import functional
@@ -61,7 +62,7 @@ def _grazing_plane(dtype: torch.dtype) -> case.Outcome:
     for slope in SLOPES:
         positions, directions = _along_x([(-2.0, 0.0, 0.0)], dtype)
         for sign in (-1.0, 1.0):
-            plane = primitives.Plane((sign * slope, math.sqrt(1 - slope * slope), 0.0))
+            plane = _closed_form.Plane((sign * slope, math.sqrt(1 - slope * slope), 0.0))
             hits = _cast(plane, positions, directions)
             found.append(case.close((hits.normals * directions).sum(-1), [-slope], 2 * case.step(dtype) * slope))
             found.append(case.close(hits.depth, [2.0], 4 * case.step(dtype)))
@@ -78,7 +79,7 @@ def _grazing_torus(dtype: torch.dtype) -> case.Outcome:
     positions, directions = _along_x([(-2.0, 0.25 * math.sqrt(1 - s * s), 0.0) for s in SLOPES], dtype)
     positions, directions = positions.double(), directions.double()
     half = _sine(4 * positions[:, 1]) / 4
-    return case.close(_cast(primitives.Torus(0.75, 0.25), positions, directions).depth, 1.25 - half, 1e-7)
+    return case.close(_cast(_closed_form.Torus(0.75, 0.25), positions, directions).depth, 1.25 - half, 1e-7)
 
 
 @RAYS.case(
@@ -99,7 +100,7 @@ def _touching_sphere(dtype: torch.dtype) -> case.Outcome:
 )
 def _in_plane(dtype: torch.dtype) -> case.Outcome:
     positions, directions = _along_x([(0.0, 0.0, 0.0), (0.0, 1e-7, 0.0), (0.0, -1e-7, 0.0)], dtype)
-    hits = _cast(primitives.Plane(), positions, directions)
+    hits = _cast(_closed_form.Plane(), positions, directions)
     return case.every(case.exact(hits.depth, [math.inf] * 3), case.exact(hits.normals, torch.zeros(3, 3)))
 
 

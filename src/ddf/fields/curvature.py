@@ -100,26 +100,6 @@ def depth_bend(field: PDDF, raw_depth: Float[Tensor, "*n"]) -> Float[Tensor, "*n
     return field.activation.bend(raw_depth, field.config.depth_sharpness)
 
 
-def depth_hessian_form(
-    field: PDDF,
-    positions: Float[Tensor, "*shapes n 3"],
-    directions: Float[Tensor, "*shapes n 3"],
-    first: Float[Tensor, "*shapes n 3"],
-    second: Float[Tensor, "*shapes n 3"],
-    modulations: Sequence[Tensor] | None = None,
-) -> Float[Tensor, "*shapes n"]:
-    """t'^T H_p[d_{i*}] t, the depth activation included, for any t = `first` and t' = `second`, in 1 / field units."""
-    found = trace(field.network, field.inputs(positions, directions), modulations)
-    rows = heavier_rows(found.outputs)
-    adjoints, gradient = adjoint_states(field.network, found.slopes, rows)
-    one = tangent_states(field.network, found.slopes, first)
-    two = tangent_states(field.network, found.slopes, second)
-    form = hessian_form(found.bends, adjoints, one, two)
-    slope = (rows * field.depth_slopes(found.outputs)).sum(-1)
-    bend = depth_bend(field, (rows * found.outputs[..., : rows.shape[-1]]).sum(-1))
-    return slope * form + bend * (gradient * first).sum(-1) * (gradient * second).sum(-1)
-
-
 def tangent_basis(normals: Float[Tensor, "*n 3"]) -> tuple[Float[Tensor, "*n 3"], Float[Tensor, "*n 3"]]:
     """t_1, t_2, orthonormal and normal to n; finite for a zero vector too. Source: Duff et al. 2017."""
     x, y, z = normals.unbind(-1)

@@ -5,7 +5,6 @@ network's raw outputs are (d_1, ..., d_K, s_1, ..., s_{K-1}, logit ξ) before an
 s_K = 0: of two components s_1 is the logit of w_1. Every loss works on logits.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -173,19 +172,6 @@ def heavier_rows(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
 def visibility(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch"]:
     """ξ in [0, 1]."""
     return torch.sigmoid(raw[..., VISIBILITY_ROW])
-
-
-def query_of(field: PDDF, modulations: list[Tensor] | None = None) -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]:
-    """A network as a field of a scene (`composition.Query`), evaluated in its own type: visibility and depth."""
-
-    def query(
-        positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
-    ) -> tuple[Float[Tensor, "n"], Float[Tensor, "n"]]:
-        weight = field.network.head.weight
-        raw = field(positions.to(weight), directions.to(weight), modulations)
-        return visibility(raw), field.depth(raw)
-
-    return query
 
 
 def count_parameters(module: nn.Module) -> int:

@@ -2,6 +2,7 @@
 
 import math
 
+import _closed_form
 import pytest
 import torch
 from _shapes import random_rays
@@ -10,25 +11,25 @@ from _support import assert_close
 from ddf.geometry import primitives, rays
 
 SHAPES = {
-    "plane": primitives.Plane((0.6, 0.8, 0.0), 0.2),
+    "plane": _closed_form.Plane((0.6, 0.8, 0.0), 0.2),
     "sphere": primitives.Sphere((0.1, -0.2, 0.05), 0.8),
     "box": primitives.Box((-0.9, -0.5, -0.7), (0.8, 0.6, 0.4)),
-    "torus": primitives.Torus(0.7, 0.3),
-    "nested": primitives.nested_spheres(),
+    "torus": _closed_form.Torus(0.7, 0.3),
+    "nested": _closed_form.nested_spheres(),
     "pair": primitives.two_spheres(),
 }
 
 
 def _signed(shape: primitives.Primitive, x: torch.Tensor) -> list[torch.Tensor]:
     """One function per sheet that changes its sign there."""
-    if isinstance(shape, primitives.Plane):
+    if isinstance(shape, _closed_form.Plane):
         return [x @ x.new_tensor(shape.normal) - shape.offset]
     if isinstance(shape, primitives.Sphere):
         return [(x - x.new_tensor(shape.centre)).norm(dim=-1) - shape.radius]
     if isinstance(shape, primitives.Box):
         lower, upper = x.new_tensor(shape.lower), x.new_tensor(shape.upper)
         return [torch.maximum(lower - x, x - upper).amax(-1)]
-    if isinstance(shape, primitives.Torus):
+    if isinstance(shape, _closed_form.Torus):
         ring = torch.sqrt(x[..., 0] ** 2 + x[..., 2] ** 2) - shape.major
         return [torch.sqrt(ring**2 + x[..., 1] ** 2) - shape.minor]
     assert isinstance(shape, primitives.Union)
@@ -151,7 +152,7 @@ def test_sphere_curvature_sign_outside_and_inside():
 
 
 def test_torus_quartic_holds_from_far_away_and_through_double_roots():
-    shape = primitives.Torus(0.7, 0.3)
+    shape = _closed_form.Torus(0.7, 0.3)
     start = torch.tensor([[1e4, 0.05, 0.1], [0.7, 5.0, 0.0], [0.0, 0.0, 0.0], [0.0, 4.0, 0.0]], dtype=torch.float64)
     looking = torch.tensor([[-1.0, 0, 0], [0.0, -1, 0], [1.0, 0, 0], [0.0, -1, 0]], dtype=torch.float64)
     depth = primitives.cast(shape, rays.OrientedPoints(start, looking)).depth
@@ -161,7 +162,7 @@ def test_torus_quartic_holds_from_far_away_and_through_double_roots():
 
 
 def test_nested_spheres_show_the_inner_sheet_only_between_the_two():
-    shape = primitives.nested_spheres(0.9, 0.4)
+    shape = _closed_form.nested_spheres(0.9, 0.4)
     start = torch.tensor([[2.0, 0, 0], [0.6, 0, 0], [0.0, 0, 0]], dtype=torch.float64)
     looking = torch.tensor([[-1.0, 0, 0]] * 3, dtype=torch.float64)
     depth = primitives.cast(shape, rays.OrientedPoints(start, looking)).depth

@@ -14,7 +14,7 @@ from ddf.geometry import primitives, rays, transforms
 from ddf_lab.figures import room_figure
 
 TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # a quarter about y
-TORUS = ClosedForm(primitives.Torus())
+TORUS = ClosedForm(_closed_form.Torus())
 BALL = ClosedForm(primitives.Sphere(radius=0.8))
 PLACES = (
     transforms.Similarity(0.5, TURN, np.array([0.6, 0.1, 0.0])),

@@ -1,5 +1,6 @@
 """Patches against closed forms, a slow search along the ray, the paper's properties, and shapes that break grids."""
 
+import _closed_form
 import numpy as np
 import pytest
 import torch
@@ -256,7 +257,7 @@ def test_cells_that_meet_a_triangle_are_those_that_it_crosses():
 
 
 def test_curvatures_of_a_torus_are_those_of_its_closed_form():
-    field, shape = field_of(torus(sections=256)), primitives.Torus()
+    field, shape = field_of(torus(sections=256)), _closed_form.Torus()
     positions, directions = random_rays(3000, 0.99)
     points = rays.OrientedPoints(torch.from_numpy(positions), torch.from_numpy(directions))
     truth, bends = primitives.cast(shape, points), primitives.curvatures(shape, points).numpy()

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import _closed_form
 import _models
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ def _turn(axis, angle):
 def _placed(shape, scale=1.0, rotation=None, at=(0.0, 0.0, 0.0)):
     """A primitive of the unit cube, scaled, turned, then moved; returns it with its map to the world."""
     world = transforms.Similarity(scale, np.eye(3) if rotation is None else rotation, np.array(at))
-    return composition.Placed(primitives.query_of(shape), world.inverse())
+    return composition.Placed(_closed_form.query_of(shape), world.inverse())
 
 
 def _fixed(visibility, depth):
@@ -42,7 +43,7 @@ def _fixed(visibility, depth):
 SPHERE = primitives.Sphere(radius=0.8)
 SCENE = [
     _placed(SPHERE, 0.5, None, (0.3, 0.1, -0.6)),
-    _placed(primitives.Torus(), 0.7, _turn(0, 0.7) @ _turn(1, 0.4), (-0.8, 0.2, 0.3)),
+    _placed(_closed_form.Torus(), 0.7, _turn(0, 0.7) @ _turn(1, 0.4), (-0.8, 0.2, 0.3)),
     _placed(primitives.Box((-0.9, -0.4, -0.6), (0.5, 0.7, 0.8)), 0.4, _turn(2, 1.1), (0.7, -0.7, 0.5)),
 ]
 
@@ -142,7 +143,12 @@ def test_order_of_objects_does_not_matter():
 def test_culling_saves_queries_and_changes_nothing(networks):
     objects = SCENE
     if networks:
-        query = pddf.query_of(_models.field())
+        field = _models.field()
+
+        def query(positions, directions):
+            raw = field(positions.float(), directions.float(), None)
+            return pddf.visibility(raw), field.depth(raw)
+
         objects = [dataclasses.replace(placed, query=query) for placed in SCENE]
     points = random_rays(2000, seed=6, spread=2.0)
     culled, whole = _compose(objects, points, 0.05), _compose(objects, points, 0.05, cull=False)

@@ -13,7 +13,7 @@ from ddf.fields.scenes import scene_field
 from ddf.geometry import primitives, rays, transforms
 
 OUTPUTS = ("visibility", "depth", "normals", "mean_curvature", "gaussian_curvature")
-SPHERE, TORUS = ClosedForm(primitives.Sphere(radius=0.8)), ClosedForm(primitives.Torus())
+SPHERE, TORUS = ClosedForm(primitives.Sphere(radius=0.8)), ClosedForm(_closed_form.Torus())
 TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # a quarter about y
 PLACES = (
     transforms.Similarity(0.5, TURN, np.array([0.7, 0.1, 0.0])),
