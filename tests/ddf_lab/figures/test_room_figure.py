@@ -2,9 +2,9 @@
 
 import dataclasses
 
+import _closed_form
 import numpy as np
 import pytest
-from _closed_form import ClosedForm
 
 from ddf.core import shipped_models
 from ddf.fields import framed_field
@@ -14,8 +14,8 @@ from ddf.geometry import primitives, rays, transforms
 from ddf_lab.figures import room_figure
 
 TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # a quarter about y
-TORUS = ClosedForm(_closed_form.Torus())
-BALL = ClosedForm(primitives.Sphere(radius=0.8))
+TORUS = _closed_form.ClosedForm(_closed_form.Torus())
+BALL = _closed_form.ClosedForm(primitives.Sphere(radius=0.8))
 PLACES = (
     transforms.Similarity(0.5, TURN, np.array([0.6, 0.1, 0.0])),
     transforms.Similarity(0.3, np.eye(3), -np.ones(3) / 2),

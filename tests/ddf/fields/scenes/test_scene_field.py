@@ -2,10 +2,10 @@
 
 import dataclasses
 
+import _closed_form
 import numpy as np
 import pytest
 import torch
-from _closed_form import ClosedForm
 from _shapes import random_rays
 
 from ddf.fields import framed_field
@@ -13,7 +13,7 @@ from ddf.fields.scenes import scene_field
 from ddf.geometry import primitives, rays, transforms
 
 OUTPUTS = ("visibility", "depth", "normals", "mean_curvature", "gaussian_curvature")
-SPHERE, TORUS = ClosedForm(primitives.Sphere(radius=0.8)), ClosedForm(_closed_form.Torus())
+SPHERE, TORUS = _closed_form.ClosedForm(primitives.Sphere(radius=0.8)), _closed_form.ClosedForm(_closed_form.Torus())
 TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # a quarter about y
 PLACES = (
     transforms.Similarity(0.5, TURN, np.array([0.7, 0.1, 0.0])),
