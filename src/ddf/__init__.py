@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from ddf.api.scene_file import read_scene
     from ddf.api.scores import compare
 
+    __version__: str
+
 _HOMES = {
     "Field": "field",
     "load": "field",
@@ -46,6 +48,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """A public name, from the module of `ddf.api` that holds it."""
+    if name == "__version__":
+        return importlib.import_module("ddf.core.extras").version()
     if name not in _HOMES:
         raise AttributeError(f"module 'ddf' has no attribute {name!r}")
     value = globals()[name] = getattr(importlib.import_module(f"ddf.api.{_HOMES[name]}"), name)

@@ -29,7 +29,7 @@ def test_import_and_version_take_nothing_heavy():
 
 
 def test_names_are_listed_and_lazy():
-    program = "import sys, ddf\nassert 'load' in dir(ddf) and 'ddf.api' not in sys.modules\nddf.load"
+    program = "import sys, ddf\nassert 'load' in dir(ddf) and 'ddf.api' not in sys.modules\nddf.load, ddf.__version__"
     subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
 
 
