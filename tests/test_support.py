@@ -94,3 +94,8 @@ def test_no_two_tests_of_a_file_share_a_name():
     for path in sorted(TESTS.rglob("test_*.py")):
         names = [node.name for node in ast.parse(path.read_text()).body if isinstance(node, ast.FunctionDef)]
         assert len(names) == len(set(names)), path.name
+
+
+def test_no_two_test_files_have_one_name():
+    names = [file.name for file in TESTS.rglob("test_*.py")]
+    assert sorted(name for name in set(names) if names.count(name) > 1) == []
