@@ -1,6 +1,6 @@
-"""The stage `dataset`: make (synthetic) or check (real) the shapes of an experiment, split them, write the index.
+"""The stage `dataset`: make (synthetic, public) or check (ShapeNet) the shapes of an experiment, split and index them.
 
-Both sources end in the same check of the same files, and the split is taken from the whole listing before broken shapes
+All sources end in the same check of the same files, and the split is taken from the whole listing before broken shapes
 are left out, so that a broken file moves no other shape to the other side.
 """
 
@@ -14,37 +14,65 @@ from typing import Any, Literal
 
 from ddf.core import checks, parallel, provenance, storage
 from ddf.data import shapenet, splits
+from ddf.data.public import manifest, packages, shapes
 from ddf.data.synthetic import write
 
 ROOT_VARIABLE = "DDF_DATA"  # environment variable with the root of real data, set by `make ... DATA=`
-SHARD_SIZES = {"synthetic": 4, "shapenet": 100}  # a shape takes about half a second to make, 10 ms to check
+SHARD_SIZES = {"synthetic": 4, "public": 4, "both": 4, "shapenet": 100}  # half a second to make one, 10 ms to check
 _NOT_V2 = "whose meshes are turned against the renders; v1 is needed"
 CHECK_SIZE = 64  # pixels; any size reads the whole file
+
+
+@dataclass(frozen=True)
+class PublicConfig:
+    """The shapes of `ddf shapes` in a data set: all of the categories, split as the manifest says.
+
+    views: renders per shape. copies: variations of each training shape beside it.
+    """
+
+    views: int = 12
+    copies: int = 0
+
+    def __post_init__(self) -> None:
+        if not (len(splits.VIEWS) <= self.views <= 100 and 0 <= self.copies <= 1000):
+            raise checks.InputError(
+                f"public.views must be in [5, 100] and copies in [0, 1000]; got {self.views}, {self.copies}"
+            )
 
 
 @dataclass(frozen=True)
 class DatasetConfig:
     """Config section `dataset`.
 
-    source: `synthetic` makes shapes; `shapenet` reads the root given by DATA=.
-    categories: name to number of shapes; null takes all (real data only). A number on real data takes that many from
-      the listing, evenly spread, for trials: its split is then not the published one.
-    seed: of the synthetic shapes.
+    source: `synthetic` makes shapes; `public` are those of `ddf shapes`; `both`; `shapenet` reads the root of DATA=.
+    categories: name to number of synthetic shapes, null for none of them. Of shapenet null takes all; a number takes
+      that many from the listing, evenly spread, for trials: its split is then not the published one.
+    seed: of the synthetic shapes, and of the cameras.
     views: renders per shape.
     strict: put shapes with views on both sides of the split whole into train.
     validation: share of the shapes that train alone which is held out of training, for choices: the last ones of the
-      split. The paper names none: 0.
+      split. The paper names none: 0. The manifest has its own.
+    train_on: of `both`, the source of the training shapes; the other one only tests and validates.
     """
 
-    source: Literal["synthetic", "shapenet"]
+    source: Literal["synthetic", "public", "both", "shapenet"]
     categories: dict[str, int | None]
     seed: int
     views: int
     strict: bool
     validation: float = 0.0
+    public: PublicConfig = PublicConfig()
+    train_on: Literal["synthetic", "public", "both"] = "both"
+
+    @property
+    def made(self) -> tuple[str, ...]:
+        """Sources of the shapes that are made."""
+        return {"both": ("synthetic", "public"), "shapenet": ()}.get(self.source, (self.source,))
 
     def __post_init__(self) -> None:
-        known = set(shapenet.SYNSETS) if self.source == "shapenet" else set(write.CATEGORIES)
+        public = {row.category for row in manifest.rows()} if "public" in self.made else set()
+        known = set(shapenet.SYNSETS) if self.source == "shapenet" else public
+        known |= set(write.CATEGORIES) if "synthetic" in self.made else set()
         if not self.categories:
             raise checks.InputError(f"dataset.categories must name one of {', '.join(sorted(known))} at least")
         for name, count in self.categories.items():
@@ -52,6 +80,8 @@ class DatasetConfig:
                 raise checks.InputError(f"dataset.categories must be among {', '.join(sorted(known))}; got {name!r}")
             if count is None and self.source == "synthetic":
                 raise checks.InputError(f"dataset.categories.{name} must be a number for synthetic shapes; got null")
+            if count is not None and (self.source == "public" or (self.made and name not in write.CATEGORIES)):
+                raise checks.InputError(f"dataset.categories.{name} must be null, all public shapes; got {count}")
             if count is not None and not 2 <= count <= 100_000:
                 raise checks.InputError(f"dataset.categories.{name} must be in [2, 100000]; got {count}")
         if not len(splits.VIEWS) <= self.views <= 100:
@@ -64,22 +94,36 @@ class DatasetConfig:
 
 @dataclass(frozen=True)
 class Item:
-    """A shape to make or to check; `index` is its number among the synthetic shapes of its category."""
+    """A shape to make or to check; `index` is its number among the synthetic shapes of its category, or the number of
+    the variation of the public shape `row`.
+    """
 
     category: str
     id: str
     index: int
+    row: manifest.Row | None = None
 
 
 def _checked(
-    root: Path, views: int, seed: int | None, items: Sequence[Item], shard: parallel.Shard
+    root: Path, config: DatasetConfig, archives: Mapping[str, Path], items: Sequence[Item], shard: parallel.Shard
 ) -> parallel.ShardResult:
-    """Map over shapes: makes them (if `seed` is given) and checks them; one with a fault becomes a failure."""
+    """Map over shapes: makes them, but for those of shapenet, and checks them; one with a fault becomes a failure.
+
+    archives: those of the packages with public shapes, by name.
+    """
     files: list[Path] = []
     failures = []
     for item in items:
-        if seed is not None:
-            files += write.write_shape(root, seed, item.category, item.index, views)
+        views = config.public.views if item.row else config.views
+        try:
+            if item.row is not None:
+                archive = archives[item.row.package]
+                files += shapes.write_shape(root, config.seed, archive, item.row, item.index, views)
+        except checks.InputError as error:
+            failures.append(parallel.Failure(item.id, "dataset", str(error)))
+            continue
+        if item.row is None and config.made:
+            files += write.write_shape(root, config.seed, item.category, item.index, views)
         try:
             check_shape(root, shapenet.SYNSETS[item.category], item.id, views)
         except (checks.InputError, OSError) as error:
@@ -115,40 +159,61 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     Raises:
       InputError: the root is missing, or more than 2 % of the shapes are broken.
     """
-    synthetic = config.source == "synthetic"
-    root = out_dir if synthetic else real_root(os.environ)
-    items = list_synthetic(config) if synthetic else list_real(config, root)
-    if synthetic:
+    root = out_dir if config.made else real_root(os.environ)
+    listed = [*list_synthetic(config), *list_public(config)] if config.made else list_real(config, root)
+    entries = {name: _entries(config, name, listed) for name in config.categories}
+    shown = {(name, entry["id"]) for name, own in entries.items() for entry in own if any(map(entry.get, _VIEWS))}
+    items = [item for item in listed if (item.category, item.id) in shown]
+    needed = {item.row.package for item in items if item.row is not None}
+    archives = {name: packages.require(packages.PACKAGES[name], manifest.wanted(name)) for name in sorted(needed)}
+    if config.made:
         remove_strangers(root, items)
     else:
         forget_checks(out_dir)
+    changing = [config.source, config.views, config.seed, str(root)]
+    if "public" in config.made:
+        changing += [config.public.views, *(str(row) for row in manifest.of(config.categories))]
     failures = parallel.map_shards(
-        functools.partial(_checked, root, config.views, config.seed if synthetic else None),
+        functools.partial(_checked, root, config, archives),
         items,
         shard_size=SHARD_SIZES[config.source],
         out_dir=out_dir,
-        fingerprint=provenance.fingerprint([config.source, config.views, config.seed, str(root)], [], __name__),
+        fingerprint=provenance.fingerprint(changing, [], __name__),
         describe="dataset",
     )
     broken = {failure.id for failure in failures}
     categories = {}
-    for name in config.categories:
-        ids = [item.id for item in items if item.category == name]
-        shapes = splits.split_class(shapenet.SYNSETS[name], ids, strict=config.strict)
-        held = splits.held_out(shapes, config.validation)
-        kept = [_entry(shape, shape.id in held) for shape in shapes if shape.id not in broken]
+    for name, own in entries.items():
+        kept = [entry for entry in own if (name, entry["id"]) in shown and entry["id"] not in broken]
         categories[name] = {"synset": shapenet.SYNSETS[name], "shapes": kept}
     made = {"source": config.source, "seed": config.seed, "digest": parallel.digest(out_dir)}
     return {"root": root.as_posix(), **made, "categories": categories}
 
 
-def _entry(shape: splits.ShapeViews, held: bool) -> dict[str, Any]:
-    seen, unseen = list(shape.train_views), list(shape.test_views)
+_VIEWS = ("train_views", "test_views", "validation_views")
+
+
+def _entries(config: DatasetConfig, name: str, listed: Sequence[Item]) -> list[dict[str, Any]]:
+    """The shapes of a category with their views on each side of the split."""
+    own = [item for item in listed if item.category == name]
+    split = splits.split_class(shapenet.SYNSETS[name], [i.id for i in own if i.row is None], strict=config.strict)
+    held = splits.held_out(split, config.validation)
+    trains = config.source != "both" or config.train_on != "public"
+    entries = []
+    for shape in split:
+        seen, unseen = list(shape.train_views), list(shape.test_views)
+        alone = ([], seen) if shape.id in held else (seen if trains else [], [])
+        entries.append({"id": shape.id, **dict(zip(_VIEWS, (alone[0], unseen, alone[1]), strict=True))})
+    return entries + [_public_entry(item, config.public.views) for item in own if item.row]
+
+
+def _public_entry(item: Item, views: int) -> dict[str, Any]:
+    """Training shapes are seen in all views, others in those that a split uses."""
+    split = item.row.split if item.row else ""
+    shown = {"train": list(range(views))}.get(split, list(splits.VIEWS))
     return {
-        "id": shape.id,
-        "train_views": [] if held else seen,
-        "test_views": unseen,
-        "validation_views": seen if held else [],
+        "id": item.id,
+        **{f"{name}_views": shown if name == split else [] for name in ("train", "test", "validation")},
     }
 
 
@@ -174,11 +239,26 @@ def real_root(environment: Mapping[str, str]) -> Path:
 
 
 def list_synthetic(config: DatasetConfig) -> list[Item]:
-    """The shapes to make."""
+    """The synthetic shapes to make."""
+    if "synthetic" not in config.made:
+        return []
     return [
         Item(name, write.shape_id(config.seed, name, index), index)
         for name, count in config.categories.items()
         for index in range(count or 0)
+    ]
+
+
+def list_public(config: DatasetConfig) -> list[Item]:
+    """The public shapes to make: all of the categories, and copies of those that train."""
+    if "public" not in config.made:
+        return []
+    trains = config.source == "public" or config.train_on != "synthetic"
+    return [
+        Item(row.category, shapes.copy_id(row, copy), copy, row)
+        for row in manifest.of(config.categories)
+        if trains or row.split != "train"
+        for copy in range(1 + (config.public.copies if row.split == "train" else 0))
     ]
 
 

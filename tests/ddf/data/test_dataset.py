@@ -4,11 +4,15 @@ import json
 import shutil
 from pathlib import Path
 
+import _shapes
+import numpy as np
 import pytest
 
 from ddf.core import checks, config
 from ddf.data import dataset, shapenet, splits
+from ddf.data.public import manifest, packages
 from ddf.data.synthetic import write
+from ddf.geometry import mesh_io
 
 CHAIR = "03001627"
 
@@ -170,3 +174,62 @@ def test_experiment_files_have_a_valid_section(name, views, pytestconfig):
     section = config.load(pytestconfig.rootpath / "configs" / f"{name}.yaml", "dataset", dataset.DatasetConfig)
     assert section.views == views
     assert (section.source == "shapenet") == (name == "paper")
+
+
+@pytest.fixture
+def public_chairs(tmp_path, monkeypatch):
+    """A manifest of one training, one validation and one test chair, all the same cube, in a kept package."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    data = _shapes.deb(_shapes.pieces())
+    package = _shapes.package(data)
+    monkeypatch.setattr(packages, "PACKAGES", {"pieces": package})
+    place = ("pieces", "Set.sh3f/a/a.obj", "", "x y z", (), "CC0-1.0", "Ann")
+    rows = tuple(manifest.Row(f"S__{split}", "chair", split, *place) for split in manifest.SPLITS)
+    monkeypatch.setattr(manifest, "rows", lambda: rows)
+    (tmp_path / "p.deb").write_bytes(data)
+    packages.keep(package, manifest.wanted("pieces"), tmp_path / "p.deb")
+
+
+def _views(index, side):
+    return {entry["id"]: len(entry[f"{side}_views"]) for entry in index["categories"]["chair"]["shapes"]}
+
+
+def test_public_shapes_are_split_by_the_manifest_and_training_ones_vary(public_chairs, tmp_path):
+    section = _config(source="public", categories={"chair": None}, public=dataset.PublicConfig(views=6, copies=2))
+    index = _run(section, tmp_path / "out")
+    assert _views(index, "train") == {
+        "S__train": 6,
+        "S__train--1": 6,
+        "S__train--2": 6,
+        "S__validation": 0,
+        "S__test": 0,
+    }
+    assert _views(index, "test")["S__test"] == _views(index, "validation")["S__validation"] == 5
+    data = shapenet.Dataset.open(tmp_path / "out" / "index.json")
+    sides = {
+        entry.id: np.ptp(mesh_io.load(data.model("chair", entry.id)).vertices, axis=0)
+        for entry in data.categories["chair"].shapes
+    }
+    np.testing.assert_allclose(sides["S__train"], np.array([2, 1, 1]) / 6**0.5, atol=1e-6)
+    np.testing.assert_array_equal(sides["S__test"], sides["S__train"])
+    assert np.abs(sides["S__train--1"] - sides["S__train"]).max() > 0.01
+    assert np.abs(sides["S__train--1"] - sides["S__train--2"]).max() > 0.01
+    assert len(data.cameras("chair", "S__train--2")) == 6 and data.image("chair", "S__test", 4, 32)[3].any()
+
+
+@pytest.mark.parametrize(("train_on", "synthetic", "public"), [("both", 6, 1), ("synthetic", 6, 0), ("public", 0, 1)])
+def test_both_sources_test_and_validate_whatever_trains(train_on, synthetic, public, public_chairs, tmp_path):
+    section = _config(source="both", categories={"chair": 10}, validation=0.25, train_on=train_on)
+    index = _run(section, tmp_path)
+    trained = [name for name, count in _views(index, "train").items() if count]
+    assert (len([n for n in trained if "__" not in n]), len([n for n in trained if "__" in n])) == (synthetic, public)
+    tested, held = ({n for n, c in _views(index, side).items() if c} for side in ("test", "validation"))
+    assert len(tested) == len(held) == 3 and "S__test" in tested and "S__validation" in held
+    assert len(shapenet.list_shapes(tmp_path, CHAIR)) == len(index["categories"]["chair"]["shapes"])
+
+
+@pytest.mark.parametrize("source", ["public", "both"])
+def test_numbers_of_public_shapes_and_unknown_categories_are_refused(source, public_chairs):
+    categories: dict[str, int | None] = {"chair": 3} if source == "public" else {"table": None}
+    with pytest.raises(checks.InputError, match=r"dataset\.categories"):
+        dataset.DatasetConfig(source, categories, 0, 5, False)

@@ -133,7 +133,7 @@ def test_what_a_shape_wears_changes_neither_mesh_nor_silhouette(category):
 
 def _bare(category, index):
     """Parts and generator as `write.make_shape` has them, without anything worn."""
-    random = write._generator(11, category, index, "mesh")
+    random = write.generator(11, category, index, "mesh")
     return write.CATEGORIES[category](random), random
 
 

@@ -52,7 +52,7 @@ def _get(categories: list[str], source: Path | None) -> dict[str, Any]:
     needed = [package for package in packages.PACKAGES.values() if any(row.package == package.name for row in rows)]
     for package in needed:
         sys.stderr.write(f"{package}: {package.size / 1e6:.0f} MB, SHA-256 {package.sha256}\n")
-        packages.require(package, manifest.wanted(package), source)
+        packages.require(package, manifest.wanted(package.name), source)
     return {
         "packages": [_described(package) for package in needed],
         "shapes": len(rows),

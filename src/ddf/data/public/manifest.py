@@ -10,8 +10,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from ddf.data.public import packages
-
 SPLITS = ("train", "validation", "test")
 
 
@@ -52,7 +50,7 @@ def of(categories: Collection[str]) -> list[Row]:
     return [row for row in rows() if row.category in categories]
 
 
-def wanted(package: packages.Package) -> set[str]:
-    """What the rows need of a package."""
-    own = [row for row in rows() if row.package == package.name]
+def wanted(package: str) -> set[str]:
+    """What the rows need of a package, as `packages` asks for it."""
+    own = [row for row in rows() if row.package == package]
     return {name for row in own for name in (row.path, row.looks) if name}

@@ -6,7 +6,6 @@ A kept archive is whole or absent; it is read by the names of its members, so no
 package chose. With it in place nothing is fetched again.
 """
 
-import hashlib
 import io
 import lzma
 import os
@@ -93,7 +92,7 @@ def has(package: Package, wanted: Collection[str]) -> bool:
     """Whether these members of a package are kept."""
     if not kept(package).is_file():
         return False
-    with _reading(kept(package)) as archive:
+    with reading(kept(package)) as archive:
         return _missing(wanted, archive) is None
 
 
@@ -147,18 +146,12 @@ def _missing(wanted: Collection[str], archive: zipfile.ZipFile) -> str | None:
     return min(set(wanted) - names, default=None)
 
 
-def read(package: Package) -> zipfile.ZipFile:
-    """The kept archive, open; a member that was damaged since does not read.
+def reading(path: Path) -> zipfile.ZipFile:
+    """A kept archive, open; a member that was damaged since does not read.
 
     Raises:
-      FileNotFoundError: it is not kept yet.
+      InputError: it is damaged.
     """
-    if not kept(package).is_file():
-        raise FileNotFoundError(f"{kept(package)}: not there; call `ddf shapes get`")
-    return _reading(kept(package))
-
-
-def _reading(path: Path) -> zipfile.ZipFile:
     try:
         return zipfile.ZipFile(path)
     except zipfile.BadZipFile as error:
@@ -235,10 +228,3 @@ def _data_of(stream: IO[bytes]) -> IO[bytes]:
             return stream  # tar ends by itself, before whatever follows
         stream.seek(size + size % 2, os.SEEK_CUR)
     raise ValueError("it has no data.tar")
-
-
-def digest(package: Package) -> str:
-    """What changes when the kept members do: the CRCs of all."""
-    with read(package) as archive:
-        lines = "".join(f"{entry.filename} {entry.CRC}\n" for entry in archive.infolist())
-    return hashlib.sha256(lines.encode()).hexdigest()

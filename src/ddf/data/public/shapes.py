@@ -2,16 +2,19 @@
 
 import zipfile
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from ddf.data.public import manifest, painted
-from ddf.data.synthetic import assemble, palette, parts
+from ddf.data.public import manifest, packages, painted
+from ddf.data.synthetic import assemble, palette, parts, write
 from ddf.data.synthetic.looks.textures import Picture
 from ddf.data.synthetic.parts import Part
 
 ACROSS = 120  # pixels of a view that the diagonal of a shape spans, about
+STRETCH, TAPER = 0.2, 0.3  # of variations: logarithm of the factors, change of width from end to end
 GLOSS, HARDNESS = 0.2, 32.0  # the files' own say little: most give a default
 
 
@@ -29,6 +32,35 @@ def load(archive: zipfile.ZipFile, row: manifest.Row) -> painted.Painted:
     """
     mesh = painted.load(archive, row.path, row.looks)
     return mesh.turned(turned(row.axes)).joined(_wheels(row.wheels))
+
+
+def varied(mesh: painted.Painted, rng: np.random.Generator) -> painted.Painted:
+    """A copy that differs as two makes of a thing do: stretched along the axes, mirrored or not, tapered along one."""
+    frame = np.diag(np.exp(rng.uniform(-STRETCH, STRETCH, 3)) * [1, 1, rng.choice([-1, 1])])
+    mesh = mesh.turned(frame)
+    along, amount = rng.integers(3), rng.uniform(-TAPER, TAPER)
+    lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    share = (mesh.vertices[:, along] - lower[along]) / (upper[along] - lower[along]) - 0.5
+    across = np.where(np.arange(3) == along, 0.0, amount)
+    middle = (lower + upper) / 2
+    return replace(mesh, vertices=middle + (mesh.vertices - middle) * (1 + share[:, None] * across))
+
+
+def write_shape(root: Path, seed: int, kept: Path, row: manifest.Row, copy: int, num_views: int) -> list[Path]:
+    """Write a public shape of a kept archive (copy 0), or a variation of it, as `synthetic.write` writes its own."""
+    name = copy_id(row, copy)
+    with packages.reading(kept) as archive:
+        mesh = load(archive, row)
+    if copy:
+        mesh = varied(mesh, write.generator(seed, row.category, name, "mesh"))
+    return write.write_files(
+        root, row.category, name, shape(mesh), write.make_views(seed, row.category, name, num_views)
+    )
+
+
+def copy_id(row: manifest.Row, copy: int) -> str:
+    """The id of a shape, or of one of its variations, from 1."""
+    return f"{row.id}--{copy}" if copy else row.id
 
 
 def _wheels(axles: Sequence[tuple[float, ...]]) -> list[Part]:

@@ -1,7 +1,7 @@
-"""One synthetic shape into the folders of ShapeNet v1 and 3D-R2N2."""
+"""One shape into the folders of ShapeNet v1 and 3D-R2N2."""
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -39,14 +39,14 @@ def shape_id(seed: int, category: str, index: int) -> str:
 
 def make_shape(seed: int, category: str, index: int) -> assemble.Shape:
     """The mesh of one synthetic shape; the same for the same arguments."""
-    rng, look = (_generator(seed, category, index, purpose) for purpose in ("mesh", "look"))
+    rng, look = (generator(seed, category, index, purpose) for purpose in ("mesh", "look"))
     crease_cos = FACETED_COS if look.random() < FACETED else assemble.CREASE_COS
     return assemble.shape(dressing.dress(CATEGORIES[category](rng), category, look), rng, crease_cos)
 
 
-def make_views(seed: int, category: str, index: int, count: int) -> list[render.View]:
+def make_views(seed: int, category: str, index: int | str, count: int) -> list[render.View]:
     """Cameras drawn as in the 3D-R2N2 renders, rounded to the digits that the metadata holds."""
-    rng, light = (_generator(seed, category, index, purpose) for purpose in ("views", "light"))
+    rng, light = (generator(seed, category, index, purpose) for purpose in ("views", "light"))
     views = []
     for _ in range(count):
         azimuth, elevation, ratio = (
@@ -58,16 +58,22 @@ def make_views(seed: int, category: str, index: int, count: int) -> list[render.
 
 
 def write_shape(root: Path, seed: int, category: str, index: int, num_views: int) -> list[Path]:
-    """Write mesh, renders and metadata of one shape under `root`; returns all files, renderings.txt last."""
-    name, synset = shape_id(seed, category, index), shapenet.SYNSETS[category]
-    shape = make_shape(seed, category, index)
+    """Write mesh, renders and metadata of one synthetic shape under `root`; returns all files, renderings.txt last."""
+    views = make_views(seed, category, index, num_views)
+    return write_files(root, category, shape_id(seed, category, index), make_shape(seed, category, index), views)
+
+
+def write_files(
+    root: Path, category: str, name: str, shape: assemble.Shape, views: Sequence[render.View]
+) -> list[Path]:
+    """Write mesh, renders and metadata of any shape; files as of `write_shape`."""
+    synset = shapenet.SYNSETS[category]
     files = [shapenet.model_path(root, synset, name)]
     images = shapenet.rendering_dir(root, synset, name)
     for folder in (files[0].parent, images):
         folder.mkdir(parents=True, exist_ok=True)
     with storage.naming(files[0]):
         files[0].write_text(obj_text(shape))
-    views = make_views(seed, category, index, num_views)
     renderer = render.Renderer(shape)
     for number, view in enumerate(views):
         files.append(images / f"{number:02d}.png")
@@ -93,7 +99,7 @@ def obj_text(shape: assemble.Shape) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _generator(seed: int, category: str, index: int, purpose: str) -> np.random.Generator:
+def generator(seed: int, category: str, index: int | str, purpose: str) -> np.random.Generator:
     """An independent stream per shape and purpose."""
     digest = hashlib.sha256(f"{seed}/{category}/{index}/{purpose}".encode()).digest()
     return np.random.default_rng(int.from_bytes(digest[:16], "little"))

@@ -2,7 +2,7 @@
 
 import json
 
-import _packages
+import _shapes
 import pytest
 
 from ddf import cli
@@ -13,8 +13,8 @@ from ddf.data.public import manifest, packages
 def one_package(tmp_path, monkeypatch):
     """A manifest of one chair in one small package, and the folder with that."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    data = _packages.deb(_packages.pieces())
-    monkeypatch.setattr(packages, "PACKAGES", {"pieces": _packages.package(data)})
+    data = _shapes.deb(_shapes.pieces())
+    monkeypatch.setattr(packages, "PACKAGES", {"pieces": _shapes.package(data)})
     row = manifest.Row("a", "chair", "train", "pieces", "Set.sh3f/a/a.obj", "", "x y z", (), "CC0-1.0", "Ann")
     monkeypatch.setattr(manifest, "rows", lambda: (row,))
     (tmp_path / "given").mkdir()

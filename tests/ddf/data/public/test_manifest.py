@@ -37,11 +37,11 @@ def test_splits_follow_the_hash_of_the_id_but_for_the_chosen_test_shapes():
 
 @pytest.mark.real
 def test_every_shape_of_a_kept_package_reads_upright_with_colours(monkeypatch):
-    kept = [package for package in packages.PACKAGES.values() if packages.has(package, manifest.wanted(package))]
+    kept = [package for package in packages.PACKAGES.values() if packages.has(package, manifest.wanted(package.name))]
     if not kept:
         pytest.skip("no package of shapes is kept; `ddf shapes get`")
     for package in kept:
-        with packages.read(package) as archive:
+        with packages.reading(packages.kept(package)) as archive:
             own = [row for row in manifest.rows() if row.package == package.name]
             for row in own[:: max(len(own) // 12, 1)]:
                 shape = shapes.shape(shapes.load(archive, row))

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import zipfile
 
-import _packages
+import _shapes
 import pytest
 
 from ddf.core import checks
@@ -39,8 +39,8 @@ def _apt(folder, monkeypatch, script):
 
 
 def test_wanted_members_are_kept_with_their_looks_and_nothing_else(tmp_path, cache):
-    data = _packages.deb(_packages.pieces())
-    package = _packages.package(data)
+    data = _shapes.deb(_shapes.pieces())
+    package = _shapes.package(data)
     kept = packages.require(package, WANTED, _put(tmp_path / "given", data, "renamed.bin"))
     assert kept.parent == cache
     with zipfile.ZipFile(kept) as archive:
@@ -51,7 +51,7 @@ def test_wanted_members_are_kept_with_their_looks_and_nothing_else(tmp_path, cac
             "plane/Liveries/red/p.png",
             "plane/Models/p.ac",
         ]
-        assert archive.read("Set.sh3f/a/a.obj").decode() == _packages.OBJ
+        assert archive.read("Set.sh3f/a/a.obj").decode() == _shapes.OBJ
     shutil.rmtree(tmp_path / "given")
     assert packages.require(package, WANTED, tmp_path / "given") == kept  # nothing is asked for again
     with pytest.raises(checks.InputError, match=r"has no file of pieces 1:2.0-1; put .* into a folder"):
@@ -60,8 +60,8 @@ def test_wanted_members_are_kept_with_their_looks_and_nothing_else(tmp_path, cac
 
 @pytest.mark.parametrize("mode", ["w:gz", "w:bz2", "w"])
 def test_other_packings_of_data_are_read(mode, tmp_path):
-    data = _packages.deb(_packages.pieces(), f"data.tar{mode[1:].replace(':', '.')}", mode)
-    packages.require(_packages.package(data), WANTED, _put(tmp_path / "given", data))
+    data = _shapes.deb(_shapes.pieces(), f"data.tar{mode[1:].replace(':', '.')}", mode)
+    packages.require(_shapes.package(data), WANTED, _put(tmp_path / "given", data))
 
 
 @pytest.mark.parametrize(
@@ -73,9 +73,9 @@ def test_other_packings_of_data_are_read(mode, tmp_path):
     ],
 )
 def test_damaged_and_foreign_files_are_one_line_and_leave_nothing(spoil, said, tmp_path, cache):
-    data = _packages.deb(_packages.pieces())
+    data = _shapes.deb(_shapes.pieces())
     with pytest.raises(checks.InputError, match=said) as told:
-        packages.require(_packages.package(data), WANTED, _put(tmp_path / "given", spoil(data)))
+        packages.require(_shapes.package(data), WANTED, _put(tmp_path / "given", spoil(data)))
     assert "\n" not in str(told.value) and not list(cache.glob("*"))
 
 
@@ -83,34 +83,34 @@ def test_damaged_and_foreign_files_are_one_line_and_leave_nothing(spoil, said, t
     ("data", "said"),
     [
         (b"PK" + bytes(100), "no ar archive"),
-        (_packages.deb({}, "data.tar.zst", "w"), "zstd"),
-        (_packages.deb({}, "other", "w"), "has no data.tar"),
-        (_packages.deb(_packages.pieces())[:700], "has no |unpacked"),
-        (_packages.deb({"usr/share/pieces/Set.sh3f": b"PK broken"}), "unpacked"),
-        (_packages.deb({"usr/share/pieces/plane/Models/p.ac": b""}), "has no Set.sh3f/a/a.obj"),
+        (_shapes.deb({}, "data.tar.zst", "w"), "zstd"),
+        (_shapes.deb({}, "other", "w"), "has no data.tar"),
+        (_shapes.deb(_shapes.pieces())[:700], "has no |unpacked"),
+        (_shapes.deb({"usr/share/pieces/Set.sh3f": b"PK broken"}), "unpacked"),
+        (_shapes.deb({"usr/share/pieces/plane/Models/p.ac": b""}), "has no Set.sh3f/a/a.obj"),
     ],
 )
 def test_packages_that_cannot_be_unpacked_are_one_line_and_leave_nothing(data, said, tmp_path, cache):
     with pytest.raises(checks.InputError, match=said):
-        packages.require(_packages.package(data), WANTED, _put(tmp_path / "given", data))
+        packages.require(_shapes.package(data), WANTED, _put(tmp_path / "given", data))
     assert not list(cache.glob("*.zip"))
 
 
 def test_no_path_of_a_package_leads_anywhere(tmp_path, cache):
     out = "../../../../escaped"
-    members = _packages.pieces() | {f"usr/share/pieces/plane/Models/{out}.png": b"x", "/etc/escaped": b"x"}
-    members["usr/share/pieces/Set.sh3f"] = _packages.zipped({"a/a.obj": _packages.OBJ, f"a/{out}.png": "x"})
-    data = _packages.deb(members)
+    members = _shapes.pieces() | {f"usr/share/pieces/plane/Models/{out}.png": b"x", "/etc/escaped": b"x"}
+    members["usr/share/pieces/Set.sh3f"] = _shapes.zipped({"a/a.obj": _shapes.OBJ, f"a/{out}.png": "x"})
+    data = _shapes.deb(members)
     before = {path for path in tmp_path.rglob("*")}
-    packages.require(_packages.package(data), WANTED, _put(tmp_path / "given", data))
+    packages.require(_shapes.package(data), WANTED, _put(tmp_path / "given", data))
     made = {path.relative_to(tmp_path).parts[0] for path in tmp_path.rglob("*")} - {p.name for p in before}
     assert made == {"cache", "given"}
     assert [path.suffix for path in cache.rglob("*")] == [".zip"]
 
 
 def test_apt_get_fetches_the_pinned_version_and_a_whole_file_is_not_fetched_again(tmp_path, cache, monkeypatch):
-    data = _packages.deb(_packages.pieces())
-    package = _packages.package(data)
+    data = _shapes.deb(_shapes.pieces())
+    package = _shapes.package(data)
     given = _put(tmp_path / "given", data) / "pieces_2.0-1_all.deb"
     _apt(tmp_path, monkeypatch, f'[ "$1 $2" = "download pieces=1:2.0-1" ] && cp {given} pieces_1%3a2.0-1_all.deb')
     packages.require(package, WANTED)
@@ -122,7 +122,7 @@ def test_apt_get_fetches_the_pinned_version_and_a_whole_file_is_not_fetched_agai
 
 
 def test_without_apt_get_the_message_says_what_to_put_where(tmp_path, monkeypatch):
-    package = _packages.package(b"x" * 5)
+    package = _shapes.package(b"x" * 5)
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(checks.InputError, match=rf"pieces_2.0-1_all.deb \(5 bytes, SHA-256 {package.sha256}\)"):
         packages.require(package, WANTED)
@@ -131,16 +131,16 @@ def test_without_apt_get_the_message_says_what_to_put_where(tmp_path, monkeypatc
 def test_apt_gets_own_complaint_is_passed_on(tmp_path, cache, monkeypatch):
     _apt(tmp_path, monkeypatch, "echo E: Version not found >&2; exit 100")
     with pytest.raises(checks.InputError, match=r"could not fetch pieces 1:2.0-1 \(E: Version not found\); `apt-get"):
-        packages.require(_packages.package(b"x"), WANTED)
+        packages.require(_shapes.package(b"x"), WANTED)
     assert not list((cache / "packages").iterdir())
 
 
 def test_a_run_killed_while_it_unpacks_leaves_nothing_and_the_next_is_whole(tmp_path, cache):
-    data = _packages.deb(_packages.pieces())
+    data = _shapes.deb(_shapes.pieces())
     (cache / "packages").mkdir(parents=True)
     _put(cache / "packages", data)
     call = (
-        "import os, signal, _packages; from ddf.data.public import packages\n"
+        "import os, signal, _shapes; from ddf.data.public import packages\n"
         "inner, count = packages._members, []\n"
         "def members(*given):\n"
         "    for item in inner(*given):\n"
@@ -149,20 +149,20 @@ def test_a_run_killed_while_it_unpacks_leaves_nothing_and_the_next_is_whole(tmp_
         "        yield item\n"
         "packages._members = members\n"
         f"data = open({str(cache / 'packages' / 'pieces_2.0-1_all.deb')!r}, 'rb').read()\n"
-        f"packages.require(_packages.package(data), {WANTED!r})\n"
+        f"packages.require(_shapes.package(data), {WANTED!r})\n"
     )
     path = os.pathsep.join(sys.path)
     done = subprocess.run([sys.executable, "-c", call], env={**os.environ, "PYTHONPATH": path}, check=False)
-    package = _packages.package(data)
+    package = _shapes.package(data)
     assert done.returncode == -9 and not packages.kept(package).exists()
     packages.require(package, WANTED)
     assert packages.has(package, WANTED)
 
 
 def test_a_kept_archive_that_was_damaged_says_so(tmp_path):
-    data = _packages.deb(_packages.pieces())
-    package = _packages.package(data)
+    data = _shapes.deb(_shapes.pieces())
+    package = _shapes.package(data)
     kept = packages.require(package, WANTED, _put(tmp_path / "given", data))
     kept.write_bytes(kept.read_bytes()[:-30])
     with pytest.raises(checks.InputError, match="damaged; remove it"):
-        packages.read(package)
+        packages.reading(kept)

@@ -2,7 +2,7 @@
 
 import zipfile
 
-import _packages
+import _shapes
 import numpy as np
 import pytest
 
@@ -19,14 +19,14 @@ REFS = "refs 4\n0 0 0\n1 1 0\n2 1 1\n3 0 1\nkids 0\n"
 
 def _archive(tmp_path, **members):
     path = tmp_path / "kept.zip"
-    path.write_bytes(_packages.zipped({name.replace("_", "/", 1).replace("__", "."): d for name, d in members.items()}))
+    path.write_bytes(_shapes.zipped({name.replace("_", "/", 1).replace("__", "."): d for name, d in members.items()}))
     return zipfile.ZipFile(path)
 
 
 def test_obj_keeps_the_surface_and_takes_materials_and_pictures(tmp_path):
-    archive = _archive(tmp_path, a_a__obj=_packages.OBJ, a_a__mtl=_packages.MTL, a_wood__png=_packages.png())
+    archive = _archive(tmp_path, a_a__obj=_shapes.OBJ, a_a__mtl=_shapes.MTL, a_wood__png=_shapes.png())
     mesh = painted.load(archive, "a/a.obj")
-    plain = mesh_io.parse(_packages.OBJ.encode(), ".obj")
+    plain = mesh_io.parse(_shapes.OBJ.encode(), ".obj")
     np.testing.assert_array_equal(mesh.vertices[mesh.faces], plain.triangles)
     assert np.ptp(mesh.colours, axis=0).max() == 0
     np.testing.assert_allclose(mesh.colours[0], painted.WHITE * np.array([1, 0.5, 0]) ** 2.2, rtol=1e-5)
@@ -35,7 +35,7 @@ def test_obj_keeps_the_surface_and_takes_materials_and_pictures(tmp_path):
 
 
 def test_without_its_materials_a_mesh_is_grey(tmp_path):
-    mesh = painted.load(_archive(tmp_path, a_a__obj=_packages.OBJ), "a/a.obj")
+    mesh = painted.load(_archive(tmp_path, a_a__obj=_shapes.OBJ), "a/a.obj")
     assert len(mesh.pictures) == 0 and len(np.unique(mesh.colours)) == 1
 
 
@@ -43,7 +43,7 @@ def test_ac3d_looks_come_from_a_folder_beside_and_invisible_faces_go(tmp_path):
     materials = 'MATERIAL "a" rgb 0 0 1 trans 0\nMATERIAL "b" rgb 0 0 1 trans 1\n'
     faces = f"mat 0\n{REFS}".replace("kids 0\n", "") + f"SURF 0x10\nmat 1\n{REFS}"
     text = QUAD.format(materials, 'texture "C:\\\\own\\\\skin.png"\n', faces).replace("numsurf 1", "numsurf 2")
-    archive = _archive(tmp_path, m_p__ac=text, looks_skin__png=_packages.png((0, 255, 0)))
+    archive = _archive(tmp_path, m_p__ac=text, looks_skin__png=_shapes.png((0, 255, 0)))
     mesh = painted.load(archive, "m/p.ac", "looks/")
     assert len(mesh.faces) == 2 and (mesh.picture == 0).all()
     assert mesh.pictures[0].levels[0][0, 0].argmax() == 1
@@ -52,10 +52,10 @@ def test_ac3d_looks_come_from_a_folder_beside_and_invisible_faces_go(tmp_path):
 
 
 def test_damage_names_archive_and_member(tmp_path):
-    broken = _packages.OBJ.replace("f 5 7 8 6", "f 5 7 8 99")
+    broken = _shapes.OBJ.replace("f 5 7 8 6", "f 5 7 8 99")
     with pytest.raises(checks.InputError, match=r"kept.zip: a/a.obj: a face uses a vertex"):
         painted.load(_archive(tmp_path, a_a__obj=broken), "a/a.obj")
-    archive = _archive(tmp_path, a_a__obj=_packages.OBJ)
+    archive = _archive(tmp_path, a_a__obj=_shapes.OBJ)
     data = bytearray((tmp_path / "kept.zip").read_bytes())
     data[60] ^= 1
     (tmp_path / "kept.zip").write_bytes(data)
@@ -64,7 +64,7 @@ def test_damage_names_archive_and_member(tmp_path):
 
 
 def test_turning_keeps_winding_outwards_and_parts_join(tmp_path):
-    mesh = painted.load(_archive(tmp_path, a_a__obj=_packages.OBJ), "a/a.obj")
+    mesh = painted.load(_archive(tmp_path, a_a__obj=_shapes.OBJ), "a/a.obj")
 
     def volume(vertices, faces):
         a, b, c = vertices[faces].transpose(1, 0, 2)
