@@ -23,7 +23,7 @@ import torch
 import trimesh
 
 from bench.data import ray_casting
-from bench.lib import cpu_budget, measuring
+from bench.lib import cpu_budget, display, measuring, results
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import assemble, cars, chairs, planes
 from ddf.fields import framed_field
@@ -182,6 +182,16 @@ def rows_of(name: str, mesh: mesh_io.Mesh, budgets: Sequence[float], tolerances:
         rows.append({**row, "bytes": way.size, "made_in_s": way.seconds})
         print(name, rows[-1], flush=True)
     return rows
+
+
+def _missing(benchmark: results.Benchmark) -> str | None:
+    """Which shapes have no network beside them."""
+    asked = {str(row.size["shape"]) for row in benchmark.rows if row.what.startswith("sine")}
+    others = dict.fromkeys(str(row.size["shape"]) for row in benchmark.rows if row.size["shape"] not in asked)
+    return f"No network was fitted to {', '.join(others)}." if others else None
+
+
+SECTION = display.Section(note=_missing)
 
 
 def main(given: Sequence[str]) -> None:
