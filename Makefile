@@ -46,7 +46,7 @@ train: $(READY) ## the trainings and what they need, JOBS=4 side by side, each b
 report: stage-report ## tables, figures and report of CONFIG (makes what is missing)
 publish: $(READY) ## the page of CONFIG as it was made last, to reports/, where git keeps it
 	@$(RUN) -m ddf_lab.report.publish "$$CONFIG"
-dag: $(READY) ## the stages of CONFIG as a graph: text, artifacts/<experiment>/dag.svg and dag.md
+dag: $(READY) ## the stages of CONFIG and what each waits for
 	$(run) --dag
 
 ##@ Quality

@@ -38,16 +38,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="section.key=value: a variant of the experiment, in folders of its own",
     )
     parser.set_defaults(kept="what is finished is kept; go on by:")
-    parser.add_argument("--dag", action="store_true", help="draw the stages, as text, dag.svg and dag.md; run nothing")
+    parser.add_argument("--dag", action="store_true", help="list the stages and what each waits for; run nothing")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Run what has to be run; says where the page is."""
-    from ddf_lab.engine import dag, runner
+    from ddf_lab.engine import dag, experiments, graph, runner
 
     if args.dag:
-        lines, folder = dag.write(args.config, args.changes, args.seeds)
-        return {"out": folder.as_posix(), "table": lines, "verdict": f"{folder.as_posix()}/dag.svg"}
+        experiment = experiments.find(args.config, args.changes)
+        lines = dag.lines(graph.expand(experiment.lists(args.seeds)))
+        return {"stages": lines[1:], "table": lines, "verdict": f"{len(lines) - 1} stages of {experiment.name}"}
     options = runner.Options(args.stage, args.seeds, args.jobs, args.data or None, args.launch)
     out = runner.run(args.config, args.changes, options).as_posix()
     return {"out": out, "table": [], "verdict": out}
