@@ -14,7 +14,7 @@ import ddf.cli
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-LANGUAGES = {"sh", "python", "text", "diff", "yaml", "bibtex"}
+LANGUAGES = {"sh", "python", "text", "yaml", "bibtex"}
 MAKEFILE = (ROOT / "Makefile").read_text()
 
 # Lines of shell that are only parsed, with what runs them elsewhere or keeps them from running.
@@ -166,28 +166,6 @@ def test_snippets_of_python_run_in_order(page, tmp_path):
             [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=240
         )
         assert done.returncode == 0, f"{page.name}\n{done.stderr}"
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_diffs_are_of_files_as_they_are(page):
-    """What a hunk keeps and takes away stands in the file in one piece, and hunks in their order."""
-    for diff in blocks(page, "diff"):
-        changes = re.split(r"(?m)^--- ", diff)[1:]
-        assert changes, "a diff names its files"
-        for change in changes:
-            old, new, *_ = change.splitlines()
-            assert new.startswith("+++ b/")
-            if old == "/dev/null":
-                assert not (ROOT / new.removeprefix("+++ b/")).exists()
-                continue
-            text, place = (ROOT / old.removeprefix("a/")).read_text(encoding="utf-8"), 0
-            hunks = re.split(r"(?m)^@@ .*\n", change)[1:]
-            assert hunks
-            for hunk in hunks:
-                before = "\n".join(line[1:] for line in hunk.splitlines() if not line.startswith("+"))
-                found = text.find(before, place)
-                assert found >= 0, f"{old} has no longer:\n{before}"
-                place = found + len(before)
 
 
 def test_every_rule_above_is_needed():
