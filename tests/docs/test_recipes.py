@@ -112,7 +112,7 @@ def _loss_term(copy: Copy) -> None:
 def _sample_type(copy: Copy) -> None:
     copy.set({"samples": {"counts": {"N": 200}}, "ddf": {"counts": {"N": 4}}})
     copy.stage("samples", "train_ddf")
-    assert np.isfinite(copy.log("train_ddf")["total"]).all()
+    assert np.isfinite(copy.log("train_ddf")["loss"]).all()
 
 
 def _metric(copy: Copy) -> None:
@@ -160,9 +160,9 @@ def _output(copy: Copy) -> None:
 
 
 def _chamfer_loss(copy: Copy) -> None:
-    before = copy.log("train_pcsiren")["total"].to_numpy()
+    before = copy.log("train_pcsiren")["loss"].to_numpy()
     copy.stage("train_pcsiren")
-    after = copy.log("train_pcsiren")["total"].to_numpy()
+    after = copy.log("train_pcsiren")["loss"].to_numpy()
     assert len(after) == len(before) and not np.allclose(after, before)
 
 
