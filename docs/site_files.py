@@ -12,16 +12,9 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/*.md", "docs/*.webp", "docs/*.svg", "reports/**/*.md"]
-LINKED = [
-    "LICENSE",
-    "CITATION.cff",
-    "pipeline.yaml",
-    "configs/*.yaml",
-    "src/ddf/**/*.py",
-    "reports/**",
-    "examples/**",
-    "docs/recipes/*",
-]
+LINKED = (
+    "LICENSE CITATION.cff pipeline.yaml configs/*.yaml src/ddf/**/*.py reports/** examples/** docs/recipes/*".split()
+)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

@@ -76,7 +76,7 @@ class Copy:
 
     @property
     def page(self) -> str:
-        return (self.root / "reports" / "tiny" / "README.md").read_text()
+        return self.artifact("report/README.md").read_text()
 
 
 def _merged(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -120,7 +120,7 @@ def _metric(copy: Copy) -> None:
         (copy.root / f"{name}.ply").write_bytes(point_io.points_ply(np.array([[0.0, 0.0, 0.0], [last, 0.0, 0.0]])))
     assert re.search(r"hausdorff +2 +units of the clouds", copy.run("ddf", "compare", "pred.ply", "truth.ply"))
     copy.stage("evaluate", "report")
-    table = pd.read_csv(copy.root / "reports/tiny/si3dr.csv", comment="#")
+    table = pd.read_csv(copy.artifact("report/si3dr.csv"), comment="#")
     assert (table[table["metric"] == "hausdorff_x100"]["value"] > 0).all() and "Hausdorff ↓" in copy.page
 
 
@@ -192,7 +192,7 @@ def _benchmark(copy: Copy) -> None:
 
 def _picture(copy: Copy) -> None:
     copy.stage("report")
-    assert "](recall.svg)" in copy.page and "<svg" in (copy.root / "reports/tiny/recall.svg").read_text()
+    assert "](recall.svg)" in copy.page and "<svg" in copy.artifact("report/recall.svg").read_text()
 
 
 PROMISES: dict[str, Callable[[Copy], None]] = {
