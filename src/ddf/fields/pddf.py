@@ -142,7 +142,7 @@ def first_is_heavier(raw: Float[Tensor, "*batch 4"]) -> Bool[Tensor, "*batch"]:
 
 def scores(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
     """s_1, ..., s_K, whose softmax the weights are."""
-    return nn.functional.pad(raw[..., raw.shape[-1] // 2 : -1], (0, 1))
+    return torch.cat((raw[..., raw.shape[-1] // 2 : -1], torch.zeros_like(raw[..., :1])), dim=-1)
 
 
 def weights(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
@@ -163,8 +163,11 @@ def margin(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch"]:
 
 def heavier_rows(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
     """One-hot rows of i*: the cotangents by which an adjoint pass gives the gradient of raw d_{i*}."""
+    if raw.shape[-1] == 2:
+        return torch.ones_like(raw[..., :1])
     if raw.shape[-1] != NUM_OUTPUTS:
-        return nn.functional.one_hot(scores(raw).argmax(-1), raw.shape[-1] // 2).to(raw.dtype)
+        places = torch.arange(raw.shape[-1] // 2, device=raw.device)
+        return (scores(raw).argmax(-1, keepdim=True) == places).to(raw.dtype)
     first = first_is_heavier(raw).to(raw.dtype)
     return torch.stack((first, 1 - first), dim=-1)
 

@@ -55,6 +55,13 @@ def test_plain_field_gives_float64_values_at_any_length(activation):
             assert_close(found[name], value, atol=2e-5 if name.startswith("normals") else 2e-6, rtol=0.0)
 
 
+@pytest.mark.parametrize("components", [1, 3])
+def test_fields_of_one_component_and_of_three_agree_with_torch(components):
+    graph = onnx_graphs.FieldGraph(_models.field(components=components), None)
+    assert tuple(graph.meanings) == field_outputs.of(components)
+    onnx_parity.require(onnx_parity.compare(onnx_file.to_onnx(graph, SOURCE), "field", graph, (1, 500), 0))
+
+
 @pytest.mark.parametrize(("activation", "sign"), [("relu", 1), ("relu", -1), ("softplus", 1), ("softplus", -1)])
 def test_saturated_visibility_and_depth_of_zero_are_exact(activation, sign):
     field = _models.field(activation)

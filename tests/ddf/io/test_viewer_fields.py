@@ -74,3 +74,10 @@ def test_a_field_that_stands_twice_is_there_once():
 def test_a_page_needs_a_field():
     with pytest.raises(checks.InputError, match="at least one field"):
         viewer_fields.together([])
+
+
+@pytest.mark.parametrize("components", [1, 3])
+def test_a_page_draws_fields_of_two_components_alone(components):
+    field = pddf.PDDF(pddf.PDDFConfig((8,), 3.0, 2.0, "softplus", 100.0, components=components))
+    with pytest.raises(checks.InputError, match=f"the page draws fields of two components; got {components}"):
+        viewer_fields.bake(_shape(field), "own")
