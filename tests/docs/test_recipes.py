@@ -95,7 +95,7 @@ def finished(tmp_path_factory) -> Copy:
     for name in listed.stdout.split("\0"):
         if (ROOT / name).is_file():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(ROOT / name, root / name)
+            shutil.copyfile(ROOT / name, root / name, follow_symlinks=False)
     copy = Copy(root)
     shutil.copyfile(root / "configs" / "smoke.yaml", root / "configs" / "tiny.yaml")
     copy.set(SMALL)
@@ -218,6 +218,6 @@ def test_every_recipe_has_its_promise():
 @pytest.mark.parametrize("name", PROMISES)
 def test_recipe_does_what_it_promises(name, finished, tmp_path):
     copy = Copy(tmp_path / "copy")
-    shutil.copytree(finished.root, copy.root)
+    shutil.copytree(finished.root, copy.root, symlinks=True)
     copy.apply(RECIPES[name])
     PROMISES[name](copy)
