@@ -17,7 +17,7 @@ from ddf_lab.report.experiment import experiment_page, stage_results
 def _current_folder(request, monkeypatch):
     """That of the experiment, for the tests that use it."""
     if "reported" in request.fixturenames:
-        monkeypatch.chdir(request.getfixturevalue("reported")[2].parents[1])
+        monkeypatch.chdir(request.getfixturevalue("reported")[2].parents[2])
 
 
 @pytest.fixture(scope="session")
@@ -29,7 +29,7 @@ def reported(tmp_path_factory):
         run = experiment_run(experiment)
         make("evaluate", run)
         make("report", run)
-    return experiment, run, root / "reports" / "fake"
+    return experiment, run, root / run.page
 
 
 @pytest.fixture(scope="session")
@@ -45,7 +45,7 @@ def seeded(reported):
             storage.save_tensors(further / name, tensors | clouds, metadata)
     for model in stage_results.MODELS:
         shutil.copytree(experiment.artifacts / model, experiment.artifacts / f"{model}_seeds" / "1")
-    with contextlib.chdir(folder.parents[1]):
+    with contextlib.chdir(folder.parents[2]):
         make("evaluate", dataclasses.replace(run, seed=1))
         count = experiment.artifacts / "evaluate_seeds" / seed_means.COUNT
         storage.write_text(count, "2\n")
