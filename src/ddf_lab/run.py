@@ -89,7 +89,9 @@ class Run:
         names = [name for name, own in SECTIONS.items() if own == place]
         if not names:
             raise ValueError(f"run.SECTIONS lists no section of {place}")
-        return config.section(self.given, names[0], cls, self.file)
+        if names[0] not in self.given:
+            raise checks.InputError(f"{self.file}: section {names[0]!r} is missing")
+        return config.parse(self.given[names[0]], cls, f"{self.file}: {names[0]}")
 
     def reseeded(self, cls: type[T]) -> T:
         """The same with the run's seed added to every key `seed` in it, however deep."""

@@ -85,19 +85,14 @@ _Loader.add_constructor("tag:yaml.org,2002:float", _real)
 
 
 def load(path: str | Path, name: str, cls: type[T]) -> T:
-    """One section of a YAML file as an instance of its dataclass, see `section`."""
-    return section(read(path), name, cls, path)
-
-
-def section(sections: Mapping[str, Any], name: str, cls: type[T], path: str | Path) -> T:
-    """A section by its name, as an instance of the dataclass that describes it.
+    """One section of a YAML file, by its name, as an instance of the dataclass that describes it.
 
     Args:
-      sections: as `read` gives them, of the file `path`.
       cls: every field without a default must be given, every given key must be a field.
     Raises:
       InputError: naming the file and the key, for anything that does not fit.
     """
+    sections = read(path)
     if name not in sections:
         raise checks.InputError(f"{path}: section {name!r} is missing")
     return parse(sections[name], cls, f"{path}: {name}")
