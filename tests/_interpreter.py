@@ -9,10 +9,12 @@ from pathlib import Path
 import pytest
 
 
-def interpreted(script):
-    """What a script did, whose imports find the tests; the test is skipped where Triton is missing."""
+def interpreted(script, test):
+    """What a script of a test file did, whose imports find that file; the test is skipped where Triton is missing."""
     if importlib.util.find_spec("triton") is None:
         pytest.skip("needs Triton")
-    paths = os.pathsep.join([str(Path(__file__).resolve().parent), os.environ.get("PYTHONPATH", "")])
+    paths = os.pathsep.join(
+        [str(Path(test).resolve().parent), str(Path(__file__).resolve().parent), os.environ.get("PYTHONPATH", "")]
+    )
     environment = os.environ | {"TRITON_INTERPRET": "1", "PYTHONPATH": paths}
     return subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)

@@ -4,6 +4,7 @@ import hashlib
 import io
 import tarfile
 import zipfile
+from typing import Literal
 
 import numpy as np
 import torch
@@ -77,7 +78,7 @@ def png(colour=(255, 0, 0)):
     return buffer.getvalue()
 
 
-def deb(members, name="data.tar.xz", mode="w:xz"):
+def deb(members, name="data.tar.xz", mode: Literal["w", "w:xz"] = "w:xz"):
     """An ar archive as dpkg-deb makes it."""
     data = io.BytesIO()
     with tarfile.open(fileobj=data, mode=mode) as archive:

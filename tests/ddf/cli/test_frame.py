@@ -261,7 +261,7 @@ def test_the_shell_is_told_how_a_line_may_go_on(line, found, tmp_path):
 
 
 def test_a_folder_that_is_not_there_is_named_before_the_work(tmp_path, capsys):
-    (tmp_path / "ids.json").write_text("{}")
+    (tmp_path / "nothing").mkdir()
     missing = tmp_path / "no" / "such"
     arguments = ["export", str(tmp_path / "nothing"), str(missing / "x.onnx")]
     assert cli.main(arguments) == 2

@@ -95,7 +95,7 @@ def _proposals(device):
 CASES = (_samples, _proposals)
 INTERPRETED = """
 from ddf.geometry.gpu import cast_kernel, meshes
-from reconstruction.gpu import test_fresh_samples as here
+import test_fresh_samples as here
 
 meshes.TOGETHER, cast_kernel.RAYS = 64, 512  # few and large blocks: the interpreter's time goes by their number
 for case in here.CASES:
@@ -105,7 +105,7 @@ print("the same")
 
 
 def test_the_kernel_casts_samples_and_proposals_as_open3d_does():
-    done = _interpreter.interpreted(INTERPRETED)
+    done = _interpreter.interpreted(INTERPRETED, __file__)
     assert done.stdout == "the same\n", done.stderr[-3000:]
 
 

@@ -51,7 +51,7 @@ import sys
 import torch
 from ddf.fields import losses, passes
 from ddf.fields.gpu import compiled_passes
-from fields.gpu import test_compiled_passes as here
+import test_compiled_passes as here
 
 device, matmul = sys.argv[1:]
 passes.has_bfloat16 = lambda device: True
@@ -84,7 +84,11 @@ print(*map(float, apart))
 def test_compiled_loss_and_gradients_are_those_of_plain_passes(matmul, most, device):
     """In a process of its own: the compiler cannot read what checks the shapes of arguments in tests."""
     tests = Path(__file__).resolve().parents[3]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tests), os.environ.get("PYTHONPATH", "")])}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(
+            [str(tests), str(Path(__file__).resolve().parent), os.environ.get("PYTHONPATH", "")]
+        )
+    }
     command = [sys.executable, "-c", COMPILED, device, matmul]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-3000:]

@@ -49,7 +49,7 @@ print("the same")
 
 
 def test_the_kernel_of_a_gpu_gives_the_order_of_numpy():
-    done = _interpreter.interpreted(INTERPRETED)
+    done = _interpreter.interpreted(INTERPRETED, __file__)
     assert done.stdout == "the same\n", done.stderr[-2000:]
 
 

@@ -139,7 +139,7 @@ def _sides(device):
 CASES = (_several_meshes, _edges_and_corners, _ties, _flat_and_tiny_triangles, _beside_a_face, _sides)
 INTERPRETED = """
 from ddf.geometry.gpu import cast_kernel, meshes
-from geometry.gpu import test_gpu_meshes as here
+import test_gpu_meshes as here
 
 meshes.TOGETHER, cast_kernel.RAYS = 64, 256  # few and large blocks: the interpreter's time goes by their number
 for case in here.CASES:
@@ -149,7 +149,7 @@ print("the same")
 
 
 def test_the_kernel_gives_the_exact_cast():
-    done = _interpreter.interpreted(INTERPRETED)
+    done = _interpreter.interpreted(INTERPRETED, __file__)
     assert done.stdout == "the same\n", done.stderr[-3000:]
 
 
