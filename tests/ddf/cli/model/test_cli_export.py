@@ -78,7 +78,6 @@ def _rename_kind(path):
         (_damage, [], "is damaged or not one of our files"),
         (_rename_kind, [], "holds no DDF or PC-SIREN model"),
         (lambda path: path.unlink(), [], "does not exist"),
-        (lambda path: None, ["--outputs", "depth,colour"], "outputs must be one or more of"),
         (lambda path: None, ["--graph", "pcsiren"], "--graph must be one of field, encoders, image_field"),
     ],
 )
