@@ -11,7 +11,7 @@ import numpy as np
 
 import ddf
 
-RABBIT = Path(ddf.__file__).parent / "models" / "rabbit" / "field.onnx"
+RABBIT = Path(ddf.__file__).parent / "shipped" / "rabbit" / "field.onnx"
 
 if __name__ == "__main__":
     field = ddf.load(sys.argv[1] if len(sys.argv) > 1 else RABBIT)

@@ -10,7 +10,7 @@ import numpy as np
 
 import ddf
 
-SAMPLE = Path(ddf.__file__).parent / "models" / "chair" / "sample_0.png"
+SAMPLE = Path(ddf.__file__).parent / "shipped" / "chair" / "sample_0.png"
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)

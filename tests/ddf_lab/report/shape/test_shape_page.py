@@ -41,7 +41,7 @@ def reported(tmp_path_factory):
 
 def _rows(folder):
     """Cells of every table row of the Markdown page."""
-    lines = (folder / "reports" / "tiny_fit" / "README.md").read_text().splitlines()
+    lines = (folder / "artifacts" / "tiny_fit" / "report" / "README.md").read_text().splitlines()
     cells = [re.split(r"(?<!\\)\|", line.strip("|")) for line in lines if line.startswith("| ")]
     return [[cell.strip().replace("**", "") for cell in row] for row in cells]
 
@@ -62,18 +62,18 @@ def test_stages_write_field_tables_and_page(reported):
     table, record = storage.load_table(ablated / "ablate_samples.csv")
     assert len(table) == 7 * 2 * 6 * 2
     assert record["sources"].keys() == {"artifacts/tiny_fit/ablate_samples/ablation.json"}
-    assert {path.name for path in (reported / "reports" / "tiny_fit").iterdir()} == _PAGE
+    assert {path.name for path in (reported / "artifacts" / "tiny_fit" / "report").iterdir()} == _PAGE
 
 
 def test_page_needs_no_other_file(reported):
-    text = (reported / "reports" / "tiny_fit" / "index.html").read_text()
+    text = (reported / "artifacts" / "tiny_fit" / "report" / "index.html").read_text()
     assert text.count('src="data:image/webp;base64,') == 2 and text.count('src="data:image/svg+xml;base64,') == 1
     without_data = re.sub(r'src="data:[^"]+"', "", text)
     assert "http" not in without_data and "src=" not in without_data
 
 
 def test_links_and_pictures_of_the_page_exist(reported):
-    folder = reported / "reports" / "tiny_fit"
+    folder = reported / "artifacts" / "tiny_fit" / "report"
     linked = set(re.findall(r"\]\(([^)]+)\)", (folder / "README.md").read_text()))
     assert linked == _PAGE - {"README.md", "index.html"}
 
@@ -88,7 +88,7 @@ def test_printed_errors_are_those_of_the_tables(reported):
         *(shape_tables.number(held_out["depth_l1_x10"][kind]) for kind in "UABOTS"),
     ] in rows
     assert ["L1 × 10 of depth", "paper, bunny", "0.45", "0.75", "0.19", "0.50", "0.77", "0.67"] in rows
-    table = pd.read_csv(reported / "reports" / "tiny_fit" / "ablate_samples.csv")
+    table = pd.read_csv(reported / "artifacts" / "tiny_fit" / "report" / "ablate_samples.csv")
     value = table.set_index(["source", "without", "metric", "type"])["value"]
     ours = [shape_tables.number(value["measured", "S", "visibility_bce", kind]) for kind in "UABOTS"]
     assert ["S", *ours] in rows and ["S", "0.14", "0.06", "0.06", "0.42", "0.17", "0.48"] in rows
@@ -176,7 +176,9 @@ def test_verdict_says_how_far_depth_is_off_and_how_many_errors_are_below_the_pap
 
 
 def test_page_starts_with_a_verdict_and_a_picture_and_no_table_is_wide(reported):
-    title, verdict, picture = (reported / "reports" / "tiny_fit" / "README.md").read_text().split("\n\n")[:3]
+    title, verdict, picture = (
+        (reported / "artifacts" / "tiny_fit" / "report" / "README.md").read_text().split("\n\n")[:3]
+    )
     assert title.startswith("# ") and verdict.count(". ") == 1 and picture.endswith("](views.webp)")
     assert max(len(row) for row in _rows(reported)) == 8
 
