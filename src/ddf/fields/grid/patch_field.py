@@ -73,6 +73,8 @@ class PatchField:
     def cloud(self) -> checked_cloud.CheckedCloud:
         """Points with their planes, for distances, mesh frame."""
         points, normals, area = self._spread(CLOUD, 0)
+        order = np.random.default_rng(0).permutation(CLOUD)  # a part of it, as surfaces take, is of all the shape
+        points, normals = points[order], normals[order]
         back = self.field_from_mesh.inverse()
         radii = np.full(CLOUD, back.scale * np.sqrt(2 * area / CLOUD / np.pi))  # discs overlap, as `flat_discs`
         return checked_cloud.CheckedCloud(

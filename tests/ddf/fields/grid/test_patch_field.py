@@ -9,7 +9,7 @@ from _shapes import cube, icosphere, joined, moved, torus
 from ddf.core import checks
 from ddf.fields import framed_field
 from ddf.fields.grid import build, kernels, octree, patch_field
-from ddf.fit import fitting
+from ddf.fit import fitting, surfaces
 from ddf.geometry import primitives, raycast, rays
 from ddf.geometry.mesh_io import Mesh
 
@@ -269,3 +269,10 @@ def test_curvatures_of_a_torus_are_those_of_its_closed_form():
     mean, gaussian = bends.sum(axis=1)[seen], bends.prod(axis=1)[seen]
     assert np.median(np.abs(found["mean_curvature"][seen] - mean) / np.abs(mean)) < 0.1
     assert np.median(np.abs(found["gaussian_curvature"][seen] - gaussian) / np.abs(gaussian)) < 0.1
+
+
+def test_a_part_of_the_cloud_is_of_all_the_shape_and_gives_its_surface(ball):
+    cloud = ball.cloud()
+    assert np.abs(cloud.hits[:2000].mean(axis=0)).max() < 0.05
+    mesh = surfaces.extract(ball, cloud, "poisson", 2000)
+    assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 1).max() < 0.01
