@@ -106,8 +106,8 @@ export function enterBox(field: Field, rays: Rays, limit: Float64Array | null): 
 
 /**
  * The nearest of what the fields say along rays: [DDF22] §4.1 with the hard choice. Fields are asked from the nearest on,
- * and no field for rays that have hit something before they reach its box; unless visibility is asked for, which all
- * fields have a part in.
+ * and no field for rays that have hit something before they reach its box; unless visibility is asked for, of which the
+ * largest is shown.
  *
  * @param later where the rays begin instead; depth is still from where they are.
  */
@@ -182,7 +182,7 @@ async function ask(
   found.evaluated += entered.index.length;
   entered.index.forEach((ray, at) => {
     const visibility = answers.visibility![at]!;
-    if (all) all[ray] = 1 - (1 - all[ray]!) * (1 - visibility);
+    if (all) all[ray] = Math.max(all[ray]!, visibility);
     const depth = (answers.depth![at]! + entered.distances[at]!) / scale;
     if (visibility < SEEN || depth >= found.depth[ray]!) return;
     found.depth[ray] = depth;
