@@ -85,6 +85,7 @@ export class Distances {
   private async draw(field: Field): Promise<Discs> {
     this.tell(`drawing ${this.count.toLocaleString("en")} hits of ${field.record.name} to measure distances to`);
     const [hits, doubts]: [number[], number[]] = [[], []];
+    if (field.engine.exact) return sure(field, this.count);
     for (let batch = 0; batch < MOST_BATCHES && doubts.length < this.count; batch++) {
       const found = await doubted(field, batch + 1);
       hits.push(...found.hits);
@@ -121,15 +122,40 @@ function within({ record: { lower, upper } }: Field, points: Float64Array): numb
   );
 }
 
-/** The hits of a batch of rays, the field's frame, 3 numbers each, and how far the answers about each are apart. */
-async function doubted(field: Field, seed: number): Promise<{ hits: number[]; doubts: number[] }> {
-  const { lower, upper } = field.record;
-  const next = random(seed);
-  const rays = { positions: new Float32Array(3 * BATCH), directions: new Float32Array(3 * BATCH) };
-  for (let ray = 0; ray < BATCH; ray++) {
+/** Rays from evenly drawn points of a field's box in evenly drawn directions. */
+function drawn({ record: { lower, upper } }: Field, next: () => number, count: number): { positions: Float64Array; directions: Float64Array } {
+  const rays = { positions: new Float64Array(3 * count), directions: new Float64Array(3 * count) };
+  for (let ray = 0; ray < count; ray++) {
     rays.positions.set(lower.map((low, axis) => low + next() * (upper[axis]! - low)), 3 * ray);
     rays.directions.set(way(next), 3 * ray);
   }
+  return rays;
+}
+
+/** Discs of a field whose hits are sure, in the planes of its normals. */
+async function sure(field: Field, count: number): Promise<Discs> {
+  const [centres, normals]: [number[], number[]] = [[], []];
+  const next = random(1);
+  for (let batch = 0; batch < MOST_BATCHES && centres.length < 3 * count; batch++) {
+    const { positions, directions } = drawn(field, next, BATCH);
+    const found = await field.engine.evaluate(positions, directions, ["visibility", "depth", "normals"]);
+    for (let i = 0; i < 3 * BATCH; i++) {
+      const ray = Math.floor(i / 3);
+      if (!found.visibility![ray]) continue;
+      centres.push(positions[i]! + found.depth![ray]! * directions[i]!);
+      normals.push(found.normals![i]!);
+    }
+  }
+  const points = Float64Array.from(centres.slice(0, 3 * count));
+  const few = Math.min(PLANE_HITS, points.length / 3);
+  const radii = few ? around(points, few, ({ squared }) => Math.sqrt((2 * squared[few - 1]!) / few)) : [];
+  return { centres: points, normals: Float64Array.from(normals), radii: Float64Array.from(radii), tree: new KdTree(points) };
+}
+
+/** The hits of a batch of rays, the field's frame, 3 numbers each, and how far the answers about each are apart. */
+async function doubted(field: Field, seed: number): Promise<{ hits: number[]; doubts: number[] }> {
+  const next = random(seed);
+  const rays = drawn(field, next, BATCH);
   const first = await field.engine.evaluate(rays.positions, rays.directions, ["visibility", "depth"]);
   const ends = Float64Array.from(rays.positions, (value, i) => value + first.depth![Math.floor(i / 3)]! * rays.directions[i]!);
   const kept = within(field, ends).filter((ray) => first.visibility![ray]! >= SEEN);
@@ -152,7 +178,7 @@ async function answers(field: Field, hits: Float64Array, lines: Float64Array): P
     const starts = hits.map((value, i) => value - sign * offset * lines[i]!);
     const inside = within(field, starts);
     const [positions, directions] = [rows(starts, inside), rows(lines, inside).map((value) => sign * value)];
-    const { depth } = await field.engine.evaluate(Float32Array.from(positions), Float32Array.from(directions), ["depth"]);
+    const { depth } = await field.engine.evaluate(positions, directions, ["depth"]);
     inside.forEach((i, at) => (found[side]![i] = sign * (depth![at]! - offset)));
   }
   return found;

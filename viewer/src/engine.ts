@@ -1,4 +1,4 @@
-/** What evaluates a network: a GPU by WebGL2 (`webgl.ts`), or a CPU by onnxruntime's wasm (`wasm.ts`). */
+/** What evaluates a field: of networks a GPU (`webgl.ts`) or onnxruntime's wasm (`wasm.ts`), of patches `patches.ts`. */
 
 export type Output = "visibility" | "depth" | "normals" | "weight_1" | "normals_2" | "mean_curvature";
 export const OUTPUTS: Output[] = ["visibility", "depth", "normals", "weight_1", "normals_2", "mean_curvature"];
@@ -10,10 +10,11 @@ export type Values = Partial<Record<Output, Float32Array>>;
 export interface Engine {
   name: string;
   outputs: readonly Output[];
-  /** Named outputs inside the box, frame and unit of the field, for rays of 3 numbers each. Throws when aborted. */
+  exact: boolean; // every hit is sure, normals cost nothing, and rays from outside the box are taken as they are
+  /** Named outputs from inside the box, frame and unit of the field, for rays of 3 numbers each. Throws when aborted. */
   evaluate(
-    positions: Float32Array,
-    directions: Float32Array,
+    positions: Float64Array,
+    directions: Float64Array,
     outputs: readonly Output[],
     signal?: AbortSignal,
   ): Promise<Values>;

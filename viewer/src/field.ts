@@ -3,18 +3,19 @@
 import { widthOf, type Engine, type Output } from "./engine.ts";
 import type { Rays } from "./camera.ts";
 import type { NetworkRecord } from "./network.ts";
+import type { PatchRecord } from "./patches.ts";
 import { compose, corners, inverse, type Similarity, type Vector } from "./vectors.ts";
 
 export const SEEN = 0.5; // visibility from which on a surface counts as seen
 
 /** What Python's `viewer_fields` says of a field. */
-export interface FieldRecord extends NetworkRecord {
+export type FieldRecord = (NetworkRecord | PatchRecord) & {
   name: string;
   lower: Vector; // of the box, frame of the field
   upper: Vector;
   field_from_mesh: Similarity;
   world_from_mesh: Similarity;
-}
+};
 
 /** Fields, and the box that rays from outside enter first: what lies before it is cut away. */
 export interface World {
@@ -60,8 +61,8 @@ const move = (map: Similarity, p: Vector): Vector =>
 /** Rays of one field: where they enter its box (its frame), how far that is, and which of all rays they are. */
 interface Entered {
   index: Int32Array;
-  positions: Float32Array;
-  directions: Float32Array;
+  positions: Float64Array;
+  directions: Float64Array;
   distances: Float64Array;
 }
 
@@ -70,9 +71,10 @@ export function enterBox(field: Field, rays: Rays, limit: Float64Array | null): 
   const map = field.fieldFromWorld;
   const [[a, b, c], [d, e, f], [g, h, i]] = map.rotation;
   const { lower, upper } = field.record;
+  const { exact } = field.engine;
   const index = new Int32Array(rays.count);
-  const positions = new Float32Array(3 * rays.count);
-  const directions = new Float32Array(3 * rays.count);
+  const positions = new Float64Array(3 * rays.count);
+  const directions = new Float64Array(3 * rays.count);
   const distances = new Float64Array(rays.count);
   const [p, v] = [[0, 0, 0], [0, 0, 0]];
   let kept = 0;
@@ -88,10 +90,10 @@ export function enterBox(field: Field, rays: Rays, limit: Float64Array | null): 
     const [near, far] = span(p, v, lower, upper);
     if (!(near <= far) || (limit !== null && near / map.scale >= limit[ray]!)) continue;
     index[kept] = ray;
-    distances[kept] = near;
+    distances[kept] = exact ? 0 : near;
     for (let axis = 0; axis < 3; axis++) {
       const entry = p[axis]! + near * v[axis]!;
-      positions[3 * kept + axis] = Math.min(Math.max(entry, lower[axis]!), upper[axis]!);
+      positions[3 * kept + axis] = exact ? p[axis]! : Math.min(Math.max(entry, lower[axis]!), upper[axis]!);
       directions[3 * kept + axis] = v[axis]!;
     }
     kept++;

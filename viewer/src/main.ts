@@ -10,8 +10,9 @@ import type { Engine, Output } from "./engine.ts";
 import { Field, query, type FieldRecord } from "./field.ts";
 import { Gizmos } from "./gizmos.ts";
 import { Gpu } from "./gpu.ts";
-import { layersOf } from "./network.ts";
+import { layersOf, type NetworkRecord } from "./network.ts";
 import { button, byId, check, choices, element, select } from "./panel.ts";
+import { PatchEngine } from "./patches.ts";
 import { Reconstruction } from "./reconstruct.ts";
 import { MODES } from "./shading.ts";
 import { SlicePanel } from "./slicing.ts";
@@ -53,9 +54,10 @@ async function main(): Promise<void> {
   const stage: Stage = { corners: page.corners, up: page.up };
   const start: Angles = { azimuth: WISHES.azimuth ?? page.azimuth, elevation: WISHES.elevation ?? ELEVATION };
   const numbers = new Float32Array((await readBlock("ddf-weights"))!);
-  const gpu = Gpu.open();
+  const patches = page.fields.every(({ kind }) => kind === "patches"); // which need no GPU
+  const gpu = patches ? "" : Gpu.open();
   const byWasm = document.getElementById("ddf-graph-values") !== null && (WISHES.engine ?? wanted(gpu)) === "wasm";
-  if (typeof gpu === "string" && !byWasm) {
+  if (typeof gpu === "string" && !byWasm && !patches) {
     throw new Error(`${gpu}; open the page in another browser, or write it with ddf view --wasm`);
   }
   const engines = new Map<number, Engine>(); // fields of one network share it
@@ -65,19 +67,21 @@ async function main(): Promise<void> {
     return known;
   };
   const made = (record: FieldRecord): Engine =>
-    byWasm || typeof gpu === "string"
+    record.kind === "patches" ? new PatchEngine(record, numbers)
+    : byWasm || typeof gpu === "string"
       ? new window.ddfWasm!.WasmEngine(readBlock)
       : new WebglEngine(gpu, record, layersOf(record, numbers));
   const world = { fields: page.fields.map((record) => new Field(record, engineOf(record))), box: page.box };
-  const slow = byWasm || typeof gpu === "string" || gpu.isSoftware;
+  const slow = !patches && (byWasm || typeof gpu === "string" || gpu.isSoftware);
   const distances = new Distances(Math.round(WISHES.hits ?? (slow ? HITS_OF_A_CPU : HITS)), (text) => (byId("status").textContent = text));
+  const engineNames = [...new Set(world.fields.map((field) => field.engine.name))].join(" and ");
   const canvas = byId("canvas") as HTMLCanvasElement;
   const view = new View(canvas, world, stage, framed(stage, start), distances, shown, (error) => fail(error.message));
   view.mode = MODES.find((mode) => mode.name === WISHES.mode) ?? view.mode;
   view.full = Math.round(WISHES.size ?? view.full);
 
   function shown(what: Shown): void {
-    const words = summary(page.title, view, world.fields[0]!.engine.name, what);
+    const words = summary(page.title, view, engineNames, what);
     byId("canvas").setAttribute("aria-label", words.picture);
     byId("legend").replaceChildren(...words.legend);
     gizmos?.update();
@@ -89,7 +93,7 @@ async function main(): Promise<void> {
   const gizmos = world.fields.length > 1 ? new Gizmos(byId("overlay"), view) : null;
   const cloud = new Cloud(view);
   const offered = MODES.filter((mode) => mode.outputs.every((name) => world.fields.every((field) => field.engine.outputs.includes(name))));
-  const rebuilt = page.model && new Reconstruction(page.model, layersOf(page.fields[0]!, numbers), engineOf(page.fields[0]!) as WebglEngine, view, cloud);
+  const rebuilt = page.model && new Reconstruction(page.model, layersOf(page.fields[0] as NetworkRecord, numbers), engineOf(page.fields[0]!) as WebglEngine, view, cloud);
   const modes = choices("Show", "modes", offered, view.mode, (mode) => {
     view.mode = mode;
     view.refresh(false);

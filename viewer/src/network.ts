@@ -9,6 +9,7 @@ export interface Layer {
 
 /** What Python's `viewer_fields` says of a network; its numbers are `offset` and on in the block of weights. */
 export interface NetworkRecord {
+  kind: "sine";
   widths: number[]; // inputs, hidden, outputs
   offset: number;
   depth_activation: "relu" | "softplus";

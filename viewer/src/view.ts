@@ -41,6 +41,11 @@ export class View {
     this.slice = new Slice(camera, stage);
   }
 
+  /** Whether normals cost nothing. */
+  private get cheap(): boolean {
+    return this.world.fields.every((field) => field.engine.exact);
+  }
+
   /** Something moved, or another mode was chosen: what is being drawn is out of date. */
   refresh(moving = true): void {
     this.moved = moving ? performance.now() : 0;
@@ -69,7 +74,7 @@ export class View {
     const started = performance.now();
     const rays = pixelRays(this.camera, this.stage, size);
     const slice = await this.cut(rays, signal);
-    const answers = await query(this.world, rays, moving ? this.mode.moving : this.mode.outputs, signal, slice?.starts);
+    const answers = await query(this.world, rays, moving && !this.cheap ? this.mode.moving : this.mode.outputs, signal, slice?.starts);
     const milliseconds = performance.now() - started;
     if (moving) this.coarse = nextCoarse(size, milliseconds);
     const drawn = picture(this.mode, rays, answers, this.camera, this.stage);

@@ -36,14 +36,15 @@ const GRAPHS: [string, Output[]][] = [
 /** A field on the CPU, where there is no WebGL2 or none but software. */
 export class WasmEngine implements Engine {
   readonly name = "wasm";
+  readonly exact = false;
   readonly outputs = GRAPHS[2]![1];
   private readonly models = new Map<string, Promise<Model>>();
 
   constructor(private readonly block: (id: string) => Promise<ArrayBuffer | null>) {}
 
   async evaluate(
-    positions: Float32Array,
-    directions: Float32Array,
+    positions: Float64Array,
+    directions: Float64Array,
     outputs: readonly Output[],
     signal?: AbortSignal,
   ): Promise<Values> {
@@ -54,7 +55,7 @@ export class WasmEngine implements Engine {
     const values: Values = Object.fromEntries(known.map((name) => [name, new Float32Array(count * widthOf(name))]));
     for (let from = 0; from < count; from += CHUNK) {
       const until = Math.min(count, from + CHUNK);
-      const rays = (all: Float32Array) => ({ data: all.slice(3 * from, 3 * until), shape: [until - from, 3] });
+      const rays = (all: Float64Array) => ({ data: Float32Array.from(all.subarray(3 * from, 3 * until)), shape: [until - from, 3] });
       const found = await model.run({ positions: rays(positions), directions: rays(directions) }, known);
       for (const name of known) values[name]!.set(found[name]!, from * widthOf(name));
       await breathe();

@@ -26,6 +26,7 @@ const blocksOf = (units: number): number => Math.ceil(units / 4);
 
 export class WebglEngine implements Engine {
   readonly name = "WebGL2";
+  readonly exact = false;
   readonly outputs: readonly Output[] = ["visibility", "depth", "normals", "weight_1", "normals_2", "mean_curvature"];
   private readonly height: number;
   private readonly weights = new Map<string, Weights>();
@@ -57,8 +58,8 @@ export class WebglEngine implements Engine {
   }
 
   async evaluate(
-    positions: Float32Array,
-    directions: Float32Array,
+    positions: Float64Array,
+    directions: Float64Array,
     outputs: readonly Output[],
     signal?: AbortSignal,
   ): Promise<Values> {
@@ -80,7 +81,7 @@ export class WebglEngine implements Engine {
     return values;
   }
 
-  private chunk(positions: Float32Array, directions: Float32Array, from: number, until: number, values: Values): void {
+  private chunk(positions: Float64Array, directions: Float64Array, from: number, until: number, values: Values): void {
     this.gpu.height = this.height;
     this.gpu.used = Math.ceil((until - from) / WIDTH);
     this.upload(positions, directions, from, until);
@@ -111,7 +112,7 @@ export class WebglEngine implements Engine {
   }
 
   /** Rays as two blocks of inputs: (p, 0) and (v, 0). */
-  private upload(positions: Float32Array, directions: Float32Array, from: number, until: number): void {
+  private upload(positions: Float64Array, directions: Float64Array, from: number, until: number): void {
     const plane = 4 * WIDTH * this.gpu.used;
     const texels = new Float32Array(2 * plane);
     for (let i = from, at = 0; i < until; i++, at += 4) {
@@ -181,7 +182,7 @@ export class WebglEngine implements Engine {
   }
 
   /** Unit normals that face back, from gradients of the chunk. */
-  private normals(out: Float32Array, g: Float32Array, v: Float32Array, from: number, until: number): void {
+  private normals(out: Float32Array, g: Float32Array, v: Float64Array, from: number, until: number): void {
     for (let i = 0, at = 3 * from; i < until - from; i++, at += 3) {
       const n = [g[4 * i]!, g[4 * i + 1]!, g[4 * i + 2]!];
       const long = Math.max(Math.hypot(n[0]!, n[1]!, n[2]!), 1e-12);

@@ -10,6 +10,7 @@ from ddf.fit import field_file
 from ddf.io import viewer_fields, viewer_layout, viewer_page
 
 if TYPE_CHECKING:
+    from ddf.fields.grid import patch_field
     from ddf.fit import shape_field
 
 # Of a field, for onnxruntime: it computes all outputs of a graph, so there is one for each amount of work.
@@ -35,8 +36,9 @@ def page(path: Path, up: str = "y", wasm: bool = False) -> viewer_page.Page:
     file = path if path.name == field_file.MODEL else path / field_file.MODEL
     if file.is_file() and storage.load_metadata(file).get("kind") == "ddf":
         return model_page(file.parent)
-    found = field_page(_field(path), name_of(path), up)
-    if not wasm:
+    shape = field(path)
+    found = field_page(shape, name_of(path), up)
+    if not wasm or shape.record.get("kind") == field_file.PATCHES:  # which need no WebGL2
         return found
     from ddf.fit import shape_field
 
@@ -54,17 +56,26 @@ def row_page(paths: Sequence[Path], up: str = "y") -> viewer_page.Page:
     missing = next((path for path in paths if not path.exists()), None)
     if missing is not None:
         raise FileNotFoundError(f"{missing}: no such field; a file to write must end in .html")
-    loaded = {path: _field(path) for path in paths}
+    loaded = {path: field(path) for path in paths}
     places = [(name_of(path), loaded[path]) for path in paths]
     title = ", ".join(name for name, _ in places) if len(places) <= _NAMED else f"{len(places)} fields"
     return viewer_layout.row_page(title, places, up)
 
 
-def _field(path: Path) -> field_file.FieldFile:
-    """A field by its weights."""
+def field(path: Path) -> "field_file.FieldFile | patch_field.PatchField":
+    """A field for a page, by its folder or file; torch is not asked for.
+
+    Raises:
+      FileNotFoundError: there is no such field. InputError: it is damaged, or no such field; it is named.
+    """
     if path.suffix == ".onnx":
         raise checks.InputError(f"{path}: a page takes a field's weights; give the folder that `ddf fit` wrote")
-    return field_file.read(path)
+    file = path if path.name == field_file.MODEL else path / field_file.MODEL
+    if not file.is_file() or storage.load_metadata(file).get("kind") != field_file.PATCHES:
+        return field_file.read(path)
+    from ddf.fields.grid import patch_field
+
+    return patch_field.load(file)
 
 
 def model_page(folder: Path) -> viewer_page.Page:
@@ -95,7 +106,9 @@ def name_of(path: Path) -> str:
     return path.resolve().name if path.is_dir() else path.resolve().parent.name
 
 
-def field_page(shape: "field_file.FieldFile | shape_field.ShapeField", name: str, up: str = "y") -> viewer_page.Page:
+def field_page(
+    shape: "field_file.FieldFile | shape_field.ShapeField | patch_field.PatchField", name: str, up: str = "y"
+) -> viewer_page.Page:
     """The page of one field, in the frame of its mesh."""
     return viewer_page.Page(name, _ABOUT, viewer_layout.corners(shape), [viewer_fields.bake(shape, name)], up)
 

@@ -12,6 +12,7 @@ from ddf.geometry import transforms
 from ddf.io import viewer_fields, viewer_page
 
 if TYPE_CHECKING:
+    from ddf.fields.grid import patch_field
     from ddf.fit import shape_field
 
 ABOUT_SCENE = "Directed distance fields in one scene, evaluated live by this page; each ray shows the nearest surface."
@@ -21,7 +22,9 @@ _ROW_AZIMUTH = 15.0  # degrees; at 0 a row is seen from its front, and so are sh
 _RIGHT = {"y": (2, -1.0), "z": (1, 1.0)}  # axis and sign from left to right there, by the axis that points up
 
 
-def corners(shape: "field_file.FieldFile | shape_field.ShapeField") -> Float[np.ndarray, "8 3"]:
+def corners(
+    shape: "field_file.FieldFile | shape_field.ShapeField | patch_field.PatchField",
+) -> Float[np.ndarray, "8 3"]:
     """Those of a field's box, in the frame of its mesh."""
     return shape.field_from_mesh.inverse().apply(transforms.box_corners(shape.lower, shape.upper))
 
@@ -45,7 +48,7 @@ def scene_page(
 
 def row_page(
     title: str,
-    shapes: "Sequence[tuple[str, field_file.FieldFile | shape_field.ShapeField]]",
+    shapes: "Sequence[tuple[str, field_file.FieldFile | shape_field.ShapeField | patch_field.PatchField]]",
     up: str = "y",
     about: str = ABOUT_ROW,
 ) -> viewer_page.Page:

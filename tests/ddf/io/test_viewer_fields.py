@@ -5,11 +5,13 @@ import itertools
 import numpy as np
 import pytest
 import torch
+from _shapes import icosphere
 from _support import assert_close
 
 from ddf.core import checks
 from ddf.fields import pddf
-from ddf.fit import shape_field
+from ddf.fields.grid import build, patch_field
+from ddf.fit import fitting, shape_field
 from ddf.geometry import transforms
 from ddf.io import viewer_fields
 
@@ -69,6 +71,20 @@ def test_a_field_that_stands_twice_is_there_once():
     records, numbers = viewer_fields.together([one, viewer_fields.placed(one, transforms.Similarity(3.0))])
     assert [record["offset"] for record in records] == [0, 0] and len(numbers) == len(one.numbers)
     assert records[1]["world_from_mesh"]["scale"] == 3.0
+
+
+def test_patches_are_in_the_block_as_in_their_file():
+    arrays, record = patch_field.fitted(*fitting.in_cube(icosphere(2)), build.PatchConfig(depth=1))
+    field = patch_field.of(arrays, record)
+    baked = viewer_fields.bake(field, "ball")
+    counts, data = {name: baked.record[name] for name in ("codes", "bends", "cells")}, baked.numbers.tobytes()
+    assert counts == {name: len(arrays[name]) for name in counts} and counts["bends"] > 0
+    assert baked.record["kind"] == "patches" and baked.record["tolerance"] == field.tolerance
+    for name in ("codes", "planes", "bends", "cells"):  # those of two bytes first
+        raw = arrays[name].tobytes()
+        assert data.startswith(raw)
+        data = data[len(raw) :]
+    assert len(data) < 4
 
 
 def test_a_page_needs_a_field():

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from _shapes import torus
 from _support import assert_close
 
 import ddf
@@ -17,7 +18,8 @@ from ddf.cli.field import view
 from ddf.core import shipped_models
 from ddf.data import shapenet
 from ddf.fields import checked_cloud
-from ddf.fit import shape_field
+from ddf.fields.grid import build
+from ddf.fit import patch_fitting, shape_field
 from ddf.io import viewable, viewer_page
 from ddf.models.reconstruction import inference, one_image
 from ddf_lab.report import pages
@@ -252,6 +254,42 @@ def test_a_handle_moves_its_object(pair):
     pair.page.get_by_label("rabbit, y").fill(str(before[1]))
     pair.still()
     assert pair.page.evaluate(where)[1] == pytest.approx(before[1])
+
+
+@pytest.fixture(scope="module")
+def ring(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("patches") / "ring"
+    patch_fitting.fit(torus(), build.PatchConfig(1e-3), folder)
+    return folder
+
+
+def test_patches_are_walked_on_the_cpu_as_python_does(browser, ring):
+    viewer_page.write(ring / "ring.html", view.page_of([ring], wasm=True))
+    opened = _open(browser, ring / "ring.html", f"size=16&mode=mean_curvature&hits={HITS}")
+    opened.still()
+    assert "by JavaScript" in opened.page.inner_text("#status")
+    assert opened.page.locator("input[value=weight_1], input[value=normals_2]").count() == 0
+    outputs, field = ("visibility", "depth", "normals", "mean_curvature"), ddf.load(ring)
+    found, expected = opened.render(outputs, 128), field.render(35, 25, size=128, outputs=outputs)
+    assert 2000 < np.isfinite(expected["depth"]).sum() < 12_000
+    for name in outputs:
+        assert_close(found[name], expected[name], atol=1e-6, rtol=1e-5)
+    points, distances = _sliced(opened, "udf", 32)
+    expected, _ = field.udf(points)
+    assert len(points) > 80 and np.abs(distances - expected).mean() < 0.02 * expected.mean()
+    opened.require_quiet()
+
+
+def test_patches_stand_in_a_scene_with_a_network(browser, ring):
+    (ring / "both.yaml").write_text("objects: [{field: .}, {field: rabbit, scale: 0.8, translation: [0.5, 0.2, 0]}]")
+    viewer_page.write(ring / "both.html", view.page_of([ring / "both.yaml"]))
+    opened = _open(browser, ring / "both.html", "size=8&mode=depth")
+    opened.still()
+    expected = ddf.read_scene(ring / "both.yaml").render(35, 25, size=32, outputs=("visibility", "depth", "normals"))
+    for name, values in opened.render(tuple(expected), 32).items():
+        if name in expected:
+            assert_close(values, expected[name], atol=1e-3, rtol=0.0)
+    opened.require_quiet()
 
 
 def test_a_live_page_of_a_report_is_loaded_when_it_is_opened(browser, tmp_path):

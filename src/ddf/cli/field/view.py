@@ -95,7 +95,6 @@ def page_of(what: Sequence[Path], up: str = "y", wasm: bool = False) -> "viewer_
 def _scene(file: Path) -> "viewer_page.Page":
     """The page of a scene file; a field that it names several times is in the page once."""
     from ddf.api import scene_file
-    from ddf.fit import field_file
     from ddf.io import viewable, viewer_fields, viewer_layout
 
     content = scene_file.read(file)
@@ -103,6 +102,6 @@ def _scene(file: Path) -> "viewer_page.Page":
     baked = {}
     for name in {placement.field for placement in content.objects}:
         folder = shipped_models.place(scene_file.place(file.parent, name))
-        baked[name] = viewer_fields.bake(field_file.read(folder), viewable.name_of(folder))
+        baked[name] = viewer_fields.bake(viewable.field(folder), viewable.name_of(folder))
     fields = [viewer_fields.placed(baked[placement.field], placement.similarity()) for placement in content.objects]
     return viewer_layout.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)

@@ -29,13 +29,14 @@ _COLUMNS = {"depth": 0, "normals": slice(1, 4), "mean_curvature": 4, "gaussian_c
 
 @dataclass(frozen=True)
 class PatchField:
-    """Patches, their box (field frame), the map to that frame, the tolerance they were fitted to, the file's record."""
+    """Patches, their box (field frame), the map to that frame, the tolerance they were fitted to, and the file."""
 
     tree: octree.Octree
     lower: Float[np.ndarray, "3"]
     upper: Float[np.ndarray, "3"]
     field_from_mesh: transforms.Similarity
     tolerance: float
+    arrays: Mapping[str, np.ndarray]
     record: Mapping[str, Any]
 
     enters_its_box = True  # as `framed_field` asks: rays from outside need no slab test
@@ -133,7 +134,7 @@ def of(arrays: Mapping[str, np.ndarray], record: Mapping[str, Any]) -> PatchFiel
         place, tolerance = transforms.Similarity.from_dict(record["field_from_mesh"]), float(record["tolerance"])
     except (KeyError, TypeError) as error:
         raise checks.InputError(f"its record lacks what a field needs ({error})") from error
-    return PatchField(octree.unpack(arrays), lower, upper, place, tolerance, record)
+    return PatchField(octree.unpack(arrays), lower, upper, place, tolerance, arrays, record)
 
 
 def load(file: Path) -> PatchField:
