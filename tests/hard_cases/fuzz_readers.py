@@ -17,6 +17,7 @@ import tempfile
 import time
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -30,19 +31,20 @@ from ddf.api import scene_file
 from ddf.core import checks, storage
 from ddf.data import shapenet
 from ddf.fields import pddf
-from ddf.fit import field_file, shape_field
+from ddf.fields.grid import build, patch_field
+from ddf.fit import field_file, fitting, shape_field
 from ddf.geometry import mesh_io, transforms
 from ddf.io import onnx_field, onnx_file, onnx_graphs
 
 OUT = Path(__file__).resolve().parents[2] / "reports" / "hard_cases_readers.json"
+_BALL = trimesh.creation.icosphere(subdivisions=1)
+_MESH = mesh_io.Mesh(np.array(_BALL.vertices), np.array(_BALL.faces))
 _WORDS = (b"-1", b"0", b"1e999", b"nan", b"99999999999", b"\\", b"#", b"\r", b"\0", b"\xff\xfe", b"end_header", b"list")
 
 
 def seeds() -> list[tuple[str, bytes]]:
     """Small whole files of every format and encoding."""
-    ball = trimesh.creation.icosphere(subdivisions=1)
-    mesh = mesh_io.Mesh(np.array(ball.vertices), np.array(ball.faces))
-    found = [(suffix, mesh_io.export_bytes(mesh, suffix)) for suffix in mesh_io.SUFFIXES]
+    found = [(suffix, mesh_io.export_bytes(_MESH, suffix)) for suffix in mesh_io.SUFFIXES]
     polygons = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\n"
     found.append((".obj", (polygons + "f 1 2 3 4 5 6\nf -6//1 -5/2 -4 \\\n -3\n").encode()))
     rows = "0 0 0\n2 0 0\n2 1 0\n1 1 0\n1 2 0\n0 2 0\n"
@@ -56,7 +58,7 @@ def seeds() -> list[tuple[str, bytes]]:
     positions = np.array([row.split() for row in rows.splitlines()], dtype=">f4").tobytes()
     lists = b"\6" + np.arange(6, dtype=">i4").tobytes() + b"\3" + np.arange(3, dtype=">i4").tobytes()
     found.append((".ply", header.format("binary_big_endian", "face").encode() + positions + lists))
-    found.append((".stl", str(ball.export(file_type="stl_ascii")).encode()))
+    found.append((".stl", str(_BALL.export(file_type="stl_ascii")).encode()))
     return [*found, (".gltf", _GLTF), (".dae", _DAE), (".3mf", _3MF)]
 
 
@@ -133,8 +135,12 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 _FIELD = pddf.PDDF(pddf.PDDFConfig((8, 8), 1.0, 1.0, "softplus", 10.0))
-_RECORD = {"format_version": 1, "kind": "single_shape", "steps": 3, "fingerprint": "a"} | shape_field.description(
-    _FIELD.config, -np.ones(3), np.ones(3), transforms.Similarity(2.0)
+_HEAD: dict[str, Any] = {"format_version": 1, "steps": 3, "fingerprint": "a"}
+_PATCHES = patch_field.fitted(*fitting.in_cube(_MESH), build.PatchConfig(1e-2, depth=1))
+_RECORD = (
+    _HEAD
+    | {"kind": "single_shape"}
+    | shape_field.description(_FIELD.config, -np.ones(3), np.ones(3), transforms.Similarity(2.0))
 )
 _ODD = (None, True, -1, 0, 2, 1 << 62, 10**400, 1e308, math.nan, math.inf, "", "a", "1", [], {}, [[1]], {"a": 1})
 _SCENE = b"""objects:
@@ -150,8 +156,7 @@ fly: [{position: [0, 0, 2], target: [0, 0, 0]}]
 def _graph() -> bytes:
     """A small field as an ONNX file."""
     graph = onnx_graphs.FieldGraph(_FIELD, ("visibility", "depth", "normals"))
-    record = _RECORD | {"box": {"lower": [-1] * 3, "upper": [1] * 3}}
-    facts = {"box": [record["box"]["lower"], record["box"]["upper"]], "transform": record["field_from_mesh"]}
+    facts = {"box": [[-1] * 3, [1] * 3], "transform": _RECORD["field_from_mesh"]}
     return onnx_file.to_onnx(graph, facts)
 
 
@@ -170,17 +175,34 @@ def _broken(tree: Any, rng: np.random.Generator) -> Any:
 
 def read_record(data: bytes, path: Path) -> None:
     """A field with this record, read by torch and without, and asked."""
-    import safetensors.numpy
-
-    arrays = {name: value.numpy() for name, value in _FIELD.state_dict().items()}
-    record = json.loads(data)
-    if isinstance(record, dict):  # a right checksum: what is broken is the record itself
-        with contextlib.suppress(ValueError):  # of a NaN, which no file of ours has
-            record["checksum"] = storage._content_checksum(arrays, record)
-    safetensors.numpy.save_file(arrays, path / "model.safetensors", {"ddf": json.dumps(record)})
+    _write({name: value.numpy() for name, value in _FIELD.state_dict().items()}, json.loads(data), path)
     with np.errstate(all="ignore"):
         field_file.read(path).layers()
         ddf.load(path).query([[0.0, 0.0, 3.0]], [[0.0, 0.0, -1.0]])
+
+
+def _write(arrays: dict[str, np.ndarray], record: Any, path: Path) -> None:
+    """The file of a field with a right checksum: what is broken is the content itself."""
+    import safetensors.numpy
+
+    if isinstance(record, dict):
+        with contextlib.suppress(ValueError):  # of a NaN, which no file of ours has
+            record["checksum"] = storage._content_checksum(arrays, record)
+    safetensors.numpy.save_file(arrays, path / "model.safetensors", {"ddf": json.dumps(record)})
+
+
+def read_patches(data: bytes, path: Path) -> None:
+    """As `read_record`, of patches; half of the files have a bit flipped in one of their arrays besides."""
+    rng, record = np.random.default_rng(zlib.crc32(data)), json.loads(data)
+    arrays = {name: value.copy() for name, value in _PATCHES[0].items()}
+    if rng.integers(0, 2):
+        flipped = arrays[rng.choice(sorted(arrays))].view(np.uint8).reshape(-1)
+        flipped[rng.integers(0, len(flipped))] ^= 1 << rng.integers(0, 8)
+    _write(arrays, record, path)
+    with np.errstate(all="ignore"):
+        field = ddf.load(path)
+        field.query([[0.0, 0.1, 3.0], [0.0, 0.1, 0.2]], [[0.0, 0.0, -1.0]] * 2, field.outputs)
+        field.points(9)
 
 
 def read_graph(data: bytes, path: Path) -> None:
@@ -199,6 +221,7 @@ def others() -> dict[str, tuple[list[tuple[str, bytes]], Callable[[bytes, Path],
     """Whole files of further kinds, and what reads them in a folder."""
     return {
         "records": ([(".record", json.dumps(_RECORD).encode())], read_record),
+        "patches": ([(".record", json.dumps(_HEAD | _PATCHES[1]).encode())], read_patches),
         "graphs": ([(".onnx", _graph())], read_graph),
         "scenes": ([(".yaml", _SCENE)], read_scene),
     }

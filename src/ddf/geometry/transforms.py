@@ -35,8 +35,8 @@ class Similarity:
             raise checks.InputError(
                 f"a rotation is 3x3, a translation 3 numbers; got {self.rotation.shape}, {self.translation.shape}"
             )
-        if not (np.isfinite(self.scale) and self.scale > 0):
-            raise checks.InputError(f"scale must be positive and finite; got {self.scale}")
+        if not 1e-100 <= self.scale <= 1e100:  # its square is finite, and that of its inverse
+            raise checks.InputError(f"scale must be positive, in 1e-100..1e100; got {self.scale}")
         checks.require_finite("translation", self.translation)
         residual = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
         if not (residual <= 1e-9 and np.linalg.det(self.rotation) > 0):

@@ -9,7 +9,7 @@ from _shapes import cube, icosphere
 import ddf
 from ddf import cli
 from ddf.core import checks, storage
-from ddf.fields.grid import build, patch_field
+from ddf.fields.grid import build, octree, patch_field
 from ddf.fit import kinds, patch_fitting, shape_field
 from ddf.geometry import mesh_io
 
@@ -73,15 +73,29 @@ def test_another_mesh_in_the_folder_is_kept_unless_forced(fitted, tmp_path):
     assert ddf.load(tmp_path).query([[0.0, 0.0, 3.0]], [[0, 0, -1.0]])["depth"] == pytest.approx(2, abs=1e-4)
 
 
+def _deep(levels: int) -> dict[str, np.ndarray]:
+    """Arrays of one patch in a first cell that is cut so often."""
+    states = np.zeros(octree.BASE**3 + 8 * levels, int)
+    states[[0, *(octree.BASE**3 + 8 * np.arange(levels))]] = [octree.CUT] * levels + [octree.LEAF]
+    return octree.pack(states, np.eye(1, 7), np.array([1]), np.array([2 / octree.BASE / 2**levels]))
+
+
 def test_damage_is_named(fitted, tmp_path):
     arrays, record = storage.load_tensors(fitted[0] / "model.safetensors")
-    file = tmp_path / "model.safetensors"
-    storage.save_tensors(file, arrays | {"codes": arrays["codes"][1:]}, record)
-    with pytest.raises(checks.InputError, match=r"model\.safetensors: its cells and patches do not fit together"):
-        kinds.load(file)
-    storage.save_tensors(file, arrays, {**record, "box": {}})
-    with pytest.raises(checks.InputError, match=r"model\.safetensors: its record lacks what a field needs"):
-        kinds.load(file)
+    file, codes = tmp_path / "model.safetensors", arrays["codes"].copy()
+    alone = np.flatnonzero((codes[:-1] & codes[1:] & 1) == 1)[0] + 1
+    codes[alone] |= 1 << 4  # cut by a second patch, which its leaf does not have
+    for changed in ({"codes": arrays["codes"][1:]}, {"codes": codes}, _deep(11), {"cells": arrays["cells"][:-2]}):
+        storage.save_tensors(file, arrays | changed, record)
+        with pytest.raises(checks.InputError, match=r"model\.safetensors: .*cells and patches do not fit together"):
+            kinds.load(file)
+    storage.save_tensors(file, _deep(10), record)
+    assert len(patch_field.load(file).tree.codes) == 1
+    wide = {"lower": [-1, -1, -1], "upper": [1, 1, 1 + 1e-6]}
+    for odd in ({"box": {}}, {"box": wide}, {"tolerance": 0}, {"tolerance": [1]}, {"field_from_mesh": {"scale": 1}}):
+        storage.save_tensors(file, arrays, {**record, **odd})
+        with pytest.raises(checks.InputError, match=r"model\.safetensors: its record lacks what a field needs"):
+            kinds.load(file)
 
 
 def test_the_command_fits_patches_unless_training_is_asked_for(tmp_path, capsys):

@@ -76,7 +76,9 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> Octree:
     cells = BASE**3 + 8 * (states == CUT).sum()
     sound = len(last) == leaves and last.max(initial=0) == len(codes) and per_leaf.max(initial=0) <= kernels.MOST
     sound &= planes.shape == (len(codes), 3) and bends.shape == (bent.sum(), 3)
-    if not sound or (states > CUT).any() or not 0 <= len(states) - cells < 4:
+    if sound:  # no patch is cut by one that is not there
+        sound = not ((codes >> 2 & 255) >> 2 * np.repeat(per_leaf, per_leaf)).any()
+    if not sound or (states > CUT).any() or not 0 <= len(states) - cells < 4 or states[cells:].any():
         raise checks.InputError("its cells and patches do not fit together")
     states, lows, begin, side = states[:cells], base_lows(), 0, 2.0 / BASE
     centres, sides = [], []
@@ -86,6 +88,8 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> Octree:
         sides.append(np.full(len(centres[-1]), side))
         begin, side = begin + len(lows), side / 2
         lows = (lows[level == CUT][:, None] + side * _PARTS).reshape(-1, 3)
+    if begin != cells or len(sides) > kernels.DEEPEST + 1:
+        raise checks.InputError("its cells and patches do not fit together")
     nodes = np.zeros(cells, np.int32)
     nodes[states == LEAF] = np.concatenate([[0], last[:-1]])[:leaves] + 1
     nodes[states == CUT] = -1 - np.arange((states == CUT).sum())

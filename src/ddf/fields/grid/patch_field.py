@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks, storage
-from ddf.fields import checked_cloud
+from ddf.fields import checked_cloud, framed_field
 from ddf.fields.grid import build, kernels, octree
 from ddf.geometry import mesh_io, transforms
 
@@ -87,6 +87,8 @@ class PatchField:
         if count < 1:
             raise checks.InputError(f"the number of points must be >= 1; got {count}")
         samples, patch, area = self._samples
+        if len(area) == 0:
+            raise checks.InputError("no patch of the field lies in its cell")
         ends = np.cumsum(area)
         steps = (np.arange(count) + np.random.default_rng(seed).uniform(size=count)) / count * ends[-1]
         chosen = np.minimum(np.searchsorted(ends, steps), len(ends) - 1)
@@ -127,13 +129,14 @@ def of(arrays: Mapping[str, np.ndarray], record: Mapping[str, Any]) -> PatchFiel
     """The field of the content of a file.
 
     Raises:
-      InputError: the record lacks something, or the arrays do not fit together.
+      KeyError, TypeError, ValueError: the record lacks something, or the arrays do not fit together.
     """
-    try:
-        lower, upper = (np.array(record["box"][side], dtype=np.float64) for side in ("lower", "upper"))
-        place, tolerance = transforms.Similarity.from_dict(record["field_from_mesh"]), float(record["tolerance"])
-    except (KeyError, TypeError) as error:
-        raise checks.InputError(f"its record lacks what a field needs ({error})") from error
+    lower, upper = framed_field.corners(record["box"]["lower"], record["box"]["upper"])
+    place, tolerance = transforms.Similarity.from_dict(record["field_from_mesh"]), float(record["tolerance"])
+    if np.abs([lower, upper]).max() > 1 or not 0 < tolerance <= 1:
+        raise checks.InputError(
+            f"its box must lie in [-1, 1]³, its tolerance in (0, 1]; got {lower}, {upper}, {tolerance}"
+        )
     return PatchField(octree.unpack(arrays), lower, upper, place, tolerance, arrays, record)
 
 
@@ -146,7 +149,5 @@ def load(file: Path) -> PatchField:
     arrays, record = storage.load_tensors(file)
     if record.get("kind") != KIND:
         raise checks.InputError(f"{file}: holds no field of patches")
-    try:
+    with framed_field.record_of(file):
         return of(arrays, record)
-    except checks.InputError as error:
-        raise checks.InputError(f"{file}: {error}") from error
