@@ -32,8 +32,8 @@ reproduce-generative $(GENERATIVE:%=stage-%): CONFIG := configs/generative.yaml
 reproduce-generative: $(READY) ## shape VAE, image GANs, their scores and page: [CONFIG=configs/paper_generative.yaml DATA=/path/to/shapenet]
 	$(run)
 SHAPE_STAGES := stage-fit_shape stage-ablate_samples stage-report_shape
-fit-shape $(SHAPE_STAGES): CONFIG := configs/fit.yaml
-fit-shape: $(READY) ## one field for one shape, what each sample type is worth, and their page: [CONFIG=configs/paper_fit.yaml]
+fit-shape $(SHAPE_STAGES): CONFIG := fit
+fit-shape: $(READY) ## one field for one shape, what each sample type is worth, and their page: [CONFIG=paper_fit]
 	$(run)
 figures: CONFIG := configs/figures.yaml
 figures: $(READY) ## the figures of the paper, remade, with numbers against exact values

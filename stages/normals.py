@@ -17,7 +17,7 @@ def make(run: Run) -> None:
     parallel.map_shards(
         functools.partial(normal_images.render_shard, section, vae),
         range(section.images),
-        shard_size=section.shard_size,
+        shard_size=parallel.shard_size(section.images, most=1000, shards=20),
         out_dir=run.folder("normals"),
         fingerprint=provenance.fingerprint(section, [vae / training_loop.MODEL], normal_images),
         describe=f"normals {run.category}",

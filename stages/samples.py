@@ -17,7 +17,7 @@ def make(run: Run) -> None:
     parallel.map_shards(
         functools.partial(sample_shards.extract, section, run.category),
         shapes,
-        shard_size=section.shard_size,
+        shard_size=parallel.shard_size(len(shapes)),
         out_dir=run.folder("samples"),
         fingerprint=provenance.fingerprint(section, [], sample_shards),
         describe=f"samples {run.category}",

@@ -4,11 +4,10 @@ import dataclasses
 import functools
 
 from ddf.core import distributed, provenance
-from ddf.data import sampling
 from ddf.data.batches import category_data, resident
 from ddf.models.reconstruction import reconstruction_models, settings, trained
 from ddf.training import training_loop
-from ddf.training.reconstruction import casting, training_steps, training_truth
+from ddf.training.reconstruction import casting, training_steps
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -24,21 +23,23 @@ def make(run: Run) -> None:
     images, shapes, sources = category_data.read_training(
         run.index, run.folder("samples"), run.category, train.image_size
     )
-    drawn = run.section(sampling.SamplesConfig)
-    truth = training_truth.read(shapes, section, drawn, run.folder("samples"), run.folder("meshes"))
-    sources += truth.sources
+    propose, packs = casting.read(run.folder("meshes"), shapes, section.proposals)
+    sources += packs
     digest, memory = images.digest(), resident.Memory(training_loop.device())
-    images, samples = memory.images(images), memory.samples(truth.samples)
-    samples, propose = casting.moved(memory, samples, truth.propose)
+    images, samples = (
+        memory.images(images),
+        memory.samples(category_data.read_samples(run.folder("samples"), shapes.ids)),
+    )
+    propose = casting.moved(memory, propose)
 
     model = reconstruction_models.ddf_model(train, section.field).to(training_loop.device())
     model.camera_head.fit(images.cameras)
-    facts, modules = [train, section, run.category, digest, truth.drawn], [training_steps, training_truth]
+    facts, modules = [train, section, run.category, digest], [training_steps, casting]
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     out_dir = run.folder("train_ddf", seed=run.seed)
     training_loop.fit(
         model,
-        model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera, section.encoder_share(train.loop)),
+        model.parameter_groups(section.encoder_share(train.loop)),
         functools.partial(training_steps.ddf_step, model, images, shapes, samples, train, section, propose=propose),
         section.steps,
         section.loop(train.loop),

@@ -17,7 +17,7 @@ def make(run: Run) -> None:
     section = run.section(settings.ScoresConfig).features
     training_loop.prepare(section.loop, section.batch_size)
 
-    images, sources = shape_data.read_sampled(run.index, run.folder("samples"), run.category, section.views)
+    images, sources = shape_data.read_sampled(run.index, run.folder("samples"), run.category)
     model = image_features.FeatureNetwork(section, len(images.ids)).to(training_loop.device())
     record = provenance.record([section, run.category, images.digest()], section.loop.seed, sources, image_features)
     training_loop.fit(

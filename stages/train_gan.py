@@ -18,7 +18,7 @@ def make(run: Run) -> None:
     vae_dir = run.folder("train_vae")
     training_loop.prepare(gan.loop, gan.batch_size)
 
-    images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category, gan.views)
+    images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category)
     normals, shards = normal_images.read(run.folder("normals"))
     sources += [*shards, vae_dir / training_loop.MODEL]
     vae = shape_vae.load(vae_dir)

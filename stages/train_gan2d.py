@@ -15,14 +15,14 @@ def make(run: Run) -> None:
     gan = run.section(settings.GANConfig)
     training_loop.prepare(gan.loop, gan.batch_size)
 
-    images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category, gan.views)
+    images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category)
     model = image_gans.NoiseGAN(gan).to(training_loop.device())
     record = provenance.record([gan, run.category, images.digest()], gan.loop.seed, sources, gan_steps)
     training_loop.fit(
         model,
         model.parameter_groups(),
         gan_steps.noise_updates(model, images),
-        gan.steps_2d,
+        gan.steps,
         gan.loop,
         run.folder("train_gan2d"),
         record | gan_steps.record(gan, image_gans.KIND_2D, run.category),

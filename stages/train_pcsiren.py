@@ -32,7 +32,7 @@ def make(run: Run) -> None:
     architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training_loop.fit(
         model,
-        model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera),
+        model.parameter_groups(),
         functools.partial(training_steps.pcsiren_step, model, images, shapes, train, section),
         section.steps,
         train.loop,

@@ -198,6 +198,6 @@ def _float32(tensors):
     return {name: np.asarray(value, dtype=np.float32) for name, value in tensors.items()}
 
 
-EVALUATE_SECTION = json.dumps({"tau_sq": 1e-4, "oracle_points": 100, "oracle_shortlist": 3, "seed": 5})
+EVALUATE_SECTION = json.dumps({"oracle_points": 100, "oracle_shortlist": 3})
 BENCHMARK = transforms.BENCHMARK_FROM_V1
 __all__ = ["BENCHMARK", "EVALUATE_SECTION", "NUM_TRUTH", "SIZES", "FakeExperiment", "nearest_train_image"]

@@ -14,9 +14,7 @@ from ddf.models.reconstruction import settings
 TRAIN = _models.TRAIN
 PLACES = [(0, 0), (0, 1), (1, 0)]  # of the shapes: shard, and row in it
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
-DDF = settings.DDFConfig(
-    settings.FieldConfig("softplus", 20.0), 5, 2e-3, COUNTS, _models.WEIGHTS, 1.0, 10.0, 16, 20, None
-)
+DDF = settings.DDFConfig(settings.FieldConfig("softplus", 20.0), 5, 2e-3, COUNTS, _models.WEIGHTS, 10.0, 16, 20)
 PCSIREN = settings.PCSirenConfig(5, 50, 70)
 CLOUD = cloud_projection.CloudConfig(8, 2, 0.1, 0.0, (), None, 0.05, 0.05, 1000)
 POINTCLOUDS = settings.PointcloudsConfig(
@@ -27,7 +25,6 @@ POINTCLOUDS = settings.PointcloudsConfig(
     None,
     2,
     12,
-    0,
 )
 
 

@@ -17,10 +17,10 @@ from ddf.training import training_loop
 
 LOOP = training_loop.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
 FIELD = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, "softplus", 20.0)
-TRAIN = settings.TrainConfig(32, 4, 6, FIELD.layout(), 4, 5.0, 1e-3, 1e-6, LOOP)
+TRAIN = settings.TrainConfig(32, "resnet", 4, 6, FIELD.layout(), 4, LOOP)
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
 OWN = settings.FieldConfig("softplus", 20.0)
-DDF = settings.DDFConfig(OWN, 1, None, dict.fromkeys(sample_types.ORDER, 2), WEIGHTS, 1.0, 10.0, 16, 20, None)
+DDF = settings.DDFConfig(OWN, 1, None, dict.fromkeys(sample_types.ORDER, 2), WEIGHTS, 10.0, 16, 20)
 PCSIREN = settings.PCSirenConfig(1, 8, 8)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 

@@ -5,18 +5,18 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from ddf.core import provenance
+from ddf.core import config, provenance
 from ddf_lab import run
 from ddf_lab.engine import experiments, finished, graph
 
 ROOT = Path(__file__).resolve().parents[1]
 PIPELINE = ROOT / "pipeline.yaml"
-FILES = sorted((ROOT / "configs").glob("*.yaml"))
+FILES = sorted(path for folder in (ROOT / "configs", config.PACKAGED) for path in folder.glob("*.yaml"))
 
 
 def experiment(file: Path) -> experiments.Experiment:
     """As the runner sees it, whose folder is the repository."""
-    return dataclasses.replace(experiments.read(run.Run.read(file)), file=Path("configs") / file.name)
+    return dataclasses.replace(experiments.read(run.Run.read(file)), file=Path("artifacts") / file.stem / file.name)
 
 
 def expand(seeds: int = 1) -> dict[str, graph.Item]:
@@ -36,7 +36,7 @@ def sections_read(script: Path) -> set[str]:
     """The sections that a script, or what it imports, asks its run for; all of its kind for `run.sections()`."""
     named = {place.rpartition(":")[2]: section for section, place in run.SECTIONS.items()}
     asked = {call for file in [script, *provenance.import_closure(script)] for call in _asked(file)}
-    whole = experiments.KINDS["reconstruction"] if ("run.sections", "") in asked else ()
+    whole = run.KINDS["reconstruction"] if ("run.sections", "") in asked else ()
     return {*whole, *(named[name] for _, name in asked if name)}
 
 

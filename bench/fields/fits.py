@@ -10,7 +10,6 @@ tree. All times are those of one core's work.
 """
 
 import argparse
-import dataclasses
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -24,7 +23,6 @@ import trimesh
 
 from bench.data import ray_casting
 from bench.lib import cpu_budget, display, measuring, results
-from ddf.data.samples import sample_types
 from ddf.data.synthetic import assemble, cars, chairs, planes
 from ddf.fields import framed_field
 from ddf.fields.grid import build, patch_field
@@ -68,11 +66,10 @@ def _there(name: str) -> bool:
 
 def sine(mesh: mesh_io.Mesh, seconds: float) -> Way:
     """A network after so many seconds of one core."""
-    tiny = sample_types.Counts(**dict.fromkeys("UABSTO", 50))
     with tempfile.TemporaryDirectory() as folder:
 
         def train(steps: int) -> None:
-            config = dataclasses.replace(fit_settings.DEFAULT, steps=steps, minutes=None, held_out=tiny)
+            config = fit_settings.FitConfig(steps=steps, minutes=None, held_out=50)
             fitting.fit(mesh, config, Path(folder) / str(steps), threads=1)
 
         steps = cpu_budget.steps_within(train, seconds)

@@ -1,6 +1,6 @@
 """onnxruntime against torch: every output of every graph of the shipped car's model, and what smaller weights cost.
 
-What the stage `export_onnx` does, with the section `export` of configs/cpu.yaml, and nothing is kept: float32 is held
+What the stage `export_onnx` does, and nothing is kept: float32 is held
 to the tolerance of each output, random inputs at every length and the hard cases apart. A row has the largest figures
 of its inputs.
 """
@@ -11,17 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from bench.lib import measuring
-from ddf.core import config, shipped_models
-from ddf.io import exportable, onnx_file, onnx_parity
+from ddf.core import shipped_models
+from ddf.io import exportable, onnx_file, onnx_parity, weight_precision
 
-CONFIG, MODEL, THREADS = Path("configs/cpu.yaml"), "car", 1
+MODEL, THREADS = "car", 1
 FIGURES = ("max_abs", "mean_abs", "q999_abs", "max_relative", "torch_error", "onnx_error")
 TOGETHER = ("image_field",)  # graphs of others: their smaller weights cost what those of the parts do
 
 
 def compared() -> list[onnx_parity.Row]:
     """All rows of the model's graphs; a float32 file outside its tolerance ends it."""
-    section = config.load(CONFIG, "export", onnx_file.ExportConfig)
+    section = onnx_file.ExportConfig(precisions=weight_precision.PRECISIONS[1:])
     rows: list[onnx_parity.Row] = []
     graphs, source = exportable.load(shipped_models.place(MODEL), section.outputs)
     with tempfile.TemporaryDirectory() as folder:

@@ -1,6 +1,6 @@
 """Depth images by what a network reads of a ray: our (p, v) and peers' lines; against sphere tracing and mesh casting.
 
-All networks have the hidden layers of configs/fit.yaml. Each is trained here for as many seconds of one core
+All networks have the hidden layers of `ddf fit`'s. Each is trained here for as many seconds of one core
 (`--seconds`) on rays of outside cameras, whose truth was cast before. One row of ours learns from rays that begin
 inside the box besides. Rows hold the time of one depth image, of its one thread, however busy the machine is; and
 errors over held-out cameras outside, in field units. "Refined" asks for fewer pixels (`sparse_depth`). "inside": rays
@@ -14,7 +14,6 @@ import dataclasses
 import functools
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from torch import Tensor
 
 from bench.lib import cpu_budget, display, measuring, results
 from bench.rivals import ray_fields, ray_inputs, sphere_tracing
-from ddf.core import config, seeding
+from ddf.core import seeding
 from ddf.data import mesh_config, mesh_preparation
 from ddf.data.synthetic import showcase
 from ddf.fields import derivatives, framed_field, siren
@@ -34,7 +33,7 @@ from ddf.geometry import cameras, mesh_io, raycast, rays, sparse_depth, transfor
 from ddf_lab.evaluation.shape import source_mesh
 
 ON_DEMAND = "python -m bench parametrisations, 20 minutes"
-CONFIG, SECONDS, REPEATS, SIZE = Path("configs/fit.yaml"), 60.0, 9, 256
+SECONDS, REPEATS, SIZE = 60.0, 9, 256
 FACES, MARGIN, UNIT = 4_000, 0.02, 0.98  # triangles of a mesh; its box beyond it; half its longest side
 TRAIN_CAMERAS, RAYS_EACH, INSIDE_RAYS = 2_000, 250, 200_000
 TRAIN_RADII = (0.6, 1.1)  # of training cameras, benchmark units
@@ -200,7 +199,7 @@ def inside_errors(candidate: Candidate, inner: ray_fields.SeenRays) -> dict[str,
 
 def section() -> fit_settings.FitConfig:
     """Of all networks, one thread."""
-    found = config.load(CONFIG, "fit", fit_settings.FitConfig)
+    found = fit_settings.FitConfig()
     return dataclasses.replace(found, loop=dataclasses.replace(found.loop, threads=1))
 
 

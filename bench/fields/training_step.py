@@ -19,9 +19,10 @@ from torch.nn import functional
 
 from bench.lib import display, measuring
 from bench.rivals import plain_loss
-from ddf.core import config
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, passes, pddf
+from ddf.models.reconstruction import settings
+from ddf_lab.run import Run
 
 THREADS, REPEATS, MOST_SECONDS = 2, 5, 10.0
 COUNTS = {"E": 1000, "U": 1200, "A": 1200, "B": 300, "S": 300, "T": 300, "O": 300}
@@ -110,7 +111,7 @@ def gradient_products(hidden: tuple[int, ...]) -> float:
 
 def widths(path: Path) -> tuple[int, ...]:
     """Of a config's hidden layers of the DDF."""
-    return tuple(config.read(path)["ddf"]["field"]["hidden"])
+    return Run.read(path).section(settings.TrainConfig).decoder.hidden
 
 
 def rows_of(name: str, hidden: tuple[int, ...], repeats: int) -> list[dict[str, Any]]:

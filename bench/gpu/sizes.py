@@ -2,16 +2,13 @@
 
 import dataclasses
 from dataclasses import dataclass
-from pathlib import Path
 
-from ddf.core import config
 from ddf.fields import cloud_projection
 from ddf.models.reconstruction import settings
 
-CONFIG = Path("configs/paper.yaml")
 DIRECTIONS, CYCLES = 16, 3  # n_v and N_H of the timed cloud
 EVENLY = {"jitter": 0.2, "recheck": (0.1,), "spread": 0.75, "crowding": 1.0, "least_confidence": 0.1, "aimed": 0.5}
-PROPOSALS = settings.ProposalConfig(160, 2, 0.5, 0.2, 0.05, 0.05)
+PROPOSALS = settings.ProposalConfig()
 
 
 @dataclass(frozen=True)
@@ -48,12 +45,11 @@ class Sizes:
 
 def full() -> Sizes:
     """Of configs/paper.yaml, with a cloud of fewer directions."""
-    train = config.load(CONFIG, "train", settings.TrainConfig)
-    clouds = config.load(CONFIG, "pointclouds", settings.PointcloudsConfig)
+    train, clouds = settings.TrainConfig(), settings.PointcloudsConfig()
     return Sizes(
         train,
-        config.load(CONFIG, "ddf", settings.DDFConfig),
-        config.load(CONFIG, "pcsiren", settings.PCSirenConfig),
+        settings.DDFConfig(),
+        settings.PCSirenConfig(),
         dataclasses.replace(clouds.cloud, num_directions=DIRECTIONS, cycles=CYCLES),
         clouds.correction,
         {"paper's widths": train.decoder.hidden, "4 x 192": (192,) * 4},

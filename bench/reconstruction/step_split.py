@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 from unittest import mock
 
-from ddf.data.batches import category_data, fresh_samples, resident
+from ddf.data.batches import category_data, resident
 from ddf.fields import losses, pddf
 from ddf.models.encoders import encoder
 from ddf.models.reconstruction import reconstruction_models
@@ -22,7 +22,6 @@ PARTS = (
     ("data", training_steps.Batch, "draw"),
     ("data", category_data.SampleSet, "draw"),
     ("data", resident.Samples, "draw"),
-    ("data", fresh_samples.CastSamples, "draw"),
     ("data", category_data.ShapeSet, "subsets"),
     ("encoders", encoder.Encoder, "forward"),
     ("field", losses, "shape_loss"),

@@ -2,11 +2,12 @@
 
 import dataclasses
 import importlib
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Self, TypeVar, cast
+from typing import Any, Literal, Self, TypeVar, cast
 
-from ddf.core import checks, config, names
+from ddf.core import checks, config
+from ddf.core.names import known
 
 # Section of an experiment file: its dataclass, which lives beside the code that uses it. As text, for a stage imports
 # only what it reads.
@@ -19,13 +20,19 @@ SECTIONS = {
     "pcsiren": "ddf.models.reconstruction.settings:PCSirenConfig",
     "pointclouds": "ddf.models.reconstruction.settings:PointcloudsConfig",
     "evaluate": "ddf_lab.evaluation.scoring:EvaluateConfig",
-    "report": "ddf_lab.report.experiment.experiment_page:ReportConfig",
-    "export": "ddf.io.onnx_file:ExportConfig",
     "fit": "ddf.fit.fit_settings:FitConfig",
     "vae": "ddf.models.generative.settings:VAEConfig",
     "gan": "ddf.models.generative.settings:GANConfig",
     "scores": "ddf.models.generative.settings:ScoresConfig",
     "figures": "ddf_lab.figures.figure_fields:FiguresConfig",
+}
+DATA = ("dataset", "meshes", "samples")
+Kind = Literal["reconstruction", "generative", "shape", "figures"]
+KINDS: dict[Kind, tuple[str, ...]] = {  # of experiments, and their sections
+    "reconstruction": (*DATA, "train", "ddf", "pcsiren", "pointclouds", "evaluate"),
+    "generative": (*DATA, "vae", "gan", "scores"),
+    "shape": ("fit",),
+    "figures": ("figures",),
 }
 # Of a reconstruction, in the order of the pipeline; without those beside it (export_onnx) and the report itself.
 STAGES = ("dataset", "meshes", "samples", "train_ddf", "train_pcsiren", "pointclouds", "evaluate")
@@ -36,27 +43,46 @@ T = TypeVar("T")
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """One run of a stage. given: sections as written; of a stage of pipeline.yaml only those that `params` lists.
+    """One run of a stage. given: the experiment's sections; of a stage of pipeline.yaml those that `params` lists.
 
     category: empty where the stage has none. seed: added to the seeds of a section by `reseeded`. Folders are relative
     to the repository, where stages run.
     """
 
     file: Path
-    given: Mapping[str, Any]
+    given: config.Layers
     category: str = ""
     seed: int = 0
 
     @classmethod
-    def read(cls, file: str | Path, category: str = "", seed: int = 0) -> Self:
-        """That of an experiment file; InputError: it is none, or has a section that `SECTIONS` does not list."""
-        given = config.read(file)
-        for name in given:
+    def read(cls, file: str | Path, category: str = "", seed: int = 0, changes: Sequence[str] = ()) -> Self:
+        """That of an experiment file, or of the name of one; its sections are those of its kind, given or not.
+
+        Args:
+          changes: as `layer` takes them; they come last.
+        Raises:
+          InputError: there is no such file, it has an unknown section, or no kind has all of its sections.
+        """
+        found = config.found_file(file)
+        given = config.layers(found)
+        for change in changes:
+            name, given_there = layer(change)
+            given.setdefault(name, []).append((f"--set {change}: {name}", given_there))
+        for name, layers in given.items():
             if name not in SECTIONS:
-                raise checks.InputError(
-                    f"{file}: unknown section {name!r}; the sections are {names.known(name, SECTIONS)}"
-                )
-        return cls(Path(file), given, category, seed)
+                where = layers[0][0].removesuffix(f": {name}")
+                raise checks.InputError(f"{where}: unknown section {name!r}; the sections are {known(name, SECTIONS)}")
+        kinds: list[Kind] = [kind for kind, names in KINDS.items() if given and given.keys() <= set(names)]
+        if not kinds:
+            raise checks.InputError(
+                f"{found}: no kind of experiment has the sections {', '.join(given) or 'none'} alone"
+            )
+        return cls(found, {name: given.get(name, []) for name in KINDS[kinds[0]]}, category, seed)
+
+    @property
+    def kind(self) -> Kind:
+        """By its sections."""
+        return next(kind for kind, names in KINDS.items() if names == tuple(self.given))
 
     @property
     def name(self) -> str:
@@ -91,15 +117,27 @@ class Run:
             raise ValueError(f"run.SECTIONS lists no section of {place}")
         if names[0] not in self.given:
             raise checks.InputError(f"{self.file}: section {names[0]!r} is missing")
-        return config.parse(self.given[names[0]], cls, f"{self.file}: {names[0]}")
+        return config.resolve(self.given, names[0], cls)
 
     def reseeded(self, cls: type[T]) -> T:
         """The same with the run's seed added to every key `seed` in it, however deep."""
         return reseeded(self.section(cls), self.seed)
 
     def sections(self) -> dict[str, Any]:
-        """Every section by name, in the order of the file."""
+        """Every section by name."""
         return {name: self.section(class_of(name)) for name in self.given}
+
+
+def layer(change: str) -> tuple[str, Any]:
+    """The section of `section.key=value`, the key as deep as need be, the value as in YAML; what a file would give."""
+    key, equals, text = change.partition("=")
+    name, *parts = key.split(".")
+    if not equals or not parts:
+        raise checks.InputError(f"--set {change}: give section.key=value, such as pcsiren.steps=100")
+    value = config.parse_value(text, f"--set {change}")
+    for part in reversed(parts):
+        value = {part: value}
+    return name, value
 
 
 def class_of(section: str) -> type:

@@ -121,7 +121,7 @@ def _trained(how, model, device, steps, folder, stop_at=None):
                 raise KeyboardInterrupt
             return trial.loss(step)
 
-        groups = trial.model.parameter_groups(how.train.weight_decay_shape, how.train.weight_decay_camera)
+        groups = trial.model.parameter_groups()
         training_loop.fit(trial.model, groups, loss, steps, loop, folder, {"fingerprint": "x"}, model)
         return {name: value.detach().cpu().double() for name, value in trial.model.named_parameters()}
 

@@ -55,7 +55,7 @@ class Copy:
     def set(self, changes: Mapping[str, Any]) -> None:
         """Change settings of the experiment."""
         file = self.root / "configs" / "tiny.yaml"
-        file.write_text(yaml.safe_dump(_merged(config.read(file), changes)))
+        file.write_text(yaml.safe_dump(_merged(config.read_yaml(file), changes)))
 
     def apply(self, recipe: Path) -> None:
         """As `git apply`, unless what it does is there already; then its own tests."""

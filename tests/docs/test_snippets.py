@@ -11,6 +11,7 @@ import _page_inputs
 import pytest
 
 import ddf.cli
+from ddf.core import config
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -88,7 +89,7 @@ def _check_make(words: list[str]) -> None:
         name, equals, value = word.partition("=")
         if equals:
             assert re.search(rf"(?m)^{name} *\?=", MAKEFILE), f"make has no variable {name}"
-            assert name != "CONFIG" or (ROOT / value).is_file(), f"{value}: no such experiment"
+            assert name != "CONFIG" or config.named_file(Path(value).stem), f"{value}: no such experiment"
         else:
             stage = name.removeprefix("stage-")
             assert re.search(rf"(?m)^{name}:", MAKEFILE) or (ROOT / "stages" / f"{stage}.py").is_file(), name

@@ -22,12 +22,10 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 ROOT = Path(__file__).resolve().parents[2]
 IGNORED = {".git", ".venv", ".make", "artifacts", "reports", "cache", "tmp", "dvc.lock", "__pycache__", ".pytest_cache"}
+LOOP = "src/ddf/training/training_loop.py"
 SMALLER = {
     r"categories: .*": "categories: {primitives: 6}",
-    r"(meshes:(?:\n .*)*?shard_size): \d+": r"\1: 2",
-    r"(samples:(?:\n .*)*?shard_size): \d+": r"\1: 2",
-    r"checkpoint_seconds: .*": "checkpoint_seconds: 0.0",
-    r"threads: \d+": "threads: 1",
+    r"checkpoint_seconds: float = fixed\(30\.0": "checkpoint_seconds: float = fixed(0.0",
 }
 
 
@@ -122,12 +120,10 @@ def _stages(output: str) -> list[str]:
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     root = tmp_path_factory.mktemp("engine") / "copy"
     shutil.copytree(ROOT, root, symlinks=True, ignore=lambda _, names: IGNORED.intersection(names))
-    config = root / "configs" / "smoke.yaml"
-    text = config.read_text()
-    for pattern, replacement in SMALLER.items():
-        text, count = re.subn(pattern, replacement, text, count=1)
+    for name, (pattern, replacement) in zip(("configs/smoke.yaml", LOOP), SMALLER.items(), strict=True):
+        text, count = re.subn(pattern, replacement, (root / name).read_text(), count=1)
         assert count == 1, pattern
-    config.write_text(text)
+        (root / name).write_text(text)
     for command in (
         ["init", "-q"],
         ["add", "-A"],
@@ -144,27 +140,37 @@ def test_second_call_runs_nothing(workspace):
 
 
 @pytest.mark.parametrize(
-    ("pattern", "replacement", "stages"),
+    ("name", "pattern", "replacement", "stages"),
     [
-        (r"oracle_shortlist: .*", "oracle_shortlist: 1", {"evaluate", "report"}),
+        ("smoke", r"oracle_shortlist: \d+", "oracle_shortlist: 1", {"evaluate", "report"}),
         (
-            r"(pcsiren:(?:\n .*)*?steps): \d+",
+            "smoke",
+            r"(pcsiren: {steps): \d+",
             r"\1: 7",
             {"train_pcsiren", "export_onnx", "pointclouds", "evaluate", "report"},
         ),
-        (r"examples: .*", "examples: 3", {"report"}),
+        (
+            "paper",  # that smoke.yaml builds on
+            r"\Z",
+            "pointclouds: {correction: {learning_rate: 0.02}}\n",
+            {"pointclouds", "evaluate", "report"},
+        ),
     ],
 )
-def test_a_changed_key_runs_its_stage_and_what_follows(workspace, pattern, replacement, stages):
+def test_a_changed_key_runs_its_stage_and_what_follows(workspace, name, pattern, replacement, stages):
     table = workspace.table
-    with workspace.edited("configs/smoke.yaml", pattern, replacement):
+    with workspace.edited(f"configs/{name}.yaml", pattern, replacement):
         assert set(workspace.smoke()) == stages
     assert set(workspace.smoke()) == stages
     assert workspace.table == table
 
 
-def test_a_changed_comment_of_the_config_runs_nothing(workspace):
+def test_a_comment_of_the_config_a_default_restated_and_what_is_overruled_run_nothing(workspace):
     with workspace.edited("configs/smoke.yaml", r"\A", "# a remark\n"):
+        assert workspace.smoke() == []
+    with workspace.edited("configs/smoke.yaml", r"dataset:", "dataset:\n  strict: false"):
+        assert workspace.smoke() == []
+    with workspace.edited("configs/paper.yaml", r"\Z", "pcsiren: {steps: 99, points: 99}\n"):
         assert workspace.smoke() == []
 
 
@@ -320,8 +326,8 @@ def test_an_unknown_key_is_one_line(workspace):
     with workspace.edited("configs/smoke.yaml", r"oracle_points:", "oracle_pionts:"):
         output = workspace.make("smoke", ok=False)
     lines = [line for line in output.splitlines() if "error:" in line and not line.startswith("make")]
-    keys = "tau_sq, oracle_points, oracle_shortlist, seed"
-    assert lines == [f"ddf run: error: configs/smoke.yaml: evaluate: unknown key 'oracle_pionts'; the keys are {keys}"]
+    where, told = "configs/smoke.yaml: evaluate", "unknown key 'oracle_pionts'; did you mean oracle_points?"
+    assert lines == [f"ddf run: error: {where}: {told}"]
     assert "Traceback" not in output
     workspace.smoke()
 
@@ -349,7 +355,7 @@ def test_an_output_that_cannot_be_written_is_one_line(workspace):
 
 def test_a_config_that_is_not_there_is_one_line(workspace):
     output = workspace.make("reproduce-table", "CONFIG=configs/nothing.yaml", ok=False)
-    assert output.startswith("ddf run: error: configs/nothing.yaml: no such experiment file; those in configs/ are ")
+    assert output.startswith("ddf run: error: configs/nothing.yaml: no such file, nor the name of one; there are ")
 
 
 def test_a_root_with_spaces_tildes_and_left_overs_is_read_whole(workspace, tmp_path):

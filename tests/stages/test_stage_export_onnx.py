@@ -1,5 +1,6 @@
 """The stage that exports both models of a category, and the example of docs/onnx.md on what it wrote."""
 
+import functools
 import re
 import runpy
 import subprocess
@@ -10,10 +11,10 @@ import _models
 import pytest
 
 from ddf.core import storage
+from ddf.io import onnx_file, weight_precision
 from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[2]
-EXPORT = "export: {outputs: [visibility, depth, normals], batches: [1, 7], precisions: [float16], seed: 0}\n"
 
 
 @pytest.fixture(scope="module")
@@ -22,9 +23,11 @@ def written(tmp_path_factory):
     for kind in ("ddf", "pcsiren"):
         _models.write_model(root / f"artifacts/tiny/train_{kind}/chair", kind)
     (root / "configs").mkdir()
-    (root / "configs/tiny.yaml").write_text(EXPORT)
+    (root / "configs/tiny.yaml").write_text("train: {}\n")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
+        few = functools.partial(onnx_file.ExportConfig, ("visibility", "depth", "normals"), (1, 7))
+        patch.setattr(onnx_file, "ExportConfig", few)
         runpy.run_path(str(ROOT / "stages/export_onnx.py"))["make"](Run.read("configs/tiny.yaml", "chair"))
     return root / "artifacts/tiny/export_onnx/chair"
 
@@ -37,7 +40,7 @@ def test_every_graph_is_written_with_one_table(written):
     }
     table, record = storage.load_table(written / "onnx_parity.csv")
     assert set(table["graph"]) == names
-    assert set(table["precision"]) == {"float32", "float16"}
+    assert set(table["precision"]) == {weight_precision.FULL, *weight_precision.PRECISIONS}
     assert (table["category"] == "chair").all()
     full = table[table["precision"] == "float32"]
     assert (full["max_abs"] <= full["tolerance"]).all()

@@ -158,7 +158,7 @@ def fit(
     with extras.named():
         from ddf.fields.grid import build
         from ddf.fit import fit_settings, fitting, patch_fitting
-    settings = fit_settings.DEFAULT
+    settings = fit_settings.FitConfig()
     if minutes is not None:
         settings = dataclasses.replace(settings, minutes=float(minutes))
     if steps is not None:

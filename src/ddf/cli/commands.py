@@ -52,6 +52,7 @@ COMMANDS = {
         "model", "ddf.cli.model.generate", "samples of a shape VAE and an image GAN: fields, normals, images"
     ),
     "export": Command("model", "ddf.cli.model.export", "a trained model as an ONNX file, checked against onnxruntime"),
+    "config": Command("experiment", "ddf.cli.config", "every setting of a fit, with its reasons"),
     "split": Command("experiment", "ddf.cli.mesh.split", "the Pixel2Mesh train and test lists of a ShapeNet root"),
     "doctor": Command("experiment", "ddf.cli.doctor", "what this machine has, what is missing and the command for it"),
 }

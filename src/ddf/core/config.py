@@ -1,4 +1,4 @@
-"""Strict reading of YAML files whose top-level keys are sections, each described by a dataclass.
+"""Strict reading of YAML files whose top-level keys are sections, each described by a dataclass (`schema`).
 
 The dataclass lives beside the code that uses it. Unknown, missing and repeated keys and wrong types are refused; ranges
 are checked by the dataclass.
@@ -11,13 +11,15 @@ import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar, cast
 
 import yaml
 
-from ddf.core import checks, names
+from ddf.core import checks, names, schema
 
 T = TypeVar("T")
+CONFIGS = Path("configs")
+PACKAGED = Path(__file__).resolve().parents[1] / "configs"  # of fits
 
 
 _MOST_BYTES, _MOST_NODES = 200_000, 20_000  # of a file; what aliases name counts as often as they name it
@@ -84,26 +86,67 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _whole)
 _Loader.add_constructor("tag:yaml.org,2002:float", _real)
 
 
+Layers = dict[str, list[tuple[str, Any]]]  # by section: where it is given and what, from the root of `base` on
+
+
 def load(path: str | Path, name: str, cls: type[T]) -> T:
-    """One section of a YAML file, by its name, as an instance of the dataclass that describes it.
-
-    Args:
-      cls: every field without a default must be given, every given key must be a field.
-    Raises:
-      InputError: naming the file and the key, for anything that does not fit.
-    """
-    sections = read(path)
-    if name not in sections:
+    """One section of a YAML file as an instance of its dataclass, see `resolve`; InputError where none gives it."""
+    found = layers(path)
+    if name not in found:
         raise checks.InputError(f"{path}: section {name!r} is missing")
-    return parse(sections[name], cls, f"{path}: {name}")
+    return resolve(found, name, cls)
 
 
-def read(path: str | Path) -> dict[str, Any]:
-    """All sections of a file as plain dicts."""
-    data = read_yaml(path)
-    if not isinstance(data, dict):
-        raise checks.InputError(f"{path}: must hold sections of keys and values; got {type(data).__name__}")
-    return data
+def layers(path: str | Path) -> Layers:
+    """What a file gives, and those that it builds on: `base: NAME` is a file beside it, in configs/ or of the package.
+
+    Raises:
+      InputError: a file has no sections, or there is no such base.
+    """
+    found: Layers = {}
+    files: list[Path] = []
+    file = Path(path)
+    while True:
+        given = read_yaml(file)
+        if not isinstance(given, dict):
+            raise checks.InputError(f"{file}: must hold sections of keys and values; got {type(given).__name__}")
+        files.append(file)
+        base = given.pop("base", None)
+        for name, section in given.items():
+            found.setdefault(str(name), []).insert(0, (f"{file}: {name}", {} if section is None else section))
+        if base is None:
+            return found
+        below = named_file(str(base), file.parent)
+        if below is None or below in files:
+            raise checks.InputError(f"{file}: base: there is no other file {base!r} to build on")
+        file = below
+
+
+def named_file(name: str, beside: Path = CONFIGS) -> Path | None:
+    """The file of a name: in a folder, in configs/, or of the package; None where there is none."""
+    places = (folder / f"{name}.yaml" for folder in (beside, CONFIGS, PACKAGED))
+    return next((place for place in places if place.is_file()), None)
+
+
+def found_file(given: str | Path) -> Path:
+    """The file of a path or a name; InputError where there is none, with the names that there are."""
+    found = Path(given) if Path(given).is_file() else named_file(str(given))
+    if found is None:
+        names = ", ".join(sorted(path.stem for folder in (CONFIGS, PACKAGED) for path in folder.glob("*.yaml")))
+        raise checks.InputError(f"{given}: no such file, nor the name of one; there are {names}")
+    return found
+
+
+def resolve(given: Layers, name: str, cls: type[T]) -> T:
+    """A section: the defaults of its dataclass, and what each layer gives in place of them, the last one last.
+
+    Raises:
+      InputError: naming file and key, for anything that does not fit.
+    """
+    found = cls()
+    for where, section in given.get(name, ()):
+        found = parse(section, cls, where, found)
+    return found
 
 
 def read_yaml(path: str | Path) -> Any:
@@ -133,37 +176,71 @@ def parse_value(text: str, where: str) -> Any:
         raise checks.InputError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
 
 
-def parse(data: Any, cls: type[T], where: str) -> T:
-    """A plain dict as an instance of the dataclass `cls`; `where` names file and section in errors."""
+def parse(data: Any, cls: type[T], where: str, onto: T | None = None, only: tuple[str, ...] = ()) -> T:
+    """A plain dict as an instance of the dataclass `cls`; `where` names file and section in errors.
+
+    Args:
+      onto: gives what `data` does not, in parts too; None for the defaults of the dataclass.
+      only: the keys that may be given, see `schema.setting`; none for all.
+    """
     if not isinstance(data, Mapping):
         raise checks.InputError(f"{where} must be a mapping of keys to values; got {data!r}")
-    hints = _hints(cls)
-    fields = {field.name: field for field in dataclasses.fields(typing.cast(Any, cls))}
+    hints, fields = _hints(cls), schema.fields_of(cls, only)
     unknown = [str(key) for key in data if key not in fields]
     if unknown:
         raise checks.InputError(f"{where}: unknown key {unknown[0]!r}; the keys are {names.known(unknown[0], fields)}")
     missing = [name for name, field in fields.items() if name not in data and _is_required(field)]
+    if missing and onto is None:
+        raise checks.InputError(f"{where}: key {missing[0]!r} is missing")
+    values: dict[str, Any] = {}
+    for name, value in data.items():
+        part, field, inside = schema.part_of(hints[name]), fields[name], f"{where}.{name}"
+        if part is None or value is None:
+            values[name] = _convert(value, hints[name], inside)
+        else:
+            given = getattr(onto, name) if onto is not None else None if _is_required(field) else field.default
+            values[name] = parse(value, part, inside, given, field.metadata.get("only", ()))
+    try:
+        return cls(**values) if onto is None else dataclasses.replace(cast(Any, onto), **values)
+    except ValueError as error:
+        raise checks.InputError(f"{where}: {error}") from error
+
+
+def recorded(data: Any, cls: type[T], where: str, needed: tuple[str, ...] = ()) -> T:
+    """A section of a record, however old: keys that are gone are passed over, those that are not there have defaults.
+
+    Args:
+      needed: those that must be there.
+    """
+    if not isinstance(data, Mapping):
+        raise checks.InputError(f"{where} must be a mapping of keys to values; got {data!r}")
+    missing = [name for name in needed if name not in data]
     if missing:
         raise checks.InputError(f"{where}: key {missing[0]!r} is missing")
-    values = {name: _convert(value, hints[name], f"{where}.{name}") for name, value in data.items()}
+    values: dict[str, Any] = {}
+    for name, hint in _hints(cls).items():
+        if name in data:
+            part, inside = schema.part_of(hint), f"{where}.{name}"
+            if part is None or data[name] is None:
+                values[name] = _convert(data[name], hint, inside)
+            else:
+                values[name] = recorded(data[name], part, inside)
     try:
         return cls(**values)
-    except ValueError as error:
-        file, _, section = where.rpartition(": ")
-        own_name = str(error).startswith(f"{section}.")  # range checks may name section and key themselves
-        raise checks.InputError(f"{file if own_name else where}: {error}") from error
+    except (TypeError, ValueError) as error:
+        raise checks.InputError(f"{where}: {error}") from error
 
 
-def known(data: Any, cls: type) -> Any:
-    """A section of an older record without the keys that its dataclass `cls` no longer has, however deep."""
-    if not isinstance(data, Mapping):
-        return data
-    hints, kept = _hints(cls), {}
-    for name, value in data.items():
-        if name in hints:
-            inner = [hint for hint in (hints[name], *typing.get_args(hints[name])) if dataclasses.is_dataclass(hint)]
-            kept[name] = known(value, typing.cast(type, inner[0])) if inner else value
-    return kept
+def plain(section: Any, only: tuple[str, ...] = ()) -> dict[str, Any]:
+    """What a file would give to make a section, its parts too, as YAML and JSON hold it."""
+    found: dict[str, Any] = {}
+    for name, field in schema.fields_of(type(section), only).items():
+        value = getattr(section, name)
+        if dataclasses.is_dataclass(value):
+            found[name] = plain(value, field.metadata.get("only", ()))
+        else:
+            found[name] = list(value) if isinstance(value, tuple) else str(value) if isinstance(value, Path) else value
+    return found
 
 
 @functools.cache
@@ -196,7 +273,7 @@ def _convert(value: Any, hint: Any, where: str) -> Any:
             for key, item in value.items()
         }
     if dataclasses.is_dataclass(hint):
-        return parse(value, typing.cast(Any, hint), where)
+        return parse(value, cast(Any, hint), where)
     return _convert_scalar(value, hint, where)
 
 

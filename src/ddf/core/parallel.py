@@ -31,6 +31,11 @@ SMALL_RUN = 50  # below this many items, one failure is allowed although it is m
 Item = TypeVar("Item")
 
 
+def shard_size(count: int, most: int = 40, shards: int = 3) -> int:
+    """Items of a shard, 4 to `most`, so that there are `shards` where that can be; packs of 40 shapes stay open."""
+    return max(4, min(most, count // shards))
+
+
 @dataclasses.dataclass(frozen=True)
 class Failure:
     """One item that could not be processed."""

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from ddf.core import checks, parallel, provenance, storage
+from ddf.core import checks, parallel, provenance, schema, storage
+from ddf.core.schema import setting
 from ddf.data import shapenet, splits
 from ddf.data.public import manifest, packages, shapes
 from ddf.data.synthetic import write
@@ -24,45 +25,36 @@ CHECK_SIZE = 64  # pixels; any size reads the whole file
 
 
 @dataclass(frozen=True)
-class PublicConfig:
-    """The shapes of `ddf shapes` in a data set: all of the categories, split as the manifest says.
+class PublicConfig(schema.Checked):
+    """The shapes of `ddf shapes` in a data set: all of the categories, split as the manifest says."""
 
-    views: renders per shape. copies: variations of each training shape beside it.
-    """
-
-    views: int = 12
-    copies: int = 0
-
-    def __post_init__(self) -> None:
-        if not (len(splits.VIEWS) <= self.views <= 100 and 0 <= self.copies <= 1000):
-            raise checks.InputError(
-                f"public.views must be in [5, 100] and copies in [0, 1000]; got {self.views}, {self.copies}"
-            )
+    views: int = setting(12, "renders per shape", least=len(splits.VIEWS), most=100)
+    copies: int = setting(0, "variations of each training shape beside it", least=0, most=1000)
 
 
 @dataclass(frozen=True)
-class DatasetConfig:
-    """Config section `dataset`.
+class DatasetConfig(schema.Checked):
+    """Section `dataset`.
 
     source: `synthetic` makes shapes; `public` are those of `ddf shapes`; `both`; `shapenet` reads the root of DATA=.
-    categories: name to number of synthetic shapes, null for none of them. Of shapenet null takes all; a number takes
-      that many from the listing, evenly spread, for trials: its split is then not the published one.
-    seed: of the synthetic shapes, and of the cameras.
-    views: renders per shape.
-    strict: put shapes with views on both sides of the split whole into train.
-    validation: share of the shapes that train alone which is held out of training, for choices: the last ones of the
-      split. The paper names none: 0. The manifest has its own.
-    train_on: of `both`, the source of the training shapes; the other one only tests and validates.
+    categories: a number on real data takes that many from the listing, evenly spread, for trials: its split is then not
+      the published one.
+    validation: the last ones of the split; the manifest has its own.
+    train_on: the other source only tests and validates.
     """
 
-    source: Literal["synthetic", "public", "both", "shapenet"]
-    categories: dict[str, int | None]
-    seed: int
-    views: int
-    strict: bool
-    validation: float = 0.0
-    public: PublicConfig = PublicConfig()
-    train_on: Literal["synthetic", "public", "both"] = "both"
+    source: Literal["synthetic", "public", "both", "shapenet"] = setting("shapenet", "of shapes and renders", "§4.3")
+    categories: dict[str, int | None] = setting(
+        {"chair": None, "plane": None, "car": None},
+        "synthetic or ShapeNet shapes of each; null: none of them, or all",
+        "table si3dr",
+    )
+    seed: int = setting(0, "of synthetic shapes; choices are made on validation shapes or with another one", least=0)
+    views: int = setting(24, "renders per shape; the split uses 00 to 04", "§4.3", least=len(splits.VIEWS), most=100)
+    strict: bool = setting(False, "whether shapes with views on both sides of the split are all trained on", "§4.3")
+    validation: float = setting(0.0, "share of the training shapes that is held out, for choices", least=0, below=1)
+    public: PublicConfig = setting(PublicConfig(), "the shapes of `ddf shapes`, where these are taken")
+    train_on: Literal["synthetic", "public", "both"] = setting("both", "of `both`, the source of training shapes")
 
     @property
     def made(self) -> tuple[str, ...]:
@@ -70,26 +62,21 @@ class DatasetConfig:
         return {"both": ("synthetic", "public"), "shapenet": ()}.get(self.source, (self.source,))
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         public = {row.category for row in manifest.rows()} if "public" in self.made else set()
         known = set(shapenet.SYNSETS) if self.source == "shapenet" else public
         known |= set(write.CATEGORIES) if "synthetic" in self.made else set()
         if not self.categories:
-            raise checks.InputError(f"dataset.categories must name one of {', '.join(sorted(known))} at least")
+            raise checks.InputError(f"categories must name one of {', '.join(sorted(known))} at least")
         for name, count in self.categories.items():
             if name not in known:
-                raise checks.InputError(f"dataset.categories must be among {', '.join(sorted(known))}; got {name!r}")
+                raise checks.InputError(f"categories must be among {', '.join(sorted(known))}; got {name!r}")
             if count is None and self.source == "synthetic":
-                raise checks.InputError(f"dataset.categories.{name} must be a number for synthetic shapes; got null")
+                raise checks.InputError(f"categories.{name} must be a number for synthetic shapes; got null")
             if count is not None and (self.source == "public" or (self.made and name not in write.CATEGORIES)):
-                raise checks.InputError(f"dataset.categories.{name} must be null, all public shapes; got {count}")
+                raise checks.InputError(f"categories.{name} must be null, all public shapes; got {count}")
             if count is not None and not 2 <= count <= 100_000:
-                raise checks.InputError(f"dataset.categories.{name} must be in [2, 100000]; got {count}")
-        if not len(splits.VIEWS) <= self.views <= 100:
-            raise checks.InputError(f"dataset.views must be in [5, 100], the split uses views 0 to 4; got {self.views}")
-        if self.seed < 0:
-            raise checks.InputError(f"dataset.seed must be >= 0; got {self.seed}")
-        if not 0 <= self.validation < 1:
-            raise checks.InputError(f"dataset.validation must be in [0, 1); got {self.validation}")
+                raise checks.InputError(f"categories.{name} must be in [2, 100000]; got {count}")
 
 
 @dataclass(frozen=True)

@@ -149,11 +149,6 @@ def decode_depth(codes: Tensor) -> Float[Tensor, "*n"]:
     return torch.where(steps == MISS, torch.inf, steps.float() * DEPTH_STEP)
 
 
-def round_depth(depth: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
-    """Depths, float32, as coding and decoding leaves them, `inf` on a miss; none is checked."""
-    return (depth / DEPTH_STEP).round() * DEPTH_STEP
-
-
 def decode(arrays: dict[str, Tensor], kind: str) -> Samples:
     """Samples of one type out of a shard's tensors, whole or already indexed along any leading axes.
 

@@ -17,7 +17,6 @@ Choices where the paper is silent:
 - Hits from behind count. Triangles without an area get no samples.
 """
 
-import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,7 +27,8 @@ import torch
 import tqdm
 from jaxtyping import Float, Int, UInt
 
-from ddf.core import checks, seeding
+from ddf.core import checks, schema, seeding
+from ddf.core.schema import fixed, setting
 from ddf.data import packing
 from ddf.data.samples import draws, sample_types
 from ddf.data.samples.surface import Surface
@@ -39,38 +39,30 @@ _ERROR_PROBE = 100  # samples of each type whose packing error is measured
 
 
 @dataclass(frozen=True)
-class SamplesConfig:
-    """What is drawn from each shape.
+class SamplesConfig(schema.Checked):
+    """Section `samples`: what is drawn from each shape.
 
     epsilon_o: distance of O samples from the tangent line, in field units (0.05 single shape, 0.02 ShapeNet).
     offsets: every O sample at that distance ("fixed"), or uniform up to it ("uniform"; "maximum" in [DDF22] app. D).
-    box: the cube [-1, 1]^3 ("cube") or the shape's own box ("tight"), `margin` field units wider on every side.
-    cloud_points: points of the ground-truth cloud, met within 10 %.
-    shard_size: shapes in one file.
+    box: the cube [-1, 1]^3 ("cube"), for the shape's own is unknown at test time, or that ("tight"), `margin` field
+    units wider on every side.
     """
 
-    counts: sample_types.Counts = dataclasses.field(default_factory=sample_types.Counts)
-    epsilon_o: float = 0.02
+    counts: dict[str, int] = setting(
+        {"U": 20_000, "A": 20_000, "B": 10_000, "S": 10_000, "T": 10_000, "O": 10_000},
+        "samples per shape",
+        "app. si3dr",
+    )
+    epsilon_o: float = fixed(0.02, above=0, below=1)
     offsets: Literal["fixed", "uniform"] = "uniform"
     box: Literal["cube", "tight"] = "cube"
-    margin: float = 0.0
-    cloud_points: int = 8000
-    shard_size: int = 16
-    seed: int = 0
+    margin: float = fixed(0.0, least=0, below=1)
+    cloud_points: int = setting(8000, "of the true cloud of a shape, met within 10 %", least=10, most=1_000_000)
+    seed: int = fixed(0, least=0)
 
     def __post_init__(self) -> None:
-        if not 0 < self.epsilon_o < 1:
-            raise checks.InputError(f"samples.epsilon_o must be in (0, 1); got {self.epsilon_o}")
-        if self.offsets not in ("fixed", "uniform"):
-            raise checks.InputError(f"samples.offsets must be fixed or uniform; got {self.offsets!r}")
-        if self.box not in ("cube", "tight"):
-            raise checks.InputError(f"samples.box must be cube or tight; got {self.box!r}")
-        if not 0 <= self.margin < 1:
-            raise checks.InputError(f"samples.margin must be in [0, 1); got {self.margin}")
-        if not 10 <= self.cloud_points <= 1_000_000:
-            raise checks.InputError(f"samples.cloud_points must be in [10, 1e6]; got {self.cloud_points}")
-        if self.shard_size < 1:
-            raise checks.InputError(f"samples.shard_size must be >= 1; got {self.shard_size}")
+        super().__post_init__()
+        object.__setattr__(self, "counts", sample_types.stored("counts", self.counts))
 
 
 def draw(
@@ -113,7 +105,7 @@ def extract(
     Raises:
       InputError: the mesh leaves the cube, or has no triangle with an area.
     """
-    counts = dict(config.counts.items())
+    counts = config.counts
     streams = {kind: seeding.generator(config.seed, *names, kind) for kind in counts}
     scene = raycast.Scene(mesh)
     sampler = Sampler(scene, config)
@@ -166,50 +158,6 @@ class Rounded:
     ahead: dict[str, Float[np.ndarray, "_"]]
 
 
-@dataclass(frozen=True)
-class Ground:
-    """What samples of one mesh are drawn from, without what casts them. size: half the longest side of its box."""
-
-    surface: Surface
-    box: draws.Box
-    size: float
-
-    @classmethod
-    def of(cls, scene: raycast.Scene, config: SamplesConfig) -> "Ground":
-        """Of a mesh that is ready for casting.
-
-        Raises:
-          InputError: the mesh leaves the cube, or has no triangle with an area.
-        """
-        mesh = scene.mesh
-        if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
-            raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
-        return cls(surface_of(scene), box_of(mesh, config), scene.scale)
-
-    def rounded(
-        self, config: SamplesConfig, counts: Mapping[str, int], streams: Mapping[str, np.random.Generator]
-    ) -> Rounded:
-        """So many samples of each type, each drawn from its own stream, rounded to their stored form.
-
-        Coordinates are taken one after the other: numpy is several times slower along an axis of three.
-        """
-        drawn = {
-            kind: draw(kind, self.surface, self.box, config, count, streams[kind]) for kind, count in counts.items()
-        }
-        parts = parts_of(drawn)
-        positions = packing.position_steps(_joined(drawn, "positions"))
-        starts = packing.decode_positions(torch.from_numpy(positions.T)).numpy().T
-        directions = packing.unit_steps(list(_joined(drawn, "directions")), np.int16)
-        x, y = (torch.from_numpy(steps) for steps in directions)
-        looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
-        ahead = {
-            kind: _lift(self.size, drew, starts[:, parts[kind]], [axis[parts[kind]] for axis in looking])
-            for kind, drew in drawn.items()
-            if drew.starts_on
-        }
-        return Rounded(drawn, positions, directions, starts, looking, ahead)
-
-
 class Sampler:
     """What samples of one mesh are drawn from and cast on, made once for as many draws as wanted.
 
@@ -218,11 +166,34 @@ class Sampler:
     """
 
     def __init__(self, scene: raycast.Scene, config: SamplesConfig) -> None:
-        self.scene, self.config, self.ground = scene, config, Ground.of(scene, config)
+        mesh = scene.mesh
+        if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
+            raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
+        self.scene, self.config = scene, config
+        self._surface, self._box = surface_of(scene), box_of(mesh, config)
 
     def cast(self, counts: Mapping[str, int], streams: Mapping[str, np.random.Generator]) -> Answers:
         """So many samples of each type, each drawn from its own stream, rounded and cast."""
-        return _cast_and_pack(self.scene, self.ground.rounded(self.config, counts, streams))
+        return _cast_and_pack(self.scene, self._rounded(counts, streams))
+
+    def _rounded(self, counts: Mapping[str, int], streams: Mapping[str, np.random.Generator]) -> Rounded:
+        """Samples in their stored form, one coordinate after the other: along an axis of three numpy is slow."""
+        drawn = {
+            kind: draw(kind, self._surface, self._box, self.config, count, streams[kind])
+            for kind, count in counts.items()
+        }
+        parts = parts_of(drawn)
+        positions = packing.position_steps(_joined(drawn, "positions"))
+        starts = packing.decode_positions(torch.from_numpy(positions.T)).numpy().T
+        directions = packing.unit_steps(list(_joined(drawn, "directions")), np.int16)
+        x, y = (torch.from_numpy(steps) for steps in directions)
+        looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
+        ahead = {
+            kind: _lift(self.scene.scale, drew, starts[:, parts[kind]], [axis[parts[kind]] for axis in looking])
+            for kind, drew in drawn.items()
+            if drew.starts_on
+        }
+        return Rounded(drawn, positions, directions, starts, looking, ahead)
 
 
 def box_of(mesh: Mesh, config: SamplesConfig) -> draws.Box:

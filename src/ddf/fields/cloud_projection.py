@@ -31,7 +31,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ddf.core import arrays, checks
+from ddf.core import arrays, checks, schema
+from ddf.core.schema import fixed, setting
 from ddf.fields import udf
 from ddf.fields.gpu import farthest_points
 from ddf.fields.pddf import PDDF, visibility
@@ -41,61 +42,54 @@ GROUP, SPACING_ROWS = 16, 32  # points in a group and rows at a time of `_spacin
 SPACING_VALUES = 2**27  # distances at a time of `_spacing` on a GPU
 LEAST_WEIGHT = 1e-6  # of a candidate: its square is still a float32, and those of no confidence keep an order
 CUBE = ((-1.0,) * 3, (1.0,) * 3)
+CHUNK_RAYS = {"cpu": 2048, "cuda": 2**20}  # what stays in a CPU's cache, fills a GPU
 BEYOND = 0.05  # field units: a hit so far outside the box, which holds the shape, is none; less is an error of a depth
 
 Box = tuple[Sequence[float], Sequence[float]]  # lower and upper corner
 
 
 @dataclass(frozen=True)
-class CloudConfig:
-    """How clouds are drawn.
+class CloudConfig(schema.Checked):
+    """How clouds are drawn; all defaults are the paper's way.
 
-    num_directions: n_v. cycles: N_H. oversampling: ε_p; with `spread` and several cycles it may be negative, for all
-    points of the second and later cycles are candidates. temperature: η_T. inverse_depth: ε_s.
-    jitter: σ, field units. recheck: s_j, field units. spread: p, null for the most visible points of the last cycle.
-    crowding: r, and least_confidence, for `spread` alone. aimed: share of n_v in the first cycle. The paper's way: 0,
-    none, null, 0, 0, 0.
-    chunk_rays: candidates evaluated at a time; speed only.
+    oversampling: ε_p; with `spread` and several cycles it may be negative, for all points of the second and later
+    cycles are candidates. chunk_rays: candidates evaluated at a time, which is memory and speed alone; None: by device.
     """
 
-    num_directions: int
-    cycles: int
-    oversampling: float
-    jitter: float
-    recheck: tuple[float, ...]
-    spread: float | None
-    temperature: float
-    inverse_depth: float
-    chunk_rays: int
-    crowding: float = 0.0
-    least_confidence: float = 0.0
-    aimed: float = 0.0
+    num_directions: int = setting(128, "n_v, directions that a point tries", "§4.3", least=1)
+    cycles: int = fixed(3, least=1)
+    oversampling: float = 0.1
+    jitter: float = setting(0.0, "σ, field units: spread of a cycle's starts about the last hits", "§4.3", least=0)
+    recheck: tuple[float, ...] = setting(
+        (), "field units: offsets from which a hit is asked for again from both sides", "§4.3"
+    )
+    spread: float | None = setting(
+        None,
+        "power of the confidence that weights a farthest-point order of all candidates; null: the most visible",
+        "app. si3dr",
+        least=0,
+    )
+    temperature: float = setting(0.1, "η_T of the directions' weights", above=0)
+    inverse_depth: float = setting(0.1, "ε_s of the directions' weights", above=0)
+    chunk_rays: int | None = fixed(None, least=1)
+    crowding: float = setting(
+        0.0, "power by which candidates with empty surroundings are taken later in that order", "app. si3dr", least=0
+    )
+    least_confidence: float = setting(0.0, "candidates of less are left out of it", "app. si3dr", least=0, most=1)
+    aimed: float = setting(
+        0.0, "share of the first cycle's directions that go to points of the box", "§4.3", least=0, most=1
+    )
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "recheck", tuple(self.recheck))
-        for name in ("num_directions", "cycles", "chunk_rays"):
-            if getattr(self, name) < 1:
-                raise checks.InputError(f"pointclouds.cloud.{name} must be >= 1; got {getattr(self, name)}")
-        for name in ("temperature", "inverse_depth"):
-            if not getattr(self, name) > 0:
-                raise checks.InputError(f"pointclouds.cloud.{name} must be > 0; got {getattr(self, name)}")
-        if not self.jitter >= 0:
-            raise checks.InputError(f"pointclouds.cloud.jitter must be >= 0; got {self.jitter}")
-        if self.spread is not None and not self.spread >= 0:
-            raise checks.InputError(f"pointclouds.cloud.spread must be >= 0, or null; got {self.spread}")
-        if not self.crowding >= 0:
-            raise checks.InputError(f"pointclouds.cloud.crowding must be >= 0; got {self.crowding}")
-        for name in ("least_confidence", "aimed"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise checks.InputError(f"pointclouds.cloud.{name} must be in [0, 1]; got {getattr(self, name)}")
         if not self.candidate_share(self.cycles) >= 1:
             raise checks.InputError(
-                "pointclouds.cloud.oversampling must leave enough candidates: 1 + oversampling, with spread times "
-                f"cycles - 1 (of several), must be >= 1; got {self.candidate_share(self.cycles):.4g} with "
-                f"oversampling {self.oversampling}"
+                "oversampling must leave enough candidates: 1 + oversampling, with spread times cycles - 1, "
+                f"must be >= 1; got {self.candidate_share(self.cycles):.4g} with oversampling {self.oversampling}"
             )
         if not all(0 < offset < 1 for offset in self.recheck):
-            raise checks.InputError(f"pointclouds.cloud.recheck must list offsets in (0, 1); got {list(self.recheck)}")
+            raise checks.InputError(f"recheck must list offsets in (0, 1); got {list(self.recheck)}")
 
     def candidate_share(self, cycles: int) -> float:
         """Candidates among which a point of the cloud is chosen after so many cycles; at least 1 is needed."""
@@ -191,7 +185,7 @@ def project(
       aimed: share of the directions that go to random points of the box; the others are uniform.
     """
     parts: list[tuple[Tensor, Tensor, Tensor]] = []
-    for chunk in points.split(max(1, config.chunk_rays // config.num_directions)):
+    for chunk in points.split(max(1, (config.chunk_rays or CHUNK_RAYS[points.device.type]) // config.num_directions)):
         shape = (len(chunk), config.num_directions, 3)
         towards = torch.randn(shape, generator=generator, dtype=points.dtype, device=points.device)
         if aimed:

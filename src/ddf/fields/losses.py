@@ -12,7 +12,6 @@ import math
 import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from dataclasses import fields as dataclass_fields
 from typing import Literal
 
 import torch
@@ -20,7 +19,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from ddf.core import checks
+from ddf.core import schema
+from ddf.core.schema import fixed, setting
 from ddf.data.samples import sample_batch
 from ddf.data.samples import sample_types as types
 from ddf.fields import derivatives, passes
@@ -40,37 +40,32 @@ def block_values(device: torch.device) -> int:
 
 
 @dataclass(frozen=True)
-class LossWeights:
-    """γ of every term, and ε_T, the transition speed that L_T asks for (the paper gives no value).
+class LossWeights(schema.Checked):
+    """γ of every term, by default those of [DDF22] app. E, and ε_T, the transition speed that L_T asks for.
 
-    depth is doubled on A, U and P. depth_of: `chosen` is the paper's |d_{i*} - d|, which gives the weights w_i no
-    gradient; `mixture` is Σ w_i |d_i - d|, which also moves weight to the better component; `gated` does so where
-    the weights are all but 0 and 1 too, see `gated_depth_error` (both derived here).
-    depth_huber: error from which L_d grows linearly, see `depth_error`; null for the paper's square.
+    depth_of: `chosen` is the paper's |d_{i*} - d|, which gives the weights w_i no gradient; `mixture`, Σ w_i |d_i - d|,
+    also moves weight to the better component; `gated` does so where the weights are all but 0 and 1 too, see
+    `gated_depth_error` (both derived here).
     """
 
-    depth: float
-    depth_of: Literal["chosen", "mixture", "gated"]
-    depth_huber: float | None
-    visibility: float
-    normals: float
-    weight_variance: float
-    eikonal_depth: float
-    eikonal_visibility: float
-    transition: float
-    visibility_variance: float
-    transition_speed: float
-
-    def __post_init__(self) -> None:
-        for field in dataclass_fields(self):
-            value = getattr(self, field.name)
-            if field.name == "depth_of":
-                continue  # `config` refuses other words
-            if field.name == "depth_huber":
-                if value is not None and not 0 < value < float("inf"):
-                    raise checks.InputError(f"weights.depth_huber must be > 0 and finite, or null; got {value}")
-            elif not 0 <= value < float("inf"):
-                raise checks.InputError(f"weights.{field.name} must be >= 0 and finite; got {value}")
+    depth: float = setting(5.0, "γ_d of the depth loss, doubled on A, U and P", "app. si3dr", least=0)
+    depth_of: Literal["chosen", "mixture", "gated"] = setting("chosen", "component that the depth loss is of", "§3.4")
+    depth_huber: float | None = setting(
+        None,
+        "depth error beyond which its loss is linear, so that occlusion edges do not outweigh all; null: squared",
+        "§3.4",
+        above=0,
+    )
+    visibility: float = setting(10.0, "γ_ξ of the visibility loss", "app. si3dr", least=0)
+    normals: float = setting(
+        10.0, "γ_n of the normal loss; less lets their sign settle after the depth", "app. si3dr", least=0
+    )
+    weight_variance: float = setting(1.0, "γ_V of the weights' variance", "app. si3dr", least=0)
+    eikonal_depth: float = setting(0.1, "γ_E,d of the directed eikonal loss", "app. si3dr", least=0)
+    eikonal_visibility: float = fixed(0.25, least=0)
+    transition: float = setting(0.1, "γ_T of the transition loss", "app. si3dr", least=0)
+    visibility_variance: float = fixed(0.25, least=0)
+    transition_speed: float = fixed(1.0, least=0)
 
 
 def depth_error(

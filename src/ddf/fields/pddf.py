@@ -12,7 +12,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from ddf.core import checks
+from ddf.core import checks, schema
+from ddf.core.schema import setting
 from ddf.fields import activations, siren
 from ddf.fields.field_outputs import MOST_COMPONENTS
 
@@ -25,42 +26,32 @@ DepthActivation = Literal["relu", "softplus"]
 
 
 @dataclass(frozen=True)
-class PDDFConfig:
-    """Config section `ddf`: the directed distance field of a model.
+class PDDFConfig(schema.Checked):
+    """The directed distance field of a model. softplus is within log(2)/β of ReLU (`activations`)."""
 
-    depth_activation: `relu` is the paper's (its gradient dies below zero), `softplus` has `depth_sharpness` β:
-      softplus(β x)/β, which is within log(2)/β of ReLU (`activations`).
-    direction_scale: first weights of v, as a multiple of those of p: the bandwidth in v is this times `omega_first`.
-      1 is the paper's; by trial, fields fit faster with less.
-    components: K.
-    """
-
-    hidden: tuple[int, ...]
-    omega_first: float
-    omega_hidden: float
-    depth_activation: DepthActivation
-    depth_sharpness: float
-    direction_scale: float = 1.0
-    components: int = NUM_COMPONENTS
+    hidden: tuple[int, ...] = setting((512,) * 7, "widths of the sine layers", "app. singlefits")
+    omega_first: float = setting(1.0, "ω of the first layer: bandwidth in (p, v)", "app. singlefits")
+    omega_hidden: float = 1.0
+    depth_activation: DepthActivation = setting(
+        "relu", "of depths; the gradient of relu dies below zero, softplus's lives", "app. singlefits"
+    )
+    depth_sharpness: float = setting(100.0, "β of softplus(βx)/β; relu has none", above=0, most=1e6)
+    direction_scale: float = setting(1.0, "first weights of v, as a multiple of those of p; less fits faster", above=0)
+    components: int = setting(NUM_COMPONENTS, "K, depths of the mixture", "§3.3", least=1, most=MOST_COMPONENTS)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.layout()
-        if not 1 <= self.components <= MOST_COMPONENTS:
-            raise checks.InputError(f"ddf.components must be 1 to {MOST_COMPONENTS}; got {self.components}")
         if self.depth_activation not in activations.ACTIVATIONS:
             known = ", ".join(activations.ACTIVATIONS)
             raise checks.InputError(f"ddf.depth_activation must be one of {known}; got {self.depth_activation!r}")
-        if not 0 < self.depth_sharpness <= 1e6:
-            raise checks.InputError(f"ddf.depth_sharpness must be > 0 and at most 1e6; got {self.depth_sharpness}")
-        if not 0 < self.direction_scale < float("inf"):
-            raise checks.InputError(f"ddf.direction_scale must be > 0 and finite; got {self.direction_scale}")
 
     def layout(self) -> siren.SineLayout:
         """Sizes and frequencies of the sine network."""
         return siren.SineLayout(self.hidden, self.omega_first, self.omega_hidden)
 
 
-PAPER_SINGLE_SHAPE = PDDFConfig((512,) * 7, 1.0, 1.0, "relu", 1.0)
+PAPER_SINGLE_SHAPE = PDDFConfig()
 
 
 class PDDF(nn.Module):

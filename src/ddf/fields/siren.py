@@ -16,6 +16,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ddf.core import checks
+from ddf.core.schema import setting
 
 SOFTPLUS_INVERSE_OF_ONE = math.log(
     math.e - 1
@@ -31,8 +32,8 @@ class SineLayout:
     they learn.
     """
 
-    hidden: tuple[int, ...]
-    omega_first: float = 1.0
+    hidden: tuple[int, ...] = setting((512,) * 7, "widths of the sine layers", "app. singlefits")
+    omega_first: float = setting(1.0, "ω of the first layer: bandwidth in (p, v)", "app. singlefits")
     omega_hidden: float = 1.0
 
     def __post_init__(self) -> None:

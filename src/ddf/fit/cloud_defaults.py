@@ -1,14 +1,13 @@
-"""How commands draw clouds and move shapes: as configs/cpu.yaml, without its file."""
+"""How commands draw clouds: as configs/cpu.yaml, without its file."""
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ddf.fields import cloud_projection
 
-CLOUD: dict[str, Any] = {  # of `cloud_projection.CloudConfig`
-    "num_directions": 16,
+CLOUD: dict[str, Any] = {  # of `cloud_projection.CloudConfig`, whose defaults are the paper's
     "cycles": 3,
-    "oversampling": 0.1,
+    "num_directions": 16,
     "jitter": 0.2,
     "recheck": (0.1,),
     "spread": 0.75,
@@ -17,14 +16,6 @@ CLOUD: dict[str, Any] = {  # of `cloud_projection.CloudConfig`
     "aimed": 0.5,
     "temperature": 0.05,
     "inverse_depth": 0.05,
-    "chunk_rays": 2048,
-}
-SHAPE_CORRECTION: dict[str, Any] = {  # of `silhouettes.ShapeCorrectionConfig`
-    "steps": 20,
-    "learning_rate": 0.03,
-    "camera_rate": 0.03,
-    "keep": 0.003,
-    "mask_size": 32,
 }
 
 

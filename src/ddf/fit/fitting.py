@@ -154,7 +154,7 @@ def _affordable(mesh: mesh_io.Mesh, config: fit_settings.FitConfig) -> float:
     if config.steps is not None or config.minutes is None:
         return 1.0
     started = time.monotonic()
-    shape_samples.draw_samples(mesh, config, config.samples.scaled(_PROBE), "probe")
+    shape_samples.draw_samples(mesh, config, sample_types.scaled(config.samples, _PROBE), "probe")
     allowed = 60 * SAMPLING_SHARE * config.minutes
     return min(1.0, max(_PROBE, _PROBE * allowed / (time.monotonic() - started)))
 
@@ -187,8 +187,6 @@ def fit(
       InputError: the mesh has no triangle with an area, another fit is at work in the folder, or it holds the field of
         another mesh.
     """
-    if config.steps is None and config.minutes is None:
-        raise ValueError("steps and minutes cannot both be null")
     with owned(out_dir):
         return _fit(raw, config, out_dir, source, without, begin, threads, force)
 
@@ -206,7 +204,8 @@ def _fit(
     """As `fit`, in a folder of its own."""
     started = time.monotonic()
     content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
-    recipe = {name: value for name, value in config.recipe().items() if name != "minutes"}  # more of them go on
+    names = [item.name for item in dataclasses.fields(config) if item.name != "minutes"]  # more of them go on
+    recipe = {name: getattr(config, name) for name in names}
     given = [recipe, content, without, *([] if begin is None else [begin.record])]
     identity = provenance.fingerprint(given, (), "ddf.fit.fitting")
     plan = plan_of(content, identity, out_dir, force)
@@ -218,7 +217,7 @@ def _fit(
     training_loop.prepare(dataclasses.replace(config.loop, threads=threads or config.loop.threads))
     mesh, own_from_mesh = in_cube(raw)
     share = plan.get("samples_share") or _affordable(mesh, config)
-    drawn = config.samples.scaled(share)
+    drawn = sample_types.scaled(config.samples, share)
     samples, packing_errors = shape_samples.draw_samples(mesh, config, drawn, "train", "samples")
     samples = samples if without is None else samples.without(without)
     field = pddf.PDDF(config.field).to(training_loop.device())
@@ -243,14 +242,14 @@ def _fit(
     steps, seconds = training_loop.fit(
         field, _groups(field), loss, _budget(config, sampling), config.loop, out_dir, record, name
     )
-    held_out, _ = shape_samples.draw_samples(mesh, config, config.held_out, "held_out")
+    held_out, _ = shape_samples.draw_samples(mesh, config, sample_types.each(config.held_out), "held_out")
     result = {
         "held_out": held_out_errors(field.eval(), held_out),
         "seconds": sampling + seconds,
         "sampling_seconds": sampling,
         "parameters": pddf.count_parameters(field),
         "steps": steps,
-        "samples": sum(count for _, count in drawn.items()),
+        "samples": sum(drawn.values()),
         "seconds_per_step": seconds / steps,
         "box": {"lower": samples.lower.tolist(), "upper": samples.upper.tolist()},
     }

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ddf.core import provenance, storage
+from ddf.data.samples import sample_types
 from ddf.fields.grid import build, patch_field
 from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io
@@ -49,7 +50,8 @@ def _fit(
     seconds = time.monotonic() - started
     field = patch_field.of(arrays, description)
     record = {"fingerprint": identity, "seed": 0, "sources": source, **description}
-    truth, _ = shape_samples.draw_samples(mesh, fit_settings.DEFAULT, fit_settings.DEFAULT.held_out, "held_out")
+    asked = fit_settings.FitConfig()
+    truth, _ = shape_samples.draw_samples(mesh, asked, sample_types.each(asked.held_out), "held_out")
     result = {
         "held_out": fitting.held_out_errors(field, truth),
         "seconds": seconds,

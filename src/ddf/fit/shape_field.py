@@ -17,6 +17,8 @@ from ddf.fit import field_file
 from ddf.geometry import transforms
 from ddf.training import training_loop
 
+NEEDED = ("hidden", "omega_first", "omega_hidden", "depth_activation", "depth_sharpness")  # of a field's record
+
 
 @dataclass(frozen=True)
 class ShapeField:
@@ -84,7 +86,7 @@ def load(path: Path) -> ShapeField:
 
     stored = field_file.read(path)
     with framed_field.record_of(stored.file):
-        how = config.parse(stored.record["field"], PDDFConfig, "field")
+        how = config.recorded(stored.record["field"], PDDFConfig, "field", NEEDED)
     field = training_loop.built(lambda: PDDF(how), stored.file.parent)
     return ShapeField(field, stored.lower, stored.upper, stored.field_from_mesh, stored.record)
 

@@ -72,7 +72,7 @@ class ShapeSamples:
 def draw_samples(
     mesh: mesh_io.Mesh,
     config: fit_settings.FitConfig,
-    counts: sample_types.Counts,
+    counts: dict[str, int],
     stream: str,
     describe: str | None = None,
 ) -> tuple[ShapeSamples, dict[str, float]]:
@@ -86,11 +86,11 @@ def draw_samples(
     unit = 1 - config.margin
     mesh = mesh_io.Mesh(unit * mesh.vertices, mesh.faces)
     lower, upper = mesh.box()
-    box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else config.box
+    box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else "tight"
     drawn = config.draw(box, counts, config.loop.seed)
     packed, probes = sampling.extract(mesh, drawn, stream, describe=describe)
     arrays = {}
-    for kind, _ in counts.items():
+    for kind in sample_types.KINDS:
         samples = packing.decode({name: torch.from_numpy(values) for name, values in packed.items()}, kind)
         visible = samples["visible"]
         arrays[kind] = {

@@ -31,21 +31,21 @@ MEASURED_POINTS, MEASURED_IMAGES = 4096, 16  # rows on which smaller weights are
 
 @dataclass(frozen=True)
 class ExportConfig:
-    """Section `export`.
+    """What is exported, and how it is compared.
 
-    outputs: of the fields, among `field_outputs.OUTPUTS`. batches: numbers of oriented points that are compared.
-    precisions: of the weights, measured beside float32 and never written.
+    outputs: of the fields, among `field_outputs.OUTPUTS`. batches: numbers of oriented points that are compared; of
+    images at most 64. precisions: of the weights, measured beside float32 and never written.
     """
 
-    outputs: tuple[str, ...]
-    batches: tuple[int, ...]
-    precisions: tuple[str, ...]
-    seed: int
+    outputs: tuple[str, ...] = ("visibility", "depth", "normals", "weight_1", "mean_curvature", "gaussian_curvature")
+    batches: tuple[int, ...] = (1, 7, 4096)
+    precisions: tuple[str, ...] = ()
+    seed: int = 0
 
     def __post_init__(self) -> None:
         field_outputs.require(self.outputs)
-        if not self.batches or min(self.batches) < 1 or self.seed < 0:
-            raise checks.InputError(f"export.batches must be >= 1 and seed >= 0; got {self.batches}, {self.seed}")
+        if not self.batches or min(self.batches) < 1:
+            raise checks.InputError(f"batches must be >= 1; got {self.batches}")
         for precision in self.precisions:
             weight_precision.require(precision)
 

@@ -20,7 +20,8 @@ import tqdm
 from torch import Tensor, nn
 from torch.optim import swa_utils
 
-from ddf.core import checks, distributed, interrupts, storage
+from ddf.core import checks, distributed, interrupts, schema, storage
+from ddf.core.schema import fixed, setting
 from ddf.fields import passes
 from ddf.training import optimisers, plateau
 
@@ -41,50 +42,36 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class LoopConfig:
+class LoopConfig(schema.Checked):
     """How a model is optimised, with AdamW and Muon (`optimisers`).
 
-    learning_rate: AdamW's. muon: that of Muon for the matrices between hidden layers; muon_kernels: for the kernels of
-      convolutions. null, the paper's way: AdamW for them too.
-    schedule: `constant`, `plateau`, the paper's (`plateau`), or `cosine` from the learning rates to zero over all
-    steps; all after a linear rise of `warmup_steps`.
-    clip_norm: gradients longer than this are shortened; null for none.
-    threads: CPU threads of each process; part of the result (sums are ordered by it).
     matmul: how large products of matrices are made, around parameters and sums in float32. `tf32`: on a GPU with its
       ten-bit factors, convolutions too, on a CPU as float32. `bfloat16`: those between sine layers of the shape loss
       (`passes`) and those of Muon, the others in float32; on a processor without such products all in float32.
-    ema: decay of a moving average of all weights and statistics, which is then the model that is saved; of early steps
-      (1 + k) / (10 + k) where that is less, so that the start is forgotten. null for none, the paper's way.
+    ema: the average is then the model that is saved; of early steps its decay is (1 + k) / (10 + k) where that is less,
+      so that the start is forgotten.
+    log_every: steps between two rows of the log; None: 50, a thousandth of more than 50,000, a sixth of fewer than 300.
+    checkpoint_seconds: between two checkpoints; times those that writing one takes, where these are more than one.
     """
 
-    learning_rate: float
-    schedule: Literal["constant", "plateau", "cosine"]
-    warmup_steps: int
-    clip_norm: float | None
-    threads: int
-    seed: int
-    log_every: int
-    checkpoint_seconds: float
-    matmul: passes.Matmul = "float32"
-    ema: float | None = None
-    muon: float | None = None
-    muon_kernels: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("learning_rate", "threads", "log_every"):
-            if not getattr(self, name) > 0:
-                raise checks.InputError(f"train.loop.{name} must be > 0; got {getattr(self, name)}")
-        for name in ("warmup_steps", "seed", "checkpoint_seconds"):
-            if not getattr(self, name) >= 0:
-                raise checks.InputError(f"train.loop.{name} must be >= 0; got {getattr(self, name)}")
-        if self.clip_norm is not None and not self.clip_norm > 0:
-            raise checks.InputError(f"train.loop.clip_norm must be > 0 or null; got {self.clip_norm}")
-        if self.ema is not None and not 0 < self.ema < 1:
-            raise checks.InputError(f"train.loop.ema must be in (0, 1), or null; got {self.ema}")
-        for name in ("muon", "muon_kernels"):
-            rate = getattr(self, name)
-            if rate is not None and not rate > 0:
-                raise checks.InputError(f"train.loop.{name} must be > 0, or null; got {rate}")
+    learning_rate: float = setting(1e-4, "AdamW's learning rate", "app. singlefits", above=0)
+    schedule: Literal["constant", "plateau", "cosine"] = setting(
+        "plateau", "course of all rates: constant, plateau (times 0.9) or cosine to zero at the end", "app. singlefits"
+    )
+    warmup_steps: int = setting(0, "steps in which the rates rise from zero", least=0)
+    clip_norm: float | None = setting(None, "length to which longer gradients are cut; null: any", above=0)
+    threads: int = setting(8, "CPU threads of each process; part of the result, for sums are ordered by it", least=1)
+    seed: int = fixed(0, least=0)
+    log_every: int | None = fixed(None, least=1)
+    checkpoint_seconds: float = fixed(30.0, least=0)
+    matmul: passes.Matmul = setting("float32", "precision of the factors of matrix products; tf32 for a GPU")
+    ema: float | None = setting(None, "decay of a moving average of the weights; null: none", above=0, below=1)
+    muon: float | None = setting(
+        None, "Muon's learning rate for the matrices between hidden layers; null: AdamW", "app. si3dr", above=0
+    )
+    muon_kernels: float | None = setting(
+        None, "Muon's for the kernels of convolutions; null: AdamW", "app. si3dr", above=0
+    )
 
     def optimiser(self, model: nn.Module, groups: list[dict]) -> optimisers.Optimiser:
         """A fresh one of the model, of these parameter groups."""
@@ -170,8 +157,11 @@ def fit(
     start, rows, spent = _resume(model, average, optimiser, out_dir, record["fingerprint"])
     distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")
     done = start
-    saved_at = time.monotonic()
+    saved_at, saving = time.monotonic(), 1.0
     began = saved_at - spent
+    log_every = config.log_every or (
+        50 if isinstance(steps, Clock) else max(1, min(steps // 6, max(50, steps // 1000)))
+    )
     progress = _progress(steps, start, describe, disable=not first)
     model.train()
     reduced = 0
@@ -197,16 +187,18 @@ def fit(
         done = step + 1
         spent = time.monotonic() - began
         last = _is_over(steps, done, spent)
-        saves = last or bool(signal.number) or time.monotonic() - saved_at >= config.checkpoint_seconds
-        if done % config.log_every == 0 or last:
+        saves = last or bool(signal.number) or time.monotonic() - saved_at >= config.checkpoint_seconds * saving
+        if done % log_every == 0 or last:
             rows.append(_log_row(done, terms, spent, out_dir))
             progress.set_postfix(loss=f"{rows[-1]['loss']:.3f}", refresh=False)
         progress.update(_shown(steps, done, spent) - progress.n)
+        begins = time.monotonic()
         if first and saves:
             moment = {"seconds": spent} if isinstance(steps, Clock) else {}  # equal runs by steps have equal bytes
             _save_checkpoint(model, average, optimiser, {"step": done, **moment}, rows, out_dir, record)
         if saves:
             saved_at = time.monotonic()
+            saving = max(1.0, saved_at - begins)
         if last:
             break
         if signal.number:

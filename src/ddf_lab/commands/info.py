@@ -20,7 +20,7 @@ EXAMPLES = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's own arguments."""
-    parser.add_argument("config", type=Path, metavar="CONFIG", help="an experiment file, for example configs/cpu.yaml")
+    parser.add_argument("config", metavar="CONFIG", help="an experiment file, or the name of one in configs/")
     parser.add_argument(
         "--no-steps", action="store_true", help="measure no optimisation steps: no estimate of the time"
     )
@@ -28,16 +28,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Counts come from the models themselves, built without memory for their values; generative ones have no cost."""
-    from ddf_lab.engine import experiment_cost, experiments
+    from ddf_lab.engine import experiment_cost
 
     experiment = Run.read(args.config)
-    generative = experiments.is_generative(experiment.given)
+    generative = experiment.kind == "generative"
     parameters = _generative(experiment) if generative else _reconstruction(experiment)
     cost = None if generative else experiment_cost.predict(experiment, measured=not args.no_steps)
     stages = _stages(experiment)
     found = {
         "config": str(args.config),
-        "verdict": _verdict(args.config, stages, parameters, cost),
+        "verdict": _verdict(experiment.file, stages, parameters, cost),
         "parameters": parameters,
         "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
         "stages": stages,

@@ -30,7 +30,7 @@ def predict(run: Run, measured: bool) -> dict[str, Any]:
     train, drawn = run.section(settings.TrainConfig), run.section(sampling.SamplesConfig)
     models = {"ddf": run.section(settings.DDFConfig), "pcsiren": run.section(settings.PCSirenConfig)}
     shapes = count_shapes(run)
-    samples = sum(count for _, count in drawn.counts.items())
+    samples = sum(drawn.counts.values())
     per_shape = {"samples": samples, "bytes": samples * SAMPLE_BYTES + drawn.cloud_points * CLOUD_BYTES}
     known = [count for count in shapes.values() if count is not None]
     total = sum(known) if len(known) == len(shapes) else None

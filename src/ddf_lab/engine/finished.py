@@ -8,10 +8,11 @@ reaches outside this room. A finished stage notes it with the checksums of its o
 import hashlib
 import json
 from pathlib import Path
+from typing import Any
 
 from ddf.core import config, notes, provenance, storage
 from ddf_lab.engine import experiments, graph
-from ddf_lab.run import Run, time_path
+from ddf_lab.run import Run, class_of, time_path
 
 FRAME = "ddf_lab/engine"  # the room around the stages: no result depends on it
 
@@ -27,9 +28,15 @@ def find(stage: str, run: Run) -> graph.Item | None:
 def note(item: graph.Item) -> notes.Note:
     """Of the item's last run, as it would be written now; beside it stand time and memory."""
     content = {
-        "config": [{name: config.read(file)[name] for name in names} for file, names in item.sections.items()],
+        "config": [_settings(file, names) for file, names in item.sections.items()],
         "data": [storage.checksum(path) if Path(path).exists() else None for path in item.data],
         "code": provenance.script_version(item.script, without=FRAME),
     }
     fingerprint = hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
     return notes.Note(time_path(item.experiment, item.stage, item.category, item.seed), fingerprint)
+
+
+def _settings(file: str, names: tuple[str, ...]) -> dict[str, Any]:
+    """What sections of an experiment say, whoever said it: its file, one below it, or a default."""
+    given = Run.read(file)
+    return {name: config.plain(given.section(class_of(name))) for name in names}

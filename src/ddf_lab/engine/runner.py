@@ -17,8 +17,8 @@ import psutil
 import yaml
 
 from ddf.core import checks, config, locks, storage
+from ddf.fit import fit_settings
 from ddf_lab.engine import console, experiments, finished, graph, schedule
-from ddf_lab.run import Run
 
 ITEMS = Path("params.yaml")
 LOCK = Path(".make/lock")  # one run at a time in a folder
@@ -55,8 +55,6 @@ def run(given: str, changes: Sequence[str], options: Options) -> Path:
         items = graph.needed(graph.expand(_record(experiment, options)), stages)
         engine = _Engine(_environment(experiment, options), descriptor)
         changed = engine.changed([item for item in items if item.stage in stages])
-        if changed:
-            Run.read(experiment.file).sections()  # what does not fit is told before the work
         stale = engine.stale([item for item in items if item.name in changed])
         failed = schedule.run(graph.affected(items, stale), options.jobs, engine.run, engine.stop)
     if failed:
@@ -81,8 +79,8 @@ def _record(experiment: experiments.Experiment, options: Options) -> experiments
     lists = experiment.lists(options.seeds)
     _write(ITEMS, f"# Written by `ddf run`: the items of {experiment.file}\n{yaml.safe_dump(lists, sort_keys=False)}")
     if experiment.kind == "shape":
-        mesh = config.read(experiment.file)["fit"].get("mesh")
-        path = Path(mesh).expanduser() if isinstance(mesh, str) else None
+        mesh = config.load(experiment.file, "fit", fit_settings.FitConfig).mesh
+        path = Path(mesh).expanduser() if mesh else None
         _write(folder / "mesh.sha256", f"{storage.checksum(path) if path and path.is_file() else 'no file'}\n")
         return lists
     if experiment.kind == "figures":

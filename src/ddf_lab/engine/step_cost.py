@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from ddf.data import sampling
-from ddf.data.batches import category_data, host_samples, resident
+from ddf.data.batches import category_data, resident
 from ddf.data.samples import sample_types
 from ddf.geometry import mesh_io, raycast, transforms
 from ddf.models.reconstruction import reconstruction_models, settings
@@ -101,12 +100,11 @@ def trial(train: settings.TrainConfig, config: Section) -> Trial:
     images = memory.images(images)
     if isinstance(config, settings.DDFConfig):
         ddf, propose = reconstruction_models.ddf_model(train, config.field), None
-        scenes = [random_scene()] * train.batch_size if config.casts else []
-        fresh, stored = host_samples.FreshSamples(scenes, sampling.SamplesConfig()), config.samples == "stored"
-        samples = memory.samples(random_samples(train.batch_size) if stored else fresh)
+        samples = memory.samples(random_samples(train.batch_size))
         if config.proposals is not None:
+            scenes = [random_scene()] * train.batch_size
             propose = proposed_rays.Proposer(shapes, proposed_rays.HostCaster(scenes), config.proposals)
-        samples, propose = casting.moved(memory, samples, propose)
+        propose = casting.moved(memory, propose)
         given = (ddf, images, shapes, samples, train, config)
         loss = functools.partial(training_steps.ddf_step, *given, propose=propose)
         return _trial(ddf, images, train, config.loop(train.loop), loss)
@@ -124,7 +122,7 @@ def _trial(
 ) -> Trial:
     model.camera_head.fit(images.cameras)
     model.to(training_loop.device()).train()
-    groups = model.parameter_groups(train.weight_decay_shape, train.weight_decay_camera)
+    groups = model.parameter_groups()
     return Trial(model, loss, loop.optimiser(model, groups))
 
 

@@ -35,7 +35,7 @@ def evaluate(
         (truths[shape], scoring.model_cases(ddf, pc_siren, shape) + rows.cases(shape, images))
         for shape, images in tests.items()
     )
-    scores = scoring.score_all(cases, settings.tau_sq)
+    scores = scoring.score_all(cases)
     errors = [
         scoring.camera_errors(scoring.DDF, ddf),
         scoring.camera_errors(scoring.PC_SIREN, pc_siren),

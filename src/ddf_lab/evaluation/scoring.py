@@ -18,7 +18,8 @@ import pandas as pd
 import torch
 from jaxtyping import Float
 
-from ddf.core import checks, storage
+from ddf.core import checks, schema, storage
+from ddf.core.schema import fixed, setting
 from ddf.data import surface_cloud
 from ddf.geometry import cameras, neighbours, transforms
 from ddf.metrics import cloud_scores
@@ -34,29 +35,12 @@ TABLE_FIELDS = ("category", "method", "column", "metric", "value", "images", "se
 
 
 @dataclass(frozen=True)
-class EvaluateConfig:
-    """Section `evaluate`.
+class EvaluateConfig(schema.Checked):
+    """Section `evaluate`. seed: of the random subsets that stand for predictions in the baseline rows."""
 
-    Args:
-      tau_sq: threshold on squared distance in benchmark units; the second F-score uses twice that.
-      oracle_points: points of the small clouds by which training shapes are ranked for the oracle row.
-      oracle_shortlist: how many of the best-ranked training shapes are then compared with all their points.
-      seed: of the random subsets that stand for predictions in the baseline rows.
-    """
-
-    tau_sq: float
-    oracle_points: int
-    oracle_shortlist: int
-    seed: int
-
-    def __post_init__(self) -> None:
-        if self.tau_sq <= 0:
-            raise checks.InputError(f"evaluate.tau_sq must be positive; got {self.tau_sq}")
-        for name in ("oracle_points", "oracle_shortlist"):
-            if getattr(self, name) < 1:
-                raise checks.InputError(f"evaluate.{name} must be >= 1; got {getattr(self, name)}")
-        if self.seed < 0:
-            raise checks.InputError(f"evaluate.seed must be >= 0; got {self.seed}")
+    oracle_points: int = setting(2466, "by which training shapes are ranked for the oracle row", least=1)
+    oracle_shortlist: int = setting(8, "of the best, compared in full", least=1)
+    seed: int = fixed(0, least=0)
 
 
 @dataclass(frozen=True)
@@ -205,20 +189,18 @@ def model_cases(ddf: Predictions, pc_siren: Predictions, shape: str) -> list[Cas
     ]
 
 
-def score_all(
-    cases: Iterable[tuple[surface_cloud.Cloud, Sequence[Case]]], tau_sq: float, jobs: int | None = None
-) -> pd.DataFrame:
+def score_all(cases: Iterable[tuple[surface_cloud.Cloud, Sequence[Case]]], jobs: int | None = None) -> pd.DataFrame:
     """One row per case and image. Shapes are spread over processes as they come; each truth is indexed once.
 
     Raises:
       InputError: a cloud cannot be used; the message names method, column and image.
     """
-    tasks = (joblib.delayed(_score_shape)(shape_cases, truth, tau_sq) for truth, shape_cases in cases)
+    tasks = (joblib.delayed(_score_shape)(shape_cases, truth) for truth, shape_cases in cases)
     rows = joblib.Parallel(n_jobs=jobs or joblib.cpu_count())(tasks)
     return pd.DataFrame([row for shape_rows in rows for row in shape_rows])
 
 
-def _score_shape(cases: Sequence[Case], truth: surface_cloud.Cloud, tau_sq: float) -> list[dict]:
+def _score_shape(cases: Sequence[Case], truth: surface_cloud.Cloud) -> list[dict]:
     trees: dict[bool, neighbours.Neighbours] = {}
     rows = []
     for case in cases:
@@ -227,7 +209,7 @@ def _score_shape(cases: Sequence[Case], truth: surface_cloud.Cloud, tau_sq: floa
             trees[case.visible_truth] = neighbours.Neighbours(points, f"truth of {case.images[0][0]}")
         name = f"{case.method} {case.column} of {case.images[0][0]} view {case.images[0][1]:02d}"
         prediction = neighbours.Neighbours(case.prediction, name)
-        scores = cloud_scores.compare_clouds(prediction, trees[case.visible_truth], tau_sq).to_dict()
+        scores = cloud_scores.compare_clouds(prediction, trees[case.visible_truth]).to_dict()
         rows += [{"method": case.method, "column": case.column, "id": i, "view": v, **scores} for i, v in case.images]
     return rows
 

@@ -52,7 +52,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 [_LABEL, *_RESIDUALS],
                 residuals,
             ),
-            "Answers [DDF22] app. `viewconsis` and Property III. Both losses are off by default (`fit.consistency`).",
+            "Answers [DDF22] app. `viewconsis` and Property III. Both losses are off otherwise.",
         ],
     )
 
@@ -60,12 +60,11 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
 def further(config: figure_fields.FiguresConfig) -> fit_settings.FitConfig:
     """How a fitted field is trained on: small steps of Adam alone, which leave what it has learned."""
     base = figure_fields.recipe(SHAPE, config)
-    kinds = sample_types.KINDS
     return dataclasses.replace(
         base,
         steps=config.consistency_steps,
-        samples=sample_types.Counts(**dict.fromkeys(kinds, SAMPLES)),
-        held_out=sample_types.Counts(**dict.fromkeys(kinds, HELD_OUT)),
+        samples=sample_types.each(SAMPLES),
+        held_out=HELD_OUT,
         loop=dataclasses.replace(base.loop, learning_rate=5e-4, muon=None),
     )
 

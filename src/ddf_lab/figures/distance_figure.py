@@ -209,14 +209,15 @@ def _ways(
 
     ways = {"along the true v*": truly, "cloud": by_cloud, "search, 32 + 4": by_search}
     if name == "rabbit":
-        network, seconds = _candidates(field, config, folder)
+        recipe = candidate_recipe(config)
+        network, seconds = _candidates(field, recipe, folder)
 
         def by_network(positions: Float[np.ndarray, "n 3"]) -> Found:
             inside = _inside(field, positions)
             found = udf.from_candidates(closest_candidates.asked(field.field), inside, network(inside))
             return dataclasses.replace(
                 _outside(field, found, network.num_candidates),
-                once=f"{config.candidate_steps:,} steps of {candidate_recipe(config).points:,}, {seconds:.0f} s",
+                once=f"{recipe.steps:,} steps of {recipe.points:,}, {seconds:.0f} s",
             )
 
         ways["the paper's g_v"] = by_network
@@ -226,17 +227,16 @@ def _ways(
 def candidate_recipe(config: figure_fields.FiguresConfig) -> closest_candidates.CandidateConfig:
     """g_v in seconds, or as [DDF22] app. D trains it."""
     if config.paper_candidates:
-        loop = training_loop.LoopConfig(1e-4, "constant", 0, None, 1, 0, 50, 30.0)
-        return closest_candidates.CandidateConfig(loop, config.candidate_steps)
-    loop = training_loop.LoopConfig(1e-3, "cosine", 0, 1.0, 1, 0, 50, 30.0)
+        loop = training_loop.LoopConfig(schedule="constant", threads=1)
+        return closest_candidates.CandidateConfig(loop)
+    loop = training_loop.LoopConfig(1e-3, "cosine", 0, 1.0, 1)
     return closest_candidates.CandidateConfig(loop, config.candidate_steps, 256, omega_first=3.0)
 
 
 def _candidates(
-    field: ShapeField, config: figure_fields.FiguresConfig, folder: Path
+    field: ShapeField, settings: closest_candidates.CandidateConfig, folder: Path
 ) -> tuple[udf.CandidateNetwork, float]:
     """g_v of the field, trained in `folder` unless it is there, and the seconds of its steps."""
-    settings = candidate_recipe(config)
     network = closest_candidates.fit(field, settings, folder / "candidates")
     log = np.genfromtxt(folder / "candidates" / "log.csv", delimiter=",", names=True)
     return network, float(log["seconds"][-1])

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ddf.core import checks, shipped_models
+from ddf.core import schema, shipped_models
+from ddf.core.schema import fixed, setting
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
 from ddf.fit import fit_settings, fitting, shape_field
@@ -22,36 +23,31 @@ WIDER = ("furnished",)  # [DDF22] app. `noncompfiteg`: twice the width, twice th
 
 
 @dataclass(frozen=True)
-class FiguresConfig:
+class FiguresConfig(schema.Checked):
     """Section `figures`: how long the fits of the figures take.
 
-    steps: of a part. whole_steps: of the one field of the furnished room, whose step costs four times as much.
-    candidate_steps: of g_v; paper_candidates: with the paper's points a step and rate. consistency_steps: of each fit
+    steps: of a part. whole_steps: of the one field of the furnished room, twice as wide, whose step costs four times as
+    much. candidate_steps: of g_v, where it is not trained as the paper does. consistency_steps: of each fit
     of the table of consistency losses. renderer_steps: of each depth renderer. picture_size: pixels.
     """
 
-    steps: int
-    whole_steps: int
-    candidate_steps: int
-    consistency_steps: int
-    renderer_steps: int
-    picture_size: int
-    paper_candidates: bool = False
-
-    def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            if field.name != "paper_candidates" and getattr(self, field.name) < 1:
-                raise checks.InputError(f"figures.{field.name} must be >= 1; got {getattr(self, field.name)}")
+    paper_candidates: bool = setting(False, "whether g_v is trained as the paper does, which takes more than an hour")
+    steps: int = fixed(1500, least=1)
+    whole_steps: int = fixed(400, least=1)
+    candidate_steps: int = fixed(300, least=1)
+    consistency_steps: int = fixed(400, least=1)
+    renderer_steps: int = fixed(300, least=1)
+    picture_size: int = fixed(120, least=1)
 
 
 def recipe(name: str, config: FiguresConfig) -> fit_settings.FitConfig:
     """That of `ddf fit`, for a number of steps, on one thread."""
-    base = fit_settings.DEFAULT
+    base = fit_settings.FitConfig()
     found = dataclasses.replace(base, steps=config.steps, minutes=None, loop=dataclasses.replace(base.loop, threads=1))
     if name not in WIDER:
         return found
     wider = dataclasses.replace(base.field, hidden=tuple(2 * width for width in base.field.hidden))
-    more = sample_types.Counts(**{kind: 2 * count for kind, count in base.samples.items()})
+    more = sample_types.scaled(base.samples, 2)
     return dataclasses.replace(found, field=wider, samples=more, steps=config.whole_steps)
 
 

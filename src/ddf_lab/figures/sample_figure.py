@@ -28,8 +28,8 @@ _RED, _FAINT, _OVERSAMPLING = (205, 60, 50), (222, 226, 232), 3
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """A cell per type, and what the samples of a unit sphere are, against the closed form."""
     ball = showcase.ball(1.0, 5)
-    counts = sample_types.Counts(**{kind: 4000 for kind, _ in fit_settings.DEFAULT.samples.items()})
-    samples, _ = shape_samples.draw_samples(ball, fit_settings.DEFAULT, counts, "figure")
+    counts = sample_types.each(4000)
+    samples, _ = shape_samples.draw_samples(ball, fit_settings.FitConfig(), counts, "figure")
     cells, rows = [], []
     for kind, arrays in samples.arrays.items():
         part = {name: values.numpy().astype(np.float64) for name, values in arrays.items()}

@@ -46,7 +46,7 @@ _LEAD: Final = (
 )
 _LIMIT: Final = (
     "What two cores cannot show: the paper's trainings have 100,000 steps of full-size networks; here the image GANs "
-    "have {gan} and {flat} steps of narrow ones, so image quality says nothing about the method's best."
+    "have {steps} steps of narrow ones, so image quality says nothing about the method's best."
 )
 _FEATURES: Final = (
     "KID x 1000, precision and recall x 100 against {real} real images. Features: a ResNet-20 of width {width}, "
@@ -190,7 +190,7 @@ def _images(results: _Results) -> pages.Section:
         if found["in_order"]
         else "They are not in the order that they must have, so KID is not used."
     )
-    limit = _LIMIT.format(gan=results.gan.steps, flat=results.gan.steps_2d)
+    limit = _LIMIT.format(steps=results.gan.steps)
     return pages.Section("Images", [pages.Table(caption, groups, header, rows), check, limit])
 
 

@@ -12,6 +12,7 @@ import torch
 
 from ddf.core import storage
 from ddf.data import shapenet, splits
+from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
 from ddf.fit import fit_settings, fitting, shape_field, shape_samples
 from ddf.geometry import mesh_io, transforms
@@ -21,13 +22,8 @@ from ddf.training import training_loop
 from ddf_lab.run import Run
 from ddf_lab.shipping import shipping
 
+FIT = fit_settings.FitConfig()
 STEPS = 6000  # of a field's fit: what two quiet cores do in two to four minutes
-ONNX = onnx_file.ExportConfig(
-    outputs=("visibility", "depth", "normals", "weight_1", "mean_curvature", "gaussian_curvature"),
-    batches=(1, 7, 4096),
-    precisions=(),
-    seed=0,
-)
 SAMPLES = 3  # images beside a reconstruction model: first views of its first test shapes
 LICENCE = "MIT, as this repository. Shapes and images are made by its own code; nothing else went in."
 FIELDS = {  # of `showcase.SHAPES`: what each shows
@@ -55,9 +51,7 @@ def write_all(run: Run, fitted: Path, out: Path) -> None:
 
 def fit_config() -> fit_settings.FitConfig:
     """How the shipped fields are fitted: the recipe of `ddf fit` for a number of steps, on one thread."""
-    return dataclasses.replace(
-        fit_settings.DEFAULT, steps=STEPS, minutes=None, loop=dataclasses.replace(fit_settings.DEFAULT.loop, threads=1)
-    )
+    return dataclasses.replace(FIT, steps=STEPS, minutes=None, loop=dataclasses.replace(FIT.loop, threads=1))
 
 
 def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, Any]:
@@ -65,7 +59,7 @@ def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, A
     mesh, settings = showcase.SHAPES[name](), fit_config()
     result = fitting.fit(mesh, settings, fitted, force=True)
     shipping.write_weights(fitted, out)
-    rows = shipping.write_onnx(out, ONNX)
+    rows = shipping.write_onnx(out, onnx_file.ExportConfig())
     errors = _held_out(mesh, settings, out)
     kinds = errors["depth_l1"]
     shipping.write_card(
@@ -79,13 +73,13 @@ def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, A
             ],
             "Training": [
                 f"{result['steps']:,} steps, seed {settings.loop.seed}, {result['parameters']:,} parameters, on a CPU.",
-                "Matrices are stored in float16; the ONNX file holds the same values.",
+                "Matrices are stored in float16; the onnx_file.ExportConfig() file holds the same values.",
             ],
             "Scores": [
                 "Held-out errors of these weights, 10,000 samples a type; the longest side of the shape is 2.",
                 "Mean depth error: " + ", ".join(f"{kind} {value:.4f}" for kind, value in kinds.items()) + ".",
                 f"Median angle of normals: {errors['normal_angle_deg_median']:.1f} degrees.",
-                f"ONNX against torch: depth differs by {_largest(rows, 'depth'):.1e} at most.",
+                f"onnx_file.ExportConfig() against torch: depth differs by {_largest(rows, 'depth'):.1e} at most.",
             ],
             "Limits": [
                 "One shape alone. Depths are blurred at occlusion edges; curvature is rough near sharp edges.",
@@ -161,9 +155,8 @@ def _scores(run: Run, category: str) -> tuple[dict[str, tuple[float, float]], in
 def _held_out(mesh: mesh_io.Mesh, settings: fit_settings.FitConfig, out: Path) -> Mapping[str, Any]:
     """The held-out errors of the rounded weights."""
     own = transforms.field_from_mesh(mesh.vertices[np.unique(mesh.faces)])
-    samples, _ = shape_samples.draw_samples(
-        mesh_io.Mesh(np.clip(own.apply(mesh.vertices), -1.0, 1.0), mesh.faces), settings, settings.held_out, "held_out"
-    )
+    mesh = mesh_io.Mesh(np.clip(own.apply(mesh.vertices), -1.0, 1.0), mesh.faces)
+    samples, _ = shape_samples.draw_samples(mesh, settings, sample_types.each(settings.held_out), "held_out")
     return fitting.held_out_errors(shape_field.load(out).field, samples)
 
 

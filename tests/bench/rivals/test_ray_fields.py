@@ -3,15 +3,13 @@
 import dataclasses
 import itertools
 import time
-from pathlib import Path
 
 import _shapes
 import pytest
 import torch
 
-from bench.lib import cpu_budget, measuring
+from bench.lib import cpu_budget
 from bench.rivals import ray_fields, ray_inputs
-from ddf.core import config
 from ddf.fields import derivatives, pddf
 from ddf.fit import fit_settings
 from ddf.geometry import primitives, rays
@@ -27,7 +25,7 @@ READS = {
 
 
 def _section() -> fit_settings.FitConfig:
-    section = config.load(measuring.ROOT / Path("configs/fit.yaml"), "fit", fit_settings.FitConfig)
+    section = fit_settings.FitConfig()
     field = dataclasses.replace(section.field, hidden=(32, 32))
     return dataclasses.replace(section, field=field, loop=dataclasses.replace(section.loop, threads=1))
 

@@ -76,7 +76,7 @@ def train_all(folder):
     fit_exact(folder / "exact")
     for kind in KINDS:
         model, loss = fresh(kind)
-        groups = model.parameter_groups(TRAIN.weight_decay_shape, TRAIN.weight_decay_camera)
+        groups = model.parameter_groups()
         training_loop.fit(model, groups, loss, STEPS, LOOP, folder / kind, {"fingerprint": kind}, kind)
 
 

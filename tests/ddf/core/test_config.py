@@ -1,35 +1,36 @@
 """Strict reading of experiment files."""
 
-from dataclasses import dataclass, field
+import dataclasses
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
 
 import pytest
+import yaml
 
-from ddf.core import checks, config
-
-
-@dataclass(frozen=True)
-class Inner:
-    width: int
-    rate: float = 0.5
+from ddf.core import checks, config, schema
+from ddf.core.schema import fixed, setting
 
 
 @dataclass(frozen=True)
-class Section:
-    faces: int
-    scale: float
-    mode: Literal["fast", "exact"]
-    names: tuple[str, ...]
-    range: tuple[float, float]
-    inner: Inner
-    counts: dict[str, int] = field(default_factory=dict)
-    limit: int | None = None
-    flag: bool = False
+class Inner(schema.Checked):
+    width: int = setting(2, "pixels", "app. X", least=1)
+    rate: float = setting(0.5, "a step")
+    seed: int = fixed(0, least=0)
 
-    def __post_init__(self) -> None:
-        if self.faces < 4:
-            raise checks.InputError(f"meshes.faces must be >= 4; got {self.faces}")
+
+@dataclass(frozen=True)
+class Section(schema.Checked):
+    faces: int = setting(100, "triangles at most", "app. X", least=4)
+    scale: float = setting(1.0, "metres", above=0, below=10, most=9)
+    mode: Literal["fast", "exact"] = setting("fast", "how")
+    names: tuple[str, ...] = setting((), "who")
+    range: tuple[float, float] = setting((0.0, 1.0), "metres")
+    inner: Inner = setting(Inner(rate=0.25), "a part", only=("width",))
+    other: Inner | None = setting(None, "another; null: none")
+    counts: dict[str, int] = setting({"U": 1, "A": 2}, "of each")
+    limit: int | None = setting(None, "at most")
+    flag: bool = setting(False, "whether")
 
 
 GOOD: dict[str, Any] = {
@@ -39,6 +40,7 @@ GOOD: dict[str, Any] = {
     "names": "[a, b]",
     "range": "[0, 1.5]",
     "inner": "{width: 3}",
+    "other": "{rate: 0.75}",
 }
 
 
@@ -52,7 +54,14 @@ def _write(tmp_path, changes: dict[str, str | None], section: str = "meshes"):
 def test_load_gives_typed_values(tmp_path):
     path = _write(tmp_path, {"counts": "{U: 3}", "limit": "null"})
     assert config.load(path, "meshes", Section) == Section(
-        faces=10, scale=1e-4, mode="fast", names=("a", "b"), range=(0.0, 1.5), inner=Inner(3, 0.5), counts={"U": 3}
+        faces=10,
+        scale=1e-4,
+        mode="fast",
+        names=("a", "b"),
+        range=(0.0, 1.5),
+        inner=Inner(3, 0.25),
+        other=Inner(2, 0.75),
+        counts={"U": 3},
     )
     assert isinstance(config.load(path, "meshes", Section).range[0], float)
 
@@ -71,9 +80,17 @@ def test_words_and_numbers_are_those_of_yaml_1_2(text, value):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"face": "3"}, r"experiment.yaml: meshes: unknown key 'face'; the keys are faces, scale"),
-        ({"scale": None}, r"experiment.yaml: meshes: key 'scale' is missing"),
-        ({"faces": "3"}, r"experiment.yaml: meshes.faces must be >= 4; got 3"),
+        (
+            {"face": "3"},
+            r"experiment.yaml: meshes: unknown key 'face'; the keys are faces, scale.*\(did you mean faces\?\)",
+        ),
+        ({"zzz": "3"}, r"meshes: unknown key 'zzz'; the keys are faces, scale, mode"),
+        ({"inner": "{rate: 3.0}"}, r"meshes.inner: unknown key 'rate'; the keys are width"),
+        ({"other": "{seed: 3}"}, r"meshes.other: unknown key 'seed'; the keys are width, rate"),
+        ({"other": "{width: 0}"}, r"experiment.yaml: meshes.other: width must be >= 1; got 0"),
+        ({"faces": "3"}, r"experiment.yaml: meshes: faces must be >= 4; got 3"),
+        ({"scale": "0.0"}, r"scale must be > 0; got 0"),
+        ({"scale": "10.0"}, r"scale must be <= 9; got 10"),
         ({"faces": "3.0"}, r"meshes.faces must be of type int; got 3.0"),
         ({"faces": "true"}, r"meshes.faces must be of type int; got True"),
         ({"faces": "'7'"}, r"meshes.faces must be of type int; got '7'"),
@@ -134,6 +151,58 @@ def test_read_refuses_other_files(tmp_path, text, message):
 def test_read_refuses_binary_files_and_names_missing_ones(tmp_path):
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x01")
     with pytest.raises(checks.InputError, match=r"binary.yaml"):
-        config.read(tmp_path / "binary.yaml")
+        config.layers(tmp_path / "binary.yaml")
     with pytest.raises(FileNotFoundError, match=r"absent\.yaml"):
-        config.read(tmp_path / "absent.yaml")
+        config.layers(tmp_path / "absent.yaml")
+
+
+def _file(folder, name, text):
+    (folder / f"{name}.yaml").write_text(text)
+    return folder / f"{name}.yaml"
+
+
+def test_a_file_says_what_differs_from_the_one_below_it(tmp_path):
+    _file(tmp_path, "root", "meshes: {faces: 10, inner: {width: 7}, counts: {U: 5}, other: {rate: 0.1}}\nfit:\n")
+    _file(tmp_path, "middle", "base: root\nmeshes: {inner: {}, counts: {A: 6}}\n")
+    top = _file(tmp_path, "top", "base: middle\nmeshes: {other: {width: 9}}\n")
+    found = config.load(top, "meshes", Section)  # parts are merged, mappings replaced
+    assert found == Section(10, inner=Inner(7, 0.25), other=Inner(9, 0.1), counts={"A": 6})
+    bare = _file(tmp_path, "bare", "base: top\nmeshes: {other: null}\n")
+    assert config.load(bare, "meshes", Section).other is None
+    assert list(config.layers(top)) == ["meshes", "fit"]
+    with pytest.raises(checks.InputError, match=r"top\.yaml: section 'train' is missing"):
+        config.load(top, "train", Section)
+
+
+@pytest.mark.parametrize("base", ["absent", "mine", "[a]"])
+def test_a_base_that_is_not_there_and_a_ring_are_named(tmp_path, base):
+    _file(tmp_path, "ring", "base: mine\n")
+    for name in (base, "ring"):
+        path = _file(tmp_path, "mine", f"base: {name}\n")
+        with pytest.raises(checks.InputError, match=r"\.yaml: base: there is no other file .* to build on"):
+            config.layers(path)
+
+
+def test_a_section_written_whole_is_read_the_same(tmp_path):
+    section = Section(inner=Inner(5, 0.25, seed=3), names=("a",), counts={"O": 1})
+    plain = config.plain(section)
+    assert plain["inner"] == {"width": 5} and plain["names"] == ["a"] and plain["other"] is None
+    path = _file(tmp_path, "whole", yaml.safe_dump({"meshes": plain}))
+    assert config.load(path, "meshes", Section) == dataclasses.replace(section, inner=Inner(5, 0.25))
+
+
+def test_a_record_is_read_without_the_keys_that_are_gone_and_with_those_that_no_file_gives():
+    record = {"faces": 7, "gone": 1, "inner": {"width": 3, "rate": 0.5, "seed": 4, "gone": {}}, "other": None}
+    assert config.recorded(record, Section, "here") == Section(7, inner=Inner(3, 0.5, 4))
+    with pytest.raises(checks.InputError, match=r"here\.inner\.seed must be of type int; got 'x'"):
+        config.recorded({"inner": {"seed": "x"}}, Section, "here")
+    with pytest.raises(checks.InputError, match="here: faces must be >= 4; got 1"):
+        config.recorded({"faces": 1}, Section, "here")
+
+
+@pytest.mark.parametrize(("value", "message"), [(float("nan"), "> 0"), (float("inf"), "<= 9"), (-1.0, "> 0")])
+def test_numbers_out_of_bounds_are_named_wherever_they_come_from(value, message):
+    with pytest.raises(checks.InputError, match=f"^scale must be {message}; got {value}"):
+        Section(scale=value)
+    with pytest.raises(checks.InputError, match="seed must be >= 0; got -1"):
+        Inner(seed=-1)

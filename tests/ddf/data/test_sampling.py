@@ -12,7 +12,7 @@ from ddf.data.samples import draws, sample_types
 from ddf.data.samples.surface import Surface
 from ddf.geometry import mesh_io, primitives, raycast, rays
 
-COUNTS = sample_types.Counts(U=3000, A=3000, B=3000, S=3000, T=3000, O=3000)
+COUNTS = sample_types.each(3000)
 CONFIG = sampling.SamplesConfig(counts=COUNTS, offsets="fixed")
 SLAB = moved(cube(), np.array([1.0, 0.4, 0.7]), (0, 0, 0))
 TIGHT = draws.Box(np.array([-1.0, -0.4, -0.7]), np.array([1.0, 0.4, 0.7]))
@@ -196,7 +196,7 @@ def test_equal_seeds_give_equal_bytes_and_types_do_not_share_a_stream():
     other, _ = sampling.extract(SLAB, CONFIG, "chair", "b")
     assert all((first[name] == again[name]).all() for name in first)
     assert not (first["U.positions"] == other["U.positions"]).all()
-    fewer = sampling.SamplesConfig(counts=sample_types.Counts(U=10, A=3000, B=10, S=10, T=10, O=10), offsets="fixed")
+    fewer = sampling.SamplesConfig(counts={**sample_types.each(10), "A": 3000}, offsets="fixed")
     assert (sampling.extract(SLAB, fewer, "chair", "a")[0]["A.depth"] == first["A.depth"]).all()
 
 
@@ -222,8 +222,16 @@ def test_reported_packing_errors_bound_the_real_ones():
 def test_mesh_outside_the_cube_and_bad_settings_are_refused():
     with pytest.raises(checks.InputError, match=r"must lie in \[-1, 1\]"):
         sampling.extract(cube(1.1), CONFIG, "x")
-    with pytest.raises(checks.InputError, match=r"samples\.counts\.A must be >= 1"):
-        sample_types.Counts(A=0)
+    for counts in ({**COUNTS, "A": 0}, {**COUNTS, "E": 5}):
+        with pytest.raises(checks.InputError, match=r"counts may give each of U, A, B, S, T, O >= 1; got"):
+            sampling.SamplesConfig(counts)
+    given = sampling.SamplesConfig({"T": 7, "U": 5}).counts
+    assert list(given.items()) == [
+        ("U", 5),
+        *((kind, sample_types.LEFT_OUT) for kind in "ABS"),
+        ("T", 7),
+        ("O", 10_000),
+    ]
     with pytest.raises(checks.InputError, match="epsilon_o"):
         sampling.SamplesConfig(epsilon_o=0.0)
     flat = mesh_io.Mesh(np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]]), np.array([[0, 1, 2]]))

@@ -15,7 +15,7 @@ from ddf.data.samples import sample_types
 from ddf.geometry import mesh_io, raycast, transforms
 
 MESHES = mesh_preparation.MeshesConfig(faces=600, alpha=0.05, offset=0.004, measure_points=500)
-SAMPLES = sampling.SamplesConfig(counts=sample_types.Counts(U=200, A=200, B=100, S=100, T=100, O=100), cloud_points=300)
+SAMPLES = sampling.SamplesConfig(counts={"U": 200, "A": 200, "B": 100, "S": 100, "T": 100, "O": 100}, cloud_points=300)
 
 
 @pytest.fixture(scope="module")

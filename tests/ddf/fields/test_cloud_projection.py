@@ -196,14 +196,14 @@ def test_hits_outside_the_box_are_chosen_last(spread):
     [
         ({"num_directions": 0}, "num_directions must be >= 1; got 0"),
         ({"temperature": 0.0}, "temperature must be > 0"),
-        ({"spread": -1.0}, r"spread must be >= 0, or null; got -1\.0"),
+        ({"spread": -1.0}, r"spread must be >= 0; got -1\.0"),
         (
             {"oversampling": -0.6, "spread": 6.0, "cycles": 3},
             "must leave enough candidates.*got 0.8 with oversampling -0.6",
         ),
         ({"crowding": -1.0}, r"crowding must be >= 0; got -1\.0"),
-        ({"least_confidence": 1.5}, r"least_confidence must be in \[0, 1\]; got 1\.5"),
-        ({"aimed": -0.5}, r"aimed must be in \[0, 1\]; got -0\.5"),
+        ({"least_confidence": 1.5}, r"least_confidence must be <= 1; got 1\.5"),
+        ({"aimed": -0.5}, r"aimed must be >= 0; got -0\.5"),
         ({"oversampling": -0.1}, "must leave enough candidates.*got 0.9 with"),
         ({"jitter": -0.1}, "jitter must be >= 0"),
         ({"recheck": (0.1, 1.5)}, r"recheck must list offsets in \(0, 1\)"),

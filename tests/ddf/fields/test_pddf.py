@@ -23,7 +23,7 @@ def test_direction_scale_narrows_the_first_weights_of_directions_alone():
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, float("inf"), float("nan")])
 def test_impossible_direction_scale_is_refused(scale):
-    with pytest.raises(checks.InputError, match="direction_scale must be > 0 and finite"):
+    with pytest.raises(checks.InputError, match=r"direction_scale must be (> 0|finite)"):
         dataclasses.replace(CONFIG, direction_scale=scale)
 
 
@@ -44,5 +44,5 @@ def test_three_components_give_the_depth_of_the_heaviest_and_one_needs_no_weight
 
 @pytest.mark.parametrize("components", [0, 5])
 def test_impossible_number_of_components_is_refused(components):
-    with pytest.raises(checks.InputError, match="components must be 1 to 4"):
+    with pytest.raises(checks.InputError, match=r"components must be (>= 1|<= 4)"):
         dataclasses.replace(CONFIG, components=components)

@@ -59,5 +59,5 @@ def test_a_fit_goes_on_from_the_weights_of_another(tmp_path):
 
 
 def test_weights_below_zero_are_named():
-    with pytest.raises(checks.InputError, match=r"fit\.consistency\.view must be >= 0 and finite; got -1"):
+    with pytest.raises(checks.InputError, match=r"view must be >= 0; got -1"):
         fit_settings.ConsistencyWeights(view=-1.0)

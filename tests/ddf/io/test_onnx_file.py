@@ -12,7 +12,6 @@ from _support import assert_close
 from ddf.core import checks, extras, shipped_models, storage
 from ddf.fields import derivatives, field_outputs, pddf
 from ddf.io import exportable, onnx_file, onnx_graphs, onnx_parity, onnx_reductions, weight_precision
-from ddf_lab.shipping import model_cards
 
 ALL = field_outputs.of(2)
 SOURCE = {"source": "chair/model.safetensors", "source_sha256": "0" * 64, "config": {"kind": "ddf"}}
@@ -104,7 +103,7 @@ def test_shipped_fields_take_no_rows_and_come_from_the_weights_beside_them():
     for folder in sorted(file.parent for file in shipped_models.ROOT.glob("*/field.onnx")):
         runner = onnx_parity.session((folder / "field.onnx").read_bytes())
         inputs = {name: torch.zeros(0, 3) for name in ("positions", "directions")}
-        found = onnx_parity.run(runner, inputs, model_cards.ONNX.outputs)
+        found = onnx_parity.run(runner, inputs, onnx_file.ExportConfig().outputs)
         assert [found[name].shape for name in ("depth", "normals", "mean_curvature")] == [(0,), (0, 3), (0,)]
         _, source = exportable.load(folder, ALL)
         assert _properties((folder / "field.onnx").read_bytes())["source_sha256"] == source["source_sha256"]
@@ -282,8 +281,8 @@ def test_float16_weights_are_the_rounded_ones():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"batches": ()}, "export.batches must be >= 1"),
-        ({"batches": (0,)}, "export.batches must be >= 1"),
+        ({"batches": ()}, "batches must be >= 1"),
+        ({"batches": (0,)}, "batches must be >= 1"),
         ({"precisions": ("int4",)}, "precision must be one of float16, bfloat16, int8; got 'int4'"),
         ({"outputs": ("colour",)}, "outputs must be among"),
     ],

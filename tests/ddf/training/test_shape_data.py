@@ -31,7 +31,7 @@ def test_too_few_shapes_are_told(tmp_path):
     with pytest.raises(checks.InputError, match=r"2 shapes have samples, of which vae.held_out takes 1"):
         shape_data.parts(*places, "car", 1)
     with pytest.raises(checks.InputError, match="every shape has samples"):
-        shape_data.read_pictured(*places, "car", None)
+        shape_data.read_pictured(*places, "car")
 
 
 def test_clouds_have_the_surface_samples_of_their_shape():

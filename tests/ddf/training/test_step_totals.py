@@ -15,7 +15,7 @@ from ddf.geometry import transforms
 from ddf.models.reconstruction import reconstruction_models
 from ddf.training.reconstruction import training_steps
 
-SEEDED = dataclasses.replace(TRAIN, camera_weight=3.0, loop=dataclasses.replace(TRAIN.loop, seed=5))
+SEEDED = dataclasses.replace(TRAIN, loop=dataclasses.replace(TRAIN.loop, seed=5))
 STEP = 2
 
 
@@ -46,7 +46,7 @@ def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
     images, shapes, samples = _hand_made.images(), _hand_made.shapes(), _hand_made.samples()
     frames = [transforms.Similarity(2.0 + i, translation=np.array([0.1 * i, 0.0, -0.05])) for i in range(3)]
     shapes = dataclasses.replace(shapes, similarities=frames)
-    config = dataclasses.replace(DDF, shape_weight=0.7, mask_weight=4.0, mask_pixels=pixels)
+    config = dataclasses.replace(DDF, mask_weight=4.0, mask_pixels=pixels)
     model = reconstruction_models.ddf_model(SEEDED, config.field)
     model.camera_head.fit(images.cameras)
     exact, random, rows, shown, truth = _by_hand(model, images)
@@ -73,7 +73,7 @@ def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
         ).mean()
     else:
         mask_loss = torch.stack(_of_some(masks, pixels, random)).mean()
-    expected = 0.7 * shape_loss + 3.0 * camera_loss + 4.0 * mask_loss
+    expected = shape_loss + 5.0 * camera_loss + 4.0 * mask_loss
     torch.testing.assert_close(found.double(), expected, rtol=2e-4, atol=0)
     torch.testing.assert_close(terms["camera"].double(), camera_loss, rtol=1e-4, atol=0)
     torch.testing.assert_close(terms["mask"].double(), mask_loss, rtol=1e-3, atol=0)
@@ -120,7 +120,7 @@ def test_pcsiren_step_is_the_weighted_sum_of_its_parts():
     apart = torch.cdist(predicted, torch.stack(clouds)).square()
     chamfer = (apart.amin(dim=2).mean(dim=1) + apart.amin(dim=1).mean(dim=1)).mean()
     camera_loss = _camera_loss(exact, exact.camera_encoder(shown), truth, images)
-    torch.testing.assert_close(found.double(), chamfer + 3.0 * camera_loss, rtol=1e-4, atol=0)
+    torch.testing.assert_close(found.double(), chamfer + 5.0 * camera_loss, rtol=1e-4, atol=0)
     torch.testing.assert_close(terms["chamfer"].double(), chamfer, rtol=1e-4, atol=0)
 
 

@@ -8,7 +8,6 @@ import pytest
 import torch
 from _hand_made import DDF, PCSIREN, TRAIN
 
-from ddf.data.batches import varied_images
 from ddf.models.reconstruction import reconstruction_models
 from ddf.training.reconstruction import training_steps
 
@@ -21,7 +20,7 @@ def test_same_step_draws_the_same_batch_and_another_does_not():
 
 
 def test_the_mask_is_that_of_the_images_as_they_are():
-    varied = dataclasses.replace(TRAIN, augmentation=varied_images.AugmentationConfig(0.5, 1.0, 3.0, 0.5))
+    varied = dataclasses.replace(TRAIN, augmentation={"colour": 0.5, "shift": 3.0})
     found = training_steps.Batch.draw(_hand_made.images(), varied, 3)
     wanted = _hand_made.images().batch(found.rows)
     assert torch.equal(found.alpha, wanted[:, 3]) and not torch.equal(found.images[:, 3], wanted[:, 3])

@@ -72,7 +72,7 @@ def test_info_counts_the_shapes_that_the_dataset_stage_has_listed(tmp_path, monk
     index = {"categories": {"chair": {"synset": "03001627", "shapes": shapes}}}
     storage.write_json(Path("artifacts/paper/dataset/index.json"), index)
     run = Run.read(ROOT / "configs" / "paper.yaml")
-    run.given["dataset"]["categories"] = {"chair": None, "car": 7}
+    run.given["dataset"].append(("here", {"categories": {"chair": None, "car": 7}}))
     assert experiment_cost.count_shapes(run) == {"chair": 3, "car": 7}
 
 

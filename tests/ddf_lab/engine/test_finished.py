@@ -7,7 +7,7 @@ import pytest
 from ddf_lab.engine import finished, graph
 from ddf_lab.run import Run
 
-CONFIG = "evaluate: {tau_sq: 1e-4, oracle_points: 250, oracle_shortlist: 2, seed: 0}\n"
+CONFIG = "evaluate: {oracle_points: 250, oracle_shortlist: 2}\n"
 
 
 @pytest.fixture

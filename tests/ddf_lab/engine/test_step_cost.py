@@ -47,9 +47,10 @@ def test_a_trial_makes_the_steps_of_a_training(kind):
 
 
 @pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
-def test_a_trial_decays_what_a_training_decays(kind):
-    train = dataclasses.replace(_models.TRAIN, weight_decay_shape=20.0, weight_decay_camera=10.0)
-    trial = step_cost.trial(train, _models.DDF if kind == "ddf" else _models.PCSIREN)
+def test_a_trial_decays_what_a_training_decays(kind, monkeypatch):
+    monkeypatch.setattr(settings, "WEIGHT_DECAY_SHAPE", 20.0)
+    monkeypatch.setattr(settings, "WEIGHT_DECAY_CAMERA", 10.0)
+    trial = step_cost.trial(_models.TRAIN, _models.DDF if kind == "ddf" else _models.PCSIREN)
     before = {name: parameter.detach().clone() for name, parameter in trial.model.named_parameters()}
     for parameter in trial.model.parameters():
         parameter.grad = torch.zeros_like(parameter)

@@ -9,10 +9,16 @@ from _tiny_fits import TINY
 from ddf.core import storage
 from ddf.data.samples import sample_types
 from ddf.fields import losses
-from ddf.fit import fit_settings, fitting, shape_field
+from ddf.fit import fitting, shape_field
 from ddf_lab.evaluation.shape import fit_errors, leave_one_out, paper_ablation
 
-CONFIG = dataclasses.replace(TINY, ablation=fit_settings.AblationConfig(3000, 60, 2, None))
+CONFIG = dataclasses.replace(TINY, steps=2)
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch):
+    monkeypatch.setattr(leave_one_out, "SAMPLES", 3000)
+    monkeypatch.setattr(leave_one_out, "HELD_OUT", 60)
 
 
 def test_every_fit_has_the_same_number_of_samples():
@@ -21,14 +27,13 @@ def test_every_fit_has_the_same_number_of_samples():
         drawn = {kind: count for kind, count in chosen.samples.items() if kind != without}
         assert set(drawn.values()) == {500 if without is None else 600}
         assert sum(drawn.values()) == 3000
-        assert {count for _, count in chosen.held_out.items()} == {60}
-        assert (chosen.steps, chosen.minutes) == (2, None)
+        assert (chosen.steps, chosen.held_out) == (2, 60)
 
 
 def test_minutes_set_the_steps_of_the_first_fit_and_the_others_follow():
-    config = dataclasses.replace(CONFIG, ablation=fit_settings.AblationConfig(3000, 60, None, 0.5))
+    config = dataclasses.replace(CONFIG, steps=None, minutes=5.0)
     first, later = (leave_one_out.settings(config, None, None), leave_one_out.settings(config, "S", 77))
-    assert (first.steps, first.minutes, later.steps) == (None, 0.5, 77)
+    assert (first.steps, first.minutes, later.steps) == (None, 0.75, 77)
 
 
 def test_a_left_out_type_is_in_no_step_and_yet_in_the_errors(tmp_path, monkeypatch):

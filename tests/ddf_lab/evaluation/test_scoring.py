@@ -15,7 +15,7 @@ from ddf.geometry import cameras, neighbours
 from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import baselines, paper_results, scoring
 
-SETTINGS = scoring.EvaluateConfig(tau_sq=1e-4, oracle_points=100, oracle_shortlist=3, seed=5)
+SETTINGS = scoring.EvaluateConfig(oracle_points=100, oracle_shortlist=3, seed=5)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def test_perfect_prediction_scores_one_hundred(experiment):
     _, _, truths = _load(experiment)
     shape, truth = next(iter(truths.items()))
     case = scoring.Case("ddf", "Pi_g-L", [(shape, 0), (shape, 1)], truth.benchmark_points())
-    table = scoring.score_all([(truth, [case])], 1e-4, jobs=1)
+    table = scoring.score_all([(truth, [case])], jobs=1)
     assert list(table["view"]) == [0, 1]
     assert (table["f_score_tau"] == 1).all() and (table["chamfer_l2_sq"] == 0).all()
     table.insert(0, "category", "chair")
@@ -98,8 +98,7 @@ def test_scores_do_not_depend_on_the_number_of_processes(experiment):
     ddf, pc_siren, truths = _load(experiment)
     shapes = list(scoring.views_by_shape(ddf.images))
     tables = [
-        scoring.score_all(((truths[s], scoring.model_cases(ddf, pc_siren, s)) for s in shapes), 1e-4, jobs)
-        for jobs in (1, 2)
+        scoring.score_all(((truths[s], scoring.model_cases(ddf, pc_siren, s)) for s in shapes), jobs) for jobs in (1, 2)
     ]
     pd.testing.assert_frame_equal(*tables, check_exact=True)
     counts = tables[0].groupby(["method", "column"]).size()
@@ -147,7 +146,7 @@ def test_evenness_is_of_each_cloud_and_of_the_truth(experiment):
     lattice = np.stack(np.meshgrid(*[np.arange(5.0)] * 3), axis=-1).reshape(-1, 3)
     cloud = truths[shape].benchmark_points()
     cases = [scoring.Case("ddf", column, [(shape, 0)], points) for column, points in (("a", lattice), ("b", cloud))]
-    table = scoring.score_all([(truths[shape], cases)], 1e-4, jobs=1).set_index("column")["spacing_variation"]
+    table = scoring.score_all([(truths[shape], cases)], jobs=1).set_index("column")["spacing_variation"]
     assert table["a"] == pytest.approx(0.0, abs=1e-12) and table["b"] > 0.4
     shapes = pd.DataFrame({"category": "chair", "hidden_share": [0.1, 0.3], "spacing_variation": [0.2, 0.4]})
     none = pd.DataFrame(columns=["category", "method", "column"])
@@ -219,7 +218,7 @@ def test_the_mean_shape_is_what_is_nearest_to_the_validation_shapes(experiment):
 def test_oracle_with_a_full_shortlist_attains_the_smallest_distance(experiment):
     _, _, truths = _load(experiment)
     train, test = experiment.categories["chair"]["train"], experiment.categories["chair"]["test"]
-    everything = scoring.EvaluateConfig(tau_sq=1e-4, oracle_points=20, oracle_shortlist=len(train), seed=5)
+    everything = scoring.EvaluateConfig(oracle_points=20, oracle_shortlist=len(train), seed=5)
     choice = baselines.oracle_choice(test, train, truths, SIZES["L"], everything, jobs=1)
     for shape in test:
         scores = {
@@ -253,7 +252,7 @@ def test_order_of_rows_ceiling_above_oracle_above_mean(experiment):
     rows = baselines.prepare(ddf, truths, experiment.categories["chair"]["train"], [], SIZES, SETTINGS, jobs=1)
     views = scoring.views_by_shape(ddf.images)
     cases = ((truths[s], rows.cases(s, [ddf.images[v] for v in views[s]])) for s in views)
-    table = scoring.score_all(cases, SETTINGS.tau_sq, jobs=1)
+    table = scoring.score_all(cases, jobs=1)
     mean = table.groupby(["method", "column"])["chamfer_l2_sq"].mean()
     assert mean["ceiling", "Pi_g-L"] < mean["oracle_retrieval", "Pi_g-L"] <= mean["retrieval", "Pi_g-L"]
     assert mean["oracle_retrieval", "Pi_g-L"] < mean["mean_shape", "Pi_g-L"]
@@ -312,9 +311,9 @@ def test_damaged_and_unfitting_predictions_are_refused(experiment, tmp_path):
         scoring.load_truth(tmp_path)
 
 
-@pytest.mark.parametrize("wrong", [{"tau_sq": 0.0}, {"oracle_points": 0}, {"oracle_shortlist": 0}, {"seed": -1}])
+@pytest.mark.parametrize("wrong", [{"oracle_points": 0}, {"oracle_shortlist": 0}, {"seed": -1}])
 def test_settings_out_of_range_are_refused(wrong):
-    values = {"tau_sq": 1e-4, "oracle_points": 1, "oracle_shortlist": 1, "seed": 0} | wrong
+    values = {"oracle_points": 1, "oracle_shortlist": 1, "seed": 0} | wrong
     with pytest.raises(checks.InputError, match=next(iter(wrong))):
         scoring.EvaluateConfig(**values)
 

@@ -22,6 +22,6 @@ def test_lines_are_those_of_the_fit_and_of_its_residuals(tmp_path):
 
 
 def test_a_field_is_trained_further_in_small_steps_on_all_six_types():
-    settings = consistency_table.further(figure_fields.FiguresConfig(10, 10, 10, 7, 10, 32))
+    settings = consistency_table.further(figure_fields.FiguresConfig(steps=10, consistency_steps=7))
     assert settings.steps == 7 and settings.loop.muon is None
     assert [kind for kind, _ in settings.samples.items()] == list(sample_types.KINDS) == list("UABSTO")

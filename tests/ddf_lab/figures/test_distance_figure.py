@@ -1,11 +1,8 @@
 """Closest points in closed form are those of the meshes."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from ddf.core import config
 from ddf.data.synthetic import showcase
 from ddf.geometry import raycast
 from ddf_lab.figures import distance_figure, figure_fields
@@ -41,8 +38,7 @@ def test_each_bound_is_told_by_itself():
 
 def test_paper_udf_trains_g_v_as_the_paper_does():
     """[DDF22] app. D: 5 x 128, K_c = 5, 1e4 iterations of 4,096 points, Adam at 1e-4."""
-    path = Path(__file__).resolve().parents[3] / "configs" / "paper_udf.yaml"
-    found = distance_figure.candidate_recipe(config.load(path, "figures", figure_fields.FiguresConfig))
+    found = distance_figure.candidate_recipe(figure_fields.FiguresConfig(paper_candidates=True))
     assert (found.hidden, found.num_candidates, found.steps, found.points) == ((128,) * 5, 5, 10_000, 4096)
     assert (found.loop.learning_rate, found.loop.schedule, found.spread, found.alignment) == (
         1e-4,

@@ -5,7 +5,7 @@ from ddf_lab.report.pages import Table
 
 
 def test_samples_of_a_sphere_are_those_of_the_closed_form(tmp_path):
-    section = sample_figure.section(figure_fields.FiguresConfig(1, 1, 1, 1, 1, 24), tmp_path)
+    section = sample_figure.section(figure_fields.FiguresConfig(picture_size=24), tmp_path)
     (table,) = (block for block in section.blocks if isinstance(block, Table))
     rows = {str(row[0]): [str(cell) for cell in row[1:]] for row in table.rows}
     assert list(rows) == list("UABSTO")

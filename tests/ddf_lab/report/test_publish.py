@@ -10,7 +10,7 @@ from ddf_lab.run import Run
 
 def test_a_page_replaces_the_one_before_without_html(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run = Run(tmp_path / "own.yaml", {"figures": {}})
+    run = Run(tmp_path / "own.yaml", {"figures": []})
     with pytest.raises(FileNotFoundError, match=r"artifacts/own/report: no page; `ddf run .*own\.yaml` makes it"):
         publish.publish(run)
     run.page.mkdir(parents=True)

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "gets model.safetensors, log.csv, fit.json; an interrupted or longer fit goes on there"
     )
     parser.add_argument(
-        "--config", metavar="C", type=Path, help="file with a section `fit` (default: configs/fit.yaml)"
+        "--config", metavar="C", help="simple_fit, long_fit, paper_fit, or a file with a section `fit` (default: fit)"
     )
     parser.add_argument(
         "--kind",
@@ -68,7 +68,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         raise checks.InputError("--tolerance is of --kind patches")
     if kind == "patches":
         return _patches(args)
-    fit = fit_settings.DEFAULT if args.config is None else config.load(args.config, "fit", fit_settings.FitConfig)
+    fit = (
+        fit_settings.FitConfig()
+        if args.config is None
+        else config.load(config.found_file(args.config), "fit", fit_settings.FitConfig)
+    )
     if args.minutes is not None:
         fit = dataclasses.replace(fit, steps=None, minutes=args.minutes)
     if args.steps is not None:

@@ -50,9 +50,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.data.samples import sample_types
     from ddf.geometry import mesh_io
 
-    half = args.count // 2
     config = sampling.SamplesConfig(
-        counts=sample_types.Counts(U=args.count, A=args.count, B=half, S=half, T=half, O=half),
+        counts={kind: args.count if kind in "UA" else args.count // 2 for kind in sample_types.KINDS},
         epsilon_o=args.epsilon,
         offsets="fixed",
         box=args.box,
@@ -68,7 +67,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "packing_errors": sampling.packing_errors([probes]),
     }
     storage.save_tensors(args.out, arrays, metadata)
-    counts = dict(config.counts.items())
+    counts = config.counts
     shares = {kind: float(np.mean(arrays[f"{kind}.depth"] != np.iinfo(np.uint16).max)) for kind in counts}
     return {
         "counts": counts,

@@ -1,7 +1,6 @@
 """`ddf export`: a trained model as an ONNX file, compared with the model in onnxruntime first; or as a page."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from ddf.cli import arguments, results
@@ -37,9 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--outputs",
         type=arguments.outputs,
         metavar="NAME,...",
-        help=f"of a field, some of {','.join(field_outputs.OUTPUTS)} (default: all that it has, or those of --config)",
+        help=f"of a field, some of {','.join(field_outputs.OUTPUTS)} (default: all that it has)",
     )
-    parser.add_argument("--config", type=Path, metavar="CONFIG", help="experiment file; its section `export` is used")
     parser.add_argument(
         "--precision",
         default=PRECISIONS[0],
@@ -52,18 +50,15 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Export, compare, write; `parity` has the worst difference of every output over all inputs tried."""
     if args.out.suffix.lower() == ".html":
         return _page(args)
-    from ddf.core import checks, config
+    from ddf.core import checks
     from ddf.io import exportable, onnx_file
     from ddf.training import training_loop
 
     model, *others = args.model
     if others:
         raise checks.InputError(f"{args.out}: an ONNX file holds one model; give one, or a name that ends in .html")
-    settings = onnx_file.ExportConfig(field_outputs.DEFAULT, BATCHES, (), 0)
+    settings = onnx_file.ExportConfig(field_outputs.DEFAULT, BATCHES)
     outputs = args.outputs
-    if args.config is not None:
-        settings = config.load(args.config, "export", onnx_file.ExportConfig)
-        outputs = outputs or settings.outputs
     folder = model.parent if model.name == training_loop.MODEL else model
     graphs, source = exportable.load(folder, outputs)
     name = args.graph or next(iter(graphs))

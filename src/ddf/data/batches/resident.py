@@ -99,10 +99,8 @@ class Memory:
         size = 12 * len(shapes.ids) * len(shapes.clouds[0])  # clouds differ by a tenth at most
         return joined_clouds(shapes, self.device) if self.takes("clouds", size) else shapes
 
-    def samples(self, samples: sources.SampleSource) -> sources.SampleSource:
-        """The samples, on the device if they are stored and fit there."""
-        if not isinstance(samples, category_data.SampleSet):
-            return samples
+    def samples(self, samples: category_data.SampleSet) -> sources.SampleSource:
+        """The samples, on the device if they fit there."""
         size = 2 * packing.RECORD * len(samples.places) * sum(_stored(samples).values())
         return joined_samples(samples, self.device) if self.takes("samples", size) else samples
 

@@ -6,7 +6,7 @@ generator: a resumed training and one of several processes see the same images.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,32 +14,27 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.core import arrays, checks
+from ddf.core import arrays, checks, names
 
 LEAST_WIDTH = 0.05  # pixels: a Gaussian that blurs nothing
 LEAST_ALPHA = 1 / 510  # half a step of eight bits: less is nothing
 
 
-@dataclass(frozen=True)
-class AugmentationConfig:
-    """Section `train.augmentation`; each is the largest change, drawn evenly down to none, and 0 switches it off.
+Largest = Mapping[str, float]  # change by name, drawn evenly down to none
+
+
+def check(largest: Largest) -> None:
+    """Raise unless the largest changes have known names and are in range.
 
     colour: of the logarithm of brightness, a third of it also of each channel, and of the power of the half tones.
     blur: standard deviation, pixels of the encoders' input. shift: pixels of it, right or left and up or down. alpha:
     of the logarithm of the power to which alpha is taken.
     """
-
-    colour: float
-    blur: float
-    shift: float
-    alpha: float
-
-    def __post_init__(self) -> None:
-        for name, most in _LARGEST.items():
-            if not 0 <= getattr(self, name) <= most:
-                raise checks.InputError(
-                    f"train.augmentation.{name} must be in [0, {most:g}]; got {getattr(self, name)}"
-                )
+    for name, value in largest.items():
+        if name not in _MOST:
+            raise checks.InputError(f"augmentation: unknown name {name!r}; the names are {names.known(name, _MOST)}")
+        if not 0 <= value <= _MOST[name]:
+            raise checks.InputError(f"augmentation.{name} must be in [0, {_MOST[name]:g}]; got {value}")
 
 
 def numbers(count: int, random: np.random.Generator, part: slice) -> Float[Tensor, "b numbers"]:
@@ -48,49 +43,50 @@ def numbers(count: int, random: np.random.Generator, part: slice) -> Float[Tenso
 
 
 def vary(
-    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b numbers"], config: AugmentationConfig
+    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b numbers"], largest: Largest
 ) -> Float[Tensor, "b 4 h w"]:
     """Images in [0, 1], changed by as much as `chances` in [-1, 1) say; RGB is 0 where alpha is 0."""
+    whole = dict.fromkeys(_MOST, 0.0) | dict(largest)
     own = arrays.send(chances, images.device).split([each.numbers for each in AUGMENTATIONS], dim=1)
     for each, part in zip(AUGMENTATIONS, own, strict=True):
-        if any(getattr(config, key) for key in each.largest):
-            images = each.change(images, part, config)
+        if any(whole[key] for key in each.largest):
+            images = each.change(images, part, whole)
     return images
 
 
 def _coloured(
-    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 5"], config: AugmentationConfig
+    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 5"], largest: Largest
 ) -> Float[Tensor, "b 4 h w"]:
-    gains = config.colour * (chances[:, :1] + chances[:, 1:4] / 3)
-    power = (config.colour * chances[:, 4:5]).exp()[..., None, None]
+    gains = largest["colour"] * (chances[:, :1] + chances[:, 1:4] / 3)
+    power = (largest["colour"] * chances[:, 4:5]).exp()[..., None, None]
     rgb = (images[:, :3].clamp_min(0) ** power * gains.exp()[..., None, None]).clamp(0, 1)
     return torch.cat((rgb, images[:, 3:]), dim=1)
 
 
 def _hardened(
-    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 1"], config: AugmentationConfig
+    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 1"], largest: Largest
 ) -> Float[Tensor, "b 4 h w"]:
-    alpha = images[:, 3:] ** (config.alpha * chances).exp()[..., None, None]
+    alpha = images[:, 3:] ** (largest["alpha"] * chances).exp()[..., None, None]
     shown = alpha >= LEAST_ALPHA
     return torch.cat((images[:, :3] * shown, alpha * shown), dim=1)
 
 
 def _moved(
-    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 3"], config: AugmentationConfig
+    images: Float[Tensor, "b 4 h w"], chances: Float[Tensor, "b 3"], largest: Largest
 ) -> Float[Tensor, "b 4 h w"]:
     """Blurred and shifted, colours as much as they are opaque."""
     spread = torch.cat((images[:, :3] * images[:, 3:], images[:, 3:]), dim=1)
-    width = (config.blur * chances[:, :1].abs()).clamp_min(LEAST_WIDTH)
+    width = (largest["blur"] * chances[:, :1].abs()).clamp_min(LEAST_WIDTH)
     for axis, row in ((-1, 1), (-2, 2)):
-        spread = _along(spread, width, config.shift * chances[:, row : row + 1], axis, _reach(config))
+        spread = _along(spread, width, largest["shift"] * chances[:, row : row + 1], axis, _reach(largest))
     alpha = spread[:, 3:] * (spread[:, 3:] >= LEAST_ALPHA)
     rgb = torch.where(alpha > 0, spread[:, :3] / spread[:, 3:].clamp_min(LEAST_ALPHA), 0.0)
     return torch.cat((rgb, alpha), dim=1).clamp(0, 1)
 
 
-def _reach(config: AugmentationConfig) -> int:
+def _reach(largest: Largest) -> int:
     """Pixels beside the middle one that the widest, farthest kernel needs."""
-    return math.ceil(config.shift) + math.ceil(3 * config.blur)
+    return math.ceil(largest["shift"]) + math.ceil(3 * largest["blur"])
 
 
 def _along(
@@ -118,7 +114,7 @@ class Augmentation:
 
     largest: dict[str, float]
     numbers: int
-    change: Callable[[Tensor, Tensor, AugmentationConfig], Tensor]
+    change: Callable[[Tensor, Tensor, Largest], Tensor]
 
 
 AUGMENTATIONS = (  # in this order; a new one is an entry here, a function above and its key in the config
@@ -127,4 +123,4 @@ AUGMENTATIONS = (  # in this order; a new one is an entry here, a function above
     Augmentation({"blur": 4.0, "shift": 8.0}, 3, _moved),
 )
 NUMBERS = sum(each.numbers for each in AUGMENTATIONS)
-_LARGEST = {key: most for each in AUGMENTATIONS for key, most in each.largest.items()}
+_MOST = {key: most for each in AUGMENTATIONS for key, most in each.largest.items()}

@@ -1,10 +1,9 @@
 """The types of oriented-point samples, once: what each supervises, in the order in which a batch holds them.
 
 A term of the loss reads one slice of a batch, so the types of a term stand side by side in `TYPES`. A new type is an
-entry here, a key of `Counts`, and a function in `draws`.
+entry here and a function in `draws`.
 """
 
-import dataclasses
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -64,6 +63,7 @@ VALUES_ONLY = (*STORED_VALUES, *_named(lambda kind: not kind.derivatives))
 STORED = (*KINDS, *STORED_VALUES)
 BATCH = (*ORDER, *VALUES_ONLY)
 NEEDED = _named(lambda kind: kind.needed)
+LEFT_OUT = 10_000  # samples of a stored type of which a config says nothing
 
 Span = tuple[str, str]  # first and last type of a slice of a batch
 
@@ -92,32 +92,25 @@ GROUND_TRUTH = (KINDS[0], BATCH[-1])
 DOUBLED_DEPTH = runs(_named(lambda kind: kind.doubled))
 
 
-@dataclass(frozen=True)
-class Counts:
-    """Samples of each stored type per shape."""
-
-    U: int = 20_000
-    A: int = 20_000
-    B: int = 10_000
-    S: int = 10_000
-    T: int = 10_000
-    O: int = 10_000  # noqa: E741  (the paper's letter)
-
-    def __post_init__(self) -> None:
-        for kind, count in self.items():
-            if count < 1:
-                raise checks.InputError(f"samples.counts.{kind} must be >= 1; got {count}")
-
-    def items(self) -> list[tuple[str, int]]:
-        """Pairs of type and count in the order of `KINDS`."""
-        return [(kind, getattr(self, kind)) for kind in KINDS]
-
-    def scaled(self, share: float) -> "Counts":
-        """A share of each, and one of each at the least."""
-        return Counts(**{kind: max(1, round(count * share)) for kind, count in self.items()})
+def each(count: int) -> dict[str, int]:
+    """So many samples of every stored type."""
+    return dict.fromkeys(KINDS, count)
 
 
-assert {field.name for field in dataclasses.fields(Counts)} == set(KINDS)
+def scaled(counts: Mapping[str, int], share: int | float) -> dict[str, int]:
+    """A share of the samples of each stored type, and one of each at the least."""
+    return {kind: max(1, round(counts[kind] * share)) for kind in KINDS}
+
+
+def stored(name: str, counts: Mapping[str, int]) -> dict[str, int]:
+    """Samples of each stored type in order; `LEFT_OUT` of one that is not given. `name` is the config's key.
+
+    Raises:
+      InputError: a type is unknown or without samples.
+    """
+    if not set(counts) <= set(KINDS) or min(counts.values(), default=1) < 1:
+        raise checks.InputError(f"{name} may give each of {', '.join(KINDS)} >= 1; got {dict(counts)}")
+    return {kind: counts.get(kind, LEFT_OUT) for kind in KINDS}
 
 
 def check_counts(name: str, counts: Mapping[str, int]) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf.core import arrays
@@ -47,13 +47,6 @@ class Meshes:
         rays = torch.cat((positions[..., None, :], frames(directions)), dim=-2).flatten(-2).movedim(-1, 0).contiguous()
         depth, own = _kernel(self.corners, ranges, rays)
         return depth, torch.where(own < 0, -1, own + ranges[:, :1])
-
-    def from_behind(
-        self, triangles: Int[Tensor, "*batch"], directions: Float[Tensor, "*batch 3"]
-    ) -> Bool[Tensor, "*batch"]:
-        """Whether rays meet the other side of triangles than the one round which their corners run anticlockwise."""
-        first, second, third = self.corners[:, triangles].movedim(0, -1).unflatten(-1, (3, 3)).unbind(-2)
-        return (torch.linalg.cross(second - first, third - first) * directions).sum(-1) > 0
 
 
 def _kernel(

@@ -14,6 +14,7 @@ from ddf.fields import pddf
 from ddf.models.generative import image_networks, records, settings, translators
 from ddf.training import training_loop
 
+BETAS = (0.0, 0.9)  # of Adam
 KIND, KIND_2D = "image_gan", "image_gan_2d"  # of the files' records
 
 
@@ -27,16 +28,14 @@ class ImageGAN(nn.Module):
         self.vae, self.config = vae, gan
         self.decoder = pddf.ConditionalPDDF(vae.field, vae.latent_features).requires_grad_(False)
         self.register_buffer("field_scale", torch.ones(()))
-        self.colours = translators.Translator(
-            gan.texture_features, gan.translator_width, gan.texture_at, gan.upsampling
-        )
+        self.colours = translators.Translator(gan.texture_features, gan.translator_width, upsampling=gan.upsampling)
         self.normals = translators.Translator(0, gan.translator_width, upsampling=gan.upsampling)
         self.textures = translators.TextureEncoder(gan.texture_features, gan.texture_width)
         self.critic = image_networks.Critic(gan.critic_width)
 
     def parameter_groups(self) -> list[dict[str, Any]]:
         """Of the optimiser: Adam's, without decay; not of the decoder."""
-        return _groups((self.colours, self.normals, self.textures, self.critic), self.config)
+        return _groups(self.colours, self.normals, self.textures, self.critic)
 
 
 class NoiseGAN(nn.Module):
@@ -45,17 +44,17 @@ class NoiseGAN(nn.Module):
     def __init__(self, gan: settings.GANConfig) -> None:
         super().__init__()
         self.config = gan
-        self.generator = image_networks.Generator2D(gan.generator_width, gan.noise_features)
+        self.generator = image_networks.Generator2D(gan.critic_width, gan.noise_features)
         self.critic = image_networks.Critic(gan.critic_width)
 
     def parameter_groups(self) -> list[dict[str, Any]]:
         """Of the optimiser: Adam's, without decay."""
-        return _groups((self.generator, self.critic), self.config)
+        return _groups(self.generator, self.critic)
 
 
-def _groups(parts: tuple[nn.Module, ...], gan: settings.GANConfig) -> list[dict[str, Any]]:
+def _groups(*parts: nn.Module) -> list[dict[str, Any]]:
     parameters = [parameter for part in parts for parameter in part.parameters()]
-    return [{"params": parameters, "weight_decay": 0.0, "betas": gan.betas}]
+    return [{"params": parameters, "weight_decay": 0.0, "betas": BETAS}]
 
 
 def load(folder: Path) -> ImageGAN:

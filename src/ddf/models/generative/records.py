@@ -34,4 +34,4 @@ def section(record: Mapping[str, Any], name: str, cls: type[T], folder: Path) ->
     """
     if name not in record:
         raise checks.InputError(f"{folder}: its record has no section {name}")
-    return config.parse(config.known(record[name], cls), cls, f"{folder}: {name}")
+    return config.recorded(record[name], cls, f"{folder}: {name}")

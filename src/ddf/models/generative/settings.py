@@ -1,188 +1,133 @@
 """Settings of generative modelling: the sections `vae`, `gan` and `scores` of an experiment file.
 
-What [DDF22] §4.4 and app. genmodel leave open is chosen here and said in `configs/paper_generative.yaml`.
+Defaults are those of [DDF22] §4.4 and app. genmodel; what these leave open is chosen here and has no source.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
 
-from ddf.core import checks
+from ddf.core import checks, schema
+from ddf.core.schema import fixed, setting
 from ddf.data.samples import sample_types
 from ddf.fields import losses, pddf
 from ddf.models.generative import translators
 from ddf.training import training_loop
 
-
-def require(section: str, settings: Any, least: Mapping[str, int | float]) -> None:
-    """Raise unless each named setting is at least as large as it must be.
-
-    Raises:
-      InputError: naming section and key.
-    """
-    for name, bound in least.items():
-        if not bound <= getattr(settings, name) < float("inf"):
-            raise checks.InputError(f"{section}.{name} must be >= {bound:g}; got {getattr(settings, name)}")
+_SAMPLED = ("hidden", "omega_first", "depth_activation", "direction_scale")
+_WEIGHTS = ("depth", "depth_of", "depth_huber", "normals")
+_VAE_LOOP = ("learning_rate", "schedule", "warmup_steps", "clip_norm", "threads", "muon")
+_GAN_LOOP = ("learning_rate", "schedule", "threads", "ema")
+_GENMODEL = "app. genmodel"
 
 
 @dataclass(frozen=True)
-class VAEConfig:
-    """Section `vae`: the shape VAE.
+class VAEConfig(schema.Checked):
+    """Section `vae`: the shape VAE. counts: as section `ddf` has them."""
 
-    field, latent_features: the decoder, a conditional PDDF, and dim(z_s). encoder_width: of PointNet, 64 is the
-    paper's. points: with normals, that the encoder sees of a shape. held_out: shapes with samples that it does not
-    learn. counts: oriented points per shape in a batch, as section `ddf` has them. divergence: whether L_KL is the sum
-    over the dimensions of z_s or their mean; beta: its weight β. encoder_learning_rate: of the encoder, null for that
-    of the decoder.
-    """
-
-    field: pddf.PDDFConfig
-    latent_features: int
-    encoder_width: int
-    points: int
-    held_out: int
-    batch_size: int
-    steps: int
-    counts: dict[str, int]
-    weights: losses.LossWeights
-    beta: float
-    divergence: Literal["sum", "mean"]
-    loop: training_loop.LoopConfig
-    encoder_learning_rate: float | None = None
+    field: pddf.PDDFConfig = setting(pddf.PDDFConfig((512,) * 4 + (256,) * 4), "its decoder", _GENMODEL, only=_SAMPLED)
+    latent_features: int = setting(400, "dim(z_s)", _GENMODEL, least=1)
+    encoder_width: int = setting(64, "of PointNet", _GENMODEL, least=8)
+    points: int = setting(1024, "with normals, that the encoder sees of a shape", _GENMODEL, least=2)
+    held_out: int = setting(50, "shapes with samples that are not learned", least=1)
+    batch_size: int = setting(32, "shapes of a step", _GENMODEL, least=2)
+    steps: int = setting(100_000, "steps of training", _GENMODEL, least=1)
+    counts: dict[str, int] = setting(
+        {"U": 1200, "A": 1200, "B": 300, "S": 300, "T": 300, "O": 300, "E": 1000},
+        "oriented points per shape in a batch; E without truth; with +: values alone",
+        _GENMODEL,
+    )
+    weights: losses.LossWeights = setting(
+        losses.LossWeights(eikonal_visibility=0.1, visibility_variance=0.1), "γ of its loss", _GENMODEL, only=_WEIGHTS
+    )
+    beta: float = setting(0.05, "β of L_KL, the sum over the dimensions of z_s", _GENMODEL, least=0)
+    loop: training_loop.LoopConfig = setting(
+        training_loop.LoopConfig(schedule="constant"), "how it is optimised", only=_VAE_LOOP
+    )
+    encoder_learning_rate: float | None = setting(None, "of PointNet; null: that of the loop", _GENMODEL, above=0)
 
     def __post_init__(self) -> None:
-        least = {"latent_features": 1, "encoder_width": 8, "points": 2, "held_out": 1, "batch_size": 2, "steps": 1}
-        require("vae", self, {**least, "beta": 0})
-        sample_types.check_counts("vae.counts", self.counts)
-        if self.encoder_learning_rate is not None and not self.encoder_learning_rate > 0:
-            raise checks.InputError(f"vae.encoder_learning_rate must be > 0, or null; got {self.encoder_learning_rate}")
+        super().__post_init__()
+        sample_types.check_counts("counts", self.counts)
 
 
 @dataclass(frozen=True)
-class NormalsConfig:
-    """Normals of random shapes, rendered ahead.
+class NormalsConfig(schema.Checked):
+    """Normals of random shapes, rendered ahead. radius: of all cameras, benchmark units; the images have 0.65 to 1.
 
-    images: how many. elevation_deg: range of the cameras' elevations, which are spread evenly over that part of the
-    sphere, azimuths over the whole circle. radius: of all cameras, benchmark units. shard_size: images in one file.
+    elevation_deg: the cameras are spread evenly over that part of the sphere, azimuths over the whole circle.
     """
 
-    images: int
-    elevation_deg: tuple[float, float]
-    radius: float
-    shard_size: int
-    seed: int
+    images: int = setting(100_000, "how many; the paper renders anew in every step", least=1)
+    elevation_deg: tuple[float, float] = setting((0.0, 90.0), "of the cameras; the paper's upper hemisphere", _GENMODEL)
+    radius: float = fixed(0.8, least=0.1)
+    seed: int = fixed(0, least=0)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "elevation_deg", tuple(self.elevation_deg))
-        require("gan.normals", self, {"images": 1, "radius": 0.1, "shard_size": 1, "seed": 0})
         low, high = self.elevation_deg
         if not 0 <= low <= high <= 90:
-            raise checks.InputError(
-                f"gan.normals.elevation_deg must be two numbers in [0, 90], in order; got {[low, high]}"
-            )
+            raise checks.InputError(f"elevation_deg must be two numbers in [0, 90], in order; got {[low, high]}")
 
 
 @dataclass(frozen=True)
-class GANConfig:
-    """Section `gan`: images from normals, and the 2D GAN that is compared with it. All are 64 x 64 pixels.
+class GANConfig(schema.Checked):
+    """Section `gan`: images from normals, and the 2D GAN that is compared with it. All are 64 x 64 pixels."""
 
-    normals: what f_T translates. views: of each shape that the critic is shown; null for all. texture_features:
-    dim(z_T). translator_width, texture_width, critic_width, generator_width: 64, 16, 1024 and 1024 are the paper's.
-    texture_at: pixels that z_T is given at; upsampling: how f_T and g_T double an image (both: `translators`).
-    critic_steps: updates of the critic in a step, before the one of the generator. shape_consistency,
-    texture_consistency: γ_CS, γ_CT. gradient_penalty: of E‖∇D‖² on real images. betas: of Adam. steps_2d: of the 2D
-    GAN.
-    """
-
-    normals: NormalsConfig
-    views: int | None
-    texture_features: int
-    translator_width: int
-    texture_width: int
-    critic_width: int
-    texture_at: translators.TextureAt
-    upsampling: translators.Upsampling
-    generator_width: int
-    noise_features: int
-    batch_size: int
-    critic_steps: int
-    shape_consistency: float
-    texture_consistency: float
-    gradient_penalty: float
-    betas: tuple[float, float]
-    steps: int
-    steps_2d: int
-    loop: training_loop.LoopConfig
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "betas", tuple(self.betas))
-        widths = {"translator_width": 2, "texture_width": 2, "critic_width": 16, "generator_width": 16}
-        least = {"texture_features": 1, "noise_features": 1, "batch_size": 2, "critic_steps": 1, "steps": 1}
-        weights = {"shape_consistency": 0, "texture_consistency": 0, "gradient_penalty": 0}
-        require("gan", self, {**widths, **least, **weights, "steps_2d": 1})
-        if self.views is not None and self.views < 1:
-            raise checks.InputError(f"gan.views must be >= 1, or null for all; got {self.views}")
-        if not all(0 <= beta < 1 for beta in self.betas):
-            raise checks.InputError(f"gan.betas must be in [0, 1); got {list(self.betas)}")
+    normals: NormalsConfig = setting(NormalsConfig(), "what f_T translates")
+    texture_features: int = setting(64, "dim(z_T)", _GENMODEL, least=1)
+    translator_width: int = setting(64, "of f_T and g_T", _GENMODEL, least=2)
+    texture_width: int = setting(16, "of h_T", _GENMODEL, least=2)
+    critic_width: int = setting(1024, "of the critics, and of the 2D GAN's generator", _GENMODEL, least=16)
+    upsampling: translators.Upsampling = setting(
+        "transposed", "of f_T and g_T; nearest leaves no grid of dots in short trainings", _GENMODEL
+    )
+    noise_features: int = setting(128, "of the 2D GAN", _GENMODEL, least=1)
+    batch_size: int = setting(32, "images of a step, as GIRAFFE and pi-GAN have it", least=2)
+    gradient_penalty: float = setting(10.0, "of E‖∇D‖² on real images, as GIRAFFE has it", least=0)
+    steps: int = setting(100_000, "of both GANs", _GENMODEL, least=1)
+    loop: training_loop.LoopConfig = setting(
+        training_loop.LoopConfig(), "how they are optimised", _GENMODEL, only=_GAN_LOOP
+    )
 
 
 @dataclass(frozen=True)
-class FeaturesConfig:
-    """The image network whose features the scores of images are taken on.
+class FeaturesConfig(schema.Checked):
+    """The image network whose features the scores of images are taken on, trained on the VAE's shapes."""
 
-    width: of ResNet-20, which has four times as many features. views: of each shape that it learns; null for all.
-    """
-
-    width: int
-    views: int | None
-    batch_size: int
-    steps: int
-    loop: training_loop.LoopConfig
-
-    def __post_init__(self) -> None:
-        require("scores.features", self, {"width": 1, "batch_size": 2, "steps": 1})
+    width: int = setting(16, "of ResNet-20, which gives four times as many features", least=1)
+    batch_size: int = setting(128, "images of a step", least=2)
+    steps: int = setting(20_000, "steps of training", least=1)
+    loop: training_loop.LoopConfig = fixed(training_loop.LoopConfig(3e-3, "cosine", 20, threads=1))
 
 
 @dataclass(frozen=True)
-class ScoresConfig:
-    """Section `scores`: what the generative models are measured by.
+class ScoresConfig(schema.Checked):
+    """Section `scores`: what the generative models are measured by. The spread of KID is that over the subsets.
 
-    images: of each model. subsets, subset_size: of KID, whose spread is that over the subsets. neighbours: k of
-    precision and recall. inception_weights: a file for torch-fidelity's Inception network; null: FID is not computed.
-    auto_steps, auto_learning_rate: of latents that are optimised on each held-out shape. cloud_points: of every cloud.
-    samples: of the prior, drawn and compared with the training shapes. cameras: around a shape, as far apart as they
-    can be. textured: shapes with a texture of which the images are compared from these cameras.
+    neighbours: k of precision and recall. samples: of the prior, drawn and compared with the training shapes.
+    cameras: around a shape, as far apart as they can be.
     """
 
-    features: FeaturesConfig
-    images: int
-    subsets: int
-    subset_size: int
-    neighbours: int
-    inception_weights: Path | None
-    auto_steps: int
-    auto_learning_rate: float
-    cloud_points: int
-    samples: int
-    cameras: int
-    textured: int
-    seed: int
+    features: FeaturesConfig = setting(FeaturesConfig(), "the image network that images are compared by")
+    images: int = setting(10_000, "of each model", least=2)
+    subsets: int = setting(100, "of KID", least=2)
+    neighbours: int = fixed(3, least=1)
+    inception_weights: Path | None = setting(
+        None, "a file for torch-fidelity's Inception network; null: FID is not computed"
+    )
+    auto_steps: int = setting(2000, "of latents that are optimised on each held-out shape", least=1)
+    auto_learning_rate: float = fixed(0.03, above=0)
+    cloud_points: int = setting(2466, "of every cloud", least=1)
+    samples: int = fixed(12, least=2)
+    cameras: int = fixed(6, least=2)
+    textured: int = setting(50, "shapes with a texture whose images are compared from these cameras", least=2)
+    seed: int = fixed(0, least=0)
 
-    def __post_init__(self) -> None:
-        least = {
-            "images": 2,
-            "subsets": 2,
-            "subset_size": 2,
-            "neighbours": 1,
-            "auto_steps": 1,
-            "auto_learning_rate": 1e-9,
-        }
-        require("scores", self, {**least, "cloud_points": 1, "samples": 2, "cameras": 2, "textured": 2, "seed": 0})
-        if self.subset_size > self.images:
-            raise checks.InputError(
-                f"scores.subset_size must be <= scores.images; got {self.subset_size} and {self.images}"
-            )
+    @property
+    def subset_size(self) -> int:
+        """Images of a subset of KID: its usual 1,000 of 2,500 and more, of fewer two fifths."""
+        return max(2, min(1000, -(-2 * self.images // 5)))
 
 
 def auto_loop(scores: ScoresConfig) -> training_loop.LoopConfig:

@@ -103,7 +103,7 @@ def reconstruct(
     drawn = cloud_defaults.cloud()
     if deviation is not None:
         with _timed(seconds, "silhouette"):
-            how = settings.ShapeCorrectionConfig(**cloud_defaults.SHAPE_CORRECTION)
+            how = settings.ShapeCorrectionConfig()
             field_scale = inference.rough_field_scales(model, latent, drawn, [_generator(seed)])
             alpha = functional.interpolate(pixels[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
             latent = silhouettes.correct_shapes(model, latent, deviation, seen_from, field_scale, alpha, how)

@@ -110,9 +110,7 @@ class ReconstructionModel(nn.Module):
         self.camera_encoder = make(self.camera_head.num_scores, encoder_width)
         self.decoder = decoder
 
-    def parameter_groups(
-        self, weight_decay_shape: float, weight_decay_camera: float, encoder_share: float = 1.0
-    ) -> list[dict]:
+    def parameter_groups(self, encoder_share: float = 1.0) -> list[dict]:
         """AdamW groups: decay on the two predictors, none on the decoder. Source: [DDF22] app. E.
 
         Args:
@@ -120,8 +118,8 @@ class ReconstructionModel(nn.Module):
         """
         of_rate = {"share": encoder_share}
         return [
-            {"params": list(self.shape_encoder.parameters()), "weight_decay": weight_decay_shape, **of_rate},
-            {"params": list(self.camera_encoder.parameters()), "weight_decay": weight_decay_camera, **of_rate},
+            {"params": list(self.shape_encoder.parameters()), "weight_decay": settings.WEIGHT_DECAY_SHAPE, **of_rate},
+            {"params": list(self.camera_encoder.parameters()), "weight_decay": settings.WEIGHT_DECAY_CAMERA, **of_rate},
             {"params": list(self.decoder.parameters()), "weight_decay": 0.0},
         ]
 

@@ -24,8 +24,8 @@ def ddf(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.
       InputError: the file is damaged, or its record names unknown settings.
     """
     with framed_field.record_of(folder):
-        train = config.parse(record["train"], settings.TrainConfig, "train")
-        field = config.parse(record["section"]["field"], settings.FieldConfig, "ddf.field")
+        train = config.recorded(record["train"], settings.TrainConfig, "train")
+        field = config.recorded(record["section"]["field"], settings.FieldConfig, "ddf.field")
     make = functools.partial(reconstruction_models.ddf_model, train, field)
     return training_loop.built(make, folder, familiarity.PREFIX), train.image_size
 
@@ -47,5 +47,5 @@ def known(folder: Path) -> dict[str, Tensor]:
 def pcsiren(folder: Path, record: Mapping[str, Any]) -> tuple[reconstruction_models.PCSirenModel, int]:
     """As `ddf`, for a record of kind `pcsiren`."""
     with framed_field.record_of(folder):
-        train = config.parse(record["train"], settings.TrainConfig, "train")
+        train = config.recorded(record["train"], settings.TrainConfig, "train")
     return training_loop.built(lambda: reconstruction_models.pcsiren_model(train), folder), train.image_size

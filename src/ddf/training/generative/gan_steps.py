@@ -1,6 +1,6 @@
 """The updates of a step of either GAN. [DDF22] app. genmodel; Goodfellow et al. 2014; Mescheder et al. 2018.
 
-A step is `critic_steps` updates of the critic and one of the generator (`training_loop.fit`). What an update draws
+A step is `CRITIC_STEPS` updates of the critic and one of the generator (`training_loop.fit`). What an update draws
 depends on (seed, step, number of the update) alone. Non-saturating loss: the critic lowers softplus(-D(x)) of real and
 softplus(D(x)) of fake images, the generator softplus(-D(x)) of its own. R1, of real images: γ E‖∇D(x)‖².
 """
@@ -21,6 +21,7 @@ from ddf.data.batches import category_data
 from ddf.models.generative import image_gans, normal_images, settings
 from ddf.training import training_loop
 
+CRITIC_STEPS = 2  # of a step, before the one of the generator; the paper gives none
 Update = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
 
 
@@ -96,17 +97,17 @@ def image_updates(
         return critic_loss(model.critic, draw.real(images), fake, gan.gradient_penalty)
 
     def generator(step: int) -> tuple[Tensor, dict[str, Tensor]]:
-        draw = Draw.of(gan, step, gan.critic_steps)
+        draw = Draw.of(gan, step, CRITIC_STEPS)
         shapes, textures = draw.shapes(normals), draw.normal(gan.texture_features)
         fake = model.colours(shapes, textures)
         adversarial = adversarial_loss(model.critic, fake)
         of_shape = functional.mse_loss(model.normals(fake), shapes)
         of_texture = functional.mse_loss(model.textures(fake), textures)
-        total = adversarial + gan.shape_consistency * of_shape + gan.texture_consistency * of_texture
+        total = adversarial + of_shape + of_texture
         terms = {"adversarial": adversarial, "shape": of_shape, "texture": of_texture}
         return total, {name: value.detach() for name, value in terms.items()}
 
-    return [*(functools.partial(critic, turn) for turn in range(gan.critic_steps)), generator]
+    return [*(functools.partial(critic, turn) for turn in range(CRITIC_STEPS)), generator]
 
 
 def noise_updates(model: image_gans.NoiseGAN, images: category_data.ImageSet) -> list[Update]:
@@ -120,11 +121,11 @@ def noise_updates(model: image_gans.NoiseGAN, images: category_data.ImageSet) ->
         return critic_loss(model.critic, draw.real(images), fake, gan.gradient_penalty)
 
     def generator(step: int) -> tuple[Tensor, dict[str, Tensor]]:
-        draw = Draw.of(gan, step, gan.critic_steps)
+        draw = Draw.of(gan, step, CRITIC_STEPS)
         loss = adversarial_loss(model.critic, model.generator(draw.normal(gan.noise_features)))
         return loss, {"adversarial": loss.detach()}
 
-    return [*(functools.partial(critic, turn) for turn in range(gan.critic_steps)), generator]
+    return [*(functools.partial(critic, turn) for turn in range(CRITIC_STEPS)), generator]
 
 
 def record(gan: settings.GANConfig, kind: str, category: str) -> dict[str, Any]:

@@ -51,10 +51,8 @@ def _with_samples(index_path: Path, samples_dir: Path, category: str) -> tuple[l
     return [name for name in shapes if name in sampled], [name for name in shapes if name not in sampled]
 
 
-def read_pictured(
-    index_path: Path, samples_dir: Path, category: str, views: int | None
-) -> tuple[category_data.ImageSet, list[Path]]:
-    """Images of the shapes without samples, `views` of each or all, and the files that say which these are.
+def read_pictured(index_path: Path, samples_dir: Path, category: str) -> tuple[category_data.ImageSet, list[Path]]:
+    """Images of the shapes without samples, and the files that say which these are.
 
     Raises:
       InputError: there are no such shapes.
@@ -65,19 +63,19 @@ def read_pictured(
             f"{samples_dir}: every shape has samples, so that none is left for the critic's images; meshes.shapes must "
             "be less than the shapes of the category"
         )
-    return _read_images(index_path, samples_dir, category, others, views)
+    return _read_images(index_path, samples_dir, category, others)
 
 
 def read_sampled(
-    index_path: Path, samples_dir: Path, category: str, views: int | None
+    index_path: Path, samples_dir: Path, category: str, views: int | None = None
 ) -> tuple[category_data.ImageSet, list[Path]]:
-    """Images of the shapes with samples, as `read_pictured`."""
+    """Images of the shapes with samples, all or the first `views` of each, as `read_pictured`."""
     having, _ = _with_samples(index_path, samples_dir, category)
     return _read_images(index_path, samples_dir, category, having, views)
 
 
 def _read_images(
-    index_path: Path, samples_dir: Path, category: str, ids: Sequence[str], views: int | None
+    index_path: Path, samples_dir: Path, category: str, ids: Sequence[str], views: int | None = None
 ) -> tuple[category_data.ImageSet, list[Path]]:
     dataset = shapenet.Dataset.open(index_path)
     shown = [(name, range(len(dataset.cameras(category, name)))[:views]) for name in ids]

@@ -32,6 +32,5 @@ def vae_step(
     shape_loss, terms = losses.shape_loss(
         model.decoder.field, points, modulations, settings.weights, settings.loop.matmul
     )
-    by_dimension = point_encoder.divergence(mean, log_variance).mean(dim=0)
-    divergence = by_dimension.sum() if settings.divergence == "sum" else by_dimension.mean()
+    divergence = point_encoder.divergence(mean, log_variance).mean(dim=0).sum()
     return shape_loss + settings.beta * divergence, {**terms, "divergence": divergence.detach()}

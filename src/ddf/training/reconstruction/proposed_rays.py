@@ -22,6 +22,10 @@ from ddf.fields import losses, pddf, udf
 from ddf.geometry import raycast
 from ddf.models.reconstruction import settings
 
+NEAR = 0.5  # share of the starts at true surface points + JITTER N(0, I), where later cycles of clouds start
+JITTER = 0.2  # field units; the other starts are uniform in the cube
+TEMPERATURE, INVERSE_DEPTH = 0.05, 0.05  # η_T and ε_s, as in cloud drawing
+
 
 @torch.no_grad()
 def propose(
@@ -29,7 +33,8 @@ def propose(
     modulations: Sequence[Float[Tensor, "b 1 _"]],
     starts: Float[Tensor, "b n 3"],
     candidates: Float[Tensor, "b n k 3"],
-    config: settings.ProposalConfig,
+    temperature: float = TEMPERATURE,
+    inverse_depth: float = INVERSE_DEPTH,
 ) -> Float[Tensor, "b n 3"]:
     """v̂* of each start among its candidates, for the shape of each row. Costs b n k queries, values only.
 
@@ -48,8 +53,8 @@ def propose(
             candidates[part].flatten(0, 1),
             pddf.visibility(raw).reshape(-1, shape[2]),
             field.depth(raw).reshape(-1, shape[2]),
-            config.temperature,
-            config.inverse_depth,
+            temperature,
+            inverse_depth,
         )
         found.append(torch.nn.functional.normalize(direction, dim=-1).view_as(starts[part]))
     return torch.cat(found)
@@ -115,7 +120,7 @@ class Proposer:
         candidates = torch.from_numpy(random.standard_normal(size, dtype=np.float32))[part]
         starts, candidates = arrays.send(starts[part], place), arrays.send(candidates, place)
         candidates = torch.nn.functional.normalize(candidates, dim=-1)
-        directions = propose(field, modulations, starts, candidates, self.config)
+        directions = propose(field, modulations, starts, candidates)
         depth, triangle = self.caster.first_hits(chosen[part], starts, directions)
         visible = triangle >= 0
         depth = depth.masked_fill(~visible, 0.0)
@@ -124,9 +129,9 @@ class Proposer:
         return stored.followed_by(sample_batch.SampleBatch(starts, directions, visible.float(), depth, normals, counts))
 
     def _starts(self, chosen: Int[np.ndarray, "b"], random: np.random.Generator) -> Float[Tensor, "b n 3"]:
-        near = round(self.config.near * self.config.points)
+        near = round(NEAR * self.config.points)
         uniform = random.uniform(-1, 1, (len(chosen), self.config.points - near, 3)).astype(np.float32)
         noise = random.standard_normal((len(chosen), near, 3), dtype=np.float32)
         surface = torch.stack([self.shapes.subset(int(shape), near, random) for shape in chosen])
-        starts = torch.cat((torch.from_numpy(uniform), surface + self.config.jitter * torch.from_numpy(noise)), dim=1)
+        starts = torch.cat((torch.from_numpy(uniform), surface + JITTER * torch.from_numpy(noise)), dim=1)
         return starts.clamp(-1, 1)

@@ -86,7 +86,7 @@ def ddf_step(
     step: int,
     propose: Proposer | None = None,
 ) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
-    """γ_RS 𝔏_S + γ_RΠ L_Π + γ_RM L_M, the mask with the predicted camera and the true scale.
+    """𝔏_S + γ_RΠ L_Π + γ_RM L_M, the mask with the predicted camera and the true scale.
 
     Args:
       propose: adds the rays that the config's `proposals` ask for.
@@ -110,7 +110,7 @@ def ddf_step(
         None if config.mask_pixels is None else batch.chances(config.mask_size**2),
         arrays.send(shapes.field_shifts(batch.shapes), place),
     ).mean()
-    total = config.shape_weight * shape_loss + train.camera_weight * camera_loss + config.mask_weight * mask_loss
+    total = shape_loss + settings.CAMERA_WEIGHT * camera_loss + config.mask_weight * mask_loss
     return total, {**terms, "camera": camera_loss.detach(), "mask": mask_loss.detach()}
 
 
@@ -130,5 +130,5 @@ def pcsiren_step(
     predicted = model.decoder(arrays.send(seeds, place), model.shape_encoder(batch.images))
     chamfer = chamfer_loss.chamfer_loss(predicted, truth)
     camera_loss = model.camera_head.loss(model.camera_encoder(batch.images), batch.cameras)
-    total = chamfer + train.camera_weight * camera_loss
+    total = chamfer + settings.CAMERA_WEIGHT * camera_loss
     return total, {"chamfer": chamfer.detach(), "camera": camera_loss.detach()}

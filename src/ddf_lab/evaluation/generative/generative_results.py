@@ -18,7 +18,7 @@ def measure(run: Run, section: settings.ScoresConfig) -> tuple[dict[str, Any], d
     vae, gan = shape_vae.load(run.folder("train_vae")), image_gans.load(run.folder("train_gan"))
     rival, data = image_gans.load_2d(run.folder("train_gan2d")), (run.index, run.folder("samples"), run.category)
     parts = shape_data.parts(*data, vae.config.held_out)
-    pictured, _ = shape_data.read_pictured(*data, gan.config.views)
+    pictured, _ = shape_data.read_pictured(*data)
     sampled, _ = shape_data.read_sampled(*data, 1)
     made = {
         generative_images.OURS: generative_images.generated(gan, section.images, section.seed),

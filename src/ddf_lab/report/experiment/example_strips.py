@@ -17,6 +17,7 @@ from ddf_lab.run import Run
 
 Image = tuple[str, int]  # id of the shape, view
 COLUMNS = ("input", "visibility", "depth", "normals", "truth", "DDF cloud", "PC-SIREN cloud")
+EXAMPLES = 3  # of a category, by the error of DDF; and as many by the difference
 FIRST_COLUMNS = ("input", "DDF", "PC-SIREN", "truth")
 _ORDERED_BY = "Pi_g-L"  # the column whose D_C orders the images
 
@@ -41,12 +42,8 @@ class Clouds(NamedTuple):
     image_root: tuple[Path, str]
 
 
-def drawn(run: Run, results: Results, count: int) -> Results:
-    """The results with their pictures.
-
-    Args:
-      count: images by the error, and as many by the difference.
-    """
+def drawn(run: Run, results: Results) -> Results:
+    """The results with their pictures."""
     strips, first, rendered = {}, [], 0
     for name, entry in results.index["categories"].items():
         folder = run.folder("pointclouds", name)
@@ -58,7 +55,7 @@ def drawn(run: Run, results: Results, count: int) -> Results:
         images = [clouds.ddf.images[i] for i in clouds.ddf.metadata["rendered"]]
         rendered = len(images)
         if images:
-            strips[name] = strip(clouds, errors, choose({image: errors[image] for image in images}, count))
+            strips[name] = strip(clouds, errors, choose({image: errors[image] for image in images}, EXAMPLES))
     examples = picture_strips.strip(FIRST_COLUMNS, first)
     return dataclasses.replace(results, strips=strips, rendered=rendered, examples=examples)
 

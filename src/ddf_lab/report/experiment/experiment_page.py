@@ -4,10 +4,9 @@ What is listed comes from the experiment's own index and config, never from what
 in the files depends on the day; times are those that the stages measured.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
-from ddf.core import checks, storage
+from ddf.core import storage
 from ddf_lab.report import pages
 from ddf_lab.report.experiment import example_strips, live_shapes, seed_notes, stage_results
 from ddf_lab.report.experiment.sections import (
@@ -49,24 +48,9 @@ _LEAD = (
 )
 
 
-@dataclass(frozen=True)
-class ReportConfig:
-    """Section `report`.
-
-    Args:
-      examples: pictures of every strip by the error of DDF, and as many by the difference between the models.
-    """
-
-    examples: int
-
-    def __post_init__(self) -> None:
-        if not 2 <= self.examples <= 20:
-            raise checks.InputError(f"report.examples must be in 2..20; got {self.examples}")
-
-
-def write(run: Run, out_dir: Path, settings: ReportConfig) -> None:
+def write(run: Run, out_dir: Path) -> None:
     """Read everything and write README.md, index.html, si3dr.csv and the figures."""
-    found = example_strips.drawn(run, stage_results.read_results(run), settings.examples)
+    found = example_strips.drawn(run, stage_results.read_results(run))
     found = live_shapes.drawn(run, found)
     storage.write_text(out_dir / "si3dr.csv", found.table.to_csv(index=False, lineterminator="\n"))
     pages.write(build(found), out_dir)

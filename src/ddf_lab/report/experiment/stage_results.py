@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from ddf.core import checks, storage
+from ddf.core import config, storage
 from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import paired, paper_results, seed_means
 from ddf_lab.run import STAGES, WHOLE, Run, time_path
@@ -86,27 +86,6 @@ class Results:
         """Those for which the paper prints numbers."""
         return [name for name in self.categories if name in paper_results.SI3DR]
 
-    def setting(self, key: str, nothing: str = "none") -> str:
-        """A value of an experiment by its dotted key, as printed; one that its file leaves out is the default.
-
-        Args:
-          nothing: what null in the file is called.
-        Raises:
-          InputError: no such key.
-        """
-        value: Any = self.settings
-        for part in key.split("."):
-            if not isinstance(value, Mapping) or part not in value:
-                raise checks.InputError(f"configs/{self.name}.yaml: has no key {key!r}")
-            value = value[part]
-        if value is None:
-            return nothing
-        if isinstance(value, Mapping):
-            return ", ".join(f"{name} {own}" for name, own in value.items())
-        if isinstance(value, list | tuple):
-            return ", ".join(map(str, value)) or "none"
-        return str(value)
-
     def largest_packing_errors(self) -> dict[str, float]:
         """The largest rounding error of each stored quantity over all categories."""
         names = dict.fromkeys(name for errors in self.packing_errors.values() for name in errors)
@@ -116,6 +95,18 @@ class Results:
     def synthetic(self) -> bool:
         """Whether our generator made the data."""
         return self.index["source"] == "synthetic"
+
+
+def printed(value: Any) -> str:
+    """A setting as a table has it."""
+    if value is None:
+        return "none"
+    if dataclasses.is_dataclass(value) or isinstance(value, Mapping):
+        items = value.items() if isinstance(value, Mapping) else config.plain(value).items()
+        return ", ".join(f"{name} {own}" for name, own in items)
+    if isinstance(value, list | tuple):
+        return ", ".join(map(str, value)) or "none"
+    return str(value)
 
 
 def read_results(run: Run) -> Results:
@@ -142,7 +133,7 @@ def read_results(run: Run) -> Results:
         packing_errors={name: _packing_errors(run.folder("samples", name)) for name in categories},
         failures=_read_failures(run, categories),
         costs={name: _stage_cost(run, name, categories) for name in STAGES},
-        settings={name: dataclasses.asdict(section) for name, section in run.sections().items()},
+        settings=run.sections(),
         seeds=seeds,
         seconds={label: _test_seconds(run, file, categories) for file, label in CLOUDS.items()},
         further_seconds={

@@ -80,8 +80,7 @@ _ITSELF: Final = (
 _CURVES: Final = "Total loss (thick, smoothed) and its terms without their weights."
 _LIMITS: Final = (
     "One seed, one shape, and not the paper's.",
-    "`configs/paper_fit.yaml` has the paper's sizes, losses and steps, but for its plateau schedule.",
-    "`configs/fit.yaml` has a small fraction of them.",
+    "`ddf config show paper_fit` has the paper's sizes, losses and steps; `fit` has a small fraction of them.",
     "Budgets in minutes give as many steps as the machine manages: another machine fits a little better or worse.",
 )
 
@@ -172,7 +171,7 @@ def _pictures_section(slices: bytes) -> pages.Section:
 
 
 def _errors_section(results: Results, fit: fit_settings.FitConfig) -> pages.Section:
-    table = shape_tables.errors(results.errors, _ERRORS.format(held_out=f"{fit.held_out.U:,}"))
+    table = shape_tables.errors(results.errors, _ERRORS.format(held_out=f"{fit.held_out:,}"))
     angles = shape_tables.angles(results.errors, _ANGLES)
     paper = paper_ablation.SOURCE.capitalize()
     return pages.Section("Held-out errors", [table, angles, tuple(t.format(paper=paper) for t in _READING_ERRORS)])

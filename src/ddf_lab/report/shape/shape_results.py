@@ -10,6 +10,7 @@ from ddf_lab.evaluation.shape import fit_errors
 from ddf_lab.report.shape import shape_views
 
 VIEWS, SLICES, VIEW_RECORD, DIAGNOSTICS = "views.webp", "slices.webp", "views.json", "diagnostics.json"
+PICTURE_SIZE, RAYS = 168, 20_000  # pixels a side; random rays that the diagnostics are over
 
 
 def write(mesh: mesh_io.Mesh, fit: fit_settings.FitConfig, out_dir: Path) -> None:
@@ -23,8 +24,8 @@ def write(mesh: mesh_io.Mesh, fit: fit_settings.FitConfig, out_dir: Path) -> Non
     model, seed = out_dir / training_loop.MODEL, fit.loop.seed
     record = provenance.record([fit], seed, [model], __name__)
     storage.save_table(out_dir / fit_errors.FIT, fit_errors.fit_table(held_out), record)
-    storage.write_json(out_dir / DIAGNOSTICS, field_diagnostics.measure(shape, fit.page.rays, seed))
-    views = shape_views.render(shape, mesh, fit.page.picture_size, fit.page.up, seed)
+    storage.write_json(out_dir / DIAGNOSTICS, field_diagnostics.measure(shape, RAYS, seed))
+    views = shape_views.render(shape, mesh, PICTURE_SIZE, seed)
     storage.write_bytes(out_dir / VIEWS, shape_views.view_strip(views))
-    storage.write_bytes(out_dir / SLICES, shape_views.slice_strip(shape, mesh, fit.page.picture_size))
+    storage.write_bytes(out_dir / SLICES, shape_views.slice_strip(shape, mesh, PICTURE_SIZE))
     storage.write_json(out_dir / VIEW_RECORD, [view.summary() for view in views])

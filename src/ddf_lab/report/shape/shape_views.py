@@ -57,9 +57,7 @@ class View:
         }
 
 
-def cameras(
-    shape: ShapeField, scene: raycast.Scene, up: str, seed: int
-) -> list[tuple[str, tuple[float, float, float]]]:
+def cameras(shape: ShapeField, scene: raycast.Scene, seed: int) -> list[tuple[str, tuple[float, float, float]]]:
     """Names and cameras: two outside, one in the box but not in the shape, one in the shape where it has an inside."""
     random = seeding.generator(seed, "shape_views")
     mesh_from_field = shape.field_from_mesh.inverse()
@@ -69,7 +67,7 @@ def cameras(
     found = list(OUTSIDE)
     for name, place in places.items():
         if place is not None:
-            found.append((name, framed_field.camera_at(shape, shape.field_from_mesh.apply(place), up)))
+            found.append((name, framed_field.camera_at(shape, shape.field_from_mesh.apply(place))))
     return found
 
 
@@ -98,7 +96,7 @@ def _farthest(scene: raycast.Scene, points: Float[np.ndarray, "n 3"]) -> Float[n
     return points[np.argmax(scene.distance(points))] if len(points) else None
 
 
-def render(shape: ShapeField, mesh: Mesh, size: int, up: str, seed: int) -> list[View]:
+def render(shape: ShapeField, mesh: Mesh, size: int, seed: int) -> list[View]:
     """The images of every camera; depth in mesh units, and the truth as `true_depth`, `true_normals`.
 
     Args:
@@ -106,9 +104,9 @@ def render(shape: ShapeField, mesh: Mesh, size: int, up: str, seed: int) -> list
     """
     scene = raycast.Scene(mesh)
     views = []
-    for name, camera in cameras(shape, scene, up, seed):
-        images, evaluated = framed_field.render(shape, camera, size, _RENDERED, up)
-        starts, directions = framed_field.camera_rays(shape, camera, size, up)
+    for name, camera in cameras(shape, scene, seed):
+        images, evaluated = framed_field.render(shape, camera, size, _RENDERED)
+        starts, directions = framed_field.camera_rays(shape, camera, size)
         hits = _truth(shape, scene, starts, directions)
         images["true_depth"] = hits.depth.numpy().reshape(size, size)
         images["true_normals"] = hits.normals.numpy().reshape(size, size, 3)

@@ -11,6 +11,7 @@ from _tiny_fits import SECTION
 from ddf import cli
 from ddf.cli.field import fit
 from ddf.core import config
+from ddf.fields import pddf
 from ddf.fit import fit_settings, fitting, shape_field
 from ddf_lab.run import Run
 
@@ -36,7 +37,7 @@ def test_fit_writes_field_log_and_metrics(fitted):
     record = shape_field.load(folder).record
     assert record["seed"] == 3
     assert list(record["sources"]) == ["torus.ply"]
-    assert record["field_from_mesh"]["scale"] == pytest.approx((1 - SECTION["margin"]) / 30)
+    assert record["field_from_mesh"]["scale"] == pytest.approx((1 - fit_settings.FitConfig().margin) / 30)
 
 
 def test_minutes_take_about_that_long_and_few_steps_are_said(work, capsys):
@@ -67,11 +68,11 @@ def test_threads_are_those_asked_for_allowed_and_idle(asked, timed, load, limit,
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
-        (["--steps", "0"], "fit.steps must be >= 1 or null; got 0"),
-        (["--minutes", "-1"], "fit.minutes must be > 0 or null; got -1.0"),
-        (["--minutes", "nan"], "fit.minutes must be > 0 or null; got nan"),
+        (["--steps", "0"], "steps must be >= 1; got 0"),
+        (["--minutes", "-1"], "minutes must be > 0; got -1.0"),
+        (["--minutes", "nan"], "minutes must be > 0; got nan"),
         (["--seed", "-1"], "seed must be >= 0; got -1"),
-        (["--config", "none.yaml"], "No such file or directory: none.yaml"),
+        (["--config", "none.yaml"], "none.yaml: no such file, nor the name of one"),
     ],
 )
 def test_bad_fits_are_one_line_and_exit_2(work, extra, message, capsys):
@@ -101,8 +102,11 @@ def test_stage_fits_the_mesh_of_the_config_or_a_procedural_chair(work, tmp_path,
     assert list(sources[1]) == ["torus.ply"]
 
 
-def test_default_config_file_is_the_default_of_the_command():
-    assert config.load(ROOT / "configs" / "fit.yaml", "fit", fit_settings.FitConfig) == fit_settings.DEFAULT
+def test_fits_are_known_by_name():
+    found = {path.stem: config.load(path, "fit", fit_settings.FitConfig) for path in config.PACKAGED.glob("*.yaml")}
+    assert found["fit"] == fit_settings.FitConfig()
+    assert found["long_fit"].minutes == 19.0 and found["long_fit"].loop.ema is None
+    assert found["paper_fit"].field == pddf.PAPER_SINGLE_SHAPE
 
 
 def test_what_the_reader_left_out_is_said(work, capsys):

@@ -36,8 +36,8 @@ def test_mesh_writes_a_closed_mesh_in_the_field_frame(soup, tmp_path, capfd):
         (["mesh", "{none}", "{out}.ply"], "no such file"),
         (["mesh", "{folder}", "{out}.ply"], "not a file"),
         (["mesh", "{soup}", "{out}.doc"], "must end in"),
-        (["mesh", "{soup}", "{out}.ply", "--faces", "1"], "meshes.faces must be >= 4"),
-        (["mesh", "{soup}", "{out}.ply", "--alpha", "2"], "meshes.alpha"),
+        (["mesh", "{soup}", "{out}.ply", "--faces", "1"], "faces must be >= 4"),
+        (["mesh", "{soup}", "{out}.ply", "--alpha", "2"], "alpha must be <= 0.5; got 2.0"),
     ],
 )
 def test_bad_input_is_one_line_and_code_two(arguments, reason, refuses):

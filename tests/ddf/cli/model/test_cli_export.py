@@ -5,16 +5,15 @@ import onnx
 import pytest
 
 from ddf import cli
+from ddf.cli.model import export
 from ddf.core import storage
 from ddf.fields import field_outputs
 from ddf.training import training_loop
 
 
-@pytest.fixture
-def quick(tmp_path):
-    path = tmp_path / "quick.yaml"
-    path.write_text("export: {outputs: [depth, normals], batches: [1, 7], precisions: [], seed: 0}\n")
-    return path
+@pytest.fixture(autouse=True)
+def few_rays(monkeypatch):
+    monkeypatch.setattr(export, "BATCHES", (1, 7))
 
 
 def _export(*arguments):
@@ -33,13 +32,11 @@ def test_export_reports_parity_and_opset(tmp_path, capsys):
     onnx.checker.check_model(out)
 
 
-def test_outputs_graph_config_and_precision_are_chosen(tmp_path, quick, capsys):
+def test_outputs_graph_and_precision_are_chosen(tmp_path, capsys):
     folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "out.onnx"
-    assert _export(folder, out, "--config", quick) == 0
-    assert set(json.loads(capsys.readouterr().out)["parity"]) == {"depth", "normals"}
-    assert _export(folder, out, "--config", quick, "--outputs", "visibility") == 0
+    assert _export(folder, out, "--outputs", "visibility") == 0
     assert set(json.loads(capsys.readouterr().out)["parity"]) == {"visibility"}
-    assert _export(folder, out, "--config", quick, "--graph", "encoders", "--precision", "float16") == 0
+    assert _export(folder, out, "--graph", "encoders", "--precision", "float16") == 0
     result = json.loads(capsys.readouterr().out)
     assert (result["graph"], result["precision"], set(result["parity"])) == (
         "encoders",
@@ -47,13 +44,13 @@ def test_outputs_graph_config_and_precision_are_chosen(tmp_path, quick, capsys):
         {"latent", "camera"},
     )
     folder = _models.write_model(tmp_path / "pc", "pcsiren")
-    assert _export(folder, out, "--config", quick) == 0
+    assert _export(folder, out) == 0
     assert set(json.loads(capsys.readouterr().out)["parity"]) == {"points"}
 
 
-def test_a_fitted_field_is_exported_with_its_box_and_frame(tmp_path, quick, capsys):
+def test_a_fitted_field_is_exported_with_its_box_and_frame(tmp_path, capsys):
     folder, out = _models.write_shape_field(tmp_path / "bunny"), tmp_path / "out.onnx"
-    assert _export(folder, out, "--config", quick) == 0
+    assert _export(folder, out) == 0
     assert json.loads(capsys.readouterr().out)["inputs"] == {"positions": ["n", 3], "directions": ["n", 3]}
     facts = {entry.key: entry.value for entry in onnx.load(out).metadata_props}
     assert json.loads(facts["box"]) == [[-1.0, -0.5, -0.8], [1.0, 0.5, 0.8]]
@@ -81,10 +78,10 @@ def _rename_kind(path):
         (lambda path: None, ["--graph", "pcsiren"], "--graph must be one of field, encoders, image_field"),
     ],
 )
-def test_unusable_input_is_one_line_and_leaves_nothing(spoil, arguments, message, tmp_path, quick, capsys):
+def test_unusable_input_is_one_line_and_leaves_nothing(spoil, arguments, message, tmp_path, capsys):
     folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "field.onnx"
     spoil(folder / training_loop.MODEL)
-    assert _export(folder, out, "--config", quick, *arguments) == 2
+    assert _export(folder, out, *arguments) == 2
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1

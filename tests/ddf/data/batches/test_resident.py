@@ -9,9 +9,8 @@ import pytest
 import torch
 from _hand_made import COUNTS, DDF, PCSIREN, TRAIN
 
-from ddf.data import sampling
-from ddf.data.batches import category_data, fresh_samples, host_samples, resident
-from ddf.geometry import raycast
+from ddf.data.batches import category_data, resident
+from ddf.geometry import mesh_io, raycast
 from ddf.geometry.gpu import meshes
 from ddf.models.reconstruction import reconstruction_models, settings
 from ddf.training.reconstruction import casting, proposed_rays, training_steps
@@ -99,47 +98,42 @@ def test_what_has_no_room_stays_in_its_files(roomy, caplog):
     assert "samples of the training set" in caplog.text and "in files: the GPU has no room for them" in caplog.text
 
 
-def test_a_cpu_keeps_its_files_and_fresh_samples_are_left_alone(roomy):
-    images, fresh = _hand_made.images(), host_samples.FreshSamples([], sampling.SamplesConfig())
+def test_a_cpu_keeps_its_files():
+    images = _hand_made.images()
     assert resident.Memory(CPU).images(images) is images
-    assert roomy(1 << 30).samples(fresh) is fresh
-    assert casting.moved(resident.Memory(CPU), fresh, None) == (fresh, None)
+    assert casting.moved(resident.Memory(CPU), None) is None
 
 
 @pytest.fixture
-def cast_on_the_host():
-    """What casts rays on the host: fresh samples and a proposer, on the same two meshes."""
-    scenes = [raycast.Scene(_shapes.icosphere(1, 0.4)), raycast.Scene(_shapes.cube(0.8))]
-    propose = proposed_rays.Proposer(
-        _hand_made.shapes(), proposed_rays.HostCaster(scenes), settings.ProposalConfig(4, 2, 0.5, 0.1, 0.05, 0.05)
-    )
-    return host_samples.FreshSamples(scenes, sampling.SamplesConfig()), propose
+def propose():
+    """What casts rays on the host, on two meshes; a triangle of the second is flat."""
+    flat = _shapes.cube(0.8)
+    flat = mesh_io.Mesh(flat.vertices, np.concatenate([flat.faces, [[0, 0, 1]]]))
+    scenes = [raycast.Scene(_shapes.icosphere(1, 0.4)), raycast.Scene(flat)]
+    caster = proposed_rays.HostCaster(scenes)
+    return proposed_rays.Proposer(_hand_made.shapes(), caster, settings.ProposalConfig(4, 2))
 
 
-def test_rays_are_cast_where_the_meshes_lie(roomy, cast_on_the_host, monkeypatch, caplog):
+def test_rays_are_cast_where_the_meshes_lie(roomy, propose, monkeypatch, caplog):
     monkeypatch.setattr(meshes, "refusal", lambda device: None)
-    held = fresh_samples.held_meshes
-    monkeypatch.setattr(fresh_samples, "held_meshes", lambda grounds, device: held(grounds, CPU))
-    fresh, propose = cast_on_the_host
+    joined = meshes.joined
+    monkeypatch.setattr(meshes, "joined", lambda counts, corners, device: joined(counts, corners, CPU))
     with caplog.at_level(logging.INFO):
-        samples, proposer = casting.moved(roomy(92 * 40), *cast_on_the_host)
-    assert isinstance(samples, fresh_samples.CastSamples) and samples.codes.shape == (2, 96, 2)
-    assert isinstance(proposer, proposed_rays.Proposer) and proposer.caster is samples.held
+        moved = casting.moved(roomy(96 * 36), propose)
+    assert moved is not None and isinstance(moved.caster, meshes.Meshes)
     assert "meshes of the training set" in caplog.text and "in the memory of cuda" in caplog.text
-    stored = _hand_made.samples()
-    samples, proposer = casting.moved(roomy(92 * 36), stored, propose)  # without the normals of samples
-    assert samples is stored and isinstance(proposer, proposed_rays.Proposer)
-    assert isinstance(proposer.caster, meshes.Meshes)
-    assert casting.moved(roomy(1 << 30), stored, None) == (stored, None)
-    assert isinstance(casting.moved(roomy(1 << 30), fresh, None)[0], fresh_samples.CastSamples)
+    own = moved.caster.corners[:, int(moved.caster.begins[1]) :].T.reshape(-1, 3, 3)[:13]
+    assert torch.equal(own[:12], torch.from_numpy(_shapes.cube(0.8).triangles).float())
+    assert torch.equal(own[12, 0], own[12, 1]) and torch.equal(own[12, 0], own[12, 2])
+    assert casting.moved(roomy(1 << 30), moved) is moved
 
 
-def test_rays_stay_on_the_host_where_meshes_have_no_room_or_no_kernel(roomy, cast_on_the_host, monkeypatch, caplog):
+def test_rays_stay_on_the_host_where_meshes_have_no_room_or_no_kernel(roomy, propose, monkeypatch, caplog):
     with caplog.at_level(logging.INFO):
         monkeypatch.setattr(meshes, "refusal", lambda device: None)
-        assert casting.moved(roomy(92 * 40 - 1), *cast_on_the_host) == cast_on_the_host
+        assert casting.moved(roomy(96 * 36 - 1), propose) is propose
         monkeypatch.setattr(meshes, "refusal", lambda device: "no compiler")
-        assert casting.moved(roomy(1 << 30), *cast_on_the_host) == cast_on_the_host
+        assert casting.moved(roomy(1 << 30), propose) is propose
     first, second = (record.message for record in caplog.records)
     assert "with Open3D on the host: the GPU has no room for them" in first
     assert second == "rays are cast by Open3D on the host, so steps take longer: no compiler"

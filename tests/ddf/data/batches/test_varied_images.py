@@ -9,13 +9,11 @@ from _support import assert_close
 
 from ddf.core import checks
 from ddf.data.batches import category_data, varied_images
-from ddf.fields import siren
 from ddf.models.reconstruction import settings
-from ddf.training import training_loop
 from ddf.training.reconstruction import training_steps
 
-OFF = varied_images.AugmentationConfig(colour=0.0, blur=0.0, shift=0.0, alpha=0.0)
-ON = varied_images.AugmentationConfig(colour=0.4, blur=0.8, shift=1.5, alpha=0.4)
+OFF: dict[str, float] = {"colour": 0.0, "blur": 0.0, "shift": 0.0, "alpha": 0.0}
+ON: dict[str, float] = {"colour": 0.4, "blur": 0.8, "shift": 1.5, "alpha": 0.4}
 
 
 def _images(count=3, size=24, seed=0):
@@ -51,7 +49,7 @@ def test_no_chance_changes_nothing():
 
 def test_brightness_multiplies_and_half_tones_take_a_power_and_alpha_stays():
     images = _images() * torch.tensor([0.5, 0.5, 0.5, 1.0])[:, None, None]
-    config = dataclasses.replace(OFF, colour=0.3)
+    config = {"colour": 0.3}
     bright = varied_images.vary(images, _chances(n0=1.0, n2=-1.0), config)
     gains = torch.exp(torch.tensor([0.3, 0.2, 0.3]))[:, None, None]
     assert_close(bright[:, :3], images[:, :3] * gains, atol=1e-5)
@@ -61,14 +59,14 @@ def test_brightness_multiplies_and_half_tones_take_a_power_and_alpha_stays():
 
 
 def test_alpha_takes_a_power():
-    found = varied_images.vary(_images(), _chances(n5=1.0), dataclasses.replace(OFF, alpha=0.5))
+    found = varied_images.vary(_images(), _chances(n5=1.0), {"alpha": 0.5})
     power = _images()[:, 3] ** float(np.exp(0.5))
     assert_close(found[:, 3], torch.where(power < varied_images.LEAST_ALPHA, 0.0, power), atol=1e-6)
 
 
 @pytest.mark.parametrize(("chance", "pixels"), [(1.0, 2.0), (0.375, 0.75), (-0.5, -1.0), (-0.1, -0.2)])
 def test_shift_moves_the_silhouette_by_its_pixels_along_either_axis(chance, pixels):
-    config, images = dataclasses.replace(OFF, shift=2.0), _images()
+    config, images = {"shift": 2.0}, _images()
     before = _centre(images[0, 3])
     for place, axis in ((7, 0), (8, 1)):
         found = varied_images.vary(images, _chances(**{f"n{place}": chance}), config)
@@ -84,20 +82,20 @@ def _left_is_positive(config):
 
 
 def test_whole_shift_keeps_colours_exactly():
-    found = varied_images.vary(_images(), _chances(n7=0.5), dataclasses.replace(OFF, shift=2.0))
-    step = -1 if _left_is_positive(dataclasses.replace(OFF, shift=2.0)) else 1
+    found = varied_images.vary(_images(), _chances(n7=0.5), {"shift": 2.0})
+    step = -1 if _left_is_positive({"shift": 2.0}) else 1
     assert_close(found, _images().roll(step, dims=-1), atol=1e-5)
 
 
 def test_blur_of_a_dot_is_a_gaussian_of_its_width():
     dot = torch.zeros(1, 4, 25, 25)
     dot[:, :, 12, 12] = 1
-    alpha = varied_images.vary(dot, _chances(1, n6=-1.0), dataclasses.replace(OFF, blur=1.5))[0, 3].double()
+    alpha = varied_images.vary(dot, _chances(1, n6=-1.0), {"blur": 1.5})[0, 3].double()
     place = torch.arange(-3, 4, dtype=torch.float64)
     assert_close(alpha[12, 9:16] / alpha[12, 12], torch.exp(-(place**2) / (2 * 1.5**2)), atol=1e-4)
     assert_close(alpha[9:16, 12] / alpha[12, 12], torch.exp(-(place**2) / (2 * 1.5**2)), atol=1e-4)
     assert_close(alpha[12, 12], 1 / (2 * torch.pi * 1.5**2), atol=1e-4)
-    colour = varied_images.vary(dot, _chances(1, n6=-1.0), dataclasses.replace(OFF, blur=1.5))[0, :3]
+    colour = varied_images.vary(dot, _chances(1, n6=-1.0), {"blur": 1.5})[0, :3]
     assert_close(colour[:, 12, 10:15], torch.ones(3, 5), atol=1e-3)  # colours do not fade with alpha
 
 
@@ -120,8 +118,10 @@ def test_processes_draw_the_numbers_of_all():
 @pytest.mark.parametrize("name", ["colour", "blur", "shift", "alpha"])
 def test_changes_out_of_range_are_named(name):
     for value in (-0.1, 9.0, float("nan")):
-        with pytest.raises(checks.InputError, match=rf"train\.augmentation\.{name} must be in \[0,"):
-            dataclasses.replace(OFF, **{name: value})
+        with pytest.raises(checks.InputError, match=rf"augmentation\.{name} must be in \[0,"):
+            settings.TrainConfig(augmentation={**OFF, name: value})
+    with pytest.raises(checks.InputError, match=r"augmentation: unknown name 'color'; .*\(did you mean colour\?\)"):
+        settings.TrainConfig(augmentation={"color": 0.1})
 
 
 def test_batches_differ_by_step_and_repeat_and_leave_rows_as_they_are_without():
@@ -129,11 +129,7 @@ def test_batches_differ_by_step_and_repeat_and_leave_rows_as_they_are_without():
     for image in _images(8):
         file.append(image)
     images = category_data.ImageSet(["a"], [0] * 8, np.zeros(8, dtype=int), file, torch.zeros(8, 3))
-    loop = training_loop.LoopConfig(
-        learning_rate=1e-3, schedule="cosine", warmup_steps=1, clip_norm=None, threads=1, seed=0, log_every=1,
-        checkpoint_seconds=1.0, matmul="float32",
-    )  # fmt: skip
-    plain = settings.TrainConfig(32, 4, 8, siren.SineLayout((8,), 1.0, 1.0), 4, 1.0, 0.0, 0.0, loop)
+    plain = settings.TrainConfig(batch_size=4)
     varied = dataclasses.replace(plain, augmentation=ON)
     first, again, other = (training_steps.Batch.draw(images, varied, step) for step in (0, 0, 1))
     assert torch.equal(first.images, again.images) and not torch.equal(first.images, other.images)

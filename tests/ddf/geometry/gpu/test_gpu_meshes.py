@@ -126,17 +126,7 @@ def _beside_a_face(device):
     assert _same(*found) > 0.99 and 0.4 < (found[0] < 1e-5).mean() < 0.6
 
 
-def _sides(device):
-    """The side that a ray comes from is told as the order of the corners has it."""
-    held = _held([float32(icosphere(1, 0.9))], device)
-    points = random_rays(50, seed=4, spread=0.2)
-    starts, aim = (values.float()[None].to(device) for values in (points.positions, points.directions))
-    for start, toward, behind in ((starts, aim, True), (starts + 3 * aim, -aim, False)):
-        _, triangle = held.first_hits(np.array([0]), start, toward)
-        assert bool((held.from_behind(triangle, toward) == behind).all())
-
-
-CASES = (_several_meshes, _edges_and_corners, _ties, _flat_and_tiny_triangles, _beside_a_face, _sides)
+CASES = (_several_meshes, _edges_and_corners, _ties, _flat_and_tiny_triangles, _beside_a_face)
 INTERPRETED = """
 from ddf.geometry.gpu import cast_kernel, meshes
 import test_gpu_meshes as here

@@ -9,7 +9,8 @@ PAPER = Path(__file__).resolve().parents[4] / "configs" / "paper_generative.yaml
 
 
 def test_the_paper_config_has_the_published_networks():
-    vae, gan = config.load(PAPER, "vae", settings.VAEConfig), config.load(PAPER, "gan", settings.GANConfig)
+    given = config.layers(PAPER)
+    vae, gan = config.resolve(given, "vae", settings.VAEConfig), config.resolve(given, "gan", settings.GANConfig)
     assert parameter_counts.count(vae, gan) == {
         "point_encoder": 1_347_488,
         "posterior_heads": 641_600,

@@ -32,10 +32,10 @@ def test_keys_that_are_gone_are_passed_over_however_deep():
         config.parse(record["vae"], settings.VAEConfig, "here")
 
 
-def test_what_the_network_needs_must_be_there_and_fit():
+def test_a_value_that_does_not_fit_and_a_missing_section_are_named():
     record = _record()
-    del record["vae"]["latent_features"]
-    with pytest.raises(checks.InputError, match="key 'latent_features' is missing"):
+    record["vae"]["latent_features"] = "many"
+    with pytest.raises(checks.InputError, match=r"here: vae\.latent_features must be of type int; got 'many'"):
         records.section(record, "vae", settings.VAEConfig, Path("here"))
     with pytest.raises(checks.InputError, match="no section vae"):
         records.section({}, "vae", settings.VAEConfig, Path("here"))

@@ -54,10 +54,10 @@ def test_full_width_encoder_is_torchvisions_resnet18():
 
 def test_every_parameter_is_in_one_group_with_its_decay():
     model = reconstruction_models.DDFModel(SMALL_FIELD, 8, 8)
-    groups = model.parameter_groups(weight_decay_shape=1e-3, weight_decay_camera=1e-6)
+    groups = model.parameter_groups()
     assert [g["weight_decay"] for g in groups] == [1e-3, 1e-6, 0.0]
     assert [g.get("share", 1.0) for g in groups] == [1.0, 1.0, 1.0]
-    slower = model.parameter_groups(1e-3, 1e-6, encoder_share=0.25)
+    slower = model.parameter_groups(encoder_share=0.25)
     assert [g.get("share", 1.0) for g in slower] == [0.25, 0.25, 1.0]
     assert sorted(map(id, model.parameters())) == sorted(id(p) for g in groups for p in g["params"])
 

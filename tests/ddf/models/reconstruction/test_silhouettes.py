@@ -115,11 +115,11 @@ def test_deviation_is_that_of_the_encoders_latents():
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"steps": 0}, "steps and mask_size must be >= 1"),
-        ({"mask_size": 0}, "steps and mask_size must be >= 1"),
+        ({"steps": 0}, "steps must be >= 1"),
+        ({"mask_size": 0}, "mask_size must be >= 1"),
         ({"learning_rate": 0.0}, "learning_rate must be > 0"),
-        ({"camera_rate": -1.0}, "camera_rate and keep >= 0"),
-        ({"keep": float("nan")}, "camera_rate and keep >= 0"),
+        ({"camera_rate": -1.0}, "camera_rate must be >= 0"),
+        ({"keep": float("nan")}, "keep must be >= 0"),
     ],
 )
 def test_a_descent_without_sense_is_refused(changed, message):

@@ -49,6 +49,6 @@ def seeded(reported):
         make("evaluate", dataclasses.replace(run, seed=1))
         count = experiment.artifacts / "evaluate_seeds" / seed_means.COUNT
         storage.write_text(count, "2\n")
-        experiment_page.write(run, folder.parent / "seeded", experiment_page.ReportConfig(examples=3))
+        experiment_page.write(run, folder.parent / "seeded")
         count.unlink()
     return folder, folder.parent / "seeded"

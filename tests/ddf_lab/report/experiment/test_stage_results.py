@@ -36,7 +36,7 @@ def test_times_are_summed_over_categories_and_memory_is_the_largest(reported, tm
     assert found["train_pcsiren"] == stage_results.Cost(None, None, None)
     assert found["dataset"] == stage_results.Cost(7.0, 300.0, 400.0)
     assert found["evaluate"] == stage_results.Cost(9.0, None, None)
-    experiment_page.write(run, tmp_path, experiment_page.ReportConfig(examples=3))
+    experiment_page.write(run, tmp_path)
     lines = (tmp_path / "README.md").read_text().splitlines()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     assert ["dataset", "7 s", "300", "400"] in rows and ["train_ddf", "2.0 min", "1,100", "–"] in rows

@@ -13,9 +13,9 @@ from _tiny_fits import SECTION
 from ddf.core import guard, storage
 from ddf.fit import field_diagnostics
 from ddf.geometry import mesh_io
-from ddf_lab.evaluation.shape import fit_errors, paper_ablation
+from ddf_lab.evaluation.shape import fit_errors, leave_one_out, paper_ablation
 from ddf_lab.report import pages
-from ddf_lab.report.shape import shape_page, shape_tables
+from ddf_lab.report.shape import shape_page, shape_results, shape_tables
 from ddf_lab.run import Run
 
 _STAGES = Path(__file__).resolve().parents[4] / "stages"
@@ -32,6 +32,13 @@ def reported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("shape")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
+        for module, name, value in (
+            (shape_results, "PICTURE_SIZE", 12),
+            (shape_results, "RAYS", 50),
+            (leave_one_out, "SAMPLES", 600),
+            (leave_one_out, "HELD_OUT", 50),
+        ):
+            patch.setattr(module, name, value)
         Path("torus.ply").write_bytes(mesh_io.ply_bytes(torus(sections=16)))
         Path("tiny_fit.yaml").write_text(yaml.safe_dump({"fit": {**SECTION, "mesh": "torus.ply"}}))
         for name in ("fit_shape", "ablate_samples", "report_shape"):

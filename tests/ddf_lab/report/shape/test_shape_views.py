@@ -35,7 +35,7 @@ def _place(shape, camera):
 
 
 def test_two_cameras_are_outside_one_in_the_box_and_one_in_the_shape(shape, ball):
-    found = dict(shape_views.cameras(shape, raycast.Scene(ball), "y", 0))
+    found = dict(shape_views.cameras(shape, raycast.Scene(ball), 0))
     assert list(found) == ["outside", "from behind", "in the box", "in the shape"]
     for name in ("outside", "from behind"):
         assert bool((np.abs(_place(shape, found[name])) > shape.upper).any())
@@ -48,7 +48,7 @@ def test_two_cameras_are_outside_one_in_the_box_and_one_in_the_shape(shape, ball
 def test_a_single_sheet_has_no_inside(shape):
     corners = np.array([[-0.5, -0.2, 0.1], [0.5, -0.2, 0.0], [0.0, 0.3, 0.0]])
     sheet = mesh_io.Mesh(shape.field_from_mesh.inverse().apply(corners), np.array([[0, 1, 2]]))
-    assert "in the shape" not in dict(shape_views.cameras(shape, raycast.Scene(sheet), "y", 0))
+    assert "in the shape" not in dict(shape_views.cameras(shape, raycast.Scene(sheet), 0))
 
 
 def test_doubled_faces_and_loose_sheets_do_not_move_the_inner_camera_out(shape):
@@ -56,12 +56,12 @@ def test_doubled_faces_and_loose_sheets_do_not_move_the_inner_camera_out(shape):
     loose = mesh_io.Mesh(np.array([[-0.9, 0.45, -0.7], [0.9, 0.45, -0.7], [0.9, 0.4, 0.7]]), np.array([[0, 1, 2]]))
     twice = joined(ball, mesh_io.Mesh(ball.vertices, ball.faces[:, ::-1]), loose)
     mesh = mesh_io.Mesh(shape.field_from_mesh.inverse().apply(twice.vertices), twice.faces)
-    found = dict(shape_views.cameras(shape, raycast.Scene(mesh), "y", 0))
+    found = dict(shape_views.cameras(shape, raycast.Scene(mesh), 0))
     assert np.linalg.norm(_place(shape, found["in the shape"])) < 0.15
 
 
 def test_renders_stand_beside_the_truth_of_the_same_rays(shape, ball):
-    views = shape_views.render(shape, ball, 12, "y", 0)
+    views = shape_views.render(shape, ball, 12, 0)
     truth = primitives.Sphere((0.0, 0.0, 0.0), 0.45)
     for view in views:
         starts, along = (torch.from_numpy(a) for a in framed_field.camera_rays(shape, view.camera, 12))

@@ -1,10 +1,13 @@
 """What does not reproduce: the limits of the experiment, and the settings that are not the paper's."""
 
-from ddf_lab.report.experiment.paper_settings import SETTINGS
-from ddf_lab.report.experiment.stage_results import Results
+import dataclasses
+
+from ddf.core import schema
+from ddf_lab.report.experiment.stage_results import Results, printed
 from ddf_lab.report.pages import Block, Section, Table
 
-NONE_SAYS = {"ddf.mask_pixels": "all", "pointclouds.test_views": "those of the split"}  # what null in the file is
+SECTIONS = ("train", "ddf", "pcsiren", "meshes", "samples", "pointclouds")
+NOT_GIVEN = "not given"
 _SYNTHETIC = (
     "The shapes are procedural, made by this project in ShapeNet's layout with the same cameras.",
     "Scores on them compare the methods on these shapes; they do not reproduce the paper's ShapeNet numbers.",
@@ -40,8 +43,16 @@ def section(results: Results) -> Section:
 
 def changed_settings(results: Results) -> list[tuple[str, str, str]]:
     """Name, value here and what the paper prints of every setting that is not the paper's, or that it does not give."""
-    return [
-        (setting.name, here, setting.printed)
-        for setting in SETTINGS
-        if (here := results.setting(setting.key, NONE_SAYS.get(setting.key, "none"))) != setting.paper
-    ]
+    found, whole = [], "none"
+    for name in SECTIONS:
+        for each in schema.listed(results.settings[name], name):
+            if each.key.startswith(f"{whole}."):
+                continue
+            if dataclasses.is_dataclass(each.value):
+                if each.default is not None:
+                    continue  # its settings follow
+                whole = each.key  # a part that the paper has not is one line
+            if each.value != each.default or not each.source:
+                paper = f"{printed(each.default)} ({each.source})" if each.source else NOT_GIVEN
+                found.append((f"`{each.key}`: {each.says}", printed(each.value), paper))
+    return found

@@ -15,7 +15,7 @@ _PAPER = "The paper's numbers on ShapeNet, tables `si3dr1h` and `si3dr`: other d
 
 def section(results: Results) -> Section:
     """Our table and the paper's."""
-    cycles = results.setting("pointclouds.cloud.cycles")
+    cycles = results.settings["pointclouds"].cloud.cycles
     methods = (("once", scoring.DDF_ONE_CYCLE), (f"{cycles} times", scoring.DDF))
     caption = seed_notes.over_seeds(results, _CAPTION.format(cycles=cycles))
     ours = scores.pairs(results, results.categories, _COLUMNS, methods, caption)

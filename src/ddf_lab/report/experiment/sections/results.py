@@ -135,7 +135,7 @@ def reading(results: Results) -> tuple[str, ...]:
     rows = results.per_image[results.per_image["method"] == scoring.PC_SIREN]
     large, small = (int(rows[rows["column"] == f"Pi_g-{size}"]["num_pred"].iloc[0]) for size in "LS")
     values = {
-        "tau": results.setting("evaluate.tau_sq"),
+        "tau": f"{cloud_scores.TAU_SQ:g}",
         "large": f"{large:,}",
         "small": f"{small:,}",
         "over": "test shapes and seeds" if results.seeds > 1 else "test shapes",
@@ -161,7 +161,7 @@ def seconds(results: Results) -> Table | None:
             if all(part in known for part in parts):
                 rows.append([label, model, f"{sum(known[part] for part in parts):.2f}"])
     header = ["columns", "", "seconds"]
-    caption = seed_notes.of_first(results, _SECONDS.format(threads=results.settings["train"]["loop"]["threads"]))
+    caption = seed_notes.of_first(results, _SECONDS.format(threads=results.settings["train"].loop.threads))
     return Table(caption, [("", len(header), False)], header, rows, labels=2) if rows else None
 
 

@@ -1,0 +1,47 @@
+"""The training meshes that rays are cast on."""
+
+import json
+
+import _shapes
+import numpy as np
+import pytest
+import torch
+
+from ddf.core import checks, storage
+from ddf.data.batches import category_data, training_scenes
+from ddf.geometry import mesh_io, transforms
+from ddf.models.reconstruction import settings
+from ddf.training.reconstruction import casting
+
+
+@pytest.fixture
+def packs(tmp_path):
+    for number, name in enumerate(("a", "b", "c")):
+        mesh = _shapes.icosphere(1, 0.2 * (number + 1))
+        maps = json.dumps({name: transforms.Similarity(1.0).to_dict()})
+        members = {
+            f"{name}.ply": mesh_io.ply_bytes(mesh),
+            "measures.csv": b"id\n",
+            "field_from_raw.json": maps.encode(),
+        }
+        storage.save_pack(tmp_path / f"{number:03d}.zip", members, {"ids": [name]})
+        storage.write_json(tmp_path / f"{number:03d}.json", {"files": {f"{number:03d}.zip": ""}})
+    return tmp_path
+
+
+def test_scenes_are_in_the_order_asked_for_however_few_packs_are_open(packs, monkeypatch):
+    monkeypatch.setattr(training_scenes, "OPEN_PACKS", 1)
+    scenes = training_scenes.Scenes(packs, ["c", "a"])
+    for index, radius in ((0, 0.6), (1, 0.2), (0, 0.6)):
+        depth, _ = scenes[index].first_hits(np.array([[0.01, 0.02, 1.0]]), np.array([[0.0, 0.0, -1.0]]))
+        assert float(depth[0]) == pytest.approx(1 - radius, abs=0.1 * radius)
+    with pytest.raises(checks.InputError, match="no prepared mesh of shape d"):
+        training_scenes.Scenes(packs, ["a", "d"])
+
+
+def test_meshes_are_read_where_rays_are_proposed_alone(packs):
+    shapes = category_data.ShapeSet(["c", "a"], [transforms.Similarity(1.0)] * 2, [torch.zeros(5, 3)] * 2)
+    proposals = settings.ProposalConfig(4, 2)
+    propose, files = casting.read(packs, shapes, proposals)
+    assert propose is not None and (propose.config, files) == (proposals, sorted(packs.glob("*.zip")))
+    assert casting.read(packs / "none", shapes, None) == (None, [])
