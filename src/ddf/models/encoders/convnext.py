@@ -68,6 +68,6 @@ class Block(nn.Module):
     def forward(self, images: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
         """Same shape."""
         hidden = nn.functional.gelu(self.wider(self.norm(self.depthwise(images))))
-        size = hidden.square().sum(dim=(-2, -1), keepdim=True).sqrt()  # global response normalisation
+        size = torch.linalg.vector_norm(hidden, dim=(-2, -1), keepdim=True)  # global response normalisation
         share = size / (size.mean(dim=1, keepdim=True) + _EPSILON)
         return images + self.narrower(hidden + self.gain * hidden * share + self.offset)

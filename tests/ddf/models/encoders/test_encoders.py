@@ -60,6 +60,15 @@ def test_convnext_has_the_parameters_of_its_smallest_published_size():
     assert sum(p.numel() for p in encoder.parameters()) == 3_708_400 + 16 * 40
 
 
+def test_channels_that_answer_nothing_leave_the_gradient_finite():
+    block = convnext.Block(3)
+    nn.init.zeros_(block.wider.weight)
+    block.wider.bias = nn.Parameter(torch.zeros(12))
+    nn.init.ones_(block.gain)
+    block(torch.rand(2, 3, 8, 8)).square().sum().backward()
+    assert all(p.grad is not None and bool(p.grad.isfinite().all()) for p in block.parameters())
+
+
 def test_unknown_encoder_is_refused():
     with pytest.raises(checks.InputError, match=r"train\.encoder must be one of resnet, convnext; got 'vit'"):
         dataclasses.replace(_models.TRAIN, encoder="vit")
