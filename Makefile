@@ -23,6 +23,9 @@ run = @ddf run "$$CONFIG" --seeds "$$SEEDS" --jobs "$$JOBS" --data "$$DATA" --la
 ##@ Experiments
 reproduce-table: $(READY) ## from nothing to tables, figures and report: CONFIG=configs/cpu.yaml [DATA=/path/to/shapenet] [SEEDS=3]
 	$(run)
+reproduce-real: CONFIG := configs/real.yaml
+reproduce-real: $(READY) ## the same on shapes of other people, fetched by apt-get, beside procedural ones (see `ddf shapes`)
+	$(run)
 smoke: override CONFIG := smoke
 smoke: $(READY) ## synthetic primitives through every stage, in minutes
 	$(run) --stage report --stage export_onnx

@@ -24,7 +24,7 @@ def make(run: Run) -> None:
     test, train_images = (
         category_data.read_images(dataset, run.category, category_data.available(samples_dir, views), train.image_size)
         for views in (
-            category_data.test_views(dataset, run.category, section.test_views),
+            category_data.test_views(dataset, run.category, section.test_views, section.public_views),
             dataset.train(run.category),
         )
     )

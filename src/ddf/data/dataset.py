@@ -151,8 +151,10 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     entries = {name: _entries(config, name, listed) for name in config.categories}
     shown = {(name, entry["id"]) for name, own in entries.items() for entry in own if any(map(entry.get, _VIEWS))}
     items = [item for item in listed if (item.category, item.id) in shown]
-    needed = {item.row.package for item in items if item.row is not None}
-    archives = {name: packages.require(packages.PACKAGES[name], manifest.wanted(name)) for name in sorted(needed)}
+    names = sorted({item.row.package for item in items if item.row is not None})
+    needed = {packages.PACKAGES[name]: manifest.wanted(name) for name in names}
+    packages.require_means([package for package, wanted in needed.items() if not packages.has(package, wanted)])
+    archives = {package.name: packages.require(package, wanted) for package, wanted in needed.items()}
     if config.made:
         remove_strangers(root, items)
     else:

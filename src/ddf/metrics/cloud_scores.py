@@ -110,8 +110,8 @@ METRICS = {  # the one list: `ddf compare`, scores of every image, the long tabl
             "F<sub>2τ</sub> ↑",
             2,
         ),
-        Metric("precision_tau", lambda pair: hit_share(pair.to_truth, pair.tau_sq), "share", 100.0),
-        Metric("recall_tau", lambda pair: hit_share(pair.to_prediction, pair.tau_sq), "share", 100.0),
+        Metric("precision_tau", lambda pair: hit_share(pair.to_truth, pair.tau_sq), "share", 100.0, digits=1),
+        Metric("recall_tau", lambda pair: hit_share(pair.to_prediction, pair.tau_sq), "share", 100.0, digits=1),
         Metric("spacing_variation", lambda pair: spacing_variation(pair.prediction), "share of the mean", better="min"),
     )
 }

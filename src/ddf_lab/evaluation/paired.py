@@ -12,29 +12,31 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy import special
 
 from ddf.core import checks
 from ddf.metrics import cloud_scores
 
-CLAIMED = 2.0  # standard errors that a difference must exceed to be called one
+CLAIMED = 0.95  # confidence with which a difference is called one: Student's two-sided t, 2.0 standard errors of many
 
 
 @dataclass(frozen=True)
 class Difference:
     """Mean of first - second, in the units of tables, over `shapes` shapes and `trainings` trainings.
 
-    error: standard error; NaN of a single shape.
+    error: standard error; NaN of a single shape. freedom: its degrees, by Welch and Satterthwaite.
     """
 
     mean: float
     error: float
     shapes: int
     trainings: int
+    freedom: float
 
     @property
     def seen(self) -> bool:
-        """Whether it exceeds two of its standard errors."""
-        return abs(self.mean) > CLAIMED * self.error  # NaN: not seen
+        """Whether it exceeds what t asks of so many shapes and trainings; not of one shape, whose error is NaN."""
+        return abs(self.mean) > special.stdtrit(self.freedom, (1 + CLAIMED) / 2) * self.error
 
 
 def difference(
@@ -66,9 +68,12 @@ def difference(
         raise checks.InputError(f"{category}: the trainings were not scored on the same shapes")
     values = metric.factor * np.stack([gap.to_numpy() for gap in gaps])
     trainings, shapes = values.shape
-    variance = _variance_of_mean(values.mean(axis=0)) if shapes > 1 else math.nan
-    variance += _variance_of_mean(values.mean(axis=1)) if trainings > 1 else 0.0
-    return Difference(float(values.mean()), math.sqrt(variance), shapes, trainings)
+    over_shapes = _variance_of_mean(values.mean(axis=0)) if shapes > 1 else math.nan
+    over_trainings = _variance_of_mean(values.mean(axis=1)) if trainings > 1 else 0.0
+    variance = over_shapes + over_trainings
+    spread = over_shapes**2 / max(shapes - 1, 1) + over_trainings**2 / max(trainings - 1, 1)
+    freedom = variance**2 / spread if spread else 1.0
+    return Difference(float(values.mean()), math.sqrt(variance), shapes, trainings, freedom)
 
 
 def _variance_of_mean(values: np.ndarray) -> float:

@@ -28,7 +28,8 @@ from ddf.metrics.camera_errors import ERRORS
 DDF, PC_SIREN, DDF_ONE_CYCLE, DDF_ON_MASK = "ddf", "pc_siren", "ddf_nh1", "ddf_on_mask"
 CAMERA_COLUMNS = {"Pi_g": "camera_true", "Pi_corrected": "camera_corrected", "Pi_pred": "camera_pred"}
 MEASURED = "measured"
-FAR_AZIMUTH_DEG = 45.0  # a camera so far off lies in another basin of the mask's loss
+TURNED_DEG = 90.0  # a camera so far off takes front for rear, another basin of the mask's loss
+OVERLAP = "silhouette_iou"
 TRUTH = ("truth", "test shapes")  # method and column of what the long table says of the true clouds
 TRUTH_METRICS = {"hidden_share_percent": ("hidden_share", 100.0), "spacing_variation": ("spacing_variation", 1.0)}
 TABLE_FIELDS = ("category", "method", "column", "metric", "value", "images", "seeds", "spread", "source")
@@ -231,13 +232,14 @@ def camera_errors(method: str, predictions: Predictions) -> pd.DataFrame:
         table["azimuth_deg"] = np.degrees(truth[:, 0]) % 360.0
         for name, error in ERRORS.items():
             table[name] = error.compute(guess, truth, scale_ratio)
+        table[OVERLAP] = predictions.tensors.get(OVERLAP, np.nan) if column == "Pi_pred" else np.nan
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
 
 
 def summary(per_image: pd.DataFrame, camera_table: pd.DataFrame, shapes: pd.DataFrame) -> pd.DataFrame:
-    """The long table: means of scores over images, medians of camera errors and the share of cameras in another basin,
-    and of the true clouds the share of hidden points and the variation of the spacing.
+    """The long table: means of scores over images, medians of camera errors, the share of those turned round, the mean
+    overlap of silhouettes, and of the true clouds the share of hidden points and the variation of the spacing.
 
     `spread` is the standard error over images (one seed was trained; it says nothing about other seeds).
     """
@@ -251,8 +253,14 @@ def summary(per_image: pd.DataFrame, camera_table: pd.DataFrame, shapes: pd.Data
         for name in ERRORS:
             values = group[name].to_numpy(dtype=np.float64)
             rows.append((category, method, column, f"{name}_median", np.median(values), len(values), 1, np.nan))
-        far = 100.0 * (group["azimuth_error_deg"].to_numpy(dtype=np.float64) > FAR_AZIMUTH_DEG)
-        rows.append((category, method, column, "azimuth_far_x100", far.mean(), len(far), 1, _standard_error(far)))
+        azimuth = group["azimuth_error_deg"].to_numpy(dtype=np.float64)
+        means = {
+            "azimuth_turned_x100": 100.0 * (azimuth > TURNED_DEG),
+            OVERLAP: group[OVERLAP].to_numpy(dtype=np.float64),
+        }
+        for name, values in means.items():
+            if not np.isnan(values).any():
+                rows.append((category, method, column, name, values.mean(), len(values), 1, _standard_error(values)))
     for category, group in shapes.groupby("category", sort=False):
         for metric, (name, factor) in TRUTH_METRICS.items():
             values = factor * group[name].to_numpy(dtype=np.float64)

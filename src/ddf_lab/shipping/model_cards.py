@@ -12,6 +12,7 @@ import torch
 
 from ddf.core import storage
 from ddf.data import shapenet, splits
+from ddf.data.public import manifest
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
 from ddf.fit import fit_settings, fitting, shape_field, shape_samples
@@ -19,6 +20,7 @@ from ddf.geometry import mesh_io, transforms
 from ddf.io import onnx_file
 from ddf.models.reconstruction import familiarity, settings
 from ddf.training import training_loop
+from ddf_lab.evaluation import groups
 from ddf_lab.run import Run
 from ddf_lab.shipping import shipping
 
@@ -35,7 +37,9 @@ FIELDS = {  # of `showcase.SHAPES`: what each shows
 
 
 def write_all(run: Run, fitted: Path, out: Path) -> None:
-    """All shipped models, one folder each, and their index.
+    """The shipped models that an experiment gives, one folder each, and the index of all.
+
+    One that trained on real shapes gives reconstructions alone, of categories without a training shape under the GPL.
 
     Args:
       run: the experiment whose reconstructions (seed 0) are shipped.
@@ -43,10 +47,19 @@ def write_all(run: Run, fitted: Path, out: Path) -> None:
     Raises:
       FileNotFoundError: the experiment has no trained model or no table.
     """
-    entries = [write_field(name, summary, fitted / name, out / name) for name, summary in FIELDS.items()]
-    dataset = shapenet.Dataset.open(run.index)
-    entries += [write_reconstruction(run, dataset, name, out / name) for name in dataset.categories]
-    shipping.write_index(out, entries)
+    dataset, synthetic = shapenet.Dataset.open(run.index), storage.read_json(run.index)["source"] == "synthetic"
+    fields = FIELDS.items() if synthetic else ()
+    made = [write_field(name, summary, fitted / name, out / name) for name, summary in fields]
+    free = [n for n in dataset.categories if not any(row.licence.startswith("GPL") for row in _seen(dataset, n))]
+    made += [write_reconstruction(run, dataset, name, out / name) for name in free]
+    every = {entry["name"]: entry for entry in ([] if synthetic else shipping.read_index(out)) + made}
+    shipping.write_index(out, list(every.values()))
+
+
+def _seen(dataset: shapenet.Dataset, category: str) -> list[manifest.Row]:
+    """The real shapes that trained a category."""
+    rows = {row.id: row for row in manifest.of([category])}
+    return [rows[name] for shape, _ in dataset.train(category) if (name := shape.partition("--")[0]) in rows]
 
 
 def fit_config() -> fit_settings.FitConfig:
@@ -105,6 +118,16 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
         image = shapenet.image_path(dataset.root, entry.synset, shape, views[0])
         shutil.copyfile(image, out / f"sample_{number}.png")
     (scores, seeds), parameters = _scores(run, name), _count(weights)
+    seen, shapes = _seen(dataset, name), dataset.train(name)
+    data = [f"{len(shapes) - len(seen)} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each."]
+    licence = [LICENCE]
+    if seen:
+        data.append(f"{len(seen)} {name}s of other people (`ddf shapes`), {max(len(v) for _, v in shapes)} views each.")
+        makers = {
+            each: sorted({row.creator for row in seen if row.licence == each}) for each in {r.licence for r in seen}
+        }
+        licence = ["MIT, as this repository. Renders of shapes of these people trained it:"]
+        licence += [f"{each}: {', '.join(makers[each])}." for each in sorted(makers)]
     summary = f"Camera and field of a {name} from one RGBA image."
     shipping.write_card(
         out,
@@ -112,7 +135,7 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
         summary,
         {
             "Data": [
-                f"{len(dataset.train(name))} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each.",
+                *data,
                 f"`sample_0.png` to `sample_{SAMPLES - 1}.png` show test shapes, which training never saw.",
             ],
             "Training": [
@@ -123,14 +146,14 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
             "Scores": [
                 f"{_of(seeds)} on test shapes, in float32: `reports/{run.name}/si3dr.csv`.",
                 "D_C x 1000 / F(τ) x 100, with 5,000 points.",
-                *(f"{what}: {scores[column][0]:.3f} / {scores[column][1]:.1f}." for column, what in _COLUMNS.items()),
+                *(f"{what}: {dist:.3f} / {score:.1f}." for what, (dist, score) in scores.items()),
             ],
             "Limits": [
-                "Trained on synthetic shapes and renders alone: real photographs are outside of what it knows.",
+                "Trained on renders alone: real photographs are outside of what it knows.",
                 f"Any object is taken for a {name}. The image needs an alpha channel that masks the object.",
                 "`ddf reconstruct` warns of images unlike 99 % of those of training. Some of other objects pass.",
             ],
-            "Licence": [LICENCE],
+            "Licence": licence,
         },
     )
     return {"name": name, "kind": "reconstruction", "summary": summary}
@@ -144,11 +167,14 @@ _COLUMNS = {"Pi_g-L": "True camera", "Pi_pred-L": "Predicted camera"}
 
 
 def _scores(run: Run, category: str) -> tuple[dict[str, tuple[float, float]], int]:
-    """D_C and F(τ) of the DDF in the columns of `_COLUMNS`, and of how many trainings they are the means."""
+    """D_C and F(τ) of the DDF by camera, and by group of test shapes where there are two; over how many trainings."""
     table = pd.read_csv(run.page / "si3dr.csv")
-    rows = table[(table.category == category) & (table.method == "ddf") & (table.source == "measured")]
-    found = rows.set_index(["column", "metric"]).value
-    means = {column: (found[column, "chamfer_l2_sq_x1000"], found[column, "f_score_tau_x100"]) for column in _COLUMNS}
+    rows = table[(table.method == "ddf") & (table.source == "measured")]
+    found, means = rows.set_index(["category", "column", "metric"]).value, {}
+    for group in (name for name, own in groups.names(storage.read_json(run.index)).items() if own == category):
+        for column, camera in _COLUMNS.items():
+            pair = found[group, column, "chamfer_l2_sq_x1000"], found[group, column, "f_score_tau_x100"]
+            means[camera if group == category else f"{group}s, {camera.lower()}".capitalize()] = pair
     return means, int(rows.seeds.max())
 
 

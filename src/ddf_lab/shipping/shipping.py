@@ -52,6 +52,12 @@ def write_card(out: Path, name: str, summary: str, sections: Mapping[str, Sequen
     storage.write_text(out / CARD, "\n".join(lines).rstrip("\n") + "\n")
 
 
+def read_index(root: Path) -> list[dict[str, Any]]:
+    """The entries that `write_index` was given."""
+    models = storage.read_json(root / INDEX)["models"]
+    return [{key: value for key, value in model.items() if key != "files"} for model in models]
+
+
 def write_index(root: Path, entries: Sequence[Mapping[str, Any]]) -> None:
     """index.json of the folder of models: per model its name, kind, summary, and files with their sizes.
 

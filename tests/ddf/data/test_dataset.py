@@ -228,6 +228,16 @@ def test_both_sources_test_and_validate_whatever_trains(train_on, synthetic, pub
     assert len(shapenet.list_shapes(tmp_path, CHAIR)) == len(index["categories"]["chair"]["shapes"])
 
 
+def test_packages_that_nobody_can_fetch_are_all_named_at_once(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(checks.InputError) as caught:
+        _run(_config(source="both", categories={"chair": 10, "plane": 10}), tmp_path / "out")
+    told = str(caught.value)
+    assert told.count("_all.deb (") == 2 and "call `ddf shapes get --from FOLDER`" in told and "\n" not in told
+    assert all(f"{packages.PACKAGES[name]}" in told for name in ("sweethome3d-furniture", "flightgear-data-ai"))
+
+
 @pytest.mark.parametrize("source", ["public", "both"])
 def test_numbers_of_public_shapes_and_unknown_categories_are_refused(source, public_chairs):
     categories: dict[str, int | None] = {"chair": 3} if source == "public" else {"table": None}

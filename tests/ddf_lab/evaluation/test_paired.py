@@ -1,5 +1,7 @@
 """Paired differences and their standard errors, against sums by hand and against simulated trainings."""
 
+import dataclasses
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -39,6 +41,21 @@ def test_several_trainings_add_their_own_error():
     over_trainings = np.var([2.0, 4.0], ddof=1) / 2
     assert found.mean == pytest.approx(3.0)
     assert found.error == pytest.approx(np.sqrt(over_shapes + over_trainings))
+
+
+@pytest.mark.parametrize(
+    ("gaps", "asked"),
+    [  # two-sided 95 % of Student's t, as tables print them
+        ([[0.0, 1.0, 2.0]], 4.303),
+        ([[float(i % 2) for i in range(60)]], 2.001),
+        ([[i + j for j in (0.0, 0.001)] for i in (0.0, 1.0, 2.0)], 4.303),  # three trainings that differ: 2 degrees
+    ],
+)
+def test_what_a_claim_asks_is_students_t(gaps, asked):
+    found = paired.difference([_table(own) for own in gaps], "car", OURS, THEIRS, CHAMFER)
+    assert found is not None
+    least, most = (dataclasses.replace(found, mean=factor * asked * found.error) for factor in (0.999, 1.001))
+    assert most.seen and not least.seen
 
 
 def test_a_claim_is_rarely_made_where_there_is_no_difference():

@@ -117,15 +117,19 @@ def test_mean_over_images_and_standard_error():
     assert tuple(scoring.summary(table, none, none[["category"]]).columns) == scoring.TABLE_FIELDS
 
 
-def test_share_of_cameras_in_another_basin():
-    errors = {"azimuth_error_deg": [1.0, 45.0, 45.1, 180.0], "elevation_error_deg": 0.0, "radius_error": 0.0}
+def test_share_of_cameras_turned_round_and_mean_overlap():
+    errors = {"azimuth_error_deg": [1.0, 90.0, 90.1, 180.0], "elevation_error_deg": 0.0, "radius_error": 0.0}
     camera_table = pd.DataFrame(
         {"category": "chair", "method": "ddf", "column": "Pi_pred", **errors, "scale_error_percent": 0.0}
+        | {"silhouette_iou": [0.5, 1.0, 0.0, 0.5]}
     )
     none = pd.DataFrame(columns=["category", "method", "column"])
     means = scoring.summary(none, camera_table, none[["category"]]).set_index("metric")
-    assert means.loc["azimuth_far_x100", "value"] == 50.0 and means.loc["azimuth_far_x100", "images"] == 4
-    assert means.loc["azimuth_error_deg_median", "value"] == pytest.approx(45.05)
+    assert means.loc["azimuth_turned_x100", "value"] == 50.0 and means.loc["azimuth_turned_x100", "images"] == 4
+    assert means.loc["azimuth_error_deg_median", "value"] == pytest.approx(90.05)
+    assert means.loc["silhouette_iou", "value"] == 0.5
+    unknown = scoring.summary(none, camera_table.assign(silhouette_iou=np.nan), none[["category"]])
+    assert "silhouette_iou" not in set(unknown["metric"])
 
 
 def test_camera_errors_in_closed_form(experiment):

@@ -50,6 +50,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 def _get(categories: list[str], source: Path | None) -> dict[str, Any]:
     rows = manifest.of(categories)
     needed = [package for package in packages.PACKAGES.values() if any(row.package == package.name for row in rows)]
+    if source is None:
+        packages.require_means(
+            [package for package in needed if not packages.has(package, manifest.wanted(package.name))]
+        )
     for package in needed:
         sys.stderr.write(f"{package}: {package.size / 1e6:.0f} MB, SHA-256 {package.sha256}\n")
         packages.require(package, manifest.wanted(package.name), source)

@@ -24,6 +24,7 @@ from torch import Tensor
 
 from ddf.core import arrays, checks, distributed, storage
 from ddf.data import packing, shapenet, surface_cloud
+from ddf.data.public import manifest
 from ddf.data.samples import sample_batch, sample_types
 from ddf.geometry import cameras, transforms
 
@@ -326,9 +327,14 @@ def read_images(
     return ImageSet([s for s, _ in shapes], all_views, np.array(index), images, torch.cat(poses))
 
 
-def test_views(dataset: shapenet.Dataset, category: str, count: int | None) -> list[tuple[str, Sequence[int]]]:
-    """Test shapes with the views to evaluate: those of the split, or the first `count` of them."""
-    return [(name, views[:count]) for name, views in dataset.test(category)]
+def test_views(
+    dataset: shapenet.Dataset, category: str, count: int | None, public: int | None = None
+) -> list[tuple[str, Sequence[int]]]:
+    """Test shapes with the views to evaluate: those of the split, or the first `count` of them; of public ones the
+    first `public`.
+    """
+    of_others = {row.id for row in manifest.of([category])}
+    return [(name, views[: public if name in of_others else count]) for name, views in dataset.test(category)]
 
 
 def available(folder: Path, shapes: Sequence[tuple[str, Sequence[int]]]) -> list[tuple[str, Sequence[int]]]:

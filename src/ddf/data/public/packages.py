@@ -16,7 +16,7 @@ import tarfile
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -174,8 +174,7 @@ def _file_in(package: Package, folder: Path) -> Path:
 
 def _fetched(package: Package, folder: Path) -> Path:
     """The file as apt-get downloads it, which needs no rights and checks its own signatures."""
-    if shutil.which("apt-get") is None:
-        raise checks.InputError(f"{package} is not there, and no apt-get to fetch it; {_what_to_put(package)}")
+    require_means([package])
     with tempfile.TemporaryDirectory(dir=folder) as within:
         call = ["apt-get", "download", f"{package.name}={package.version}"]
         done = subprocess.run(call, cwd=within, capture_output=True, text=True, check=False)
@@ -188,11 +187,20 @@ def _fetched(package: Package, folder: Path) -> Path:
         return file.replace(folder / file.name)
 
 
-def _what_to_put(package: Package) -> str:
-    return (
-        f"put the Debian package {package.name}_{package.version.partition(':')[2] or package.version}_all.deb "
-        f"({package.size} bytes, SHA-256 {package.sha256}) into a folder and call `ddf shapes get --from FOLDER`"
+def require_means(lacking: Sequence[Package]) -> None:
+    """Raise InputError, which says what to put where, if packages are lacking and there is no apt-get to fetch them."""
+    if lacking and shutil.which("apt-get") is None:
+        names = ", ".join(map(str, lacking))
+        raise checks.InputError(f"no {names} here, and no apt-get to fetch them; {_what_to_put(*lacking)}")
+
+
+def _what_to_put(*lacking: Package) -> str:
+    files = (
+        f"{package.name}_{package.version.partition(':')[2] or package.version}_all.deb "
+        f"({package.size} bytes, SHA-256 {package.sha256})"
+        for package in lacking
     )
+    return f"put of Debian's archive {', '.join(files)} into a folder and call `ddf shapes get --from FOLDER`"
 
 
 def _members(file: Path, root: str, folders: Collection[str]) -> Iterator[tuple[str, bytes]]:

@@ -20,6 +20,7 @@ from torch import Tensor
 from ddf.core import notes, seeding
 from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, field_outputs, pddf, rendering
+from ddf.fields.gpu import farthest_points
 from ddf.models.reconstruction import camera_correction, reconstruction_models, scales, settings, silhouettes
 from ddf.training import training_loop
 
@@ -125,6 +126,7 @@ def reconstruct_ddf(
     tensors |= {"camera_pred": predicted, "features": features} | corrected
     rendered = spread(len(latents), config.rendered)
     tensors |= _renders(model, modulations, predicted, scale, rendered, config.render_size)
+    tensors["silhouette_iou"] = _silhouettes(model, modulations, predicted, scale, images)
     return _on_cpu(tensors), {"rendered": rendered, "seconds": seconds}
 
 
@@ -263,12 +265,16 @@ def reconstruct_pcsiren(
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S (the first points of L, which are spread as all are), cameras, scales; and the facts."""
     (_, latents, predicted), seconds = _timed_encode(model, images)
-    large = []
     started = time.monotonic()
-    with torch.no_grad():
-        for image in range(len(latents)):
-            inputs = cube_points(config.large, config.pcsiren_inputs, _generator(config, image))
-            large.append(model.decoder(inputs[None], latents[image : image + 1])[0])
+
+    def draw(image: int) -> Tensor:
+        chosen = config.pcsiren_inputs == "farthest"
+        inputs = cube_points(config.large * (1 + chosen), config.pcsiren_inputs, _generator(config, image))
+        with torch.no_grad():
+            points = model.decoder(inputs[None], latents[image : image + 1])[0]
+        return points[farthest_points.farthest_point_order(points, config.large)] if chosen else points
+
+    large = list(_in_threads(draw, range(len(latents))))
     seconds["cloud"] = (time.monotonic() - started) / len(latents)
     tensors = {
         "L": torch.stack(large),
@@ -280,7 +286,7 @@ def reconstruct_pcsiren(
 
 
 def cube_points(count: int, how: settings.CubePoints, generator: torch.Generator) -> Float[Tensor, "count 3"]:
-    """Points of the cube [-1, 1]^3 for PC-SIREN's decoder: `random`, each for itself, or `even`, a random shift of the
+    """Points of the cube [-1, 1]^3 for PC-SIREN's decoder: `random`, each for itself, or else a random shift of the
     sequence k (g^-1, g^-2, g^-3) mod 1 with g^4 = g + 1, of which any first part fills the cube without gaps or crowds.
 
     Source of the sequence: Roberts 2018, "The unreasonable effectiveness of quasirandom sequences".
@@ -338,6 +344,26 @@ def _renders(
 
     pictures = list(_in_threads(render, rendered))
     return {f"render.{name}": torch.stack([p[name] for p in pictures]) for name in field_outputs.DEFAULT if pictures}
+
+
+def _silhouettes(
+    model: reconstruction_models.DDFModel,
+    modulations: list[Tensor],
+    predicted: Tensor,
+    scale: Tensor,
+    images: category_data.ImageSet,
+) -> Float[Tensor, "n"]:
+    """Intersection over union of what is seen from the predicted camera, at the estimated scale, and each image's alpha
+    channel, both cut at one half.
+    """
+
+    def overlap(image: int) -> float:
+        given = images.batch(np.array([image]))[0, 3].to(predicted.device) > 0.5
+        placed = ([m[image] for m in modulations], predicted[image], (1 / scale[image]).to(predicted.device))
+        own = rendering.render(model.field, *placed, len(given), ("visibility",))[0]["visibility"] > 0.5
+        return float((own & given).sum() / (own | given).sum().clamp_min(1))
+
+    return torch.tensor(list(_in_threads(overlap, range(len(predicted)))))
 
 
 def _on_cpu(tensors: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -16,7 +16,7 @@ from ddf.training import training_loop
 
 CAMERA_NUMBERS = ("azimuth", "elevation", "radius")
 Azimuth = Literal["angle", "sincos"]
-CubePoints = Literal["random", "even"]
+CubePoints = Literal["random", "even", "farthest"]
 CAMERA_WEIGHT = 5.0  # γ_RΠ; that of the shape, γ_RS, is 1. Source: [DDF22] app. E
 WEIGHT_DECAY_SHAPE, WEIGHT_DECAY_CAMERA = 1e-3, 1e-6  # of the two encoders. Source: [DDF22] app. E
 
@@ -195,8 +195,12 @@ class PointcloudsConfig(schema.Checked):
     shape_correction: ShapeCorrectionConfig | None = setting(
         None, "shapes that descend on the mask with camera and scale, beside those as encoded; null: none", "§4.3"
     )
+    public_views: int | None = setting(None, "the same of a shape of `ddf shapes`", least=1)
     pcsiren_inputs: CubePoints = setting(
-        "random", "points of the cube that PC-SIREN maps; even: no gaps, no crowds", _SI3DR
+        "random",
+        "points of the cube that PC-SIREN maps; even: no gaps, no crowds; farthest: of twice as many even ones, those "
+        "whose images are chosen by farthest-point order, as the DDF's are",
+        _SI3DR,
     )
 
     def __post_init__(self) -> None:

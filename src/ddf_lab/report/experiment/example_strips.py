@@ -45,14 +45,15 @@ class Clouds(NamedTuple):
 def drawn(run: Run, results: Results) -> Results:
     """The results with their pictures."""
     strips, first, rendered = {}, [], 0
-    for name, entry in results.index["categories"].items():
-        folder = run.folder("pointclouds", name)
+    for name, category in results.groups.items():
+        folder = run.folder("pointclouds", category)
         ours, theirs = (scoring.load_predictions(folder / f"{model}.safetensors") for model in ("ddf", "pcsiren"))
-        truths = scoring.load_truth(run.folder("samples", name))
-        clouds = Clouds(ours, theirs, truths, (Path(results.index["root"]), entry["synset"]))
+        truths = scoring.load_truth(run.folder("samples", category))
+        synset = results.index["categories"][category]["synset"]
+        clouds = Clouds(ours, theirs, truths, (Path(results.index["root"]), synset))
         errors = image_errors(results.per_image[results.per_image["category"] == name])
         first.append(_first_row(name, clouds, errors))
-        images = [clouds.ddf.images[i] for i in clouds.ddf.metadata["rendered"]]
+        images = [image for i in clouds.ddf.metadata["rendered"] if (image := clouds.ddf.images[i]) in errors]
         rendered = len(images)
         if images:
             strips[name] = strip(clouds, errors, choose({image: errors[image] for image in images}, EXAMPLES))

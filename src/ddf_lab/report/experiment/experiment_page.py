@@ -38,8 +38,12 @@ SECTIONS = (  # in the order of the page; each gives a `pages.Section` from the 
 _FIRST = "examples.webp"
 _FIRST_CAPTION = "Of each category the test image whose D<sub>C</sub> of DDF is the median: input, both clouds, truth."
 _FIRST_ALT = "a test image of each category with the clouds that DDF and PC-SIREN make of it, and the true cloud"
-_SYNTHETIC = "synthetic shapes in ShapeNet's layout"
-_SHAPENET = "ShapeNet-v1 with 3D-R2N2 renders"
+_DATA = {
+    "synthetic": "synthetic shapes in ShapeNet's layout",
+    "public": "real shapes, those of `ddf shapes`",
+    "both": "real shapes, those of `ddf shapes`, and procedural ones, which train together and are tested apart",
+    "shapenet": "ShapeNet-v1 with 3D-R2N2 renders",
+}
 _LEAD = (
     "Experiment `{name}`: 3D reconstruction from single images of {data}.",
     "DDF: directed distance fields. PC-SIREN: a baseline with the same encoders that maps points of a cube to surface "
@@ -60,7 +64,7 @@ def build(found: stage_results.Results) -> pages.Page:
     """The page from results already read."""
     values = {
         "name": found.name,
-        "data": _SYNTHETIC if found.synthetic else _SHAPENET,
+        "data": _DATA[found.index["source"]],
         "seeds": f" SEEDS={found.seeds}" if found.seeds > 1 else "",
     }
     lead: list[pages.Block] = [results.verdict(found)]

@@ -22,12 +22,12 @@ _ABOUT = "What DDF makes of three test images, with D_C × 1000 at the true came
 def drawn(run: Run, results: Results) -> Results:
     """The results with their live pages; without that of a category whose model is not there or cannot be read."""
     live = {}
-    for category, entry in results.index["categories"].items():
-        errors = example_strips.image_errors(results.per_image[results.per_image["category"] == category])
+    for group, category in results.groups.items():
+        errors = example_strips.image_errors(results.per_image[results.per_image["category"] == group])
         folder = run.folder("train_ddf", category)
-        root = (Path(results.index["root"]), entry["synset"])
+        root = (Path(results.index["root"]), results.index["categories"][category]["synset"])
         try:
-            live[category] = viewer_page.render(page(category, folder, root, chosen(errors)))
+            live[group] = viewer_page.render(page(group, folder, root, chosen(errors)))
         except (FileNotFoundError, checks.InputError):
             continue
     return dataclasses.replace(results, live=live)

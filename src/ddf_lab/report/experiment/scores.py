@@ -1,6 +1,6 @@
 """Numbers of the long table si3dr.csv as the page prints them: look-up, names, pairs of methods side by side."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import pandas as pd
 
@@ -24,6 +24,7 @@ METHOD_LABELS = {
     baselines.MEAN_SHAPE: "mean shape",
 }
 CAMERA_LABELS = {"Pi_g": "Π<sub>g</sub>", "Pi_corrected": "Π̂<sub>∇</sub>", "Pi_pred": "Π̂"}
+LABELS = {name: str(metric.label) for name, metric in PRINTED.items()}
 NOTHING = "–"
 
 
@@ -77,7 +78,7 @@ class Scores:
         return Cell(f"{text} ({int(row['images'])})" if count else text, best, f"{error}{int(row['images'])} images")
 
 
-def images_note(scores: Scores, categories: Sequence[str], heads: Sequence[Head], metric: str) -> str:
+def images_note(scores: Scores, categories: Collection[str], heads: Sequence[Head], metric: str) -> str:
     """How many images the numbers of a table are of, one sentence; empty where the table says it cell by cell."""
     counts = {category: sorted(set(scores.images(category, heads, metric))) for category in categories}
     counts = {category: found for category, found in counts.items() if found}
@@ -91,13 +92,14 @@ def images_note(scores: Scores, categories: Sequence[str], heads: Sequence[Head]
 
 def pairs(
     results: Results,
-    categories: Sequence[str],
+    categories: Collection[str],
     columns: Sequence[str],
     methods: Sequence[tuple[str, str]],
     caption: str,
     source: str = scoring.MEASURED,
+    labels: Mapping[str, str] = LABELS,
 ) -> Table | None:
-    """Two methods side by side for every metric; a row per category and column of the paper's table.
+    """Two methods side by side for every metric of `labels`; a row per category and column of the paper's table.
 
     Bold: the better of both, where their paired difference exceeds two of its standard errors; never among quoted
     numbers. The number of images stands in the caption, or in every cell of a category whose cells differ in it.
@@ -112,20 +114,20 @@ def pairs(
     heads = [(method, column) for column in columns for _, method in methods]
     rows: list[list[Cell | str]] = []
     for category in categories:
-        if not any((category, *head, metric) in scores.rows for head in heads for metric in PRINTED):
+        if not any((category, *head, metric) in scores.rows for head in heads for metric in labels):
             continue
-        counted = len(set(scores.images(category, heads, next(iter(PRINTED))))) > 1 if measured else False
+        counted = len(set(scores.images(category, heads, next(iter(labels))))) > 1 if measured else False
         for column in columns:
             cells: list[Cell | str] = [category if column == columns[0] else "", column_label(column)]
             first, second = ((method, column) for _, method in methods)
-            for metric in PRINTED:
+            for metric in labels:
                 won = results.better(category, first, second, metric) if measured else 0
                 cells.append(scores.cell(category, first, metric, won > 0, counted))
                 cells.append(scores.cell(category, second, metric, won < 0, counted))
             rows.append(cells)
     if not rows:
         return None
-    note = images_note(scores, categories, heads, next(iter(PRINTED))) if measured else ""
-    groups = [("", 2, False), *((str(metric.label), len(methods), not measured) for metric in PRINTED.values())]
-    header = ["", "camera, points", *[name for name, _ in methods] * len(PRINTED)]
+    note = images_note(scores, categories, heads, next(iter(labels))) if measured else ""
+    groups = [("", 2, False), *((label, len(methods), not measured) for label in labels.values())]
+    header = ["", "camera, points", *[name for name, _ in methods] * len(labels)]
     return Table(f"{caption} {note}".strip(), groups, header, rows, labels=2, rule_every=len(columns))

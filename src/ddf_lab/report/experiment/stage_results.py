@@ -10,7 +10,7 @@ import pandas as pd
 
 from ddf.core import config, storage
 from ddf.metrics import cloud_scores
-from ddf_lab.evaluation import paired, paper_results, seed_means
+from ddf_lab.evaluation import groups, paired, paper_results, seed_means
 from ddf_lab.run import STAGES, WHOLE, Run, time_path
 
 MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN"}
@@ -82,6 +82,11 @@ class Results:
         return list(self.index["categories"])
 
     @property
+    def groups(self) -> dict[str, str]:
+        """The category of each group of test shapes, in the order of tables."""
+        return groups.names(self.index)
+
+    @property
     def paper_categories(self) -> list[str]:
         """Those for which the paper prints numbers."""
         return [name for name in self.categories if name in paper_results.SI3DR]
@@ -90,11 +95,6 @@ class Results:
         """The largest rounding error of each stored quantity over all categories."""
         names = dict.fromkeys(name for errors in self.packing_errors.values() for name in errors)
         return {name: max(errors.get(name, 0.0) for errors in self.packing_errors.values()) for name in names}
-
-    @property
-    def synthetic(self) -> bool:
-        """Whether our generator made the data."""
-        return self.index["source"] == "synthetic"
 
 
 def printed(value: Any) -> str:

@@ -11,6 +11,7 @@ from _hand_made import COUNTS
 from ddf.core import checks, storage
 from ddf.data import shapenet
 from ddf.data.batches import category_data
+from ddf.data.public import manifest
 from ddf.data.samples import sample_types
 from ddf.geometry import transforms
 
@@ -86,3 +87,11 @@ def test_test_views_are_the_first_of_the_splits():
     dataset = shapenet.Dataset(Path("root"), {"chair": shapenet.CategoryEntry("1", (*entries, unseen))})
     assert dataset.train("chair") == [("a", (0, 1, 2, 3, 4)), ("b", (0, 1))]
     assert category_data.test_views(dataset, "chair", 2) == [("b", (2, 3)), ("c", (0, 1))]
+
+
+def test_public_shapes_have_their_own_number_of_test_views():
+    public = next(row.id for row in manifest.of(["chair"]) if row.split == "test")
+    entries = tuple(shapenet.ShapeEntry(name, (), (0, 1, 2, 3, 4)) for name in ("c", public))
+    dataset = shapenet.Dataset(Path("root"), {"chair": shapenet.CategoryEntry("1", entries)})
+    assert category_data.test_views(dataset, "chair", 1, 3) == [("c", (0,)), (public, (0, 1, 2))]
+    assert category_data.test_views(dataset, "chair", 1) == [("c", (0,)), (public, (0, 1, 2, 3, 4))]

@@ -4,12 +4,13 @@ import dataclasses
 
 import _hand_made
 import _models
+import numpy as np
 import pytest
 import torch
 from _hand_made import DDF, POINTCLOUDS, TRAIN
 
 from ddf.core import checks, notes
-from ddf.fields import cloud_projection
+from ddf.fields import cloud_projection, rendering
 from ddf.models.reconstruction import inference, reconstruction_models, scales, settings, silhouettes
 
 
@@ -134,6 +135,33 @@ def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():
     assert tuple(tensors["L"].shape) == (6, 60, 3)
     assert torch.equal(tensors["S"], tensors["L"][:, :30])
     assert not torch.equal(tensors["L"][0], tensors["L"][3])  # same shape, another image
+
+
+def test_pcsirens_points_are_the_farthest_of_twice_as_many():
+    model, images = _models.pcsiren_model(), _hand_made.images()
+    twice = dataclasses.replace(POINTCLOUDS, pcsiren_inputs="farthest")
+    chosen = inference.reconstruct_pcsiren(model, images, twice)[0]
+    mapped = inference.reconstruct_pcsiren(
+        model, images, dataclasses.replace(POINTCLOUDS, large=120, pcsiren_inputs="even")
+    )[0]["L"]
+    assert torch.equal(chosen["S"], chosen["L"][:, :30])
+    for cloud, candidates in zip(chosen["L"], mapped, strict=True):
+        assert torch.equal(cloud[0], candidates[0])
+        for count in (1, 30, 59):
+            gaps = torch.cdist(candidates, cloud[:count]).amin(dim=1)
+            torch.testing.assert_close(gaps.max(), torch.cdist(cloud[count][None], cloud[:count]).min())
+
+
+def test_silhouettes_overlap_with_alpha():
+    model, images = _models.ddf_model("angle"), _hand_made.images()
+    tensors, _ = inference.reconstruct_ddf(model, images, POINTCLOUDS, "test")
+    _, latents, seen_from = inference.encode(model, images)
+    for row in (0, 4):
+        given = images.batch(np.array([row]))[0, 3] > 0.5
+        placed = ([m[row] for m in model.modulations(latents)], seen_from[row], 1 / tensors["scale_pred"][row])
+        own = rendering.render(model.field, *placed, len(given))[0]["visibility"] > 0.5
+        both, either = float((own * given).sum()), float(torch.maximum(own, given).sum())
+        assert tensors["silhouette_iou"][row] == pytest.approx(both / max(either, 1))
 
 
 def test_even_points_fill_the_cube_and_random_ones_are_the_plain_draw():

@@ -32,8 +32,8 @@ _COLUMNS = ("Pi_g-L", "Pi_g-S")
 _BARS_CAPTION = "F-scores at the true camera, L points. Blue: DDF. Orange: PC-SIREN. Grey: no model."
 _BARS_ALT = "bars of the F-scores of ceiling, oracle retrieval, DDF, PC-SIREN, retrieval and mean shape, by category"
 _CAPTION = (
-    "At the true camera. Bold: better than all others of both models, retrieval and the mean shape, by more than two "
-    "standard errors."
+    "At the true camera. Bold: better than all others of both models, retrieval and the mean shape, by the rule of "
+    "claims."
 )
 _READING = (
     "Ceiling: a random subset of the truth against all of it. No method does better with so many points.",
@@ -55,7 +55,7 @@ def draw(results: Results) -> bytes:
     """F-scores as bars; a method without a number has no bar."""
     found = scores.Scores(results.table)
     bars = {}
-    for category in results.categories:
+    for category in results.groups:
         values = ((m, name, found.value(category, (m, "Pi_g-L"), "f_score_tau_x100")) for m, name in _BARS.items())
         bars[category] = [(m, name, math.nan if value is None else value) for m, name, value in values]
     return figures.score_bars(bars, "F(τ) × 100").encode()
@@ -65,7 +65,7 @@ def table(results: Results) -> Table:
     """Ceilings, retrievals, both models and the mean shape at the true camera."""
     found = scores.Scores(results.table)
     rows: list[list[Cell | str]] = []
-    for category in results.categories:
+    for category in results.groups:
         for method in ORDER:
             cells: list[Cell | str] = [category if method == ORDER[0] else "", scores.METHOD_LABELS[method]]
             for column in _COLUMNS:
@@ -79,6 +79,6 @@ def table(results: Results) -> Table:
     labels = [str(metric.label) for metric in cloud_scores.PRINTED.values()]
     layout = [("", 2, False), *((scores.column_label(column), len(labels), False) for column in _COLUMNS)]
     heads = [(method, column) for method in ORDER for column in _COLUMNS]
-    note = scores.images_note(found, results.categories, heads, "chamfer_l2_sq_x1000")
+    note = scores.images_note(found, results.groups, heads, "chamfer_l2_sq_x1000")
     caption = seed_notes.over_seeds(results, f"{_CAPTION} {note}".strip())
     return Table(caption, layout, ["", "", *labels * len(_COLUMNS)], rows, labels=2, rule_every=len(ORDER))

@@ -1,5 +1,7 @@
 """Data: how much there is, what preparation lost, which shapes were left out."""
 
+from ddf.data.public import manifest
+from ddf_lab.evaluation import groups
 from ddf_lab.report.experiment.stage_results import Results
 from ddf_lab.report.pages import Block, Section, Table
 
@@ -19,7 +21,19 @@ def section(results: Results) -> Section:
         blocks.append(tuple(f"`{row['id']}` ({row['stage']}): {row['reason']}" for row in rows))
     else:
         blocks.append("No shape was left out.")
+    if results.index["source"] in ("public", "both"):
+        blocks += ["Makers of the real shapes, by licence:", makers(results)]
     return Section("Data", blocks)
+
+
+def makers(results: Results) -> tuple[str, ...]:
+    """Who made the real shapes of the experiment, for credit."""
+    rows = manifest.of(results.categories)
+    names = {
+        licence: sorted({row.creator for row in rows if row.licence == licence})
+        for licence in {r.licence for r in rows}
+    }
+    return tuple(f"{licence}: {', '.join(names[licence])}." for licence in sorted(names))
 
 
 def frames(results: Results) -> list[str]:
@@ -35,12 +49,11 @@ def frames(results: Results) -> list[str]:
 def clouds(results: Results) -> Table:
     """Counts of shapes, and of the points of the true clouds."""
     rows = []
-    for category, entry in results.index["categories"].items():
-        tests = results.shapes[results.shapes["category"] == category]
-        counts = [str(sum(bool(shape[key]) for shape in entry["shapes"])) for key in ("train_views", "test_views")]
-        rows.append(
-            [category, *counts, f"{tests['points'].median():,.0f}", f"{100 * tests['hidden_share'].mean():.1f}"]
-        )
+    for group, category in results.groups.items():
+        tests = results.shapes[results.shapes["category"] == group]
+        trained = list(groups.of_shapes(results.index, category, "train").values()).count(group)
+        hidden = f"{100 * tests['hidden_share'].mean():.1f}"
+        rows.append([group, str(trained), str(len(tests)), f"{tests['points'].median():,.0f}", hidden])
     header = ["", "train shapes", "test shapes", "points, median", "hidden, %"]
     return Table(_CLOUDS, [("", len(header), False)], header, rows)
 

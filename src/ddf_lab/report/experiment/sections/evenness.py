@@ -32,7 +32,7 @@ def table(results: Results) -> Table:
     """Variation of the spacing between points, per category and cloud, and its ratio to that of the true cloud."""
     found = scores.Scores(results.table)
     rows = []
-    for category in results.categories:
+    for category in results.groups:
         truth = found.value(category, scoring.TRUTH, _METRIC)
         for head, label in _CLOUDS:
             value = found.value(category, head, _METRIC)

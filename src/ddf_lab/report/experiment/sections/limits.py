@@ -8,10 +8,15 @@ from ddf_lab.report.pages import Block, Section, Table
 
 SECTIONS = ("train", "ddf", "pcsiren", "meshes", "samples", "pointclouds")
 NOT_GIVEN = "not given"
-_SYNTHETIC = (
-    "The shapes are procedural, made by this project in ShapeNet's layout with the same cameras.",
-    "Scores on them compare the methods on these shapes; they do not reproduce the paper's ShapeNet numbers.",
-)
+_PROCEDURAL = "Procedural shapes are made by this project in ShapeNet's layout with the same cameras."
+_REAL = "Real shapes are of Debian's archive, few and of few makers, rendered by this project as procedural ones are."
+_COMPARE = "Scores compare the methods on these shapes; they do not reproduce the paper's ShapeNet numbers."
+_SHAPES = {
+    "synthetic": (_PROCEDURAL, _COMPARE),
+    "public": (_REAL, _COMPARE),
+    "both": (_REAL, _PROCEDURAL, _COMPARE),
+    "shapenet": (),
+}
 _SIZES = ("Sizes differ from the paper's (table below), and so does every number that depends on them.",)
 _ONE_SEED = (
     "One seed was trained.",
@@ -33,7 +38,7 @@ _CAPTION = (
 def section(results: Results) -> Section:
     """Bullets, and the table of settings where any differs."""
     changed = changed_settings(results)
-    limits = [*(_SYNTHETIC if results.synthetic else ()), *(_SIZES if changed else ())]
+    limits = [*_SHAPES[results.index["source"]], *(_SIZES if changed else ())]
     limits += [*(_SEEDS if results.seeds > 1 else _ONE_SEED), *_QUOTED]
     blocks: list[Block] = [tuple(text.format(seeds=results.seeds) for text in limits)]
     if changed:

@@ -21,12 +21,16 @@ def section(results: Results) -> Section:
     blocks: list[Block] = []
     for category, strip in results.strips.items():
         caption = seed_notes.of_first(results, paragraph(_CAPTION, category=category.capitalize()))
-        blocks.append(Figure(f"strip_{category}.webp", caption, paragraph(_ALT, category=category), strip))
+        blocks.append(Figure(f"strip_{_file(category)}.webp", caption, paragraph(_ALT, category=category), strip))
     blocks += (
         [tuple(paragraph(text, count=results.rendered) for text in _READING)]
         if blocks
         else ["No image was rendered (pointclouds.rendered is 0)."]
     )
     for category, page in results.live.items():
-        blocks.append(Live(f"live_{category}.html", paragraph(_LIVE, category=category.capitalize()), page))
+        blocks.append(Live(f"live_{_file(category)}.html", paragraph(_LIVE, category=category.capitalize()), page))
     return Section("Pictures", blocks)
+
+
+def _file(group: str) -> str:
+    return group.replace(" ", "_")

@@ -15,7 +15,7 @@ _CHAMFER = "chamfer_l2_sq_x1000"
 _COMPARED = {_CHAMFER: "D<sub>C</sub>", "f_score_tau_x100": "F<sub>τ</sub>"}
 _CAPTION = (
     "Single-image reconstruction, measured here. Means over images. Bold: the better model of a row, where their "
-    "paired difference exceeds two of its standard errors."
+    "paired difference is more than chance gives once in twenty times."
 )
 _PAPER = "The paper's numbers on ShapeNet: other data and other sizes, not comparable cell by cell."
 _QUOTED = "The same, of P2M and 3DR. The paper takes them from Pixel2Mesh; they predict in the frame of the view."
@@ -27,10 +27,16 @@ _READING = (
     "Π<sub>g</sub>: true camera. Π̂: predicted camera and estimated scale.",
     "Π̂<sub>∇</sub>: predicted camera after gradient descent on the mask.",
     "The first sentences of the page compare D<sub>C</sub> and F<sub>τ</sub> with L points.",
-    "A difference is called one where, paired by image, it exceeds two of its standard errors over {over}.",
+    "A difference is called one where, paired by image, it exceeds what Student's t asks of its standard error over "
+    "{over}, 95 %: two for many, three for three trainings.",
     "Encoders read images with alpha, so both models see the mask. What descends on it has columns that say so.",
 )
-_MASK_COLUMNS = ("Pi_g-L", "Pi_pred-L")
+_LARGE = ("Pi_g-L", "Pi_pred-L")
+_SHARE_LABELS = {"precision_tau_x100": "precision ↑", "recall_tau_x100": "recall ↑"}
+_SHARES = (
+    "What F<sub>τ</sub> is made of, × 100: predicted points near the truth, true points near the prediction. Bold as "
+    "above."
+)
 _ON_MASK = (
     "DDF with shapes moved until their silhouettes from the predicted camera agree with the test image's alpha. "
     "PC-SIREN is given no such descent here. Bold as above."
@@ -57,7 +63,7 @@ def better_model(results: Results, column: str) -> dict[tuple[str, str], str]:
     names = {1: MODELS[0][0], -1: MODELS[1][0], 0: ""}
     return {
         (category, label): names[results.better(category, ours, theirs, metric)]
-        for category in results.categories
+        for category in results.groups
         for metric, label in _COMPARED.items()
         if results.difference(category, ours, theirs, metric) is not None
     }
@@ -83,9 +89,10 @@ def _listed(names: list[str]) -> str:
 
 def section(results: Results) -> Section:
     """Our table, what follows from it, how to read it, the paper's table."""
-    caption = seed_notes.over_seeds(results, _CAPTION)
+    caption, shares = (seed_notes.over_seeds(results, text) for text in (_CAPTION, _SHARES))
     blocks: list[Block | None] = [
-        scores.pairs(results, results.categories, COLUMNS, MODELS, caption),
+        scores.pairs(results, results.groups, COLUMNS, MODELS, caption),
+        scores.pairs(results, results.groups, _LARGE, MODELS, shares, labels=_SHARE_LABELS),
         on_the_mask(results),
         seconds(results),
         tuple(findings(results)),
@@ -104,14 +111,14 @@ def findings(results: Results) -> list[str]:
     for label, method in MODELS:
         ratios = [
             f"{category} {mean / ours:.2f}"
-            for category in results.categories
+            for category in results.groups
             if (ours := table.value(category, (method, "Pi_g-L"), _CHAMFER))
             and (mean := table.value(category, (baselines.MEAN_SHAPE, "Pi_g-L"), _CHAMFER))
         ]
         found.append(f"D<sub>C</sub> of the mean shape over that of {label} (true camera, L): {', '.join(ratios)}.")
     found += [_against_retrieval(results, label, method) for label, method in MODELS]
     changes = []
-    for category in results.categories:
+    for category in results.groups:
         before, after = (
             table.value(category, (scoring.DDF, column), _CHAMFER) for column in ("Pi_pred-S", "Pi_corrected-S")
         )
@@ -124,8 +131,8 @@ def findings(results: Results) -> list[str]:
 def _against_retrieval(results: Results, label: str, method: str) -> str:
     """For which categories a model is better than retrieval by the rule of claims, and for which it is not."""
     heads = (method, "Pi_g-L"), (baselines.RETRIEVAL, "Pi_g-L")
-    won = [category for category in results.categories if results.better(category, *heads, _CHAMFER) > 0]
-    rest = [category for category in results.categories if category not in won]
+    won = [category for category in results.groups if results.better(category, *heads, _CHAMFER) > 0]
+    rest = [category for category in results.groups if category not in won]
     parts = ([f"better for {_listed(won)}"] if won else []) + ([f"not for {_listed(rest)}"] if rest else [])
     return f"{label} against retrieval of a training shape (D<sub>C</sub>, true camera, L): {'; '.join(parts)}."
 
@@ -149,7 +156,7 @@ def on_the_mask(results: Results) -> Table | None:
     if not (results.per_image["method"] == scoring.DDF_ON_MASK).any():
         return None
     caption = seed_notes.over_seeds(results, _ON_MASK)
-    return scores.pairs(results, results.categories, _MASK_COLUMNS, methods, caption)
+    return scores.pairs(results, results.groups, _LARGE, methods, caption)
 
 
 def seconds(results: Results) -> Table | None:

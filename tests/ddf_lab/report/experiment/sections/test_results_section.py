@@ -28,7 +28,7 @@ def test_printed_values_are_those_of_the_table(reported):
     assert tuple(table.columns) == scoring.TABLE_FIELDS
     value = table.set_index(["source", "category", "method", "column", "metric"])["value"].to_dict()
     text = (folder / "README.md").read_text()
-    ours, theirs, quoted = markdown_tables(text)[:3]
+    ours, shares, theirs, quoted = markdown_tables(text)[:4]
     assert len(ours) == 2 + 15 and len(theirs) == 2 + 10 and len(quoted) == 2 + 4  # the paper has no primitives
     assert "4 images of each category." in text
     for rows, source in ((ours, "measured"), (theirs, paper_results.SOURCE)):
@@ -39,6 +39,10 @@ def test_printed_values_are_those_of_the_table(reported):
                 _printed(value, (source, category, method, column, metric), 3 if metric.startswith("chamfer") else 2)
                 for metric, method in _PAIRED
             ]
+    names = [(metric, method) for metric in ("precision_tau_x100", "recall_tau_x100") for method in ("ddf", "pc_siren")]
+    assert shares[2][2:] == [
+        _printed(value, ("measured", "chair", method, "Pi_g-L", metric), 1) for metric, method in names
+    ]
     corrected = [row for row in ours[2:] if "∇" in row[1]]
     assert len(corrected) == 3 and all(row[3] == row[5] == row[7] == "–" for row in corrected)  # PC-SIREN has none
     assert all("–" not in row[2] for row in ours[2:])
