@@ -9,12 +9,14 @@ import types
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ddf.api.completion import Completion, complete
     from ddf.api.field import Field, fit, load
     from ddf.api.meshes import cast, read_mesh
     from ddf.api.reconstruction import Reconstruction, reconstruct
     from ddf.api.scene import Scene, compose
     from ddf.api.scene_file import read_scene
     from ddf.api.scores import compare
+    from ddf.api.sensors import depth_camera, lidar
 
     __version__: str
 
@@ -30,15 +32,23 @@ _HOMES = {
     "Reconstruction": "reconstruction",
     "reconstruct": "reconstruction",
     "compare": "scores",
+    "Completion": "completion",
+    "complete": "completion",
+    "depth_camera": "sensors",
+    "lidar": "sensors",
 }
 __all__ = [
+    "Completion",
     "Field",
     "Reconstruction",
     "Scene",
     "cast",
     "compare",
+    "complete",
     "compose",
+    "depth_camera",
     "fit",
+    "lidar",
     "load",
     "read_mesh",
     "read_scene",

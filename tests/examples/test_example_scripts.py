@@ -72,6 +72,13 @@ def test_onnx_without_torch(tmp_path):
     assert min(depths) >= 0.99  # the rays start one unit before the box
 
 
+def test_complete_a_scan(tmp_path):
+    said = _run(tmp_path, "complete_a_scan.py", "--beams", "24")
+    seen, inferred, explained = (int(each) for each in re.findall(r": (\d+)%", said))
+    assert seen + inferred in (99, 100, 101) and seen > 10 and explained > 60
+    assert (tmp_path / "whole_chair" / "model.safetensors").is_file()
+
+
 def test_own_shapenet(tmp_path):
     for shape in ("a10", "a9"):
         (tmp_path / "root" / "ShapeNetRendering" / "03001627" / shape / "rendering").mkdir(parents=True)

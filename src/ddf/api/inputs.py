@@ -8,8 +8,6 @@ from jaxtyping import Float
 from ddf.core import checks
 from ddf.geometry import rays, transforms
 
-_SIMILAR = 1e-6  # by how much a matrix may differ from scale times rotation: float32 files are within 1e-7
-
 
 def points(name: str, values: Any) -> Float[np.ndarray, "n 3"]:
     """Numbers of shape (n, 3), finite, as float64.
@@ -44,15 +42,4 @@ def similarity(matrix: Any) -> transforms.Similarity:
     """
     if isinstance(matrix, transforms.Similarity):
         return matrix
-    array = np.asarray(matrix)
-    if array.shape != (4, 4) or array.dtype.kind not in "fiu" or not np.array_equal(array[3], [0, 0, 0, 1]):
-        raise checks.InputError(
-            f"a transform must be a 4x4 matrix whose last row is 0, 0, 0, 1; got shape {array.shape}"
-        )
-    checks.require_finite("a transform", array)
-    linear = array[:3, :3].astype(np.float64)
-    scale = float(np.cbrt(np.linalg.det(linear)))
-    if scale <= 0 or np.abs(linear @ linear.T - scale**2 * np.eye(3)).max() > _SIMILAR * scale**2:
-        raise checks.InputError("a transform must scale all axes alike, turn and move; this one shears or mirrors")
-    left, _, right = np.linalg.svd(linear)  # the nearest rotation
-    return transforms.Similarity(scale, left @ right, array[:3, 3])
+    return transforms.Similarity.of_matrix("a transform", matrix)

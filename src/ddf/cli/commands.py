@@ -48,6 +48,9 @@ COMMANDS = {
     "reconstruct": Command(
         "model", "ddf.cli.model.reconstruct", "camera, cloud and renders from images with a trained model"
     ),
+    "complete": Command(
+        "model", "ddf.cli.model.complete", "the whole object, and its pose, from a depth image or a lidar scan of it"
+    ),
     "generate": Command(
         "model", "ddf.cli.model.generate", "samples of a shape VAE and an image GAN: fields, normals, images"
     ),

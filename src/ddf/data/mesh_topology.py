@@ -13,7 +13,6 @@ from ddf.geometry import raycast
 from ddf.geometry.mesh_io import Mesh, face_normals, have_area
 
 _WELD_TOLERANCE = 1e-5  # of the diagonal: float32 noise of seams in STL files reaches 4e-6, real detail starts at 1e-4
-LEAST_KEPT = 0.8  # of the area, where triangles back to back go
 
 _MOST_PIECES = 1000  # more are a soup; and twice as many pairs whose boxes meet
 
@@ -23,7 +22,7 @@ def clean(mesh: Mesh) -> Mesh:
 
     Where (and only where) that closes the mesh, vertices within 1e-5 of the diagonal are welded as well. Where it
     gives a mesh that is sound, triangles without an area stay, which fill the seams of CAD files, and of triangles back
-    to back both go, but not where that takes a part of the box or a fifth of the area: sheets with two sides stay.
+    to back both go.
 
     Raises:
       InputError: no triangle with an area is left.
@@ -39,14 +38,7 @@ def clean(mesh: Mesh) -> Mesh:
     if len(closed.faces) and is_watertight(closed):
         return closed
     candidates = (_cancelled(mesh) for mesh in (welded, tolerant))
-    return next((each for each in candidates if _is_most_of(exact, each) and is_sound(each)), exact)
-
-
-def _is_most_of(mesh: Mesh, part: Mesh) -> bool:
-    """Whether a part has the box and the better part of the area."""
-    areas = [face_normals(each)[1].sum() for each in (mesh, part)]
-    same_box = len(part.faces) > 0 and part.diagonal() >= (1 - _WELD_TOLERANCE) * mesh.diagonal()
-    return bool(same_box and areas[1] >= LEAST_KEPT * areas[0])
+    return next((candidate for candidate in candidates if len(candidate.faces) and is_sound(candidate)), exact)
 
 
 def _cancelled(mesh: Mesh) -> Mesh:

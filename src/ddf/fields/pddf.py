@@ -5,6 +5,8 @@ network's raw outputs are (d_1, ..., d_K, s_1, ..., s_{K-1}, logit ξ) before an
 s_K = 0: of two components s_1 is the logit of w_1. Every loss works on logits.
 """
 
+import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -109,6 +111,15 @@ class ConditionalPDDF(nn.Module):
         super().__init__()
         self.field = PDDF(config)
         self.modulator = siren.Modulator(latent_features, config.hidden)
+
+
+@torch.no_grad()
+def baked(field: PDDF, modulations: Sequence[Float[Tensor, "1 _"]]) -> PDDF:
+    """A conditional field of one shape as a plain one: W_{l+1} (m_l h) = (W_{l+1} diag m_l) h."""
+    plain = copy.deepcopy(field).requires_grad_(False)
+    for layer, modulation in zip((*plain.network.layers[1:], plain.network.head), modulations, strict=True):
+        layer.weight.mul_(modulation)
+    return plain
 
 
 class PointDecoder(nn.Module):

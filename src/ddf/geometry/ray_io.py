@@ -1,7 +1,9 @@
 """Rays as NPZ files: `positions` and `directions`, (N, 3), in the frame of the mesh that they are meant for."""
 
+import math
 import zipfile
 import zlib
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -40,10 +42,22 @@ def arrays(path: Path, names: tuple[str, ...]) -> list[np.ndarray]:
     Raises:
       FileNotFoundError: there is no such file. InputError: something else; it is named.
     """
+    found = numbers(path, names)
+    for name in names:
+        if name not in found:
+            raise checks.InputError(f"{path}: has no array {name!r}")
+        if found[name].ndim != 2 or found[name].shape[1] != 3:
+            raise checks.InputError(f"{path}: {name} must be numbers of shape (N, 3); got shape {found[name].shape}")
+    return [found[name] for name in names]
+
+
+def numbers(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
+    """Those of the named arrays that an NPZ file has, as float64; as `arrays`, of any shape."""
     checks.require_content(path)
     try:
         with zipfile.ZipFile(path) as archive:
-            return [_array(archive, path, name) for name in names]
+            there = set(archive.namelist())
+            return {name: _array(archive, path, name) for name in names if f"{name}.npy" in there}
     except (checks.InputError, FileNotFoundError):
         raise
     except _DAMAGED as error:
@@ -52,17 +66,16 @@ def arrays(path: Path, names: tuple[str, ...]) -> list[np.ndarray]:
 
 
 def _array(archive: zipfile.ZipFile, path: Path, name: str) -> np.ndarray:
-    if f"{name}.npy" not in archive.namelist():
-        raise checks.InputError(f"{path}: has no array {name!r}")
     with archive.open(f"{name}.npy") as member:
         version = np.lib.format.read_magic(member)
         header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, by_columns, kind = header(member)
-        if len(shape) != 2 or shape[1] != 3 or kind.kind not in "fiu":
-            raise checks.InputError(f"{path}: {name} must be numbers of shape (N, 3); got {kind} {shape}")
-        if 24 * shape[0] > max(_FEW, _GROWTH * path.stat().st_size):
-            raise checks.InputError(f"{path}: {name} claims {shape[0]:,} rows, too many for a file of this size")
-        data = member.read(kind.itemsize * 3 * shape[0] + 1)
-    if len(data) != kind.itemsize * 3 * shape[0]:
-        raise checks.InputError(f"{path}: {name} claims {shape[0]:,} rows and holds another number")
+        count = math.prod(shape)
+        if kind.kind not in "fiu":
+            raise checks.InputError(f"{path}: {name} must be numbers; got {kind} {shape}")
+        if 8 * count > max(_FEW, _GROWTH * path.stat().st_size):
+            raise checks.InputError(f"{path}: {name} claims {count:,} numbers, too many for a file of this size")
+        data = member.read(kind.itemsize * count + 1)
+    if len(data) != kind.itemsize * count:
+        raise checks.InputError(f"{path}: {name} claims {count:,} numbers and holds another count")
     return np.frombuffer(data, kind).reshape(shape, order="F" if by_columns else "C").astype(np.float64, order="C")

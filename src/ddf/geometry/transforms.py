@@ -6,12 +6,14 @@ before any narrowing to float32.
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks
 
+_SIMILAR = 1e-6  # by how much a matrix may differ from scale times rotation: float32 files are within 1e-7
 BENCHMARK_FROM_V1 = 0.57  # 1/1.75 rounded; published numbers are in these units (docs/formats.md)
 
 
@@ -75,6 +77,32 @@ class Similarity:
     def from_dict(cls, values: dict) -> "Similarity":
         """The inverse of `to_dict`."""
         return cls(values["scale"], np.array(values["rotation"]), np.array(values["translation"]))
+
+    @classmethod
+    def of_matrix(cls, name: str, matrix: Any) -> "Similarity":
+        """From a 4x4 matrix.
+
+        Raises:
+          InputError: something else, such as one that shears or mirrors.
+        """
+        array = np.asarray(matrix)
+        if array.shape != (4, 4) or array.dtype.kind not in "fiu" or not np.array_equal(array[3], [0, 0, 0, 1]):
+            raise checks.InputError(
+                f"{name} must be a 4x4 matrix whose last row is 0, 0, 0, 1; got shape {array.shape}"
+            )
+        checks.require_finite(name, array)
+        linear = array[:3, :3].astype(np.float64)
+        scale = float(np.cbrt(np.linalg.det(linear)))
+        if scale <= 0 or np.abs(linear @ linear.T - scale**2 * np.eye(3)).max() > _SIMILAR * scale**2:
+            raise checks.InputError(f"{name} must scale all axes alike, turn and move; this one shears or mirrors")
+        left, _, right = np.linalg.svd(linear)  # the nearest rotation
+        return cls(scale, left @ right, array[:3, 3])
+
+    def to_matrix(self) -> Float[np.ndarray, "4 4"]:
+        """The 4x4 matrix."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = self.scale * self.rotation, self.translation
+        return matrix
 
 
 def field_from_mesh(vertices: Float[np.ndarray, "n 3"]) -> Similarity:

@@ -75,17 +75,6 @@ def test_clean_welds_noisy_seams_only_if_that_closes_the_mesh():
     assert len(mesh_topology.clean(opened).vertices) == 3 * len(opened.faces)
 
 
-def test_clean_keeps_sheets_with_two_sides_and_drops_walls_between_bodies():
-    plate = _plate((2, 0, 0), (3, 1, 0))
-    both = mesh_io.Mesh(plate.vertices, np.concatenate([plate.faces, plate.faces[:, ::-1]]))
-    cleaned = mesh_topology.clean(joined(cube(0.5), both))
-    assert len(cleaned.faces) == 12 + len(plate.faces) and np.ptp(cleaned.vertices[:, 0]) == 3.5
-    half = moved(cube(0.5), 1.0, (0.5, 0, 0))
-    fused = mesh_topology.clean(joined(half, mesh_io.Mesh(half.vertices * [-1, 1, 1], half.faces[:, ::-1])))
-    assert mesh_topology.is_sound(fused) and len(fused.faces) == 20
-    assert (fused.triangles[:, :, 0] != 0).any(axis=1).all()  # the wall at x = 0 is gone
-
-
 def test_clean_refuses_a_mesh_without_area():
     with pytest.raises(checks.InputError, match="no triangle has an area"):
         mesh_topology.clean(mesh_io.Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])))

@@ -49,6 +49,12 @@ def quantile(known: Mapping[str, Tensor], features: Float[Tensor, "b f"]) -> Flo
     return np.interp(apart.numpy(), distances.numpy(), _GRID.numpy())
 
 
+def features(known: Mapping[str, Tensor]) -> tuple[Float[Tensor, "f"], Float[Tensor, "f f"]]:
+    """Mean and widened covariance Σ + s D of the features of the training images."""
+    factor = known[PREFIX + "factor"].double().cpu()
+    return known[PREFIX + "mean"].double().cpu(), torch.linalg.inv(factor @ factor.T)
+
+
 def parted(tensors: Mapping[str, Tensor]) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
     """The weights of a model's file, and what it says of its training images: nothing in older files."""
     known = {name: value for name, value in tensors.items() if name.startswith(PREFIX)}

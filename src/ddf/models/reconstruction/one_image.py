@@ -115,6 +115,17 @@ def reconstruct(
     return Reconstructed(seen_from[0], modulations, cloud, scale, quantile, seconds)
 
 
+@torch.no_grad()
+def latent(model: reconstruction_models.DDFModel, image_size: int, image: Path) -> Float[Tensor, "z"]:
+    """What the shape encoder makes of an RGBA file of any size.
+
+    Raises:
+      InputError: the image is damaged or has no alpha.
+    """
+    pixels = shapenet.read_any_image(image, image_size)[None].to(training_loop.device())
+    return inference.encode_batch(model, pixels)[1][0]
+
+
 def _generator(seed: int) -> torch.Generator:
     return torch.Generator(training_loop.device()).manual_seed(seed)
 

@@ -1,0 +1,137 @@
+"""From what a depth camera or a lidar saw of an object to the whole of it."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from jaxtyping import Bool, Float
+
+from ddf.api import inputs
+from ddf.api.field import Field
+from ddf.core import checks, extras, shipped_models
+from ddf.geometry import scans, transforms
+
+_UPS = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0), "-y": (0.0, -1.0, 0.0)}
+
+
+@dataclasses.dataclass(frozen=True)
+class Completion:
+    """The whole of an object, in the frame and the unit of its scan.
+
+    points: (n, 3), on its surface. seen: (n), whether the scan saw that part; the rest is inferred. spread: (n),
+    standard deviation of where the surface is. pose: (4, 4), from the frame of the model, where the shape fills the
+    cube [-1, 1]³ with Y up, to that of the scan. residuals: of each ray of the scan, its range less that of the field,
+    NaN where one of both met nothing. explained: share of the hits that the field is near to.
+    """
+
+    field: Field
+    points: Float[np.ndarray, "n 3"]
+    seen: Bool[np.ndarray, "n"]
+    spread: Float[np.ndarray, "n"]
+    pose: Float[np.ndarray, "4 4"]
+    residuals: Float[np.ndarray, "m"]
+    explained: float
+    _network: Any = dataclasses.field(repr=False)
+    _found: Any = dataclasses.field(repr=False)
+
+    def save(self, folder: str | Path) -> None:
+        """The field as a file of a folder that is made if needed: `ddf.load` reads it."""
+        from ddf.fit import completed_surface
+
+        completed_surface.save(completed_surface.field(self._network, self._found), Path(folder))
+
+    def interval(
+        self, positions: npt.ArrayLike, directions: npt.ArrayLike, share: float = 0.9
+    ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+        """Between which depths other rays would meet the surface, with that probability.
+
+        Args:
+          positions, directions: (n, 3), frame of the scan; directions of length 1. share: in (0, 1).
+        Returns:
+          Lower and upper depth, NaN where the ray likely meets nothing.
+        Raises:
+          ValueError: a wrong shape, or a share that is none.
+        """
+        from ddf.fit import completed_surface
+
+        if not 0 < share < 1:
+            raise checks.InputError(f"share must be in (0, 1); got {share}")
+        asked = inputs.oriented_points(positions, directions)
+        return completed_surface.along_rays(self._network, self._found, asked.positions, asked.directions, share)
+
+
+def complete(
+    scan: str | Path | scans.Scan,
+    model: str | Path,
+    pose: npt.ArrayLike | None = None,
+    *,
+    refine: bool = True,
+    up: str = "y",
+    noise: float = 0.0,
+    image: str | Path | None = None,
+    n: int = 5000,
+    seed: int = 0,
+) -> Completion:
+    """The whole object of a scan, by the field of a trained model: shape and, where it is not known, pose. Needs torch.
+
+    Args:
+      scan: an NPZ file of rays with ranges, a depth image or points with their sensors (docs/complete.md), or what
+        `ddf.lidar` and `ddf.depth_camera` give.
+      model: as of `reconstruct`: the category of the object.
+      pose: 4x4, where its box lies: turns the model's axes (X ahead, Y up) to the scan's, scales by half the longest
+        side, moves to the middle. None: all hits are of the object, which stands upright.
+      refine: whether the pose may move, by some 15 degrees and a tenth of the size; without a pose it always may.
+      up: without a pose, the axis of the scan's frame that points up: y, z or -y.
+      noise: standard deviation of a range, unit of the scan.
+      image: an RGBA picture of the object, from any side, that starts the search too.
+      n: points of the cloud, 2 or more. seed: the same seed gives the same shape.
+    Raises:
+      FileNotFoundError: there is no such file.
+      ValueError: the scan, the pose or the model is of another kind, too few rays end in the box, or torch is not
+        installed.
+
+    Example:
+      >>> import ddf
+      >>> from ddf.core import shipped_models
+      >>> image = shipped_models.ROOT / "chair" / "sample_0.png"
+      >>> chair = ddf.reconstruct(image, "chair", n=100).field
+      >>> scan = ddf.depth_camera(chair, size=32)
+      >>> found = ddf.complete(scan, "chair", n=100)
+      >>> found.points.shape, found.pose.shape
+      ((100, 3), (4, 4))
+    """
+    given = scan if isinstance(scan, scans.Scan) else scans.read(Path(scan))
+    if checks.require_whole("n", n, 2) and not 0 <= noise < np.inf:
+        raise checks.InputError(f"noise must be 0 or more, in the unit of the scan; got {noise}")
+    if up not in _UPS:
+        raise checks.InputError(f"up must be one of {', '.join(_UPS)}; got {up!r}")
+    with extras.named():
+        from ddf.fit import completed_surface, completion, latent_prior
+        from ddf.models.reconstruction import one_image, trained
+    folder = shipped_models.require(model, "reconstruction")
+    network, size = one_image.load(folder)
+    network.requires_grad_(False)
+    config = completion.CompletionConfig()
+    prior = latent_prior.of(network, trained.known(folder if folder.is_dir() else folder.parent), config.axes)
+    if pose is None:
+        doubt, place = completion.UPRIGHT, completion.guess(given, np.array(_UPS[up]))
+    else:
+        doubt = completion.Doubt() if refine else None
+        place = transforms.Similarity.of_matrix("pose", pose)
+    latent = None if image is None else one_image.latent(network, size, Path(image))
+    found = completion.complete(network, prior, given, place, doubt, noise, config, latent, seed)
+    cloud = completed_surface.cloud(network.field, found, given, n, seed)
+    shape = completed_surface.field(network.field, found)
+    return Completion(
+        Field(shape, lambda: shape),
+        cloud.points,
+        cloud.seen,
+        cloud.spread,
+        found.scan_from_field.to_matrix(),
+        found.residuals,
+        found.explained,
+        network.field,
+        found,
+    )

@@ -1,0 +1,382 @@
+"""The whole shape from what a depth camera or a lidar saw of it: maximum a posteriori descent through a field.
+
+A ray (p, v) enters the field's cube after a way e. With d_i, w_i and ξ of the field there, a range r that ends in the
+cube has the likelihood (1 - ε) ξ Σ_i w_i L(r - e; d_i, b) + ε / 2c, with L Laplace's density of scale b and c the way
+through the cube; a ray that leaves the cube has (1 - ε)(1 - ξ) + ε / 2, so free space is evidence. The descent is on
+the mean of the negative logarithms plus λ |u|² / 2, in the shape's coordinates u (`latent_prior`) and, where it is not
+known, in the pose, from the best of many draws (derived here).
+
+What is left open is told by Laplace's approximation: the curvature 1 + mean(g gᵀ)/λ, of the rays' gradients g in u.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn import functional
+
+from ddf.core import checks
+from ddf.fields import pddf, rendering
+from ddf.fields.scenes import pose as poses
+from ddf.fit import latent_prior
+from ddf.geometry import rays, scans, transforms
+from ddf.models.reconstruction import reconstruction_models
+
+FEWEST_HITS = 10
+_MOST = 4096  # rays of a scan that are kept, of each sort
+_CROP = 1.5  # half sides of the box around the cube, beyond which a hit is of something else
+_LEAST_WAY = 1e-3
+_STRAY = 0.02  # share of hits on each side that a first guess of the box leaves out
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """How far the given pose may be off, deviations: turn in degrees, shift and growth in half longest sides.
+
+    around: the turn about the field's vertical axis may be any.
+    """
+
+    turn_deg: float = 15.0
+    shift: float = 0.1
+    growth: float = 0.1
+    around: bool = False
+
+
+UPRIGHT = Doubt(5.0, 0.15, 0.15, around=True)
+
+
+@dataclass(frozen=True)
+class CompletionConfig:
+    """How a scan is completed.
+
+    rays: of the scan in a step. draws: shapes, and poses, that are tried; starts: the best of them, from which the
+    descent begins; kept: those that go on after the first third. steps, rate: of Adam; pose_rate: of the pose. blur: b
+    of a noiseless sensor, field units, for the field itself is not exact. prior: λ. outliers: ε. axes: of u.
+    samples: of Laplace's approximation; widened: their deviation, times.
+    """
+
+    rays: int = 400
+    draws: int = 256
+    starts: int = 4
+    kept: int = 2
+    axes: int = 64
+    steps: int = 100
+    rate: float = 0.1
+    pose_rate: float = 0.02
+    blur: float = 0.03
+    prior: float = 0.003
+    outliers: float = 0.1
+    samples: int = 32
+    widened: float = 1.0
+
+
+@dataclass(frozen=True)
+class Completed:
+    """What was found.
+
+    scan_from_field: the pose. modulations: of the field; `samples`: of as many shapes that the scan leaves open.
+    residuals: range seen minus range of the field, unit of the scan, of every ray of the scan that meets the cube
+    and that both see; NaN elsewhere. explained: share of hits in the cube within three `width` of the field's. loss:
+    that of the descent. width: b, field units, with the sensor's noise.
+    """
+
+    scan_from_field: transforms.Similarity
+    modulations: list[Float[Tensor, "1 _"]]
+    samples: list[Float[Tensor, "s 1 _"]]
+    residuals: Float[np.ndarray, "n"]
+    explained: float
+    loss: float
+    width: float
+
+
+@dataclass(frozen=True)
+class _Rays:
+    """Of a scan, in the frame of the first pose; range inf: met nothing."""
+
+    positions: Float[Tensor, "*n 3"]
+    directions: Float[Tensor, "*n 3"]
+    ranges: Float[Tensor, "*n"]
+
+    def some(self, index: Tensor) -> "_Rays":
+        return _Rays(self.positions[index], self.directions[index], self.ranges[index])
+
+
+@dataclass
+class _State:
+    """Of k starts: u, and the pose relative to the first one, x ↦ exp(growth) exp([turn]_×) x + shift."""
+
+    u: Float[Tensor, "_ axes"]
+    turn: Float[Tensor, "_ 3"]
+    shift: Float[Tensor, "_ 3"]
+    growth: Float[Tensor, "_"]
+
+    def all(self) -> tuple[Tensor, ...]:
+        return self.u, self.turn, self.shift, self.growth
+
+    def at(self, index: Tensor) -> "_State":
+        return _State(*(each.detach()[index].clone() for each in self.all()))
+
+
+def complete(
+    model: reconstruction_models.DDFModel,
+    prior: latent_prior.LatentPrior,
+    scan: scans.Scan,
+    scan_from_field: transforms.Similarity,
+    doubt: Doubt | None = None,
+    noise: float = 0.0,
+    config: CompletionConfig | None = None,
+    latent: Float[Tensor, "z"] | None = None,
+    seed: int = 0,
+) -> Completed:
+    """The likeliest shape of a scan, and its pose where there is doubt of it.
+
+    Args:
+      scan_from_field: where the cube [-1, 1]³ lies that just holds the shape; its unit is half the longest side.
+      doubt: None where that is known. noise: deviation of a range, unit of the scan.
+      latent: of an image of the shape, one more start.
+    Raises:
+      InputError: too few rays end in the cube.
+    """
+    config, generator = config or CompletionConfig(), torch.Generator().manual_seed(seed)
+    like = prior.mean
+    seen = _evidence(scan, scan_from_field, generator, like)
+    width = math.hypot(config.blur, noise / scan_from_field.scale)
+    problem = _Problem(model, prior, width, config)
+    state = _starts(problem, seen, doubt, latent, generator)
+    state = _descend(problem, seen, state, doubt is not None, generator)
+    sample = seen.some(_pick(seen, 4 * config.rays, generator))
+    with torch.no_grad():
+        loss = problem.loss(state, sample)
+    best = state.at(loss.argmin()[None])
+    pose = scan_from_field.compose(_similarity(best))
+    spread = _open(problem, sample, best, generator)
+    modulations = [each.detach()[0] for each in model.modulations(prior.latents(best.u))]
+    samples = [each.detach() for each in model.modulations(prior.latents(spread))]
+    residuals, explained = _residuals(problem, scan, pose, modulations)
+    return Completed(pose, modulations, samples, residuals, explained, float(loss.min()), width)
+
+
+def guess(scan: scans.Scan, up: Float[np.ndarray, "3"]) -> transforms.Similarity:
+    """A pose of an object that stands upright and of which alone all hits are: the box of most of them.
+
+    Args:
+      up: unit vector of the scan's frame.
+    Raises:
+      InputError: too few hits.
+    """
+    if scan.hit.sum() < FEWEST_HITS:
+        raise checks.InputError(_why_none(scan, scan.ranges, transforms.Similarity()))
+    lower, upper = np.quantile(scan.points, [_STRAY, 1 - _STRAY], axis=0)
+    ahead = np.eye(3)[int(np.argmin(np.abs(up)))]
+    ahead = ahead - (ahead @ up) * up
+    ahead /= np.linalg.norm(ahead)
+    rotation = np.stack((ahead, up, np.cross(ahead, up)), axis=1)
+    return transforms.Similarity(float((upper - lower).max()) / 2, rotation, (lower + upper) / 2)
+
+
+def _evidence(
+    scan: scans.Scan, scan_from_field: transforms.Similarity, generator: torch.Generator, like: Tensor
+) -> _Rays:
+    """Rays that say something of the cube, in its frame; those that pass through it unhindered have range inf."""
+    inverse = scan_from_field.inverse()
+    positions, directions = inverse.apply(scan.positions), inverse.apply_directions(scan.directions)
+    ranges = inverse.scale_depth(scan.ranges)
+    corner = np.full(3, _CROP * rendering.CUBE_HALF)
+    near, far = rays.box_span(positions, directions, -corner, corner)
+    inside = (near <= far) & (ranges >= near) & (ranges <= far)
+    inner_near, inner_far = rays.box_span(positions, directions, -corner / _CROP, corner / _CROP)
+    free = (inner_near <= inner_far) & (ranges > far)
+    if inside.sum() < FEWEST_HITS:
+        raise checks.InputError(_why_none(scan, ranges, inverse))
+    chosen = []
+    for sort in (inside, free):
+        index = np.flatnonzero(sort)
+        order = torch.randperm(len(index), generator=generator)[:_MOST].numpy()
+        chosen.append(index[order])
+    index = np.concatenate(chosen)
+    kept = np.where(inside, ranges, np.inf)[index]
+    return _Rays(*(torch.from_numpy(each).to(like) for each in (positions[index], directions[index], kept)))
+
+
+def _why_none(scan: scans.Scan, ranges: np.ndarray, field_from_scan: transforms.Similarity) -> str:
+    """Why a scan says nothing, with what to do."""
+    count = int(scan.hit.sum())
+    if count < FEWEST_HITS:
+        return (
+            f"the scan has {count} rays that met something of {len(scan.ranges):,}; at least {FEWEST_HITS} are needed"
+        )
+    away = float(np.median(np.linalg.norm(field_from_scan.apply(scan.points), axis=-1)))
+    hint = "are ranges in millimetres, and the pose in metres?" if away > 100 else "give the pose of the object's box"
+    return f"under {FEWEST_HITS} of {count:,} hits lie in the box of the pose, most {away:.3g} half sides off; {hint}"
+
+
+def _pick(seen: _Rays, count: int, generator: torch.Generator) -> Tensor:
+    """Indices of so many rays, half of them hits where there are enough."""
+    hit = seen.ranges.isfinite()
+    hits, others = (
+        index[torch.randperm(len(index), generator=generator)]
+        for index in (hit.nonzero()[:, 0], (~hit).nonzero()[:, 0])
+    )
+    number = min(len(hits), max(count // 2, count - len(others)))
+    return torch.cat((hits[:number], others[: count - number]))
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """What the descent is on."""
+
+    model: reconstruction_models.DDFModel
+    prior: latent_prior.LatentPrior
+    width: float
+    config: CompletionConfig
+
+    def loss(self, state: _State, seen: _Rays) -> Float[Tensor, "k"]:
+        """Of each start."""
+        return -self.log_likelihoods(state, seen).mean(-1) + self.config.prior * state.u.square().sum(-1) / 2
+
+    def log_likelihoods(self, state: _State, seen: _Rays) -> Float[Tensor, "k n"]:
+        """Of each start and ray."""
+        modulations = self.model.modulations(self.prior.latents(state.u))
+        rotation = rotations(state.turn)
+        shrink = torch.exp(-state.growth)[:, None]
+        positions = ((seen.positions - state.shift[:, None]) @ rotation) * shrink[..., None]
+        hit = seen.ranges.isfinite()  # the gradient of what is infinite is no number
+        directions, ranges = seen.directions @ rotation, torch.where(hit, seen.ranges, 0.0) * shrink
+        cube = rendering.cube(positions)
+        entry, way, meets = rays.enter_box(positions, directions, *cube)
+        near, far = rays.box_span(positions, directions, *cube)
+        raw = self.model.field(entry, directions, modulations)
+        depths = self.model.field.depths(raw)
+        return ray_log_likelihood(raw, depths, ranges - way, hit, far - near, meets, self.width, self.config.outliers)
+
+
+def ray_log_likelihood(
+    raw: Float[Tensor, "*#n out"],
+    depths: Float[Tensor, "*#n k"],
+    ranges: Float[Tensor, "*#n"],
+    hit: Bool[Tensor, "*#n"],
+    through: Float[Tensor, "*#n"],
+    meets: Bool[Tensor, "*#n"],
+    width: float,
+    outliers: float,
+) -> Float[Tensor, "*#n"]:
+    """Natural logarithm of what the module says; a hit outside the cube is an outlier, a ray past it says nothing.
+
+    Args:
+      raw, depths: of the field at the entry. ranges: from there, of rays that `hit` something. through: c.
+    """
+    outlying, kept = math.log(outliers / 2), math.log1p(-outliers)
+    visibility = raw[..., pddf.VISIBILITY_ROW]
+    off = (depths - ranges[..., None]).abs() / width
+    mixed = torch.logsumexp(torch.log_softmax(pddf.scores(raw), -1) - off, -1) - math.log(2 * width)
+    stray = outlying - through.clamp_min(_LEAST_WAY).log()
+    met = torch.logaddexp(functional.logsigmoid(visibility) + mixed + kept, stray)
+    missed = torch.logaddexp(functional.logsigmoid(-visibility) + kept, torch.full_like(visibility, outlying))
+    inside = meets & hit & (ranges >= 0) & (ranges <= through)
+    outside = torch.where(hit, outlying, 0.0)
+    return torch.where(inside, met, torch.where(meets & ~hit, missed, outside))
+
+
+def rotations(turn: Float[Tensor, "k 3"]) -> Float[Tensor, "k 3 3"]:
+    """exp([ω]_×) of each."""
+    return torch.stack([poses.Pose(each, each).rotation() for each in turn])
+
+
+def _similarity(state: _State) -> transforms.Similarity:
+    """The pose of a single start, relative to the first one."""
+    u, _, right = np.linalg.svd(rotations(state.turn.double())[0].numpy())
+    return transforms.Similarity(math.exp(float(state.growth[0])), u @ right, state.shift[0].double().numpy())
+
+
+def _starts(
+    problem: _Problem, seen: _Rays, doubt: Doubt | None, latent: Tensor | None, generator: torch.Generator
+) -> _State:
+    """The likeliest of random shapes, at random poses where there is doubt; the prior's mean is one of them."""
+    config, count = problem.config, problem.config.draws
+
+    def normal(*shape: int) -> Tensor:
+        return torch.randn(*shape, generator=generator)
+
+    u = normal(count, problem.prior.basis.shape[1])
+    u[0] = 0
+    if latent is not None:
+        u[1::2] = problem.prior.coordinates(latent)
+    turn, shift, growth = torch.zeros(count, 3), torch.zeros(count, 3), torch.zeros(count)
+    if doubt is not None:
+        turn, shift = math.radians(doubt.turn_deg) * normal(count, 3), doubt.shift * normal(count, 3)
+        growth = doubt.growth * normal(count)
+        if doubt.around:
+            turn[:, 1] = 2 * math.pi * (torch.arange(count) / count)
+        else:
+            turn[0], shift[0], growth[0] = 0, 0, 0
+    state = _State(u, turn, shift, growth)
+    with torch.no_grad():
+        few = seen.some(_pick(seen, config.rays // 2, generator))
+        parts = torch.arange(count).split(32)
+        loss = torch.cat([problem.loss(state.at(part), few) for part in parts])
+    return state.at(loss.topk(config.starts, largest=False).indices)
+
+
+def _descend(problem: _Problem, seen: _Rays, state: _State, with_pose: bool, generator: torch.Generator) -> _State:
+    """Adam, its rate falling to zero by a cosine; after a third of the steps the best starts alone go on."""
+    config = problem.config
+    cut = config.steps // 3
+    for begin, end in ((0, cut), (cut, config.steps)):
+        moved = state.all() if with_pose else (state.u,)
+        groups = [
+            {"params": [each.requires_grad_()], "share": 1.0 if each is state.u else config.pose_rate / config.rate}
+            for each in moved
+        ]
+        optimiser = torch.optim.Adam(groups, lr=config.rate, betas=(0.9, 0.99))
+        for step in range(begin, end):
+            for group in optimiser.param_groups:
+                group["lr"] = group["share"] * config.rate * (1 + math.cos(math.pi * step / config.steps)) / 2
+            loss = problem.loss(state, seen.some(_pick(seen, config.rays, generator)))
+            for each, gradient in zip(moved, torch.autograd.grad(loss.sum(), moved), strict=True):
+                each.grad = gradient
+            optimiser.step()
+        with torch.no_grad():
+            loss = problem.loss(state, seen.some(_pick(seen, 2 * config.rays, generator)))
+        state = state.at(loss.topk(min(config.kept, len(loss)), largest=False).indices)
+    return state
+
+
+def _open(problem: _Problem, seen: _Rays, best: _State, generator: torch.Generator) -> Float[Tensor, "s axes"]:
+    """Coordinates drawn from Laplace's approximation at the best ones, the pose kept."""
+    each = best.u.expand(len(seen.ranges), -1).clone().requires_grad_()  # so that every ray has a gradient of its own
+    alone = _Rays(seen.positions[:, None], seen.directions[:, None], seen.ranges[:, None])
+    likely = problem.log_likelihoods(_State(each, *best.all()[1:]), alone)
+    (slopes,) = torch.autograd.grad(likely.sum(), each)
+    curvature = torch.eye(each.shape[1]) + slopes.T @ slopes / len(slopes) / problem.config.prior
+    drawn = torch.randn(problem.config.samples, len(best.u[0]), generator=generator)
+    factor = torch.linalg.cholesky(curvature)
+    return best.u + problem.config.widened * torch.linalg.solve_triangular(factor.T, drawn.T, upper=True).T
+
+
+@torch.no_grad()
+def _residuals(
+    problem: _Problem, scan: scans.Scan, pose: transforms.Similarity, modulations: list[Tensor]
+) -> tuple[Float[np.ndarray, "n"], float]:
+    """Of every ray of the scan, and which share of the hits in the cube the field explains."""
+    inverse = pose.inverse()
+    like = problem.prior.mean
+    values = (
+        inverse.apply(scan.positions),
+        inverse.apply_directions(scan.directions),
+        inverse.scale_depth(scan.ranges),
+    )
+    positions, directions, ranges = (torch.from_numpy(each).to(like) for each in values)
+    cube = rendering.cube(positions)
+    entry, way, meets = rays.enter_box(positions, directions, *cube)
+    near, far = rays.box_span(positions, directions, *cube)
+    inside = meets & (ranges >= near) & (ranges <= far)
+    raw = problem.model.field(entry[inside], directions[inside], modulations)
+    off = ranges[inside] - way[inside] - problem.model.field.depth(raw)
+    seen = raw[:, pddf.VISIBILITY_ROW] >= 0
+    residuals = np.full(len(scan.ranges), np.nan)
+    residuals[inside.numpy()] = torch.where(seen, off, torch.nan).double().numpy() * pose.scale
+    near_enough = seen & (off.abs() <= 3 * problem.width)
+    return residuals, float(near_enough.float().mean())

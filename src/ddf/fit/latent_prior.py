@@ -1,0 +1,47 @@
+"""How latents of a model vary between objects: what a shape is like before anything was seen of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf.core import checks
+from ddf.models.reconstruction import familiarity, reconstruction_models
+
+
+@dataclass(frozen=True)
+class LatentPrior:
+    """z = mean + basis u with u ~ N(0, I). basis: principal axes, the widest first, each of its deviation's length."""
+
+    mean: Float[Tensor, "z"]
+    basis: Float[Tensor, "z k"]
+
+    def latents(self, u: Float[Tensor, "*b k"]) -> Float[Tensor, "*b z"]:
+        """z of coordinates u."""
+        return self.mean + u @ self.basis.T
+
+    def coordinates(self, latents: Float[Tensor, "*b z"]) -> Float[Tensor, "*b k"]:
+        """u of latents: the nearest in the span of the axes."""
+        return (latents - self.mean) @ self.basis / self.basis.square().sum(0)
+
+
+@torch.no_grad()
+def of(model: reconstruction_models.DDFModel, known: Mapping[str, Tensor], axes: int) -> LatentPrior:
+    """From what the model's file says of its training images: the shape latent is linear in their pooled features.
+
+    Raises:
+      InputError: the file says nothing.
+    """
+    if not known:
+        raise checks.InputError(
+            "this model does not say what its training images were like; complete needs one that does"
+        )
+    last = model.shape_encoder.fc
+    mean, covariance = familiarity.features(known)
+    weight, width = last.weight.double().cpu(), last.in_features
+    values, vectors = torch.linalg.eigh(weight @ covariance[-width:, -width:] @ weight.T)
+    basis = (vectors * values.clamp_min(0).sqrt()).flip(-1)[:, :axes]
+    centre = weight @ mean[-width:] + last.bias.double().cpu()
+    return LatentPrior(*(each.to(last.weight) for each in (centre, basis)))

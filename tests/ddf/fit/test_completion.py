@@ -1,0 +1,158 @@
+import dataclasses
+import math
+
+import _models
+import numpy as np
+import pytest
+import torch
+
+from ddf.core import checks, shipped_models
+from ddf.fields import pddf
+from ddf.fit import completed_surface, completion, latent_prior, shape_field
+from ddf.geometry import scans, transforms
+from ddf.models.reconstruction import familiarity, one_image, trained
+
+PLACE = transforms.Similarity(0.4, np.eye(3), np.array([1.0, 0.2, -0.3]))
+QUICK = completion.CompletionConfig(rays=200, draws=32, starts=2, kept=1, steps=40, samples=8)
+
+
+def test_likelihood_of_a_ray_is_of_mass_one():
+    raw = torch.tensor([[1.2, 0.7, 0.4, 0.9]], dtype=torch.float64)
+    depths, width, through = torch.tensor([[0.5, 1.3]], dtype=torch.float64), 0.02, 2.0
+    ranges = torch.linspace(0, through, 40_001, dtype=torch.float64)
+    yes, no = torch.ones(1, dtype=torch.bool), torch.zeros(1, dtype=torch.bool)
+    given = (torch.full((1,), through, dtype=torch.float64), yes, width, 0.1)
+    met = completion.ray_log_likelihood(raw, depths, ranges[:, None], yes, *given).exp()[:, 0]
+    missed = completion.ray_log_likelihood(raw, depths, torch.zeros(1, dtype=torch.float64), no, *given).exp()
+    assert float(torch.trapezoid(met, ranges) + missed) == pytest.approx(1, abs=1e-5)
+    visible = 1 / (1 + math.exp(-0.9))
+    assert float(missed) == pytest.approx(0.9 * (1 - visible) + 0.05)
+    first = 0.9 * visible / (1 + math.exp(-0.4)) / (2 * width) + 0.05 / through
+    assert float(met[10_000]) == pytest.approx(first, rel=1e-6)
+
+
+def test_prior_has_mean_and_covariance_of_the_latents_of_training_images():
+    model = _models.ddf_model()
+    width = model.shape_encoder.fc.in_features
+    features = torch.randn(50, width, generator=torch.Generator().manual_seed(0)) @ torch.diag(torch.rand(width) + 0.1)
+    known = familiarity.measure([features])
+    prior = latent_prior.of(model, known, 100)
+    with torch.no_grad():
+        latents = model.shape_encoder.fc(features).double()
+    weight = model.shape_encoder.fc.weight.detach().double()
+    widened = familiarity.WIDENED * features.double().var(dim=0).mean() * weight @ weight.T
+    torch.testing.assert_close(prior.mean.double(), latents.mean(0), rtol=0, atol=1e-5)
+    covariance = prior.basis.double() @ prior.basis.double().T
+    torch.testing.assert_close(covariance, torch.cov(latents.T) + widened, rtol=0, atol=1e-5)
+    u = torch.randn(3, prior.basis.shape[1])
+    torch.testing.assert_close(prior.coordinates(prior.latents(u)), u, rtol=0, atol=1e-2)
+
+
+def test_a_model_that_does_not_know_its_images_is_refused():
+    with pytest.raises(checks.InputError, match="does not say what its training images were like"):
+        latent_prior.of(_models.ddf_model(), {}, 4)
+
+
+def _chair():
+    folder = shipped_models.place("chair")
+    model, size = one_image.load(folder)
+    model.requires_grad_(False)
+    prior = latent_prior.of(model, trained.known(folder), 32)
+    latent = one_image.latent(model, size, folder / "sample_0.png")
+    return (
+        model,
+        prior,
+        shape_field.conditioned(model.field, [each[0] for each in model.modulations(latent[None])], 0.4),
+    )
+
+
+def _scan(shape, size=40):
+    """Of the field of a shape whose box is at `PLACE`."""
+    from ddf.api.field import Field
+    from ddf.api.sensors import depth_camera
+
+    at = dataclasses.replace(shape, field_from_mesh=PLACE.inverse())
+    return depth_camera(Field(at), size=size)
+
+
+def test_a_scan_of_a_field_gives_back_its_pose_and_shape():
+    model, prior, shape = _chair()
+    scan = _scan(shape)
+    turn = math.radians(8)
+    off = transforms.Similarity(
+        1.05, np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]])
+    )
+    start = dataclasses.replace(PLACE.compose(off), translation=PLACE.translation + 0.02)
+    config = dataclasses.replace(QUICK, draws=64, steps=80)
+    found = completion.complete(model, prior, scan, start, completion.Doubt(6.0, 0.05, 0.05), config=config)
+    between = found.scan_from_field.rotation.T @ PLACE.rotation
+    angle = math.degrees(math.acos(min(1.0, (np.trace(between) - 1) / 2)))
+    assert angle < 3 and abs(found.scan_from_field.scale / 0.4 - 1) < 0.02
+    assert np.linalg.norm(found.scan_from_field.translation - PLACE.translation) < 0.02
+    assert found.explained > 0.9 and np.nanmedian(np.abs(found.residuals)) < 0.005
+    seen = completed_surface.cloud(model.field, found, scan, 400)
+    assert 0.1 < seen.seen.mean() < 0.9 and np.isfinite(seen.spread).mean() > 0.95
+    field = completed_surface.field(model.field, found)
+    inside, looking = _models.points(50)
+    plain, conditioned = field.field(inside, looking), model.field(inside, looking, found.modulations)
+    torch.testing.assert_close(plain, conditioned, rtol=1e-4, atol=1e-4)
+
+
+def test_the_known_pose_stays_and_the_same_seed_gives_the_same_shape():
+    model, prior, shape = _chair()
+    config = dataclasses.replace(QUICK, steps=6)
+    one, other = (completion.complete(model, prior, _scan(shape, 24), PLACE, config=config) for _ in range(2))
+    np.testing.assert_allclose(one.scan_from_field.to_matrix(), PLACE.to_matrix())
+    assert all(torch.equal(a, b) for a, b in zip(one.modulations, other.modulations, strict=True))
+
+
+def test_scans_that_say_nothing_are_told_apart():
+    model, prior, shape = _chair()
+    scan = _scan(shape, 24)
+    nothing = scans.Scan(scan.positions, scan.directions, np.full_like(scan.ranges, np.inf))
+    with pytest.raises(checks.InputError, match="0 rays that met something of 576"):
+        completion.complete(model, prior, nothing, PLACE)
+    with pytest.raises(checks.InputError, match="0 rays that met something"):
+        completion.guess(nothing, np.array([0.0, 1, 0]))
+    millimetres = dataclasses.replace(PLACE, scale=0.0004, translation=PLACE.translation / 1000)
+    with pytest.raises(checks.InputError, match="are ranges in millimetres"):
+        completion.complete(model, prior, scan, millimetres)
+    beside = dataclasses.replace(PLACE, translation=PLACE.translation + 3)
+    with pytest.raises(checks.InputError, match="give the pose of the object's box"):
+        completion.complete(model, prior, scan, beside)
+
+
+def test_interval_of_one_sure_shape_is_that_of_its_blur():
+    model, _, shape = _chair()
+    assert shape.modulations is not None
+    many = [each.expand(3000, 1, -1) for each in shape.modulations]
+    found = completion.Completed(PLACE, list(shape.modulations), many, np.zeros(0), 1.0, 0.0, 0.02)
+    scan = _scan(shape, 12)
+    low, high = completed_surface.along_rays(model.field, found, scan.positions, scan.directions, 0.9)
+    sure = scan.hit.copy()
+    inverse = PLACE.inverse()
+    entry, along, meets = _entering(inverse, scan)
+    raw = model.field(entry, along, list(shape.modulations))
+    sure[meets] &= (pddf.weights(raw).amax(-1) > 0.999).numpy()
+    assert sure.sum() > 5
+    np.testing.assert_allclose((high - low)[sure] / 0.4, 2 * 0.02 * math.log(10), rtol=0.1)
+    np.testing.assert_allclose((high + low)[sure] / 2, scan.ranges[sure], atol=0.003)
+    assert np.isnan(low[~scan.hit]).all()
+
+
+def _entering(inverse, scan):
+    from ddf.geometry import rays
+
+    along = inverse.apply_directions(scan.directions)
+    entry, _, meets = rays.enter_box(inverse.apply(scan.positions), along, -np.ones(3), np.ones(3))
+    return torch.from_numpy(entry[meets]).float(), torch.from_numpy(along[meets]).float(), meets
+
+
+def test_guess_is_the_box_of_the_hits_with_the_vertical_up():
+    sphere = np.random.default_rng(0).normal(size=(5000, 3))
+    points = sphere / np.linalg.norm(sphere, axis=1, keepdims=True) * 2 + [1, 2, 3]
+    for up in np.eye(3):
+        place = completion.guess(scans.of_points(points, np.array([9.0, 9, 9])), up)
+        np.testing.assert_allclose(place.rotation[:, 1], up)
+        assert place.scale == pytest.approx(2, rel=0.05)
+        np.testing.assert_allclose(place.translation, [1, 2, 3], atol=0.1)
