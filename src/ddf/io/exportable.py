@@ -4,8 +4,9 @@ from pathlib import Path
 from typing import Any
 
 from ddf.core import checks, storage
+from ddf.fields.grid import patch_field
 from ddf.fit import field_file, shape_field
-from ddf.io import onnx_file, onnx_graphs
+from ddf.io import onnx_file, onnx_graphs, patch_graph
 from ddf.io.onnx_graphs import Graph
 from ddf.models.reconstruction import trained
 from ddf.training import training_loop
@@ -21,7 +22,11 @@ def load(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str, Graph
     """
     path = folder / training_loop.MODEL
     record = storage.load_metadata(path)
-    if record.get("kind") in (field_file.KIND, field_file.PATCHES):  # these are refused by name
+    if record.get("kind") == field_file.PATCHES:
+        return {"field": patch_graph.PatchGraph(patch_field.load(path), outputs)}, onnx_file.describe_source(
+            path, record
+        )
+    if record.get("kind") == field_file.KIND:
         shape = shape_field.load(folder)
         graphs: dict[str, Graph] = {"field": onnx_graphs.FieldGraph(shape.field.cpu(), outputs)}
         return graphs, onnx_file.describe_source(path, record)

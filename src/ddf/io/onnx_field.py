@@ -22,6 +22,7 @@ _FEW = 400 << 20  # bytes of memory that any file may take; a larger one a hundr
 _ROWS = 4096  # at once, for memory alone
 _FOLDED = "optimization.constant_folding_max_output_size_in_bytes"
 _PLACE = re.compile(r"\[ONNXRuntimeError\] : \d+ : \w+ : |/onnxruntime_src/\S+.*?\)(?= [A-Z])")
+_MOST_STEPS = 6 << 14  # of a ray through patches
 _LOOPS = (b"\x22\x04Loop", b"\x22\x04Scan", b"\x22\x02If", b"\x22\x0bSequenceMap")  # as a graph spells its operators
 
 
@@ -77,9 +78,9 @@ def load(path: Path) -> OnnxField:
     if path.stat().st_size > _LARGEST:
         raise checks.InputError(f"{path}: {path.stat().st_size} bytes; at most {_LARGEST} are read")
     data = path.read_bytes()  # read here, so that no weights outside the file are followed
-    looping = next((word.decode()[2:] for word in _LOOPS if word in data), None)
-    if looping is not None:
-        raise checks.InputError(f"{path}: has a node {looping}, which no file of `ddf export` has")
+    looping = [word.decode()[2:] for word in _LOOPS for _ in range(data.count(word))]
+    if looping and (looping != ["Loop"] or not _is_bounded(data)):
+        raise checks.InputError(f"{path}: has a node {looping[0]}, as no file of `ddf export` has")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = _usable_cores()  # named, so that onnxruntime pins none of them
     options.log_severity_level = 4
@@ -112,6 +113,19 @@ def load(path: Path) -> OnnxField:
     if unfit:
         raise checks.InputError(f"{path}: gives no {min(unfit)[:40]}, or values that are not numbers")
     return field
+
+
+def _is_bounded(data: bytes) -> bool:
+    """Whether the one loop of a graph, that of `patch_graph`, ends after a number of steps that the file states."""
+    import onnx  # what onnxruntime knows of a graph is too little
+
+    try:
+        graph = onnx.load_from_string(data).graph
+        (loop,) = (node for node in graph.node if node.op_type == "Loop")
+        (steps,) = (each for each in graph.initializer if each.name == loop.input[0])
+        return 0 <= int(onnx.numpy_helper.to_array(steps)) <= _MOST_STEPS
+    except Exception:  # onnx has several of its own for what is no graph
+        return False
 
 
 def _memory() -> onnxruntime.OrtMemoryInfo:

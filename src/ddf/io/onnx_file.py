@@ -7,6 +7,7 @@ its warning is silenced here, and it is called in this one place; every file is 
 it. Building the graph by hand would need a second definition of every network and of every derivative pass.
 """
 
+import itertools
 import json
 import tempfile
 import warnings
@@ -20,7 +21,7 @@ import torch
 
 from ddf.core import checks, extras, storage
 from ddf.fields import field_outputs
-from ddf.io import onnx_parity, onnx_reductions, weight_precision
+from ddf.io import onnx_parity, onnx_reductions, patch_graph, weight_precision
 from ddf.io.onnx_graphs import DYNAMIC, Graph
 
 OPSET = 18
@@ -93,27 +94,47 @@ def to_onnx(graph: Graph, source: Mapping[str, Any]) -> bytes:
     with torch.no_grad():
         shapes = {key: list(value.shape) for key, value in zip(graph.meanings, graph(*examples.values()), strict=True)}
     axes = {name: {0: DYNAMIC} for name in [*free, *(key for key in shapes if _is_free(graph, key))]}
+    if isinstance(graph, patch_graph.PatchGraph):
+        model = graph.assemble(lambda part, ins, given, outs: _recorded(part, ins, given, outs, _all_free(ins, outs)))
+    else:
+        model = _recorded(graph, list(graph.inputs), tuple(examples.values()), list(graph.meanings), axes)
+    for value in model.graph.output:
+        lengths = [DYNAMIC if i == 0 and value.name in axes else n for i, n in enumerate(shapes[value.name])]
+        value.CopyFrom(onnx.helper.make_tensor_value_info(value.name, onnx.TensorProto.FLOAT, lengths))
+    _describe(model, graph, source)
+    onnx.checker.check_model(model, full_check=True)
+    return model.SerializeToString(deterministic=True)
+
+
+def _recorded(
+    part: torch.nn.Module,
+    inputs: Sequence[str],
+    given: Sequence[torch.Tensor],
+    outputs: Sequence[str],
+    axes: dict[str, dict[int, str]],
+) -> onnx.ModelProto:
+    """What a module does to its inputs."""
     with tempfile.TemporaryDirectory() as folder, torch.no_grad(), warnings.catch_warnings():
         path = Path(folder) / "graph.onnx"
         warnings.simplefilter("ignore")  # that it is deprecated, and shape checks in tests; parity has the last word
         torch.onnx.export(
-            graph,
-            tuple(examples.values()),
+            part,
+            tuple(given),
             path,
-            input_names=list(graph.inputs),
-            output_names=list(graph.meanings),
+            input_names=list(inputs),
+            output_names=list(outputs),
             dynamic_axes=axes,
             opset_version=OPSET,
             dynamo=False,
         )
         model = onnx.load(path)
-    for value in model.graph.output:
-        lengths = [DYNAMIC if i == 0 and value.name in axes else n for i, n in enumerate(shapes[value.name])]
-        value.CopyFrom(onnx.helper.make_tensor_value_info(value.name, onnx.TensorProto.FLOAT, lengths))
     onnx_reductions.count_axes_from_the_front(model)
-    _describe(model, graph, source)
-    onnx.checker.check_model(model, full_check=True)
-    return model.SerializeToString(deterministic=True)
+    return model
+
+
+def _all_free(*names: Sequence[str]) -> dict[str, dict[int, str]]:
+    """First axes of any length, each its own."""
+    return {name: {0: f"{name}_rows"} for name in itertools.chain(*names)}
 
 
 def _is_free(graph: Graph, output: str) -> bool:

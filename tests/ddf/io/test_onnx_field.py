@@ -21,6 +21,7 @@ def _file(tmp_path, extra=(), values=VALUES, facts=FACTS, ir=10):
     constants = [helper.make_tensor("zero", TensorProto.INT64, [], [0])]
     constants += [helper.make_tensor("nan", TensorProto.FLOAT, [1], [np.nan])]
     constants += [helper.make_tensor("many", TensorProto.INT64, [2], [9000, 90000])]
+    constants += [helper.make_tensor("trips", TensorProto.INT64, [], [1 << 40])]
     model = helper.make_model(helper.make_graph(nodes, "g", rows, outs, constants))
     model.ir_version, model.opset_import[0].version = ir, 18
     helper.set_model_props(model, facts)
@@ -48,7 +49,11 @@ REFUSED = {
     "missing": ({"values": {"visibility": VALUES["visibility"]}}, "gives no depth"),
     "nan": ({"values": VALUES | {"depth": ("Mul", "first", "nan")}}, "gives no depth, or values that are not numbers"),
     "memory": ({"extra": BIG, "values": VALUES | {"depth": ("Mul", "first", "sum")}}, "smaller than requested bytes"),
-    "loop": ({"extra": [helper.make_node("Loop", ["", ""], ["x"], body=LOOP)]}, "has a node Loop, which no file"),
+    "loop": ({"extra": [helper.make_node("Loop", ["", ""], ["x"], body=LOOP)]}, "has a node Loop, as no file"),
+    "endless": (
+        {"extra": [helper.make_node("Loop", ["trips", ""], ["x"], body=LOOP)]},
+        "has a node Loop, as no file",
+    ),
     "later": ({"ir": 99}, "Unsupported model IR version: 99.*; update onnxruntime"),
     "box": ({"facts": FACTS | {"box": "[[1, 1, 1], [-1, 1, 1]]"}}, "lower must be below upper"),
     "infinite box": ({"facts": FACTS | {"box": "[[-1, -1, -1], [1, Infinity, 1]]"}}, "lower must be below upper"),

@@ -26,9 +26,9 @@ MOST_BENT = 1.0  # |A| s from which on a paraboloid is no patch
 _MANY = 48  # triangles of a cell from which on it is cut, not clustered
 DEEPEST = 10  # how often a base cell may be cut, at most
 _LONG = 1e300  # in place of 1/0
-_ROUNDING = 5e-6  # of patches by their files, at most
-_STEP = 1e-9  # into a cell, so that its own numbers say where the ray is
-_NEAR, _NEAR_ROUGH, _NEAREST = 2.0, 0.25, 1.5e-5  # starts on a patch: in errors of a cell, in sides of a rough one
+ROUNDING = 5e-6  # of patches by their files, at most
+STEP = 1e-9  # into a cell, so that its own numbers say where the ray is
+NEAR, NEAR_ROUGH, NEAREST = 2.0, 0.25, 1.5e-5  # starts on a patch: in errors of a cell, in sides of a rough one
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -94,8 +94,8 @@ def _error(code, tolerance):
 @compiled
 def _nearness(code, side, tolerance):
     """How near to the patches of a cell a start lies on them: fits do not tell on which side."""
-    near = max(_NEAREST, _NEAR * _error(code, tolerance))
-    return max(near, _NEAR_ROUGH * side) if code & ROUGH else near
+    near = max(NEAREST, NEAR * _error(code, tolerance))
+    return max(near, NEAR_ROUGH * side) if code & ROUGH else near
 
 
 @compiled
@@ -106,7 +106,7 @@ def _cell_hit(patches, codes, first, x, y, z, vx, vy, vz, begin, end, side, tole
 
     A patch that the ray starts on, x = x(0), is not met where it starts. near: as far off it may lie.
     """
-    best, which, count, error = np.inf, -1, 1, max(_error(codes[first], tolerance), _ROUNDING)
+    best, which, count, error = np.inf, -1, 1, max(_error(codes[first], tolerance), ROUNDING)
     while codes[first + count - 1] & LAST == 0:
         count += 1
     for i in range(count):
@@ -167,7 +167,7 @@ def trace(positions, directions, box, base, children, patches, codes, tolerance)
         leave = min(max(ax, bx), max(ay, by), max(az, bz))
         sx, sy, sz = int(vx >= 0), int(vy >= 0), int(vz >= 0)  # the side of a cell by which the ray leaves it
         while t <= leave:
-            inside = t + _STEP
+            inside = t + STEP
             i = min(max(int((px + inside * vx + 1) * per), 0), finest - 1)
             j = min(max(int((py + inside * vy + 1) * per), 0), finest - 1)
             k = min(max(int((pz + inside * vz + 1) * per), 0), finest - 1)
@@ -188,7 +188,7 @@ def trace(positions, directions, box, base, children, patches, codes, tolerance)
                     out[ray, 0] = depth
                     _surface(patches, which, x + depth * vx, y + depth * vy, z + depth * vz, vx, vy, vz, out, ray)
                     break
-            t = max(end, t) + _STEP
+            t = max(end, t) + STEP
     return out
 
 
