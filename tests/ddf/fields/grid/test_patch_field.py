@@ -6,7 +6,10 @@ import pytest
 import torch
 from _shapes import cube, icosphere, joined, moved, torus
 
+import ddf
+from ddf.api.field import Field
 from ddf.core import checks
+from ddf.data.synthetic import showcase
 from ddf.fields import framed_field
 from ddf.fields.grid import build, kernels, octree, patch_field
 from ddf.fit import fitting, surfaces
@@ -223,6 +226,24 @@ def test_points_lie_evenly_on_the_surface_and_distances_are_those_of_the_mesh(ba
     assert np.abs(np.linalg.norm(asked + distances[:, None] * ways, axis=1) - 1).max() < 5e-3
     with pytest.raises(checks.InputError, match="must be >= 1; got 0"):
         ball.points(0)
+
+
+def test_distances_of_a_chair_and_of_a_room_with_a_rabbit_are_exact_to_a_thousandth():
+    half, where = 0.5, (0.0, -0.74, 0.0)
+    parts = [Field(field_of(make())) for make in (showcase.room, showcase.rabbit)]
+    place = np.diag([half, half, half, 1.0])
+    place[:3, 3] = where
+    chair = showcase.SHAPES["armchair"]()
+    room = showcase.furnished(half, where), ddf.compose(parts, [np.eye(4), place])
+    for mesh, shape in ((chair, Field(field_of(chair))), room):
+        low, high = mesh.box()
+        positions = np.random.default_rng(0).uniform(low, high, (4000, 3))
+        distances, ways = shape.udf(positions)
+        truth = raycast.Scene(mesh).closest(positions) - positions
+        exact = np.linalg.norm(truth, axis=1)
+        assert np.abs(distances - exact).mean() < 2e-3 * (high - low).max() / 2
+        cosine = (ways * truth).sum(axis=1) / np.maximum(exact, 1e-12)
+        assert np.degrees(np.arccos(np.clip(cosine, -1, 1)))[exact > 1e-3].mean() < 3
 
 
 def test_arrays_of_a_file_say_what_is_wrong_with_them():
