@@ -8,6 +8,7 @@ from typing import Any
 from ddf.core import shipped_models
 from ddf.fields import field_outputs
 
+SHADED = "shaded"  # no output of a field, but a picture
 UP_AXES = ("y", "z")  # as `framed_field.UP_AXES`
 _READS = "reads"  # of the parsed arguments: the name of the one that names models, and their kinds
 _WRITES = "writes"  # of the parsed arguments: the name of the one that is written, and whether it is a folder
@@ -59,12 +60,16 @@ def mark_out(parser: argparse.ArgumentParser, name: str) -> None:
     parser.add_argument("--make-folders", action="store_true", help="make the folder of the output where it is missing")
 
 
-def add_picture(parser: argparse.ArgumentParser, largest: int, one: str) -> None:
+def add_picture(parser: argparse.ArgumentParser, largest: int, one: str, default: str | None = "depth") -> None:
     """Size and outputs of what a camera sees.
 
     Args:
       largest: pixels a side, at most. one: what takes one output alone, for the help.
+      default: outputs; None where the command has `SHADED` too, and chooses.
     """
+    more = (
+        "" if default else f"; {SHADED}: grey clay under a lamp, the default of pictures, where numbers are the depth"
+    )
     parser.add_argument(
         "--size", metavar="N", type=whole_number(1, largest), default=256, help="pixels a side (default 256)"
     )
@@ -73,9 +78,9 @@ def add_picture(parser: argparse.ArgumentParser, largest: int, one: str) -> None
         "--outputs",
         dest="outputs",
         metavar="NAME,...",
-        type=outputs,
-        default="depth",
-        help=f"some of {','.join(field_outputs.OUTPUTS)}; one for {one} (default %(default)s)",
+        type=outputs if default else lambda text: (SHADED,) if text == SHADED else outputs(text),
+        default=default,
+        help=f"some of {','.join(field_outputs.OUTPUTS)}; one for {one}{more or ' (default %(default)s)'}",
     )
 
 

@@ -202,8 +202,6 @@ def framing_radius(field: FramedField, azimuth_deg: float, elevation_deg: float,
       InputError: an angle that is not finite, or an unknown axis.
     """
     checks.require_finite("camera", np.array([azimuth_deg, elevation_deg]))
-    if up not in UP_AXES:
-        raise checks.InputError(f"up must be among {', '.join(UP_AXES)}; got {up!r}")
     _, unit, turn = _camera_frame(field, up)
     signs = np.array(np.meshgrid(*3 * [(-1.0, 1.0)])).reshape(3, -1).T
     corners = signs * (field.upper - field.lower) / 2 @ turn / unit
@@ -213,10 +211,21 @@ def framing_radius(field: FramedField, azimuth_deg: float, elevation_deg: float,
     return float((z + np.maximum(np.abs(x), np.abs(y)) / half_angle).max())
 
 
+def upright(up: str) -> Float[np.ndarray, "3 3"]:
+    """The axes of the mesh's frame that a camera takes as x, y (up) and z, as columns.
+
+    Raises:
+      InputError: an unknown axis.
+    """
+    if up not in UP_AXES:
+        raise checks.InputError(f"up must be among {', '.join(UP_AXES)}; got {up!r}")
+    return _UP_FROM_Y[up]
+
+
 def _camera_frame(field: FramedField, up: str) -> tuple[Float[np.ndarray, "3"], float, Float[np.ndarray, "3 3"]]:
     """The box's centre, field units per benchmark unit, and the rotation from benchmark to field axes."""
     unit = float(np.linalg.norm(field.upper - field.lower)) / transforms.BENCHMARK_FROM_V1
-    return (field.lower + field.upper) / 2, unit, field.field_from_mesh.rotation @ _UP_FROM_Y[up]
+    return (field.lower + field.upper) / 2, unit, field.field_from_mesh.rotation @ upright(up)
 
 
 def render(
@@ -231,26 +240,20 @@ def render(
     Raises:
       InputError: a size below 1, a radius below 0, an unknown axis or output, or a camera that is not finite.
     """
-    starts, directions = _checked_rays(field, camera, size, up)
+    require_camera(camera, size, up)
+    starts, directions = camera_rays(field, camera, size, up)
     found, evaluated = _query_field_frame(field, starts, directions, outputs)
     found = in_mesh_frame(found, field.field_from_mesh)
     return {name: values.reshape(size, size, *values.shape[1:]) for name, values in found.items()}, evaluated
 
 
-def _checked_rays(
-    field: FramedField, camera: tuple[float, float, float], size: int, up: str
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """As `camera_rays`.
-
-    Raises:
-      InputError: a size below 1, a radius below 0, an unknown axis, or a camera that is not finite.
-    """
+def require_camera(camera: tuple[float, float, float], size: int, up: str) -> None:
+    """Raise InputError when a size is below 1, a radius below 0, an axis unknown, or a camera not finite."""
     checks.require_finite("camera", np.array(camera))
     if size < 1 or camera[2] < 0 or up not in UP_AXES:
         raise checks.InputError(
             f"size must be >= 1, camera radius >= 0, up among {', '.join(UP_AXES)}; got {size}, {camera[2]}, {up}"
         )
-    return camera_rays(field, camera, size, up)
 
 
 def render_depth(
@@ -263,7 +266,8 @@ def render_depth(
     Raises:
       InputError: as `render`.
     """
-    starts, directions = _checked_rays(field, camera, size, up)
+    require_camera(camera, size, up)
+    starts, directions = camera_rays(field, camera, size, up)
     total = 0
 
     def ask(pixels: Int[np.ndarray, "k"]) -> Float[np.ndarray, "k"]:

@@ -15,12 +15,14 @@ if TYPE_CHECKING:
     from ddf.fields import framed_field
 
 EXAMPLES = (
-    "ddf render rabbit depth.png",
+    "ddf render rabbit rabbit.png",
+    "ddf render rabbit turn.webp --turn 36",
     "ddf render rabbit normals.webp --output normals --camera -30,20 --size 512",
     "ddf render rabbit seen.npz --output visibility,depth,normals",
     "ddf render rabbit depth16.png --bits 16",
 )
 _LARGEST = 8192  # pixels a side
+_FRAME_MS = 80
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,9 +38,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=camera,
         default="35,25",
         help="azimuth and elevation in degrees, and the distance from the box's centre with 0.57 for one diagonal of "
-        "the box; without it the box fills the picture (default %(default)s)",
+        "the box; without it the box fills the picture, and what is seen a shaded one (default %(default)s)",
     )
-    arguments.add_picture(parser, _LARGEST, "a picture")
+    arguments.add_picture(parser, _LARGEST, "a picture", None)
+    parser.add_argument(
+        "--turn",
+        metavar="N",
+        type=arguments.whole_number(2, 360),
+        help="a shaded picture that moves: N around the field",
+    )
     parser.add_argument(
         "--bits",
         type=int,
@@ -71,7 +79,12 @@ def camera(text: str) -> tuple[float, float, float | None]:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Render and write the file; returns range and unit of what was drawn, and how many rays were evaluated."""
     suffix = args.out.suffix.lower()
+    if args.outputs is None:
+        numbers = suffix not in image_files.PICTURES or args.bits == 16 or args.refine is not None
+        args.outputs = ("depth",) if numbers else (arguments.SHADED,)
     _check(suffix, args)
+    if args.outputs == (arguments.SHADED,):
+        return _shaded(suffix, args)
     from ddf.cli.field import load
     from ddf.fields import framed_field
 
@@ -110,12 +123,55 @@ def _check(suffix: str, args: argparse.Namespace) -> None:
     if suffix not in (*image_files.PICTURES, *image_files.ARRAYS):
         known = ", ".join((*image_files.PICTURES, *image_files.ARRAYS))
         raise checks.InputError(f"{args.out}: must end in one of {known}")
+    shaded = args.outputs == (arguments.SHADED,)
+    if shaded and suffix not in image_files.PICTURES:
+        raise checks.InputError(f"{args.out}: {arguments.SHADED} is a picture: {', '.join(image_files.PICTURES)}")
+    if args.turn is not None and not shaded:
+        raise checks.InputError(f"--turn goes with --output {arguments.SHADED}; got {','.join(args.outputs)}")
     if suffix in image_files.PICTURES and len(args.outputs) > 1:
         raise checks.InputError(f"{args.out}: a picture shows one output, .npz and .exr hold {len(args.outputs)}")
     if args.bits == 16 and (suffix != ".png" or args.outputs != ("depth",)):
         raise checks.InputError("--bits 16 is for the depth in a .png; .npz and .exr hold numbers of any output")
     if args.refine is not None and args.outputs != ("depth",):
         raise checks.InputError(f"--refine goes with --output depth alone; got {','.join(args.outputs)}")
+
+
+def _shaded(suffix: str, args: argparse.Namespace) -> dict[str, Any]:
+    """Draw and write the pictures of `shaded`; returns how many rays were evaluated."""
+    import numpy as np
+
+    from ddf.cli.field import load
+    from ddf.core import storage
+    from ddf.fields import framed_field
+    from ddf.pictures import shaded
+
+    shape = load.framed(args.field, ("depth", "normals"))
+    azimuth, elevation, radius = args.camera
+    turned = [azimuth + 360.0 * i / (args.turn or 1) for i in range(args.turn or 1)]
+    far = radius or max(framed_field.framing_radius(shape, each, elevation, args.up) for each in turned)
+    started = time.monotonic()
+    seen_by, standing = [(each, elevation, far) for each in turned], shaded.stand(shape, args.up)
+    shown = shaded.WHOLE if radius else shaded.window(standing, seen_by)
+    frames = [shaded.render(standing, each, args.size, shown) for each in seen_by]
+    seconds = time.monotonic() - started
+    pictures = [frame.picture for frame in frames]
+    storage.write_bytes(args.out, image_files.encode_frames(pictures, suffix, _FRAME_MS))
+    evaluated, pixels = sum(frame.evaluated for frame in frames), len(frames) * args.size**2
+    seen = float(np.mean([frame.seen for frame in frames]))
+    return {
+        "output": arguments.SHADED,
+        "camera": {"azimuth_deg": azimuth, "elevation_deg": elevation, "radius": far},
+        "frames": len(frames),
+        "pixels": pixels,
+        "evaluated": evaluated,
+        "saved": shaded.MOST_RAYS * pixels - evaluated,
+        "seen": round(seen * pixels),
+        "seconds": round(seconds, 4),
+        "out": args.out.as_posix(),
+        "verdict": f"{args.out}: {f'{len(frames)} x ' if args.turn else ''}{args.size} x {args.size} pixels, "
+        f"{seen:.0%} of them see the object from {azimuth:g},{elevation:g},{far:.3g}; "
+        f"{evaluated:,} rays in {seconds:.2f} s",
+    }
 
 
 def _images(

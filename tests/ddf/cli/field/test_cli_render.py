@@ -30,11 +30,23 @@ def test_render_writes_a_picture(work, fitted, output, capsys):
         assert picture.mode == "RGB"
 
 
+def test_pictures_are_shaded_and_turn(work, fitted, capsys):
+    out = work / "turn.webp"
+    assert cli.main(["render", "--json", str(fitted[0]), str(out), "--size", "24", "--turn", "3"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert (result["output"], result["frames"], result["pixels"]) == ("shaded", 3, 3 * 24**2)
+    assert result["evaluated"] > result["pixels"]
+    with Image.open(out) as picture:
+        assert (picture.size, picture.n_frames) == ((24, 24), 3)
+
+
 def test_refined_render_evaluates_fewer_rays(work, fitted, capsys):
     results = {}
     for extra in ((), ("--refine", "0.01")):
         out = work / f"refined{len(extra)}.png"
-        assert cli.main(["render", "--json", str(fitted[0]), str(out), "--size", "65", *extra]) == 0
+        assert (
+            cli.main(["render", "--json", str(fitted[0]), str(out), "--size", "65", "--output", "depth", *extra]) == 0
+        )
         results[extra] = json.loads(capsys.readouterr().out)
         with Image.open(out) as picture:
             assert picture.size == (65, 65)
@@ -71,6 +83,7 @@ def test_bad_renders_are_one_line_and_exit_2(work, fitted, extra, message, capsy
         (["--camera", "1,2,3,4"], "must be two or three numbers"),
         (["--size", "0"], "must be a whole number, 1 to 8192; got '0'"),
         (["--size", "1000000"], "must be a whole number, 1 to 8192"),
+        (["--turn", "1"], "must be a whole number, 2 to 360; got '1'"),
         (["--output", "colour"], "must be among visibility, depth, normals"),
     ],
 )
@@ -141,7 +154,22 @@ def test_the_box_just_fits_the_picture_of_a_camera_without_a_distance(work, fitt
 
 
 def test_a_camera_that_sees_nothing_gives_no_range(work, fitted, capsys):
-    assert cli.main(["render", str(fitted[0]), str(work / "none.png"), "--size", "4", "--camera", "0,0,1e6"]) == 0
+    assert (
+        cli.main(
+            [
+                "render",
+                str(fitted[0]),
+                str(work / "none.png"),
+                "--size",
+                "4",
+                "--output",
+                "depth",
+                "--camera",
+                "0,0,1e6",
+            ]
+        )
+        == 0
+    )
     shown = capsys.readouterr().out.splitlines()
     assert shown[1].split()[:3] == ["depth", "–", "–"] and "0% of them see the object" in shown[2]
     found = _rendered(fitted, work / "none.npz", capsys, "--camera", "0,0,1e6")["range"]["depth"]

@@ -1,0 +1,212 @@
+"""Shaded pictures of a field: grey clay on white, with soft shadows on itself and on the ground, all by its own rays.
+
+The lamp stands above the camera's left shoulder and turns with it. A pixel is one ray, and one more towards a part of
+the lamp where it faces it; only where neighbours differ (outlines, creases, edges of shadows) it is the mean of nine.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from scipy import ndimage
+
+from ddf.fields import framed_field
+from ddf.geometry import cameras, rays
+from ddf.pictures import field_pictures
+
+Camera = tuple[float, float, float]  # as of `framed_field.camera_rays`
+Window = tuple[float, float, float]  # left, top and side of what is shown, of a camera's whole picture
+
+WHOLE: Window = (0.0, 0.0, 1.0)
+_SIDE = 3  # rays a side of a pixel whose neighbours differ
+MOST_RAYS = 2 * _SIDE**2  # a pixel
+_LAMP = np.array([-0.55, 0.75, 0.6])  # camera's axes: right, up, backwards
+_RADIUS = 0.07  # of the lamp, seen from the object, in radians
+_CLAY = np.array([0.80, 0.77, 0.72])
+_SKY, _GROUND, _KEY = np.array([0.34, 0.37, 0.42]), np.array([0.17, 0.15, 0.14]), np.array([0.92, 0.89, 0.84])
+_GLOSS, _SHARPNESS = 0.08, 24.0
+_DARKEST = 0.42  # of the ground's shadow
+_CLEAR = 0.01  # of the box's diagonal: where rays to the lamp begin above the surface
+_BENT = 0.9  # cosine between normals of neighbours, from which on they differ
+_FLOOR_RAYS, _WINDOW_RAYS, _MARGIN = 48, 64, 0.05  # a side; of the window around what is seen
+_GAMMA = 2.2
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A field on the ground. floor: its height along the mesh's axis `up`, above the centre of the box."""
+
+    field: framed_field.FramedField
+    up: str
+    floor: float
+
+    def axes(self) -> tuple[np.ndarray, np.ndarray]:
+        """The box's centre in the mesh's frame, and that frame's x, y (up) and z as columns."""
+        to_mesh = self.field.field_from_mesh.inverse()
+        return to_mesh.apply((self.field.lower + self.field.upper)[None] / 2)[0], framed_field.upright(self.up)
+
+
+@dataclass(frozen=True)
+class Shaded:
+    """A picture, the share of each of its pixels that sees the object, and the number of rays evaluated for it."""
+
+    picture: UInt8[np.ndarray, "size size 3"]
+    seen: Float[np.ndarray, "size size"]
+    evaluated: int
+
+
+def stand(field: framed_field.FramedField, up: str = "y") -> Standing:
+    """The field on a ground at its lowest point, which rays from below find; at its box's where these meet nothing."""
+    centre, turn = Standing(field, up, 0.0).axes()
+    to_mesh = field.field_from_mesh.inverse()
+    signs = np.array(np.meshgrid(*3 * [(0.0, 1.0)])).reshape(3, -1).T
+    corners = (to_mesh.apply(field.lower + signs * (field.upper - field.lower)) - centre) @ turn
+    low, high = corners.min(0), corners.max(0)
+    steps = (np.arange(_FLOOR_RAYS) + 0.5) / _FLOOR_RAYS
+    x, z = (each.ravel() for each in np.meshgrid(*(low[i] + steps * (high - low)[i] for i in (0, 2))))
+    starts = np.stack((x, np.full_like(x, 1.001 * low[1]), z), -1) @ turn.T + centre
+    towards = np.broadcast_to(turn[:, 1], starts.shape)
+    depth = framed_field.query(field, rays.OrientedPoints(starts, towards), ("depth",))[0]["depth"]
+    depth = depth[np.isfinite(depth)]
+    return Standing(field, up, 1.001 * low[1] + (float(np.percentile(depth, 1)) if len(depth) else 0.0))
+
+
+def window(standing: Standing, seen_by: Sequence[Camera]) -> Window:
+    """The least part of the picture that holds what any of the cameras sees, with a margin; all where nothing is."""
+    found: list[np.ndarray] = []
+    for camera in seen_by:
+        middles = (np.arange(_WINDOW_RAYS) + 0.5) / _WINDOW_RAYS
+        y, x = (each.ravel() for each in np.meshgrid(middles, middles, indexing="ij"))
+        points = rays.OrientedPoints(*_rays(standing, camera, x, y))
+        hits = framed_field.query(standing.field, points, ("visibility",))[0]["visibility"] >= framed_field.SEEN
+        found.append(np.stack((x, y), -1)[hits])
+    seen = np.concatenate(found)
+    if not len(seen):
+        return WHOLE
+    low, high = seen.min(0), seen.max(0)
+    side = float((high - low).max()) * (1 + 3 * _MARGIN) + 2 / _WINDOW_RAYS
+    left, top = (low + high - side) / 2
+    return float(left) + _MARGIN * side, float(top), side  # the shadow falls to the right
+
+
+def render(standing: Standing, camera: Camera, size: int, shown: Window = WHOLE) -> Shaded:
+    """What one camera sees.
+
+    Raises:
+      InputError: as `framed_field.require_camera`.
+    """
+    framed_field.require_camera(camera, size, standing.up)
+    row, column = (each.ravel() for each in np.indices((size, size)))
+    first = _Light(standing, camera, shown, size)
+    colours, seen, normals, lit, evaluated = first.at(column + 0.5, row + 0.5, (row % 3) * 3 + column % 3)
+    differ = _differ(*(each.reshape(size, size, -1) for each in (normals, lit, seen)))
+    part = (np.arange(_SIDE) + 0.5) / _SIDE
+    down, right = (each.ravel() for each in np.meshgrid(part, part, indexing="ij"))
+    x, y = column[differ][:, None] + right, row[differ][:, None] + down
+    parts = np.broadcast_to(np.arange(_SIDE**2), x.shape)
+    finer, finer_seen, _, _, more = first.at(x.ravel(), y.ravel(), parts.ravel())
+    colours[differ] = finer.reshape(-1, _SIDE**2, 3).mean(1)
+    share = seen.astype(float)
+    share[differ] = finer_seen.reshape(-1, _SIDE**2).mean(1)
+    picture = field_pictures.to_bytes(colours.reshape(size, size, 3) ** (1 / _GAMMA))
+    return Shaded(picture, share.reshape(size, size), evaluated + more)
+
+
+def _rays(standing: Standing, camera: Camera, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Starts and unit directions, mesh frame; x from the left and y from the top of the camera's picture of side 1."""
+    offsets = (np.stack((x, y), -1) - 0.5) * (cameras.IMAGE_SIZE / cameras.FOCAL_PX)
+    directions = np.stack((offsets[:, 0], -offsets[:, 1], -np.ones(len(x))), -1)
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    to_mesh = standing.field.field_from_mesh.inverse()
+    start, _ = framed_field.camera_rays(standing.field, camera, 1, standing.up)
+    starts = np.broadcast_to(to_mesh.apply(start), directions.shape)
+    return starts, directions @ _camera_axes(standing, camera).T
+
+
+def _camera_axes(standing: Standing, camera: Camera) -> Float[np.ndarray, "3 3"]:
+    """Right, up and backwards in the mesh's frame, as columns."""
+    azimuth, elevation = np.deg2rad(np.array(camera[:2], np.float64))
+    return standing.axes()[1] @ cameras.rotation(azimuth, elevation).T
+
+
+@dataclass(frozen=True)
+class _Light:
+    """The lamp of one picture."""
+
+    standing: Standing
+    camera: Camera
+    shown: Window
+    size: int
+
+    def at(
+        self, column: np.ndarray, row: np.ndarray, part: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int]:
+        """Of rays through the picture: linear colours, what is seen, its normals, whether it is lit, rays evaluated."""
+        left, top, side = self.shown
+        field = self.standing.field
+        starts, directions = _rays(
+            self.standing, self.camera, left + side * column / self.size, top + side * row / self.size
+        )
+        found, evaluated = framed_field.query(field, rays.OrientedPoints(starts, directions), ("depth", "normals"))
+        seen = np.isfinite(found["depth"])
+        (centre, turn), (middle, parts) = self.standing.axes(), self.lamp()
+        normals = found["normals"]
+        normals = np.where((normals * directions).sum(-1, keepdims=True) > 0, -normals, normals)
+        height = (starts - centre) @ turn[:, 1] - self.standing.floor
+        falling = -directions @ turn[:, 1]
+        ground = ~seen & (height > 0) & (falling > 1e-6)
+        distance = np.where(seen, found["depth"], height / np.where(ground, falling, 1.0))
+        clear = _CLEAR * float(np.linalg.norm(field.upper - field.lower)) / field.field_from_mesh.scale
+        places = starts + distance[:, None] * directions + clear * normals
+        lit, asked = self.lit(places, parts[part], (seen & (normals @ middle > 0)) | ground)
+        colours = np.ones((len(starts), 3))
+        colours[ground] -= _DARKEST * ~lit[ground, None]
+        colours[seen] = _clay(normals[seen], middle, -directions[seen], turn[:, 1], lit[seen])
+        return colours, seen, normals, lit, evaluated + asked
+
+    def lamp(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "9 3"]]:
+        """Unit directions to the middle of the lamp and to its parts, mesh frame."""
+        middle = _LAMP / np.linalg.norm(_LAMP)
+        across = np.cross(middle, [0.0, 1.0, 0.0])
+        across /= np.linalg.norm(across)
+        order = np.arange(_SIDE**2)
+        reach, angle = np.sqrt((order + 0.5) / _SIDE**2), order * np.pi * (3 - np.sqrt(5))  # a sunflower's seeds
+        aside = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(middle, across)
+        parts = middle + _RADIUS * reach[:, None] * aside
+        axes = _camera_axes(self.standing, self.camera)
+        return axes @ middle, parts / np.linalg.norm(parts, axis=-1, keepdims=True) @ axes.T
+
+    def lit(self, points: np.ndarray, lamp: np.ndarray, facing: np.ndarray) -> tuple[Bool[np.ndarray, "n"], int]:
+        """False where something hides the lamp; only points that face it are asked for."""
+        lit = np.ones(len(points), bool)
+        towards = rays.OrientedPoints(points[facing], lamp[facing])
+        found, asked = framed_field.query(self.standing.field, towards, ("visibility",))
+        lit[facing] = found["visibility"] < framed_field.SEEN
+        return lit, asked
+
+
+def _clay(
+    normals: np.ndarray, lamp: Float[np.ndarray, "3"], towards_eye: np.ndarray, up: np.ndarray, lit: np.ndarray
+) -> Float[np.ndarray, "n 3"]:
+    """Linear colours: Lambert's law, light from the sky, and a little gloss about the half vector [Blinn 1977]."""
+    above = 0.5 + 0.5 * (normals @ up)[:, None]
+    halfway = lamp + towards_eye
+    halfway /= np.linalg.norm(halfway, axis=-1, keepdims=True)
+    facing, gloss = (lit * np.clip((normals * each).sum(-1), 0, 1) for each in (lamp, halfway))
+    return (
+        _CLAY * (_SKY * above + _GROUND * (1 - above) + _KEY * facing[:, None]) + _GLOSS * gloss[:, None] ** _SHARPNESS
+    )
+
+
+def _differ(
+    normals: Float[np.ndarray, "h w 3"], lit: Bool[np.ndarray, "h w 1"], seen: Bool[np.ndarray, "h w 1"]
+) -> Bool[np.ndarray, "n"]:
+    """Pixels in whose 3 x 3 neighbours what is seen, what is lit or the normals differ."""
+    found = np.zeros(seen.shape[:2], bool)
+    for each in (lit[..., 0], seen[..., 0]):
+        found |= ndimage.maximum_filter(each, 3) != ndimage.minimum_filter(each, 3)
+    for axis in (0, 1):
+        bent = (normals * np.roll(normals, 1, axis)).sum(-1) < _BENT
+        found |= bent & seen[..., 0] & np.roll(seen[..., 0], 1, axis)
+    return found.ravel()

@@ -1,0 +1,112 @@
+"""Shaded pictures of an exact ball: where it is, what its lamp sees, what its shadow covers, which rays are asked."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from ddf.core import checks
+from ddf.fields import framed_field
+from ddf.geometry import cameras, transforms
+from ddf.pictures import shaded
+
+RADIUS = 0.6
+CAMERA = (30.0, 25.0)
+SIZE = 48
+MIDDLE = np.array([1.0, 2.0, 3.0])
+FRAME = transforms.Similarity(0.5, np.diag([-1.0, 1.0, -1.0]), MIDDLE)
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A ball at the centre of its box, in a frame turned and scaled against that of its mesh."""
+
+    field_from_mesh: transforms.Similarity = FRAME
+    outputs: tuple[str, ...] = ("visibility", "depth", "normals")
+    scalar: float = 0.0
+
+    @property
+    def lower(self):
+        return MIDDLE - 1
+
+    @property
+    def upper(self):
+        return MIDDLE + 1
+
+    def evaluate(self, positions, directions, outputs):
+        offset = positions - MIDDLE
+        along = (offset * directions).sum(-1)
+        root = along**2 - (offset**2).sum(-1) + RADIUS**2
+        depth = -along - np.sqrt(np.maximum(root, 0))
+        depth = np.where(depth > 0, depth, -along + np.sqrt(np.maximum(root, 0)))
+        seen = ((root > 0) & (depth > 0)).astype(float)
+        normals = (offset + depth[:, None] * directions) / RADIUS
+        return {"visibility": seen, "depth": depth, "normals": normals}
+
+
+@pytest.fixture(scope="module")
+def standing():
+    return shaded.stand(Ball())
+
+
+@pytest.fixture(scope="module")
+def drawn(standing):
+    camera = (*CAMERA, framed_field.framing_radius(standing.field, *CAMERA))
+    return camera, shaded.render(standing, camera, SIZE)
+
+
+def test_the_ground_is_at_the_lowest_point(standing):
+    assert standing.floor == pytest.approx(-RADIUS / 0.5, abs=0.01)
+
+
+def test_the_ground_is_under_the_box_where_rays_from_below_meet_nothing():
+    @dataclass(frozen=True)
+    class Nothing(Ball):
+        def evaluate(self, positions, directions, outputs):
+            found = super().evaluate(positions, directions, outputs)
+            return found | {"visibility": np.zeros(len(positions))}
+
+    standing = shaded.stand(Nothing())
+    assert standing.floor == pytest.approx(-1 / 0.5, rel=0.01)
+    assert shaded.window(standing, [(0.0, 0.0, 1.0)]) == shaded.WHOLE
+    assert (shaded.render(standing, (0.0, 0.0, 1.0), 8).picture == 255).all()
+
+
+def test_what_sees_the_ball_is_its_disc(drawn):
+    camera, found = drawn
+    distance = camera[2] * np.sqrt(12) / transforms.BENCHMARK_FROM_V1 / RADIUS  # of the camera, in radii
+    radius_px = cameras.FOCAL_PX / cameras.IMAGE_SIZE * SIZE / np.sqrt(distance**2 - 1)
+    assert found.seen.sum() == pytest.approx(np.pi * radius_px**2, rel=0.01)
+    rows, columns = np.nonzero(found.seen > 0.5)
+    assert (rows.mean(), columns.mean()) == pytest.approx((SIZE / 2 - 0.5,) * 2, abs=0.1)
+
+
+def test_the_side_of_the_lamp_is_bright_and_the_shadow_falls_on_the_other(drawn):
+    _, found = drawn
+    grey, on_it = found.picture.mean(-1), found.seen == 1
+    left = np.arange(SIZE)[None, :] < SIZE / 2
+    upper = np.arange(SIZE)[:, None] < SIZE / 2
+    assert grey[on_it & left & upper].mean() > 1.4 * grey[on_it & ~left & ~upper].mean()
+    ground = found.seen == 0
+    assert (grey[ground & left & upper] == 255).all()
+    assert (grey[ground & ~left] < 230).sum() > 20
+
+
+def test_few_rays_are_asked_and_sides_are_smooth(drawn):
+    _, found = drawn
+    assert found.evaluated < 0.25 * shaded.MOST_RAYS * SIZE**2
+    assert ((found.seen > 0) & (found.seen < 1)).sum() > SIZE  # its outline
+
+
+def test_a_window_holds_what_all_cameras_see(standing, drawn):
+    camera, _ = drawn
+    shown = shaded.window(standing, [camera, (camera[0] + 90, *camera[1:])])
+    close = shaded.render(standing, camera, SIZE, shown)
+    assert not close.seen[[0, -1]].any() and not close.seen[:, [0, -1]].any()
+    assert close.seen.sum() / SIZE**2 > 0.5
+
+
+@pytest.mark.parametrize(("camera", "size"), [((0.0, 0.0, 1.0), 0), ((np.nan, 0.0, 1.0), 8)])
+def test_no_picture_and_no_camera_are_refused(standing, camera, size):
+    with pytest.raises(checks.InputError, match="must be"):
+        shaded.render(standing, camera, size)
