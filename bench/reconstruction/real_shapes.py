@@ -1,4 +1,4 @@
-"""Real shapes: what models trained elsewhere make of the test shapes of `ddf run real`, real and procedural ones.
+"""Real shapes: what models trained on other shapes make of the real test shapes of `ddf run real`.
 
 Images, true clouds and the way of drawing clouds are those of the run; its stage `samples` must be done. The models are
 those that come with the package, and those of `--models DIR`, a folder for each category; where there are several, each
@@ -54,11 +54,9 @@ def measure(run: Run, label: str, folder: Path, split: str) -> Found:
     section, index = run.section(settings.PointcloudsConfig), storage.read_json(run.index)
     section = dataclasses.replace(section, shape_correction=None, rendered=0)
     dataset, samples = shapenet.Dataset.open(run.index), run.folder("samples")
-    group, views = groups.of_shapes(index, run.category, split), (section.public_views, section.test_views)
-    asked = [
-        (name, own[: views[group[name].startswith(groups.PROCEDURAL)]])
-        for name, own in getattr(dataset, split)(run.category)
-    ]
+    group = groups.of_shapes(index, run.category, split)
+    real = {name for name, own in group.items() if own.startswith(groups.REAL)}
+    asked = [(name, own[: section.public_views]) for name, own in getattr(dataset, split)(run.category) if name in real]
     shown = category_data.available(samples, asked)
     model, size = one_image.load(folder)
     images = category_data.read_images(dataset, run.category, shown, size)
@@ -85,7 +83,7 @@ def rows(found: dict[str, Found], split: str) -> Iterator[dict[str, Any]]:
     means = scoring.summary(every, cameras, pd.DataFrame(columns=["category"]))
     values = means.set_index(["category", "method", "column", "metric"])["value"]
     first = next(iter(found))
-    for group in sorted(every["category"].unique(), reverse=True):
+    for group in every["category"].unique():
         for label, own in found.items():
             error = {
                 f"{metric}, {c}": values[group, label, f"{c}-L", metric]

@@ -5,6 +5,7 @@
 
 import csv
 import itertools
+import json
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,7 +15,15 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 CATEGORIES = ("chair", "plane", "car")
 CHAMFER, F_TAU, F_2TAU = "chamfer_l2_sq_x1000", "f_score_tau_x100", "f_score_2tau_x100"
-METRICS = {"D_C": (CHAMFER, 3), "F(τ)": (F_TAU, 2), "F(2τ)": (F_2TAU, 2)}
+METRICS = {
+    "D_C": (CHAMFER, 3),
+    "F(τ)": (F_TAU, 2),
+    "F(2τ)": (F_2TAU, 2),
+    "precision": ("precision_tau_x100", 1),
+    "recall": ("recall_tau_x100", 1),
+}
+LABELS = {"D<sub>C</sub> ↓": "D_C", "F<sub>τ</sub> ↑": "F(τ)", "F<sub>2τ</sub> ↑": "F(2τ)"}  # of reports
+MODELS = {"DDF": "ddf", "PC-SIREN": "pc_siren"}
 METHODS = {  # method, and the column of the predicted camera
     "DDF": ("ddf", "Pi_pred"),
     "PC-SIREN": ("pc_siren", "Pi_pred"),
@@ -36,6 +45,8 @@ PAIRS = {  # rows with D_C and F(τ) in one cell
 }
 CAMERAS = {  # median errors
     "azimuth, degrees": ("Pi_pred", "azimuth_error_deg_median", 1),
+    "turned round, % of images": ("Pi_pred", "azimuth_turned_x100", 0),
+    "IoU of the silhouette": ("Pi_pred", "silhouette_iou", 2),
     "azimuth after the correction by the mask": ("Pi_corrected", "azimuth_error_deg_median", 1),
     "elevation, degrees": ("Pi_pred", "elevation_error_deg_median", 2),
 }
@@ -43,17 +54,21 @@ Rows = list[list[str]]
 
 
 class Measured:
-    """The measured rows of a report's si3dr.csv."""
+    """The measured rows of a report's si3dr.csv; of a group alone where `report` is such as `real:procedural`."""
 
     def __init__(self, report: str) -> None:
+        report, _, group = report.partition(":")
         path = ROOT / "reports" / report / "si3dr.csv"
         with path.open(newline="") as file:
             rows = [row for row in csv.DictReader(file) if row["source"] == "measured"]
         self.rows: dict[tuple[str, ...], dict[str, str]] = {
-            (row["category"], row["method"], row["column"], row["metric"]): row for row in rows
+            (row["category"].removeprefix(f"{group} "), row["method"], row["column"], row["metric"]): row
+            for row in rows
         }
-
-        self.claims = claims(path.with_name("README.md").read_text())
+        self.claims = {
+            (category.removeprefix(f"{group} "), *rest)
+            for category, *rest in claims(path.with_name("README.md").read_text())
+        }
 
     def value(self, *key: str) -> float:
         return float(self.rows[key]["value"])
@@ -65,20 +80,22 @@ class Measured:
 
 
 def claims(report: str) -> set[tuple[str, ...]]:
-    """Category, method, column and metric of the cells that the report's first table sets in bold."""
-    table = next(block for block in report.split("\n\n") if block.startswith("|"))
+    """Category, method, column and metric of the cells of both models that the report's tables set in bold."""
     found, category = set(), ""
-    for line in table.splitlines()[2:]:
-        first, label, *values = [cell.strip() for cell in line.strip("|").split(" | ")]
-        category = first or category
-        camera, _, size = label.partition("-")
-        column = {"Π<sub>g</sub>": "Pi_g", "Π̂<sub>∇</sub>": "Pi_corrected", "Π̂": "Pi_pred"}[camera] + f"-{size}"
-        keys = [(metric, method) for metric in (CHAMFER, F_TAU, F_2TAU) for method in ("ddf", "pc_siren")]
-        found |= {
-            (category, method, column, metric)
-            for (metric, method), value in zip(keys, values, strict=True)
-            if value.startswith("**")
-        }
+    for table in (block for block in report.split("\n\n") if block.startswith("|  | camera, points |")):
+        header, _, *lines = (
+            [cell.strip() for cell in line.strip("|").split(" | ")] for line in table.strip().splitlines()
+        )
+        keys = [name.rpartition(" ") for name in header[2:]]
+        for first, label, *values in lines:
+            category = first or category
+            camera, _, size = label.partition("-")
+            column = {"Π<sub>g</sub>": "Pi_g", "Π̂<sub>∇</sub>": "Pi_corrected", "Π̂": "Pi_pred"}[camera] + f"-{size}"
+            found |= {
+                (category, MODELS[method], column, METRICS[LABELS.get(metric, metric.removesuffix(" ↑"))][0])
+                for (metric, _, method), value in zip(keys, values, strict=True)
+                if value.startswith("**") and method in MODELS
+            }
     return found
 
 
@@ -132,8 +149,31 @@ def cameras(measured: Measured, rows: Rows) -> Rows:
     ]
 
 
-TABLES = [  # page, the line above the table, what fills it, the report
-    ("README.md", "## Results", plain_pairs, "cpu"),
+def gap(measured: Measured, rows: Rows) -> Rows:
+    """What DDFs trained on other shapes make of the real test shapes, as the benchmark's rows say."""
+    found = json.loads((ROOT / "reports" / "bench" / "real_shapes.json").read_text())["rows"]
+    errors = {row["what"]: row["error"] for row in found}
+
+    def cell(category: str, model: str) -> str:
+        if model == "this run's":
+            chamfer, score = (measured.value(category, "ddf", "Pi_g-L", metric) for metric in (CHAMFER, F_TAU))
+        else:
+            error = errors[f"real {category}, test: {model.strip('`')}"]
+            chamfer, score = (error[f"{metric}, Pi_g"] for metric in (CHAMFER, F_TAU))
+        return f"{chamfer:.3f}, {score:.1f}"
+
+    return [[name, model, *(cell(category, model) for category in CATEGORIES)] for name, model, *_ in rows]
+
+
+TABLES = [  # page, the line above the table, what fills it, the report, and the group of its shapes where it has two
+    ("README.md", "On real shapes:", plain_pairs, "real:real"),
+    ("docs/results.md", "Real shapes, true camera:", true_camera, "real:real"),
+    ("docs/results.md", "Real shapes, predicted camera:", predicted_camera, "real:real"),
+    ("docs/results.md", "Real shapes, cameras and silhouettes of the DDF:", cameras, "real:real"),
+    ("docs/results.md", "Real shapes, baselines and ceiling, true camera, L:", pairs, "real:real"),
+    ("docs/results.md", "The same models on procedural test shapes, true camera:", true_camera, "real:procedural"),
+    ("docs/results.md", "### What the training shapes are worth", gap, "real:real"),
+    ("README.md", "On procedural shapes:", plain_pairs, "cpu"),
     ("docs/results.md", "### True camera", true_camera, "cpu"),
     ("docs/results.md", "### Predicted camera", predicted_camera, "cpu"),
     ("docs/results.md", "Median errors of the predicted camera:", cameras, "cpu"),
@@ -167,8 +207,9 @@ def test_tables_are_of_the_committed_report(page, above, fill, report):
     assert cells(table) == fill(Measured(report), cells(table))
 
 
-def test_readme_has_the_eight_rows():
-    assert len(cells(_parts((ROOT / "README.md").read_text(), "## Results")[1])) == 8
+@pytest.mark.parametrize(("above", "count"), [("On real shapes:", 7), ("On procedural shapes:", 8)])
+def test_readme_has_all_rows(above, count):
+    assert len(cells(_parts((ROOT / "README.md").read_text(), above)[1])) == count
 
 
 if __name__ == "__main__":

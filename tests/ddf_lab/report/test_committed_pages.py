@@ -13,6 +13,7 @@ KEPT = (
     "README.md",
     "cpu/README.md",
     "cpu_paper/README.md",
+    "real/README.md",
     "figures/README.md",
     "fit/README.md",
     "generative/README.md",
