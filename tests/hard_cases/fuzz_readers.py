@@ -2,9 +2,9 @@
 
     python tests/hard_cases/fuzz_readers.py 100000 20000 10000
 
-So many meshes, so many pictures as `ddf reconstruct` reads them, and so many each of records of fields, of ONNX graphs
-and of scene files. Writes reports/hard_cases_readers.json: how many
-files of each, how many were read and refused, the slowest, the memory.
+So many meshes, so many pictures as `ddf reconstruct` reads them, and so many each of records of fields, files of
+patches, ONNX graphs and scene files. Writes reports/hard_cases_readers.json: how many files of each, how many were read
+and refused, the slowest, the memory.
 """
 
 import contextlib
