@@ -48,7 +48,7 @@ def test_several_run_in_processes_of_their_own_then_their_page_and_failures_are_
     monkeypatch.setattr(program.subprocess, "run", Done)
     assert program.main(["run", "ray_casting", "evaluation"]) == 1
     assert calls == ["ray_casting", "evaluation", "page"] and capsys.readouterr().err == "failed: ray_casting\n"
-    with pytest.raises(checks.InputError, match="nothing: no such benchmark; there are evaluation, "):
+    with pytest.raises(checks.InputError, match="nothing: no such benchmark; there are complete, evaluation, "):
         program.main(["run", "evaluation", "nothing"])
     calls.clear()
     program.main(["run"])

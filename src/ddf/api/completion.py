@@ -112,7 +112,7 @@ def complete(
         from ddf.models.reconstruction import one_image, trained
     folder = shipped_models.require(model, "reconstruction")
     network, size = one_image.load(folder)
-    network.requires_grad_(False)
+    network.cpu().requires_grad_(False)  # a step is small: a GPU would wait for it
     config = completion.CompletionConfig()
     prior = latent_prior.of(network, trained.known(folder if folder.is_dir() else folder.parent), config.axes)
     if pose is None:

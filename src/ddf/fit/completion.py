@@ -63,14 +63,14 @@ class CompletionConfig:
     starts: int = 4
     kept: int = 2
     axes: int = 64
-    steps: int = 100
+    steps: int = 200
     rate: float = 0.1
     pose_rate: float = 0.02
     blur: float = 0.03
     prior: float = 0.003
     outliers: float = 0.1
     samples: int = 32
-    widened: float = 1.0
+    widened: float = 6.0
 
 
 @dataclass(frozen=True)

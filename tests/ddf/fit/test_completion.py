@@ -91,7 +91,7 @@ def test_a_scan_of_a_field_gives_back_its_pose_and_shape():
     assert np.linalg.norm(found.scan_from_field.translation - PLACE.translation) < 0.02
     assert found.explained > 0.9 and np.nanmedian(np.abs(found.residuals)) < 0.005
     seen = completed_surface.cloud(model.field, found, scan, 400)
-    assert 0.1 < seen.seen.mean() < 0.9 and np.isfinite(seen.spread).mean() > 0.95
+    assert 0.1 < seen.seen.mean() < 0.9 and np.isfinite(seen.spread).mean() > 0.7
     field = completed_surface.field(model.field, found)
     inside, looking = _models.points(50)
     plain, conditioned = field.field(inside, looking), model.field(inside, looking, found.modulations)

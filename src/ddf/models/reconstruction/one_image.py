@@ -122,7 +122,7 @@ def latent(model: reconstruction_models.DDFModel, image_size: int, image: Path) 
     Raises:
       InputError: the image is damaged or has no alpha.
     """
-    pixels = shapenet.read_any_image(image, image_size)[None].to(training_loop.device())
+    pixels = shapenet.read_any_image(image, image_size)[None].to(model.shape_encoder.fc.weight)
     return inference.encode_batch(model, pixels)[1][0]
 
 

@@ -1,0 +1,267 @@
+"""Completion of real shapes from one scan: `ddf complete` beside what the same model makes of an image at the true
+camera, and beside the nearest training shape, laid over the hits by ICP.
+
+Scans are of one view of each public shape: a depth image of 64 x 64 pixels, noiseless or with noise of 1 % of the
+shape's diagonal and a tenth of outliers, and 496 rays of a lidar of 16 beams. The pose is known, but for `pose off`,
+where it is off by 30 degrees about a random axis, by 10 % of the size, and by 5 % of it in place.
+
+Errors: D_C and F(τ) as in the tables, with 2,466 points at the true scale; the paired difference of F to the image, and
+its standard error; coverage of intervals of 50 and 90 % on the rays of another view; of the pose, median angle, and
+median error of the scale in percent. Seconds are processor time of one thread, without clouds. Settings were chosen
+with `--split validation`.
+"""
+
+import argparse
+import functools
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from PIL import Image
+from torch import Tensor
+
+from bench.lib import display, measuring
+from ddf.api import sensors as sending
+from ddf.core import shipped_models
+from ddf.data import true_clouds
+from ddf.data.public import manifest, packages, shapes
+from ddf.data.samples.surface import Surface
+from ddf.data.synthetic import assemble, render, write
+from ddf.fields import cloud_projection
+from ddf.fit import cloud_defaults, completed_surface, completion, latent_prior
+from ddf.geometry import cameras, neighbours, sensors, transforms
+from ddf.geometry.mesh_io import Mesh
+from ddf.metrics import cloud_scores
+from ddf.models.reconstruction import one_image, reconstruction_models, trained
+
+ON_DEMAND = "python -m bench complete, after `ddf shapes get`"
+NAME, SEED, THREADS, PIXELS, POINTS, TRUTH_POINTS = "complete", 0, 1, 64, 2466, 8000
+BEAMS, COLUMNS, TEST_RAYS = 16, 31, 500
+TURN_DEG, GROWTH, SHIFT = 30.0, 0.1, 0.1  # half longest sides
+ICP_HITS, ICP_STEPS, ICP_POINTS, ICP_KEPT = 300, 10, 2000, 0.9  # share of hits that a step fits to
+K = transforms.BENCHMARK_FROM_V1
+SCANS = {  # noise in v1, outliers, whether a lidar, whether the pose is known
+    "depth": (0.0, 0.0, False, True),
+    "lidar": (0.0, 0.0, True, True),
+    "depth, noise and outliers": (0.01, 0.1, False, True),
+    "depth, pose off": (0.0, 0.0, False, False),
+}
+SECTION = display.Section()
+
+
+@dataclass(frozen=True)
+class Case:
+    """A shape in v1, its cloud in benchmark units, where its cube lies, two cameras and the image of the first."""
+
+    shape: assemble.Shape
+    truth: neighbours.Neighbours
+    place: transforms.Similarity
+    views: list[render.View]
+
+    def scan(self, view: int, noise: float = 0.0, outliers: float = 0.0, lidar: bool = False) -> sensors.Sweep:
+        """What a sensor at a view's camera sees."""
+        seen = self.views[view]
+        azimuth, elevation = np.radians([seen.azimuth_deg, seen.elevation_deg])
+        turn, centre = cameras.extrinsics(azimuth, elevation, np.array(seen.ratio))
+        axes = sensors.LIDAR if lidar else sensors.CAMERA
+        pose = transforms.Similarity(1.0, turn.T @ axes, centre / K).to_matrix()
+        mesh = Mesh(self.shape.vertices, self.shape.triangles)
+        if lidar:
+            half = float(np.degrees(np.arcsin(min(1.0, K / 2 / seen.ratio))))  # what holds the whole shape
+            fan = functools.partial(sending.lidar, elevation_deg=(-half, half), azimuth_deg=(-half, half))
+            return fan(mesh, pose, beams=BEAMS, columns=COLUMNS, noise=noise, outliers=outliers)
+        focal = cameras.FOCAL_PX * PIXELS / cameras.IMAGE_SIZE
+        lens = [[focal, 0, PIXELS / 2], [0, focal, PIXELS / 2], [0, 0, 1]]
+        return sending.depth_camera(mesh, pose, size=PIXELS, intrinsics=lens, noise=noise, outliers=outliers)
+
+
+@functools.cache
+def shape(row: manifest.Row) -> assemble.Shape:
+    """Of a row, from its kept package."""
+    kept = packages.require(packages.PACKAGES[row.package], manifest.wanted(row.package))
+    with packages.reading(kept) as archive:
+        return shapes.shape(shapes.load(archive, row))
+
+
+def case(row: manifest.Row) -> Case:
+    """Of a public shape."""
+    made = shape(row)
+    cloud, _ = true_clouds.poisson_disk(Mesh(made.vertices, made.triangles), TRUTH_POINTS, np.random.default_rng(SEED))
+    place = transforms.field_from_mesh(made.vertices).inverse()
+    return Case(made, neighbours.Neighbours(cloud * K), place, write.make_views(SEED, row.category, row.id, 2))
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A model, the size of its images, its prior, and how scans are completed."""
+
+    model: reconstruction_models.DDFModel
+    size: int
+    prior: latent_prior.LatentPrior
+    config: completion.CompletionConfig
+
+    @classmethod
+    def of(cls, folder: Path, config: completion.CompletionConfig) -> "Solver":
+        """From the model's folder."""
+        model, size = one_image.load(folder)
+        model.cpu().requires_grad_(False)
+        return cls(model, size, latent_prior.of(model, trained.known(folder), config.axes), config)
+
+    def scores(self, modulations: Sequence[Tensor], place: transforms.Similarity, truth: neighbours.Neighbours) -> Any:
+        """Of the cloud of a shape at a place in v1."""
+        drawn, generator = cloud_defaults.cloud(), torch.Generator().manual_seed(SEED)
+        with torch.no_grad():
+            cycles = cloud_projection.sample(self.model.field, list(modulations), POINTS, drawn, generator)
+        (cloud,) = cloud_projection.select(cycles, [POINTS], drawn)
+        return cloud_scores.compare_clouds(place.apply(cloud.double().numpy()) * K, truth)
+
+    def of_image(self, given: Case, folder: Path) -> dict[str, float]:
+        """What the model makes of the image of the first view, at the true camera and scale."""
+        file = folder / "view.png"
+        Image.fromarray(render.Renderer(given.shape).render(given.views[0])).save(file)
+        started = time.process_time()
+        latent = one_image.latent(self.model, self.size, file)
+        seconds = time.process_time() - started
+        modulations = [each[0] for each in self.model.modulations(latent[None])]
+        return _told(self.scores(modulations, given.place, given.truth)) | {"seconds": seconds}
+
+    def of_scan(self, given: Case, name: str, rng: np.random.Generator) -> dict[str, float]:
+        """What `SCANS` of that name gives."""
+        noise, outliers, lidar, known = SCANS[name]
+        scan, place = given.scan(0, noise, outliers, lidar), given.place if known else off(given.place, rng)
+        doubt = None if known else completion.Doubt(TURN_DEG / 2, SHIFT, GROWTH)
+        started = time.process_time()
+        found = completion.complete(self.model, self.prior, scan, place, doubt, noise, config=self.config, seed=SEED)
+        told = {"seconds": time.process_time() - started, "explained": found.explained}
+        if not known:
+            turn = found.scan_from_field.rotation.T @ given.place.rotation
+            told["angle_deg"] = float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))
+            told["scale_percent"] = 100 * abs(found.scan_from_field.scale / given.place.scale - 1)
+        else:
+            told |= self.coverage(found, given, rng)
+        return told | _told(self.scores(found.modulations, found.scan_from_field, given.truth))
+
+    def coverage(self, found: completion.Completed, given: Case, rng: np.random.Generator) -> dict[str, float]:
+        """Share of true ranges of another view in their intervals."""
+        other = given.scan(1)
+        index = rng.permutation(np.flatnonzero(other.hit))[:TEST_RAYS]
+        told = {}
+        for share in (0.5, 0.9):
+            asked = (other.positions[index], other.directions[index])
+            low, high = completed_surface.along_rays(self.model.field, found, *asked, share)
+            there = np.isfinite(low)
+            inside = (low <= other.ranges[index]) & (other.ranges[index] <= high)
+            told[f"coverage_{100 * share:.0f}"] = 100 * float(inside[there].mean())
+        return told
+
+
+def off(place: transforms.Similarity, rng: np.random.Generator) -> transforms.Similarity:
+    """A pose that is wrong by `TURN_DEG`, `GROWTH` and `SHIFT`, each one way or the other."""
+    axis, way = rng.normal(size=(2, 3))
+    axis, way = axis / np.linalg.norm(axis), way / np.linalg.norm(way)
+    cross = np.cross(np.eye(3), axis)
+    angle = np.radians(TURN_DEG)
+    turn = np.eye(3) + np.sin(angle) * cross.T + (1 - np.cos(angle)) * cross @ cross
+    left, _, right = np.linalg.svd(turn)
+    return place.compose(transforms.Similarity(1 + GROWTH * rng.choice([-1, 1]), left @ right, SHIFT * way))
+
+
+def nearest(given: Case, known: Sequence[Float[np.ndarray, "n 3"]]) -> dict[str, float]:
+    """The training shape whose cloud lies nearest to the hits after ICP with a scale; scored as all clouds are.
+
+    Args:
+      known: their clouds in v1, where the pose is known up to what differs between shapes.
+    """
+    hits = given.scan(0).points
+    hits = hits[np.random.default_rng(SEED).permutation(len(hits))[:ICP_HITS]]
+    started, best = time.process_time(), (np.inf, known[0])
+    for cloud in known:
+        placed, miss = align(cloud, hits)
+        best = min(best, (miss, placed), key=lambda pair: pair[0])
+    seconds = time.process_time() - started
+    return _told(cloud_scores.compare_clouds(best[1] * K, given.truth)) | {"seconds": seconds}
+
+
+def align(cloud: Float[np.ndarray, "n 3"], hits: Float[np.ndarray, "m 3"]) -> tuple[np.ndarray, float]:
+    """The cloud laid over the hits by trimmed point-to-point ICP with a scale, and their mean distance to it."""
+    tree, moved, keep = neighbours.tree(cloud), hits, max(3, int(ICP_KEPT * len(hits)))
+    for _ in range(ICP_STEPS):
+        index, dist_sq = (each[:, 0] for each in tree.search(moved, 1))
+        kept = np.argsort(dist_sq)[:keep]
+        moved = _similar(hits[kept], cloud[index[kept]]).apply(hits)
+    map_back = _similar(moved, hits)
+    miss = float(np.sqrt(np.sort(tree.search(moved, 1)[1][:, 0])[:keep]).mean()) * map_back.scale
+    return map_back.apply(cloud), miss
+
+
+def _similar(source: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "n 3"]) -> transforms.Similarity:
+    """The similarity of least squares. Source: Umeyama 1991."""
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    left, values, right = np.linalg.svd(b.T @ a / len(a))
+    signs = np.array([1, 1, np.sign(np.linalg.det(left @ right))])
+    rotation, scale = (left * signs) @ right, float((values * signs).sum() / (a**2).sum(axis=1).mean())
+    return transforms.Similarity(scale, rotation, target.mean(axis=0) - scale * rotation @ source.mean(axis=0))
+
+
+def _told(scores: cloud_scores.CloudScores) -> dict[str, float]:
+    return {"chamfer_l2_sq_x1000": 1000 * scores.chamfer_l2_sq, "f_score_tau_x100": 100 * scores.f_score_tau}
+
+
+def rows(category: str, split: str, found: dict[str, list[dict[str, float]]]) -> Iterator[dict[str, Any]]:
+    """A row for each way, of what it gave for each shape."""
+    image = np.array([each["f_score_tau_x100"] for each in found["image"]])
+    for way, each in found.items():
+        table = {name: np.array([one[name] for one in each]) for name in each[0]}
+        error = {
+            name: float(np.median(values) if name in ("angle_deg", "scale_percent") else np.mean(values))
+            for name, values in table.items()
+            if name != "seconds"
+        }
+        if way != "image":
+            gain = table["f_score_tau_x100"] - image[: len(each)]
+            error |= {"f_gain": float(gain.mean()), "f_gain_error": float(gain.std(ddof=1) / np.sqrt(len(gain)))}
+        size = {"shapes": len(each), "points": POINTS}
+        yield measuring.row(f"{category}, {split}: {way}", size, table["seconds"].tolist(), error)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Measure shapes of every category in turn; what is there is written after each of them."""
+    import tempfile
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--split", choices=manifest.SPLITS[1:], default="test")
+    parser.add_argument("--categories", nargs="+", default=["chair", "plane"])
+    parser.add_argument("--ways", nargs="+", default=["image", "nearest", *SCANS], help="the image is always there")
+    parser.add_argument("--shapes", type=int, default=100, help="of a category at most")
+    args = parser.parse_args(arguments)
+    torch.set_num_threads(THREADS)
+    written = []
+    for category in args.categories:
+        solver = Solver.of(shipped_models.place(category), completion.CompletionConfig())
+        every = manifest.of([category])
+        known = [_cloud(row) for row in every if row.split == "train"] if "nearest" in args.ways else []
+        found: dict[str, list[dict[str, float]]] = {way: [] for way in ("image", *args.ways)}
+        for number, row in enumerate([row for row in every if row.split == args.split][: args.shapes]):
+            given, rng = case(row), np.random.default_rng(number)
+            with tempfile.TemporaryDirectory() as folder:
+                found["image"].append(solver.of_image(given, Path(folder)))
+            for way in found:
+                if way == "nearest":
+                    found[way].append(nearest(given, known))
+                elif way in SCANS:
+                    found[way].append(solver.of_scan(given, way, rng))
+            print(row.id, {way: round(own[-1]["f_score_tau_x100"], 1) for way, own in found.items()}, flush=True)
+        for told in rows(category, args.split, found):
+            print(told["what"], {name: round(value, 3) for name, value in told["error"].items()}, flush=True)
+            written.append(told)
+        measuring.write(NAME, THREADS, written)
+
+
+def _cloud(row: manifest.Row) -> Float[np.ndarray, "n 3"]:
+    made = shape(row)
+    return Surface.of(Mesh(made.vertices, made.triangles)).draw(ICP_POINTS, np.random.default_rng(SEED))[0]

@@ -1,0 +1,54 @@
+"""ICP with a scale, wrong poses and the rows of the bench of completion."""
+
+import numpy as np
+import pytest
+
+from bench.reconstruction import complete
+from ddf.geometry import transforms
+
+
+def _blob(count, seed):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    return points * [1.0, 0.6, 0.3]
+
+
+def test_icp_lays_a_cloud_over_hits_of_it_that_were_turned_moved_and_scaled():
+    cloud = _blob(20_000, 0)
+    turn = complete.off(transforms.Similarity(), np.random.default_rng(1)).rotation
+    small = np.linalg.matrix_power(np.eye(3) + (turn - turn.T) / 20, 1)
+    left, _, right = np.linalg.svd(small)
+    moved = transforms.Similarity(1.08, left @ right, np.array([0.03, -0.02, 0.05]))
+    hits = moved.apply(cloud[np.random.default_rng(2).permutation(len(cloud))[:400]])
+    placed, miss = complete.align(cloud, hits)
+    before = np.linalg.norm(cloud - moved.apply(cloud), axis=1).mean()
+    assert np.linalg.norm(placed - moved.apply(cloud), axis=1).mean() < 0.5 * before
+    assert miss < 0.02
+
+
+def test_the_similarity_of_least_squares_is_the_one_that_was_applied():
+    true = complete.off(transforms.Similarity(2.0, np.eye(3), np.array([1.0, 2, 3])), np.random.default_rng(0))
+    found = complete._similar(_blob(50, 0), true.apply(_blob(50, 0)))
+    np.testing.assert_allclose(found.to_matrix(), true.to_matrix(), atol=1e-9)
+
+
+def test_a_wrong_pose_is_as_wrong_as_it_says():
+    place = transforms.Similarity(0.4, np.eye(3), np.array([1.0, 0, 0]))
+    wrong = complete.off(place, np.random.default_rng(3))
+    angle = np.degrees(np.arccos((np.trace(wrong.rotation) - 1) / 2))
+    assert angle == pytest.approx(complete.TURN_DEG)
+    assert abs(wrong.scale / 0.4 - 1) == pytest.approx(complete.GROWTH)
+    assert np.linalg.norm(wrong.translation - place.translation) == pytest.approx(0.4 * complete.SHIFT)
+
+
+def test_rows_have_the_paired_gain_and_its_error():
+    found = {
+        "image": [{"f_score_tau_x100": value, "seconds": 1.0} for value in (10.0, 20.0, 30.0)],
+        "depth": [{"f_score_tau_x100": value, "seconds": 2.0} for value in (12.0, 24.0, 36.0)],
+    }
+    image, depth = complete.rows("chair", "test", found)
+    assert "f_gain" not in image["error"] and image["size"]["shapes"] == 3
+    assert depth["error"]["f_gain"] == pytest.approx(4)
+    assert depth["error"]["f_gain_error"] == pytest.approx(2 / np.sqrt(3))
+    assert depth["median_s"] == 2
