@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 from jaxtyping import Float
@@ -40,13 +40,28 @@ class Field(queries.Queried):
         with extras.named():
             return self._load_weights()
 
-    def points(self, n: int, seed: int = 0) -> Float[np.ndarray, "n 3"]:
+    def __repr__(self) -> str:
+        box = ", ".join(f"{low:.3g} to {high:.3g}" for low, high in zip(*self.box, strict=True))
+        count = getattr(self.framed, "parameters", None)
+        size = "" if count is None else f"; {count:,} parameters"
+        return f"Field({type(self.framed).__name__}; box {box}{size}; {', '.join(self.outputs)})"
+
+    @overload
+    def points(self, n: int, seed: int = 0, normals: Literal[False] = False) -> Float[np.ndarray, "n 3"]: ...
+
+    @overload
+    def points(
+        self, n: int, seed: int = 0, *, normals: Literal[True]
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]: ...
+
+    def points(self, n: int, seed: int = 0, normals: bool = False) -> Any:
         """A cloud of evenly spread points on the surface. Needs torch.
 
         Args:
-          n: how many, 1 or more. seed: the same seed gives the same points.
+          n: how many, 1 or more. seed: the same seed gives the same points. normals: whether these are wanted too.
         Returns:
-          (n, 3), float64, in the frame and the unit of the mesh.
+          (n, 3), float64, in the frame and the unit of the mesh; with `normals` a pair, the second outward and unit, 0
+          where the field sees nothing.
         Raises:
           ValueError: n is below 1, torch is not installed, or the field came from an ONNX file alone.
 
@@ -56,20 +71,63 @@ class Field(queries.Queried):
           (100, 3)
         """
         with extras.named():
-            from ddf.fit import kinds
-        return kinds.points(self._weights, checks.require_whole("n", n, 1), seed)
+            from ddf.fit import cloud_normals, kinds
+        found = kinds.points(self._weights, checks.require_whole("n", n, 1), seed)
+        return (found, cloud_normals.ask(self.framed, found)) if normals else found
 
-    def surface(self, n: int = 5000, method: Literal["poisson", "udf"] = "poisson", resolution: int = 64) -> Mesh:
+    def save(self, folder: str | Path) -> Path:
+        """Write the field into a folder, which `ddf.load` and every command take. Needs torch.
+
+        Returns:
+          Its file.
+        Raises:
+          ValueError: the field came from an ONNX file alone, or torch is not installed.
+        """
+        with extras.named():
+            from ddf.fit import kinds
+        return kinds.save(self._weights, Path(folder))
+
+    def export(self, path: str | Path) -> Path:
+        """Write an ONNX file (.onnx), or a page that renders the field live (.html), as `ddf export` does. Needs torch.
+
+        Raises:
+          ValueError: another suffix, or patches for ONNX.
+        """
+        path = Path(path)
+        if path.suffix.lower() not in (".onnx", ".html"):
+            raise checks.InputError(f"{path}: must end in .onnx or .html")
+        with tempfile.TemporaryDirectory() as folder:
+            self.save(Path(folder) / path.stem)
+            with extras.named():
+                from ddf.io import exportable, onnx_file, viewable, viewer_page
+            if path.suffix.lower() == ".html":
+                viewer_page.write(path, viewable.page(Path(folder) / path.stem))
+            else:
+                graphs, source = exportable.load(Path(folder) / path.stem, None)
+                onnx_file.export(graphs["field"], "field", path, source, onnx_file.ExportConfig())
+        return path
+
+    def view(self) -> Path:
+        """Open a page that renders the field live in the browser; its file, which is temporary."""
+        import webbrowser
+
+        path = self.export(Path(tempfile.mkdtemp(prefix="ddf-view-")) / "field.html")
+        webbrowser.open(path.as_uri())
+        return path
+
+    def surface(
+        self, n: int = 5000, method: Literal["poisson", "closed", "udf"] = "poisson", resolution: int = 64
+    ) -> Mesh:
         """A triangle mesh of the surface. `poisson` needs Open3D.
 
         Args:
           n: points with normals that `poisson` goes through; they are some of those that `udf` measures to.
-          method: `poisson`, screened Poisson, is smooth and wants an outer side; `udf`, surface nets of the unsigned
-            distances, keeps open and inner sheets.
-          resolution: cells of `udf` along the longest side of the box.
+          method: `poisson`, screened Poisson, is smooth and wants an outer side; `closed` is what looks
+            from all sides leave, watertight; `udf`, surface nets of unsigned distances, keeps open and inner sheets.
+          resolution: cells of `closed` and `udf` along the longest side of the box.
         Returns:
-          `.vertices` (k, 3) float64 in the frame and the unit of the mesh, `.faces` (m, 3); open where the field has no
-          points.
+          `.vertices` (k, 3) float64 in the frame and the unit of the mesh, `.faces` (m, 3), `.save(path)`; open where
+          the field has no points, but with `closed`.
         Raises:
           ValueError: the field sees no surface, the method is another word, or Open3D is not installed.
 
@@ -84,6 +142,8 @@ class Field(queries.Queried):
         if method not in surfaces.METHODS:
             raise checks.InputError(f"method must be one of {', '.join(surfaces.METHODS)}; got {method!r}")
         sizes = checks.require_whole("n", n, 1), checks.require_whole("resolution", resolution, 2)
+        if method == "closed":
+            return surfaces.closed(self.framed, sizes[1])
         with extras.named():
             return surfaces.extract(self.framed, self.cloud, method, *sizes)
 

@@ -1,39 +1,126 @@
-"""From one image to the field of what it shows."""
+"""From one picture to the field, the mesh and the cloud of what it shows."""
 
+import contextlib
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from ddf.api.field import Field
-from ddf.core import extras, shipped_models
+from ddf.core import checks, extras, shipped_models, storage
+from ddf.geometry.mesh_io import Mesh
+
+if TYPE_CHECKING:
+    from ddf.models.reconstruction import painting
+
+CAMERA, CLOUD, PICTURE, MESHES = "camera.json", "cloud.ply", "picture.png", ("shape.glb", "shape.ply")
+_CELLS = 80  # of the mesh, along its longest side
 
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """What a model makes of one image.
+    """What a model makes of one picture, in the frame of ShapeNet's meshes (v1): Y up, box centred at 0, diagonal 1.
 
-    field: in the frame of ShapeNet's meshes (v1): Y up, box centred at 0, diagonal about 1.
-    points: (n, 3), a cloud on its surface, same frame. camera: azimuth_deg, elevation_deg and radius from which the
-      image seems to be taken; radius in benchmark units, 0.57 times those of the frame.
+    points: (n, 3), a cloud on the surface. camera: azimuth_deg, elevation_deg and radius from which the framed picture
+      seems to be taken; radius in benchmark units, 0.57 times those of the frame. view: the object cut out and framed.
+    kind: what the model knows, by its name. unlike: the share of training images that are more usual than the
+      picture; None where the model does not know.
+    seconds: of each part.
     """
 
     field: Field
     points: Float[np.ndarray, "n 3"]
     camera: dict[str, float]
+    view: UInt8[np.ndarray, "s s 4"]
+    kind: str
+    unlike: float | None
+    seconds: dict[str, float]
+
+    @cached_property
+    def normals(self) -> Float[np.ndarray, "n 3"]:
+        """Of the points, outward; 0 where the field gives none."""
+        from ddf.fit import cloud_normals
+
+        return cloud_normals.ask(self.field.framed, self.points)
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """A watertight mesh of the field; its `colours` are the picture's where that sees the vertex."""
+        mesh = self.field.surface(method="closed", resolution=_CELLS)
+        return Mesh(mesh.vertices, mesh.faces, colours=self._paint.colours(mesh.vertices)[0])
+
+    @property
+    def verdict(self) -> str:
+        """How usual the picture is, in words."""
+        from ddf.models.reconstruction import familiarity
+
+        return familiarity.verdict(self.unlike, self.kind)
+
+    @cached_property
+    def _paint(self) -> "painting.Paint":
+        from ddf.models.reconstruction import painting
+
+        turned = np.radians([self.camera["azimuth_deg"], self.camera["elevation_deg"]]).tolist()
+        return painting.Paint(self.field.framed, (*turned, self.camera["radius"]), self.view)
+
+    def save(self, folder: str | Path) -> dict[str, Any]:
+        """Write the field (`ddf.load` takes the folder), shape.glb and shape.ply, cloud.ply with normals, picture.png
+        and camera.json; returns the content of the last. Of a field that encloses nothing there is no mesh.
+        """
+        from ddf.geometry import point_io
+
+        out = Path(folder)
+        started = time.monotonic()
+        seconds, meshes = dict(self.seconds), []
+        with contextlib.suppress(checks.InputError):
+            meshes.append(self.mesh)
+        seconds["mesh"] = time.monotonic() - started
+        out.mkdir(parents=True, exist_ok=True)
+        self.field.save(out)
+        for name in MESHES:
+            (out / name).unlink(missing_ok=True)
+            for mesh in meshes:
+                mesh.save(out / name)
+        storage.write_bytes(out / CLOUD, point_io.points_ply(self.points, self.normals))
+        with storage.atomic_path(out / PICTURE) as temporary:
+            self._paint.sheet().save(temporary, "PNG")
+        result = {
+            "camera": self.camera,
+            "points": len(self.points),
+            "faces": sum(len(mesh.faces) for mesh in meshes),
+            "unlike_training": self.unlike,
+            "verdict": self.verdict,
+            "seconds": {name: round(value, 4) for name, value in seconds.items()},
+        }
+        storage.write_json(out / CAMERA, result)
+        return result
 
 
-def reconstruct(image: str | Path, model: str | Path, n: int = 5000, seed: int = 0) -> Reconstruction:
-    """The object of an image, by a trained model. Needs torch.
+def reconstruct(
+    image: str | Path,
+    model: str | Path,
+    n: int = 5000,
+    seed: int = 0,
+    mask: str | Path | None = None,
+    background: str = "auto",
+) -> Reconstruction:
+    """The object of a picture, by a trained model. Needs torch.
 
     Args:
-      image: an RGBA file of any size; its alpha is the mask of the object.
+      image: a PNG, WebP, JPEG or GIF file of any size; the object may stand anywhere in it.
       model: a folder that `make train` wrote under train_ddf/, or a name that `ddf models` lists: chair, plane, car.
       n: points of the cloud, 2 or more. seed: the same seed gives the same points.
+      mask: a picture that is light on the object. background: what the object is cut out by where there is no mask:
+        `auto`, the picture's alpha, or its rim where it has none; `white`; `border`, the rim; or a colour.
     Raises:
       FileNotFoundError: there is no such model.
-      ValueError: the image or the model is damaged or of another kind, or torch is not installed.
+      ValueError: the picture or the model is damaged or of another kind, no object stands out, or torch is not
+        installed.
 
     Example:
       >>> import ddf
@@ -43,16 +130,33 @@ def reconstruct(image: str | Path, model: str | Path, n: int = 5000, seed: int =
       >>> found.points.shape, sorted(found.camera)
       ((200, 3), ['azimuth_deg', 'elevation_deg', 'radius'])
     """
+    return reconstructor(model)(Path(image), n, seed, None if mask is None else Path(mask), background)
+
+
+def reconstructor(model: str | Path, known: Path | None = None) -> Callable[..., Reconstruction]:
+    """As `reconstruct`, of a model that is loaded once.
+
+    Args:
+      known: what stage `pointclouds` made with the model: the shape then moves until its silhouette agrees.
+    """
     with extras.named():
-        from ddf.fit import shape_field
-        from ddf.models.reconstruction import one_image
-    trained, size = one_image.load(shipped_models.require(model, "reconstruction"))
-    found = one_image.reconstruct(trained, size, Path(image), n, seed)
-    shape = shape_field.conditioned(trained.field, found.modulations, found.scale)
-    azimuth, elevation, radius = (float(value) for value in found.camera)
-    seen_from = {
-        "azimuth_deg": float(np.degrees(azimuth)),
-        "elevation_deg": float(np.degrees(elevation)),
-        "radius": radius,
-    }
-    return Reconstruction(Field(shape, lambda: shape), found.scale * found.cloud.double().cpu().numpy(), seen_from)
+        from ddf.data import cutouts
+        from ddf.models.reconstruction import one_image, trained
+    path = shipped_models.require(model, "reconstruction")
+    path = path.parent if path.is_file() else path
+    ddf_model, size = one_image.load(path)
+    usual = trained.known(path)
+    deviation = None if known is None else one_image.known_deviation(ddf_model, path, known)
+
+    def of(image: Path, n: int, seed: int, mask: Path | None, background: str) -> Reconstruction:
+        found = one_image.reconstruct(ddf_model, size, cutouts.read(image, mask, background), n, seed, deviation, usual)
+        shape = found.shape(ddf_model)
+        azimuth, elevation, radius = (float(value) for value in found.camera)
+        camera = {"azimuth_deg": np.degrees(azimuth), "elevation_deg": np.degrees(elevation), "radius": radius}
+        points = found.scale * found.cloud.double().cpu().numpy()
+        camera = {name: float(value) for name, value in camera.items()}
+        return Reconstruction(
+            Field(shape, lambda: shape), points, camera, found.view, path.name, found.quantile, found.seconds
+        )
+
+    return of

@@ -9,8 +9,6 @@ Real data and our generator's are read by the same code. Every complaint names t
 import logging
 import math
 import re
-import struct
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +16,11 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float
-from PIL import Image, ImageOps
+from PIL import Image
 from torch import Tensor
 
 from ddf.core import checks, storage
+from ddf.data import cutouts
 from ddf.geometry import cameras
 
 MODELS, RENDERS = "ShapeNetCore.v1", "ShapeNetRendering"  # folders of a root
@@ -46,9 +45,6 @@ SYNSETS = {
 }
 
 LOGGER = logging.getLogger(__name__)
-MAX_PIXELS = 50_000_000  # of an image of any size: 200 MiB as RGBA
-_FORMATS = ("PNG", "WEBP", "JPEG", "GIF")  # the last two have no alpha, and are told so
-_LARGE = 4096  # pixels a side: larger images are made smaller before they are padded to a square
 _JUNK = re.compile(r"\..*|__MACOSX|@eaDir|#recycle|lost\+found|\$RECYCLE\.BIN|System Volume Information")
 _SYNSET = re.compile(r"[0-9]+")
 _NAME = re.compile(r"[A-Za-z0-9_-]+")  # every synset and id of ShapeNet v1 fits; nothing that leaves its folder does
@@ -186,68 +182,10 @@ def read_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
             pixels = np.array(image if size == image.width else image.resize((size, size), Image.Resampling.BILINEAR))
     except checks.InputError:
         raise
-    except _DAMAGED as error:
+    except cutouts.DAMAGED as error:
         raise checks.InputError(f"{path}: not a readable PNG ({error}); unpack this shape's renders again") from error
     pixels[pixels[..., 3] == 0] = 0
     return torch.from_numpy(pixels).permute(2, 0, 1).float() / 255
-
-
-def read_any_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
-    """An RGBA image of any size in [0, 1], padded to a square with transparent pixels, resized as `read_image` does.
-
-    It is turned as its EXIF record says. An alpha that is 255 everywhere is no silhouette: that is warned of.
-
-    Raises:
-      InputError: the file is missing, damaged, has no alpha, its alpha is zero everywhere, or it has more than 50
-        million pixels; it is named.
-    """
-    if not path.is_file():
-        raise checks.InputError(f"{path}: no such image")
-    checks.require_content(path)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's: the size is judged below, a damaged record turns nothing
-            square, opaque = _square_and_opaque(path)
-    except checks.InputError:
-        raise
-    except _DAMAGED as error:
-        raise checks.InputError(f"{path}: not a readable image ({error}); PNG and WebP are read") from error
-    pixels = np.array(square.resize((size, size), Image.Resampling.BILINEAR))
-    pixels[pixels[..., 3] == 0] = 0
-    if not pixels[..., 3].any():
-        raise checks.InputError(f"{path}: is transparent everywhere; its alpha must mask the object")
-    if opaque:
-        LOGGER.warning("%s: its alpha is 255 everywhere, so it has no silhouette; cut the object out first", path)
-    return torch.from_numpy(pixels).permute(2, 0, 1).float() / 255
-
-
-def _square_and_opaque(path: Path) -> tuple[Image.Image, bool]:
-    """The image on a square, turned as its EXIF record says, and whether its alpha is 255 everywhere."""
-    with Image.open(path, formats=_FORMATS) as opened:
-        if opened.mode != "RGBA":
-            raise checks.InputError(f"{path}: must be RGBA, its alpha is the mask of the object; got {opened.mode}")
-        if opened.width * opened.height > MAX_PIXELS:
-            raise checks.InputError(
-                f"{path}: {opened.width} x {opened.height} pixels; at most {MAX_PIXELS} are read: make it smaller"
-            )
-        opaque = opened.getchannel("A").getextrema() == (255, 255)
-        return _square(ImageOps.exif_transpose(opened)), opaque
-
-
-# What Pillow raises on damaged files.
-_DAMAGED = (OSError, SyntaxError, ValueError, struct.error, KeyError, MemoryError, Image.DecompressionBombError)
-
-
-def _square(image: Image.Image) -> Image.Image:
-    """The image in the middle of a transparent square; one with a side over 4096 pixels is made smaller first."""
-    longest = max(image.size)
-    if longest > _LARGE:
-        smaller = tuple(max(1, round(length * _LARGE / longest)) for length in image.size)
-        image = image.resize((smaller[0], smaller[1]), Image.Resampling.BILINEAR, reducing_gap=2.0)
-    side = max(image.size)
-    square = Image.new("RGBA", (side, side), (0, 0, 0, 0))
-    square.paste(image, ((side - image.width) // 2, (side - image.height) // 2))
-    return square
 
 
 def _check_image(image: Image.Image, path: Path) -> None:

@@ -34,6 +34,18 @@ def load(path: Path) -> "shape_field.ShapeField | patch_field.PatchField":
     return shape_field.load(path)
 
 
+def save(shape: "shape_field.ShapeField | patch_field.PatchField", folder: Path) -> Path:
+    """Write a field's file into a folder, as `ddf fit` does; a name from its record's sources stays."""
+    record = {"fingerprint": "", "seed": 0, "sources": {}, **shape.record}
+    if record.get("kind") == field_file.PATCHES:
+        path = folder / field_file.MODEL
+        storage.save_tensors(path, cast("patch_field.PatchField", shape).arrays, record)
+        return path
+    from ddf.fit import shape_field
+
+    return shape_field.save(cast(shape_field.ShapeField, shape), folder, record)
+
+
 def points(
     shape: "shape_field.ShapeField | patch_field.PatchField", count: int, seed: int = 0, **changed: int
 ) -> Float[np.ndarray, "count 3"]:

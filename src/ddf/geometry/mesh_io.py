@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 
-from ddf.core import checks
+from ddf.core import checks, storage
 from ddf.geometry.formats import ac3d, obj, off, ply, stl
 from ddf.geometry.formats.scene_files import collada, gltf, threemf
 
@@ -39,7 +39,8 @@ _NOT_BLANK = re.compile(rb"[^\0 \t\r\n]")
 class Mesh:
     """Vertices (float64) and triangles (indices into them), in one frame.
 
-    remarks: what the reader of its file left out or could not take as it was, one line each.
+    remarks: what the reader of its file left out or could not take as it was, one line each. colours: of the vertices;
+    PLY and GLB files keep them when they are written.
 
     Raises:
       InputError: a coordinate is not finite, or an index points at no vertex.
@@ -48,6 +49,7 @@ class Mesh:
     vertices: Float[np.ndarray, "n 3"]
     faces: Int[np.ndarray, "m 3"]
     remarks: tuple[str, ...] = ()
+    colours: UInt8[np.ndarray, "n 3"] | None = None
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3)
@@ -58,6 +60,16 @@ class Mesh:
             raise checks.InputError(f"faces must index the {len(vertices)} vertices; got index {bad}")
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces)
+
+    def save(self, path: Path | str) -> None:
+        """Write a .ply, .glb, .obj, .stl or .off file.
+
+        Raises:
+          InputError: another suffix.
+        """
+        with storage.naming(path):
+            data = export_bytes(self, Path(path).suffix)
+        storage.write_bytes(path, data)
 
     @property
     def triangles(self) -> Float[np.ndarray, "m 3 3"]:
@@ -177,10 +189,17 @@ def ply_bytes(mesh: Mesh, double: bool = False) -> bytes:
     scalar, name = ("<f8", "double") if double else ("<f4", "float")
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.vertices)}\n"
     header += "".join(f"property {name} {axis}\n" for axis in "xyz")
+    corners = np.zeros(
+        len(mesh.vertices), dtype=[("at", scalar, 3), *([("colour", "u1", 3)] * (mesh.colours is not None))]
+    )
+    corners["at"] = mesh.vertices
+    if mesh.colours is not None:
+        header += "".join(f"property uchar {channel}\n" for channel in ("red", "green", "blue"))
+        corners["colour"] = mesh.colours
     header += f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
     rows = np.zeros(len(mesh.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     rows["count"], rows["corners"] = 3, mesh.faces
-    return header.encode() + mesh.vertices.astype(scalar).tobytes() + rows.tobytes()
+    return header.encode() + corners.tobytes() + rows.tobytes()
 
 
 def export_bytes(mesh: Mesh, suffix: str) -> bytes:
@@ -195,7 +214,7 @@ def export_bytes(mesh: Mesh, suffix: str) -> bytes:
         return ply_bytes(mesh, double=True)
     import trimesh
 
-    plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    plain = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=mesh.colours, process=False)
     exported = plain.export(
         file_type=suffix[1:],
         **({"digits": 17} if suffix in (".obj", ".off") else {}),  # pyright: ignore[reportArgumentType]

@@ -8,19 +8,25 @@ from typing import Any
 from ddf.cli import arguments
 
 EXAMPLES = ("ddf surface rabbit rabbit.ply", "ddf surface my_field mesh.ply --method udf --truth shape.obj")
-METHODS = ("poisson", "udf")  # as `surfaces.METHODS`
+METHODS = ("poisson", "closed", "udf")  # as `surfaces.METHODS`
 _FINEST = 256
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare field, mesh and way."""
     arguments.add_field(parser)
-    arguments.add_out(parser, "out", "OUT.ply", "gets the triangles, in the frame of the mesh that was fitted")
+    arguments.add_out(
+        parser,
+        "out",
+        "OUT",
+        "gets the triangles (.ply, .obj, .stl, .off, .glb), in the frame of the mesh that was fitted",
+    )
     parser.add_argument(
         "--method",
         choices=METHODS,
         default="poisson",
-        help="poisson: smooth, for shapes with an outer side; udf: keeps open and inner sheets (default poisson)",
+        help="poisson: smooth, for shapes with an outer side; closed: watertight, hollows full; udf: keeps open and "
+        "inner sheets (default poisson)",
     )
     parser.add_argument(
         "--points",
@@ -34,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         type=arguments.whole_number(8, _FINEST),
         default=64,
-        help="cells of udf along the longest side (default 64)",
+        help="cells of closed and udf along the longest side (default 64)",
     )
     parser.add_argument("--truth", metavar="MESH", type=Path, help="the true mesh, in the same frame: scores are told")
 
@@ -44,18 +50,16 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     import numpy as np
 
     from ddf.api import field
-    from ddf.core import checks, storage
     from ddf.data import mesh_topology
     from ddf.geometry import mesh_io
 
-    if args.out.suffix.lower() != ".ply":
-        raise checks.InputError(f"{args.out}: must end in .ply")
+    mesh_io.require_suffix(args.out.suffix)
     truth = None if args.truth is None else mesh_io.load(args.truth)
     shape = field.load(args.field)
     started = time.monotonic()
     mesh = shape.surface(args.points, args.method, args.resolution)
     seconds = time.monotonic() - started
-    storage.write_bytes(args.out, mesh_io.ply_bytes(mesh))
+    mesh.save(args.out)
     result: dict[str, Any] = {
         "method": args.method,
         "vertices": len(mesh.vertices),

@@ -42,6 +42,11 @@ class PatchField:
     enters_its_box = True  # as `framed_field` asks: rays from outside need no slab test
 
     @property
+    def parameters(self) -> int:
+        """Numbers that make the field."""
+        return sum(values.size for values in self.arrays.values())
+
+    @property
     def outputs(self) -> tuple[str, ...]:
         """All but those of the sine field's two components."""
         return OUTPUTS

@@ -7,15 +7,12 @@ Of a latent the decoder's modulations are constants, so that a shape is a plain 
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ddf.core import storage
-from ddf.fields import pddf, rendering
+from ddf.fields import pddf
 from ddf.fit import shape_field
-from ddf.geometry import transforms
 from ddf.models.generative import point_encoder, records, settings
 from ddf.training import training_loop
 
@@ -49,24 +46,13 @@ class ShapeVAE(nn.Module):
 
 
 def plain_field(decoder: pddf.ConditionalPDDF, latent: Float[Tensor, "z"]) -> pddf.PDDF:
-    """The field of one latent without a modulator: h = m sin(ω a), so W h = (W diag m) sin(ω a). Derived here."""
-    made = pddf.PDDF(decoder.field.config).to(decoder.field.network.head.weight)
-    made.load_state_dict(decoder.field.state_dict())
-    with torch.no_grad():
-        modulations = decoder.modulator(latent)
-        followers = (*made.network.layers[1:], made.network.head)
-        for modulation, follower in zip(modulations, followers, strict=True):
-            follower.weight *= modulation
-    return made.requires_grad_(False)
+    """The field of one latent without a modulator."""
+    return shape_field.folded(decoder.field, decoder.modulator(latent))
 
 
 def write_field(folder: Path, field: pddf.PDDF, field_scale: float, record: dict[str, Any]) -> Path:
     """A plain field as `ddf fit` writes it: its box is the cube, the frame of its mesh is v1; the file."""
-    upper = np.full(3, rendering.CUBE_HALF)
-    described = shape_field.description(field.config, -upper, upper, transforms.Similarity(field_scale))
-    path = folder / training_loop.MODEL
-    storage.save_tensors(path, dict(field.state_dict()), {**record, **described})
-    return path
+    return shape_field.save(shape_field.conditioned(field, None, 1 / field_scale), folder, record)
 
 
 def load(folder: Path) -> ShapeVAE:

@@ -17,7 +17,7 @@ from torch import Tensor
 
 PREFIX = "known."  # of the tensors in a model's file
 WIDENED = 0.1  # of the mean variance of a stage
-FAR = 0.99  # quantile from which on an image is called unlike those of training
+UNUSUAL, FAR = 0.9, 0.99  # quantiles from which on an image is called unusual, and none of the kind
 _NAMES = ("mean", "factor", "distances")
 _GRID = torch.linspace(0, 1, 201, dtype=torch.float64)
 
@@ -44,9 +44,22 @@ def quantile(known: Mapping[str, Tensor], features: Float[Tensor, "b f"]) -> Flo
     Args:
       features: of all stages, one after the other.
     """
-    mean, factor, distances = (known[PREFIX + name].double().cpu() for name in _NAMES)
-    apart = ((features.double().cpu() - mean) @ factor).norm(dim=1)
-    return np.interp(apart.numpy(), distances.numpy(), _GRID.numpy())
+    return np.interp(distances(known, features), known[PREFIX + "distances"].double().cpu().numpy(), _GRID.numpy())
+
+
+def distances(known: Mapping[str, Tensor], features: Float[Tensor, "b f"]) -> Float[np.ndarray, "b"]:
+    """From the mean of the training images."""
+    mean, factor = (known[PREFIX + name].double().cpu() for name in _NAMES[:2])
+    return ((features.double().cpu() - mean) @ factor).norm(dim=1).numpy()
+
+
+def verdict(share: float | None, kind: str) -> str:
+    """In words, for a quantile and the kind of object that the model knows."""
+    if share is None:
+        return "the model does not say what its training images were like"
+    if share < FAR:
+        return "like the training images" if share < UNUSUAL else "unusual: expect errors"
+    return f"no {kind}, to judge by the training images"
 
 
 def features(known: Mapping[str, Tensor]) -> tuple[Float[Tensor, "f"], Float[Tensor, "f f"]]:

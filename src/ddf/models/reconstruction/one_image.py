@@ -1,22 +1,24 @@
 """One image to camera, shape and cloud by a trained DDF: what `ddf reconstruct` and `ddf.reconstruct` share."""
 
 import contextlib
+import dataclasses
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from torch import Tensor
 from torch.nn import functional
 
 from ddf.core import checks, storage
-from ddf.data import shapenet
 from ddf.fields import cloud_projection
-from ddf.fit import cloud_defaults
+from ddf.fit import cloud_defaults, shape_field
 from ddf.models.reconstruction import (
     familiarity,
+    framing,
     inference,
     reconstruction_models,
     scales,
@@ -26,6 +28,8 @@ from ddf.models.reconstruction import (
 )
 from ddf.training import training_loop
 
+VIEW = 274  # pixels a side of the framed object, whose colours are kept
+_MARGIN = 0.05  # field units, between the cloud and the field's box
 CLOUDS = "ddf.safetensors"  # in the folder of stage `pointclouds`
 
 
@@ -34,16 +38,26 @@ class Reconstructed:
     """What the model makes of an image.
 
     camera: azimuth and elevation (radians) and radius (benchmark units), predicted. modulations: of the field. cloud:
-    field frame. scale: v1 units per field unit, estimated from its box. quantile: how far the image lies from those of
-    training (`familiarity.quantile`); None where the model does not know. seconds: of each part.
+    field frame. scale: v1 units per field unit, estimated from its box. view: the object as it was framed, which the
+    camera sees. quantile: how far that lies from the training images (`familiarity.quantile`); None where the model
+    does not know. seconds: of each part.
     """
 
     camera: Float[Tensor, "3"]
     modulations: list[Float[Tensor, "1 _"]]
     cloud: Float[Tensor, "n 3"]
     scale: float
+    view: UInt8[np.ndarray, "s s 4"]
     quantile: float | None = None
     seconds: dict[str, float] = field(default_factory=dict)
+
+    def shape(self, model: reconstruction_models.DDFModel) -> shape_field.ShapeField:
+        """The field, frame of v1; its box is the cloud's with a margin."""
+        whole = shape_field.conditioned(shape_field.folded(model.field, self.modulations), None, self.scale)
+        points = self.cloud.double().cpu().numpy()
+        lower = np.clip(points.min(axis=0) - _MARGIN, whole.lower, whole.upper - _MARGIN)
+        upper = np.clip(points.max(axis=0) + _MARGIN, lower + _MARGIN, whole.upper)
+        return dataclasses.replace(whole, lower=lower, upper=upper)
 
 
 def load(folder: Path) -> tuple[reconstruction_models.DDFModel, int]:
@@ -79,40 +93,44 @@ def known_deviation(model: reconstruction_models.DDFModel, folder: Path, known: 
 def reconstruct(
     model: reconstruction_models.DDFModel,
     image_size: int,
-    image: Path,
+    pixels: UInt8[np.ndarray, "h w 4"],
     points: int,
     seed: int = 0,
     deviation: Float[Tensor, "z"] | None = None,
     known: Mapping[str, Tensor] | None = None,
 ) -> Reconstructed:
-    """Encode, move the shape towards its silhouette where `deviation` is given, draw the cloud.
+    """Frame the object, encode, move the shape towards its silhouette where `deviation` is given, draw the cloud.
 
     Args:
-      image: RGBA file of any size. points: of the cloud, 2 or more. deviation: of `known_deviation`. known: of
+      pixels: of `cutouts.read`. points: of the cloud, 2 or more. deviation: of `known_deviation`. known: of
         `trained.known`.
     Raises:
-      InputError: the image is damaged or has no alpha; fewer than 2 points.
+      InputError: fewer than 2 points.
     """
     if points < 2:
         raise checks.InputError(f"the number of points must be >= 2; got {points}")
-    pixels = shapenet.read_any_image(image, image_size)[None].to(training_loop.device())
     seconds: dict[str, float] = {}
+    cutout = framing.Cutout(pixels)
+    with _timed(seconds, "framing"):
+        frame = framing.frame(model, known, cutout, image_size)
+        framed = framing.encoder_input(cutout.crop(frame, image_size)).to(training_loop.device())
     with _timed(seconds, "encoders"), torch.no_grad():
-        stages, latent, seen_from = inference.encode_batch(model, pixels)
+        stages, latent, seen_from = inference.encode_batch(model, framed)
     quantile = float(familiarity.quantile(known, torch.cat(stages, dim=1))[0]) if known else None
     drawn = cloud_defaults.cloud()
     if deviation is not None:
         with _timed(seconds, "silhouette"):
             how = settings.ShapeCorrectionConfig()
             field_scale = inference.rough_field_scales(model, latent, drawn, [_generator(seed)])
-            alpha = functional.interpolate(pixels[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
+            alpha = functional.interpolate(framed[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
             latent = silhouettes.correct_shapes(model, latent, deviation, seen_from, field_scale, alpha, how)
     modulations = [modulation[0].detach() for modulation in model.modulations(latent)]
     with _timed(seconds, "cloud"):
         cycles = cloud_projection.sample(model.field, modulations, points, drawn, _generator(seed))
         (cloud,) = cloud_projection.select(cycles, [points], drawn)
     scale = scales.scale_from_cloud(cloud)
-    return Reconstructed(seen_from[0], modulations, cloud, scale, quantile, seconds)
+    view = cutout.crop(frame, VIEW)
+    return Reconstructed(seen_from[0], modulations, cloud, scale, view, quantile, seconds)
 
 
 @torch.no_grad()

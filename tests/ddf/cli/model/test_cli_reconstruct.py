@@ -7,13 +7,14 @@ import pytest
 import torch
 from PIL import Image
 
+import ddf
 from ddf import cli
-from ddf.core import checks, provenance, storage
-from ddf.data import shapenet
+from ddf.core import provenance, shipped_models, storage
+from ddf.data import cutouts, mesh_topology
 from ddf.fields import cloud_projection
 from ddf.fit import cloud_defaults
-from ddf.geometry import point_io
-from ddf.models.reconstruction import familiarity, one_image, scales
+from ddf.geometry import mesh_io, point_io
+from ddf.models.reconstruction import familiarity, framing, one_image, scales
 from ddf.training import training_loop
 
 
@@ -28,29 +29,28 @@ def _image(path, mode="RGBA", size=(90, 60)):
     return path
 
 
-def test_reconstruct_writes_cloud_camera_and_renders(model_dir, tmp_path, capsys, monkeypatch):
-    out = tmp_path / "out"
-    sampled, sample = [], cloud_projection.sample
+def test_reconstruct_writes_a_thing(tmp_path, capsys, monkeypatch):
+    out, sampled, sample = tmp_path / "out", [], cloud_projection.sample
     monkeypatch.setattr(cloud_projection, "sample", lambda *given: sampled.append(sample(*given)) or sampled[-1])
-    image = _image(tmp_path / "image.png")
-    arguments = ["reconstruct", "--json", str(image), str(model_dir), str(out), "-n", "50", "--size", "24"]
-    assert cli.main(arguments) == 0
+    image = shipped_models.ROOT / "chair" / "sample_1.png"
+    assert cli.main(["reconstruct", "--json", str(image), "chair", str(out), "-n", "300"]) == 0
     result = json.loads(capsys.readouterr().out)
+    assert {file.name for file in out.iterdir()} == {
+        *("camera.json", "cloud.ply", "model.safetensors", "picture.png", "shape.glb", "shape.ply")
+    }
     points = point_io.read_points(out / "cloud.ply")
-    assert points.shape == (50, 3)
-    cycles = sampled[0]
-    (cloud,) = cloud_projection.select(cycles, [50], cloud_defaults.cloud())
+    (cloud,) = cloud_projection.select(sampled[-1], [300], cloud_defaults.cloud())
     scale = scales.scale_from_cloud(cloud)
-    np.testing.assert_allclose(
-        points, scale * cloud.numpy(), atol=1e-5
-    )  # v1 units: the box of the cloud has diagonal 1
-    assert result["v1_from_field"]["scale"] == pytest.approx(scale)
-    for name in ("visibility", "depth", "normals"):
-        with Image.open(out / f"{name}.png") as picture:
-            assert picture.size == (24, 24)
+    np.testing.assert_allclose(points, scale * cloud.numpy(), atol=1e-5)  # v1: the box of the cloud has diagonal 1
+    for suffix in (".glb", ".ply"):
+        mesh = mesh_io.load(out / f"shape{suffix}")
+        assert mesh_topology.is_watertight(mesh) and len(mesh.faces) == result["faces"] > 0
+    field = ddf.load(out)
+    assert field.framed.field_from_mesh.scale == pytest.approx(1 / scale)
+    lower, upper = field.box
+    assert (lower <= points + 0.03).all() and (points <= upper + 0.03).all()  # hits may lie beside the cube
     assert json.loads((out / "camera.json").read_text())["camera"] == result["camera"]
-    assert 0.7 <= result["camera"]["ratio"] <= 0.9
-    assert 0 < result["queries_per_pixel"] < 1
+    assert 0.65 <= result["camera"]["radius"] <= 0.95
 
 
 def _known(path, model_dir, count=3):
@@ -68,8 +68,8 @@ def test_with_what_is_known_the_shape_moves_and_the_camera_stays(model_dir, tmp_
     image, known = _image(tmp_path / "image.png"), _known(tmp_path / "known", model_dir)
     results, points = [], []
     for name, more in (("plain", []), ("folder", [str(known)]), ("file", [str(known / "ddf.safetensors")])):
-        arguments = ["reconstruct", "--json", str(image), str(model_dir), str(tmp_path / name), "-n", "50"]
-        assert cli.main([*arguments, "--size", "8", *(["--known", *more] if more else [])]) == 0
+        arguments = ["reconstruct", "--json", str(image), str(model_dir), str(tmp_path / name), "-n", "300"]
+        assert cli.main([*arguments, *(["--known", *more] if more else [])]) == 0
         results.append(json.loads(capsys.readouterr().out))
         points.append(point_io.read_points(tmp_path / name / "cloud.ply"))
     plain, folder, file = results
@@ -91,7 +91,7 @@ def test_what_is_known_of_another_model_is_refused(model_dir, tmp_path, capsys, 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda p: _image(p / "x.png", "RGB"), "must be RGBA, its alpha is the mask of the object; got RGB"),
+        (lambda p: _image(p / "x.png", "RGB"), "no object stands out from the background"),
         (lambda p: p / "none.png", "no such image"),
         (lambda p: (p / "x.png").write_bytes(b"\x89PNG\r\n\x1a\n") and p / "x.png", "not a readable image"),
     ],
@@ -114,20 +114,9 @@ def test_folder_without_a_ddf_model_is_refused(model_dir, tmp_path, capsys):
     assert "holds no DDF model" in capsys.readouterr().err
 
 
-def test_any_image_is_padded_to_a_square_then_resized(tmp_path):
-    pixels = np.full((10, 30, 4), 255, dtype=np.uint8)
-    Image.fromarray(pixels, "RGBA").save(tmp_path / "wide.png")
-    image = shapenet.read_any_image(tmp_path / "wide.png", 30)
-    assert torch.equal(image[3, :, 15] > 0.5, (torch.arange(30) >= 10) & (torch.arange(30) < 20))
-    assert bool((image[:3, image[3] == 0] == 0).all())
-    Image.fromarray(np.zeros((4, 4, 4), dtype=np.uint8), "RGBA").save(tmp_path / "empty.png")
-    with pytest.raises(checks.InputError, match=r"empty.png: is transparent everywhere"):
-        shapenet.read_any_image(tmp_path / "empty.png", 30)
-
-
 def test_several_images_get_a_folder_each(model_dir, tmp_path, capsys):
     images = [str(_image(tmp_path / f"{name}.png")) for name in ("one", "two")]
-    rest = [str(model_dir), str(tmp_path / "out"), "-n", "20", "--size", "8"]
+    rest = [str(model_dir), str(tmp_path / "out"), "-n", "300"]
     assert cli.main(["reconstruct", "--json", *images, *rest]) == 0
     found = json.loads(capsys.readouterr().out)["images"]
     assert [entry["out"] for entry in found] == [(tmp_path / "out" / name).as_posix() for name in ("one", "two")]
@@ -136,20 +125,17 @@ def test_several_images_get_a_folder_each(model_dir, tmp_path, capsys):
     assert "two images are called 'one'" in capsys.readouterr().err
 
 
-def test_an_image_unlike_those_of_training_is_warned_of(model_dir, tmp_path, capsys):
-    image, rest = (
-        str(_image(tmp_path / "image.png")),
-        [str(model_dir), str(tmp_path / "out"), "-n", "20", "--size", "8"],
-    )
-    assert cli.main(["reconstruct", image, *rest]) == 0
-    assert "the model does not say what its training images were like" in capsys.readouterr().out
-    path = model_dir / training_loop.MODEL
+def test_the_verdict_is_a_sentence(model_dir, tmp_path, monkeypatch):
+    image, path = _image(tmp_path / "image.png"), model_dir / training_loop.MODEL
+    assert ddf.reconstruct(image, model_dir, n=20).verdict.startswith("the model does not say")
     tensors, record = storage.load_tensors(path, "torch")
     model, _ = one_image.load(model_dir)
-    near = model.shape_encoder.stages(shapenet.read_any_image(tmp_path / "image.png", 32)[None])
-    for moved, warned in ((0.0, False), (1e3, True)):
+    monkeypatch.setattr(framing, "frame", lambda *_: framing.START)
+    framed = framing.encoder_input(framing.Cutout(cutouts.read(image)).crop(framing.START, 32))
+    near = model.shape_encoder.stages(framed)
+    for moved, words in ((0.0, "like the training images"), (1e3, "no model, to judge by the training images")):
         random = torch.Generator().manual_seed(0)
         stages = [each.detach() + moved + torch.randn(400, each.shape[1], generator=random) for each in near]
         storage.save_tensors(path, {**tensors, **familiarity.measure(stages)}, record)
-        assert cli.main(["reconstruct", image, *rest]) == 0
-        assert ("WARNING: unlike" in capsys.readouterr().out) == warned
+        assert ddf.reconstruct(image, model_dir, n=20).verdict == words
+    assert familiarity.verdict(0.95, "chair") == "unusual: expect errors"

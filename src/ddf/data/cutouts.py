@@ -1,0 +1,173 @@
+"""Pictures of an object, cut out: by their own alpha, by a mask, or by what differs from the background at the border.
+
+PNG, WebP, JPEG and GIF of any mode, turned as their EXIF record says. The background is a smooth colour: a polynomial
+of second degree in x and y per channel, fitted to the picture's rim, in which the object hardly lies, by least squares
+of the half that fits best. What differs from it stands out; what does not and touches the rim is background, as are
+holes that fit it closely (derived here).
+"""
+
+import struct
+import warnings
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from PIL import Image, ImageColor, ImageOps
+from scipy import ndimage
+
+from ddf.core import checks
+
+# What Pillow raises on damaged files.
+DAMAGED = (OSError, SyntaxError, ValueError, struct.error, KeyError, MemoryError, Image.DecompressionBombError)
+MAX_PIXELS = 50_000_000  # of a picture: 200 MiB as RGBA
+BACKGROUNDS = ("auto", "white", "border")  # or a colour
+_FORMATS = ("PNG", "WEBP", "JPEG", "GIF")
+_LARGE = 1024  # pixels a side: larger pictures are made smaller, an encoder sees 64 or 224
+_OPAQUE = 128  # alpha from which on a pixel is the object's
+_RIM = 0.03  # of the longer side
+_LEAST, _SPREADS = 20.0, 6.0  # difference that stands out: levels of 255, and in deviations of the rim
+_SPECK = 0.01  # of the largest piece: smaller ones are dust
+_LEAST_SHARE, _MOST_SHARE = 0.001, 0.9  # of the picture, that an object found in it takes
+
+
+def read(path: Path, mask: Path | None = None, background: str = "auto") -> UInt8[np.ndarray, "h w 4"]:
+    """A picture whose alpha masks the object; RGB is 0 where alpha is.
+
+    Args:
+      mask: a picture of the same shape, light (or opaque, where it has an alpha) on the object. background: `auto`, the
+        picture's own alpha, or `border` where it has none; `white`; `border`, the colour of the rim; or a colour,
+        `#rrggbb` or a name, of the background.
+    Raises:
+      InputError: the file is missing, damaged or too large; no object stands out, or nothing but one; it is named.
+    """
+    picture = _opened(path)
+    pixels = np.array(picture)
+    if mask is not None:
+        alpha = _mask(mask, picture.size)
+    elif background == "auto" and pixels[..., 3].min() < 255:
+        alpha = pixels[..., 3]
+    else:
+        flat = Image.alpha_composite(Image.new("RGBA", picture.size, "white"), picture)
+        pixels = _standing_out(np.array(flat)[..., :3].astype(np.float64), colour(background))
+        alpha = pixels[..., 3]
+        share = float((alpha >= _OPAQUE).mean())
+        if not _LEAST_SHARE <= share <= _MOST_SHARE:
+            raise checks.InputError(
+                f"{path}: no object stands out from the background ({share:.1%} of the picture does); give --mask FILE,"
+                " --background COLOUR, or a picture whose alpha masks it"
+            )
+    if not (alpha >= _OPAQUE).any():
+        raise checks.InputError(f"{mask or path}: is transparent everywhere; its alpha must mask the object")
+    pixels[..., 3] = alpha
+    pixels[alpha == 0] = 0
+    return pixels
+
+
+def colour(background: str) -> tuple[int, int, int] | None:
+    """RGB of `--background`; None where the rim tells it.
+
+    Raises:
+      InputError: no such colour.
+    """
+    if background in ("auto", "border"):
+        return None
+    try:
+        red, green, blue, *_ = ImageColor.getrgb(background)
+    except ValueError as error:
+        known = f"{', '.join(BACKGROUNDS)}, a colour's name or #rrggbb"
+        raise checks.InputError(f"background must be {known}; got {background!r}") from error
+    return red, green, blue
+
+
+def _opened(path: Path) -> Image.Image:
+    """As it is to be seen, in 8 bits, at most `_LARGE` pixels a side."""
+    if not path.is_file():
+        raise checks.InputError(f"{path}: no such image")
+    checks.require_content(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Pillow's: the size is judged below, a damaged record turns nothing
+            with Image.open(path, formats=_FORMATS) as opened:
+                if opened.width * opened.height > MAX_PIXELS:
+                    raise checks.InputError(
+                        f"{path}: {opened.width} x {opened.height} pixels; at most {MAX_PIXELS} are read: "
+                        "make it smaller"
+                    )
+                picture = ImageOps.exif_transpose(opened)
+                if picture.mode.startswith("I"):  # 16 bits of grey, which Pillow would clip
+                    picture = Image.fromarray((np.asarray(picture).astype(np.int64) >> 8).astype(np.uint8))
+                picture = picture.convert("RGBA")
+    except checks.InputError:
+        raise
+    except DAMAGED as error:
+        raise checks.InputError(f"{path}: not a readable image ({error}); {', '.join(_FORMATS)} are read") from error
+    if max(picture.size) <= _LARGE:
+        return picture
+    width, height = (max(1, round(length * _LARGE / max(picture.size))) for length in picture.size)
+    return picture.resize((width, height), Image.Resampling.BILINEAR, reducing_gap=2.0)
+
+
+def _mask(path: Path, size: tuple[int, int]) -> UInt8[np.ndarray, "h w"]:
+    """Its alpha, or its lightness where that is the same everywhere."""
+    found = _opened(path).convert("RGBA")
+    if abs(found.width / found.height - size[0] / size[1]) > 0.02 * size[0] / size[1]:
+        raise checks.InputError(f"{path}: {found.width} x {found.height} pixels, not of the picture's shape {size}")
+    alpha = found.getchannel("A")
+    light = found.convert("L") if alpha.getextrema() == (255, 255) else alpha
+    return np.array(light.resize(size, Image.Resampling.BILINEAR))
+
+
+def _standing_out(rgb: Float[np.ndarray, "h w 3"], plain: tuple[int, int, int] | None) -> UInt8[np.ndarray, "h w 4"]:
+    """RGBA of what differs from the background, of one colour or as the rim tells it, which is taken out of edges."""
+    behind, spread = (np.broadcast_to(np.array(plain, float), rgb.shape), 0.0) if plain else _behind(rgb)
+    apart = np.linalg.norm(rgb - behind, axis=2)
+    bound = max(_LEAST, _SPREADS * spread)
+    like, _ = ndimage.label(apart <= bound)
+    rim = np.unique(np.concatenate([like[0], like[-1], like[:, 0], like[:, -1]]))
+    outside = np.isin(like, rim[rim > 0])
+    holes = _holes(like, outside, apart, bound)
+    alpha = _without_dust(~(outside | holes), apart)
+    own = np.clip(behind + (rgb - behind) / np.maximum(alpha, 1 / 255)[..., None], 0, 255)
+    return np.rint(np.concatenate([own, 255 * alpha[..., None]], axis=2)).astype(np.uint8)
+
+
+def _behind(rgb: Float[np.ndarray, "h w 3"]) -> tuple[Float[np.ndarray, "h w 3"], float]:
+    """The background as the rim tells it, and how far the rim's better half is from that."""
+    height, width = rgb.shape[:2]
+    y, x = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    wide = max(2, round(_RIM * max(height, width)))
+    rim = np.ones((height, width), dtype=bool)
+    rim[wide:-wide, wide:-wide] = False
+    seen, levels = terms[rim], rgb[rim]
+    fitted = np.zeros((6, 3))
+    fitted[0] = np.median(levels, axis=0)
+    for _ in range(4):
+        near = np.linalg.norm(levels - seen @ fitted, axis=1)
+        better = near <= np.median(near)
+        fitted = np.linalg.lstsq(seen[better], levels[better], rcond=None)[0]
+    near = np.linalg.norm(levels - seen @ fitted, axis=1)
+    return terms @ fitted, float(np.median(near))
+
+
+def _holes(
+    like: np.ndarray, outside: Bool[np.ndarray, "h w"], apart: Float[np.ndarray, "h w"], bound: float
+) -> Bool[np.ndarray, "h w"]:
+    """Pieces within the object whose mean is within half the bound: light parts of it are rarely the background's."""
+    numbers = np.arange(1, like.max() + 1)
+    if not len(numbers):
+        return np.zeros_like(outside)
+    close = ndimage.mean(apart, like, numbers) <= bound / 2
+    return np.isin(like, numbers[close]) & ~outside
+
+
+def _without_dust(found: Bool[np.ndarray, "h w"], apart: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+    """Alpha in [0, 1] of the large pieces; at their edge a pixel is as opaque as it stands out by its neighbours."""
+    pieces, count = ndimage.label(found, np.ones((3, 3)))
+    if not count:
+        return np.zeros(found.shape)
+    sizes = np.bincount(pieces.ravel())[1:]
+    kept = np.isin(pieces, 1 + np.flatnonzero(sizes >= _SPECK * sizes.max()))
+    edge = ndimage.binary_dilation(kept) & ~ndimage.binary_erosion(kept, np.ones((3, 3)))
+    most = np.maximum(ndimage.maximum_filter(np.where(kept, apart, 0.0), 5), 1e-9)
+    return np.where(edge, np.minimum(apart / most, 1.0), kept)

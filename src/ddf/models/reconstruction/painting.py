@@ -1,0 +1,67 @@
+"""The colours of a reconstruction where its image sees it, and what it looks like from elsewhere. Frame: v1."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from PIL import Image
+
+from ddf.fields import framed_field
+from ddf.geometry import cameras, rays, transforms
+from ddf.pictures import field_pictures
+
+_NEAR = 0.03  # of the size: a point that far behind what the camera sees is seen too
+_OPAQUE = 128
+_LEAST_LIGHT = 0.35  # of a surface seen from its side
+_TURNS = (0.0, 90.0, 180.0, 270.0)  # degrees from the image's azimuth
+
+
+@dataclass(frozen=True)
+class Paint:
+    """A field, the camera (azimuth, elevation in radians, radius in benchmark units) and the image that it took."""
+
+    field: framed_field.FramedField
+    camera: tuple[float, float, float]
+    view: UInt8[np.ndarray, "s s 4"]
+
+    def colours(self, points: Float[np.ndarray, "n 3"]) -> tuple[UInt8[np.ndarray, "n 3"], Bool[np.ndarray, "n"]]:
+        """Of points on the surface, and which of them the image sees; the others have the median colour of these."""
+        rotation, centre = cameras.extrinsics(*np.array(self.camera))
+        place = np.stack(cameras.project(points * transforms.BENCHMARK_FROM_V1, rotation, centre), axis=-1)
+        place = np.floor(place * len(self.view) / cameras.IMAGE_SIZE).astype(int)
+        seen = (np.clip(place, 0, len(self.view) - 1) == place).all(axis=1)
+        column, row = np.where(seen[:, None], place, 0).T
+        pixels = self.view[row, column]
+        seen &= pixels[:, 3] >= _OPAQUE
+        start = centre / transforms.BENCHMARK_FROM_V1
+        ways = points - start
+        far = np.linalg.norm(ways, axis=1)
+        asked = rays.OrientedPoints(np.broadcast_to(start, points.shape), ways / far[:, None])
+        seen &= far <= framed_field.query(self.field, asked, ("depth",))[0]["depth"] + _NEAR
+        found = pixels[:, :3].copy()
+        opaque = self.view[self.view[..., 3] >= _OPAQUE][:, :3]
+        found[~seen] = np.median(found[seen] if seen.any() else opaque, axis=0)
+        return found, seen
+
+    def sheet(self, size: int = 256) -> Image.Image:
+        """The image, and the field in its colours from the camera and from three others around it."""
+        view = Image.fromarray(self.view).resize((size, size))
+        cells = [np.asarray(Image.alpha_composite(Image.new("RGBA", view.size, "white"), view))[..., :3]]
+        azimuth, elevation = np.degrees(self.camera[:2])
+        cells += [self._seen((azimuth + turn, elevation, self.camera[2]), size) for turn in _TURNS]
+        return Image.fromarray(np.concatenate(cells, axis=1))
+
+    def _seen(self, camera: tuple[float, float, float], size: int) -> field_pictures.Picture:
+        """The field from a camera (degrees), lit from there, on white."""
+        azimuth, elevation, radius = (np.array(x) for x in (*np.radians(camera[:2]), camera[2]))
+        directions = cameras.pixel_directions(size, np.zeros(())).reshape(-1, 3)
+        centre, along = cameras.pixel_rays(azimuth, elevation, radius, directions)
+        starts = np.broadcast_to(centre / transforms.BENCHMARK_FROM_V1, along.shape)
+        asked = rays.OrientedPoints(starts, along)
+        found, _ = framed_field.query(self.field, asked, ("depth", "normals"))
+        hit = np.isfinite(found["depth"])
+        light = _LEAST_LIGHT + (1 - _LEAST_LIGHT) * np.abs((found["normals"] * along).sum(axis=1))[hit, None]
+        picture = np.ones((size * size, 3))
+        points = rays.surface_points(starts[hit], along[hit], found["depth"][hit])
+        picture[hit] = self.colours(points)[0] / 255 * light
+        return field_pictures.to_bytes(picture.reshape(size, size, 3))

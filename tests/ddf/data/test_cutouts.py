@@ -1,0 +1,84 @@
+"""An object on tables, walls and masks is cut out as its own alpha has it; what cannot be told is said."""
+
+import numpy as np
+import pytest
+from PIL import Image, ImageDraw
+
+from ddf.core import checks
+from ddf.data import cutouts
+
+SIZE = (240, 180)
+
+
+def _object():
+    """A brown chair of sorts, with a hole and thin legs, on transparent pixels."""
+    big = Image.new("RGBA", (4 * SIZE[0], 4 * SIZE[1]))
+    pen = ImageDraw.Draw(big)
+    pen.rectangle((400, 120, 640, 420), fill=(120, 70, 30, 255))
+    pen.rectangle((470, 190, 570, 300), fill=(0, 0, 0, 0))
+    for x in (404, 620):
+        pen.rectangle((x, 420, x + 16, 600), fill=(150, 100, 50, 255))
+    return big.resize(SIZE, Image.Resampling.BOX)
+
+
+def _on(behind):
+    return Image.alpha_composite(Image.fromarray(behind.astype(np.uint8)).convert("RGBA"), _object()).convert("RGB")
+
+
+def _table():
+    """White, darker towards one corner, with noise."""
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]] / 240
+    light = 250 - 25 * x - 12 * y * y
+    return np.stack([light, light - 3, light - 8], axis=-1) + np.random.default_rng(0).normal(0, 1.5, (*x.shape, 3))
+
+
+def _wall():
+    return np.broadcast_to([40, 120, 190], (SIZE[1], SIZE[0], 3))
+
+
+def _apart(path, **how):
+    """Mean difference of alpha from the truth, in opaque pixels of it."""
+    truth, found = np.array(_object())[..., 3] / 255, cutouts.read(path, **how)
+    assert found.dtype == np.uint8 and (found[found[..., 3] == 0] == 0).all()
+    return np.abs(found[..., 3] / 255 - truth).sum() / truth.sum()
+
+
+def test_a_jpeg_on_a_white_table_a_wall_and_a_mask(tmp_path):
+    _object().save(tmp_path / "cut.png")
+    _on(_table()).save(tmp_path / "table.jpg", quality=90)
+    _on(_wall()).save(tmp_path / "wall.png")
+    _object().getchannel("A").resize((480, 360)).save(tmp_path / "mask.png")
+    assert _apart(tmp_path / "cut.png") == 0
+    assert _apart(tmp_path / "table.jpg") < 0.03
+    for how in ({}, {"background": "border"}, {"background": "#2878be"}, {"background": "rgb(40, 120, 190)"}):
+        assert _apart(tmp_path / "wall.png", **how) < 0.01
+    assert _apart(tmp_path / "wall.png", mask=tmp_path / "mask.png") < 0.03
+    colours = cutouts.read(tmp_path / "wall.png")[np.array(_object())[..., 3] > 100][:, :3]
+    truth = np.array(_object())[np.array(_object())[..., 3] > 100][:, :3]
+    assert np.abs(colours.astype(int) - truth).mean() < 3  # the wall is taken out of the edges
+
+
+@pytest.mark.parametrize("mode", ["L", "LA", "I;16", "CMYK"])
+def test_pictures_of_every_mode(tmp_path, mode):
+    if mode == "LA":
+        picture = _object().convert("LA")
+    elif mode == "I;16":
+        picture = Image.fromarray(257 * np.array(_on(_table()).convert("L")).astype(np.uint16))
+    else:
+        picture = _on(_table()).convert(mode)
+    picture.save(tmp_path / ("x.jpg" if mode == "CMYK" else "x.png"))
+    assert _apart(tmp_path / ("x.jpg" if mode == "CMYK" else "x.png")) < 0.04
+
+
+def test_what_cannot_be_cut_out_is_said(tmp_path):
+    Image.new("RGB", (40, 40), "red").save(tmp_path / "plain.png")
+    Image.new("RGBA", (40, 40)).save(tmp_path / "clear.png")
+    for name, how, message in (
+        ("plain.png", {}, "no object stands out from the background .0.0% of"),
+        ("clear.png", {}, "transparent everywhere"),
+        ("plain.png", {"background": "gren"}, "background must be auto, white, border"),
+        ("plain.png", {"mask": tmp_path / "wide.png"}, "wide.png: 90 x 40 pixels, not of the picture"),
+    ):
+        Image.new("L", (90, 40), 255).save(tmp_path / "wide.png")
+        with pytest.raises(checks.InputError, match=message):
+            cutouts.read(tmp_path / name, **how)
