@@ -29,7 +29,7 @@ from PIL import Image
 import ddf
 from ddf.api import scene_file
 from ddf.core import checks, storage
-from ddf.data import shapenet
+from ddf.data import cutouts
 from ddf.fields import pddf
 from ddf.fields.grid import build, patch_field
 from ddf.fit import field_file, fitting, shape_field
@@ -276,7 +276,7 @@ def main(meshes: int, images: int, more: int) -> None:
 
         def read_picture(data: bytes, _: str) -> None:
             path.write_bytes(data)
-            shapenet.read_any_image(path, 16)
+            cutouts.read(path)
 
         found = {"meshes": run(meshes, seeds(), mesh_io.parse), "images": run(images, pictures(), read_picture)}
         for kind, (files, read) in others().items():

@@ -115,11 +115,11 @@ def measure(path: Path) -> dict[str, object]:
     """What one process does with the file."""
     code = (
         "import sys, time\nfrom pathlib import Path\nfrom ddf.core import checks\nfrom ddf.geometry import mesh_io\n"
-        "if sys.argv[1].endswith('png'):\n    from ddf.data import shapenet\n"
+        "if sys.argv[1].endswith('png'):\n    from ddf.data import cutouts\n"
         "def peak():\n    status = Path('/proc/self/status').read_text()\n"
         "    return int(status.partition('VmHWM:')[2].split()[0]) >> 10\n"
         "base, began, path = peak(), time.process_time(), Path(sys.argv[1])\ntry:\n"
-        "    shapenet.read_any_image(path, 64) if path.suffix == '.png' else mesh_io.load(path)\n    said = 'read'\n"
+        "    cutouts.read(path) if path.suffix == '.png' else mesh_io.load(path)\n    said = 'read'\n"
         "except checks.InputError as fault:\n    said = str(fault).removeprefix(f'{path}: ')[:90]\n"
         "print(time.process_time() - began, peak(), peak() - base, said)\n"
     )

@@ -108,19 +108,22 @@ def complete(
     if up not in _UPS:
         raise checks.InputError(f"up must be one of {', '.join(_UPS)}; got {up!r}")
     with extras.named():
+        from ddf.data import cutouts
         from ddf.fit import completed_surface, completion, latent_prior
         from ddf.models.reconstruction import one_image, trained
     folder = shipped_models.require(model, "reconstruction")
+    folder = folder if folder.is_dir() else folder.parent
     network, size = one_image.load(folder)
     network.cpu().requires_grad_(False)  # a step is small: a GPU would wait for it
     config = completion.CompletionConfig()
-    prior = latent_prior.of(network, trained.known(folder if folder.is_dir() else folder.parent), config.axes)
+    known = trained.known(folder)
+    prior = latent_prior.of(network, known, config.axes)
     if pose is None:
         doubt, place = completion.UPRIGHT, completion.guess(given, np.array(_UPS[up]))
     else:
         doubt = completion.Doubt() if refine else None
         place = transforms.Similarity.of_matrix("pose", pose)
-    latent = None if image is None else one_image.latent(network, size, Path(image))
+    latent = None if image is None else one_image.latent(network, size, cutouts.read(Path(image)), known)
     found = completion.complete(network, prior, given, place, doubt, noise, config, latent, seed)
     cloud = completed_surface.cloud(network.field, found, given, n, seed)
     shape = completed_surface.field(network.field, found)

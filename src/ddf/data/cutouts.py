@@ -6,7 +6,6 @@ of the half that fits best. What differs from it stands out; what does not and t
 holes that fit it closely (derived here).
 """
 
-import struct
 import warnings
 from pathlib import Path
 
@@ -16,9 +15,8 @@ from PIL import Image, ImageColor, ImageOps
 from scipy import ndimage
 
 from ddf.core import checks
+from ddf.data import shapenet
 
-# What Pillow raises on damaged files.
-DAMAGED = (OSError, SyntaxError, ValueError, struct.error, KeyError, MemoryError, Image.DecompressionBombError)
 MAX_PIXELS = 50_000_000  # of a picture: 200 MiB as RGBA
 BACKGROUNDS = ("auto", "white", "border")  # or a colour
 _FORMATS = ("PNG", "WEBP", "JPEG", "GIF")
@@ -99,7 +97,7 @@ def _opened(path: Path) -> Image.Image:
                 picture = picture.convert("RGBA")
     except checks.InputError:
         raise
-    except DAMAGED as error:
+    except shapenet.DAMAGED as error:
         raise checks.InputError(f"{path}: not a readable image ({error}); {', '.join(_FORMATS)} are read") from error
     if max(picture.size) <= _LARGE:
         return picture

@@ -9,6 +9,7 @@ Real data and our generator's are read by the same code. Every complaint names t
 import logging
 import math
 import re
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,6 @@ from PIL import Image
 from torch import Tensor
 
 from ddf.core import checks, storage
-from ddf.data import cutouts
 from ddf.geometry import cameras
 
 MODELS, RENDERS = "ShapeNetCore.v1", "ShapeNetRendering"  # folders of a root
@@ -45,6 +45,8 @@ SYNSETS = {
 }
 
 LOGGER = logging.getLogger(__name__)
+# What Pillow raises on damaged files.
+DAMAGED = (OSError, SyntaxError, ValueError, struct.error, KeyError, MemoryError, Image.DecompressionBombError)
 _JUNK = re.compile(r"\..*|__MACOSX|@eaDir|#recycle|lost\+found|\$RECYCLE\.BIN|System Volume Information")
 _SYNSET = re.compile(r"[0-9]+")
 _NAME = re.compile(r"[A-Za-z0-9_-]+")  # every synset and id of ShapeNet v1 fits; nothing that leaves its folder does
@@ -182,7 +184,7 @@ def read_image(path: Path, size: int) -> Float[Tensor, "4 size size"]:
             pixels = np.array(image if size == image.width else image.resize((size, size), Image.Resampling.BILINEAR))
     except checks.InputError:
         raise
-    except cutouts.DAMAGED as error:
+    except DAMAGED as error:
         raise checks.InputError(f"{path}: not a readable PNG ({error}); unpack this shape's renders again") from error
     pixels[pixels[..., 3] == 0] = 0
     return torch.from_numpy(pixels).permute(2, 0, 1).float() / 255

@@ -1,5 +1,7 @@
 """An object on tables, walls and masks is cut out as its own alpha has it; what cannot be told is said."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw
@@ -73,12 +75,13 @@ def test_pictures_of_every_mode(tmp_path, mode):
 def test_what_cannot_be_cut_out_is_said(tmp_path):
     Image.new("RGB", (40, 40), "red").save(tmp_path / "plain.png")
     Image.new("RGBA", (40, 40)).save(tmp_path / "clear.png")
-    for name, how, message in (
+    Image.new("L", (90, 40), 255).save(tmp_path / "wide.png")
+    cases: tuple[tuple[str, dict[str, Any], str], ...] = (
         ("plain.png", {}, "no object stands out from the background .0.0% of"),
         ("clear.png", {}, "transparent everywhere"),
         ("plain.png", {"background": "gren"}, "background must be auto, white, border"),
         ("plain.png", {"mask": tmp_path / "wide.png"}, "wide.png: 90 x 40 pixels, not of the picture"),
-    ):
-        Image.new("L", (90, 40), 255).save(tmp_path / "wide.png")
+    )
+    for name, how, message in cases:
         with pytest.raises(checks.InputError, match=message):
             cutouts.read(tmp_path / name, **how)

@@ -309,7 +309,7 @@ def test_a_live_page_of_a_report_is_loaded_when_it_is_opened(browser, tmp_path):
 def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):
     folder = shipped_models.place("chair")
     model, image_size = one_image.load(folder)
-    pixels = shapenet.read_any_image(folder / "sample_0.png", image_size)
+    pixels = shapenet.read_image(folder / "sample_0.png", image_size)
     with torch.no_grad():
         _, latent, camera = inference.encode_batch(model, pixels[None])
         modulations = model.modulations(latent)

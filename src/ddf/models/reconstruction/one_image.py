@@ -134,14 +134,16 @@ def reconstruct(
 
 
 @torch.no_grad()
-def latent(model: reconstruction_models.DDFModel, image_size: int, image: Path) -> Float[Tensor, "z"]:
-    """What the shape encoder makes of an RGBA file of any size.
-
-    Raises:
-      InputError: the image is damaged or has no alpha.
-    """
-    pixels = shapenet.read_any_image(image, image_size)[None].to(model.shape_encoder.fc.weight)
-    return inference.encode_batch(model, pixels)[1][0]
+def latent(
+    model: reconstruction_models.DDFModel,
+    image_size: int,
+    pixels: UInt8[np.ndarray, "h w 4"],
+    known: Mapping[str, Tensor] | None = None,
+) -> Float[Tensor, "z"]:
+    """What the shape encoder makes of a picture, framed; arguments as of `reconstruct`."""
+    cutout = framing.Cutout(pixels)
+    framed = framing.encoder_input(cutout.crop(framing.frame(model, known, cutout, image_size), image_size))
+    return inference.encode_batch(model, framed.to(model.shape_encoder.fc.weight))[1][0]
 
 
 def _generator(seed: int) -> torch.Generator:
