@@ -28,7 +28,7 @@ from torch import Tensor
 from bench.lib import display, measuring
 from ddf.api import sensors as sending
 from ddf.core import shipped_models
-from ddf.data import true_clouds
+from ddf.data import shapenet, true_clouds
 from ddf.data.public import manifest, packages, shapes
 from ddf.data.samples.surface import Surface
 from ddf.data.synthetic import assemble, render, write
@@ -37,7 +37,7 @@ from ddf.fit import cloud_defaults, completed_surface, completion, latent_prior
 from ddf.geometry import cameras, neighbours, sensors, transforms
 from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
-from ddf.models.reconstruction import one_image, reconstruction_models, trained
+from ddf.models.reconstruction import inference, one_image, reconstruction_models, trained
 
 ON_DEMAND = "python -m bench complete, after `ddf shapes get`"
 NAME, SEED, THREADS, PIXELS, POINTS, TRUTH_POINTS = "complete", 0, 1, 64, 2466, 8000
@@ -125,7 +125,9 @@ class Solver:
         file = folder / "view.png"
         Image.fromarray(render.Renderer(given.shape).render(given.views[0])).save(file)
         started = time.process_time()
-        latent = one_image.latent(self.model, self.size, file)
+        with torch.no_grad():
+            pixels = shapenet.read_image(file, self.size)[None].to(self.model.shape_encoder.fc.weight)
+            latent = inference.encode_batch(self.model, pixels)[1][0]
         seconds = time.process_time() - started
         modulations = [each[0] for each in self.model.modulations(latent[None])]
         return _told(self.scores(modulations, given.place, given.truth)) | {"seconds": seconds}
