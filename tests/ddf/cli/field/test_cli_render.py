@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from ddf import cli
 from ddf.core import shipped_models
@@ -37,7 +37,7 @@ def test_pictures_are_shaded_and_turn(work, fitted, capsys):
     assert (result["output"], result["frames"], result["pixels"]) == ("shaded", 3, 3 * 24**2)
     assert result["evaluated"] > result["pixels"]
     with Image.open(out) as picture:
-        assert (picture.size, picture.n_frames) == ((24, 24), 3)
+        assert (picture.size, len(list(ImageSequence.Iterator(picture)))) == ((24, 24), 3)
 
 
 def test_refined_render_evaluates_fewer_rays(work, fitted, capsys):
