@@ -11,8 +11,10 @@ import io
 import os
 import re
 import shlex
+import shutil
 import signal
 import sys
+import textwrap
 from collections.abc import Iterator, Sequence
 from types import ModuleType
 from typing import Any
@@ -113,11 +115,12 @@ def _parser(chosen: str | None) -> _Parser:
 
 def _listing() -> str:
     """Every command with its summary, by room."""
-    lines = []
+    lines, width = [], max(40, shutil.get_terminal_size().columns - 2)  # as argparse wraps the rest
     for room, title in ROOMS.items():
         lines.append(f"{title}:")
         inside = [(name, entry) for name, entry in COMMANDS.items() if entry.room == room]
-        lines += [f"  {name:<12} {entry.summary}" for name, entry in inside]
+        for name, entry in inside:
+            lines += textwrap.wrap(entry.summary, width, initial_indent=f"  {name:<12} ", subsequent_indent=" " * 15)
     lines += ["", "ddf COMMAND --help tells its arguments, with examples."]
     return "\n".join([*lines, 'Completion in bash and zsh: eval "$(register-python-argcomplete ddf)"'])
 
