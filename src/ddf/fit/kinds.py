@@ -35,8 +35,9 @@ def load(path: Path) -> "shape_field.ShapeField | patch_field.PatchField":
 
 
 def save(shape: "shape_field.ShapeField | patch_field.PatchField", folder: Path) -> Path:
-    """Write a field's file into a folder, as `ddf fit` does; a name from its record's sources stays."""
-    record = {"fingerprint": "", "seed": 0, "sources": {}, **shape.record}
+    """Write a field's file into a folder, as `ddf fit` does."""
+    own = {name: value for name, value in shape.record.items() if name != "checksum"}  # it is of the old file
+    record = {"fingerprint": "", "seed": 0, "sources": {}, **own}
     if record.get("kind") == field_file.PATCHES:
         path = folder / field_file.MODEL
         storage.save_tensors(path, cast("patch_field.PatchField", shape).arrays, record)

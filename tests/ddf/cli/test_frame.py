@@ -130,16 +130,17 @@ def test_every_command_has_help_with_examples(name, capsys):
     assert "--json" in shown and f"examples:\n  ddf {name}" in shown
 
 
-def test_the_help_names_every_command_in_its_room(capsys):
+def test_the_help_names_every_command_in_its_room(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     assert cli.main([]) == 0
     bare = capsys.readouterr().out
     with pytest.raises(SystemExit) as caught:
         cli.main(["--help"])
     assert caught.value.code == 0 and capsys.readouterr().out == bare
     for name, (room, _, summary) in commands.COMMANDS.items():
-        assert bare.count(f"  {name:<12} {summary}\n") == 1
+        assert " ".join(bare.split()).count(f" {name} {summary}") == 1
         assert room in commands.ROOMS
-    assert max(map(len, bare.splitlines())) <= 100
+    assert max(map(len, bare.splitlines())) <= 80
 
 
 def _fresh(program, *arguments, **environment):
