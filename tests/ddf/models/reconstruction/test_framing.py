@@ -6,7 +6,7 @@ from PIL import Image
 
 from ddf.core import shipped_models
 from ddf.data import cutouts
-from ddf.models.reconstruction import one_image, trained
+from ddf.models.reconstruction import framing, one_image, trained
 
 
 def _pictures(folder, shown):
@@ -41,3 +41,31 @@ def test_every_picture_of_a_chair_gives_its_shape(tmp_path, number, another):
     for name in ("table.jpg", "corner.png", "turned.jpg"):
         assert float((latent(tmp_path / name) - own).norm() / own.norm()) < 0.15
     assert float((latent(folder / f"sample_{another}.png") - own).norm() / own.norm()) > 0.5
+
+
+@pytest.mark.parametrize("size", [64, 137])
+def test_a_square_picture_in_which_the_object_stands_free_is_left_as_it_is(size):
+    pixels = np.zeros((137, 137, 4), np.uint8)
+    pixels[40:100, 30:90] = (200, 100, 50, 255)
+    cutout = framing.Cutout(pixels)
+    assert cutout.given == pytest.approx([60 * 2**0.5 / 137, 60 / 137 - 0.5, 70 / 137 - 0.5])
+    resized = np.array(Image.fromarray(pixels).resize((size, size), Image.Resampling.BILINEAR))
+    resized[resized[..., 3] == 0] = 0
+    found = cutout.crop(cutout.given, size).astype(int)
+    assert np.abs(found - resized)[..., 3].max() <= 2
+    assert np.abs(found[20 * size // 64, 20 * size // 64] - [200, 100, 50, 255]).max() <= 1
+
+
+@pytest.mark.parametrize(
+    ("height", "rows", "columns"),
+    [
+        (100, (20, 60), (30, 90)),  # not square
+        (137, (0, 60), (30, 90)),  # touches the side
+        (137, (60, 70), (60, 70)),  # far away
+        (137, (70, 130), (70, 130)),  # in a corner
+    ],
+)
+def test_any_other_picture_is_framed(height, rows, columns):
+    pixels = np.zeros((height, 137, 4), np.uint8)
+    pixels[slice(*rows), slice(*columns), 3] = 255
+    assert framing.Cutout(pixels).given is None
