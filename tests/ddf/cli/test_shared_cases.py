@@ -65,7 +65,7 @@ def test_a_far_triangle_without_area_moves_neither_samples_nor_fit(cases, tmp_pa
 def test_a_picture_turned_by_exif_is_reconstructed_alike(cases, tmp_path, capfd):
     made = []
     for name in ("base", "exif6"):
-        arguments = ("reconstruct", cases / f"{name}.png", "chair", tmp_path / name, "-n", "50", "--size", "16")
+        arguments = ("reconstruct", cases / f"{name}.png", "chair", tmp_path / name, "-n", "50")
         made.append(_json(capfd, *arguments)["camera"])
     assert made[0] == made[1]
     assert (tmp_path / "base" / "cloud.ply").read_bytes() == (tmp_path / "exif6" / "cloud.ply").read_bytes()

@@ -23,7 +23,7 @@ def test_a_mesh_with_its_scores(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["rabbit", "m.obj"], "m.obj: must end in .ply"),
+        (["rabbit", "m.xyz"], "mesh files must end in one of .obj, .ply, .stl, .off, .glb; got .xyz"),
         (["rabbit", "m.ply", "--method", "cubes"], "invalid choice"),
         (["rabbit", "m.ply", "--resolution", "2"], "whole number, 8 to 256"),
         (["rabbit", "m.ply", "--truth", "absent.obj"], "absent.obj"),

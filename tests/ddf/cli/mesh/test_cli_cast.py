@@ -47,7 +47,7 @@ def test_bad_input_is_one_line_and_code_two(arguments, reason, refuses):
         ({"positions": np.full((1, 3), np.nan), "directions": np.array([[0, 0, 1.0]])}, "finite"),
         ({"positions": np.zeros((1, 3)), "directions": np.zeros((3, 3))}, "1 positions but 3 directions"),
         ({"positions": np.array(["a"]), "directions": np.zeros((1, 3))}, "numbers"),
-        ({"positions": np.zeros((3_000_000, 3), np.int8), "directions": np.zeros((1, 3))}, "claims 3,000,000 rows"),
+        ({"positions": np.zeros((3_000_000, 3), np.int8), "directions": np.zeros((1, 3))}, "claims 9,000,000 numbers"),
     ],
 )
 def test_cast_refuses_bad_rays(arrays, reason, soup, tmp_path, capfd):
