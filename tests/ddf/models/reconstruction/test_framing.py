@@ -48,7 +48,9 @@ def test_a_square_picture_in_which_the_object_stands_free_is_left_as_it_is(size)
     pixels = np.zeros((137, 137, 4), np.uint8)
     pixels[40:100, 30:90] = (200, 100, 50, 255)
     cutout = framing.Cutout(pixels)
-    assert cutout.given == pytest.approx([60 * 2**0.5 / 137, 60 / 137 - 0.5, 70 / 137 - 0.5])
+    assert cutout.given is not None and cutout.given == pytest.approx(
+        [60 * 2**0.5 / 137, 60 / 137 - 0.5, 70 / 137 - 0.5]
+    )
     resized = np.array(Image.fromarray(pixels).resize((size, size), Image.Resampling.BILINEAR))
     resized[resized[..., 3] == 0] = 0
     found = cutout.crop(cutout.given, size).astype(int)
