@@ -47,6 +47,28 @@ def test_default_threshold_is_tau_and_text_names_every_score(clouds, capfd):
     assert verdict.endswith("within 0.01 units: 80 points of pred.ply against 120 points of truth.ply")
 
 
+def test_relative_scores_do_not_depend_on_the_unit_and_a_large_box_is_warned_of(clouds, tmp_path, capfd):
+    large = {}
+    for name, path in clouds.items():
+        large[name] = str(tmp_path / f"{name}_mm.ply")
+        (tmp_path / f"{name}_mm.ply").write_bytes(point_io.points_ply(1000 * point_io.read_points(path)))
+    found = []
+    for pair in (clouds, large):
+        assert cli.main(["compare", pair["pred"], pair["truth"], "--relative", "--json"]) == 0
+        found.append(json.loads(capfd.readouterr().out))
+    for key in ("chamfer_l2_sq", "f_score_tau", "f_score_2tau"):
+        assert found[0][key] == pytest.approx(found[1][key], rel=1e-4)
+    assert found[1]["box_diagonal"] == pytest.approx(1000 * found[0]["box_diagonal"], rel=1e-6)
+    pred, truth = (point_io.read_points(clouds[name]) / found[0]["box_diagonal"] for name in ("pred", "truth"))
+    assert found[0]["chamfer_l2_sq"] == pytest.approx(cloud_scores.compare_clouds(pred, truth).chamfer_l2_sq)
+    assert cli.main(["compare", large["pred"], large["truth"]]) == 0
+    assert "units: --relative takes shares of that" in capfd.readouterr().out
+    point = tmp_path / "point.ply"
+    point.write_bytes(point_io.points_ply(np.ones((3, 3))))
+    assert cli.main(["compare", clouds["pred"], str(point), "--relative"]) == 2
+    assert "all points are one" in capfd.readouterr().err
+
+
 def test_of_a_mesh_points_count_that_are_drawn_by_area(tmp_path, capfd):
     """A small and a large square: vertices alone would weigh them alike."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float64)
