@@ -55,7 +55,7 @@ dag: $(READY) ## the stages of CONFIG and what each waits for
 ##@ Quality
 test: test-fast test-browser smoke ## set-up, lint, types, unit tests, the viewer's page, then the smoke pipeline
 test-fast: lint ## lint, types and unit tests
-	@$(RUN) -m pytest -q
+	@$(RUN) -m pytest -q -n auto --maxprocesses 4
 test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged files
 	@$(RUN) -m pytest -q -m slow
 test-browser: $(READY) ## the page of `ddf view` in a real Chromium (installed by apt-get as root; skipped where there is none)
