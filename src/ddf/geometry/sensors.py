@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks
-from ddf.geometry import scans, transforms
+from ddf.geometry import cameras, scans, transforms
 
 CAMERA = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])  # columns: X right, Y down, Z ahead, of right, up and back
 LIDAR = np.array([[0.0, -1, 0], [0, 0, 1], [-1, 0, 0]])  # columns: X ahead, Y left, Z up
@@ -111,9 +111,6 @@ def facing(
     Args:
       axes: of the sensor as columns of (right, up, back), `CAMERA` or `LIDAR`.
     """
-    turn, rise = math.radians(_AZIMUTH_DEG), math.radians(_ELEVATION_DEG)
-    back = np.array([math.cos(rise) * math.cos(turn), math.sin(rise), math.cos(rise) * math.sin(turn)])
-    right = np.array([math.sin(turn), 0.0, -math.cos(turn)])
-    frame = np.stack((right, np.cross(back, right), back), axis=1)
+    frame = cameras.rotation(*np.radians([_AZIMUTH_DEG, _ELEVATION_DEG])).T
     away = _AWAY * float(np.linalg.norm(upper - lower)) / 2 / math.sin(math.radians(_HALF_VIEW_DEG))
-    return transforms.Similarity(1.0, frame @ axes, (lower + upper) / 2 + away * back)
+    return transforms.Similarity(1.0, frame @ axes, (lower + upper) / 2 + away * frame[:, 2])
