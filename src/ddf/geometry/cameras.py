@@ -76,10 +76,15 @@ def pixel_directions(size: int, like: Array) -> Float[Array, "size size 3"]:
     """
     xp = arrays.namespace(like)
     centres = (xp.arange(size, dtype=like.dtype, device=like.device) + 0.5) * (IMAGE_SIZE / size)
-    offset = (centres - CENTRE_PX) / FOCAL_PX
-    y, x = xp.meshgrid(-offset, offset, indexing="ij")
-    directions = xp.stack((x, y, -xp.ones_like(x)), -1)
-    return arrays.like(directions / xp.linalg.vector_norm(directions, axis=-1, keepdims=True), like)
+    v, u = xp.meshgrid(centres, centres, indexing="ij")
+    return arrays.like(directions_at(u, v), like)
+
+
+def directions_at(u: Float[Array, "*batch"], v: Float[Array, "*batch"]) -> Float[Array, "*batch 3"]:
+    """Unit directions through pixel coordinates of the 137-pixel image, camera frame: the inverse of `project`."""
+    xp = arrays.namespace(u)
+    directions = xp.stack(((u - CENTRE_PX) / FOCAL_PX, -((v - CENTRE_PX) / FOCAL_PX), -xp.ones_like(u)), -1)
+    return directions / xp.linalg.vector_norm(directions, axis=-1, keepdims=True)
 
 
 def pixel_rays(

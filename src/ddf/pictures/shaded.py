@@ -49,11 +49,10 @@ class Standing:
 
 @dataclass(frozen=True)
 class Shaded:
-    """A picture, the share of each of its pixels that sees the object, and the number of rays evaluated for it."""
+    """A picture, and the share of each of its pixels that sees the object."""
 
     picture: UInt8[np.ndarray, "size size 3"]
     seen: Float[np.ndarray, "size size"]
-    evaluated: int
 
 
 def stand(field: framed_field.FramedField, up: str = "y") -> Standing:
@@ -99,25 +98,23 @@ def render(standing: Standing, camera: Camera, size: int, shown: Window = WHOLE)
     framed_field.require_camera(camera, size, standing.up)
     row, column = (each.ravel() for each in np.indices((size, size)))
     first = _Light(standing, camera, shown, size)
-    colours, seen, normals, lit, evaluated = first.at(column + 0.5, row + 0.5, (row % 3) * 3 + column % 3)
+    colours, seen, normals, lit = first.at(column + 0.5, row + 0.5, (row % 3) * 3 + column % 3)
     differ = _differ(*(each.reshape(size, size, -1) for each in (normals, lit, seen)))
     part = (np.arange(_SIDE) + 0.5) / _SIDE
     down, right = (each.ravel() for each in np.meshgrid(part, part, indexing="ij"))
     x, y = column[differ][:, None] + right, row[differ][:, None] + down
     parts = np.broadcast_to(np.arange(_SIDE**2), x.shape)
-    finer, finer_seen, _, _, more = first.at(x.ravel(), y.ravel(), parts.ravel())
+    finer, finer_seen, _, _ = first.at(x.ravel(), y.ravel(), parts.ravel())
     colours[differ] = finer.reshape(-1, _SIDE**2, 3).mean(1)
     share = seen.astype(float)
     share[differ] = finer_seen.reshape(-1, _SIDE**2).mean(1)
     picture = field_pictures.to_bytes(colours.reshape(size, size, 3) ** (1 / _GAMMA))
-    return Shaded(picture, share.reshape(size, size), evaluated + more)
+    return Shaded(picture, share.reshape(size, size))
 
 
 def _rays(standing: Standing, camera: Camera, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Starts and unit directions, mesh frame; x from the left and y from the top of the camera's picture of side 1."""
-    offsets = (np.stack((x, y), -1) - 0.5) * (cameras.IMAGE_SIZE / cameras.FOCAL_PX)
-    directions = np.stack((offsets[:, 0], -offsets[:, 1], -np.ones(len(x))), -1)
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    directions = cameras.directions_at(cameras.IMAGE_SIZE * x, cameras.IMAGE_SIZE * y)
     to_mesh = standing.field.field_from_mesh.inverse()
     start, _ = framed_field.camera_rays(standing.field, camera, 1, standing.up)
     starts = np.broadcast_to(to_mesh.apply(start), directions.shape)
@@ -141,14 +138,14 @@ class _Light:
 
     def at(
         self, column: np.ndarray, row: np.ndarray, part: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int]:
-        """Of rays through the picture: linear colours, what is seen, its normals, whether it is lit, rays evaluated."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Of rays through the picture: linear colours, what is seen, its normals, whether it is lit."""
         left, top, side = self.shown
         field = self.standing.field
         starts, directions = _rays(
             self.standing, self.camera, left + side * column / self.size, top + side * row / self.size
         )
-        found, evaluated = framed_field.query(field, rays.OrientedPoints(starts, directions), ("depth", "normals"))
+        found, _ = framed_field.query(field, rays.OrientedPoints(starts, directions), ("depth", "normals"))
         seen = np.isfinite(found["depth"])
         (centre, turn), (middle, parts) = self.standing.axes(), self.lamp()
         normals = found["normals"]
@@ -159,11 +156,11 @@ class _Light:
         distance = np.where(seen, found["depth"], height / np.where(ground, falling, 1.0))
         clear = _CLEAR * float(np.linalg.norm(field.upper - field.lower)) / field.field_from_mesh.scale
         places = starts + distance[:, None] * directions + clear * normals
-        lit, asked = self.lit(places, parts[part], (seen & (normals @ middle > 0)) | ground)
+        lit = self.lit(places, parts[part], (seen & (normals @ middle > 0)) | ground)
         colours = np.ones((len(starts), 3))
         colours[ground] -= _DARKEST * ~lit[ground, None]
         colours[seen] = _clay(normals[seen], middle, -directions[seen], turn[:, 1], lit[seen])
-        return colours, seen, normals, lit, evaluated + asked
+        return colours, seen, normals, lit
 
     def lamp(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "9 3"]]:
         """Unit directions to the middle of the lamp and to its parts, mesh frame."""
@@ -177,13 +174,13 @@ class _Light:
         axes = _camera_axes(self.standing, self.camera)
         return axes @ middle, parts / np.linalg.norm(parts, axis=-1, keepdims=True) @ axes.T
 
-    def lit(self, points: np.ndarray, lamp: np.ndarray, facing: np.ndarray) -> tuple[Bool[np.ndarray, "n"], int]:
+    def lit(self, points: np.ndarray, lamp: np.ndarray, facing: np.ndarray) -> Bool[np.ndarray, "n"]:
         """False where something hides the lamp; only points that face it are asked for."""
         lit = np.ones(len(points), bool)
         towards = rays.OrientedPoints(points[facing], lamp[facing])
-        found, asked = framed_field.query(self.standing.field, towards, ("visibility",))
+        found, _ = framed_field.query(self.standing.field, towards, ("visibility",))
         lit[facing] = found["visibility"] < framed_field.SEEN
-        return lit, asked
+        return lit
 
 
 def _clay(

@@ -143,20 +143,22 @@ def _shaded(suffix: str, args: argparse.Namespace) -> dict[str, Any]:
     from ddf.cli.field import load
     from ddf.core import storage
     from ddf.fields import framed_field
+    from ddf.fields.scenes import scene_field
     from ddf.pictures import shaded
 
-    shape = load.framed(args.field, ("depth", "normals"))
+    shape = scene_field.Counted(load.framed(args.field, ("depth", "normals")))
     azimuth, elevation, radius = args.camera
     turned = [azimuth + 360.0 * i / (args.turn or 1) for i in range(args.turn or 1)]
-    far = radius or max(framed_field.framing_radius(shape, each, elevation, args.up) for each in turned)
+    framed = radius is None
+    far = max(framed_field.framing_radius(shape, each, elevation, args.up) for each in turned) if framed else radius
     started = time.monotonic()
     seen_by, standing = [(each, elevation, far) for each in turned], shaded.stand(shape, args.up)
-    shown = shaded.WHOLE if radius else shaded.window(standing, seen_by)
+    shown = shaded.window(standing, seen_by) if framed else shaded.WHOLE
     frames = [shaded.render(standing, each, args.size, shown) for each in seen_by]
     seconds = time.monotonic() - started
     pictures = [frame.picture for frame in frames]
     storage.write_bytes(args.out, image_files.encode_frames(pictures, suffix, _FRAME_MS))
-    evaluated, pixels = sum(frame.evaluated for frame in frames), len(frames) * args.size**2
+    evaluated, pixels = shape.queries, len(frames) * args.size**2
     seen = float(np.mean([frame.seen for frame in frames]))
     return {
         "output": arguments.SHADED,

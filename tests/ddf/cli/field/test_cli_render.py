@@ -36,6 +36,9 @@ def test_pictures_are_shaded_and_turn(work, fitted, capsys):
     result = json.loads(capsys.readouterr().out)
     assert (result["output"], result["frames"], result["pixels"]) == ("shaded", 3, 3 * 24**2)
     assert result["evaluated"] > result["pixels"]
+    assert cli.main(["render", "--json", str(fitted[0]), str(out), "--size", "4", "--camera", "0,0,0"]) == 0
+    assert json.loads(capsys.readouterr().out)["camera"]["radius"] == 0  # as asked, not framed
+    assert cli.main(["render", str(fitted[0]), str(out), "--size", "24", "--turn", "3"]) == 0
     with Image.open(out) as picture:
         assert (picture.size, len(list(ImageSequence.Iterator(picture)))) == ((24, 24), 3)
 
