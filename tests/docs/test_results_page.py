@@ -7,7 +7,7 @@ import csv
 import itertools
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -24,11 +24,6 @@ METRICS = {
 }
 LABELS = {"D<sub>C</sub> ↓": "D_C", "F<sub>τ</sub> ↑": "F(τ)", "F<sub>2τ</sub> ↑": "F(2τ)"}  # of reports
 MODELS = {"DDF": "ddf", "PC-SIREN": "pc_siren"}
-METHODS = {  # method, and the column of the predicted camera
-    "DDF": ("ddf", "Pi_pred"),
-    "PC-SIREN": ("pc_siren", "Pi_pred"),
-    "DDF, camera corrected by the mask": ("ddf", "Pi_corrected"),
-}
 PAIRS = {  # rows with D_C and F(τ) in one cell
     "DDF, true camera": ("ddf", "Pi_g-L"),
     "DDF, true camera, one projection cycle instead of three": ("ddf_nh1", "Pi_g-L"),
@@ -40,8 +35,6 @@ PAIRS = {  # rows with D_C and F(τ) in one cell
     "ceiling: the truth against itself": ("ceiling", "Pi_g-L"),
     "oracle: the best training shape": ("oracle_retrieval", "Pi_g-L"),
     "the mean training shape": ("mean_shape", "Pi_g-L"),
-    "one cycle": ("ddf_nh1", "Pi_g-L"),
-    "three cycles": ("ddf", "Pi_g-L"),
 }
 CAMERAS = {  # median errors
     "azimuth, degrees": ("Pi_pred", "azimuth_error_deg_median", 1),
@@ -117,23 +110,23 @@ def _pair(measured: Measured, name: str, digits: int, spread: bool) -> list[str]
 
 
 def true_camera(measured: Measured, rows: Rows) -> Rows:
-    """Both models by points and metric; bold: where the report claims a difference."""
-    return _by_metric(measured, rows, lambda name: "Pi_g")
+    """Both models by metric; bold: where the report claims a difference."""
+    return _by_metric(measured, rows, "Pi_g")
 
 
 def predicted_camera(measured: Measured, rows: Rows) -> Rows:
-    """As `true_camera`, at the predicted camera and after its correction."""
-    return _by_metric(measured, rows, lambda name: METHODS[name][1])
+    """As `true_camera`, at the predicted camera."""
+    return _by_metric(measured, rows, "Pi_pred")
 
 
-def _by_metric(measured: Measured, rows: Rows, camera: Callable[[str], str]) -> Rows:
+def _by_metric(measured: Measured, rows: Rows, camera: str) -> Rows:
     filled = []
-    for (points, label), group in itertools.groupby(rows, key=lambda row: row[:2]):
+    for label, group in itertools.groupby(rows, key=lambda row: row[0]):
         metric, digits = METRICS[label]
-        names = [row[2] for row in group]
-        cells = {name: [points, label, name] for name in names}
+        names = [row[1] for row in group]
+        cells = {name: [label, name] for name in names}
         for category in CATEGORIES:
-            keys = {name: (category, METHODS[name][0], f"{camera(name)}-{points}", metric) for name in names}
+            keys = {name: (category, MODELS[name], f"{camera}-L", metric) for name in names}
             for name, key in keys.items():
                 text = measured.text(*key, digits=digits)
                 cells[name].append(f"**{text}**" if key in measured.claims else text)
@@ -170,18 +163,16 @@ TABLES = [  # page, the line above the table, what fills it, the report, and the
     ("docs/results.md", "Real shapes, true camera:", true_camera, "real:real"),
     ("docs/results.md", "Real shapes, predicted camera:", predicted_camera, "real:real"),
     ("docs/results.md", "Real shapes, cameras and silhouettes of the DDF:", cameras, "real:real"),
-    ("docs/results.md", "Real shapes, baselines and ceiling, true camera, L:", pairs, "real:real"),
+    ("docs/results.md", "Real shapes, baselines and ceiling, true camera:", pairs, "real:real"),
     ("docs/results.md", "The same models on procedural test shapes, true camera:", true_camera, "real:procedural"),
     ("docs/results.md", "### What the training shapes are worth", gap, "real:real"),
     ("README.md", "On procedural shapes:", plain_pairs, "cpu"),
     ("docs/results.md", "### True camera", true_camera, "cpu"),
     ("docs/results.md", "### Predicted camera", predicted_camera, "cpu"),
     ("docs/results.md", "Median errors of the predicted camera:", cameras, "cpu"),
-    ("docs/results.md", "### Baselines and ceilings, true camera, L", pairs, "cpu"),
-    ("docs/results.md", "### One projection cycle instead of three, true camera, L", pairs, "cpu"),
+    ("docs/results.md", "### Baselines and ceilings, true camera", pairs, "cpu"),
     ("docs/results.md", "At the true camera, the paper's way:", true_camera, "cpu_paper"),
     ("docs/results.md", "At the predicted camera, the paper's way:", predicted_camera, "cpu_paper"),
-    ("docs/results.md", "After one cycle and after three, the paper's way, true camera, L:", pairs, "cpu_paper"),
 ]
 
 
