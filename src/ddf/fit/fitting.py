@@ -122,16 +122,18 @@ def plan_of(content: str, identity: str, out_dir: Path, force: bool) -> Mapping[
     return plan
 
 
-def _finished(out_dir: Path, fingerprint: str, budget: int | training_loop.Clock) -> dict[str, Any] | None:
+def finished(out_dir: Path, fingerprint: str, budget: int | training_loop.Clock | None = None) -> dict[str, Any] | None:
     """The content of fit.json where this fit, with this budget or more, ended before and its field is whole."""
     try:
         _, record = storage.load_tensors(out_dir / training_loop.MODEL)
         found = _nan_for_null(storage.read_json(out_dir / METRICS))
     except (FileNotFoundError, checks.InputError):
         return None
-    spent = found["seconds"] - found["sampling_seconds"]
-    over = spent >= budget.seconds if isinstance(budget, training_loop.Clock) else found["steps"] == budget
-    return found if over and record["fingerprint"] == fingerprint and record["steps"] == found["steps"] else None
+    if record.get("fingerprint") != fingerprint or record.get("steps", 0) != found["steps"]:
+        return None
+    if isinstance(budget, training_loop.Clock):
+        return found if found["seconds"] - found["sampling_seconds"] >= budget.seconds else None
+    return found if budget in (None, found["steps"]) else None
 
 
 def _nan_for_null(data: Any) -> Any:
@@ -211,7 +213,7 @@ def _fit(
     plan = plan_of(content, identity, out_dir, force)
     fingerprint = provenance.fingerprint([identity, config.steps])
     if sampled := plan.get("sampling_seconds"):
-        earlier = _finished(out_dir, fingerprint, _budget(config, sampled))
+        earlier = finished(out_dir, fingerprint, _budget(config, sampled))
         if earlier is not None:
             return {**earlier, "already": True}
     training_loop.prepare(dataclasses.replace(config.loop, threads=threads or config.loop.threads))

@@ -29,7 +29,7 @@ def fit(
       force: replace the field of another mesh in the folder.
     Returns:
       The content of fit.json: held_out (`fitting.held_out_errors`), seconds, parameters (numbers stored), steps (0),
-      patches, bytes (of the arrays), box.
+      patches, bytes (of the arrays), box. And already: whether an earlier run had made it, which `force` never is.
     Raises:
       InputError: the mesh has no triangle with an area, another fit is at work in the folder, or it holds the field of
         another mesh.
@@ -45,6 +45,8 @@ def _fit(
     content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
     identity = provenance.fingerprint([config, content], (), "ddf.fit.patch_fitting")
     plan = fitting.plan_of(content, identity, out_dir, force)
+    if not force and (earlier := fitting.finished(out_dir, identity)) is not None:
+        return {**earlier, "already": True}
     mesh, own_from_mesh = fitting.in_cube(raw)
     arrays, description = patch_field.fitted(mesh, own_from_mesh, config)
     seconds = time.monotonic() - started
@@ -66,4 +68,4 @@ def _fit(
     storage.write_json(out_dir / fitting.PLAN, dict(plan))
     storage.save_tensors(out_dir / training_loop.MODEL, arrays, record)
     storage.write_json(out_dir / fitting.METRICS, result)
-    return result
+    return {**result, "already": False}

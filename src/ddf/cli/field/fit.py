@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare mesh, folder and budget."""
     parser.add_argument("mesh", metavar="MESH", type=Path, help="mesh file; fitted as it is, inner sheets included")
     arguments.add_folder(
-        parser, "gets model.safetensors, log.csv, fit.json; an interrupted or longer fit goes on there"
+        parser, "gets model.safetensors, log.csv, fit.json, fit.png; an interrupted or longer fit goes on there"
     )
     parser.add_argument(
         "--config", metavar="C", help="simple_fit, long_fit, paper_fit, or a file with a section `fit` (default: fit)"
@@ -84,8 +84,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     result = fitting.fit(mesh, fit, args.out, {args.mesh.name: storage.checksum(args.mesh)}, **how)
     spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
     verdict = f"{args.out}: fitted already, {spent}; more --minutes go on from there"
-    if not result.pop("already"):
-        verdict = f"{_off(result)} after {spent}; field in {args.out}{_few(result)}"
+    if not result["already"]:
+        verdict = f"field in {args.out} after {spent}{_few(result)}"
     return _answer(args, mesh, result, verdict)
 
 
@@ -99,8 +99,11 @@ def _patches(args: argparse.Namespace) -> dict[str, Any]:
     mesh = _mesh(args)
     source = {args.mesh.name: storage.checksum(args.mesh)}
     result = patch_fitting.fit(mesh, config, args.out, source, force=args.force)
-    size = f"by {result['patches']:,} patches of {result['bytes']:,} bytes in {result['seconds']:.1f} s"
-    return _answer(args, mesh, result, f"{_off(result)} {size}; field in {args.out}")
+    size = f"{result['patches']:,} patches, {result['bytes']:,} bytes"
+    verdict = f"{args.out}: fitted already, {size}"
+    if not result["already"]:
+        verdict = f"field in {args.out} after {result['seconds']:.1f} s, {size}"
+    return _answer(args, mesh, result, verdict)
 
 
 def _mesh(args: argparse.Namespace) -> "mesh_io.Mesh":
@@ -110,21 +113,23 @@ def _mesh(args: argparse.Namespace) -> "mesh_io.Mesh":
 
 
 def _answer(args: argparse.Namespace, mesh: "mesh_io.Mesh", result: dict[str, Any], verdict: str) -> dict[str, Any]:
-    """The result with its table and verdict."""
-    held_out = result["held_out"]
-    rows = [(kind, *(held_out[name][kind] for name in ("depth_l1", "visibility_bce"))) for kind in held_out["depth_l1"]]
+    """The result with how the field looks beside the mesh: a picture, a table and a verdict."""
+    from ddf.cli import image_files
+    from ddf.core import storage
+    from ddf.fit import inspection, kinds
+
+    field, picture = kinds.load(args.out), args.out / inspection.PICTURE
+    looks = inspection.measure(field, mesh)
+    storage.write_bytes(picture, image_files.encode(inspection.picture(field, mesh), picture.suffix))
+    del result["already"]
     return {
         **result,
+        "looks": looks,
         "left_out": list(mesh.remarks),
         "out": args.out.as_posix(),
-        "table": results.grid(("held-out type", "depth L1", "visibility BCE"), rows),
-        "verdict": verdict + results.left_out(mesh.remarks),
+        "table": results.grid(("beside the mesh", "value", "unit", "that is"), inspection.verdicts(looks)),
+        "verdict": f"{verdict}; field above mesh in {picture}" + results.left_out(mesh.remarks),
     }
-
-
-def _off(result: dict[str, Any]) -> str:
-    """The verdict's first words."""
-    return f"normals off by {results.cell(result['held_out']['normal_angle_deg_median'])} degrees (median)"
 
 
 def _threads(configured: int, asked: int | None, timed: bool) -> int:

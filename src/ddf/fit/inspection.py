@@ -1,0 +1,144 @@
+"""How good the field of a mesh is, beside the mesh itself: numbers with a verdict each, and a picture of both.
+
+Seen by two cameras from outside, and asked inside the box. Lengths are in per cent of the box's longest side.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+from ddf.fields import framed_field, mesh_field
+from ddf.geometry import mesh_io, rays
+from ddf.pictures import shaded
+
+PICTURE = "fit.png"  # beside the field, in its folder
+VIEWS = ((35.0, 25.0), (215.0, -15.0))  # azimuth and elevation, degrees
+SIZE = 256  # pixels of a picture's side
+INSIDE = 20_000  # rays from inside the box
+THIN = 0.02  # of the longest side: a part through which a ray goes no further
+OFF = 0.01  # of the longest side: from which on the depth of a ray is wrong
+_LIFT = 1e-4  # of the longest side: where a ray into the body begins below its surface
+
+
+@dataclass(frozen=True)
+class Measure:
+    """What is measured, its unit, and up to where it is good, and fair."""
+
+    words: str
+    unit: str
+    good: float
+    fair: float
+
+    def verdict(self, value: float) -> str:
+        """Good, fair or poor; nothing of what is not known."""
+        if np.isnan(value):
+            return ""
+        rising = self.good > self.fair
+        within = [value >= bound if rising else value <= bound for bound in (self.good, self.fair)]
+        return "good" if within[0] else "fair" if within[1] else "poor"
+
+
+MEASURES = {
+    "depth": Measure("depth, median error", "% of the size", 0.1, 0.5),
+    "silhouettes": Measure("silhouettes, overlap with the true ones", "%", 99.0, 97.0),
+    "thin": Measure(f"parts thinner than {THIN:.0%} of the size, seen", "%", 95.0, 80.0),
+    "normals": Measure("normals, median error", "degrees", 3.0, 10.0),
+    "inside": Measure("rays from inside the box, wrong", "%", 2.0, 10.0),
+}
+
+
+def measure(field: framed_field.FramedField, mesh: mesh_io.Mesh) -> dict[str, float]:
+    """The value of each of `MEASURES`; NaN of what the pictures do not show.
+
+    Args:
+      mesh: what the field was fitted to, in its own frame.
+    """
+    truth, size = mesh_field.beside(field, mesh), float((field.upper - field.lower).max())
+    size /= field.field_from_mesh.scale
+    seen = [_seen(field, truth, camera, size) for camera in _cameras(field)]
+    depth, angle, thin = (np.concatenate([getattr(view, name) for view in seen]) for name in ("depth", "angle", "thin"))
+    return {
+        "depth": _median(depth),
+        "silhouettes": _percent(np.concatenate([view.overlap for view in seen])),
+        "thin": _percent(thin),
+        "normals": _median(angle),
+        "inside": _percent(_wrong_inside(field, truth, size)),
+    }
+
+
+def picture(field: framed_field.FramedField, mesh: mesh_io.Mesh) -> UInt8[np.ndarray, "h w 3"]:
+    """Field above, mesh below, by the same cameras and the same light."""
+    cameras = _cameras(field)
+    rows = []
+    standing = shaded.stand(mesh_field.beside(field, mesh))
+    shown = [shaded.window(standing, [camera]) for camera in cameras]
+    for each in (shaded.Standing(field, standing.up, standing.floor), standing):
+        tiles = [shaded.render(each, camera, SIZE, part).picture for camera, part in zip(cameras, shown, strict=True)]
+        rows.append(np.concatenate(tiles, axis=1))
+    return np.concatenate(rows, axis=0)
+
+
+def verdicts(values: dict[str, float]) -> list[tuple[str, float, str, str]]:
+    """What, value, unit and verdict of each measure."""
+    return [(each.words, values[name], each.unit, each.verdict(values[name])) for name, each in MEASURES.items()]
+
+
+@dataclass(frozen=True)
+class _View:
+    """Of one camera: errors where both see something, whether pixels that either sees agree, whether thin parts are
+    seen.
+    """
+
+    depth: Float[np.ndarray, "_"]
+    angle: Float[np.ndarray, "_"]
+    overlap: Bool[np.ndarray, "_"]
+    thin: Bool[np.ndarray, "_"]
+
+
+def _cameras(field: framed_field.FramedField) -> list[tuple[float, float, float]]:
+    return [(*angles, framed_field.framing_radius(field, *angles)) for angles in VIEWS]
+
+
+def _seen(
+    field: framed_field.FramedField,
+    truth: mesh_field.MeshField,
+    camera: tuple[float, float, float],
+    size: float,
+) -> _View:
+    starts, along = framed_field.camera_rays(field, camera, SIZE)
+    back = field.field_from_mesh.inverse()
+    asked = rays.OrientedPoints(back.apply(starts), back.apply_directions(along))
+    got, true = (framed_field.query(each, asked, ("depth", "normals"))[0] for each in (field, truth))
+    sees, there = np.isfinite(got["depth"]), np.isfinite(true["depth"])
+    both = sees & there
+    cosine = (got["normals"][both] * true["normals"][both]).sum(-1)
+    off = np.abs(got["depth"][both] - true["depth"][both]) / size
+    right = np.zeros(len(sees), bool)
+    right[both] = off <= OFF
+    below = true["normals"][there]
+    points = asked.positions[there] + true["depth"][there, None] * asked.directions[there] - _LIFT * size * below
+    through = framed_field.query(truth, rays.OrientedPoints(points, -below), ("depth",))[0]["depth"]
+    thin = ~(through > THIN * size)
+    return _View(100 * off, np.degrees(np.arccos(np.clip(cosine, -1, 1))), both[sees | there], right[there][thin])
+
+
+def _wrong_inside(field: framed_field.FramedField, truth: mesh_field.MeshField, size: float) -> Bool[np.ndarray, "_"]:
+    """Which rays from inside the box, anywhere and any way, say other than the mesh whether, or where, they end."""
+    random = np.random.default_rng(0)
+    starts, along = random.uniform(field.lower, field.upper, (INSIDE, 3)), random.standard_normal((INSIDE, 3))
+    back = field.field_from_mesh.inverse()
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    asked = rays.OrientedPoints(back.apply(starts), back.apply_directions(along))
+    got, true = (framed_field.query(each, asked, ("depth",))[0]["depth"] for each in (field, truth))
+    sees, there = np.isfinite(got), np.isfinite(true)
+    off = np.abs(np.where(sees, got, 0.0) - np.where(there, true, 0.0)) > OFF * size
+    return (sees != there) | (sees & there & off)
+
+
+def _median(values: Float[np.ndarray, "_"]) -> float:
+    return float(np.median(values)) if len(values) else float("nan")
+
+
+def _percent(which: Bool[np.ndarray, "_"]) -> float:
+    return 100 * float(which.mean()) if len(which) else float("nan")
