@@ -167,6 +167,8 @@ def _imports(missing: list[dict[str, str]]) -> dict[str, str]:
     """Whether the large packages load; a system library that they miss shows only then."""
     results = {}
     for name in _IMPORTS:
+        if sys.stderr.isatty():  # minutes on a cold disk
+            print(f"loading {name}", file=sys.stderr)
         try:
             importlib.import_module(name)
             results[name] = "ok"

@@ -86,13 +86,13 @@ def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, A
             ],
             "Training": [
                 f"{result['steps']:,} steps, seed {settings.loop.seed}, {result['parameters']:,} parameters, on a CPU.",
-                "Matrices are stored in float16; the onnx_file.ExportConfig() file holds the same values.",
+                "Matrices are stored in float16; the ONNX file holds the same values.",
             ],
             "Scores": [
                 "Held-out errors of these weights, 10,000 samples a type; the longest side of the shape is 2.",
                 "Mean depth error: " + ", ".join(f"{kind} {value:.4f}" for kind, value in kinds.items()) + ".",
                 f"Median angle of normals: {errors['normal_angle_deg_median']:.1f} degrees.",
-                f"onnx_file.ExportConfig() against torch: depth differs by {_largest(rows, 'depth'):.1e} at most.",
+                f"ONNX against torch: depth differs by {_largest(rows, 'depth'):.1e} at most.",
             ],
             "Limits": [
                 "One shape alone. Depths are blurred at occlusion edges; curvature is rough near sharp edges.",
@@ -150,7 +150,7 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
             ],
             "Limits": [
                 "Trained on renders alone: real photographs are outside of what it knows.",
-                f"Any object is taken for a {name}. The image needs an alpha channel that masks the object.",
+                f"Any object is taken for a {name}. Images without alpha are cut out by their background or `--mask`.",
                 "`ddf reconstruct` warns of images unlike 99 % of those of training. Some of other objects pass.",
             ],
             "Licence": licence,

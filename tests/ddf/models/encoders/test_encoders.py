@@ -1,6 +1,8 @@
 """Every encoder of the catalogue does what reconstruction, familiarity and ONNX files ask of it."""
 
 import dataclasses
+import subprocess
+import sys
 
 import _models
 import pytest
@@ -72,3 +74,13 @@ def test_channels_that_answer_nothing_leave_the_gradient_finite():
 def test_unknown_encoder_is_refused():
     with pytest.raises(checks.InputError, match=r"train\.encoder must be one of resnet, convnext; got 'vit'"):
         dataclasses.replace(_models.TRAIN, encoder="vit")
+
+
+def test_sizes_alone_do_not_load_the_compiler():
+    """`torch._dynamo` takes seconds to import; random numbers of the meta device would."""
+    script = (
+        "import sys, torch; from ddf.models.encoders import resnet\n"
+        "with torch.device('meta'): resnet.ResNet18(8, 4)\n"
+        "assert 'torch._dynamo' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
