@@ -23,7 +23,7 @@ from typing import IO
 
 from ddf.core import checks, storage
 
-_NESTED = (".sh3f", ".zip")  # members that are archives themselves
+_NESTED = (".sh3f", ".zip", ".pk3", ".jar")  # members that are archives themselves
 _LOOKS = re.compile(r"\.(mtl|png|jpe?g|bmp|tga|gif|rgba?)$", re.IGNORECASE)  # kept from the folders of shapes
 _HEADER = 60  # bytes of an entry of an ar archive
 _DAMAGED = (tarfile.TarError, zipfile.BadZipFile, lzma.LZMAError, zlib.error, EOFError, ValueError)
@@ -73,6 +73,41 @@ PACKAGES = {
             118_703_688,
             "44ac51e6717e1aac7e93b76661cce19cf8bdba154dd1df2e93b7f593b2c37cb9",
             "usr/share/games/trigger-rally",
+        ),
+        Package(
+            "ufoai-data",
+            "2.5-2",
+            312_258_886,
+            "de889e5fe78c054724c3fa584e26591362f3e479488e92c9788ce1cd68b6ac22",
+            "usr/share/games/ufoai/base",
+        ),
+        Package(
+            "crrcsim-data",
+            "0.9.13-3.2",
+            5_320_108,
+            "3a40a549636e6bf35b3244fa42e579cf28c7fd5a853a83682d0f902543b748d7",
+            "usr/share/games/crrcsim",
+        ),
+        Package(
+            "sweethome3d",
+            "7.0.2+dfsg-3",
+            17_004_768,
+            "54bce4394ae763da1ffccff8f025565ce7161dc6934371e07480034ef155c411",
+            "usr/share/sweethome3d",
+        ),
+        Package(
+            "sumo-tools",
+            "1.15.0+dfsg-1+deb12u1",
+            7_179_572,
+            "be4a462f5ccd8be9717981d60b229631802946757d19a4f2171bbf570c0bb238",
+            "usr/share/sumo/data/3D",
+        ),
+        Package(
+            "minetest-mod-homedecor",
+            "20210327.1-2",
+            2_097_856,
+            "555d078c37e2a26a66aea20affa8031ea7ff05e9def7c2f9eb60cd422feb9f6c",
+            "usr/share/games/minetest/mods/homedecor/homedecor_seating/models",
         ),
     )
 }

@@ -1,4 +1,4 @@
-"""Meshes with what their makers painted: OBJ with MTL, and AC3D; colours of materials, and textures.
+"""Meshes with what their makers painted: OBJ with MTL, AC3D, MD2; colours of materials, and textures.
 
 The shape is that of `mesh_io`; here every triangle keeps its material, its picture and its places in that.
 """
@@ -16,6 +16,7 @@ from jaxtyping import Float, Float32, Int
 from PIL import Image
 
 from ddf.core import checks
+from ddf.data.public import md2
 from ddf.data.synthetic.looks.textures import Picture
 from ddf.data.synthetic.parts import Part
 from ddf.geometry.formats import ac3d, polygons, raw
@@ -77,11 +78,14 @@ def load(archive: zipfile.ZipFile, path: str, looks: str = "") -> Painted:
     def beside(name: str) -> bytes | None:
         own = posixpath.basename(name.replace("\\", "/"))
         places = (posixpath.join(folder, name), posixpath.join(folder, own), looks + own)
-        return next((archive.read(place) for place in places if place in archive.NameToInfo), None)
+        named = (place + ending for ending in ("", ".png", ".jpg") for place in places)  # of skins without one
+        return next((archive.read(place) for place in named if place in archive.NameToInfo), None)
 
     try:
         data = archive.read(path)
-        return paint(obj_surfaces(data, beside) if path.endswith(".obj") else ac3d.surfaces(data, TURNING), beside)
+        read = {".obj": lambda: obj_surfaces(data, beside), ".md2": lambda: md2.surfaces(data)}
+        found = read.get(path[-4:], lambda: ac3d.surfaces(data, TURNING))()
+        return paint(found, beside)
     except (zipfile.BadZipFile, KeyError, checks.InputError) as error:
         raise checks.InputError(f"{archive.filename}: {path}: {error}") from error
 
