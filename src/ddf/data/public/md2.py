@@ -5,36 +5,42 @@ import struct
 import numpy as np
 
 from ddf.core import checks
-from ddf.geometry.formats.ac3d import Material, Surfaces
+from ddf.geometry.formats.ac3d import Surfaces
 
 _HEADER = struct.Struct("<4s16i")
-_SKIN = 64  # bytes of the path of a skin
+_SKIN, _FRAME = 64, 40  # bytes of a skin's path, and before the points of a frame
 
 
 def surfaces(data: bytes) -> Surfaces:
-    """The triangles of a file in its frame: x ahead, y to the left, z up; coordinates are of 8 bits.
+    """The triangles of a file in its frame, z up; coordinates are of 8 bits, skins lack the ending of their picture.
 
     Raises:
-      InputError: no MD2 file, or cut short.
+      InputError: no MD2 file, or damaged.
     """
     if len(data) < _HEADER.size or not data.startswith(b"IDP2"):
         raise checks.InputError("not an MD2 file: it must begin with IDP2")
-    _, _, width, height, _, skins, points, places, triangles, _, _, at_skins, at_places, at_triangles, at_frame, *_ = (
-        _HEADER.unpack_from(data)
+    _, _, width, height, _, skins, points, places, count, _, _, skin, place, triangle, frame, *_ = _HEADER.unpack_from(
+        data
     )
     try:
-        frame = np.frombuffer(data, "<f4", 6, at_frame).reshape(2, 3).astype(np.float64)
-        packed = np.frombuffer(data, "u1", 4 * points, at_frame + 40).reshape(-1, 4)[:, :3]
-        corners = np.frombuffer(data, "<u2", 6 * triangles, at_triangles).reshape(-1, 2, 3)[:, :, ::-1]  # clockwise
-        uvs = np.frombuffer(data, "<i2", 2 * places, at_places).reshape(-1, 2) / (width, height)
-        uvs = np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1)[corners[:, 1].ravel()]
-        skin = data[at_skins : at_skins + _SKIN].split(b"\0")[0].decode("ascii", "replace").lstrip(".") if skins else ""
-        vertices = packed * frame[0] + frame[1]
-        vertices[corners[:, 0].ravel()]  # all there
-    except (ValueError, IndexError, ZeroDivisionError) as error:
+        scale, origin = np.frombuffer(data, "<f4", 6, frame).reshape(2, 3).astype(np.float64)
+        packed = np.frombuffer(data, "u1", 4 * points, frame + _FRAME).reshape(-1, 4)[:, :3]
+        both = np.frombuffer(data, "<u2", 6 * count, triangle).reshape(-1, 2, 3)[:, :, ::-1]  # they run clockwise
+        corners, at = both.transpose(1, 0, 2).reshape(2, -1).astype(np.int64)
+        uvs = np.frombuffer(data, "<i2", 2 * places, place).reshape(-1, 2)[at] / (width, height)
+    except (ValueError, IndexError) as error:
         raise checks.InputError(f"damaged MD2 file: {error}") from error
-    none = np.full(triangles, -1)
-    skinned = none + 1 if skin else none
+    if count and corners.max() >= points:
+        raise checks.InputError("damaged MD2 file: a triangle uses a point that is not there")
+    names = [data[skin : skin + _SKIN].split(b"\0")[0].decode("ascii", "replace").lstrip(".")][:skins]
+    none = np.full(count, -1)
     return Surfaces(
-        vertices, none + 4, corners[:, 0].ravel().astype(np.int64), uvs, none, skinned, (), (skin,) if skin else ()
+        packed * scale + origin,
+        np.full(count, 3),
+        corners,
+        uvs * (1, -1) + (0, 1),
+        none,
+        none + len(names),
+        (),
+        tuple(names),
     )

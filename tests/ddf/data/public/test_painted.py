@@ -1,5 +1,6 @@
 """Painted meshes: the surface that `mesh_io` reads, in the colours of their materials and pictures."""
 
+import struct
 import zipfile
 
 import _shapes
@@ -63,18 +64,51 @@ def test_damage_names_archive_and_member(tmp_path):
         painted.load(archive, "a/a.obj")
 
 
+def _md2():
+    """A tetrahedron of corners 0, x, y, z at 10 times 0 or 1, of triangles that run clockwise seen from outside."""
+    skin, triangles = b".hull".ljust(64, b"\0"), [(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)]
+    places = struct.pack("<8h", 0, 0, 8, 0, 0, 4, 8, 4)
+    faces = b"".join(struct.pack("<6H", *own, *own) for own in triangles)
+    frame = struct.pack("<6f16s", 2, 2, 2, 1, 1, 1, b"first")
+    frame += bytes([0, 0, 0, 0, 5, 0, 0, 0, 0, 5, 0, 0, 0, 0, 5, 0])
+    at = [68, 68 + 64, 68 + 64 + len(places), 68 + 64 + len(places) + len(faces), 0, 0]
+    return struct.pack("<4s16i", b"IDP2", 8, 8, 4, 56, 1, 4, 4, 4, 0, 1, *at) + skin + places + faces + frame
+
+
+def test_md2_winds_outwards_and_finds_its_skin_by_name(tmp_path):
+    mesh = painted.load(_archive(tmp_path, m_a__md2=_md2(), m_hull__png=_shapes.png((0, 255, 0))), "m/a.md2")
+    np.testing.assert_allclose(mesh.vertices, np.vstack([np.zeros(3), 10 * np.eye(3)]) + 1)
+    assert _volume(mesh.vertices - 1, mesh.faces) == pytest.approx(1000 / 6)
+    assert (mesh.picture == 0).all() and mesh.pictures[0].levels[0][0, 0].argmax() == 1
+    uvs = np.array([[0, 1], [1, 1], [0, 0], [1, 0]], dtype=np.float32)  # v up
+    np.testing.assert_array_equal(mesh.uvs, uvs[mesh.faces])
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"IDP3" + _md2()[4:], "must begin with IDP2"),
+        (_md2()[:-1], "damaged MD2"),
+        (_md2().replace(struct.pack("<3H", 1, 3, 2), struct.pack("<3H", 1, 4, 2), 1), "point that is not there"),
+    ],
+)
+def test_a_damaged_md2_gets_one_line(tmp_path, data, said):
+    with pytest.raises(checks.InputError, match=f"m/a.md2: .*{said}"):
+        painted.load(_archive(tmp_path, m_a__md2=data), "m/a.md2")
+
+
+def _volume(vertices, faces):
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    return np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
+
+
 def test_turning_keeps_winding_outwards_and_parts_join(tmp_path):
     mesh = painted.load(_archive(tmp_path, a_a__obj=_shapes.OBJ), "a/a.obj")
-
-    def volume(vertices, faces):
-        a, b, c = vertices[faces].transpose(1, 0, 2)
-        return np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
-
     mirror = mesh.turned(np.diag([1.0, 1.0, -1.0]))
-    assert volume(mirror.vertices, mirror.faces) == pytest.approx(volume(mesh.vertices, mesh.faces))
+    assert _volume(mirror.vertices, mirror.faces) == pytest.approx(_volume(mesh.vertices, mesh.faces))
     box = parts.box((5, 5, 5), (1, 1, 1), palette.TYRE)
     both = mesh.joined([box])
-    assert volume(both.vertices, both.faces) == pytest.approx(volume(mesh.vertices, mesh.faces) + 1)
+    assert _volume(both.vertices, both.faces) == pytest.approx(_volume(mesh.vertices, mesh.faces) + 1)
     np.testing.assert_allclose(both.colours[-1], palette.TYRE.colour)
 
 
