@@ -38,6 +38,9 @@ export const centre = (stage: Stage): Vector => scaled(add(stage.corners[0]!, st
 
 export const diagonal = (stage: Stage): number => length(add(stage.corners[7]!, scaled(stage.corners[0]!, -1)));
 
+/** How wide the picture is where the camera looks, in diagonals of the box. */
+export const widthAt = (radius: number): number => (2 * radius) / FOCAL / BENCHMARK_FROM_V1;
+
 /** World units per benchmark unit. */
 export const unitOf = (stage: Stage): number => diagonal(stage) / BENCHMARK_FROM_V1;
 
@@ -70,23 +73,35 @@ export function framingRadius(camera: Omit<Camera, "radius">, stage: Stage): num
 }
 
 /** Rays through the pixel centres of a size x size picture, rows from the top. */
-export function pixelRays(camera: Camera, stage: Stage, size: number): Rays {
+export const pixelRays = (camera: Camera, stage: Stage, size: number): Rays =>
+  raysAt(camera, stage, size, size * size, (ray) => [(ray % size) + 0.5, Math.floor(ray / size) + 0.5]);
+
+const PARTS = [[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]] as const; // of a pixel, that its rays pass
+
+/** Four rays through each of some pixels, one after the other. */
+export const finerRays = (camera: Camera, stage: Stage, size: number, pixels: readonly number[]): Rays =>
+  raysAt(camera, stage, size, 4 * pixels.length, (ray) => {
+    const [pixel, [x, y]] = [pixels[ray >> 2]!, PARTS[ray & 3]!];
+    return [(pixel % size) + x, Math.floor(pixel / size) + y];
+  });
+
+/** Rays through places of a picture, in pixels from its left upper corner. */
+function raysAt(camera: Camera, stage: Stage, size: number, count: number, place: (ray: number) => readonly [number, number]): Rays {
   const turn = transposed(axes(camera, stage.up));
   const start = eye(camera, stage);
-  const positions = new Float64Array(3 * size * size);
-  const directions = new Float64Array(3 * size * size);
-  for (let row = 0, at = 0; row < size; row++) {
-    for (let column = 0; column < size; column++, at += 3) {
-      const x = ((2 * column + 1) / size - 1) / FOCAL;
-      const y = (1 - (2 * row + 1) / size) / FOCAL;
-      const far = Math.sqrt(x * x + y * y + 1);
-      for (let axis = 0; axis < 3; axis++) {
-        positions[at + axis] = start[axis]!;
-        directions[at + axis] = (turn[axis]![0] * x + turn[axis]![1] * y - turn[axis]![2]) / far;
-      }
+  const positions = new Float64Array(3 * count);
+  const directions = new Float64Array(3 * count);
+  for (let ray = 0, at = 0; ray < count; ray++, at += 3) {
+    const [column, row] = place(ray);
+    const x = ((2 * column) / size - 1) / FOCAL;
+    const y = (1 - (2 * row) / size) / FOCAL;
+    const far = Math.sqrt(x * x + y * y + 1);
+    for (let axis = 0; axis < 3; axis++) {
+      positions[at + axis] = start[axis]!;
+      directions[at + axis] = (turn[axis]![0] * x + turn[axis]![1] * y - turn[axis]![2]) / far;
     }
   }
-  return { positions, directions, count: size * size };
+  return { positions, directions, count };
 }
 
 /** Where a point of the world is seen, in shares of the picture from its left upper corner; null behind the camera. */

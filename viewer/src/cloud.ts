@@ -7,6 +7,7 @@ import { apply, inverse, type Vector } from "./vectors.ts";
 import type { View } from "./view.ts";
 
 const RAYS = 3000;
+const RAYS_OF_A_FILE = 40_000;
 
 /** Numbers in [0, 1) that are the same every time (mulberry32). */
 export function random(seed: number): () => number {
@@ -51,6 +52,20 @@ export async function hits(world: World, signal?: AbortSignal, count = RAYS): Pr
     points.push([0, 1, 2].map((axis) => rays.positions[3 * ray + axis]! + depth * rays.directions[3 * ray + axis]!) as Vector);
   });
   return points;
+}
+
+/** Points and normals that random rays see, frame of the world, as a PLY file. */
+export async function ply(world: World): Promise<string> {
+  const { positions, directions, count } = drawn(world, RAYS_OF_A_FILE);
+  const found = await query(world, { positions, directions, count }, ["depth", "normals"]);
+  const lines: string[] = [];
+  found.depth.forEach((depth, ray) => {
+    if (found.nearest[ray]! < 0) return;
+    const at = [0, 1, 2].map((axis) => positions[3 * ray + axis]! + depth * directions[3 * ray + axis]!);
+    lines.push([...at, ...found.values.normals!.subarray(3 * ray, 3 * ray + 3)].map((value) => value.toFixed(6)).join(" "));
+  });
+  const names = ["x", "y", "z", "nx", "ny", "nz"].map((name) => `property float ${name}`);
+  return ["ply", "format ascii 1.0", `element vertex ${lines.length}`, ...names, "end_header", ...lines, ""].join("\n");
 }
 
 /** The diagonal of the box of points, without the outermost of every axis. */

@@ -1,6 +1,6 @@
 /** Mouse, touch and keyboard to the camera: orbit, zoom, walk. */
 
-import { axes, unitOf, type Camera, type Stage } from "./camera.ts";
+import { axes, unitOf, widthAt, type Camera, type Stage } from "./camera.ts";
 import { add, scaled } from "./vectors.ts";
 
 const DEGREES_PER_WIDTH = 200; // that a drag over the whole picture turns the camera
@@ -9,7 +9,7 @@ const STEP = 0.04; // of a walk, in diagonals of the box
 const TURN = 6; // degrees, of an arrow key
 
 export const HELP =
-  "Drag, or arrow keys: turn. Wheel, pinch, + and −: nearer and farther. W A S D, Q E: walk, also into the box. 1 to 7: what is shown. P: a slice, next of its kinds; comma and full stop: move it. R: back to the start.";
+  "Drag, or arrow keys: turn. Wheel, pinch, + and −: nearer and farther. Two fingers, right button: shift. W A S D, Q E: walk, also into the box. 1 to 7: what is shown. P: a slice, next of its kinds; comma and full stop: move it. R: back to the start.";
 
 /** The camera after a turn; elevations stay short of the poles' other side. */
 export function turned(camera: Camera, azimuth: number, elevation: number): Camera {
@@ -30,6 +30,16 @@ export function walked(camera: Camera, stage: Stage, right: number, up: number, 
   const far = 0.57 * unitOf(stage);
   const by = add(add(scaled(x, right * far), scaled(y, up * far)), scaled(z, -forward * far));
   return { ...camera, target: add(camera.target, by) };
+}
+
+/** Where fingers are: how far apart, and their middle in shares of the picture from its centre, right and down. */
+type Grip = [apart: number, right: number, down: number];
+
+/** What lay under the fingers lies under them again. */
+function gripped(camera: Camera, stage: Stage, last: Grip, now: Grip): Camera {
+  const nearer = zoomed(camera, last[0] / now[0]);
+  const [before, after] = [camera, nearer].map(({ radius }) => widthAt(Math.max(radius, STEP))) as [number, number];
+  return walked(nearer, stage, last[1] * before - now[1] * after, now[2] * after - last[2] * before, 0);
 }
 
 const KEYS: Record<string, (camera: Camera, stage: Stage) => Camera> = {
@@ -61,10 +71,12 @@ export function control(element: HTMLElement, view: Controlled): void {
     view.refresh();
   };
   const fingers = new Map<number, [number, number]>();
-  const apart = (): number => {
-    const [a, b] = [...fingers.values()];
-    return a && b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0;
+  const grip = (): Grip => {
+    const { left, top, width } = element.getBoundingClientRect();
+    const [[x, y], [a, b] = [x, y]] = [...fingers.values()] as [[number, number], [number, number]?];
+    return [Math.max(Math.hypot(x - a, y - b), 1), ((x + a) / 2 - left) / width - 0.5, ((y + b) / 2 - top) / width - 0.5];
   };
+  element.addEventListener("contextmenu", (event) => event.preventDefault());
   element.addEventListener("pointerdown", (event) => {
     element.setPointerCapture(event.pointerId);
     fingers.set(event.pointerId, [event.clientX, event.clientY]);
@@ -72,14 +84,11 @@ export function control(element: HTMLElement, view: Controlled): void {
   element.addEventListener("pointermove", (event) => {
     const before = fingers.get(event.pointerId);
     if (!before) return;
-    const gap = apart();
+    const last = grip();
     fingers.set(event.pointerId, [event.clientX, event.clientY]);
     const degrees = DEGREES_PER_WIDTH / element.clientWidth;
-    if (fingers.size === 2) {
-      set(zoomed(view.camera, gap / Math.max(apart(), 1)));
-    } else if (event.shiftKey) {
-      const [x, y] = [event.clientX - before[0], event.clientY - before[1]].map((by) => by / element.clientWidth);
-      set(walked(view.camera, view.stage, -x!, y!, 0));
+    if (fingers.size === 2 || event.shiftKey || event.buttons & 2) {
+      set(gripped(view.camera, view.stage, last, grip()));
     } else {
       set(turned(view.camera, (event.clientX - before[0]) * degrees, (event.clientY - before[1]) * degrees));
     }

@@ -1,9 +1,9 @@
 /** The page: reads its data, opens the GPU, shows the field. */
 
-import { asked } from "./address.ts";
+import { asked, told } from "./address.ts";
 import { readBlock, readPage } from "./blocks.ts";
 import { centre, framingRadius, pixelRays, type Camera, type Stage } from "./camera.ts";
-import { Cloud } from "./cloud.ts";
+import { Cloud, ply } from "./cloud.ts";
 import { control, HELP } from "./controls.ts";
 import { Distances } from "./distances.ts";
 import type { Engine, Output } from "./engine.ts";
@@ -11,7 +11,7 @@ import { Field, query, type FieldRecord } from "./field.ts";
 import { Gizmos } from "./gizmos.ts";
 import { Gpu } from "./gpu.ts";
 import { layersOf, type NetworkRecord } from "./network.ts";
-import { button, byId, check, choices, element, select } from "./panel.ts";
+import { button, byId, check, choices, download, element, select } from "./panel.ts";
 import { PatchEngine } from "./patches.ts";
 import { Reconstruction } from "./reconstruct.ts";
 import { MODES } from "./shading.ts";
@@ -25,6 +25,7 @@ const WISHES = asked(location.hash);
 const ELEVATION = 25; // of the first picture, degrees
 const [HITS, HITS_OF_A_CPU] = [40_000, 16_000]; // of a field, of which distances are measured to the surest
 const SIZES = [128, 256, 384, 512, 768];
+const [SHARP, SHARPEST] = [0, 1536]; // for a pixel of the screen each; at most so many a side
 
 type Angles = Pick<Camera, "azimuth" | "elevation">;
 
@@ -32,6 +33,14 @@ function framed(stage: Stage, angles: Angles): Camera {
   const looking = { ...angles, target: centre(stage) };
   return { ...looking, radius: framingRadius(looking, stage) };
 }
+
+/** A camera moved to where the address says that it is. */
+const wished = (camera: Camera): Camera => ({
+  azimuth: WISHES.azimuth ?? camera.azimuth,
+  elevation: WISHES.elevation ?? camera.elevation,
+  radius: WISHES.radius ?? camera.radius,
+  target: WISHES.target ?? camera.target,
+});
 
 function fail(text: string): void {
   byId("status").replaceChildren(element("span", { class: "error" }, text));
@@ -71,14 +80,22 @@ async function main(): Promise<void> {
     : byWasm || typeof gpu === "string"
       ? new window.ddfWasm!.WasmEngine(readBlock)
       : new WebglEngine(gpu, record, layersOf(record, numbers));
+  WISHES.objects.forEach((place, index) => page.fields[index] && (page.fields[index].world_from_mesh.translation = place));
   const world = { fields: page.fields.map((record) => new Field(record, engineOf(record))), box: page.box };
   const slow = !patches && (byWasm || typeof gpu === "string" || gpu.isSoftware);
   const distances = new Distances(Math.round(WISHES.hits ?? (slow ? HITS_OF_A_CPU : HITS)), (text) => (byId("status").textContent = text));
   const engineNames = [...new Set(world.fields.map((field) => field.engine.name))].join(" and ");
   const canvas = byId("canvas") as HTMLCanvasElement;
-  const view = new View(canvas, world, stage, framed(stage, start), distances, shown, (error) => fail(error.message));
+  const view = new View(canvas, world, stage, wished(framed(stage, start)), distances, shown, (error) => fail(error.message));
   view.mode = MODES.find((mode) => mode.name === WISHES.mode) ?? view.mode;
-  view.full = Math.round(WISHES.size ?? view.full);
+  const sharp = (): number => Math.min(SHARPEST, Math.round(canvas.clientWidth * devicePixelRatio)) || view.full;
+  let size = Math.round(WISHES.size ?? (slow ? view.full : SHARP));
+  const sized = (): void => {
+    const wanted = size || sharp();
+    if (wanted === view.full) return;
+    view.full = wanted;
+    view.refresh(false);
+  };
 
   function shown(what: Shown): void {
     const words = summary(page.title, view, engineNames, what);
@@ -98,15 +115,17 @@ async function main(): Promise<void> {
     view.mode = mode;
     view.refresh(false);
   });
-  const sizes = [...new Set([...SIZES, view.full])].sort((a, b) => a - b).map((size): [string, string] => [`${size}`, `${size} × ${size}`]);
+  const sizes = [...new Set([SHARP, ...SIZES, size])].sort((a, b) => a - b).map((side): [string, string] => [`${side}`, side ? `${side} × ${side}` : "as the screen"]);
   const camera = element("fieldset", {}, element("legend", {}, "View"));
+  const screen = document.fullscreenEnabled ? [button("Full screen", () => void byId("stage").requestFullscreen())] : [];
   camera.append(
-    select("Pixels at rest", sizes, `${view.full}`, (value) => {
-      view.full = Number(value);
-      view.refresh(false);
+    select("Pixels at rest", sizes, `${size}`, (value) => {
+      size = Number(value);
+      sized();
     }),
     check("Points on the surface", (on) => void cloud.show(on)),
     element("div", { class: "row" }, button("Back to the start", reset), button("Light or dark", theme)),
+    element("div", { class: "row" }, button("Share", share), button("Save PNG", savePicture), button("Save points", savePoints), ...screen),
   );
   const slicing = new SlicePanel(view, WISHES);
   byId("panel").append(...(rebuilt ? [rebuilt.panel] : []), modes, slicing.panel, camera, ...(gizmos ? [gizmos.panel] : []));
@@ -120,6 +139,18 @@ async function main(): Promise<void> {
       ? document.documentElement.dataset.theme === "dark"
       : matchMedia("(prefers-color-scheme: dark)").matches;
     document.documentElement.dataset.theme = dark ? "light" : "dark";
+  }
+
+  function share(): void {
+    history.replaceState(null, "", `#${told(view, WISHES.engine, rebuilt ? rebuilt.index : null)}`);
+    const said = (text: string) => (): string => (byId("status").textContent = text);
+    (navigator.clipboard?.writeText(location.href) ?? Promise.reject()).then(said("the address is copied; it brings others to this picture"), said("the page's address now brings others to this picture"));
+  }
+  function savePicture(): void {
+    canvas.toBlob((data) => data && download(data, `${page.title}.png`));
+  }
+  async function savePoints(): Promise<void> {
+    download(new Blob([await ply(world)]), `${page.title}.ply`);
   }
 
   const frame = byId("frame");
@@ -149,8 +180,14 @@ async function main(): Promise<void> {
     return { points: Array.from(points), values: Array.from(values), evaluated };
   }
   Object.assign(window, { ddf: { render, slice, view, rebuilt } });
-  if (rebuilt) await rebuilt.sample(0);
-  else view.refresh(false);
+  addEventListener("hashchange", () => location.reload());
+  new ResizeObserver(sized).observe(frame);
+  view.full = size || sharp();
+  if (!rebuilt) return view.refresh(false);
+  await rebuilt.sample(WISHES.sample ?? 0);
+  if (WISHES.radius === null) return;
+  view.camera = wished(view.camera);
+  view.refresh(false);
 }
 
 main().catch((error: Error) => fail(error.message));

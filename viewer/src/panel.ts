@@ -56,3 +56,10 @@ export function check(label: string, choose: (on: boolean) => void): HTMLLabelEl
   made.addEventListener("change", () => choose(made.checked));
   return element("label", {}, made, element("span", {}, label));
 }
+
+/** Give the user a file. */
+export function download(data: Blob, name: string): void {
+  const address = URL.createObjectURL(data);
+  element("a", { href: address, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(address), 10_000);
+}

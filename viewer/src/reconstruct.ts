@@ -34,6 +34,7 @@ export class Reconstruction {
   readonly panel = element("fieldset", {}, element("legend", {}, "Image"));
   scale = 1; // v1 units per unit of the field
   encoded: Encoded | null = null; // of the image that is shown
+  index: number | null = null; // of the sample that is
   private model: Model | null = null;
   private readonly shown = element("img", { alt: "The image that is reconstructed", class: "input" });
   private readonly said = element("p", { class: "note", role: "status" });
@@ -63,13 +64,15 @@ export class Reconstruction {
   }
 
   async sample(index: number): Promise<void> {
-    const [, text] = this.record.samples[index]!.split(",");
+    const [, text] = (this.record.samples[index] ?? this.record.samples[0]!).split(",");
     await this.take(new Blob([Uint8Array.from(atob(text!), (letter) => letter.charCodeAt(0))], { type: "image/png" }));
+    this.index = index;
   }
 
   /** Show what an image file shows; says what is wrong with it. */
   async take(file: Blob): Promise<void> {
     this.said.textContent = "reading the image";
+    this.index = null;
     try {
       const pixels = await read(file);
       URL.revokeObjectURL(this.shown.src);

@@ -61,10 +61,10 @@ export interface Picture {
   approximate: boolean; // normals by differences
 }
 
-/** A picture of size x size rays. */
-export function picture(mode: Mode, rays: Rays, found: Answers, camera: Camera, stage: Stage): Picture {
-  const size = Math.round(Math.sqrt(rays.count));
-  const pixels = new ImageData(size, size);
+/** A picture of size x size rays; in one row, of any rays at rest, by the range of a picture that is `known`. */
+export function picture(mode: Mode, rays: Rays, found: Answers, camera: Camera, stage: Stage, known?: Picture["range"]): Picture {
+  const size = known === undefined ? Math.round(Math.sqrt(rays.count)) : rays.count;
+  const pixels = new ImageData(size, known === undefined ? size : 1);
   const seen = (i: number): boolean => found.nearest[i]! >= 0;
   const exact = mode.outputs.every((name) => found.values[name]);
   const normals = found.values.normals ?? (exact ? undefined : byDifferences(rays, found, size));
@@ -81,14 +81,14 @@ export function picture(mode: Mode, rays: Rays, found: Answers, camera: Camera, 
     colour = (i) => (scalar![i]! > 0.004 ? mixed([255, 255, 255], DARK, scalar![i]!) : null);
     range = [0, 1];
   } else if (mode.name === "depth") {
-    const [near, far] = quantiles(found.depth, [0.01, 0.99]) as [number, number];
+    const [near, far] = known ?? (quantiles(found.depth, [0.01, 0.99]) as [number, number]);
     range = [near, far];
     colour = (i) => (seen(i) ? viridis(1 - (found.depth[i]! - near) / Math.max(far - near, 1e-12)) : null);
   } else if (mode.name === "weight_1" && scalar) {
     range = [0, 1];
     colour = (i) => (seen(i) ? diverging(2 * scalar[i]! - 1) : null);
   } else if (mode.name === "mean_curvature" && scalar) {
-    const [full] = quantiles(Array.from(scalar, (value, i) => (seen(i) ? Math.abs(value) : NaN)), [0.95]) as [number];
+    const full = known?.[1] ?? quantiles(Array.from(scalar, (value, i) => (seen(i) ? Math.abs(value) : NaN)), [0.95])[0]!;
     range = [-full, full];
     colour = (i) => (seen(i) ? diverging(scalar[i]! / (full || 1)) : null);
   } else if (mode.name === "normals" || mode.name === "normals_2") {
@@ -102,6 +102,31 @@ export function picture(mode: Mode, rays: Rays, found: Answers, camera: Camera, 
     if (rgb) pixels.data.set([rgb[0], rgb[1], rgb[2], 255], 4 * i);
   }
   return { pixels, range, approximate: !exact };
+}
+
+/** Pixels that differ from a neighbour by more than a shade: what stairs are seen at. */
+export function edges({ data, width, height }: ImageData, shade = 20): number[] {
+  const rough = new Uint8Array(width * height);
+  const compare = (i: number, j: number): void => {
+    if ([0, 1, 2, 3].some((c) => Math.abs(data[4 * i + c]! - data[4 * j + c]!) > shade)) rough[i] = rough[j] = 1;
+  };
+  for (let i = 0; i < rough.length; i++) {
+    if ((i + 1) % width) compare(i, i + 1);
+    if (i + width < rough.length) compare(i, i + width);
+  }
+  return [...rough.keys()].filter((i) => rough[i]);
+}
+
+/** Give some pixels of a picture the mean of the four colours that follow each other for each. */
+export function smooth(pixels: ImageData, which: readonly number[], four: ImageData): void {
+  which.forEach((pixel, at) => {
+    const sum = [0, 0, 0, 0];
+    for (let part = 16 * at; part < 16 * at + 16; part += 4) {
+      for (let c = 0; c < 4; c++) sum[c]! += (c < 3 ? four.data[part + c]! : 1) * four.data[part + 3]!;
+    }
+    const [r, g, b, alpha] = sum as [number, number, number, number];
+    pixels.data.set(alpha ? [r / alpha, g / alpha, b / alpha, alpha / 4] : [0, 0, 0, 0], 4 * pixel);
+  });
 }
 
 /** Unit normals that face back, from differences of the points that neighbouring pixels see. */

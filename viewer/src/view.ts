@@ -1,10 +1,10 @@
-/** The picture on the canvas: coarse while the camera moves, finer and finer when it rests. */
+/** The picture on the canvas: coarse while the camera moves, finer and finer when it rests, at last with smooth edges. */
 
-import { pixelRays, type Camera, type Rays, type Stage } from "./camera.ts";
+import { finerRays, pixelRays, type Camera, type Rays, type Stage } from "./camera.ts";
 import { query, type Answers, type World } from "./field.ts";
 import type { Distances } from "./distances.ts";
 import { breathe } from "./pacing.ts";
-import { MODES, picture, type Mode, type Picture } from "./shading.ts";
+import { edges, MODES, picture, smooth, type Mode, type Picture } from "./shading.ts";
 import { cut, paint, Slice, type Quantity, type Sliced } from "./slice.ts";
 
 const [COARSEST, COARSE_MOST] = [24, 256]; // pixels a side while the camera moves
@@ -79,11 +79,26 @@ export class View {
     if (moving) this.coarse = nextCoarse(size, milliseconds);
     const drawn = picture(this.mode, rays, answers, this.camera, this.stage);
     const range = slice && paint(this.slice as Slice & { quantity: Quantity }, slice, drawn.pixels);
-    this.canvas.width = size;
-    this.canvas.height = size;
-    this.canvas.getContext("2d")!.putImageData(drawn.pixels, 0, 0);
-    const evaluated = answers.evaluated + (slice?.evaluated ?? 0);
-    this.shown({ size, full: !moving && size >= this.full, answers, picture: drawn, milliseconds, evaluated, slice: range });
+    const what = { size, full: false, answers, picture: drawn, milliseconds, evaluated: answers.evaluated + (slice?.evaluated ?? 0), slice: range };
+    this.put(what);
+    if (moving || size < this.full) return;
+    if (!slice) what.evaluated += await this.smooth(drawn, size, signal);
+    this.put({ ...what, full: true, milliseconds: performance.now() - started });
+  }
+
+  private put(what: Shown): void {
+    [this.canvas.width, this.canvas.height] = [what.size, what.size];
+    this.canvas.getContext("2d")!.putImageData(what.picture.pixels, 0, 0);
+    this.shown(what);
+  }
+
+  /** Four rays through each pixel at an edge; returns how many were evaluated. */
+  private async smooth({ pixels, range }: Picture, size: number, signal: AbortSignal): Promise<number> {
+    const which = edges(pixels);
+    const rays = finerRays(this.camera, this.stage, size, which);
+    const answers = await query(this.world, rays, this.mode.outputs, signal);
+    smooth(pixels, which, picture(this.mode, rays, answers, this.camera, this.stage, range).pixels);
+    return answers.evaluated;
   }
 
   /** What the slice shows to rays; null without one. */

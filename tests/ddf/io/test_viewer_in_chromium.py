@@ -11,6 +11,7 @@ import pytest
 import torch
 from _shapes import torus
 from _support import assert_close
+from PIL import Image
 
 import ddf
 from ddf.api.field import Field
@@ -278,6 +279,111 @@ def test_patches_are_walked_on_the_cpu_as_python_does(browser, ring):
     expected, _ = field.udf(points)
     assert len(points) > 80 and np.abs(distances - expected).mean() < 0.02 * expected.mean()
     opened.require_quiet()
+
+
+@pytest.fixture
+def phone(browser, ring) -> Iterator[Opened]:
+    viewer_page.write(ring / "phone.html", view.page_of([ring]))
+    screen = {"viewport": {"width": 390, "height": 844}, "device_scale_factor": 2.0, "has_touch": True}
+    opened = _open(browser, ring / "phone.html", "mode=depth", **screen)
+    opened.still()
+    yield opened
+    opened.require_quiet()
+
+
+def _shown(opened: Opened) -> np.ndarray:
+    """The picture as `Save PNG` gives it."""
+    with opened.page.expect_download() as download:
+        opened.page.get_by_role("button", name="Save PNG").click()
+    return np.asarray(Image.open(download.value.path()), dtype=float)
+
+
+def _middle(opened: Opened) -> np.ndarray:
+    """Of what is seen, x and y in shares of the picture."""
+    rows, columns = np.nonzero(_shown(opened)[..., 3] > 127)
+    return np.array([columns.mean(), rows.mean()]) / opened.page.evaluate("ddf.view.full")
+
+
+def test_fingers_orbit_shift_and_pinch_on_a_phone(phone):
+    side = phone.page.locator("#canvas").bounding_box()["width"]
+    assert phone.page.evaluate("ddf.view.full") == round(2 * side)  # as sharp as the screen
+    assert phone.page.evaluate("document.documentElement.scrollWidth") <= 390
+    touch = phone.page.context.new_cdp_session(phone.page)
+
+    def move(*ways: tuple[tuple[int, int], tuple[int, int]]) -> dict[str, Any]:
+        for kind, end in (("touchStart", 0), ("touchMove", 1), ("touchEnd", None)):
+            points = (
+                [] if end is None else [{"x": way[end][0], "y": way[end][1], "id": i} for i, way in enumerate(ways)]
+            )
+            touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+            phone.page.evaluate("new Promise(requestAnimationFrame)")  # moves are handed on once a frame
+        phone.still()
+        return phone.page.evaluate("ddf.view.camera")
+
+    start, before = phone.page.evaluate("ddf.view.camera"), _middle(phone)
+    phone.page.evaluate("scrollTo(0, 0)")
+    pinched = move(((150, 300), (100, 300)), ((200, 300), (250, 300)))
+    assert pinched["radius"] == pytest.approx(start["radius"] / 3) and pinched["azimuth"] == start["azimuth"]
+    back = move(((100, 300), (150, 300)), ((250, 300), (200, 300)))
+    assert back == {name: pytest.approx(value) for name, value in start.items()}
+    shifted = move(((150, 300), (190, 340)), ((200, 300), (240, 340)))
+    assert shifted["radius"] == pytest.approx(start["radius"])
+    assert_close(_middle(phone) - before, np.full(2, 40 / side), atol=0.01, rtol=0.0)
+    phone.page.evaluate("scrollTo(0, 0)")
+    turned = move(((150, 300), (190, 300)))
+    assert turned["azimuth"] > start["azimuth"] + 15 and turned["target"] == shifted["target"]
+
+
+def test_edges_are_smooth_at_rest(browser, ring):
+    viewer_page.write(ring / "edges.html", view.page_of([ring]))
+    opened = _open(browser, ring / "edges.html", "size=64&mode=shaded")
+    opened.still()
+    fine, coarse = (np.isfinite(ddf.load(ring).render(35, 25, size=size)["depth"]) for size in (512, 64))
+    covered = fine.reshape(64, 8, 64, 8).mean(axis=(1, 3))
+    rim = (covered > 0) & (covered < 1)
+    error = np.abs(_shown(opened)[..., 3] / 255 - covered)
+    assert rim.sum() > 100 and error[rim].mean() < 0.5 * np.abs(coarse - covered)[rim].mean() and error.max() < 0.5
+    opened.require_quiet()
+
+
+def test_points_are_saved_as_they_are_seen(browser, ring):
+    viewer_page.write(ring / "points.html", view.page_of([ring]))
+    opened = _open(browser, ring / "points.html", "size=16")
+    opened.still()
+    with opened.page.expect_download() as download:
+        opened.page.get_by_role("button", name="Save points").click()
+    rows = np.array([line.split() for line in Path(download.value.path()).read_text().splitlines()[10:]], dtype=float)
+    points, normals = rows[:, :3], rows[:, 3:]
+    distances, ways = ddf.load(ring).udf(points + 0.02 * normals)
+    assert len(points) > 2000 and np.quantile(np.abs(distances - 0.02), 0.95) < 2e-3
+    assert np.median((ways * normals).sum(axis=1)) < -0.99
+    opened.require_quiet()
+
+
+def test_a_shared_address_brings_others_to_the_same_picture(browser, pair):
+    pair.page.evaluate("ddf.view.world.fields[1].record.world_from_mesh.translation = [0.3, 0.1, 0.2]")
+    pair.page.focus("#frame")
+    for key in ("ArrowLeft", "w", "-", "3", "p"):
+        pair.page.keyboard.press(key)
+    pair.page.get_by_role("button", name="Share").click()
+    copy = Opened(browser.new_page())
+    copy.page.goto(pair.page.url)
+    state = (
+        "[ddf.view.camera, ddf.view.mode.name, ddf.view.slice.quantity.name, ddf.view.slice.at,"
+        " ddf.view.world.fields.map(each => each.record.world_from_mesh.translation)]"
+    )
+    (camera, *rest), (copied, *others) = pair.page.evaluate(state), copy.page.evaluate(state)
+    assert others == rest and rest[0] == "normals"
+    assert copied == {name: pytest.approx(value, rel=1e-4, abs=1e-5) for name, value in camera.items()}
+    copy.page.close()
+
+
+def test_the_picture_fills_the_screen(phone):
+    phone.page.get_by_role("button", name="Full screen").click()
+    phone.page.wait_for_function("document.fullscreenElement?.id === 'stage'")
+    box = phone.page.locator("#frame").bounding_box()
+    assert box["width"] == box["height"] == 390
+    phone.page.evaluate("document.exitFullscreen()")
 
 
 def test_patches_stand_in_a_scene_with_a_network(browser, ring):
