@@ -1,20 +1,38 @@
-"""Hooks of mkdocs: pages lie where the repository has them, so that links work in both places; formulas are MathML."""
+"""Hooks of mkdocs: pages lie where the repository has them, so that links work in both places; formulas are MathML.
 
+The page of the Python interface ends in what the docstrings say; long tables of benchmarks open by a click.
+"""
+
+import ast
 import html
 import re
 import subprocess
 from pathlib import Path
 from typing import Any
 
+import griffe
 from latex2mathml import converter
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/*.md", "docs/*.webp", "docs/*.svg", "reports/**/*.md"]
+PAGES = [
+    "README.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "docs/*.md",
+    "docs/*.webp",
+    "docs/*.svg",
+    "docs/*.css",
+    "reports/**/*.md",
+]
 LINKED = (
     "LICENSE CITATION.cff pipeline.yaml configs/*.yaml src/ddf/**/*.py reports/** examples/** docs/recipes/*".split()
 )
+
+API, BENCH, CARD = "docs/api.md", "reports/bench/README.md", "docs/fields.webp"
+LONG_TABLE = 16  # lines
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -28,6 +46,44 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         if (ROOT / name).is_file()
     ]
     return Files([*theme, *own])
+
+
+class Sections(griffe.Extension):
+    """Docstrings have no empty line before a section; griffe wants one."""
+
+    def on_object(self, *, obj: griffe.Object, **_: Any) -> None:
+        """Parts the sections of a docstring."""
+        if obj.docstring:
+            obj.docstring.value = re.sub(r"\n(Returns|Raises|Example)(:\n)", _parted, obj.docstring.value)
+
+
+def _parted(head: re.Match[str]) -> str:
+    return f"\n\n{head[1].replace('Example', 'Examples')}{head[2]}"
+
+
+def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
+    """Adds the docstrings of `ddf.__all__`; folds long tables of benchmarks."""
+    if page.file.src_uri == API:
+        (homes,) = re.findall(r"(?ms)^_HOMES = (\{.*?^\})", (ROOT / "src" / "ddf" / "__init__.py").read_text())
+        named = "\n\n".join(f"::: ddf.api.{home}.{name}" for name, home in ast.literal_eval(homes).items())
+        return f"{markdown}\n\n## Reference\n\n{named}\n"
+    if page.file.src_uri == BENCH:
+        return re.sub(rf"(?m)(?:^\|.*\n){{{LONG_TABLE},}}", _folded, markdown)
+    return markdown
+
+
+def _folded(table: re.Match[str]) -> str:
+    count = table[0].count("\n") - 2
+    return f'<details markdown="1"><summary>{count} rows</summary>\n\n{table[0]}\n</details>\n'
+
+
+def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
+    """What a link to the page shows where it is shared; the picture where the site knows its own address."""
+    facts = {"title": f"{page.title} - {config.site_name}", "description": config.site_description}
+    if config.site_url:
+        facts["image"] = config.site_url.rstrip("/") + "/" + CARD
+    card = "".join(f'<meta property="og:{name}" content="{html.escape(str(text))}">' for name, text in facts.items())
+    return output.replace("</head>", f"{card}</head>", 1)
 
 
 def on_page_content(content: str, **_: Any) -> str:

@@ -147,7 +147,7 @@ def _markdown_block(block: Block) -> str:
     if isinstance(block, Table):
         return _markdown_table(block)
     if isinstance(block, Figure):
-        return f"![{_plain(block.alt)}]({block.name})\n\n*{block.caption}*"
+        return f"![{_plain(block.alt)}]({block.name})\n\n{_slanted(block.caption)}"
     return "\n".join(f"- {item}" for item in block) if isinstance(block, tuple) else block
 
 
@@ -158,7 +158,12 @@ def _markdown_table(table: Table) -> str:
     ruler = [":--" if i < table.labels else "--:" for i in range(len(head))]
     lines = [head, ruler, *([_markdown_cell(cell) for cell in row] for row in table.rows)]
     text = "\n".join("| " + " | ".join(line) + " |" for line in lines)
-    return f"{text}\n\n*{table.caption}*"
+    return f"{text}\n\n{_slanted(table.caption)}"
+
+
+def _slanted(caption: str) -> str:
+    """A star of a name, as of v*, ends nothing."""
+    return "*" + re.sub(r"(?<=\w)\*(?!\*)", r"\\*", caption) + "*"
 
 
 def _markdown_cell(cell: Cell | str) -> str:

@@ -91,6 +91,12 @@ def test_a_live_page_is_a_file_that_only_html_opens_when_asked(tmp_path):
     ]
 
 
+def test_a_star_of_a_name_does_not_end_a_caption():
+    figure = pages.Figure("a.svg", "v* as colour, **bold**, v*", "v*")
+    assert "\n\n*v\\* as colour, **bold**, v\\**\n" in pages.markdown(_page(figure))
+    assert "<figcaption>v* as colour, <strong>bold</strong>, v*</figcaption>" in pages.html_page(_page(figure))
+
+
 def test_every_section_is_linked():
     text = pages.html_page(_page("x"))
     assert '<a href="#first-part">First part</a>' in text and '<section id="first-part">' in text
