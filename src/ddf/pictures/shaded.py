@@ -1,10 +1,10 @@
-"""Shaded pictures of a field: grey clay on white, with soft shadows on itself and on the ground, all by its own rays.
+"""Shaded pictures of a field: grey clay, or painted, on white, with soft shadows on itself and on the ground, all by its own rays.
 
 The lamp stands above the camera's left shoulder and turns with it. A pixel is one ray, and one more towards a part of
 the lamp where it faces it; only where neighbours differ (outlines, creases, edges of shadows) it is the mean of nine.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from ddf.geometry import cameras, rays
 from ddf.pictures import field_pictures
 
 Camera = tuple[float, float, float]  # as of `framed_field.camera_rays`
+Colours = Callable[[Float[np.ndarray, "n 3"]], UInt8[np.ndarray, "n 3"]]  # of points on the surface, mesh frame
 Window = tuple[float, float, float]  # left, top and side of what is shown, of a camera's whole picture
 
 WHOLE: Window = (0.0, 0.0, 1.0)
@@ -89,26 +90,31 @@ def window(standing: Standing, seen_by: Sequence[Camera]) -> Window:
     return float(left) + _MARGIN * side, float(top), side  # the shadow falls to the right
 
 
-def render(standing: Standing, camera: Camera, size: int, shown: Window = WHOLE) -> Shaded:
+def render(
+    standing: Standing, camera: Camera, size: int, shown: Window = WHOLE, colours: Colours | None = None
+) -> Shaded:
     """What one camera sees.
 
+    Args:
+      colours: of the surface, which then has no shadow of its own: networks of many shapes err on rays that begin on
+        them. Clay without.
     Raises:
       InputError: as `framed_field.require_camera`.
     """
     framed_field.require_camera(camera, size, standing.up)
     row, column = (each.ravel() for each in np.indices((size, size)))
-    first = _Light(standing, camera, shown, size)
-    colours, seen, normals, lit = first.at(column + 0.5, row + 0.5, (row % 3) * 3 + column % 3)
+    first = _Light(standing, camera, shown, size, colours)
+    linear, seen, normals, lit = first.at(column + 0.5, row + 0.5, (row % 3) * 3 + column % 3)
     differ = _differ(*(each.reshape(size, size, -1) for each in (normals, lit, seen)))
     part = (np.arange(_SIDE) + 0.5) / _SIDE
     down, right = (each.ravel() for each in np.meshgrid(part, part, indexing="ij"))
     x, y = column[differ][:, None] + right, row[differ][:, None] + down
     parts = np.broadcast_to(np.arange(_SIDE**2), x.shape)
     finer, finer_seen, _, _ = first.at(x.ravel(), y.ravel(), parts.ravel())
-    colours[differ] = finer.reshape(-1, _SIDE**2, 3).mean(1)
+    linear[differ] = finer.reshape(-1, _SIDE**2, 3).mean(1)
     share = seen.astype(float)
     share[differ] = finer_seen.reshape(-1, _SIDE**2).mean(1)
-    picture = field_pictures.to_bytes(colours.reshape(size, size, 3) ** (1 / _GAMMA))
+    picture = field_pictures.to_bytes(linear.reshape(size, size, 3) ** (1 / _GAMMA))
     return Shaded(picture, share.reshape(size, size))
 
 
@@ -135,6 +141,7 @@ class _Light:
     camera: Camera
     shown: Window
     size: int
+    colours: Colours | None
 
     def at(
         self, column: np.ndarray, row: np.ndarray, part: np.ndarray
@@ -156,10 +163,12 @@ class _Light:
         distance = np.where(seen, found["depth"], height / np.where(ground, falling, 1.0))
         clear = _CLEAR * float(np.linalg.norm(field.upper - field.lower)) / field.field_from_mesh.scale
         places = starts + distance[:, None] * directions + clear * normals
-        lit = self.lit(places, parts[part], (seen & (normals @ middle > 0)) | ground)
+        lit = self.lit(places, parts[part], (seen & (normals @ middle > 0) & (self.colours is None)) | ground)
         colours = np.ones((len(starts), 3))
         colours[ground] -= _DARKEST * ~lit[ground, None]
-        colours[seen] = _clay(normals[seen], middle, -directions[seen], turn[:, 1], lit[seen])
+        surface = rays.surface_points(starts[seen], directions[seen], distance[seen])
+        paint = _CLAY if self.colours is None else (self.colours(surface) / 255.0) ** _GAMMA
+        colours[seen] = _reflected(paint, normals[seen], middle, -directions[seen], turn[:, 1], lit[seen])
         return colours, seen, normals, lit
 
     def lamp(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "9 3"]]:
@@ -183,17 +192,21 @@ class _Light:
         return lit
 
 
-def _clay(
-    normals: np.ndarray, lamp: Float[np.ndarray, "3"], towards_eye: np.ndarray, up: np.ndarray, lit: np.ndarray
+def _reflected(
+    paint: Float[np.ndarray, "*n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    lamp: Float[np.ndarray, "3"],
+    towards_eye: Float[np.ndarray, "n 3"],
+    up: Float[np.ndarray, "3"],
+    lit: Bool[np.ndarray, "n"],
 ) -> Float[np.ndarray, "n 3"]:
     """Linear colours: Lambert's law, light from the sky, and a little gloss about the half vector [Blinn 1977]."""
     above = 0.5 + 0.5 * (normals @ up)[:, None]
     halfway = lamp + towards_eye
     halfway /= np.linalg.norm(halfway, axis=-1, keepdims=True)
     facing, gloss = (lit * np.clip((normals * each).sum(-1), 0, 1) for each in (lamp, halfway))
-    return (
-        _CLAY * (_SKY * above + _GROUND * (1 - above) + _KEY * facing[:, None]) + _GLOSS * gloss[:, None] ** _SHARPNESS
-    )
+    light = _SKY * above + _GROUND * (1 - above) + _KEY * facing[:, None]
+    return paint * light + _GLOSS * gloss[:, None] ** _SHARPNESS
 
 
 def _differ(

@@ -119,3 +119,36 @@ def test_a_window_holds_what_all_cameras_see(standing, drawn):
 def test_no_picture_and_no_camera_are_refused(standing, camera, size):
     with pytest.raises(checks.InputError, match="must be"):
         shaded.render(standing, camera, size)
+
+
+def test_paint_is_asked_for_on_the_surface_and_lit(standing, drawn):
+    camera, clay = drawn
+    back = standing.field.field_from_mesh.inverse()
+    centre = back.apply(MIDDLE[None])[0]
+    asked = []
+
+    def red(points):
+        asked.append(points)
+        return np.tile(np.array([255, 0, 0], np.uint8), (len(points), 1))
+
+    painted = shaded.render(standing, camera, SIZE, colours=red)
+    distance = np.linalg.norm(np.concatenate(asked) - centre, axis=-1) * standing.field.field_from_mesh.scale
+    np.testing.assert_allclose(distance, RADIUS, atol=1e-9)
+    np.testing.assert_array_equal(painted.seen, clay.seen)
+    ball, ground = painted.seen == 1, painted.seen == 0
+    assert (painted.picture[ball][:, 0] > painted.picture[ball][:, 1]).all()
+    np.testing.assert_array_equal(painted.picture[ground], clay.picture[ground])
+
+
+def test_what_is_painted_asks_for_no_shadow_of_its_own(standing, drawn):
+    camera, _ = drawn
+    counted = scene_field.Counted(standing.field)
+    shaded.render(dataclasses.replace(standing, field=counted), camera, SIZE)
+    clay, counted.queries = counted.queries, 0
+    shaded.render(
+        dataclasses.replace(standing, field=counted),
+        camera,
+        SIZE,
+        colours=lambda points: np.zeros((len(points), 3), np.uint8),
+    )
+    assert counted.queries < clay

@@ -8,11 +8,10 @@ from PIL import Image
 
 from ddf.fields import framed_field
 from ddf.geometry import cameras, rays, transforms
-from ddf.pictures import field_pictures
+from ddf.pictures import shaded
 
 _NEAR = 0.03  # of the size: a point that far behind what the camera sees is seen too
 _OPAQUE = 128
-_LEAST_LIGHT = 0.35  # of a surface seen from its side
 _TURNS = (0.0, 90.0, 180.0, 270.0)  # degrees from the image's azimuth
 
 
@@ -44,24 +43,16 @@ class Paint:
         return found, seen
 
     def sheet(self, size: int = 256) -> Image.Image:
-        """The image, and the field in its colours from the camera and from three others around it."""
+        """The image, and the field in its colours, lit, from the camera and from three others around it."""
         view = Image.fromarray(self.view).resize((size, size))
         cells = [np.asarray(Image.alpha_composite(Image.new("RGBA", view.size, "white"), view))[..., :3]]
         azimuth, elevation = np.degrees(self.camera[:2])
-        cells += [self._seen((azimuth + turn, elevation, self.camera[2]), size) for turn in _TURNS]
+        radius = max(framed_field.framing_radius(self.field, azimuth + turn, elevation) for turn in _TURNS)
+        around = [(azimuth + turn, elevation, radius) for turn in _TURNS]
+        standing = shaded.stand(self.field)
+        shown = shaded.window(standing, around)
+        cells += [
+            shaded.render(standing, each, size, shown, lambda points: self.colours(points)[0]).picture
+            for each in around
+        ]
         return Image.fromarray(np.concatenate(cells, axis=1))
-
-    def _seen(self, camera: tuple[float, float, float], size: int) -> field_pictures.Picture:
-        """The field from a camera (degrees), lit from there, on white."""
-        azimuth, elevation, radius = (np.array(x) for x in (*np.radians(camera[:2]), camera[2]))
-        directions = cameras.pixel_directions(size, np.zeros(())).reshape(-1, 3)
-        centre, along = cameras.pixel_rays(azimuth, elevation, radius, directions)
-        starts = np.broadcast_to(centre / transforms.BENCHMARK_FROM_V1, along.shape)
-        asked = rays.OrientedPoints(starts, along)
-        found, _ = framed_field.query(self.field, asked, ("depth", "normals"))
-        hit = np.isfinite(found["depth"])
-        light = _LEAST_LIGHT + (1 - _LEAST_LIGHT) * np.abs((found["normals"] * along).sum(axis=1))[hit, None]
-        picture = np.ones((size * size, 3))
-        points = rays.surface_points(starts[hit], along[hit], found["depth"][hit])
-        picture[hit] = self.colours(points)[0] / 255 * light
-        return field_pictures.to_bytes(picture.reshape(size, size, 3))
