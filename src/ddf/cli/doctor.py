@@ -168,7 +168,7 @@ def _imports(missing: list[dict[str, str]]) -> dict[str, str]:
     results = {}
     for name in _IMPORTS:
         if sys.stderr.isatty():  # minutes on a cold disk
-            print(f"loading {name}", file=sys.stderr)
+            sys.stderr.write(f"loading {name}\n")
         try:
             importlib.import_module(name)
             results[name] = "ok"

@@ -1,4 +1,4 @@
-"""Shaded pictures of a field: grey clay, or painted, on white, with soft shadows on itself and on the ground, all by its own rays.
+"""Shaded pictures of a field: grey clay or paint on white, with soft shadows on itself and the ground, by its own rays.
 
 The lamp stands above the camera's left shoulder and turns with it. A pixel is one ray, and one more towards a part of
 the lamp where it faces it; only where neighbours differ (outlines, creases, edges of shadows) it is the mean of nine.
