@@ -100,17 +100,21 @@ def _draw_losses(panel: Any, log: pd.DataFrame, colour: str) -> None:
     thin = log.iloc[:: max(1, -(-len(log) // _MAX_POINTS))]
     terms = [name for name in log.columns if name not in ("step", "loss", "seconds")]
     shades = matplotlib.colormaps["tab20c"](np.linspace(0, 1, 20))[:, :3]
+    lifted = 0.0  # of the total too, which may fall below 0 with them
     for i, name in enumerate(terms):
         values = thin[name].to_numpy(dtype=np.float64)
         if (values < 0).any():  # the normals' term is -|cosine|, in [-1, 0]; one more is an error again
-            values, name = values + 1.0, f"{name} + 1"
+            values, name, lifted = values + 1.0, f"{name} + 1", lifted + 1.0
         shade = shades[(4 * i + i // 5) % 20]
-        panel.plot(thin["step"], np.where(values > 0, values, np.nan), lw=0.7, color=shade, label=name)
+        panel.plot(
+            thin["step"], np.where(values > 0, values, np.nan), lw=0.7, color=shade, label=name.replace("_", " ")
+        )
     window = max(1, len(log) // 40)
-    smooth = log["loss"].rolling(window, min_periods=1, center=True).mean().iloc[thin.index]
-    panel.plot(thin["step"], thin["loss"], lw=0.5, alpha=0.35, color=colour)
-    panel.plot(thin["step"], smooth, lw=1.6, color=colour, label="total")
-    if (thin["loss"] > 0).all():
+    total = log["loss"] + lifted
+    smooth = total.rolling(window, min_periods=1, center=True).mean().iloc[thin.index]
+    panel.plot(thin["step"], total.iloc[thin.index], lw=0.5, alpha=0.35, color=colour)
+    panel.plot(thin["step"], smooth, lw=1.6, color=colour, label=f"total + {lifted:.0f}" if lifted else "total")
+    if (total > 0).all():
         panel.set_yscale("log")
         panel.yaxis.set_minor_formatter(ticker.NullFormatter())
     panel.xaxis.set_major_locator(ticker.MaxNLocator(4))

@@ -54,3 +54,13 @@ def test_every_loss_term_is_drawn_even_a_negative_one():
     nodes = ElementTree.fromstring(with_terms).iter()
     drawn = [node.attrib["d"].count("L") for node in nodes if colour in (node.get("style") or "") and node.get("d")]
     assert max(drawn) == len(_LOG) - 1
+
+
+def test_a_total_that_falls_below_zero_does_not_dive_where_it_is_drawn():
+    log = _LOG.assign(loss=_LOG["loss"] + _LOG["normals"], weight_variance=0.1)
+    assert log["loss"].min() < 0
+    panel = figures.figure.Figure().subplots()
+    figures._draw_losses(panel, log, "black")
+    lines = {line.get_label(): np.asarray(line.get_ydata()) for line in panel.lines}
+    assert {"normals + 1", "weight variance", "total + 1"} <= set(lines) and panel.get_yscale() == "log"
+    assert lines["total + 1"].min() == pytest.approx(log["loss"].min() + 1, abs=0.01)
