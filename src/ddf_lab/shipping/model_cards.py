@@ -2,7 +2,7 @@
 
 import dataclasses
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -120,14 +120,8 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
     (scores, seeds), parameters = _scores(run, name), _count(weights)
     seen, shapes = _seen(dataset, name), dataset.train(name)
     data = [f"{len(shapes) - len(seen)} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each."]
-    licence = [LICENCE]
     if seen:
         data.append(f"{len(seen)} {name}s of other people (`ddf shapes`), {max(len(v) for _, v in shapes)} views each.")
-        makers = {
-            each: sorted({row.creator for row in seen if row.licence == each}) for each in {r.licence for r in seen}
-        }
-        licence = ["MIT, as this repository. Renders of shapes of these people trained it:"]
-        licence += [f"{each}: {', '.join(makers[each])}." for each in sorted(makers)]
     summary = f"Camera and field of a {name} from one RGBA image."
     shipping.write_card(
         out,
@@ -153,10 +147,19 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
                 f"Any object is taken for a {name}. Images without alpha are cut out by their background or `--mask`.",
                 "`ddf reconstruct` warns of images unlike 99 % of those of training. Some of other objects pass.",
             ],
-            "Licence": licence,
+            "Licence": licence(seen),
         },
     )
     return {"name": name, "kind": "reconstruction", "summary": summary}
+
+
+def licence(seen: Sequence[manifest.Row]) -> list[str]:
+    """Under which licence a model is, and whose shapes it has seen."""
+    if not seen:
+        return [LICENCE]
+    makers = {each: sorted({row.creator for row in seen if row.licence == each}) for each in {r.licence for r in seen}}
+    said = [f"{each}: {', '.join(names)}." for each, names in sorted(makers.items())]
+    return ["MIT, as this repository. Renders of shapes of these people trained it:", *said]
 
 
 def _of(seeds: int) -> str:
