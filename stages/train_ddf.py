@@ -33,7 +33,7 @@ def make(run: Run) -> None:
     propose = casting.moved(memory, propose)
 
     model = reconstruction_models.ddf_model(train, section.field).to(training_loop.device())
-    model.camera_head.fit(images.cameras)
+    model.fit_cameras(images)
     facts, modules = [train, section, run.category, digest], [training_steps, casting]
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     out_dir = run.folder("train_ddf", seed=run.seed)

@@ -27,7 +27,7 @@ def make(run: Run) -> None:
     images, shapes = memory.images(images), memory.clouds(shapes)
 
     model = reconstruction_models.pcsiren_model(train).to(training_loop.device())
-    model.camera_head.fit(images.cameras)
+    model.fit_cameras(images)
     facts = [train, section, run.category, digest]
     architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     training_loop.fit(

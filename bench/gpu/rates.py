@@ -176,7 +176,7 @@ def _correction_row(model: reconstruction_models.DDFModel, sizes: Sizes) -> dict
     """Cameras of as many images at a time as a GPU corrects together, moved to agree with a mask of noise."""
     images = sizes.corrected_images
     data = step_cost.random_images(images, sizes.correction.mask_size)
-    model.camera_head.fit(data.cameras)
+    model.fit_cameras(data)
     with torch.no_grad():
         latents = torch.zeros((images, sizes.train.latent_features), device=training_loop.device())
         modulations = model.modulations(latents)

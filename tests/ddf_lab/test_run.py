@@ -75,10 +75,10 @@ def test_a_change_that_does_not_fit_is_one_line(tmp_path, change, message):
 def test_every_setting_can_be_changed_whether_a_file_gives_it_or_not(tmp_path):
     path = tmp_path / "a.yaml"
     path.write_text("ddf: {counts: {U: 7, A: 7, B: 7, S: 7, T: 7, O: 7, E: 7}, proposals: {points: 9}}")
-    changes = ["train.loop.muon=0.1", "ddf.proposals.directions=3", "dataset.categories={car: 5}", "ddf.mask_pixels=4"]
+    changes = ["train.loop.muon=0.1", "ddf.proposals.points=3", "dataset.categories={car: 5}", "ddf.mask_pixels=4"]
     given = Run.read(path, changes=[*changes, "train.loop.muon=0.2", "evaluate.oracle_points=0x10"]).sections()
     assert given["train"] == settings.TrainConfig(loop=training_loop.LoopConfig(muon=0.2))  # the last one counts
-    assert given["ddf"].proposals == settings.ProposalConfig(9, 3) and given["ddf"].mask_pixels == 4
+    assert given["ddf"].proposals == settings.ProposalConfig(3) and given["ddf"].mask_pixels == 4
     assert (given["dataset"].categories, given["evaluate"].oracle_points) == ({"car": 5}, 16)
 
 

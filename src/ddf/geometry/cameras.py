@@ -103,6 +103,12 @@ def pixel_rays(
     return centre, arrays.like(directions, world_to_camera) @ world_to_camera
 
 
+def mirrored(camera: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+    """The camera that sees the mirror image in z = 0 as `camera` sees the shape, left for right: -θ, in [0, 2π)."""
+    xp = arrays.namespace(camera)
+    return xp.concat((-camera[..., :1] % (2 * math.pi), camera[..., 1:]), -1)
+
+
 def degrees_to_radians(camera: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
     """(azimuth, elevation, radius) from the metadata's degrees to radians; the radius stays."""
     return camera * arrays.like(np.array([math.pi / 180, math.pi / 180, 1.0]), camera)

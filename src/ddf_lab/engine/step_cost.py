@@ -120,7 +120,7 @@ def _trial(
     loop: training_loop.LoopConfig,
     loss: training_loop.StepLoss,
 ) -> Trial:
-    model.camera_head.fit(images.cameras)
+    model.fit_cameras(images)
     model.to(training_loop.device()).train()
     groups = model.parameter_groups()
     return Trial(model, loss, loop.optimiser(model, groups))

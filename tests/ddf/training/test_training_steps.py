@@ -26,23 +26,25 @@ def test_the_mask_is_that_of_the_images_as_they_are():
     assert torch.equal(found.alpha, wanted[:, 3]) and not torch.equal(found.images[:, 3], wanted[:, 3])
 
 
+@pytest.mark.parametrize("told", [False, True])
 @pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
-def test_steps_lower_the_loss_and_reach_every_parameter(kind):
+def test_steps_lower_the_loss_and_reach_every_parameter(kind, told):
     torch.manual_seed(0)
+    train = dataclasses.replace(TRAIN, told=told)
     images, shapes = _hand_made.images(), _hand_made.shapes()
     if kind == "ddf":
-        model = reconstruction_models.ddf_model(TRAIN, DDF.field)
-        model.camera_head.fit(images.cameras)
+        model = reconstruction_models.ddf_model(train, DDF.field)
+        model.fit_cameras(images)
         samples = _hand_made.samples()
 
         def step(k):
-            return training_steps.ddf_step(model, images, shapes, samples, TRAIN, DDF, k)
+            return training_steps.ddf_step(model, images, shapes, samples, train, DDF, k)
     else:
-        model = reconstruction_models.pcsiren_model(TRAIN)
-        model.camera_head.fit(images.cameras)
+        model = reconstruction_models.pcsiren_model(train)
+        model.fit_cameras(images)
 
         def step(k):
-            return training_steps.pcsiren_step(model, images, shapes, TRAIN, PCSIREN, k)
+            return training_steps.pcsiren_step(model, images, shapes, train, PCSIREN, k)
 
     loss, terms = step(0)
     loss.backward()

@@ -8,19 +8,22 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
 
 from ddf.core import checks
+from ddf.data.batches import category_data
 from ddf.fields import pddf, rendering, siren
 from ddf.fields.gpu import compiled_passes
 from ddf.geometry import cameras
 from ddf.models.encoders import catalogue
-from ddf.models.reconstruction import settings
+from ddf.models.reconstruction import settings, told_encoder
 
 LEAST_PAIR = 0.05  # a (sin θ, cos θ) shorter than this says nothing; the slope of its angle is 1 / length
+MOST_MASKS = 1000  # of the training set, that say what is usual
 LOG_OF_ZERO = -100.0  # where `torch.nn.functional.binary_cross_entropy` bounds a logarithm
 
 
@@ -102,13 +105,24 @@ class ReconstructionModel(nn.Module):
         encoder_width: int,
         azimuth: settings.Azimuth = "angle",
         encoder: str = "resnet",
+        told: bool = False,
     ) -> None:
         super().__init__()
         make = catalogue.ENCODERS[encoder]
         self.camera_head = CameraHead(azimuth)
         self.shape_encoder = make(latent_features, encoder_width)
-        self.camera_encoder = make(self.camera_head.num_scores, encoder_width)
+        scores = self.camera_head.num_scores
+        self.camera_encoder: nn.Module = (
+            told_encoder.ToldEncoder(make, scores, encoder_width) if told else make(scores, encoder_width)
+        )
         self.decoder = decoder
+
+    def fit_cameras(self, images: category_data.ImageSet) -> None:
+        """Take from the training images what cameras and masks are usual; as `CameraHead.fit`."""
+        self.camera_head.fit(images.cameras)
+        if isinstance(self.camera_encoder, told_encoder.ToldEncoder):
+            rows = np.linspace(0, len(images.shapes) - 1, min(MOST_MASKS, len(images.shapes))).round().astype(int)
+            self.camera_encoder.fit(images.batch(rows)[:, 3], images.cameras[:, 2])
 
     def parameter_groups(self, encoder_share: float = 1.0) -> list[dict]:
         """AdamW groups: decay on the two predictors, none on the decoder. Source: [DDF22] app. E.

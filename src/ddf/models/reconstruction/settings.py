@@ -38,6 +38,9 @@ class TrainConfig(schema.Checked):
     batch_size: int = setting(32, "images of a step", _SI3DR, least=2)
     loop: training_loop.LoopConfig = setting(training_loop.LoopConfig(), "how both models are optimised", only=_LOOP)
     azimuth: Azimuth = setting("angle", "how it is predicted; sincos: (sin θ, cos θ), which have no end", _SI3DR)
+    told: bool = setting(
+        False, "the camera's encoder has the mask's numbers (`told_encoder`), and half of the images mirrored", _SI3DR
+    )
     augmentation: dict[str, float] | None = setting(
         None, "largest random changes of training images, by name (`varied_images`); null: as they are", _SI3DR
     )
@@ -49,9 +52,9 @@ class TrainConfig(schema.Checked):
             varied_images.check(self.augmentation)
 
     @property
-    def encoders(self) -> tuple[int, Azimuth, str]:
+    def encoders(self) -> tuple[int, Azimuth, str, bool]:
         """What both models make their encoders by: `ReconstructionModel`."""
-        return self.encoder_width, self.azimuth, self.encoder
+        return self.encoder_width, self.azimuth, self.encoder, self.told
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class ProposalConfig(schema.Checked):
     """How many rays the field proposes per shape of a batch, see `proposed_rays`."""
 
     points: int = setting(160, "starts per shape", least=1)
-    directions: int = setting(2, "candidates at each", least=1)
+    directions: int = fixed(2, least=1)  # candidates at each
 
 
 @dataclass(frozen=True)

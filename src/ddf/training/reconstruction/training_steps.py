@@ -13,6 +13,7 @@ from ddf.core import arrays, distributed
 from ddf.data.batches import category_data, sources, varied_images
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf
+from ddf.geometry import cameras
 from ddf.models.reconstruction import reconstruction_models, settings
 from ddf.training import chamfer_loss, training_loop
 
@@ -98,12 +99,11 @@ def ddf_step(
     if propose is not None:
         points = propose(points, model.field, modulations, batch.drawn, batch.random, batch.part)
     shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights, train.loop.matmul)
-    scores = model.camera_encoder(batch.images)
-    camera_loss = model.camera_head.loss(scores, batch.cameras)
+    camera_loss, seen_from = _cameras(model, batch, train)
     mask_loss = reconstruction_models.mask_loss(
         model.field,
         modulations,
-        model.camera_head(scores),
+        seen_from,
         arrays.send(shapes.field_scales(batch.shapes), place),
         category_data.averaged(batch.alpha, config.mask_size),
         config.mask_pixels,
@@ -112,6 +112,22 @@ def ddf_step(
     ).mean()
     total = shape_loss + settings.CAMERA_WEIGHT * camera_loss + config.mask_weight * mask_loss
     return total, {**terms, "camera": camera_loss.detach(), "mask": mask_loss.detach()}
+
+
+def _cameras(
+    model: reconstruction_models.ReconstructionModel, batch: Batch, train: settings.TrainConfig
+) -> tuple[Float[Tensor, ""], Float[Tensor, "b 3"]]:
+    """L_Π and the predicted cameras of the images as they are; with `train.told` half of them are shown mirrored."""
+    if not train.told:
+        scores = model.camera_encoder(batch.images)
+        return model.camera_head.loss(scores, batch.cameras), model.camera_head(scores)
+    turned = batch.chances(1) < 0.5
+
+    def as_shown(camera: Float[Tensor, "b 3"]) -> Float[Tensor, "b 3"]:
+        return torch.where(turned, cameras.mirrored(camera), camera)
+
+    scores = model.camera_encoder(torch.where(turned[..., None, None], batch.images.flip(-1), batch.images))
+    return model.camera_head.loss(scores, as_shown(batch.cameras)), as_shown(model.camera_head(scores))
 
 
 def pcsiren_step(
@@ -129,6 +145,6 @@ def pcsiren_step(
     seeds = batch.random.uniform(-1, 1, (len(batch.drawn), config.points, 3))[batch.part].astype(np.float32)
     predicted = model.decoder(arrays.send(seeds, place), model.shape_encoder(batch.images))
     chamfer = chamfer_loss.chamfer_loss(predicted, truth)
-    camera_loss = model.camera_head.loss(model.camera_encoder(batch.images), batch.cameras)
+    camera_loss, _ = _cameras(model, batch, train)
     total = chamfer + settings.CAMERA_WEIGHT * camera_loss
     return total, {"chamfer": chamfer.detach(), "camera": camera_loss.detach()}
