@@ -81,13 +81,14 @@ def sine(mesh: mesh_io.Mesh, seconds: float) -> Way:
     return _way(f"sine, {seconds:g} s", field, size, took)
 
 
-def patches(mesh: mesh_io.Mesh, tolerance: float) -> Way:
-    """Patches of a tolerance."""
+def patches(mesh: mesh_io.Mesh, tolerance: float) -> tuple[Way, patch_field.PatchField]:
+    """Patches of a tolerance, and their field."""
     started = time.process_time()
     arrays, record = patch_field.fitted(*fitting.in_cube(mesh), build.PatchConfig(tolerance))
     took = time.process_time() - started
     size = sum(values.nbytes for values in arrays.values())
-    return _way(f"patches, {tolerance:g}", patch_field.of(arrays, record), size, took)
+    field = patch_field.of(arrays, record)
+    return _way(f"patches, {tolerance:g}", field, size, took), field
 
 
 def _way(name: str, field: framed_field.FramedField, size: int, took: float) -> Way:
@@ -169,7 +170,7 @@ def errors(way: Way, scene: raycast.Scene, field: framed_field.FramedField) -> d
 
 def rows_of(name: str, mesh: mesh_io.Mesh, budgets: Sequence[float], tolerances: Sequence[float]) -> list[dict]:
     """All ways for one mesh, their images timed in turn."""
-    fields = [patches(mesh, tolerance) for tolerance in tolerances] + [sine(mesh, seconds) for seconds in budgets]
+    fields = [patches(mesh, tolerance)[0] for tolerance in tolerances] + [sine(mesh, seconds) for seconds in budgets]
     frame = patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), build.PatchConfig(1e-2)))
     scene, ways = raycast.Scene(mesh), [*fields, cast(mesh, frame)]
     times = measuring.interleaved({way.name: way.image for way in ways}, REPEATS, clock=time.process_time)

@@ -1,0 +1,203 @@
+"""Fields against what renders a mesh without one, as its triangles grow from 1,000 to 1,000,000: error, time, memory.
+
+`rock` is a sphere whose radius waves at every wavelength that its triangles carry, so a finer one has finer detail;
+`hoops` are rings of 1/100 the shape's size, `cut` the rock of 10,000, each triangle cut into 64 that add nothing.
+`patches` is what `ddf fit` makes, `sine` its network after some seconds; `distances` is sphere tracing, compiled,
+through a grid of signed distances; `mesh` is Open3D's cast in float32 (Embree) and nothing else. Times are CPU time of
+one core, for the rays of an image of 256 x 256, which are given to all but the network; errors as in fits. Resident memory of a field or grid is that of the numbers its rays read; of a mesh what a
+fresh process grows by when its tree is built.
+"""
+
+import argparse
+import dataclasses
+import multiprocessing
+import time
+from collections.abc import Sequence
+from concurrent import futures
+from pathlib import Path
+
+import numpy as np
+import torch
+import trimesh
+
+from bench.data import ray_casting
+from bench.fields import fits
+from bench.lib import display, measuring, results
+from bench.rivals import distance_grid
+from ddf.fields import framed_field
+from ddf.fields.grid import build
+from ddf.geometry import mesh_io, raycast, rays
+
+ON_DEMAND = "python -m bench frontier, a quarter of an hour"
+GROWING, SECONDS, SIDES = (1_000, 10_000, 100_000, 1_000_000), 20, (128, 256)
+PER_WAVE, SLOPE, WAVES = 4, 0.05, 24  # edges of a wave; its height over its length; waves of a length
+HOOPS, WIDTH = 10, 0.01
+
+
+def rock(count: int) -> mesh_io.Mesh:
+    """About so many triangles; lengths of waves are halved until four edges make one."""
+    sphere, random = ray_casting.sphere(count), np.random.default_rng(3)
+    edge, length, radius = 2 * np.pi / np.sqrt(count), 2.0, np.ones(len(sphere.vertices))
+    while length >= PER_WAVE * edge:
+        ways = random.standard_normal((WAVES, 3))
+        ways *= 2 * np.pi / length / np.linalg.norm(ways, axis=1, keepdims=True)
+        phases = random.uniform(0, 2 * np.pi, WAVES)
+        for way, phase in zip(ways, phases, strict=True):
+            radius += SLOPE * length / np.sqrt(WAVES) * np.sin(sphere.vertices @ way + phase)
+        length /= 2
+    return mesh_io.Mesh(sphere.vertices * radius[:, None], sphere.faces)
+
+
+def hoops(count: int) -> mesh_io.Mesh:
+    """Thin rings, one in the other, none touching, turned at random."""
+    around = round(np.sqrt(count / HOOPS / 2 * 10))
+    radii, parts = np.linspace(0.35, 0.99, HOOPS), []
+    for turn, radius in enumerate(radii):
+        part = trimesh.creation.torus(radius, WIDTH, major_sections=around, minor_sections=around // 10)
+        part.apply_transform(trimesh.transformations.random_rotation_matrix(np.random.default_rng(turn).random(3)))
+        parts.append(part)
+    whole = trimesh.util.concatenate(parts)
+    return mesh_io.Mesh(np.array(whole.vertices), np.array(whole.faces))
+
+
+def cut(mesh: mesh_io.Mesh) -> mesh_io.Mesh:
+    """The same surface of 64 times as many triangles."""
+    vertices, faces = mesh.vertices, mesh.faces
+    for _ in range(3):
+        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
+    return mesh_io.Mesh(vertices, faces)
+
+
+def meshes() -> dict[str, mesh_io.Mesh]:
+    """By name."""
+    rocks = {f"rock {count:,}": rock(count) for count in GROWING}
+    return {**rocks, "hoops": hoops(100_000), "cut rock 10,000": cut(rocks["rock 10,000"])}
+
+
+def distances(scene: raycast.Scene, side: int, points: rays.OrientedPoints) -> fits.Way:
+    """Sphere tracing through so many voxels along the longest side. points: rays of the image."""
+    started = time.process_time()
+    grid = distance_grid.of(scene, side)
+    took = time.process_time() - started
+    return fits.Way(f"distances, {side}", grid.cast, lambda: grid.cast(points), grid.samples.nbytes, took)
+
+
+def plain_cast(mesh: mesh_io.Mesh, points: rays.OrientedPoints) -> fits.Way:
+    """The mesh by Open3D alone: no depths in float64, no care for starts on a face."""
+    scene = raycast.Scene(mesh)
+
+    def local(asked: rays.OrientedPoints) -> np.ndarray:
+        return np.concatenate([scene.local(asked.positions), asked.directions], axis=1).astype(np.float32)
+
+    started = time.process_time()
+    scene.cast_kept(local(points)[:1])
+    took, image = time.process_time() - started, local(points)
+
+    def ask(asked: rays.OrientedPoints) -> fits.Answer:
+        depth, _, normals = scene.cast_kept(local(asked))
+        facing = np.where((normals * asked.directions).sum(axis=1, keepdims=True) > 0, -normals, normals)
+        return depth.astype(np.float64) * scene.scale, facing
+
+    return fits.Way("mesh", ask, lambda: scene.cast_kept(image), 12 * (len(mesh.vertices) + len(mesh.faces)), took)
+
+
+def tree_bytes(mesh: mesh_io.Mesh) -> int:
+    """What a fresh process grows by when it casts the mesh."""
+    with futures.ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as fresh:
+        return fresh.submit(_grown, mesh).result()
+
+
+def _grown(mesh: mesh_io.Mesh) -> int:
+    ray = np.array([[0, 0, 5, 0, 0, -1]], np.float32)
+    small, scene = raycast.Scene(ray_casting.sphere(1000)), raycast.Scene(mesh)
+    small.cast_local(ray)  # loads the library
+    before = _resident()
+    scene.cast_local(ray)
+    return _resident() - before
+
+
+def _resident() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+
+def rows_of(name: str, mesh: mesh_io.Mesh, seconds: float) -> list[dict]:
+    """All ways for one mesh, their images timed in turn."""
+    scene = raycast.Scene(mesh)
+    patches, field = fits.patches(mesh, build.PatchConfig().tolerance)
+    tree = field.tree
+    camera = (35.0, 25.0, framed_field.framing_radius(field, 35.0, 25.0))
+    back = field.field_from_mesh.inverse()
+    starts, ways = framed_field.camera_rays(field, camera, fits.SIZE)
+    points = rays.OrientedPoints(back.apply(starts), back.apply_directions(ways))
+    patches = dataclasses.replace(patches, image=lambda: field.evaluate(starts, ways, ("visibility", "depth")))
+    read = (tree.base, tree.children, tree.patches, tree.codes)
+    resident = {patches: sum(values.nbytes for values in read)}
+    if seconds:
+        made = fits.sine(mesh, seconds)
+        resident[made] = made.size
+    for side in SIDES:
+        made = distances(scene, side, points)
+        resident[made] = made.size
+    resident[plain_cast(mesh, points)] = tree_bytes(mesh)
+    times = measuring.interleaved({way.name: way.image for way in resident}, fits.REPEATS, clock=time.process_time)
+    rows = []
+    for way, held in resident.items():
+        size = {"shape": name, "triangles": len(mesh.faces)}
+        row = measuring.row(way.name, size, times[way.name], fits.errors(way, scene, field))
+        rows.append({**row, "bytes": way.size, "resident": held, "made_in_s": way.seconds})
+        print(name, rows[-1], flush=True)
+    return rows
+
+
+MEASURED = {
+    "time of an image": lambda row: row.seconds[1],
+    "median depth": lambda row: row.error["depth_median"],
+    "wrong rays inside": lambda row: row.error["wrong_inner"],
+    "wrong rays off the surface": lambda row: row.error["wrong_surface"],
+    "bytes": lambda row: row.told["bytes"],
+    "resident memory": lambda row: row.told["resident"],
+    "time to make": lambda row: row.told["made_in_s"],
+}
+
+
+def _note(benchmark: results.Benchmark) -> str:
+    """In what each rival beats patches, a sentence each, and how patches and meshes grow."""
+    ways: dict[str, dict[str, results.Row]] = {}
+    for row in benchmark.rows:
+        ways.setdefault(row.what.partition(",")[0] if "patches" in row.what else row.what, {})[row.size["shape"]] = row
+    own, said = ways.pop("patches"), []
+    for name, rows in ways.items():
+        won = {what: [shape for shape in rows if of(rows[shape]) < of(own[shape])] for what, of in MEASURED.items()}
+        told = [
+            f"{what} ({len(rows)} of {len(rows)} shapes)" for what, shapes in won.items() if len(shapes) == len(rows)
+        ]
+        told += [f"{what} ({', '.join(shapes)})" for what, shapes in won.items() if 0 < len(shapes) < len(rows)]
+        said.append(f"`{name}` beats patches in {'; '.join(told) or 'nothing'}.")
+    ends = [f"rock {GROWING[0]:,}", f"rock {GROWING[-1]:,}"]
+    if set(ends) <= set(own):
+        for name, rows in (("patches", own), ("mesh", ways["mesh"])):
+            times = " to ".join(display.milliseconds(rows[end]) for end in ends)
+            held = " to ".join(display.number(rows[end].told["resident"] / 1e6) for end in ends)
+            said.append(f"From {ends[0]} to {GROWING[-1]:,} triangles {name} takes {times} ms and holds {held} MB.")
+    return " ".join(said)
+
+
+SECTION = display.Section((display.View("depth_median", "median error of depth", ("shape",)),), _note)
+
+
+def main(given: Sequence[str]) -> None:
+    """Make, ask and time."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="of the network, one core; up to 100,000")
+    parser.add_argument("--only", nargs="*", help="shapes by name; writes nothing")
+    arguments = parser.parse_args(given)
+    torch.set_num_threads(1)
+    fits.patches(ray_casting.sphere(100), 1e-2)  # compiles
+    chosen = {name: mesh for name, mesh in meshes().items() if not arguments.only or name in arguments.only}
+    rows = [
+        row
+        for name, mesh in chosen.items()
+        for row in rows_of(name, mesh, arguments.seconds if len(mesh.faces) <= GROWING[2] else 0)
+    ]
+    if not arguments.only:
+        measuring.write("frontier", 1, rows)
