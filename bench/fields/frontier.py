@@ -4,8 +4,9 @@
 `hoops` are rings of 1/100 the shape's size, `cut` the rock of 10,000, each triangle cut into 64 that add nothing.
 `patches` is what `ddf fit` makes, `sine` its network after some seconds; `distances` is sphere tracing, compiled,
 through a grid of signed distances; `mesh` is Open3D's cast in float32 (Embree) and nothing else. Times are CPU time of
-one core, for the rays of an image of 256 x 256, which are given to all but the network; errors as in fits. Resident memory of a field or grid is that of the numbers its rays read; of a mesh what a
-fresh process grows by when its tree is built.
+one core, for the rays of an image of 256 x 256, which are given to all but the network; errors as in fits. Resident
+memory of a field or grid is that of the numbers its rays read; of a mesh what a fresh process grows by when its tree is
+built.
 """
 
 import argparse

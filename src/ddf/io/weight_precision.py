@@ -32,8 +32,8 @@ def reduce(data: bytes, precision: str) -> bytes:
     """The file with its weights in the precision named, which its metadata then says."""
     require(precision)
     model = onnx.load_from_string(data)
-    if precision == "int8" and any(node.op_type == "Loop" for node in model.graph.node):
-        raise checks.InputError("int8 is of networks; patches take float32, float16 or bfloat16")
+    if any(node.op_type == "Loop" for node in model.graph.node):
+        raise checks.InputError(f"{precision} is of networks; patches are integers of 16 bits already")
     properties = {entry.key: entry.value for entry in model.metadata_props}
     model = _stored(model, precision) if precision in STORED else _quantised(model)
     onnx.helper.set_model_props(model, properties | {"precision": precision})

@@ -16,7 +16,7 @@ from ddf.fields.grid import kernels
 BASE = 16  # cells of the base along a side
 EMPTY, LEAF, CUT = 0, 1, 2  # states
 BENT = 1 << 10  # of a code in a file: the patch is no plane
-_ONE = 32767  # of int16
+ONE = 32767  # of int16
 _PARTS = np.indices((2, 2, 2)).reshape(3, -1).T  # least corners of the parts of a cell, in its halves
 _TYPES = {"cells": np.uint8, "codes": np.uint16, "planes": np.int16, "bends": np.int16}
 
@@ -54,8 +54,8 @@ def pack(
     return {
         "cells": quads @ np.array([1, 4, 16, 64], np.uint8),
         "codes": (codes + BENT * bent).astype(np.uint16),
-        "planes": np.rint(np.clip(planes, -1, 1) * _ONE).astype(np.int16),
-        "bends": np.rint(np.clip(bends, -1, 1) * _ONE).astype(np.int16),
+        "planes": np.rint(np.clip(planes, -1, 1) * ONE).astype(np.int16),
+        "bends": np.rint(np.clip(bends, -1, 1) * ONE).astype(np.int16),
     }
 
 
@@ -95,8 +95,8 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> Octree:
     nodes[states == CUT] = -1 - np.arange((states == CUT).sum())
     side, centre = (np.repeat(np.concatenate(part), per_leaf, axis=0) for part in (sides, centres))
     rows = np.zeros((len(codes), kernels.WIDTH))
-    rows[:, :3], rows[:, 3] = _unfolded(planes[:, :2] / _ONE), planes[:, 2] / _ONE * side
-    rows[bent, 4:] = bends / _ONE * kernels.MOST_BENT / side[bent, None]
+    rows[:, :3], rows[:, 3] = _unfolded(planes[:, :2] / ONE), planes[:, 2] / ONE * side
+    rows[bent, 4:] = bends / ONE * kernels.MOST_BENT / side[bent, None]
     base, children = nodes[: BASE**3].reshape(3 * (BASE,)), nodes[BASE**3 :].reshape(-1, 8)
     return Octree(base, children, rows.astype(np.float32), arrays["codes"], centre, side)
 
