@@ -10,7 +10,9 @@ built.
 """
 
 import argparse
+import ctypes
 import dataclasses
+import gc
 import multiprocessing
 import time
 from collections.abc import Sequence
@@ -52,21 +54,21 @@ def rock(count: int) -> mesh_io.Mesh:
 def hoops(count: int) -> mesh_io.Mesh:
     """Thin rings, one in the other, none touching, turned at random."""
     around = round(np.sqrt(count / HOOPS / 2 * 10))
-    radii, parts = np.linspace(0.35, 0.99, HOOPS), []
-    for turn, radius in enumerate(radii):
+    vertices, faces = [], []
+    for turn, radius in enumerate(np.linspace(0.35, 0.99, HOOPS)):
         part = trimesh.creation.torus(radius, WIDTH, major_sections=around, minor_sections=around // 10)
         part.apply_transform(trimesh.transformations.random_rotation_matrix(np.random.default_rng(turn).random(3)))
-        parts.append(part)
-    whole = trimesh.util.concatenate(parts)
-    return mesh_io.Mesh(np.array(whole.vertices), np.array(whole.faces))
+        faces.append(np.array(part.faces) + sum(map(len, vertices)))
+        vertices.append(np.array(part.vertices))
+    return mesh_io.Mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
 def cut(mesh: mesh_io.Mesh) -> mesh_io.Mesh:
     """The same surface of 64 times as many triangles."""
-    vertices, faces = mesh.vertices, mesh.faces
+    found = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     for _ in range(3):
-        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
-    return mesh_io.Mesh(vertices, faces)
+        found = found.subdivide()
+    return mesh_io.Mesh(np.array(found.vertices), np.array(found.faces))
 
 
 def meshes() -> dict[str, mesh_io.Mesh]:
@@ -118,6 +120,8 @@ def _grown(mesh: mesh_io.Mesh) -> int:
 
 
 def _resident() -> int:
+    gc.collect()
+    ctypes.CDLL(None).malloc_trim(0)  # what was freed before would be taken again, unseen
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
 

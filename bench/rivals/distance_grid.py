@@ -14,6 +14,7 @@ from ddf.fields.grid.kernels import compiled
 from ddf.geometry import raycast, rays
 
 LEAST, MOST_STEPS = 0.25, 1024  # of a voxel, a step; steps of a ray
+ON, OFF = 0.1, 0.5  # voxels: a start that is so near to a wall lies on it; how far it goes unseen
 _MARGIN, _NEAR = 2, 2  # voxels around the mesh; within which a distance is exact
 
 
@@ -42,7 +43,7 @@ def of(scene: raycast.Scene, side: int) -> DistanceGrid:
     size = 8 * np.ceil(((upper - lower) / voxel + 2 * _MARGIN) / 8 - 1e-9).astype(int)
     lower, samples = (lower + upper - size * voxel) / 2, np.zeros((0, 0, 0))
     for step in (8, 4, 2, 1):
-        index = np.indices(size // step + 1)
+        index = np.indices(tuple(size // step + 1))
         if step == 8:
             samples, near = np.zeros(index.shape[1:]), np.ones(index.shape[1:], bool)
         else:
@@ -88,6 +89,9 @@ def _traced(samples, starts, directions, voxel):
         if t > leave:
             continue
         f = _sample(samples, px + t * vx, py + t * vy, pz + t * vz)[0]
+        if abs(f) < ON * voxel:  # starts on a wall, and leaves it
+            t += OFF
+            f = _sample(samples, px + t * vx, py + t * vy, pz + t * vz)[0]
         for _ in range(MOST_STEPS):
             step = max(abs(f) / voxel, LEAST)
             t += step
