@@ -37,9 +37,9 @@ def points(count, seed=0):
     return positions, nn.functional.normalize(torch.randn((count, 3), generator=generator), dim=-1)
 
 
-def ddf_model(azimuth: Literal["angle", "sincos"] = "angle"):
+def ddf_model(azimuth: Literal["angle", "sincos"] = "angle", told: bool = False):
     torch.manual_seed(0)
-    made = reconstruction_models.ddf_model(dataclasses.replace(TRAIN, azimuth=azimuth), DDF.field).eval()
+    made = reconstruction_models.ddf_model(dataclasses.replace(TRAIN, azimuth=azimuth, told=told), DDF.field).eval()
     made.camera_head.fit(CAMERAS)
     return made
 

@@ -144,8 +144,9 @@ def test_every_graph_of_a_model_agrees_with_torch(kind, tmp_path):
         assert cases == {"random 1", "random 7"} | ({"hard"} if "positions" in graph.inputs else set())
 
 
-def test_azimuth_from_sine_and_cosine_agrees_with_torch(tmp_path):
-    graph = onnx_graphs.EncodersGraph(_models.ddf_model("sincos"), 32)
+@pytest.mark.parametrize("told", [False, True])
+def test_azimuth_from_sine_and_cosine_agrees_with_torch(tmp_path, told):
+    graph = onnx_graphs.EncodersGraph(_models.ddf_model("sincos", told), 32)
     rows = onnx_file.export(graph, "encoders", tmp_path / "encoders.onnx", SOURCE, QUICK)
     assert max(row.max_abs / row.tolerance for row in rows) < 1
     images = onnx_graphs.example_images(7, 32, torch.Generator().manual_seed(1))

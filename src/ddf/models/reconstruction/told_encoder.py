@@ -40,8 +40,8 @@ def mask_numbers(alpha: Float[Tensor, "b h w"]) -> Float[Tensor, "b 10"]:
     xx = (alpha.sum(dim=1) * from_x.square()).sum(dim=1) / mass
     yy = (alpha.sum(dim=2) * from_y.square()).sum(dim=1) / mass
     xy = (alpha * from_x[:, None] * from_y[:, :, None]).sum(dim=(1, 2)) / mass
-    size = (xx + yy).clamp_min(4 / alpha[0].numel()).sqrt()
-    area = (mass * 4 / alpha[0].numel()).sqrt()
+    size = (xx + yy).clamp_min(4 / math.prod(alpha.shape[1:])).sqrt()
+    area = (mass * 4 / math.prod(alpha.shape[1:])).sqrt()
     (left, right), (top, bottom) = ends
     over = (xx / size, xy / size, area, left - x, right - x, top - y, bottom - y)
     return torch.stack((size.log(), x, y, *(each / size for each in over)), dim=1)
