@@ -234,8 +234,9 @@ class _Problem:
     config: CompletionConfig
 
     def loss(self, state: _State, seen: _Rays) -> Float[Tensor, "k"]:
-        """Of each start."""
-        return -self.log_likelihoods(state, seen).mean(-1) + self.config.prior * state.u.square().sum(-1) / 2
+        """Of each start; densities of hits are per unit of the scan, or growth would pay by shrinking all errors."""
+        growth = seen.ranges.isfinite().float().mean() * state.growth
+        return growth - self.log_likelihoods(state, seen).mean(-1) + self.config.prior * state.u.square().sum(-1) / 2
 
     def log_likelihoods(self, state: _State, seen: _Rays) -> Float[Tensor, "k n"]:
         """Of each start and ray."""

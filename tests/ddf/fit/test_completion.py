@@ -32,6 +32,20 @@ def test_likelihood_of_a_ray_is_of_mass_one():
     assert float(met[10_000]) == pytest.approx(first, rel=1e-6)
 
 
+def test_a_larger_scale_earns_nothing_by_making_errors_small():
+    model, prior, _ = _chair()
+    problem, count, masses = completion._Problem(model, prior, 0.05, dataclasses.replace(QUICK, prior=0.0)), 2001, []
+    for growth in (0.0, 0.4):  # one ray of the field, through the cube
+        scale = math.exp(growth)
+        shape = torch.zeros(count, 32), torch.zeros(count, 3), torch.zeros(count, 3), torch.full((count,), growth)
+        ranges = torch.linspace(scale, 3 * scale, count)
+        positions, directions = torch.tensor([0.1, 0.2, 2.0]) * scale, torch.tensor([0.0, 0.0, -1.0])
+        seen = completion._Rays(positions.expand(count, 1, 3), directions.expand(count, 1, 3), ranges[:, None])
+        with torch.no_grad():
+            masses.append(float(torch.trapezoid((-problem.loss(completion._State(*shape), seen)).exp(), ranges)))
+    assert masses[0] == pytest.approx(masses[1], rel=1e-3) and masses[0] > 0.1
+
+
 def test_prior_has_mean_and_covariance_of_the_latents_of_training_images():
     model = _models.ddf_model()
     width = model.shape_encoder.fc.in_features
