@@ -249,14 +249,14 @@ def main(arguments: Sequence[str]) -> None:
         known = [_cloud(row) for row in every if row.split == "train"] if "nearest" in args.ways else []
         found: dict[str, list[dict[str, float]]] = {way: [] for way in ("image", *args.ways)}
         for number, row in enumerate([row for row in every if row.split == args.split][: args.shapes]):
-            given, rng = case(row), np.random.default_rng(number)
+            given = case(row)
             with tempfile.TemporaryDirectory() as folder:
                 found["image"].append(solver.of_image(given, Path(folder)))
             for way in found:
                 if way == "nearest":
                     found[way].append(nearest(given, known))
                 elif way in SCANS:
-                    found[way].append(solver.of_scan(given, way, rng))
+                    found[way].append(solver.of_scan(given, way, np.random.default_rng(number)))
             print(row.id, {way: round(own[-1]["f_score_tau_x100"], 1) for way, own in found.items()}, flush=True)
         for told in rows(category, args.split, found):
             print(told["what"], {name: round(value, 3) for name, value in told["error"].items()}, flush=True)

@@ -234,12 +234,11 @@ class _Problem:
     config: CompletionConfig
 
     def loss(self, state: _State, seen: _Rays) -> Float[Tensor, "k"]:
-        """Of each start; densities of hits are per unit of the scan, or growth would pay by shrinking all errors."""
-        growth = seen.ranges.isfinite().float().mean() * state.growth
-        return growth - self.log_likelihoods(state, seen).mean(-1) + self.config.prior * state.u.square().sum(-1) / 2
+        """Of each start."""
+        return -self.log_likelihoods(state, seen).mean(-1) + self.config.prior * state.u.square().sum(-1) / 2
 
     def log_likelihoods(self, state: _State, seen: _Rays) -> Float[Tensor, "k n"]:
-        """Of each start and ray."""
+        """Of each start and ray; lengths are those of the first pose, or growth would pay by making errors small."""
         modulations = self.model.modulations(self.prior.latents(state.u))
         rotation = rotations(state.turn)
         shrink = torch.exp(-state.growth)[:, None]
@@ -250,8 +249,9 @@ class _Problem:
         entry, way, meets = rays.enter_box(positions, directions, *cube)
         near, far = rays.box_span(positions, directions, *cube)
         raw = self.model.field(entry, directions, modulations)
-        depths = self.model.field.depths(raw)
-        return ray_log_likelihood(raw, depths, ranges - way, hit, far - near, meets, self.width, self.config.outliers)
+        depths, ranges, through = self.model.field.depths(raw) / shrink[..., None], (ranges - way) / shrink, far - near
+        given = (hit, through / shrink, meets, self.width, self.config.outliers)
+        return ray_log_likelihood(raw, depths, ranges, *given)
 
 
 def ray_log_likelihood(
