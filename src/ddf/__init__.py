@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ddf.api.completion import Completion, complete
     from ddf.api.field import Field, fit, load
+    from ddf.api.generation import generate
     from ddf.api.meshes import cast, read_mesh
     from ddf.api.reconstruction import Reconstruction, reconstruct
     from ddf.api.scene import Scene, compose
@@ -34,6 +35,7 @@ _HOMES = {
     "compare": "scores",
     "Completion": "completion",
     "complete": "completion",
+    "generate": "generation",
     "depth_camera": "sensors",
     "lidar": "sensors",
 }
@@ -48,6 +50,7 @@ __all__ = [
     "compose",
     "depth_camera",
     "fit",
+    "generate",
     "lidar",
     "load",
     "read_mesh",

@@ -22,6 +22,7 @@ MAKEFILE = (ROOT / "Makefile").read_text()
 NOT_RUN = {
     r"make ": "an experiment, or the set-up of the whole environment; tests/stages runs stages on tiny data",
     r"ddf (export|reconstruct|generate) .*artifacts/": "needs a trained experiment; tests/cli runs it on tiny ones",
+    r"ddf generate (chair|plane)": "half a minute of a core; tests/cli runs it on tiny models",
     r"ddf reconstruct .*/sample_": "a minute of a busy core; tests/cli runs it on tiny models",
     r"ddf complete |whole_chair": "needs a scan; tests/ddf/cli/model/test_cli_complete.py runs it",
     r"ddf points ": "half a minute of a core; tests/cli runs it",

@@ -36,7 +36,7 @@ def of(model: reconstruction_models.DDFModel, known: Mapping[str, Tensor], axes:
     """
     if not known:
         raise checks.InputError(
-            "this model does not say what its training images were like; complete needs one that does"
+            "this model does not say what its training images were like; give one that stage train_ddf writes today"
         )
     last = model.shape_encoder.fc
     mean, covariance = familiarity.features(known)

@@ -1,7 +1,7 @@
 """Shaded pictures of a field: grey clay or paint on white, with soft shadows on itself and the ground, by its own rays.
 
-The lamp stands above the camera's left shoulder and turns with it. A pixel is one ray, and one more towards a part of
-the lamp where it faces it; only where neighbours differ (outlines, creases, edges of shadows) it is the mean of nine.
+The lamp stands above the camera's left shoulder and turns with it. A pixel is one ray, and one more from a part of the
+lamp where it faces it; only where neighbours differ (outlines, creases, edges of shadows) it is the mean of nine.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ _CLAY = np.array([0.80, 0.77, 0.72])
 _SKY, _GROUND, _KEY = np.array([0.34, 0.37, 0.42]), np.array([0.17, 0.15, 0.14]), np.array([0.92, 0.89, 0.84])
 _GLOSS, _SHARPNESS = 0.08, 24.0
 _DARKEST = 0.42  # of the ground's shadow
-_CLEAR = 0.01  # of the box's diagonal: where rays to the lamp begin above the surface
+_CLEAR = 0.03  # of the box's diagonal: what is this near to a point does not shade it
 _BENT = 0.9  # cosine between normals of neighbours, from which on they differ
 _FLOOR_RAYS, _WINDOW_RAYS, _MARGIN = 48, 64, 0.05  # a side; of the window around what is seen
 _GAMMA = 2.2
@@ -161,8 +161,7 @@ class _Light:
         falling = -directions @ turn[:, 1]
         ground = ~seen & (height > 0) & (falling > 1e-6)
         distance = np.where(seen, found["depth"], height / np.where(ground, falling, 1.0))
-        clear = _CLEAR * float(np.linalg.norm(field.upper - field.lower)) / field.field_from_mesh.scale
-        places = starts + distance[:, None] * directions + clear * normals
+        places = starts + distance[:, None] * directions
         lit = self.lit(places, parts[part], (seen & (normals @ middle > 0) & (self.colours is None)) | ground)
         colours = np.ones((len(starts), 3))
         colours[ground] -= _DARKEST * ~lit[ground, None]
@@ -184,11 +183,15 @@ class _Light:
         return axes @ middle, parts / np.linalg.norm(parts, axis=-1, keepdims=True) @ axes.T
 
     def lit(self, points: np.ndarray, lamp: np.ndarray, facing: np.ndarray) -> Bool[np.ndarray, "n"]:
-        """False where something hides the lamp; only points that face it are asked for."""
-        lit = np.ones(len(points), bool)
-        towards = rays.OrientedPoints(points[facing], lamp[facing])
-        found, _ = framed_field.query(self.standing.field, towards, ("visibility",))
-        lit[facing] = found["visibility"] < framed_field.SEEN
+        """False where a ray from the lamp ends before the point; only points that face it are asked for.
+
+        From outside, for rays that begin beside a surface are those that a field knows least.
+        """
+        lit, field = np.ones(len(points), bool), self.standing.field
+        diagonal = float(np.linalg.norm(field.upper - field.lower)) / field.field_from_mesh.scale
+        towards = rays.OrientedPoints(points[facing] + 2 * diagonal * lamp[facing], -lamp[facing])
+        found, _ = framed_field.query(field, towards, ("depth",))
+        lit[facing] = found["depth"] > (2 - _CLEAR) * diagonal
         return lit
 
 

@@ -1,4 +1,4 @@
-"""Sheets of small images: one row below the other, each with its name."""
+"""Sheets of small images: one row below the other, each with its name, if it has one."""
 
 from collections.abc import Sequence
 
@@ -16,17 +16,16 @@ Images = Float[np.ndarray, "_ 3 _ _"]  # rows differ in number
 Row = tuple[str, Images]
 
 
-def sheet(rows: Sequence[Row]) -> bytes:
-    """The rows as one WebP; images in [0, 1], a row may have fewer than another."""
+def sheet(rows: Sequence[Row], cell: int = CELL) -> bytes:
+    """The rows as one WebP; images in [0, 1], `cell` pixels a side; a row may have fewer than another."""
     columns = max(len(images) for _, images in rows)
-    height, width = len(rows) * (_NAME + CELL + _GAP), columns * (CELL + _GAP) - _GAP
-    canvas = Image.new("RGB", (width, height), "white")
+    tops = np.cumsum([0, *((_NAME if name else 0) + cell + _GAP for name, _ in rows)]).tolist()
+    canvas = Image.new("RGB", (columns * (cell + _GAP) - _GAP, tops[-1]), "white")
     pen = ImageDraw.Draw(canvas)
-    for number, (name, images) in enumerate(rows):
-        top = number * (_NAME + CELL + _GAP)
+    for top, below, (name, images) in zip(tops, tops[1:], rows, strict=False):
         pen.text((2, top + _NAME / 2), name, fill=_INK, font=typeface.font(15), anchor="lm")
         for column, image in enumerate(images):
             picture = Image.fromarray(field_pictures.to_bytes(image.transpose(1, 2, 0)))
-            place = (column * (CELL + _GAP), top + _NAME)
-            canvas.paste(picture.resize((CELL, CELL), Image.Resampling.BILINEAR), place)
+            place = (column * (cell + _GAP), below - _GAP - cell)
+            canvas.paste(picture.resize((cell, cell), Image.Resampling.BILINEAR), place)
     return picture_strips.webp_bytes(canvas)

@@ -1,6 +1,7 @@
-"""`ddf generate`: samples of a shape VAE, with images where the model is an image GAN, and what lies between two."""
+"""`ddf generate`: new shapes of a trained model, what they look like, and what lies between two of them."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,20 +10,28 @@ from ddf.cli import arguments
 if TYPE_CHECKING:
     import torch
 
-    from ddf.fields import pddf
-    from ddf.models.generative import image_gans, shape_vae
+    from ddf.fit import shape_field
+    from ddf.models.generative import sampler
+    from ddf.pictures import field_pictures, sheets
 
 EXAMPLES = (
-    "ddf generate artifacts/generative/train_gan/car new_cars",
-    "ddf generate artifacts/generative/train_vae/car new_shapes -n 4 --seed 1",
+    "ddf generate chair new_chairs",
+    "ddf generate artifacts/generative/train_gan/car new_cars -n 4 --seed 1",
 )
 _MOST = 1000
-_BETWEEN = 5  # shapes, and textures, of the interpolation
+_BETWEEN = 6  # shapes of the interpolation, both ends among them
+_SIZE, _PER_LINE = 192, 4  # pixels a side of a picture; pictures beside each other
+_CAMERA = (-35.0, 20.0)  # azimuth and elevation, degrees
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare model, folder, number and seed."""
-    parser.add_argument("model", metavar="MODEL", type=Path, help="folder that stage train_gan or train_vae wrote")
+    parser.add_argument(
+        "model",
+        metavar="MODEL",
+        type=Path,
+        help="chair, plane or car, or a folder that stage train_ddf, train_vae or train_gan wrote",
+    )
     arguments.add_folder(parser, "gets a folder with a field and pictures for each sample, and sheets of all")
     parser.add_argument(
         "-n", "--samples", type=arguments.whole_number(1, _MOST), default=8, help="how many (default %(default)s)"
@@ -34,30 +43,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Draw latents, write their fields and what they look like."""
-    import torch
-
-    from ddf.core import storage
-    from ddf.models.generative import normal_images, pictures, shape_vae
+    from ddf.cli import image_files
+    from ddf.core import shipped_models, storage
+    from ddf.fit import shape_field
+    from ddf.models.generative import normal_images, pictures, sampler
     from ddf.pictures import sheets
 
-    model, features = _load(args.model)
-    latents = normal_images.latents(args.samples, model.decoder.modulator.layers[0].in_features, args.seed, "samples")
+    path = shipped_models.require(args.model, "reconstruction")
+    model = sampler.load(path.parent if path.is_file() else path)
+    latents = normal_images.latents(args.samples, model.features, args.seed, "samples")
+    features = model.images.config.texture_features if model.images else 0
     textures = normal_images.latents(args.samples, features, args.seed, "textures")
-    fields = pictures.fields(model.decoder, latents)
-    rows: list[tuple[str, list[torch.Tensor]]] = [("normals", []), *([("images", [])] if features else [])]
-    record = {"fingerprint": "", "seed": args.seed, "sources": {}}
-    for number, field in enumerate(fields):
+    shapes = [model.decode(latent) for latent in latents]
+    looks = [_look(model, *pair) for pair in zip(shapes, textures, strict=True)]
+    for number, (shape, seen) in enumerate(zip(shapes, looks, strict=True)):
         folder = args.out / f"{number:03d}"
-        shape_vae.write_field(folder, field, float(model.field_scale), record)
-        seen = _look(model, field, textures[number : number + 1] if features else None)
-        for (name, found), picture in zip(rows, seen, strict=True):
-            found.append(picture)
-            storage.write_bytes(folder / f"{name.removesuffix('s')}.png", _png(picture))
-    made = {"samples": sheets.sheet([(name, torch.stack(found).numpy()) for name, found in rows])}
+        shape_field.save(shape, folder, {"fingerprint": "", "seed": args.seed, "sources": {}})
+        for name, picture in seen.items():
+            storage.write_bytes(folder / f"{name}.png", image_files.encode(picture, ".png"))
+    made = {"samples": _rows(looks)}
     if args.samples > 1:
-        made["between"] = sheets.sheet(_between(model, latents, textures if features else None))
-    for name, data in made.items():
-        storage.write_bytes(args.out / f"{name}.webp", data)
+        ends = [pictures.between((each[0], each[1]), _BETWEEN) for each in (latents, textures)]
+        steps = [_look(model, model.decode(latent), texture) for latent, texture in zip(*ends, strict=True)]
+        made["between"] = _rows(steps, _BETWEEN)
+    for name, rows in made.items():
+        storage.write_bytes(args.out / f"{name}.webp", sheets.sheet(rows, _SIZE))
     first = (args.out / "000").as_posix()
     return {
         "samples": [f"{number:03d}" for number in range(args.samples)],
@@ -69,57 +79,29 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _load(folder: Path) -> "tuple[shape_vae.ShapeVAE | image_gans.ImageGAN, int]":
-    """The model, and the features of its textures: 0 of a VAE."""
-    from ddf.core import checks, storage
-    from ddf.models.generative import image_gans, shape_vae
-    from ddf.training import training_loop
-
-    file = folder / training_loop.MODEL
-    if not file.is_file():
-        raise FileNotFoundError(f"{file}: no such model; give a folder that stage train_gan or train_vae wrote")
-    kind = storage.load_metadata(file).get("kind")
-    if kind == image_gans.KIND:
-        model = image_gans.load(folder)
-        return model, model.config.texture_features
-    if kind == shape_vae.KIND:
-        return shape_vae.load(folder), 0
-    raise checks.InputError(
-        f"{folder}: holds neither a shape VAE nor an image GAN; give a folder that stage train_gan or train_vae wrote"
-    )
-
-
 def _look(
-    model: "shape_vae.ShapeVAE | image_gans.ImageGAN", field: "pddf.PDDF", textures: "torch.Tensor | None"
-) -> "list[torch.Tensor]":
-    """Normals on white of one shape, and its image of each texture, in [0, 1]."""
-    from ddf.models.generative import image_gans, normal_images, pictures
-
-    (camera,) = pictures.cameras_around(1, pictures.ELEVATION_DEG, pictures.RADIUS)
-    if isinstance(model, image_gans.ImageGAN) and textures is not None:
-        seen = pictures.look(model, field, camera, textures)
-        return [pictures.on_white(seen.normals).cpu(), *seen.colours.cpu()]
-    normals, _ = normal_images.render(field, model.field_scale, camera)
-    return [pictures.on_white(normals).cpu()]
-
-
-def _between(
-    model: "shape_vae.ShapeVAE | image_gans.ImageGAN", latents: "torch.Tensor", textures: "torch.Tensor | None"
-) -> "list[tuple[str, Any]]":
-    """Rows of the sheet between the first two samples: shapes, and of an image GAN their images of each texture."""
-    import torch
-
+    model: "sampler.Sampler", shape: "shape_field.ShapeField", texture: "torch.Tensor"
+) -> "dict[str, field_pictures.Picture]":
+    """The shape under a lamp and, of an image GAN, its image with that texture."""
+    from ddf.fields import framed_field
     from ddf.models.generative import pictures
+    from ddf.pictures import field_pictures, shaded
 
-    shapes = pictures.fields(model.decoder, pictures.between((latents[0], latents[1]), _BETWEEN))
-    mixed = None if textures is None else pictures.between((textures[0], textures[1]), _BETWEEN)
-    columns = torch.stack([torch.stack(_look(model, field, mixed)) for field in shapes])
-    names = ["normals", *(["textures", *[""] * (_BETWEEN - 1)] if mixed is not None else [])]
-    return [(name, columns[:, row].numpy()) for row, name in enumerate(names)]
+    camera = (*_CAMERA, framed_field.framing_radius(shape, *_CAMERA))
+    standing = shaded.stand(shape)
+    found = {"shape": shaded.render(standing, camera, _SIZE, shaded.window(standing, [camera])).picture}
+    if model.images is not None:
+        (seen_from,) = pictures.cameras_around(1, pictures.ELEVATION_DEG, pictures.RADIUS)
+        (image,) = pictures.look(model.images, shape.field, seen_from, texture[None]).colours
+        found["image"] = field_pictures.to_bytes(image.permute(1, 2, 0).cpu().numpy())
+    return found
 
 
-def _png(picture: "torch.Tensor") -> bytes:
-    from ddf.cli import image_files
-    from ddf.pictures import field_pictures
+def _rows(looks: "Sequence[dict[str, field_pictures.Picture]]", per_line: int = _PER_LINE) -> "list[sheets.Row]":
+    """Lines of shapes, each above that of its images."""
+    import numpy as np
 
-    return image_files.encode(field_pictures.to_bytes(picture.permute(1, 2, 0).numpy()), ".png")
+    lines = [looks[start : start + per_line] for start in range(0, len(looks), per_line)]
+    return [
+        ("", np.stack([each[name].transpose(2, 0, 1) / 255 for each in line])) for line in lines for name in looks[0]
+    ]

@@ -3,7 +3,7 @@
 import contextlib
 import dataclasses
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -53,11 +53,21 @@ class Reconstructed:
 
     def shape(self, model: reconstruction_models.DDFModel) -> shape_field.ShapeField:
         """The field, frame of v1; its box is the cloud's with a margin."""
-        whole = shape_field.conditioned(shape_field.folded(model.field, self.modulations), None, self.scale)
-        points = self.cloud.double().cpu().numpy()
-        lower = np.clip(points.min(axis=0) - _MARGIN, whole.lower, whole.upper - _MARGIN)
-        upper = np.clip(points.max(axis=0) + _MARGIN, lower + _MARGIN, whole.upper)
-        return dataclasses.replace(whole, lower=lower, upper=upper)
+        return placed(model, self.modulations, self.cloud, self.scale)
+
+
+def placed(
+    model: reconstruction_models.DDFModel,
+    modulations: Sequence[Float[Tensor, "1 _"]],
+    cloud: Float[Tensor, "n 3"],
+    scale: float,
+) -> shape_field.ShapeField:
+    """As `Reconstructed.shape`, of its parts."""
+    whole = shape_field.conditioned(shape_field.folded(model.field, modulations), None, scale)
+    points = cloud.double().cpu().numpy()
+    lower = np.clip(points.min(axis=0) - _MARGIN, whole.lower, whole.upper - _MARGIN)
+    upper = np.clip(points.max(axis=0) + _MARGIN, lower + _MARGIN, whole.upper)
+    return dataclasses.replace(whole, lower=lower, upper=upper)
 
 
 def load(folder: Path) -> tuple[reconstruction_models.DDFModel, int]:

@@ -91,7 +91,9 @@ def distribution(made: Clouds, truth: Clouds) -> dict[str, float]:
     Returns:
       matching_x1000: mean over the true shapes of D_C x 1000 to the nearest made one; coverage: share of the true
       shapes that are the nearest to some made one (both Achlioptas et al. 2018). told_apart: share of all shapes whose
-      nearest other one is of their own set, 0.5 where nothing tells the sets apart (Yang et al. 2019).
+      nearest other one is of their own set, 0.5 where nothing tells the sets apart (Yang et al. 2019); copies of the
+      mean shape, the nearest of many, can fool it. energy_x1000: 2 E|x - y| - E|x - x'| - E|y - y'| with sqrt(D_C) as
+      the distance, which they cannot (Székely & Rizzo 2013).
     """
     everyone = [*made, *truth]
     distances = np.full((len(everyone),) * 2, np.inf)
@@ -100,10 +102,13 @@ def distribution(made: Clouds, truth: Clouds) -> dict[str, float]:
             distances[row, column] = distances[column, row] = chamfer(one, everyone[column])
     across = distances[: len(made), len(made) :]
     own = np.arange(len(everyone)) < len(made)
+    apart = np.sqrt(np.where(np.isfinite(distances), distances, 0.0))
+    within = [apart[np.ix_(each, each)].mean() for each in (own, ~own)]
     return {
         "matching_x1000": 1000 * float(across.min(0).mean()),
         "coverage": len(set(across.argmin(1).tolist())) / len(truth),
         "told_apart": float((own[distances.argmin(1)] == own).mean()),
+        "energy_x1000": 1000 * float(2 * apart[own][:, ~own].mean() - sum(within)),
     }
 
 

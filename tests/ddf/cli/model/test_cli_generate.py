@@ -34,8 +34,10 @@ def test_samples_of_an_image_gan_open_as_fields(tmp_path, capsys):
     assert (
         found["samples"] == ["000", "001"] and found["images"] and found["sheets"] == ["samples.webp", "between.webp"]
     )
-    with Image.open(tmp_path / "out/001/image.png") as image, Image.open(tmp_path / "out/001/normal.png") as normals:
-        assert image.size == normals.size == (64, 64)
+    with Image.open(tmp_path / "out/001/image.png") as image, Image.open(tmp_path / "out/001/shape.png") as shape:
+        assert image.size == (64, 64) and shape.size == (192, 192)
+    with Image.open(tmp_path / "out/between.webp") as between:
+        assert between.size == (6 * 196 - 4, 2 * 196)  # shapes, and below them their images
     field = ddf.load(tmp_path / "out" / "001")
     assert field.query(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), ("visibility",))["visibility"].shape == (1,)
     again = _run(capsys, model, str(tmp_path / "again"), "-n", "1", "--seed", "3")
@@ -47,7 +49,7 @@ def test_samples_of_an_image_gan_open_as_fields(tmp_path, capsys):
 def test_a_vae_has_shapes_alone(tmp_path, capsys):
     found = _run(capsys, _write(tmp_path / "vae", shape_vae.KIND), str(tmp_path / "out"), "-n", "2")
     assert not found["images"] and not (tmp_path / "out/000/image.png").exists()
-    assert (tmp_path / "out/000/normal.png").exists()
+    assert (tmp_path / "out/000/shape.png").exists()
     page = tmp_path / "samples.html"
     assert cli.main(["view", *(str(tmp_path / "out" / name) for name in found["samples"]), str(page)]) == 0
     assert "<title>000, 001</title>" in page.read_text()
@@ -56,8 +58,8 @@ def test_a_vae_has_shapes_alone(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
-        ("ddf", "holds neither a shape VAE nor an image GAN"),
-        (None, "no such model; give a folder that stage train_gan"),
+        ("pcsiren", "no shape VAE, image GAN or reconstruction model"),
+        (None, "no such file or folder, and no reconstruction of that name; there are chair"),
     ],
 )
 def test_what_is_no_model_is_told_in_a_line(tmp_path, capsys, kind, said):
@@ -65,6 +67,15 @@ def test_what_is_no_model_is_told_in_a_line(tmp_path, capsys, kind, said):
         storage.save_tensors(tmp_path / "model" / training_loop.MODEL, {"x": np.zeros(1)}, {"kind": kind})
     error = _run(capsys, str(tmp_path / "model"), str(tmp_path / "out"))
     assert said in error and error.count("\n") == 1
+
+
+def test_shapes_of_a_reconstruction_model_are_its_prior(tmp_path, capsys):
+    two, one = ddf.generate("chair", 2, seed=5), ddf.generate("chair", 1, seed=5)
+    assert np.array_equal(two[0].points(50), one[0].points(50))
+    assert not np.array_equal(two[0].points(50), two[1].points(50))
+    assert np.linalg.norm(np.ptp(two[1].points(500), axis=0)) == pytest.approx(1, rel=0.1)  # v1
+    _run(capsys, "chair", str(tmp_path), "-n", "1", "--seed", "5")
+    assert np.array_equal(ddf.load(tmp_path / "000").points(50), one[0].points(50))
 
 
 def test_a_file_in_place_of_the_folder_is_told(tmp_path, capsys):

@@ -1,0 +1,125 @@
+"""Shapes of `ddf generate` beside new procedural ones, which no training saw: 40 clouds of what is seen from outside.
+
+Rows: other true shapes; what the model makes of their images; samples; and three fakes that a score must rank behind
+these: the mean shape again and again, samples drawn towards it, samples with noise. MMD, coverage, 1-NNA and energy as
+in `generative_clouds.distribution`, the shares in percent. The prior's width was chosen by MMD and 1-NNA on chairs:
+`--seed 71 --width` .6, .8, 1 and 1.2. Seconds are processor time of one shape, of one thread.
+"""
+
+import argparse
+import time
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from PIL import Image
+from torch import Tensor
+
+from bench.lib import measuring
+from ddf.core import shipped_models
+from ddf.data import true_clouds
+from ddf.data.synthetic import render, write
+from ddf.fields import cloud_projection
+from ddf.fit import cloud_defaults, latent_prior
+from ddf.geometry import neighbours, transforms
+from ddf.geometry.mesh_io import Mesh
+from ddf.models.generative import normal_images
+from ddf.models.reconstruction import framing, one_image, reconstruction_models, trained
+from ddf_lab.evaluation.generative import generative_clouds
+
+ON_DEMAND = "python -m bench generate, some minutes"
+NAME, THREADS, COUNT, POINTS, TRUTH_POINTS = "generate", 1, 40, 1500, 6000
+BLUR, NOISE = 0.3, 0.03  # width of the blurred samples' prior; standard deviation in v1
+K = transforms.BENCHMARK_FROM_V1
+
+
+def framed(points: Float[np.ndarray, "n 3"], noise: float = 0.0) -> neighbours.Neighbours:
+    """A cloud whose box is centred, with the diagonal of v1, in benchmark units: samples have no size of their own."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    placed = (points - (low + high) / 2) / np.linalg.norm(high - low)
+    return neighbours.Neighbours(K * (placed + noise * np.random.default_rng(0).normal(size=placed.shape)))
+
+
+def truth(category: str, seed: int) -> list[neighbours.Neighbours]:
+    """Clouds of procedural shapes, without hidden points."""
+    found = []
+    for index in range(COUNT):
+        shape, random = write.make_shape(seed, category, index), np.random.default_rng(index)
+        cloud = true_clouds.draw(Mesh(shape.vertices, shape.triangles), TRUTH_POINTS, random)
+        seen = cloud.points[~cloud.hidden].astype(np.float64)
+        found.append(framed(seen[random.permutation(len(seen))[:POINTS]]))
+    return found
+
+
+@torch.no_grad()
+def encoded(model: reconstruction_models.DDFModel, size: int, category: str, seed: int) -> Float[Tensor, "count z"]:
+    """Latents of an image of each procedural shape."""
+    images = []
+    for index in range(COUNT):
+        view, renderer = (
+            write.make_views(seed, category, index, 1)[0],
+            render.Renderer(write.make_shape(seed, category, index)),
+        )
+        picture = Image.fromarray(renderer.render(view)).resize((size, size), Image.Resampling.BOX)
+        images.append(framing.encoder_input(np.array(picture)))
+    return model.shape_encoder(torch.cat(images))
+
+
+@torch.no_grad()
+def decoded(
+    model: reconstruction_models.DDFModel, latents: Float[Tensor, "n z"], noise: float = 0.0
+) -> list[neighbours.Neighbours]:
+    """Clouds of the shapes of latents."""
+    drawn, found = cloud_defaults.cloud(), []
+    for row, latent in enumerate(latents):
+        modulations = [each[0] for each in model.modulations(latent[None])]
+        cycles = cloud_projection.sample(model.field, modulations, POINTS, drawn, torch.Generator().manual_seed(row))
+        found.append(framed(cloud_projection.select(cycles, [POINTS], drawn)[0].double().numpy(), noise))
+    return found
+
+
+def rows(category: str, seed: int, width: float) -> Iterator[dict]:
+    """Of a category, one after the other."""
+    folder = shipped_models.place(category)
+    model, size = one_image.load(folder)
+    model.cpu().requires_grad_(False)
+    prior = latent_prior.of(model, trained.known(folder), model.shape_encoder.fc.out_features)
+    latents = width * normal_images.latents(COUNT, prior.basis.shape[1], 0, "samples")
+    known, others = truth(category, seed), seed + 1000
+    sets = {
+        "other true shapes": lambda: truth(category, others),
+        "of images of these": lambda: decoded(model, encoded(model, size, category, others)),
+        "samples": lambda: decoded(model, prior.latents(latents)),
+        "mean shape": lambda: decoded(model, prior.latents(0 * latents)),
+        "blurred samples": lambda: decoded(model, prior.latents(BLUR * latents)),
+        "noisy samples": lambda: decoded(model, prior.latents(latents), NOISE),
+    }
+    for name, make in sets.items():
+        started = time.process_time()
+        made = make()
+        seconds = (time.process_time() - started) / COUNT
+        found = generative_clouds.distribution(made, known)
+        error = {
+            "mmd_x1000": found["matching_x1000"],
+            "coverage_percent": 100 * found["coverage"],
+            "one_nna_percent": 100 * found["told_apart"],
+            "energy_x1000": found["energy_x1000"],
+        }
+        yield measuring.row(f"{category}: {name}", {"shapes": COUNT, "points": POINTS}, [seconds], error)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Measure every category; what is there is written after each row."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--categories", nargs="+", default=["chair", "plane", "car"])
+    parser.add_argument("--seed", type=int, default=73, help="of the procedural shapes")
+    parser.add_argument("--width", type=float, default=1.0, help="of the prior")
+    args = parser.parse_args(arguments)
+    torch.set_num_threads(THREADS)
+    written = []
+    for category in args.categories:
+        for found in rows(category, args.seed, args.width):
+            print(found["what"], {name: round(value, 3) for name, value in found["error"].items()}, flush=True)
+            written.append(found)
+            measuring.write(NAME, THREADS, written)
