@@ -141,9 +141,7 @@ class Solver:
         found = completion.complete(self.model, self.prior, scan, place, doubt, noise, config=self.config, seed=SEED)
         told = {"seconds": time.process_time() - started, "explained": found.explained}
         if not known:
-            turn = found.scan_from_field.rotation.T @ given.place.rotation
-            told["angle_deg"] = float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))
-            told["scale_percent"] = 100 * abs(found.scan_from_field.scale / given.place.scale - 1)
+            told["angle_deg"], told["scale_percent"] = pose_error(found.scan_from_field, given.place)
         else:
             told |= self.coverage(found, given, rng)
         return told | _told(self.scores(found.modulations, found.scan_from_field, given.truth))
@@ -162,12 +160,18 @@ class Solver:
         return told
 
 
-def off(place: transforms.Similarity, rng: np.random.Generator) -> transforms.Similarity:
-    """A pose that is wrong by `TURN_DEG`, `GROWTH` and `SHIFT`, each one way or the other."""
+def pose_error(found: transforms.Similarity, true: transforms.Similarity) -> tuple[float, float]:
+    """Angle between two poses, degrees, and by how many percent of the true one the scale is off."""
+    cosine = (np.trace(found.rotation.T @ true.rotation) - 1) / 2
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))), 100 * abs(found.scale / true.scale - 1)
+
+
+def off(place: transforms.Similarity, rng: np.random.Generator, turn_deg: float = TURN_DEG) -> transforms.Similarity:
+    """A pose that is wrong by `turn_deg`, `GROWTH` and `SHIFT`, each one way or the other."""
     axis, way = rng.normal(size=(2, 3))
     axis, way = axis / np.linalg.norm(axis), way / np.linalg.norm(way)
     cross = np.cross(np.eye(3), axis)
-    angle = np.radians(TURN_DEG)
+    angle = np.radians(turn_deg)
     turn = np.eye(3) + np.sin(angle) * cross.T + (1 - np.cos(angle)) * cross @ cross
     left, _, right = np.linalg.svd(turn)
     return place.compose(transforms.Similarity(1 + GROWTH * rng.choice([-1, 1]), left @ right, SHIFT * way))
@@ -195,13 +199,13 @@ def align(cloud: Float[np.ndarray, "n 3"], hits: Float[np.ndarray, "m 3"]) -> tu
     for _ in range(ICP_STEPS):
         index, dist_sq = (each[:, 0] for each in tree.search(moved, 1))
         kept = np.argsort(dist_sq)[:keep]
-        moved = _similar(hits[kept], cloud[index[kept]]).apply(hits)
-    map_back = _similar(moved, hits)
+        moved = similar(hits[kept], cloud[index[kept]]).apply(hits)
+    map_back = similar(moved, hits)
     miss = float(np.sqrt(np.sort(tree.search(moved, 1)[1][:, 0])[:keep]).mean()) * map_back.scale
     return map_back.apply(cloud), miss
 
 
-def _similar(source: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "n 3"]) -> transforms.Similarity:
+def similar(source: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "n 3"]) -> transforms.Similarity:
     """The similarity of least squares. Source: Umeyama 1991."""
     a, b = source - source.mean(axis=0), target - target.mean(axis=0)
     left, values, right = np.linalg.svd(b.T @ a / len(a))

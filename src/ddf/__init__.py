@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ddf.api.field import Field, fit, load
     from ddf.api.generation import generate
     from ddf.api.meshes import cast, read_mesh
+    from ddf.api.pose import recover_pose
     from ddf.api.reconstruction import Reconstruction, reconstruct
     from ddf.api.scene import Scene, compose
     from ddf.api.scene_file import read_scene
@@ -38,6 +39,7 @@ _HOMES = {
     "generate": "generation",
     "depth_camera": "sensors",
     "lidar": "sensors",
+    "recover_pose": "pose",
 }
 __all__ = [
     "Completion",
@@ -56,6 +58,7 @@ __all__ = [
     "read_mesh",
     "read_scene",
     "reconstruct",
+    "recover_pose",
 ]
 
 

@@ -51,7 +51,7 @@ def test_compose_two(tmp_path):
 
 
 def test_recover_pose(tmp_path):
-    said = _run(tmp_path, "recover_pose.py", "--turn", "5", "--shift", "0.05", "--steps", "60")
+    said = _run(tmp_path, "recover_pose.py", "--turn", "5", "--shift", "0.05")
     angle, shift = map(float, re.findall(r"\d+\.\d+", said))
     assert angle < 1 and shift < 0.01
 

@@ -20,8 +20,7 @@ from torch.nn import functional
 
 from ddf.core import checks
 from ddf.fields import pddf, rendering
-from ddf.fields.scenes import pose as poses
-from ddf.fit import latent_prior
+from ddf.fit import latent_prior, shape_field
 from ddf.geometry import rays, scans, transforms
 from ddf.models.reconstruction import reconstruction_models
 
@@ -141,22 +140,35 @@ def complete(
       InputError: too few rays end in the cube.
     """
     config, generator = config or CompletionConfig(), torch.Generator().manual_seed(seed)
-    like = prior.mean
-    seen = _evidence(scan, scan_from_field, generator, like)
     width = math.hypot(config.blur, noise / scan_from_field.scale)
     problem = _Problem(model, prior, width, config)
-    state = _starts(problem, seen, doubt, latent, generator)
-    state = _descend(problem, seen, state, doubt is not None, generator)
-    sample = seen.some(_pick(seen, 4 * config.rays, generator))
-    with torch.no_grad():
-        loss = problem.loss(state, sample)
-    best = state.at(loss.argmin()[None])
+    seen = _evidence(scan, scan_from_field, generator, prior.mean)
+    best, loss, sample = _likeliest(problem, seen, doubt, latent, generator)
     pose = scan_from_field.compose(_similarity(best))
     spread = _open(problem, sample, best, generator)
     modulations = [each.detach()[0] for each in model.modulations(prior.latents(best.u))]
     samples = [each.detach() for each in model.modulations(prior.latents(spread))]
     residuals, explained = _residuals(problem, scan, pose, modulations)
-    return Completed(pose, modulations, samples, residuals, explained, float(loss.min()), width)
+    return Completed(pose, modulations, samples, residuals, explained, loss, width)
+
+
+def find(
+    shape: shape_field.ShapeField,
+    scan: scans.Scan,
+    scan_from_field: transforms.Similarity,
+    doubt: Doubt,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> transforms.Similarity:
+    """The likeliest pose of a shape that is known; arguments and errors as of `complete`."""
+    like = shape.field.network.head.weight
+    box = (torch.from_numpy(shape.lower).to(like), torch.from_numpy(shape.upper).to(like))
+    alone = latent_prior.LatentPrior(like.new_zeros(1), like.new_zeros(1, 0))
+    config, generator = CompletionConfig(), torch.Generator().manual_seed(seed)
+    width = math.hypot(config.blur, noise / scan_from_field.scale)
+    problem = _Problem(_Known(shape.field), alone, width, config, box)
+    seen = _evidence(scan, scan_from_field, generator, like)
+    return scan_from_field.compose(_similarity(_likeliest(problem, seen, doubt, None, generator)[0]))
 
 
 def guess(scan: scans.Scan, up: Float[np.ndarray, "3"]) -> transforms.Similarity:
@@ -225,13 +237,25 @@ def _pick(seen: _Rays, count: int, generator: torch.Generator) -> Tensor:
 
 
 @dataclass(frozen=True)
-class _Problem:
-    """What the descent is on."""
+class _Known:
+    """A single shape in place of a model."""
 
-    model: reconstruction_models.DDFModel
+    field: pddf.PDDF
+
+    def modulations(self, _: Tensor) -> None:
+        """None that vary."""
+        return
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """What the descent is on. box: corners of that of the field, None for the cube."""
+
+    model: reconstruction_models.DDFModel | _Known
     prior: latent_prior.LatentPrior
     width: float
     config: CompletionConfig
+    box: tuple[Tensor, Tensor] | None = None
 
     def loss(self, state: _State, seen: _Rays) -> Float[Tensor, "k"]:
         """Of each start."""
@@ -245,9 +269,9 @@ class _Problem:
         positions = ((seen.positions - state.shift[:, None]) @ rotation) * shrink[..., None]
         hit = seen.ranges.isfinite()  # the gradient of what is infinite is no number
         directions, ranges = seen.directions @ rotation, torch.where(hit, seen.ranges, 0.0) * shrink
-        cube = rendering.cube(positions)
-        entry, way, meets = rays.enter_box(positions, directions, *cube)
-        near, far = rays.box_span(positions, directions, *cube)
+        box = self.box or rendering.cube(positions)
+        entry, way, meets = rays.enter_box(positions, directions, *box)
+        near, far = rays.box_span(positions, directions, *box)
         raw = self.model.field(entry, directions, modulations)
         depths, ranges, through = self.model.field.depths(raw) / shrink[..., None], (ranges - way) / shrink, far - near
         given = (hit, through / shrink, meets, self.width, self.config.outliers)
@@ -283,13 +307,25 @@ def ray_log_likelihood(
 
 def rotations(turn: Float[Tensor, "k 3"]) -> Float[Tensor, "k 3 3"]:
     """exp([ω]_×) of each."""
-    return torch.stack([poses.Pose(each, each).rotation() for each in turn])
+    axes = torch.eye(3).to(turn).expand(len(turn), 3, 3)
+    return torch.linalg.matrix_exp(torch.linalg.cross(turn[:, None].expand_as(axes), axes).mT)
 
 
 def _similarity(state: _State) -> transforms.Similarity:
     """The pose of a single start, relative to the first one."""
     u, _, right = np.linalg.svd(rotations(state.turn.double())[0].numpy())
     return transforms.Similarity(math.exp(float(state.growth[0])), u @ right, state.shift[0].double().numpy())
+
+
+def _likeliest(
+    problem: _Problem, seen: _Rays, doubt: Doubt | None, latent: Tensor | None, generator: torch.Generator
+) -> tuple[_State, float, _Rays]:
+    """The best state, its loss, and the rays that these were told by."""
+    state = _descend(problem, seen, _starts(problem, seen, doubt, latent, generator), doubt, generator)
+    sample = seen.some(_pick(seen, 4 * problem.config.rays, generator))
+    with torch.no_grad():
+        loss = problem.loss(state, sample)
+    return state.at(loss.argmin()[None]), float(loss.min()), sample
 
 
 def _starts(
@@ -321,12 +357,12 @@ def _starts(
     return state.at(loss.topk(config.starts, largest=False).indices)
 
 
-def _descend(problem: _Problem, seen: _Rays, state: _State, with_pose: bool, generator: torch.Generator) -> _State:
+def _descend(problem: _Problem, seen: _Rays, state: _State, doubt: Doubt | None, generator: torch.Generator) -> _State:
     """Adam, its rate falling to zero by a cosine; after a third of the steps the best starts alone go on."""
     config = problem.config
     cut = config.steps // 3
     for begin, end in ((0, cut), (cut, config.steps)):
-        moved = state.all() if with_pose else (state.u,)
+        moved = state.all()[: 1 if doubt is None else 4 if doubt.growth else 3]
         groups = [
             {"params": [each.requires_grad_()], "share": 1.0 if each is state.u else config.pose_rate / config.rate}
             for each in moved

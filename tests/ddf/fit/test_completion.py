@@ -171,3 +171,23 @@ def test_guess_is_the_box_of_the_hits_with_the_vertical_up():
         np.testing.assert_allclose(place.rotation[:, 1], up)
         assert place.scale == pytest.approx(2, rel=0.05)
         np.testing.assert_allclose(place.translation, [1, 2, 3], atol=0.1)
+
+
+def test_rotations_are_those_about_their_axes():
+    turned = completion.rotations(torch.tensor([[0.0, 0.0, np.pi / 2], [0.3, 0.0, 0.0]]))
+    np.testing.assert_allclose(turned[0], [[0.0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-6)
+    np.testing.assert_allclose(turned[1, 1:, 1], [math.cos(0.3), math.sin(0.3)], atol=1e-6)
+
+
+@pytest.mark.parametrize("resize", [False, True])
+def test_a_known_object_is_found_to_a_degree_and_a_hundredth(resize):
+    import ddf
+
+    rabbit = ddf.load("rabbit")
+    turn = completion.rotations(math.radians(15) * torch.nn.functional.normalize(torch.tensor([[0.3, 1.0, -0.2]])))
+    left, _, right = np.linalg.svd(turn[0].double().numpy())
+    start = transforms.Similarity(1.08 if resize else 1.0, left @ right, np.array([0.06, -0.04, 0.07]))
+    found = ddf.recover_pose(rabbit, ddf.depth_camera(rabbit, size=40), start.to_matrix(), resize=resize)
+    np.testing.assert_allclose(np.cbrt(np.linalg.det(found[:3, :3])), 1, atol=0.01 if resize else 1e-6)
+    assert np.trace(found[:3, :3]) > 1 + 2 * math.cos(math.radians(1)) - 0.03 * resize
+    assert np.abs(found[:3, 3]).max() < 0.02

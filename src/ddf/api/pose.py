@@ -1,0 +1,58 @@
+"""Where an object that is known stands in a scan."""
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from jaxtyping import Float
+
+from ddf.api.field import Field
+from ddf.core import checks, extras
+from ddf.geometry import scans, transforms
+
+
+def recover_pose(
+    field: Field,
+    scan: str | Path | scans.Scan,
+    start: npt.ArrayLike,
+    *,
+    resize: bool = False,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> Float[np.ndarray, "4 4"]:
+    """Where an object stands in a scan, by descent through its field from a rough pose. Needs torch.
+
+    Args:
+      field: of the object: a network's, by its weights.
+      scan: as of `complete`. Hits far from the object are left out.
+      start: 4x4, from the frame of the field to that of the scan.
+      resize: whether the scale may change too.
+      noise: standard deviation of a range, unit of the scan.
+      seed: the same seed gives the same pose.
+    Returns:
+      4x4, from the frame of the field to that of the scan.
+    Raises:
+      FileNotFoundError: there is no such scan.
+      ValueError: the scan, the start or the field is of another kind, or too few rays end near the object.
+
+    Example:
+      >>> import ddf, numpy as np
+      >>> rabbit = ddf.load("rabbit")
+      >>> start = np.eye(4)
+      >>> start[0, 3] = 0.1
+      >>> found = ddf.recover_pose(rabbit, ddf.depth_camera(rabbit, size=32), start)
+      >>> bool(abs(found - np.eye(4)).max() < 0.02)
+      True
+    """
+    if not 0 <= noise < np.inf:
+        raise checks.InputError(f"noise must be 0 or more, in the unit of the scan; got {noise}")
+    given = scan if isinstance(scan, scans.Scan) else scans.read(Path(scan))
+    place = transforms.Similarity.of_matrix("start", start)
+    with extras.named():
+        from ddf.fit import completion, shape_field
+    shape = field._weights
+    if not isinstance(shape, shape_field.ShapeField) or shape.modulations is not None:
+        raise checks.InputError("recover_pose takes the field of one network (`ddf fit --kind sine`)")
+    doubt = completion.Doubt(growth=completion.Doubt.growth if resize else 0.0)
+    found = completion.find(shape, given, place.compose(shape.field_from_mesh.inverse()), doubt, noise, seed)
+    return found.compose(shape.field_from_mesh).to_matrix()
