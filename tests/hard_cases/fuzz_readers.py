@@ -34,7 +34,7 @@ from ddf.fields import pddf
 from ddf.fields.grid import build, patch_field
 from ddf.fit import field_file, fitting, shape_field
 from ddf.geometry import mesh_io, transforms
-from ddf.io import onnx_field, onnx_file, onnx_graphs
+from ddf.io import onnx_field, onnx_file, onnx_graphs, patch_graph
 
 OUT = Path(__file__).resolve().parents[2] / "reports" / "hard_cases_readers.json"
 _BALL = trimesh.creation.icosphere(subdivisions=1)
@@ -153,11 +153,11 @@ fly: [{position: [0, 0, 2], target: [0, 0, 0]}]
 """
 
 
-def _graph() -> bytes:
-    """A small field as an ONNX file."""
-    graph = onnx_graphs.FieldGraph(_FIELD, ("visibility", "depth", "normals"))
-    facts = {"box": [[-1] * 3, [1] * 3], "transform": _RECORD["field_from_mesh"]}
-    return onnx_file.to_onnx(graph, facts)
+def _graphs() -> list[tuple[str, bytes]]:
+    """A small network and a few patches as ONNX files."""
+    asked, facts = ("visibility", "depth", "normals"), {"transform": _RECORD["field_from_mesh"]}
+    graphs = onnx_graphs.FieldGraph(_FIELD, asked), patch_graph.PatchGraph(patch_field.of(*_PATCHES), asked)
+    return [(".onnx", onnx_file.to_onnx(graph, facts)) for graph in graphs]
 
 
 def _broken(tree: Any, rng: np.random.Generator) -> Any:
@@ -222,7 +222,7 @@ def others() -> dict[str, tuple[list[tuple[str, bytes]], Callable[[bytes, Path],
     return {
         "records": ([(".record", json.dumps(_RECORD).encode())], read_record),
         "patches": ([(".record", json.dumps(_HEAD | _PATCHES[1]).encode())], read_patches),
-        "graphs": ([(".onnx", _graph())], read_graph),
+        "graphs": (_graphs(), read_graph),
         "scenes": ([(".yaml", _SCENE)], read_scene),
     }
 

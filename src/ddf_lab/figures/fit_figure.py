@@ -10,6 +10,8 @@ import numpy as np
 
 from ddf.data.synthetic import showcase
 from ddf.fields import framed_field
+from ddf.fields.grid import build, patch_field
+from ddf.fit import fitting
 from ddf.fit.shape_field import ShapeField
 from ddf.geometry import raycast, rays
 from ddf.io import viewer_layout, viewer_page
@@ -27,19 +29,14 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """A line of pictures per camera, errors per shape, and all shapes live."""
     strips, lines = [], []
     fields = [(name, figure_fields.fitted(name, config, folder)) for name in NAMES]
-    for name, field in fields:
-        scene, errors = raycast.Scene(showcase.SHAPES[name]()), []
-        for camera in CAMERAS:
-            images, evaluated = framed_field.render(field, camera, config.picture_size, _ASKED)
-            starts, directions = framed_field.camera_rays(field, camera, config.picture_size)
-            back = field.field_from_mesh.inverse()
-            hits = raycast.cast(scene, rays.OrientedPoints(back.apply(starts), back.apply_directions(directions)))
-            cells, found = _pictures(images, hits)
-            errors.append([*found, evaluated / config.picture_size**2])
-            strips.append(picture_strips.StripRow(f"{name}, azimuth {camera[0]:g}°", ("one query a pixel",), cells))
-        depth, angle, wrong, asked = np.mean(errors, axis=0)
-        scale = field.field_from_mesh.scale
-        lines.append([name, f"{scale * depth:.4f}", f"{angle:.1f}", f"{100 * wrong:.1f}", f"{asked:.2f}"])
+    for name, network in fields:
+        mesh = showcase.SHAPES[name]()
+        patches = patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), build.PatchConfig()))
+        for what, field in ((name, network), (f"{name}, patches", patches)):
+            rows, (depth, angle, wrong, asked) = _views(name, field, raycast.Scene(mesh), config.picture_size)
+            strips += rows if field is network else []  # pictures of the paper's kind
+            scale = field.field_from_mesh.scale
+            lines.append([what, f"{scale * depth:.5f}", f"{angle:.1f}", f"{100 * wrong:.1f}", f"{asked:.2f}"])
     return pages.Section(
         "Fits of several shapes",
         [
@@ -60,6 +57,22 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             "Answers [DDF22] fig. `singobjfits`.",
         ],
     )
+
+
+def _views(
+    name: str, field: framed_field.FramedField, scene: raycast.Scene, side: int
+) -> tuple[list[picture_strips.StripRow], np.ndarray]:
+    """A line of pictures per camera; errors of `_pictures` and queries a pixel, means over the cameras."""
+    strips, errors = [], []
+    for camera in CAMERAS:
+        images, evaluated = framed_field.render(field, camera, side, _ASKED)
+        starts, directions = framed_field.camera_rays(field, camera, side)
+        back = field.field_from_mesh.inverse()
+        hits = raycast.cast(scene, rays.OrientedPoints(back.apply(starts), back.apply_directions(directions)))
+        cells, found = _pictures(images, hits)
+        errors.append([*found, evaluated / side**2])
+        strips.append(picture_strips.StripRow(f"{name}, azimuth {camera[0]:g}°", ("one query a pixel",), cells))
+    return strips, np.mean(errors, axis=0)
 
 
 def live(fields: Sequence[tuple[str, ShapeField]]) -> pages.Live:
