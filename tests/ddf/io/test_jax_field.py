@@ -35,7 +35,7 @@ def test_values_are_those_of_the_field_under_jit_and_vmap():
         np.testing.assert_allclose(visibility, truth["visibility"], atol=2e-3)
         seen = np.isfinite(truth["depth"])
         assert 0.3 < seen.mean() < 1 and visibility[0] == 0
-        np.testing.assert_allclose(np.asarray(depth)[seen], truth["depth"][seen], atol=2e-3 * size)
+        np.testing.assert_allclose(np.asarray(depth)[seen], truth["depth"][seen], atol=float(2e-3 * size))
 
 
 def test_gradients_are_finite_and_find_a_shift_again():
