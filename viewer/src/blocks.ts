@@ -7,6 +7,8 @@ import type { Vector } from "./vectors.ts";
 export interface ModelRecord {
   image_size: number; // pixels a side that the encoders take
   samples: string[]; // addresses of images, their data inside
+  radius: number; // mean of training cameras, benchmark units
+  usual: boolean; // whether the encoders say how far an image is from the training images
 }
 
 /** Record `page` of the page, see Python's `viewer_page`. */

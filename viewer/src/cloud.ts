@@ -70,12 +70,14 @@ export async function ply(world: World): Promise<string> {
 
 /** The diagonal of the box of points, without the outermost of every axis. */
 export function spread(points: Vector[], share = 0.002): number {
-  const sides = [0, 1, 2].map((axis) => {
-    const sorted = Float64Array.from(points, (point) => point[axis]!).sort();
-    const cut = Math.floor(share * sorted.length);
-    return sorted[sorted.length - 1 - cut]! - sorted[cut]!;
-  });
-  return Math.hypot(...sides);
+  return Math.hypot(...[0, 1, 2].map((axis) => ends(points.map((point) => point[axis]!), share)).map(([low, high]) => high - low));
+}
+
+/** The least and the largest of numbers, without a share of them at both ends. */
+export function ends(values: readonly number[], share = 0.002): [number, number] {
+  const sorted = Float64Array.from(values).sort();
+  const cut = Math.floor(share * sorted.length);
+  return [sorted[cut]!, sorted[sorted.length - 1 - cut]!];
 }
 
 /** Points over the picture. */

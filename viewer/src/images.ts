@@ -1,4 +1,4 @@
-/** RGBA images as the encoders take them: `shapenet.read_any_image`, with Pillow's bilinear filter on premultiplied colours. */
+/** Images of the encoders: RGBA bytes, with Pillow's bilinear filter on premultiplied colours. */
 
 export interface Pixels {
   data: ArrayLike<number>; // RGBA, 0 to 255
@@ -8,14 +8,14 @@ export interface Pixels {
 
 const UNIT = 2 ** 22; // what weights are whole multiples of, as Pillow's are
 
-/** Weights of the triangle filter that shrinks or grows `from` pixels to `to`, times `UNIT`: for every new pixel, the first old one and its weights. */
-function filter(from: number, to: number): { first: number; weights: number[] }[] {
-  const scale = from / to;
+/** Weights of the triangle filter that makes `to` pixels of those from `start` to `end` of `count`, times `UNIT`: for every new pixel, the first old one and its weights. */
+function filter(count: number, start: number, end: number, to: number): { first: number; weights: number[] }[] {
+  const scale = (end - start) / to;
   const support = Math.max(scale, 1);
   return Array.from({ length: to }, (_, at) => {
-    const centre = (at + 0.5) * scale;
+    const centre = start + (at + 0.5) * scale;
     const first = Math.max(0, Math.floor(centre - support + 0.5));
-    const last = Math.min(from, Math.floor(centre + support + 0.5));
+    const last = Math.min(count, Math.floor(centre + support + 0.5));
     const weights = Array.from({ length: last - first }, (_, i) => Math.max(0, 1 - Math.abs((first + i + 0.5 - centre) / support)));
     const sum = weights.reduce((a, b) => a + b, 0);
     return { first, weights: weights.map((weight) => Math.floor((weight / sum) * UNIT + 0.5)) };
@@ -25,21 +25,11 @@ function filter(from: number, to: number): { first: number; weights: number[] }[
 /** A sum of bytes by such weights, as a byte. */
 const rounded = (sum: number): number => Math.floor(sum / UNIT + 0.5);
 
-/** In the middle of a transparent square, resized, as planes R, G, B, A in [0, 1]; colours are 0 where alpha is. Bytes are rounded where Pillow rounds them. */
-export function encoderInput(image: Pixels, size: number): Float32Array {
-  const side = Math.max(image.width, image.height);
-  const [left, top] = [Math.floor((side - image.width) / 2), Math.floor((side - image.height) / 2)];
-  const whole = new Uint8Array(4 * side * side);
-  const kept = side === size; // nothing is resized then, and no colour rounded
-  for (let y = 0; y < image.height; y++) {
-    for (let x = 0; x < image.width; x++) {
-      const [from, at] = [4 * (y * image.width + x), 4 * ((y + top) * side + x + left)];
-      const alpha = image.data[from + 3]!;
-      for (let c = 0; c < 3; c++) whole[at + c] = kept ? image.data[from + c]! : Math.round((image.data[from + c]! * alpha) / 255);
-      whole[at + 3] = alpha;
-    }
-  }
-  const small = kept ? whole : resized(whole, side, size);
+/** A box of an image (left, top, right, bottom), resized to a square, as planes R, G, B, A in [0, 1]; colours are 0 where alpha is. Bytes are rounded where Pillow rounds them. */
+export function resized(image: Pixels, box: readonly number[], size: number): Float32Array {
+  const { width, height } = image;
+  const kept = width === size && height === size && [0, 0, size, size].every((side, i) => side === box[i]); // no colour is rounded then
+  const small = kept ? image.data : squeezed(image, box.map(Math.fround), size);
   const planes = new Float32Array(4 * size * size);
   for (let at = 0; at < size * size; at++) {
     const alpha = small[4 * at + 3]!;
@@ -53,20 +43,21 @@ export function encoderInput(image: Pixels, size: number): Float32Array {
   return planes;
 }
 
-/** Premultiplied bytes of a square, resized along x and then along y. */
-function resized(bytes: Uint8Array, side: number, size: number): Uint8Array {
-  const taps = filter(side, size);
-  const rows = new Uint8Array(4 * side * size);
-  for (let y = 0; y < side; y++) {
-    taps.forEach(({ first, weights }, x) => {
+/** Premultiplied bytes, resized along x and then along y. */
+function squeezed({ data, width, height }: Pixels, box: number[], size: number): Uint8Array {
+  const [left, top, right, bottom] = box as [number, number, number, number];
+  const bytes = Uint8Array.from(data, (value, i) => (i % 4 === 3 ? value : Math.round((value * data[i | 3]!) / 255)));
+  const rows = new Uint8Array(4 * height * size);
+  filter(width, left, right, size).forEach(({ first, weights }, x) => {
+    for (let y = 0; y < height; y++) {
       for (let c = 0; c < 4; c++) {
-        const sum = weights.reduce((total, weight, i) => total + weight * bytes[4 * (y * side + first + i) + c]!, 0);
+        const sum = weights.reduce((total, weight, i) => total + weight * bytes[4 * (y * width + first + i) + c]!, 0);
         rows[4 * (y * size + x) + c] = rounded(sum);
       }
-    });
-  }
+    }
+  });
   const found = new Uint8Array(4 * size * size);
-  taps.forEach(({ first, weights }, y) => {
+  filter(height, top, bottom, size).forEach(({ first, weights }, y) => {
     for (let at = 0; at < 4 * size; at++) {
       found[4 * y * size + at] = rounded(weights.reduce((total, weight, i) => total + weight * rows[4 * (first + i) * size + at]!, 0));
     }

@@ -16,7 +16,7 @@ from ddf.fields import field_outputs, pddf, siren
 from ddf.fields.field_outputs import OUTPUTS
 from ddf.fields.field_values import FieldValues
 from ddf.models.encoders.encoder import IMAGE_CHANNELS
-from ddf.models.reconstruction import inference, reconstruction_models
+from ddf.models.reconstruction import familiarity, inference, reconstruction_models
 
 DYNAMIC = "n"  # the name of the axis whose length is free
 
@@ -139,25 +139,39 @@ class EncodersGraph(Graph):
 
 
 class ModulationsGraph(Graph):
-    """From images to what conditions the field, for programs that evaluate the field by themselves."""
+    """From images to what conditions the field, for programs that evaluate the field by themselves.
+
+    known: of `trained.known`; where it is given, how far from the training images each is, too (`familiarity`).
+    """
 
     what = "RGBA images to the camera and the modulations of the field's layers, one after the other"
     largest_batch = 64  # images, not points
+    relative = frozenset({"distance"})
 
-    def __init__(self, model: reconstruction_models.DDFModel, image_size: int) -> None:
+    def __init__(
+        self, model: reconstruction_models.DDFModel, image_size: int, known: Mapping[str, Tensor] | None = None
+    ) -> None:
         super().__init__()
-        self.model = model
+        self.model, self.known = model, known
         self.inputs = {"images": (DYNAMIC, IMAGE_CHANNELS, image_size, image_size)}
         self.meanings = {
             "camera": "azimuth and elevation in radians, radius in benchmark units",
             "modulations": "factors of the sines of all layers, first layer first",
         }
         self.tolerances = {"camera": 1e-4, "modulations": 1e-4}
+        if known:
+            self.meanings["distance"] = "from the mean of the training images, in features of the encoder"
+            self.tolerances["distance"] = 1e-4
 
-    def forward(self, images: Float[Tensor, "n 4 s s"]) -> tuple[Tensor, Tensor]:
+    def forward(self, images: Float[Tensor, "n 4 s s"]) -> tuple[Tensor, ...]:
         """As `inference.encode_batch`."""
-        _, latent, camera = inference.encode_batch(self.model, images)
-        return camera, torch.cat([modulation[:, 0] for modulation in self.model.modulations(latent)], dim=-1)
+        stages, latent, camera = inference.encode_batch(self.model, images)
+        modulations = torch.cat([modulation[:, 0] for modulation in self.model.modulations(latent)], dim=-1)
+        if not self.known:
+            return camera, modulations
+        features = torch.cat(stages, dim=1)
+        mean, factor = (self.known[f"{familiarity.PREFIX}{name}"].to(features) for name in ("mean", "factor"))
+        return camera, modulations, ((features - mean) @ factor).norm(dim=1)
 
 
 class ImageFieldGraph(Graph):

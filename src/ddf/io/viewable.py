@@ -86,17 +86,18 @@ def model_page(folder: Path) -> viewer_page.Page:
     """
     from ddf.fit import shape_field
     from ddf.io import onnx_file, onnx_graphs, onnx_parity
-    from ddf.models.reconstruction import one_image
+    from ddf.models.reconstruction import one_image, trained
 
     samples = [file.read_bytes() for file in sorted(folder.glob("sample_*.png"))]
     if not samples:
         raise checks.InputError(f"{folder}: put an RGBA image sample_0.png there, which the page shows first")
     model, image_size = one_image.load(folder)
-    graph = onnx_graphs.ModulationsGraph(model.cpu(), image_size)
+    known = trained.known(folder)
+    graph = onnx_graphs.ModulationsGraph(model.cpu(), image_size, known)
     onnx = onnx_file.to_onnx(graph, {})
     onnx_parity.require(onnx_parity.compare(onnx, "modulations", graph, (1,), 0))
     shape = shape_field.conditioned(model.field, None, 1.0)
-    encoders = viewer_page.Encoders(onnx, image_size, samples)
+    encoders = viewer_page.Encoders(onnx, image_size, samples, float(model.camera_head.mean[2]), bool(known))
     fields = [viewer_fields.bake(shape, name_of(folder))]
     return viewer_page.Page(name_of(folder), _ABOUT_MODEL, viewer_layout.corners(shape), fields, encoders=encoders)
 

@@ -30,12 +30,15 @@ class Encoders:
     """What a page needs to rebuild the field of an image.
 
     onnx: `onnx_graphs.ModulationsGraph`. image_size: pixels a side that it takes. samples: PNG files to choose from;
-    the page begins with the first.
+    the page begins with the first. radius: of training cameras, the mean, benchmark units. usual: whether the file
+    tells how usual an image is.
     """
 
     onnx: bytes
     image_size: int
     samples: list[bytes]
+    radius: float
+    usual: bool
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,8 @@ def render(page: Page) -> bytes:
     parts = {"title": html.escape(page.title), "weights": block(numbers.tobytes())}
     if page.encoders is not None:
         samples = ["data:image/png;base64," + base64.b64encode(sample).decode() for sample in page.encoders.samples]
-        record["model"] = {"image_size": page.encoders.image_size, "samples": samples}
+        own = {name: getattr(page.encoders, name) for name in ("image_size", "radius", "usual")}
+        record["model"] = own | {"samples": samples}
         parts["model"] = block(page.encoders.onnx)
     parts["graphs"] = "".join(
         f'<script type="text/plain" id="ddf-graph-{name}">{block(graph)}</script>'

@@ -22,7 +22,7 @@ from ddf.fields import checked_cloud
 from ddf.fields.grid import build
 from ddf.fit import patch_fitting, shape_field
 from ddf.io import viewable, viewer_page
-from ddf.models.reconstruction import inference, one_image
+from ddf.models.reconstruction import framing, inference, one_image, trained
 from ddf_lab.report import pages
 
 sync_api = pytest.importorskip("playwright.sync_api")
@@ -433,4 +433,16 @@ def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):
     both = np.isfinite(found) & np.isfinite(expected)
     assert both.sum() > 100 and (np.isfinite(found) != np.isfinite(expected)).sum() < 0.02 * both.sum()
     assert np.quantile(np.abs(found[both] - expected[both]), 0.99) < 1e-2
+    moved = Image.new("RGBA", (400, 300))
+    moved.paste(Image.open(folder / "sample_0.png").convert("RGBA"), (250, 20))
+    moved.save(tmp_path / "moved.png")
+    opened.page.set_input_files("#image", tmp_path / "moved.png")
+    said = opened.page.locator("fieldset", has_text="distance from the training images")
+    while opened.page.evaluate("ddf.rebuilt.index !== null"):  # the page's policy lets nothing wait inside it
+        opened.page.wait_for_timeout(100)
+    said.wait_for(timeout=PATIENCE_MS)
+    opened.still()
+    cutout = framing.Cutout(np.asarray(Image.open(tmp_path / "moved.png")))
+    frame = framing.frame(model, trained.known(folder), cutout, image_size)
+    assert_close(np.array(opened.page.evaluate("ddf.rebuilt.frame")), frame, atol=0.02, rtol=0.0)
     opened.require_quiet()

@@ -12,10 +12,12 @@ from pathlib import Path
 import _models
 import numpy as np
 import pytest
+import torch
 from _support import assert_close
 
 from ddf.core import checks, shipped_models
 from ddf.io import onnx_file, onnx_graphs, onnx_parity, viewable, viewer_page
+from ddf.models.reconstruction import familiarity
 
 SOURCES = Path(__file__).resolve().parents[3] / "viewer"
 SVG = "http://www.w3.org/2000/svg"  # the name of a namespace, which nothing loads
@@ -74,14 +76,20 @@ def test_a_page_of_nothing_names_what_is_missing(tmp_path):
 
 
 def test_encoders_in_the_page_are_those_of_the_model():
-    graph = onnx_graphs.ModulationsGraph(_models.ddf_model(), 32)
-    rows = onnx_parity.compare(onnx_file.to_onnx(graph, {}), "modulations", graph, (1, 3), 0)
-    onnx_parity.require(rows)
-    assert {row.output for row in rows} == {"camera", "modulations"}
+    model = _models.ddf_model()
+    with torch.no_grad():
+        known = familiarity.measure(model.shape_encoder.stages(torch.rand(8, 4, 32, 32)))
+    for graph, more in (
+        (onnx_graphs.ModulationsGraph(model, 32), set()),
+        (onnx_graphs.ModulationsGraph(model, 32, known), {"distance"}),
+    ):
+        rows = onnx_parity.compare(onnx_file.to_onnx(graph, {}), "modulations", graph, (1, 3), 0)
+        onnx_parity.require(rows)
+        assert {row.output for row in rows} == {"camera", "modulations"} | more
 
 
 def test_a_page_with_encoders_holds_the_runtime(page):
-    encoders = viewer_page.Encoders(b"graph", 32, [b"picture"])
+    encoders = viewer_page.Encoders(b"graph", 32, [b"picture"], 0.8, True)
     text = viewer_page.render(dataclasses.replace(page, encoders=encoders)).decode()
     assert gzip.decompress(base64.b64decode(_element(text, "ddf-model"))) == b"graph"
     assert gzip.decompress(base64.b64decode(_element(text, "ddf-runtime")))[:4] == b"\0asm"
