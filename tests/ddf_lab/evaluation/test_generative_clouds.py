@@ -42,6 +42,22 @@ def test_sets_are_compared_by_their_nearest():
     assert same["told_apart"] == 0  # each is beside one of the other set
 
 
+def test_energy_ranks_the_mean_shape_blur_and_noise_behind_samples():
+    truth, made = (np.random.default_rng(seed).normal(size=24) for seed in (0, 1))
+    noise = np.random.default_rng(2).normal(size=(24, 2, 3))
+    sets = {
+        "samples": [_cloud(x) for x in made],
+        "mean": [_cloud(0.0)] * 24,
+        "blur": [_cloud(0.3 * x) for x in made],
+        "noise": [neighbours.Neighbours(_cloud(x).points + each) for x, each in zip(made, noise, strict=True)],
+    }
+    known = [_cloud(x) for x in truth]
+    found = {name: generative_clouds.distribution(clouds, known)["energy_x1000"] for name, clouds in sets.items()}
+    assert min(found, key=lambda name: found[name]) == "samples"
+    assert min(found[name] for name in ("mean", "blur", "noise")) > 2 * found["samples"]
+    assert generative_clouds.distribution(known, known)["energy_x1000"] == pytest.approx(0, abs=1e-9)
+
+
 def test_clouds_of_fields_are_in_the_benchmark_frame():
     fields = pictures.fields(_generative.vae().decoder, torch.ones(1, 5))
     (near,) = generative_clouds.of_fields(fields, [2.0], 20, 0)
