@@ -16,7 +16,7 @@ VAE = settings.VAEConfig(_models.FIELD, 5, 8, 10, 1, 2, 4, _hand_made.COUNTS, _m
 NORMALS = settings.NormalsConfig(4, (25.0, 30.0))
 GAN = settings.GANConfig(NORMALS, 3, 2, 2, 16, "nearest", 4, 2, 10.0, 3, LOOP)
 FEATURES = settings.FeaturesConfig(2, 4, 2, LOOP)
-SCORES = settings.ScoresConfig(FEATURES, 8, 2, 2, None, 6, 0.05, 40, 2, 3, 2)
+SCORES = settings.ScoresConfig(FEATURES, 8, 2, None, 6, 0.05, 40, 2, 3, 2)
 
 
 def vae():

@@ -1,8 +1,8 @@
-"""KID, precision and recall of images on named features, by torch-fidelity; and whether they rank what is known.
+"""KID of images on named features, by torch-fidelity; and whether it ranks what is known.
 
-Sources: Bińkowski et al. 2018 (KID: unbiased, cubic kernel, mean over subsets); Kynkäänniemi et al. 2019 (balls to the
-k-th neighbour). Features come from `image_features` and are made once an image, so that torch-fidelity is given the
-features and not the images.
+Sources: Bińkowski et al. 2018 (KID: unbiased, cubic kernel, mean over subsets). Precision and recall are left out: of
+the mean image precision is 1. Features come from `image_features` and are made once an image, so that torch-fidelity is
+given the features and not the images.
 """
 
 import itertools
@@ -30,24 +30,19 @@ class ImageScores:
 
     kid: float
     kid_spread: float
-    precision: float
-    recall: float
 
 
 def score(
     images: Float[Tensor, "n features"], real: Float[Tensor, "m features"], section: settings.ScoresConfig
 ) -> ImageScores:
     """Of features of images against those of real ones."""
-    from torch_fidelity import metric_kid, metric_prc
+    from torch_fidelity import metric_kid
 
     of_kid = {"kid_subsets": section.subsets, "kid_subset_size": section.subset_size, "rng_seed": section.seed}
     kid = metric_kid.kid_features_to_metric(images.double(), real.double(), verbose=False, **of_kid)
-    found = metric_prc.prc_features_to_metric(images, real, prc_neighborhood=section.neighbours, verbose=False)
     return ImageScores(
         kid[metric_kid.KEY_METRIC_KID_MEAN],
         kid[metric_kid.KEY_METRIC_KID_STD],
-        found[metric_prc.KEY_METRIC_PRECISION],
-        found[metric_prc.KEY_METRIC_RECALL],
     )
 
 

@@ -49,7 +49,7 @@ _LIMIT: Final = (
     "have {steps} steps of narrow ones, so image quality says nothing about the method's best."
 )
 _FEATURES: Final = (
-    "KID x 1000, precision and recall x 100 against {real} real images. Features: a ResNet-20 of width {width}, "
+    "KID x 1000 against {real} real images. Features: a ResNet-20 of width {width}, "
     "trained here for {steps} steps to tell {shapes} other shapes and their views apart. ±: standard deviation over "
     "{subsets} subsets of {size}. FID, paper, ShapeNet: [DDF22] §4.4, of other images and another network."
 )
@@ -172,9 +172,8 @@ def _images(results: _Results) -> pages.Section:
     for name, label in _ROWS.items():
         row, fid = found["rows"][name], found["fid"][name]
         kid = f"{1000 * row['kid']:.1f} ± {1000 * row['kid_spread']:.1f}" if found["in_order"] else UNUSED
-        shares = [f"{100 * row[share]:.1f}" for share in ("precision", "recall")]
-        rows.append([label, kid, *shares, NO_WEIGHTS if fid is None else f"{fid:.1f}", PAPER_FID.get(name, "–")])
-    header = ["", "KID ↓", "precision ↑", "recall ↑", "FID ↓", "FID ↓"]
+        rows.append([label, kid, NO_WEIGHTS if fid is None else f"{fid:.1f}", PAPER_FID.get(name, "–")])
+    header = ["", "KID ↓", "FID ↓", "FID ↓"]
     caption = _FEATURES.format(
         real=found["real"],
         width=section.features.width,
@@ -183,7 +182,7 @@ def _images(results: _Results) -> pages.Section:
         subsets=section.subsets,
         size=section.subset_size,
     )
-    groups = [("", 1, False), ("measured", 4, False), ("paper, ShapeNet", 1, True)]
+    groups = [("", 1, False), ("measured", 2, False), ("paper, ShapeNet", 1, True)]
     kids = ", ".join(f"{name} {1000 * found['rows'][name]['kid']:.1f}" for name in ("ceiling", *found["spoiled"]))
     check = f"KID of real images, spoiled: {kids}. " + (
         "They are in the order that they must have."

@@ -1,4 +1,4 @@
-"""KID, precision and recall against their definitions, and the order of spoiled images."""
+"""KID against its definition, what it ranks last, and the order of spoiled images."""
 
 import dataclasses
 
@@ -6,10 +6,9 @@ import _generative
 import pytest
 import torch
 from _support import assert_close
+from torch.nn import functional
 
 from ddf.metrics import image_scores
-
-FAR = 100.0
 
 
 def _section(size, subsets=2):
@@ -30,15 +29,22 @@ def test_kid_is_the_unbiased_mmd_of_the_cubic_kernel():
     assert found.kid_spread == pytest.approx(0, abs=1e-12)  # every subset is all of them
 
 
-def test_precision_and_recall_of_the_same_and_of_distant_images():
-    points = torch.randn((8, 4), generator=torch.Generator().manual_seed(0))
-    same, distant = (
-        image_scores.score(points, points, _section(8)),
-        image_scores.score(points + FAR, points, _section(8)),
-    )
-    assert (same.precision, same.recall, distant.precision, distant.recall) == (1, 1, 0, 0)
-    near = torch.cat((points[:4], points[4:] + FAR))
-    assert image_scores.score(near, points, _section(8)).precision == pytest.approx(0.5)
+def test_the_mean_image_blur_and_noise_are_behind_other_images():
+    def discs(seed):
+        centres = torch.rand((60, 2, 1, 1), generator=torch.Generator().manual_seed(seed)) * 8 + 4
+        places = torch.stack(torch.meshgrid(torch.arange(16.0), torch.arange(16.0), indexing="ij"))
+        return 2 * ((places - centres).square().sum(1) < 9).float()[:, None].expand(-1, 3, -1, -1) - 1
+
+    real, others = discs(0), discs(1)
+    noise = torch.rand(real.shape, generator=torch.Generator().manual_seed(2)) * 2 - 1
+    fakes = {"mean": real.mean(0).expand_as(real), "blur": image_scores.blurred(others, 2.0), "noise": noise}
+    pooled = {  # of raw pixels, which hardly vary together, the mean image is the nearest
+        name: functional.avg_pool2d(8 * (each + 1), 4).mean(1).flatten(1)
+        for name, each in {"real": real, "others": others, **fakes}.items()
+    }
+    rows = {name: image_scores.score(pooled[name], pooled["real"], _section(60)).kid for name in ("others", *fakes)}
+    assert min(rows, key=lambda name: rows[name]) == "others"
+    assert min(rows[name] for name in fakes) > 3 * abs(rows["others"])
 
 
 @pytest.mark.parametrize(

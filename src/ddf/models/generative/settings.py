@@ -105,14 +105,13 @@ class FeaturesConfig(schema.Checked):
 class ScoresConfig(schema.Checked):
     """Section `scores`: what the generative models are measured by. The spread of KID is that over the subsets.
 
-    neighbours: k of precision and recall. samples: of the prior, drawn and compared with the training shapes.
+    samples: of the prior, drawn and compared with the training shapes.
     cameras: around a shape, as far apart as they can be.
     """
 
     features: FeaturesConfig = setting(FeaturesConfig(), "the image network that images are compared by")
     images: int = setting(10_000, "of each model", least=2)
     subsets: int = setting(100, "of KID", least=2)
-    neighbours: int = fixed(3, least=1)
     inception_weights: Path | None = setting(
         None, "a file for torch-fidelity's Inception network; null: FID is not computed"
     )

@@ -60,7 +60,7 @@ def scores(
     made: dict[str, Float[Tensor, "_ 3 h w"]],
     section: settings.ScoresConfig,
 ) -> dict[str, Any]:
-    """KID, precision, recall and, with Inception's weights, FID, of models, bounds and spoiled images.
+    """KID and, with Inception's weights, FID, of models, bounds and spoiled images.
 
     Real images are split by shape: one half is what all are compared with, the other the ceiling.
     """
