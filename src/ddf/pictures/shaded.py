@@ -96,8 +96,7 @@ def render(
     """What one camera sees.
 
     Args:
-      colours: of the surface, which then has no shadow of its own: networks of many shapes err on rays that begin on
-        them. Clay without.
+      colours: of the surface; clay without.
     Raises:
       InputError: as `framed_field.require_camera`.
     """
@@ -162,7 +161,7 @@ class _Light:
         ground = ~seen & (height > 0) & (falling > 1e-6)
         distance = np.where(seen, found["depth"], height / np.where(ground, falling, 1.0))
         places = starts + distance[:, None] * directions
-        lit = self.lit(places, parts[part], (seen & (normals @ middle > 0) & (self.colours is None)) | ground)
+        lit = self.lit(places, parts[part], (seen & (normals @ middle > 0)) | ground)
         colours = np.ones((len(starts), 3))
         colours[ground] -= _DARKEST * ~lit[ground, None]
         surface = rays.surface_points(starts[seen], directions[seen], distance[seen])

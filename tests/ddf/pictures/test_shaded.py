@@ -138,17 +138,3 @@ def test_paint_is_asked_for_on_the_surface_and_lit(standing, drawn):
     ball, ground = painted.seen == 1, painted.seen == 0
     assert (painted.picture[ball][:, 0] > painted.picture[ball][:, 1]).all()
     np.testing.assert_array_equal(painted.picture[ground], clay.picture[ground])
-
-
-def test_what_is_painted_asks_for_no_shadow_of_its_own(standing, drawn):
-    camera, _ = drawn
-    counted = scene_field.Counted(standing.field)
-    shaded.render(dataclasses.replace(standing, field=counted), camera, SIZE)
-    clay, counted.queries = counted.queries, 0
-    shaded.render(
-        dataclasses.replace(standing, field=counted),
-        camera,
-        SIZE,
-        colours=lambda points: np.zeros((len(points), 3), np.uint8),
-    )
-    assert counted.queries < clay
