@@ -225,16 +225,15 @@ def _fetched(package: Package, folder: Path) -> Path:
 def require_means(lacking: Sequence[Package]) -> None:
     """Raise InputError, which says what to put where, if packages are lacking and there is no apt-get to fetch them."""
     if lacking and shutil.which("apt-get") is None:
-        names = ", ".join(map(str, lacking))
-        raise checks.InputError(f"no {names} here, and no apt-get to fetch them; {_what_to_put(*lacking)}")
+        raise checks.InputError(f"no apt-get to fetch what is missing; {_what_to_put(*lacking)}")
 
 
 def _what_to_put(*lacking: Package) -> str:
-    files = (
-        f"{package.name}_{package.version.partition(':')[2] or package.version}_all.deb "
-        f"({package.size} bytes, SHA-256 {package.sha256})"
-        for package in lacking
-    )
+    """The files by name; few with what tells whether they are the right ones, which `--from` looks at anyway."""
+    files = [f"{each.name}_{each.version.partition(':')[2] or each.version}_all.deb" for each in lacking]
+    if len(files) <= 2:
+        sums = [f"({each.size} bytes, SHA-256 {each.sha256})" for each in lacking]
+        files = [" ".join(both) for both in zip(files, sums, strict=True)]
     return f"put of Debian's archive {', '.join(files)} into a folder and call `ddf shapes get --from FOLDER`"
 
 

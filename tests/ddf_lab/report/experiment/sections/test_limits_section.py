@@ -25,7 +25,7 @@ def test_what_differs_from_the_paper_stands_beside_what_it_prints(name):
     assert {printed for _, printed in papers.values()} == {limits.NOT_GIVEN}
     if name == "cpu":
         (proposals,) = (rest for key, rest in found.items() if key.startswith("`ddf.proposals"))
-        assert proposals == ["points 160, directions 2", "none (app. si3dr)"]
+        assert proposals == ["points 160", "none (app. si3dr)"]
         assert found["`train.batch_size`: images of a step"] == ["12", "32 (app. si3dr)"]
 
 
