@@ -116,9 +116,10 @@ class ConditionalPDDF(nn.Module):
 @torch.no_grad()
 def baked(field: PDDF, modulations: Sequence[Float[Tensor, "1 _"]]) -> PDDF:
     """A conditional field of one shape as a plain one: W_{l+1} (m_l h) = (W_{l+1} diag m_l) h."""
-    plain = copy.deepcopy(field).requires_grad_(False)
-    for layer, modulation in zip((*plain.network.layers[1:], plain.network.head), modulations, strict=True):
-        layer.weight.mul_(modulation)
+    plain = copy.deepcopy(field).requires_grad_(False).eval()
+    with torch.no_grad():
+        for layer, modulation in zip((*plain.network.layers[1:], plain.network.head), modulations, strict=True):
+            layer.weight.mul_(modulation)
     return plain
 
 

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ddf.core import checks, storage
 from ddf.fields import cloud_projection, field_outputs, field_values, framed_field, rendering
-from ddf.fields.pddf import PDDF, PDDFConfig
+from ddf.fields.pddf import PDDF, PDDFConfig, baked
 from ddf.fit import field_file
 from ddf.geometry import transforms
 from ddf.training import training_loop
@@ -81,24 +81,13 @@ def conditioned(field: PDDF, modulations: Sequence[Float[Tensor, "1 _"]] | None,
     return ShapeField(field, -upper, upper, transforms.Similarity(1 / v1_from_field), {}, modulations)
 
 
-def folded(field: PDDF, modulations: Sequence[Float[Tensor, "1 _"]]) -> PDDF:
-    """A field of one shape without its modulations: h = m sin(ω a), so W h = (W diag m) sin(ω a). Derived here."""
-    made = PDDF(field.config).to(field.network.head.weight)
-    made.load_state_dict(field.state_dict())
-    followers = (*made.network.layers[1:], made.network.head)
-    with torch.no_grad():
-        for modulation, follower in zip(modulations, followers, strict=True):
-            follower.weight *= modulation
-    return made.requires_grad_(False).eval()
-
-
 def save(shape: ShapeField, folder: Path, record: dict[str, Any]) -> Path:
     """A field as `ddf fit` writes it, modulations folded in; its file.
 
     Args:
       record: fingerprint, seed and sources.
     """
-    field = shape.field if shape.modulations is None else folded(shape.field, shape.modulations)
+    field = shape.field if shape.modulations is None else baked(shape.field, shape.modulations)
     described = description(field.config, shape.lower, shape.upper, shape.field_from_mesh)
     path = folder / field_file.MODEL
     storage.save_tensors(path, dict(field.state_dict()), {**record, **described})

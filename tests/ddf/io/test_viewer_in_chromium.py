@@ -368,6 +368,7 @@ def test_a_shared_address_brings_others_to_the_same_picture(browser, pair):
     pair.page.get_by_role("button", name="Share").click()
     copy = Opened(browser.new_page())
     copy.page.goto(pair.page.url)
+    copy.still()
     state = (
         "[ddf.view.camera, ddf.view.mode.name, ddf.view.slice.quantity.name, ddf.view.slice.at,"
         " ddf.view.world.fields.map(each => each.record.world_from_mesh.translation)]"

@@ -47,7 +47,7 @@ class ShapeVAE(nn.Module):
 
 def plain_field(decoder: pddf.ConditionalPDDF, latent: Float[Tensor, "z"]) -> pddf.PDDF:
     """The field of one latent without a modulator."""
-    return shape_field.folded(decoder.field, decoder.modulator(latent))
+    return pddf.baked(decoder.field, decoder.modulator(latent))
 
 
 def write_field(folder: Path, field: pddf.PDDF, field_scale: float, record: dict[str, Any]) -> Path:

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from ddf.core import checks, storage
-from ddf.fields import cloud_projection
+from ddf.fields import cloud_projection, pddf
 from ddf.fit import cloud_defaults, shape_field
 from ddf.models.reconstruction import (
     familiarity,
@@ -63,7 +63,7 @@ def placed(
     scale: float,
 ) -> shape_field.ShapeField:
     """As `Reconstructed.shape`, of its parts."""
-    whole = shape_field.conditioned(shape_field.folded(model.field, modulations), None, scale)
+    whole = shape_field.conditioned(pddf.baked(model.field, modulations), None, scale)
     points = cloud.double().cpu().numpy()
     lower = np.clip(points.min(axis=0) - _MARGIN, whole.lower, whole.upper - _MARGIN)
     upper = np.clip(points.max(axis=0) + _MARGIN, lower + _MARGIN, whole.upper)
