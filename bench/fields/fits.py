@@ -26,7 +26,7 @@ from bench.lib import cpu_budget, display, measuring, results
 from ddf.data.synthetic import assemble, cars, chairs, planes
 from ddf.fields import framed_field
 from ddf.fields.grid import build, patch_field
-from ddf.fit import fit_settings, fitting, shape_field
+from ddf.fit import fit_settings, fitting, inspection, shape_field
 from ddf.geometry import mesh_io, raycast, rays
 
 ON_DEMAND = "python -m bench fits, half an hour"
@@ -142,9 +142,7 @@ def errors(way: Way, scene: raycast.Scene, field: framed_field.FramedField) -> d
     random, found = np.random.default_rng(5), {}
     for name, points in {"inner": inner(scene.mesh, random), "surface": on_surface(scene, random)}.items():
         truth, depth = scene.first_hits(points.positions, points.directions)[0], way.ask(points)[0]
-        seen, there = np.isfinite(depth), np.isfinite(truth)
-        off = np.abs(np.where(seen, depth, 0.0) - np.where(there, truth, 0.0)) > OFF * scene.scale
-        found[f"wrong_{name}"] = 100 * float(((seen != there) | (seen & there & off)).mean())
+        found[f"wrong_{name}"] = 100 * float(inspection.wrong(depth, truth, OFF * scene.scale).mean())
     parts, back = [], field.field_from_mesh.inverse()
     for view in range(VIEWS):
         azimuth, elevation = 360 * view / VIEWS + 20, (25.0, -15.0)[view % 2]

@@ -167,7 +167,7 @@ def _imports(missing: list[dict[str, str]]) -> dict[str, str]:
     """Whether the large packages load; a system library that they miss shows only then."""
     results = {}
     for name in _IMPORTS:
-        if sys.stderr.isatty():  # minutes on a cold disk
+        if sys.stderr.isatty():  # each takes seconds
             sys.stderr.write(f"loading {name}\n")
         try:
             importlib.import_module(name)

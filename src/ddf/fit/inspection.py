@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from ddf.fields import framed_field, mesh_field
-from ddf.geometry import mesh_io, rays
+from ddf.geometry import rays
 from ddf.pictures import shaded
 
 PICTURE = "fit.png"  # beside the field, in its folder
@@ -48,14 +48,13 @@ MEASURES = {
 }
 
 
-def measure(field: framed_field.FramedField, mesh: mesh_io.Mesh) -> dict[str, float]:
+def measure(field: framed_field.FramedField, truth: mesh_field.MeshField) -> dict[str, float]:
     """The value of each of `MEASURES`; NaN of what the pictures do not show.
 
     Args:
-      mesh: what the field was fitted to, in its own frame.
+      truth: `mesh_field.beside` of what the field was fitted to.
     """
-    truth, size = mesh_field.beside(field, mesh), float((field.upper - field.lower).max())
-    size /= field.field_from_mesh.scale
+    size = float((field.upper - field.lower).max()) / field.field_from_mesh.scale
     seen = [_seen(field, truth, camera, size) for camera in _cameras(field)]
     depth, angle, thin = (np.concatenate([getattr(view, name) for view in seen]) for name in ("depth", "angle", "thin"))
     return {
@@ -67,11 +66,11 @@ def measure(field: framed_field.FramedField, mesh: mesh_io.Mesh) -> dict[str, fl
     }
 
 
-def picture(field: framed_field.FramedField, mesh: mesh_io.Mesh) -> UInt8[np.ndarray, "h w 3"]:
+def picture(field: framed_field.FramedField, truth: mesh_field.MeshField) -> UInt8[np.ndarray, "h w 3"]:
     """Field above, mesh below, by the same cameras and the same light."""
     cameras = _cameras(field)
     rows = []
-    standing = shaded.stand(mesh_field.beside(field, mesh))
+    standing = shaded.stand(truth)
     shown = [shaded.window(standing, [camera]) for camera in cameras]
     for each in (shaded.Standing(field, standing.up, standing.floor), standing):
         tiles = [shaded.render(each, camera, SIZE, part).picture for camera, part in zip(cameras, shown, strict=True)]
@@ -131,9 +130,14 @@ def _wrong_inside(field: framed_field.FramedField, truth: mesh_field.MeshField, 
     along /= np.linalg.norm(along, axis=-1, keepdims=True)
     asked = rays.OrientedPoints(back.apply(starts), back.apply_directions(along))
     got, true = (framed_field.query(each, asked, ("depth",))[0]["depth"] for each in (field, truth))
-    sees, there = np.isfinite(got), np.isfinite(true)
-    off = np.abs(np.where(sees, got, 0.0) - np.where(there, true, 0.0)) > OFF * size
-    return (sees != there) | (sees & there & off)
+    return wrong(got, true, OFF * size)
+
+
+def wrong(depth: Float[np.ndarray, "n"], truth: Float[np.ndarray, "n"], bound: float) -> Bool[np.ndarray, "n"]:
+    """Which rays say other than the truth whether they end, or are off by more than a bound; depths inf on a miss."""
+    seen, there = np.isfinite(depth), np.isfinite(truth)
+    off = np.abs(np.where(seen, depth, 0.0) - np.where(there, truth, 0.0)) > bound
+    return (seen != there) | (seen & there & off)
 
 
 def _median(values: Float[np.ndarray, "_"]) -> float:

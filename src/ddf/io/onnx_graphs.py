@@ -169,9 +169,7 @@ class ModulationsGraph(Graph):
         modulations = torch.cat([modulation[:, 0] for modulation in self.model.modulations(latent)], dim=-1)
         if not self.known:
             return camera, modulations
-        features = torch.cat(stages, dim=1)
-        mean, factor = (self.known[f"{familiarity.PREFIX}{name}"].to(features) for name in ("mean", "factor"))
-        return camera, modulations, ((features - mean) @ factor).norm(dim=1)
+        return camera, modulations, familiarity.from_mean(self.known, torch.cat(stages, dim=1))
 
 
 class ImageFieldGraph(Graph):

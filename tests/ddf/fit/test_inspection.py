@@ -16,18 +16,22 @@ def asked(mesh: mesh_io.Mesh, instead: mesh_io.Mesh | None = None) -> mesh_field
     return mesh_field.MeshField(raycast.Scene(instead or mesh), lower, upper, place)
 
 
+def measured(field, mesh):
+    return inspection.measure(field, mesh_field.beside(field, mesh))
+
+
 def test_the_mesh_itself_is_without_fault():
     mesh = moved(
         joined(icosphere(3, 0.5), moved(cube(), np.array([0.3, 0.3, 0.005]), (0.0, 0.0, 0.7))), 7.0, (3, 0, -2)
     )
-    found = inspection.measure(asked(mesh), mesh)
+    found = measured(asked(mesh), mesh)
     assert found == pytest.approx({"depth": 0, "silhouettes": 100, "thin": 100, "normals": 0, "inside": 0}, abs=1e-3)
     assert [line[3] for line in inspection.verdicts(found)] == 5 * ["good"]
 
 
 def test_a_smaller_ball_has_the_errors_of_a_smaller_ball():
     mesh, small = (moved(icosphere(5, radius), 5.0, (1.0, 2.0, 3.0)) for radius in (1.0, 0.9))
-    found = inspection.measure(asked(mesh, small), mesh)
+    found = measured(asked(mesh, small), mesh)
     assert 78 < found["silhouettes"] < 81  # just under .9^2
     assert 5 < found["depth"] < 7  # a tenth of the radius at the middle, more aside
     assert np.isnan(found["thin"])
@@ -37,15 +41,15 @@ def test_a_smaller_ball_has_the_errors_of_a_smaller_ball():
 def test_a_lost_rod_is_seen_as_lost():
     ball, rod = icosphere(4, 0.5), moved(cube(), np.array([1.0, 0.008, 0.008]), (0.0, 0.0, 0.7))
     mesh = joined(ball, rod)
-    found = inspection.measure(asked(mesh, ball), mesh)
+    found = measured(asked(mesh, ball), mesh)
     assert found["thin"] == 0
     assert found["silhouettes"] > 90
-    assert inspection.measure(asked(mesh), mesh)["thin"] > 99
+    assert measured(asked(mesh), mesh)["thin"] > 99
 
 
 def test_a_picture_of_the_mesh_has_two_equal_rows():
     mesh = icosphere(2)
-    picture = inspection.picture(asked(mesh), mesh)
+    picture = inspection.picture(asked(mesh), asked(mesh))
     assert picture.shape == (2 * inspection.SIZE, 2 * inspection.SIZE, 3)
     above, below = np.split(picture, 2)
     assert np.array_equal(above, below) and above.std() > 10

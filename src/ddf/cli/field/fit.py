@@ -116,11 +116,13 @@ def _answer(args: argparse.Namespace, mesh: "mesh_io.Mesh", result: dict[str, An
     """The result with how the field looks beside the mesh: a picture, a table and a verdict."""
     from ddf.cli import image_files
     from ddf.core import storage
+    from ddf.fields import mesh_field
     from ddf.fit import inspection, kinds
 
     field, picture = kinds.load(args.out), args.out / inspection.PICTURE
-    looks = inspection.measure(field, mesh)
-    storage.write_bytes(picture, image_files.encode(inspection.picture(field, mesh), picture.suffix))
+    truth = mesh_field.beside(field, mesh)
+    looks = inspection.measure(field, truth)
+    storage.write_bytes(picture, image_files.encode(inspection.picture(field, truth), picture.suffix))
     del result["already"]
     return {
         **result,

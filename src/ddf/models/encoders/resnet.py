@@ -24,9 +24,8 @@ class ResNet18(Encoder):
         self.layer4 = _stage(4 * width, 8 * width, stride=2)
         self.fc = nn.Linear(8 * width, out_features)
         for module in self.modules():
-            if (
-                isinstance(module, nn.Conv2d) and not module.weight.is_meta
-            ):  # random numbers there load torch's compiler
+            # random numbers of the meta device load torch's compiler, seconds
+            if isinstance(module, nn.Conv2d) and not module.weight.is_meta:
                 nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
 
     def stages(self, images: Float[Tensor, "b 4 h w"]) -> tuple[Float[Tensor, "b half"], Float[Tensor, "b features"]]:

@@ -48,9 +48,14 @@ def quantile(known: Mapping[str, Tensor], features: Float[Tensor, "b f"]) -> Flo
 
 
 def distances(known: Mapping[str, Tensor], features: Float[Tensor, "b f"]) -> Float[np.ndarray, "b"]:
-    """From the mean of the training images."""
-    mean, factor = (known[PREFIX + name].double().cpu() for name in _NAMES[:2])
-    return ((features.double().cpu() - mean) @ factor).norm(dim=1).numpy()
+    """As `from_mean`, in double precision."""
+    return from_mean(known, features.double().cpu()).numpy()
+
+
+def from_mean(known: Mapping[str, Tensor], features: Float[Tensor, "b f"]) -> Float[Tensor, "b"]:
+    """How far features are from the mean of the training images, whitened; in their type and on their device."""
+    mean, factor = (known[PREFIX + name].to(features) for name in _NAMES[:2])
+    return ((features - mean) @ factor).norm(dim=1)
 
 
 def verdict(share: float | None, kind: str) -> str:
