@@ -157,8 +157,8 @@ def rows_of(name: str, mesh: mesh_io.Mesh, seconds: float) -> list[dict]:
 MEASURED = {
     "time of an image": lambda row: row.seconds[1],
     "median depth": lambda row: row.error["depth_median"],
-    "wrong rays inside": lambda row: row.error.get("wrong_inner", float("inf")),
-    "wrong rays off the surface": lambda row: row.error.get("wrong_surface", float("inf")),
+    "wrong rays inside": lambda row: row.error["wrong_inner"],
+    "wrong rays off the surface": lambda row: row.error["wrong_surface"],
     "bytes": lambda row: row.told["bytes"],
     "resident memory": lambda row: row.told["resident"],
     "time to make": lambda row: row.told["made_in_s"],
