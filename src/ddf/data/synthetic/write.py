@@ -30,6 +30,8 @@ CATEGORIES: dict[str, Callable[[np.random.Generator], list[Part]]] = {
     "car": cars.build,
     "primitives": primitives.build,
 }
+# Those that reach further, for training beside public shapes; other categories as above.
+WIDE: dict[str, Callable[[np.random.Generator], list[Part]]] = {}
 
 
 def shape_id(seed: int, category: str, index: int) -> str:
@@ -37,11 +39,12 @@ def shape_id(seed: int, category: str, index: int) -> str:
     return hashlib.sha256(f"{seed}/{category}/{index}".encode()).hexdigest()[:32]
 
 
-def make_shape(seed: int, category: str, index: int) -> assemble.Shape:
-    """The mesh of one synthetic shape; the same for the same arguments."""
+def make_shape(seed: int, category: str, index: int, wide: bool = False) -> assemble.Shape:
+    """The mesh of one synthetic shape, designed by WIDE if `wide`; the same for the same arguments."""
+    design = (CATEGORIES | WIDE if wide else CATEGORIES)[category]
     rng, look = (generator(seed, category, index, purpose) for purpose in ("mesh", "look"))
     crease_cos = FACETED_COS if look.random() < FACETED else assemble.CREASE_COS
-    return assemble.shape(dressing.dress(CATEGORIES[category](rng), category, look), rng, crease_cos)
+    return assemble.shape(dressing.dress(design(rng), category, look), rng, crease_cos)
 
 
 def make_views(seed: int, category: str, index: int | str, count: int) -> list[render.View]:
@@ -57,10 +60,10 @@ def make_views(seed: int, category: str, index: int | str, count: int) -> list[r
     return views
 
 
-def write_shape(root: Path, seed: int, category: str, index: int, num_views: int) -> list[Path]:
+def write_shape(root: Path, seed: int, category: str, index: int, num_views: int, wide: bool = False) -> list[Path]:
     """Write mesh, renders and metadata of one synthetic shape under `root`; returns all files, renderings.txt last."""
-    views = make_views(seed, category, index, num_views)
-    return write_files(root, category, shape_id(seed, category, index), make_shape(seed, category, index), views)
+    views, shape = make_views(seed, category, index, num_views), make_shape(seed, category, index, wide)
+    return write_files(root, category, shape_id(seed, category, index), shape, views)
 
 
 def write_files(
