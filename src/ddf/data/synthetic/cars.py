@@ -13,8 +13,8 @@ def build(rng: np.random.Generator) -> list[Part]:
     """One car."""
     style = str(rng.choice(car_parts.STYLES, p=car_parts.STYLE_ODDS))
     car = car_parts.measures(rng, style)
-    pieces = [_body(car), *car_parts.wheels(rng, car), *car_parts.lamps(rng, car), *car_parts.bumpers(rng, car)]
-    pieces += _open_cabin(rng, car) if style == "convertible" else _cabin(rng, car)
+    pieces = [body(car), *car_parts.wheels(rng, car), *car_parts.lamps(rng, car), *car_parts.bumpers(rng, car)]
+    pieces += open_cabin(rng, car) if style == "convertible" else cabin(rng, car)
     if rng.random() < 0.85:
         pieces += car_parts.mirrors(car)
     if style == "pickup":
@@ -28,7 +28,7 @@ def build(rng: np.random.Generator) -> list[Part]:
     return pieces
 
 
-def _body(car: car_parts.Car) -> Part:
+def body(car: car_parts.Car) -> Part:
     """The lower body: a loft along x whose lower edge rises over the wheels."""
     half = car.length / 2
     stations = [
@@ -99,7 +99,7 @@ def _outline(x0: Real, x1: Real, wide: Real, y: Real) -> Float[np.ndarray, "s 3"
     return np.stack([(x0 + x1) / 2 + ring[:, 0], np.full(len(ring), y), -ring[:, 1]], axis=1)
 
 
-def _cabin(rng: np.random.Generator, car: car_parts.Car) -> list[Part]:
+def cabin(rng: np.random.Generator, car: car_parts.Car) -> list[Part]:
     """The cabin's shell and its panes, single sheets a little outside of it."""
     levels = [(-0.08, 0.0), (0.5, 0.5), (0.9, 0.92), (0.97, 0.985), (1.0, 1.0)]
     rise = car.roof - car.belt
@@ -113,7 +113,7 @@ def _cabin(rng: np.random.Generator, car: car_parts.Car) -> list[Part]:
     return [shell, *_panes(rng, car)]
 
 
-def _open_cabin(rng: np.random.Generator, car: car_parts.Car) -> list[Part]:
+def open_cabin(rng: np.random.Generator, car: car_parts.Car) -> list[Part]:
     """A convertible's windscreen in its frame, two rows of seats and the dark floor between them."""
     share = rng.uniform(0.75, 1.0)
     y0, y1 = car.belt - 0.02, car.belt + share * (car.roof - car.belt)
