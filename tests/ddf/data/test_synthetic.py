@@ -104,9 +104,10 @@ def test_order_of_making_does_not_matter(tmp_path):
     assert _digests(tmp_path / "a") == _digests(tmp_path / "b")
 
 
+@pytest.mark.parametrize("wide", [False, True], ids=["plain", "wide"])
 @pytest.mark.parametrize("category", ["chair", "plane", "car"])
-def test_shapes_are_sound_varied_and_untidy(category):
-    shapes = [write.make_shape(0, category, index) for index in range(40)]
+def test_shapes_are_sound_varied_and_untidy(category, wide):
+    shapes = [write.make_shape(0, category, index, wide) for index in range(40)]
     counts = [len(shape.triangles) for shape in shapes]
     assert min(counts) >= 300 and max(counts) <= 8000
     assert len(set(counts)) > 20
@@ -141,20 +142,33 @@ def _is_open(shape):
     return counts.min() == 1
 
 
-def test_faces_of_seat_and_nose_point_to_plus_x():
+@pytest.mark.parametrize("wide", [False, True], ids=["plain", "wide"])
+def test_faces_of_seat_and_nose_point_to_plus_x(wide):
     """All shapes face +X: a plane's fin and a chair's back are behind the middle, a car's cabin too."""
     for index in range(20):
-        chair, plane = (write.make_shape(3, category, index) for category in ("chair", "plane"))
+        chair, plane = (write.make_shape(3, category, index, wide) for category in ("chair", "plane"))
         high = chair.vertices[chair.vertices[:, 1] > 0.9 * chair.vertices[:, 1].max()]
         assert high[:, 0].mean() < 0
         fin = np.repeat([name == "fin" for name, _ in plane.parts], [count for _, count in plane.parts])
         assert plane.vertices[plane.triangles[fin]][..., 0].mean() < -0.1
 
 
-def test_shapes_are_mirror_symmetric_in_z():
-    car = write.make_shape(0, "car", 0)
+@pytest.mark.parametrize("wide", [False, True], ids=["plain", "wide"])
+def test_shapes_are_mirror_symmetric_in_z(wide):
+    car = write.make_shape(0, "car", 0, wide)
     for low, high in (car.vertices[:, 2].min(), car.vertices[:, 2].max()), (-0.2, 0.2):
         assert_close(low, -high, atol=0.05)
+
+
+def test_wide_designs_stand_on_wheels_and_leave_other_categories_alone():
+    for index in range(30):
+        car, plain = (write.make_shape(5, "car", index, wide) for wide in (True, False))
+        assert len(car.vertices) != len(plain.vertices)
+        owners = np.repeat([name for name, _ in car.parts], [count for _, count in car.parts])
+        lowest = car.vertices[car.triangles][..., 1].min(axis=1)
+        assert_close(lowest[owners == "tyre"].min(), car.vertices[:, 1].min(), atol=1e-7)
+    one, other = (write.make_shape(5, "primitives", 0, wide) for wide in (True, False))
+    assert (one.vertices == other.vertices).all()
 
 
 def test_ids_are_32_hex_digits_and_mix_the_order():

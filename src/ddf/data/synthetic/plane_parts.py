@@ -1,6 +1,7 @@
 """Wings, fuselages, engines, tails and propellers of aeroplanes, nose to +X, in fuselage lengths."""
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,12 +48,23 @@ def _airfoil(count: int = 6) -> Float[np.ndarray, "s 2"]:
 
 def wing_part(wing: Wing, paint: Paint, *, stations: int = 5, sheet: bool = False, name: str = "wing") -> Part:
     """The wing on the side of +Z, as a closed section or as an open sheet without thickness."""
+    shares = np.linspace(0.0, 1.0, stations)
+    return panels([(*wing.leading(share), wing.chord(share)) for share in shares], wing.thickness, paint, sheet, name)
+
+
+def panels(
+    lines: Sequence[tuple[Real, Real, Real, Real]],
+    thickness: Real,
+    paint: Paint,
+    sheet: bool = False,
+    name: str = "wing",
+) -> Part:
+    """A surface through (leading edge's x, y, z, chord), from the root outwards; as of `wing_part`."""
     outline = _airfoil()
     sections = []
-    for share in np.linspace(0.0, 1.0, stations):
-        chord, start = wing.chord(share), wing.leading(share)
-        up = outline[:, 1] * wing.thickness * chord
-        sections.append(np.stack([start[0] - outline[:, 0] * chord, start[1] + up, np.full(len(up), start[2])], axis=1))
+    for x, y, z, chord in lines:
+        up = outline[:, 1] * thickness * chord
+        sections.append(np.stack([x - outline[:, 0] * chord, y + up, np.full(len(up), z)], axis=1))
     points = np.stack(sections)
     if sheet:
         return parts.grid(points[:, : len(outline) // 2 + 1], paint, name=name)

@@ -18,8 +18,8 @@ def build(rng: np.random.Generator) -> list[Part]:
         "business": _business,
         "propeller": _propeller_plane,
         "twin": _twin,
-        "fighter": _fighter,
-        "delta": _fighter,
+        "fighter": fighter,
+        "delta": fighter,
         "supersonic": _supersonic,
         "glider": _glider,
     }
@@ -67,13 +67,13 @@ def _airliner(rng: np.random.Generator, body: Paint, accent: Paint, style: str) 
     if rng.random() < 0.45:
         pieces += parts.both_sides([plane_parts.winglet(wing, accent)])
     if rng.random() < 0.3:
-        pieces += _gear(wing, width, height, body)
+        pieces += gear(wing, width, height, body)
     if third:
         pieces += [part.moved(-0.28, 0.5 * height, 0) for part in plane_parts.nacelle(engine * 0.85, 0.2, accent)]
     return pieces + plane_parts.tail(rng, body, accent, 0.32 * height, t_tail=at_tail)
 
 
-def _gear(wing: plane_parts.Wing, width: Real, height: Real, paint: Paint) -> list[Part]:
+def gear(wing: plane_parts.Wing, width: Real, height: Real, paint: Paint) -> list[Part]:
     """Lowered wheels: a pair under the nose, two pairs under the wing."""
     axles = [(0.38, 0.006, 0.015), (wing.x - 0.6 * wing.root, width * 0.55, 0.02)]
     wheels = []
@@ -207,7 +207,7 @@ def _twin(rng: np.random.Generator, body: Paint, accent: Paint, style: str) -> l
     return pieces + plane_parts.tail(rng, body, accent, 0.34 * height, t_tail=rng.random() < 0.5)
 
 
-def _fighter(rng: np.random.Generator, body: Paint, accent: Paint, style: str) -> list[Part]:
+def fighter(rng: np.random.Generator, body: Paint, accent: Paint, style: str) -> list[Part]:
     """A jet with a pointed nose, canopy, swept or delta wing, one or two fins, one or two nozzles."""
     width, height = rng.uniform(0.11, 0.17), rng.uniform(0.09, 0.12)
     stations = [
