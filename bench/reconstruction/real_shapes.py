@@ -9,7 +9,6 @@ camera, median, and share over 90 degrees; IoU of the silhouette, from the predi
 """
 
 import argparse
-import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,12 +18,9 @@ import torch
 
 from bench.lib import display, measuring
 from ddf.core import shipped_models, storage
-from ddf.data import shapenet
-from ddf.data.batches import category_data
 from ddf.metrics import cloud_scores
-from ddf.models.reconstruction import inference, one_image, settings
 from ddf.training import training_loop
-from ddf_lab.evaluation import groups, paired, scoring
+from ddf_lab.evaluation import groups, one_model, paired, scoring
 from ddf_lab.run import Run
 
 ON_DEMAND = "python -m bench real_shapes, after the stage samples of `ddf run real`"
@@ -35,48 +31,12 @@ CAMERA = ("azimuth_error_deg_median", "azimuth_turned_x100", "silhouette_iou")
 SECTION = display.Section(views=())
 
 
-@dataclasses.dataclass(frozen=True)
-class Found:
-    """Scores and camera errors per image, and seconds of a cloud, of one model on one category."""
-
-    scores: pd.DataFrame
-    cameras: pd.DataFrame
-    seconds: float
-
-
 def model_of(category: str, models: Path) -> Path:
     """The folder of a category's DDF."""
     return shipped_models.place(category) if models == SHIPPED else models / category
 
 
-def measure(run: Run, label: str, folder: Path, split: str) -> Found:
-    """Of the shapes of one split of the run's category."""
-    section, index = run.section(settings.PointcloudsConfig), storage.read_json(run.index)
-    section = dataclasses.replace(section, shape_correction=None, rendered=0)
-    dataset, samples = shapenet.Dataset.open(run.index), run.folder("samples")
-    group = groups.of_shapes(index, run.category, split)
-    real = {name for name, own in group.items() if own.startswith(groups.REAL)}
-    asked = [(name, own[: section.public_views]) for name, own in getattr(dataset, split)(run.category) if name in real]
-    shown = category_data.available(samples, asked)
-    model, size = one_image.load(folder)
-    images = category_data.read_images(dataset, run.category, shown, size)
-    tensors, facts = inference.reconstruct_ddf(model, images, section, f"{run.category} {label}")
-    known = {"camera_true": images.cameras}
-    known |= category_data.read_shapes(samples, images.ids).placements(images.shapes)
-    arrays = {name: value.numpy() for name, value in (tensors | known).items()}
-    predictions = scoring.Predictions(folder, [(str(i["id"]), int(i["view"])) for i in images.names()], arrays, {})
-    truths, cloud = scoring.load_truth(samples), scoring.large_cloud(predictions)
-    cases = (
-        (truths[image[0]], [scoring.Case(label, f"{camera}-L", [image], predictions.cloud(cloud, row, camera))])
-        for row, image in enumerate(predictions.images)
-        for camera in ("Pi_g", "Pi_pred")
-    )
-    scores, cameras = scoring.score_all(cases, 1), scoring.camera_errors(label, predictions)
-    scores, cameras = (table.assign(category=table["id"].map(group)) for table in (scores, cameras))
-    return Found(scores, cameras, facts["seconds"]["cloud"])
-
-
-def rows(found: dict[str, Found], split: str) -> Iterator[dict[str, Any]]:
+def rows(found: dict[str, one_model.Found], split: str) -> Iterator[dict[str, Any]]:
     """A row of each group and model of one category."""
     every = pd.concat([own.scores for own in found.values()])
     cameras = pd.concat([own.cameras for own in found.values()])
@@ -115,7 +75,9 @@ def main(arguments: Sequence[str]) -> None:
         run = Run.read(args.run, category)
         places = {str(models): model_of(category, models) for models in args.models}
         there = {label: folder for label, folder in places.items() if (folder / training_loop.MODEL).is_file()}
-        found = {label: measure(run, label, folder, args.split) for label, folder in there.items()}
+        found = {
+            label: one_model.measure(run, label, folder, args.split, groups.REAL) for label, folder in there.items()
+        }
         for row in rows(found, args.split):
             written.append(row)
             told = ", ".join(f"{name} {value:.3g}" for name, value in row["error"].items())

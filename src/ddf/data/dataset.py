@@ -8,7 +8,7 @@ import functools
 import os
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -40,7 +40,8 @@ class DatasetConfig(schema.Checked):
     categories: a number on real data takes that many from the listing, evenly spread, for trials: its split is then not
       the published one.
     validation: the last ones of the split; the manifest has its own.
-    train_on: the other source only tests and validates.
+    train_on: the other source only tests and validates. `shippable`: wide synthetic shapes, and public ones whose
+      licence asks for credit at most; other public ones of the training side validate.
     """
 
     source: Literal["synthetic", "public", "both", "shapenet"] = setting("shapenet", "of shapes and renders", "§4.3")
@@ -54,7 +55,7 @@ class DatasetConfig(schema.Checked):
     strict: bool = setting(False, "whether shapes with views on both sides of the split are all trained on", "§4.3")
     validation: float = setting(0.0, "share of the training shapes that is held out, for choices", least=0, below=1)
     public: PublicConfig = setting(PublicConfig(), "the shapes of `ddf shapes`, where these are taken")
-    train_on: Literal["synthetic", "public", "both"] = setting("both", "of `both`, the source of training shapes")
+    train_on: Literal["synthetic", "public", "both", "shippable"] = setting("both", "of `both`: the training shapes")
 
     @property
     def made(self) -> tuple[str, ...]:
@@ -82,13 +83,14 @@ class DatasetConfig(schema.Checked):
 @dataclass(frozen=True)
 class Item:
     """A shape to make or to check; `index` is its number among the synthetic shapes of its category, or the number of
-    the variation of the public shape `row`.
+    the variation of the public shape `row`. wide: of the wide families of synthetic shapes.
     """
 
     category: str
     id: str
     index: int
     row: manifest.Row | None = None
+    wide: bool = False
 
 
 def _checked(
@@ -110,7 +112,7 @@ def _checked(
             failures.append(parallel.Failure(item.id, "dataset", str(error)))
             continue
         if item.row is None and config.made:
-            files += write.write_shape(root, config.seed, item.category, item.index, views)
+            files += write.write_shape(root, config.seed, item.category, item.index, views, wide=item.wide)
         try:
             check_shape(root, shapenet.SYNSETS[item.category], item.id, views)
         except (checks.InputError, OSError) as error:
@@ -149,8 +151,12 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     root = out_dir if config.made else real_root(os.environ)
     listed = [*list_synthetic(config), *list_public(config)] if config.made else list_real(config, root)
     entries = {name: _entries(config, name, listed) for name in config.categories}
-    shown = {(name, entry["id"]) for name, own in entries.items() for entry in own if any(map(entry.get, _VIEWS))}
+    sides = {(name, entry["id"]): entry for name, own in entries.items() for entry in own}
+    shown = {key for key, entry in sides.items() if any(map(entry.get, _VIEWS))}
     items = [item for item in listed if (item.category, item.id) in shown]
+    if config.train_on == "shippable":
+        trained = {key for key, entry in sides.items() if entry["train_views"]}
+        items = [replace(item, wide=not item.row and (item.category, item.id) in trained) for item in items]
     names = sorted({item.row.package for item in items if item.row is not None})
     needed = {packages.PACKAGES[name]: manifest.wanted(name) for name in names}
     packages.require_means([package for package, wanted in needed.items() if not packages.has(package, wanted)])
@@ -162,6 +168,8 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     changing = [config.source, config.views, config.seed, str(root)]
     if "public" in config.made:
         changing += [config.public.views, *(str(row) for row in manifest.of(config.categories))]
+    if config.train_on == "shippable":
+        changing.append(config.train_on)
     failures = parallel.map_shards(
         functools.partial(_checked, root, config, archives),
         items,
@@ -193,16 +201,22 @@ def _entries(config: DatasetConfig, name: str, listed: Sequence[Item]) -> list[d
         seen, unseen = list(shape.train_views), list(shape.test_views)
         alone = ([], seen) if shape.id in held else (seen if trains else [], [])
         entries.append({"id": shape.id, **dict(zip(_VIEWS, (alone[0], unseen, alone[1]), strict=True))})
-    return entries + [_public_entry(item, config.public.views) for item in own if item.row]
+    return entries + [_public_entry(config, item.row, item.id) for item in own if item.row]
 
 
-def _public_entry(item: Item, views: int) -> dict[str, Any]:
+def _split(config: DatasetConfig, row: manifest.Row) -> str:
+    """The side of a public shape: the manifest's, but that what may not be shipped trains nothing that is."""
+    barred = config.train_on == "shippable" and row.split == "train" and not row.free
+    return "validation" if barred else row.split
+
+
+def _public_entry(config: DatasetConfig, row: manifest.Row, name: str) -> dict[str, Any]:
     """Training shapes are seen in all views, others in those that a split uses."""
-    split = item.row.split if item.row else ""
+    split, views = _split(config, row), config.public.views
     shown = {"train": list(range(views))}.get(split, list(splits.VIEWS))
     return {
-        "id": item.id,
-        **{f"{name}_views": shown if name == split else [] for name in ("train", "test", "validation")},
+        "id": name,
+        **{f"{side}_views": shown if side == split else [] for side in ("train", "test", "validation")},
     }
 
 
@@ -247,7 +261,7 @@ def list_public(config: DatasetConfig) -> list[Item]:
         Item(row.category, shapes.copy_id(row, copy), copy, row)
         for row in manifest.of(config.categories)
         if trains or row.split != "train"
-        for copy in range(1 + (config.public.copies if row.split == "train" else 0))
+        for copy in range(1 + (config.public.copies if _split(config, row) == "train" else 0))
     ]
 
 

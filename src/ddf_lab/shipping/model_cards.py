@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import torch
 
 from ddf.core import storage
@@ -20,7 +19,7 @@ from ddf.geometry import mesh_io, transforms
 from ddf.io import onnx_file
 from ddf.models.reconstruction import familiarity, settings
 from ddf.training import training_loop
-from ddf_lab.evaluation import groups
+from ddf_lab.evaluation import one_model
 from ddf_lab.run import Run
 from ddf_lab.shipping import shipping
 
@@ -39,18 +38,19 @@ FIELDS = {  # of `showcase.SHAPES`: what each shows
 def write_all(run: Run, fitted: Path, out: Path) -> None:
     """The shipped models that an experiment gives, one folder each, and the index of all.
 
-    One that trained on real shapes gives reconstructions alone, of categories without a training shape under the GPL.
+    One that trained on real shapes gives reconstructions alone, of categories whose training shapes ask for credit at
+    most.
 
     Args:
       run: the experiment whose reconstructions (seed 0) are shipped.
       fitted: folder of the fits; one that is there already is not repeated.
     Raises:
-      FileNotFoundError: the experiment has no trained model or no table.
+      FileNotFoundError: the experiment has no trained model.
     """
     dataset, synthetic = shapenet.Dataset.open(run.index), storage.read_json(run.index)["source"] == "synthetic"
     fields = FIELDS.items() if synthetic else ()
     made = [write_field(name, summary, fitted / name, out / name) for name, summary in fields]
-    free = [n for n in dataset.categories if not any(row.licence.startswith("GPL") for row in _seen(dataset, n))]
+    free = [n for n in dataset.categories if all(row.free for row in _seen(dataset, n))]
     made += [write_reconstruction(run, dataset, name, out / name) for name in free]
     every = {entry["name"]: entry for entry in ([] if synthetic else shipping.read_index(out)) + made}
     shipping.write_index(out, list(every.values()))
@@ -117,7 +117,7 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
     for number, (shape, views) in enumerate(tests[:SAMPLES]):
         image = shapenet.image_path(dataset.root, entry.synset, shape, views[0])
         shutil.copyfile(image, out / f"sample_{number}.png")
-    (scores, seeds), parameters = _scores(run, name), _count(weights)
+    parameters = _count(weights)
     seen, shapes = _seen(dataset, name), dataset.train(name)
     data = [f"{len(shapes) - len(seen)} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each."]
     if seen:
@@ -138,9 +138,8 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
                 "Matrices are stored in float16.",
             ],
             "Scores": [
-                f"{_of(seeds)} on test shapes, in float32: `reports/{run.name}/si3dr.csv`.",
-                "D_C x 1000 / F(τ) x 100, with 5,000 points.",
-                *(f"{what}: {dist:.3f} / {score:.1f}." for what, (dist, score) in scores.items()),
+                "These weights on test shapes: D_C x 1000 / F(τ) x 100, with 5,000 points.",
+                *_scores(dataclasses.replace(run, category=name), out),
             ],
             "Limits": [
                 "Trained on renders alone: real photographs are outside of what it knows.",
@@ -162,23 +161,20 @@ def licence(seen: Sequence[manifest.Row]) -> list[str]:
     return ["MIT, as this repository. Renders of shapes of these people trained it:", *said]
 
 
-def _of(seeds: int) -> str:
-    return "Means of one training" if seeds == 1 else f"Means of {seeds} trainings"
+_COLUMNS = {"Pi_g-L": "true camera", "Pi_pred-L": "predicted camera"}
 
 
-_COLUMNS = {"Pi_g-L": "True camera", "Pi_pred-L": "Predicted camera"}
-
-
-def _scores(run: Run, category: str) -> tuple[dict[str, tuple[float, float]], int]:
-    """D_C and F(τ) of the DDF by camera, and by group of test shapes where there are two; over how many trainings."""
-    table = pd.read_csv(run.page / "si3dr.csv")
-    rows = table[(table.method == "ddf") & (table.source == "measured")]
-    found, means = rows.set_index(["category", "column", "metric"]).value, {}
-    for group in (name for name, own in groups.names(storage.read_json(run.index)).items() if own == category):
-        for column, camera in _COLUMNS.items():
-            pair = found[group, column, "chamfer_l2_sq_x1000"], found[group, column, "f_score_tau_x100"]
-            means[camera if group == category else f"{group}s, {camera.lower()}".capitalize()] = pair
-    return means, int(rows.seeds.max())
+def _scores(run: Run, folder: Path) -> list[str]:
+    """What the shipped weights of the run's category reach on its test shapes, a line for each group."""
+    means, said = one_model.measure(run, "ddf", folder, "test").means(), []
+    for group in means.index.unique("category"):
+        reached = (
+            f"{camera} {means[group, 'ddf', column, 'chamfer_l2_sq_x1000']:.3f} / "
+            f"{means[group, 'ddf', column, 'f_score_tau_x100']:.1f}"
+            for column, camera in _COLUMNS.items()
+        )
+        said.append(f"{group}s: {', '.join(reached)}.".capitalize())
+    return said
 
 
 def _held_out(mesh: mesh_io.Mesh, settings: fit_settings.FitConfig, out: Path) -> Mapping[str, Any]:

@@ -1,5 +1,6 @@
 """The stage `dataset`: one path for synthetic and real data, broken shapes left out, wrong roots refused."""
 
+import dataclasses
 import json
 import shutil
 from pathlib import Path
@@ -226,6 +227,34 @@ def test_both_sources_test_and_validate_whatever_trains(train_on, synthetic, pub
     tested, held = ({n for n, c in _views(index, side).items() if c} for side in ("test", "validation"))
     assert len(tested) == len(held) == 3 and "S__test" in tested and "S__validation" in held
     assert len(shapenet.list_shapes(tmp_path, CHAIR)) == len(index["categories"]["chair"]["shapes"])
+
+
+def test_a_model_to_ship_learns_wide_shapes_and_those_that_ask_for_credit_at_most(public_chairs, tmp_path, monkeypatch):
+    own = manifest.rows()
+    taught = {"CC-BY-3.0-US": "train", "CC-BY-SA-3.0": "validation", "GPL-2.0-only": "validation"}
+    more = (
+        dataclasses.replace(own[0], id=f"S__{licence.replace('.', '-')}", split="train", licence=licence)
+        for licence in taught
+    )
+    rows = (*own, *more)
+    monkeypatch.setattr(manifest, "rows", lambda: rows)
+    settings = {"source": "both", "categories": {"chair": 10}, "validation": 0.25}
+    copies = dataset.PublicConfig(views=5, copies=1)
+    plain, shipped = tmp_path / "plain", tmp_path / "shipped"
+    _run(_config(**settings), plain)
+    index = _run(_config(**settings, train_on="shippable", public=copies), shipped)
+    for licence, side in {**taught, "train": "train", "test": "test"}.items():
+        assert [name for name in _SIDES if _views(index, name)[f"S__{licence.replace('.', '-')}"]] == [side]
+    copied = {entry["id"] for entry in index["categories"]["chair"]["shapes"] if "--" in entry["id"]}
+    assert copied == {"S__train--1", "S__CC-BY-3-0-US--1"}
+    made = {name: bool(count) for name, count in _views(index, "train").items() if "__" not in name}
+    assert set(made.values()) == {True, False}
+    for name, trained in made.items():
+        before, after = (shapenet.model_path(root, CHAIR, name).read_bytes() for root in (plain, shipped))
+        assert (before != after) == trained, "wide shapes train, and nothing else changes"
+
+
+_SIDES = ("train", "test", "validation")
 
 
 def test_packages_that_nobody_can_fetch_are_all_named_at_once(monkeypatch, tmp_path):

@@ -50,7 +50,6 @@ def test_settings_are_few_and_each_says_what_it_is():
 ONE_VALUE = {
     "dataset.strict": "docs/shapenet.md: a split without views of one shape on both sides",
     "dataset.public.views": "images of public shapes, which take minutes to render",
-    "dataset.train_on": "public shapes that only test what synthetic ones taught",
     "fit.field.components": "K of the mixture: what one depth loses, and more gain",
     "fit.mesh": "whose mesh the stage fits",
     "fit.loop.matmul": "tf32 on a GPU",

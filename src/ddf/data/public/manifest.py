@@ -33,6 +33,11 @@ class Row:
     licence: str
     creator: str
 
+    @property
+    def free(self) -> bool:
+        """Whether its licence asks for credit at most: what it taught may be given on under any other."""
+        return self.licence.startswith(("CC0-", "CC-BY-3.0"))
+
 
 @functools.cache
 def rows() -> tuple[Row, ...]:

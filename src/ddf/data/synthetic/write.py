@@ -9,7 +9,7 @@ from PIL import Image
 
 from ddf.core import storage
 from ddf.data import shapenet
-from ddf.data.synthetic import assemble, cars, chairs, planes, primitives, render, wide_cars, wide_planes
+from ddf.data.synthetic import assemble, cars, chairs, planes, primitives, render, wide_cars, wide_chairs, wide_planes
 from ddf.data.synthetic.looks import dressing, lights
 from ddf.data.synthetic.parts import Part
 
@@ -31,7 +31,11 @@ CATEGORIES: dict[str, Callable[[np.random.Generator], list[Part]]] = {
     "primitives": primitives.build,
 }
 # Those that reach further, for training beside public shapes; other categories as above.
-WIDE: dict[str, Callable[[np.random.Generator], list[Part]]] = {"plane": wide_planes.build, "car": wide_cars.build}
+WIDE: dict[str, Callable[[np.random.Generator], list[Part]]] = {
+    "chair": wide_chairs.build,
+    "plane": wide_planes.build,
+    "car": wide_cars.build,
+}
 
 
 def shape_id(seed: int, category: str, index: int) -> str:

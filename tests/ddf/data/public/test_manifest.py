@@ -11,8 +11,8 @@ from ddf.data.public import manifest, packages, shapes
 
 CHOSEN = {"chair": 16, "plane": 24, "car": 10}  # categories whose test shapes were chosen, with their number
 
-LICENCES = {"CC0-1.0", "CC-BY-3.0", "CC-BY-3.0-US", "CC-BY-SA-3.0", "CC-BY-SA-4.0"}
-LICENCES |= {"GPL-2.0-only", "GPL-2.0-or-later", "EPL-2.0 OR GPL-2.0-or-later"}
+FREE = {"CC0-1.0", "CC-BY-3.0", "CC-BY-3.0-US"}
+LICENCES = FREE | {"CC-BY-SA-3.0", "CC-BY-SA-4.0", "GPL-2.0-only", "GPL-2.0-or-later", "EPL-2.0 OR GPL-2.0-or-later"}
 
 
 def test_rows_have_plain_unique_ids_known_places_and_licences():
@@ -21,7 +21,7 @@ def test_rows_have_plain_unique_ids_known_places_and_licences():
     for row in rows:
         shapenet.check_name(row.id, "manifest")
         assert row.category in shapenet.SYNSETS and row.package in packages.PACKAGES and row.creator
-        assert row.licence in LICENCES
+        assert row.licence in LICENCES and row.free == (row.licence in FREE)
         assert ".." not in row.path and not row.path.startswith("/") and (not row.looks or row.looks.endswith("/"))
         assert np.linalg.det(shapes.turned(row.axes)) == pytest.approx(1)
 
