@@ -77,8 +77,8 @@ def complete(
     """The whole object of a scan, by the field of a trained model: shape and, where it is not known, pose. Needs torch.
 
     Args:
-      scan: an NPZ file of rays with ranges, a depth image or points with their sensors (docs/complete.md), or what
-        `ddf.lidar` and `ddf.depth_camera` give.
+      scan: an NPZ file of rays with ranges, a depth image or points with their sensors, or a depth image as PNG
+        (docs/complete.md), or what `ddf.lidar` and `ddf.depth_camera` give.
       model: as of `reconstruct`: the category of the object.
       pose: 4x4, where its box lies: turns the model's axes (X ahead, Y up) to the scan's, scales by half the longest
         side, moves to the middle. None: all hits are of the object, which stands upright.

@@ -1,12 +1,17 @@
-"""What a depth camera or a lidar saw: rays with ranges, from NPZ files of three kinds.
+"""What a depth camera or a lidar saw: rays with ranges, from NPZ files of three kinds and from depth images as PNG.
 
 Rays: `positions`, `directions` (N, 3) and `ranges` (N), inf where nothing was met. A depth image: `depth` (H, W) along
 the optical axis, 0 where the camera gave nothing, inf where nothing is there, with `intrinsics` (3, 3) and, if wanted,
 `camera_to_scan` (4, 4); the camera looks along Z, X to the right, Y down. Points: `points` (N, 3) and `sensors`, (3,)
 or (N, 3), from where each was seen. All in one frame and unit, that of the scan.
+
+A PNG of 16 bits of grey is such a depth; a JSON object beside it, of the same name, has `intrinsics`, if wanted
+`camera_to_scan`, and `depth_scale`, the unit of the scan in a step of grey: 0.001 if not said, millimetres to metres.
 """
 
 import io
+import json
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,8 +22,11 @@ from jaxtyping import Bool, Float
 from ddf.core import checks, storage
 from ddf.geometry import ray_io, rays, transforms
 
+_BROKEN = (OSError, ValueError, SyntaxError, EOFError, MemoryError)  # what Pillow raises of a damaged PNG
 _KINDS = (("positions", "directions", "ranges"), ("depth", "intrinsics"), ("points", "sensors"))
 _NARROWEST, _WIDEST = 0.01, 20.0  # tangents: of half a view under .6 or over 87 degrees the intrinsics are wrong
+_MILLIMETRES = 0.001
+_MOST_PIXELS = 50_000_000
 _RIGID = 1e-5  # by how much the scale of a camera may differ from 1: float32 files are within 1e-6
 
 
@@ -121,11 +129,13 @@ def of_points(points: Float[np.ndarray, "n 3"], sensors: Float[np.ndarray, "*n 3
 
 
 def read(path: Path) -> Scan:
-    """The scan of an NPZ file of any of the three kinds.
+    """The scan of a file of any of the kinds.
 
     Raises:
       FileNotFoundError: there is no such file. InputError: it holds none; it is named.
     """
+    if path.suffix.lower() == ".png":
+        return _of_png(path)
     found = ray_io.numbers(path, (*_KINDS[0], *_KINDS[1], "camera_to_scan", *_KINDS[2]))
     kind = next((kind for kind in _KINDS if set(kind) <= set(found)), None)
     if kind is None:
@@ -137,6 +147,48 @@ def read(path: Path) -> Scan:
         return make(*(found[name] for name in (*kind, *extra)))
     except checks.InputError as error:
         raise checks.InputError(f"{path}: {error}") from error
+
+
+def _of_png(path: Path) -> Scan:
+    """Of a depth image and the JSON beside it."""
+    steps, about = _grey(path), path.with_suffix(".json")
+    try:
+        said = json.loads(about.read_text(encoding="utf-8"))
+        place, scale = said.get("camera_to_scan"), float(said.get("depth_scale", _MILLIMETRES))
+        intrinsics = np.array(said["intrinsics"], dtype=np.float64)
+        place = None if place is None else np.array(place, dtype=np.float64)
+    except FileNotFoundError as error:
+        raise checks.InputError(f"{path}: needs {about.name} beside it, with the camera's intrinsics") from error
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        wanted = "intrinsics (3, 3), perhaps camera_to_scan (4, 4) and depth_scale"
+        raise checks.InputError(f"{about}: must be a JSON object with {wanted} ({error})") from error
+    if not 0 < scale < np.inf:
+        raise checks.InputError(f"{about}: depth_scale, the unit in a step of grey, must be above 0; got {scale}")
+    try:
+        return of_depth(steps * scale, intrinsics, place)
+    except checks.InputError as error:
+        raise checks.InputError(f"{about}: {error}") from error
+
+
+def _grey(path: Path) -> Float[np.ndarray, "h w"]:
+    """The steps of a PNG of 16 bits."""
+    from PIL import Image  # not where scans of NPZ files are read
+
+    checks.require_content(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the size is judged here
+            with Image.open(path, formats=["PNG"]) as image:
+                if not image.mode.startswith("I") or image.width * image.height > _MOST_PIXELS:
+                    raise checks.InputError(
+                        f"{path}: {image.width} x {image.height} pixels of mode {image.mode}; a depth image has 16 bits"
+                        f" of grey, and {_MOST_PIXELS} pixels at most"
+                    )
+                return np.asarray(image, dtype=np.float64)
+    except checks.InputError:
+        raise
+    except (Image.DecompressionBombError, *_BROKEN) as error:
+        raise checks.InputError(f"{path}: not a readable PNG ({error}); depth images are read as PNG or NPZ") from error
 
 
 def write(scan: Scan, path: Path) -> None:

@@ -1,7 +1,9 @@
+import json
 import zipfile
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from ddf.core import checks
 from ddf.geometry import scans, transforms
@@ -70,3 +72,51 @@ def test_bad_scans_are_one_line_that_names_the_file(name, tmp_path):
     with pytest.raises(checks.InputError, match=message) as raised:
         scans.read(tmp_path / "bad.npz")
     assert "bad.npz" in str(raised.value) and "\n" not in str(raised.value)
+
+
+def _png(folder, steps, said):
+    Image.fromarray(steps).save(folder / "view.png")
+    if said is not None:
+        (folder / "view.json").write_text(said if isinstance(said, str) else json.dumps(said))
+    return folder / "view.png"
+
+
+@pytest.mark.parametrize(("said", "scale"), [({}, 0.001), ({"depth_scale": 0.0002}, 0.0002)])
+def test_png_of_16_bits_is_the_depth_image_in_metres(said, scale, tmp_path):
+    steps = np.round(np.nan_to_num(_depth(), posinf=0) / scale).astype(np.uint16)
+    place = {"intrinsics": INTRINSICS.tolist(), "camera_to_scan": TURN.to_matrix().tolist()}
+    scan = scans.read(_png(tmp_path, steps, place | said))
+    whole = scans.of_depth(steps * scale, INTRINSICS, TURN.to_matrix())
+    assert len(scan.ranges) == 24 * 30 - 2
+    np.testing.assert_allclose(scan.points, whole.points, rtol=1e-12)
+    np.testing.assert_allclose(TURN.inverse().apply(scan.points)[:, 2], 2.0, rtol=0, atol=scale)
+
+
+GREY, LENS = np.full((24, 30), 2000, np.uint16), {"intrinsics": INTRINSICS.tolist()}
+BAD_PNG = {
+    "no JSON": (GREY, None, "needs view.json beside it"),
+    "8 bits": (GREY.astype(np.uint8), LENS, "16 bits"),
+    "broken JSON": (GREY, "{", "view.json: must be a JSON object"),
+    "a list": (GREY, "[]", "must be a JSON object"),
+    "no intrinsics": (GREY, {"depth_scale": 1}, "intrinsics"),
+    "words": (GREY, LENS | {"depth_scale": "mm"}, "must be a JSON object"),
+    "scale": (GREY, LENS | {"depth_scale": 0}, "must be above 0; got 0.0"),
+    "another image": (GREY[:8, :8], LENS, "view.json: intrinsics .* of another image than 8 x 8"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_PNG)
+def test_bad_pngs_are_one_line_that_names_the_file(name, tmp_path):
+    steps, said, message = BAD_PNG[name]
+    with pytest.raises(checks.InputError, match=message) as raised:
+        scans.read(_png(tmp_path, steps, said))
+    assert "view." in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_a_cut_png_and_one_that_is_none_are_told(tmp_path):
+    path = _png(tmp_path, GREY, LENS)
+    path.write_bytes(path.read_bytes()[:60])
+    with pytest.raises(checks.InputError, match="not a readable PNG"):
+        scans.read(path)
+    with pytest.raises(FileNotFoundError):
+        scans.read(tmp_path / "none.png")

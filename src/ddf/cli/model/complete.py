@@ -19,9 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare scan, model, output folder and pose."""
     parser.add_argument(
         "scan",
-        metavar="SCAN.npz",
+        metavar="SCAN",
         type=Path,
-        help="rays with ranges, a depth image with intrinsics, or points with sensors: docs/complete.md",
+        help="NPZ of rays with ranges, of a depth image or of points with sensors; or a depth PNG: docs/complete.md",
     )
     arguments.mark_known(parser, "model", "reconstruction")
     parser.add_argument(
