@@ -6,6 +6,8 @@ through the cube; a ray that leaves the cube has (1 - ε)(1 - ξ) + ε / 2, so f
 the mean of the negative logarithms plus λ |u|² / 2, in the shape's coordinates u (`latent_prior`) and, where it is not
 known, in the pose, from the best of many draws (derived here).
 
+Where the scale is not known, the hits are held to the length of the cube that they take up in scans of one side.
+
 What is left open is told by Laplace's approximation: the curvature 1 + mean(g gᵀ)/λ, of the rays' gradients g in u.
 """
 
@@ -28,7 +30,10 @@ FEWEST_HITS = 10
 _MOST = 4096  # rays of a scan that are kept, of each sort
 _CROP = 1.5  # half sides of the box around the cube, beyond which a hit is of something else
 _LEAST_WAY = 1e-3
-_STRAY = 0.02  # share of hits on each side that a first guess of the box leaves out
+_STRAY = 0.02  # share of hits on each side that a box of them leaves out
+_TAKEN, _TAKEN_OFF = math.log(0.87), 0.06  # of the cube's length, by that box: logarithm and its deviation, 66 scans
+_FOR_BOX = 800  # hits
+_TIE = 0.03  # weight of that in the loss
 
 
 @dataclass(frozen=True)
@@ -102,6 +107,11 @@ class _Rays:
     def some(self, index: Tensor) -> "_Rays":
         return _Rays(self.positions[index], self.directions[index], self.ranges[index])
 
+    def points(self) -> Float[Tensor, "m 3"]:
+        """Some of those that were met."""
+        hits = self.some(self.ranges.isfinite().nonzero()[:_FOR_BOX, 0])
+        return rays.surface_points(hits.positions, hits.directions, hits.ranges)
+
 
 @dataclass
 class _State:
@@ -141,8 +151,9 @@ def complete(
     """
     config, generator = config or CompletionConfig(), torch.Generator().manual_seed(seed)
     width = math.hypot(config.blur, noise / scan_from_field.scale)
-    problem = _Problem(model, prior, width, config)
     seen = _evidence(scan, scan_from_field, generator, prior.mean)
+    hits = seen.points() if doubt is not None and doubt.growth else None
+    problem = _Problem(model, prior, width, config, hits=hits)
     best, loss, sample = _likeliest(problem, seen, doubt, latent, generator)
     pose = scan_from_field.compose(_similarity(best))
     spread = _open(problem, sample, best, generator)
@@ -249,17 +260,26 @@ class _Known:
 
 @dataclass(frozen=True)
 class _Problem:
-    """What the descent is on. box: corners of that of the field, None for the cube."""
+    """What the descent is on. box: corners of that of the field, None for the cube. hits: that the scale is tied to."""
 
     model: reconstruction_models.DDFModel | _Known
     prior: latent_prior.LatentPrior
     width: float
     config: CompletionConfig
     box: tuple[Tensor, Tensor] | None = None
+    hits: Float[Tensor, "m 3"] | None = None
 
     def loss(self, state: _State, seen: _Rays) -> Float[Tensor, "k"]:
         """Of each start."""
-        return -self.log_likelihoods(state, seen).mean(-1) + self.config.prior * state.u.square().sum(-1) / 2
+        loss = -self.log_likelihoods(state, seen).mean(-1) + self.config.prior * state.u.square().sum(-1) / 2
+        return loss if self.hits is None else loss + _TIE * self.untaken(state, self.hits).square() / 2
+
+    def untaken(self, state: _State, hits: Float[Tensor, "m 3"]) -> Float[Tensor, "k"]:
+        """How far the longest side of the box of most hits is from what it mostly is of the cube's, deviations."""
+        turned = hits @ rotations(state.turn)
+        low, high = torch.quantile(turned, torch.tensor([_STRAY, 1 - _STRAY]).to(turned), dim=1)
+        taken = ((high - low) / 2 / rendering.CUBE_HALF).amax(-1).log() - state.growth
+        return (taken - _TAKEN) / _TAKEN_OFF
 
     def log_likelihoods(self, state: _State, seen: _Rays) -> Float[Tensor, "k n"]:
         """Of each start and ray; lengths are those of the first pose, or growth would pay by making errors small."""

@@ -46,6 +46,23 @@ def test_a_larger_scale_earns_nothing_by_making_errors_small():
     assert masses[0] == pytest.approx(masses[1], rel=1e-3) and masses[0] > 0.1
 
 
+def test_the_scale_is_tied_to_the_length_of_the_cube_that_hits_take_up():
+    model, prior, shape = _chair()
+    line = torch.linspace(-0.6, 0.6, 1001)[:, None] * torch.tensor([0.0, 1.0, 0.0]) + torch.tensor([0.3, 2.0, 0.1])
+    problem = completion._Problem(model, prior, 0.05, QUICK, hits=line)
+    turn, growth = torch.tensor([[0.0, 0, 0], [np.pi / 2, 0, 0], [0, 0, 0]]), torch.tensor([0.0, 0.0, 0.1])
+    state = completion._State(torch.zeros(3, 32), turn, torch.zeros(3, 3), growth)
+    length = 0.6 * (1 - 2 * completion._STRAY)
+    wanted = (np.log(length / 0.87) - np.array([0, 0, 0.1])) / completion._TAKEN_OFF
+    np.testing.assert_allclose(problem.untaken(state, line), wanted, atol=1e-4)
+    free = dataclasses.replace(problem, hits=None)
+    scan = _scan(shape, 24)
+    seen = completion._evidence(scan, PLACE, torch.Generator(), prior.mean)
+    with torch.no_grad():
+        extra = problem.loss(state, seen) - free.loss(state, seen)
+    np.testing.assert_allclose(extra, completion._TIE * wanted**2 / 2, rtol=1e-3)
+
+
 def test_prior_has_mean_and_covariance_of_the_latents_of_training_images():
     model = _models.ddf_model()
     width = model.shape_encoder.fc.in_features
