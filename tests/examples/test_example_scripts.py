@@ -91,7 +91,8 @@ def test_rays_in_cpp(tmp_path):
     said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     found = np.array(re.findall(r"visibility (\S+) depth (\S+)", said), dtype=np.float64)
     session, given = onnxruntime.InferenceSession(rabbit), {"positions": rays[:, :3], "directions": rays[:, 3:]}
-    np.testing.assert_allclose(found, np.stack(session.run(["visibility", "depth"], given), axis=1), atol=1e-4)
+    expected = np.array(session.run(["visibility", "depth"], given)).T
+    np.testing.assert_allclose(found, expected, atol=1e-4)
     assert np.ptp(found[:, 1]) > 0.2
     none = subprocess.run([tmp_path / "rays", "none.onnx", *"000001"], capture_output=True, text=True, cwd=tmp_path)
     assert none.returncode == 1 and "none.onnx" in none.stderr
