@@ -1,4 +1,4 @@
-"""Aeroplanes of more layouts than those of `planes`: any wing on any fuselage, engines in six places, five tails."""
+"""Aeroplanes of more layouts than those of `planes`: any wing on any fuselage, engines in several places, V-tails."""
 
 import numpy as np
 
@@ -107,12 +107,9 @@ def _light(rng: np.random.Generator, body: Paint, accent: Paint, style: str) -> 
         pieces += parts.both_sides([_rounded(wing, paint) if round_tip else plane_parts.wing_part(wing, paint)])
     if high and rng.random() < (1.0 if style == "biplane" else 0.6):
         foot = 0.6 * span if style == "biplane" else 0.25 * width
-        far, rises = 0.6, rise * 0.6
-        ends = [
-            (x - 0.08, levels[-1] + rises, far * span),
-            (x - 0.08, -0.4 * height + (rises if foot > width else 0), foot),
-        ]
-        pieces += parts.both_sides([parts.beam(*ends, 0.01, body, name="strut")])
+        lower = (x - 0.08, -0.4 * height + (0.6 * rise if style == "biplane" else 0.0), foot)
+        upper = (x - 0.08, levels[-1] + 0.6 * rise, 0.6 * span)
+        pieces += parts.both_sides([parts.beam(upper, lower, 0.01, body, name="strut")])
         if style == "biplane":
             inner = parts.beam((x - 0.06, 0.9 * height, 0.3 * width), (x - 0.06, 0.3 * height, 0.3 * width), 0.01, body)
             pieces += parts.both_sides([inner])
