@@ -23,7 +23,7 @@ def recover_pose(
     """Where an object stands in a scan, by descent through its field from a rough pose. Needs torch.
 
     Args:
-      field: of the object: a network's, by its weights.
+      field: of the object, by its own file: an ONNX file alone has no gradients.
       scan: as of `complete`. Hits far from the object are left out.
       start: 4x4, from the frame of the field to that of the scan.
       resize: whether the scale may change too.
@@ -51,8 +51,8 @@ def recover_pose(
     with extras.named():
         from ddf.fit import completion, shape_field
     shape = field._weights
-    if not isinstance(shape, shape_field.ShapeField) or shape.modulations is not None:
-        raise checks.InputError("recover_pose takes the field of one network (`ddf fit --kind sine`)")
+    if isinstance(shape, shape_field.ShapeField) and shape.modulations is not None:
+        raise checks.InputError("recover_pose takes the field of one shape, such as `ddf fit` makes")
     doubt = completion.Doubt(growth=completion.Doubt.growth if resize else 0.0)
     found = completion.find(shape, given, place.compose(shape.field_from_mesh.inverse()), doubt, noise, seed)
     return found.compose(shape.field_from_mesh).to_matrix()

@@ -22,6 +22,7 @@ from torch.nn import functional
 
 from ddf.core import checks
 from ddf.fields import pddf, rendering
+from ddf.fields.grid import patch_field, soft_rays
 from ddf.fit import latent_prior, shape_field
 from ddf.geometry import rays, scans, transforms
 from ddf.models.reconstruction import reconstruction_models
@@ -164,7 +165,7 @@ def complete(
 
 
 def find(
-    shape: shape_field.ShapeField,
+    shape: shape_field.ShapeField | patch_field.PatchField,
     scan: scans.Scan,
     scan_from_field: transforms.Similarity,
     doubt: Doubt,
@@ -172,12 +173,13 @@ def find(
     seed: int = 0,
 ) -> transforms.Similarity:
     """The likeliest pose of a shape that is known; arguments and errors as of `complete`."""
-    like = shape.field.network.head.weight
-    box = (torch.from_numpy(shape.lower).to(like), torch.from_numpy(shape.upper).to(like))
-    alone = latent_prior.LatentPrior(like.new_zeros(1), like.new_zeros(1, 0))
-    config, generator = CompletionConfig(), torch.Generator().manual_seed(seed)
-    width = math.hypot(config.blur, noise / scan_from_field.scale)
-    problem = _Problem(_Known(shape.field), alone, width, config, box)
+    config, generator, like = CompletionConfig(), torch.Generator().manual_seed(seed), torch.zeros(1)
+    width, margin, field = math.hypot(config.blur, noise / scan_from_field.scale), 0.0, None
+    if isinstance(shape, patch_field.PatchField):
+        margin, field = width, soft_rays.SoftPatches(shape, width)
+    box = torch.from_numpy(shape.lower - margin).to(like), torch.from_numpy(shape.upper + margin).to(like)
+    alone = latent_prior.LatentPrior(like, like.new_zeros(1, 0))
+    problem = _Problem(_Known(field or shape.field), alone, width, config, box)
     seen = _evidence(scan, scan_from_field, generator, like)
     return scan_from_field.compose(_similarity(_likeliest(problem, seen, doubt, None, generator)[0]))
 
@@ -251,7 +253,7 @@ def _pick(seen: _Rays, count: int, generator: torch.Generator) -> Tensor:
 class _Known:
     """A single shape in place of a model."""
 
-    field: pddf.PDDF
+    field: pddf.PDDF | soft_rays.SoftPatches
 
     def modulations(self, _: Tensor) -> None:
         """None that vary."""

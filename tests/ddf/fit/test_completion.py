@@ -208,3 +208,16 @@ def test_a_known_object_is_found_to_a_degree_and_a_hundredth(resize):
     np.testing.assert_allclose(np.cbrt(np.linalg.det(found[:3, :3])), 1, atol=0.01 if resize else 1e-6)
     assert np.trace(found[:3, :3]) > 1 + 2 * math.cos(math.radians(1)) - 0.03 * resize
     assert np.abs(found[:3, 3]).max() < 0.02
+
+
+def test_a_known_object_of_patches_is_found_from_sixty_degrees_away():
+    import ddf
+    from ddf.data.synthetic import showcase
+
+    chair = ddf.fit(showcase.SHAPES["armchair"]())
+    turned = completion.rotations(torch.tensor([[0.1, math.radians(60), -0.1]]))[0].double().numpy()
+    left, _, right = np.linalg.svd(turned)
+    start = transforms.Similarity(1.0, left @ right, np.array([0.1, 0.0, -0.1]))
+    found = ddf.recover_pose(chair, ddf.depth_camera(chair, size=32), start.to_matrix())
+    assert np.trace(found[:3, :3]) > 1 + 2 * math.cos(math.radians(1))
+    assert np.abs(found[:3, 3]).max() < 0.01
