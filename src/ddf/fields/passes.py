@@ -19,8 +19,9 @@ No graph is kept, one sine and one cosine are taken per unit, and a block of poi
 six passes before the next one comes, in the same memory.
 """
 
+import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import torch
@@ -43,6 +44,17 @@ def has_bfloat16(device: torch.device) -> bool:
 def product_type(matmul: Matmul, values: Tensor) -> torch.dtype:
     """Type of the factors of a large product: that of the values, or bfloat16 where it is asked for and there."""
     return torch.bfloat16 if matmul == "bfloat16" and has_bfloat16(values.device) else values.dtype
+
+
+@contextlib.contextmanager
+def rounded(device: torch.device) -> Iterator[None]:
+    """On a GPU, products have the ten-bit factors of `tf32` within: for a descent that needs a direction, no depth."""
+    before = torch.get_float32_matmul_precision()
+    torch.set_float32_matmul_precision("high" if device.type == "cuda" else before)
+    try:
+        yield
+    finally:
+        torch.set_float32_matmul_precision(before)
 
 
 class Workspace:

@@ -13,6 +13,7 @@ What is left open is told by Laplace's approximation: the curvature 1 + mean(g g
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -174,12 +175,12 @@ def find(
 ) -> transforms.Similarity:
     """The likeliest pose of a shape that is known; arguments and errors as of `complete`."""
     config, generator, like = CompletionConfig(), torch.Generator().manual_seed(seed), torch.zeros(1)
-    width, margin, field = math.hypot(config.blur, noise / scan_from_field.scale), 0.0, None
-    if isinstance(shape, patch_field.PatchField):
-        margin, field = width, soft_rays.SoftPatches(shape, width)
+    width = math.hypot(config.blur, noise / scan_from_field.scale)
+    patches = isinstance(shape, patch_field.PatchField)
+    field, margin = (soft_rays.SoftPatches(shape, width), width) if patches else (shape.field, 0.0)
     box = torch.from_numpy(shape.lower - margin).to(like), torch.from_numpy(shape.upper + margin).to(like)
     alone = latent_prior.LatentPrior(like, like.new_zeros(1, 0))
-    problem = _Problem(_Known(field or shape.field), alone, width, config, box)
+    problem = _Problem(_Known(field), alone, width, config, box)
     seen = _evidence(scan, scan_from_field, generator, like)
     return scan_from_field.compose(_similarity(_likeliest(problem, seen, doubt, None, generator)[0]))
 
@@ -251,9 +252,9 @@ def _pick(seen: _Rays, count: int, generator: torch.Generator) -> Tensor:
 
 @dataclass(frozen=True)
 class _Known:
-    """A single shape in place of a model."""
+    """A single shape in place of a model. field: a network, or `soft_rays.SoftPatches`."""
 
-    field: pddf.PDDF | soft_rays.SoftPatches
+    field: Any
 
     def modulations(self, _: Tensor) -> None:
         """None that vary."""

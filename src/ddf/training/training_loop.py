@@ -47,7 +47,7 @@ class LoopConfig(schema.Checked):
 
     matmul: how large products of matrices are made, around parameters and sums in float32. `tf32`: on a GPU with its
       ten-bit factors, convolutions too, on a CPU as float32. `bfloat16`: those between sine layers of the shape loss
-      (`passes`) and those of Muon, the others in float32; on a processor without such products all in float32.
+      (`passes`) and those of Muon, the others as of `tf32`; on a processor without such products all in float32.
     ema: the average is then the model that is saved; of early steps its decay is (1 + k) / (10 + k) where that is less,
       so that the start is forgotten.
     log_every: steps between two rows of the log; None: 50, a thousandth of more than 50,000, a sixth of fewer than 300.
@@ -115,8 +115,8 @@ def prepare(config: LoopConfig, batch_size: int | None = None) -> None:
         # a step writes all that it reads
         torch.utils.deterministic.fill_uninitialized_memory = False  # pyright: ignore[reportAttributeAccessIssue]
     else:
-        torch.set_float32_matmul_precision("high" if config.matmul == "tf32" else "highest")
-        torch.backends.cudnn.allow_tf32 = config.matmul == "tf32"  # convolutions: on, if nobody says so
+        torch.set_float32_matmul_precision("highest" if config.matmul == "float32" else "high")
+        torch.backends.cudnn.allow_tf32 = config.matmul != "float32"  # convolutions: on, if nobody says so
         torch.backends.cuda.matmul.allow_bf16_reduced_precision_reduction = False  # sums stay in float32
 
 

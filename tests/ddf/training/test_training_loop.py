@@ -227,6 +227,20 @@ def test_bad_config_is_refused():
         dataclasses.replace(CONFIG, clip_norm=-1.0)
 
 
+@pytest.mark.parametrize("matmul", ["float32", "tf32", "bfloat16"])
+def test_products_beside_those_of_bfloat16_are_rounded_on_a_gpu_too(monkeypatch, matmul):
+    """On an H200 they took longer in float32 than those of bfloat16 gained."""
+    monkeypatch.setattr(training_loop, "device", lambda: torch.device("cuda"))
+    monkeypatch.setattr(torch.backends.cudnn, "allow_tf32", True)
+    before = torch.get_float32_matmul_precision()
+    try:
+        training_loop.prepare(dataclasses.replace(CONFIG, matmul=matmul))
+        assert torch.get_float32_matmul_precision() == ("highest" if matmul == "float32" else "high")
+        assert torch.backends.cudnn.allow_tf32 == (matmul != "float32")
+    finally:
+        torch.set_float32_matmul_precision(before)
+
+
 @pytest.mark.parametrize("hardware", [True, False])
 def test_products_that_the_processor_lacks_are_said_to_be_made_otherwise(monkeypatch, caplog, hardware):
     monkeypatch.setattr(passes, "has_bfloat16", lambda device: hardware)

@@ -57,7 +57,7 @@ class _Bundle(torch.autograd.Function):
         points, axes = soft.radius * disc(), torch.stack(curvature.tangent_basis(ways), 1)
         off = points @ axes  # (n, k, 3)
         asked = (starts[:, None] + off).reshape(-1, 3), ways.repeat_interleave(COUNT, 0)
-        found = soft.field.evaluate(*(each.numpy() for each in asked), ("visibility", "depth", "normals"))
+        found = soft.field.evaluate(asked[0].numpy(), asked[1].numpy(), ("visibility", "depth", "normals"))
         met, depths, normals = (
             torch.from_numpy(found[name]).reshape(len(ways), COUNT, *found[name].shape[1:])
             for name in ("visibility", "depth", "normals")

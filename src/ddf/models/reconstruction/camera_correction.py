@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ddf.fields import passes
 from ddf.models.reconstruction import reconstruction_models, settings
 
 
@@ -30,17 +31,18 @@ def correct_camera(
     free = scores.new_tensor([name in config.free for name in settings.CAMERA_NUMBERS])
     optimiser = torch.optim.Adam([scores], lr=config.learning_rate)
     best, best_loss = camera.detach().clone(), torch.full_like(field_scale, torch.inf)
-    for step in range(config.steps + 1):
-        current = scores * head.deviation + head.mean
-        bounded = torch.minimum(torch.maximum(current, head.lowest), head.highest)
-        current = torch.cat((current[:, :1], bounded[:, 1:]), -1)
-        loss = reconstruction_models.mask_loss(model.field, modulations, current, field_scale, alpha)
-        better = loss.detach() < best_loss
-        best = torch.where(better[:, None], current.detach(), best)
-        best_loss = torch.where(better, loss.detach(), best_loss)
-        if step < config.steps:
-            optimiser.zero_grad()
-            (gradient,) = torch.autograd.grad(loss.sum(), scores)
-            scores.grad = gradient * free  # Adam leaves alone what never has a gradient
-            optimiser.step()
+    with passes.rounded(camera.device):
+        for step in range(config.steps + 1):
+            current = scores * head.deviation + head.mean
+            bounded = torch.minimum(torch.maximum(current, head.lowest), head.highest)
+            current = torch.cat((current[:, :1], bounded[:, 1:]), -1)
+            loss = reconstruction_models.mask_loss(model.field, modulations, current, field_scale, alpha)
+            better = loss.detach() < best_loss
+            best = torch.where(better[:, None], current.detach(), best)
+            best_loss = torch.where(better, loss.detach(), best_loss)
+            if step < config.steps:
+                optimiser.zero_grad()
+                (gradient,) = torch.autograd.grad(loss.sum(), scores)
+                scores.grad = gradient * free  # Adam leaves alone what never has a gradient
+                optimiser.step()
     return best

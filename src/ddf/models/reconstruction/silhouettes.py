@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import checks
+from ddf.fields import passes
 from ddf.models.reconstruction import reconstruction_models, settings
 
 BETAS = (0.9, 0.9)  # of Adam: the mean square of few steps; its usual 0.999 remembers the first, largest gradients
@@ -56,12 +57,13 @@ def correct_shapes(
     moved: Sequence[Tensor] = (move, scores, growth)
     groups = [{"params": [value], "lr": rate} for value, rate in zip(moved, rates, strict=True)]
     optimiser = torch.optim.Adam(groups, betas=BETAS)
-    for _ in range(config.steps):
-        modulations = model.modulations(latents + deviation * move)
-        seen_from, scale = scores * head.deviation + head.mean, field_scale * growth.exp()
-        loss = reconstruction_models.mask_loss(model.field, modulations, seen_from, scale, alpha)
-        loss = loss + config.keep * move.square().mean(dim=-1)
-        for value, gradient in zip(moved, torch.autograd.grad(loss.sum(), moved), strict=True):
-            value.grad = gradient
-        optimiser.step()
+    with passes.rounded(latents.device):
+        for _ in range(config.steps):
+            modulations = model.modulations(latents + deviation * move)
+            seen_from, scale = scores * head.deviation + head.mean, field_scale * growth.exp()
+            loss = reconstruction_models.mask_loss(model.field, modulations, seen_from, scale, alpha)
+            loss = loss + config.keep * move.square().mean(dim=-1)
+            for value, gradient in zip(moved, torch.autograd.grad(loss.sum(), moved), strict=True):
+                value.grad = gradient
+            optimiser.step()
     return (latents + deviation * move).detach()

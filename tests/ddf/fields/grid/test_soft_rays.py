@@ -32,7 +32,7 @@ def test_visibility_falls_over_an_edge_as_the_share_of_the_disc_and_is_certain_e
     exact = 0.5 + (inside * np.sqrt(1 - inside**2) + np.arcsin(inside)) / np.pi  # of the disc that lies over the plate
     assert np.abs(share - exact).max() < 0.15 and np.abs(share - exact).mean() < 0.015
     slope, turned = torch.autograd.grad(torch.sigmoid(logit).sum(), (starts, ways))
-    assert slope[np.abs(x - side) > 0.11].abs().max() < 1e-9
+    assert slope[torch.from_numpy(np.abs(x - side) > 0.11)].abs().max() < 1e-9
     assert np.trapezoid(slope[:, 0].numpy(), x) == pytest.approx(-1, abs=0.03)  # the whole fall, from 1 to 0
     assert (slope[:, 0] <= 1e-9).all() and slope[:, 2].abs().max() == 0
     torch.testing.assert_close(turned, (3 - side) * slope, rtol=1e-4, atol=1e-9)  # the edge is so far away

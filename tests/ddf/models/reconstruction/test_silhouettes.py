@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from ddf.core import checks
-from ddf.fields import pddf, rendering, siren
-from ddf.models.reconstruction import reconstruction_models, settings, silhouettes
+from ddf.fields import passes, pddf, rendering, siren
+from ddf.models.reconstruction import camera_correction, reconstruction_models, settings, silhouettes
 
 HOW = settings.ShapeCorrectionConfig(steps=60, learning_rate=0.1, camera_rate=0.0, keep=0.0, mask_size=24)
 CAMERA, SCALE = torch.tensor([[0.4, 0.48, 0.8]]), torch.tensor([2.5])
@@ -125,3 +125,23 @@ def test_deviation_is_that_of_the_encoders_latents():
 def test_a_descent_without_sense_is_refused(changed, message):
     with pytest.raises(checks.InputError, match=message):
         dataclasses.replace(HOW, **changed)
+
+
+def test_both_descents_round_products_on_a_gpu_and_nothing_after_them(monkeypatch):
+    seen, own, rounded = [], reconstruction_models.mask_loss, passes.rounded
+
+    def noted(*given):
+        seen.append(torch.get_float32_matmul_precision())
+        return own(*given)
+
+    monkeypatch.setattr(reconstruction_models, "mask_loss", noted)
+    model, latent = _model(), torch.tensor([[0.1, -0.1, 0.2, 0.7, 0.0]])
+    alpha, how = _alpha(model, latent), dataclasses.replace(HOW, steps=1)
+    for place, precision in (("cpu", "highest"), ("cuda", "high")):
+        monkeypatch.setattr(passes, "rounded", lambda _, place=place: rounded(torch.device(place)))
+        silhouettes.correct_shapes(model, latent, DEVIATION, CAMERA, SCALE, alpha, how)
+        camera_correction.correct_camera(
+            model, [latent[:, None]], CAMERA, SCALE, alpha, settings.CorrectionConfig(steps=0)
+        )
+        assert seen == 2 * [precision] and torch.get_float32_matmul_precision() == "highest"
+        seen.clear()
