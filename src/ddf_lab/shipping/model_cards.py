@@ -19,7 +19,7 @@ from ddf.geometry import mesh_io, transforms
 from ddf.io import onnx_file
 from ddf.models.reconstruction import familiarity, settings
 from ddf.training import training_loop
-from ddf_lab.evaluation import one_model
+from ddf_lab.evaluation import groups, one_model
 from ddf_lab.run import Run
 from ddf_lab.shipping import shipping
 
@@ -57,7 +57,7 @@ def write_all(run: Run, fitted: Path, out: Path) -> None:
 
 
 def _seen(dataset: shapenet.Dataset, category: str) -> list[manifest.Row]:
-    """The real shapes that trained a category."""
+    """The real shapes that trained a category, each as often as it did: with its variations."""
     rows = {row.id: row for row in manifest.of([category])}
     return [rows[name] for shape, _ in dataset.train(category) if (name := shape.partition("--")[0]) in rows]
 
@@ -121,7 +121,8 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
     seen, shapes = _seen(dataset, name), dataset.train(name)
     data = [f"{len(shapes) - len(seen)} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each."]
     if seen:
-        data.append(f"{len(seen)} {name}s of other people (`ddf shapes`), {max(len(v) for _, v in shapes)} views each.")
+        real, views = len({row.id for row in seen}), max(len(v) for _, v in shapes)
+        data.append(f"{real} of other people (`ddf shapes`) and {len(seen) - real} variations, {views} views each.")
     summary = f"Camera and field of a {name} from one RGBA image."
     shipping.write_card(
         out,
@@ -165,8 +166,9 @@ _COLUMNS = {"Pi_g-L": "true camera", "Pi_pred-L": "predicted camera"}
 
 
 def _scores(run: Run, folder: Path) -> list[str]:
-    """What the shipped weights of the run's category reach on its test shapes, a line for each group."""
-    means, said = one_model.measure(run, "ddf", folder, "test").means(), []
+    """What the shipped weights of the run's category reach on its test shapes: on real ones alone, where there are."""
+    kind = groups.REAL if storage.read_json(run.index)["source"] == "both" else ""
+    means, said = one_model.measure(run, "ddf", folder, "test", kind).means(), []
     for group in means.index.unique("category"):
         reached = (
             f"{camera} {means[group, 'ddf', column, 'chamfer_l2_sq_x1000']:.3f} / "
