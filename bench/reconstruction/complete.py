@@ -27,7 +27,7 @@ from torch import Tensor
 
 from bench.lib import display, measuring
 from ddf.api import sensors as sending
-from ddf.core import shipped_models
+from ddf.core import shipped_models, storage
 from ddf.data import shapenet, true_clouds
 from ddf.data.public import manifest, packages, shapes
 from ddf.data.samples.surface import Surface
@@ -246,8 +246,15 @@ def rows(category: str, split: str, found: dict[str, list[dict[str, float]]]) ->
         yield measuring.row(f"{category}, {split}: {way}", size, table["seconds"].tolist(), error)
 
 
+def others(categories: Sequence[str]) -> list[dict[str, Any]]:
+    """Rows that are there of other categories than those."""
+    file = measuring.OUT / f"{NAME}.json"
+    there = storage.read_json(file)["rows"] if file.exists() else []
+    return [row for row in there if row["what"].partition(",")[0] not in categories]
+
+
 def main(arguments: Sequence[str]) -> None:
-    """Measure shapes of every category in turn; what is there is written after each of them."""
+    """Measure shapes of every category in turn; what is there is written after each, rows of other categories stay."""
     import tempfile
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -258,7 +265,7 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--few", type=int, default=6, help="shapes for the ways of noise, outliers and lidar")
     args = parser.parse_args(arguments)
     torch.set_num_threads(THREADS)
-    written = []
+    written = others(args.categories)
     for category in args.categories:
         solver = Solver.of(shipped_models.place(category), completion.CompletionConfig())
         every = manifest.of([category])

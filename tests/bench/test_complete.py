@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bench.lib import measuring
 from bench.reconstruction import complete
 from ddf.geometry import transforms
 
@@ -52,3 +53,12 @@ def test_rows_have_the_paired_gain_and_its_error():
     assert depth["error"]["f_gain"] == pytest.approx(4)
     assert depth["error"]["f_gain_error"] == pytest.approx(2 / np.sqrt(3))
     assert depth["median_s"] == 2
+
+
+def test_rows_of_categories_that_are_not_measured_anew_stay(monkeypatch, tmp_path):
+    monkeypatch.setattr(measuring, "OUT", tmp_path)
+    assert complete.others(["chair"]) == []
+    measuring.write(
+        complete.NAME, 1, [measuring.row(f"{name}, test: image", {}, [1.0], {}) for name in ("chair", "car")]
+    )
+    assert [row["what"] for row in complete.others(["chair", "plane"])] == ["car, test: image"]
