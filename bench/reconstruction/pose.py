@@ -5,6 +5,7 @@ by 10 % of the size, and by a twentieth of the box's longest side in place. Solv
 ICP lays 2,000 points of the field over 300 hits, trimmed, with a scale. Seconds are processor time of one thread.
 """
 
+import argparse
 import time
 from collections.abc import Sequence
 
@@ -17,12 +18,15 @@ from bench.reconstruction import complete
 from ddf.geometry import transforms
 
 ON_DEMAND = "python -m bench pose"
-FIELDS, ANGLES, STARTS = ("rabbit", "armchair"), (15.0, 30.0, 60.0, 90.0), 4
+FIELDS, ANGLES = ("rabbit", "armchair"), (15.0, 30.0, 60.0, 90.0)
 SOLVED_DEG, SOLVED_PERCENT = 2.0, 2.0
 
 
 def main(arguments: Sequence[str]) -> None:
     """Measure all angles and both ways."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--starts", type=int, default=4, help="of each field and angle (default %(default)s)")
+    starts = parser.parse_args(arguments).starts
     torch.set_num_threads(1)
     found: dict[tuple[str, float], list[tuple[float, float, float]]] = {}
     for name in FIELDS:
@@ -32,7 +36,7 @@ def main(arguments: Sequence[str]) -> None:
         scan, cloud = ddf.depth_camera(field, size=complete.PIXELS), field.points(complete.ICP_POINTS)
         hits = scan.points[np.random.default_rng(0).permutation(scan.hit.sum())[: complete.ICP_HITS]]
         for angle in ANGLES:
-            for number in range(STARTS):
+            for number in range(starts):
                 start = complete.off(box, np.random.default_rng(number), angle).compose(box.inverse())
                 began = time.process_time()
                 ours = ddf.recover_pose(field, scan, start.to_matrix(), resize=True)
