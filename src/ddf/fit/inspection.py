@@ -3,6 +3,7 @@
 Seen by two cameras from outside, and asked inside the box. Lengths are in per cent of the box's longest side.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,13 +114,27 @@ def _seen(
     both = sees & there
     cosine = (got["normals"][both] * true["normals"][both]).sum(-1)
     off = np.abs(got["depth"][both] - true["depth"][both]) / size
-    right = np.zeros(len(sees), bool)
-    right[both] = off <= OFF
-    below = true["normals"][there]
-    points = asked.positions[there] + true["depth"][there, None] * asked.directions[there] - _LIFT * size * below
-    through = framed_field.query(truth, rays.OrientedPoints(points, -below), ("depth",))[0]["depth"]
-    thin = ~(through > THIN * size)
-    return _View(100 * off, np.degrees(np.arccos(np.clip(cosine, -1, 1))), both[sees | there], right[there][thin])
+    points = asked.positions[there] + true["depth"][there, None] * asked.directions[there]
+
+    def depth(*placed: np.ndarray) -> np.ndarray:
+        return framed_field.query(truth, rays.OrientedPoints(*placed), ("depth",))[0]["depth"]
+
+    right = ~wrong(got["depth"], true["depth"], OFF * size)[there][thin(depth, points, true["normals"][there], size)]
+    return _View(100 * off, np.degrees(np.arccos(np.clip(cosine, -1, 1))), both[sees | there], right)
+
+
+def thin(
+    depth: Callable[..., Float[np.ndarray, "n"]],
+    points: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    size: float,
+) -> Bool[np.ndarray, "n"]:
+    """Which points of a surface have its other side nearer than `THIN`.
+
+    Args:
+      depth: of the surface, from positions along directions; inf where nothing is met. size: the longest side.
+    """
+    return depth(points - _LIFT * size * normals, -normals) <= THIN * size
 
 
 def _wrong_inside(field: framed_field.FramedField, truth: mesh_field.MeshField, size: float) -> Bool[np.ndarray, "_"]:
