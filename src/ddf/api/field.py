@@ -28,9 +28,15 @@ ONNX, WEIGHTS = "field.onnx", "model.safetensors"  # of a folder of a field
 class Field(queries.Queried):
     """A trained field of one shape. Everything is in the frame and the unit of the mesh that it was fitted to."""
 
-    def __init__(self, framed: framed_field.FramedField, weights: "Callable[[], Weights] | None" = None) -> None:
+    def __init__(
+        self,
+        framed: framed_field.FramedField,
+        weights: "Callable[[], Weights] | None" = None,
+        path: Path | None = None,
+    ) -> None:
         super().__init__(framed)
         self._load_weights = weights
+        self.path = path  # its file or folder; None where there is none
 
     @cached_property
     def _weights(self) -> "Weights":
@@ -44,7 +50,8 @@ class Field(queries.Queried):
         box = ", ".join(f"{low:.3g} to {high:.3g}" for low, high in zip(*self.box, strict=True))
         count = getattr(self.framed, "parameters", None)
         size = "" if count is None else f"; {count:,} parameters"
-        return f"Field({type(self.framed).__name__}; box {box}{size}; {', '.join(self.outputs)})"
+        place = "" if self.path is None else f"{self.path}; "
+        return f"Field({place}{type(self.framed).__name__}; box {box}{size}; {', '.join(self.outputs)})"
 
     @overload
     def points(self, n: int, seed: int = 0, normals: Literal[False] = False) -> Float[np.ndarray, "n 3"]: ...
@@ -175,10 +182,10 @@ def load(path_or_name: str | Path) -> Field:
 
         weights = folder / WEIGHTS
         beside = weights if onnx.name == ONNX and weights.is_file() else None
-        return Field(onnx_field.load(onnx), None if beside is None else lambda: _torch_field(beside))
+        return Field(onnx_field.load(onnx), None if beside is None else lambda: _torch_field(beside), path)
     with extras.named():
         shape = _torch_field(path)
-    return Field(shape, lambda: shape)
+    return Field(shape, lambda: shape, path)
 
 
 def fit(
@@ -187,6 +194,7 @@ def fit(
     steps: int | None = None,
     out: str | Path | None = None,
     kind: Literal["patches", "sine"] | None = None,
+    tolerance: float | None = None,
 ) -> Field:
     """Fit a field to a mesh, as `ddf fit` does. Needs torch and Open3D.
 
@@ -197,8 +205,9 @@ def fit(
       minutes: of a network, wall time of sampling and training, 2 if nothing is said. steps: instead, the
         reproducible way.
       out: folder that keeps the field, its log and its errors; a stopped fit goes on there. None keeps no files.
+      tolerance: of patches, largest distance from the mesh, of half its longest side; 3e-4 if nothing is said.
     Returns:
-      The field, in the frame and the unit of the mesh.
+      The field, in the frame and the unit of the mesh; its `path` is `out`.
     Raises:
       ValueError: the mesh has no triangle with an area, budgets contradict each other or the kind, or a package is not
         installed.
@@ -211,7 +220,10 @@ def fit(
     """
     if kind not in ("patches", "sine", None):
         raise checks.InputError(f"kind must be patches or sine; got {kind!r}")
-    if kind == "patches" and (minutes, steps) != (None, None):
+    network = kind == "sine" or (minutes, steps) != (None, None)
+    if network and tolerance is not None:
+        raise checks.InputError("tolerance is of kind patches")
+    if kind == "patches" and network:
         raise checks.InputError("patches take neither minutes nor steps; they are of kind sine")
     if minutes is not None and steps is not None:
         raise checks.InputError(f"a fit takes minutes or steps; got both, {minutes} and {steps}")
@@ -225,12 +237,13 @@ def fit(
         settings = dataclasses.replace(settings, steps=checks.require_whole("steps", steps, 1), minutes=None)
     given = meshes.as_mesh(mesh)
     with tempfile.TemporaryDirectory() if out is None else contextlib.nullcontext(out) as folder:
-        if kind == "sine" or (minutes, steps) != (None, None):
+        if network:
             fitting.fit(given, settings, Path(folder))
         else:
-            patch_fitting.fit(given, build.PatchConfig(), Path(folder))
+            config = build.PatchConfig() if tolerance is None else build.PatchConfig(float(tolerance))
+            patch_fitting.fit(given, config, Path(folder))
         shape = _torch_field(Path(folder))
-    return Field(shape, lambda: shape)
+    return Field(shape, lambda: shape, None if out is None else Path(out))
 
 
 def _torch_field(path: Path) -> "Weights":

@@ -22,7 +22,7 @@ CAMERA, CLOUD, PICTURE, MESHES = "camera.json", "cloud.ply", "picture.png", ("sh
 _CELLS = 80  # of the mesh, along its longest side
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Reconstruction:
     """What a model makes of one picture, in the frame of ShapeNet's meshes (v1): Y up, box centred at 0, diagonal 1.
 
@@ -40,6 +40,11 @@ class Reconstruction:
     kind: str
     unlike: float | None
     seconds: dict[str, float]
+
+    def __repr__(self) -> str:
+        azimuth, elevation, radius = self.camera.values()
+        seen = f"seen from {azimuth:.0f},{elevation:.0f},{radius:.2f}"
+        return f"Reconstruction({self.kind}: {self.verdict}; {seen}; {len(self.points):,} points; {self.field})"
 
     @cached_property
     def normals(self) -> Float[np.ndarray, "n 3"]:

@@ -46,7 +46,7 @@ COMMANDS = {
     "scene": Command("field", "ddf.cli.field.scene", "several fields in one scene, from one camera or along a path"),
     "models": Command("model", "ddf.cli.model.models", "the trained models and fields that come with the package"),
     "reconstruct": Command(
-        "model", "ddf.cli.model.reconstruct", "camera, cloud and renders from images with a trained model"
+        "model", "ddf.cli.model.reconstruct", "field, mesh, cloud and camera from a picture with a trained model"
     ),
     "complete": Command(
         "model", "ddf.cli.model.complete", "the whole object, and its pose, from a depth image or a lidar scan of it"

@@ -21,9 +21,10 @@ from typing import Any
 
 from ddf.cli import arguments, results
 from ddf.cli.commands import COMMANDS, IN_A_CHECKOUT, ROOMS
-from ddf.core import guard, interrupts
+from ddf.core import guard, interrupts, names
 
 _NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins; no option does
+_CHOICE = re.compile(r"invalid choice: '(.*?)' \(choose from (.*)\)")  # as argparse has it
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -80,9 +81,22 @@ def _module(command: str) -> ModuleType:
 
 
 class _Parser(argparse.ArgumentParser):
-    """argparse with errors in one line."""
+    """argparse with errors in one line, which ask whether the nearest known word was meant."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse, but a command tells of its own options that it does not know."""
+        found, left = super().parse_known_args(args, namespace)
+        wrong = next((word.partition("=")[0] for word in left if word.startswith("-")), None)
+        if wrong is not None:
+            options = [name for action in self._actions for name in action.option_strings]
+            self.error(f"unrecognized arguments: {' '.join(left)}; the options are {names.known(wrong, options)}")
+        return found, left
 
     def error(self, message: str) -> Any:
+        choice = _CHOICE.search(message)
+        if choice:
+            there = names.known(choice[1], re.findall(r"[\w.-]+", choice[2]))
+            message = message.replace(choice[0], f"invalid choice: {choice[1]!r}; there are {there}")
         self.exit(2, f"{self.prog}: error: {' '.join(message.split())} (see {self.prog} --help)\n")
 
 

@@ -6,14 +6,14 @@ grid, manifold3d makes a mesh, closed by construction, whose vertices then go ba
 nothing from both sides stay. Hollows that few sides look into are full.
 """
 
-import itertools
 from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
+from scipy import ndimage
 
 from ddf.core import checks
-from ddf.geometry import sphere
+from ddf.geometry import sphere, transforms
 from ddf.geometry.mesh_io import Mesh, face_normals
 
 # starts (n, 3), unit directions (n, 3) -> depth (n), inf where nothing is seen
@@ -35,12 +35,19 @@ def extract(look: Look, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, 
 
     cell = float((upper - lower).max()) / resolution
     origin, shape = lower - _MARGIN * cell, np.ceil((upper - lower) / cell).astype(int) + 2 * _MARGIN + 1
-    nodes = origin + cell * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
+    centre, values = (lower + upper) / 2, np.full(np.prod(shape), -_REACH)
+    grid = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
+    nodes, left = (origin + cell * grid - centre).astype(np.float32), np.arange(len(grid))
+    corners = transforms.box_corners(nodes[0], nodes[-1])
     least = np.full((_DOUBTED, len(nodes)), _REACH, dtype=np.float32)
     for way in sphere.evenly_spread(_SIDES):
-        behind = np.clip(_behind(look, nodes - (lower + upper) / 2, (lower + upper) / 2, way, cell), -_REACH, _REACH)
-        least = np.sort(np.concatenate([least, behind[None].astype(np.float32)]), axis=0)[:_DOUBTED]
-    value = _between(least[-1].reshape(shape).astype(np.float64), origin, cell)
+        behind = _behind(look, nodes, corners, centre, way, cell)
+        for row in least:  # ascending, of each node
+            row[:], behind = np.minimum(row, behind), np.maximum(row, behind)
+        open_still = least[-1] > -_REACH  # the others are as far out as counts, whatever further views say
+        nodes, left, least = nodes[open_still], left[open_still], least[:, open_still]
+    values[left] = least[-1]
+    value = _between(values.reshape(shape), origin, cell)
     box = [*origin, *(origin + cell * (shape - 1))]
     made = manifold3d.Manifold.level_set(value, box, cell, -_SKIN).to_mesh()
     if len(made.tri_verts) == 0:
@@ -56,25 +63,29 @@ def extract(look: Look, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, 
 def _behind(
     look: Look,
     nodes: Float[np.ndarray, "n 3"],
+    corners: Float[np.ndarray, "8 3"],
     centre: Float[np.ndarray, "3"],
     way: Float[np.ndarray, "3"],
     cell: float,
 ) -> Float[np.ndarray, "n"]:
-    """How far nodes are behind what is seen along a way, in cells; of the four pixels around one, linearly."""
+    """How far nodes are behind what is seen along a way, in cells up to `_REACH`; of four pixels each, linearly.
+
+    Args:
+      nodes: about the centre, float32. corners: of all of them, which the image holds.
+    """
     right = np.linalg.svd(way[None])[2][1:]  # two axes across
-    place, far = nodes @ right.T, nodes @ way
-    low, start = place.min(axis=0), far.min() - cell
-    count = np.ceil((place.max(axis=0) - low) / cell).astype(int) + 2
+    low, start = (corners @ right.T).min(axis=0), (corners @ way).min() - cell
+    count = np.ceil(((corners @ right.T).max(axis=0) - low) / cell).astype(int) + 2
     pixels = low + cell * np.stack(np.meshgrid(*map(np.arange, count), indexing="ij"), axis=-1).reshape(-1, 2)
     starts = centre + pixels @ right + start * way
-    seen = look(starts, np.broadcast_to(way, starts.shape).copy()).reshape(count)
-    at = (place - low) / cell
-    first = np.floor(at).astype(int)
-    share, total = at - first, np.zeros(len(nodes))
-    for i, j in itertools.product((0, 1), repeat=2):
-        depth = np.clip((far - start - seen[first[:, 0] + i, first[:, 1] + j]) / cell, -_REACH, _REACH)
-        total += depth * np.abs(1 - i - share[:, 0]) * np.abs(1 - j - share[:, 1])
-    return total
+    seen = (look(starts, np.broadcast_to(way, starts.shape).copy()) / cell).astype(np.float32)
+    axes = np.stack([*right, way]).astype(np.float32) / np.float32(cell)
+    x, y, far = axes @ nodes.T - (np.array([*low, start]) / cell).astype(np.float32)[:, None]
+    i, j = (np.clip(np.floor(each), 0, None).astype(np.int32) for each in (x, y))
+    x, y, at, total = x - i, y - j, i * count[1] + j, np.zeros_like(far)
+    for step, share in ((0, (1 - x) * (1 - y)), (1, (1 - x) * y), (count[1], x * (1 - y)), (count[1] + 1, x * y)):
+        total += share * np.clip(far - seen[at + step], -_REACH, _REACH)
+    return total.clip(-_REACH, _REACH)
 
 
 def _between(
@@ -82,6 +93,7 @@ def _between(
 ) -> Callable[[float, float, float], float]:
     """Values between the nodes, linearly; asked one by one, so in plain numbers."""
     flat, (size_x, size_y, size_z) = values.ravel().tolist(), values.shape
+    outside = (ndimage.maximum_filter(values, 2, origin=-1) <= -_REACH).ravel().tolist()  # all corners of the cell
     ox, oy, oz = origin.tolist()
     y_step, x_step = size_z, size_y * size_z
 
@@ -91,6 +103,8 @@ def _between(
             return -_REACH
         i, j, k = int(x), int(y), int(z)
         x, y, z, at, sides = x - i, y - j, z - k, (i * size_y + j) * size_z + k, []
+        if outside[at]:
+            return -_REACH
         for side in (at, at + x_step):
             near = (1 - z) * flat[side] + z * flat[side + 1]
             beyond = (1 - z) * flat[side + y_step] + z * flat[side + y_step + 1]

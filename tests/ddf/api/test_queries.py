@@ -156,6 +156,7 @@ def test_wrong_input_is_one_value_error(rabbit):
         (lambda: ddf.compose([rabbit], [np.diag([-1.0, 1.0, 1.0, 1.0])]), "this one shears or mirrors"),
         (lambda: ddf.compose([rabbit], [np.eye(3)]), "must be a 4x4 matrix"),
         (lambda: ddf.compare(good, along[:, :2]), "truth must be numbers of shape"),
+        (lambda: ddf.compare(good, good[:1], relative=True), "truth: all points are one"),
         (lambda: ddf.cast(3, good, along), "a mesh must have vertices and faces"),
         (lambda: ddf.fit(3, minutes=1.0, steps=1), "a fit takes minutes or steps; got both"),
     ):

@@ -15,6 +15,7 @@ def test_a_saved_field_answers_the_same(tmp_path, again):
     seen, other = (field.render(size=32, outputs=("visibility", "depth", "normals")) for field in (own, found))
     assert all(np.array_equal(seen[name], other[name]) for name in seen) and (seen["visibility"] > 0.5).any()
     assert "parameters" in repr(found) and f"{own.box[0][0]:.3g}" in repr(found)
+    assert repr(found).startswith(f"Field({tmp_path / str(again - 1)}; ")
 
 
 def test_points_have_normals_and_a_page_is_written(tmp_path):

@@ -111,6 +111,23 @@ def test_bugs_keep_their_traceback(command, error):
         cli.main(["doctor"])
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["reconstrct", "a.png"], "'reconstrct'; there are mesh, cast, "),
+        (["reconstrct", "a.png"], "(did you mean reconstruct?) (see ddf --help)"),
+        (["fit", "--minuts=3", "a", "b"], "ddf fit: error: unrecognized arguments: --minuts=3; the options are -h, "),
+        (["fit", "--minuts", "3", "a", "b"], "(did you mean --minutes?) (see ddf fit --help)"),
+        (["fit", "--kind", "sin", "a", "b"], "'sin'; there are patches, sine (did you mean sine?)"),
+    ],
+)
+def test_unknown_words_are_answered_with_the_nearest(arguments, said, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(arguments)
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
 @pytest.mark.parametrize("arguments", [["nothing"], ["doctor", "--nothing"], ["info"], ["--nothing"]])
 def test_wrong_arguments_are_one_line_and_code_2(capsys, arguments):
     with pytest.raises(SystemExit) as caught:

@@ -117,13 +117,16 @@ def _answer(args: argparse.Namespace, mesh: "mesh_io.Mesh", result: dict[str, An
     from ddf.cli import image_files
     from ddf.core import storage
     from ddf.fields import mesh_field
-    from ddf.fit import inspection, kinds
+    from ddf.fit import fitting, inspection, kinds
 
-    field, picture = kinds.load(args.out), args.out / inspection.PICTURE
-    truth = mesh_field.beside(field, mesh)
-    looks = inspection.measure(field, truth)
-    storage.write_bytes(picture, image_files.encode(inspection.picture(field, truth), picture.suffix))
+    picture, looks = args.out / inspection.PICTURE, result.get("looks")
     del result["already"]
+    if looks is None or not picture.is_file():
+        field = kinds.load(args.out)
+        truth = mesh_field.beside(field, mesh)
+        looks = inspection.measure(field, truth)
+        storage.write_bytes(picture, image_files.encode(inspection.picture(field, truth), picture.suffix))
+        storage.write_json(args.out / fitting.METRICS, {**result, "looks": looks})
     return {
         **result,
         "looks": looks,

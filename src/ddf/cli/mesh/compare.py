@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
 
-_USUAL = (0.3, 3.0)  # diagonals of boxes for which the default threshold is meant
+_USUAL = (0.25, 1.25)  # diagonals of boxes for which the default threshold is meant: benchmark units to v1
 POINTS = 10_000  # drawn on each mesh, as benchmarks of meshes do
 EXAMPLES = (
     "ddf compare cloud.ply truth.ply",
@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Scores as they are (nothing times 100 or 1000): chamfer_l2_sq is the sum of both means of squared distances."""
     import numpy as np
 
+    from ddf.api import scores
     from ddf.cli import results
     from ddf.core import checks
     from ddf.metrics import cloud_scores
@@ -64,19 +65,16 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             raise checks.InputError(f"{getattr(args, name)}: does not fit into memory") from fault
     (pred, pred_is), (truth, truth_is) = read
     diagonal = float(np.linalg.norm(np.ptp(truth, axis=0)))
-    if args.relative and not diagonal > 0:
-        raise checks.InputError(f"{args.truth}: all points are one, so nothing is relative to its box")
-    unit = diagonal if args.relative else 1.0
-    scores = cloud_scores.compare_clouds(pred / unit, truth / unit, args.tau_sq).to_dict()
+    compared = scores.compare(pred, truth, args.tau_sq, args.relative).to_dict()
     units = {metric.score: metric.unit for metric in cloud_scores.METRICS.values()}
     length = "of the box's diagonal" if args.relative else "units"
     verdict = (
-        f"F-score {scores['f_score_tau']:.1%} within {args.tau_sq**0.5:.4g} {length}: {pred_is} of {args.pred.name} "
+        f"F-score {compared['f_score_tau']:.1%} within {args.tau_sq**0.5:.4g} {length}: {pred_is} of {args.pred.name} "
         f"against {truth_is} of {args.truth.name}"
     )
     if not (args.relative or _USUAL[0] < diagonal < _USUAL[1]):
         verdict += f"; the truth's box measures {diagonal:.4g} units: --relative takes shares of that"
-    found = {**scores, "tau_sq": args.tau_sq, "box_diagonal": diagonal, "relative": args.relative}
+    found = {**compared, "tau_sq": args.tau_sq, "box_diagonal": diagonal, "relative": args.relative}
     rows = [(name, value, units.get(name, "")) for name, value in found.items()]
     table = results.grid(("score", "value", "unit"), rows)
     return {**found, "pred": pred_is, "truth": truth_is, "table": table, "verdict": verdict}
