@@ -22,8 +22,8 @@ def compare(
       `.chamfer_l2_sq`, the sum of both means of squared distances; `.f_score_tau`, `.f_score_2tau`, `.precision_tau`
       and `.recall_tau` in [0, 1]; `.num_pred`, `.num_truth`.
     Raises:
-      ValueError: a shape that is not (n, 3), a value that is not finite, an empty cloud, tau_sq not positive, or lengths
-        relative to a truth that is a single point.
+      ValueError: a shape that is not (n, 3), a value that is not finite, an empty cloud, tau_sq not positive, or
+        lengths relative to a truth that is a single point.
 
     Example:
       >>> import ddf

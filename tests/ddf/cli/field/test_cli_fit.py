@@ -12,7 +12,7 @@ from ddf import cli
 from ddf.cli.field import fit
 from ddf.core import config
 from ddf.fields import pddf
-from ddf.fit import fit_settings, fitting, shape_field
+from ddf.fit import fit_settings, fitting, inspection, shape_field
 from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -28,6 +28,16 @@ def test_fit_says_what_scripts_rely_on(work, capsys):
     assert result["seconds"] > 0
     assert result["parameters"] == 6 * 16 + 16 + 16 * 16 + 16 + 16 * 4 + 4
     assert result["steps"] == 3
+
+
+def test_a_finished_fit_is_not_measured_again(work, capsys, monkeypatch):
+    (work / "tetrahedron.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    said = []
+    for _ in range(2):
+        assert cli.main(["fit", str(work / "tetrahedron.obj"), str(work / "twice"), "--tolerance", "0.01"]) == 0
+        said.append(capsys.readouterr().out.splitlines())
+        monkeypatch.setattr(inspection, "measure", None)
+    assert said[0][:-1] == said[1][:-1] and "fitted already" in said[1][-1]
 
 
 def test_fit_writes_field_log_and_metrics(fitted):
