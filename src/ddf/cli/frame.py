@@ -83,7 +83,7 @@ def _module(command: str) -> ModuleType:
 class _Parser(argparse.ArgumentParser):
     """argparse with errors in one line, which ask whether the nearest known word was meant."""
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
         """As argparse, but a command tells of its own options that it does not know."""
         found, left = super().parse_known_args(args, namespace)
         wrong = next((word.partition("=")[0] for word in left if word.startswith("-")), None)
