@@ -1,7 +1,8 @@
 """Strips of pictures, as the paper's figure: input, visibility, depth, normals, clouds, truth. Pixels only, no axes.
 
 An example has a line of text, then its cells, `PER_LINE` beside each other, so that a phone shows them at a good size.
-Every cell is a square RGB image (uint8) on white. Clouds are drawn as small discs, nearest on top, from a camera of the
+Every cell is a square RGB image (uint8) on white; of an example's cells that part is shown, the same of all, that holds
+what is not white. Clouds are drawn as small discs, nearest on top, from a camera of the
 benchmark frame; their colours are 3D coordinates within the box of the truth, darker with distance.
 """
 
@@ -22,6 +23,7 @@ _OVERSAMPLING = 3  # discs are drawn this much larger and averaged down
 _DISC_RADIUS = 0.9  # of a point, in pixels of the 137-pixel camera
 PER_LINE = 4  # cells beside each other
 GAP, TEXT, NAME = 6, 54, 26  # pixels between cells, of an example's text, of the names above its cells
+_FAINTEST, _MARGIN = 235, 0.04  # darker than this is shown, with this share of the side around it
 _INK, _FAINT = (32, 36, 44), (110, 116, 128)
 _QUALITY = 90  # of WebP: no difference to be seen, a quarter of the size of a PNG
 
@@ -88,28 +90,41 @@ def _shade(z_depth: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     return 1.0 - 0.32 * (z_depth - near) / max(far - near, 1e-12)
 
 
-def strip(columns: Sequence[str], rows: Sequence[StripRow], per_line: int = PER_LINE) -> bytes:
-    """The examples one below the other, as WebP; the column's name stands above every cell."""
+def strip(columns: Sequence[str], rows: Sequence[StripRow], per_line: int = PER_LINE, side: int = CELL) -> bytes:
+    """The examples one below the other, as WebP; the column's name stands above every cell of `side` pixels."""
     lines = -(-len(columns) // per_line)
-    line_height = NAME + CELL + GAP
+    line_height = NAME + side + GAP
     row_height = TEXT + lines * line_height
-    width = min(len(columns), per_line) * (CELL + GAP) - GAP
+    width = min(len(columns), per_line) * (side + GAP) - GAP
     canvas = Image.new("RGB", (width, len(rows) * row_height), "white")
     draw = ImageDraw.Draw(canvas)
     for j, row in enumerate(rows):
-        top = j * row_height
+        top, shown = j * row_height, _shown([cell for cell in row.cells if cell is not None])
         if j:
             draw.line([(0, top), (width, top)], fill=(200, 204, 210))
         draw.text((4, top + 16), row.heading, fill=_INK, font=typeface.font(19, bold=True), anchor="lm")
         draw.text((4, top + 40), "; ".join(row.lines), fill=_FAINT, font=typeface.font(17), anchor="lm")
         for i, (name, cell) in enumerate(zip(columns, row.cells, strict=True)):
-            left, above = (i % per_line) * (CELL + GAP), top + TEXT + (i // per_line) * line_height
+            left, above = (i % per_line) * (side + GAP), top + TEXT + (i // per_line) * line_height
             if cell is not None:
-                middle = (left + CELL / 2, above + NAME / 2)
+                middle = (left + side / 2, above + NAME / 2)
                 draw.text(middle, name, fill=_INK, font=typeface.font(17), anchor="mm")
-                picture = Image.fromarray(cell).resize((CELL, CELL), Image.Resampling.BILINEAR)
+                part = tuple(len(cell) * edge for edge in shown)
+                picture = Image.fromarray(cell).resize((side, side), Image.Resampling.BILINEAR, part)
                 canvas.paste(picture, (left, above + NAME))
     return webp_bytes(canvas)
+
+
+def _shown(cells: Sequence[Picture]) -> tuple[float, float, float, float]:
+    """Left, top, right and lower edge of the least square that holds what is not white, in shares of a cell's side."""
+    ink = [np.argwhere((cell < _FAINTEST).any(-1)) / len(cell) for cell in cells]
+    found = np.concatenate([np.zeros((0, 2)), *ink])
+    if not len(found):
+        return 0.0, 0.0, 1.0, 1.0
+    low, high = found.min(0) - _MARGIN, found.max(0) + _MARGIN
+    side = min(float((high - low).max()), 1.0)
+    top, left = np.clip((low + high - side) / 2, 0.0, 1.0 - side).tolist()
+    return left, top, left + side, top + side
 
 
 def webp_bytes(image: Image.Image) -> bytes:

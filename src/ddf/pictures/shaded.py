@@ -117,6 +117,18 @@ def render(
     return Shaded(picture, share.reshape(size, size))
 
 
+def project(standing: Standing, camera: Camera, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
+    """Where points of the mesh's frame lie in a camera's whole picture: x from the left, y from the top, side 1."""
+    start, _ = _rays(standing, camera, np.zeros(1), np.zeros(1))
+    return np.stack(cameras.project(points, _camera_axes(standing, camera).T, start[0]), -1) / cameras.IMAGE_SIZE
+
+
+def camera_rays(standing: Standing, camera: Camera, shown: Window, size: int) -> rays.OrientedPoints[np.ndarray]:
+    """Rays of the pixels of a picture, row by row from the top, mesh frame."""
+    row, column = (shown[2] * (each.ravel() + 0.5) / size for each in np.indices((size, size)))
+    return rays.OrientedPoints(*_rays(standing, camera, shown[0] + column, shown[1] + row))
+
+
 def _rays(standing: Standing, camera: Camera, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Starts and unit directions, mesh frame; x from the left and y from the top of the camera's picture of side 1."""
     directions = cameras.directions_at(cameras.IMAGE_SIZE * x, cameras.IMAGE_SIZE * y)

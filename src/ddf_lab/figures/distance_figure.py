@@ -33,7 +33,7 @@ NEAR = 0.05  # of the longest side's half: how far from the surface the points n
 TURNED_DEG = 30.0
 BOUND, TIMES, BOUND_DEG = 0.010, 1.5, 7.0
 BOUNDS = ("shape", "mean", f"<= {BOUND}", f"{TIMES} x along the true v*", "holds", "v*, °", f"<= {BOUND_DEG:g}°")
-SLICES = ("two_spheres", "rabbit", "armchair")
+SLICES = {"two_spheres": (0.5,), "rabbit": (0.25, 0.5, 0.75), "armchair": (0.5,)}  # z, of the box
 TITLES = {"two_spheres": "two spheres", "room": "room of five planes"}
 _SPHERES = 0.4, 1.1  # radius and distance of `showcase.two_spheres`
 
@@ -90,10 +90,11 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         measured = _measured(name, field, mesh, nearest, cloud, config, folder)
         rows += [_line(name, way, *each) for way, each in measured.items()]
         bounds.append(bounds_line(name, measured["cloud"][1], measured["along the true v*"][1].mean))
-        if name in SLICES:
-            cells.append(_slices(name, field, nearest, cloud[0], config.picture_size))
+        for level in SLICES.get(name, ()):
+            heading = f"{TITLES.get(name, name)}, z at {100 * level:.0f} %"
+            cells.append((heading, _slices(level, field, nearest, cloud[0], config.picture_size)))
     columns = ("UDF", "exact UDF", "v*", "exact v*")
-    strip = [picture_strips.StripRow(heading, ("a slice through the middle, z fixed",), row) for heading, row in cells]
+    strip = [picture_strips.StripRow(heading, (), row) for heading, row in cells]
     header = ["shape", "way", "mean", "near", "v*, °", f"> {TURNED_DEG:g}°, %", "queries", "once"]
     return pages.Section(
         "Unsigned distances and v*",
@@ -267,14 +268,15 @@ def _angles(found: Found, positions: Float[np.ndarray, "n 3"], nearest: Nearest)
 
 
 def _slices(
-    name: str, field: ShapeField, nearest: Nearest, cloud: checked_cloud.CheckedCloud, size: int
-) -> tuple[str, list[picture_strips.Picture]]:
-    """UDF and v* with the exact ones, in the plane through the middle of the box that z is normal to."""
+    level: float, field: ShapeField, nearest: Nearest, cloud: checked_cloud.CheckedCloud, size: int
+) -> list[picture_strips.Picture]:
+    """UDF and v* with the exact ones, in a plane z = const, at a share of the box."""
     corners = field.field_from_mesh.inverse().apply(np.stack([field.lower, field.upper]))
     middle, half = corners.mean(axis=0), float(np.ptp(corners, axis=0).max()) / 2
     steps = half * (2 * (np.arange(size) + 0.5) / size - 1)
     y, x = np.meshgrid(-steps, steps, indexing="ij")
     positions = middle + np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    positions[:, 2] = corners[0, 2] + level * np.ptp(corners[:, 2])
     distances, ways = cloud.distances(positions)
     true_ways = nearest(positions) - positions
     true = np.linalg.norm(true_ways, axis=1)
@@ -282,4 +284,4 @@ def _slices(
     pictures = field_pictures.depth_pictures(distances.reshape(size, size), true.reshape(size, size))
     seen = np.ones((size, size))
     coloured = [field_pictures.normals_picture(each.reshape(size, size, 3), seen) for each in (ways, true_ways)]
-    return TITLES.get(name, name), [*pictures, *coloured]
+    return [*pictures, *coloured]

@@ -37,7 +37,7 @@ class FiguresConfig(schema.Checked):
     candidate_steps: int = fixed(300, least=1)
     consistency_steps: int = fixed(400, least=1)
     renderer_steps: int = fixed(300, least=1)
-    picture_size: int = fixed(120, least=1)
+    picture_size: int = fixed(256, least=1)
 
 
 def recipe(name: str, config: FiguresConfig) -> fit_settings.FitConfig:

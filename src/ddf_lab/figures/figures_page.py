@@ -13,10 +13,12 @@ from ddf_lab.figures import (
     sample_figure,
     slice_figure,
     sphere_figures,
+    teaser_figure,
 )
 from ddf_lab.report import pages
 
 SECTIONS: tuple[Callable[[figure_fields.FiguresConfig, Path], pages.Section], ...] = (
+    teaser_figure.section,
     sample_figure.section,
     slice_figure.section,
     sphere_figures.section,

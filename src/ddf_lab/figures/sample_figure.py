@@ -1,51 +1,42 @@
-"""The six sample types on a sphere, and oriented points that hit and miss. [DDF22] figs. 1 and `datatypes`.
+"""The six sample types of a rabbit, and numbers of those of a sphere. [DDF22] fig. `datatypes`."""
 
-Dots are positions p, thin lines run to what is met; red lines are short looks along v where nothing is.
-"""
-
+import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
-from PIL import Image, ImageDraw
 
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
-from ddf.fit import fit_settings, shape_samples
-from ddf.geometry import cameras
+from ddf.fit import fit_settings, fitting, shape_samples
+from ddf.geometry import mesh_io, rays
 from ddf.pictures import picture_strips
-from ddf_lab.figures import figure_fields
+from ddf_lab.figures import drawing, figure_fields
 from ddf_lab.report import pages
 
-SHOWN = 90  # of each type
-_CAMERA = (0.6, 0.35, 1.25)  # azimuth and elevation in radians, radius, of a sphere of the benchmark's size
-_SIZE = 0.27  # of the sphere's radius, in the unit of that camera
-_LOOK = 0.5  # length of the line of a miss, field units
-_HIT, _MISS, _TO = (31, 95, 168), (30, 30, 30), (90, 180, 190)
-_RED, _FAINT, _OVERSAMPLING = (205, 60, 50), (222, 226, 232), 3
+SHAPE, SHOWN, SIDE = "rabbit", 50, 256  # of each type; pixels of a cell
+_CAMERA, _LOOK = (35.0, 20.0, 1.2), 0.14
+_LEGEND = (
+    "blue p, green v: sees the shape, where the thin line ends",
+    "black p, red v: sees nothing",
+)
 
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """A cell per type, and what the samples of a unit sphere are, against the closed form."""
-    ball = showcase.ball(1.0, 5)
-    counts = sample_types.each(4000)
-    samples, _ = shape_samples.draw_samples(ball, fit_settings.FitConfig(), counts, "figure")
-    cells, rows = [], []
-    for kind, arrays in samples.arrays.items():
-        part = {name: values.numpy().astype(np.float64) for name, values in arrays.items()}
-        cells.append(_picture(part, 2 * config.picture_size))
-        rows.append([kind, *_row(part, samples.unit)])
-    strip = picture_strips.strip(
-        list(samples.arrays), [picture_strips.StripRow("sample types", ("a sphere",), cells)], per_line=3
-    )
+    rows = [[kind, *_row(part)] for kind, part in _samples(showcase.ball(1.0, 5)).items()]
+    rabbit = _samples(fitting.in_cube(showcase.SHAPES[SHAPE]())[0])
+    cells = _pictures(rabbit, SIDE)
+    strip = picture_strips.strip([SHAPE, *rabbit], [picture_strips.StripRow("sample types", _LEGEND, cells)], side=SIDE)
     return pages.Section(
         "Oriented points that hit and miss: six sample types",
         [
             pages.Figure(
                 "samples.webp",
-                "Blue: p that sees the sphere, with a line to what it sees. Black: p that does not, with a look along"
-                " v.",
-                "Samples of the six types on a sphere",
+                f"First the mesh, then {SHOWN} samples of each type: p uniform (U), v towards a point of the surface"
+                " (A), p on the box (B), p on the surface (S), v along the surface (T), and beside such rays (O).",
+                "A rabbit and samples of the six types",
                 strip,
             ),
             pages.Table(
@@ -55,44 +46,54 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 ["type", "see the sphere, %", "depth", "p on the surface, %"],
                 rows,
             ),
-            "Answers [DDF22] fig. 1, left, and fig. `datatypes`.",
+            "Answers [DDF22] fig. `datatypes`.",
         ],
     )
 
 
-def _row(part: dict[str, Float[np.ndarray, "n ..."]], radius: float) -> list[str]:
-    """Share that sees, largest depth error against the sphere of the field frame, share on the surface."""
+def _samples(mesh: mesh_io.Mesh) -> dict[str, dict[str, Float[np.ndarray, "n ..."]]]:
+    """Of a mesh in [-1, 1]³, by type, in its frame."""
+    samples, _ = shape_samples.draw_samples(mesh, fit_settings.FitConfig(), sample_types.each(4000), "figure")
+    found, random = {}, np.random.default_rng(0)
+    for kind, arrays in samples.arrays.items():
+        mixed = random.permutation(len(arrays["depth"]))  # stored by side of the surface or of the edge
+        found[kind] = {name: values.numpy().astype(np.float64)[mixed] for name, values in arrays.items()}
+        for name in ("positions", "depth"):
+            found[kind][name] /= samples.unit
+    return found
+
+
+def _row(part: dict[str, Float[np.ndarray, "n ..."]]) -> list[str]:
+    """Share that sees, largest depth error against the unit sphere, share on the surface."""
     positions, directions, visible = part["positions"], part["directions"], part["visible"] > 0
     b = (positions * directions).sum(axis=1)
-    quarter = b**2 - (positions**2).sum(axis=1) + radius**2
+    quarter = b**2 - (positions**2).sum(axis=1) + 1
     half = np.sqrt(np.maximum(quarter, 0.0))
     off = np.minimum(np.abs(-b - half - part["depth"]), np.abs(-b + half - part["depth"]))
     square = np.abs((part["normals"] * directions).sum(axis=1)) > 0.2
-    on = np.abs(np.linalg.norm(positions, axis=1) - radius) < 2e-3
+    on = np.abs(np.linalg.norm(positions, axis=1) - 1) < 2e-3
     known = visible & square
     worst = f"{off[known].max():.1e}" if known.any() else "–"
     return [f"{100 * visible.mean():.1f}", worst, f"{100 * on.mean():.1f}"]
 
 
-def _picture(part: dict[str, Float[np.ndarray, "n ..."]], size: int) -> picture_strips.Picture:
-    """Projected dots and lines, the sphere as a faint disc."""
-    side = size * _OVERSAMPLING
-    canvas = Image.new("RGB", (side, side), "white")
-    draw = ImageDraw.Draw(canvas)
-    pose = cameras.extrinsics(*(np.array(value) for value in _CAMERA))
-    rim = side * _SIZE / _CAMERA[2] * cameras.FOCAL_PX / cameras.IMAGE_SIZE
-    draw.ellipse([side / 2 - rim, side / 2 - rim, side / 2 + rim, side / 2 + rim], fill=_FAINT)
-
-    def place(points: Float[np.ndarray, "n 3"]) -> list[tuple[float, float]]:
-        column, row = cameras.project(_SIZE * points, *pose)
-        return [(float(x), float(y)) for x, y in np.stack([column, row], -1) * side / cameras.IMAGE_SIZE]
-
-    p, v = part["positions"][:SHOWN], part["directions"][:SHOWN]
-    seen = part["visible"][:SHOWN] > 0
-    length = np.where(seen, part["depth"][:SHOWN], _LOOK)
-    for start, end, hit in zip(place(p), place(p + length[:, None] * v), seen, strict=True):
-        draw.line([start, end], fill=_TO if hit else _RED, width=_OVERSAMPLING)
-    for (x, y), hit in zip(place(p), seen, strict=True):
-        radius = 1.8 * _OVERSAMPLING
-        draw.ellipse([x - radius, y - radius, x + radius, y + radius], fill=_HIT if hit else _MISS)
-    return np.asarray(canvas.resize((size, size), Image.Resampling.LANCZOS))
+def _pictures(
+    samples: Mapping[str, Mapping[str, Float[np.ndarray, "n ..."]]], size: int
+) -> list[picture_strips.Picture]:
+    """The shape, then its samples of each type, and the legend."""
+    on_ground = drawing.standing(SHAPE)
+    around = np.concatenate([part["positions"][:SHOWN] for part in samples.values()])
+    plain = drawing.Drawing.around(on_ground, _CAMERA, around, size)
+    cells = [plain.picture()]
+    for part in samples.values():
+        drawn = dataclasses.replace(plain, image=plain.image.copy())
+        p, v, d, visible = (part[name][:SHOWN] for name in ("positions", "directions", "depth", "visible"))
+        seen = visible > 0
+        hits = rays.surface_points(p[seen], v[seen], d[seen])
+        drawn.lines(p[seen], hits, drawing.SIGHT)
+        drawn.arrows(p[seen], (p + _LOOK * v)[seen], drawing.LOOK, 1)
+        drawn.arrows(p[~seen], (p + _LOOK * v)[~seen], drawing.MISSED, 1)
+        drawn.dots(p[seen], drawing.HIT)
+        drawn.dots(p[~seen], drawing.MISS)
+        cells.append(drawn.picture())
+    return cells

@@ -21,7 +21,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     field, scene = figure_fields.fitted(SHAPE, config, folder), raycast.Scene(showcase.SHAPES[SHAPE]())
     strips, rows = [], []
     for direction in DIRECTIONS:
-        name = f"({', '.join(f'{part:g}' for part in direction)})"
+        name = named(direction)
         slices = [shape_views.slice_images(field, scene, level, direction, config.picture_size) for level in LEVELS]
         depth, true = (np.stack([each[kind] for each in slices]) for kind in ("depth", "true_depth"))
         pictures = field_pictures.depth_pictures(*depth, *true)
@@ -52,3 +52,8 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             "Answers [DDF22] fig. 1, right.",
         ],
     )
+
+
+def named(direction: tuple[float, ...]) -> str:
+    """As it stands above pictures."""
+    return f"({', '.join(f'{part:g}' for part in direction)})"

@@ -4,6 +4,7 @@
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,10 +14,14 @@ from ddf.fit.shape_field import ShapeField
 from ddf.geometry import primitives, rays
 from ddf.pictures import field_pictures, picture_strips
 from ddf_lab.figures import figure_fields
-from ddf_lab.report import pages
+from ddf_lab.report import figures, pages
 
 CAMERAS = ((90.0, 15.0, 0.9), (35.0, 15.0, 0.9), (8.0, 15.0, 0.9))  # azimuth, elevation in degrees, radius
 SLICES = (((0.0, 0.0, -1.0), "(0, 0, -1)"), ((1.0, 0.0, 0.0), "(1, 0, 0)"), ((1.0, 1.0, 1.0), "(1, 1, 1)"))
+LINES = {  # first and last p, v
+    "surface discontinuity": ((-1.25, 0.0), (1.0, 0.0), (1.0, 0.0)),
+    "occlusion discontinuity": ((-1.0, -0.85), (-1.25, 0.45), (0.98, 0.2)),
+}
 _ASKED = ("visibility", "depth", "weight_1", "normals", "normals_1", "normals_2")
 _COLUMNS = ("depth", "exact depth", "w_1", "normals", "n_1", "n_2")
 _EDGE = 0.03  # on either side of where the truth jumps, field units
@@ -44,6 +49,14 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 "Depth, exact depth, weight and normals of both components, in renders and slices",
                 strip,
             ),
+            pages.Figure(
+                "jumps.svg",
+                "Depth at the starts of the arrows, as they move. Left, through the surface: d falls to 0 and begins"
+                " anew. Right, past the rim of the nearer sphere: d jumps to the farther one. A smooth network jumps"
+                " where w₁ passes 1/2; gaps see nothing.",
+                "Sketches of both kinds of discontinuities, depths of field and closed form along a line, and w₁",
+                figures.jumps({title: _along(field, *each) for title, each in LINES.items()}).encode(),
+            ),
             _table(field),
             "Answers [DDF22] figs. `prob_illus`, `seethrough`, `discontillus`, and fig. 1's slices.",
         ],
@@ -59,6 +72,25 @@ def _slice(field: ShapeField, direction: tuple[float, float, float], size: int) 
     positions = corners.mean(axis=0) + np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
     unit = np.array(direction) / np.linalg.norm(direction)
     return rays.OrientedPoints(positions, np.broadcast_to(unit, positions.shape).copy())
+
+
+def _along(
+    field: ShapeField, first: tuple[float, float], last: tuple[float, float], along: tuple[float, float]
+) -> tuple[dict[str, Any], list[tuple[float, ...]], list[tuple[float, ...]]]:
+    """What `figures.jumps` shows of a line of positions in the plane z = 0, all with one direction."""
+    shares = np.linspace(0.0, 1.0, 600)
+    ends, v = np.array([first, last]), np.array(along) / np.hypot(*along)
+    positions = np.pad(ends[0] + shares[:, None] * (ends[1] - ends[0]), ((0, 0), (0, 1)))
+    points = rays.OrientedPoints(positions, np.broadcast_to(np.append(v, 0.0), positions.shape).copy())
+    found, _ = framed_field.query(field, points, ("visibility", "depth", "weight_1"))
+    exact = _exact(points).depth.numpy()
+    shown = {"depth": found["depth"], "weight": np.where(np.isfinite(found["depth"]), found["weight_1"], np.inf)}
+    seen = {name: np.where(np.isfinite(values), values, np.nan) for name, values in {**shown, "exact": exact}.items()}
+    place = shares * float(np.linalg.norm(ends[1] - ends[0]))
+    parts = primitives.two_spheres().parts
+    circles = [(*part.centre[:2], part.radius) for part in parts if isinstance(part, primitives.Sphere)]
+    arrows = [(*each[:2], *(0.3 * v)) for each in positions[:: len(positions) // 5]]
+    return {**seen, "place": place, "name": "way of p"}, circles, arrows
 
 
 def _exact(points: rays.OrientedPoints[np.ndarray]) -> rays.RayHits:

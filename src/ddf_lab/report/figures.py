@@ -13,7 +13,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 import pandas as pd
-from matplotlib import figure, ticker
+from matplotlib import figure, patches, ticker
 
 METHOD_COLOURS = {"ddf": "#1F5FA8", "ddf_nh1": "#7FA7D6", "pc_siren": "#D5702A"}
 BASELINE_COLOUR, CEILING_COLOUR = "#A9AFBA", "#5E6673"
@@ -118,6 +118,35 @@ def _draw_losses(panel: Any, log: pd.DataFrame, colour: str) -> None:
         panel.set_yscale("log")
         panel.yaxis.set_minor_formatter(ticker.NullFormatter())
     panel.xaxis.set_major_locator(ticker.MaxNLocator(4))
+
+
+def jumps(panels: Mapping[str, tuple[Mapping[str, Any], Sequence[Sequence[float]], Sequence[Sequence[float]]]]) -> str:
+    """Of each title a column: a sketch of circles and arrows, depths along the arrows' starts, and the weight w_1.
+
+    Args:
+      panels: title to (place, exact, depth, weight along the line, and the name of the place), circles' (x, y, radius),
+        arrows (x, y, dx, dy).
+    """
+    with matplotlib.rc_context(_STYLE):
+        chart = figure.Figure(figsize=(_WIDTH, 4.6), layout="constrained")
+        grid = chart.subplots(3, len(panels), squeeze=False, height_ratios=(1.5, 1.5, 1))
+        for (sketch, depths, weights), (title, (line, circles, arrows)) in zip(grid.T, panels.items(), strict=True):
+            sketch.set_title(title)
+            for x, y, radius in circles:
+                sketch.add_patch(patches.Circle((x, y), radius, facecolor="#EAF2FB", edgecolor=METHOD_COLOURS["ddf"]))
+            for x, y, dx, dy in arrows:
+                sketch.annotate("", (x + dx, y + dy), (x, y), arrowprops={"arrowstyle": "->", "color": "#B23A2E"})
+                sketch.plot([x], [y], ".", color="#20242C")
+            sketch.set_aspect("equal")
+            sketch.set_axis_off()
+            depths.plot(line["place"], line["exact"], lw=3.0, color=BASELINE_COLOUR, label="exact d")
+            depths.plot(line["place"], line["depth"], lw=1.1, color=METHOD_COLOURS["ddf"], label="field's d")
+            weights.plot(line["place"], line["weight"], lw=1.1, color=METHOD_COLOURS["pc_siren"], label="w₁")
+            weights.set_ylim(-0.05, 1.05)
+            weights.set_xlabel(line["name"])
+        for panel in grid[1:, 0]:
+            panel.legend(fontsize=8.5, handlelength=1.2)
+        return _svg(chart)
 
 
 def _panels(count: int, height: float) -> tuple[figure.Figure, list[Any]]:
