@@ -39,13 +39,18 @@ def table(benchmark: Benchmark) -> pages.Table:
 
 
 def panels(benchmark: Benchmark, shown: View) -> list[pareto.Panel]:
-    """Rows that can be drawn, by panel; a panel of one point has nothing to compare and is left out."""
+    """Rows that can be drawn, by panel; one whose errors are alike has nothing to choose from and is left out."""
     groups: dict[str, list[pareto.Point]] = {}
     for place, row in enumerate(benchmark.rows, start=1):
         error = row.error.get(shown.error)
         if row.seconds and error is not None and error >= 0 and shown.keep(row):
             groups.setdefault(shown.title(row), []).append(pareto.Point(place, row.what, row.seconds[1], error))
-    return [pareto.Panel(name, shown.label, points) for name, points in groups.items() if len(points) > 1]
+    return [pareto.Panel(name, shown.label, points) for name, points in groups.items() if _differ(points)]
+
+
+def _differ(points: Sequence[pareto.Point]) -> bool:
+    errors = [point.error for point in points]
+    return max(errors) > pareto.ALIKE * min(errors)
 
 
 def section(benchmark: Benchmark, about: str, shown: Section) -> pages.Section:

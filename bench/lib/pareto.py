@@ -1,4 +1,4 @@
-"""The picture of a benchmark: time against error on logarithmic axes; rows on the frontier are named by their numbers.
+"""The picture of a benchmark: time against error on logarithmic axes; rows on the frontier, or all of few, have names.
 
 A row whose error is exactly 0 has no place on a logarithmic axis: it stands on a line of its own below all others.
 """
@@ -15,6 +15,7 @@ from bench.lib import results
 
 POINT, FRONTIER, EXACT, INK = "#7FA7D6", "#1F5FA8", "#9AA1AD", "#3A404A"
 COLUMNS, LINE, SIDE = 3, 60, 4.3  # panels side by side; characters of a line of names; inches of a panel
+NAMED, ALIKE = 8, 2.0  # a panel of no more points names all; one whose errors differ by less has nothing to choose
 NARROW = 30.0  # an axis of no more than this factor needs marks between powers of ten
 
 
@@ -58,14 +59,17 @@ def _draw(axes, panel: Panel) -> None:  # of matplotlib's Axes, which has no typ
     places = [(1e3 * point.seconds, point.error or floor) for point in points]
     if len(positive) < len(points):
         axes.axhline(floor, color=EXACT, lw=0.8, ls=(0, (4, 3)), zorder=0)
-        axes.text(1, floor, "exact", transform=axes.get_yaxis_transform(), ha="right", fontsize=7.5, color=EXACT)
+        axes.text(
+            1, floor, "exact", transform=axes.get_yaxis_transform(), ha="right", va="top", fontsize=7.5, color=EXACT
+        )
     best = results.frontier(places)
     axes.step(*zip(*(places[i] for i in best), strict=True), where="post", color=FRONTIER, lw=1.1, zorder=1)
     axes.scatter(*zip(*places, strict=True), s=14, color=POINT, zorder=2)
-    for i in best:
-        axes.scatter(*places[i], s=22, color=FRONTIER, zorder=3)
+    axes.scatter(*zip(*(places[i] for i in best), strict=True), s=22, color=FRONTIER, zorder=3)
+    named = range(len(points)) if len(points) <= NAMED else best
+    for i in named:
         axes.annotate(str(points[i].number), places[i], (4, 3), textcoords="offset points", fontsize=7.5, color=INK)
-    names = [textwrap.fill(f"{points[i].number}  {points[i].name}", LINE, subsequent_indent="     ") for i in best]
+    names = [textwrap.fill(f"{points[i].number}  {points[i].name}", LINE, subsequent_indent="     ") for i in named]
     axes.text(0, -0.17, "\n".join(names), transform=axes.transAxes, fontsize=7.5, color=INK, va="top")
     axes.set_title(panel.title, loc="left", fontsize=9.5, fontweight="bold")
     axes.set_ylabel(panel.error, fontsize=8.5)

@@ -203,6 +203,23 @@ def test_readme_has_all_rows(above, count):
     assert len(cells(_parts((ROOT / "README.md").read_text(), above)[1])) == count
 
 
+def test_generated_shapes_are_scored_as_measured():
+    rows = json.loads((ROOT / "reports" / "bench" / "generate.json").read_text())["rows"]
+    errors = {row["what"]: row["error"] for row in rows}
+    fakes = ("noisy samples", "blurred samples", "mean shape")
+
+    def line(key: str, *names: str) -> list[str]:
+        return ["; ".join(f"{errors[f'{each}: {name}'][key]:.1f}" for name in names) for each in CATEGORIES]
+
+    expected = [line("one_nna_percent", "samples"), line("one_nna_percent", "other true shapes")]
+    expected += [line("energy_x1000", "samples"), line("energy_x1000", *fakes)]
+    _, table, _ = _parts((ROOT / "docs" / "generative.md").read_text(), "![Eight new chairs](generated_chairs.webp)")
+    assert [row[1:] for row in cells(table)] == expected
+    for each in CATEGORIES:  # a score that is fooled by noise, blur or one shape says nothing
+        score = {name: errors[f"{each}: {name}"]["energy_x1000"] for name in ("samples", *fakes)}
+        assert min(score, key=score.__getitem__) == "samples"
+
+
 if __name__ == "__main__":
     for page, above, fill, report in TABLES:
         before, table, after = _parts((ROOT / page).read_text(), above)

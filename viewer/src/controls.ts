@@ -6,6 +6,7 @@ import { add, scaled } from "./vectors.ts";
 const DEGREES_PER_WIDTH = 200; // that a drag over the whole picture turns the camera
 const [NEAREST, FARTHEST] = [0, 20]; // radius, benchmark units
 const STEP = 0.04; // of a walk, in diagonals of the box
+const STRIDE = 0.6; // of the stick, in diagonals a second
 const TURN = 6; // degrees, of an arrow key
 
 export const HELP =
@@ -60,6 +61,7 @@ const KEYS: Record<string, (camera: Camera, stage: Stage) => Camera> = {
 
 export interface Controlled {
   camera: Camera;
+  readonly drawn: number; // pictures
   readonly stage: Stage;
   refresh(): void;
 }
@@ -110,4 +112,42 @@ export function control(element: HTMLElement, view: Controlled): void {
     event.preventDefault();
     set(act(view.camera, view.stage));
   });
+}
+
+/** A stick for a thumb: pushed up it walks forward, to the side sideways, a step for every picture. */
+export function stick(element: HTMLElement, view: Controlled): void {
+  const knob = element.firstElementChild as HTMLElement;
+  let push: [number, number] | null = null;
+  let [last, drawn] = [0, -1];
+  const pushed = (event: PointerEvent): void => {
+    event.stopPropagation(); // the picture does not turn
+    const { left, top, width } = element.getBoundingClientRect();
+    const [x, y] = [(2 * (event.clientX - left)) / width - 1, (2 * (event.clientY - top)) / width - 1];
+    const long = Math.max(1, Math.hypot(x, y));
+    push = [x / long, y / long];
+    knob.style.transform = `translate(${(push[0] * width) / 4}px, ${(push[1] * width) / 4}px)`;
+  };
+  const walk = (now: number): void => {
+    if (!push) return;
+    if (view.drawn !== drawn) {
+      const by = (STRIDE * Math.min(now - last, 200)) / 1000;
+      view.camera = walked(view.camera, view.stage, push[0] * by, 0, -push[1] * by);
+      [last, drawn] = [now, view.drawn];
+      view.refresh();
+    }
+    requestAnimationFrame(walk);
+  };
+  const lift = (): void => {
+    push = null;
+    knob.style.transform = "";
+  };
+  element.addEventListener("pointerdown", (event) => {
+    pushed(event);
+    element.setPointerCapture(event.pointerId);
+    [last, drawn] = [performance.now(), -1];
+    requestAnimationFrame(walk);
+  });
+  element.addEventListener("pointermove", (event) => push && pushed(event));
+  element.addEventListener("pointerup", lift);
+  element.addEventListener("pointercancel", lift);
 }

@@ -4,7 +4,7 @@ import { asked, told } from "./address.ts";
 import { readBlock, readPage } from "./blocks.ts";
 import { centre, framingRadius, pixelRays, type Camera, type Stage } from "./camera.ts";
 import { Cloud, ply } from "./cloud.ts";
-import { control, HELP } from "./controls.ts";
+import { control, HELP, stick } from "./controls.ts";
 import { Distances } from "./distances.ts";
 import type { Engine, Output } from "./engine.ts";
 import { Field, query, type FieldRecord } from "./field.ts";
@@ -57,6 +57,7 @@ const wanted = (gpu: Gpu | string): "wasm" | "webgl" => (typeof gpu === "string"
 
 async function main(): Promise<void> {
   const page = readPage();
+  if (location.hash.length > 1) document.getElementById("first")?.remove(); // another picture may be asked for
   byId("title").textContent = page.title;
   byId("about").textContent = page.about;
   byId("help").textContent = HELP;
@@ -98,6 +99,7 @@ async function main(): Promise<void> {
   };
 
   function shown(what: Shown): void {
+    if (what.full || view.moving) document.getElementById("first")?.remove();
     const words = summary(page.title, view, engineNames, what);
     byId("canvas").setAttribute("aria-label", words.picture);
     byId("legend").replaceChildren(...words.legend);
@@ -155,6 +157,7 @@ async function main(): Promise<void> {
 
   const frame = byId("frame");
   control(frame, view);
+  stick(byId("stick"), view);
   frame.addEventListener("keydown", (event) => {
     const index = offered.findIndex((mode) => mode.key === event.key);
     if (index >= 0) (modes.querySelectorAll("input")[index] as HTMLInputElement).click();
@@ -190,4 +193,6 @@ async function main(): Promise<void> {
   view.refresh(false);
 }
 
-main().catch((error: Error) => fail(error.message));
+const begin = (): Promise<void> => main().catch((error: Error) => fail(error.message));
+if (document.getElementById("first")) requestAnimationFrame(() => setTimeout(begin)); // after it is painted
+else void begin();

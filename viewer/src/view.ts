@@ -25,6 +25,7 @@ export class View {
   mode: Mode = MODES[0]!;
   readonly slice: Slice;
   full = 384; // pixels a side at rest
+  drawn = 0; // pictures
   private coarse = 64;
   private running: AbortController | null = null;
   private moved = 0; // when the camera moved last
@@ -39,6 +40,11 @@ export class View {
     private readonly failed: (error: Error) => void,
   ) {
     this.slice = new Slice(camera, stage);
+  }
+
+  /** Whether the camera has moved since the picture at rest. */
+  get moving(): boolean {
+    return this.moved > 0;
   }
 
   /** Whether normals cost nothing. */
@@ -89,6 +95,7 @@ export class View {
   private put(what: Shown): void {
     [this.canvas.width, this.canvas.height] = [what.size, what.size];
     this.canvas.getContext("2d")!.putImageData(what.picture.pixels, 0, 0);
+    this.drawn++;
     this.shown(what);
   }
 

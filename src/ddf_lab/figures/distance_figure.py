@@ -92,7 +92,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         bounds.append(bounds_line(name, measured["cloud"][1], measured["along the true v*"][1].mean))
         for level in SLICES.get(name, ()):
             heading = f"{TITLES.get(name, name)}, z at {100 * level:.0f} %"
-            cells.append((heading, _slices(level, field, nearest, cloud[0], config.picture_size)))
+            cells.append((heading, slices(level, field, nearest, cloud[0], config.picture_size)))
     columns = ("UDF", "exact UDF", "v*", "exact v*")
     strip = [picture_strips.StripRow(heading, (), row) for heading, row in cells]
     header = ["shape", "way", "mean", "near", "v*, °", f"> {TURNED_DEG:g}°, %", "queries", "once"]
@@ -267,7 +267,7 @@ def _angles(found: Found, positions: Float[np.ndarray, "n 3"], nearest: Nearest)
     return np.where(np.isfinite(found.distances), np.degrees(np.arccos(np.clip(cosine, -1, 1))), np.nan)
 
 
-def _slices(
+def slices(
     level: float, field: ShapeField, nearest: Nearest, cloud: checked_cloud.CheckedCloud, size: int
 ) -> list[picture_strips.Picture]:
     """UDF and v* with the exact ones, in a plane z = const, at a share of the box."""

@@ -7,10 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageDraw
 
-from ddf.data.synthetic import showcase
 from ddf.fields.grid import build, patch_field
 from ddf.fit import fitting
-from ddf.geometry import rays
+from ddf.geometry import mesh_io, rays
 from ddf.pictures import picture_strips, shaded, viridis
 
 Points = Float[np.ndarray, "n 3"]
@@ -19,10 +18,9 @@ NOTHING = np.array([0.80, 0.82, 0.85])  # of a plane, where v meets nothing
 _OVERSAMPLING, _MARGIN, _FADED, _CLEAR = 2, 1.06, 0.55, 0.35
 
 
-def standing(name: str) -> shaded.Standing:
-    """The patches of one of `showcase.SHAPES`, in [-1, 1]³, on the ground."""
-    inside, _ = fitting.in_cube(showcase.SHAPES[name]())
-    return shaded.stand(patch_field.of(*patch_field.fitted(*fitting.in_cube(inside), build.PatchConfig())))
+def patches(mesh: mesh_io.Mesh) -> patch_field.PatchField:
+    """As `ddf fit` makes them."""
+    return patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), build.PatchConfig()))
 
 
 @dataclass

@@ -10,13 +10,11 @@ import numpy as np
 
 from ddf.data.synthetic import showcase
 from ddf.fields import framed_field
-from ddf.fields.grid import build, patch_field
-from ddf.fit import fitting
 from ddf.fit.shape_field import ShapeField
 from ddf.geometry import raycast, rays
 from ddf.io import viewer_layout, viewer_page
 from ddf.pictures import field_pictures, picture_strips
-from ddf_lab.figures import figure_fields
+from ddf_lab.figures import drawing, figure_fields
 from ddf_lab.report import pages
 
 NAMES = ("rabbit", "armchair", "airliner", "nested")
@@ -31,7 +29,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     fields = [(name, figure_fields.fitted(name, config, folder)) for name in NAMES]
     for name, network in fields:
         mesh = showcase.SHAPES[name]()
-        patches = patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), build.PatchConfig()))
+        patches = drawing.patches(mesh)
         for what, field in ((name, network), (f"{name}, patches", patches)):
             rows, (depth, angle, wrong, asked) = _views(name, field, raycast.Scene(mesh), config.picture_size)
             strips += rows if field is network else []  # pictures of the paper's kind

@@ -56,16 +56,15 @@ def live(parts: tuple[ShapeField, ShapeField]) -> pages.Live:
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """Pictures of the flight, errors by region, and what scenes of many objects cost."""
     room, rabbit, whole = (figure_fields.fitted(name, config, folder) for name in ("room", "rabbit", "furnished"))
-    composite = scene_field.SceneField((room, rabbit), _PLACES, _LOWER, _UPPER)
+    composite = composed(room, rabbit)
     truth = raycast.Scene(figure_fields.SHAPES["furnished"]())
     looks = camera_paths.fly(FLIGHT, FRAMES)
     columns = [f"camera {i + 1}" for i in range(FRAMES)]
-    seen = [_points(look, config.picture_size) for look in looks]
-    hits = [raycast.cast(truth, points) for points in seen]
+    hits = [raycast.cast(truth, _points(look, config.picture_size)) for look in looks]
     rows = []
     for name, field in (("two fields composed", composite), ("one field of twice the width", whole)):
-        found = [framed_field.query(field, points, _ASKED)[0] for points in seen]
-        rows.append(picture_strips.StripRow(name, ("normals",), [_normals(each) for each in found]))
+        cells = [view(field, look, config.picture_size) for look in looks]
+        rows.append(picture_strips.StripRow(name, ("normals",), cells))
     exact = [{"normals": hit.normals, "visibility": hit.visible.astype(float)} for hit in hits]
     rows.append(picture_strips.StripRow("exact", ("rays cast against the mesh",), [_normals(each) for each in exact]))
     return pages.Section(
@@ -86,6 +85,16 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             "Answers [DDF22] figs. `simpleroom` and `app:fig:simpleroom2xsl`.",
         ],
     )
+
+
+def composed(room: framed_field.FramedField, rabbit: framed_field.FramedField) -> scene_field.SceneField:
+    """Both where they stand."""
+    return scene_field.SceneField((room, rabbit), _PLACES, _LOWER, _UPPER)
+
+
+def view(field: framed_field.FramedField, look: camera_paths.LookAt, size: int) -> picture_strips.Picture:
+    """Normals that a camera sees."""
+    return _normals(framed_field.query(field, _points(look, size), _ASKED)[0])
 
 
 def _points(look: camera_paths.LookAt, size: int) -> rays.OrientedPoints[np.ndarray]:

@@ -11,7 +11,7 @@ from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
 from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io, rays
-from ddf.pictures import picture_strips
+from ddf.pictures import picture_strips, shaded
 from ddf_lab.figures import drawing, figure_fields
 from ddf_lab.report import pages
 
@@ -26,8 +26,9 @@ _LEGEND = (
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """A cell per type, and what the samples of a unit sphere are, against the closed form."""
     rows = [[kind, *_row(part)] for kind, part in _samples(showcase.ball(1.0, 5)).items()]
-    rabbit = _samples(fitting.in_cube(showcase.SHAPES[SHAPE]())[0])
-    cells = _pictures(rabbit, SIDE)
+    inside, _ = fitting.in_cube(showcase.SHAPES[SHAPE]())
+    rabbit = _samples(inside)
+    cells = _pictures(inside, rabbit, SIDE)
     strip = picture_strips.strip([SHAPE, *rabbit], [picture_strips.StripRow("sample types", _LEGEND, cells)], side=SIDE)
     return pages.Section(
         "Oriented points that hit and miss: six sample types",
@@ -78,10 +79,10 @@ def _row(part: dict[str, Float[np.ndarray, "n ..."]]) -> list[str]:
 
 
 def _pictures(
-    samples: Mapping[str, Mapping[str, Float[np.ndarray, "n ..."]]], size: int
+    mesh: mesh_io.Mesh, samples: Mapping[str, Mapping[str, Float[np.ndarray, "n ..."]]], size: int
 ) -> list[picture_strips.Picture]:
     """The shape, then its samples of each type, and the legend."""
-    on_ground = drawing.standing(SHAPE)
+    on_ground = shaded.stand(drawing.patches(mesh))
     around = np.concatenate([part["positions"][:SHOWN] for part in samples.values()])
     plain = drawing.Drawing.around(on_ground, _CAMERA, around, size)
     cells = [plain.picture()]

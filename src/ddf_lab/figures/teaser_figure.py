@@ -22,7 +22,7 @@ _LONG = 0.75  # of the arrows of v
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """Four panels."""
-    on_ground = drawing.standing(slice_figure.SHAPE)
+    on_ground = standing()
     field = figure_fields.fitted(slice_figure.SHAPE, config, folder)
     names = ["oriented points (p, v)", *(f"d for v ∥ {slice_figure.named(each)}" for each in slice_figure.DIRECTIONS)]
     cells = [points(on_ground, SIDE), *(slices(on_ground, field, each, SIDE) for each in slice_figure.DIRECTIONS)]
@@ -49,6 +49,11 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             "Answers [DDF22] fig. 1.",
         ],
     )
+
+
+def standing() -> shaded.Standing:
+    """The patches of the shape in [-1, 1]³."""
+    return shaded.stand(drawing.patches(fitting.in_cube(showcase.SHAPES[slice_figure.SHAPE]())[0]))
 
 
 def points(on_ground: shaded.Standing, size: int) -> picture_strips.Picture:

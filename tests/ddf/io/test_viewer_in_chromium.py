@@ -1,5 +1,6 @@
 """The viewer's page in a real Chromium, with software rendering: its numbers are those of `Field.render`."""
 
+import io
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -332,6 +333,48 @@ def test_fingers_orbit_shift_and_pinch_on_a_phone(phone):
     phone.page.evaluate("scrollTo(0, 0)")
     turned = move(((150, 300), (190, 300)))
     assert turned["azimuth"] > start["azimuth"] + 15 and turned["target"] == shifted["target"]
+
+
+def test_a_stick_walks_on_a_phone(phone):
+    phone.page.evaluate("scrollTo(0, 0)")
+    box = phone.page.locator("#stick").bounding_box()
+    touch = phone.page.context.new_cdp_session(phone.page)
+    start = phone.page.evaluate("ddf.view.camera")
+    thumb = [{"x": box["x"] + box["width"] / 2, "y": box["y"] + 4, "id": 0}]
+    touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": thumb})
+    phone.page.wait_for_function("start => ddf.view.camera.target.some((x, i) => x !== start[i])", arg=start["target"])
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    phone.still()
+    moved = phone.page.evaluate("ddf.view.camera")
+    assert (moved["azimuth"], moved["radius"]) == (start["azimuth"], start["radius"])
+    way = np.array(moved["target"]) - np.array(start["target"])
+    azimuth, elevation = np.radians([start["azimuth"], start["elevation"]])
+    ahead = -np.array([np.cos(elevation) * np.cos(azimuth), np.sin(elevation), np.cos(elevation) * np.sin(azimuth)])
+    assert_close(way / np.linalg.norm(way), ahead, atol=1e-3, rtol=0.0)
+
+
+def test_the_page_opens_on_the_picture_that_it_will_draw(browser, ring):
+    viewer_page.write(ring / "first.html", view.page_of([ring]))
+    screen = {"viewport": {"width": 1000, "height": 800}}
+    before = _open(browser, ring / "first.html", "", java_script_enabled=False, **screen)
+    after = _open(browser, ring / "first.html", "", **screen)
+    after.still()
+    assert before.page.locator("#first").is_visible() and after.page.locator("#first").count() == 0
+    boxes = [np.array(list(each.page.locator("#frame").bounding_box().values())) for each in (before, after)]
+    side = int(boxes[0][2])
+    shots = [
+        np.asarray(
+            Image.open(io.BytesIO(each.page.locator("#canvas").screenshot())).convert("L").resize((side, side)), float
+        )
+        for each in (before, after)
+    ]
+    assert (shots[1] < 250).mean() > 0.1
+    turned = np.abs(shots[1] - shots[1][::-1]).mean()
+    assert np.abs(shots[0] - shots[1]).mean() < 0.2 * turned
+    elsewhere = _open(browser, ring / "first.html", "azimuth=80", **screen)
+    elsewhere.page.wait_for_function("window.ddf !== undefined")
+    assert elsewhere.page.locator("#first").count() == 0
+    after.require_quiet()
 
 
 def test_edges_are_smooth_at_rest(browser, ring):

@@ -13,7 +13,7 @@ from ddf_lab.run import Run
 _KIDS = {"ceiling": 0.0, "blur 2": 0.2, "blur 4": 0.3, "noise 0.05": 0.1, "noise 0.15": 0.2}
 
 
-def _scores(in_order):
+def _scores(in_order, told_apart):
     row = {"kid_spread": 0.001}
     named = {**_KIDS, "image GAN": 0.05, "2D GAN": 0.04, "mean image": 0.4, "noise": 0.9}
     errors = {
@@ -31,7 +31,7 @@ def _scores(in_order):
         },
         "divergence": {"sum": 7.5, "used": 3, "by_dimension": [4.0, 2.0, 1.5, 0.0, 0.0]},
         "distribution": {
-            "prior": {"matching_x1000": 0.25, "coverage": 0.5, "told_apart": 0.875},
+            "prior": {"matching_x1000": 0.25, "coverage": 0.5, "told_apart": told_apart},
             "learned": {"matching_x1000": 0.125, "coverage": 0.75, "told_apart": 0.5},
         },
         "prior": {"nearest": ["a"], "chamfer_x1000": [1.0, 2.0], "between_learned_x1000": [0.5, 1.5, 2.5]},
@@ -50,12 +50,12 @@ def _scores(in_order):
     }
 
 
-@pytest.mark.parametrize("in_order", [True, False])
-def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order):
+@pytest.mark.parametrize(("in_order", "told_apart"), [(True, 0.75), (False, 0.875)])
+def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order, told_apart):
     monkeypatch.chdir(tmp_path)
     run = Run(tmp_path / "tiny.yaml", {}, "car")
     evaluated = run.folder("evaluate_generative")
-    storage.write_json(evaluated / "scores.json", _scores(in_order))
+    storage.write_json(evaluated / "scores.json", _scores(in_order, told_apart))
     names = ("samples_normals", "samples_colours", "samples_nearest", "rival_colours", "real_colours")
     names += ("views_normals", "views_colours", "grid_normals")
     images = {name: np.full((3, 3, 64, 64), 0.5, np.float32) for name in names}
@@ -69,11 +69,14 @@ def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order):
     assert ("50.0 ± 1.0" in text) == in_order and ("not in the order" in text) != in_order
     assert "0.40 of that with two" in text and "3 of 5 dimensions" in text
     assert "not computed (no Inception weights)" in text and "| 27 |" in text and "paper, ShapeNet" in text
-    assert "| samples of the prior | 0.250 | 50 | 88 |" in text and "| learned shapes | 0.125 | 75 | 50 |" in text
+    assert f"| samples of the prior | 0.250 | 50 | {100 * told_apart:.0f} |" in text and "| learned shapes | 0.125 | 75 | 50 |" in text
     assert "| shape VAE | 100 | 2.0 | 1.500 |" in text
     assert text.count("What two cores cannot show") == 1
-    for name in ("samples", "views", "between"):
-        assert f"]({name}.webp)" in text and (run.page / f"{name}.webp").stat().st_size > 200
+    shown = {name for name in ("samples", "views", "between") if f"]({name}.webp)" in text}
+    assert shown == ({"samples", "views", "between"} if told_apart == 0.75 else {"samples"})
+    assert all((run.page / f"{name}.webp").stat().st_size > 200 for name in shown)
+    first = "This model works" if told_apart == 0.75 else "This model fails"
+    assert text.split("\n\n")[1].startswith(f"- {first}: its samples are told apart")
 
 
 def test_a_sheet_has_a_row_of_cells_for_each_name():

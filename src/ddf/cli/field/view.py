@@ -1,6 +1,7 @@
 """`ddf view`: a page that renders a field, a scene or a model live, opened in the browser or written as one file."""
 
 import argparse
+import dataclasses
 import tempfile
 import webbrowser
 from collections.abc import Sequence
@@ -86,16 +87,28 @@ def page_of(what: Sequence[Path], up: str = "y", wasm: bool = False) -> "viewer_
     if wasm and (scenes or len(what) > 1):
         raise checks.InputError("--wasm is for the page of one field; leave it away, or give one field")
     if len(what) == 1:
-        return _scene(what[0]) if scenes else viewable.page(what[0], up, wasm)
+        return _scene(what[0]) if scenes else _field(what[0], up, wasm)
     if scenes:
         raise checks.InputError(f"{scenes[0]}: a scene file is shown alone; it may name all fields")
     return viewable.row_page(what, up)
 
 
+def _field(path: Path, up: str, wasm: bool) -> "viewer_page.Page":
+    """The page of a field with its first picture, or of a model."""
+    from ddf.cli.field import load
+    from ddf.io import viewable, viewer_picture
+
+    page = viewable.page(path, up, wasm)
+    if page.encoders is not None:
+        return page
+    shape = load.framed(path if path.is_dir() else path.parent, ("depth", "normals"))
+    return dataclasses.replace(page, first=viewer_picture.first(shape, page.azimuth, up))
+
+
 def _scene(file: Path) -> "viewer_page.Page":
     """The page of a scene file; a field that it names several times is in the page once."""
     from ddf.api import scene_file
-    from ddf.io import viewable, viewer_fields, viewer_layout
+    from ddf.io import viewable, viewer_fields, viewer_layout, viewer_picture
 
     content = scene_file.read(file)
     scene = scene_file.build(content, file.parent).framed
@@ -104,4 +117,7 @@ def _scene(file: Path) -> "viewer_page.Page":
         folder = shipped_models.place(scene_file.place(file.parent, name))
         baked[name] = viewer_fields.bake(viewable.field(folder), viewable.name_of(folder))
     fields = [viewer_fields.placed(baked[placement.field], placement.similarity()) for placement in content.objects]
-    return viewer_layout.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)
+    page = viewer_layout.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)
+    if page.box is not None:  # the page cuts the box open
+        return page
+    return dataclasses.replace(page, first=viewer_picture.first(scene, page.azimuth, content.up))

@@ -24,7 +24,7 @@ def test_a_scene_holds_each_field_once(tmp_path, capsys):
     for what in ("rabbit", tmp_path / "two.yaml"):
         assert cli.main(["view", "--json", str(what), str(tmp_path / "page.html")]) == 0
         sizes.append(json.loads(capsys.readouterr().out)["bytes"])
-    assert sizes[0] < sizes[1] < sizes[0] + 2000
+    assert abs(sizes[1] - sizes[0]) < 20_000  # a field has 190,000; first pictures differ
 
 
 @pytest.mark.parametrize("command", ["view", "export"])
