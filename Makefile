@@ -76,6 +76,7 @@ $(READY): requirements.lock pyproject.toml
 	@.ci/setup "$(PYTHON)" $(UV_VERSION) $@
 docs: $(READY) ## the documentation as a site in site/; a warning is an error
 	@NO_MKDOCS_2_WARNING=1 uv run -q --no-project --isolated --python $(RUN) --with-requirements requirements-docs.lock mkdocs build
+	@$(RUN) docs/gallery.py site/docs/live
 clean: ## remove all artefacts (keeps the environment and the committed report)
 	rm -rf artifacts params.yaml .dvc/cache .dvc/tmp .pytest_cache .ruff_cache
 help: ## this list

@@ -1,6 +1,7 @@
 """Hooks of mkdocs: pages lie where the repository has them, so that links work in both places; formulas are MathML.
 
-The page of the Python interface ends in what the docstrings say; long tables of benchmarks open by a click.
+The page of the Python interface ends in what the docstrings say; long tables of benchmarks open by a click; the gallery
+shows the fields that docs/gallery.py writes.
 """
 
 import ast
@@ -31,7 +32,7 @@ LINKED = (
     "LICENSE CITATION.cff pipeline.yaml configs/*.yaml src/ddf/**/*.py reports/** examples/** docs/recipes/*".split()
 )
 
-API, BENCH, CARD = "docs/api.md", "reports/bench/README.md", "docs/fields.webp"
+API, BENCH, GALLERY, CARD = "docs/api.md", "reports/bench/README.md", "docs/gallery.md", "docs/fields.webp"
 LONG_TABLE = 16  # lines
 
 
@@ -67,6 +68,10 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
         (homes,) = re.findall(r"(?ms)^_HOMES = (\{.*?^\})", (ROOT / "src" / "ddf" / "__init__.py").read_text())
         named = "\n\n".join(f"::: ddf.api.{home}.{name}" for name, home in ast.literal_eval(homes).items())
         return f"{markdown}\n\n## Reference\n\n{named}\n"
+    if page.file.src_uri == GALLERY:
+        live = '<iframe class="live" src="live/rabbit.html" title="A rabbit, live" loading="lazy"></iframe>\n'
+        shown = r'<a class="gallery" href="live/\1.html"><img src="live/\1.webp" alt="\1"><br>\1: \2</a>'
+        return re.sub(r"(?m)^- `([\w-]+)`: (.+)$", shown, markdown) + live
     if page.file.src_uri == BENCH:
         return re.sub(rf"(?m)(?:^\|.*\n){{{LONG_TABLE},}}", _folded, markdown)
     return markdown

@@ -1,11 +1,14 @@
 """Committed pictures of the fields that come with the package are of those fields as they are."""
 
+import itertools
 import json
 import runpy
 from pathlib import Path
 
+import numpy as np
 from PIL import Image, ImageSequence
 
+from ddf.pictures import picture_strips
 from ddf_lab.report import publish
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -15,6 +18,19 @@ def test_the_picture_of_the_readme_shows_the_shipped_fields():
     with Image.open(ROOT / "docs" / "fields.webp") as picture:
         told = json.loads(picture.info["xmp"])
     assert told == publish.shipped_fields(), "run: python docs/fields.py"
+
+
+def test_ten_pictures_show_the_shipped_fields():
+    file = ROOT / "docs" / "ten.webp"
+    with Image.open(file) as picture:
+        told, pixels = json.loads(picture.info["xmp"]), np.asarray(picture.convert("RGB"))
+    assert told == publish.shipped_fields(), "run: python docs/ten.py"
+    assert file.stat().st_size < 1.5e6
+    side, step = 280, 280 + picture_strips.GAP
+    tops = [picture_strips.TEXT + picture_strips.NAME + line * (step + picture_strips.NAME) for line in range(2)]
+    cells = [pixels[top : top + side, left * step :][:, :side].astype(int) for top in tops for left in range(5)]
+    assert all((cell < 235).any(axis=-1).mean() > 0.1 for cell in cells)  # what is shown fills its cell
+    assert min(np.abs(a - b).mean() for a, b in itertools.combinations(cells, 2)) > 5
 
 
 def test_the_moving_picture_of_the_readme_shows_these_meshes():
