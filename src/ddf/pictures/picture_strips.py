@@ -109,8 +109,10 @@ def strip(columns: Sequence[str], rows: Sequence[StripRow], per_line: int = PER_
             if cell is not None:
                 middle = (left + side / 2, above + NAME / 2)
                 draw.text(middle, name, fill=_INK, font=typeface.font(17), anchor="mm")
-                part = tuple(len(cell) * edge for edge in shown)
-                picture = Image.fromarray(cell).resize((side, side), Image.Resampling.BILINEAR, part)
+                left_edge, upper, right, lower = (len(cell) * edge for edge in shown)
+                picture = Image.fromarray(cell).resize(
+                    (side, side), Image.Resampling.BILINEAR, (left_edge, upper, right, lower)
+                )
                 canvas.paste(picture, (left, above + NAME))
     return webp_bytes(canvas)
 

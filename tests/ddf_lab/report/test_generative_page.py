@@ -69,7 +69,10 @@ def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order, told_a
     assert ("50.0 ± 1.0" in text) == in_order and ("not in the order" in text) != in_order
     assert "0.40 of that with two" in text and "3 of 5 dimensions" in text
     assert "not computed (no Inception weights)" in text and "| 27 |" in text and "paper, ShapeNet" in text
-    assert f"| samples of the prior | 0.250 | 50 | {100 * told_apart:.0f} |" in text and "| learned shapes | 0.125 | 75 | 50 |" in text
+    assert (
+        f"| samples of the prior | 0.250 | 50 | {100 * told_apart:.0f} |" in text
+        and "| learned shapes | 0.125 | 75 | 50 |" in text
+    )
     assert "| shape VAE | 100 | 2.0 | 1.500 |" in text
     assert text.count("What two cores cannot show") == 1
     shown = {name for name in ("samples", "views", "between") if f"]({name}.webp)" in text}
