@@ -98,7 +98,7 @@ class Field(queries.Queried):
         """Write an ONNX file (.onnx), or a page that renders the field live (.html), as `ddf export` does. Needs torch.
 
         Raises:
-          ValueError: another suffix, or patches for ONNX.
+          ValueError: another suffix.
         """
         path = Path(path)
         if path.suffix.lower() not in (".onnx", ".html"):
