@@ -63,7 +63,7 @@ def _parted(head: re.Match[str]) -> str:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
-    """Adds the docstrings of `ddf.__all__`; folds long tables of benchmarks."""
+    """Adds the docstrings of `ddf.__all__` and live fields; folds long tables of benchmarks."""
     if page.file.src_uri == API:
         (homes,) = re.findall(r"(?ms)^_HOMES = (\{.*?^\})", (ROOT / "src" / "ddf" / "__init__.py").read_text())
         named = "\n\n".join(f"::: ddf.api.{home}.{name}" for name, home in ast.literal_eval(homes).items())

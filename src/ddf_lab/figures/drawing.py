@@ -25,7 +25,7 @@ def patches(mesh: mesh_io.Mesh) -> patch_field.PatchField:
 
 @dataclass
 class Drawing:
-    """A picture of `size` pixels a side, in the making. shape: None leaves the object away."""
+    """A picture of `size` pixels a side, in the making; `image` is larger."""
 
     standing: shaded.Standing
     camera: shaded.Camera
@@ -37,7 +37,7 @@ class Drawing:
     def around(
         cls, standing: shaded.Standing, camera: shaded.Camera, points: Points, size: int, shape: bool = True
     ) -> "Drawing":
-        """The faded picture of the shape, or nothing, with the points in it."""
+        """The faded picture of the object, or without `shape` an empty one, that holds the points."""
         places = shaded.project(standing, camera, points)
         low, high = places.min(0), places.max(0)
         side = _MARGIN * float((high - low).max())
