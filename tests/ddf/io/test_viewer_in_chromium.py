@@ -372,7 +372,7 @@ def test_the_page_opens_on_the_picture_that_it_will_draw(browser, ring):
     turned = np.abs(shots[1] - shots[1][::-1]).mean()
     assert np.abs(shots[0] - shots[1]).mean() < 0.2 * turned
     elsewhere = _open(browser, ring / "first.html", "azimuth=80", **screen)
-    elsewhere.page.wait_for_function("window.ddf !== undefined")
+    elsewhere.page.wait_for_selector("body[data-state]")
     assert elsewhere.page.locator("#first").count() == 0
     after.require_quiet()
 
