@@ -2,7 +2,8 @@
 
 Fields that come with the package, seen by 64 x 64 pixels of themselves. A start is off by an angle about a random axis,
 by 10 % of the size, and by a twentieth of the box's longest side in place. Solved: to 2 degrees and 2 % of the size.
-ICP lays 2,000 points of the field over 300 hits in 10 steps, trimmed, with a scale. Seconds are processor time of one thread.
+ICP lays 2,000 points of the field over 300 hits in 10 steps, trimmed, with a scale. Seconds are processor time of
+one thread.
 """
 
 import argparse
