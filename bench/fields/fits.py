@@ -217,13 +217,13 @@ def _goals(benchmark: results.Benchmark) -> str:
         for what in (f"patches, {TOLERANCES[0]:g}", f"sine, {BUDGETS[0]:g} s")
     )
     both = [(own[name], error) for name, error in sine.items() if name in own]
-    thin = [ours["thin"] >= 0.95 for ours, _ in both if "thin" in ours]
     deep = sum(10 * ours["depth_median"] <= theirs["depth_median"] for ours, theirs in both)
-    outlined = sum(ours["silhouettes"] >= 0.99 for ours, _ in both)
+    outlined = sum(ours["silhouettes"] >= 0.99 for ours in own.values())
+    thin = [ours["thin"] >= 0.95 for ours in own.values() if "thin" in ours]
     return (
-        f"Of {len(both)} shapes, patches of {TOLERANCES[0]:g} have a tenth of the network's median error of depth on "
-        f"{deep}, silhouettes of 0.99 on {outlined}; of {len(thin)} with thin parts they see 0.95 of these on "
-        f"{sum(thin)}."
+        f"Patches of {TOLERANCES[0]:g} have silhouettes of 0.99 or more on {outlined} of {len(own)} shapes, and see "
+        f"0.95 or more of thin parts on {sum(thin)} of the {len(thin)} that have some. Their median error of depth is "
+        f"a tenth of the network's, or less, on {deep} of the {len(both)} that it was fitted to."
     )
 
 
