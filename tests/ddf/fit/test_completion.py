@@ -90,7 +90,7 @@ def _chair():
     model, size = one_image.load(folder)
     model.requires_grad_(False)
     prior = latent_prior.of(model, trained.known(folder), 32)
-    latent = inference.encode_batch(model, shapenet.read_image(folder / "sample_0.png", size)[None])[1][0]
+    latent = inference.encode_batch(model, shapenet.read_image(folder / "sample_1.png", size)[None])[1][0]
     return (
         model,
         prior,

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,12 +12,13 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
-from torch.nn import functional
 
 from ddf.core import checks, storage
+from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, pddf
 from ddf.fit import cloud_defaults, shape_field
 from ddf.models.reconstruction import (
+    camera_correction,
     familiarity,
     framing,
     inference,
@@ -30,6 +32,7 @@ from ddf.training import training_loop
 
 VIEW = 274  # pixels a side of the framed object, whose colours are kept
 _MARGIN = 0.05  # field units, between the cloud and the field's box
+CAMERA = settings.CorrectionConfig(30, 0.05, 32, ("azimuth",))  # as configs/cpu.yaml has it
 CLOUDS = "ddf.safetensors"  # in the folder of stage `pointclouds`
 
 
@@ -37,10 +40,10 @@ CLOUDS = "ddf.safetensors"  # in the folder of stage `pointclouds`
 class Reconstructed:
     """What the model makes of an image.
 
-    camera: azimuth and elevation (radians) and radius (benchmark units), predicted. modulations: of the field. cloud:
-    field frame. scale: v1 units per field unit, estimated from its box. view: the object as it was framed, which the
-    camera sees. quantile: how far that lies from the training images (`familiarity.quantile`); None where the model
-    does not know. seconds: of each part.
+    camera: azimuth and elevation (radians) and radius (benchmark units), predicted; then the azimuth turned until the
+    silhouette agrees. modulations: of the field. cloud: field frame. scale: v1 units per field unit, estimated from its
+    box. view: the object as it was framed, which the camera sees. quantile: how far that lies from the training images
+    (`familiarity.quantile`); None where the model does not know. seconds: of each part.
     """
 
     camera: Float[Tensor, "3"]
@@ -109,7 +112,8 @@ def reconstruct(
     deviation: Float[Tensor, "z"] | None = None,
     known: Mapping[str, Tensor] | None = None,
 ) -> Reconstructed:
-    """Frame the object, encode, move the shape towards its silhouette where `deviation` is given, draw the cloud.
+    """Frame the object, encode, move the shape towards its silhouette where `deviation` is given, draw the cloud, turn
+    the camera until the cloud's field has that silhouette.
 
     Args:
       pixels: of `cutouts.read`. points: of the cloud, 2 or more. deviation: of `known_deviation`. known: of
@@ -132,13 +136,19 @@ def reconstruct(
         with _timed(seconds, "silhouette"):
             how = settings.ShapeCorrectionConfig()
             field_scale = inference.rough_field_scales(model, latent, drawn, [_generator(seed)])
-            alpha = functional.interpolate(framed[:, 3:], (how.mask_size, how.mask_size), mode="area")[:, 0]
+            alpha = category_data.averaged(framed[:, 3], how.mask_size)
             latent = silhouettes.correct_shapes(model, latent, deviation, seen_from, field_scale, alpha, how)
-    modulations = [modulation[0].detach() for modulation in model.modulations(latent)]
+    batch = [each.detach() for each in model.modulations(latent)]
+    modulations = [each[0] for each in batch]
     with _timed(seconds, "cloud"):
         cycles = cloud_projection.sample(model.field, modulations, points, drawn, _generator(seed))
         (cloud,) = cloud_projection.select(cycles, [points], drawn)
     scale = scales.scale_from_cloud(cloud)
+    with _timed(seconds, "camera"):
+        alpha = category_data.averaged(framed[:, 3], CAMERA.mask_size)
+        field_scale = 1 / seen_from.new_tensor([scale])
+        seen_from = camera_correction.correct_camera(model, batch, seen_from, field_scale, alpha, CAMERA)
+        seen_from[:, 0] %= 2 * math.pi
     view = cutout.crop(frame, VIEW)
     return Reconstructed(seen_from[0], modulations, cloud, scale, view, quantile, seconds)
 

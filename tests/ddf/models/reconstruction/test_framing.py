@@ -40,7 +40,7 @@ def test_every_picture_of_a_chair_gives_its_shape(tmp_path, number, another):
     own = latent(tmp_path / "cut.png")
     for name in ("table.jpg", "corner.png", "turned.jpg"):
         assert float((latent(tmp_path / name) - own).norm() / own.norm()) < 0.15
-    assert float((latent(folder / f"sample_{another}.png") - own).norm() / own.norm()) > 0.5
+    assert float((latent(folder / f"sample_{another}.png") - own).norm() / own.norm()) > 0.4
 
 
 @pytest.mark.parametrize("size", [64, 137])
