@@ -20,7 +20,7 @@ from bench.lib import display, measuring
 from ddf.core import shipped_models, storage
 from ddf.metrics import cloud_scores
 from ddf.training import training_loop
-from ddf_lab.evaluation import groups, one_model, paired, scoring
+from ddf_lab.evaluation import groups, one_model, paired
 from ddf_lab.run import Run
 
 ON_DEMAND = "python -m bench real_shapes, after the stage samples of `ddf run real`"
@@ -39,9 +39,7 @@ def model_of(category: str, models: Path) -> Path:
 def rows(found: dict[str, one_model.Found], split: str) -> Iterator[dict[str, Any]]:
     """A row of each group and model of one category."""
     every = pd.concat([own.scores for own in found.values()])
-    cameras = pd.concat([own.cameras for own in found.values()])
-    means = scoring.summary(every, cameras, pd.DataFrame(columns=["category"]))
-    values = means.set_index(["category", "method", "column", "metric"])["value"]
+    values = pd.concat([own.means() for own in found.values()])
     first = next(iter(found))
     for group in every["category"].unique():
         for label, own in found.items():

@@ -40,10 +40,8 @@ def measure(run: Run, label: str, folder: Path, split: str, kind: str = "") -> F
     section = dataclasses.replace(section, shape_correction=None, rendered=0)
     dataset, samples = shapenet.Dataset.open(run.index), run.folder("samples")
     group = groups.of_shapes(index, run.category, split)
-    count = {
-        name: section.public_views if own.startswith(groups.REAL) else section.test_views for name, own in group.items()
-    }
-    asked = [(n, own[: count[n]]) for n, own in getattr(dataset, split)(run.category) if group[n].startswith(kind)]
+    views = category_data.test_views(dataset, run.category, section.test_views, section.public_views, split)
+    asked = [(name, own) for name, own in views if group[name].startswith(kind)]
     shown = category_data.available(samples, asked)
     model, size = one_image.load(folder)
     images = category_data.read_images(dataset, run.category, shown, size)

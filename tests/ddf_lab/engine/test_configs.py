@@ -12,7 +12,7 @@ import pytest
 from ddf.core import config, schema
 from ddf.fields import pddf as ddf_fields
 from ddf.fit import cloud_defaults, fit_settings
-from ddf.models.reconstruction import reconstruction_models, settings
+from ddf.models.reconstruction import one_image, reconstruction_models, settings
 from ddf_lab.run import KINDS, SECTIONS, Run, class_of
 
 FILES = [*sorted((Path(__file__).resolve().parents[3] / "configs").glob("*.yaml")), *config.PACKAGED.glob("*.yaml")]
@@ -109,6 +109,7 @@ def test_commands_draw_clouds_as_the_default_experiment_does():
     section = Run.read(path).section(settings.PointcloudsConfig)
     assert section.cloud == cloud_defaults.cloud()
     assert section.shape_correction == settings.ShapeCorrectionConfig()
+    assert section.correction == one_image.CAMERA
 
 
 def test_paper_fit_has_the_published_field():

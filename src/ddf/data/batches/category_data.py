@@ -328,13 +328,13 @@ def read_images(
 
 
 def test_views(
-    dataset: shapenet.Dataset, category: str, count: int | None, public: int | None = None
+    dataset: shapenet.Dataset, category: str, count: int | None, public: int | None = None, split: str = "test"
 ) -> list[tuple[str, Sequence[int]]]:
-    """Test shapes with the views to evaluate: those of the split, or the first `count` of them; of public ones the
-    first `public`.
+    """Test shapes (or those of another side) with the views to evaluate: those of the split, or the first `count` of
+    them; of public ones the first `public`.
     """
-    of_others = {row.id for row in manifest.of([category])}
-    return [(name, views[: public if name in of_others else count]) for name, views in dataset.test(category)]
+    of_others, shapes = {row.id for row in manifest.of([category])}, getattr(dataset, split)(category)
+    return [(name, views[: public if name in of_others else count]) for name, views in shapes]
 
 
 def available(folder: Path, shapes: Sequence[tuple[str, Sequence[int]]]) -> list[tuple[str, Sequence[int]]]:

@@ -27,7 +27,7 @@ def _pictures(folder, shown):
     )
 
 
-@pytest.mark.parametrize(("number", "another"), [(0, 1), (1, 2)])
+@pytest.mark.parametrize(("number", "another"), [(0, 2), (1, 2)])
 def test_every_picture_of_a_chair_gives_its_shape(tmp_path, number, another):
     folder = shipped_models.place("chair")
     model, size = one_image.load(folder)
@@ -40,7 +40,7 @@ def test_every_picture_of_a_chair_gives_its_shape(tmp_path, number, another):
     own = latent(tmp_path / "cut.png")
     for name in ("table.jpg", "corner.png", "turned.jpg"):
         assert float((latent(tmp_path / name) - own).norm() / own.norm()) < 0.15
-    assert float((latent(folder / f"sample_{another}.png") - own).norm() / own.norm()) > 0.4
+    assert float((latent(folder / f"sample_{another}.png") - own).norm() / own.norm()) > 0.5
 
 
 @pytest.mark.parametrize("size", [64, 137])
