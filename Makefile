@@ -58,9 +58,8 @@ test-fast: lint ## lint, types and unit tests
 	@$(RUN) -m pytest -q -n auto --maxprocesses 4
 test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged files
 	@$(RUN) -m pytest -q -m slow
-test-browser: $(READY) ## the page of `ddf view` in a real Chromium (installed by apt-get as root; skipped where there is none)
-	@if .ci/chromium >/dev/null; then $(RUN) -m pytest -q -m browser tests/ddf/io; \
-	else echo "no Chromium: the tests of the viewer's page are left out (apt-get install chromium)"; fi
+test-browser: $(READY) ## the page of `ddf view` in Chromium and Firefox (installed by apt-get as root; skipped where there is none)
+	@.ci/browsers >/dev/null && $(RUN) -m pytest -q -m browser tests/ddf/io
 viewer: ## the page's template of `ddf view` from viewer/src, with npm's packages; needs node
 	@cd viewer && npm install --silent && npm run --silent check && npm run --silent build
 test-gpu: $(READY) ## the tests marked gpu, on a machine that has one

@@ -1,4 +1,4 @@
-"""The viewer's page in a real Chromium, with software rendering: its numbers are those of `Field.render`."""
+"""The viewer's page in Chromium with software rendering and in Firefox: its numbers are those of `Field.render`."""
 
 import io
 import shutil
@@ -27,12 +27,15 @@ from ddf.models.reconstruction import framing, inference, one_image, trained
 from ddf_lab.report import pages
 
 sync_api = pytest.importorskip("playwright.sync_api")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium"),
-]
-SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")
+pytestmark = pytest.mark.browser
+PROGRAMS = {"chromium": ("chromium", "chromium-browser", "google-chrome"), "firefox": ("firefox-esr", "firefox")}
+DARK = {
+    "layout.css.prefers-color-scheme.content-override": 0
+}  # of Firefox, which is not told by a page's `color_scheme`
+LAUNCH: dict[str, dict[str, Any]] = {
+    "chromium": {"args": ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]},
+    "firefox": {"channel": "moz-firefox", "firefox_user_prefs": DARK},  # its own protocol, without a patched build
+}
 SCENE = "objects: [{field: armchair}, {field: rabbit, scale: 0.4, translation: [0.2, 0, 0.5]}]"
 ENCODED = {"camera": 1e-4, "modulations": 1e-4}  # the pixels are Python's, byte for byte; sums are wasm's
 HITS = 4000  # of whose surest distances in the page are measured to; the fewer, the sooner
@@ -58,7 +61,7 @@ class Opened:
         """No error was reported, and nothing was asked for but the file itself and what it made in its own memory."""
         assert self.faults == []
         asked = [address for address in self.requests if not address.startswith(("blob:null/", "data:"))]
-        assert asked == [self.page.url.partition("#")[0]]
+        assert set(asked) <= {self.page.url.partition("#")[0]}  # Firefox does not tell of files
 
     def still(self) -> None:
         """Wait for the picture at rest."""
@@ -66,9 +69,28 @@ class Opened:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as driver:
-        yield driver.chromium.launch(executable_path=CHROMIUM, args=list(SOFTWARE))
+def driver() -> Iterator[Any]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("NODE_OPTIONS", f"--require={Path(__file__).with_name('_firefox.cjs')}")
+        with sync_api.sync_playwright() as driver:
+            yield driver
+
+
+def _launched(driver: Any, name: str) -> Any:
+    program = next(filter(None, map(shutil.which, PROGRAMS[name])), None)
+    if program is None:
+        pytest.skip(f"needs {name}: apt-get install {PROGRAMS[name][0]}")
+    return getattr(driver, name).launch(executable_path=program, **LAUNCH[name])
+
+
+@pytest.fixture(scope="module")
+def browser(driver) -> Any:
+    return _launched(driver, "chromium")
+
+
+@pytest.fixture(scope="module", params=PROGRAMS)
+def either(request, driver) -> Any:
+    return request.getfixturevalue("browser") if request.param == "chromium" else _launched(driver, request.param)
 
 
 def _open(browser: Any, file: Path, asked: str, **how: Any) -> Opened:
@@ -102,9 +124,9 @@ def test_pixels_are_those_of_field_render(rabbit):
     assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() < 1.0
 
 
-def test_without_a_gpu_the_field_runs_by_wasm(browser, tmp_path):
+def test_without_a_gpu_the_field_runs_by_wasm(either, tmp_path):
     viewer_page.write(tmp_path / "rabbit.html", viewable.page(shipped_models.place("rabbit"), wasm=True))
-    opened = _open(browser, tmp_path / "rabbit.html", "size=32&mode=normals")
+    opened = _open(either, tmp_path / "rabbit.html", "size=32&mode=normals")
     opened.still()
     assert "by wasm" in opened.page.inner_text("#status")
     outputs = ("visibility", "depth", "normals", "weight_1", "mean_curvature")
@@ -115,22 +137,6 @@ def test_without_a_gpu_the_field_runs_by_wasm(browser, tmp_path):
         assert_close(found[name][seen], expected[name][seen], atol=atol, rtol=rtol)
     assert opened.page.locator("input[value=normals_2]").count() == 0  # which the graphs do not give
     opened.require_quiet()
-
-
-def test_keys_turn_the_camera_and_choose_what_is_shown(rabbit):
-    azimuth = rabbit.page.evaluate("ddf.view.camera.azimuth")
-    before = rabbit.page.get_attribute("#canvas", "aria-label")
-    rabbit.page.focus("#frame")
-    rabbit.page.keyboard.press("ArrowRight")
-    rabbit.page.keyboard.press("4")
-    rabbit.still()
-    assert rabbit.page.evaluate("ddf.view.camera.azimuth") == pytest.approx(azimuth + 6)
-    assert rabbit.page.is_checked("input[value=visibility]")
-    said = rabbit.page.get_attribute("#canvas", "aria-label")
-    assert said != before and "visibility" in said and "azimuth 41" in said
-    rabbit.page.keyboard.press("r")
-    rabbit.still()
-    assert rabbit.page.evaluate("ddf.view.camera.azimuth") == azimuth
 
 
 def test_drag_and_wheel_orbit_and_zoom(rabbit):
@@ -265,9 +271,9 @@ def ring(tmp_path_factory) -> Path:
     return folder
 
 
-def test_patches_are_walked_on_the_cpu_as_python_does(browser, ring):
+def test_patches_are_walked_on_the_cpu_as_python_does(either, ring):
     viewer_page.write(ring / "ring.html", view.page_of([ring], wasm=True))
-    opened = _open(browser, ring / "ring.html", f"size=16&mode=mean_curvature&hits={HITS}")
+    opened = _open(either, ring / "ring.html", f"size=16&mode=mean_curvature&hits={HITS}")
     opened.still()
     assert "by JavaScript" in opened.page.inner_text("#status")
     assert opened.page.locator("input[value=weight_1], input[value=normals_2]").count() == 0
@@ -282,11 +288,63 @@ def test_patches_are_walked_on_the_cpu_as_python_does(browser, ring):
     opened.require_quiet()
 
 
+def test_keys_alone_turn_the_camera_and_choose_what_is_shown(either, ring):
+    viewer_page.write(ring / "keys.html", view.page_of([ring]))
+    opened = _open(either, ring / "keys.html", "size=16&mode=depth")
+    opened.still()
+    start, before = (opened.page.evaluate("ddf.view.camera"), opened.page.get_attribute("#canvas", "aria-label"))
+    opened.page.keyboard.press("Tab")
+    assert opened.page.evaluate("document.activeElement.id") == "frame"
+    for key in ("ArrowRight", "ArrowUp", "+", "4"):
+        opened.page.keyboard.press(key)
+    opened.still()
+    turned = opened.page.evaluate("ddf.view.camera")
+    assert turned["azimuth"] == pytest.approx(start["azimuth"] + 6)
+    assert turned["elevation"] == pytest.approx(start["elevation"] + 6)
+    assert turned["radius"] == pytest.approx(0.9 * start["radius"])
+    assert opened.page.is_checked("input[value=visibility]")
+    said = opened.page.get_attribute("#canvas", "aria-label")
+    assert said != before and "visibility" in said and "azimuth 41" in said
+    opened.page.keyboard.press("r")
+    opened.still()
+    assert opened.page.evaluate("ddf.view.camera") == start
+    opened.require_quiet()
+
+
+PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "device_scale_factor": 2.0}
+LEAVING = {  # what a page may try, and the part of its policy that stops it
+    "connect-src": "fetch('http://127.0.0.1:9/').catch(() => 0)",
+    "img-src": "new Image().src = 'http://127.0.0.1:9/'",
+}
+LIGHT = """() => [["#help", "color"], ["body", "backgroundColor"]]
+  .map(([name, what]) => getComputedStyle(document.querySelector(name))[what])
+  .map(text => text.match(/[\\d.]+/g).map(x => (x / 255) ** 2.2))
+  .map(([r, g, b]) => .2126 * r + .7152 * g + .0722 * b)"""  # of text and of what it stands on
+
+
+def test_on_a_phone_in_the_dark_the_page_fits_can_be_read_and_asks_for_nothing(either, ring):
+    viewer_page.write(ring / "dark.html", view.page_of([ring]))
+    opened = _open(either, ring / "dark.html", "mode=depth", color_scheme="dark", **PHONE)
+    opened.still()
+    side = opened.page.locator("#canvas").bounding_box()["width"]
+    assert opened.page.evaluate("ddf.view.full") == round(2 * side) > 600  # as sharp as the screen
+    assert opened.page.evaluate("document.documentElement.scrollWidth") <= 390
+    text, ground = opened.page.evaluate(LIGHT)
+    assert ground < 0.1 and (text + 0.05) / (ground + 0.05) > 4.5  # as WCAG 2.2 asks of text
+    opened.page.get_by_role("button", name="Light or dark").click()
+    text, ground = opened.page.evaluate(LIGHT)
+    assert ground > 0.8 and (ground + 0.05) / (text + 0.05) > 4.5
+    opened.require_quiet()
+    for stopped, attempt in LEAVING.items():
+        told = "addEventListener('securitypolicyviolation', each => done(each.effectiveDirective))"
+        script = f"() => new Promise(done => {{ {told}; {attempt}; setTimeout(done, 5000, 'nothing'); }})"
+        assert opened.page.evaluate(script) == stopped
+
+
 @pytest.fixture
 def phone(browser, ring) -> Iterator[Opened]:
     viewer_page.write(ring / "phone.html", view.page_of([ring]))
-    screen = {"viewport": {"width": 390, "height": 844}, "device_scale_factor": 2.0, "has_touch": True}
-    opened = _open(browser, ring / "phone.html", "mode=depth", **screen)
+    opened = _open(browser, ring / "phone.html", "mode=depth", has_touch=True, **PHONE)
     opened.still()
     yield opened
     opened.require_quiet()
@@ -307,8 +365,6 @@ def _middle(opened: Opened) -> np.ndarray:
 
 def test_fingers_orbit_shift_and_pinch_on_a_phone(phone):
     side = phone.page.locator("#canvas").bounding_box()["width"]
-    assert phone.page.evaluate("ddf.view.full") == round(2 * side)  # as sharp as the screen
-    assert phone.page.evaluate("document.documentElement.scrollWidth") <= 390
     touch = phone.page.context.new_cdp_session(phone.page)
 
     def move(*ways: tuple[tuple[int, int], tuple[int, int]]) -> dict[str, Any]:
@@ -353,11 +409,13 @@ def test_a_stick_walks_on_a_phone(phone):
     assert_close(way / np.linalg.norm(way), ahead, atol=1e-3, rtol=0.0)
 
 
-def test_the_page_opens_on_the_picture_that_it_will_draw(browser, ring):
+def test_the_page_opens_on_the_picture_that_it_will_draw(either, ring):
     viewer_page.write(ring / "first.html", view.page_of([ring]))
     screen = {"viewport": {"width": 1000, "height": 800}}
-    before = _open(browser, ring / "first.html", "", java_script_enabled=False, **screen)
-    after = _open(browser, ring / "first.html", "", **screen)
+    still = (ring / "first.html").read_text(encoding="utf-8").replace("<script>", "<script type=text/plain>")
+    (ring / "still.html").write_text(still, encoding="utf-8")
+    before = _open(either, ring / "still.html", "", **screen)
+    after = _open(either, ring / "first.html", "", **screen)
     after.still()
     assert before.page.locator("#first").is_visible() and after.page.locator("#first").count() == 0
     boxes = [np.array(list(each.page.locator("#frame").bounding_box().values())) for each in (before, after)]
@@ -371,7 +429,7 @@ def test_the_page_opens_on_the_picture_that_it_will_draw(browser, ring):
     assert (shots[1] < 250).mean() > 0.1
     turned = np.abs(shots[1] - shots[1][::-1]).mean()
     assert np.abs(shots[0] - shots[1]).mean() < 0.2 * turned
-    elsewhere = _open(browser, ring / "first.html", "azimuth=80", **screen)
+    elsewhere = _open(either, ring / "first.html", "azimuth=80", **screen)
     elsewhere.page.wait_for_selector("body[data-state]")
     assert elsewhere.page.locator("#first").count() == 0
     after.require_quiet()
