@@ -1,5 +1,6 @@
 """Rivals are trained by the library's loop; nothing of it is kept but the network."""
 
+import contextlib
 import tempfile
 from pathlib import Path
 from typing import TypeVar
@@ -12,10 +13,19 @@ Network = TypeVar("Network", bound=nn.Module)
 
 
 def trained(
-    network: Network, loss: training_loop.StepLoss, steps: int, loop: training_loop.LoopConfig, describe: str
+    network: Network,
+    loss: training_loop.StepLoss,
+    steps: int,
+    loop: training_loop.LoopConfig,
+    describe: str,
+    kept: Path | None = None,
 ) -> Network:
-    """`network` after so many steps, in evaluation mode."""
+    """`network` after so many steps, in evaluation mode.
+
+    Args:
+      kept: folder of this very training, from whose last checkpoint it goes on.
+    """
     groups = [{"params": list(network.parameters()), "weight_decay": 0.0}]
-    with tempfile.TemporaryDirectory() as folder:
+    with contextlib.nullcontext(kept) if kept else tempfile.TemporaryDirectory() as folder:
         training_loop.fit(network, groups, loss, steps, loop, Path(folder), {"fingerprint": ""}, describe)
     return network.eval()

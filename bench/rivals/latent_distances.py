@@ -1,0 +1,242 @@
+"""A rival of `ddf complete`: signed distances for each latent, an auto-decoder, on which a scan descends.
+
+f(p; z) is a sine network that z modulates, as large as the decoder of the DDF, trained on the same shapes with a latent
+for each. Letters: f signed distance in the cube's unit, negative inside; δ where it is clamped; z = mean + basis u.
+Source: Park et al. 2019, "DeepSDF".
+
+The sign is by escape: a point is outside if rays in two of `WAYS` directions meet nothing, so no mesh has to be closed.
+Sheets without an inside have f >= 0, so the surface is taken where f = `SKIN`, and moved back.
+"""
+
+import hashlib
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+from torch.nn import functional
+
+from bench.rivals import rival_training
+from ddf.core import seeding, storage
+from ddf.data import mesh_shards
+from ddf.data.samples.surface import Surface
+from ddf.fields import derivatives, rendering, siren
+from ddf.fields.gpu import farthest_points
+from ddf.fit import completion, latent_prior
+from ddf.geometry import neighbours, raycast, rays, scans, sphere, transforms, unsigned_surface
+from ddf.geometry.mesh_io import Mesh
+from ddf.training import training_loop
+
+WAYS, SKIN, FREE, CHUNK = 32, 0.01, 20_000, 8192
+
+
+@dataclass(frozen=True)
+class Training:
+    """points: of a shape, kept; the shares of `near` are drawn about the surface with these deviations, the others in
+    the cube. shapes, rows: of a step. clamp: δ; beyond: weight of the error that is not clamped. norm: weight of |z|².
+    """
+
+    layout: siren.SineLayout
+    latent_features: int
+    steps: int = 4000
+    points: int = 16384
+    near: tuple[tuple[float, float], ...] = ((0.4, 0.01), (0.3, 0.05))
+    shapes: int = 24
+    rows: int = 256
+    clamp: float = 0.1
+    beyond: float = 0.1
+    norm: float = 1e-4
+    learning_rate: float = 5e-3
+    muon: float = 0.02
+
+    @property
+    def loop(self) -> training_loop.LoopConfig:
+        """On one thread."""
+        return training_loop.LoopConfig(self.learning_rate, "cosine", 50, 1.0, threads=1, muon=self.muon)
+
+
+class LatentDistances(nn.Module):
+    """f, and a latent for each training shape."""
+
+    def __init__(self, config: Training, shapes: int) -> None:
+        super().__init__()
+        self.latents = nn.Parameter(0.1 * torch.randn(shapes, config.latent_features))
+        self.modulator = siren.Modulator(config.latent_features, config.layout.hidden)
+        self.network = siren.SineNetwork(3, config.layout, 1)
+
+    def forward(self, latents: Float[Tensor, "b z"], points: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n"]:
+        """f of points of several shapes."""
+        return self.network(points, self.modulator(latents))[..., 0]
+
+
+def outside(scene: raycast.Scene, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+    """Whether rays escape in two directions, of which most points need the first few alone."""
+    ways, starts = sphere.evenly_spread(WAYS), scene.local(points)
+    escaped = np.zeros(len(points), int)
+    for block in (ways[::4], ways[1::4], ways[2::4], ways[3::4]):
+        left = np.flatnonzero(escaped < 2)
+        blocked = scene.blocked_local(np.repeat(starts[left], len(block), axis=0), np.tile(block, (len(left), 1)))
+        escaped[left] += (~blocked).reshape(-1, len(block)).sum(axis=1)
+    return escaped >= 2
+
+
+def drawn(mesh: Mesh, config: Training, rng: np.random.Generator) -> Float[np.ndarray, "n 4"]:
+    """Points and their f."""
+    surface, scene, parts, left = Surface.of(mesh), raycast.Scene(mesh), [], config.points
+    for share, deviation in config.near:
+        count = round(share * config.points)
+        parts.append(surface.draw(count, rng)[0] + deviation * rng.standard_normal((count, 3)))
+        left -= count
+    points = np.concatenate([*parts, rng.uniform(-1, 1, (left, 3))]).astype(np.float32)
+    f = np.linalg.norm(scene.closest(points) - points, axis=1) * np.where(outside(scene, points), 1, -1)
+    return np.column_stack([points, f]).astype(np.float32)
+
+
+def truth(run: Path, category: str, config: Training) -> Float[np.ndarray, "s n 4"]:
+    """`drawn` of the training shapes of a run, kept beside them."""
+    index = storage.read_json(run / "dataset" / "index.json")["categories"][category]["shapes"]
+    wanted = {shape["id"] for shape in index if shape["train_views"]}
+    kept = run / "sdf" / category / f"points-{config.points}.safetensors"
+    if not kept.is_file():
+        every = {}
+        for pack in storage.shard_files(run / "meshes" / category, ".zip", "meshes"):
+            every |= {name: mesh for name, mesh in mesh_shards.read_pack(pack).meshes.items() if name in wanted}
+        found = [drawn(mesh, config, seeding.generator(0, category, name)) for name, mesh in every.items()]
+        storage.save_tensors(kept, {"points": np.stack(found)}, {"ids": list(every)})
+    return storage.map_tensors(kept)["points"]
+
+
+def trained(run: Path, category: str, config: Training) -> LatentDistances:
+    """The model of a category; a second call goes on from, or gives, what the first one left in the run's folder."""
+    points = truth(run, category, config)
+    training_loop.prepare(config.loop)
+    model = LatentDistances(config, len(points))
+
+    def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
+        rng = np.random.default_rng((config.loop.seed, step))
+        shapes = rng.permutation(len(points))[: config.shapes]
+        rows = rng.integers(0, config.points, (len(shapes), config.rows))
+        asked = torch.from_numpy(points[shapes[:, None], rows])
+        latents, true = model.latents[shapes], asked[..., 3]
+        f = model(latents, asked[..., :3])
+        error = (f.clamp(-config.clamp, config.clamp) - true.clamp(-config.clamp, config.clamp)).abs().mean()
+        beyond, norm = (f - true).abs().mean(), latents.square().sum(-1).mean()
+        terms = {"error": error.detach(), "beyond": beyond.detach(), "norm": norm.detach()}
+        return error + config.beyond * beyond + config.norm * norm, terms
+
+    digest = hashlib.sha256(repr((config, len(points))).encode()).hexdigest()
+    folder = run / "sdf" / category / digest[:8]
+    return rival_training.trained(model, loss, config.steps, config.loop, f"{category}, signed distance", folder)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Of a scan, in the cube's frame: hits, and points of its rays before them, each with the way to the next hit."""
+
+    hits: Float[Tensor, "n 3"]
+    free: Float[Tensor, "m 3"]
+    reach: Float[Tensor, "m"]
+
+    @classmethod
+    def of(cls, scan: scans.Scan, place: transforms.Similarity, rng: np.random.Generator) -> "Evidence":
+        """As many points before hits as a descent asks for, and no more than once."""
+        inverse = place.inverse()
+        starts, along = inverse.apply(scan.positions), inverse.apply_directions(scan.directions)
+        corner = np.full(3, rendering.CUBE_HALF)
+        near, far = rays.box_span(starts, along, -corner, corner)
+        end = np.minimum(far, inverse.scale_depth(scan.ranges))
+        index = rng.choice(np.flatnonzero(near < end), FREE)
+        way = near[index] + (end - near)[index] * rng.random(FREE)
+        free = starts[index] + way[:, None] * along[index]
+        hits = inverse.apply(scan.points)
+        reach = np.sqrt(neighbours.tree(hits).search(free, 1)[1][:, 0])
+        return cls(*(torch.from_numpy(each).float() for each in (hits, free, reach)))
+
+
+@dataclass(frozen=True)
+class Completer:
+    """A model, and how it descends: as `completion.CompletionConfig` says, of which `rays` are points, half of them
+    hits. counted: points that f was asked for.
+    """
+
+    model: LatentDistances
+    prior: latent_prior.LatentPrior
+    config: completion.CompletionConfig
+
+    @classmethod
+    def of(cls, model: LatentDistances, config: completion.CompletionConfig) -> "Completer":
+        """The prior is that of the training shapes' latents."""
+        latents = model.requires_grad_(False).latents
+        values, vectors = torch.linalg.eigh(torch.cov(latents.T.double()))
+        basis = (vectors * values.clamp_min(0).sqrt()).flip(-1)[:, : config.axes].float()
+        return cls(model, latent_prior.LatentPrior(latents.mean(0), basis), config)
+
+    def complete(self, seen: Evidence, seed: int) -> Float[Tensor, "1 z"]:
+        """The likeliest latent: Adam on |f| at hits and on what f is below 0 or above the way to a hit before them."""
+        config, generator = self.config, torch.Generator().manual_seed(seed)
+        u = self.prior.coordinates(self.model.latents)
+        u = u[torch.randperm(len(u), generator=generator)[: config.draws]]
+        u[0] = 0
+        with torch.no_grad():
+            batch = self._some(seen, config.rays // 2, generator)
+            loss = torch.cat([self.loss(part, *batch) for part in u.split(32)])
+        count, cut = config.starts, config.steps // 3
+        for begin, end in ((0, cut), (cut, config.steps)):
+            u = u[loss.topk(min(count, len(u)), largest=False).indices].clone().requires_grad_()
+            optimiser = torch.optim.Adam([u], lr=config.rate, betas=(0.9, 0.99))
+            for step in range(begin, end):
+                optimiser.param_groups[0]["lr"] = config.rate * (1 + math.cos(math.pi * step / config.steps)) / 2
+                optimiser.zero_grad()
+                self.loss(u, *self._some(seen, config.rays, generator)).sum().backward()
+                optimiser.step()
+            u, count = u.detach(), config.kept
+            with torch.no_grad():
+                loss = self.loss(u, *self._some(seen, 2 * config.rays, generator))
+        return self.prior.latents(u[loss.argmin()][None])
+
+    def loss(
+        self, u: Float[Tensor, "k axes"], hits: Float[Tensor, "n 3"], free: Float[Tensor, "m 3"], reach: Tensor
+    ) -> Float[Tensor, "k"]:
+        """Of each start."""
+        f = self.model(self.prior.latents(u), torch.cat((hits, free)).expand(len(u), -1, -1))
+        off, free_f = f[:, : len(hits)].abs(), f[:, len(hits) :]
+        beyond = functional.relu(-free_f) + functional.relu(free_f - reach)
+        return torch.cat((off, beyond), dim=1).mean(1) / self.config.blur + self.config.prior * u.square().sum(-1) / 2
+
+    def _some(self, seen: Evidence, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+        hits, free = (torch.randint(len(each), (count // 2,), generator=generator) for each in (seen.hits, seen.free))
+        return seen.hits[hits], seen.free[free], seen.reach[free]
+
+
+@torch.no_grad()
+def cloud(
+    model: LatentDistances, latent: Float[Tensor, "1 z"], count: int, rng: np.random.Generator
+) -> Float[np.ndarray, "count 3"]:
+    """Points spread evenly over where f = `SKIN`, moved back by it.
+
+    Raises:
+      InputError: nowhere.
+    """
+    modulations = [each[0] for each in model.modulator(latent)]
+
+    def outward(positions: Float[np.ndarray, "n 3"]) -> tuple[Tensor, Tensor]:
+        """How far a surface is, by f and its slope, and the way out."""
+        found = []
+        for part in torch.from_numpy(positions).float().split(CHUNK):
+            traced = derivatives.trace(model.network, part, modulations)
+            slope = derivatives.adjoint(model.network, traced.slopes, torch.ones(len(part), 1))
+            length = slope.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+            found.append(torch.cat(((traced.outputs - SKIN) / length, slope / length), dim=-1).double())
+        return torch.cat(found)[:, 0], torch.cat(found)[:, 1:]
+
+    def ask(positions: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
+        far, out = outward(positions)
+        return far.abs().numpy(), (-far.sign()[:, None] * out).numpy()
+
+    corner = np.full(3, 1.05 * rendering.CUBE_HALF)
+    points, _ = Surface.of(unsigned_surface.extract(ask, -corner, corner).mesh).draw(4 * count, rng)
+    points = points[farthest_points.farthest_point_order(torch.from_numpy(points).float(), count).numpy()]
+    return points - SKIN * outward(points)[1].numpy()
