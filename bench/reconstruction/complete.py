@@ -1,17 +1,22 @@
 """Completion of real shapes from one scan: `ddf complete` beside what the same model makes of an image at the true
-camera, and beside the mean and the nearest training shape, laid over the hits by ICP.
+camera, beside the mean and the nearest training shape, laid over the hits by ICP, and beside signed distances.
 
 Scans are of one view of each public shape: a depth image of 64 x 64 pixels, noiseless, with noise of 1 or 2 % of the
 shape's diagonal, or with a tenth of outliers, and 496 rays of a lidar of 16 beams. The pose is known, but for `pose
 off`, where it is off by 30 degrees about a random axis, by 10 % of the size, and by 5 % of it in place.
 
-Errors: D_C and F(τ) as in the tables, with 2,466 points at the true scale; the paired difference of F to the image and
-to the nearest shape, with its standard error; coverage of intervals of 50 and 90 % on the rays of another view; of the
-pose, median angle, and median error of the scale in percent. Evaluations: thousands of rays that the field was asked
-for. Seconds are processor time of one thread, without clouds. Settings were chosen with `--split validation`.
+`sdf`: as `depth`, by a descent of as many steps, on 200 hits and 200 points before hits, on the latent of signed
+distances (`latent_distances`), trained on the shapes of `--run` unless its folder holds them trained.
+
+Errors: D_C and F(τ) as in the tables, with 2,466 points at the true scale; the paired difference of F to the image, to
+the nearest shape and to signed distances, with its standard error; coverage of intervals of 50 and 90 % on the rays of
+another view; of the pose, median angle, and median error of the scale in percent. Evaluations: thousands of rays, or
+points, that the field was asked for. Seconds are processor time of one thread, without clouds. Settings were chosen
+with `--split validation`.
 """
 
 import argparse
+import contextlib
 import functools
 import time
 from collections.abc import Iterator, Sequence
@@ -26,6 +31,7 @@ from PIL import Image
 from torch import Tensor
 
 from bench.lib import display, measuring
+from bench.rivals import latent_distances
 from ddf.api import sensors as sending
 from ddf.core import shipped_models, storage
 from ddf.data import shapenet, true_clouds
@@ -38,6 +44,7 @@ from ddf.geometry import cameras, neighbours, sensors, transforms
 from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
 from ddf.models.reconstruction import inference, one_image, reconstruction_models, trained
+from ddf_lab.run import Run
 
 ON_DEMAND = "python -m bench complete, after `ddf shapes get`"
 NAME, SEED, THREADS, PIXELS, POINTS, TRUTH_POINTS = "complete", 0, 1, 64, 2466, 8000
@@ -143,12 +150,12 @@ class Solver:
         noise, outliers, lidar, known = SCANS[name]
         scan, place = given.scan(0, noise, outliers, lidar), given.place if known else off(given.place, rng)
         doubt = None if known else completion.Doubt(TURN_DEG / 2, SHIFT, GROWTH)
-        asked: list[int] = []
-        counting = self.model.field.register_forward_hook(lambda _, given, raw: asked.append(raw[..., 0].numel()))
-        started = time.process_time()
-        found = completion.complete(self.model, self.prior, scan, place, doubt, noise, config=self.config, seed=SEED)
-        told = {"seconds": time.process_time() - started, "explained": found.explained}
-        counting.remove()
+        with counted(self.model.field) as asked:
+            started = time.process_time()
+            found = completion.complete(
+                self.model, self.prior, scan, place, doubt, noise, config=self.config, seed=SEED
+            )
+            told = {"seconds": time.process_time() - started, "explained": found.explained}
         told["evaluations_x1000"] = sum(asked) / 1000
         if not known:
             told["angle_deg"], told["scale_percent"] = pose_error(found.scan_from_field, given.place)
@@ -168,6 +175,27 @@ class Solver:
             inside = (low <= other.ranges[index]) & (other.ranges[index] <= high)
             told[f"coverage_{100 * share:.0f}"] = 100 * float(inside[there].mean())
         return told
+
+
+@contextlib.contextmanager
+def counted(field: torch.nn.Module) -> Iterator[list[int]]:
+    """Of each call of a field, how many rays or points it is asked for."""
+    asked: list[int] = []
+    counting = field.register_forward_hook(lambda _, given, raw: asked.append(raw[..., 0].numel()))
+    yield asked
+    counting.remove()
+
+
+def by_distances(completer: latent_distances.Completer, given: Case) -> dict[str, float]:
+    """What signed distances make of a depth view."""
+    scan, rng = given.scan(0), np.random.default_rng(SEED)
+    with counted(completer.model.network) as asked:
+        started = time.process_time()
+        latent = completer.complete(latent_distances.Evidence.of(scan, given.place, rng), SEED)
+        told = {"seconds": time.process_time() - started}
+    told["evaluations_x1000"] = sum(asked) / 1000
+    cloud = latent_distances.cloud(completer.model, latent, POINTS, rng)
+    return told | _told(cloud_scores.compare_clouds(given.place.apply(cloud) * K, given.truth))
 
 
 def pose_error(found: transforms.Similarity, true: transforms.Similarity) -> tuple[float, float]:
@@ -238,7 +266,7 @@ def rows(category: str, split: str, found: dict[str, list[dict[str, float]]]) ->
             for name, values in table.items()
             if name != "seconds"
         }
-        for other, key in (("image", "f_gain"), ("nearest", "f_over_nearest")):
+        for other, key in (("image", "f_gain"), ("nearest", "f_over_nearest"), ("sdf", "f_over_sdf")):
             if way not in ("image", other) and other in found:
                 gain = score[way] - score[other][: len(each)]
                 error |= {key: float(gain.mean()), f"{key}_error": float(gain.std(ddof=1) / np.sqrt(len(gain)))}
@@ -246,28 +274,34 @@ def rows(category: str, split: str, found: dict[str, list[dict[str, float]]]) ->
         yield measuring.row(f"{category}, {split}: {way}", size, table["seconds"].tolist(), error)
 
 
-def others(categories: Sequence[str]) -> list[dict[str, Any]]:
-    """Rows that are there of other categories than those."""
+def there() -> dict[str, dict[str, Any]]:
+    """Rows that were measured before, by what they are of."""
     file = measuring.OUT / f"{NAME}.json"
-    there = storage.read_json(file)["rows"] if file.exists() else []
-    return [row for row in there if row["what"].partition(",")[0] not in categories]
+    return {row["what"]: row for row in storage.read_json(file)["rows"]} if file.exists() else {}
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Measure shapes of every category in turn; what is there is written after each, rows of other categories stay."""
+    """Measure shapes of every category in turn, and write them after each; rows that are not measured anew stay."""
     import tempfile
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--split", choices=manifest.SPLITS[1:], default="test")
     parser.add_argument("--categories", nargs="+", default=["chair", "plane"])
-    parser.add_argument("--ways", nargs="+", default=["mean", "nearest", *SCANS], help="the image is always there")
+    parser.add_argument(
+        "--ways", nargs="+", default=["mean", "nearest", *SCANS], help="the image is always there; and sdf"
+    )
+    parser.add_argument("--run", default="shipped", help="experiment of `sdf`, whose stage meshes is done")
     parser.add_argument("--shapes", type=int, default=100, help="of a category at most")
     parser.add_argument("--few", type=int, default=6, help="shapes for the ways of noise, outliers and lidar")
     args = parser.parse_args(arguments)
     torch.set_num_threads(THREADS)
-    written = others(args.categories)
+    written = there()
     for category in args.categories:
         solver = Solver.of(shipped_models.place(category), completion.CompletionConfig())
+        completer = None
+        if "sdf" in args.ways:
+            model = latent_distances.of_run(Run.read(args.run, category))
+            completer = latent_distances.Completer.of(model, solver.config)
         every = manifest.of([category])
         known = [_cloud(row) for row in every if row.split == "train"] if "nearest" in args.ways else []
         mean = solver.cloud([each[0] for each in solver.model.modulations(solver.prior.mean[None])])
@@ -281,13 +315,15 @@ def main(arguments: Sequence[str]) -> None:
                     found[way].append(nearest(given, known))
                 elif way == "mean":
                     found[way].append(nearest(given, [given.place.apply(mean)]))
+                elif way == "sdf" and completer:
+                    found[way].append(by_distances(completer, given))
                 elif way in SCANS and (way in EVERY or number < args.few):
                     found[way].append(solver.of_scan(given, way, np.random.default_rng(number)))
             print(row.id, {way: round(own[-1]["f_score_tau_x100"], 1) for way, own in found.items()}, flush=True)
         for told in rows(category, args.split, found):
             print(told["what"], {name: round(value, 3) for name, value in told["error"].items()}, flush=True)
-            written.append(told)
-        measuring.write(NAME, THREADS, written)
+            written[told["what"]] = told
+        measuring.write(NAME, THREADS, list(written.values()))
 
 
 def _cloud(row: manifest.Row) -> Float[np.ndarray, "n 3"]:

@@ -1,11 +1,11 @@
 """A rival of `ddf complete`: signed distances for each latent, an auto-decoder, on which a scan descends.
 
-f(p; z) is a sine network that z modulates, as large as the decoder of the DDF, trained on the same shapes with a latent
-for each. Letters: f signed distance in the cube's unit, negative inside; δ where it is clamped; z = mean + basis u.
-Source: Park et al. 2019, "DeepSDF".
+f(p; z) is a sine network that z modulates, as large as the decoder of the DDF, trained for as many steps on the same
+shapes, with a latent for each. Letters: f signed distance in the cube's unit, negative inside; δ where its error is
+clamped; z = mean + basis u. Source: Park et al. 2019, "DeepSDF".
 
 The sign is by escape: a point is outside if rays in two of `WAYS` directions meet nothing, so no mesh has to be closed.
-Sheets without an inside have f >= 0, so the surface is taken where f = `SKIN`, and moved back.
+A sheet has no inside, and f >= 0: so the surface is taken where f = `SKIN`, and moved back.
 """
 
 import hashlib
@@ -28,34 +28,26 @@ from ddf.fields.gpu import farthest_points
 from ddf.fit import completion, latent_prior
 from ddf.geometry import neighbours, raycast, rays, scans, sphere, transforms, unsigned_surface
 from ddf.geometry.mesh_io import Mesh
+from ddf.models.reconstruction import settings
 from ddf.training import training_loop
+from ddf_lab.run import Run
 
 WAYS, SKIN, FREE, CHUNK = 32, 0.01, 20_000, 8192
+NEAR = ((0.4, 0.01), (0.3, 0.05))  # shares of the points about the surface, and their deviations; the rest in the cube
+CLAMP, BEYOND, NORM = 0.1, 0.1, 1e-4  # δ; weights of the error that is not clamped, and of |z|²
+LOOP = training_loop.LoopConfig(5e-3, "cosine", 50, 1.0, threads=1, muon=0.02)
 
 
 @dataclass(frozen=True)
 class Training:
-    """points: of a shape, kept; the shares of `near` are drawn about the surface with these deviations, the others in
-    the cube. shapes, rows: of a step. clamp: δ; beyond: weight of the error that is not clamped. norm: weight of |z|².
-    """
+    """points: kept of a shape. shapes, rows: of a step, and points of each."""
 
     layout: siren.SineLayout
     latent_features: int
     steps: int = 4000
     points: int = 16384
-    near: tuple[tuple[float, float], ...] = ((0.4, 0.01), (0.3, 0.05))
     shapes: int = 24
     rows: int = 256
-    clamp: float = 0.1
-    beyond: float = 0.1
-    norm: float = 1e-4
-    learning_rate: float = 5e-3
-    muon: float = 0.02
-
-    @property
-    def loop(self) -> training_loop.LoopConfig:
-        """On one thread."""
-        return training_loop.LoopConfig(self.learning_rate, "cosine", 50, 1.0, threads=1, muon=self.muon)
 
 
 class LatentDistances(nn.Module):
@@ -83,53 +75,55 @@ def outside(scene: raycast.Scene, points: Float[np.ndarray, "n 3"]) -> Bool[np.n
     return escaped >= 2
 
 
-def drawn(mesh: Mesh, config: Training, rng: np.random.Generator) -> Float[np.ndarray, "n 4"]:
+def drawn(mesh: Mesh, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 4"]:
     """Points and their f."""
-    surface, scene, parts, left = Surface.of(mesh), raycast.Scene(mesh), [], config.points
-    for share, deviation in config.near:
-        count = round(share * config.points)
-        parts.append(surface.draw(count, rng)[0] + deviation * rng.standard_normal((count, 3)))
-        left -= count
-    points = np.concatenate([*parts, rng.uniform(-1, 1, (left, 3))]).astype(np.float32)
+    surface, scene, parts = Surface.of(mesh), raycast.Scene(mesh), []
+    for share, deviation in NEAR:
+        near = surface.draw(round(share * count), rng)[0]
+        parts.append(near + deviation * rng.standard_normal(near.shape))
+    parts.append(rng.uniform(-1, 1, (count - sum(map(len, parts)), 3)))
+    points = np.concatenate(parts).astype(np.float32)
     f = np.linalg.norm(scene.closest(points) - points, axis=1) * np.where(outside(scene, points), 1, -1)
     return np.column_stack([points, f]).astype(np.float32)
 
 
-def truth(run: Path, category: str, config: Training) -> Float[np.ndarray, "s n 4"]:
-    """`drawn` of the training shapes of a run, kept beside them."""
-    index = storage.read_json(run / "dataset" / "index.json")["categories"][category]["shapes"]
-    wanted = {shape["id"] for shape in index if shape["train_views"]}
-    kept = run / "sdf" / category / f"points-{config.points}.safetensors"
+def of_run(run: Run, steps: int = Training.steps) -> LatentDistances:
+    """Of a category of a run whose stage `meshes` is done; kept beside its artefacts, where a second call finds it."""
+    train = run.section(settings.TrainConfig)
+    config = Training(train.decoder, train.latent_features, steps)
+    shapes = storage.read_json(run.index)["categories"][run.category]["shapes"]
+    wanted = {shape["id"] for shape in shapes if shape["train_views"]}
+    digest = hashlib.sha256(repr((config, storage.checksum(run.index))).encode()).hexdigest()
+    folder = run.folder("sdf") / digest[:8]
+    kept = folder / "points.safetensors"
     if not kept.is_file():
-        every = {}
-        for pack in storage.shard_files(run / "meshes" / category, ".zip", "meshes"):
-            every |= {name: mesh for name, mesh in mesh_shards.read_pack(pack).meshes.items() if name in wanted}
-        found = [drawn(mesh, config, seeding.generator(0, category, name)) for name, mesh in every.items()]
-        storage.save_tensors(kept, {"points": np.stack(found)}, {"ids": list(every)})
-    return storage.map_tensors(kept)["points"]
+        meshes: dict[str, Mesh] = {}
+        for pack in storage.shard_files(run.folder("meshes"), ".zip", "meshes"):
+            meshes |= {name: mesh for name, mesh in mesh_shards.read_pack(pack).meshes.items() if name in wanted}
+        every = [drawn(mesh, config.points, seeding.generator(0, run.category, name)) for name, mesh in meshes.items()]
+        storage.save_tensors(kept, {"points": np.stack(every)}, {"ids": list(meshes)})
+    return trained(storage.map_tensors(kept)["points"], config, folder, f"{run.category}, signed distance")
 
 
-def trained(run: Path, category: str, config: Training) -> LatentDistances:
-    """The model of a category; a second call goes on from, or gives, what the first one left in the run's folder."""
-    points = truth(run, category, config)
-    training_loop.prepare(config.loop)
+def trained(
+    points: Float[np.ndarray, "s n 4"], config: Training, kept: Path, describe: str = "signed distance"
+) -> LatentDistances:
+    """Of so many shapes; goes on from, or gives, what the folder holds."""
+    training_loop.prepare(LOOP)
     model = LatentDistances(config, len(points))
 
     def loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
-        rng = np.random.default_rng((config.loop.seed, step))
+        rng = np.random.default_rng((LOOP.seed, step))
         shapes = rng.permutation(len(points))[: config.shapes]
-        rows = rng.integers(0, config.points, (len(shapes), config.rows))
-        asked = torch.from_numpy(points[shapes[:, None], rows])
+        asked = torch.from_numpy(points[shapes[:, None], rng.integers(0, config.points, (len(shapes), config.rows))])
         latents, true = model.latents[shapes], asked[..., 3]
         f = model(latents, asked[..., :3])
-        error = (f.clamp(-config.clamp, config.clamp) - true.clamp(-config.clamp, config.clamp)).abs().mean()
+        error = (f.clamp(-CLAMP, CLAMP) - true.clamp(-CLAMP, CLAMP)).abs().mean()
         beyond, norm = (f - true).abs().mean(), latents.square().sum(-1).mean()
         terms = {"error": error.detach(), "beyond": beyond.detach(), "norm": norm.detach()}
-        return error + config.beyond * beyond + config.norm * norm, terms
+        return error + BEYOND * beyond + NORM * norm, terms
 
-    digest = hashlib.sha256(repr((config, len(points))).encode()).hexdigest()
-    folder = run / "sdf" / category / digest[:8]
-    return rival_training.trained(model, loss, config.steps, config.loop, f"{category}, signed distance", folder)
+    return rival_training.trained(model, loss, config.steps, LOOP, describe, kept)
 
 
 @dataclass(frozen=True)
@@ -142,7 +136,7 @@ class Evidence:
 
     @classmethod
     def of(cls, scan: scans.Scan, place: transforms.Similarity, rng: np.random.Generator) -> "Evidence":
-        """As many points before hits as a descent asks for, and no more than once."""
+        """Of a scan whose pose is known; `FREE` points before hits."""
         inverse = place.inverse()
         starts, along = inverse.apply(scan.positions), inverse.apply_directions(scan.directions)
         corner = np.full(3, rendering.CUBE_HALF)
@@ -158,8 +152,8 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Completer:
-    """A model, and how it descends: as `completion.CompletionConfig` says, of which `rays` are points, half of them
-    hits. counted: points that f was asked for.
+    """A model, its prior, and how it descends: as `completion` does, but `rays` are points, half of them hits, and the
+    draws are latents of training shapes, without their part beyond the axes.
     """
 
     model: LatentDistances

@@ -55,10 +55,9 @@ def test_rows_have_the_paired_gain_and_its_error():
     assert depth["median_s"] == 2
 
 
-def test_rows_of_categories_that_are_not_measured_anew_stay(monkeypatch, tmp_path):
+def test_rows_that_were_measured_before_are_told_by_what_they_are_of(monkeypatch, tmp_path):
     monkeypatch.setattr(measuring, "OUT", tmp_path)
-    assert complete.others(["chair"]) == []
-    measuring.write(
-        complete.NAME, 1, [measuring.row(f"{name}, test: image", {}, [1.0], {}) for name in ("chair", "car")]
-    )
-    assert [row["what"] for row in complete.others(["chair", "plane"])] == ["car, test: image"]
+    assert complete.there() == {}
+    names = ["chair, test: image", "car, test: image"]
+    measuring.write(complete.NAME, 1, [measuring.row(name, {}, [1.0], {}) for name in names])
+    assert {name: row["what"] for name, row in complete.there().items()} == {name: name for name in names}
