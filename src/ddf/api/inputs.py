@@ -34,6 +34,18 @@ def oriented_points(positions: Any, directions: Any) -> rays.OrientedPoints[np.n
     return rays.unit_points(starts, along)
 
 
+def poses(name: str, matrices: Any) -> list[transforms.Similarity]:
+    """One 4x4 matrix or several, (k, 4, 4), of that name.
+
+    Raises:
+      InputError: something else, such as a matrix that shears or mirrors, or none.
+    """
+    array = np.asarray(matrices)
+    if array.ndim == 3 and not len(array):
+        raise checks.InputError(f"{name} must be a 4x4 matrix or several; got none")
+    return [transforms.Similarity.of_matrix(name, each) for each in (array if array.ndim == 3 else [array])]
+
+
 def similarity(matrix: Any) -> transforms.Similarity:
     """A 4x4 matrix of a scaling, a rotation and a translation.
 

@@ -12,6 +12,7 @@ What is left open is told by Laplace's approximation: the curvature 1 + mean(g g
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +36,7 @@ _LEAST_WAY = 1e-3
 _STRAY = 0.02  # share of hits on each side that a box of them leaves out
 _TAKEN, _TAKEN_OFF = math.log(0.87), 0.06  # of the cube's length, by that box: logarithm and its deviation, 66 scans
 _FOR_BOX = 800  # hits
+_AT_ONCE = 32  # draws
 _TIE = 0.03  # weight of that in the loss
 
 
@@ -79,6 +81,9 @@ class CompletionConfig:
     widened: float = 6.0
 
 
+_KNOWN = CompletionConfig()  # of a shape that is known
+
+
 @dataclass(frozen=True)
 class Completed:
     """What was found.
@@ -106,29 +111,37 @@ class _Rays:
     directions: Float[Tensor, "*n 3"]
     ranges: Float[Tensor, "*n"]
 
-    def some(self, index: Tensor) -> "_Rays":
+    def some(self, index: Any) -> "_Rays":
         return _Rays(self.positions[index], self.directions[index], self.ranges[index])
 
-    def points(self) -> Float[Tensor, "m 3"]:
-        """Some of those that were met."""
-        hits = self.some(self.ranges.isfinite().nonzero()[:_FOR_BOX, 0])
-        return rays.surface_points(hits.positions, hits.directions, hits.ranges)
+    def hits(self) -> "_Rays":
+        """Some of those that met something."""
+        return self.some(self.ranges.isfinite().nonzero()[:_FOR_BOX, 0])
+
+    def points(self) -> Float[Tensor, "*n 3"]:
+        """Where they end."""
+        return rays.surface_points(self.positions, self.directions, self.ranges)
 
 
 @dataclass
 class _State:
-    """Of k starts: u, and the pose relative to the first one, x ↦ exp(growth) exp([turn]_×) x + shift."""
+    """Of objects and starts: u, and the pose relative to the first one, x ↦ exp(growth) exp([turn]_×) x + shift."""
 
-    u: Float[Tensor, "_ axes"]
-    turn: Float[Tensor, "_ 3"]
-    shift: Float[Tensor, "_ 3"]
-    growth: Float[Tensor, "_"]
+    u: Float[Tensor, "*_ axes"]
+    turn: Float[Tensor, "*_ 3"]
+    shift: Float[Tensor, "*_ 3"]
+    growth: Float[Tensor, "*_"]
 
     def all(self) -> tuple[Tensor, ...]:
         return self.u, self.turn, self.shift, self.growth
 
-    def at(self, index: Tensor) -> "_State":
+    def at(self, index: Any) -> "_State":
         return _State(*(each.detach()[index].clone() for each in self.all()))
+
+    def best(self, loss: Float[Tensor, "objects k"], count: int) -> "_State":
+        """So many starts of each object, those of the least loss."""
+        index = loss.topk(min(count, loss.shape[1]), largest=False).indices
+        return self.at((torch.arange(len(loss))[:, None], index))
 
 
 def complete(
@@ -154,35 +167,39 @@ def complete(
     config, generator = config or CompletionConfig(), torch.Generator().manual_seed(seed)
     width = math.hypot(config.blur, noise / scan_from_field.scale)
     seen = _evidence(scan, scan_from_field, generator, prior.mean)
-    hits = seen.points() if doubt is not None and doubt.growth else None
+    hits = seen.hits().points() if doubt is not None and doubt.growth else None
     problem = _Problem(model, prior, width, config, hits=hits)
-    best, loss, sample = _likeliest(problem, seen, doubt, latent, generator)
-    pose = scan_from_field.compose(_similarity(best))
-    spread = _open(problem, sample, best, generator)
+    best, loss, sample = _likeliest(problem, [seen], doubt, latent, generator)
+    pose = scan_from_field.compose(_similarity(best.at(0)))
+    spread = _open(problem, sample.some((0, 0)), best, generator)
     modulations = [each.detach()[0] for each in model.modulations(prior.latents(best.u))]
     samples = [each.detach() for each in model.modulations(prior.latents(spread))]
     residuals, explained = _residuals(problem, scan, pose, modulations)
-    return Completed(pose, modulations, samples, residuals, explained, loss, width)
+    return Completed(pose, modulations, samples, residuals, explained, float(loss), width)
 
 
 def find(
     shape: shape_field.ShapeField | patch_field.PatchField,
     scan: scans.Scan,
-    scan_from_field: transforms.Similarity,
+    scan_from_field: Sequence[transforms.Similarity],
     doubt: Doubt,
     noise: float = 0.0,
     seed: int = 0,
-) -> transforms.Similarity:
-    """The likeliest pose of a shape that is known; arguments and errors as of `complete`."""
-    config, generator, like = CompletionConfig(), torch.Generator().manual_seed(seed), torch.zeros(1)
-    width = math.hypot(config.blur, noise / scan_from_field.scale)
+) -> list[transforms.Similarity]:
+    """The likeliest pose of each of several objects of a scan, all of a shape that is known, in one descent.
+
+    Arguments and errors are as of `complete`; the noise is told by the mean of the scales.
+    """
+    config, generator, like = _KNOWN, torch.Generator().manual_seed(seed), torch.zeros(1)
+    width = math.hypot(config.blur, noise / float(np.mean([start.scale for start in scan_from_field])))
     patches = isinstance(shape, patch_field.PatchField)
     field, margin = (soft_rays.SoftPatches(shape, width), width) if patches else (shape.field, 0.0)
     box = torch.from_numpy(shape.lower - margin).to(like), torch.from_numpy(shape.upper + margin).to(like)
     alone = latent_prior.LatentPrior(like, like.new_zeros(1, 0))
     problem = _Problem(_Known(field), alone, width, config, box)
-    seen = _evidence(scan, scan_from_field, generator, like)
-    return scan_from_field.compose(_similarity(_likeliest(problem, seen, doubt, None, generator)[0]))
+    seen = [_evidence(scan, start, generator, like) for start in scan_from_field]
+    best = _likeliest(problem, seen, doubt, None, generator)[0]
+    return [start.compose(_similarity(best.at(index))) for index, start in enumerate(scan_from_field)]
 
 
 def guess(scan: scans.Scan, up: Float[np.ndarray, "3"]) -> transforms.Similarity:
@@ -239,7 +256,16 @@ def _why_none(scan: scans.Scan, ranges: np.ndarray, field_from_scan: transforms.
     return f"under {FEWEST_HITS} of {count:,} hits lie in the box of the pose, most {away:.3g} half sides off; {hint}"
 
 
-def _pick(seen: _Rays, count: int, generator: torch.Generator) -> Tensor:
+def _pick(many: Sequence[_Rays], count: int, generator: torch.Generator) -> _Rays:
+    """So many rays of each object, (objects, 1, n); where it has fewer, they are there over and over."""
+    picked = [each.some(_mixed(each, count, generator)) for each in many]
+    most = max(len(each.ranges) for each in picked)
+    filled = [each.some(torch.arange(most) % len(each.ranges)) for each in picked]
+    lists = ([getattr(each, name) for each in filled] for name in ("positions", "directions", "ranges"))
+    return _Rays(*(torch.stack(each)[:, None] for each in lists))
+
+
+def _mixed(seen: _Rays, count: int, generator: torch.Generator) -> Tensor:
     """Indices of so many rays, half of them hits where there are enough."""
     hit = seen.ranges.isfinite()
     hits, others = (
@@ -272,24 +298,24 @@ class _Problem:
     box: tuple[Tensor, Tensor] | None = None
     hits: Float[Tensor, "m 3"] | None = None
 
-    def loss(self, state: _State, seen: _Rays) -> Float[Tensor, "k"]:
+    def loss(self, state: _State, seen: _Rays) -> Float[Tensor, "*k"]:
         """Of each start."""
         loss = -self.log_likelihoods(state, seen).mean(-1) + self.config.prior * state.u.square().sum(-1) / 2
         return loss if self.hits is None else loss + _TIE * self.untaken(state, self.hits).square() / 2
 
-    def untaken(self, state: _State, hits: Float[Tensor, "m 3"]) -> Float[Tensor, "k"]:
+    def untaken(self, state: _State, hits: Float[Tensor, "m 3"]) -> Float[Tensor, "*k"]:
         """How far the longest side of the box of most hits is from what it mostly is of the cube's, deviations."""
         turned = hits @ rotations(state.turn)
-        low, high = torch.quantile(turned, torch.tensor([_STRAY, 1 - _STRAY]).to(turned), dim=1)
+        low, high = torch.quantile(turned, torch.tensor([_STRAY, 1 - _STRAY]).to(turned), dim=-2)
         taken = ((high - low) / 2 / rendering.CUBE_HALF).amax(-1).log() - state.growth
         return (taken - _TAKEN) / _TAKEN_OFF
 
-    def log_likelihoods(self, state: _State, seen: _Rays) -> Float[Tensor, "k n"]:
+    def log_likelihoods(self, state: _State, seen: _Rays) -> Float[Tensor, "*k n"]:
         """Of each start and ray; lengths are those of the first pose, or growth would pay by making errors small."""
         modulations = self.model.modulations(self.prior.latents(state.u))
         rotation = rotations(state.turn)
-        shrink = torch.exp(-state.growth)[:, None]
-        positions = ((seen.positions - state.shift[:, None]) @ rotation) * shrink[..., None]
+        shrink = torch.exp(-state.growth)[..., None]
+        positions = ((seen.positions - state.shift[..., None, :]) @ rotation) * shrink[..., None]
         hit = seen.ranges.isfinite()  # the gradient of what is infinite is no number
         directions, ranges = seen.directions @ rotation, torch.where(hit, seen.ranges, 0.0) * shrink
         box = self.box or rendering.cube(positions)
@@ -328,59 +354,61 @@ def ray_log_likelihood(
     return torch.where(inside, met, torch.where(meets & ~hit, missed, outside))
 
 
-def rotations(turn: Float[Tensor, "k 3"]) -> Float[Tensor, "k 3 3"]:
+def rotations(turn: Float[Tensor, "*k 3"]) -> Float[Tensor, "*k 3 3"]:
     """exp([ω]_×) of each."""
-    axes = torch.eye(3).to(turn).expand(len(turn), 3, 3)
-    return torch.linalg.matrix_exp(torch.linalg.cross(turn[:, None].expand_as(axes), axes).mT)
+    axes = torch.eye(3).to(turn).expand(*turn.shape, 3)
+    return torch.linalg.matrix_exp(torch.linalg.cross(turn[..., None, :].expand_as(axes), axes).mT)
 
 
 def _similarity(state: _State) -> transforms.Similarity:
-    """The pose of a single start, relative to the first one."""
-    u, _, right = np.linalg.svd(rotations(state.turn.double())[0].numpy())
-    return transforms.Similarity(math.exp(float(state.growth[0])), u @ right, state.shift[0].double().numpy())
+    """The pose of a single object, relative to the first one."""
+    u, _, right = np.linalg.svd(rotations(state.turn.double()).numpy())
+    return transforms.Similarity(math.exp(float(state.growth)), u @ right, state.shift.double().numpy())
 
 
 def _likeliest(
-    problem: _Problem, seen: _Rays, doubt: Doubt | None, latent: Tensor | None, generator: torch.Generator
-) -> tuple[_State, float, _Rays]:
-    """The best state, its loss, and the rays that these were told by."""
-    state = _descend(problem, seen, _starts(problem, seen, doubt, latent, generator), doubt, generator)
-    sample = seen.some(_pick(seen, 4 * problem.config.rays, generator))
+    problem: _Problem, many: Sequence[_Rays], doubt: Doubt | None, latent: Tensor | None, generator: torch.Generator
+) -> tuple[_State, Float[Tensor, "objects"], _Rays]:
+    """The best state of each object, its loss, and the rays that these were told by."""
+    state = _descend(problem, many, _starts(problem, many, doubt, latent, generator), doubt, generator)
+    sample = _pick(many, 4 * problem.config.rays, generator)
     with torch.no_grad():
         loss = problem.loss(state, sample)
-    return state.at(loss.argmin()[None]), float(loss.min()), sample
+    return state.best(loss, 1).at((slice(None), 0)), loss.amin(-1), sample
 
 
 def _starts(
-    problem: _Problem, seen: _Rays, doubt: Doubt | None, latent: Tensor | None, generator: torch.Generator
+    problem: _Problem, many: Sequence[_Rays], doubt: Doubt | None, latent: Tensor | None, generator: torch.Generator
 ) -> _State:
     """The likeliest of random shapes, at random poses where there is doubt; the prior's mean is one of them."""
-    config, count = problem.config, problem.config.draws
+    config, shape = problem.config, (len(many), problem.config.draws)
 
-    def normal(*shape: int) -> Tensor:
-        return torch.randn(*shape, generator=generator)
+    def normal(*last: int) -> Tensor:
+        return torch.randn(*shape, *last, generator=generator)
 
-    u = normal(count, problem.prior.basis.shape[1])
-    u[0] = 0
+    u = normal(problem.prior.basis.shape[1])
+    u[:, 0] = 0
     if latent is not None:
-        u[1::2] = problem.prior.coordinates(latent)
-    turn, shift, growth = torch.zeros(count, 3), torch.zeros(count, 3), torch.zeros(count)
+        u[:, 1::2] = problem.prior.coordinates(latent)
+    turn, shift, growth = torch.zeros(*shape, 3), torch.zeros(*shape, 3), torch.zeros(shape)
     if doubt is not None:
-        turn, shift = math.radians(doubt.turn_deg) * normal(count, 3), doubt.shift * normal(count, 3)
-        growth = doubt.growth * normal(count)
+        turn, shift = math.radians(doubt.turn_deg) * normal(3), doubt.shift * normal(3)
+        growth = doubt.growth * normal()
         if doubt.around:
-            turn[:, 1] = 2 * math.pi * (torch.arange(count) / count)
+            turn[..., 1] = 2 * math.pi * (torch.arange(config.draws) / config.draws)
         else:
-            turn[0], shift[0], growth[0] = 0, 0, 0
+            turn[:, 0], shift[:, 0], growth[:, 0] = 0, 0, 0
     state = _State(u, turn, shift, growth)
     with torch.no_grad():
-        few = seen.some(_pick(seen, config.rays // 2, generator))
-        parts = torch.arange(count).split(32)
-        loss = torch.cat([problem.loss(state.at(part), few) for part in parts])
-    return state.at(loss.topk(config.starts, largest=False).indices)
+        few = _pick(many, config.rays // 2, generator)
+        parts = torch.arange(config.draws).split(max(1, _AT_ONCE // len(many)))
+        loss = torch.cat([problem.loss(state.at((slice(None), part)), few) for part in parts], dim=1)
+    return state.best(loss, config.starts)
 
 
-def _descend(problem: _Problem, seen: _Rays, state: _State, doubt: Doubt | None, generator: torch.Generator) -> _State:
+def _descend(
+    problem: _Problem, many: Sequence[_Rays], state: _State, doubt: Doubt | None, generator: torch.Generator
+) -> _State:
     """Adam, its rate falling to zero by a cosine; after a third of the steps the best starts alone go on."""
     config = problem.config
     cut = config.steps // 3
@@ -394,13 +422,13 @@ def _descend(problem: _Problem, seen: _Rays, state: _State, doubt: Doubt | None,
         for step in range(begin, end):
             for group in optimiser.param_groups:
                 group["lr"] = group["share"] * config.rate * (1 + math.cos(math.pi * step / config.steps)) / 2
-            loss = problem.loss(state, seen.some(_pick(seen, config.rays, generator)))
+            loss = problem.loss(state, _pick(many, config.rays, generator))
             for each, gradient in zip(moved, torch.autograd.grad(loss.sum(), moved), strict=True):
                 each.grad = gradient
             optimiser.step()
         with torch.no_grad():
-            loss = problem.loss(state, seen.some(_pick(seen, 2 * config.rays, generator)))
-        state = state.at(loss.topk(min(config.kept, len(loss)), largest=False).indices)
+            loss = problem.loss(state, _pick(many, 2 * config.rays, generator))
+        state = state.best(loss, config.kept)
     return state
 
 

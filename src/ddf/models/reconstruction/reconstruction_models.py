@@ -151,7 +151,7 @@ class DDFModel(ReconstructionModel):
         """The field that the modulations of `modulations` condition."""
         return self.decoder.field
 
-    def modulations(self, latent: Float[Tensor, "b z"]) -> list[Float[Tensor, "b 1 _"]]:
+    def modulations(self, latent: Float[Tensor, "*b z"]) -> list[Float[Tensor, "*b 1 _"]]:
         """One modulation per sine layer and shape."""
         return self.decoder.modulator(latent)
 
