@@ -54,7 +54,7 @@ def recover_pose(
     shape = field._weights
     if isinstance(shape, shape_field.ShapeField) and shape.modulations is not None:
         raise checks.InputError("recover_pose takes the field of one shape, such as `ddf fit` makes")
-    doubt = completion.Doubt(growth=completion.Doubt.growth if resize else 0.0)
+    doubt = completion.Doubt(growth=completion.Doubt.growth if resize else 0.0, anyhow=True)
     several = [place.compose(shape.field_from_mesh.inverse()) for place in places]
     found = completion.find(shape, given, several, doubt, noise, seed)
     matrices = np.stack([each.compose(shape.field_from_mesh).to_matrix() for each in found])

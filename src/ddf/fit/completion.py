@@ -37,6 +37,7 @@ _STRAY = 0.02  # share of hits on each side that a box of them leaves out
 _TAKEN, _TAKEN_OFF = math.log(0.87), 0.06  # of the cube's length, by that box: logarithm and its deviation, 66 scans
 _FOR_BOX = 800  # hits
 _AT_ONCE = 32  # draws
+_APART = math.radians(25.0)  # between starts that are turned anyhow
 _TIE = 0.03  # weight of that in the loss
 
 
@@ -44,13 +45,15 @@ _TIE = 0.03  # weight of that in the loss
 class Doubt:
     """How far the given pose may be off, deviations: turn in degrees, shift and growth in half longest sides.
 
-    around: the turn about the field's vertical axis may be any.
+    around: the turn about the field's vertical axis may be any. anyhow: half of the draws are turned at random, and the
+    starts lie apart; of poses in which a shape looks the same, the least turned is likeliest.
     """
 
     turn_deg: float = 15.0
     shift: float = 0.1
     growth: float = 0.1
     around: bool = False
+    anyhow: bool = False
 
 
 UPRIGHT = Doubt(5.0, 0.15, 0.15, around=True)
@@ -81,7 +84,7 @@ class CompletionConfig:
     widened: float = 6.0
 
 
-_KNOWN = CompletionConfig()  # of a shape that is known
+_KNOWN = CompletionConfig(rays=100, draws=1024, starts=16)  # of a shape that is known
 
 
 @dataclass(frozen=True)
@@ -196,7 +199,7 @@ def find(
     field, margin = (soft_rays.SoftPatches(shape, width), width) if patches else (shape.field, 0.0)
     box = torch.from_numpy(shape.lower - margin).to(like), torch.from_numpy(shape.upper + margin).to(like)
     alone = latent_prior.LatentPrior(like, like.new_zeros(1, 0))
-    problem = _Problem(_Known(field), alone, width, config, box)
+    problem = _Problem(_Known(field), alone, width, config, box, tied=1 / math.radians(doubt.turn_deg) ** 2)
     seen = [_evidence(scan, start, generator, like) for start in scan_from_field]
     best = _likeliest(problem, seen, doubt, None, generator)[0]
     return [start.compose(_similarity(best.at(index))) for index, start in enumerate(scan_from_field)]
@@ -289,7 +292,11 @@ class _Known:
 
 @dataclass(frozen=True)
 class _Problem:
-    """What the descent is on. box: corners of that of the field, None for the cube. hits: that the scale is tied to."""
+    """What the descent is on.
+
+    box: corners of that of the field, None for the cube. hits: that the scale is tied to. tied: of the turn to the
+    first pose, one over its variance.
+    """
 
     model: reconstruction_models.DDFModel | _Known
     prior: latent_prior.LatentPrior
@@ -297,10 +304,12 @@ class _Problem:
     config: CompletionConfig
     box: tuple[Tensor, Tensor] | None = None
     hits: Float[Tensor, "m 3"] | None = None
+    tied: float = 0.0
 
     def loss(self, state: _State, seen: _Rays) -> Float[Tensor, "*k"]:
         """Of each start."""
-        loss = -self.log_likelihoods(state, seen).mean(-1) + self.config.prior * state.u.square().sum(-1) / 2
+        unlikely = state.u.square().sum(-1) + self.tied * state.turn.square().sum(-1)
+        loss = -self.log_likelihoods(state, seen).mean(-1) + self.config.prior * unlikely / 2
         return loss if self.hits is None else loss + _TIE * self.untaken(state, self.hits).square() / 2
 
     def untaken(self, state: _State, hits: Float[Tensor, "m 3"]) -> Float[Tensor, "*k"]:
@@ -397,13 +406,34 @@ def _starts(
         if doubt.around:
             turn[..., 1] = 2 * math.pi * (torch.arange(config.draws) / config.draws)
         else:
+            if doubt.anyhow:
+                turn[:, 1::2] = _any_turns(normal(4)[:, 1::2])
             turn[:, 0], shift[:, 0], growth[:, 0] = 0, 0, 0
     state = _State(u, turn, shift, growth)
     with torch.no_grad():
         few = _pick(many, config.rays // 2, generator)
         parts = torch.arange(config.draws).split(max(1, _AT_ONCE // len(many)))
         loss = torch.cat([problem.loss(state.at((slice(None), part)), few) for part in parts], dim=1)
+    if doubt is not None and doubt.anyhow:
+        return state.at((torch.arange(len(many))[:, None], _apart(loss, rotations(turn), config.starts)))
     return state.best(loss, config.starts)
+
+
+def _apart(loss: Float[Tensor, "objects k"], turned: Float[Tensor, "objects k 3 3"], count: int) -> Tensor:
+    """Indices of so many of the least loss of each object, of which none is turned by `_APART` or less from another."""
+    rows, left, chosen = torch.arange(len(loss)), loss.clone(), []
+    for _ in range(count):
+        chosen.append(left.argmin(1))
+        trace = (turned * turned[rows, chosen[-1]][:, None]).sum((-2, -1))
+        left[trace >= 1 + 2 * math.cos(_APART)] = math.inf
+    return torch.stack(chosen, 1)
+
+
+def _any_turns(quaternions: Float[Tensor, "*k 4"]) -> Float[Tensor, "*k 3"]:
+    """ω of the rotations of quaternions of any length; of normal ones, that of any rotation."""
+    cosine, sine = quaternions[..., :1].abs(), quaternions[..., 1:].norm(dim=-1, keepdim=True)
+    axes = quaternions[..., 1:] * quaternions[..., :1].sign() / sine
+    return 2 * torch.atan2(sine, cosine) * axes
 
 
 def _descend(

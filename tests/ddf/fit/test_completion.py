@@ -2,6 +2,7 @@ import dataclasses
 import math
 
 import _models
+import _shapes
 import numpy as np
 import pytest
 import torch
@@ -221,3 +222,56 @@ def test_a_known_object_of_patches_is_found_from_sixty_degrees_away():
     found = ddf.recover_pose(chair, ddf.depth_camera(chair, size=32), start.to_matrix())
     assert np.trace(found[:3, :3]) > 1 + 2 * math.cos(math.radians(1))
     assert np.abs(found[:3, 3]).max() < 0.01
+
+
+def _turned(vector):
+    left, _, right = np.linalg.svd(completion.rotations(torch.tensor([vector]))[0].double().numpy())
+    return left @ right
+
+
+def test_objects_of_one_scan_are_found_at_once_each_where_it_stands():
+    import ddf
+
+    rabbit = ddf.load("rabbit")
+    places = [
+        transforms.Similarity(1.0, _turned([0.2 * k, 0.9 * k, 0.0]), np.array([2.5 * k, 0.0, 0.0])) for k in range(3)
+    ]
+    scene = ddf.compose([rabbit] * 3, [place.to_matrix() for place in places])
+    off = transforms.Similarity(1.0, _turned([0.1, -0.3, 0.2]), np.array([0.05, 0.04, -0.06]))
+    starts = np.stack([place.compose(off).to_matrix() for place in places])
+    scan = ddf.depth_camera(scene, size=(48, 120), intrinsics=[[55, 0, 60], [0, 55, 24], [0, 0, 1]])
+    found = ddf.recover_pose(rabbit, scan, starts)
+    assert found.shape == (3, 4, 4)
+    for place, matrix in zip(places, found, strict=True):
+        off = place.inverse().compose(transforms.Similarity.of_matrix("pose", matrix))
+        assert np.trace(off.rotation) > 1 + 2 * math.cos(math.radians(1)) and np.abs(off.translation).max() < 0.02
+    with pytest.raises(checks.InputError, match="start must be a 4x4 matrix or several; got none"):
+        ddf.recover_pose(rabbit, scan, starts[:0])
+
+
+def test_turns_at_random_are_those_of_their_quaternions_and_no_longer_than_half_a_turn():
+    quaternions = torch.randn(4000, 4, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    turns = completion._any_turns(quaternions)
+    w, x, y, z = (quaternions / quaternions.norm(dim=1, keepdim=True)).T
+    first = torch.stack((1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)), 1)
+    torch.testing.assert_close(completion.rotations(turns)[..., 0], first, rtol=0, atol=1e-9)
+    assert turns.norm(dim=1).max() <= math.pi
+    assert float(turns.norm(dim=1).mean()) == pytest.approx(math.pi / 2 + 2 / math.pi, abs=0.03)  # of all rotations
+
+
+def test_of_poses_that_look_the_same_the_least_turned_is_found():
+    import ddf
+
+    field = ddf.fit(_shapes.cube(0.6))
+    start = np.eye(4)
+    start[:3, :3] = _turned([0.0, math.radians(12), 0.0])
+    found = ddf.recover_pose(field, ddf.depth_camera(field, size=32), start)
+    assert np.trace(found[:3, :3]) > 1 + 2 * math.cos(math.radians(2))
+
+
+def test_starts_that_lie_apart_are_the_best_of_each_turn():
+    turns = torch.zeros(2, 5, 3)
+    turns[:, :, 1] = torch.deg2rad(torch.tensor([0.0, 10, 40, 50, 90]))
+    loss = torch.tensor([[1.0, 0, 2, 3, 9], [5.0, 4, 1, 2, 0]])
+    chosen = completion._apart(loss, completion.rotations(turns), 3)
+    assert chosen.tolist() == [[1, 2, 4], [4, 2, 1]]
