@@ -30,7 +30,6 @@ from ddf_lab.evaluation.generative import generative_clouds
 
 ON_DEMAND = "python -m bench generate, some minutes"
 NAME, THREADS, COUNT, POINTS, TRUTH_POINTS = "generate", 1, 40, 1500, 6000
-WIDE = ("chair", "plane")  # categories whose model learned from wide families
 BLUR, NOISE = 0.3, 0.03  # width of the blurred samples' prior; standard deviation in v1
 K = transforms.BENCHMARK_FROM_V1
 
@@ -46,7 +45,7 @@ def truth(category: str, seed: int) -> list[neighbours.Neighbours]:
     """Clouds of procedural shapes, without hidden points."""
     found = []
     for index in range(COUNT):
-        shape, random = write.make_shape(seed, category, index, category in WIDE), np.random.default_rng(index)
+        shape, random = write.make_shape(seed, category, index, wide=True), np.random.default_rng(index)
         cloud = true_clouds.draw(Mesh(shape.vertices, shape.triangles), TRUTH_POINTS, random)
         seen = cloud.points[~cloud.hidden].astype(np.float64)
         found.append(framed(seen[random.permutation(len(seen))[:POINTS]]))
@@ -60,7 +59,7 @@ def encoded(model: reconstruction_models.DDFModel, size: int, category: str, see
     for index in range(COUNT):
         view, renderer = (
             write.make_views(seed, category, index, 1)[0],
-            render.Renderer(write.make_shape(seed, category, index, category in WIDE)),
+            render.Renderer(write.make_shape(seed, category, index, wide=True)),
         )
         picture = Image.fromarray(renderer.render(view)).resize((size, size), Image.Resampling.BOX)
         images.append(framing.encoder_input(np.array(picture)))
