@@ -1,4 +1,5 @@
 // Builds the page's template from src/ into the package: node build.mjs [OUT_DIR]
+import asc from "assemblyscript/asc";
 import { build } from "esbuild";
 import { mkdir, readFile, writeFile } from "node:fs/promises";
 import { gunzipSync, gzipSync } from "node:zlib";
@@ -14,12 +15,21 @@ async function text(file, options = {}) {
   return built.outputFiles[0].text.trim().replaceAll("</script", "<\\/script");
 }
 
+/** The wasm of `kernels/network.ts`, base64. */
+async function kernels() {
+  let wasm;
+  const how = ["-O3", "--runtime", "stub", "--enable", "simd", "--noAssert", "--outFile", "network.wasm"];
+  const { error, stderr } = await asc.main([join(here, "kernels/network.ts"), "--baseDir", "/", ...how], { writeFile: (_, data) => (wasm = data) });
+  if (error) throw new Error(`${error}: ${stderr}`);
+  return Buffer.from(wasm).toString("base64");
+}
+
 await mkdir(out, { recursive: true });
 const page = await readFile(join(here, "src/page.html"), "utf8");
-const parts = { "/*style*/": await text("style.css"), "/*script*/": await text("main.ts", { format: "iife" }) };
+const parts = { "/*style*/": await text("style.css"), "/*script*/": await text("main.ts", { format: "iife", define: { KERNELS: JSON.stringify(await kernels()) } }) };
 await writeFile(join(out, "page.html"), page.replace(/\/\*\w+\*\//g, (mark) => parts[mark] ?? mark));
 
-// What pages with wasm have besides; written only where it changed, for compressed bytes depend on node's version.
+// What pages of models have besides; written only where it changed, for compressed bytes depend on node's version.
 await writeFile(join(out, "wasm.js"), await text("wasm.ts", { format: "iife", logOverride: { "empty-import-meta": "silent" } }));
 const runtime = await readFile(join(here, "node_modules/onnxruntime-web/dist/ort-wasm-simd-threaded.wasm"));
 const packed = join(out, "ort.wasm.gz");

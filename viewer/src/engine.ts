@@ -1,4 +1,4 @@
-/** What evaluates a field: of networks a GPU (`webgl.ts`) or onnxruntime's wasm (`wasm.ts`), of patches `patches.ts`. */
+/** What evaluates a field: of networks a GPU (`webgl.ts`) or the CPU (`cpu.ts`), of patches `patches.ts`. */
 
 export type Output = "visibility" | "depth" | "normals" | "weight_1" | "normals_2" | "mean_curvature";
 export const OUTPUTS: Output[] = ["visibility", "depth", "normals", "weight_1", "normals_2", "mean_curvature"];

@@ -5,6 +5,7 @@ import { readBlock, readPage } from "./blocks.ts";
 import { centre, framingRadius, pixelRays, type Camera, type Stage } from "./camera.ts";
 import { Cloud, ply } from "./cloud.ts";
 import { control, HELP, stick } from "./controls.ts";
+import { CpuEngine, kernels } from "./cpu.ts";
 import { Distances } from "./distances.ts";
 import type { Engine, Output } from "./engine.ts";
 import { Field, query, type FieldRecord } from "./field.ts";
@@ -12,13 +13,14 @@ import { Gizmos } from "./gizmos.ts";
 import { Gpu } from "./gpu.ts";
 import { layersOf, type NetworkRecord } from "./network.ts";
 import { button, byId, check, choices, download, element, select } from "./panel.ts";
+import type { NetworkEngine } from "./passes.ts";
 import { PatchEngine } from "./patches.ts";
 import { Reconstruction } from "./reconstruct.ts";
 import { MODES } from "./shading.ts";
 import { SlicePanel } from "./slicing.ts";
 import { summary } from "./summary.ts";
 import { View, type Shown } from "./view.ts";
-import type { open, WasmEngine } from "./wasm.ts";
+import type { open } from "./wasm.ts";
 import { WebglEngine } from "./webgl.ts";
 
 const WISHES = asked(location.hash);
@@ -48,12 +50,9 @@ function fail(text: string): void {
 
 declare global {
   interface Window {
-    ddfWasm?: { open: typeof open; WasmEngine: typeof WasmEngine };
+    ddfWasm?: { open: typeof open };
   }
 }
-
-/** A CPU runs a field faster by wasm than by imitating a GPU. */
-const wanted = (gpu: Gpu | string): "wasm" | "webgl" => (typeof gpu === "string" || gpu.isSoftware ? "wasm" : "webgl");
 
 async function main(): Promise<void> {
   const page = readPage();
@@ -65,11 +64,10 @@ async function main(): Promise<void> {
   const start: Angles = { azimuth: WISHES.azimuth ?? page.azimuth, elevation: WISHES.elevation ?? ELEVATION };
   const numbers = new Float32Array((await readBlock("ddf-weights"))!);
   const patches = page.fields.every(({ kind }) => kind === "patches"); // which need no GPU
-  const gpu = patches ? "" : Gpu.open();
-  const byWasm = document.getElementById("ddf-graph-values") !== null && (WISHES.engine ?? wanted(gpu)) === "wasm";
-  if (typeof gpu === "string" && !byWasm && !patches) {
-    throw new Error(`${gpu}; open the page in another browser, or write it with ddf view --wasm`);
-  }
+  const found = patches || WISHES.engine === "wasm" ? "" : Gpu.open();
+  if (typeof found === "string" && WISHES.engine === "webgl") throw new Error(found);
+  const gpu = typeof found === "string" || (found.isSoftware && WISHES.engine !== "webgl") ? null : found; // a CPU is faster than its imitation of a GPU
+  const module = patches || gpu ? null : await kernels();
   const engines = new Map<number, Engine>(); // fields of one network share it
   const engineOf = (record: FieldRecord): Engine => {
     const known = engines.get(record.offset) ?? made(record);
@@ -78,12 +76,11 @@ async function main(): Promise<void> {
   };
   const made = (record: FieldRecord): Engine =>
     record.kind === "patches" ? new PatchEngine(record, numbers)
-    : byWasm || typeof gpu === "string"
-      ? new window.ddfWasm!.WasmEngine(readBlock)
-      : new WebglEngine(gpu, record, layersOf(record, numbers));
+    : gpu ? new WebglEngine(gpu, record, layersOf(record, numbers))
+    : new CpuEngine(module!, record, layersOf(record, numbers));
   WISHES.objects.forEach((place, index) => page.fields[index] && (page.fields[index].world_from_mesh.translation = place));
   const world = { fields: page.fields.map((record) => new Field(record, engineOf(record))), box: page.box };
-  const slow = !patches && (byWasm || typeof gpu === "string" || gpu.isSoftware);
+  const slow = !patches && (gpu === null || gpu.isSoftware);
   const distances = new Distances(Math.round(WISHES.hits ?? (slow ? HITS_OF_A_CPU : HITS)), (text) => (byId("status").textContent = text));
   const engineNames = [...new Set(world.fields.map((field) => field.engine.name))].join(" and ");
   const canvas = byId("canvas") as HTMLCanvasElement;
@@ -112,7 +109,7 @@ async function main(): Promise<void> {
   const gizmos = world.fields.length > 1 ? new Gizmos(byId("overlay"), view) : null;
   const cloud = new Cloud(view);
   const offered = MODES.filter((mode) => mode.outputs.every((name) => world.fields.every((field) => field.engine.outputs.includes(name))));
-  const rebuilt = page.model && new Reconstruction(page.model, layersOf(page.fields[0] as NetworkRecord, numbers), engineOf(page.fields[0]!) as WebglEngine, view, cloud);
+  const rebuilt = page.model && new Reconstruction(page.model, layersOf(page.fields[0] as NetworkRecord, numbers), engineOf(page.fields[0]!) as NetworkEngine, view, cloud);
   const modes = choices("Show", "modes", offered, view.mode, (mode) => {
     view.mode = mode;
     view.refresh(false);

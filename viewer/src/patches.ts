@@ -24,7 +24,7 @@ export interface PatchRecord {
 }
 
 /** Two unit tangents of a unit normal, into `out` from 0 on. */
-function tangents(x: number, y: number, z: number, out: Float64Array): void {
+export function tangents(x: number, y: number, z: number, out: Float64Array): void {
   const sign = z >= 0 ? 1 : -1;
   const a = -1 / (sign + z);
   const b = x * y * a;

@@ -9,7 +9,7 @@ import { element } from "./panel.ts";
 import type { Vector } from "./vectors.ts";
 import type { View } from "./view.ts";
 import type { Model } from "./wasm.ts";
-import type { WebglEngine } from "./webgl.ts";
+import type { NetworkEngine } from "./passes.ts";
 import { centre, project, type Camera } from "./camera.ts";
 
 const BENCHMARK_FROM_V1 = 0.57;
@@ -46,7 +46,7 @@ export class Reconstruction {
   constructor(
     private readonly record: ModelRecord,
     private readonly layers: Layer[],
-    private readonly engine: WebglEngine,
+    private readonly engine: NetworkEngine,
     private readonly view: View,
     private readonly cloud: Cloud,
   ) {

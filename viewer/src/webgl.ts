@@ -1,20 +1,16 @@
 /**
- * A network on the GPU by WebGL2: matrix products as draws into float textures (`shaders.ts`), any width and depth.
- *
- * Values alone are one pass. A normal takes the adjoint pass besides; mean curvature two tangents more, as in
- * `ddf.fields.curvature`: with slopes c = cos a and states h = sin a, bends are -h.
+ * A network on the GPU by WebGL2: matrix products as draws into float textures (`shaders.ts`), any width and depth.. The passes: `passes.ts`.
  */
 
-import type { Engine, Output, Values } from "./engine.ts";
-import { depthOf, depthSlope, sigmoid, type Layer, type NetworkRecord } from "./network.ts";
 import { WIDTH, type Gpu, type Inputs, type States } from "./gpu.ts";
-import { breathe } from "./pacing.ts";
+import type { Layer, NetworkRecord } from "./network.ts";
+import { NetworkEngine, QUIET_MS } from "./passes.ts";
+import type { Values } from "./engine.ts";
 import * as shaders from "./shaders.ts";
 
 const UNITS_IN_MEMORY = 64 * 128; // rows of rays times units of the widest layer
 const FEWEST_ROWS = 4; // of rays in a chunk: below, draws cost more than rays
 const PADDED = 256; // alignment of uniform blocks that every GPU takes, bytes
-const QUIET_MS = 30; // that one draw of many rays may keep the page waiting
 
 interface Weights {
   buffer: WebGLBuffer;
@@ -24,10 +20,8 @@ interface Weights {
 
 const blocksOf = (units: number): number => Math.ceil(units / 4);
 
-export class WebglEngine implements Engine {
+export class WebglEngine extends NetworkEngine {
   readonly name = "WebGL2";
-  readonly exact = false;
-  readonly outputs: readonly Output[] = ["visibility", "depth", "normals", "weight_1", "normals_2", "mean_curvature"];
   private readonly height: number;
   private readonly weights = new Map<string, Weights>();
   private readonly group: number; // blocks of units that a draw gives, half as many where each has two outputs
@@ -35,9 +29,10 @@ export class WebglEngine implements Engine {
 
   constructor(
     private readonly gpu: Gpu,
-    private readonly record: NetworkRecord,
+    record: NetworkRecord,
     private layers: Layer[],
   ) {
+    super(record);
     const { gl } = gpu;
     const widest = Math.max(...record.widths.slice(1));
     this.height = Math.max(1, Math.min(64, Math.floor(UNITS_IN_MEMORY / widest)));
@@ -50,72 +45,33 @@ export class WebglEngine implements Engine {
     }
   }
 
-  /** Other weights of the same sizes. */
   replace(layers: Layer[]): void {
     for (const { buffer } of this.weights.values()) this.gpu.gl.deleteBuffer(buffer);
     this.weights.clear();
     this.layers = layers;
   }
 
-  async evaluate(
-    positions: Float64Array,
-    directions: Float64Array,
-    outputs: readonly Output[],
-    signal?: AbortSignal,
-  ): Promise<Values> {
-    const count = positions.length / 3;
-    const values: Values = {};
-    for (const name of outputs) values[name] = new Float32Array(count * (name.startsWith("normals") ? 3 : 1));
-    for (let from = 0; from < count; ) {
-      const until = Math.min(count, from + this.rows * WIDTH);
-      const started = performance.now();
-      this.chunk(positions, directions, from, until, values);
-      const spent = performance.now() - started;
-      if (spent < QUIET_MS / 2) this.rows = Math.min(this.height, 2 * this.rows);
-      else if (spent > 2 * QUIET_MS) this.rows = Math.max(FEWEST_ROWS, this.rows >> 1);
-      from = until;
-      if (from < count) await breathe();
-      signal?.throwIfAborted();
-    }
-    if (this.gpu.gl.isContextLost()) throw new Error("the GPU was taken away; load the page again");
-    return values;
+  protected get most(): number {
+    return this.rows * WIDTH;
   }
 
-  private chunk(positions: Float64Array, directions: Float64Array, from: number, until: number, values: Values): void {
-    this.gpu.height = this.height;
-    this.gpu.used = Math.ceil((until - from) / WIDTH);
-    this.upload(positions, directions, from, until);
-    const bend = values.mean_curvature !== undefined;
-    const slopes = bend || values.normals !== undefined || values.normals_2 !== undefined;
-    const raw = this.forward(slopes, bend);
-    const found = this.gpu.read(raw);
-    const chosen = (i: number): number => (found[4 * i + 2]! >= 0 ? found[4 * i]! : found[4 * i + 1]!);
-    for (let i = 0; i < until - from; i++) {
-      if (values.visibility) values.visibility[from + i] = sigmoid(found[4 * i + 3]!);
-      if (values.depth) values.depth[from + i] = depthOf(chosen(i), this.record);
-      if (values.weight_1) values.weight_1[from + i] = sigmoid(found[4 * i + 2]!);
-    }
-    if (values.normals_2) this.normals(values.normals_2, this.gpu.read(this.adjoint(2, false)), directions, from, until);
-    if (!values.normals && !bend) return;
-    const gradient = this.adjoint(0, bend);
-    const gradients = this.gpu.read(gradient);
-    const normals = values.normals ?? new Float32Array(3 * until);
-    this.normals(normals, gradients, directions, from, until);
-    if (!values.mean_curvature) return;
-    const sums = this.gpu.read(this.bending(gradient));
-    for (let i = 0; i < until - from; i++) {
-      const at = 3 * (from + i);
-      const towards = normals[at]! * directions[at]! + normals[at + 1]! * directions[at + 1]! + normals[at + 2]! * directions[at + 2]!;
-      const form = -(sums[4 * i]! + sums[4 * i + 1]! + sums[4 * i + 2]! + sums[4 * i + 3]!);
-      values.mean_curvature[from + i] = depthSlope(chosen(i), this.record) * towards * form;
-    }
+  protected override chunk(positions: Float64Array, directions: Float64Array, from: number, values: Values): void {
+    const started = performance.now();
+    super.chunk(positions, directions, from, values);
+    const spent = performance.now() - started;
+    if (spent < QUIET_MS / 2) this.rows = Math.min(this.height, 2 * this.rows);
+    else if (spent > 2 * QUIET_MS) this.rows = Math.max(FEWEST_ROWS, this.rows >> 1);
+    if (this.gpu.gl.isContextLost()) throw new Error("the GPU was taken away; load the page again");
   }
 
   /** Rays as two blocks of inputs: (p, 0) and (v, 0). */
-  private upload(positions: Float64Array, directions: Float64Array, from: number, until: number): void {
+  protected take(positions: Float64Array, directions: Float64Array): void {
+    const count = positions.length / 3;
+    this.gpu.height = this.height;
+    this.gpu.used = Math.ceil(count / WIDTH);
     const plane = 4 * WIDTH * this.gpu.used;
     const texels = new Float32Array(2 * plane);
-    for (let i = from, at = 0; i < until; i++, at += 4) {
+    for (let i = 0, at = 0; i < count; i++, at += 4) {
       texels.set(positions.subarray(3 * i, 3 * i + 3), at);
       texels.set(directions.subarray(3 * i, 3 * i + 3), plane + at);
     }
@@ -123,7 +79,7 @@ export class WebglEngine implements Engine {
   }
 
   /** The value pass; keeps slopes of every layer where they are asked for, and the states where bends are. */
-  private forward(slopes: boolean, bend: boolean): States {
+  protected forward(slopes: boolean, bend: boolean): Float32Array {
     const hidden = this.layers.slice(0, -1);
     let source = this.gpu.array("rays", 2);
     hidden.forEach((layer, index) => {
@@ -134,11 +90,11 @@ export class WebglEngine implements Engine {
     });
     const raw = this.gpu.array("raw", 1);
     this.multiply("head", source, [raw], "linear", false, {});
-    return raw;
+    return this.gpu.read(raw);
   }
 
   /** ∇_p of the raw depth of a component (0: the heavier one); g h of every layer where bends are asked for. */
-  private adjoint(component: number, bend: boolean): States {
+  protected adjoint(component: number, bend: boolean): Float32Array {
     const last = this.layers.length - 2;
     const sizes = this.layers.map((layer) => layer.rows);
     const outs = (index: number): States[] => {
@@ -156,13 +112,13 @@ export class WebglEngine implements Engine {
     }
     const gradient = this.gpu.array("gradient", 1);
     this.multiply("A0", this.layer("s0", sizes[0]!), [gradient], "linear", false, {});
-    return gradient;
+    return this.gpu.read(gradient);
   }
 
   /** Σ_l Σ_k g h (t² + t'²) over both tangents of the surface. */
-  private bending(gradient: States): States {
+  protected bending(): Float32Array {
     const tangents = [this.gpu.array("t", 2), this.gpu.array("u", 2)];
-    this.gpu.draw("basis", shaders.BASIS, { source: gradient }, tangents, 0, 1);
+    this.gpu.draw("basis", shaders.BASIS, { source: this.gpu.array("gradient", 1) }, tangents, 0, 1);
     let [sum, next] = [this.gpu.array("sum0", 1), this.gpu.array("sum1", 1)];
     this.gpu.clear(sum);
     for (const tangent of tangents) {
@@ -178,17 +134,7 @@ export class WebglEngine implements Engine {
         source = target;
       }
     }
-    return sum;
-  }
-
-  /** Unit normals that face back, from gradients of the chunk. */
-  private normals(out: Float32Array, g: Float32Array, v: Float64Array, from: number, until: number): void {
-    for (let i = 0, at = 3 * from; i < until - from; i++, at += 3) {
-      const n = [g[4 * i]!, g[4 * i + 1]!, g[4 * i + 2]!];
-      const long = Math.max(Math.hypot(n[0]!, n[1]!, n[2]!), 1e-12);
-      const towards = n[0]! * v[at]! + n[1]! * v[at + 1]! + n[2]! * v[at + 2]!;
-      for (let axis = 0; axis < 3; axis++) out[at + axis] = ((towards > 0 ? -1 : 1) * n[axis]!) / long;
-    }
+    return this.gpu.read(sum);
   }
 
   /** A product with the weights of that name: `W3` of a layer, `T3` without bias, `A3` transposed, `head`. */

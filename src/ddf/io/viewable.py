@@ -1,6 +1,5 @@
 """What can be viewed, by its path, as the page that shows it."""
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,36 +12,23 @@ if TYPE_CHECKING:
     from ddf.fields.grid import patch_field
     from ddf.fit import shape_field
 
-# Of a field, for onnxruntime: it computes all outputs of a graph, so there is one for each amount of work.
-GRAPHS = {
-    "values": ("visibility", "depth", "weight_1"),
-    "normals": ("visibility", "depth", "weight_1", "normals"),
-    "mean_curvature": ("visibility", "depth", "weight_1", "normals", "mean_curvature"),
-}
 _NAMED = 4  # fields of a title
 _ABOUT_MODEL = "From one image to a directed distance field, inside this page: nothing leaves this machine."
 _ABOUT = "A directed distance field, evaluated live by this page: visibility and depth along every ray."
 
 
-def page(path: Path, up: str = "y", wasm: bool = False) -> viewer_page.Page:
+def page(path: Path, up: str = "y") -> viewer_page.Page:
     """The page of a field or of a reconstruction model.
 
     Args:
       path: folder that `ddf fit` or `make train` wrote, or its model.safetensors. up: axis of the mesh that points up.
-      wasm: of a field, whether the page can do without WebGL2.
     Raises:
       FileNotFoundError: there is no such field. InputError: it is damaged, or holds something else; it is named.
     """
     file = path if path.name == field_file.MODEL else path / field_file.MODEL
     if file.is_file() and storage.load_metadata(file).get("kind") == "ddf":
         return model_page(file.parent)
-    shape = field(path)
-    found = field_page(shape, name_of(path), up)
-    if not wasm or shape.record.get("kind") == field_file.PATCHES:  # which need no WebGL2
-        return found
-    from ddf.fit import shape_field
-
-    return with_graphs(found, shape_field.load(path))
+    return field_page(field(path), name_of(path), up)
 
 
 def row_page(paths: Sequence[Path], up: str = "y") -> viewer_page.Page:
@@ -112,12 +98,3 @@ def field_page(
 ) -> viewer_page.Page:
     """The page of one field, in the frame of its mesh."""
     return viewer_page.Page(name, _ABOUT, viewer_layout.corners(shape), [viewer_fields.bake(shape, name)], up)
-
-
-def with_graphs(page: viewer_page.Page, shape: "shape_field.ShapeField") -> viewer_page.Page:
-    """The page of one field, which then does without WebGL2."""
-    from ddf.io import onnx_file, onnx_graphs
-
-    field = shape.field.cpu()
-    graphs = {key: onnx_file.to_onnx(onnx_graphs.FieldGraph(field, outputs), {}) for key, outputs in GRAPHS.items()}
-    return dataclasses.replace(page, graphs=graphs)

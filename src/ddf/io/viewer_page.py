@@ -9,7 +9,7 @@ import gzip
 import html
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,9 @@ from ddf.core import storage
 from ddf.io import viewer_fields
 
 BUILT = Path(__file__).resolve().parent / "viewer"  # what `viewer/build.mjs` writes
-_TEMPLATE, _WASM, _RUNTIME = "page.html", "wasm.js", "ort.wasm.gz"  # the last two for pages that run ONNX files
+_TEMPLATE, _WASM, _RUNTIME = "page.html", "wasm.js", "ort.wasm.gz"  # the last two for pages of models
 
-_MARKS = ("title", "page", "weights", "model", "graphs", "runtime", "wasm", "first")  # of the template
+_MARKS = ("title", "page", "weights", "model", "runtime", "wasm", "first")  # of the template
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,8 @@ class Page:
 
     about: one sentence below the title. corners: of the box that cameras are about, frame of the page, as
     `Queried.corners`. up: the axis that points up. box: of a scene, what lies before it is cut away.
-    encoders: of a model, whose one field is that of an image and has no modulations yet. graphs: ONNX files of the one
-    field by the names in `viewable.GRAPHS`, for browsers without WebGL2. first: WebP of `viewer_picture`, which is seen
-    until the page has drawn its own.
+    encoders: of a model, whose one field is that of an image and has no modulations yet. first: WebP of
+    `viewer_picture`, which is seen until the page has drawn its own.
     """
 
     title: str
@@ -59,7 +58,6 @@ class Page:
     up: str = "y"
     box: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]] | None = None
     encoders: Encoders | None = None
-    graphs: Mapping[str, bytes] = field(default_factory=dict)
     azimuth: float = 35.0
     first: bytes = b""
 
@@ -87,16 +85,11 @@ def render(page: Page) -> bytes:
         own = {name: getattr(page.encoders, name) for name in ("image_size", "radius", "usual")}
         record["model"] = own | {"samples": samples}
         parts["model"] = block(page.encoders.onnx)
-    parts["graphs"] = "".join(
-        f'<script type="text/plain" id="ddf-graph-{name}">{block(graph)}</script>'
-        for name, graph in page.graphs.items()
-    )
+        parts["runtime"] = base64.b64encode((BUILT / _RUNTIME).read_bytes()).decode()
+        parts["wasm"] = (BUILT / _WASM).read_text(encoding="utf-8")
     if page.first:
         source = "data:image/webp;base64," + base64.b64encode(page.first).decode()
         parts["first"] = f'<img id="first" alt="" src="{source}">'
-    if page.encoders is not None or page.graphs:
-        parts["runtime"] = base64.b64encode((BUILT / _RUNTIME).read_bytes()).decode()
-        parts["wasm"] = (BUILT / _WASM).read_text(encoding="utf-8")
     return _filled(parts | {"page": _script(record)})
 
 

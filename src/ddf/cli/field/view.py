@@ -39,9 +39,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--up", choices=arguments.UP_AXES, default="y", help="axis of fields that points up (default %(default)s)"
     )
-    parser.add_argument(
-        "--wasm", action="store_true", help="of one field: 5 MB more, and the page does without WebGL2, on the CPU"
-    )
 
 
 class _Shown(argparse.Action):
@@ -58,7 +55,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.io import viewer_page
 
     out = args.out
-    page = page_of(args.what, args.up, args.wasm)
+    page = page_of(args.what, args.up)
     if out is None:
         out = Path(tempfile.mkdtemp(prefix="ddf-view-")) / f"{page.title}.html"
     size = viewer_page.write(out, page)
@@ -73,7 +70,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def page_of(what: Sequence[Path], up: str = "y", wasm: bool = False) -> "viewer_page.Page":
+def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
     """The page of a field, of a scene file or of a model; of several fields side by side.
 
     Raises:
@@ -84,21 +81,19 @@ def page_of(what: Sequence[Path], up: str = "y", wasm: bool = False) -> "viewer_
     from ddf.io import viewable
 
     scenes = [path for path in what if path.suffix in scene_file.SUFFIXES]
-    if wasm and (scenes or len(what) > 1):
-        raise checks.InputError("--wasm is for the page of one field; leave it away, or give one field")
     if len(what) == 1:
-        return _scene(what[0]) if scenes else _field(what[0], up, wasm)
+        return _scene(what[0]) if scenes else _field(what[0], up)
     if scenes:
         raise checks.InputError(f"{scenes[0]}: a scene file is shown alone; it may name all fields")
     return viewable.row_page(what, up)
 
 
-def _field(path: Path, up: str, wasm: bool) -> "viewer_page.Page":
+def _field(path: Path, up: str) -> "viewer_page.Page":
     """The page of a field with its first picture, or of a model."""
     from ddf.cli.field import load
     from ddf.io import viewable, viewer_picture
 
-    page = viewable.page(path, up, wasm)
+    page = viewable.page(path, up)
     if page.encoders is not None:
         return page
     shape = load.framed(path if path.is_dir() else path.parent, ("depth", "normals"))

@@ -55,7 +55,6 @@ def test_without_a_file_the_browser_is_asked(fitted, capsys, monkeypatch):
         (["rabbit", "chair", "page.html"], "holds no field of a single shape"),
         (["rabbit", f"{shipped_models.place('rabbit')}/field.onnx", "page.html"], "give the folder that"),
         (["rabbit", "scene.yaml", "page.html"], "scene.yaml: a scene file is shown alone"),
-        (["rabbit", "armchair", "page.html", "--wasm"], "--wasm is for the page of one field"),
         (["no_such_field", "page.html"], "no such field"),
         (["no_such_scene.yaml", "page.html"], "no_such_scene.yaml"),
         (["rabbit", "no/such/folder/page.html"], "there is no folder"),
