@@ -29,7 +29,6 @@ export const readPage = (): PageRecord => JSON.parse(document.getElementById("dd
 export async function readBlock(id: string): Promise<ArrayBuffer | null> {
   const text = document.getElementById(id)?.textContent?.trim();
   if (!text) return null;
-  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-  return new Response(stream).arrayBuffer();
+  const packed = await fetch(`data:application/octet-stream;base64,${text}`); // the browser's own base64
+  return new Response(packed.body!.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
 }

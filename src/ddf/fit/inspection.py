@@ -55,7 +55,7 @@ def measure(field: framed_field.FramedField, truth: mesh_field.MeshField) -> dic
     Args:
       truth: `mesh_field.beside` of what the field was fitted to.
     """
-    size = float((field.upper - field.lower).max()) / field.field_from_mesh.scale
+    size = _size(field)
     seen = [_seen(field, truth, camera, size) for camera in _cameras(field)]
     depth, angle, thin = (np.concatenate([getattr(view, name) for view in seen]) for name in ("depth", "angle", "thin"))
     return {
@@ -63,7 +63,7 @@ def measure(field: framed_field.FramedField, truth: mesh_field.MeshField) -> dic
         "silhouettes": _percent(np.concatenate([view.overlap for view in seen])),
         "thin": _percent(thin),
         "normals": _median(angle),
-        "inside": _percent(_wrong_inside(field, truth, size)),
+        "inside": wrong_inside(field, truth),
     }
 
 
@@ -137,15 +137,17 @@ def thin(
     return depth(points - _LIFT * size * normals, -normals) <= THIN * size
 
 
-def _wrong_inside(field: framed_field.FramedField, truth: mesh_field.MeshField, size: float) -> Bool[np.ndarray, "_"]:
-    """Which rays from inside the box, anywhere and any way, say other than the mesh whether, or where, they end."""
+def wrong_inside(field: framed_field.FramedField, truth: mesh_field.MeshField) -> float:
+    """Per cent of rays from inside the box, anywhere and any way, that say other than the mesh whether, or where, they
+    end.
+    """
     random = np.random.default_rng(0)
     starts, along = random.uniform(field.lower, field.upper, (INSIDE, 3)), random.standard_normal((INSIDE, 3))
     back = field.field_from_mesh.inverse()
     along /= np.linalg.norm(along, axis=-1, keepdims=True)
     asked = rays.OrientedPoints(back.apply(starts), back.apply_directions(along))
     got, true = (framed_field.query(each, asked, ("depth",))[0]["depth"] for each in (field, truth))
-    return wrong(got, true, OFF * size)
+    return _percent(wrong(got, true, OFF * _size(field)))
 
 
 def wrong(depth: Float[np.ndarray, "n"], truth: Float[np.ndarray, "n"], bound: float) -> Bool[np.ndarray, "n"]:
@@ -153,6 +155,11 @@ def wrong(depth: Float[np.ndarray, "n"], truth: Float[np.ndarray, "n"], bound: f
     seen, there = np.isfinite(depth), np.isfinite(truth)
     off = np.abs(np.where(seen, depth, 0.0) - np.where(there, truth, 0.0)) > bound
     return (seen != there) | (seen & there & off)
+
+
+def _size(field: framed_field.FramedField) -> float:
+    """Longest side of the box, frame of the mesh."""
+    return float((field.upper - field.lower).max()) / field.field_from_mesh.scale
 
 
 def _median(values: Float[np.ndarray, "_"]) -> float:

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ddf.data.synthetic import showcase
-from ddf.fields import framed_field
+from ddf.fields import framed_field, mesh_field
+from ddf.fit import inspection
 from ddf.fit.shape_field import ShapeField
 from ddf.geometry import raycast, rays
 from ddf.io import viewer_layout, viewer_page
@@ -25,7 +26,7 @@ _COLUMNS = ("depth", "exact depth", "normals", "exact normals", "mean curv.")
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """A line of pictures per camera, errors per shape, and all shapes live."""
-    strips, lines = [], []
+    strips, lines, inner = [], [], {True: [], False: []}
     fields = [(name, figure_fields.fitted(name, config, folder)) for name in NAMES]
     for name, network in fields:
         mesh = showcase.SHAPES[name]()
@@ -34,21 +35,27 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             rows, (depth, angle, wrong, asked) = _views(name, field, raycast.Scene(mesh), config.picture_size)
             strips += rows if field is network else []  # pictures of the paper's kind
             scale = field.field_from_mesh.scale
-            lines.append([what, f"{scale * depth:.5f}", f"{angle:.1f}", f"{100 * wrong:.1f}", f"{asked:.2f}"])
+            inside = inspection.wrong_inside(field, mesh_field.beside(field, mesh))
+            inner[field is network].append(inside)
+            errors = [f"{scale * depth:.5f}", f"{angle:.1f}", f"{100 * wrong:.1f}"]
+            lines.append([what, *errors, f"{inside:.1f}", f"{asked:.2f}"])
     return pages.Section(
         "Fits of several shapes",
         [
             pages.Figure(
                 "fits.webp",
-                "Curvature: blue is convex, red is concave.",
+                "Curvature: blue is convex, red is concave. Right: what is seen from outside. Wrong: the inside, where"
+                f" networks err on {min(inner[True]):.0f} to {max(inner[True]):.0f} % of rays, patches on"
+                f" {min(inner[False]):.1f} to {max(inner[False]):.1f} %.",
                 "Depth, normals and mean curvature of four shapes from two cameras",
                 picture_strips.strip(_COLUMNS, strips, per_line=len(_COLUMNS)),
             ),
             pages.Table(
                 "Means over the cameras: median |depth - exact| (longest side about 2) and angle where both see the"
-                " shape, share of pixels where only one does, queries a pixel.",
-                [("", 5, False)],
-                ["shape", "depth", "normals, °", "wrong visibility, %", "queries a pixel"],
+                " shape, share of pixels where only one does, queries a pixel. wrong inside: rays from anywhere in the"
+                " box that end elsewhere than the mesh says, by more than 1 % of its longest side.",
+                [("", 6, False)],
+                ["shape", "depth", "normals, °", "wrong visibility, %", "wrong inside, %", "queries a pixel"],
                 lines,
             ),
             live(fields),
