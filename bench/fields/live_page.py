@@ -118,9 +118,9 @@ def main() -> None:
                 opened, frames, depth = measured(driver, browser, file)
                 size, error = {"browser": browser, "pixels": SIDE}, {}
                 if field is not None:
-                    expected = field.render(35, 25, size=CHECKED)["depth"].reshape(-1)
-                    off = np.abs(np.array(depth, dtype=float) - expected)
-                    error = {"depth_mean": float(off[np.isfinite(off)].mean())}
+                    got, true = np.array(depth, dtype=float), field.render(35, 25, size=CHECKED)["depth"].reshape(-1)
+                    both = np.isfinite(got) & np.isfinite(true)
+                    error = {"depth_mean": float(np.abs(got[both] - true[both]).mean())}
                 print(f"{name}, {browser}: {opened}, {frames} s", flush=True)
                 rows.append(measuring.row(f"{name}: open", size, opened, {}))
                 rows += [measuring.row(f"{name}: frame", size, frames, error)] if frames else []
