@@ -35,6 +35,7 @@ from ddf_lab.run import Run
 WAYS, SKIN, FREE, CHUNK = 32, 0.01, 20_000, 8192
 NEAR = ((0.4, 0.01), (0.3, 0.05))  # shares of the points about the surface, and their deviations; the rest in the cube
 CLAMP, BEYOND, NORM = 0.1, 0.1, 1e-4  # δ; weights of the error that is not clamped, and of |z|²
+PRIOR = 0.01  # λ, chosen on validation planes
 LOOP = training_loop.LoopConfig(5e-3, "cosine", 50, 1.0, threads=1, muon=0.02)
 
 
@@ -198,7 +199,7 @@ class Completer:
         f = self.model(self.prior.latents(u), torch.cat((hits, free)).expand(len(u), -1, -1))
         off, free_f = f[:, : len(hits)].abs(), f[:, len(hits) :]
         beyond = functional.relu(-free_f) + functional.relu(free_f - reach)
-        return torch.cat((off, beyond), dim=1).mean(1) / self.config.blur + self.config.prior * u.square().sum(-1) / 2
+        return torch.cat((off, beyond), dim=1).mean(1) / self.config.blur + PRIOR * u.square().sum(-1) / 2
 
     def _some(self, seen: Evidence, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
         hits, free = (torch.randint(len(each), (count // 2,), generator=generator) for each in (seen.hits, seen.free))
