@@ -36,9 +36,10 @@ _LEAST_WAY = 1e-3
 _STRAY = 0.02  # share of hits on each side that a box of them leaves out
 _TAKEN, _TAKEN_OFF = math.log(0.87), 0.06  # of the cube's length, by that box: logarithm and its deviation, 66 scans
 _FOR_BOX = 800  # hits
-_AT_ONCE = 32  # draws
-_APART = math.radians(25.0)  # between starts that are turned anyhow
 _TIE = 0.03  # weight of that in the loss
+_AT_ONCE = 32  # draws
+_TOGETHER = 64  # objects of a descent, for memory
+_APART = math.radians(25.0)  # between starts that are turned anyhow
 
 
 @dataclass(frozen=True)
@@ -189,7 +190,7 @@ def find(
     noise: float = 0.0,
     seed: int = 0,
 ) -> list[transforms.Similarity]:
-    """The likeliest pose of each of several objects of a scan, all of a shape that is known, in one descent.
+    """The likeliest pose of each of several objects of a scan, all of one shape that is known, in one descent.
 
     Arguments and errors are as of `complete`; the noise is told by the mean of the scales.
     """
@@ -200,9 +201,13 @@ def find(
     box = torch.from_numpy(shape.lower - margin).to(like), torch.from_numpy(shape.upper + margin).to(like)
     alone = latent_prior.LatentPrior(like, like.new_zeros(1, 0))
     problem = _Problem(_Known(field), alone, width, config, box, tied=1 / math.radians(doubt.turn_deg) ** 2)
-    seen = [_evidence(scan, start, generator, like) for start in scan_from_field]
-    best = _likeliest(problem, seen, doubt, None, generator)[0]
-    return [start.compose(_similarity(best.at(index))) for index, start in enumerate(scan_from_field)]
+    found = []
+    for first in range(0, len(scan_from_field), _TOGETHER):
+        starts = scan_from_field[first : first + _TOGETHER]
+        seen = [_evidence(scan, start, generator, like) for start in starts]
+        best = _likeliest(problem, seen, doubt, None, generator)[0]
+        found += [start.compose(_similarity(best.at(index))) for index, start in enumerate(starts)]
+    return found
 
 
 def guess(scan: scans.Scan, up: Float[np.ndarray, "3"]) -> transforms.Similarity:

@@ -229,9 +229,11 @@ def _turned(vector):
     return left @ right
 
 
-def test_objects_of_one_scan_are_found_at_once_each_where_it_stands():
+@pytest.mark.parametrize("together", [2, 64])
+def test_objects_of_one_scan_are_found_at_once_each_where_it_stands(together, monkeypatch):
     import ddf
 
+    monkeypatch.setattr(completion, "_TOGETHER", together)
     rabbit = ddf.load("rabbit")
     places = [
         transforms.Similarity(1.0, _turned([0.2 * k, 0.9 * k, 0.0]), np.array([2.5 * k, 0.0, 0.0])) for k in range(3)

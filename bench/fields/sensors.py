@@ -1,0 +1,86 @@
+"""Rays a second of `ddf.depth_camera` and `ddf.lidar`, normals and all, beside Open3D's bare cast of the mesh.
+
+Cameras of 64 x 64 pixels and lidars of 16 beams and 256 columns stand around a shape, one or 64 in a call. `network` is
+the field that comes with the package, `patches` what `ddf fit` makes, `ddf mesh` the same door to the mesh itself.
+Errors are against that one: the median of the depth in percent of half the longest side; `wrong` are percents of rays
+whose hit is, or whose depth is off by more than 2 % of that. Resident memory is as in frontier; times are processor
+time.
+"""
+
+import functools
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+
+import ddf
+from bench.data import ray_casting
+from bench.fields import fits, frontier
+from bench.lib import measuring
+from ddf.data.synthetic import showcase
+from ddf.fields.grid import build
+from ddf.fit import inspection
+from ddf.geometry import cameras, mesh_io, raycast, sensors, transforms
+
+ON_DEMAND = "python -m bench sensors"
+SHAPES, POSES, REPEATS = ("armchair", "rabbit"), (1, 64), 5
+SENSORS: dict[str, Callable[..., sensors.Sweep]] = {
+    "camera": ddf.depth_camera,
+    "lidar": functools.partial(ddf.lidar, columns=256, elevation_deg=(-25.0, 25.0), azimuth_deg=(-25.0, 25.0)),
+}
+AXES = {"camera": sensors.CAMERA, "lidar": sensors.LIDAR}
+
+
+def around(mesh: mesh_io.Mesh, axes: np.ndarray, count: int) -> np.ndarray:
+    """Poses of sensors that see all of the mesh's box, in a ring about its vertical axis."""
+    first = sensors.facing(*mesh.box(), axes)
+    middle = np.mean(mesh.box(), axis=0)
+    turns = [cameras.rotation(angle, np.float64(0)).T for angle in 2 * np.pi * np.arange(count) / count]
+    moved = [transforms.Similarity(1.0, turn, middle - turn @ middle) for turn in turns]
+    return np.stack([turn.compose(first).to_matrix() for turn in moved])
+
+
+def measure(name: str) -> list[dict[str, Any]]:
+    """Every sensor, number of poses and way, for one shape."""
+    mesh = showcase.SHAPES[name]()
+    scene, patches, network = raycast.Scene(mesh), ddf.fit(mesh), ddf.load(name)
+    tree = patches.framed.tree
+    resident = {
+        **dict.fromkeys(("Open3D", "ddf mesh"), frontier.tree_bytes(mesh)),
+        "patches": sum(each.nbytes for each in (tree.base, tree.children, tree.patches, tree.codes)),
+        "network": sum(4 * each.numel() for each in network._weights.field.parameters()),
+    }
+    rows = []
+    for sensor, look in SENSORS.items():
+        for count in POSES:
+            poses = around(mesh, AXES[sensor], count)
+            truth = look(mesh, poses)
+            local = np.concatenate([scene.local(truth.positions), truth.directions], axis=1).astype(np.float32)
+            ways = {"Open3D": functools.partial(scene.cast_kept, local)}
+            ways |= {
+                way: functools.partial(look, asked, poses)
+                for way, asked in (("ddf mesh", mesh), ("patches", patches), ("network", network))
+            }
+            for way, seconds in measuring.interleaved(ways, REPEATS, clock=time.process_time).items():
+                depth = ways[way]()[0] * scene.scale if way == "Open3D" else ways[way]().ranges
+                both = np.isfinite(depth) & truth.hit
+                off = np.abs(depth[both] - truth.ranges[both]) / scene.scale
+                error = {
+                    "depth_median_percent": 100 * float(np.median(off)),
+                    "wrong_percent": 100 * float(inspection.wrong(depth, truth.ranges, fits.OFF * scene.scale).mean()),
+                }
+                size = {"shape": name, "sensor": sensor, "poses": count, "rays": len(depth)}
+                row = measuring.row(way, size, seconds, error)
+                fast = len(depth) / row["median_s"] / 1e6
+                rows.append({**row, "million_rays_per_s": fast, "resident": resident[way]})
+                print(name, sensor, count, way, round(fast, 3), error, flush=True)
+    return rows
+
+
+def main() -> None:
+    """Measure all shapes."""
+    torch.set_num_threads(1)
+    fits.patches(ray_casting.sphere(100), build.PatchConfig().tolerance)  # compiles
+    measuring.write("sensors", 1, [row for name in SHAPES for row in measure(name)])
