@@ -19,9 +19,11 @@ import ddf
 from bench.data import ray_casting
 from bench.fields import fits, frontier
 from bench.lib import measuring
+from ddf.api.field import Field
+from ddf.core import shipped_models
 from ddf.data.synthetic import showcase
 from ddf.fields.grid import build
-from ddf.fit import inspection
+from ddf.fit import inspection, shape_field
 from ddf.geometry import cameras, mesh_io, raycast, sensors, transforms
 
 ON_DEMAND = "python -m bench sensors"
@@ -37,7 +39,7 @@ def around(mesh: mesh_io.Mesh, axes: np.ndarray, count: int) -> np.ndarray:
     """Poses of sensors that see all of the mesh's box, in a ring about its vertical axis."""
     first = sensors.facing(*mesh.box(), axes)
     middle = np.mean(mesh.box(), axis=0)
-    turns = [cameras.rotation(angle, np.float64(0)).T for angle in 2 * np.pi * np.arange(count) / count]
+    turns = cameras.rotation(2 * np.pi * np.arange(count) / count, np.zeros(count)).transpose(0, 2, 1)
     moved = [transforms.Similarity(1.0, turn, middle - turn @ middle) for turn in turns]
     return np.stack([turn.compose(first).to_matrix() for turn in moved])
 
@@ -45,24 +47,22 @@ def around(mesh: mesh_io.Mesh, axes: np.ndarray, count: int) -> np.ndarray:
 def measure(name: str) -> list[dict[str, Any]]:
     """Every sensor, number of poses and way, for one shape."""
     mesh = showcase.SHAPES[name]()
-    scene, patches, network = raycast.Scene(mesh), ddf.fit(mesh), ddf.load(name)
-    tree = patches.framed.tree
+    scene, patches = raycast.Scene(mesh), fits.patches(mesh, build.PatchConfig().tolerance)[1]
+    tree, network = patches.tree, shape_field.load(shipped_models.place(name)).field
     resident = {
         **dict.fromkeys(("Open3D", "ddf mesh"), frontier.tree_bytes(mesh)),
         "patches": sum(each.nbytes for each in (tree.base, tree.children, tree.patches, tree.codes)),
-        "network": sum(4 * each.numel() for each in network._weights.field.parameters()),
+        "network": sum(4 * each.numel() for each in network.parameters()),
     }
+    scenes = {"ddf mesh": mesh, "patches": Field(patches, lambda: patches), "network": ddf.load(name)}
     rows = []
     for sensor, look in SENSORS.items():
         for count in POSES:
             poses = around(mesh, AXES[sensor], count)
             truth = look(mesh, poses)
             local = np.concatenate([scene.local(truth.positions), truth.directions], axis=1).astype(np.float32)
-            ways = {"Open3D": functools.partial(scene.cast_kept, local)}
-            ways |= {
-                way: functools.partial(look, asked, poses)
-                for way, asked in (("ddf mesh", mesh), ("patches", patches), ("network", network))
-            }
+            ways: dict[str, Callable[[], Any]] = {"Open3D": functools.partial(scene.cast_kept, local)}
+            ways |= {way: functools.partial(look, asked, poses) for way, asked in scenes.items()}
             for way, seconds in measuring.interleaved(ways, REPEATS, clock=time.process_time).items():
                 depth = ways[way]()[0] * scene.scale if way == "Open3D" else ways[way]().ranges
                 both = np.isfinite(depth) & truth.hit
