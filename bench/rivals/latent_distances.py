@@ -1,6 +1,6 @@
 """A rival of `ddf complete`: signed distances for each latent, an auto-decoder, on which a scan descends.
 
-f(p; z) is a sine network that z modulates, as large as the decoder of the DDF, trained for as many steps on the same
+f(p; z) is a sine network that z modulates, as large as the decoder of the DDF, trained for as long on the same
 shapes, with a latent for each. Letters: f signed distance in the cube's unit, negative inside; δ where its error is
 clamped; z = mean + basis u. Source: Park et al. 2019, "DeepSDF".
 
@@ -35,7 +35,7 @@ from ddf_lab.run import Run
 WAYS, SKIN, FREE, CHUNK = 32, 0.01, 20_000, 8192
 NEAR = ((0.4, 0.01), (0.3, 0.05))  # shares of the points about the surface, and their deviations; the rest in the cube
 CLAMP, BEYOND, NORM = 0.1, 0.1, 1e-4  # δ; weights of the error that is not clamped, and of |z|²
-PRIOR = 0.01  # λ, chosen on validation planes
+PRIOR = 0.1  # λ, chosen on validation chairs and planes
 LOOP = training_loop.LoopConfig(5e-3, "cosine", 50, 1.0, threads=1, muon=0.02)
 
 
@@ -45,7 +45,7 @@ class Training:
 
     layout: siren.SineLayout
     latent_features: int
-    steps: int = 4000
+    steps: int = 9000
     points: int = 16384
     shapes: int = 24
     rows: int = 256
