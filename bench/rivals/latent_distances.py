@@ -165,9 +165,8 @@ class Completer:
     def of(cls, model: LatentDistances, config: completion.CompletionConfig) -> "Completer":
         """The prior is that of the training shapes' latents."""
         latents = model.requires_grad_(False).latents
-        values, vectors = torch.linalg.eigh(torch.cov(latents.T.double()))
-        basis = (vectors * values.clamp_min(0).sqrt()).flip(-1)[:, : config.axes].float()
-        return cls(model, latent_prior.LatentPrior(latents.mean(0), basis), config)
+        prior = latent_prior.of_moments(latents.mean(0), torch.cov(latents.T.double()), config.axes)
+        return cls(model, prior, config)
 
     def complete(self, seen: Evidence, seed: int) -> Float[Tensor, "1 z"]:
         """The likeliest latent: Adam on |f| at hits and on what f is below 0 or above the way to a hit before them."""

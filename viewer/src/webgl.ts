@@ -1,5 +1,5 @@
 /**
- * A network on the GPU by WebGL2: matrix products as draws into float textures (`shaders.ts`), any width and depth.. The passes: `passes.ts`.
+ * A network on the GPU by WebGL2: matrix products as draws into float textures (`shaders.ts`), any width and depth, by the passes of `passes.ts`.
  */
 
 import { WIDTH, type Gpu, type Inputs, type States } from "./gpu.ts";

@@ -41,7 +41,11 @@ def of(model: reconstruction_models.DDFModel, known: Mapping[str, Tensor], axes:
     last = model.shape_encoder.fc
     mean, covariance = familiarity.features(known)
     weight, width = last.weight.double().cpu(), last.in_features
-    values, vectors = torch.linalg.eigh(weight @ covariance[-width:, -width:] @ weight.T)
-    basis = (vectors * values.clamp_min(0).sqrt()).flip(-1)[:, :axes]
     centre = weight @ mean[-width:] + last.bias.double().cpu()
-    return LatentPrior(*(each.to(last.weight) for each in (centre, basis)))
+    return of_moments(centre.to(last.weight), weight @ covariance[-width:, -width:] @ weight.T, axes)
+
+
+def of_moments(mean: Float[Tensor, "z"], covariance: Float[Tensor, "z z"], axes: int) -> LatentPrior:
+    """The principal axes of a covariance, as exact as that; the basis is of the mean's kind."""
+    values, vectors = torch.linalg.eigh(covariance)
+    return LatentPrior(mean, (vectors * values.clamp_min(0).sqrt()).flip(-1)[:, :axes].to(mean))
