@@ -70,6 +70,23 @@ def score_bars(scores: Mapping[str, Sequence[tuple[str, str, float]]], label: st
         return _svg(chart)
 
 
+def score_dots(scores: Mapping[str, pd.DataFrame], across: str, up: str) -> str:
+    """One panel per category: a method's score over that in column `nearest`, a dot per row, and the line of equals.
+
+    Args:
+      scores: category to table, with column `nearest` and one of each method, from 0 to 100.
+      across, up: labels of the axes.
+    """
+    with matplotlib.rc_context(_STYLE):
+        chart, panels = _panels(len(scores), 2.6)
+        for panel, (category, table) in zip(panels, scores.items(), strict=True):
+            panel.plot([0, 100], [0, 100], lw=0.9, color=CEILING_COLOUR)
+            for method in table.columns.drop("nearest"):
+                panel.plot(table["nearest"], table[method], "o", ms=4, alpha=0.8, color=METHOD_COLOURS[method], mew=0)
+            panel.set(title=category, xlim=(0, 102), ylim=(0, 102), aspect="equal", xlabel=across, ylabel=up)
+        return _svg(chart)
+
+
 def _bar_colour(method: str) -> str:
     return METHOD_COLOURS.get(method, CEILING_COLOUR if method.startswith("ceiling") else BASELINE_COLOUR)
 

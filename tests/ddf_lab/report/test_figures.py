@@ -10,8 +10,10 @@ from ddf_lab.report import figures
 
 _STEPS = np.arange(0, 1000, 10)
 _LOG = pd.DataFrame({"step": _STEPS, "loss": 3 * np.exp(-_STEPS / 300), "normals": -np.linspace(0.1, 0.9, 100)})
+_DOTS = pd.DataFrame({"nearest": [40.0, 60.0, 80.0], "ddf": [50.0, 60.0, 70.0], "pc_siren": [30.0, 20.0, 10.0]})
 _CHARTS = {
     "bars": lambda: figures.score_bars({"chair": [("ddf", "DDF", 70.2), ("ceiling", "ceiling", 99.0)]}, "F"),
+    "dots": lambda: figures.score_dots({"chair": _DOTS, "car": _DOTS}, "nearest", "model"),
     "losses": lambda: figures.loss_curves({"DDF": {"chair": _LOG}, "PC-SIREN": {"chair": _LOG[["step", "loss"]]}}),
 }
 
@@ -44,6 +46,12 @@ def test_bars_have_the_colours_of_their_methods_and_lengths_in_proportion():
                 lengths[colour] = max(x) - min(x)
     ratio = lengths[figures.METHOD_COLOURS["ddf"]] / lengths[figures.CEILING_COLOUR]
     assert ratio == pytest.approx(70.2 / 99.0, rel=1e-4)
+
+
+def test_a_dot_is_drawn_for_each_shape_and_model():
+    svg = _CHARTS["dots"]()
+    for method in ("ddf", "pc_siren"):
+        assert _uses(svg, f"fill: {figures.METHOD_COLOURS[method].lower()}") >= 2 * len(_DOTS)
 
 
 def test_every_loss_term_is_drawn_even_a_negative_one():

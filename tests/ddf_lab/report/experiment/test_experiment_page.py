@@ -10,7 +10,7 @@ from _fake_experiment import SIZES
 from ddf_lab.evaluation import scoring, seed_means
 from ddf_lab.report.experiment import experiment_page
 
-_FILES = {"README.md", "index.html", "si3dr.csv", "baselines.svg", "losses.svg"}
+_FILES = {"README.md", "index.html", "si3dr.csv", "baselines.svg", "nearest.svg", "losses.svg"}
 
 
 def test_every_file_and_category_is_there(reported):
@@ -30,7 +30,7 @@ def test_html_is_self_contained(reported):
     text = (reported[2] / "index.html").read_text()
     without_data = re.sub(r'src="data:[^"]+"', "", text)
     assert "http" not in without_data and "src=" not in without_data and "url(" not in without_data
-    assert text.count('src="data:image/webp;base64,') == 4 and text.count('src="data:image/svg+xml;base64,') == 2
+    assert text.count('src="data:image/webp;base64,') == 4 and text.count('src="data:image/svg+xml;base64,') == 3
 
 
 def test_paper_numbers_are_only_in_columns_that_say_so(reported):
@@ -83,7 +83,7 @@ def test_trained_rows_of_several_seeds_are_printed_with_their_spread(seeded):
     assert text.count("± is the standard deviation over 2 seeds") == 6
     assert text.count("Of the first of the 2 seeds.") == 7
     assert text.count("Medians over the 2 seeds.") == 1  # the budget
-    assert text.count(" Means over 2 seeds.") == 1
+    assert text.count(" Means over 2 seeds.") == 3
     assert "2 seeds were trained" in text and "One seed was trained" not in text and "SEEDS=2`" in text
 
 
@@ -92,7 +92,7 @@ def test_pictures_and_paired_charts_are_of_the_first_seed(seeded):
     names = {path.name for path in first.iterdir()}
     assert {path.name for path in both.iterdir()} == names
     same = {name for name in names if (first / name).read_bytes() == (both / name).read_bytes()}
-    assert same == names - {"README.md", "index.html", "si3dr.csv", "baselines.svg"}
+    assert same == names - {"README.md", "index.html", "si3dr.csv", "baselines.svg", "nearest.svg"}
 
 
 def test_page_starts_with_a_verdict_and_a_picture_and_no_table_is_wide(reported):
