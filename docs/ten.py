@@ -36,7 +36,7 @@ def lit(field: framed_field.FramedField, camera: tuple[float, float] = CAMERA, s
 
 def reconstructed() -> np.ndarray:
     """An image, smaller, before the field that the car model makes of it."""
-    found = ddf.reconstruct(IMAGE, "car", n=200)
+    found = ddf.reconstruct(IMAGE, "car")
     picture = lit(found.field.framed, (found.camera["azimuth_deg"], found.camera["elevation_deg"])).copy()
     given = Image.open(IMAGE).convert("RGBA").resize((SIDE // 3, SIDE // 3))
     picture[: SIDE // 3, : SIDE // 3] = picture_strips.on_white(np.asarray(given) / 255.0)

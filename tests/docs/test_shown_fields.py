@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageSequence
 
+from ddf.core import shipped_models, storage
 from ddf.pictures import picture_strips
+from ddf.training import training_loop
 from ddf_lab.report import publish
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,6 +33,18 @@ def test_ten_pictures_show_the_shipped_fields():
     cells = [pixels[top : top + side, left * step :][:, :side].astype(int) for top in tops for left in range(5)]
     assert all((cell < 235).any(axis=-1).mean() > 0.1 for cell in cells)  # what is shown fills its cell
     assert min(np.abs(a - b).mean() for a, b in itertools.combinations(cells, 2)) > 5
+
+
+def test_the_reconstructions_are_of_the_shipped_models():
+    file = ROOT / "docs" / "reconstructed.webp"
+    with Image.open(file) as picture:
+        told, pixels = json.loads(picture.info["xmp"]), np.asarray(picture.convert("RGB")).astype(int)
+    names = ("chair", "plane", "car")
+    found = {name: storage.checksum(shipped_models.place(name) / training_loop.MODEL) for name in names}
+    assert told == found, "run: python docs/reconstructed.py"
+    side = pixels.shape[0] // 9
+    cells = pixels.reshape(9, side, 9, side, 3).transpose(0, 2, 1, 3, 4).reshape(81, side, side, 3)
+    assert min((cell < 235).any(axis=-1).mean() for cell in cells) > 0.02
 
 
 def test_the_moving_picture_of_the_readme_shows_these_meshes():

@@ -119,7 +119,8 @@ def reconstruct(
     Args:
       image: a PNG, WebP, JPEG or GIF file of any size; the object may stand anywhere in it.
       model: a folder that `make train` wrote under train_ddf/, or a name that `ddf models` lists: chair, plane, car.
-      n: points of the cloud, 2 or more. seed: the same seed gives the same points.
+      n: points of the cloud, 2 or more; field and camera do not depend on it up to 5,000. seed: the same seed gives
+        the same points.
       mask: a picture that is light on the object. background: what the object is cut out by where there is no mask:
         `auto`, the picture's alpha, or its rim where it has none; `white`; `border`, the rim; or a colour.
     Raises:
@@ -158,7 +159,7 @@ def reconstructor(model: str | Path, known: Path | None = None) -> Callable[...,
         shape = found.shape(ddf_model)
         azimuth, elevation, radius = (float(value) for value in found.camera)
         camera = {"azimuth_deg": np.degrees(azimuth), "elevation_deg": np.degrees(elevation), "radius": radius}
-        points = found.scale * found.cloud.double().cpu().numpy()
+        points = found.scale * found.whole[:n].double().cpu().numpy()
         camera = {name: float(value) for name, value in camera.items()}
         return Reconstruction(
             Field(shape, lambda: shape), points, camera, found.view, path.name, found.quantile, found.seconds

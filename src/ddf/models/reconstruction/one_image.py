@@ -31,6 +31,7 @@ from ddf.models.reconstruction import (
 from ddf.training import training_loop
 
 VIEW = 274  # pixels a side of the framed object, whose colours are kept
+WHOLE = 5000  # points at least whose box gives the shape its scale and its place
 _MARGIN = 0.05  # field units, between the cloud and the field's box
 CAMERA = settings.CorrectionConfig(30, 0.05, 32, ("azimuth",))  # as configs/cpu.yaml has it
 CLOUDS = "ddf.safetensors"  # in the folder of stage `pointclouds`
@@ -41,14 +42,15 @@ class Reconstructed:
     """What the model makes of an image.
 
     camera: azimuth and elevation (radians) and radius (benchmark units), predicted; then the azimuth turned until the
-    silhouette agrees. modulations: of the field. cloud: field frame. scale: v1 units per field unit, estimated from its
-    box. view: the object as it was framed, which the camera sees. quantile: how far that lies from the training images
+    silhouette agrees. modulations: of the field. whole: its cloud of `WHOLE` points or more, field frame, in an order
+    of which every first part is a cloud too. scale: v1 units per field unit, estimated from its box. view: the object
+    as it was framed, which the camera sees. quantile: how far that lies from the training images
     (`familiarity.quantile`); None where the model does not know. seconds: of each part.
     """
 
     camera: Float[Tensor, "3"]
     modulations: list[Float[Tensor, "1 _"]]
-    cloud: Float[Tensor, "n 3"]
+    whole: Float[Tensor, "n 3"]
     scale: float
     view: UInt8[np.ndarray, "s s 4"]
     quantile: float | None = None
@@ -56,7 +58,7 @@ class Reconstructed:
 
     def shape(self, model: reconstruction_models.DDFModel) -> shape_field.ShapeField:
         """The field, frame of v1; its box is the cloud's with a margin."""
-        return placed(model, self.modulations, self.cloud, self.scale)
+        return placed(model, self.modulations, self.whole, self.scale)
 
 
 def placed(
@@ -116,7 +118,7 @@ def reconstruct(
     the camera until the cloud's field has that silhouette.
 
     Args:
-      pixels: of `cutouts.read`. points: of the cloud, 2 or more. deviation: of `known_deviation`. known: of
+      pixels: of `cutouts.read`. points: that the cloud must have, 2 or more. deviation: of `known_deviation`. known: of
         `trained.known`.
     Raises:
       InputError: fewer than 2 points.
@@ -141,16 +143,17 @@ def reconstruct(
     batch = [each.detach() for each in model.modulations(latent)]
     modulations = [each[0] for each in batch]
     with _timed(seconds, "cloud"):
-        cycles = cloud_projection.sample(model.field, modulations, points, drawn, _generator(seed))
-        (cloud,) = cloud_projection.select(cycles, [points], drawn)
-    scale = scales.scale_from_cloud(cloud)
+        count = max(points, WHOLE)
+        cycles = cloud_projection.sample(model.field, modulations, count, drawn, _generator(seed))
+        (whole,) = cloud_projection.select(cycles, [count], drawn)
+    scale = scales.scale_from_cloud(whole)
     with _timed(seconds, "camera"):
         alpha = category_data.averaged(framed[:, 3], CAMERA.mask_size)
         field_scale = 1 / seen_from.new_tensor([scale])
         seen_from = camera_correction.correct_camera(model, batch, seen_from, field_scale, alpha, CAMERA)
         seen_from[:, 0] %= 2 * math.pi
     view = cutout.crop(frame, VIEW)
-    return Reconstructed(seen_from[0], modulations, cloud, scale, view, quantile, seconds)
+    return Reconstructed(seen_from[0], modulations, whole, scale, view, quantile, seconds)
 
 
 @torch.no_grad()

@@ -1,5 +1,6 @@
 """The colours of a reconstruction where its image sees it, and what it looks like from elsewhere. Frame: v1."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,13 +43,13 @@ class Paint:
         found[~seen] = np.median(found[seen] if seen.any() else opaque, axis=0)
         return found, seen
 
-    def sheet(self, size: int = 256) -> Image.Image:
-        """The image, and the field in its colours, lit, from the camera and from three others around it."""
+    def sheet(self, size: int = 256, turns: Sequence[float] = _TURNS) -> Image.Image:
+        """The image, and the field in its colours, lit, from azimuths that far from the image's, degrees."""
         view = Image.fromarray(self.view).resize((size, size))
         cells = [np.asarray(Image.alpha_composite(Image.new("RGBA", view.size, "white"), view))[..., :3]]
         azimuth, elevation = np.degrees(self.camera[:2])
-        radius = max(framed_field.framing_radius(self.field, azimuth + turn, elevation) for turn in _TURNS)
-        around = [(azimuth + turn, elevation, radius) for turn in _TURNS]
+        radius = max(framed_field.framing_radius(self.field, azimuth + turn, elevation) for turn in turns)
+        around = [(azimuth + turn, elevation, radius) for turn in turns]
         standing = shaded.stand(self.field)
         shown = shaded.window(standing, around)
         cells += [

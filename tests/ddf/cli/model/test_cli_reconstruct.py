@@ -39,9 +39,9 @@ def test_reconstruct_writes_a_thing(tmp_path, capsys, monkeypatch):
         *("camera.json", "cloud.ply", "model.safetensors", "picture.png", "shape.glb", "shape.ply")
     }
     points = point_io.read_points(out / "cloud.ply")
-    (cloud,) = cloud_projection.select(sampled[-1], [300], cloud_defaults.cloud())
-    scale = scales.scale_from_cloud(cloud)
-    np.testing.assert_allclose(points, scale * cloud.numpy(), atol=1e-5)  # v1: the box of the cloud has diagonal 1
+    whole, cloud = cloud_projection.select(sampled[-1], [one_image.WHOLE, 300], cloud_defaults.cloud())
+    scale = scales.scale_from_cloud(whole)
+    np.testing.assert_allclose(points, scale * cloud.numpy(), atol=1e-5)  # v1: the box of the whole has diagonal 1
     for suffix in (".glb", ".ply"):
         mesh = mesh_io.load(out / f"shape{suffix}")
         assert mesh_topology.is_watertight(mesh) and len(mesh.faces) == result["faces"] > 0
@@ -51,6 +51,16 @@ def test_reconstruct_writes_a_thing(tmp_path, capsys, monkeypatch):
     assert (lower <= points + 0.03).all() and (points <= upper + 0.03).all()  # hits may lie beside the cube
     assert json.loads((out / "camera.json").read_text())["camera"] == result["camera"]
     assert 0.65 <= result["camera"]["radius"] <= 0.95
+
+
+def test_how_many_points_are_asked_for_changes_no_field():
+    image = shipped_models.ROOT / "plane" / "sample_0.png"
+    few, usual = (ddf.reconstruct(image, "plane", n=n) for n in (2, 5000))
+    assert few.camera == usual.camera and few.points.tolist() == usual.points[:2].tolist()
+    assert few.field.framed.field_from_mesh.scale == usual.field.framed.field_from_mesh.scale
+    for a, b in zip(few.field.box, usual.field.box, strict=True):
+        assert a.tolist() == b.tolist()
+    assert 0.95 < np.linalg.norm(np.subtract(*few.field.box)) < 1.2  # of a shape with diagonal 1
 
 
 def _known(path, model_dir, count=3):
@@ -64,7 +74,7 @@ def _known(path, model_dir, count=3):
     return path
 
 
-def test_with_what_is_known_the_shape_moves_and_the_camera_stays(model_dir, tmp_path, capsys):
+def test_with_what_is_known_the_shape_moves_and_of_the_camera_the_azimuth_alone(model_dir, tmp_path, capsys):
     image, known = _image(tmp_path / "image.png"), _known(tmp_path / "known", model_dir)
     results, points = [], []
     for name, more in (("plain", []), ("folder", [str(known)]), ("file", [str(known / "ddf.safetensors")])):
@@ -73,7 +83,9 @@ def test_with_what_is_known_the_shape_moves_and_the_camera_stays(model_dir, tmp_
         results.append(json.loads(capsys.readouterr().out))
         points.append(point_io.read_points(tmp_path / name / "cloud.ply"))
     plain, folder, file = results
-    assert plain["camera"] == folder["camera"] == file["camera"]
+    assert folder["camera"] == file["camera"]
+    for name in ("elevation_deg", "radius"):  # the azimuth is turned until the moved shape's silhouette agrees
+        assert plain["camera"][name] == folder["camera"][name]
     assert ["silhouette" in result["seconds"] for result in results] == [False, True, True]
     assert np.array_equal(points[1], points[2]) and not np.array_equal(points[0], points[1])
 
