@@ -1,6 +1,7 @@
 """Scores of test shapes beside that of the training shape nearest to each."""
 
 import types
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -21,6 +22,10 @@ def _scored(**scores):
     return pd.DataFrame(rows, columns=["category", "method", "column", "id", "f_score_tau"])
 
 
+def _results(*trainings) -> Any:
+    return types.SimpleNamespace(trainings=trainings, seeds=len(trainings), groups={"chair": "chair"})
+
+
 def test_a_shape_is_the_mean_of_its_images_and_of_all_trainings():
     rival = {"a": [0.75, 0.75], "b": [0.625, 0.625], "c": [0.125, 0.125]}
     first = _scored(
@@ -29,7 +34,7 @@ def test_a_shape_is_the_mean_of_its_images_and_of_all_trainings():
         pc_siren=rival,
     )
     second = _scored(ddf={"a": [0.5, 0.75], "b": [0.75, 0.75], "c": [0.625, 0.625]}, pc_siren=rival)
-    results = types.SimpleNamespace(trainings=[first, second], seeds=2, groups={"chair": "chair"})
+    results = _results(first, second)
     found = nearest.by_shape(results, "chair")
     assert found.loc["a"].to_dict() == pytest.approx({"nearest": 50, "ddf": 50, "pc_siren": 75})
     assert found["ddf"].tolist() == pytest.approx([50, 75, 81.25])
@@ -40,9 +45,7 @@ def test_a_shape_is_the_mean_of_its_images_and_of_all_trainings():
 
 def test_two_shapes_have_no_correlation():
     scores = {"a": [0.4], "b": [0.5]}
-    results = types.SimpleNamespace(
-        trainings=[_scored(oracle_retrieval=scores, ddf=scores, pc_siren=scores)], seeds=1, groups={"chair": "chair"}
-    )
+    results = _results(_scored(oracle_retrieval=scores, ddf=scores, pc_siren=scores))
     table = nearest.table(results, {"chair": nearest.by_shape(results, "chair")})
     assert table.rows == [["chair", "2", "–", "0", "–", "0"]]
 
