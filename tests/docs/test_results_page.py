@@ -52,16 +52,14 @@ class Measured:
     def __init__(self, report: str) -> None:
         report, _, group = report.partition(":")
         path = ROOT / "reports" / report / "si3dr.csv"
+        self.group, self.page = group, path.with_name("README.md").read_text()
         with path.open(newline="") as file:
             rows = [row for row in csv.DictReader(file) if row["source"] == "measured"]
         self.rows: dict[tuple[str, ...], dict[str, str]] = {
             (row["category"].removeprefix(f"{group} "), row["method"], row["column"], row["metric"]): row
             for row in rows
         }
-        self.claims = {
-            (category.removeprefix(f"{group} "), *rest)
-            for category, *rest in claims(path.with_name("README.md").read_text())
-        }
+        self.claims = {(category.removeprefix(f"{group} "), *rest) for category, *rest in claims(self.page)}
 
     def value(self, *key: str) -> float:
         return float(self.rows[key]["value"])
@@ -142,6 +140,14 @@ def cameras(measured: Measured, rows: Rows) -> Rows:
     ]
 
 
+def far(measured: Measured, rows: Rows) -> Rows:
+    """Of the report's test shapes beside their nearest training shapes, those of the DDF."""
+    lines = {line[0]: line for line in cells(_parts(measured.page, "## Far from the training shapes")[1])}
+    _, shapes, ranks, above, *_ = zip(*(lines[f"{measured.group} {c}"] for c in CATEGORIES), strict=True)
+    counts = [f"{some} of {every}" for some, every in zip(above, shapes, strict=True)]
+    return [[name, *values] for (name, *_), values in zip(rows, (ranks, counts), strict=True)]
+
+
 def gap(measured: Measured, rows: Rows) -> Rows:
     """What DDFs trained on other shapes make of the real test shapes, as the benchmark's rows say."""
     found = json.loads((ROOT / "reports" / "bench" / "real_shapes.json").read_text())["rows"]
@@ -165,6 +171,7 @@ TABLES = [  # page, the line above the table, what fills it, the report, and the
     ("docs/results.md", "Real shapes, cameras and silhouettes of the DDF:", cameras, "real:real"),
     ("docs/results.md", "Real shapes, baselines and ceiling, true camera:", pairs, "real:real"),
     ("docs/results.md", "The same models on procedural test shapes, true camera:", true_camera, "real:procedural"),
+    ("docs/results.md", "### Where they fail", far, "real:real"),
     ("docs/results.md", "### What the training shapes are worth", gap, "real:real"),
     ("README.md", "On procedural shapes:", plain_pairs, "cpu"),
     ("docs/results.md", "### True camera", true_camera, "cpu"),
