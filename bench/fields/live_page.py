@@ -5,7 +5,6 @@ while the camera turns. A frame of 50 ms is 20 a second on one quiet core. Error
 """
 
 import contextlib
-import itertools
 import tempfile
 import time
 from collections.abc import Iterator
@@ -23,11 +22,10 @@ from ddf.core import shipped_models
 from ddf.fields.grid import build
 from ddf.fit import patch_fitting
 from ddf.geometry.mesh_io import Mesh
-from ddf.io import viewer_fields, viewer_page
+from ddf.io import viewer_page
 
 ON_DEMAND = "python -m bench live_page, with Chromium, Firefox and a core to itself"
 SIDE, OPENINGS, FRAMES, CHECKED = 128, 2, 12, 64
-PAPER = [6, *[512] * 7, 4]
 EMPTY = b"<!doctype html><canvas></canvas><script>window.live = 1</script><body data-state=still>"
 LIVE = """(() => { const put = CanvasRenderingContext2D.prototype.putImageData;
 CanvasRenderingContext2D.prototype.putImageData = function (image, ...rest) {
@@ -48,22 +46,13 @@ def torus(folder: Path) -> Path:
     return folder / "torus"
 
 
-def of_paper(page: viewer_page.Page) -> viewer_page.Page:
-    """A page whose network is as large as the paper's, with weights that say nothing."""
-    record = page.fields[0].record | {"widths": PAPER}
-    count = sum(a * b + b for a, b in itertools.pairwise(PAPER))
-    numbers = np.random.default_rng(0).normal(0, 0.04, count).astype(np.float32)
-    return viewer_page.Page("paper", "", page.corners, [viewer_fields.BakedField(record, numbers)])
-
-
 def pages(folder: Path) -> Iterator[tuple[str, bytes, Any]]:
     """What is opened: a name, a file's bytes, and the field that Python has of it."""
     yield "an empty page", EMPTY, None
     ring = torus(folder)
     yield "patches (torus)", viewer_page.render(view.page_of([ring])), ddf.load(ring)
-    rabbit = view.page_of([shipped_models.place("rabbit")])
-    yield "network of 5 x 128 (rabbit)", viewer_page.render(rabbit), ddf.load("rabbit")
-    yield "network of the paper, 7 x 512", viewer_page.render(of_paper(rabbit)), None
+    rabbit = viewer_page.render(view.page_of([shipped_models.place("rabbit")]))
+    yield "network of 5 x 128 (rabbit)", rabbit, ddf.load("rabbit")
     pair = [shipped_models.place(name) for name in ("rabbit", "armchair")]
     yield "scene of two networks", viewer_page.render(view.page_of(pair)), None
     yield "reconstruction model (chair)", viewer_page.render(view.page_of([shipped_models.place("chair")])), None
