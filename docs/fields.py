@@ -27,7 +27,7 @@ def main() -> None:
             for column, name in enumerate(FIELDS):
                 cli.main(["render", name, str(file), "--output", output, "--size", str(SIZE)])
                 sheet.paste(Image.open(file).convert("RGB"), (SIZE * column, SIZE * row))
-    sheet.save(OUT, quality=80, xmp=json.dumps(publish.shipped_fields()).encode())
+    sheet.save(OUT, quality=80, xmp=json.dumps(publish.shipped("field")).encode())
 
 
 if __name__ == "__main__":

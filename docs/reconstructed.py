@@ -16,20 +16,13 @@ import ddf
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from bench.reconstruction import complete
-from ddf.core import shipped_models, storage
 from ddf.data.public import manifest
-from ddf.data.synthetic import render
 from ddf.models.reconstruction import painting
-from ddf.training import training_loop
+from ddf_lab.report import publish
 
 CATEGORIES, SHAPES, PER_LINE, SIDE = ("chair", "plane", "car"), 9, 3, 132
 TURNS = (0.0, 110.0)  # degrees from the image's azimuth
 OUT = Path(__file__).with_suffix(".webp")
-
-
-def checksums() -> dict[str, str]:
-    """Of the three models."""
-    return {name: storage.checksum(shipped_models.place(name) / training_loop.MODEL) for name in CATEGORIES}
 
 
 def chosen(category: str) -> list[manifest.Row]:
@@ -40,12 +33,8 @@ def chosen(category: str) -> list[manifest.Row]:
 
 def shown(row: manifest.Row, folder: Path) -> np.ndarray:
     """The image of a shape's first view, and its reconstruction in these colours, from there and from elsewhere."""
-    given, file = complete.case(row), folder / "view.png"
-    Image.fromarray(render.Renderer(given.shape).render(given.views[0])).save(file)
-    found = ddf.reconstruct(file, row.category)
-    azimuth, elevation, radius = found.camera.values()
-    camera = (np.radians(azimuth), np.radians(elevation), radius)
-    return np.asarray(painting.Paint(found.field.framed, camera, found.view).sheet(SIDE, TURNS))
+    found = ddf.reconstruct(complete.case(row).image(folder), row.category)
+    return np.asarray(painting.Paint.of(found.field.framed, found.camera, found.view).sheet(SIDE, TURNS))
 
 
 def main() -> None:
@@ -56,7 +45,7 @@ def main() -> None:
             cells = [shown(row, Path(folder)) for row in chosen(category)]
             lines += [np.concatenate(cells[i : i + PER_LINE], axis=1) for i in range(0, SHAPES, PER_LINE)]
     sheet = Image.fromarray(np.concatenate(lines))
-    sheet.save(OUT, quality=85, method=6, xmp=json.dumps(checksums()).encode())
+    sheet.save(OUT, quality=85, method=6, xmp=json.dumps(publish.shipped("reconstruction")).encode())
 
 
 if __name__ == "__main__":

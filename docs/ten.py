@@ -70,7 +70,7 @@ def main() -> None:
     found = pictures()
     row = picture_strips.StripRow("Directed distance fields", (), list(found.values()))
     sheet = Image.open(io.BytesIO(picture_strips.strip(list(found), [row], PER_LINE, SIDE)))
-    sheet.save(OUT, quality=85, method=6, xmp=json.dumps(publish.shipped_fields()).encode())
+    sheet.save(OUT, quality=85, method=6, xmp=json.dumps(publish.shipped("field")).encode())
 
 
 if __name__ == "__main__":

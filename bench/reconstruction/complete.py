@@ -73,6 +73,12 @@ class Case:
     place: transforms.Similarity
     views: list[render.View]
 
+    def image(self, folder: Path) -> Path:
+        """The file, written, of the first view's image."""
+        file = folder / "view.png"
+        Image.fromarray(render.Renderer(self.shape).render(self.views[0])).save(file)
+        return file
+
     def scan(self, view: int, noise: float = 0.0, outliers: float = 0.0, lidar: bool = False) -> sensors.Sweep:
         """What a sensor at a view's camera sees."""
         seen = self.views[view]
@@ -135,8 +141,7 @@ class Solver:
 
     def of_image(self, given: Case, folder: Path) -> dict[str, float]:
         """What the model makes of the image of the first view, at the true camera and scale."""
-        file = folder / "view.png"
-        Image.fromarray(render.Renderer(given.shape).render(given.views[0])).save(file)
+        file = given.image(folder)
         started = time.process_time()
         with torch.no_grad():
             pixels = shapenet.read_image(file, self.size)[None].to(self.model.shape_encoder.fc.weight)

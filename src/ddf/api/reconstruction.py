@@ -70,8 +70,7 @@ class Reconstruction:
     def _paint(self) -> "painting.Paint":
         from ddf.models.reconstruction import painting
 
-        turned = np.radians([self.camera["azimuth_deg"], self.camera["elevation_deg"]]).tolist()
-        return painting.Paint(self.field.framed, (*turned, self.camera["radius"]), self.view)
+        return painting.Paint.of(self.field.framed, self.camera, self.view)
 
     def save(self, folder: str | Path) -> dict[str, Any]:
         """Write the field (`ddf.load` takes the folder), shape.glb and shape.ply, cloud.ply with normals, picture.png

@@ -80,12 +80,17 @@ def _variance_of_mean(values: np.ndarray) -> float:
     return float(np.var(values, ddof=1) / len(values))
 
 
+def rows_of(table: pd.DataFrame, category: str, head: tuple[str, str]) -> pd.DataFrame:
+    """Those of a per_image.csv that are of a category, and of a method and column."""
+    return table[(table["category"] == category) & (table["method"] == head[0]) & (table["column"] == head[1])]
+
+
 def _scores(
     table: pd.DataFrame, fallback: pd.DataFrame, category: str, head: tuple[str, str], metric: cloud_scores.Metric
 ) -> pd.Series | None:
     """Of every image, by id and view, in their order."""
     for source in (table, fallback):
-        rows = source[(source["category"] == category) & (source["method"] == head[0]) & (source["column"] == head[1])]
+        rows = rows_of(source, category, head)
         if len(rows):
             return rows.set_index(["id", "view"])[metric.score].sort_index().astype(np.float64)
     return None

@@ -22,14 +22,14 @@ def publish(run: Run, root: Path = Path("reports")) -> Path:
     shutil.rmtree(out, ignore_errors=True)
     shutil.copytree(page, out, ignore=shutil.ignore_patterns("*.html"))
     if "figures" in run.given:
-        storage.write_json(out / INPUTS, shipped_fields())
+        storage.write_json(out / INPUTS, shipped("field"))
     return out
 
 
-def shipped_fields() -> dict[str, str]:
-    """Checksum of every field that comes with the package, by its name."""
-    fields = (model for model in shipped_models.listed() if model.kind == "field")
-    return {field.name: storage.checksum(field.folder / training_loop.MODEL) for field in fields}
+def shipped(kind: str) -> dict[str, str]:
+    """Checksum of every model of a kind that comes with the package, by its name: `field` or `reconstruction`."""
+    models = (model for model in shipped_models.listed() if model.kind == kind)
+    return {model.name: storage.checksum(model.folder / training_loop.MODEL) for model in models}
 
 
 if __name__ == "__main__":

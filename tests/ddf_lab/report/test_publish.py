@@ -20,5 +20,5 @@ def test_a_page_replaces_the_one_before_without_html(tmp_path, monkeypatch):
     (tmp_path / "reports" / "own" / "old.svg").write_text("")
     out = publish.publish(run)
     assert {path.name for path in out.iterdir()} == {"README.md", "a.webp", publish.INPUTS}
-    assert json.loads((out / publish.INPUTS).read_text()) == publish.shipped_fields()
-    assert {"rabbit", "nested"} <= publish.shipped_fields().keys()
+    assert json.loads((out / publish.INPUTS).read_text()) == publish.shipped("field")
+    assert {"rabbit", "nested"} <= publish.shipped("field").keys()

@@ -1,6 +1,6 @@
 """The colours of a reconstruction where its image sees it, and what it looks like from elsewhere. Frame: v1."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,14 @@ class Paint:
     field: framed_field.FramedField
     camera: tuple[float, float, float]
     view: UInt8[np.ndarray, "s s 4"]
+
+    @classmethod
+    def of(
+        cls, field: framed_field.FramedField, camera: Mapping[str, float], view: UInt8[np.ndarray, "s s 4"]
+    ) -> "Paint":
+        """From a camera as `ddf.reconstruct` tells it, in degrees."""
+        azimuth, elevation = np.radians([camera["azimuth_deg"], camera["elevation_deg"]]).tolist()
+        return cls(field, (azimuth, elevation, camera["radius"]), view)
 
     def colours(self, points: Float[np.ndarray, "n 3"]) -> tuple[UInt8[np.ndarray, "n 3"], Bool[np.ndarray, "n"]]:
         """Of points on the surface, and which of them the image sees; the others have the median colour of these."""

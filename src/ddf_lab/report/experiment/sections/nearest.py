@@ -3,7 +3,7 @@
 import pandas as pd
 
 from ddf.metrics import cloud_scores
-from ddf_lab.evaluation import baselines, scoring
+from ddf_lab.evaluation import baselines, paired, scoring
 from ddf_lab.report import figures
 from ddf_lab.report.experiment import scores, seed_notes
 from ddf_lab.report.experiment.stage_results import Results
@@ -39,9 +39,7 @@ def by_shape(results: Results, group: str) -> pd.DataFrame:
 
 
 def _means(results: Results, group: str, method: str) -> pd.Series:
-    tables = [
-        t[(t["category"] == group) & (t["method"] == method) & (t["column"] == _COLUMN)] for t in results.trainings
-    ]
+    tables = [paired.rows_of(table, group, (method, _COLUMN)) for table in results.trainings]
     return _METRIC.factor * pd.concat(tables).groupby("id")[_METRIC.score].mean()
 
 
