@@ -13,9 +13,8 @@ from PIL import Image
 import ddf
 from ddf.core import shipped_models
 from ddf.data.synthetic import showcase
-from ddf.fields import checked_cloud, framed_field
+from ddf.fields import checked_cloud, framed_field, shape_field
 from ddf.fields.scenes import camera_paths
-from ddf.fit import shape_field
 from ddf.pictures import field_pictures, picture_strips, shaded
 from ddf_lab.figures import distance_figure, drawing, figure_fields, room_figure, teaser_figure
 from ddf_lab.report import publish

@@ -1,7 +1,8 @@
 """Measure the generative models: held-out shapes, samples of the prior, images, and colours when the camera moves."""
 
 from ddf.core import provenance, storage
-from ddf.models.generative import settings
+from ddf.fields import model_files
+from ddf.models import generative_settings
 from ddf.training import training_loop
 from ddf_lab.engine import stage
 from ddf_lab.evaluation.generative import generative_results
@@ -11,10 +12,10 @@ from ddf_lab.run import Run
 @stage.main(category=True)
 def make(run: Run) -> None:
     """Read models, shapes and images; write scores.json and pictures.safetensors."""
-    section = run.section(settings.ScoresConfig)
+    section = run.section(generative_settings.ScoresConfig)
     training_loop.prepare(section.features.loop)
     results, pictures = generative_results.measure(run, section)
     storage.write_json(run.folder("evaluate_generative") / "scores.json", results)
-    sources = [run.folder(f"train_{name}") / training_loop.MODEL for name in ("vae", "gan", "gan2d", "features")]
+    sources = [run.folder(f"train_{name}") / model_files.MODEL for name in ("vae", "gan", "gan2d", "features")]
     record = provenance.record(section, section.seed, sources, generative_results)
     storage.save_tensors(run.folder("evaluate_generative") / "pictures.safetensors", pictures, record)

@@ -3,8 +3,8 @@
 import pandas as pd
 
 from ddf.core import provenance, storage
+from ddf.fields import model_files
 from ddf.io import exportable, onnx_file
-from ddf.training import training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -20,7 +20,7 @@ def make(run: Run) -> None:
     for model in ("ddf", "pcsiren"):
         folder = run.folder(f"train_{model}")
         graphs, source = exportable.load(folder, section.outputs)
-        sources.append(folder / training_loop.MODEL)
+        sources.append(folder / model_files.MODEL)
         for name, graph in graphs.items():
             out = out_dir / f"{name}.onnx"
             rows += onnx_file.export(graph, name, out, source, section)

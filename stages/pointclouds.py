@@ -6,7 +6,9 @@ A run that was killed goes on from the images it had finished.
 from ddf.core import notes, provenance, storage
 from ddf.data import shapenet
 from ddf.data.batches import category_data
-from ddf.models.reconstruction import inference, settings, silhouettes, trained
+from ddf.fields import model_files
+from ddf.models import image_encoding, reconstruction_settings, trained
+from ddf.reconstruction import many_images, silhouettes
 from ddf.training import training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
@@ -15,8 +17,8 @@ from ddf_lab.run import Run
 @stage.main(category=True, seed=True)
 def make(run: Run) -> None:
     """Read both models and the images of the category, write one file per model."""
-    train = run.section(settings.TrainConfig)
-    section = run.reseeded(settings.PointcloudsConfig)
+    train = run.section(reconstruction_settings.TrainConfig)
+    section = run.reseeded(reconstruction_settings.PointcloudsConfig)
     samples_dir = run.folder("samples")
     training_loop.prepare(train.loop)
 
@@ -33,19 +35,19 @@ def make(run: Run) -> None:
     out = run.folder("pointclouds", seed=run.seed)
     for name in ("ddf", "pcsiren"):
         folder = run.folder(f"train_{name}", seed=run.seed)
-        sources = [run.index, folder / training_loop.MODEL]
-        record = provenance.record([section, run.category, test.digest()], section.seed, sources, inference)
+        sources = [run.index, folder / model_files.MODEL]
+        record = provenance.record([section, run.category, test.digest()], section.seed, sources, many_images)
         kept = notes.Portions(out, record["fingerprint"])
-        built = storage.load_metadata(folder / training_loop.MODEL)
+        built = storage.load_metadata(folder / model_files.MODEL)
         if name == "ddf":
             ddf, _ = trained.ddf(folder, built)
-            features = inference.image_features(ddf, train_images)
+            features = image_encoding.image_features(ddf, train_images)
             given = (ddf, test, section, run.label, silhouettes.deviation(ddf, features), kept)
-            tensors, facts = inference.reconstruct_ddf(*given)
+            tensors, facts = many_images.reconstruct_ddf(*given)
             tensors["train_features"] = features  # for the retrieval row
         else:
             pcsiren, _ = trained.pcsiren(folder, built)
-            tensors, facts = inference.reconstruct_pcsiren(pcsiren, test, section)
+            tensors, facts = many_images.reconstruct_pcsiren(pcsiren, test, section)
         names = {"images": test.names(), "train_images": train_images.names()}
         storage.save_tensors(out / f"{name}.safetensors", tensors | common, record | names | facts)
         kept.clear()

@@ -1,6 +1,6 @@
 """Stage `report_generative`: the page on generative models, as Markdown and HTML, in artifacts/<experiment>/report."""
 
-from ddf.models.generative import settings
+from ddf.models import generative_settings
 from ddf_lab.engine import stage
 from ddf_lab.report import generative_page
 from ddf_lab.run import Run
@@ -9,4 +9,6 @@ from ddf_lab.run import Run
 @stage.main(category=True)
 def make(run: Run) -> None:
     """Read what the stages before left behind and write the page."""
-    generative_page.write(run, run.section(settings.GANConfig), run.section(settings.ScoresConfig))
+    generative_page.write(
+        run, run.section(generative_settings.GANConfig), run.section(generative_settings.ScoresConfig)
+    )

@@ -5,9 +5,9 @@ import functools
 
 from ddf.core import distributed, provenance
 from ddf.data.batches import category_data, resident
-from ddf.models.reconstruction import reconstruction_models, settings, trained
-from ddf.training import training_loop
-from ddf.training.reconstruction import casting, training_steps
+from ddf.fields import model_files
+from ddf.models import reconstruction_models, reconstruction_settings, trained
+from ddf.training import casting, training_loop, training_steps
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -16,8 +16,8 @@ from ddf_lab.run import Run
 @distributed.shared
 def make(run: Run) -> None:
     """Read training images and samples of the category, train, write model and log."""
-    train = run.reseeded(settings.TrainConfig)
-    section = run.section(settings.DDFConfig)
+    train = run.reseeded(reconstruction_settings.TrainConfig)
+    section = run.section(reconstruction_settings.DDFConfig)
     training_loop.prepare(train.loop, train.batch_size)
 
     images, shapes, sources = category_data.read_training(
@@ -25,14 +25,14 @@ def make(run: Run) -> None:
     )
     propose, packs = casting.read(run.folder("meshes"), shapes, section.proposals)
     sources += packs
-    digest, memory = images.digest(), resident.Memory(training_loop.device())
+    digest, memory = images.digest(), resident.Memory(model_files.device())
     images, samples = (
         memory.images(images),
         memory.samples(category_data.read_samples(run.folder("samples"), shapes.ids)),
     )
     propose = casting.moved(memory, propose)
 
-    model = reconstruction_models.ddf_model(train, section.field).to(training_loop.device())
+    model = reconstruction_models.ddf_model(train, section.field).to(model_files.device())
     model.fit_cameras(images)
     facts, modules = [train, section, run.category, digest], [training_steps, casting]
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}

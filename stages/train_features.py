@@ -3,9 +3,9 @@
 import functools
 
 from ddf.core import distributed, provenance
-from ddf.models.generative import settings
-from ddf.training import training_loop
-from ddf.training.generative import image_features, shape_data
+from ddf.fields import model_files
+from ddf.models import generative_settings
+from ddf.training import image_features, shape_data, training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -14,11 +14,11 @@ from ddf_lab.run import Run
 @distributed.shared
 def make(run: Run) -> None:
     """Read images, train, write model and log."""
-    section = run.section(settings.ScoresConfig).features
+    section = run.section(generative_settings.ScoresConfig).features
     training_loop.prepare(section.loop, section.batch_size)
 
     images, sources = shape_data.read_sampled(run.index, run.folder("samples"), run.category)
-    model = image_features.FeatureNetwork(section, len(images.ids)).to(training_loop.device())
+    model = image_features.FeatureNetwork(section, len(images.ids)).to(model_files.device())
     record = provenance.record([section, run.category, images.digest()], section.loop.seed, sources, image_features)
     training_loop.fit(
         model,

@@ -3,9 +3,9 @@
 import dataclasses
 
 from ddf.core import distributed, provenance
-from ddf.models.generative import image_gans, normal_images, settings, shape_vae
-from ddf.training import training_loop
-from ddf.training.generative import gan_steps, shape_data
+from ddf.fields import model_files
+from ddf.models import generative_settings, image_gans, normal_images, shape_vae
+from ddf.training import gan_steps, shape_data, training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -14,18 +14,18 @@ from ddf_lab.run import Run
 @distributed.shared
 def make(run: Run) -> None:
     """Read images and normals, train, write model and log."""
-    gan = run.section(settings.GANConfig)
+    gan = run.section(generative_settings.GANConfig)
     vae_dir = run.folder("train_vae")
     training_loop.prepare(gan.loop, gan.batch_size)
 
     images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category)
     normals, shards = normal_images.read(run.folder("normals"))
-    sources += [*shards, vae_dir / training_loop.MODEL]
+    sources += [*shards, vae_dir / model_files.MODEL]
     vae = shape_vae.load(vae_dir)
     model = image_gans.ImageGAN(vae.config, gan)
     model.decoder.load_state_dict(vae.decoder.state_dict())
     model.field_scale.copy_(vae.field_scale)
-    model.to(training_loop.device())
+    model.to(model_files.device())
     record = provenance.record([gan, run.category, images.digest()], gan.loop.seed, sources, gan_steps)
     training_loop.fit(
         model,

@@ -5,9 +5,9 @@ import functools
 
 from ddf.core import distributed, provenance
 from ddf.data.batches import category_data, resident
-from ddf.models.reconstruction import reconstruction_models, settings
-from ddf.training import training_loop
-from ddf.training.reconstruction import training_steps
+from ddf.fields import model_files
+from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.training import training_loop, training_steps
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -16,17 +16,17 @@ from ddf_lab.run import Run
 @distributed.shared
 def make(run: Run) -> None:
     """Read training images and clouds of the category, train, write model and log."""
-    train = run.reseeded(settings.TrainConfig)
-    section = run.section(settings.PCSirenConfig)
+    train = run.reseeded(reconstruction_settings.TrainConfig)
+    section = run.section(reconstruction_settings.PCSirenConfig)
     training_loop.prepare(train.loop, train.batch_size)
 
     images, shapes, sources = category_data.read_training(
         run.index, run.folder("samples"), run.category, train.image_size
     )
-    digest, memory = images.digest(), resident.Memory(training_loop.device())
+    digest, memory = images.digest(), resident.Memory(model_files.device())
     images, shapes = memory.images(images), memory.clouds(shapes)
 
-    model = reconstruction_models.pcsiren_model(train).to(training_loop.device())
+    model = reconstruction_models.pcsiren_model(train).to(model_files.device())
     model.fit_cameras(images)
     facts = [train, section, run.category, digest]
     architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}

@@ -4,9 +4,9 @@ import dataclasses
 import functools
 
 from ddf.core import distributed, provenance
-from ddf.models.generative import settings, shape_vae
-from ddf.training import training_loop
-from ddf.training.generative import shape_data, vae_step
+from ddf.fields import model_files
+from ddf.models import generative_settings, shape_vae
+from ddf.training import shape_data, training_loop, vae_step
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -15,7 +15,7 @@ from ddf_lab.run import Run
 @distributed.shared
 def make(run: Run) -> None:
     """Read the samples of the shapes that are learned, train, write model and log."""
-    section = run.section(settings.VAEConfig)
+    section = run.section(generative_settings.VAEConfig)
     samples_dir = run.folder("samples")
     training_loop.prepare(section.loop, section.batch_size)
 
@@ -23,7 +23,7 @@ def make(run: Run) -> None:
     shapes, sources = shape_data.read(samples_dir, learned)
     model = shape_vae.ShapeVAE(section)
     model.field_scale.fill_(float(shapes.scales.mean()))
-    model.to(training_loop.device())
+    model.to(model_files.device())
     record = provenance.record([section, run.category, list(learned)], section.loop.seed, sources, vae_step)
     training_loop.fit(
         model,

@@ -8,15 +8,17 @@ import numpy as np
 import torch
 
 from ddf.data.batches import category_data
-from ddf.models.generative import image_gans, normal_images, settings, shape_vae
-from ddf.training.generative import shape_data
+from ddf.models import generative_settings, image_gans, normal_images, shape_vae
+from ddf.training import shape_data
 
 LOOP = dataclasses.replace(_models.LOOP, checkpoint_seconds=0.0)
-VAE = settings.VAEConfig(_models.FIELD, 5, 8, 10, 1, 2, 4, _hand_made.COUNTS, _models.WEIGHTS, 0.05, LOOP, 1e-3)
-NORMALS = settings.NormalsConfig(4, (25.0, 30.0))
-GAN = settings.GANConfig(NORMALS, 3, 2, 2, 16, "nearest", 4, 2, 10.0, 3, LOOP)
-FEATURES = settings.FeaturesConfig(2, 4, 2, LOOP)
-SCORES = settings.ScoresConfig(FEATURES, 8, 2, None, 6, 0.05, 40, 2, 3, 2)
+VAE = generative_settings.VAEConfig(
+    _models.FIELD, 5, 8, 10, 1, 2, 4, _hand_made.COUNTS, _models.WEIGHTS, 0.05, LOOP, 1e-3
+)
+NORMALS = generative_settings.NormalsConfig(4, (25.0, 30.0))
+GAN = generative_settings.GANConfig(NORMALS, 3, 2, 2, 16, "nearest", 4, 2, 10.0, 3, LOOP)
+FEATURES = generative_settings.FeaturesConfig(2, 4, 2, LOOP)
+SCORES = generative_settings.ScoresConfig(FEATURES, 8, 2, None, 6, 0.05, 40, 2, 3, 2)
 
 
 def vae():

@@ -9,17 +9,19 @@ from ddf.data.batches import category_data
 from ddf.data.samples import sample_types
 from ddf.fields import cloud_projection
 from ddf.geometry import transforms
-from ddf.models.reconstruction import settings
+from ddf.models import reconstruction_settings
 
 TRAIN = _models.TRAIN
 PLACES = [(0, 0), (0, 1), (1, 0)]  # of the shapes: shard, and row in it
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
-DDF = settings.DDFConfig(settings.FieldConfig("softplus", 20.0), 5, 2e-3, COUNTS, _models.WEIGHTS, 10.0, 16, 20)
-PCSIREN = settings.PCSirenConfig(5, 50, 70)
+DDF = reconstruction_settings.DDFConfig(
+    reconstruction_settings.FieldConfig("softplus", 20.0), 5, 2e-3, COUNTS, _models.WEIGHTS, 10.0, 16, 20
+)
+PCSIREN = reconstruction_settings.PCSirenConfig(5, 50, 70)
 CLOUD = cloud_projection.CloudConfig(8, 2, 0.1, 0.0, (), None, 0.05, 0.05, 1000)
-POINTCLOUDS = settings.PointcloudsConfig(
+POINTCLOUDS = reconstruction_settings.PointcloudsConfig(
     CLOUD,
-    settings.CorrectionConfig(2, 0.05, 16, settings.CAMERA_NUMBERS),
+    reconstruction_settings.CorrectionConfig(2, 0.05, 16, reconstruction_settings.CAMERA_NUMBERS),
     60,
     30,
     None,

@@ -9,19 +9,17 @@ from torch import nn
 
 from ddf.core import storage
 from ddf.data.samples import sample_types
-from ddf.fields import losses, pddf
-from ddf.fit import shape_field
+from ddf.fields import losses, model_files, pddf, shape_field
 from ddf.geometry import transforms
-from ddf.models.reconstruction import reconstruction_models, settings
-from ddf.training import training_loop
+from ddf.models import loop_config, reconstruction_models, reconstruction_settings
 
-LOOP = training_loop.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
+LOOP = loop_config.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
 FIELD = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, "softplus", 20.0)
-TRAIN = settings.TrainConfig(32, "resnet", 4, 6, FIELD.layout(), 4, LOOP)
+TRAIN = reconstruction_settings.TrainConfig(32, "resnet", 4, 6, FIELD.layout(), 4, LOOP)
 WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
-OWN = settings.FieldConfig("softplus", 20.0)
-DDF = settings.DDFConfig(OWN, 1, None, dict.fromkeys(sample_types.ORDER, 2), WEIGHTS, 10.0, 16, 20)
-PCSIREN = settings.PCSirenConfig(1, 8, 8)
+OWN = reconstruction_settings.FieldConfig("softplus", 20.0)
+DDF = reconstruction_settings.DDFConfig(OWN, 1, None, dict.fromkeys(sample_types.ORDER, 2), WEIGHTS, 10.0, 16, 20)
+PCSIREN = reconstruction_settings.PCSirenConfig(1, 8, 8)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 
@@ -56,7 +54,7 @@ def write_shape_field(folder):
     lower, upper = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
     frame = transforms.Similarity(0.02, np.eye(3), np.array([-4.0, 0.3, 1.0]))
     record = {"fingerprint": "x", "seed": 0, "sources": {}, **shape_field.description(FIELD, lower, upper, frame)}
-    storage.save_tensors(folder / training_loop.MODEL, dict(field().state_dict()), record)
+    storage.save_tensors(folder / model_files.MODEL, dict(field().state_dict()), record)
     return folder
 
 
@@ -64,5 +62,5 @@ def write_model(folder, kind="ddf"):
     """A model file as the training stages write it; returns its folder."""
     section, model = (DDF, ddf_model()) if kind == "ddf" else (PCSIREN, pcsiren_model())
     record = {"kind": kind, "train": dataclasses.asdict(TRAIN), "section": dataclasses.asdict(section)}
-    storage.save_tensors(folder / training_loop.MODEL, dict(model.state_dict()), record)
+    storage.save_tensors(folder / model_files.MODEL, dict(model.state_dict()), record)
     return folder

@@ -5,7 +5,7 @@ import dataclasses
 from ddf.data.samples import sample_types
 from ddf.fields import pddf
 from ddf.fit import fit_settings
-from ddf.training import training_loop
+from ddf.models import loop_config
 
 TINY = dataclasses.replace(
     fit_settings.FitConfig(),
@@ -15,7 +15,7 @@ TINY = dataclasses.replace(
     samples=sample_types.each(200),
     held_out=100,
     batch=dict.fromkeys(sample_types.ORDER, 20),
-    loop=training_loop.LoopConfig(2e-3, "cosine", 2, 1.0, 1, 0, 2, 100.0),
+    loop=loop_config.LoopConfig(2e-3, "cosine", 2, 1.0, 1, 0, 2, 100.0),
 )
 SECTION = {
     "field": {"hidden": [16, 16], "omega_first": 3.0, "direction_scale": 1.0},

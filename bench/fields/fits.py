@@ -27,9 +27,9 @@ import trimesh
 from bench.data import ray_casting
 from bench.lib import cpu_budget, display, measuring, results
 from ddf.data.synthetic import assemble, cars, chairs, planes
-from ddf.fields import framed_field
+from ddf.fields import framed_field, shape_field
 from ddf.fields.grid import build, patch_field
-from ddf.fit import fit_settings, fitting, inspection, shape_field
+from ddf.fit import fit_settings, fitting, inspection
 from ddf.geometry import mesh_io, raycast, rays
 
 ON_DEMAND = "python -m bench fits, half an hour"

@@ -22,8 +22,9 @@ from bench.lib import measuring
 from ddf.api.field import Field
 from ddf.core import shipped_models
 from ddf.data.synthetic import showcase
+from ddf.fields import shape_field
 from ddf.fields.grid import build
-from ddf.fit import inspection, shape_field
+from ddf.fit import inspection
 from ddf.geometry import cameras, mesh_io, raycast, sensors, transforms
 
 ON_DEMAND = "python -m bench sensors"

@@ -21,7 +21,7 @@ from bench.lib import display, measuring
 from bench.rivals import plain_loss
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, passes, pddf
-from ddf.models.reconstruction import settings
+from ddf.models import reconstruction_settings
 from ddf_lab.run import Run
 
 THREADS, REPEATS, MOST_SECONDS = 2, 5, 10.0
@@ -111,7 +111,7 @@ def gradient_products(hidden: tuple[int, ...]) -> float:
 
 def widths(path: Path) -> tuple[int, ...]:
     """Of a config's hidden layers of the DDF."""
-    return Run.read(path).section(settings.TrainConfig).decoder.hidden
+    return Run.read(path).section(reconstruction_settings.TrainConfig).decoder.hidden
 
 
 def rows_of(name: str, hidden: tuple[int, ...], repeats: int) -> list[dict[str, Any]]:

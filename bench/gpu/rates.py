@@ -18,10 +18,11 @@ from bench.gpu.sizes import EVENLY, Sizes
 from bench.lib import measuring
 from bench.reconstruction import step_split
 from ddf.data.batches import resident
-from ddf.fields import cloud_projection, passes, pddf
+from ddf.fields import cloud_projection, model_files, passes, pddf
 from ddf.fields.gpu import compiled_passes
 from ddf.geometry.gpu import meshes
-from ddf.models.reconstruction import camera_correction, reconstruction_models
+from ddf.models import reconstruction_models
+from ddf.reconstruction import camera_correction
 from ddf.training import training_loop
 from ddf_lab.engine import step_cost
 
@@ -48,7 +49,7 @@ def seconds_of(work: Callable[[], object], repeats: int) -> list[float]:
 
 def on_device(work: Callable[[], object]) -> dict[str, float]:
     """Kernels that one call launches (on a CPU, operators), and the seconds that they take together."""
-    cuda = training_loop.device().type == "cuda"
+    cuda = model_files.device().type == "cuda"
     kind = "CUDA" if cuda else "CPU"
     with profile(activities=[ProfilerActivity.CUDA if cuda else ProfilerActivity.CPU]) as profiled:
         work()
@@ -61,7 +62,7 @@ def step_rows(sizes: Sizes) -> list[dict[str, Any]]:
     """A row per model and precision: whole steps, their parts (timed apart, as that waits for each), peak memory."""
     rows = [_step_row(name, precision, sizes) for name in sizes.sections for precision in PRECISIONS]
     rows += [_step_row("ddf", "tf32", sizes, without) for without in WITHOUT]
-    if meshes.refusal(training_loop.device()) is not None:  # the host would cast, by packages that may be missing
+    if meshes.refusal(model_files.device()) is not None:  # the host would cast, by packages that may be missing
         return rows
     cast = dataclasses.replace(sizes, ddf=dataclasses.replace(sizes.ddf, proposals=sizes.proposals))
     row = _step_row("ddf", "tf32", cast)
@@ -86,7 +87,7 @@ def _measured_step(name: str, precision: passes.Matmul, sizes: Sizes) -> dict[st
         trial.backward(next(numbers))
         trial.optimiser.step()
 
-    cuda = training_loop.device().type == "cuda"
+    cuda = model_files.device().type == "cuda"
     if cuda:
         torch.cuda.empty_cache()
         torch.cuda.reset_peak_memory_stats()
@@ -94,7 +95,7 @@ def _measured_step(name: str, precision: passes.Matmul, sizes: Sizes) -> dict[st
     parts = [step_split.one_step(trial, next(numbers)) for _ in range(sizes.repeats)]
     peak = torch.cuda.max_memory_allocated() / 2**30 if cuda else None
     size = {"images": train.batch_size, "parameters": pddf.count_parameters(trial.model)}
-    row = measuring.row(f"{name} step, {precision}", size | {"device": training_loop.device().type}, whole, {})
+    row = measuring.row(f"{name} step, {precision}", size | {"device": model_files.device().type}, whole, {})
     names = [part for part in parts[0] if part not in ("step", "loss")]
     told = {part: statistics.median(each[part] for each in parts) for part in names}
     return {**row, "parts_s": told, "loss": parts[-1]["loss"], "peak_gib": peak, **on_device(step)}
@@ -111,7 +112,7 @@ def field_rows(sizes: Sizes) -> list[dict[str, Any]]:
         exact = _answer(field.double(), *random_rays(CHECKED, torch.float64, torch.device("cpu")))
         for precision in PRECISIONS:
             torch.set_float32_matmul_precision("high" if precision == "tf32" else "highest")
-            dtype, place = torch.bfloat16 if precision == "bfloat16" else torch.float32, training_loop.device()
+            dtype, place = torch.bfloat16 if precision == "bfloat16" else torch.float32, model_files.device()
             own = copy.deepcopy(field).to(place, dtype)
             rays = random_rays(sizes.rays, dtype, place)
             seconds = seconds_of(lambda own=own, rays=rays: _answer(own, *rays), sizes.repeats)
@@ -142,11 +143,11 @@ def cloud_rows(sizes: Sizes) -> list[dict[str, Any]]:
     """Whole clouds of a field with random weights: projection of all cycles, and the choice of the points."""
     training_loop.prepare(sizes.train.loop)
     torch.manual_seed(0)
-    model = reconstruction_models.ddf_model(sizes.train, sizes.ddf.field).to(training_loop.device()).eval()
+    model = reconstruction_models.ddf_model(sizes.train, sizes.ddf.field).to(model_files.device()).eval()
     with torch.no_grad():
-        latents = torch.zeros((1, sizes.train.latent_features), device=training_loop.device())
+        latents = torch.zeros((1, sizes.train.latent_features), device=model_files.device())
         modulations = [values[0] for values in model.modulations(latents)]
-    generator = torch.Generator(training_loop.device()).manual_seed(0)
+    generator = torch.Generator(model_files.device()).manual_seed(0)
 
     def project() -> list[cloud_projection.ProjectedPoints]:
         return cloud_projection.sample(model.field, modulations, sizes.cloud_points, sizes.cloud, generator)
@@ -163,7 +164,7 @@ def cloud_rows(sizes: Sizes) -> list[dict[str, Any]]:
         cloud_projection.select(project_evenly(), [sizes.cloud_points], spread)
 
     size = {"points": sizes.cloud_points, "num_directions": sizes.cloud.num_directions, "cycles": sizes.cloud.cycles}
-    size |= {"device": training_loop.device().type}
+    size |= {"device": model_files.device().type}
     kinds = {"cloud": draw, "cloud as configs/gpu.yaml has it": draw_evenly, "of it the projection": project_evenly}
     rows = [
         {**measuring.row(name, size, seconds_of(work, sizes.repeats), {}), **on_device(work)}
@@ -178,7 +179,7 @@ def _correction_row(model: reconstruction_models.DDFModel, sizes: Sizes) -> dict
     data = step_cost.random_images(images, sizes.correction.mask_size)
     model.fit_cameras(data)
     with torch.no_grad():
-        latents = torch.zeros((images, sizes.train.latent_features), device=training_loop.device())
+        latents = torch.zeros((images, sizes.train.latent_features), device=model_files.device())
         modulations = model.modulations(latents)
     alpha, camera = (each.to(latents.device) for each in (data.batch(np.arange(images))[:, 3], data.cameras))
     scale = torch.full((images,), 2.0, device=latents.device)

@@ -4,11 +4,11 @@ import dataclasses
 from dataclasses import dataclass
 
 from ddf.fields import cloud_projection
-from ddf.models.reconstruction import settings
+from ddf.models import reconstruction_settings
 
 DIRECTIONS, CYCLES = 16, 3  # n_v and N_H of the timed cloud
 EVENLY = {"jitter": 0.2, "recheck": (0.1,), "spread": 0.75, "crowding": 1.0, "least_confidence": 0.1, "aimed": 0.5}
-PROPOSALS = settings.ProposalConfig()
+PROPOSALS = reconstruction_settings.ProposalConfig()
 
 
 @dataclass(frozen=True)
@@ -21,35 +21,35 @@ class Sizes:
     configs/cpu.yaml. cast_meshes, cast_rays, cast_triangles: of a timed cast, rays and triangles of each mesh.
     """
 
-    train: settings.TrainConfig
-    ddf: settings.DDFConfig
-    pcsiren: settings.PCSirenConfig
+    train: reconstruction_settings.TrainConfig
+    ddf: reconstruction_settings.DDFConfig
+    pcsiren: reconstruction_settings.PCSirenConfig
     cloud: cloud_projection.CloudConfig
-    correction: settings.CorrectionConfig
+    correction: reconstruction_settings.CorrectionConfig
     fields: dict[str, tuple[int, ...]]
     rays: int = 2**20
     cloud_points: int = 5000
     repeats: int = 8
     corrected_images: int = 64
     compared_images: int = 2
-    proposals: settings.ProposalConfig = PROPOSALS
+    proposals: reconstruction_settings.ProposalConfig = PROPOSALS
     cast_meshes: int = 32
     cast_rays: int = 4600
     cast_triangles: int = 10_000
 
     @property
-    def sections(self) -> dict[str, settings.DDFConfig | settings.PCSirenConfig]:
+    def sections(self) -> dict[str, reconstruction_settings.DDFConfig | reconstruction_settings.PCSirenConfig]:
         """Of both models by name."""
         return {"ddf": self.ddf, "pcsiren": self.pcsiren}
 
 
 def full() -> Sizes:
     """Of configs/paper.yaml, with a cloud of fewer directions."""
-    train, clouds = settings.TrainConfig(), settings.PointcloudsConfig()
+    train, clouds = reconstruction_settings.TrainConfig(), reconstruction_settings.PointcloudsConfig()
     return Sizes(
         train,
-        settings.DDFConfig(),
-        settings.PCSirenConfig(),
+        reconstruction_settings.DDFConfig(),
+        reconstruction_settings.PCSirenConfig(),
         dataclasses.replace(clouds.cloud, num_directions=DIRECTIONS, cycles=CYCLES),
         clouds.correction,
         {"paper's widths": train.decoder.hidden, "4 x 192": (192,) * 4},

@@ -38,12 +38,13 @@ from ddf.data import shapenet, true_clouds
 from ddf.data.public import manifest, packages, shapes
 from ddf.data.samples.surface import Surface
 from ddf.data.synthetic import assemble, render, write
-from ddf.fields import cloud_projection
-from ddf.fit import cloud_defaults, completed_surface, completion, latent_prior
+from ddf.fields import cloud_defaults, cloud_projection
+from ddf.fit import completed_surface, completion, latent_prior
 from ddf.geometry import cameras, neighbours, sensors, transforms
 from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
-from ddf.models.reconstruction import inference, one_image, reconstruction_models, trained
+from ddf.models import image_encoding, reconstruction_models, trained
+from ddf.reconstruction import one_image
 from ddf_lab.run import Run
 
 ON_DEMAND = "python -m bench complete, after `ddf shapes get`"
@@ -145,7 +146,7 @@ class Solver:
         started = time.process_time()
         with torch.no_grad():
             pixels = shapenet.read_image(file, self.size)[None].to(self.model.shape_encoder.fc.weight)
-            latent = inference.encode_batch(self.model, pixels)[1][0]
+            latent = image_encoding.encode_batch(self.model, pixels)[1][0]
         seconds = time.process_time() - started
         modulations = [each[0] for each in self.model.modulations(latent[None])]
         return _told(self.scores(modulations, given.place, given.truth)) | {"seconds": seconds}

@@ -20,12 +20,12 @@ from bench.lib import measuring
 from ddf.core import shipped_models
 from ddf.data import true_clouds
 from ddf.data.synthetic import render, write
-from ddf.fields import cloud_projection
-from ddf.fit import cloud_defaults, latent_prior
+from ddf.fields import cloud_defaults, cloud_projection
+from ddf.fit import latent_prior
 from ddf.geometry import neighbours, transforms
 from ddf.geometry.mesh_io import Mesh
-from ddf.models.generative import normal_images
-from ddf.models.reconstruction import framing, one_image, reconstruction_models, trained
+from ddf.models import normal_images, reconstruction_models, trained
+from ddf.reconstruction import framing, one_image
 from ddf_lab.evaluation.generative import generative_clouds
 
 ON_DEMAND = "python -m bench generate, some minutes"

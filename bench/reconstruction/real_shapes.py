@@ -18,8 +18,8 @@ import torch
 
 from bench.lib import display, measuring
 from ddf.core import shipped_models, storage
+from ddf.fields import model_files
 from ddf.metrics import cloud_scores
-from ddf.training import training_loop
 from ddf_lab.evaluation import groups, one_model, paired
 from ddf_lab.run import Run
 
@@ -72,7 +72,7 @@ def main(arguments: Sequence[str]) -> None:
     for category in storage.read_json(Run.read(args.run).index)["categories"]:
         run = Run.read(args.run, category)
         places = {str(models): model_of(category, models) for models in args.models}
-        there = {label: folder for label, folder in places.items() if (folder / training_loop.MODEL).is_file()}
+        there = {label: folder for label, folder in places.items() if (folder / model_files.MODEL).is_file()}
         found = {
             label: one_model.measure(run, label, folder, args.split, groups.REAL) for label, folder in there.items()
         }

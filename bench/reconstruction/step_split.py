@@ -11,10 +11,9 @@ from unittest import mock
 
 from ddf.data.batches import category_data, resident
 from ddf.fields import losses, pddf
+from ddf.models import reconstruction_models
 from ddf.models.encoders import encoder
-from ddf.models.reconstruction import reconstruction_models
-from ddf.training import chamfer_loss
-from ddf.training.reconstruction import training_steps
+from ddf.training import chamfer_loss, training_steps
 from ddf_lab.engine import step_cost
 
 # What is wrapped: part of the split, owner, name.

@@ -28,7 +28,7 @@ from ddf.fields.gpu import farthest_points
 from ddf.fit import completion, latent_prior
 from ddf.geometry import neighbours, raycast, rays, scans, sphere, transforms, unsigned_surface
 from ddf.geometry.mesh_io import Mesh
-from ddf.models.reconstruction import settings
+from ddf.models import loop_config, reconstruction_settings
 from ddf.training import training_loop
 from ddf_lab.run import Run
 
@@ -36,7 +36,7 @@ WAYS, SKIN, FREE, CHUNK = 32, 0.01, 20_000, 8192
 NEAR = ((0.4, 0.01), (0.3, 0.05))  # shares of the points about the surface, and their deviations; the rest in the cube
 CLAMP, BEYOND, NORM = 0.1, 0.1, 1e-4  # δ; weights of the error that is not clamped, and of |z|²
 PRIOR = 0.1  # λ, chosen on validation chairs and planes
-LOOP = training_loop.LoopConfig(5e-3, "cosine", 50, 1.0, threads=1, muon=0.02)
+LOOP = loop_config.LoopConfig(5e-3, "cosine", 50, 1.0, threads=1, muon=0.02)
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def drawn(mesh: Mesh, count: int, rng: np.random.Generator) -> Float[np.ndarray,
 
 def of_run(run: Run, steps: int = Training.steps) -> LatentDistances:
     """Of a category of a run whose stage `meshes` is done; kept beside its artefacts, where a second call finds it."""
-    train = run.section(settings.TrainConfig)
+    train = run.section(reconstruction_settings.TrainConfig)
     config = Training(train.decoder, train.latent_features, steps)
     shapes = storage.read_json(run.index)["categories"][run.category]["shapes"]
     wanted = {shape["id"] for shape in shapes if shape["train_views"]}

@@ -7,6 +7,7 @@ from typing import TypeVar
 
 from torch import nn
 
+from ddf.models import loop_config
 from ddf.training import training_loop
 
 Network = TypeVar("Network", bound=nn.Module)
@@ -16,7 +17,7 @@ def trained(
     network: Network,
     loss: training_loop.StepLoss,
     steps: int,
-    loop: training_loop.LoopConfig,
+    loop: loop_config.LoopConfig,
     describe: str,
     kept: Path | None = None,
 ) -> Network:

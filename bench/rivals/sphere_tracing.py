@@ -18,6 +18,7 @@ from ddf.data.samples.surface import Surface
 from ddf.fields import derivatives, siren
 from ddf.geometry import raycast, rays
 from ddf.geometry.mesh_io import Mesh
+from ddf.models import loop_config
 from ddf.training import training_loop
 
 Distance = Callable[[Tensor], Tensor]  # points (n, 3) to f (n)
@@ -91,7 +92,7 @@ class DistanceConfig:
     """
 
     layout: siren.SineLayout
-    loop: training_loop.LoopConfig
+    loop: loop_config.LoopConfig
     points: int = 400_000
     batch: int = 4096
     spreads: tuple[float, ...] = (0.005, 0.05)

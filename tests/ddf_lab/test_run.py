@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from ddf.core import checks
-from ddf.models.reconstruction import settings
-from ddf.training import training_loop
+from ddf.models import loop_config, reconstruction_settings
 from ddf_lab import run
 from ddf_lab.evaluation import scoring
 from ddf_lab.run import Run
@@ -77,8 +76,10 @@ def test_every_setting_can_be_changed_whether_a_file_gives_it_or_not(tmp_path):
     path.write_text("ddf: {counts: {U: 7, A: 7, B: 7, S: 7, T: 7, O: 7, E: 7}, proposals: {points: 9}}")
     changes = ["train.loop.muon=0.1", "ddf.proposals.points=3", "dataset.categories={car: 5}", "ddf.mask_pixels=4"]
     given = Run.read(path, changes=[*changes, "train.loop.muon=0.2", "evaluate.oracle_points=0x10"]).sections()
-    assert given["train"] == settings.TrainConfig(loop=training_loop.LoopConfig(muon=0.2))  # the last one counts
-    assert given["ddf"].proposals == settings.ProposalConfig(3) and given["ddf"].mask_pixels == 4
+    assert given["train"] == reconstruction_settings.TrainConfig(
+        loop=loop_config.LoopConfig(muon=0.2)
+    )  # the last one counts
+    assert given["ddf"].proposals == reconstruction_settings.ProposalConfig(3) and given["ddf"].mask_pixels == 4
     assert (given["dataset"].categories, given["evaluate"].oracle_points) == ({"car": 5}, 16)
 
 

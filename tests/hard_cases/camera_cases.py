@@ -6,8 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ddf.fields import framed_field, rendering
-from ddf.fit import shape_field
+from ddf.fields import framed_field, rendering, shape_field
 from ddf.geometry import cameras, rays, transforms
 from ddf.metrics import camera_errors
 

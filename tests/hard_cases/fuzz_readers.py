@@ -30,9 +30,9 @@ import ddf
 from ddf.api import scene_file
 from ddf.core import checks, storage
 from ddf.data import cutouts
-from ddf.fields import pddf
+from ddf.fields import field_file, pddf, shape_field
 from ddf.fields.grid import build, patch_field
-from ddf.fit import field_file, fitting, shape_field
+from ddf.fit import fitting
 from ddf.geometry import mesh_io, transforms
 from ddf.io import onnx_field, onnx_file, onnx_graphs, patch_graph
 

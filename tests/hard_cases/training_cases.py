@@ -9,7 +9,8 @@ from torch import Tensor
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf
 from ddf.geometry import transforms
-from ddf.models.reconstruction import camera_correction, reconstruction_models, settings
+from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.reconstruction import camera_correction
 
 from . import case
 from .field_cases import SATURATED, constant_field
@@ -249,7 +250,7 @@ def _correction(dtype: torch.dtype) -> case.Outcome:
     camera = torch.tensor([[0.25, 0.25, 0.5]], dtype=dtype)
     scale, correction = (
         torch.tensor([0.6], dtype=dtype),
-        settings.CorrectionConfig(3, 0.1, 8, ("azimuth", "radius")),
+        reconstruction_settings.CorrectionConfig(3, 0.1, 8, ("azimuth", "radius")),
     )
     modulations, found = model.modulations(torch.zeros(1, 2, dtype=dtype)), []
     for alpha in (0.0, 1.0):

@@ -1,4 +1,4 @@
-/** An object placed in its picture as training images place theirs: `ddf.models.reconstruction.framing`. */
+/** An object placed in its picture as training images place theirs: `ddf.reconstruction.framing`. */
 
 import { resized, type Pixels } from "./images.ts";
 

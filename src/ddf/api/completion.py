@@ -110,7 +110,8 @@ def complete(
     with extras.named():
         from ddf.data import cutouts
         from ddf.fit import completed_surface, completion, latent_prior
-        from ddf.models.reconstruction import one_image, trained
+        from ddf.models import trained
+        from ddf.reconstruction import one_image
     folder = shipped_models.require(model, "reconstruction")
     folder = folder if folder.is_dir() else folder.parent
     network, size = one_image.load(folder)

@@ -17,8 +17,8 @@ from ddf.fields import framed_field
 from ddf.geometry.mesh_io import Mesh
 
 if TYPE_CHECKING:
+    from ddf.fields import shape_field
     from ddf.fields.grid import patch_field
-    from ddf.fit import shape_field
 
     Weights = shape_field.ShapeField | patch_field.PatchField
 
@@ -78,8 +78,9 @@ class Field(queries.Queried):
           (100, 3)
         """
         with extras.named():
-            from ddf.fit import cloud_normals, kinds
-        found = kinds.points(self._weights, checks.require_whole("n", n, 1), seed)
+            from ddf.fields import stored_fields
+            from ddf.fit import cloud_normals
+        found = stored_fields.points(self._weights, checks.require_whole("n", n, 1), seed)
         return (found, cloud_normals.ask(self.framed, found)) if normals else found
 
     def save(self, folder: str | Path) -> Path:
@@ -91,8 +92,8 @@ class Field(queries.Queried):
           ValueError: the field came from an ONNX file alone, or torch is not installed.
         """
         with extras.named():
-            from ddf.fit import kinds
-        return kinds.save(self._weights, Path(folder))
+            from ddf.fields import stored_fields
+        return stored_fields.save(self._weights, Path(folder))
 
     def export(self, path: str | Path) -> Path:
         """Write an ONNX file (.onnx), or a page that renders the field live (.html), as `ddf export` does. Needs torch.
@@ -247,6 +248,6 @@ def fit(
 
 
 def _torch_field(path: Path) -> "Weights":
-    from ddf.fit import kinds
+    from ddf.fields import stored_fields
 
-    return kinds.load(path)
+    return stored_fields.load(path)

@@ -50,7 +50,8 @@ def recover_pose(
     given = scan if isinstance(scan, scans.Scan) else scans.read(Path(scan))
     places = inputs.poses("start", start)
     with extras.named():
-        from ddf.fit import completion, shape_field
+        from ddf.fields import shape_field
+        from ddf.fit import completion
     shape = field._weights
     if isinstance(shape, shape_field.ShapeField) and shape.modulations is not None:
         raise checks.InputError("recover_pose takes the field of one shape, such as `ddf fit` makes")

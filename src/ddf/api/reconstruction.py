@@ -16,7 +16,7 @@ from ddf.core import checks, extras, shipped_models, storage
 from ddf.geometry.mesh_io import Mesh
 
 if TYPE_CHECKING:
-    from ddf.models.reconstruction import painting
+    from ddf.reconstruction import painting
 
 CAMERA, CLOUD, PICTURE, MESHES = "camera.json", "cloud.ply", "picture.png", ("shape.glb", "shape.ply")
 _CELLS = 80  # of the mesh, along its longest side
@@ -62,13 +62,13 @@ class Reconstruction:
     @property
     def verdict(self) -> str:
         """How usual the picture is, in words."""
-        from ddf.models.reconstruction import familiarity
+        from ddf.models import familiarity
 
         return familiarity.verdict(self.unlike, self.kind)
 
     @cached_property
     def _paint(self) -> "painting.Paint":
-        from ddf.models.reconstruction import painting
+        from ddf.reconstruction import painting
 
         return painting.Paint.of(self.field.framed, self.camera, self.view)
 
@@ -146,7 +146,8 @@ def reconstructor(model: str | Path, known: Path | None = None) -> Callable[...,
     """
     with extras.named():
         from ddf.data import cutouts
-        from ddf.models.reconstruction import one_image, trained
+        from ddf.models import trained
+        from ddf.reconstruction import one_image
     path = shipped_models.require(model, "reconstruction")
     path = path.parent if path.is_file() else path
     ddf_model, size = one_image.load(path)

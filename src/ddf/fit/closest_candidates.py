@@ -11,8 +11,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import checks, provenance, seeding
-from ddf.fields import field_values, pddf, siren, udf
-from ddf.fit.shape_field import ShapeField
+from ddf.fields import field_values, model_files, pddf, siren, udf
+from ddf.fields.shape_field import ShapeField
+from ddf.models import loop_config
 from ddf.training import training_loop
 
 
@@ -23,7 +24,7 @@ class CandidateConfig:
     points: of a step. spread: τ_n. alignment: τ_d. omega_first: bandwidth of g_v in p; the paper gives none.
     """
 
-    loop: training_loop.LoopConfig
+    loop: loop_config.LoopConfig
     steps: int = 10_000
     points: int = 4096
     hidden: tuple[int, ...] = udf.PAPER_LAYOUT.hidden
@@ -59,7 +60,7 @@ def asked(field: pddf.PDDF, modulations: list[Tensor] | None = None) -> udf.Ask:
 def fit(shape: ShapeField, config: CandidateConfig, out_dir: Path) -> udf.CandidateNetwork:
     """Train g_v for a field and write it to `out_dir`; a training that was stopped goes on there."""
     training_loop.prepare(config.loop)
-    network, field = config.network().to(training_loop.device()), shape.field.to(training_loop.device())
+    network, field = config.network().to(model_files.device()), shape.field.to(model_files.device())
     for value in field.parameters():
         value.requires_grad_(False)
     weight = network.network.head.weight

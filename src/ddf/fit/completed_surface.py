@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ddf.core import storage
-from ddf.fields import cloud_projection, pddf, rendering
-from ddf.fit import cloud_defaults, completion, field_file, shape_field
+from ddf.fields import cloud_defaults, cloud_projection, field_file, pddf, rendering, shape_field
+from ddf.fit import completion
 from ddf.geometry import neighbours, rays, scans, sphere
 
 _REACH = 2.0  # of the median spacing of hits: a point nearer to a hit was seen

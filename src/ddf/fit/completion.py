@@ -23,11 +23,11 @@ from torch import Tensor
 from torch.nn import functional
 
 from ddf.core import checks
-from ddf.fields import pddf, rendering
+from ddf.fields import pddf, rendering, shape_field
 from ddf.fields.grid import patch_field, soft_rays
-from ddf.fit import latent_prior, shape_field
+from ddf.fit import latent_prior
 from ddf.geometry import rays, scans, transforms
-from ddf.models.reconstruction import reconstruction_models
+from ddf.models import reconstruction_models
 
 FEWEST_HITS = 10
 _MOST = 4096  # rays of a scan that are kept, of each sort

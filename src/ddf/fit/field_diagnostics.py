@@ -19,7 +19,7 @@ from torch import Tensor
 
 from ddf.fields.framed_field import CHUNK_RAYS, SEEN
 from ddf.fields.pddf import visibility
-from ddf.fit.shape_field import ShapeField
+from ddf.fields.shape_field import ShapeField
 from ddf.geometry import rays
 
 NAMES = ("eikonal_depth", "eikonal_visibility", "gradient_consistency", "view_depth", "view_visibility")

@@ -8,7 +8,7 @@ from ddf.core.schema import fixed, setting
 from ddf.data import sampling
 from ddf.data.samples import sample_types
 from ddf.fields import losses, pddf
-from ddf.training import training_loop
+from ddf.models import loop_config
 
 _FIELD = ("hidden", "omega_first", "depth_activation", "direction_scale", "components")
 _WEIGHTS = ("depth_of", "depth_huber", "visibility", "normals", "weight_variance", "eikonal_depth", "transition")
@@ -65,8 +65,8 @@ class FitConfig(schema.Checked):
         0.02, "field units between the shape and its box, in whose sides rays would begin on faces", least=0, below=1
     )
     start: Literal["flat", "random"] = setting("flat", "of the depths: their mean over the samples, or random heads")
-    loop: training_loop.LoopConfig = setting(
-        training_loop.LoopConfig(5e-3, "cosine", 50, 1.0, 2, muon=0.03), "how it is optimised", only=_LOOP
+    loop: loop_config.LoopConfig = setting(
+        loop_config.LoopConfig(5e-3, "cosine", 50, 1.0, 2, muon=0.03), "how it is optimised", only=_LOOP
     )
     consistency: ConsistencyWeights = ConsistencyWeights()
 

@@ -4,7 +4,7 @@ The mesh is taken as it is: inner sheets and nested parts are part of the shape.
 training and held-out samples are drawn from random streams of their own. Source: [DDF22] §4.1, app. A and C.
 
 Budget: `steps` is the reproducible way. `minutes` is the convenient one: a clock for sampling and training, which the
-schedule follows (`training_loop.Clock`). Sampling takes at most `SAMPLING_SHARE` of it, with fewer samples on a machine
+schedule follows (`loop_config.Clock`). Sampling takes at most `SAMPLING_SHARE` of it, with fewer samples on a machine
 too slow or too busy for all of them. What was begun stands in `plan.json`, by which a folder is known again.
 """
 
@@ -26,9 +26,10 @@ from torch.nn import functional
 
 from ddf.core import checks, locks, provenance, storage
 from ddf.data.samples import sample_batch, sample_types
-from ddf.fields import consistency, field_values, framed_field, losses, pddf
-from ddf.fit import fit_settings, shape_field, shape_samples
+from ddf.fields import consistency, field_values, framed_field, losses, model_files, pddf, shape_field
+from ddf.fit import fit_settings, shape_samples
 from ddf.geometry import mesh_io, rays, transforms
+from ddf.models import loop_config
 from ddf.training import training_loop
 
 METRICS, PLAN, _LOCK = "fit.json", "plan.json", ".lock"
@@ -109,7 +110,7 @@ def plan_of(content: str, identity: str, out_dir: Path, force: bool) -> Mapping[
     """
     path = out_dir / PLAN
     plan = storage.read_json(path) if path.exists() else {}
-    if not path.exists() and (out_dir / training_loop.MODEL).exists() and not force:
+    if not path.exists() and (out_dir / model_files.MODEL).exists() and not force:
         raise checks.InputError(
             f"{out_dir}: holds a model that no fit wrote; give another folder, or --force to replace it"
         )
@@ -122,16 +123,16 @@ def plan_of(content: str, identity: str, out_dir: Path, force: bool) -> Mapping[
     return plan
 
 
-def finished(out_dir: Path, fingerprint: str, budget: int | training_loop.Clock | None = None) -> dict[str, Any] | None:
+def finished(out_dir: Path, fingerprint: str, budget: int | loop_config.Clock | None = None) -> dict[str, Any] | None:
     """The content of fit.json where this fit, with this budget or more, ended before and its field is whole."""
     try:
-        _, record = storage.load_tensors(out_dir / training_loop.MODEL)
+        _, record = storage.load_tensors(out_dir / model_files.MODEL)
         found = _nan_for_null(storage.read_json(out_dir / METRICS))
     except (FileNotFoundError, checks.InputError):
         return None
     if record.get("fingerprint") != fingerprint or record.get("steps", 0) != found["steps"]:
         return None
-    if isinstance(budget, training_loop.Clock):
+    if isinstance(budget, loop_config.Clock):
         return found if found["seconds"] - found["sampling_seconds"] >= budget.seconds else None
     return found if budget in (None, found["steps"]) else None
 
@@ -222,7 +223,7 @@ def _fit(
     drawn = sample_types.scaled(config.samples, share)
     samples, packing_errors = shape_samples.draw_samples(mesh, config, drawn, "train", "samples")
     samples = samples if without is None else samples.without(without)
-    field = pddf.PDDF(config.field).to(training_loop.device())
+    field = pddf.PDDF(config.field).to(model_files.device())
     if begin is not None:
         field.load_state_dict(begin.field.state_dict())
     elif config.start == "flat":
@@ -259,9 +260,9 @@ def _fit(
     return {**result, "already": False}
 
 
-def _budget(config: fit_settings.FitConfig, sampling: float) -> int | training_loop.Clock:
+def _budget(config: fit_settings.FitConfig, sampling: float) -> int | loop_config.Clock:
     """Steps, or the time that sampling leaves of the minutes."""
-    return config.steps or training_loop.Clock(max(60 * (config.minutes or 0.0) - sampling, 1.0))
+    return config.steps or loop_config.Clock(max(60 * (config.minutes or 0.0) - sampling, 1.0))
 
 
 @torch.no_grad()

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import checks
-from ddf.models.reconstruction import familiarity, reconstruction_models
+from ddf.models import familiarity, reconstruction_models
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from typing import Any
 
 from ddf.core import provenance, storage
 from ddf.data.samples import sample_types
+from ddf.fields import model_files
 from ddf.fields.grid import build, patch_field
 from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io
-from ddf.training import training_loop
 
 
 def fit(
@@ -66,6 +66,6 @@ def _fit(
     for stale in ("field.onnx", "log.csv"):
         (out_dir / stale).unlink(missing_ok=True)
     storage.write_json(out_dir / fitting.PLAN, dict(plan))
-    storage.save_tensors(out_dir / training_loop.MODEL, arrays, record)
+    storage.save_tensors(out_dir / model_files.MODEL, arrays, record)
     storage.write_json(out_dir / fitting.METRICS, result)
     return {**result, "already": False}

@@ -13,10 +13,11 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from ddf.core import checks, provenance, seeding
-from ddf.fields import derivatives
+from ddf.fields import derivatives, model_files
 from ddf.fields.renderers import depth_renderer, image_properties
 from ddf.geometry import cameras, raycast, rays, transforms
 from ddf.geometry.mesh_io import Mesh
+from ddf.models import loop_config
 from ddf.training import training_loop
 
 _HUBER = 0.02  # depth error from which on its loss grows linearly
@@ -62,7 +63,7 @@ class RendererConfig:
     the derivatives are asked for. eikonal, gradient: weights of the mean squares of `image_properties.loss`.
     """
 
-    loop: training_loop.LoopConfig
+    loop: loop_config.LoopConfig
     steps: int
     layout: depth_renderer.RendererLayout = field(default_factory=depth_renderer.RendererLayout)
     cameras: CameraRange = CameraRange()
@@ -96,7 +97,7 @@ def fit(mesh: Mesh, config: RendererConfig, out_dir: Path) -> depth_renderer.Dep
     training_loop.prepare(config.loop)
     random = np.random.default_rng(config.loop.seed)
     seen = cast(mesh, config.cameras.draw(config.images, random), config.layout.image)
-    renderer = depth_renderer.DepthRenderer(config.layout).to(training_loop.device())
+    renderer = depth_renderer.DepthRenderer(config.layout).to(model_files.device())
 
     def step_loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
         generator = torch.Generator().manual_seed(seeding.numbered(config.loop.seed, step))

@@ -4,12 +4,11 @@ from pathlib import Path
 from typing import Any
 
 from ddf.core import checks, storage
+from ddf.fields import field_file, model_files, shape_field
 from ddf.fields.grid import patch_field
-from ddf.fit import field_file, shape_field
 from ddf.io import onnx_file, onnx_graphs, patch_graph
 from ddf.io.onnx_graphs import Graph
-from ddf.models.reconstruction import trained
-from ddf.training import training_loop
+from ddf.models import trained
 
 
 def load(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str, Graph], dict[str, Any]]:
@@ -20,7 +19,7 @@ def load(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str, Graph
     Raises:
       FileNotFoundError: there is no model. InputError: it is damaged, or of a kind that is not known.
     """
-    path = folder / training_loop.MODEL
+    path = folder / model_files.MODEL
     record = storage.load_metadata(path)
     if record.get("kind") == field_file.PATCHES:
         return {"field": patch_graph.PatchGraph(patch_field.load(path), outputs)}, onnx_file.describe_source(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ddf.core import checks, shipped_models
-from ddf.fit import field_file
+from ddf.fields import field_file
 
 Parameters = list[tuple[Any, Any]]  # weights (out, in) and biases (out) of each layer, the head last
 Function = Callable[[Parameters, Any, Any], tuple[Any, Any]]

@@ -15,8 +15,8 @@ from ddf.core import checks
 from ddf.fields import field_outputs, pddf, siren
 from ddf.fields.field_outputs import OUTPUTS
 from ddf.fields.field_values import FieldValues
+from ddf.models import familiarity, image_encoding, reconstruction_models
 from ddf.models.encoders.encoder import IMAGE_CHANNELS
-from ddf.models.reconstruction import familiarity, inference, reconstruction_models
 
 DYNAMIC = "n"  # the name of the axis whose length is free
 
@@ -164,8 +164,8 @@ class ModulationsGraph(Graph):
             self.tolerances["distance"] = 1e-4
 
     def forward(self, images: Float[Tensor, "n 4 s s"]) -> tuple[Tensor, ...]:
-        """As `inference.encode_batch`."""
-        stages, latent, camera = inference.encode_batch(self.model, images)
+        """As `image_encoding.encode_batch`."""
+        stages, latent, camera = image_encoding.encode_batch(self.model, images)
         modulations = torch.cat([modulation[:, 0] for modulation in self.model.modulations(latent)], dim=-1)
         if not self.known:
             return camera, modulations

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ddf.core import checks, storage
-from ddf.fit import field_file
+from ddf.fields import field_file
 from ddf.io import viewer_fields, viewer_layout, viewer_page
 
 if TYPE_CHECKING:
+    from ddf.fields import shape_field
     from ddf.fields.grid import patch_field
-    from ddf.fit import shape_field
 
 _NAMED = 4  # fields of a title
 _ABOUT_MODEL = "From one image to a directed distance field, inside this page: nothing leaves this machine."
@@ -70,9 +70,10 @@ def model_page(folder: Path) -> viewer_page.Page:
     Raises:
       InputError: the model is damaged, or its folder has no image `sample_0.png` to begin with.
     """
-    from ddf.fit import shape_field
+    from ddf.fields import shape_field
     from ddf.io import onnx_file, onnx_graphs, onnx_parity
-    from ddf.models.reconstruction import one_image, trained
+    from ddf.models import trained
+    from ddf.reconstruction import one_image
 
     samples = [file.read_bytes() for file in sorted(folder.glob("sample_*.png"))]
     if not samples:

@@ -12,12 +12,12 @@ import numpy as np
 from jaxtyping import Float32
 
 from ddf.core import arrays, checks
-from ddf.fit import field_file
+from ddf.fields import field_file
 from ddf.geometry import transforms
 
 if TYPE_CHECKING:
+    from ddf.fields import shape_field
     from ddf.fields.grid import patch_field
-    from ddf.fit import shape_field
 
 _PATCHES = ("codes", "planes", "bends", "cells")  # arrays of patches in the order of their bytes
 _OUTPUTS = 4  # of a network of two components

@@ -7,13 +7,13 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks
-from ddf.fit import field_file
+from ddf.fields import field_file
 from ddf.geometry import transforms
 from ddf.io import viewer_fields, viewer_page
 
 if TYPE_CHECKING:
+    from ddf.fields import shape_field
     from ddf.fields.grid import patch_field
-    from ddf.fit import shape_field
 
 ABOUT_SCENE = "Directed distance fields in one scene, evaluated live by this page; each ray shows the nearest surface."
 ABOUT_ROW = "Directed distance fields side by side, evaluated live by this page; all are as large as the first."

@@ -18,10 +18,18 @@ from torch import Tensor
 from torchvision.transforms import functional as transforms
 
 from ddf.core import checks
-from ddf.models.generative import settings
 
 BLURS = (2.0, 4.0)  # standard deviations, pixels
 NOISES = (0.05, 0.15)  # standard deviations, of colours in [0, 1]
+
+
+@dataclass(frozen=True)
+class Subsets:
+    """On how many subsets of how many images KID is computed."""
+
+    count: int
+    size: int
+    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -32,13 +40,11 @@ class ImageScores:
     kid_spread: float
 
 
-def score(
-    images: Float[Tensor, "n features"], real: Float[Tensor, "m features"], section: settings.ScoresConfig
-) -> ImageScores:
+def score(images: Float[Tensor, "n features"], real: Float[Tensor, "m features"], subsets: Subsets) -> ImageScores:
     """Of features of images against those of real ones."""
     from torch_fidelity import metric_kid
 
-    of_kid = {"kid_subsets": section.subsets, "kid_subset_size": section.subset_size, "rng_seed": section.seed}
+    of_kid = {"kid_subsets": subsets.count, "kid_subset_size": subsets.size, "rng_seed": subsets.seed}
     kid = metric_kid.kid_features_to_metric(images.double(), real.double(), verbose=False, **of_kid)
     return ImageScores(
         kid[metric_kid.KEY_METRIC_KID_MEAN],
@@ -108,7 +114,7 @@ class _Bytes(torch.utils.data.Dataset):
 def table(
     sets: Mapping[str, Float[Tensor, "_ features"]],
     real: Float[Tensor, "m features"],
-    section: settings.ScoresConfig,
+    subsets: Subsets,
 ) -> dict[str, Any]:
     """Scores of every set of images by name, and whether KID ranks the spoiled ones as it must.
 
@@ -116,9 +122,9 @@ def table(
       InputError: a set has fewer images than a subset.
     """
     for name, features in {**sets, "real": real}.items():
-        if len(features) < section.subset_size:
+        if len(features) < subsets.size:
             raise checks.InputError(
-                f"scores.subset_size must be at most the {len(features)} images of {name!r}; got {section.subset_size}"
+                f"scores.subset_size must be at most the {len(features)} images of {name!r}; got {subsets.size}"
             )
-    rows = {name: asdict(score(features, real, section)) for name, features in sets.items()}
+    rows = {name: asdict(score(features, real, subsets)) for name, features in sets.items()}
     return {"rows": rows, "in_order": in_order({name: row["kid"] for name, row in rows.items()})}

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ddf.fields import passes, siren
+from ddf.models import loop_config
 
 MOMENTUM = 0.95
 QUINTIC = (3.4445, -4.7750, 2.0315)  # coefficients, steps and least norm of Newton and Schulz's iteration, as published
@@ -240,6 +241,11 @@ class Optimiser:
                     index, _, name = rest.partition(".")
                     state.setdefault(int(index), {})[name] = value
             part.load_state_dict({"state": state, "param_groups": part.state_dict()["param_groups"]})
+
+
+def of(model: nn.Module, groups: Sequence[Mapping[str, Any]], config: loop_config.LoopConfig) -> Optimiser:
+    """A fresh one of the model, of these parameter groups."""
+    return Optimiser(model, groups, config.learning_rate, config.muon, config.muon_kernels, config.matmul)
 
 
 def _part(group: Mapping[str, Any], taken: set[int], inside: bool) -> dict[str, Any]:

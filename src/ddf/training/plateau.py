@@ -9,7 +9,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import torch
 
-FACTOR, APART = 0.9, 5000
+from ddf.models import loop_config
+
+APART = 5000  # steps
 
 
 def reductions(rows: Sequence[Mapping[str, float]], step: int) -> int:
@@ -18,7 +20,7 @@ def reductions(rows: Sequence[Mapping[str, float]], step: int) -> int:
     steps = np.array([row["step"] for row in rows])
     losses = np.array([row["loss"] for row in rows])
     dummy = torch.optim.SGD([torch.zeros(1)], lr=1.0)
-    scheduler = torch.optim.lr_scheduler.ReduceLROnPlateau(dummy, factor=FACTOR, patience=0)
+    scheduler = torch.optim.lr_scheduler.ReduceLROnPlateau(dummy, factor=loop_config.PLATEAU_FACTOR, patience=0)
     reduced = 0
     for window in range(whole):
         inside = (steps > window * APART) & (steps <= (window + 1) * APART)

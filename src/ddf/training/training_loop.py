@@ -10,9 +10,8 @@ import logging
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any
 
 import torch
 import torch.utils.deterministic
@@ -20,81 +19,18 @@ import tqdm
 from torch import Tensor, nn
 from torch.optim import swa_utils
 
-from ddf.core import checks, distributed, interrupts, schema, storage
-from ddf.core.schema import fixed, setting
-from ddf.fields import passes
+from ddf.core import checks, distributed, interrupts, storage
+from ddf.fields import model_files, passes
+from ddf.models import loop_config
 from ddf.training import optimisers, plateau
 
 LOGGER = logging.getLogger(__name__)
-CHECKPOINT, MODEL, LOG = "checkpoint.safetensors", "model.safetensors", "log.csv"
+CHECKPOINT, LOG = "checkpoint.safetensors", "log.csv"
 
-Model = TypeVar("Model", bound=nn.Module)
 StepLoss = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
 
 
-@dataclass(frozen=True)
-class Clock:
-    """A budget of wall time for all steps together, in place of their number: the schedule follows the time spent, so
-    that it ends with the budget however busy the machine is. Not reproducible.
-    """
-
-    seconds: float
-
-
-@dataclass(frozen=True)
-class LoopConfig(schema.Checked):
-    """How a model is optimised, with AdamW and Muon (`optimisers`).
-
-    matmul: how large products of matrices are made, around parameters and sums in float32. `tf32`: on a GPU with its
-      ten-bit factors, convolutions too, on a CPU as float32. `bfloat16`: those between sine layers of the shape loss
-      (`passes`) and those of Muon, the others as of `tf32`; on a processor without such products all in float32.
-    ema: the average is then the model that is saved; of early steps its decay is (1 + k) / (10 + k) where that is less,
-      so that the start is forgotten.
-    log_every: steps between two rows of the log; None: 50, a thousandth of more than 50,000, a sixth of fewer than 300.
-    checkpoint_seconds: between two checkpoints; times those that writing one takes, where these are more than one.
-    """
-
-    learning_rate: float = setting(1e-4, "AdamW's learning rate", "app. singlefits", above=0)
-    schedule: Literal["constant", "plateau", "cosine"] = setting(
-        "plateau", "course of all rates: constant, plateau (times 0.9) or cosine to zero at the end", "app. singlefits"
-    )
-    warmup_steps: int = setting(0, "steps in which the rates rise from zero", least=0)
-    clip_norm: float | None = setting(None, "length to which longer gradients are cut; null: any", above=0)
-    threads: int = setting(8, "CPU threads of each process; part of the result, for sums are ordered by it", least=1)
-    seed: int = fixed(0, least=0)
-    log_every: int | None = fixed(None, least=1)
-    checkpoint_seconds: float = fixed(30.0, least=0)
-    matmul: passes.Matmul = setting("float32", "precision of the factors of matrix products; tf32 for a GPU")
-    ema: float | None = setting(None, "decay of a moving average of the weights; null: none", above=0, below=1)
-    muon: float | None = setting(
-        None, "Muon's learning rate for the matrices between hidden layers; null: AdamW", "app. si3dr", above=0
-    )
-    muon_kernels: float | None = setting(
-        None, "Muon's for the kernels of convolutions; null: AdamW", "app. si3dr", above=0
-    )
-
-    def optimiser(self, model: nn.Module, groups: list[dict]) -> optimisers.Optimiser:
-        """A fresh one of the model, of these parameter groups."""
-        return optimisers.Optimiser(model, groups, self.learning_rate, self.muon, self.muon_kernels, self.matmul)
-
-    def rate(self, step: int, steps: int, reductions: int = 0) -> float:
-        """AdamW's learning rate in step `step` (from 0) of `steps`; Muon's keeps its ratio to it.
-
-        Args:
-          reductions: of a schedule by plateau, see `plateau.reductions`.
-        """
-        rise = min(1.0, (step + 1) / self.warmup_steps) if self.warmup_steps else 1.0
-        if self.schedule != "cosine":
-            return self.learning_rate * rise * plateau.FACTOR**reductions
-        return self.learning_rate * rise * 0.5 * (1 + math.cos(math.pi * step / steps))
-
-
-def device() -> torch.device:
-    """CUDA when there is one, else the CPU; of several GPUs the process's own."""
-    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-
-
-def prepare(config: LoopConfig, batch_size: int | None = None) -> None:
+def prepare(config: loop_config.LoopConfig, batch_size: int | None = None) -> None:
     """Fix threads, seed and the precision of products; on the CPU only deterministic operators are allowed.
 
     Args:
@@ -108,9 +44,9 @@ def prepare(config: LoopConfig, batch_size: int | None = None) -> None:
         distributed.part(batch_size)
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed)
-    if config.matmul == "bfloat16" and not passes.has_bfloat16(device()):
+    if config.matmul == "bfloat16" and not passes.has_bfloat16(model_files.device()):
         LOGGER.warning("this processor has no products of bfloat16: they are made in float32 (loop.matmul)")
-    if device().type == "cpu":
+    if model_files.device().type == "cpu":
         torch.use_deterministic_algorithms(True)
         # a step writes all that it reads
         torch.utils.deterministic.fill_uninitialized_memory = False  # pyright: ignore[reportAttributeAccessIssue]
@@ -124,8 +60,8 @@ def fit(
     model: nn.Module,
     groups: list[dict],
     step_loss: StepLoss | Sequence[StepLoss],
-    steps: int | Clock,
-    config: LoopConfig,
+    steps: int | loop_config.Clock,
+    config: loop_config.LoopConfig,
     out_dir: Path,
     record: dict,
     describe: str,
@@ -152,7 +88,7 @@ def fit(
     first = distributed.rank() == 0
     updates = [step_loss] if callable(step_loss) else step_loss
     distributed.share_batch_statistics(model)
-    optimiser = config.optimiser(model, groups)
+    optimiser = optimisers.of(model, groups, config)
     average = _average(model, config)
     start, rows, spent = _resume(model, average, optimiser, out_dir, record["fingerprint"])
     distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")
@@ -160,7 +96,7 @@ def fit(
     saved_at, saving = time.monotonic(), 1.0
     began = saved_at - spent
     log_every = config.log_every or (
-        50 if isinstance(steps, Clock) else max(1, min(steps // 6, max(50, steps // 1000)))
+        50 if isinstance(steps, loop_config.Clock) else max(1, min(steps // 6, max(50, steps // 1000)))
     )
     progress = _progress(steps, start, describe, disable=not first)
     model.train()
@@ -194,7 +130,9 @@ def fit(
         progress.update(_shown(steps, done, spent) - progress.n)
         begins = time.monotonic()
         if first and saves:
-            moment = {"seconds": spent} if isinstance(steps, Clock) else {}  # equal runs by steps have equal bytes
+            moment = (
+                {"seconds": spent} if isinstance(steps, loop_config.Clock) else {}
+            )  # equal runs by steps have equal bytes
             _save_checkpoint(model, average, optimiser, {"step": done, **moment}, rows, out_dir, record)
         if saves:
             saved_at = time.monotonic()
@@ -210,82 +148,35 @@ def fit(
     if average is not None:
         model.load_state_dict(average.module.state_dict())
     if first:
-        storage.save_tensors(out_dir / MODEL, dict(model.state_dict()), {**record, "steps": done})
+        storage.save_tensors(out_dir / model_files.MODEL, dict(model.state_dict()), {**record, "steps": done})
         _write_log(out_dir / LOG, rows)
     return done, spent
 
 
-def _is_over(steps: int | Clock, done: int, spent: float) -> bool:
+def _is_over(steps: int | loop_config.Clock, done: int, spent: float) -> bool:
     """Whether the budget is used up; a clock gives one step at the least."""
-    return done > 0 and spent >= steps.seconds if isinstance(steps, Clock) else done >= steps
+    return done > 0 and spent >= steps.seconds if isinstance(steps, loop_config.Clock) else done >= steps
 
 
-def _horizon(steps: int | Clock, step: int, spent: float) -> int:
+def _horizon(steps: int | loop_config.Clock, step: int, spent: float) -> int:
     """How many steps there will be, as far as is known before step `step`."""
-    if not isinstance(steps, Clock):
+    if not isinstance(steps, loop_config.Clock):
         return steps
     return max(round(step * steps.seconds / spent), step + 1) if step and spent > 0 else 1 << 30
 
 
-def _progress(steps: int | Clock, start: int, describe: str, disable: bool) -> tqdm.tqdm:
+def _progress(steps: int | loop_config.Clock, start: int, describe: str, disable: bool) -> tqdm.tqdm:
     """A bar of steps, or of seconds."""
-    clock = isinstance(steps, Clock)
+    clock = isinstance(steps, loop_config.Clock)
     total, unit = (round(steps.seconds), "s") if clock else (steps, "step")
     return tqdm.tqdm(
         initial=0 if clock else start, total=total, desc=describe, unit=unit, mininterval=2, disable=disable
     )
 
 
-def _shown(steps: int | Clock, done: int, spent: float) -> int:
+def _shown(steps: int | loop_config.Clock, done: int, spent: float) -> int:
     """Where the bar stands."""
-    return min(round(spent), round(steps.seconds)) if isinstance(steps, Clock) else done
-
-
-def built(make: Callable[[], Model], folder: Path, beside: str | None = None) -> Model:
-    """The model that `make` builds with the weights that `fit` wrote; as `load_model`.
-
-    Sizes are compared with those of the file first: what a record claims takes no memory.
-    """
-    path = folder / MODEL
-    found = {name: shape for name, shape in storage.shapes(path).items() if not (beside and name.startswith(beside))}
-    try:
-        with torch.device("meta"):
-            wanted = {name: tuple(value.shape) for name, value in make().state_dict().items()}
-    except checks.InputError:
-        raise
-    except (RuntimeError, TypeError, ValueError, OverflowError) as error:
-        raise checks.InputError(f"{path}: its record describes no model ({' '.join(str(error).split())})") from error
-    for name in [*wanted, *found]:
-        if wanted.get(name) != found.get(name):
-            raise checks.InputError(
-                f"{path}: does not fit the architecture of its config: {name[:80]} is {wanted.get(name, 'no part')} "
-                f"there and {found.get(name, 'not')} in the file"
-            )
-    model = make()
-    load_model(model, folder, beside)
-    return model
-
-
-def load_model(model: nn.Module, folder: Path, beside: str | None = None) -> dict:
-    """Fill `model` from the file that `fit` wrote, and return its record; the model is left in evaluation mode.
-
-    Args:
-      beside: how the names of tensors begin that are no weights.
-    Raises:
-      InputError: the file is damaged, holds another architecture, or a weight that is not finite.
-    """
-    path = folder / MODEL
-    tensors, record = storage.load_tensors(path, framework="torch")
-    try:
-        model.load_state_dict({k: v for k, v in tensors.items() if beside is None or not k.startswith(beside)})
-    except RuntimeError as error:
-        reason = " ".join(str(error).split())
-        raise checks.InputError(f"{path}: does not fit the architecture of its config: {reason}") from error
-    for name, value in tensors.items():
-        if value.is_floating_point() and not bool(torch.isfinite(value).all()):
-            raise checks.InputError(f"{path}: {name[:80]} holds values that are not finite; fit or train it again")
-    model.to(device()).eval()
-    return record
+    return min(round(spent), round(steps.seconds)) if isinstance(steps, loop_config.Clock) else done
 
 
 def read_log(folder: Path) -> list[dict[str, float]]:
@@ -312,7 +203,7 @@ def _log_row(step: int, terms: dict[str, Tensor], seconds: float, out_dir: Path)
     return {"step": float(step), **values, "seconds": seconds}
 
 
-def _average(model: nn.Module, config: LoopConfig) -> swa_utils.AveragedModel | None:
+def _average(model: nn.Module, config: loop_config.LoopConfig) -> swa_utils.AveragedModel | None:
     """The moving average of parameters and buffers, which starts as the model after its first step; None for none."""
     decay = config.ema
     if decay is None:

@@ -52,10 +52,13 @@ def _reconstruction(experiment: Run) -> dict[str, int]:
     import torch
 
     from ddf.fields import pddf
+    from ddf.models import reconstruction_models, reconstruction_settings
     from ddf.models.encoders import catalogue
-    from ddf.models.reconstruction import reconstruction_models, settings
 
-    train, ddf = experiment.section(settings.TrainConfig), experiment.section(settings.DDFConfig)
+    train, ddf = (
+        experiment.section(reconstruction_settings.TrainConfig),
+        experiment.section(reconstruction_settings.DDFConfig),
+    )
     with torch.device("meta"):
         models = {
             "ddf": reconstruction_models.ddf_model(train, ddf.field),
@@ -68,9 +71,11 @@ def _reconstruction(experiment: Run) -> dict[str, int]:
 
 def _generative(experiment: Run) -> dict[str, int]:
     """Parameters of every model."""
-    from ddf.models.generative import parameter_counts, settings
+    from ddf.models import generative_settings, parameter_counts
 
-    return parameter_counts.count(experiment.section(settings.VAEConfig), experiment.section(settings.GANConfig))
+    return parameter_counts.count(
+        experiment.section(generative_settings.VAEConfig), experiment.section(generative_settings.GANConfig)
+    )
 
 
 def _verdict(path: Path, stages: list[str], parameters: dict[str, int], cost: dict[str, Any] | None = None) -> str:

@@ -10,8 +10,8 @@ import torch
 
 from ddf.core import storage
 from ddf.data import dataset, sampling
-from ddf.fields import pddf
-from ddf.models.reconstruction import reconstruction_models, settings
+from ddf.fields import model_files, pddf
+from ddf.models import loop_config, reconstruction_models, reconstruction_settings
 from ddf.training import training_loop
 from ddf_lab.engine import step_cost
 from ddf_lab.run import Run
@@ -27,8 +27,11 @@ def predict(run: Run, measured: bool) -> dict[str, Any]:
     A category of which all shapes are taken is counted once the stage `dataset` has listed them; until then its
     numbers, and the sums, are null and those `per_shape` hold. Meshes and synthetic renders are not in the bytes.
     """
-    train, drawn = run.section(settings.TrainConfig), run.section(sampling.SamplesConfig)
-    models = {"ddf": run.section(settings.DDFConfig), "pcsiren": run.section(settings.PCSirenConfig)}
+    train, drawn = run.section(reconstruction_settings.TrainConfig), run.section(sampling.SamplesConfig)
+    models = {
+        "ddf": run.section(reconstruction_settings.DDFConfig),
+        "pcsiren": run.section(reconstruction_settings.PCSirenConfig),
+    }
     shapes = count_shapes(run)
     samples = sum(drawn.counts.values())
     per_shape = {"samples": samples, "bytes": samples * SAMPLE_BYTES + drawn.cloud_points * CLOUD_BYTES}
@@ -60,7 +63,7 @@ def count_shapes(run: Run) -> dict[str, int | None]:
     return {name: len(listed[name]["shapes"]) if name in listed else count for name, count in categories.items()}
 
 
-def _parameters(train: settings.TrainConfig, models: dict[str, Any]) -> int:
+def _parameters(train: reconstruction_settings.TrainConfig, models: dict[str, Any]) -> int:
     """Of one DDF model and one PC-SIREN model together."""
     with torch.device("meta"):
         built = (
@@ -70,10 +73,12 @@ def _parameters(train: settings.TrainConfig, models: dict[str, Any]) -> int:
     return sum(pddf.count_parameters(model) for model in built)
 
 
-def _training_time(train: settings.TrainConfig, models: dict[str, Any], in_all: dict[str, int]) -> dict[str, Any]:
+def _training_time(
+    train: reconstruction_settings.TrainConfig, models: dict[str, Any], in_all: dict[str, int]
+) -> dict[str, Any]:
     """Seconds per step of each model, measured on random data, and hours of all steps of all categories."""
     threads = min(train.loop.threads, os.cpu_count() or 1)
-    found: dict[str, Any] = {"device": training_loop.device().type, "threads": threads, "batch_size": train.batch_size}
+    found: dict[str, Any] = {"device": model_files.device().type, "threads": threads, "batch_size": train.batch_size}
     hours = 0.0
     with _as_in_training(dataclasses.replace(train.loop, threads=threads)):
         for name, section in models.items():
@@ -85,7 +90,7 @@ def _training_time(train: settings.TrainConfig, models: dict[str, Any], in_all: 
 
 
 @contextlib.contextmanager
-def _as_in_training(loop: training_loop.LoopConfig) -> Iterator[None]:
+def _as_in_training(loop: loop_config.LoopConfig) -> Iterator[None]:
     """Threads and operators of a training, put back afterwards."""
     threads, deterministic = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
     training_loop.prepare(loop)

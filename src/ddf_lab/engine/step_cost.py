@@ -15,16 +15,16 @@ import torch
 
 from ddf.data.batches import category_data, resident
 from ddf.data.samples import sample_types
+from ddf.fields import model_files
 from ddf.geometry import mesh_io, raycast, transforms
-from ddf.models.reconstruction import reconstruction_models, settings
-from ddf.training import optimisers, training_loop
-from ddf.training.reconstruction import casting, proposed_rays, training_steps
+from ddf.models import loop_config, reconstruction_models, reconstruction_settings
+from ddf.training import casting, optimisers, proposed_rays, training_loop, training_steps
 
 STORED = 20_000  # random samples per shape and type to draw from, as many as the paper stores
 CLOUD_POINTS, FACES = 8_000, 10_000
 MOST_POINTS, MOST_IMAGES = 40_000, 8  # of a trial that is scaled up: about 3 GiB at the paper's widths
 REPEATS = 3
-Section = settings.DDFConfig | settings.PCSirenConfig
+Section = reconstruction_settings.DDFConfig | reconstruction_settings.PCSirenConfig
 
 
 @dataclass(frozen=True)
@@ -93,12 +93,12 @@ def random_scene() -> raycast.Scene:
     return raycast.Scene(mesh_io.Mesh(corners.reshape(-1, 3), np.arange(3 * FACES).reshape(-1, 3)))
 
 
-def trial(train: settings.TrainConfig, config: Section) -> Trial:
+def trial(train: reconstruction_settings.TrainConfig, config: Section) -> Trial:
     """Steps of the model that the section describes, at the sizes of both sections."""
     images, shapes = random_images(train.batch_size, train.image_size), random_shapes(train.batch_size)
-    memory = resident.Memory(training_loop.device())
+    memory = resident.Memory(model_files.device())
     images = memory.images(images)
-    if isinstance(config, settings.DDFConfig):
+    if isinstance(config, reconstruction_settings.DDFConfig):
         ddf, propose = reconstruction_models.ddf_model(train, config.field), None
         samples = memory.samples(random_samples(train.batch_size))
         if config.proposals is not None:
@@ -116,17 +116,17 @@ def trial(train: settings.TrainConfig, config: Section) -> Trial:
 def _trial(
     model: reconstruction_models.ReconstructionModel,
     images: category_data.ImageSet,
-    train: settings.TrainConfig,
-    loop: training_loop.LoopConfig,
+    train: reconstruction_settings.TrainConfig,
+    loop: loop_config.LoopConfig,
     loss: training_loop.StepLoss,
 ) -> Trial:
     model.fit_cameras(images)
-    model.to(training_loop.device()).train()
+    model.to(model_files.device()).train()
     groups = model.parameter_groups()
-    return Trial(model, loss, loop.optimiser(model, groups))
+    return Trial(model, loss, optimisers.of(model, groups, loop))
 
 
-def measure(train: settings.TrainConfig, config: Section) -> StepCost:
+def measure(train: reconstruction_settings.TrainConfig, config: Section) -> StepCost:
     """Seconds of a step on this machine: medians of a few at no more than `MOST_POINTS` points and `MOST_IMAGES`."""
     images = min(train.batch_size, max(2, min(MOST_IMAGES, MOST_POINTS // _points_per_image(config))))
     tried = trial(replace(train, batch_size=images), config)
@@ -138,7 +138,7 @@ def measure(train: settings.TrainConfig, config: Section) -> StepCost:
 
 
 def _points_per_image(config: Section) -> int:
-    if isinstance(config, settings.PCSirenConfig):
+    if isinstance(config, reconstruction_settings.PCSirenConfig):
         return config.points
     proposed = 0 if config.proposals is None else config.proposals.points * config.proposals.directions
     return sum(config.counts.values()) + proposed + (config.mask_pixels or config.mask_size**2)
@@ -152,6 +152,6 @@ def _seconds(work: Callable[[], object]) -> float:
 
 def now() -> float:
     """Seconds on a clock of its own, after all that the device was asked for is done."""
-    if training_loop.device().type == "cuda":
+    if model_files.device().type == "cuda":
         torch.cuda.synchronize()
     return time.perf_counter()

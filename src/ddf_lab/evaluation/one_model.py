@@ -8,7 +8,8 @@ import pandas as pd
 from ddf.core import storage
 from ddf.data import shapenet
 from ddf.data.batches import category_data
-from ddf.models.reconstruction import inference, one_image, settings
+from ddf.models import reconstruction_settings
+from ddf.reconstruction import many_images, one_image
 from ddf_lab.evaluation import groups, scoring
 from ddf_lab.run import Run
 
@@ -36,7 +37,7 @@ def measure(run: Run, label: str, folder: Path, split: str, kind: str = "") -> F
       split: test, validation or train.
       kind: `groups.REAL` or `groups.PROCEDURAL`, these alone.
     """
-    section, index = run.section(settings.PointcloudsConfig), storage.read_json(run.index)
+    section, index = run.section(reconstruction_settings.PointcloudsConfig), storage.read_json(run.index)
     section = dataclasses.replace(section, shape_correction=None, rendered=0)
     dataset, samples = shapenet.Dataset.open(run.index), run.folder("samples")
     group = groups.of_shapes(index, run.category, split)
@@ -45,7 +46,7 @@ def measure(run: Run, label: str, folder: Path, split: str, kind: str = "") -> F
     shown = category_data.available(samples, asked)
     model, size = one_image.load(folder)
     images = category_data.read_images(dataset, run.category, shown, size)
-    tensors, facts = inference.reconstruct_ddf(model, images, section, f"{run.category} {label}")
+    tensors, facts = many_images.reconstruct_ddf(model, images, section, f"{run.category} {label}")
     known = {"camera_true": images.cameras}
     known |= category_data.read_shapes(samples, images.ids).placements(images.shapes)
     arrays = {name: value.numpy() for name, value in (tensors | known).items()}

@@ -10,7 +10,8 @@ from typing import Any
 from ddf.core import storage
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
-from ddf.fit import field_diagnostics, fit_settings, fitting, shape_field
+from ddf.fields import shape_field
+from ddf.fit import field_diagnostics, fit_settings, fitting
 from ddf_lab.figures import figure_fields
 from ddf_lab.report import pages
 

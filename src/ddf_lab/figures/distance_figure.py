@@ -18,12 +18,12 @@ from ddf.data.samples.surface import Surface
 from ddf.data.synthetic import showcase
 from ddf.fields import checked_cloud, framed_field, udf
 from ddf.fields.scenes import scene_field
+from ddf.fields.shape_field import ShapeField
 from ddf.fit import closest_candidates
-from ddf.fit.shape_field import ShapeField
 from ddf.geometry import raycast, rays
 from ddf.geometry.mesh_io import Mesh
+from ddf.models import loop_config
 from ddf.pictures import field_pictures, picture_strips
-from ddf.training import training_loop
 from ddf_lab.figures import figure_fields
 from ddf_lab.report import pages
 
@@ -228,9 +228,9 @@ def _ways(
 def candidate_recipe(config: figure_fields.FiguresConfig) -> closest_candidates.CandidateConfig:
     """g_v in seconds, or as [DDF22] app. D trains it."""
     if config.paper_candidates:
-        loop = training_loop.LoopConfig(schedule="constant", threads=1)
+        loop = loop_config.LoopConfig(schedule="constant", threads=1)
         return closest_candidates.CandidateConfig(loop)
-    loop = training_loop.LoopConfig(1e-3, "cosine", 0, 1.0, 1)
+    loop = loop_config.LoopConfig(1e-3, "cosine", 0, 1.0, 1)
     return closest_candidates.CandidateConfig(loop, config.candidate_steps, 256, omega_first=3.0)
 
 

@@ -9,8 +9,9 @@ from ddf.core import schema, shipped_models
 from ddf.core.schema import fixed, setting
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
-from ddf.fit import fit_settings, fitting, shape_field
-from ddf.fit.shape_field import ShapeField
+from ddf.fields import shape_field
+from ddf.fields.shape_field import ShapeField
+from ddf.fit import fit_settings, fitting
 from ddf.geometry.mesh_io import Mesh
 
 STAND = (0.5, (0.0, -0.74, 0.0))  # scale and place of the rabbit in the room: its feet are on the floor

@@ -10,8 +10,8 @@ import numpy as np
 
 from ddf.data.synthetic import showcase
 from ddf.fields import framed_field, mesh_field
+from ddf.fields.shape_field import ShapeField
 from ddf.fit import inspection
-from ddf.fit.shape_field import ShapeField
 from ddf.geometry import raycast, rays
 from ddf.io import viewer_layout, viewer_page
 from ddf.pictures import field_pictures, picture_strips

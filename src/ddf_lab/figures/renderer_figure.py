@@ -11,8 +11,8 @@ from torch import Tensor
 
 from ddf.data.synthetic import showcase
 from ddf.fit import renderer_fit
+from ddf.models import loop_config
 from ddf.pictures import field_pictures, picture_strips
-from ddf.training import training_loop
 from ddf_lab.figures import figure_fields
 from ddf_lab.report import pages
 
@@ -23,7 +23,7 @@ LOSSES = {"depth and visibility": (0.0, 0.0), "and those of a DDF": (0.5, 0.5)} 
 
 def recipe(steps: int, weights: tuple[float, float]) -> renderer_fit.RendererConfig:
     """On one thread, with Muon for the kernels."""
-    loop = training_loop.LoopConfig(5e-3, "cosine", 50, 1.0, 1, muon_kernels=0.02)
+    loop = loop_config.LoopConfig(5e-3, "cosine", 50, 1.0, 1, muon_kernels=0.02)
     return renderer_fit.RendererConfig(loop, steps, eikonal=weights[0], gradient=weights[1])
 
 

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 
 from ddf.fields import framed_field
 from ddf.fields.scenes import camera_paths, scene_field
-from ddf.fit.shape_field import ShapeField
+from ddf.fields.shape_field import ShapeField
 from ddf.geometry import raycast, rays, transforms
 from ddf.io import viewer_fields, viewer_layout, viewer_page
 from ddf.pictures import field_pictures, picture_strips

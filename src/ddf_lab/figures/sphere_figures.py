@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from ddf.fields import framed_field
-from ddf.fit.shape_field import ShapeField
+from ddf.fields.shape_field import ShapeField
 from ddf.geometry import primitives, rays
 from ddf.pictures import field_pictures, picture_strips
 from ddf_lab.figures import figure_fields

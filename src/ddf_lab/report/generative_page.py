@@ -12,8 +12,8 @@ import torch
 
 from ddf.core import storage
 from ddf.metrics import cloud_scores
-from ddf.models.generative import pictures as picture_arrays
-from ddf.models.generative import settings
+from ddf.models import generative_settings
+from ddf.models import pictures as picture_arrays
 from ddf.pictures import sheets
 from ddf.training import training_loop
 from ddf_lab.evaluation.generative import generative_clouds, generative_images
@@ -63,8 +63,8 @@ class _Results:
     category: str
     scores: Mapping[str, Any]
     pictures: Mapping[str, np.ndarray]
-    gan: settings.GANConfig
-    section: settings.ScoresConfig
+    gan: generative_settings.GANConfig
+    section: generative_settings.ScoresConfig
     logs: Mapping[str, list[dict[str, float]]]
 
     @property
@@ -73,7 +73,7 @@ class _Results:
         return self.scores["distribution"]["prior"]["told_apart"] <= MOST_TOLD_APART
 
 
-def write(run: Run, gan: settings.GANConfig, section: settings.ScoresConfig) -> None:
+def write(run: Run, gan: generative_settings.GANConfig, section: generative_settings.ScoresConfig) -> None:
     """Read the results of the experiment and write the page."""
     evaluated = run.folder("evaluate_generative")
     pictures, _ = storage.load_tensors(evaluated / "pictures.safetensors")

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from ddf.core import guard, shipped_models, storage
-from ddf.training import training_loop
+from ddf.fields import model_files
 from ddf_lab.run import Run
 
 INPUTS = "inputs.json"
@@ -29,7 +29,7 @@ def publish(run: Run, root: Path = Path("reports")) -> Path:
 def shipped(kind: str) -> dict[str, str]:
     """Checksum of every model of a kind that comes with the package, by its name: `field` or `reconstruction`."""
     models = (model for model in shipped_models.listed() if model.kind == kind)
-    return {model.name: storage.checksum(model.folder / training_loop.MODEL) for model in models}
+    return {model.name: storage.checksum(model.folder / model_files.MODEL) for model in models}
 
 
 if __name__ == "__main__":

@@ -14,11 +14,11 @@ from ddf.data import shapenet, splits
 from ddf.data.public import manifest
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
-from ddf.fit import fit_settings, fitting, shape_field, shape_samples
+from ddf.fields import model_files, shape_field
+from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io, transforms
 from ddf.io import onnx_file
-from ddf.models.reconstruction import familiarity, settings
-from ddf.training import training_loop
+from ddf.models import familiarity, reconstruction_settings
 from ddf_lab.evaluation import groups, one_model
 from ddf_lab.run import Run
 from ddf_lab.shipping import shipping
@@ -106,10 +106,10 @@ def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, A
 def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Path) -> dict[str, Any]:
     """Weights, sample images and card of the DDF that the experiment trained on a category; its entry."""
     trained = run.folder("train_ddf", name)
-    if not (trained / training_loop.MODEL).exists():
-        raise FileNotFoundError(f"{trained / training_loop.MODEL}: no trained model; run make train CONFIG={run.file}")
-    train = run.section(settings.TrainConfig)
-    section = run.section(settings.DDFConfig)
+    if not (trained / model_files.MODEL).exists():
+        raise FileNotFoundError(f"{trained / model_files.MODEL}: no trained model; run make train CONFIG={run.file}")
+    train = run.section(reconstruction_settings.TrainConfig)
+    section = run.section(reconstruction_settings.DDFConfig)
     record = {"train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     weights = shipping.write_weights(trained, out, record)
     tests = dataset.test(name)

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from ddf.core import storage
+from ddf.fields import model_files
 from ddf.io import exportable, onnx_file, onnx_parity
-from ddf.training import training_loop
 
 ONNX = "field.onnx"
 CARD = "card.md"
@@ -32,8 +32,8 @@ def write_weights(folder: Path, out: Path, changes: Mapping[str, Any] | None = N
     Args:
       changes: entries of the record to replace.
     """
-    tensors, record = storage.load_tensors(folder / training_loop.MODEL, framework="torch")
-    file = out / training_loop.MODEL
+    tensors, record = storage.load_tensors(folder / model_files.MODEL, framework="torch")
+    file = out / model_files.MODEL
     storage.save_tensors(file, rounded(tensors), record | dict(changes or {}) | {"weights": "float16"})
     return file
 

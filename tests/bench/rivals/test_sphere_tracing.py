@@ -7,7 +7,7 @@ import torch
 from bench.rivals import sphere_tracing
 from ddf.fields import siren
 from ddf.geometry import primitives, raycast, rays
-from ddf.training import training_loop
+from ddf.models import loop_config
 
 RADIUS = 0.6
 LOWER, UPPER = torch.full((3,), -0.65), torch.full((3,), 0.65)
@@ -70,7 +70,7 @@ def test_signed_distances_of_a_mesh_are_those_of_its_sphere():
 
 
 def test_a_trained_network_traces_the_sphere():
-    loop = training_loop.LoopConfig(5e-3, "cosine", 10, 1.0, 1, 0, 50, 1e9)
+    loop = loop_config.LoopConfig(5e-3, "cosine", 10, 1.0, 1, 0, 50, 1e9)
     config = sphere_tracing.DistanceConfig(siren.SineLayout((32, 32), 3.0), loop, points=20_000, batch=512)
     network = sphere_tracing.fit_distance(_shapes.icosphere(3, RADIUS), config, steps=300)
     starts, directions, truth = _rays()

@@ -34,7 +34,7 @@ def test_names_are_listed_and_lazy():
 
 
 def test_a_room_takes_no_public_name():
-    program = "import ddf, ddf.fit.field_file\nassert ddf.fit.__module__ == 'ddf.api.field', ddf.fit"
+    program = "import ddf, ddf.fields.field_file\nassert ddf.fit.__module__ == 'ddf.api.field', ddf.fit"
     subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
 
 

@@ -9,7 +9,7 @@ from _tiny_fits import SECTION
 
 from ddf import cli
 from ddf.core import storage
-from ddf.fit import shape_field
+from ddf.fields import shape_field
 
 pytestmark = pytest.mark.real
 

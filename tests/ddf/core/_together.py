@@ -17,9 +17,8 @@ import torch
 from torch import nn
 
 from ddf.core import checks, distributed, storage
-from ddf.models.reconstruction import reconstruction_models
-from ddf.training import training_loop
-from ddf.training.reconstruction import training_steps
+from ddf.models import reconstruction_models
+from ddf.training import training_loop, training_steps
 
 STEPS, BATCH = 3, 4
 KILLED_AT = 2  # the step before which the process that `KILLED` names dies

@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from ddf.core import checks, distributed, storage
+from ddf.fields import model_files
 from ddf.training import training_loop
 
 
@@ -36,7 +37,7 @@ def runs(tmp_path_factory):
 
 
 def _tensors(folder):
-    return storage.load_tensors(folder / training_loop.MODEL, framework="torch")[0]
+    return storage.load_tensors(folder / model_files.MODEL, framework="torch")[0]
 
 
 def _log(folder):
@@ -80,7 +81,7 @@ def test_two_processes_leave_one_set_of_files(runs):
 
 
 def test_resumed_twice_equals_uninterrupted(runs):
-    for name in (training_loop.MODEL, training_loop.CHECKPOINT):
+    for name in (model_files.MODEL, training_loop.CHECKPOINT):
         assert (runs[1] / "resumed" / name).read_bytes() == (runs[1] / "exact" / name).read_bytes()
 
 
@@ -102,7 +103,7 @@ def test_four_processes_of_which_one_is_killed_end_as_one_process_does(runs, tmp
     _, errors = killed.communicate(timeout=240)
     assert killed.returncode and "SIGKILL" in errors
     _, checkpoint = storage.load_tensors(tmp_path / training_loop.CHECKPOINT, framework="torch")
-    assert checkpoint["step"] == _together.KILLED_AT and not (tmp_path / training_loop.MODEL).exists()
+    assert checkpoint["step"] == _together.KILLED_AT and not (tmp_path / model_files.MODEL).exists()
     again = _torchrun(4, tmp_path, "exact")
     _, errors = again.communicate(timeout=240)
     assert again.returncode == 0, errors

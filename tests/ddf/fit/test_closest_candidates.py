@@ -8,12 +8,12 @@ import torch
 from _support import assert_close
 
 from ddf.core import checks
-from ddf.fields import udf
-from ddf.fit import closest_candidates, shape_field
-from ddf.training import training_loop
+from ddf.fields import shape_field, udf
+from ddf.fit import closest_candidates
+from ddf.models import loop_config
 
 CONFIG = closest_candidates.CandidateConfig(
-    training_loop.LoopConfig(3e-3, "constant", 0, None, 1, 0, 10, 0.0), steps=60, points=64, hidden=(16, 16)
+    loop_config.LoopConfig(3e-3, "constant", 0, None, 1, 0, 10, 0.0), steps=60, points=64, hidden=(16, 16)
 )
 
 

@@ -9,10 +9,11 @@ import torch
 
 from ddf.core import checks, shipped_models
 from ddf.data import shapenet
-from ddf.fields import pddf
-from ddf.fit import completed_surface, completion, latent_prior, shape_field
+from ddf.fields import pddf, shape_field
+from ddf.fit import completed_surface, completion, latent_prior
 from ddf.geometry import scans, transforms
-from ddf.models.reconstruction import familiarity, inference, one_image, trained
+from ddf.models import familiarity, image_encoding, trained
+from ddf.reconstruction import one_image
 
 PLACE = transforms.Similarity(0.4, np.eye(3), np.array([1.0, 0.2, -0.3]))
 QUICK = completion.CompletionConfig(rays=200, draws=32, starts=2, kept=1, steps=40, samples=8)
@@ -91,7 +92,7 @@ def _chair():
     model, size = one_image.load(folder)
     model.requires_grad_(False)
     prior = latent_prior.of(model, trained.known(folder), 32)
-    latent = inference.encode_batch(model, shapenet.read_image(folder / "sample_1.png", size)[None])[1][0]
+    latent = image_encoding.encode_batch(model, shapenet.read_image(folder / "sample_1.png", size)[None])[1][0]
     return (
         model,
         prior,

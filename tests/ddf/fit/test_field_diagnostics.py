@@ -6,8 +6,8 @@ import pytest
 import torch
 from _support import assert_close
 
-from ddf.fields import pddf
-from ddf.fit import field_diagnostics, shape_field
+from ddf.fields import pddf, shape_field
+from ddf.fit import field_diagnostics
 from ddf.geometry import primitives
 
 SPHERE = primitives.Sphere((0.1, 0.0, -0.1), 0.7)

@@ -10,8 +10,8 @@ from _support import assert_close
 from _tiny_fits import TINY
 
 from ddf.core import checks, storage
-from ddf.fields import consistency, pddf
-from ddf.fit import fit_settings, fitting, shape_field, shape_samples
+from ddf.fields import consistency, pddf, shape_field
+from ddf.fit import fit_settings, fitting, shape_samples
 
 
 @pytest.fixture(scope="module")

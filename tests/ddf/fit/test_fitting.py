@@ -15,9 +15,10 @@ from _tiny_fits import TINY
 
 from ddf.core import checks, interrupts, locks, storage
 from ddf.data.samples import sample_types
-from ddf.fields import field_outputs, framed_field, pddf
-from ddf.fit import fit_settings, fitting, shape_field, shape_samples
+from ddf.fields import field_outputs, framed_field, model_files, pddf, shape_field
+from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io, primitives, rays
+from ddf.models import loop_config
 from ddf.training import training_loop
 from ddf_lab.evaluation.shape import fit_errors
 
@@ -28,7 +29,7 @@ SPHERE = dataclasses.replace(
     samples=sample_types.each(10_000),
     held_out=1000,
     batch={"U": 250, "A": 250, "B": 125, "S": 60, "T": 60, "O": 60, "E": 20},
-    loop=training_loop.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
+    loop=loop_config.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
 )
 RADIUS, CENTRE = 3.0, (10.0, -4.0, 2.0)
 
@@ -100,7 +101,7 @@ def test_a_fit_that_a_signal_ends_goes_on_to_the_same_field(tmp_path, monkeypatc
     resumed = fitting.fit(cube(), TINY, tmp_path / "cut")
     assert begun == left and not resumed["already"]
     assert str(resumed["held_out"]) == str(whole["held_out"])  # NaN, where no T sample of a cube sees it, is not itself
-    one, two = (storage.load_tensors(tmp_path / name / training_loop.MODEL)[0] for name in ("whole", "cut"))
+    one, two = (storage.load_tensors(tmp_path / name / model_files.MODEL)[0] for name in ("whole", "cut"))
     assert all(np.array_equal(one[name], two[name]) for name in one)
 
 
@@ -125,8 +126,8 @@ class _Time:
 def test_minutes_are_a_clock_whatever_a_step_takes(tmp_path, monkeypatch):
     config = dataclasses.replace(TINY, steps=None, minutes=0.5)
     time = _Time(monkeypatch, 1.0)
-    rates, rate = [], training_loop.LoopConfig.rate
-    monkeypatch.setattr(training_loop.LoopConfig, "rate", lambda *a: rates.append(rate(*a)) or rates[-1])
+    rates, rate = [], loop_config.LoopConfig.rate
+    monkeypatch.setattr(loop_config.LoopConfig, "rate", lambda *a: rates.append(rate(*a)) or rates[-1])
     quiet = fitting.fit(cube(), config, tmp_path / "quiet")
     assert 28 <= quiet["steps"] <= 30 and quiet["seconds"] == pytest.approx(30, abs=1)
     assert rates[-1] < 0.02 * TINY.loop.learning_rate  # the schedule ends with the time
@@ -168,9 +169,9 @@ def test_a_finished_fit_is_said_at_once_and_more_minutes_go_on(tmp_path, monkeyp
     more = fitting.fit(cube(), dataclasses.replace(config, minutes=1.0), tmp_path)
     assert fewer["already"] and more["seconds"] == pytest.approx(60, abs=1)
     assert more["steps"] == pytest.approx(60, abs=2) and time.now - begun == pytest.approx(30, abs=5)
-    data = bytearray((tmp_path / training_loop.MODEL).read_bytes())
+    data = bytearray((tmp_path / model_files.MODEL).read_bytes())
     data[-1] ^= 1
-    (tmp_path / training_loop.MODEL).write_bytes(data)
+    (tmp_path / model_files.MODEL).write_bytes(data)
     assert not fitting.fit(cube(), config, tmp_path)["already"]  # a damaged field is none
 
 
@@ -180,7 +181,7 @@ def test_two_fits_in_one_folder_and_the_folder_of_another_model_are_refused(tmp_
         pytest.raises(checks.InputError, match=r"another fit \(process \d+\) is at"),
     ):
         fitting.fit(cube(), TINY, tmp_path)
-    (tmp_path / training_loop.MODEL).write_bytes(b"of a category")
+    (tmp_path / model_files.MODEL).write_bytes(b"of a category")
     with pytest.raises(checks.InputError, match="holds a model that no fit wrote"):
         fitting.fit(cube(), TINY, tmp_path)
 
@@ -284,7 +285,7 @@ def test_inner_sheets_are_part_of_the_shape():
 
 def test_file_holds_what_made_it(tmp_path):
     fitting.fit(moved(cube(), 7.0, (1.0, 2.0, 3.0)), TINY, tmp_path, {"cube.obj": "abc"})
-    record = storage.load_metadata(tmp_path / training_loop.MODEL)
+    record = storage.load_metadata(tmp_path / model_files.MODEL)
     assert record["sources"] == {"cube.obj": "abc"}
     assert record["seed"] == 0
     assert "torch" in record["packages"]
@@ -292,7 +293,7 @@ def test_file_holds_what_made_it(tmp_path):
     np.testing.assert_allclose(shape.field_from_mesh.apply(np.array([[8.0, 9.0, 10.0]])), 1 - TINY.margin)
     again = tmp_path / "again"
     fitting.fit(moved(cube(), 7.0, (1.0, 2.0, 3.0)), TINY, again, {"cube.obj": "abc"})
-    assert (again / training_loop.MODEL).read_bytes() == (tmp_path / training_loop.MODEL).read_bytes()
+    assert (again / model_files.MODEL).read_bytes() == (tmp_path / model_files.MODEL).read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -356,7 +357,7 @@ def test_a_flat_start_keeps_depth_above_zero_where_a_random_one_loses_its_gradie
         steps=80,
         samples=sample_types.each(2000),
         batch={"U": 100, "A": 100, "B": 50, "S": 25, "T": 50, "O": 40, "E": 10},
-        loop=training_loop.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
+        loop=loop_config.LoopConfig(1e-2, "cosine", 20, 1.0, 1, 0, 50, 100.0),
     )
     fitting.fit(torus(0.7, 0.3), config, tmp_path)
     held_out, _ = shape_samples.draw_samples(torus(0.7, 0.3), config, sample_types.each(config.held_out), "held_out")

@@ -11,8 +11,9 @@ from PIL import Image
 import ddf
 from ddf import cli
 from ddf.core import checks, storage
+from ddf.fields import shape_field, stored_fields
 from ddf.fields.grid import build, octree, patch_field
-from ddf.fit import kinds, patch_fitting, shape_field
+from ddf.fit import patch_fitting
 from ddf.geometry import mesh_io
 
 
@@ -36,7 +37,7 @@ def test_a_file_answers_as_what_was_written(fitted):
     assert {path.name for path in folder.iterdir()} >= {"model.safetensors", "fit.json", "plan.json"}
     assert json.loads((folder / "fit.json").read_text())["patches"] == result["patches"]
     assert (folder / "model.safetensors").stat().st_size < result["bytes"] + 4000
-    shape = kinds.load(folder)
+    shape = stored_fields.load(folder)
     assert isinstance(shape, patch_field.PatchField) and shape.record["sources"] == {"cube.ply": "0"}
     field = ddf.load(folder)
     assert field.outputs == patch_field.OUTPUTS
@@ -114,14 +115,14 @@ def test_damage_is_named(fitted, tmp_path):
     for changed in ({"codes": arrays["codes"][1:]}, {"codes": codes}, _deep(11), {"cells": arrays["cells"][:-2]}):
         storage.save_tensors(file, arrays | changed, record)
         with pytest.raises(checks.InputError, match=r"model\.safetensors: .*cells and patches do not fit together"):
-            kinds.load(file)
+            stored_fields.load(file)
     storage.save_tensors(file, _deep(10), record)
     assert len(patch_field.load(file).tree.codes) == 1
     wide = {"lower": [-1, -1, -1], "upper": [1, 1, 1 + 1e-6]}
     for odd in ({"box": {}}, {"box": wide}, {"tolerance": 0}, {"tolerance": [1]}, {"field_from_mesh": {"scale": 1}}):
         storage.save_tensors(file, arrays, {**record, **odd})
         with pytest.raises(checks.InputError, match=r"model\.safetensors: its record lacks what a field needs"):
-            kinds.load(file)
+            stored_fields.load(file)
 
 
 def test_the_command_fits_patches_unless_training_is_asked_for(tmp_path, capsys):

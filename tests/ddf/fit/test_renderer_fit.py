@@ -10,13 +10,15 @@ from _support import assert_close
 
 from ddf.core import checks
 from ddf.data.synthetic import showcase
+from ddf.fields import model_files
 from ddf.fields.renderers import depth_renderer
 from ddf.fit import renderer_fit
 from ddf.geometry import primitives, rays
+from ddf.models import loop_config
 from ddf.training import training_loop
 
 SIZE = 12
-LOOP = training_loop.LoopConfig(2e-3, "cosine", 2, 1.0, 1, 0, 1, 100.0)
+LOOP = loop_config.LoopConfig(2e-3, "cosine", 2, 1.0, 1, 0, 1, 100.0)
 TINY = renderer_fit.RendererConfig(
     LOOP, 3, depth_renderer.RendererLayout(8, (4, 4, 4, 4, 4)), images=6, batch=3, regularised=2
 )
@@ -57,7 +59,7 @@ def test_a_training_gives_the_same_renderer_again(config, tmp_path):
     one, other = (renderer_fit.fit(mesh, config, tmp_path / name) for name in "ab")
     assert all(torch.equal(a, b) for a, b in zip(one.parameters(), other.parameters(), strict=True))
     loaded = depth_renderer.DepthRenderer(config.layout)
-    training_loop.load_model(loaded, tmp_path / "a")
+    model_files.load_model(loaded, tmp_path / "a")
     assert all(torch.equal(a, b) for a, b in zip(one.parameters(), loaded.parameters(), strict=True))
     rows = training_loop.read_log(tmp_path / "a")
     assert len(rows) == 3 and ("eikonal" in rows[0]) == bool(config.eikonal)

@@ -9,9 +9,9 @@ from _shapes import icosphere
 from _support import assert_close
 
 from ddf.core import checks
-from ddf.fields import pddf
+from ddf.fields import pddf, shape_field
 from ddf.fields.grid import build, patch_field
-from ddf.fit import fitting, shape_field
+from ddf.fit import fitting
 from ddf.geometry import transforms
 from ddf.io import viewer_fields
 

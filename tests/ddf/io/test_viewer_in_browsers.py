@@ -19,11 +19,12 @@ from ddf.api.field import Field
 from ddf.cli.field import view
 from ddf.core import shipped_models
 from ddf.data import shapenet
-from ddf.fields import checked_cloud
+from ddf.fields import checked_cloud, shape_field
 from ddf.fields.grid import build
-from ddf.fit import patch_fitting, shape_field
+from ddf.fit import patch_fitting
 from ddf.io import viewable, viewer_page
-from ddf.models.reconstruction import framing, inference, one_image, trained
+from ddf.models import image_encoding, trained
+from ddf.reconstruction import framing, one_image
 from ddf_lab.report import pages
 
 pytest.importorskip("playwright.sync_api")
@@ -528,7 +529,7 @@ def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):
     model, image_size = one_image.load(folder)
     pixels = shapenet.read_image(folder / "sample_0.png", image_size)
     with torch.no_grad():
-        _, latent, camera = inference.encode_batch(model, pixels[None])
+        _, latent, camera = image_encoding.encode_batch(model, pixels[None])
         modulations = model.modulations(latent)
     viewer_page.write(tmp_path / "chair.html", viewable.page(folder))
     opened = _open(browser, tmp_path / "chair.html", "size=8&mode=depth")

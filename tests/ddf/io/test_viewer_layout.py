@@ -8,7 +8,7 @@ import pytest
 from _support import assert_close
 
 from ddf.core import checks
-from ddf.fit import shape_field
+from ddf.fields import shape_field
 from ddf.geometry import transforms
 from ddf.io import viewer_fields, viewer_layout
 

@@ -17,7 +17,7 @@ from _support import assert_close
 
 from ddf.core import checks, shipped_models
 from ddf.io import onnx_file, onnx_graphs, onnx_parity, viewable, viewer_page
-from ddf.models.reconstruction import familiarity
+from ddf.models import familiarity
 
 SOURCES = Path(__file__).resolve().parents[3] / "viewer"
 SVG = "http://www.w3.org/2000/svg"  # the name of a namespace, which nothing loads

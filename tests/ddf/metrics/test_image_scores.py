@@ -1,8 +1,5 @@
 """KID against its definition, what it ranks last, and the order of spoiled images."""
 
-import dataclasses
-
-import _generative
 import pytest
 import torch
 from _support import assert_close
@@ -11,10 +8,8 @@ from torch.nn import functional
 from ddf.metrics import image_scores
 
 
-def _section(size, subsets=2):
-    return dataclasses.replace(
-        _generative.SCORES, images=5 * size // 2, subsets=subsets
-    )  # subsets have two fifths: `size`
+def _section(size):
+    return image_scores.Subsets(2, size)
 
 
 def test_kid_is_the_unbiased_mmd_of_the_cubic_kernel():

@@ -8,8 +8,8 @@ import torch
 from _support import assert_close
 from torch import nn
 
-from ddf.training import training_loop
-from ddf.training.generative import gan_steps
+from ddf.fields import model_files
+from ddf.training import gan_steps, training_loop
 
 MODELS = {
     "image": (
@@ -99,7 +99,7 @@ def _fit(name, folder, stop_at=None):
     updates = [*others, stopping]
     groups = model.parameter_groups()
     training_loop.fit(model, groups, updates, 3, _generative.LOOP, folder, {"fingerprint": "x"}, name)
-    return (folder / training_loop.MODEL).read_bytes()
+    return (folder / model_files.MODEL).read_bytes()
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -6,9 +6,10 @@ import pytest
 import torch
 from torch import nn
 
-from ddf.training import plateau, training_loop
+from ddf.models import loop_config
+from ddf.training import optimisers, plateau, training_loop
 
-LOOP = training_loop.LoopConfig(1e-2, "plateau", 0, None, 1, 0, 1, 0.0)
+LOOP = loop_config.LoopConfig(1e-2, "plateau", 0, None, 1, 0, 1, 0.0)
 
 
 def _rows(*means):
@@ -45,15 +46,15 @@ def test_a_resumed_training_has_the_rates_of_an_uninterrupted_one(tmp_path, monk
         for stop in stops:
             model = nn.Linear(1, 1, bias=False)
             nn.init.ones_(model.weight)
-            optimiser = training_loop.LoopConfig.optimiser
+            optimiser = optimisers.of
 
-            def watched(config, *given, made=optimiser):
-                found = made(config, *given)
+            def watched(*given, made=optimiser):
+                found = made(*given)
                 set_rate = found.set_rate
                 found.set_rate = lambda rate: (seen.append(rate), set_rate(rate))
                 return found
 
-            monkeypatch.setattr(training_loop.LoopConfig, "optimiser", watched)
+            monkeypatch.setattr(optimisers, "of", watched)
 
             def loss(step, model=model, stop=stop):
                 if step == stop:
@@ -66,7 +67,7 @@ def test_a_resumed_training_has_the_rates_of_an_uninterrupted_one(tmp_path, monk
                 )
             except KeyboardInterrupt:
                 seen.pop()
-            monkeypatch.setattr(training_loop.LoopConfig, "optimiser", optimiser)
+            monkeypatch.setattr(loop_config.LoopConfig, "optimiser", optimiser)
 
     train(tmp_path / "whole", [None])
     train(tmp_path / "parts", [6, 11, None])

@@ -11,10 +11,10 @@ from ddf.data.batches import category_data
 from ddf.data.samples import sample_batch, sample_types
 from ddf.fields import losses, pddf
 from ddf.geometry import raycast, transforms
-from ddf.models.reconstruction import settings
-from ddf.training.reconstruction import proposed_rays
+from ddf.models import reconstruction_settings
+from ddf.training import proposed_rays
 
-CONFIG = settings.ProposalConfig(20, 6)
+CONFIG = reconstruction_settings.ProposalConfig(20, 6)
 RADII = (0.4, 0.8)
 
 
@@ -116,7 +116,7 @@ def test_same_generator_gives_the_same_rays():
 
 def test_impossible_settings_are_named():
     with pytest.raises(checks.InputError, match="proposals: points must be >= 1; got 0"):
-        config.parse({"points": 0}, settings.ProposalConfig, "ddf.proposals")
+        config.parse({"points": 0}, reconstruction_settings.ProposalConfig, "ddf.proposals")
 
 
 def test_the_loss_reads_depth_and_visibility_of_proposed_rays():

@@ -6,7 +6,7 @@ import pytest
 
 from ddf.core import checks, storage
 from ddf.data.batches import category_data
-from ddf.training.generative import shape_data
+from ddf.training import shape_data
 
 
 def _write(folder, all_ids, sampled):

@@ -12,8 +12,8 @@ from _hand_made import DDF, PCSIREN, TRAIN
 from bench.rivals.plain_loss import plain_loss
 from ddf.fields import rendering
 from ddf.geometry import transforms
-from ddf.models.reconstruction import reconstruction_models
-from ddf.training.reconstruction import training_steps
+from ddf.models import reconstruction_models
+from ddf.training import training_steps
 
 SEEDED = dataclasses.replace(TRAIN, loop=dataclasses.replace(TRAIN.loop, seed=5))
 STEP = 2

@@ -7,10 +7,11 @@ import pytest
 import torch
 
 from ddf.core import checks, storage
-from ddf.fields import passes, siren
+from ddf.fields import model_files, passes, siren
+from ddf.models import loop_config
 from ddf.training import training_loop
 
-CONFIG = training_loop.LoopConfig(1e-2, "cosine", 3, 1.0, 1, 0, 4, 0.0)
+CONFIG = loop_config.LoopConfig(1e-2, "cosine", 3, 1.0, 1, 0, 4, 0.0)
 RECORD = {"fingerprint": "abc", "seed": 0}
 
 
@@ -47,7 +48,7 @@ def test_interrupted_twice_gives_the_same_model_as_uninterrupted(tmp_path, ema):
         with pytest.raises(KeyboardInterrupt):
             _fit(tmp_path / "parts", stop_at=stop, config=config)
     _fit(tmp_path / "parts", config=config)
-    for name in (training_loop.MODEL, training_loop.CHECKPOINT):
+    for name in (model_files.MODEL, training_loop.CHECKPOINT):
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parts" / name).read_bytes()
     logs = [[{**r, "seconds": 0} for r in training_loop.read_log(tmp_path / f)] for f in ("whole", "parts")]
     assert [row["step"] for row in logs[0]] == [4, 8, 12, 16, 20]
@@ -76,7 +77,7 @@ def test_interrupted_training_with_muon_gives_the_same_model(tmp_path):
     fit(tmp_path / "adamw", config=CONFIG)
     model, checkpoint = (
         [(tmp_path / f / name).read_bytes() for f in ("whole", "parts", "adamw")]
-        for name in (training_loop.MODEL, training_loop.CHECKPOINT)
+        for name in (model_files.MODEL, training_loop.CHECKPOINT)
     )
     assert model[0] == model[1] != model[2]
     assert checkpoint[0] == checkpoint[1]
@@ -90,7 +91,7 @@ def test_saved_average_is_that_of_the_models_after_every_step(tmp_path):
     model = _fit(tmp_path / "ema", 5, config=averaged)
     saved, checkpoint = (
         storage.load_tensors(tmp_path / "ema" / name, framework="torch")[0]
-        for name in (training_loop.MODEL, training_loop.CHECKPOINT)
+        for name in (model_files.MODEL, training_loop.CHECKPOINT)
     )
     expected = {name: value.double() for name, value in trained[0].items()}
     for k, state in enumerate(trained[1:], start=1):
@@ -116,33 +117,33 @@ def test_checkpoint_of_another_fingerprint_or_damaged_is_not_resumed(tmp_path, c
     _fit(tmp_path / "b")
     _fit(tmp_path / "a")
     assert "made by another config, data or code; training starts afresh" in caplog.text
-    assert (tmp_path / "a" / training_loop.MODEL).read_bytes() == (tmp_path / "b" / training_loop.MODEL).read_bytes()
+    assert (tmp_path / "a" / model_files.MODEL).read_bytes() == (tmp_path / "b" / model_files.MODEL).read_bytes()
     path = tmp_path / "a" / training_loop.CHECKPOINT
     data = bytearray(path.read_bytes())
     data[-1] ^= 1
     path.write_bytes(data)
     _fit(tmp_path / "a")
     assert str(path) in caplog.text.splitlines()[-1]
-    assert (tmp_path / "a" / training_loop.MODEL).read_bytes() == (tmp_path / "b" / training_loop.MODEL).read_bytes()
+    assert (tmp_path / "a" / model_files.MODEL).read_bytes() == (tmp_path / "b" / model_files.MODEL).read_bytes()
 
 
 def test_finished_training_runs_no_step_again(tmp_path):
     _fit(tmp_path)
-    before = (tmp_path / training_loop.MODEL).read_bytes()
+    before = (tmp_path / model_files.MODEL).read_bytes()
     _fit(tmp_path, stop_at=0)
-    assert (tmp_path / training_loop.MODEL).read_bytes() == before
+    assert (tmp_path / model_files.MODEL).read_bytes() == before
 
 
 def test_model_of_another_architecture_is_refused_by_name(tmp_path):
     _fit(tmp_path)
     other = torch.nn.Linear(3, 1)
     with pytest.raises(checks.InputError, match=r"model.safetensors: does not fit the architecture"):
-        training_loop.load_model(other, tmp_path)
+        model_files.load_model(other, tmp_path)
     model, _ = _problem()
-    record = training_loop.load_model(model, tmp_path)
+    record = model_files.load_model(model, tmp_path)
     assert record["steps"] == 20
     assert not model.training
-    saved, _ = storage.load_tensors(tmp_path / training_loop.MODEL, framework="torch")
+    saved, _ = storage.load_tensors(tmp_path / model_files.MODEL, framework="torch")
     assert torch.equal(dict(model.named_parameters())["0.weight"], saved["0.weight"])
 
 
@@ -210,7 +211,7 @@ def test_interrupted_between_the_updates_of_a_step_gives_the_same_model(tmp_path
     with pytest.raises(KeyboardInterrupt):
         _duel(tmp_path / "parts", stop_at=5)
     _duel(tmp_path / "parts")
-    for name in (training_loop.MODEL, training_loop.CHECKPOINT):
+    for name in (model_files.MODEL, training_loop.CHECKPOINT):
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parts" / name).read_bytes()
 
 
@@ -230,7 +231,7 @@ def test_bad_config_is_refused():
 @pytest.mark.parametrize("matmul", ["float32", "tf32", "bfloat16"])
 def test_products_beside_those_of_bfloat16_are_rounded_on_a_gpu_too(monkeypatch, matmul):
     """On an H200 they took longer in float32 than those of bfloat16 gained."""
-    monkeypatch.setattr(training_loop, "device", lambda: torch.device("cuda"))
+    monkeypatch.setattr(model_files, "device", lambda: torch.device("cuda"))
     monkeypatch.setattr(torch.backends.cudnn, "allow_tf32", True)
     before = torch.get_float32_matmul_precision()
     try:

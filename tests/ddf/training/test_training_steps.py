@@ -8,8 +8,8 @@ import pytest
 import torch
 from _hand_made import DDF, PCSIREN, TRAIN
 
-from ddf.models.reconstruction import reconstruction_models
-from ddf.training.reconstruction import training_steps
+from ddf.models import reconstruction_models
+from ddf.training import training_steps
 
 
 def test_same_step_draws_the_same_batch_and_another_does_not():

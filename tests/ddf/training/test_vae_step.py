@@ -8,10 +8,9 @@ import pytest
 import torch
 from _support import assert_close
 
-from ddf.fields import losses
-from ddf.models.generative import point_encoder
-from ddf.training import training_loop
-from ddf.training.generative import vae_step
+from ddf.fields import losses, model_files
+from ddf.models import point_encoder
+from ddf.training import training_loop, vae_step
 
 SHAPES = _generative.shapes()
 
@@ -26,7 +25,7 @@ def _fit(folder, stop_at=None):
         return vae_step.vae_step(model, SHAPES, step)
 
     training_loop.fit(model, model.parameter_groups(), loss, 4, _generative.LOOP, folder, {"fingerprint": "x"}, "vae")
-    return (folder / training_loop.MODEL).read_bytes()
+    return (folder / model_files.MODEL).read_bytes()
 
 
 def test_two_runs_agree_and_a_resumed_one_equals_an_uninterrupted_one(tmp_path):

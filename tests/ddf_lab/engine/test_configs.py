@@ -10,9 +10,11 @@ from typing import Any
 import pytest
 
 from ddf.core import config, schema
+from ddf.fields import cloud_defaults
 from ddf.fields import pddf as ddf_fields
-from ddf.fit import cloud_defaults, fit_settings
-from ddf.models.reconstruction import one_image, reconstruction_models, settings
+from ddf.fit import fit_settings
+from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.reconstruction import one_image
 from ddf_lab.run import KINDS, SECTIONS, Run, class_of
 
 FILES = [*sorted((Path(__file__).resolve().parents[3] / "configs").glob("*.yaml")), *config.PACKAGED.glob("*.yaml")]
@@ -106,9 +108,9 @@ def _given(own: dict[str, Any], below: dict[str, Any] | None) -> Iterator[tuple[
 
 def test_commands_draw_clouds_as_the_default_experiment_does():
     (path,) = (path for path in CONFIGS if path.stem == "cpu")
-    section = Run.read(path).section(settings.PointcloudsConfig)
+    section = Run.read(path).section(reconstruction_settings.PointcloudsConfig)
     assert section.cloud == cloud_defaults.cloud()
-    assert section.shape_correction == settings.ShapeCorrectionConfig()
+    assert section.shape_correction == reconstruction_settings.ShapeCorrectionConfig()
     assert section.correction == one_image.CAMERA
 
 
@@ -120,8 +122,8 @@ def test_paper_fit_has_the_published_field():
 def test_both_models_have_one_decoder_in_every_file():
     """Layer by layer: only what goes in and what comes out differs, and the encoders are the same."""
     for path in CONFIGS:
-        train = Run.read(path).section(settings.TrainConfig)
-        ddf = reconstruction_models.ddf_model(train, Run.read(path).section(settings.DDFConfig).field)
+        train = Run.read(path).section(reconstruction_settings.TrainConfig)
+        ddf = reconstruction_models.ddf_model(train, Run.read(path).section(reconstruction_settings.DDFConfig).field)
         pcsiren = reconstruction_models.pcsiren_model(train)
         ours, theirs = ddf.decoder.field.network, pcsiren.decoder.network
         assert ours.omegas == theirs.omegas and len(ours.layers) == len(theirs.layers)
@@ -159,8 +161,8 @@ def test_the_papers_way_at_small_sizes_has_the_papers_losses_samples_cameras_and
 
 def test_paper_config_builds_the_published_models():
     path = next(path for path in CONFIGS if path.stem == "paper")
-    train = Run.read(path).section(settings.TrainConfig)
-    ddf_model = reconstruction_models.ddf_model(train, Run.read(path).section(settings.DDFConfig).field)
+    train = Run.read(path).section(reconstruction_settings.TrainConfig)
+    ddf_model = reconstruction_models.ddf_model(train, Run.read(path).section(reconstruction_settings.DDFConfig).field)
     pc_siren = reconstruction_models.pcsiren_model(train)
     assert ddf_fields.count_parameters(ddf_model) == 25_647_367
     assert ddf_fields.count_parameters(pc_siren) == 25_645_574

@@ -9,7 +9,7 @@ import torch
 
 from ddf.data import packing
 from ddf.data.samples import sample_types
-from ddf.models.reconstruction import settings
+from ddf.models import reconstruction_settings
 from ddf_lab.engine import step_cost
 
 
@@ -48,8 +48,8 @@ def test_a_trial_makes_the_steps_of_a_training(kind):
 
 @pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
 def test_a_trial_decays_what_a_training_decays(kind, monkeypatch):
-    monkeypatch.setattr(settings, "WEIGHT_DECAY_SHAPE", 20.0)
-    monkeypatch.setattr(settings, "WEIGHT_DECAY_CAMERA", 10.0)
+    monkeypatch.setattr(reconstruction_settings, "WEIGHT_DECAY_SHAPE", 20.0)
+    monkeypatch.setattr(reconstruction_settings, "WEIGHT_DECAY_CAMERA", 10.0)
     trial = step_cost.trial(_models.TRAIN, _models.DDF if kind == "ddf" else _models.PCSIREN)
     before = {name: parameter.detach().clone() for name, parameter in trial.model.named_parameters()}
     for parameter in trial.model.parameters():
@@ -74,4 +74,4 @@ def test_seconds_of_a_step_are_scaled_from_fewer_images(monkeypatch):
     monkeypatch.setattr(step_cost, "MOST_POINTS", 4 * (sum(_models.DDF.counts.values()) + 20))
     assert step_cost.measure(train, _models.DDF).trial_images == 4
     monkeypatch.setattr(step_cost, "MOST_POINTS", 1)
-    assert step_cost.measure(train, settings.PCSirenConfig(1, 8, 8)).trial_images == 2
+    assert step_cost.measure(train, reconstruction_settings.PCSirenConfig(1, 8, 8)).trial_images == 2

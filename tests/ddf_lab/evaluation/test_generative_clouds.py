@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from ddf.geometry import neighbours
-from ddf.models.generative import pictures
+from ddf.models import pictures
 from ddf_lab.evaluation.generative import generative_clouds
 
 

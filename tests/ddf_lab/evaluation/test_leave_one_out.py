@@ -8,8 +8,8 @@ from _tiny_fits import TINY
 
 from ddf.core import storage
 from ddf.data.samples import sample_types
-from ddf.fields import losses
-from ddf.fit import fitting, shape_field
+from ddf.fields import losses, shape_field
+from ddf.fit import fitting
 from ddf_lab.evaluation.shape import fit_errors, leave_one_out, paper_ablation
 
 CONFIG = dataclasses.replace(TINY, steps=2)

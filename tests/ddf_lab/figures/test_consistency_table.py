@@ -4,7 +4,8 @@ from _shapes import icosphere
 from _tiny_fits import TINY
 
 from ddf.data.samples import sample_types
-from ddf.fit import field_diagnostics, fitting, shape_field
+from ddf.fields import shape_field
+from ddf.fit import field_diagnostics, fitting
 from ddf_lab.figures import consistency_table, figure_fields
 
 

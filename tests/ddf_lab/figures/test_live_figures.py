@@ -5,7 +5,7 @@ import re
 
 import _models
 
-from ddf.fit import shape_field
+from ddf.fields import shape_field
 from ddf_lab.figures import figure_fields, fit_figure, room_figure
 
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from ddf.core import shipped_models
-from ddf.fields import framed_field
+from ddf.fields import framed_field, shape_field
 from ddf.fields.scenes import scene_field
-from ddf.fit import shape_field
 from ddf.geometry import primitives, rays, transforms
 from ddf_lab.figures import room_figure
 

@@ -116,13 +116,13 @@ def _answer(args: argparse.Namespace, mesh: "mesh_io.Mesh", result: dict[str, An
     """The result with how the field looks beside the mesh: a picture, a table and a verdict."""
     from ddf.cli import image_files
     from ddf.core import storage
-    from ddf.fields import mesh_field
-    from ddf.fit import fitting, inspection, kinds
+    from ddf.fields import mesh_field, stored_fields
+    from ddf.fit import fitting, inspection
 
     picture, looks = args.out / inspection.PICTURE, result.get("looks")
     del result["already"]
     if looks is None or not picture.is_file():
-        field = kinds.load(args.out)
+        field = stored_fields.load(args.out)
         truth = mesh_field.beside(field, mesh)
         looks = inspection.measure(field, truth)
         storage.write_bytes(picture, image_files.encode(inspection.picture(field, truth), picture.suffix))

@@ -14,7 +14,7 @@ def framed(path: Path, outputs: Collection[str]) -> "framed_field.FramedField":
     """The field of an ONNX file or of a folder, which gives these outputs and the visibility.
 
     Raises:
-      FileNotFoundError, InputError: as `kinds.load` and `onnx_field.load`.
+      FileNotFoundError, InputError: as `stored_fields.load` and `onnx_field.load`.
     """
     file = path / ONNX if path.is_dir() else path
     if file.suffix == ".onnx" and file.is_file():
@@ -23,6 +23,6 @@ def framed(path: Path, outputs: Collection[str]) -> "framed_field.FramedField":
         found = onnx_field.load(file)
         if file == path or {"visibility", *outputs} <= set(found.outputs):
             return found
-    from ddf.fit import kinds
+    from ddf.fields import stored_fields
 
-    return kinds.load(path)
+    return stored_fields.load(path)

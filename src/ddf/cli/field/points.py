@@ -5,7 +5,7 @@ import time
 from typing import Any
 
 from ddf.cli import arguments
-from ddf.fit import cloud_defaults
+from ddf.fields import cloud_defaults
 
 EXAMPLES = ("ddf points rabbit cloud.ply -n 2000",)
 
@@ -36,12 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Draw the points and write them with the normals that the field gives where it is asked beside them."""
     from ddf.core import storage
-    from ddf.fit import cloud_normals, kinds
+    from ddf.fields import stored_fields
+    from ddf.fit import cloud_normals
     from ddf.geometry import point_io
 
-    shape = kinds.load(args.field)
+    shape = stored_fields.load(args.field)
     started = time.monotonic()
-    points = kinds.points(shape, args.points, args.seed, num_directions=args.directions, cycles=args.cycles)
+    points = stored_fields.points(shape, args.points, args.seed, num_directions=args.directions, cycles=args.cycles)
     normals = None if args.no_normals else cloud_normals.ask(shape, points)
     seconds = time.monotonic() - started
     storage.write_bytes(args.out, point_io.points_ply(points, normals))

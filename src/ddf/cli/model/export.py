@@ -51,15 +51,15 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.out.suffix.lower() == ".html":
         return _page(args)
     from ddf.core import checks
+    from ddf.fields import model_files
     from ddf.io import exportable, onnx_file
-    from ddf.training import training_loop
 
     model, *others = args.model
     if others:
         raise checks.InputError(f"{args.out}: an ONNX file holds one model; give one, or a name that ends in .html")
     settings = onnx_file.ExportConfig(field_outputs.DEFAULT, BATCHES)
     outputs = args.outputs
-    folder = model.parent if model.name == training_loop.MODEL else model
+    folder = model.parent if model.name == model_files.MODEL else model
     graphs, source = exportable.load(folder, outputs)
     name = args.graph or next(iter(graphs))
     if name not in graphs:

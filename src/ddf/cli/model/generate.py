@@ -10,9 +10,9 @@ from ddf.cli import arguments
 if TYPE_CHECKING:
     import torch
 
-    from ddf.fit import shape_field
-    from ddf.models.generative import sampler
+    from ddf.fields import shape_field
     from ddf.pictures import field_pictures, sheets
+    from ddf.reconstruction import sampler
 
 EXAMPLES = (
     "ddf generate chair new_chairs",
@@ -45,9 +45,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Draw latents, write their fields and what they look like."""
     from ddf.cli import image_files
     from ddf.core import shipped_models, storage
-    from ddf.fit import shape_field
-    from ddf.models.generative import normal_images, pictures, sampler
+    from ddf.fields import shape_field
+    from ddf.models import normal_images, pictures
     from ddf.pictures import sheets
+    from ddf.reconstruction import sampler
 
     path = shipped_models.require(args.model, "reconstruction")
     model = sampler.load(path.parent if path.is_file() else path)
@@ -84,7 +85,7 @@ def _look(
 ) -> "dict[str, field_pictures.Picture]":
     """The shape under a lamp and, of an image GAN, its image with that texture."""
     from ddf.fields import framed_field
-    from ddf.models.generative import pictures
+    from ddf.models import pictures
     from ddf.pictures import field_pictures, shaded
 
     camera = (*_CAMERA, framed_field.framing_radius(shape, *_CAMERA))

@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.data.batches import category_data
-from ddf.fields import pddf, rendering
-from ddf.fit import cloud_defaults, shape_field
+from ddf.fields import cloud_defaults, pddf, rendering, shape_field
 from ddf.geometry import neighbours, transforms
 from ddf.metrics import cloud_scores
 

@@ -13,8 +13,8 @@ from ddf.data import shapenet
 from ddf.data.batches import category_data
 from ddf.geometry import cameras, mesh_io, raycast, transforms
 from ddf.metrics import image_scores, texture_consistency
-from ddf.models.generative import image_gans, image_networks, normal_images, pictures, settings
-from ddf.training.generative import gan_steps, image_features
+from ddf.models import generative_settings, image_gans, image_networks, normal_images, pictures
+from ddf.training import gan_steps, image_features
 
 CEILING, OURS, FLAT, MEAN, NOISE = "ceiling", "image GAN", "2D GAN", "mean image", "noise"
 _CHUNK = 100
@@ -58,7 +58,7 @@ def scores(
     network: image_features.FeatureNetwork,
     images: category_data.ImageSet,
     made: dict[str, Float[Tensor, "_ 3 h w"]],
-    section: settings.ScoresConfig,
+    section: generative_settings.ScoresConfig,
 ) -> dict[str, Any]:
     """KID and, with Inception's weights, FID, of models, bounds and spoiled images.
 
@@ -70,13 +70,18 @@ def scores(
     sets = {CEILING: ceiling, **made, MEAN: real.mean(dim=0).expand_as(real), NOISE: noise}
     spoiled = image_scores.spoiled(ceiling, section.seed)
     features = {name: network.features(values) for name, values in {**sets, **spoiled}.items()}
-    found = image_scores.table(features, network.features(real), section)
+    subsets = image_scores.Subsets(section.subsets, section.subset_size, section.seed)
+    found = image_scores.table(features, network.features(real), subsets)
     fid = {name: image_scores.inception_fid(values, real, section.inception_weights) for name, values in sets.items()}
     return {**found, "fid": fid, "real": len(real), "spoiled": list(spoiled)}
 
 
 def consistency(
-    model: image_gans.ImageGAN, dataset: shapenet.Dataset, category: str, ids: list[str], section: settings.ScoresConfig
+    model: image_gans.ImageGAN,
+    dataset: shapenet.Dataset,
+    category: str,
+    ids: list[str],
+    section: generative_settings.ScoresConfig,
 ) -> dict[str, Any]:
     """Errors of `texture_consistency` between neighbouring cameras around random shapes.
 

@@ -5,8 +5,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.data.batches import category_data
-from ddf.models.generative import image_gans, normal_images, pictures, settings
-from ddf.training.generative import gan_steps
+from ddf.models import generative_settings, image_gans, normal_images, pictures
+from ddf.training import gan_steps
 from ddf_lab.evaluation.generative import generative_images
 
 GRID = 5  # shapes and textures of the interpolation
@@ -19,7 +19,7 @@ def draw(
     images: category_data.ImageSet,
     sampled: category_data.ImageSet,
     nearest: list[str],
-    section: settings.ScoresConfig,
+    section: generative_settings.ScoresConfig,
 ) -> dict[str, Float[Tensor, "_ 3 h w"]]:
     """Images by the name of their picture: normals in [-1, 1], colours in [0, 1].
 

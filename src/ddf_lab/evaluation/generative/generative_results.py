@@ -7,13 +7,15 @@ from torch import Tensor
 
 from ddf.data import shapenet
 from ddf.data.batches import category_data
-from ddf.models.generative import image_gans, normal_images, pictures, settings, shape_vae
-from ddf.training.generative import image_features, shape_data
+from ddf.models import generative_settings, image_gans, normal_images, pictures, shape_vae
+from ddf.training import image_features, shape_data
 from ddf_lab.evaluation.generative import generative_clouds, generative_images, generative_pictures, held_out
 from ddf_lab.run import Run
 
 
-def measure(run: Run, section: settings.ScoresConfig) -> tuple[dict[str, Any], dict[str, Float[Tensor, "_ 3 h w"]]]:
+def measure(
+    run: Run, section: generative_settings.ScoresConfig
+) -> tuple[dict[str, Any], dict[str, Float[Tensor, "_ 3 h w"]]]:
     """The numbers of the page, and the images of its pictures by name."""
     vae, gan = shape_vae.load(run.folder("train_vae")), image_gans.load(run.folder("train_gan"))
     rival, data = image_gans.load_2d(run.folder("train_gan2d")), (run.index, run.folder("samples"), run.category)
@@ -35,7 +37,7 @@ def measure(run: Run, section: settings.ScoresConfig) -> tuple[dict[str, Any], d
 
 
 def of_shapes(
-    vae: shape_vae.ShapeVAE, parts: shape_data.Parts, run: Run, section: settings.ScoresConfig
+    vae: shape_vae.ShapeVAE, parts: shape_data.Parts, run: Run, section: generative_settings.ScoresConfig
 ) -> dict[str, Any]:
     """Held-out shapes encoded and optimised, the divergence, and samples of the prior beside learned shapes."""
     samples = run.folder("samples")

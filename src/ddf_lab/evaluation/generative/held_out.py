@@ -18,9 +18,8 @@ from ddf.data import packing
 from ddf.data.samples import sample_types
 from ddf.fields import losses, rendering
 from ddf.fit import fitting, shape_samples
-from ddf.models.generative import point_encoder, settings, shape_vae
-from ddf.training import training_loop
-from ddf.training.generative import shape_data
+from ddf.models import generative_settings, point_encoder, shape_vae
+from ddf.training import shape_data, training_loop
 
 SAMPLES = 1000  # of each type of a held-out shape, that errors are measured on
 
@@ -45,7 +44,7 @@ class Latents(nn.Module):
 
 
 def auto_decode(
-    model: shape_vae.ShapeVAE, shapes: shape_data.Shapes, section: settings.ScoresConfig, folder: Path
+    model: shape_vae.ShapeVAE, shapes: shape_data.Shapes, section: generative_settings.ScoresConfig, folder: Path
 ) -> Float[Tensor, "n z"]:
     """Latents that Adam finds for the frozen decoder, by the VAE's shape loss on samples of each shape."""
     vae, place = model.config, model.field_scale.device
@@ -59,7 +58,7 @@ def auto_decode(
         loss, _ = losses.shape_loss(model.decoder.field, points, modulations, vae.weights)
         return loss, {}
 
-    loop = settings.auto_loop(section)
+    loop = generative_settings.auto_loop(section)
     weights = b"".join(value.cpu().numpy().tobytes() for value in model.state_dict().values())
     facts = [section.auto_steps, loop, vae, list(shapes.ids), hashlib.sha256(weights).hexdigest()]
     record = provenance.record(facts, section.seed, (), __name__)

@@ -8,9 +8,10 @@ import torch
 
 from ddf.core import checks
 from ddf.data import shapenet
-from ddf.fit import shape_field
+from ddf.fields import shape_field
 from ddf.io import viewer_layout, viewer_page
-from ddf.models.reconstruction import inference, one_image
+from ddf.models import image_encoding
+from ddf.reconstruction import one_image
 from ddf_lab.report.experiment import example_strips
 from ddf_lab.report.experiment.stage_results import Results
 from ddf_lab.run import Run
@@ -56,7 +57,7 @@ def page(
     for name, image in images.items():
         pixels = shapenet.read_image(shapenet.image_path(*root, *image), image_size)
         with torch.no_grad():
-            _, latent, _ = inference.encode_batch(model, pixels[None])
+            _, latent, _ = image_encoding.encode_batch(model, pixels[None])
             modulations = [values[0] for values in model.modulations(latent)]
         shapes.append((name, shape_field.conditioned(model.field, modulations, 1.0)))
     return viewer_layout.row_page(f"{category.capitalize()}: {', '.join(NAMES)}", shapes, about=_ABOUT)

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from ddf.core import provenance, storage
-from ddf.fit import field_diagnostics, fit_settings, fitting, shape_field
+from ddf.fields import model_files, shape_field
+from ddf.fit import field_diagnostics, fit_settings, fitting
 from ddf.geometry import mesh_io
-from ddf.training import training_loop
 from ddf_lab.evaluation.shape import fit_errors
 from ddf_lab.report.shape import shape_views
 
@@ -21,7 +21,7 @@ def write(mesh: mesh_io.Mesh, fit: fit_settings.FitConfig, out_dir: Path) -> Non
     """
     shape = shape_field.load(out_dir)
     held_out = storage.read_json(out_dir / fitting.METRICS)["held_out"]
-    model, seed = out_dir / training_loop.MODEL, fit.loop.seed
+    model, seed = out_dir / model_files.MODEL, fit.loop.seed
     record = provenance.record([fit], seed, [model], __name__)
     storage.save_table(out_dir / fit_errors.FIT, fit_errors.fit_table(held_out), record)
     storage.write_json(out_dir / DIAGNOSTICS, field_diagnostics.measure(shape, RAYS, seed))

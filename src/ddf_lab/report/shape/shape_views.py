@@ -14,7 +14,7 @@ from jaxtyping import Float
 from ddf.core import seeding
 from ddf.data.samples.surface import Surface
 from ddf.fields import field_values, framed_field
-from ddf.fit.shape_field import ShapeField
+from ddf.fields.shape_field import ShapeField
 from ddf.geometry import raycast, rays, sphere
 from ddf.geometry.mesh_io import Mesh
 from ddf.pictures import field_pictures, picture_strips

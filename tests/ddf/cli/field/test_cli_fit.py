@@ -11,8 +11,8 @@ from _tiny_fits import SECTION
 from ddf import cli
 from ddf.cli.field import fit
 from ddf.core import config
-from ddf.fields import pddf
-from ddf.fit import fit_settings, fitting, inspection, shape_field
+from ddf.fields import pddf, shape_field
+from ddf.fit import fit_settings, fitting, inspection
 from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[4]

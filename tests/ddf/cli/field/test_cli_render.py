@@ -10,8 +10,7 @@ from PIL import Image, ImageSequence
 
 from ddf import cli
 from ddf.core import shipped_models
-from ddf.fields import field_outputs, framed_field
-from ddf.fit import shape_field
+from ddf.fields import field_outputs, framed_field, shape_field
 from ddf.geometry import rays
 
 ROOT = Path(__file__).resolve().parents[4]

@@ -7,8 +7,7 @@ import pytest
 from ddf import cli
 from ddf.cli.model import export
 from ddf.core import storage
-from ddf.fields import field_outputs
-from ddf.training import training_loop
+from ddf.fields import field_outputs, model_files
 
 
 @pytest.fixture(autouse=True)
@@ -22,7 +21,7 @@ def _export(*arguments):
 
 def test_export_reports_parity_and_opset(tmp_path, capsys):
     folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "field.onnx"
-    assert _export(folder / training_loop.MODEL, out) == 0
+    assert _export(folder / model_files.MODEL, out) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["opset"] == 18
     assert set(result["parity"]) == set(field_outputs.of(2))
@@ -80,7 +79,7 @@ def _rename_kind(path):
 )
 def test_unusable_input_is_one_line_and_leaves_nothing(spoil, arguments, message, tmp_path, capsys):
     folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "field.onnx"
-    spoil(folder / training_loop.MODEL)
+    spoil(folder / model_files.MODEL)
     assert _export(folder, out, *arguments) == 2
     error = capsys.readouterr().err
     assert message in error

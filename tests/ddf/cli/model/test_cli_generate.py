@@ -11,14 +11,14 @@ from PIL import Image
 import ddf
 from ddf import cli
 from ddf.core import storage
-from ddf.models.generative import image_gans, shape_vae
-from ddf.training import training_loop
+from ddf.fields import model_files
+from ddf.models import image_gans, shape_vae
 
 
 def _write(folder, kind):
     record = {"kind": kind, "vae": dataclasses.asdict(_generative.VAE), "gan": dataclasses.asdict(_generative.GAN)}
     model = _generative.image_gan() if kind == image_gans.KIND else _generative.vae()
-    storage.save_tensors(folder / training_loop.MODEL, dict(model.state_dict()), record)
+    storage.save_tensors(folder / model_files.MODEL, dict(model.state_dict()), record)
     return str(folder)
 
 
@@ -42,7 +42,7 @@ def test_samples_of_an_image_gan_open_as_fields(tmp_path, capsys):
     assert field.query(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), ("visibility",))["visibility"].shape == (1,)
     again = _run(capsys, model, str(tmp_path / "again"), "-n", "1", "--seed", "3")
     assert again["sheets"] == ["samples.webp"]
-    first, second = (tmp_path / folder / "000" / training_loop.MODEL for folder in ("out", "again"))
+    first, second = (tmp_path / folder / "000" / model_files.MODEL for folder in ("out", "again"))
     assert first.read_bytes() == second.read_bytes()
 
 
@@ -64,7 +64,7 @@ def test_a_vae_has_shapes_alone(tmp_path, capsys):
 )
 def test_what_is_no_model_is_told_in_a_line(tmp_path, capsys, kind, said):
     if kind:
-        storage.save_tensors(tmp_path / "model" / training_loop.MODEL, {"x": np.zeros(1)}, {"kind": kind})
+        storage.save_tensors(tmp_path / "model" / model_files.MODEL, {"x": np.zeros(1)}, {"kind": kind})
     error = _run(capsys, str(tmp_path / "model"), str(tmp_path / "out"))
     assert said in error and error.count("\n") == 1
 

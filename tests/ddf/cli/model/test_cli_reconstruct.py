@@ -11,11 +11,10 @@ import ddf
 from ddf import cli
 from ddf.core import provenance, shipped_models, storage
 from ddf.data import cutouts, mesh_topology
-from ddf.fields import cloud_projection
-from ddf.fit import cloud_defaults
+from ddf.fields import cloud_defaults, cloud_projection, model_files
 from ddf.geometry import mesh_io, point_io
-from ddf.models.reconstruction import camera_correction, familiarity, framing, one_image, scales
-from ddf.training import training_loop
+from ddf.models import familiarity
+from ddf.reconstruction import camera_correction, framing, one_image, scales
 
 
 @pytest.fixture
@@ -69,7 +68,7 @@ def _known(path, model_dir, count=3):
     images = torch.rand(count, 4, 32, 32, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
         features = model.shape_encoder.features(images)
-    record = provenance.record("x", 0, [model_dir / training_loop.MODEL])
+    record = provenance.record("x", 0, [model_dir / model_files.MODEL])
     storage.save_tensors(path / "ddf.safetensors", {"train_features": features}, record)
     return path
 
@@ -120,8 +119,8 @@ def test_unusable_image_is_one_line_and_exit_2(make, message, model_dir, tmp_pat
 def test_folder_without_a_ddf_model_is_refused(model_dir, tmp_path, capsys):
     image = _image(tmp_path / "image.png")
     assert cli.main(["reconstruct", str(image), str(tmp_path / "nothing"), str(tmp_path / "out")]) == 2
-    tensors, record = storage.load_tensors(model_dir / training_loop.MODEL)
-    storage.save_tensors(model_dir / training_loop.MODEL, tensors, {**record, "kind": "pcsiren"})
+    tensors, record = storage.load_tensors(model_dir / model_files.MODEL)
+    storage.save_tensors(model_dir / model_files.MODEL, tensors, {**record, "kind": "pcsiren"})
     assert cli.main(["reconstruct", str(image), str(model_dir), str(tmp_path / "out")]) == 2
     assert "holds no DDF model" in capsys.readouterr().err
 
@@ -138,7 +137,7 @@ def test_several_images_get_a_folder_each(model_dir, tmp_path, capsys):
 
 
 def test_the_verdict_is_a_sentence(model_dir, tmp_path, monkeypatch):
-    image, path = _image(tmp_path / "image.png"), model_dir / training_loop.MODEL
+    image, path = _image(tmp_path / "image.png"), model_dir / model_files.MODEL
     assert ddf.reconstruct(image, model_dir, n=20).verdict.startswith("the model does not say")
     tensors, record = storage.load_tensors(path, "torch")
     model, _ = one_image.load(model_dir)

@@ -12,8 +12,8 @@ from _hand_made import COUNTS, DDF, PCSIREN, TRAIN
 from ddf.data.batches import category_data, resident
 from ddf.geometry import mesh_io, raycast
 from ddf.geometry.gpu import meshes
-from ddf.models.reconstruction import reconstruction_models, settings
-from ddf.training.reconstruction import casting, proposed_rays, training_steps
+from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.training import casting, proposed_rays, training_steps
 
 CPU = torch.device("cpu")
 
@@ -111,7 +111,7 @@ def propose():
     flat = mesh_io.Mesh(flat.vertices, np.concatenate([flat.faces, [[0, 0, 1]]]))
     scenes = [raycast.Scene(_shapes.icosphere(1, 0.4)), raycast.Scene(flat)]
     caster = proposed_rays.HostCaster(scenes)
-    return proposed_rays.Proposer(_hand_made.shapes(), caster, settings.ProposalConfig(4, 2))
+    return proposed_rays.Proposer(_hand_made.shapes(), caster, reconstruction_settings.ProposalConfig(4, 2))
 
 
 def test_rays_are_cast_where_the_meshes_lie(roomy, propose, monkeypatch, caplog):

@@ -10,8 +10,8 @@ import torch
 from ddf.core import checks, storage
 from ddf.data.batches import category_data, training_scenes
 from ddf.geometry import mesh_io, transforms
-from ddf.models.reconstruction import settings
-from ddf.training.reconstruction import casting
+from ddf.models import reconstruction_settings
+from ddf.training import casting
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_scenes_are_in_the_order_asked_for_however_few_packs_are_open(packs, mon
 
 def test_meshes_are_read_where_rays_are_proposed_alone(packs):
     shapes = category_data.ShapeSet(["c", "a"], [transforms.Similarity(1.0)] * 2, [torch.zeros(5, 3)] * 2)
-    proposals = settings.ProposalConfig(4, 2)
+    proposals = reconstruction_settings.ProposalConfig(4, 2)
     propose, files = casting.read(packs, shapes, proposals)
     assert propose is not None and (propose.config, files) == (proposals, sorted(packs.glob("*.zip")))
     assert casting.read(packs / "none", shapes, None) == (None, [])

@@ -9,8 +9,8 @@ from _support import assert_close
 
 from ddf.core import checks
 from ddf.data.batches import category_data, varied_images
-from ddf.models.reconstruction import settings
-from ddf.training.reconstruction import training_steps
+from ddf.models import reconstruction_settings
+from ddf.training import training_steps
 
 OFF: dict[str, float] = {"colour": 0.0, "blur": 0.0, "shift": 0.0, "alpha": 0.0}
 ON: dict[str, float] = {"colour": 0.4, "blur": 0.8, "shift": 1.5, "alpha": 0.4}
@@ -119,9 +119,9 @@ def test_processes_draw_the_numbers_of_all():
 def test_changes_out_of_range_are_named(name):
     for value in (-0.1, 9.0, float("nan")):
         with pytest.raises(checks.InputError, match=rf"augmentation\.{name} must be in \[0,"):
-            settings.TrainConfig(augmentation={**OFF, name: value})
+            reconstruction_settings.TrainConfig(augmentation={**OFF, name: value})
     with pytest.raises(checks.InputError, match=r"augmentation: unknown name 'color'; .*\(did you mean colour\?\)"):
-        settings.TrainConfig(augmentation={"color": 0.1})
+        reconstruction_settings.TrainConfig(augmentation={"color": 0.1})
 
 
 def test_batches_differ_by_step_and_repeat_and_leave_rows_as_they_are_without():
@@ -129,7 +129,7 @@ def test_batches_differ_by_step_and_repeat_and_leave_rows_as_they_are_without():
     for image in _images(8):
         file.append(image)
     images = category_data.ImageSet(["a"], [0] * 8, np.zeros(8, dtype=int), file, torch.zeros(8, 3))
-    plain = settings.TrainConfig(batch_size=4)
+    plain = reconstruction_settings.TrainConfig(batch_size=4)
     varied = dataclasses.replace(plain, augmentation=ON)
     first, again, other = (training_steps.Batch.draw(images, varied, step) for step in (0, 0, 1))
     assert torch.equal(first.images, again.images) and not torch.equal(first.images, other.images)

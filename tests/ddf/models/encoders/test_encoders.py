@@ -11,8 +11,8 @@ from torch import nn
 
 from ddf.core import checks
 from ddf.io import onnx_file, onnx_graphs, onnx_parity
+from ddf.models import familiarity, image_encoding, reconstruction_models
 from ddf.models.encoders import catalogue, convnext
-from ddf.models.reconstruction import familiarity, inference, reconstruction_models
 
 
 def _model(name):
@@ -27,7 +27,7 @@ def _model(name):
 def test_encoder_learns_a_latent_and_tells_its_stages(name):
     images = torch.rand(6, 4, 32, 32, generator=torch.Generator().manual_seed(0))
     model = _model(name)
-    stages, latents, cameras = inference.encode_batch(model.eval(), images)
+    stages, latents, cameras = image_encoding.encode_batch(model.eval(), images)
     assert latents.shape == (6, 6) and cameras.shape == (6, 3)
     torch.testing.assert_close(model.shape_encoder(images), latents)
     torch.testing.assert_close(model.shape_encoder.fc(stages[-1]), latents)

@@ -15,7 +15,7 @@ from _fake_experiment import FakeExperiment
 from _support import assert_close
 
 from ddf.data import shapenet
-from ddf.fit import shape_field
+from ddf.fields import shape_field
 from ddf.io import viewer_fields
 from ddf_lab.evaluation import scoring
 from ddf_lab.report.experiment import example_strips, live_shapes, stage_results

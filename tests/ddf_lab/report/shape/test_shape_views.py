@@ -10,8 +10,7 @@ from _shapes import icosphere, joined
 from _support import assert_close
 from PIL import Image
 
-from ddf.fields import framed_field
-from ddf.fit import shape_field
+from ddf.fields import framed_field, shape_field
 from ddf.geometry import mesh_io, primitives, raycast, rays
 from ddf.pictures import field_pictures
 from ddf_lab.report.shape import shape_views

@@ -1,0 +1,124 @@
+"""A field fitted to one shape: its file, and how torch evaluates it; what it can be asked for is in `framed_field`."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf.core import checks, storage
+from ddf.fields import cloud_projection, field_file, field_outputs, field_values, framed_field, model_files, rendering
+from ddf.fields.pddf import PDDF, PDDFConfig, baked
+from ddf.geometry import transforms
+
+NEEDED = ("hidden", "omega_first", "omega_hidden", "depth_activation", "depth_sharpness")  # of a field's record
+
+
+@dataclass(frozen=True)
+class ShapeField:
+    """A trained field, its box (field frame), the map to its frame, and the record of its file.
+
+    modulations: of a conditional field, one a layer: those of the shape; None of a field of one shape alone.
+    """
+
+    field: PDDF
+    lower: Float[np.ndarray, "3"]
+    upper: Float[np.ndarray, "3"]
+    field_from_mesh: transforms.Similarity
+    record: dict[str, Any]
+    modulations: Sequence[Float[Tensor, "1 _"]] | None = None
+
+    @property
+    def parameters(self) -> int:
+        """Numbers that make the field."""
+        return sum(each.numel() for each in self.field.parameters())
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Those of a field of so many components."""
+        return field_outputs.of(self.field.config.components)
+
+    @property
+    def scalar(self) -> Float[Tensor, ""]:
+        """Cameras are computed by torch."""
+        return torch.zeros((), dtype=torch.float64)
+
+    @torch.no_grad()
+    def evaluate(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
+    ) -> dict[str, Float[np.ndarray, "n ..."]]:
+        """Named outputs inside the box, field frame, in the network's own type."""
+        weight = self.field.network.head.weight
+        inside, looking = (torch.from_numpy(values).to(weight) for values in (positions, directions))
+        found = field_values.evaluate(self.field, inside, looking, outputs, self.modulations)
+        return {name: values.cpu().numpy() for name, values in found.items()}
+
+
+def description(
+    config: PDDFConfig,
+    lower: Float[np.ndarray, "3"],
+    upper: Float[np.ndarray, "3"],
+    field_from_mesh: transforms.Similarity,
+) -> dict[str, Any]:
+    """What the record of a field file must hold for `load`, besides what every artefact carries."""
+    return {
+        "kind": field_file.KIND,
+        "field": asdict(config),
+        "box": {"lower": lower.tolist(), "upper": upper.tolist()},
+        "field_from_mesh": field_from_mesh.to_dict(),
+    }
+
+
+def conditioned(field: PDDF, modulations: Sequence[Float[Tensor, "1 _"]] | None, v1_from_field: float) -> ShapeField:
+    """A conditional field of one shape: its box is the cube, the frame of the mesh is v1 (`transforms`)."""
+    upper = np.full(3, rendering.CUBE_HALF)
+    return ShapeField(field, -upper, upper, transforms.Similarity(1 / v1_from_field), {}, modulations)
+
+
+def save(shape: ShapeField, folder: Path, record: dict[str, Any]) -> Path:
+    """A field as `ddf fit` writes it, modulations folded in; its file.
+
+    Args:
+      record: fingerprint, seed and sources.
+    """
+    field = shape.field if shape.modulations is None else baked(shape.field, shape.modulations)
+    described = description(field.config, shape.lower, shape.upper, shape.field_from_mesh)
+    path = folder / field_file.MODEL
+    storage.save_tensors(path, dict(field.state_dict()), {**record, **described})
+    return path
+
+
+def load(path: Path) -> ShapeField:
+    """A field from its file, or from the folder that `ddf fit` wrote, in evaluation mode.
+
+    Raises:
+      FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
+    """
+    from ddf.core import config  # takes yaml, which inference does without
+
+    stored = field_file.read(path)
+    with framed_field.record_of(stored.file):
+        how = config.recorded(stored.record["field"], PDDFConfig, "field", NEEDED)
+    field = model_files.built(lambda: PDDF(how), stored.file.parent)
+    return ShapeField(field, stored.lower, stored.upper, stored.field_from_mesh, stored.record)
+
+
+@torch.no_grad()
+def cloud(
+    shape: ShapeField, count: int, config: cloud_projection.CloudConfig, seed: int = 0
+) -> Float[np.ndarray, "count 3"]:
+    """Points on the surface, mesh frame: points of the box projected N_H times.
+
+    As `cloud_projection.sample`, with B the field's own box.
+    """
+    if count < 1:
+        raise checks.InputError(f"the number of points must be >= 1; got {count}")
+    generator = torch.Generator(shape.field.network.head.weight.device).manual_seed(seed)
+    box = (shape.lower.tolist(), shape.upper.tolist())
+    cycles = cloud_projection.sample(shape.field, shape.modulations, count, config, generator, box)
+    (kept,) = cloud_projection.select(cycles, [count], config)
+    return shape.field_from_mesh.inverse().apply(kept.double().cpu().numpy())

@@ -1,0 +1,64 @@
+"""Fields of one shape by their files, of either kind: a sine network's (`shape_field`), patches (`patch_field`).
+
+What only the other kind needs is not imported.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from jaxtyping import Float
+
+from ddf.core import storage
+from ddf.fields import cloud_defaults, field_file
+
+if TYPE_CHECKING:
+    from ddf.fields import shape_field
+    from ddf.fields.grid import patch_field
+
+
+def load(path: Path) -> "shape_field.ShapeField | patch_field.PatchField":
+    """A field from its file, or from the folder that `ddf fit` wrote.
+
+    Raises:
+      FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
+    """
+    file = path if path.name == field_file.MODEL else path / field_file.MODEL
+    if file.is_file() and storage.load_metadata(file).get("kind") == field_file.PATCHES:
+        from ddf.fields.grid import patch_field
+
+        return patch_field.load(file)
+    field_file.read(path)  # what is no field is told before torch is asked for
+    from ddf.fields import shape_field
+
+    return shape_field.load(path)
+
+
+def save(shape: "shape_field.ShapeField | patch_field.PatchField", folder: Path) -> Path:
+    """Write a field's file into a folder, as `ddf fit` does."""
+    own = {name: value for name, value in shape.record.items() if name != "checksum"}  # it is of the old file
+    record = {"fingerprint": "", "seed": 0, "sources": {}, **own}
+    if record.get("kind") == field_file.PATCHES:
+        path = folder / field_file.MODEL
+        storage.save_tensors(path, cast("patch_field.PatchField", shape).arrays, record)
+        return path
+    from ddf.fields import shape_field
+
+    return shape_field.save(cast(shape_field.ShapeField, shape), folder, record)
+
+
+def points(
+    shape: "shape_field.ShapeField | patch_field.PatchField", count: int, seed: int = 0, **changed: int
+) -> Float[np.ndarray, "count 3"]:
+    """Points on the surface, mesh frame: a network's by projection, patches' by area.
+
+    Args:
+      changed: of `cloud_defaults.cloud`, for networks.
+    Raises:
+      InputError: a count below 1, or a setting that does not do.
+    """
+    if shape.record.get("kind") == field_file.PATCHES:
+        return cast("patch_field.PatchField", shape).points(count, seed)
+    from ddf.fields import shape_field
+
+    return shape_field.cloud(cast(shape_field.ShapeField, shape), count, cloud_defaults.cloud(**changed), seed)

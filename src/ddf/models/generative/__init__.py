@@ -1,1 +1,0 @@
-"""The shape VAE and the image GANs. [DDF22] §4.4."""

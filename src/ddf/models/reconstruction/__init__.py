@@ -1,1 +1,0 @@
-"""Single-image 3D reconstruction: encoders, DDF and PC-SIREN, inference. [DDF22] §4.3."""

@@ -1,0 +1,330 @@
+"""From trained models and images to clouds, cameras and renders: the artefact that the evaluation reads.
+
+Clouds are in the field frame. `scale` maps the field to the v1 frame: the truth's from the data set, the prediction's
+as 1 / (diagonal of its cloud's box), since v1 shapes have diagonal 1 ([DDF22] app. E).
+"""
+
+import functools
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+import tqdm
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf.core import notes, seeding
+from ddf.data.batches import category_data
+from ddf.fields import cloud_projection, field_outputs, model_files, pddf, rendering
+from ddf.fields.gpu import farthest_points
+from ddf.models import image_encoding, reconstruction_models, reconstruction_settings
+from ddf.reconstruction import camera_correction, scales, silhouettes
+
+CORRECTION_BATCH = {"cpu": 16, "cuda": 64}  # a step of the correction keeps what its gradient needs of every pixel
+EVEN_RATIOS = tuple(1.2207440846057596**-axis for axis in (1, 2, 3))  # of the root of x^4 = x + 1: see `cube_points`
+ROUGH_POINTS = 500  # of the cloud that tells the scale of a shape before it is corrected
+SCALE = "scale_pred"
+ON_MASK = "mask"  # of the names of clouds: of shapes that agree with the silhouette
+
+Result = TypeVar("Result")
+
+
+def _generator(config: reconstruction_settings.PointcloudsConfig, image: int) -> torch.Generator:
+    """Each image has its own random stream, so that a subset of images gives the same clouds."""
+    return torch.Generator(model_files.device()).manual_seed(seeding.numbered(config.seed, image))
+
+
+def reconstruct_ddf(
+    model: reconstruction_models.DDFModel,
+    images: category_data.ImageSet,
+    config: reconstruction_settings.PointcloudsConfig,
+    describe: str,
+    deviation: Float[Tensor, "z"] | None = None,
+    kept: notes.Portions | None = None,
+) -> tuple[dict[str, Tensor], dict]:
+    """Clouds L and S after all cycles and after one, each with its scale; with `shape_correction` those of the shapes
+    that agree with the silhouette too (`ON_MASK`); cameras, renders, and features for the retrieval row. And the facts.
+
+    Args:
+      deviation: of the latents of training images (`silhouettes.deviation`), which a `shape_correction` needs.
+      kept: where portions of what takes long are kept, and found again.
+    Returns:
+      Tensors by name, and facts: `rendered` images, `seconds` of wall time that an image took, by part.
+    """
+    (features, latents, predicted), seconds = _timed_encode(model, images)
+    run = functools.partial(_by_portion, images, kept)
+    modulations = [m.detach() for m in model.modulations(latents)]
+    with _progress(describe, latents) as progress:
+        names = _cycles_kept(config.cloud)
+        drawn = (model.field, modulations, config, names)
+        tensors, seconds["cloud"] = run("clouds", lambda batches: _draw(*drawn, batches, progress))
+    scale = tensors[SCALE]
+    cameras_of = (model, modulations, predicted, scale, images, config)
+    corrected, seconds["camera_correction"] = run(
+        "cameras", lambda batches: {"camera_corrected": _correct_cameras(*cameras_of, batches)}
+    )
+    if config.shape_correction is not None:
+        if deviation is None:
+            raise ValueError("pointclouds.shape_correction needs the deviation of the latents of training images")
+        given = (model, latents, deviation, predicted, images, config, config.shape_correction)
+        found, seconds["shape_correction"] = run(
+            "latents", lambda batches: {"latents": _correct_shapes(*given, batches)}
+        )
+        moved = [m.detach() for m in model.modulations(found["latents"].to(latents.device))]
+        with _progress(f"{describe}, on the mask", latents) as progress:
+            drawn = (model.field, moved, config, {config.cloud.cycles: ON_MASK})
+            clouds, _ = run("mask_clouds", lambda batches: _draw(*drawn, batches, progress))
+        tensors |= clouds
+    tensors |= {"camera_pred": predicted, "features": features} | corrected
+    rendered = spread(len(latents), config.rendered)
+    tensors |= _renders(model, modulations, predicted, scale, rendered, config.render_size)
+    tensors["silhouette_iou"] = _silhouettes(model, modulations, predicted, scale, images)
+    return _on_cpu(tensors), {"rendered": rendered, "seconds": seconds}
+
+
+def _timed_encode(
+    model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet
+) -> tuple[tuple[Tensor, Tensor, Tensor], dict[str, float]]:
+    started = time.monotonic()
+    found = image_encoding.encode(model, images)
+    return found, {"encoders": (time.monotonic() - started) / len(images.shapes)}
+
+
+def _progress(describe: str, images: Tensor) -> tqdm.tqdm:
+    return tqdm.tqdm(desc=f"clouds {describe}", total=len(images), unit="image", mininterval=2)
+
+
+def _after_all(cloud: cloud_projection.CloudConfig) -> str:
+    """Name of the clouds after all cycles, whose scale is `SCALE`; each other cloud has `SCALE`.<its name>."""
+    return f"h{cloud.cycles}"
+
+
+def _cycles_kept(cloud: cloud_projection.CloudConfig) -> dict[int, str]:
+    """The numbers of cycles after which clouds are taken, and their names; with `cycles: 1` both are the same."""
+    names = {cloud.cycles: _after_all(cloud)}
+    return names | {1: "h1"} if cloud.candidate_share(1) >= 1 else names
+
+
+def _by_portion(
+    images: category_data.ImageSet,
+    kept: notes.Portions | None,
+    name: str,
+    make: Callable[[Sequence[image_encoding.Rows]], dict[str, Tensor]],
+) -> tuple[dict[str, Tensor], float]:
+    """Tensors of all images, on the CPU, from as many batches at a time as threads take; and seconds an image."""
+
+    def timed(batches: Sequence[image_encoding.Rows]) -> dict[str, Tensor]:
+        started = time.monotonic()
+        tensors = _on_cpu(make(batches))
+        return tensors | {"seconds": torch.tensor([time.monotonic() - started])}
+
+    size = CORRECTION_BATCH[model_files.device().type]
+    batches, at_once, parts = image_encoding.row_batches(images, size), _threads_at_once(), []
+    for start in range(0, len(batches), at_once):
+        portion = batches[start : start + at_once]
+        if kept is None:
+            parts.append(timed(portion))
+        else:
+            rows = np.concatenate(portion).tolist()
+            parts.append(kept.get(name, rows, functools.partial(timed, portion)))
+    tensors = {key: torch.cat([part[key] for part in parts]) for key in parts[0]}
+    return tensors, float(tensors.pop("seconds").sum()) / len(images.shapes)
+
+
+def _correct_shapes(
+    model: reconstruction_models.DDFModel,
+    latents: Float[Tensor, "n z"],
+    deviation: Float[Tensor, "z"],
+    predicted: Float[Tensor, "n 3"],
+    images: category_data.ImageSet,
+    config: reconstruction_settings.PointcloudsConfig,
+    how: reconstruction_settings.ShapeCorrectionConfig,
+    batches: Sequence[image_encoding.Rows],
+) -> Float[Tensor, "m z"]:
+    """`silhouettes.correct_shapes` of the images of some batches."""
+
+    def correct(rows: image_encoding.Rows) -> Tensor:
+        index = torch.from_numpy(rows)
+        own, generators = latents[index], [_generator(config, int(row)) for row in rows]
+        field_scale = rough_field_scales(model, own, config.cloud, generators)
+        alpha = images.alpha(rows, how.mask_size).to(latents.device)
+        return silhouettes.correct_shapes(model, own, deviation, predicted[index], field_scale, alpha, how)
+
+    return torch.cat(list(_in_threads(correct, batches)))
+
+
+@torch.no_grad()
+def rough_field_scales(
+    model: reconstruction_models.DDFModel,
+    latents: Float[Tensor, "b z"],
+    cloud: cloud_projection.CloudConfig,
+    generators: Sequence[torch.Generator],
+) -> Float[Tensor, "b"]:
+    """Field units per v1 unit of each shape, as a cloud of `ROUGH_POINTS` tells, one generator for each."""
+    modulations, found = model.modulations(latents), []
+    for row, generator in enumerate(generators):
+        cycles = cloud_projection.sample(model.field, [m[row] for m in modulations], ROUGH_POINTS, cloud, generator)
+        found.append(scales.scale_from_cloud(cloud_projection.select(cycles, [ROUGH_POINTS], cloud)[0]))
+    return 1 / latents.new_tensor(found)
+
+
+def _in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:
+    """`map`, in order, of as many items at a time as this process may use cores; on a GPU one after the other."""
+    with ThreadPoolExecutor(_threads_at_once()) as pool:
+        yield from pool.map(function, items)
+
+
+def _threads_at_once() -> int:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, cores // torch.get_num_threads()) if model_files.device().type == "cpu" else 1
+
+
+def _draw(
+    field: pddf.PDDF,
+    modulations: Sequence[Float[Tensor, "n 1 _"]],
+    config: reconstruction_settings.PointcloudsConfig,
+    names: Mapping[int, str],
+    batches: Sequence[image_encoding.Rows],
+    progress: tqdm.tqdm,
+) -> dict[str, Tensor]:
+    """Clouds L and S of the images of some batches, and the scale that each L tells.
+
+    Args:
+      names: of the clouds, by the number of cycles after which they are taken.
+    """
+
+    def draw(row: int) -> dict[str, Tensor]:
+        own, generator = [m[row] for m in modulations], _generator(config, row)
+        cycles = cloud_projection.sample(field, own, config.large, config.cloud, generator)
+        found = {}
+        for cycle, name in names.items():
+            large, small = cloud_projection.select(cycles[:cycle], (config.large, config.small), config.cloud)
+            found |= {f"L.{name}": large, f"S.{name}": small}
+            scale = SCALE if name == _after_all(config.cloud) else f"{SCALE}.{name}"
+            found[scale] = torch.tensor(scales.scale_from_cloud(large))
+        return found
+
+    rows, drawn = np.concatenate(batches).tolist(), []
+    progress.update(rows[0] - progress.n)  # those before were found
+    for clouds in _in_threads(draw, rows):
+        drawn.append(clouds)
+        progress.update()
+    return {name: torch.stack([clouds[name] for clouds in drawn]) for name in drawn[0]}
+
+
+def reconstruct_pcsiren(
+    model: reconstruction_models.PCSirenModel,
+    images: category_data.ImageSet,
+    config: reconstruction_settings.PointcloudsConfig,
+) -> tuple[dict[str, Tensor], dict]:
+    """Clouds L and S (the first points of L, which are spread as all are), cameras, scales; and the facts."""
+    (_, latents, predicted), seconds = _timed_encode(model, images)
+    started = time.monotonic()
+
+    def draw(image: int) -> Tensor:
+        chosen = config.pcsiren_inputs == "farthest"
+        inputs = cube_points(config.large * (1 + chosen), config.pcsiren_inputs, _generator(config, image))
+        with torch.no_grad():
+            points = model.decoder(inputs[None], latents[image : image + 1])[0]
+        return points[farthest_points.farthest_point_order(points, config.large)] if chosen else points
+
+    large = list(_in_threads(draw, range(len(latents))))
+    seconds["cloud"] = (time.monotonic() - started) / len(latents)
+    tensors = {
+        "L": torch.stack(large),
+        "S": torch.stack([points[: config.small] for points in large]),
+        "camera_pred": predicted,
+        SCALE: torch.tensor([scales.scale_from_cloud(points) for points in large]),
+    }
+    return _on_cpu(tensors), {"seconds": seconds}
+
+
+def cube_points(
+    count: int, how: reconstruction_settings.CubePoints, generator: torch.Generator
+) -> Float[Tensor, "count 3"]:
+    """Points of the cube [-1, 1]^3 for PC-SIREN's decoder: `random`, each for itself, or else a random shift of the
+    sequence k (g^-1, g^-2, g^-3) mod 1 with g^4 = g + 1, of which any first part fills the cube without gaps or crowds.
+
+    Source of the sequence: Roberts 2018, "The unreasonable effectiveness of quasirandom sequences".
+    """
+    place = generator.device
+    if how == "random":
+        return torch.rand((count, 3), generator=generator, device=place) * 2 - 1
+    # float64, for only the fractions of products up to `count` are kept
+    ratios = torch.tensor(EVEN_RATIOS, dtype=torch.float64, device=place)
+    shift = torch.rand(3, generator=generator, dtype=torch.float64, device=place)
+    turns = torch.arange(count, dtype=torch.float64, device=place)[:, None] * ratios + shift
+    return (turns % 1).float() * 2 - 1
+
+
+def spread(total: int, count: int) -> list[int]:
+    """`count` indices spread evenly over range(total)."""
+    count = min(count, total)
+    return [int(i) for i in np.linspace(0, total - 1, count).round()] if count else []
+
+
+def _correct_cameras(
+    model: reconstruction_models.DDFModel,
+    modulations: list[Tensor],
+    predicted: Tensor,
+    scale: Tensor,
+    images: category_data.ImageSet,
+    config: reconstruction_settings.PointcloudsConfig,
+    batches: Sequence[image_encoding.Rows],
+) -> Tensor:
+    """Π̂_∇ of the images of some batches."""
+
+    def correct(rows: image_encoding.Rows) -> Tensor:
+        alpha = images.alpha(rows, config.correction.mask_size).to(predicted.device)
+        index = torch.from_numpy(rows)
+        field_scale = (1 / scale[index]).to(predicted.device)
+        given = (model, [m[index] for m in modulations], predicted[index], field_scale, alpha)
+        return camera_correction.correct_camera(*given, config.correction)
+
+    return torch.cat(list(_in_threads(correct, batches)))
+
+
+def _renders(
+    model: reconstruction_models.DDFModel,
+    modulations: list[Tensor],
+    predicted: Tensor,
+    scale: Tensor,
+    rendered: Sequence[int],
+    size: int,
+) -> dict[str, Tensor]:
+    """Pictures as the model sees its own prediction: predicted camera, estimated scale."""
+
+    def render(image: int) -> dict[str, Tensor]:
+        field_scale = (1 / scale[image]).to(predicted.device)
+        return rendering.render(model.field, [m[image] for m in modulations], predicted[image], field_scale, size)[0]
+
+    pictures = list(_in_threads(render, rendered))
+    return {f"render.{name}": torch.stack([p[name] for p in pictures]) for name in field_outputs.DEFAULT if pictures}
+
+
+def _silhouettes(
+    model: reconstruction_models.DDFModel,
+    modulations: list[Tensor],
+    predicted: Tensor,
+    scale: Tensor,
+    images: category_data.ImageSet,
+) -> Float[Tensor, "n"]:
+    """Intersection over union of what is seen from the predicted camera, at the estimated scale, and each image's alpha
+    channel, both cut at one half.
+    """
+
+    def overlap(image: int) -> float:
+        given = images.batch(np.array([image]))[0, 3].to(predicted.device) > 0.5
+        placed = ([m[image] for m in modulations], predicted[image], (1 / scale[image]).to(predicted.device))
+        own = rendering.render(model.field, *placed, len(given), ("visibility",))[0]["visibility"] > 0.5
+        return float((own & given).sum() / (own | given).sum().clamp_min(1))
+
+    return torch.tensor(list(_in_threads(overlap, range(len(predicted)))))
+
+
+def _on_cpu(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {name: value.detach().cpu().float().contiguous() for name, value in tensors.items()}

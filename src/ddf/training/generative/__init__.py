@@ -1,1 +1,0 @@
-"""Steps of the shape VAE and of the image GANs."""

@@ -1,0 +1,137 @@
+"""Rays that the field itself proposes in training, with the first hits that they really have (derived here).
+
+Cloud drawing follows, from each point, the ray that the field holds to be the nearest visible surface. Of many rays it
+takes the most inviting, so it finds every place where silhouettes are too fat: rays past an edge that are believed to
+hit. Stored samples, drawn without regard to the field, rarely show it these. So a batch gets some of the rays that the
+present field would choose, cast against the training mesh: values alone, no derivative is read.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ddf.core import arrays
+from ddf.data.batches import category_data, sources
+from ddf.data.samples import sample_batch
+from ddf.fields import losses, pddf, udf
+from ddf.geometry import raycast
+from ddf.models import reconstruction_settings
+
+NEAR = 0.5  # share of the starts at true surface points + JITTER N(0, I), where later cycles of clouds start
+JITTER = 0.2  # field units; the other starts are uniform in the cube
+TEMPERATURE, INVERSE_DEPTH = 0.05, 0.05  # η_T and ε_s, as in cloud drawing
+
+
+@torch.no_grad()
+def propose(
+    field: pddf.PDDF,
+    modulations: Sequence[Float[Tensor, "b 1 _"]],
+    starts: Float[Tensor, "b n 3"],
+    candidates: Float[Tensor, "b n k 3"],
+    temperature: float = TEMPERATURE,
+    inverse_depth: float = INVERSE_DEPTH,
+) -> Float[Tensor, "b n 3"]:
+    """v̂* of each start among its candidates, for the shape of each row. Costs b n k queries, values only.
+
+    So many shapes at a time that a layer of their queries stays in the cache.
+    """
+    width = starts.shape[1] * candidates.shape[2] * max(field.config.hidden)
+    rows = max(1, losses.block_values(starts.device) // width)
+    held = [each.detach() for each in modulations]
+    found = []
+    for first in range(0, len(starts), rows):
+        part = slice(first, first + rows)
+        shape = candidates[part].shape
+        queries = starts[part, :, None].expand(shape).flatten(1, 2), candidates[part].flatten(1, 2)
+        raw = field(*queries, [each[part] for each in held])
+        direction = udf.closest_directions(
+            candidates[part].flatten(0, 1),
+            pddf.visibility(raw).reshape(-1, shape[2]),
+            field.depth(raw).reshape(-1, shape[2]),
+            temperature,
+            inverse_depth,
+        )
+        found.append(torch.nn.functional.normalize(direction, dim=-1).view_as(starts[part]))
+    return torch.cat(found)
+
+
+@runtime_checkable
+class Caster(Protocol):
+    """What casts a row of rays against the mesh of each of several shapes."""
+
+    def first_hits(
+        self, meshes: Int[np.ndarray, "b"], positions: Float[Tensor, "b n 3"], directions: Float[Tensor, "b n 3"], /
+    ) -> tuple[Float[Tensor, "b n"], Int[Tensor, "b n"]]:
+        """Depth, float32, and triangle, `inf` and -1 on a miss, where the rays are."""
+        ...
+
+
+@dataclass(frozen=True)
+class HostCaster:
+    """Casts on the host, shape after shape."""
+
+    scenes: sources.Listed[raycast.Scene]
+
+    def first_hits(
+        self, meshes: Int[np.ndarray, "b"], positions: Float[Tensor, "b n 3"], directions: Float[Tensor, "b n 3"]
+    ) -> tuple[Float[Tensor, "b n"], Int[Tensor, "b n"]]:
+        """As `Caster`."""
+        place = positions.device
+        hits = [
+            self.scenes[int(mesh)].first_hits(starts.double().numpy(), own.double().numpy())
+            for mesh, starts, own in zip(meshes, positions.cpu(), directions.cpu(), strict=True)
+        ]
+        depth, triangle = (torch.from_numpy(np.stack(parts)) for parts in zip(*hits, strict=True))
+        return depth.float().to(place), triangle.to(place)
+
+
+@dataclass(frozen=True)
+class Proposer:
+    """Puts proposed rays behind the stored samples of a batch; a `training_steps.Proposer`.
+
+    caster: on the meshes of the shapes of the set, in its order.
+    """
+
+    shapes: category_data.ShapeSet
+    caster: Caster
+    config: reconstruction_settings.ProposalConfig
+
+    def __call__(
+        self,
+        stored: sample_batch.SampleBatch,
+        field: pddf.PDDF,
+        modulations: Sequence[Float[Tensor, "b 1 _"]],
+        chosen: Int[np.ndarray, "b"],
+        random: np.random.Generator,
+        part: slice = slice(None),
+    ) -> sample_batch.SampleBatch:
+        """`stored`, of `part` of the shapes `chosen`, with rays of type P behind; all on the device of `stored`.
+
+        What `random` gives is drawn for all of `chosen`, so that every process of a training goes on with the same.
+        """
+        place = stored.positions.device
+        starts = self._starts(chosen, random)
+        size = (*starts.shape[:2], self.config.directions, 3)
+        candidates = torch.from_numpy(random.standard_normal(size, dtype=np.float32))[part]
+        starts, candidates = arrays.send(starts[part], place), arrays.send(candidates, place)
+        candidates = torch.nn.functional.normalize(candidates, dim=-1)
+        directions = propose(field, modulations, starts, candidates)
+        depth, triangle = self.caster.first_hits(chosen[part], starts, directions)
+        visible = triangle >= 0
+        depth = depth.masked_fill(~visible, 0.0)
+        normals = torch.zeros_like(starts)  # never read
+        counts = {"P": self.config.points}
+        return stored.followed_by(sample_batch.SampleBatch(starts, directions, visible.float(), depth, normals, counts))
+
+    def _starts(self, chosen: Int[np.ndarray, "b"], random: np.random.Generator) -> Float[Tensor, "b n 3"]:
+        near = round(NEAR * self.config.points)
+        uniform = random.uniform(-1, 1, (len(chosen), self.config.points - near, 3)).astype(np.float32)
+        noise = random.standard_normal((len(chosen), near, 3), dtype=np.float32)
+        surface = torch.stack([self.shapes.subset(int(shape), near, random) for shape in chosen])
+        starts = torch.cat((torch.from_numpy(uniform), surface + JITTER * torch.from_numpy(noise)), dim=1)
+        return starts.clamp(-1, 1)

@@ -1,1 +1,0 @@
-"""Steps of single-image reconstruction, and where their rays come from."""

@@ -1,0 +1,150 @@
+"""One optimisation step of single-image reconstruction, for the DDF model and for PC-SIREN. [DDF22] §4.3, app. E."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ddf.core import arrays, distributed
+from ddf.data.batches import category_data, sources, varied_images
+from ddf.data.samples import sample_batch
+from ddf.fields import losses, model_files, pddf
+from ddf.geometry import cameras
+from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.training import chamfer_loss
+
+
+@runtime_checkable
+class Proposer(Protocol):
+    """Adds rays that the field chooses to the samples of a batch."""
+
+    def __call__(
+        self,
+        stored: sample_batch.SampleBatch,
+        field: pddf.PDDF,
+        modulations: Sequence[Float[Tensor, "b 1 _"]],
+        chosen: Int[np.ndarray, "b"],
+        random: np.random.Generator,
+        part: slice,
+        /,
+    ) -> sample_batch.SampleBatch:
+        """The stored samples of `part` of the shapes `chosen`, with others behind them, drawn for all of `chosen`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Images of one step with the cameras and shapes that they show; everything on the model's device.
+
+    images: perhaps varied (`varied_images`). alpha: of the images as they are.
+
+    Of several processes (`distributed`) each has a part of the images, `part`, and what belongs to them; drawn: the
+    shapes of all. `random` is the same everywhere: every process draws for all images and keeps what is its own.
+    """
+
+    part: slice
+    drawn: np.ndarray
+    rows: np.ndarray
+    shapes: np.ndarray
+    images: Float[Tensor, "b 4 size size"]
+    alpha: Float[Tensor, "b size size"]
+    cameras: Float[Tensor, "b 3"]
+    random: np.random.Generator
+
+    @classmethod
+    def draw(cls, images: category_data.ImageSet, config: reconstruction_settings.TrainConfig, step: int) -> "Batch":
+        """Random images of step `step`, without repetition as long as there are enough."""
+        random = np.random.default_rng((config.loop.seed, step))
+        repeated = len(images.shapes) < config.batch_size
+        rows = random.choice(len(images.shapes), config.batch_size, replace=repeated)
+        part, place = distributed.part(config.batch_size), model_files.device()
+        drawn, rows = images.shapes[rows], rows[part]
+        shown = arrays.send(images.batch(rows), place)
+        alpha, poses = shown[:, 3], arrays.send(images.cameras_of(rows), place)
+        if config.augmentation is not None:
+            chances = varied_images.numbers(config.batch_size, random, part)
+            shown = varied_images.vary(shown, chances, config.augmentation)
+        return cls(part, drawn, rows, drawn[part], shown, alpha, poses, random)
+
+    def chances(self, count: int) -> Float[Tensor, "b count"]:
+        """Random numbers in [0, 1) for each image: the same on every device."""
+        generator = torch.Generator().manual_seed(int(self.random.integers(2**62)))
+        drawn = torch.rand((len(self.drawn), count), generator=generator)
+        return arrays.send(drawn[self.part], self.images.device)
+
+
+def ddf_step(
+    model: reconstruction_models.DDFModel,
+    images: category_data.ImageSet,
+    shapes: category_data.ShapeSet,
+    samples: sources.SampleSource,
+    train: reconstruction_settings.TrainConfig,
+    config: reconstruction_settings.DDFConfig,
+    step: int,
+    propose: Proposer | None = None,
+) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
+    """𝔏_S + γ_RΠ L_Π + γ_RM L_M, the mask with the predicted camera and the true scale.
+
+    Args:
+      propose: adds the rays that the config's `proposals` ask for.
+    """
+    batch = Batch.draw(images, train, step)
+    place = batch.images.device
+    modulations = model.modulations(model.shape_encoder(batch.images))
+    points = samples.draw(batch.drawn, config.counts, batch.random, batch.part).to(place)
+    if propose is not None:
+        points = propose(points, model.field, modulations, batch.drawn, batch.random, batch.part)
+    shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights, train.loop.matmul)
+    camera_loss, seen_from = _cameras(model, batch, train)
+    mask_loss = reconstruction_models.mask_loss(
+        model.field,
+        modulations,
+        seen_from,
+        arrays.send(shapes.field_scales(batch.shapes), place),
+        category_data.averaged(batch.alpha, config.mask_size),
+        config.mask_pixels,
+        None if config.mask_pixels is None else batch.chances(config.mask_size**2),
+        arrays.send(shapes.field_shifts(batch.shapes), place),
+    ).mean()
+    total = shape_loss + reconstruction_settings.CAMERA_WEIGHT * camera_loss + config.mask_weight * mask_loss
+    return total, {**terms, "camera": camera_loss.detach(), "mask": mask_loss.detach()}
+
+
+def _cameras(
+    model: reconstruction_models.ReconstructionModel, batch: Batch, train: reconstruction_settings.TrainConfig
+) -> tuple[Float[Tensor, ""], Float[Tensor, "b 3"]]:
+    """L_Π and the predicted cameras of the images as they are; with `train.told` half of them are shown mirrored."""
+    if not train.told:
+        scores = model.camera_encoder(batch.images)
+        return model.camera_head.loss(scores, batch.cameras), model.camera_head(scores)
+    turned = batch.chances(1) < 0.5
+
+    def as_shown(camera: Float[Tensor, "b 3"]) -> Float[Tensor, "b 3"]:
+        return torch.where(turned, cameras.mirrored(camera), camera)
+
+    scores = model.camera_encoder(torch.where(turned[..., None, None], batch.images.flip(-1), batch.images))
+    return model.camera_head.loss(scores, as_shown(batch.cameras)), as_shown(model.camera_head(scores))
+
+
+def pcsiren_step(
+    model: reconstruction_models.PCSirenModel,
+    images: category_data.ImageSet,
+    shapes: category_data.ShapeSet,
+    train: reconstruction_settings.TrainConfig,
+    config: reconstruction_settings.PCSirenConfig,
+    step: int,
+) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
+    """D_C in the field frame + γ_RΠ L_Π."""
+    batch = Batch.draw(images, train, step)
+    place = batch.images.device
+    truth = arrays.send(shapes.subsets(batch.drawn, config.truth_points, batch.random, batch.part), place)
+    seeds = batch.random.uniform(-1, 1, (len(batch.drawn), config.points, 3))[batch.part].astype(np.float32)
+    predicted = model.decoder(arrays.send(seeds, place), model.shape_encoder(batch.images))
+    chamfer = chamfer_loss.chamfer_loss(predicted, truth)
+    camera_loss, _ = _cameras(model, batch, train)
+    total = chamfer + reconstruction_settings.CAMERA_WEIGHT * camera_loss
+    return total, {"chamfer": chamfer.detach(), "camera": camera_loss.detach()}

@@ -1,0 +1,272 @@
+"""A field file and what is asked of it: frames, units, rays that miss, far cameras; no training needed."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from torch.nn import functional
+
+from ddf.core import checks, storage
+from ddf.fields import (
+    cloud_projection,
+    curvature,
+    derivatives,
+    field_outputs,
+    field_values,
+    framed_field,
+    model_files,
+    pddf,
+    shape_field,
+)
+from ddf.geometry import rays, sparse_depth, transforms
+
+CONFIG = pddf.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 10.0)
+LOWER, UPPER = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
+MAP = transforms.Similarity(0.02, np.eye(3), np.array([-4.0, 0.3, 1.0]))  # the mesh is 100 units long, off the origin
+CLOUD = cloud_projection.CloudConfig(8, 2, 0.1, 0.0, (), None, 0.05, 0.05, 4096)
+
+
+def _write(folder, config=CONFIG, **changes):
+    torch.manual_seed(0)
+    field = pddf.PDDF(config)
+    torch.nn.init.constant_(field.network.head.bias[pddf.VISIBILITY_ROW], 0.3)
+    record = {"fingerprint": "x", "seed": 0, "sources": {}, **shape_field.description(config, LOWER, UPPER, MAP)}
+    storage.save_tensors(folder / model_files.MODEL, dict(field.state_dict()), {**record, **changes})
+    return folder
+
+
+@pytest.fixture
+def shape(tmp_path):
+    return shape_field.load(_write(tmp_path))
+
+
+def _rays(count=60, seed=0, spread=0.9):
+    """Field-frame rays that start in the box."""
+    generator = torch.Generator().manual_seed(seed)
+    upper = torch.from_numpy(UPPER)
+    p = spread * upper * (2 * torch.rand(count, 3, generator=generator, dtype=torch.float64) - 1)
+    return p, functional.normalize(torch.randn(count, 3, generator=generator, dtype=torch.float64), dim=-1)
+
+
+def _in_mesh_frame(p, v):
+    return rays.OrientedPoints(torch.from_numpy(MAP.inverse().apply(p.numpy())), v)
+
+
+def test_file_and_folder_load_the_same_field(tmp_path):
+    folder = _write(tmp_path / "field")
+    one, two = shape_field.load(folder), shape_field.load(folder / model_files.MODEL)
+    assert torch.equal(one.field.network.head.weight, two.field.network.head.weight)
+    assert one.field_from_mesh.to_dict() == MAP.to_dict()
+    assert np.array_equal(one.lower, LOWER)
+    assert np.array_equal(one.upper, UPPER)
+    assert one.record["format_version"] == storage.FORMAT_VERSION
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"kind": "ddf"}, "holds no field of a single shape"),
+        ({"box": {"lower": [0, 0, 0]}}, "its record lacks what a field needs"),
+        ({"field": {"hidden": [16, 16]}}, "its record lacks what a field needs"),
+        ({"box": {"lower": [0, 0, 0], "upper": [1, 0, 1]}}, "lower must be below upper"),
+        ({"box": {"lower": ["a"], "upper": [1, 0, 1]}}, "its record lacks what a field needs"),
+        ({"format_version": 999}, "its format version is 999; this version of ddf reads 1: update ddf"),
+        *(
+            ({"field": {**shape_field.asdict(CONFIG), "hidden": hidden}}, reason)
+            for hidden, reason in (
+                ([16, 8], "does not fit the architecture"),
+                ([1 << 20, 1 << 20], "does not fit the architecture"),
+                ([1 << 62] * 3, "describes no model"),
+                ([8] * 1000, "lacks what a field needs"),
+                (["a"], "lacks what a field needs"),
+            )
+        ),
+    ],
+)
+def test_other_files_are_refused(tmp_path, changes, message):
+    with pytest.raises(checks.InputError, match=message):
+        shape_field.load(_write(tmp_path, **changes))
+    with pytest.raises(FileNotFoundError, match="no such field"):
+        shape_field.load(tmp_path / "nothing")
+
+
+def test_weights_that_are_not_finite_are_refused(tmp_path):
+    _write(tmp_path)
+    tensors, record = storage.load_tensors(tmp_path / "model.safetensors")
+    tensors["network.head.bias"] = tensors["network.head.bias"] * np.nan
+    storage.save_tensors(tmp_path / "model.safetensors", tensors, record)
+    with pytest.raises(checks.InputError, match=r"network\.head\.bias holds values that are not finite"):
+        shape_field.load(tmp_path)
+
+
+def test_answers_are_those_of_the_network_in_the_unit_of_the_mesh(shape):
+    p, v = _rays()
+    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), field_outputs.of(2))
+    with torch.no_grad():
+        raw = shape.field(p.float(), v.float())
+        surface = curvature.Surface(shape.field.requires_grad_(False), p.float(), v.float())
+    seen = (pddf.visibility(raw) >= 0.5).numpy()
+    assert 0 < seen.sum() < len(seen)
+    assert evaluated == len(p)
+    np.testing.assert_allclose(found["visibility"], pddf.visibility(raw), rtol=1e-4)
+    np.testing.assert_allclose(found["depth"][seen], 50 * shape.field.depth(raw).numpy()[seen], rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(found["normals"][seen], surface.normals.numpy()[seen], atol=1e-4)
+    np.testing.assert_allclose(found["mean_curvature"][seen], surface.mean.numpy()[seen] / 50, rtol=1e-2, atol=1e-5)
+    np.testing.assert_allclose(
+        found["gaussian_curvature"][seen], surface.gaussian.numpy()[seen] / 2500, rtol=1e-2, atol=1e-6
+    )
+    assert bool(np.isinf(found["depth"][~seen]).all())
+    for name in ("normals", "mean_curvature", "gaussian_curvature"):
+        assert not found[name][~seen].any()
+
+
+def test_each_output_alone_equals_all_together(shape):
+    points = _in_mesh_frame(*_rays())
+    together, _ = framed_field.query(shape, points, field_outputs.of(2))
+    for name in field_outputs.of(2):
+        alone, _ = framed_field.query(shape, points, [name])
+        assert set(alone) == {name}
+        np.testing.assert_allclose(alone[name], together[name], rtol=1e-4, atol=1e-5)
+    with pytest.raises(checks.InputError, match=r"outputs must be among .*; got colour"):
+        framed_field.query(shape, points, ["colour"])
+
+
+@pytest.mark.parametrize("away", [5.0, 2000.0])
+def test_starting_further_back_adds_that_to_the_depth(shape, away):
+    p, v = _rays()
+    upper = torch.from_numpy(UPPER)
+    entry, _, _ = rays.enter_box(p - 10 * v, v, -upper, upper)
+    near, _ = framed_field.query(shape, _in_mesh_frame(entry, v), ["depth", "normals"])
+    far, evaluated = framed_field.query(shape, _in_mesh_frame(entry - away * v, v), ["depth", "normals"])
+    assert evaluated == len(p)
+    seen = np.isfinite(near["depth"])
+    assert seen.any()
+    assert np.array_equal(seen, np.isfinite(far["depth"]))
+    np.testing.assert_allclose(far["depth"][seen] - 50 * away, near["depth"][seen], atol=1e-3)
+    np.testing.assert_allclose(far["normals"], near["normals"], atol=1e-3)
+
+
+def test_rays_that_miss_the_box_are_never_evaluated(shape, monkeypatch):
+    p = torch.tensor([[0.0, 0.0, 3.0], [0.0, 0.0, 3.0], [0.0, 0.7, 3.0], [0.0, 0.0, 0.0]], dtype=torch.float64)
+    v = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]], dtype=torch.float64)
+    counted = []
+    forward = field_values.evaluate
+    monkeypatch.setattr(field_values, "evaluate", lambda f, a, *b: counted.append(len(a)) or forward(f, a, *b))
+    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), field_outputs.of(2))
+    assert sum(counted) == evaluated == 2  # behind the camera, and beside the box: components of exactly 0
+    assert found["visibility"][[0, 2]].tolist() == [0.0, 0.0]
+    assert bool((found["visibility"][[1, 3]] > 0).all())
+    assert bool(np.isinf(found["depth"][[0, 2]]).all())
+    for values in found.values():
+        assert not np.isnan(values).any()
+
+
+def test_no_rays_and_all_missing_give_empty_and_background(shape):
+    none = torch.zeros(0, 3, dtype=torch.float64)
+    found, evaluated = framed_field.query(shape, rays.OrientedPoints(none, none), field_outputs.of(2))
+    assert evaluated == 0
+    assert found["normals"].shape == (0, 3)
+    p, v = torch.tensor([[0.0, 9.0, 0.0]]).double(), torch.tensor([[0.0, 1.0, 0.0]]).double()
+    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), field_outputs.of(2))
+    assert evaluated == 0
+    assert found["depth"].tolist() == [np.inf]
+
+
+def test_components_are_weight_and_normals_of_both_depths(tmp_path):
+    shape = shape_field.load(_write(tmp_path, CONFIG))
+    p, v = _rays()
+    found, _ = framed_field.query(
+        shape, _in_mesh_frame(p, v), ["visibility", "normals", "weight_1", "normals_1", "normals_2"]
+    )
+    seen = found["visibility"] >= 0.5
+    start = p.float().requires_grad_()
+    raw = shape.field(start, v.float())
+    np.testing.assert_allclose(found["weight_1"][seen], torch.sigmoid(raw[:, 2]).detach().numpy()[seen], atol=1e-4)
+    for i in range(2):
+        (gradient,) = torch.autograd.grad(shape.field.depths(raw)[:, i].sum(), start, retain_graph=True)
+        expected = derivatives.normals(gradient, v.float()).numpy()
+        np.testing.assert_allclose(found[f"normals_{i + 1}"][seen], expected[seen], atol=1e-3)
+        heavier = seen & ((found["weight_1"] >= 0.5) == (i == 0))
+        np.testing.assert_allclose(found[f"normals_{i + 1}"][heavier], found["normals"][heavier], atol=1e-5)
+    assert seen.any()
+    assert not found["normals_1"][~seen].any()
+
+
+@pytest.mark.parametrize(("components", "last"), [(1, "gaussian_curvature"), (3, "normals_3")])
+def test_a_file_says_how_many_components_its_field_has(tmp_path, components, last):
+    shape = shape_field.load(_write(tmp_path, dataclasses.replace(CONFIG, components=components)))
+    assert shape.outputs[-1] == last
+    found, _ = framed_field.query(shape, _in_mesh_frame(*_rays(5)), shape.outputs)
+    assert list(found) == list(shape.outputs) and all(np.isfinite(found["visibility"]))
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_camera_at_a_point_stands_there(shape, up):
+    for place in (np.array([0.3, -0.2, 0.7]), np.array([0.0, 0.4, 0.0]), np.zeros(3)):
+        starts, _ = framed_field.camera_rays(shape, framed_field.camera_at(shape, place, up), 2, up)
+        np.testing.assert_allclose(starts[0], place, atol=1e-12)
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_camera_looks_at_the_centre_with_its_axis_up(shape, up):
+    starts, directions = framed_field.camera_rays(shape, (30.0, 25.0, 1.0), 8, up)
+    centre = (shape.lower + shape.upper) / 2
+    diagonal = np.linalg.norm(shape.upper - shape.lower)
+    ahead = directions.mean(axis=0)
+    np.testing.assert_allclose(np.linalg.norm(starts[0] - centre), diagonal / 0.57, rtol=1e-12)
+    np.testing.assert_allclose(ahead / np.linalg.norm(ahead), (centre - starts[0]) / (diagonal / 0.57), atol=1e-12)
+    axis = {"y": 1, "z": 2}[up]
+    assert starts[0, axis] > centre[axis]
+    assert directions[:8, axis].mean() > directions[-8:, axis].mean()  # the first row looks higher
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.05, 0.285, 1.0, 570.0])
+def test_renders_are_finite_from_inside_on_and_far_from_the_box(shape, radius):
+    images, evaluated = framed_field.render(shape, (90.0, 0.0, radius), 12, field_outputs.of(2))
+    assert evaluated <= 144
+    assert radius == 570.0 or evaluated > 0
+    for name, image in images.items():
+        assert image.shape[:2] == (12, 12)
+        assert not np.isnan(image).any(), name
+        assert name == "depth" or bool(np.isfinite(image).all()), name
+
+
+@pytest.mark.parametrize("radius", [0.05, 1.0, 570.0])
+def test_depth_from_fewer_rays_is_that_of_the_render(shape, radius):
+    """Of every ray the same image; of fewer, one that is as close as was asked for wherever both see."""
+    camera, size = (90.0, 10.0, radius), 49
+    images, evaluated = framed_field.render(shape, camera, size, ("depth",), "z")
+    every = sparse_depth.Refinement(0.0, stride=1)
+    image, count = framed_field.render_depth(shape, camera, size, every, "z")
+    assert count == evaluated
+    np.testing.assert_allclose(image, images["depth"], rtol=1e-5)
+    tolerance = 0.01 * 100  # of a mesh that is 100 units long
+    image, count = framed_field.render_depth(shape, camera, size, sparse_depth.Refinement(tolerance), "z")
+    assert count < 0.8 * evaluated if radius == 1.0 else count <= evaluated
+    seen, truth = np.isfinite(image), np.isfinite(images["depth"])
+    both = seen & truth
+    assert (seen == truth).mean() > 0.98
+    assert radius == 570.0 or np.quantile(np.abs(image[both] - images["depth"][both]), 0.95) < tolerance
+
+
+@pytest.mark.parametrize(
+    ("camera", "size", "up"), [((0.0, 0.0, -1.0), 4, "y"), ((0.0, 0.0, 1.0), 0, "y"), ((0.0, 0.0, 1.0), 4, "x")]
+)
+def test_bad_cameras_are_refused(shape, camera, size, up):
+    with pytest.raises(checks.InputError, match="size must be >= 1, camera radius >= 0, up among y, z"):
+        framed_field.render(shape, camera, size, up=up)
+    with pytest.raises(checks.InputError, match="size must be >= 1, camera radius >= 0, up among y, z"):
+        framed_field.render_depth(shape, camera, size, sparse_depth.Refinement(0.1), up)
+    with pytest.raises(checks.InputError, match="camera must be finite"):
+        framed_field.render(shape, (float("nan"), 0.0, 1.0), 4)
+
+
+def test_cloud_is_seeded_and_in_the_mesh_frame(shape):
+    points = shape_field.cloud(shape, 40, CLOUD, seed=3)
+    assert points.shape == (40, 3)
+    assert np.array_equal(points, shape_field.cloud(shape, 40, CLOUD, seed=3))
+    assert not np.array_equal(points, shape_field.cloud(shape, 40, CLOUD, seed=4))
+    assert np.abs(MAP.apply(points)).max() < 5  # near the box in field units
+    with pytest.raises(checks.InputError, match="number of points must be >= 1; got 0"):
+        shape_field.cloud(shape, 0, CLOUD)

@@ -1,0 +1,233 @@
+import dataclasses
+import math
+
+import pytest
+import torch
+import torchvision
+
+from ddf.core import checks
+from ddf.fields import pddf, rendering, siren
+from ddf.geometry import cameras, rays, transforms
+from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.models.encoders import resnet
+from ddf.reconstruction import camera_correction
+
+PAPER_FIELD = pddf.PDDFConfig((512, 512, 512, 256, 256, 256, 256), 1.0, 1.0, "relu", 1.0)
+SMALL_FIELD = pddf.PDDFConfig((24, 24), 2.0, 1.0, "softplus", 20.0)
+BALL_RADIUS = 0.7
+
+
+class _BallField(pddf.PDDF):
+    """Visibility of a ball, as logits proportional to how deep the ray passes: a known mask for every camera."""
+
+    def __init__(self, centre=None, radius=BALL_RADIUS, slope=40):
+        super().__init__(SMALL_FIELD)
+        self.centre, self.radius, self.slope = centre, radius, slope
+
+    def forward(self, positions, directions, modulations=None):
+        positions = positions if self.centre is None else positions - self.centre
+        closest = positions - (positions * directions).sum(-1, keepdim=True) * directions
+        logit = self.slope * (self.radius - (closest + 1e-9).norm(dim=-1))
+        zero = torch.zeros_like(logit)
+        return torch.stack((zero, zero, zero, logit), dim=-1)
+
+
+def _camera(*values):
+    return torch.tensor([values])
+
+
+def test_parameter_counts_are_the_papers():
+    ddf = reconstruction_models.DDFModel(PAPER_FIELD, 512, 64)
+    baseline = reconstruction_models.PCSirenModel(PAPER_FIELD.layout(), 512, 64)
+    assert pddf.count_parameters(ddf) == 25_647_367
+    assert pddf.count_parameters(baseline) == 25_645_574
+    assert pddf.count_parameters(pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)) == 1_581_572
+
+
+def test_full_width_encoder_is_torchvisions_resnet18():
+    theirs = torchvision.models.resnet18(weights=None, num_classes=5)
+    theirs.conv1 = torch.nn.Conv2d(4, 64, 7, 2, 3, bias=False)
+    mine = resnet.ResNet18(5, 64)
+    mine.load_state_dict(theirs.state_dict())
+    images = torch.rand(2, 4, 64, 64, generator=torch.Generator().manual_seed(0))
+    assert torch.equal(mine.eval()(images), theirs.eval()(images))
+
+
+def test_every_parameter_is_in_one_group_with_its_decay():
+    model = reconstruction_models.DDFModel(SMALL_FIELD, 8, 8)
+    groups = model.parameter_groups()
+    assert [g["weight_decay"] for g in groups] == [1e-3, 1e-6, 0.0]
+    assert [g.get("share", 1.0) for g in groups] == [1.0, 1.0, 1.0]
+    slower = model.parameter_groups(encoder_share=0.25)
+    assert [g.get("share", 1.0) for g in slower] == [0.25, 0.25, 1.0]
+    assert sorted(map(id, model.parameters())) == sorted(id(p) for g in groups for p in g["params"])
+
+
+def test_camera_head_inverts_its_scores_and_clamps():
+    head = reconstruction_models.CameraHead()
+    truth = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
+    head.fit(truth)
+    scores = (truth - truth.mean(0)) / truth.std(0)
+    torch.testing.assert_close(head(scores), truth)
+    assert float(head.loss(scores, truth)) < 1e-10
+    assert float(head.loss(scores + torch.tensor([1.0, 2.0, 0.0]), truth)) == pytest.approx(5.0)
+    torch.testing.assert_close(head(torch.full((1, 3), 9.0))[0], truth.amax(0))
+    torch.testing.assert_close(head(torch.full((1, 3), -9.0))[0], truth.amin(0))
+    with pytest.raises(checks.InputError, match="must vary"):
+        head.fit(truth[:1].expand(4, 3))
+
+
+def test_azimuth_as_sine_and_cosine_is_inverted_and_has_no_end():
+    truth = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.2, 0.47, 0.9]])
+    head = reconstruction_models.CameraHead("sincos")
+    head.fit(truth)
+    pair = torch.stack((truth[:, 0].sin(), truth[:, 0].cos()), dim=-1)
+    scores = torch.cat((pair, ((truth - truth.mean(0)) / truth.std(0))[:, 1:]), dim=-1)
+    assert scores.shape[-1] == head.num_scores == 4
+    assert float(head.loss(scores, truth)) < 1e-10
+    assert float(head.loss(scores + torch.tensor([0.0, 2.0, 1.0, 0.0]), truth)) == pytest.approx(5.0)
+    turned = truth + torch.tensor([2 * math.pi, 0.0, 0.0])
+    assert float(head.loss(scores, turned)) < 1e-10
+    longer = scores * torch.tensor([3.0, 3.0, 1.0, 1.0])  # the length of the pair says nothing
+    torch.testing.assert_close(head(longer), truth)
+    torch.testing.assert_close(head(torch.full((1, 4), 9.0))[0, 1:], truth.amax(0)[1:])
+
+
+def test_undecided_azimuth_has_no_gradient_and_others_that_of_their_angle():
+    head = reconstruction_models.CameraHead("sincos")
+    head.fit(torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.2, 0.47, 0.9]]))
+    scores = torch.tensor([[0.0, 0.0, 0.0, 0.0], [0.01, -0.01, 0.0, 0.0], [0.6, -0.8, 0.0, 0.0]], requires_grad=True)
+    azimuth = head(scores)[:, 0]
+    assert azimuth.tolist() == pytest.approx([0.0, 0.0, math.atan2(0.6, -0.8)])
+    (gradient,) = torch.autograd.grad(azimuth.sum(), scores)
+    assert gradient[:2].tolist() == [[0.0] * 4] * 2
+    torch.testing.assert_close(gradient[2], torch.tensor([-0.8, -0.6, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("azimuth", ["angle", "sincos"])
+def test_correction_turns_back_an_azimuth_past_the_end(azimuth):
+    """The ball stands off the centre: its silhouette tells the azimuth. Truth and start lie on either side of 0."""
+    model = reconstruction_models.DDFModel(SMALL_FIELD, 4, 8, azimuth)
+    model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.65], [6.2, 0.53, 0.95], [3.0, 0.5, 0.8]]))
+    model.decoder.field = _BallField(torch.tensor([0.5, 0.0, 0.2]), 0.3)
+    truth, start, scale = _camera(0.05, 0.48, 0.8), _camera(2 * math.pi - 0.1, 0.48, 0.8), torch.tensor([2.5])
+    image, _ = rendering.render(model.decoder.field, None, truth[0], scale[0], 32, ["visibility"])
+    config = reconstruction_settings.CorrectionConfig(40, 0.02, 32, ("azimuth",))
+    found = camera_correction.correct_camera(model, [], start, scale, image["visibility"][None], config)
+    assert abs(float(found[0, 0]) - 2 * math.pi - 0.05) < 0.01
+
+
+def test_rendered_ball_has_the_analytic_silhouette():
+    camera, scale = torch.tensor([0.8, 0.45, 0.8]), torch.tensor(2.5)
+    images, queries = rendering.render(_BallField(), None, camera, scale, 137, ["visibility"])
+    radius = BALL_RADIUS * transforms.BENCHMARK_FROM_V1 / float(scale)
+    angle = math.asin(radius / 0.8)
+    directions = cameras.pixel_directions(137, torch.zeros(0))
+    expected = torch.acos((-directions[..., 2]).clamp(-1, 1)) < angle
+    assert (images["visibility"] > 0.5).ne(expected).float().mean() < 0.002
+    assert 0.2 * 137**2 < queries < 0.9 * 137**2
+    assert set(images) == {"visibility"}
+
+
+SOFT = _BallField(slope=4)  # its visibility is neither 0 nor 1 in float32
+
+
+def _rendered_bce(camera, scale, alpha):
+    """BCE of the alpha and the visibility that `rendering.render` gives, over all pixels, by torch."""
+    image, _ = rendering.render(SOFT, None, camera[0], scale[0], alpha.shape[-1], ["visibility"])
+    return torch.nn.functional.binary_cross_entropy(image["visibility"], alpha[0])
+
+
+@pytest.mark.parametrize("radius", [0.5, 0.8, 1.1, 2.0])
+def test_mask_loss_is_that_of_the_rendered_visibility_with_rays_that_miss(radius):
+    camera, scale = _camera(0.8, 0.45, radius), torch.tensor([2.5])
+    alpha = torch.rand(1, 24, 24, generator=torch.Generator().manual_seed(0))
+    found = reconstruction_models.mask_loss(SOFT, [], camera, scale, alpha)
+    torch.testing.assert_close(found[0], _rendered_bce(camera, scale, alpha), rtol=1e-4, atol=1e-6)
+
+
+def test_a_camera_too_far_away_is_not_rewarded():
+    """From afar the shape is small: where the alpha says that something is seen, the rays miss the cube."""
+    near, far, scale = _camera(1.0, 0.48, 0.75), _camera(1.0, 0.48, 1.6), torch.tensor([2.0])
+    field = _BallField(radius=0.95)
+    image, _ = rendering.render(field, None, near[0], scale[0], 64, ["visibility"])
+    alpha = image["visibility"].round()[None]
+    least, most = (reconstruction_models.mask_loss(field, [], camera, scale, alpha) for camera in (near, far))
+    assert float(least) < 0.1 and float(most) > 2  # of the rays that meet the cube alone the far one has 0.3
+
+
+def test_the_mask_of_a_shape_off_centre_is_seen_where_it_lies():
+    """A ball at c in v1 is at 0 in the field: rays start at s x - s c, which `field_shift` adds."""
+    scale, shift = torch.tensor([2.5]), torch.tensor([[-0.3, 0.0, 0.2]])
+    camera, alpha = _camera(0.8, 0.45, 0.8), torch.rand(1, 16, 16, generator=torch.Generator().manual_seed(0))
+    found = reconstruction_models.mask_loss(SOFT, [], camera, scale, alpha, field_shift=shift)
+    directions = cameras.pixel_directions(16, torch.zeros(0)).reshape(-1, 3)
+    centre, world = cameras.pixel_rays(camera[0, 0], camera[0, 1], camera[0, 2], directions)
+    start = (centre * 2.5 / transforms.BENCHMARK_FROM_V1 + shift[0]).expand_as(world)
+    entry, _, meets = rays.enter_box(start, world, -torch.ones(3), torch.ones(3))
+    visible = torch.where(meets, torch.sigmoid(SOFT(entry, world)[..., 3]), 0.0)
+    expected = torch.nn.functional.binary_cross_entropy(visible, alpha.flatten())
+    torch.testing.assert_close(found[0], expected, rtol=1e-4, atol=1e-6)
+
+
+def test_mask_loss_of_random_pixels_is_unbiased_and_spends_only_them():
+    camera, scale = _camera(0.8, 0.45, 0.8).expand(3, 3), torch.tensor([2.5, 2.8, 3.5])
+    alpha = torch.rand(3, 24, 24, generator=torch.Generator().manual_seed(0))
+    whole = reconstruction_models.mask_loss(_BallField(), [], camera, scale, alpha)
+    generator = torch.Generator().manual_seed(1)
+    chances = [torch.rand(3, 24 * 24, generator=generator) for _ in range(300)]
+    draws = [reconstruction_models.mask_loss(_BallField(), [], camera, scale, alpha, 40, drawn) for drawn in chances]
+    spread = torch.stack(draws).std(0) / 300**0.5
+    assert bool((spread > 0).all())
+    assert bool(((torch.stack(draws).mean(0) - whole).abs() < 4 * spread).all())
+
+
+def test_camera_gradient_of_the_mask_loss_equals_finite_differences():
+    camera = _camera(0.8, 0.45, 0.8).double().requires_grad_()
+    scale, alpha = torch.tensor([2.5], dtype=torch.float64), torch.zeros(1, 16, 16, dtype=torch.float64)
+    alpha[:, 3:9, 4:12] = 1
+    loss = reconstruction_models.mask_loss(_BallField(), [], camera, scale, alpha)
+    (gradient,) = torch.autograd.grad(loss.sum(), camera)
+    step = 1e-6
+    plus, minus = (camera.detach() + s * torch.tensor([0, 0, step], dtype=torch.float64) for s in (1, -1))
+    slope = (
+        reconstruction_models.mask_loss(_BallField(), [], plus, scale, alpha)
+        - reconstruction_models.mask_loss(_BallField(), [], minus, scale, alpha)
+    ) / (2 * step)
+    assert abs(float(slope)) > 1e-3
+    torch.testing.assert_close(gradient[0, 2], slope[0], rtol=1e-4, atol=1e-9)
+
+
+def test_correction_finds_the_radius_of_a_ball():
+    model = reconstruction_models.DDFModel(SMALL_FIELD, 4, 8)
+    model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.65], [6.2, 0.53, 0.95], [3.0, 0.5, 0.8]]))
+    model.decoder.field = _BallField()
+    truth, start, scale = _camera(1.0, 0.48, 0.72), _camera(1.0, 0.48, 0.9), torch.tensor([2.5])
+    image, _ = rendering.render(_BallField(), None, truth[0], scale[0], 32, ["visibility"])
+    config = reconstruction_settings.CorrectionConfig(60, 0.1, 32, reconstruction_settings.CAMERA_NUMBERS)
+    mask = image["visibility"][None]
+    found = camera_correction.correct_camera(model, [], start, scale, mask, config)
+    assert abs(float(found[0, 2]) - 0.72) < 0.005
+    same = camera_correction.correct_camera(model, [], start, scale, mask, dataclasses.replace(config, steps=0))
+    torch.testing.assert_close(same, start)
+    angles = dataclasses.replace(config, steps=5, free=("azimuth", "elevation"))
+    turned = camera_correction.correct_camera(model, [], start, scale, mask, angles)
+    assert float(turned[0, 2]) == pytest.approx(float(start[0, 2]))  # a radius that is not free stays
+    model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.8], [6.2, 0.53, 0.95], [3.0, 0.5, 0.9]]))
+    held = camera_correction.correct_camera(model, [], start, scale, mask, config)
+    assert float(held[0, 2]) == pytest.approx(0.8)  # the least radius of the training images
+
+
+@pytest.mark.parametrize("free", [(), ("azimuth", "roll")])
+def test_correction_of_nothing_or_of_something_unknown_is_refused(free):
+    with pytest.raises(checks.InputError, match="free must list some of azimuth, elevation, radius"):
+        reconstruction_settings.CorrectionConfig(1, 0.1, 32, free)
+
+
+def test_models_share_encoders_and_layers():
+    """PC-SIREN differs from the DDF model by its first and last layer alone: 3 inputs and 1 output fewer."""
+    layout = siren.SineLayout((24, 24), 2.0, 1.0)
+    ddf = reconstruction_models.DDFModel(SMALL_FIELD, 8, 8)
+    baseline = reconstruction_models.PCSirenModel(layout, 8, 8)
+    difference = pddf.count_parameters(ddf) - pddf.count_parameters(baseline)
+    assert difference == 3 * 24 + (24 + 1)
