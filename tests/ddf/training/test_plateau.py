@@ -67,7 +67,7 @@ def test_a_resumed_training_has_the_rates_of_an_uninterrupted_one(tmp_path, monk
                 )
             except KeyboardInterrupt:
                 seen.pop()
-            monkeypatch.setattr(loop_config.LoopConfig, "optimiser", optimiser)
+            monkeypatch.setattr(optimisers, "of", optimiser)
 
     train(tmp_path / "whole", [None])
     train(tmp_path / "parts", [6, 11, None])
