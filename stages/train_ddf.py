@@ -7,7 +7,7 @@ from ddf.core import distributed, provenance
 from ddf.data.batches import category_data, resident
 from ddf.fields import model_files
 from ddf.models import reconstruction_models, reconstruction_settings, trained
-from ddf.training import casting, training_loop, training_steps
+from ddf.training import proposed_rays, training_loop, training_steps
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -23,18 +23,17 @@ def make(run: Run) -> None:
     images, shapes, sources = category_data.read_training(
         run.index, run.folder("samples"), run.category, train.image_size
     )
-    propose, packs = casting.read(run.folder("meshes"), shapes, section.proposals)
+    propose, packs = proposed_rays.Proposer.read(run.folder("meshes"), shapes, section.proposals)
     sources += packs
     digest, memory = images.digest(), resident.Memory(model_files.device())
     images, samples = (
         memory.images(images),
         memory.samples(category_data.read_samples(run.folder("samples"), shapes.ids)),
     )
-    propose = casting.moved(memory, propose)
 
     model = reconstruction_models.ddf_model(train, section.field).to(model_files.device())
     model.fit_cameras(images)
-    facts, modules = [train, section, run.category, digest], [training_steps, casting]
+    facts, modules = [train, section, run.category, digest], [training_steps, proposed_rays]
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     out_dir = run.folder("train_ddf", seed=run.seed)
     training_loop.fit(

@@ -11,8 +11,7 @@ from unittest import mock
 
 from ddf.data.batches import category_data, resident
 from ddf.fields import losses, pddf
-from ddf.models import reconstruction_models
-from ddf.models.encoders import encoder
+from ddf.models import encoders, reconstruction_models
 from ddf.training import chamfer_loss, training_steps
 from ddf_lab.engine import step_cost
 
@@ -22,7 +21,7 @@ PARTS = (
     ("data", category_data.SampleSet, "draw"),
     ("data", resident.Samples, "draw"),
     ("data", category_data.ShapeSet, "subsets"),
-    ("encoders", encoder.Encoder, "forward"),
+    ("encoders", encoders.Encoder, "forward"),
     ("field", losses, "shape_loss"),
     ("field", pddf.PointDecoder, "forward"),
     ("field", chamfer_loss, "chamfer_loss"),

@@ -16,7 +16,7 @@ from ddf.fields import field_outputs, pddf, siren
 from ddf.fields.field_outputs import OUTPUTS
 from ddf.fields.field_values import FieldValues
 from ddf.models import familiarity, image_encoding, reconstruction_models
-from ddf.models.encoders.encoder import IMAGE_CHANNELS
+from ddf.models.encoders import IMAGE_CHANNELS
 
 DYNAMIC = "n"  # the name of the axis whose length is free
 

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ddf.models.encoders import encoder
+from ddf.models import encoders
 
 HIDDEN = 64  # features beside the numbers, as many as they become
 NUMBERS = 10  # of `mask_numbers`
@@ -54,7 +54,7 @@ class ToldEncoder(nn.Module):
     deviation: Tensor
     spread: Tensor
 
-    def __init__(self, make: Callable[[int, int], encoder.Encoder], num_scores: int, width: int) -> None:
+    def __init__(self, make: Callable[[int, int], encoders.Encoder], num_scores: int, width: int) -> None:
         super().__init__()
         self.encoder = make(HIDDEN, width)
         self.numbers = nn.Linear(NUMBERS, HIDDEN)

@@ -19,8 +19,7 @@ from ddf.data.batches import category_data
 from ddf.fields import pddf, rendering, siren
 from ddf.fields.gpu import compiled_passes
 from ddf.geometry import cameras
-from ddf.models import camera_encoder, reconstruction_settings
-from ddf.models.encoders import catalogue
+from ddf.models import camera_encoder, encoders, reconstruction_settings
 
 LEAST_PAIR = 0.05  # a (sin θ, cos θ) shorter than this says nothing; the slope of its angle is 1 / length
 MOST_MASKS = 1000  # of the training set, that say what is usual
@@ -108,7 +107,7 @@ class ReconstructionModel(nn.Module):
         told: bool = False,
     ) -> None:
         super().__init__()
-        make = catalogue.ENCODERS[encoder]
+        make = encoders.ENCODERS[encoder]
         self.camera_head = CameraHead(azimuth)
         self.shape_encoder = make(latent_features, encoder_width)
         scores = self.camera_head.num_scores

@@ -8,11 +8,9 @@ from typing import Literal
 
 from ddf.core import checks, schema
 from ddf.core.schema import fixed, setting
-from ddf.data.batches import varied_images
 from ddf.data.samples import sample_types
 from ddf.fields import cloud_projection, losses, pddf, siren
-from ddf.models import loop_config
-from ddf.models.encoders import catalogue
+from ddf.models import encoders, loop_config
 
 CAMERA_NUMBERS = ("azimuth", "elevation", "radius")
 Azimuth = Literal["angle", "sincos"]
@@ -31,7 +29,7 @@ class TrainConfig(schema.Checked):
     """Section `train`: what both models share. decoder: both have it, only their inputs and outputs differ."""
 
     image_size: int = setting(128, "pixels a side of the encoders' input", _SI3DR, least=32, most=1024)
-    encoder: str = setting("resnet", "of `ddf.models.encoders.catalogue`", _SI3DR)
+    encoder: str = setting("resnet", "of `ddf.models.encoders`", _SI3DR)
     encoder_width: int = setting(64, "of both encoders' first layers; 64 is ResNet-18", _SI3DR, least=1)
     latent_features: int = setting(512, "size of the latent", _SI3DR, least=1)
     decoder: siren.SineLayout = setting(_DECODER, "of both decoders and their modulators", _SI3DR, only=("hidden",))
@@ -41,15 +39,10 @@ class TrainConfig(schema.Checked):
     told: bool = setting(
         False, "the camera's encoder has the mask's numbers (`camera_encoder`), and half of the images mirrored", _SI3DR
     )
-    augmentation: dict[str, float] | None = setting(
-        None, "largest random changes of training images, by name (`varied_images`); null: as they are", _SI3DR
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        catalogue.require(self.encoder)
-        if self.augmentation is not None:
-            varied_images.check(self.augmentation)
+        encoders.require(self.encoder)
 
     @property
     def encoders(self) -> tuple[int, Azimuth, str, bool]:

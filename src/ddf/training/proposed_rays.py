@@ -8,7 +8,7 @@ present field would choose, cast against the training mesh: values alone, no der
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf.core import arrays
-from ddf.data.batches import category_data, sources
+from ddf.data.batches import category_data, sources, training_scenes
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf, udf
 from ddf.geometry import raycast
@@ -60,46 +60,29 @@ def propose(
     return torch.cat(found)
 
 
-@runtime_checkable
-class Caster(Protocol):
-    """What casts a row of rays against the mesh of each of several shapes."""
-
-    def first_hits(
-        self, meshes: Int[np.ndarray, "b"], positions: Float[Tensor, "b n 3"], directions: Float[Tensor, "b n 3"], /
-    ) -> tuple[Float[Tensor, "b n"], Int[Tensor, "b n"]]:
-        """Depth, float32, and triangle, `inf` and -1 on a miss, where the rays are."""
-        ...
-
-
-@dataclass(frozen=True)
-class HostCaster:
-    """Casts on the host, shape after shape."""
-
-    scenes: sources.Listed[raycast.Scene]
-
-    def first_hits(
-        self, meshes: Int[np.ndarray, "b"], positions: Float[Tensor, "b n 3"], directions: Float[Tensor, "b n 3"]
-    ) -> tuple[Float[Tensor, "b n"], Int[Tensor, "b n"]]:
-        """As `Caster`."""
-        place = positions.device
-        hits = [
-            self.scenes[int(mesh)].first_hits(starts.double().numpy(), own.double().numpy())
-            for mesh, starts, own in zip(meshes, positions.cpu(), directions.cpu(), strict=True)
-        ]
-        depth, triangle = (torch.from_numpy(np.stack(parts)) for parts in zip(*hits, strict=True))
-        return depth.float().to(place), triangle.to(place)
-
-
 @dataclass(frozen=True)
 class Proposer:
-    """Puts proposed rays behind the stored samples of a batch; a `training_steps.Proposer`.
-
-    caster: on the meshes of the shapes of the set, in its order.
-    """
+    """Puts proposed rays behind the stored samples of a batch. scenes: of the shapes, in their order."""
 
     shapes: category_data.ShapeSet
-    caster: Caster
+    scenes: sources.Listed[raycast.Scene]
     config: reconstruction_settings.ProposalConfig
+
+    @classmethod
+    def read(
+        cls, folder: Path, shapes: category_data.ShapeSet, config: reconstruction_settings.ProposalConfig | None
+    ) -> tuple["Proposer | None", list[Path]]:
+        """With the training meshes of the shapes, and their files; None and no files without a config.
+
+        Args:
+          folder: of the stage `meshes`, for the category of the shapes.
+        Raises:
+          InputError: a shape is in no pack, or a pack is damaged; it is named.
+        """
+        if config is None:
+            return None, []
+        scenes = training_scenes.Scenes(folder, shapes.ids)
+        return cls(shapes, scenes, config), scenes.paths
 
     def __call__(
         self,
@@ -121,12 +104,23 @@ class Proposer:
         starts, candidates = arrays.send(starts[part], place), arrays.send(candidates, place)
         candidates = torch.nn.functional.normalize(candidates, dim=-1)
         directions = propose(field, modulations, starts, candidates)
-        depth, triangle = self.caster.first_hits(chosen[part], starts, directions)
+        depth, triangle = self._first_hits(chosen[part], starts, directions)
         visible = triangle >= 0
         depth = depth.masked_fill(~visible, 0.0)
         normals = torch.zeros_like(starts)  # never read
         counts = {"P": self.config.points}
         return stored.followed_by(sample_batch.SampleBatch(starts, directions, visible.float(), depth, normals, counts))
+
+    def _first_hits(
+        self, shapes: Int[np.ndarray, "b"], positions: Float[Tensor, "b n 3"], directions: Float[Tensor, "b n 3"]
+    ) -> tuple[Float[Tensor, "b n"], Int[Tensor, "b n"]]:
+        """Depth, float32, and triangle of a row of rays against each shape's mesh; `inf` and -1 on a miss."""
+        hits = [
+            self.scenes[int(shape)].first_hits(starts.double().numpy(), own.double().numpy())
+            for shape, starts, own in zip(shapes, positions.cpu(), directions.cpu(), strict=True)
+        ]
+        depth, triangle = (torch.from_numpy(np.stack(parts)) for parts in zip(*hits, strict=True))
+        return depth.float().to(positions.device), triangle.to(positions.device)
 
     def _starts(self, chosen: Int[np.ndarray, "b"], random: np.random.Generator) -> Float[Tensor, "b n 3"]:
         near = round(NEAR * self.config.points)

@@ -1,46 +1,23 @@
 """One optimisation step of single-image reconstruction, for the DDF model and for PC-SIREN. [DDF22] §4.3, app. E."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import arrays, distributed
-from ddf.data.batches import category_data, sources, varied_images
-from ddf.data.samples import sample_batch
-from ddf.fields import losses, model_files, pddf
+from ddf.data.batches import category_data, sources
+from ddf.fields import losses, model_files
 from ddf.geometry import cameras
 from ddf.models import reconstruction_models, reconstruction_settings
-from ddf.training import chamfer_loss
-
-
-@runtime_checkable
-class Proposer(Protocol):
-    """Adds rays that the field chooses to the samples of a batch."""
-
-    def __call__(
-        self,
-        stored: sample_batch.SampleBatch,
-        field: pddf.PDDF,
-        modulations: Sequence[Float[Tensor, "b 1 _"]],
-        chosen: Int[np.ndarray, "b"],
-        random: np.random.Generator,
-        part: slice,
-        /,
-    ) -> sample_batch.SampleBatch:
-        """The stored samples of `part` of the shapes `chosen`, with others behind them, drawn for all of `chosen`."""
-        ...
+from ddf.training import chamfer_loss, proposed_rays
 
 
 @dataclass(frozen=True)
 class Batch:
     """Images of one step with the cameras and shapes that they show; everything on the model's device.
-
-    images: perhaps varied (`varied_images`). alpha: of the images as they are.
 
     Of several processes (`distributed`) each has a part of the images, `part`, and what belongs to them; drawn: the
     shapes of all. `random` is the same everywhere: every process draws for all images and keeps what is its own.
@@ -51,7 +28,6 @@ class Batch:
     rows: np.ndarray
     shapes: np.ndarray
     images: Float[Tensor, "b 4 size size"]
-    alpha: Float[Tensor, "b size size"]
     cameras: Float[Tensor, "b 3"]
     random: np.random.Generator
 
@@ -64,11 +40,8 @@ class Batch:
         part, place = distributed.part(config.batch_size), model_files.device()
         drawn, rows = images.shapes[rows], rows[part]
         shown = arrays.send(images.batch(rows), place)
-        alpha, poses = shown[:, 3], arrays.send(images.cameras_of(rows), place)
-        if config.augmentation is not None:
-            chances = varied_images.numbers(config.batch_size, random, part)
-            shown = varied_images.vary(shown, chances, config.augmentation)
-        return cls(part, drawn, rows, drawn[part], shown, alpha, poses, random)
+        poses = arrays.send(images.cameras_of(rows), place)
+        return cls(part, drawn, rows, drawn[part], shown, poses, random)
 
     def chances(self, count: int) -> Float[Tensor, "b count"]:
         """Random numbers in [0, 1) for each image: the same on every device."""
@@ -85,7 +58,7 @@ def ddf_step(
     train: reconstruction_settings.TrainConfig,
     config: reconstruction_settings.DDFConfig,
     step: int,
-    propose: Proposer | None = None,
+    propose: proposed_rays.Proposer | None = None,
 ) -> tuple[Float[Tensor, ""], dict[str, Tensor]]:
     """𝔏_S + γ_RΠ L_Π + γ_RM L_M, the mask with the predicted camera and the true scale.
 
@@ -105,7 +78,7 @@ def ddf_step(
         modulations,
         seen_from,
         arrays.send(shapes.field_scales(batch.shapes), place),
-        category_data.averaged(batch.alpha, config.mask_size),
+        category_data.averaged(batch.images[:, 3], config.mask_size),
         config.mask_pixels,
         None if config.mask_pixels is None else batch.chances(config.mask_size**2),
         arrays.send(shapes.field_shifts(batch.shapes), place),

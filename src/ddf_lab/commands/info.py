@@ -52,8 +52,7 @@ def _reconstruction(experiment: Run) -> dict[str, int]:
     import torch
 
     from ddf.fields import pddf
-    from ddf.models import reconstruction_models, reconstruction_settings
-    from ddf.models.encoders import catalogue
+    from ddf.models import encoders, reconstruction_models, reconstruction_settings
 
     train, ddf = (
         experiment.section(reconstruction_settings.TrainConfig),
@@ -64,7 +63,7 @@ def _reconstruction(experiment: Run) -> dict[str, int]:
             "ddf": reconstruction_models.ddf_model(train, ddf.field),
             "pc_siren": reconstruction_models.pcsiren_model(train),
             "single_shape": pddf.PDDF(pddf.PAPER_SINGLE_SHAPE),
-            "ddf_encoder": catalogue.ENCODERS[train.encoder](train.latent_features, train.encoder_width),
+            "ddf_encoder": encoders.ENCODERS[train.encoder](train.latent_features, train.encoder_width),
         }
     return {name: pddf.count_parameters(model) for name, model in models.items()}
 

@@ -18,7 +18,7 @@ from ddf.data.samples import sample_types
 from ddf.fields import model_files
 from ddf.geometry import mesh_io, raycast, transforms
 from ddf.models import loop_config, reconstruction_models, reconstruction_settings
-from ddf.training import casting, optimisers, proposed_rays, training_loop, training_steps
+from ddf.training import optimisers, proposed_rays, training_loop, training_steps
 
 STORED = 20_000  # random samples per shape and type to draw from, as many as the paper stores
 CLOUD_POINTS, FACES = 8_000, 10_000
@@ -103,8 +103,7 @@ def trial(train: reconstruction_settings.TrainConfig, config: Section) -> Trial:
         samples = memory.samples(random_samples(train.batch_size))
         if config.proposals is not None:
             scenes = [random_scene()] * train.batch_size
-            propose = proposed_rays.Proposer(shapes, proposed_rays.HostCaster(scenes), config.proposals)
-        propose = casting.moved(memory, propose)
+            propose = proposed_rays.Proposer(shapes, scenes, config.proposals)
         given = (ddf, images, shapes, samples, train, config)
         loss = functools.partial(training_steps.ddf_step, *given, propose=propose)
         return _trial(ddf, images, train, config.loop(train.loop), loss)

@@ -8,8 +8,7 @@ import torchvision
 from ddf.core import checks
 from ddf.fields import pddf, rendering, siren
 from ddf.geometry import cameras, rays, transforms
-from ddf.models import reconstruction_models, reconstruction_settings
-from ddf.models.encoders import resnet
+from ddf.models import encoders, reconstruction_models, reconstruction_settings
 from ddf.reconstruction import camera_correction
 
 PAPER_FIELD = pddf.PDDFConfig((512, 512, 512, 256, 256, 256, 256), 1.0, 1.0, "relu", 1.0)
@@ -47,7 +46,7 @@ def test_parameter_counts_are_the_papers():
 def test_full_width_encoder_is_torchvisions_resnet18():
     theirs = torchvision.models.resnet18(weights=None, num_classes=5)
     theirs.conv1 = torch.nn.Conv2d(4, 64, 7, 2, 3, bias=False)
-    mine = resnet.ResNet18(5, 64)
+    mine = encoders.ResNet18(5, 64)
     mine.load_state_dict(theirs.state_dict())
     images = torch.rand(2, 4, 64, 64, generator=torch.Generator().manual_seed(0))
     assert torch.equal(mine.eval()(images), theirs.eval()(images))

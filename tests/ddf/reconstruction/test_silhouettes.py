@@ -109,7 +109,7 @@ def test_deviation_is_that_of_the_encoders_latents():
     model = _models.ddf_model()
     images = torch.rand(7, 4, 32, 32, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
-        features, latents = model.shape_encoder.features(images), model.shape_encoder(images)
+        features, latents = model.shape_encoder.stages(images)[-1], model.shape_encoder(images)
     torch.testing.assert_close(silhouettes.deviation(model, features), latents.std(0))
     with pytest.raises(checks.InputError, match="at least 2 are needed; got 1"):
         silhouettes.deviation(model, features[:1])

@@ -52,7 +52,7 @@ def _proposer(settings=CONFIG):
     clouds = [radius * unit for radius in RADII]
     shapes = category_data.ShapeSet(["small", "large"], [transforms.Similarity(1.0)] * 2, clouds)
     scenes = [raycast.Scene(_shapes.icosphere(4, radius)) for radius in RADII]
-    return proposed_rays.Proposer(shapes, proposed_rays.HostCaster(scenes), settings)
+    return proposed_rays.Proposer(shapes, scenes, settings)
 
 
 def _propose(settings=CONFIG, chosen=(1, 0, 1), seed=0, field=None):

@@ -19,13 +19,6 @@ def test_same_step_draws_the_same_batch_and_another_does_not():
     assert len(set(draws[0].rows)) == 4
 
 
-def test_the_mask_is_that_of_the_images_as_they_are():
-    varied = dataclasses.replace(TRAIN, augmentation={"colour": 0.5, "shift": 3.0})
-    found = training_steps.Batch.draw(_hand_made.images(), varied, 3)
-    wanted = _hand_made.images().batch(found.rows)
-    assert torch.equal(found.alpha, wanted[:, 3]) and not torch.equal(found.images[:, 3], wanted[:, 3])
-
-
 @pytest.mark.parametrize("told", [False, True])
 @pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
 def test_steps_lower_the_loss_and_reach_every_parameter(kind, told):

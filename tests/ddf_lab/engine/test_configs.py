@@ -57,8 +57,7 @@ ONE_VALUE = {
     "fit.loop.matmul": "tf32 on a GPU",
     "fit.loop.threads": "the user's cores",
     "scores.inception_weights": "a file that the user has, for FID",
-    "train.encoder": "a small ConvNeXt V2 beside the paper's",
-    "train.augmentation": "for images of other programs",
+    "train.encoder": "others may be added: docs/recipes/encoder.diff",
 }
 
 

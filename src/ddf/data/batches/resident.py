@@ -1,4 +1,4 @@
-"""Training data in a GPU's memory: images as bytes, samples in their stored form, clouds; meshes are of `casting`.
+"""Training data in a GPU's memory: images as bytes, samples in their stored form, clouds.
 
 What a step reads is then chosen and decoded on the GPU, from numbers that the host draws exactly as without one; they
 are all that is sent. A kind of data that does not fit stays in its files, of which each step sends its part.

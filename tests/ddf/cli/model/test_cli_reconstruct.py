@@ -67,7 +67,7 @@ def _known(path, model_dir, count=3):
     model, _ = one_image.load(model_dir)
     images = torch.rand(count, 4, 32, 32, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
-        features = model.shape_encoder.features(images)
+        features = model.shape_encoder.stages(images)[-1]
     record = provenance.record("x", 0, [model_dir / model_files.MODEL])
     storage.save_tensors(path / "ddf.safetensors", {"train_features": features}, record)
     return path

@@ -3,17 +3,14 @@
 import logging
 
 import _hand_made
-import _shapes
 import numpy as np
 import pytest
 import torch
 from _hand_made import COUNTS, DDF, PCSIREN, TRAIN
 
 from ddf.data.batches import category_data, resident
-from ddf.geometry import mesh_io, raycast
-from ddf.geometry.gpu import meshes
-from ddf.models import reconstruction_models, reconstruction_settings
-from ddf.training import casting, proposed_rays, training_steps
+from ddf.models import reconstruction_models
+from ddf.training import training_steps
 
 CPU = torch.device("cpu")
 
@@ -101,39 +98,3 @@ def test_what_has_no_room_stays_in_its_files(roomy, caplog):
 def test_a_cpu_keeps_its_files():
     images = _hand_made.images()
     assert resident.Memory(CPU).images(images) is images
-    assert casting.moved(resident.Memory(CPU), None) is None
-
-
-@pytest.fixture
-def propose():
-    """What casts rays on the host, on two meshes; a triangle of the second is flat."""
-    flat = _shapes.cube(0.8)
-    flat = mesh_io.Mesh(flat.vertices, np.concatenate([flat.faces, [[0, 0, 1]]]))
-    scenes = [raycast.Scene(_shapes.icosphere(1, 0.4)), raycast.Scene(flat)]
-    caster = proposed_rays.HostCaster(scenes)
-    return proposed_rays.Proposer(_hand_made.shapes(), caster, reconstruction_settings.ProposalConfig(4, 2))
-
-
-def test_rays_are_cast_where_the_meshes_lie(roomy, propose, monkeypatch, caplog):
-    monkeypatch.setattr(meshes, "refusal", lambda device: None)
-    joined = meshes.joined
-    monkeypatch.setattr(meshes, "joined", lambda counts, corners, device: joined(counts, corners, CPU))
-    with caplog.at_level(logging.INFO):
-        moved = casting.moved(roomy(96 * 36), propose)
-    assert moved is not None and isinstance(moved.caster, meshes.Meshes)
-    assert "meshes of the training set" in caplog.text and "in the memory of cuda" in caplog.text
-    own = moved.caster.corners[:, int(moved.caster.begins[1]) :].T.reshape(-1, 3, 3)[:13]
-    assert torch.equal(own[:12], torch.from_numpy(_shapes.cube(0.8).triangles).float())
-    assert torch.equal(own[12, 0], own[12, 1]) and torch.equal(own[12, 0], own[12, 2])
-    assert casting.moved(roomy(1 << 30), moved) is moved
-
-
-def test_rays_stay_on_the_host_where_meshes_have_no_room_or_no_kernel(roomy, propose, monkeypatch, caplog):
-    with caplog.at_level(logging.INFO):
-        monkeypatch.setattr(meshes, "refusal", lambda device: None)
-        assert casting.moved(roomy(96 * 36 - 1), propose) is propose
-        monkeypatch.setattr(meshes, "refusal", lambda device: "no compiler")
-        assert casting.moved(roomy(1 << 30), propose) is propose
-    first, second = (record.message for record in caplog.records)
-    assert "with Open3D on the host: the GPU has no room for them" in first
-    assert second == "rays are cast by Open3D on the host, so steps take longer: no compiler"

@@ -11,7 +11,7 @@ from ddf.core import checks, storage
 from ddf.data.batches import category_data, training_scenes
 from ddf.geometry import mesh_io, transforms
 from ddf.models import reconstruction_settings
-from ddf.training import casting
+from ddf.training import proposed_rays
 
 
 @pytest.fixture
@@ -42,6 +42,6 @@ def test_scenes_are_in_the_order_asked_for_however_few_packs_are_open(packs, mon
 def test_meshes_are_read_where_rays_are_proposed_alone(packs):
     shapes = category_data.ShapeSet(["c", "a"], [transforms.Similarity(1.0)] * 2, [torch.zeros(5, 3)] * 2)
     proposals = reconstruction_settings.ProposalConfig(4, 2)
-    propose, files = casting.read(packs, shapes, proposals)
+    propose, files = proposed_rays.Proposer.read(packs, shapes, proposals)
     assert propose is not None and (propose.config, files) == (proposals, sorted(packs.glob("*.zip")))
-    assert casting.read(packs / "none", shapes, None) == (None, [])
+    assert proposed_rays.Proposer.read(packs / "none", shapes, None) == (None, [])

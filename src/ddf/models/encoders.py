@@ -1,16 +1,39 @@
-"""ResNet-18, the paper's encoder. Source: He et al. 2016; [DDF22] app. E."""
+"""Encoders of images: what one must have, ResNet-18, and the list that `train.encoder` names them by."""
+
+from collections.abc import Callable
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ddf.models.encoders.encoder import IMAGE_CHANNELS, Encoder
+from ddf.core import checks
 
+IMAGE_CHANNELS = 4
 FULL_WIDTH = 64
 
 
+class Encoder(nn.Module):
+    """RGBA images in [0, 1] to a latent or to camera scores.
+
+    A kind of encoder is made with (out_features, width) and has `stages` and `fc`, the linear layer at the end.
+    """
+
+    fc: nn.Linear
+
+    def stages(self, images: Float[Tensor, "b 4 h w"]) -> tuple[Float[Tensor, "b _"], ...]:
+        """Pooled features of one stage or more; `fc` takes the last, all tell whether an image is a strange one."""
+        raise NotImplementedError
+
+    def forward(self, images: Float[Tensor, "b 4 h w"]) -> Float[Tensor, "b out"]:
+        """Latent or camera scores of each image."""
+        return self.fc(self.stages(images)[-1])
+
+
 class ResNet18(Encoder):
-    """ResNet-18 on RGBA images with a chosen first width; 64 is torchvision's own network, not pretrained."""
+    """ResNet-18 on RGBA images with a chosen first width; 64 is torchvision's own network, not pretrained.
+
+    Source: He et al. 2016; [DDF22] app. E.
+    """
 
     def __init__(self, out_features: int, width: int = FULL_WIDTH) -> None:
         super().__init__()
@@ -68,3 +91,12 @@ def _stage(inputs: int, outputs: int, stride: int) -> nn.Sequential:
         )
     first = BasicBlock(inputs, outputs, stride, downsample)
     return nn.Sequential(first, BasicBlock(outputs, outputs, 1, None))
+
+
+ENCODERS: dict[str, Callable[[int, int], Encoder]] = {"resnet": ResNet18}  # a new one is a class and its entry here
+
+
+def require(name: str) -> None:
+    """Raise InputError unless there is an encoder of that name."""
+    if name not in ENCODERS:
+        raise checks.InputError(f"train.encoder must be one of {', '.join(ENCODERS)}; got {name!r}")
