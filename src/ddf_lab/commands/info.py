@@ -1,8 +1,6 @@
 """`ddf info CONFIG`: the models of an experiment with exact parameter counts, its stages, sizes of its files, its cost.
 
-The cost is stated before anything has run: shapes, samples, disk, steps, and the time of the trainings on this machine,
-from steps on random data. Those take seconds, and at most about 3 GiB at the paper's sizes; a step of more images is
-scaled from fewer, which `cost.training_time` says (`measured_images` of `batch_size`).
+The cost is stated before anything has run: shapes, samples, disk and steps.
 """
 
 import argparse
@@ -11,8 +9,11 @@ from typing import Any
 
 from ddf_lab.run import Run
 
+SAMPLE_BYTES = 14  # as `packing` stores a sample: 6 position, 4 direction, 2 depth, 2 normal
+CLOUD_BYTES = 13  # of a true point: three float32 and whether it is hidden
+MODEL_COPIES = 4  # of the parameters on disk: the model, and the checkpoint with AdamW's two moments
 EXAMPLES = (
-    "ddf info configs/cpu.yaml --no-steps",
+    "ddf info configs/cpu.yaml",
     "ddf info configs/paper.yaml --json",
     "ddf info configs/paper_generative.yaml",
 )
@@ -21,19 +22,14 @@ EXAMPLES = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's own arguments."""
     parser.add_argument("config", metavar="CONFIG", help="an experiment file, or the name of one in configs/")
-    parser.add_argument(
-        "--no-steps", action="store_true", help="measure no optimisation steps: no estimate of the time"
-    )
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Counts come from the models themselves, built without memory for their values; generative ones have no cost."""
-    from ddf_lab.engine import experiment_cost
-
     experiment = Run.read(args.config)
     generative = experiment.kind == "generative"
     parameters = _generative(experiment) if generative else _reconstruction(experiment)
-    cost = None if generative else experiment_cost.predict(experiment, measured=not args.no_steps)
+    cost = None if generative else _cost(experiment, parameters)
     stages = _stages(experiment)
     found = {
         "config": str(args.config),
@@ -77,16 +73,45 @@ def _generative(experiment: Run) -> dict[str, int]:
     )
 
 
+def _cost(run: Run, parameters: dict[str, int]) -> dict[str, Any]:
+    """Shapes, samples and bytes by category, and steps.
+
+    A category of which all shapes are taken is counted once the stage `dataset` has listed them; until then its
+    numbers, and the sums, are null and those `per_shape` hold. Meshes and synthetic renders are not in the bytes.
+    """
+    from ddf.core import storage
+    from ddf.data import dataset, sampling
+    from ddf.models import reconstruction_settings
+
+    drawn, shapes = run.section(sampling.SamplesConfig), dict(run.section(dataset.DatasetConfig).categories)
+    steps = {
+        "ddf": run.section(reconstruction_settings.DDFConfig).steps,
+        "pcsiren": run.section(reconstruction_settings.PCSirenConfig).steps,
+    }
+    if run.index.exists():
+        listed = storage.read_json(run.index)["categories"]
+        shapes |= {name: len(listed[name]["shapes"]) for name in shapes if name in listed}
+    known = [count for count in shapes.values() if count is not None]
+    total = sum(known) if len(known) == len(shapes) else None
+    samples = sum(drawn.counts.values())
+    size = samples * SAMPLE_BYTES + drawn.cloud_points * CLOUD_BYTES
+    trained = len(shapes) * MODEL_COPIES * 4 * (parameters["ddf"] + parameters["pc_siren"])
+    return {
+        "shapes": {**shapes, "all": total},
+        "per_shape": {"samples": samples, "bytes": size},
+        "samples": None if total is None else total * samples,
+        "disk_bytes": {"samples": None if total is None else total * size, "trainings": trained},
+        "steps": steps,
+        "trainings": len(shapes) * len(steps),
+        "steps_in_all": {name: count * len(shapes) for name, count in steps.items()},
+    }
+
+
 def _verdict(path: Path, stages: list[str], parameters: dict[str, int], cost: dict[str, Any] | None = None) -> str:
-    """One line: stages, the largest model, and the trainings with their hours where those are known."""
+    """One line: stages, the largest model, and the trainings where those are known."""
     name = max(parameters, key=lambda key: parameters[key])
     line = f"{path}: {len(stages)} stages; the largest model is {name} with {parameters[name]:,} parameters"
-    if cost is None:
-        return line
-    line += f"; {cost['trainings']} trainings"
-    return (
-        line if cost["training_time"] is None else f"{line} of {cost['training_time']['hours']:.3g} hours in all here"
-    )
+    return line if cost is None else f"{line}; {cost['trainings']} trainings"
 
 
 def _stages(experiment: Run) -> list[str]:

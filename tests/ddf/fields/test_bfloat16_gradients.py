@@ -15,9 +15,9 @@ import pytest
 import torch
 from torch.nn import functional
 
+from bench.gpu import trial
 from ddf.data.samples import sample_types
 from ddf.fields import derivatives, losses, passes, pddf
-from ddf_lab.engine import step_cost
 
 HIDDEN = (256, 256, 128, 128)
 COUNTS = dict.fromkeys(sample_types.ORDER, 60)
@@ -66,10 +66,10 @@ class Decisions:
 def gradient(monkeypatch):
     """Of the loss in a field's parameters, by the type of its products."""
     monkeypatch.setattr(passes, "has_bfloat16", lambda device: True)
-    monkeypatch.setattr(step_cost, "STORED", 300)
+    monkeypatch.setattr(trial, "STORED", 300)
     torch.manual_seed(0)
     field = pddf.PDDF(pddf.PDDFConfig(HIDDEN, 1.0, 1.0, "softplus", 20.0))
-    batch = step_cost.random_samples(2).draw(np.arange(2), COUNTS, np.random.default_rng(0))
+    batch = trial.random_samples(2).draw(np.arange(2), COUNTS, np.random.default_rng(0))
 
     def of(matmul, weights=_models.WEIGHTS):
         field.zero_grad()

@@ -1,29 +1,22 @@
-"""Whole optimisation steps of both models on random data, to be timed before any data set is there.
-
-The arithmetic of a step is the same whatever the images and samples are, so its seconds and memory are those of a
-training with the same sizes on this machine.
-"""
+"""Whole optimisation steps of both models on random data, as those of a training with the same sizes."""
 
 import functools
-import statistics
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from ddf.data.batches import category_data, resident
 from ddf.data.samples import sample_types
 from ddf.fields import model_files
-from ddf.geometry import mesh_io, raycast, transforms
+from ddf.geometry import transforms
 from ddf.models import loop_config, reconstruction_models, reconstruction_settings
-from ddf.training import optimisers, proposed_rays, training_loop, training_steps
+from ddf.training import optimisers, training_loop, training_steps
 
 STORED = 20_000  # random samples per shape and type to draw from, as many as the paper stores
-CLOUD_POINTS, FACES = 8_000, 10_000
-MOST_POINTS, MOST_IMAGES = 40_000, 8  # of a trial that is scaled up: about 3 GiB at the paper's widths
-REPEATS = 3
+CLOUD_POINTS = 8_000
 Section = reconstruction_settings.DDFConfig | reconstruction_settings.PCSirenConfig
 
 
@@ -35,26 +28,12 @@ class Trial:
     loss: training_loop.StepLoss
     optimiser: optimisers.Optimiser
 
-    def backward(self, step: int) -> None:
-        """Everything of a step but the optimiser: batch, loss and gradients."""
+    def backward(self, step: int) -> Tensor:
+        """Everything of a step but the optimiser: batch, loss and gradients; the loss."""
         loss, _ = self.loss(step)
         self.optimiser.zero_grad()
         loss.backward()
-
-
-@dataclass(frozen=True)
-class StepCost:
-    """Seconds of a step of `batch_size` images: those of the optimiser, and all others, measured at `trial_images`."""
-
-    batch_size: int
-    trial_images: int
-    trial_seconds: float
-    optimiser_seconds: float
-
-    @property
-    def seconds(self) -> float:
-        """Of a whole step; what depends on the batch is scaled from the trial in proportion to the images."""
-        return self.optimiser_seconds + self.trial_seconds * self.batch_size / self.trial_images
+        return loss.detach()
 
 
 def random_images(count: int, size: int) -> category_data.ImageSet:
@@ -86,26 +65,15 @@ def random_samples(count: int) -> category_data.SampleSet:
     return category_data.SampleSet([arrays], [(0, row) for row in range(count)])
 
 
-def random_scene() -> raycast.Scene:
-    """Small triangles in the cube, as many as a training mesh has."""
-    random = np.random.default_rng(3)
-    corners = np.clip(random.uniform(-1, 1, (FACES, 1, 3)) + random.normal(0, 0.02, (FACES, 3, 3)), -1, 1)
-    return raycast.Scene(mesh_io.Mesh(corners.reshape(-1, 3), np.arange(3 * FACES).reshape(-1, 3)))
-
-
 def trial(train: reconstruction_settings.TrainConfig, config: Section) -> Trial:
     """Steps of the model that the section describes, at the sizes of both sections."""
     images, shapes = random_images(train.batch_size, train.image_size), random_shapes(train.batch_size)
     memory = resident.Memory(model_files.device())
     images = memory.images(images)
     if isinstance(config, reconstruction_settings.DDFConfig):
-        ddf, propose = reconstruction_models.ddf_model(train, config.field), None
+        ddf = reconstruction_models.ddf_model(train, config.field)
         samples = memory.samples(random_samples(train.batch_size))
-        if config.proposals is not None:
-            scenes = [random_scene()] * train.batch_size
-            propose = proposed_rays.Proposer(shapes, scenes, config.proposals)
-        given = (ddf, images, shapes, samples, train, config)
-        loss = functools.partial(training_steps.ddf_step, *given, propose=propose)
+        loss = functools.partial(training_steps.ddf_step, ddf, images, shapes, samples, train, config)
         return _trial(ddf, images, train, config.loop(train.loop), loss)
     pcsiren = reconstruction_models.pcsiren_model(train)
     loss = functools.partial(training_steps.pcsiren_step, pcsiren, images, memory.clouds(shapes), train, config)
@@ -123,30 +91,6 @@ def _trial(
     model.to(model_files.device()).train()
     groups = model.parameter_groups()
     return Trial(model, loss, optimisers.of(model, groups, loop))
-
-
-def measure(train: reconstruction_settings.TrainConfig, config: Section) -> StepCost:
-    """Seconds of a step on this machine: medians of a few at no more than `MOST_POINTS` points and `MOST_IMAGES`."""
-    images = min(train.batch_size, max(2, min(MOST_IMAGES, MOST_POINTS // _points_per_image(config))))
-    tried = trial(replace(train, batch_size=images), config)
-    tried.backward(0)
-    tried.optimiser.step()
-    rest = [_seconds(lambda step=step: tried.backward(step)) for step in range(1, 1 + REPEATS)]
-    optimiser = [_seconds(tried.optimiser.step) for _ in range(REPEATS)]
-    return StepCost(train.batch_size, images, statistics.median(rest), statistics.median(optimiser))
-
-
-def _points_per_image(config: Section) -> int:
-    if isinstance(config, reconstruction_settings.PCSirenConfig):
-        return config.points
-    proposed = 0 if config.proposals is None else config.proposals.points * config.proposals.directions
-    return sum(config.counts.values()) + proposed + (config.mask_pixels or config.mask_size**2)
-
-
-def _seconds(work: Callable[[], object]) -> float:
-    started = now()
-    work()
-    return now() - started
 
 
 def now() -> float:

@@ -1,1 +1,0 @@
-"""Meshes in a GPU's memory, and rays cast against them there."""
