@@ -7,8 +7,8 @@ from ddf.core import notes, provenance, storage
 from ddf.data import shapenet
 from ddf.data.batches import category_data
 from ddf.fields import model_files
-from ddf.models import image_encoding, reconstruction_settings, trained
-from ddf.reconstruction import many_images, silhouettes
+from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.reconstruction import many_images, mask_descent
 from ddf.training import training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
@@ -40,13 +40,13 @@ def make(run: Run) -> None:
         kept = notes.Portions(out, record["fingerprint"])
         built = storage.load_metadata(folder / model_files.MODEL)
         if name == "ddf":
-            ddf, _ = trained.ddf(folder, built)
-            features = image_encoding.image_features(ddf, train_images)
-            given = (ddf, test, section, run.label, silhouettes.deviation(ddf, features), kept)
+            ddf, _ = reconstruction_models.load_ddf(folder, built)
+            features = reconstruction_models.image_features(ddf, train_images)
+            given = (ddf, test, section, run.label, mask_descent.latent_deviation(ddf, features), kept)
             tensors, facts = many_images.reconstruct_ddf(*given)
             tensors["train_features"] = features  # for the retrieval row
         else:
-            pcsiren, _ = trained.pcsiren(folder, built)
+            pcsiren, _ = reconstruction_models.load_pcsiren(folder, built)
             tensors, facts = many_images.reconstruct_pcsiren(pcsiren, test, section)
         names = {"images": test.names(), "train_images": train_images.names()}
         storage.save_tensors(out / f"{name}.safetensors", tensors | common, record | names | facts)

@@ -6,8 +6,8 @@ import functools
 from ddf.core import distributed, provenance
 from ddf.data.batches import category_data, resident
 from ddf.fields import model_files
-from ddf.models import reconstruction_models, reconstruction_settings, trained
-from ddf.training import proposed_rays, training_loop, training_steps
+from ddf.models import out_of_distribution, reconstruction_models, reconstruction_settings
+from ddf.training import proposed_rays, reconstruction_steps, training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -33,13 +33,15 @@ def make(run: Run) -> None:
 
     model = reconstruction_models.ddf_model(train, section.field).to(model_files.device())
     model.fit_cameras(images)
-    facts, modules = [train, section, run.category, digest], [training_steps, proposed_rays]
+    facts, modules = [train, section, run.category, digest], [reconstruction_steps, proposed_rays]
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     out_dir = run.folder("train_ddf", seed=run.seed)
     training_loop.fit(
         model,
         model.parameter_groups(section.encoder_share(train.loop)),
-        functools.partial(training_steps.ddf_step, model, images, shapes, samples, train, section, propose=propose),
+        functools.partial(
+            reconstruction_steps.ddf_step, model, images, shapes, samples, train, section, propose=propose
+        ),
         section.steps,
         section.loop(train.loop),
         out_dir,
@@ -47,4 +49,6 @@ def make(run: Run) -> None:
         f"ddf {run.label}",
     )
     if distributed.rank() == 0:
-        trained.add_known(model, images, out_dir)
+        statistics = out_of_distribution.TrainingStatistics.of(reconstruction_models.image_stages(model.eval(), images))
+        if statistics is not None:
+            statistics.add_to(out_dir)

@@ -1,11 +1,12 @@
 """Train the image network whose features the scores are taken on, on images of the VAE's shapes."""
 
+import dataclasses
 import functools
 
 from ddf.core import distributed, provenance
 from ddf.fields import model_files
 from ddf.models import generative_settings
-from ddf.training import image_features, shape_data, training_loop
+from ddf.training import generative_steps, shape_data, training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -18,15 +19,17 @@ def make(run: Run) -> None:
     training_loop.prepare(section.loop, section.batch_size)
 
     images, sources = shape_data.read_sampled(run.index, run.folder("samples"), run.category)
-    model = image_features.FeatureNetwork(section, len(images.ids)).to(model_files.device())
-    record = provenance.record([section, run.category, images.digest()], section.loop.seed, sources, image_features)
+    model = generative_steps.FeatureNetwork(section, len(images.ids)).to(model_files.device())
+    record = provenance.record([section, run.category, images.digest()], section.loop.seed, sources, generative_steps)
     training_loop.fit(
         model,
         model.parameter_groups(),
-        functools.partial(image_features.step_loss, model, images),
+        functools.partial(generative_steps.features_step, model, images),
         section.steps,
         section.loop,
         run.folder("train_features"),
-        record | image_features.description(section, run.category, len(images.ids)),
+        record
+        | {"kind": generative_steps.FEATURES, "category": run.category}
+        | {"features": dataclasses.asdict(section), "shapes": len(images.ids)},
         f"features {run.category}",
     )

@@ -4,8 +4,8 @@ import dataclasses
 
 from ddf.core import distributed, provenance
 from ddf.fields import model_files
-from ddf.models import generative_settings, image_gans, normal_images, shape_vae
-from ddf.training import gan_steps, shape_data, training_loop
+from ddf.models import generated_images, generative_models, generative_settings
+from ddf.training import generative_steps, shape_data, training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -19,21 +19,23 @@ def make(run: Run) -> None:
     training_loop.prepare(gan.loop, gan.batch_size)
 
     images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category)
-    normals, shards = normal_images.read(run.folder("normals"))
+    normals, shards = generated_images.read_normals(run.folder("normals"))
     sources += [*shards, vae_dir / model_files.MODEL]
-    vae = shape_vae.load(vae_dir)
-    model = image_gans.ImageGAN(vae.config, gan)
+    vae = generative_models.load_vae(vae_dir)
+    model = generative_models.ImageGAN(vae.config, gan)
     model.decoder.load_state_dict(vae.decoder.state_dict())
     model.field_scale.copy_(vae.field_scale)
     model.to(model_files.device())
-    record = provenance.record([gan, run.category, images.digest()], gan.loop.seed, sources, gan_steps)
+    record = provenance.record([gan, run.category, images.digest()], gan.loop.seed, sources, generative_steps)
     training_loop.fit(
         model,
         model.parameter_groups(),
-        gan_steps.image_updates(model, images, normals),
+        generative_steps.image_updates(model, images, normals),
         gan.steps,
         gan.loop,
         run.folder("train_gan"),
-        record | gan_steps.record(gan, image_gans.KIND, run.category) | {"vae": dataclasses.asdict(vae.config)},
+        record
+        | {"kind": generative_models.GAN, "category": run.category}
+        | {"gan": dataclasses.asdict(gan), "vae": dataclasses.asdict(vae.config)},
         f"gan {run.category}",
     )

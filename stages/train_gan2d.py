@@ -1,9 +1,11 @@
 """Train the 2D GAN that the image GAN is compared with: noise to colours, the same critic and images."""
 
+import dataclasses
+
 from ddf.core import distributed, provenance
 from ddf.fields import model_files
-from ddf.models import generative_settings, image_gans
-from ddf.training import gan_steps, shape_data, training_loop
+from ddf.models import generative_models, generative_settings
+from ddf.training import generative_steps, shape_data, training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -16,15 +18,15 @@ def make(run: Run) -> None:
     training_loop.prepare(gan.loop, gan.batch_size)
 
     images, sources = shape_data.read_pictured(run.index, run.folder("samples"), run.category)
-    model = image_gans.NoiseGAN(gan).to(model_files.device())
-    record = provenance.record([gan, run.category, images.digest()], gan.loop.seed, sources, gan_steps)
+    model = generative_models.NoiseGAN(gan).to(model_files.device())
+    record = provenance.record([gan, run.category, images.digest()], gan.loop.seed, sources, generative_steps)
     training_loop.fit(
         model,
         model.parameter_groups(),
-        gan_steps.noise_updates(model, images),
+        generative_steps.noise_updates(model, images),
         gan.steps,
         gan.loop,
         run.folder("train_gan2d"),
-        record | gan_steps.record(gan, image_gans.KIND_2D, run.category),
+        record | {"kind": generative_models.GAN_2D, "category": run.category, "gan": dataclasses.asdict(gan)},
         f"2D gan {run.category}",
     )

@@ -7,7 +7,7 @@ from ddf.core import distributed, provenance
 from ddf.data.batches import category_data, resident
 from ddf.fields import model_files
 from ddf.models import reconstruction_models, reconstruction_settings
-from ddf.training import training_loop, training_steps
+from ddf.training import reconstruction_steps, training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -33,10 +33,10 @@ def make(run: Run) -> None:
     training_loop.fit(
         model,
         model.parameter_groups(),
-        functools.partial(training_steps.pcsiren_step, model, images, shapes, train, section),
+        functools.partial(reconstruction_steps.pcsiren_step, model, images, shapes, train, section),
         section.steps,
         train.loop,
         run.folder("train_pcsiren", seed=run.seed),
-        provenance.record(facts, train.loop.seed, sources, training_steps) | architecture,
+        provenance.record(facts, train.loop.seed, sources, reconstruction_steps) | architecture,
         f"pcsiren {run.label}",
     )

@@ -5,8 +5,8 @@ import functools
 
 from ddf.core import distributed, provenance
 from ddf.fields import model_files
-from ddf.models import generative_settings, shape_vae
-from ddf.training import shape_data, training_loop, vae_step
+from ddf.models import generative_models, generative_settings
+from ddf.training import generative_steps, shape_data, training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -21,17 +21,17 @@ def make(run: Run) -> None:
 
     learned = shape_data.parts(run.index, samples_dir, run.category, section.held_out).learned
     shapes, sources = shape_data.read(samples_dir, learned)
-    model = shape_vae.ShapeVAE(section)
+    model = generative_models.ShapeVAE(section)
     model.field_scale.fill_(float(shapes.scales.mean()))
     model.to(model_files.device())
-    record = provenance.record([section, run.category, list(learned)], section.loop.seed, sources, vae_step)
+    record = provenance.record([section, run.category, list(learned)], section.loop.seed, sources, generative_steps)
     training_loop.fit(
         model,
         model.parameter_groups(),
-        functools.partial(vae_step.vae_step, model, shapes),
+        functools.partial(generative_steps.vae_step, model, shapes),
         section.steps,
         section.loop,
         run.folder("train_vae"),
-        record | {"kind": shape_vae.KIND, "category": run.category, "vae": dataclasses.asdict(section)},
+        record | {"kind": generative_models.VAE, "category": run.category, "vae": dataclasses.asdict(section)},
         f"vae {run.category}",
     )

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from ddf.data.batches import category_data
-from ddf.models import generative_settings, image_gans, normal_images, shape_vae
+from ddf.models import generated_images, generative_models, generative_settings
 from ddf.training import shape_data
 
 LOOP = dataclasses.replace(_models.LOOP, checkpoint_seconds=0.0)
@@ -23,7 +23,7 @@ SCORES = generative_settings.ScoresConfig(FEATURES, 8, 2, None, 6, 0.05, 40, 2, 
 
 def vae():
     torch.manual_seed(0)
-    return shape_vae.ShapeVAE(VAE).eval()
+    return generative_models.ShapeVAE(VAE).eval()
 
 
 def shapes():
@@ -32,14 +32,14 @@ def shapes():
 
 def image_gan():
     torch.manual_seed(0)
-    made = image_gans.ImageGAN(VAE, GAN)
+    made = generative_models.ImageGAN(VAE, GAN)
     made.decoder.load_state_dict(vae().decoder.state_dict())
     return made
 
 
 def noise_gan():
     torch.manual_seed(0)
-    return image_gans.NoiseGAN(GAN)
+    return generative_models.NoiseGAN(GAN)
 
 
 def images(count=6):
@@ -52,6 +52,6 @@ def images(count=6):
 def normals(count=4):
     """A square of normals in the middle of each image."""
     made = np.zeros((count, 3, 64, 64), np.int8)
-    made[:, 2, 16:48, 16:48] = normal_images.LEVELS
+    made[:, 2, 16:48, 16:48] = generated_images.LEVELS
     made[:, 0, 16 : 16 + 4 * count : 4, 16:48] = 30
-    return normal_images.NormalSet([{"normals": made}], [(0, row) for row in range(count)])
+    return generated_images.NormalSet([{"normals": made}], [(0, row) for row in range(count)])

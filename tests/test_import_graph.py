@@ -41,7 +41,7 @@ LIGHT_MODULES = [
     "fields.cloud_projection",
     "fields.curvature",
     "training.training_loop",
-    "training.training_steps",
+    "training.reconstruction_steps",
     "models.reconstruction_models",
     "reconstruction.many_images",
     "fields.shape_field",

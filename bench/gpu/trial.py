@@ -13,7 +13,7 @@ from ddf.data.samples import sample_types
 from ddf.fields import model_files
 from ddf.geometry import transforms
 from ddf.models import loop_config, reconstruction_models, reconstruction_settings
-from ddf.training import optimisers, training_loop, training_steps
+from ddf.training import optimisers, reconstruction_steps, training_loop
 
 STORED = 20_000  # random samples per shape and type to draw from, as many as the paper stores
 CLOUD_POINTS = 8_000
@@ -73,10 +73,10 @@ def trial(train: reconstruction_settings.TrainConfig, config: Section) -> Trial:
     if isinstance(config, reconstruction_settings.DDFConfig):
         ddf = reconstruction_models.ddf_model(train, config.field)
         samples = memory.samples(random_samples(train.batch_size))
-        loss = functools.partial(training_steps.ddf_step, ddf, images, shapes, samples, train, config)
+        loss = functools.partial(reconstruction_steps.ddf_step, ddf, images, shapes, samples, train, config)
         return _trial(ddf, images, train, config.loop(train.loop), loss)
     pcsiren = reconstruction_models.pcsiren_model(train)
-    loss = functools.partial(training_steps.pcsiren_step, pcsiren, images, memory.clouds(shapes), train, config)
+    loss = functools.partial(reconstruction_steps.pcsiren_step, pcsiren, images, memory.clouds(shapes), train, config)
     return _trial(pcsiren, images, train, train.loop, loss)
 
 

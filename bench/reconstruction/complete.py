@@ -43,7 +43,7 @@ from ddf.fit import completed_surface, completion, latent_prior
 from ddf.geometry import cameras, neighbours, sensors, transforms
 from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
-from ddf.models import image_encoding, reconstruction_models, trained
+from ddf.models import out_of_distribution, reconstruction_models
 from ddf.reconstruction import one_image
 from ddf_lab.run import Run
 
@@ -127,7 +127,12 @@ class Solver:
         """From the model's folder."""
         model, size = one_image.load(folder)
         model.cpu().requires_grad_(False)
-        return cls(model, size, latent_prior.of(model, trained.known(folder), config.axes), config)
+        return cls(
+            model,
+            size,
+            latent_prior.of(model, out_of_distribution.TrainingStatistics.read(folder), config.axes),
+            config,
+        )
 
     @torch.no_grad()
     def cloud(self, modulations: Sequence[Tensor]) -> Float[np.ndarray, "n 3"]:
@@ -146,7 +151,7 @@ class Solver:
         started = time.process_time()
         with torch.no_grad():
             pixels = shapenet.read_image(file, self.size)[None].to(self.model.shape_encoder.fc.weight)
-            latent = image_encoding.encode_batch(self.model, pixels)[1][0]
+            latent = reconstruction_models.encode_batch(self.model, pixels)[1][0]
         seconds = time.process_time() - started
         modulations = [each[0] for each in self.model.modulations(latent[None])]
         return _told(self.scores(modulations, given.place, given.truth)) | {"seconds": seconds}

@@ -24,7 +24,7 @@ from ddf.fields import cloud_defaults, cloud_projection
 from ddf.fit import latent_prior
 from ddf.geometry import neighbours, transforms
 from ddf.geometry.mesh_io import Mesh
-from ddf.models import normal_images, reconstruction_models, trained
+from ddf.models import generated_images, out_of_distribution, reconstruction_models
 from ddf.reconstruction import framing, one_image
 from ddf_lab.evaluation.generative import generative_clouds
 
@@ -84,8 +84,10 @@ def rows(category: str, seed: int, width: float) -> Iterator[dict]:
     folder = shipped_models.place(category)
     model, size = one_image.load(folder)
     model.cpu().requires_grad_(False)
-    prior = latent_prior.of(model, trained.known(folder), model.shape_encoder.fc.out_features)
-    latents = width * normal_images.latents(COUNT, prior.basis.shape[1], 0, "samples")
+    prior = latent_prior.of(
+        model, out_of_distribution.TrainingStatistics.read(folder), model.shape_encoder.fc.out_features
+    )
+    latents = width * generated_images.latents(COUNT, prior.basis.shape[1], 0, "samples")
     known, others = truth(category, seed), seed + 1000
     sets = {
         "other true shapes": lambda: truth(category, others),

@@ -9,8 +9,8 @@ from torch import Tensor
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf
 from ddf.geometry import transforms
-from ddf.models import reconstruction_models, reconstruction_settings
-from ddf.reconstruction import camera_correction
+from ddf.models import camera_encoder, reconstruction_models, reconstruction_settings
+from ddf.reconstruction import mask_descent
 
 from . import case
 from .field_cases import SATURATED, constant_field
@@ -255,7 +255,7 @@ def _correction(dtype: torch.dtype) -> case.Outcome:
     modulations, found = model.modulations(torch.zeros(1, 2, dtype=dtype)), []
     for alpha in (0.0, 1.0):
         mask = torch.full((1, 8, 8), alpha, dtype=dtype)
-        corrected = camera_correction.correct_camera(model, modulations, camera, scale, mask, correction)
+        corrected = mask_descent.correct_camera(model, modulations, camera, scale, mask, correction)
         found.append(case.close(corrected, camera, 2 * case.step(dtype)))
     return case.worst(*found)
 
@@ -266,7 +266,7 @@ def _correction(dtype: torch.dtype) -> case.Outcome:
     "refused, naming the rule",
 )
 def _same_cameras(dtype: torch.dtype) -> case.Outcome:
-    head = reconstruction_models.CameraHead().to(dtype)
+    head = camera_encoder.CameraHead().to(dtype)
     two = torch.tensor([[0.1, 0.2, 0.5], [0.3, 0.4, 0.5]], dtype=dtype)
     return case.worst(
         case.refused(lambda: head.fit(two[:0]), "training cameras must be at least 2; got 0"),

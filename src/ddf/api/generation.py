@@ -25,10 +25,10 @@ def generate(model: str | Path, n: int = 8, seed: int = 0) -> list[Field]:
     """
     checks.require_whole("n", n, 1)
     with extras.named():
-        from ddf.models import normal_images
+        from ddf.models import generated_images
         from ddf.reconstruction import sampler
     path = shipped_models.require(model, "reconstruction")
     found = sampler.load(path.parent if path.is_file() else path)
-    latents = normal_images.latents(n, found.features, seed, "samples")
+    latents = generated_images.latents(n, found.features, seed, "samples")
     shapes = [found.decode(latent) for latent in latents]
     return [Field(shape, lambda shape=shape: shape) for shape in shapes]

@@ -62,9 +62,9 @@ class Reconstruction:
     @property
     def verdict(self) -> str:
         """How usual the picture is, in words."""
-        from ddf.models import familiarity
+        from ddf.models import out_of_distribution
 
-        return familiarity.verdict(self.unlike, self.kind)
+        return out_of_distribution.verdict(self.unlike, self.kind)
 
     @cached_property
     def _paint(self) -> "painting.Paint":
@@ -138,31 +138,33 @@ def reconstruct(
     return reconstructor(model)(Path(image), n, seed, None if mask is None else Path(mask), background)
 
 
-def reconstructor(model: str | Path, known: Path | None = None) -> Callable[..., Reconstruction]:
+def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..., Reconstruction]:
     """As `reconstruct`, of a model that is loaded once.
 
     Args:
-      known: what stage `pointclouds` made with the model: the shape then moves until its silhouette agrees.
+      encoded: what stage `pointclouds` made with the model: the shape then moves until its silhouette agrees.
     """
     with extras.named():
         from ddf.data import cutouts
-        from ddf.models import trained
+        from ddf.models import out_of_distribution
         from ddf.reconstruction import one_image
     path = shipped_models.require(model, "reconstruction")
     path = path.parent if path.is_file() else path
     ddf_model, size = one_image.load(path)
-    usual = trained.known(path)
-    deviation = None if known is None else one_image.known_deviation(ddf_model, path, known)
+    statistics = out_of_distribution.TrainingStatistics.read(path)
+    deviation = None if encoded is None else one_image.latent_deviation(ddf_model, path, encoded)
 
     def of(image: Path, n: int, seed: int, mask: Path | None, background: str) -> Reconstruction:
-        found = one_image.reconstruct(ddf_model, size, cutouts.read(image, mask, background), n, seed, deviation, usual)
+        found = one_image.reconstruct(
+            ddf_model, size, cutouts.read(image, mask, background), n, seed, deviation, statistics
+        )
         shape = found.shape(ddf_model)
         azimuth, elevation, radius = (float(value) for value in found.camera)
         camera = {"azimuth_deg": np.degrees(azimuth), "elevation_deg": np.degrees(elevation), "radius": radius}
         points = found.scale * found.whole[:n].double().cpu().numpy()
         camera = {name: float(value) for name, value in camera.items()}
         return Reconstruction(
-            Field(shape, lambda: shape), points, camera, found.view, path.name, found.quantile, found.seconds
+            Field(shape, lambda: shape), points, camera, found.view, path.name, found.score, found.seconds
         )
 
     return of

@@ -1,6 +1,5 @@
 """How latents of a model vary between objects: what a shape is like before anything was seen of it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
@@ -8,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import checks
-from ddf.models import familiarity, reconstruction_models
+from ddf.models import out_of_distribution, reconstruction_models
 
 
 @dataclass(frozen=True)
@@ -28,18 +27,20 @@ class LatentPrior:
 
 
 @torch.no_grad()
-def of(model: reconstruction_models.DDFModel, known: Mapping[str, Tensor], axes: int) -> LatentPrior:
-    """From what the model's file says of its training images: the shape latent is linear in their pooled features.
+def of(
+    model: reconstruction_models.DDFModel, statistics: out_of_distribution.TrainingStatistics | None, axes: int
+) -> LatentPrior:
+    """From the statistics of the training images: the shape latent is linear in their pooled features.
 
     Raises:
-      InputError: the file says nothing.
+      InputError: there are none.
     """
-    if not known:
+    if statistics is None:
         raise checks.InputError(
             "this model does not say what its training images were like; give one that stage train_ddf writes today"
         )
     last = model.shape_encoder.fc
-    mean, covariance = familiarity.features(known)
+    mean, covariance = statistics.moments()
     weight, width = last.weight.double().cpu(), last.in_features
     centre = weight @ mean[-width:] + last.bias.double().cpu()
     return of_moments(centre.to(last.weight), weight @ covariance[-width:, -width:] @ weight.T, axes)

@@ -8,7 +8,7 @@ from ddf.fields import field_file, model_files, shape_field
 from ddf.fields.grid import patch_field
 from ddf.io import onnx_file, onnx_graphs, patch_graph
 from ddf.io.onnx_graphs import Graph
-from ddf.models import trained
+from ddf.models import reconstruction_models
 
 
 def load(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str, Graph], dict[str, Any]]:
@@ -34,9 +34,9 @@ def load(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str, Graph
             f"{folder}: holds no DDF or PC-SIREN model and no field; give a folder that `make train` or `ddf fit` wrote"
         )
     if record["kind"] == "ddf":
-        ddf, image_size = trained.ddf(folder, record)
+        ddf, image_size = reconstruction_models.load_ddf(folder, record)
         graphs = onnx_graphs.ddf_graphs(ddf.cpu(), image_size, outputs)
     else:
-        pcsiren, image_size = trained.pcsiren(folder, record)
+        pcsiren, image_size = reconstruction_models.load_pcsiren(folder, record)
         graphs = onnx_graphs.pcsiren_graphs(pcsiren.cpu(), image_size)
     return graphs, onnx_file.describe_source(path, record)

@@ -15,7 +15,7 @@ from ddf.core import checks
 from ddf.fields import field_outputs, pddf, siren
 from ddf.fields.field_outputs import OUTPUTS
 from ddf.fields.field_values import FieldValues
-from ddf.models import familiarity, image_encoding, reconstruction_models
+from ddf.models import out_of_distribution, reconstruction_models
 from ddf.models.encoders import IMAGE_CHANNELS
 
 DYNAMIC = "n"  # the name of the axis whose length is free
@@ -141,7 +141,7 @@ class EncodersGraph(Graph):
 class ModulationsGraph(Graph):
     """From images to what conditions the field, for programs that evaluate the field by themselves.
 
-    known: of `trained.known`; where it is given, how far from the training images each is, too (`familiarity`).
+    statistics: of the training images; where they are given, how far from these each image is, too.
     """
 
     what = "RGBA images to the camera and the modulations of the field's layers, one after the other"
@@ -149,27 +149,30 @@ class ModulationsGraph(Graph):
     relative = frozenset({"distance"})
 
     def __init__(
-        self, model: reconstruction_models.DDFModel, image_size: int, known: Mapping[str, Tensor] | None = None
+        self,
+        model: reconstruction_models.DDFModel,
+        image_size: int,
+        statistics: out_of_distribution.TrainingStatistics | None = None,
     ) -> None:
         super().__init__()
-        self.model, self.known = model, known
+        self.model, self.statistics = model, statistics
         self.inputs = {"images": (DYNAMIC, IMAGE_CHANNELS, image_size, image_size)}
         self.meanings = {
             "camera": "azimuth and elevation in radians, radius in benchmark units",
             "modulations": "factors of the sines of all layers, first layer first",
         }
         self.tolerances = {"camera": 1e-4, "modulations": 1e-4}
-        if known:
+        if statistics is not None:
             self.meanings["distance"] = "from the mean of the training images, in features of the encoder"
             self.tolerances["distance"] = 1e-4
 
     def forward(self, images: Float[Tensor, "n 4 s s"]) -> tuple[Tensor, ...]:
-        """As `image_encoding.encode_batch`."""
-        stages, latent, camera = image_encoding.encode_batch(self.model, images)
+        """Cameras, modulations and perhaps distances."""
+        stages, latent, camera = reconstruction_models.encode_batch(self.model, images)
         modulations = torch.cat([modulation[:, 0] for modulation in self.model.modulations(latent)], dim=-1)
-        if not self.known:
+        if self.statistics is None:
             return camera, modulations
-        return camera, modulations, familiarity.from_mean(self.known, torch.cat(stages, dim=1))
+        return camera, modulations, self.statistics.distance(torch.cat(stages, dim=1))
 
 
 class ImageFieldGraph(Graph):

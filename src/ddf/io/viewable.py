@@ -72,19 +72,19 @@ def model_page(folder: Path) -> viewer_page.Page:
     """
     from ddf.fields import shape_field
     from ddf.io import onnx_file, onnx_graphs, onnx_parity
-    from ddf.models import trained
+    from ddf.models import out_of_distribution
     from ddf.reconstruction import one_image
 
     samples = [file.read_bytes() for file in sorted(folder.glob("sample_*.png"))]
     if not samples:
         raise checks.InputError(f"{folder}: put an RGBA image sample_0.png there, which the page shows first")
     model, image_size = one_image.load(folder)
-    known = trained.known(folder)
-    graph = onnx_graphs.ModulationsGraph(model.cpu(), image_size, known)
+    statistics = out_of_distribution.TrainingStatistics.read(folder)
+    graph = onnx_graphs.ModulationsGraph(model.cpu(), image_size, statistics)
     onnx = onnx_file.to_onnx(graph, {})
     onnx_parity.require(onnx_parity.compare(onnx, "modulations", graph, (1,), 0))
     shape = shape_field.conditioned(model.field, None, 1.0)
-    encoders = viewer_page.Encoders(onnx, image_size, samples, float(model.camera_head.mean[2]), bool(known))
+    encoders = viewer_page.Encoders(onnx, image_size, samples, float(model.camera_head.mean[2]), statistics is not None)
     fields = [viewer_fields.bake(shape, name_of(folder))]
     return viewer_page.Page(name_of(folder), _ABOUT_MODEL, viewer_layout.corners(shape), fields, encoders=encoders)
 

@@ -10,7 +10,7 @@ from ddf.core import checks, schema
 from ddf.core.schema import fixed, setting
 from ddf.data.samples import sample_types
 from ddf.fields import losses, pddf
-from ddf.models import loop_config, translators
+from ddf.models import image_networks, loop_config
 
 _SAMPLED = ("hidden", "omega_first", "depth_activation", "direction_scale")
 _WEIGHTS = ("depth", "depth_of", "depth_huber", "normals")
@@ -78,7 +78,7 @@ class GANConfig(schema.Checked):
     translator_width: int = setting(64, "of f_T and g_T", _GENMODEL, least=2)
     texture_width: int = setting(16, "of h_T", _GENMODEL, least=2)
     critic_width: int = setting(1024, "of the critics, and of the 2D GAN's generator", _GENMODEL, least=16)
-    upsampling: translators.Upsampling = setting(
+    upsampling: image_networks.Upsampling = setting(
         "transposed", "of f_T and g_T; nearest leaves no grid of dots in short trainings", _GENMODEL
     )
     noise_features: int = setting(128, "of the 2D GAN", _GENMODEL, least=1)

@@ -56,7 +56,7 @@ class LoopConfig(schema.Checked):
         """AdamW's learning rate in step `step` (from 0) of `steps`; Muon's keeps its ratio to it.
 
         Args:
-          reductions: of a schedule by plateau, see `training.plateau.reductions`.
+          reductions: of a schedule by plateau, see `training_loop.plateau_reductions`.
         """
         rise = min(1.0, (step + 1) / self.warmup_steps) if self.warmup_steps else 1.0
         if self.schedule != "cosine":

@@ -1,97 +1,33 @@
-"""Single-image 3D reconstruction: the two models, camera regression and correction. [DDF22] §4.3, app. E.
+"""Single-image 3D reconstruction: the two models, their mask loss, and their files. [DDF22] §4.3, app. E.
 
 An RGBA image goes to a shape latent z_s and to a camera (azimuth, elevation, radius); a conditional PDDF or PC-SIREN
 turns z_s into a shape. Cameras are (..., 3): azimuth and elevation in radians, radius in benchmark units.
 """
 
-import math
-from collections.abc import Sequence
+import functools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ddf.core import checks
 from ddf.data.batches import category_data
-from ddf.fields import pddf, rendering, siren
+from ddf.fields import framed_field, model_files, pddf, rendering, siren
 from ddf.fields.gpu import compiled_passes
 from ddf.geometry import cameras
-from ddf.models import camera_encoder, encoders, reconstruction_settings
+from ddf.models import camera_encoder, encoders, out_of_distribution, reconstruction_settings
 
-LEAST_PAIR = 0.05  # a (sin θ, cos θ) shorter than this says nothing; the slope of its angle is 1 / length
-MOST_MASKS = 1000  # of the training set, that say what is usual
+MOST_MASKS = 1000  # of the training set, whose statistics are taken
+# Images at a time; the networks are in evaluation mode, so the sizes matter to the result by rounding alone.
+ENCODER_BATCH = 64
 LOG_OF_ZERO = -100.0  # where `torch.nn.functional.binary_cross_entropy` bounds a logarithm
 
-
-class CameraHead(nn.Module):
-    """What the camera encoder gives to physical units, by the statistics of the training cameras.
-
-    azimuth: `angle` is the paper's way, three z-scores, in which 0 and 2π are the farthest apart. `sincos` gives the
-    azimuth as (sin θ, cos θ), which has no end, before the z-scores of elevation and radius; the two have unit variance
-    together, as a z-score has, where azimuths are spread evenly (derived here).
-    """
-
-    mean: Tensor
-    deviation: Tensor
-    lowest: Tensor
-    highest: Tensor
-
-    def __init__(self, azimuth: reconstruction_settings.Azimuth = "angle") -> None:
-        super().__init__()
-        self.azimuth = azimuth
-        self.register_buffer("mean", torch.zeros(3))
-        self.register_buffer("deviation", torch.ones(3))
-        self.register_buffer("lowest", torch.full((3,), -torch.inf))
-        self.register_buffer("highest", torch.full((3,), torch.inf))
-
-    def fit(self, training_cameras: Float[Tensor, "n 3"]) -> None:
-        """Take mean, deviation and range from the training set.
-
-        Raises:
-          InputError: fewer than two cameras, or one of the three numbers never varies.
-        """
-        if len(training_cameras) < 2:
-            raise checks.InputError(f"training cameras must be at least 2; got {len(training_cameras)}")
-        deviation = training_cameras.std(dim=0)
-        if not bool((deviation > 0).all()):
-            raise checks.InputError(f"azimuth, elevation and radius must vary over the training set; got {deviation}")
-        self.mean.copy_(training_cameras.mean(dim=0))
-        self.deviation.copy_(deviation)
-        self.lowest.copy_(training_cameras.amin(dim=0))
-        self.highest.copy_(training_cameras.amax(dim=0))
-
-    @property
-    def num_scores(self) -> int:
-        """Numbers that the encoder gives."""
-        return 3 if self.azimuth == "angle" else 4
-
-    def loss(self, scores: Float[Tensor, "b scores"], truth: Float[Tensor, "b 3"]) -> Float[Tensor, ""]:
-        """L_Π = ‖Π_g - Π̂‖² of the scores, mean over images; before clamping, so that its gradient never dies."""
-        wanted = (truth - self.mean) / self.deviation
-        if self.azimuth == "sincos":
-            wanted = torch.cat((torch.sin(truth[:, :1]), torch.cos(truth[:, :1]), wanted[:, 1:]), dim=-1)
-        return (scores - wanted).square().sum(-1).mean()
-
-    def forward(self, scores: Float[Tensor, "b scores"]) -> Float[Tensor, "b 3"]:
-        """Cameras, clamped to the range of the training set; an azimuth from (sin θ, cos θ) is in [0, 2π) instead.
-
-        A pair shorter than `LEAST_PAIR` gives azimuth 0 and no gradient: L_Π alone draws it out.
-        """
-        last = scores if self.azimuth == "angle" else scores[:, 1:]
-        camera = last * self.deviation + self.mean
-        bounded = torch.minimum(torch.maximum(camera, self.lowest), self.highest)
-        return bounded if self.azimuth == "angle" else torch.cat((_angle(scores[:, :2]), bounded[:, 1:]), dim=-1)
-
-
-def _angle(pair: Float[Tensor, "b 2"]) -> Float[Tensor, "b 1"]:
-    """θ in [0, 2π) of (sin θ, cos θ) of any length."""
-    sine, cosine = pair[:, :1], pair[:, 1:]
-    undecided = sine.square() + cosine.square() < LEAST_PAIR**2
-    angle = torch.atan2(torch.where(undecided, 0.0, sine), torch.where(undecided, 1.0, cosine))
-    return torch.where(angle < 0, angle + 2 * math.pi, angle)
+Rows = Int[np.ndarray, "_"]  # of images
+Stages = tuple[Float[Tensor, "n _"], ...]
 
 
 class ReconstructionModel(nn.Module):
@@ -108,18 +44,18 @@ class ReconstructionModel(nn.Module):
     ) -> None:
         super().__init__()
         make = encoders.ENCODERS[encoder]
-        self.camera_head = CameraHead(azimuth)
+        self.camera_head = camera_encoder.CameraHead(azimuth)
         self.shape_encoder = make(latent_features, encoder_width)
         scores = self.camera_head.num_scores
         self.camera_encoder: nn.Module = (
-            camera_encoder.ToldEncoder(make, scores, encoder_width) if told else make(scores, encoder_width)
+            camera_encoder.StatisticsAwareEncoder(make, scores, encoder_width) if told else make(scores, encoder_width)
         )
         self.decoder = decoder
 
     def fit_cameras(self, images: category_data.ImageSet) -> None:
-        """Take from the training images what cameras and masks are usual; as `CameraHead.fit`."""
+        """Take the statistics of cameras and masks from the training images; errors are those of `CameraHead.fit`."""
         self.camera_head.fit(images.cameras)
-        if isinstance(self.camera_encoder, camera_encoder.ToldEncoder):
+        if isinstance(self.camera_encoder, camera_encoder.StatisticsAwareEncoder):
             rows = np.linspace(0, len(images.shapes) - 1, min(MOST_MASKS, len(images.shapes))).round().astype(int)
             self.camera_encoder.fit(images.batch(rows)[:, 3], images.cameras[:, 2])
 
@@ -229,3 +165,67 @@ def ddf_model(train: reconstruction_settings.TrainConfig, field: reconstruction_
 def pcsiren_model(train: reconstruction_settings.TrainConfig) -> PCSirenModel:
     """The PC-SIREN model of a config, freshly initialised."""
     return PCSirenModel(train.decoder, train.latent_features, *train.encoders)
+
+
+def row_batches(images: category_data.ImageSet, size: int = ENCODER_BATCH) -> list[Rows]:
+    """Rows of at most so many images at a time."""
+    count = len(images.shapes)
+    return np.array_split(np.arange(count), -(-count // size))
+
+
+@torch.no_grad()
+def encode_batch(
+    model: ReconstructionModel, batch: Float[Tensor, "n 4 s s"]
+) -> tuple[Stages, Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
+    """Features of the shape encoder's stages, shape latents and predicted cameras of some images."""
+    stages = model.shape_encoder.stages(batch)
+    return stages, model.shape_encoder.fc(stages[-1]), model.camera_head(model.camera_encoder(batch))
+
+
+def encode(
+    model: ReconstructionModel, images: category_data.ImageSet
+) -> tuple[Float[Tensor, "n features"], Float[Tensor, "n z"], Float[Tensor, "n 3"]]:
+    """Features of the last stage, latents and cameras of all images."""
+    batches = (images.batch(rows).to(model_files.device()) for rows in row_batches(images))
+    stages, latents, found = zip(*(encode_batch(model, batch) for batch in batches), strict=True)
+    return torch.cat([each[-1] for each in stages]), torch.cat(latents), torch.cat(found)
+
+
+def image_features(model: ReconstructionModel, images: category_data.ImageSet) -> Float[Tensor, "n features"]:
+    """Pooled features of the shape encoder, by which the retrieval row finds the nearest training image."""
+    return image_stages(model, images)[-1]
+
+
+@torch.no_grad()
+def image_stages(model: ReconstructionModel, images: category_data.ImageSet) -> Stages:
+    """Features of all stages, which `out_of_distribution` compares."""
+    batches = (images.batch(rows).to(model_files.device()) for rows in row_batches(images))
+    found = (model.shape_encoder.stages(batch) for batch in batches)
+    return tuple(torch.cat(stage).cpu() for stage in zip(*found, strict=True))
+
+
+def load_ddf(folder: Path, record: Mapping[str, Any]) -> tuple[DDFModel, int]:
+    """The DDF model of a folder, in evaluation mode, and the image size that it takes.
+
+    Args:
+      record: of its model file (`storage.load_metadata`), of kind `ddf`.
+        Of its section `ddf` the field alone is read: how the model was trained may be said in other words by now.
+    Raises:
+      InputError: the file is damaged, or its record names unknown settings.
+    """
+    from ddf.core import config  # needs yaml, which training and inference do without
+
+    with framed_field.record_of(folder):
+        train = config.recorded(record["train"], reconstruction_settings.TrainConfig, "train")
+        field = config.recorded(record["section"]["field"], reconstruction_settings.FieldConfig, "ddf.field")
+    make = functools.partial(ddf_model, train, field)
+    return model_files.built(make, folder, out_of_distribution.PREFIX), train.image_size
+
+
+def load_pcsiren(folder: Path, record: Mapping[str, Any]) -> tuple[PCSirenModel, int]:
+    """The same of a record of kind `pcsiren`."""
+    from ddf.core import config  # needs yaml, which training and inference do without
+
+    with framed_field.record_of(folder):
+        train = config.recorded(record["train"], reconstruction_settings.TrainConfig, "train")
+    return model_files.built(lambda: pcsiren_model(train), folder), train.image_size

@@ -1,14 +1,13 @@
 """An object placed in its picture as training images place theirs: the centre of its box in the middle (derived here).
 
 Its box's centre and its distance are not known, so the model tells them. Places on a grid are tried; the mean is taken,
-each place with the weight exp(-d²/2) of its crop, whose features are d from the training images' (`familiarity`). The
-shape that the model makes of it, seen from the training images' mean distance along the predicted angles, tells the
+each place with the weight exp(-d²/2) of its crop, whose distance from the training images is d (`out_of_distribution`).
+The shape that the model makes of it, seen from the training images' mean distance along the predicted angles, tells the
 size; then places are tried again, on a finer grid too. A square picture in which the object stands free, as training
 images have it, is left as it is: the search costs accuracy there.
 """
 
 import itertools
-from collections.abc import Mapping
 
 import numpy as np
 import torch
@@ -18,8 +17,8 @@ from torch import Tensor
 
 from ddf.fields import cloud_defaults, cloud_projection
 from ddf.geometry import cameras, transforms
-from ddf.models import familiarity, image_encoding, reconstruction_models
-from ddf.reconstruction import scales
+from ddf.models import out_of_distribution, reconstruction_models
+from ddf.reconstruction import mask_descent
 
 START = np.array([0.7, 0.0, 0.03])  # share of the diagonal, and of the centre's place, of the synthetic training images
 _COARSE, _FINE, _EACH_WAY = 0.03, 0.01, 2  # steps of the grids of places
@@ -61,29 +60,32 @@ class Cutout:
 
 @torch.no_grad()
 def frame(
-    model: reconstruction_models.DDFModel, known: Mapping[str, Tensor] | None, cutout: Cutout, size: int
+    model: reconstruction_models.DDFModel,
+    statistics: out_of_distribution.TrainingStatistics | None,
+    cutout: Cutout,
+    size: int,
 ) -> Frame:
     """Where the object stands in a picture as the model's training images are.
 
     Args:
-      known: of `trained.known`. size: of the model's images.
+      statistics: of the training images. size: of the model's images.
     """
     if cutout.given is not None:
         return cutout.given
-    if not known:
+    if statistics is None:
         return np.clip(_by_shape(model, cutout.crop(START, size)), _LEAST, _MOST)
 
-    def usual(around: Frame, step: float) -> Frame:
+    def likeliest(around: Frame, step: float) -> Frame:
         steps = step * np.arange(-_EACH_WAY, _EACH_WAY + 1)
         frames = [around + np.array([0, x, y]) for x, y in itertools.product(steps, steps)]
         images = torch.cat([encoder_input(cutout.crop(each, size)) for each in frames])
         stages = model.shape_encoder.stages(images.to(model.camera_head.mean))
-        squares = familiarity.distances(known, torch.cat(stages, dim=1)) ** 2
+        squares = statistics.distance(torch.cat(stages, dim=1).double().cpu()).numpy() ** 2
         return np.average(frames, axis=0, weights=np.exp((squares.min() - squares) / 2))
 
-    seen = _by_shape(model, cutout.crop(usual(START, _COARSE), size))
+    seen = _by_shape(model, cutout.crop(likeliest(START, _COARSE), size))
     sized = np.array([np.clip(seen[0], _LEAST[0], _MOST[0]), *START[1:]])
-    return usual(usual(sized, _COARSE), _FINE)
+    return likeliest(likeliest(sized, _COARSE), _FINE)
 
 
 def encoder_input(pixels: UInt8[np.ndarray, "h w 4"]) -> Float[Tensor, "1 4 h w"]:
@@ -94,12 +96,12 @@ def encoder_input(pixels: UInt8[np.ndarray, "h w 4"]) -> Float[Tensor, "1 4 h w"
 def _by_shape(model: reconstruction_models.DDFModel, pixels: UInt8[np.ndarray, "h w 4"]) -> Frame:
     """The frame of the shape that the model sees, from the mean distance."""
     mean = model.camera_head.mean
-    _, latent, camera = image_encoding.encode_batch(model, encoder_input(pixels).to(mean))
+    _, latent, camera = reconstruction_models.encode_batch(model, encoder_input(pixels).to(mean))
     drawn = cloud_defaults.cloud(cycles=1)
     generator = torch.Generator(mean.device).manual_seed(0)
     cycles = cloud_projection.sample(model.field, [m[0] for m in model.modulations(latent)], _POINTS, drawn, generator)
     (cloud,) = cloud_projection.select(cycles, [_POINTS], drawn)
-    points = (transforms.BENCHMARK_FROM_V1 * scales.scale_from_cloud(cloud) * cloud).double()
+    points = (transforms.BENCHMARK_FROM_V1 * mask_descent.scale_from_cloud(cloud) * cloud).double()
     column, row = cameras.project(
         points, *cameras.extrinsics(camera[0, 0].double(), camera[0, 1].double(), mean[2].double())
     )

@@ -21,8 +21,8 @@ from ddf.core import notes, seeding
 from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, field_outputs, model_files, pddf, rendering
 from ddf.fields.gpu import farthest_points
-from ddf.models import image_encoding, reconstruction_models, reconstruction_settings
-from ddf.reconstruction import camera_correction, scales, silhouettes
+from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.reconstruction import mask_descent
 
 CORRECTION_BATCH = {"cpu": 16, "cuda": 64}  # a step of the correction keeps what its gradient needs of every pixel
 EVEN_RATIOS = tuple(1.2207440846057596**-axis for axis in (1, 2, 3))  # of the root of x^4 = x + 1: see `cube_points`
@@ -50,7 +50,7 @@ def reconstruct_ddf(
     that agree with the silhouette too (`ON_MASK`); cameras, renders, and features for the retrieval row. And the facts.
 
     Args:
-      deviation: of the latents of training images (`silhouettes.deviation`), which a `shape_correction` needs.
+      deviation: of the latents of training images (`mask_descent.latent_deviation`), which a `shape_correction` needs.
       kept: where portions of what takes long are kept, and found again.
     Returns:
       Tensors by name, and facts: `rendered` images, `seconds` of wall time that an image took, by part.
@@ -90,7 +90,7 @@ def _timed_encode(
     model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet
 ) -> tuple[tuple[Tensor, Tensor, Tensor], dict[str, float]]:
     started = time.monotonic()
-    found = image_encoding.encode(model, images)
+    found = reconstruction_models.encode(model, images)
     return found, {"encoders": (time.monotonic() - started) / len(images.shapes)}
 
 
@@ -113,17 +113,17 @@ def _by_portion(
     images: category_data.ImageSet,
     kept: notes.Portions | None,
     name: str,
-    make: Callable[[Sequence[image_encoding.Rows]], dict[str, Tensor]],
+    make: Callable[[Sequence[reconstruction_models.Rows]], dict[str, Tensor]],
 ) -> tuple[dict[str, Tensor], float]:
     """Tensors of all images, on the CPU, from as many batches at a time as threads take; and seconds an image."""
 
-    def timed(batches: Sequence[image_encoding.Rows]) -> dict[str, Tensor]:
+    def timed(batches: Sequence[reconstruction_models.Rows]) -> dict[str, Tensor]:
         started = time.monotonic()
         tensors = _on_cpu(make(batches))
         return tensors | {"seconds": torch.tensor([time.monotonic() - started])}
 
     size = CORRECTION_BATCH[model_files.device().type]
-    batches, at_once, parts = image_encoding.row_batches(images, size), _threads_at_once(), []
+    batches, at_once, parts = reconstruction_models.row_batches(images, size), _threads_at_once(), []
     for start in range(0, len(batches), at_once):
         portion = batches[start : start + at_once]
         if kept is None:
@@ -143,16 +143,16 @@ def _correct_shapes(
     images: category_data.ImageSet,
     config: reconstruction_settings.PointcloudsConfig,
     how: reconstruction_settings.ShapeCorrectionConfig,
-    batches: Sequence[image_encoding.Rows],
+    batches: Sequence[reconstruction_models.Rows],
 ) -> Float[Tensor, "m z"]:
-    """`silhouettes.correct_shapes` of the images of some batches."""
+    """`mask_descent.correct_shapes` of the images of some batches."""
 
-    def correct(rows: image_encoding.Rows) -> Tensor:
+    def correct(rows: reconstruction_models.Rows) -> Tensor:
         index = torch.from_numpy(rows)
         own, generators = latents[index], [_generator(config, int(row)) for row in rows]
         field_scale = rough_field_scales(model, own, config.cloud, generators)
         alpha = images.alpha(rows, how.mask_size).to(latents.device)
-        return silhouettes.correct_shapes(model, own, deviation, predicted[index], field_scale, alpha, how)
+        return mask_descent.correct_shapes(model, own, deviation, predicted[index], field_scale, alpha, how)
 
     return torch.cat(list(_in_threads(correct, batches)))
 
@@ -168,7 +168,7 @@ def rough_field_scales(
     modulations, found = model.modulations(latents), []
     for row, generator in enumerate(generators):
         cycles = cloud_projection.sample(model.field, [m[row] for m in modulations], ROUGH_POINTS, cloud, generator)
-        found.append(scales.scale_from_cloud(cloud_projection.select(cycles, [ROUGH_POINTS], cloud)[0]))
+        found.append(mask_descent.scale_from_cloud(cloud_projection.select(cycles, [ROUGH_POINTS], cloud)[0]))
     return 1 / latents.new_tensor(found)
 
 
@@ -188,7 +188,7 @@ def _draw(
     modulations: Sequence[Float[Tensor, "n 1 _"]],
     config: reconstruction_settings.PointcloudsConfig,
     names: Mapping[int, str],
-    batches: Sequence[image_encoding.Rows],
+    batches: Sequence[reconstruction_models.Rows],
     progress: tqdm.tqdm,
 ) -> dict[str, Tensor]:
     """Clouds L and S of the images of some batches, and the scale that each L tells.
@@ -205,7 +205,7 @@ def _draw(
             large, small = cloud_projection.select(cycles[:cycle], (config.large, config.small), config.cloud)
             found |= {f"L.{name}": large, f"S.{name}": small}
             scale = SCALE if name == _after_all(config.cloud) else f"{SCALE}.{name}"
-            found[scale] = torch.tensor(scales.scale_from_cloud(large))
+            found[scale] = torch.tensor(mask_descent.scale_from_cloud(large))
         return found
 
     rows, drawn = np.concatenate(batches).tolist(), []
@@ -238,7 +238,7 @@ def reconstruct_pcsiren(
         "L": torch.stack(large),
         "S": torch.stack([points[: config.small] for points in large]),
         "camera_pred": predicted,
-        SCALE: torch.tensor([scales.scale_from_cloud(points) for points in large]),
+        SCALE: torch.tensor([mask_descent.scale_from_cloud(points) for points in large]),
     }
     return _on_cpu(tensors), {"seconds": seconds}
 
@@ -274,16 +274,16 @@ def _correct_cameras(
     scale: Tensor,
     images: category_data.ImageSet,
     config: reconstruction_settings.PointcloudsConfig,
-    batches: Sequence[image_encoding.Rows],
+    batches: Sequence[reconstruction_models.Rows],
 ) -> Tensor:
     """Π̂_∇ of the images of some batches."""
 
-    def correct(rows: image_encoding.Rows) -> Tensor:
+    def correct(rows: reconstruction_models.Rows) -> Tensor:
         alpha = images.alpha(rows, config.correction.mask_size).to(predicted.device)
         index = torch.from_numpy(rows)
         field_scale = (1 / scale[index]).to(predicted.device)
         given = (model, [m[index] for m in modulations], predicted[index], field_scale, alpha)
-        return camera_correction.correct_camera(*given, config.correction)
+        return mask_descent.correct_camera(*given, config.correction)
 
     return torch.cat(list(_in_threads(correct, batches)))
 

@@ -15,8 +15,8 @@ from torch import Tensor
 from ddf.core import checks, storage
 from ddf.fields import cloud_defaults, cloud_projection, model_files, shape_field
 from ddf.fit import latent_prior
-from ddf.models import image_gans, shape_vae, trained
-from ddf.reconstruction import many_images, one_image, scales
+from ddf.models import generative_models, out_of_distribution
+from ddf.reconstruction import many_images, mask_descent, one_image
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Sampler:
 
     features: int
     decode: Callable[[Float[Tensor, "z"]], shape_field.ShapeField]
-    images: image_gans.ImageGAN | None = None
+    images: generative_models.ImageGAN | None = None
 
 
 def load(folder: Path) -> Sampler:
@@ -37,31 +37,33 @@ def load(folder: Path) -> Sampler:
     kind = storage.load_metadata(folder / model_files.MODEL).get("kind")
     if kind == "ddf":
         return _of_reconstruction(folder)
-    if kind not in (shape_vae.KIND, image_gans.KIND):
+    if kind not in (generative_models.VAE, generative_models.GAN):
         raise checks.InputError(
             f"{folder}: no shape VAE, image GAN or reconstruction model; give chair, plane or car, or a folder that "
             "stage train_gan, train_vae or train_ddf wrote"
         )
-    model = image_gans.load(folder) if kind == image_gans.KIND else shape_vae.load(folder)
+    model = generative_models.load_gan(folder) if kind == generative_models.GAN else generative_models.load_vae(folder)
 
     def decode(latent: Float[Tensor, "z"]) -> shape_field.ShapeField:
-        field = shape_vae.plain_field(model.decoder, latent.to(model.field_scale))
+        field = generative_models.plain_field(model.decoder, latent.to(model.field_scale))
         return shape_field.conditioned(field, None, 1 / float(model.field_scale))
 
     features = model.decoder.modulator.layers[0].in_features
-    return Sampler(features, decode, model if isinstance(model, image_gans.ImageGAN) else None)
+    return Sampler(features, decode, model if isinstance(model, generative_models.ImageGAN) else None)
 
 
 def _of_reconstruction(folder: Path) -> Sampler:
     model, _ = one_image.load(folder)
     model.cpu().requires_grad_(False)  # one shape at a time: a GPU would wait
-    prior = latent_prior.of(model, trained.known(folder), model.shape_encoder.fc.out_features)
+    prior = latent_prior.of(
+        model, out_of_distribution.TrainingStatistics.read(folder), model.shape_encoder.fc.out_features
+    )
 
     def decode(latent: Float[Tensor, "z"]) -> shape_field.ShapeField:
         modulations = [each[0] for each in model.modulations(prior.latents(latent)[None])]
         drawn, generator = cloud_defaults.cloud(), torch.Generator().manual_seed(0)
         cycles = cloud_projection.sample(model.field, modulations, many_images.ROUGH_POINTS, drawn, generator)
         (cloud,) = cloud_projection.select(cycles, [many_images.ROUGH_POINTS], drawn)
-        return one_image.placed(model, modulations, cloud, scales.scale_from_cloud(cloud))
+        return one_image.placed(model, modulations, cloud, mask_descent.scale_from_cloud(cloud))
 
     return Sampler(prior.basis.shape[1], decode)

@@ -66,9 +66,9 @@ def _reconstruction(experiment: Run) -> dict[str, int]:
 
 def _generative(experiment: Run) -> dict[str, int]:
     """Parameters of every model."""
-    from ddf.models import generative_settings, parameter_counts
+    from ddf.models import generative_models, generative_settings
 
-    return parameter_counts.count(
+    return generative_models.parameter_counts(
         experiment.section(generative_settings.VAEConfig), experiment.section(generative_settings.GANConfig)
     )
 

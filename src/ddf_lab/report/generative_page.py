@@ -12,8 +12,7 @@ import torch
 
 from ddf.core import storage
 from ddf.metrics import cloud_scores
-from ddf.models import generative_settings
-from ddf.models import pictures as picture_arrays
+from ddf.models import generated_images, generative_settings
 from ddf.pictures import sheets
 from ddf.training import training_loop
 from ddf_lab.evaluation.generative import generative_clouds, generative_images
@@ -97,7 +96,7 @@ def _sheet(name: str, caption: str, alt: str, rows: list[sheets.Row]) -> pages.F
 
 
 def _on_white(normals: sheets.Images) -> sheets.Images:
-    return picture_arrays.on_white(torch.from_numpy(normals)).numpy()
+    return generated_images.on_white(torch.from_numpy(normals)).numpy()
 
 
 def _samples(results: _Results) -> pages.Section:

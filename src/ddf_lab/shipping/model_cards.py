@@ -18,7 +18,7 @@ from ddf.fields import model_files, shape_field
 from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io, transforms
 from ddf.io import onnx_file
-from ddf.models import familiarity, reconstruction_settings
+from ddf.models import out_of_distribution, reconstruction_settings
 from ddf_lab.evaluation import groups, one_model
 from ddf_lab.run import Run
 from ddf_lab.shipping import shipping
@@ -193,6 +193,6 @@ def _largest(rows: list, output: str) -> float:
 
 def _count(weights: Path) -> int:
     """Trained parameters of a file: all floating tensors but the running statistics of normalisation."""
-    tensors, _ = familiarity.parted(storage.load_tensors(weights, framework="torch")[0])
+    tensors, _ = out_of_distribution.parted(storage.load_tensors(weights, framework="torch")[0])
     kept = [v for k, v in tensors.items() if not k.rpartition(".")[2].startswith(("running_", "num_batches"))]
     return int(sum(torch.numel(value) for value in kept))

@@ -18,7 +18,7 @@ from torch import nn
 
 from ddf.core import checks, distributed, storage
 from ddf.models import reconstruction_models
-from ddf.training import training_loop, training_steps
+from ddf.training import reconstruction_steps, training_loop
 
 STEPS, BATCH = 3, 4
 KILLED_AT = 2  # the step before which the process that `KILLED` names dies
@@ -62,10 +62,10 @@ def fresh(kind):
     )
     if kind == "ddf":
         model = reconstruction_models.ddf_model(TRAIN, _hand_made.DDF.field)
-        loss = functools.partial(training_steps.ddf_step, model, images, shapes, samples, TRAIN, _hand_made.DDF)
+        loss = functools.partial(reconstruction_steps.ddf_step, model, images, shapes, samples, TRAIN, _hand_made.DDF)
     else:
         model = reconstruction_models.pcsiren_model(TRAIN)
-        loss = functools.partial(training_steps.pcsiren_step, model, images, shapes, TRAIN, _hand_made.PCSIREN)
+        loss = functools.partial(reconstruction_steps.pcsiren_step, model, images, shapes, TRAIN, _hand_made.PCSIREN)
     model.camera_head.fit(images.cameras)
     return model, loss
 

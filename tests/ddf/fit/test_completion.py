@@ -12,7 +12,7 @@ from ddf.data import shapenet
 from ddf.fields import pddf, shape_field
 from ddf.fit import completed_surface, completion, latent_prior
 from ddf.geometry import scans, transforms
-from ddf.models import familiarity, image_encoding, trained
+from ddf.models import out_of_distribution, reconstruction_models
 from ddf.reconstruction import one_image
 
 PLACE = transforms.Similarity(0.4, np.eye(3), np.array([1.0, 0.2, -0.3]))
@@ -69,12 +69,12 @@ def test_prior_has_mean_and_covariance_of_the_latents_of_training_images():
     model = _models.ddf_model()
     width = model.shape_encoder.fc.in_features
     features = torch.randn(50, width, generator=torch.Generator().manual_seed(0)) @ torch.diag(torch.rand(width) + 0.1)
-    known = familiarity.measure([features])
+    known = out_of_distribution.TrainingStatistics.of([features])
     prior = latent_prior.of(model, known, 100)
     with torch.no_grad():
         latents = model.shape_encoder.fc(features).double()
     weight = model.shape_encoder.fc.weight.detach().double()
-    widened = familiarity.WIDENED * features.double().var(dim=0).mean() * weight @ weight.T
+    widened = out_of_distribution.WIDENED * features.double().var(dim=0).mean() * weight @ weight.T
     torch.testing.assert_close(prior.mean.double(), latents.mean(0), rtol=0, atol=1e-5)
     covariance = prior.basis.double() @ prior.basis.double().T
     torch.testing.assert_close(covariance, torch.cov(latents.T) + widened, rtol=0, atol=1e-5)
@@ -84,15 +84,15 @@ def test_prior_has_mean_and_covariance_of_the_latents_of_training_images():
 
 def test_a_model_that_does_not_know_its_images_is_refused():
     with pytest.raises(checks.InputError, match="does not say what its training images were like"):
-        latent_prior.of(_models.ddf_model(), {}, 4)
+        latent_prior.of(_models.ddf_model(), None, 4)
 
 
 def _chair():
     folder = shipped_models.place("chair")
     model, size = one_image.load(folder)
     model.requires_grad_(False)
-    prior = latent_prior.of(model, trained.known(folder), 32)
-    latent = image_encoding.encode_batch(model, shapenet.read_image(folder / "sample_1.png", size)[None])[1][0]
+    prior = latent_prior.of(model, out_of_distribution.TrainingStatistics.read(folder), 32)
+    latent = reconstruction_models.encode_batch(model, shapenet.read_image(folder / "sample_1.png", size)[None])[1][0]
     return (
         model,
         prior,

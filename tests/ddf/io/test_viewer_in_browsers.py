@@ -23,7 +23,7 @@ from ddf.fields import checked_cloud, shape_field
 from ddf.fields.grid import build
 from ddf.fit import patch_fitting
 from ddf.io import viewable, viewer_page
-from ddf.models import image_encoding, trained
+from ddf.models import out_of_distribution, reconstruction_models
 from ddf.reconstruction import framing, one_image
 from ddf_lab.report import pages
 
@@ -529,7 +529,7 @@ def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):
     model, image_size = one_image.load(folder)
     pixels = shapenet.read_image(folder / "sample_0.png", image_size)
     with torch.no_grad():
-        _, latent, camera = image_encoding.encode_batch(model, pixels[None])
+        _, latent, camera = reconstruction_models.encode_batch(model, pixels[None])
         modulations = model.modulations(latent)
     viewer_page.write(tmp_path / "chair.html", viewable.page(folder))
     opened = _open(browser, tmp_path / "chair.html", "size=8&mode=depth")
@@ -555,6 +555,6 @@ def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):
     said.wait_for(timeout=PATIENCE_MS)
     opened.still()
     cutout = framing.Cutout(np.asarray(Image.open(tmp_path / "moved.png")))
-    frame = framing.frame(model, trained.known(folder), cutout, image_size)
+    frame = framing.frame(model, out_of_distribution.TrainingStatistics.read(folder), cutout, image_size)
     assert_close(np.array(opened.page.evaluate("ddf.rebuilt.frame")), frame, atol=0.02, rtol=0.0)
     opened.require_quiet()

@@ -17,7 +17,7 @@ from _support import assert_close
 
 from ddf.core import checks, shipped_models
 from ddf.io import onnx_file, onnx_graphs, onnx_parity, viewable, viewer_page
-from ddf.models import familiarity
+from ddf.models import out_of_distribution
 
 SOURCES = Path(__file__).resolve().parents[3] / "viewer"
 SVG = "http://www.w3.org/2000/svg"  # the name of a namespace, which nothing loads
@@ -78,7 +78,7 @@ def test_a_page_of_nothing_names_what_is_missing(tmp_path):
 def test_encoders_in_the_page_are_those_of_the_model():
     model = _models.ddf_model()
     with torch.no_grad():
-        known = familiarity.measure(model.shape_encoder.stages(torch.rand(8, 4, 32, 32)))
+        known = out_of_distribution.TrainingStatistics.of(model.shape_encoder.stages(torch.rand(8, 4, 32, 32)))
     for graph, more in (
         (onnx_graphs.ModulationsGraph(model, 32), set()),
         (onnx_graphs.ModulationsGraph(model, 32, known), {"distance"}),

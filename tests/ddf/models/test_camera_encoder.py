@@ -40,7 +40,7 @@ def test_covariance_of_two_squares_on_the_diagonal_and_an_empty_mask():
 
 def test_radius_is_inverse_to_the_apparent_size():
     """Whatever the network answers: with constant answers, a mask of half the size is seen from twice as far."""
-    encoder = camera_encoder.ToldEncoder(encoders.ResNet18, 4, 4).eval()
+    encoder = camera_encoder.StatisticsAwareEncoder(encoders.ResNet18, 4, 4).eval()
     near, usual, far = (_rectangle(-half, half, -half, half, 64) for half in (0.5, 0.375, 0.25))
     radii = torch.tensor([0.7, 0.8, 0.9])
     encoder.fit(torch.cat([near, usual, far]), radii)

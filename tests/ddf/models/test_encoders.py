@@ -1,4 +1,4 @@
-"""Every encoder of the catalogue does what reconstruction, familiarity and ONNX files ask of it."""
+"""Every listed encoder does what reconstruction, scores of strange images and ONNX files ask of it."""
 
 import dataclasses
 import subprocess
@@ -11,7 +11,7 @@ from torch import nn
 
 from ddf.core import checks
 from ddf.io import onnx_file, onnx_graphs, onnx_parity
-from ddf.models import encoders, familiarity, image_encoding, reconstruction_models
+from ddf.models import encoders, out_of_distribution, reconstruction_models
 
 
 def _model(name):
@@ -26,12 +26,12 @@ def _model(name):
 def test_encoder_learns_a_latent_and_tells_its_stages(name):
     images = torch.rand(6, 4, 32, 32, generator=torch.Generator().manual_seed(0))
     model = _model(name)
-    stages, latents, cameras = image_encoding.encode_batch(model.eval(), images)
+    stages, latents, cameras = reconstruction_models.encode_batch(model.eval(), images)
     assert latents.shape == (6, 6) and cameras.shape == (6, 3)
     torch.testing.assert_close(model.shape_encoder(images), latents)
     torch.testing.assert_close(model.shape_encoder.fc(stages[-1]), latents)
-    known = familiarity.measure(stages)
-    assert familiarity.quantile(known, torch.cat(stages, dim=1)).shape == (6,)
+    known = out_of_distribution.TrainingStatistics.of(stages)
+    assert known is not None and known.score(torch.cat(stages, dim=1)).shape == (6,)
     model.train().shape_encoder(images).square().sum().backward()
     assert all(p.grad is not None and bool(p.grad.isfinite().all()) for p in model.shape_encoder.parameters())
 

@@ -1,15 +1,18 @@
+"""Both reconstruction models: sizes, mask loss, files."""
+
 import dataclasses
 import math
 
+import _models
 import pytest
 import torch
 import torchvision
 
-from ddf.core import checks
-from ddf.fields import pddf, rendering, siren
+from ddf.core import checks, storage
+from ddf.fields import model_files, pddf, rendering, siren
 from ddf.geometry import cameras, rays, transforms
-from ddf.models import encoders, reconstruction_models, reconstruction_settings
-from ddf.reconstruction import camera_correction
+from ddf.models import camera_encoder, encoders, reconstruction_models, reconstruction_settings
+from ddf.reconstruction import mask_descent
 
 PAPER_FIELD = pddf.PDDFConfig((512, 512, 512, 256, 256, 256, 256), 1.0, 1.0, "relu", 1.0)
 SMALL_FIELD = pddf.PDDFConfig((24, 24), 2.0, 1.0, "softplus", 20.0)
@@ -63,7 +66,7 @@ def test_every_parameter_is_in_one_group_with_its_decay():
 
 
 def test_camera_head_inverts_its_scores_and_clamps():
-    head = reconstruction_models.CameraHead()
+    head = camera_encoder.CameraHead()
     truth = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
     head.fit(truth)
     scores = (truth - truth.mean(0)) / truth.std(0)
@@ -78,7 +81,7 @@ def test_camera_head_inverts_its_scores_and_clamps():
 
 def test_azimuth_as_sine_and_cosine_is_inverted_and_has_no_end():
     truth = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.2, 0.47, 0.9]])
-    head = reconstruction_models.CameraHead("sincos")
+    head = camera_encoder.CameraHead("sincos")
     head.fit(truth)
     pair = torch.stack((truth[:, 0].sin(), truth[:, 0].cos()), dim=-1)
     scores = torch.cat((pair, ((truth - truth.mean(0)) / truth.std(0))[:, 1:]), dim=-1)
@@ -93,7 +96,7 @@ def test_azimuth_as_sine_and_cosine_is_inverted_and_has_no_end():
 
 
 def test_undecided_azimuth_has_no_gradient_and_others_that_of_their_angle():
-    head = reconstruction_models.CameraHead("sincos")
+    head = camera_encoder.CameraHead("sincos")
     head.fit(torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.2, 0.47, 0.9]]))
     scores = torch.tensor([[0.0, 0.0, 0.0, 0.0], [0.01, -0.01, 0.0, 0.0], [0.6, -0.8, 0.0, 0.0]], requires_grad=True)
     azimuth = head(scores)[:, 0]
@@ -112,7 +115,7 @@ def test_correction_turns_back_an_azimuth_past_the_end(azimuth):
     truth, start, scale = _camera(0.05, 0.48, 0.8), _camera(2 * math.pi - 0.1, 0.48, 0.8), torch.tensor([2.5])
     image, _ = rendering.render(model.decoder.field, None, truth[0], scale[0], 32, ["visibility"])
     config = reconstruction_settings.CorrectionConfig(40, 0.02, 32, ("azimuth",))
-    found = camera_correction.correct_camera(model, [], start, scale, image["visibility"][None], config)
+    found = mask_descent.correct_camera(model, [], start, scale, image["visibility"][None], config)
     assert abs(float(found[0, 0]) - 2 * math.pi - 0.05) < 0.01
 
 
@@ -205,15 +208,15 @@ def test_correction_finds_the_radius_of_a_ball():
     image, _ = rendering.render(_BallField(), None, truth[0], scale[0], 32, ["visibility"])
     config = reconstruction_settings.CorrectionConfig(60, 0.1, 32, reconstruction_settings.CAMERA_NUMBERS)
     mask = image["visibility"][None]
-    found = camera_correction.correct_camera(model, [], start, scale, mask, config)
+    found = mask_descent.correct_camera(model, [], start, scale, mask, config)
     assert abs(float(found[0, 2]) - 0.72) < 0.005
-    same = camera_correction.correct_camera(model, [], start, scale, mask, dataclasses.replace(config, steps=0))
+    same = mask_descent.correct_camera(model, [], start, scale, mask, dataclasses.replace(config, steps=0))
     torch.testing.assert_close(same, start)
     angles = dataclasses.replace(config, steps=5, free=("azimuth", "elevation"))
-    turned = camera_correction.correct_camera(model, [], start, scale, mask, angles)
+    turned = mask_descent.correct_camera(model, [], start, scale, mask, angles)
     assert float(turned[0, 2]) == pytest.approx(float(start[0, 2]))  # a radius that is not free stays
     model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.8], [6.2, 0.53, 0.95], [3.0, 0.5, 0.9]]))
-    held = camera_correction.correct_camera(model, [], start, scale, mask, config)
+    held = mask_descent.correct_camera(model, [], start, scale, mask, config)
     assert float(held[0, 2]) == pytest.approx(0.8)  # the least radius of the training images
 
 
@@ -230,3 +233,16 @@ def test_models_share_encoders_and_layers():
     baseline = reconstruction_models.PCSirenModel(layout, 8, 8)
     difference = pddf.count_parameters(ddf) - pddf.count_parameters(baseline)
     assert difference == 3 * 24 + (24 + 1)
+
+
+def test_a_model_is_read_whatever_its_record_says_of_its_training(tmp_path):
+    model = _models.ddf_model()
+    _models.write_model(tmp_path)
+    path = tmp_path / model_files.MODEL
+    tensors, record = storage.load_tensors(path, framework="torch")
+    record["section"] = {"field": record["section"]["field"], "a setting of another version": 1.0}
+    storage.save_tensors(path, tensors, record)
+    read, size = reconstruction_models.load_ddf(tmp_path, storage.load_metadata(path))
+    assert size == _models.TRAIN.image_size and not read.training
+    for name, values in model.state_dict().items():
+        assert torch.equal(values, read.state_dict()[name])

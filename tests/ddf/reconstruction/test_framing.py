@@ -6,7 +6,7 @@ from PIL import Image
 
 from ddf.core import shipped_models
 from ddf.data import cutouts
-from ddf.models import trained
+from ddf.models import out_of_distribution
 from ddf.reconstruction import framing, one_image
 
 
@@ -32,7 +32,7 @@ def _pictures(folder, shown):
 def test_every_picture_of_a_chair_gives_its_shape(tmp_path, number, another):
     folder = shipped_models.place("chair")
     model, size = one_image.load(folder)
-    known = trained.known(folder)
+    known = out_of_distribution.TrainingStatistics.read(folder)
     _pictures(tmp_path, Image.open(folder / f"sample_{number}.png").resize((411, 411)))
 
     def latent(path):

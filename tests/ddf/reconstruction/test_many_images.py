@@ -11,15 +11,15 @@ from _hand_made import DDF, POINTCLOUDS, TRAIN
 
 from ddf.core import checks, notes
 from ddf.fields import cloud_projection, rendering
-from ddf.models import image_encoding, reconstruction_models, reconstruction_settings
-from ddf.reconstruction import many_images, scales, silhouettes
+from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.reconstruction import many_images, mask_descent
 
 
 def test_scale_makes_the_box_diagonal_one():
     points = torch.tensor([[0.0, 0.0, 0.0], [1.0, 2.0, 2.0], [0.5, 1.0, 1.0]])
-    assert scales.scale_from_cloud(points) == pytest.approx(1 / 3)
+    assert mask_descent.scale_from_cloud(points) == pytest.approx(1 / 3)
     with pytest.raises(checks.InputError, match="one point"):
-        scales.scale_from_cloud(points[:1])
+        mask_descent.scale_from_cloud(points[:1])
 
 
 def test_reconstruction_has_the_promised_arrays():
@@ -35,7 +35,7 @@ def test_reconstruction_has_the_promised_arrays():
     assert shapes["camera_pred"] == shapes["camera_corrected"] == (6, 3)
     assert shapes["render.normals"] == (2, 12, 12, 3)
     assert facts["rendered"] == [0, 5]
-    assert torch.equal(tensors["features"], image_encoding.image_features(model, images))
+    assert torch.equal(tensors["features"], reconstruction_models.image_features(model, images))
     again, _ = many_images.reconstruct_ddf(model, images, POINTCLOUDS, "test")
     for name, values in tensors.items():
         assert torch.equal(values, again[name]), name
@@ -100,7 +100,7 @@ def test_killed_reconstruction_goes_on_to_the_same_bits(tmp_path, monkeypatch):
 
 def test_shapes_on_the_mask_have_clouds_and_scales_of_their_own_and_change_no_other():
     model, images = _models.ddf_model("angle"), _hand_made.images()
-    deviation = silhouettes.deviation(model, image_encoding.image_features(model, images))
+    deviation = mask_descent.latent_deviation(model, reconstruction_models.image_features(model, images))
     plain, _ = many_images.reconstruct_ddf(model, images, POINTCLOUDS, "test")
     both, facts = many_images.reconstruct_ddf(model, images, CORRECTED, "test", deviation)
     assert both.keys() - plain.keys() == {"L.mask", "S.mask", "scale_pred.mask"}
@@ -115,8 +115,8 @@ def test_shapes_on_the_mask_have_clouds_and_scales_of_their_own_and_change_no_ot
 
 def test_a_correction_starts_from_the_scale_that_a_small_cloud_tells(monkeypatch):
     model, images, seen = _models.ddf_model("angle"), _hand_made.images(), []
-    correct = silhouettes.correct_shapes
-    monkeypatch.setattr(silhouettes, "correct_shapes", lambda *given: seen.append(given[4]) or correct(*given))
+    correct = mask_descent.correct_shapes
+    monkeypatch.setattr(mask_descent, "correct_shapes", lambda *given: seen.append(given[4]) or correct(*given))
     many_images.reconstruct_ddf(model, images, CORRECTED, "test", torch.ones(TRAIN.latent_features))
     tensors, _ = many_images.reconstruct_ddf(
         model, images, dataclasses.replace(POINTCLOUDS, large=many_images.ROUGH_POINTS), "test"
@@ -158,7 +158,7 @@ def test_pcsirens_points_are_the_farthest_of_twice_as_many():
 def test_silhouettes_overlap_with_alpha():
     model, images = _models.ddf_model("angle"), _hand_made.images()
     tensors, _ = many_images.reconstruct_ddf(model, images, POINTCLOUDS, "test")
-    _, latents, seen_from = image_encoding.encode(model, images)
+    _, latents, seen_from = reconstruction_models.encode(model, images)
     for row in (0, 4):
         given = images.batch(np.array([row]))[0, 3] > 0.5
         placed = ([m[row] for m in model.modulations(latents)], seen_from[row], 1 / tensors["scale_pred"][row])

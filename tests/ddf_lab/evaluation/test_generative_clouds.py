@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from ddf.geometry import neighbours
-from ddf.models import pictures
+from ddf.models import generated_images
 from ddf_lab.evaluation.generative import generative_clouds
 
 
@@ -59,7 +59,7 @@ def test_energy_ranks_the_mean_shape_blur_and_noise_behind_samples():
 
 
 def test_clouds_of_fields_are_in_the_benchmark_frame():
-    fields = pictures.fields(_generative.vae().decoder, torch.ones(1, 5))
+    fields = generated_images.fields(_generative.vae().decoder, torch.ones(1, 5))
     (near,) = generative_clouds.of_fields(fields, [2.0], 20, 0)
     (far,) = generative_clouds.of_fields(fields, [1.0], 20, 0)
     assert len(near) == 20

@@ -46,15 +46,15 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.cli import image_files
     from ddf.core import shipped_models, storage
     from ddf.fields import shape_field
-    from ddf.models import normal_images, pictures
+    from ddf.models import generated_images
     from ddf.pictures import sheets
     from ddf.reconstruction import sampler
 
     path = shipped_models.require(args.model, "reconstruction")
     model = sampler.load(path.parent if path.is_file() else path)
-    latents = normal_images.latents(args.samples, model.features, args.seed, "samples")
+    latents = generated_images.latents(args.samples, model.features, args.seed, "samples")
     features = model.images.config.texture_features if model.images else 0
-    textures = normal_images.latents(args.samples, features, args.seed, "textures")
+    textures = generated_images.latents(args.samples, features, args.seed, "textures")
     shapes = [model.decode(latent) for latent in latents]
     looks = [_look(model, *pair) for pair in zip(shapes, textures, strict=True)]
     for number, (shape, seen) in enumerate(zip(shapes, looks, strict=True)):
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             storage.write_bytes(folder / f"{name}.png", image_files.encode(picture, ".png"))
     made = {"samples": _rows(looks)}
     if args.samples > 1:
-        ends = [pictures.between((each[0], each[1]), _BETWEEN) for each in (latents, textures)]
+        ends = [generated_images.between((each[0], each[1]), _BETWEEN) for each in (latents, textures)]
         steps = [_look(model, model.decode(latent), texture) for latent, texture in zip(*ends, strict=True)]
         made["between"] = _rows(steps, _BETWEEN)
     for name, rows in made.items():
@@ -85,15 +85,15 @@ def _look(
 ) -> "dict[str, field_pictures.Picture]":
     """The shape under a lamp and, of an image GAN, its image with that texture."""
     from ddf.fields import framed_field
-    from ddf.models import pictures
+    from ddf.models import generated_images
     from ddf.pictures import field_pictures, shaded
 
     camera = (*_CAMERA, framed_field.framing_radius(shape, *_CAMERA))
     standing = shaded.stand(shape)
     found = {"shape": shaded.render(standing, camera, _SIZE, shaded.window(standing, [camera])).picture}
     if model.images is not None:
-        (seen_from,) = pictures.cameras_around(1, pictures.ELEVATION_DEG, pictures.RADIUS)
-        (image,) = pictures.look(model.images, shape.field, seen_from, texture[None]).colours
+        (seen_from,) = generated_images.cameras_around(1, generated_images.ELEVATION_DEG, generated_images.RADIUS)
+        (image,) = generated_images.look(model.images, shape.field, seen_from, texture[None]).colours
         found["image"] = field_pictures.to_bytes(image.permute(1, 2, 0).cpu().numpy())
     return found
 

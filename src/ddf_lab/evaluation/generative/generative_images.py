@@ -13,8 +13,8 @@ from ddf.data import shapenet
 from ddf.data.batches import category_data
 from ddf.geometry import cameras, mesh_io, raycast, transforms
 from ddf.metrics import image_scores, texture_consistency
-from ddf.models import generative_settings, image_gans, image_networks, normal_images, pictures
-from ddf.training import gan_steps, image_features
+from ddf.models import generated_images, generative_models, generative_settings, image_networks
+from ddf.training import generative_steps
 
 CEILING, OURS, FLAT, MEAN, NOISE = "ceiling", "image GAN", "2D GAN", "mean image", "noise"
 _CHUNK = 100
@@ -29,33 +29,33 @@ def real_halves(
     for parity in (0, 1):
         rows = np.flatnonzero(images.shapes % 2 == parity)
         chosen = random.permutation(rows)[:count]
-        halves.append(gan_steps.on_white(images.batch(chosen)))
+        halves.append(generative_steps.on_white(images.batch(chosen)))
     return halves[0], halves[1]
 
 
 @torch.no_grad()
-def generated(model: image_gans.ImageGAN, count: int, seed: int) -> Float[Tensor, "n 3 h w"]:
+def generated(model: generative_models.ImageGAN, count: int, seed: int) -> Float[Tensor, "n 3 h w"]:
     """Images of random shapes, textures and cameras, in [-1, 1]."""
-    latents = normal_images.latents(count, model.vae.latent_features, seed, "scores: shapes")
-    textures = normal_images.latents(count, model.config.texture_features, seed, "scores: textures")
+    latents = generated_images.latents(count, model.vae.latent_features, seed, "scores: shapes")
+    textures = generated_images.latents(count, model.config.texture_features, seed, "scores: textures")
     random = seeding.generator(seed, "scores: cameras")
     found = []
-    for field, texture in zip(pictures.fields(model.decoder, latents), textures, strict=True):
-        camera = normal_images.random_camera(model.config.normals, random)
-        found.append(2 * pictures.look(model, field, camera, texture[None]).colours[0] - 1)
+    for field, texture in zip(generated_images.fields(model.decoder, latents), textures, strict=True):
+        camera = generated_images.random_camera(model.config.normals, random)
+        found.append(2 * generated_images.look(model, field, camera, texture[None]).colours[0] - 1)
     return torch.stack(found).cpu()
 
 
 @torch.no_grad()
-def generated_2d(model: image_gans.NoiseGAN, count: int, seed: int) -> Float[Tensor, "n 3 h w"]:
+def generated_2d(model: generative_models.NoiseGAN, count: int, seed: int) -> Float[Tensor, "n 3 h w"]:
     """Images of the 2D GAN, in [-1, 1]."""
-    noise = normal_images.latents(count, model.config.noise_features, seed, "scores: noise")
+    noise = generated_images.latents(count, model.config.noise_features, seed, "scores: noise")
     place = next(model.parameters()).device
     return torch.cat([model.generator(part.to(place)).cpu() for part in noise.split(_CHUNK)])
 
 
 def scores(
-    network: image_features.FeatureNetwork,
+    network: generative_steps.FeatureNetwork,
     images: category_data.ImageSet,
     made: dict[str, Float[Tensor, "_ 3 h w"]],
     section: generative_settings.ScoresConfig,
@@ -77,7 +77,7 @@ def scores(
 
 
 def consistency(
-    model: image_gans.ImageGAN,
+    model: generative_models.ImageGAN,
     dataset: shapenet.Dataset,
     category: str,
     ids: list[str],
@@ -87,17 +87,17 @@ def consistency(
 
     shuffled: the second image has another texture. real: renders of some shapes, whose light moves with the camera.
     """
-    latents = normal_images.latents(section.textured, model.vae.latent_features, section.seed, "consistency: shapes")
-    textures = normal_images.latents(
+    latents = generated_images.latents(section.textured, model.vae.latent_features, section.seed, "consistency: shapes")
+    textures = generated_images.latents(
         section.textured, model.config.texture_features, section.seed, "consistency: textures"
     )
     elevation = sum(model.config.normals.elevation_deg) / 2
-    around = pictures.cameras_around(section.cameras, elevation, model.config.normals.radius)
+    around = generated_images.cameras_around(section.cameras, elevation, model.config.normals.radius)
     unit = transforms.BENCHMARK_FROM_V1 / float(model.field_scale)
     own, shuffled = [], []
-    for row, field in enumerate(pictures.fields(model.decoder, latents)):
+    for row, field in enumerate(generated_images.fields(model.decoder, latents)):
         both = textures[[row, (row + 1) % len(textures)]]
-        seen = [pictures.look(model, field, camera, both) for camera in around]
+        seen = [generated_images.look(model, field, camera, both) for camera in around]
         shown = [
             [texture_consistency.Picture(s.camera, (s.depth * unit).cpu(), s.colours[k].cpu()) for k in (0, 1)]
             for s in seen
@@ -139,4 +139,4 @@ def _real_picture(
     start = (centre / transforms.BENCHMARK_FROM_V1).expand_as(world).numpy()
     depth, _ = scene.first_hits(start, world.numpy())
     distance = torch.from_numpy(depth * transforms.BENCHMARK_FROM_V1).reshape(size, size)
-    return texture_consistency.Picture(camera.float(), distance.float(), (gan_steps.on_white(image)[0] + 1) / 2)
+    return texture_consistency.Picture(camera.float(), distance.float(), (generative_steps.on_white(image)[0] + 1) / 2)

@@ -5,8 +5,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.data.batches import category_data
-from ddf.models import generative_settings, image_gans, normal_images, pictures
-from ddf.training import gan_steps
+from ddf.models import generated_images, generative_models, generative_settings
+from ddf.training import generative_steps
 from ddf_lab.evaluation.generative import generative_images
 
 GRID = 5  # shapes and textures of the interpolation
@@ -14,8 +14,8 @@ GRID = 5  # shapes and textures of the interpolation
 
 @torch.no_grad()
 def draw(
-    model: image_gans.ImageGAN,
-    rival: image_gans.NoiseGAN,
+    model: generative_models.ImageGAN,
+    rival: generative_models.NoiseGAN,
     images: category_data.ImageSet,
     sampled: category_data.ImageSet,
     nearest: list[str],
@@ -27,16 +27,16 @@ def draw(
       images: what the critic saw. sampled: renders of the VAE's shapes. nearest: id of the learned shape nearest to
         each of the prior's samples.
     """
-    latents = normal_images.latents(section.samples, model.vae.latent_features, section.seed, "samples")
-    textures = normal_images.latents(section.samples, model.config.texture_features, section.seed, "textures")
+    latents = generated_images.latents(section.samples, model.vae.latent_features, section.seed, "samples")
+    textures = generated_images.latents(section.samples, model.config.texture_features, section.seed, "textures")
     gan = model.config.normals
-    around = pictures.cameras_around(section.cameras, sum(gan.elevation_deg) / 2, gan.radius)
-    fields = pictures.fields(model.decoder, latents)
-    samples = [pictures.look(model, f, around[0], t[None]) for f, t in zip(fields, textures, strict=True)]
-    views = [pictures.look(model, fields[0], camera, textures[:1]) for camera in around]
-    shapes = pictures.fields(model.decoder, pictures.between((latents[0], latents[1]), GRID))
-    between = pictures.between((textures[0], textures[1]), GRID)
-    grid = [pictures.look(model, field, around[0], between) for field in shapes]
+    around = generated_images.cameras_around(section.cameras, sum(gan.elevation_deg) / 2, gan.radius)
+    fields = generated_images.fields(model.decoder, latents)
+    samples = [generated_images.look(model, f, around[0], t[None]) for f, t in zip(fields, textures, strict=True)]
+    views = [generated_images.look(model, fields[0], camera, textures[:1]) for camera in around]
+    shapes = generated_images.fields(model.decoder, generated_images.between((latents[0], latents[1]), GRID))
+    between = generated_images.between((textures[0], textures[1]), GRID)
+    grid = [generated_images.look(model, field, around[0], between) for field in shapes]
     rows = [next(i for i, shape in enumerate(sampled.shapes) if sampled.ids[shape] == name) for name in nearest]
     real = torch.stack(
         [images.images[row] for row in range(0, len(images.shapes), len(images.shapes) // section.samples)]
@@ -57,4 +57,4 @@ def draw(
 
 def _colours(images: Tensor) -> Float[Tensor, "n 3 h w"]:
     """RGBA bytes over white, in [0, 1]."""
-    return (gan_steps.on_white(images.float() / 255) + 1) / 2
+    return (generative_steps.on_white(images.float() / 255) + 1) / 2

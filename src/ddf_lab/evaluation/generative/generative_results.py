@@ -7,8 +7,8 @@ from torch import Tensor
 
 from ddf.data import shapenet
 from ddf.data.batches import category_data
-from ddf.models import generative_settings, image_gans, normal_images, pictures, shape_vae
-from ddf.training import image_features, shape_data
+from ddf.models import generated_images, generative_models, generative_settings
+from ddf.training import generative_steps, shape_data
 from ddf_lab.evaluation.generative import generative_clouds, generative_images, generative_pictures, held_out
 from ddf_lab.run import Run
 
@@ -17,8 +17,11 @@ def measure(
     run: Run, section: generative_settings.ScoresConfig
 ) -> tuple[dict[str, Any], dict[str, Float[Tensor, "_ 3 h w"]]]:
     """The numbers of the page, and the images of its pictures by name."""
-    vae, gan = shape_vae.load(run.folder("train_vae")), image_gans.load(run.folder("train_gan"))
-    rival, data = image_gans.load_2d(run.folder("train_gan2d")), (run.index, run.folder("samples"), run.category)
+    vae, gan = generative_models.load_vae(run.folder("train_vae")), generative_models.load_gan(run.folder("train_gan"))
+    rival, data = (
+        generative_models.load_gan_2d(run.folder("train_gan2d")),
+        (run.index, run.folder("samples"), run.category),
+    )
     parts = shape_data.parts(*data, vae.config.held_out)
     pictured, _ = shape_data.read_pictured(*data)
     sampled, _ = shape_data.read_sampled(*data, 1)
@@ -26,7 +29,7 @@ def measure(
         generative_images.OURS: generative_images.generated(gan, section.images, section.seed),
         generative_images.FLAT: generative_images.generated_2d(rival, section.images, section.seed),
     }
-    network, dataset = image_features.load(run.folder("train_features")), shapenet.Dataset.open(run.index)
+    network, dataset = generative_steps.load_features(run.folder("train_features")), shapenet.Dataset.open(run.index)
     results = {
         "shapes": {"learned": len(parts.learned), "held_out": len(parts.held_out), "pictured": len(parts.pictured)},
         **of_shapes(vae, parts, run, section),
@@ -37,7 +40,7 @@ def measure(
 
 
 def of_shapes(
-    vae: shape_vae.ShapeVAE, parts: shape_data.Parts, run: Run, section: generative_settings.ScoresConfig
+    vae: generative_models.ShapeVAE, parts: shape_data.Parts, run: Run, section: generative_settings.ScoresConfig
 ) -> dict[str, Any]:
     """Held-out shapes encoded and optimised, the divergence, and samples of the prior beside learned shapes."""
     samples = run.folder("samples")
@@ -52,13 +55,13 @@ def of_shapes(
     }
     found = {}
     for name, own in latents.items():
-        fields = pictures.fields(vae.decoder, own)
+        fields = generated_images.fields(vae.decoder, own)
         clouds = generative_clouds.of_fields(fields, tested.scales.tolist(), section.cloud_points, section.seed)
         found[name] = generative_clouds.compared(clouds, truth) | {"errors": held_out.errors(vae, own, tested)}
     like = len(tested.ids)  # as many samples as held-out shapes are compared with these
     count = max(section.samples, like)
-    prior = normal_images.latents(count, vae.config.latent_features, section.seed, "samples")
-    fields = pictures.fields(vae.decoder, prior)
+    prior = generated_images.latents(count, vae.config.latent_features, section.seed, "samples")
+    fields = generated_images.fields(vae.decoder, prior)
     drawn = generative_clouds.of_fields(fields, [float(vae.field_scale)] * count, section.cloud_points, section.seed)
     others = [known[row] for row in generative_clouds.spaced(len(known), like)]
     return {

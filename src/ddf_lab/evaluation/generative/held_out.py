@@ -18,7 +18,7 @@ from ddf.data import packing
 from ddf.data.samples import sample_types
 from ddf.fields import losses, rendering
 from ddf.fit import fitting, shape_samples
-from ddf.models import generative_settings, point_encoder, shape_vae
+from ddf.models import generative_models, generative_settings
 from ddf.training import shape_data, training_loop
 
 SAMPLES = 1000  # of each type of a held-out shape, that errors are measured on
@@ -26,7 +26,7 @@ SAMPLES = 1000  # of each type of a held-out shape, that errors are measured on
 
 @torch.no_grad()
 def encode(
-    model: shape_vae.ShapeVAE, shapes: shape_data.Shapes, seed: int
+    model: generative_models.ShapeVAE, shapes: shape_data.Shapes, seed: int
 ) -> tuple[Float[Tensor, "n z"], Float[Tensor, "n z"]]:
     """Mean and log-variance of every shape, from random points of it."""
     place = model.field_scale.device
@@ -44,7 +44,10 @@ class Latents(nn.Module):
 
 
 def auto_decode(
-    model: shape_vae.ShapeVAE, shapes: shape_data.Shapes, section: generative_settings.ScoresConfig, folder: Path
+    model: generative_models.ShapeVAE,
+    shapes: shape_data.Shapes,
+    section: generative_settings.ScoresConfig,
+    folder: Path,
 ) -> Float[Tensor, "n z"]:
     """Latents that Adam finds for the frozen decoder, by the VAE's shape loss on samples of each shape."""
     vae, place = model.config, model.field_scale.device
@@ -68,11 +71,11 @@ def auto_decode(
 
 
 def errors(
-    model: shape_vae.ShapeVAE, latents: Float[Tensor, "n z"], shapes: shape_data.Shapes
+    model: generative_models.ShapeVAE, latents: Float[Tensor, "n z"], shapes: shape_data.Shapes
 ) -> dict[str, dict[str, float]]:
     """Means over the shapes of `fitting.held_out_errors`: depth and visibility by sample type, median normals."""
     every = [
-        fitting.held_out_errors(shape_vae.plain_field(model.decoder, latent), _samples(shapes, row))
+        fitting.held_out_errors(generative_models.plain_field(model.decoder, latent), _samples(shapes, row))
         for row, latent in enumerate(latents)
     ]
     by_type = {
@@ -101,9 +104,9 @@ def _samples(shapes: shape_data.Shapes, row: int) -> shape_samples.ShapeSamples:
     return shape_samples.ShapeSamples(arrays, -upper, upper)
 
 
-def divergences(model: shape_vae.ShapeVAE, shapes: shape_data.Shapes, seed: int) -> Float[Tensor, "z"]:
+def divergences(model: generative_models.ShapeVAE, shapes: shape_data.Shapes, seed: int) -> Float[Tensor, "z"]:
     """L_KL of every dimension, mean over the shapes, nats, largest first."""
-    found = point_encoder.divergence(*encode(model, shapes, seed)).mean(dim=0)
+    found = generative_models.divergence(*encode(model, shapes, seed)).mean(dim=0)
     return found.sort(descending=True).values
 
 

@@ -10,7 +10,7 @@ from ddf.core import checks
 from ddf.data import shapenet
 from ddf.fields import shape_field
 from ddf.io import viewer_layout, viewer_page
-from ddf.models import image_encoding
+from ddf.models import reconstruction_models
 from ddf.reconstruction import one_image
 from ddf_lab.report.experiment import example_strips
 from ddf_lab.report.experiment.stage_results import Results
@@ -57,7 +57,7 @@ def page(
     for name, image in images.items():
         pixels = shapenet.read_image(shapenet.image_path(*root, *image), image_size)
         with torch.no_grad():
-            _, latent, _ = image_encoding.encode_batch(model, pixels[None])
+            _, latent, _ = reconstruction_models.encode_batch(model, pixels[None])
             modulations = [values[0] for values in model.modulations(latent)]
         shapes.append((name, shape_field.conditioned(model.field, modulations, 1.0)))
     return viewer_layout.row_page(f"{category.capitalize()}: {', '.join(NAMES)}", shapes, about=_ABOUT)

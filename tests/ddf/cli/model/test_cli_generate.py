@@ -12,12 +12,12 @@ import ddf
 from ddf import cli
 from ddf.core import storage
 from ddf.fields import model_files
-from ddf.models import image_gans, shape_vae
+from ddf.models import generative_models
 
 
 def _write(folder, kind):
     record = {"kind": kind, "vae": dataclasses.asdict(_generative.VAE), "gan": dataclasses.asdict(_generative.GAN)}
-    model = _generative.image_gan() if kind == image_gans.KIND else _generative.vae()
+    model = _generative.image_gan() if kind == generative_models.GAN else _generative.vae()
     storage.save_tensors(folder / model_files.MODEL, dict(model.state_dict()), record)
     return str(folder)
 
@@ -29,7 +29,7 @@ def _run(capsys, *arguments):
 
 
 def test_samples_of_an_image_gan_open_as_fields(tmp_path, capsys):
-    model = _write(tmp_path / "gan", image_gans.KIND)
+    model = _write(tmp_path / "gan", generative_models.GAN)
     found = _run(capsys, model, str(tmp_path / "out"), "-n", "2", "--seed", "3")
     assert (
         found["samples"] == ["000", "001"] and found["images"] and found["sheets"] == ["samples.webp", "between.webp"]
@@ -47,7 +47,7 @@ def test_samples_of_an_image_gan_open_as_fields(tmp_path, capsys):
 
 
 def test_a_vae_has_shapes_alone(tmp_path, capsys):
-    found = _run(capsys, _write(tmp_path / "vae", shape_vae.KIND), str(tmp_path / "out"), "-n", "2")
+    found = _run(capsys, _write(tmp_path / "vae", generative_models.VAE), str(tmp_path / "out"), "-n", "2")
     assert not found["images"] and not (tmp_path / "out/000/image.png").exists()
     assert (tmp_path / "out/000/shape.png").exists()
     page = tmp_path / "samples.html"
@@ -81,5 +81,5 @@ def test_shapes_of_a_reconstruction_model_are_its_prior(tmp_path, capsys):
 def test_a_file_in_place_of_the_folder_is_told(tmp_path, capsys):
     (tmp_path / "out").write_text("")
     assert "is a file; give a folder to write" in _run(
-        capsys, _write(tmp_path / "m", shape_vae.KIND), f"{tmp_path}/out"
+        capsys, _write(tmp_path / "m", generative_models.VAE), f"{tmp_path}/out"
     )

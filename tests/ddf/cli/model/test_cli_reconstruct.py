@@ -13,8 +13,8 @@ from ddf.core import provenance, shipped_models, storage
 from ddf.data import cutouts, mesh_topology
 from ddf.fields import cloud_defaults, cloud_projection, model_files
 from ddf.geometry import mesh_io, point_io
-from ddf.models import familiarity
-from ddf.reconstruction import camera_correction, framing, one_image, scales
+from ddf.models import out_of_distribution
+from ddf.reconstruction import framing, mask_descent, one_image
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def test_reconstruct_writes_a_thing(tmp_path, capsys, monkeypatch):
     }
     points = point_io.read_points(out / "cloud.ply")
     whole, cloud = cloud_projection.select(sampled[-1], [one_image.WHOLE, 300], cloud_defaults.cloud())
-    scale = scales.scale_from_cloud(whole)
+    scale = mask_descent.scale_from_cloud(whole)
     np.testing.assert_allclose(points, scale * cloud.numpy(), atol=1e-5)  # v1: the box of the whole has diagonal 1
     for suffix in (".glb", ".ply"):
         mesh = mesh_io.load(out / f"shape{suffix}")
@@ -75,7 +75,7 @@ def _known(path, model_dir, count=3):
 
 def test_with_what_is_known_the_shape_moves_and_the_camera_stays(model_dir, tmp_path, capsys, monkeypatch):
     # without its own descent, which asks the shape that moved
-    monkeypatch.setattr(camera_correction, "correct_camera", lambda model, batch, camera, *_: camera)
+    monkeypatch.setattr(mask_descent, "correct_camera", lambda model, batch, camera, *_: camera)
     image, known = _image(tmp_path / "image.png"), _known(tmp_path / "known", model_dir)
     results, points = [], []
     for name, more in (("plain", []), ("folder", [str(known)]), ("file", [str(known / "ddf.safetensors")])):
@@ -147,6 +147,9 @@ def test_the_verdict_is_a_sentence(model_dir, tmp_path, monkeypatch):
     for moved, words in ((0.0, "like the training images"), (1e3, "no model, to judge by the training images")):
         random = torch.Generator().manual_seed(0)
         stages = [each.detach() + moved + torch.randn(400, each.shape[1], generator=random) for each in near]
-        storage.save_tensors(path, {**tensors, **familiarity.measure(stages)}, record)
+        found = out_of_distribution.TrainingStatistics.of(stages)
+        assert found is not None
+        storage.save_tensors(path, tensors, record)
+        found.add_to(model_dir)
         assert ddf.reconstruct(image, model_dir, n=20).verdict == words
-    assert familiarity.verdict(0.95, "chair") == "unusual: expect errors"
+    assert out_of_distribution.verdict(0.95, "chair") == "unusual: expect errors"

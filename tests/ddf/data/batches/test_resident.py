@@ -10,7 +10,7 @@ from _hand_made import COUNTS, DDF, PCSIREN, TRAIN
 
 from ddf.data.batches import category_data, resident
 from ddf.models import reconstruction_models
-from ddf.training import training_steps
+from ddf.training import reconstruction_steps
 
 CPU = torch.device("cpu")
 
@@ -68,11 +68,11 @@ def test_steps_are_those_of_files_bit_for_bit(kind, roomy):
         if kind == "ddf":
             model = reconstruction_models.ddf_model(TRAIN, DDF.field)
             model.camera_head.fit(images.cameras)
-            loss, _ = training_steps.ddf_step(model, images, shapes, samples, TRAIN, DDF, 5)
+            loss, _ = reconstruction_steps.ddf_step(model, images, shapes, samples, TRAIN, DDF, 5)
         else:
             model = reconstruction_models.pcsiren_model(TRAIN)
             model.camera_head.fit(images.cameras)
-            loss, _ = training_steps.pcsiren_step(model, images, shapes, TRAIN, PCSIREN, 5)
+            loss, _ = reconstruction_steps.pcsiren_step(model, images, shapes, TRAIN, PCSIREN, 5)
         loss.backward()
         return [loss.detach(), *(weight.grad for weight in model.parameters())]
 

@@ -9,7 +9,7 @@ import torch
 from ddf.core import checks
 from ddf.fields import passes, pddf, rendering, siren
 from ddf.models import reconstruction_models, reconstruction_settings
-from ddf.reconstruction import camera_correction, silhouettes
+from ddf.reconstruction import mask_descent
 
 HOW = reconstruction_settings.ShapeCorrectionConfig(
     steps=60, learning_rate=0.1, camera_rate=0.0, keep=0.0, mask_size=24
@@ -58,7 +58,7 @@ def _alpha(model, latent, camera=CAMERA):
 def test_a_shape_moves_to_where_the_image_shows_it():
     model = _model()
     truth, start = torch.tensor([[0.25, 0.1, -0.2, 0.7, 0.3]]), torch.tensor([[0.05, -0.1, 0.0, 0.7, 0.3]])
-    found = silhouettes.correct_shapes(model, start, DEVIATION, CAMERA, SCALE, _alpha(model, truth), HOW)
+    found = mask_descent.correct_shapes(model, start, DEVIATION, CAMERA, SCALE, _alpha(model, truth), HOW)
     before, after = ((_alpha(model, one) - _alpha(model, truth)).abs().mean() for one in (start, found))
     assert float(after) < 0.1 * float(before)
     assert float(found[0, 3]) == pytest.approx(0.7)  # what never varies, stays
@@ -71,7 +71,7 @@ def test_camera_and_scale_take_their_share_and_are_given_up():
     alpha = _alpha(model, latent, CAMERA + torch.tensor([[0.0, 0.0, 0.1]]))
     given = (model, latent, DEVIATION, CAMERA, SCALE, alpha)
     held, freed = (
-        float(silhouettes.correct_shapes(*given, dataclasses.replace(HOW, camera_rate=rate, keep=1e-3)).norm())
+        float(mask_descent.correct_shapes(*given, dataclasses.replace(HOW, camera_rate=rate, keep=1e-3)).norm())
         for rate in (0.0, 0.3)
     )
     assert freed < 0.6 * held
@@ -84,7 +84,7 @@ def test_a_heavy_weight_keeps_the_shape_as_encoded():
     moved = {}
     for keep in (0.0, 1.0, 100.0):
         how = dataclasses.replace(HOW, keep=keep)
-        found = silhouettes.correct_shapes(model, start, DEVIATION, CAMERA, SCALE, alpha, how)
+        found = mask_descent.correct_shapes(model, start, DEVIATION, CAMERA, SCALE, alpha, how)
         moved[keep] = float((found - start).norm())
     assert moved[0.0] > 2 * moved[1.0] > 4 * moved[100.0]
 
@@ -96,11 +96,11 @@ def test_images_of_a_batch_do_not_know_each_other():
     latents, deviation = torch.randn(2, 6, generator=generator), torch.rand(6, generator=generator)
     how = reconstruction_settings.ShapeCorrectionConfig(5, 0.05, 0.05, 0.01, 16)
     cameras, scales = _models.CAMERAS[:2], torch.tensor([2.0, 2.5])
-    both = silhouettes.correct_shapes(model, latents, deviation, cameras, scales, alpha, how)
+    both = mask_descent.correct_shapes(model, latents, deviation, cameras, scales, alpha, how)
     assert float((both - latents).abs().max()) > 1e-3
     for row in range(2):
         one = slice(row, row + 1)
-        alone = silhouettes.correct_shapes(model, latents[one], deviation, cameras[one], scales[one], alpha[one], how)
+        alone = mask_descent.correct_shapes(model, latents[one], deviation, cameras[one], scales[one], alpha[one], how)
         torch.testing.assert_close(alone, both[one], atol=2e-3, rtol=0)
     assert all(parameter.grad is None for parameter in model.parameters())
 
@@ -110,9 +110,9 @@ def test_deviation_is_that_of_the_encoders_latents():
     images = torch.rand(7, 4, 32, 32, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
         features, latents = model.shape_encoder.stages(images)[-1], model.shape_encoder(images)
-    torch.testing.assert_close(silhouettes.deviation(model, features), latents.std(0))
+    torch.testing.assert_close(mask_descent.latent_deviation(model, features), latents.std(0))
     with pytest.raises(checks.InputError, match="at least 2 are needed; got 1"):
-        silhouettes.deviation(model, features[:1])
+        mask_descent.latent_deviation(model, features[:1])
 
 
 @pytest.mark.parametrize(
@@ -142,8 +142,8 @@ def test_both_descents_round_products_on_a_gpu_and_nothing_after_them(monkeypatc
     alpha, how = _alpha(model, latent), dataclasses.replace(HOW, steps=1)
     for place, precision in (("cpu", "highest"), ("cuda", "high")):
         monkeypatch.setattr(passes, "rounded", lambda _, place=place: rounded(torch.device(place)))
-        silhouettes.correct_shapes(model, latent, DEVIATION, CAMERA, SCALE, alpha, how)
-        camera_correction.correct_camera(
+        mask_descent.correct_shapes(model, latent, DEVIATION, CAMERA, SCALE, alpha, how)
+        mask_descent.correct_camera(
             model, [latent[:, None]], CAMERA, SCALE, alpha, reconstruction_settings.CorrectionConfig(steps=0)
         )
         assert seen == 2 * [precision] and torch.get_float32_matmul_precision() == "highest"

@@ -1,22 +1,30 @@
-"""Updates of both GANs: their losses in closed form, and trainings that are resumed."""
+"""Updates of the VAE and of both GANs."""
 
+import functools
 import math
 
 import _generative
+import numpy as np
 import pytest
 import torch
 from _support import assert_close
 from torch import nn
 
-from ddf.fields import model_files
-from ddf.training import gan_steps, training_loop
+from ddf.fields import losses, model_files
+from ddf.models import generative_models
+from ddf.training import generative_steps, training_loop
 
-MODELS = {
+SHAPES = _generative.shapes()
+GANS = {
     "image": (
         _generative.image_gan,
-        lambda model: gan_steps.image_updates(model, _generative.images(), _generative.normals()),
+        lambda model: generative_steps.image_updates(model, _generative.images(), _generative.normals()),
     ),
-    "noise": (_generative.noise_gan, lambda model: gan_steps.noise_updates(model, _generative.images())),
+    "noise": (_generative.noise_gan, lambda model: generative_steps.noise_updates(model, _generative.images())),
+}
+MODELS = {
+    **GANS,
+    "vae": (_generative.vae, lambda model: [functools.partial(generative_steps.vae_step, model, SHAPES)]),
 }
 
 
@@ -33,7 +41,7 @@ class _Linear(nn.Module):
 
 def test_the_critics_loss_has_its_closed_form():
     critic, real, fake = _Linear(0.5), torch.full((2, 3, 2, 2), 0.1), torch.full((2, 3, 2, 2), -0.2)
-    loss, terms = gan_steps.critic_loss(critic, real, fake, 10.0)
+    loss, terms = generative_steps.critic_loss(critic, real, fake, 10.0)
     wanted = math.log1p(math.exp(-0.6)) + math.log1p(math.exp(-1.2)) + 10 * 12 * 0.25
     assert float(loss.detach()) == pytest.approx(wanted)
     assert float(terms["penalty"]) == pytest.approx(12 * 0.25)
@@ -41,24 +49,24 @@ def test_the_critics_loss_has_its_closed_form():
     slopes = -1.2 / (1 + math.exp(0.6)) - 2.4 / (1 + math.exp(1.2)) + 10 * 24 * 0.5
     assert critic.slope.grad is not None
     assert float(critic.slope.grad) == pytest.approx(slopes)
-    assert "penalty" not in gan_steps.critic_loss(critic, real.detach(), fake, 0.0)[1]
+    assert "penalty" not in generative_steps.critic_loss(critic, real.detach(), fake, 0.0)[1]
 
 
 def test_the_generators_loss_does_not_saturate_and_leaves_the_critic_alone():
     critic, fake = _Linear(2.0), torch.full((1, 3, 2, 2), -0.5, requires_grad=True)
-    loss = gan_steps.adversarial_loss(critic, fake)
+    loss = generative_steps.adversarial_loss(critic, fake)
     assert float(loss.detach()) == pytest.approx(math.log1p(math.exp(12)))
     loss.backward()
     assert critic.slope.grad is None and critic.slope.requires_grad
     assert_close(fake.grad, torch.full_like(fake, -2 / (1 + math.exp(-12))).detach())
 
 
-@pytest.mark.parametrize("kind", MODELS)
+@pytest.mark.parametrize("kind", GANS)
 def test_every_update_of_a_step_draws_numbers_of_its_own(kind, monkeypatch):
-    make, updates = MODELS[kind]
-    turns, own = [], gan_steps.Draw.of
+    make, updates = GANS[kind]
+    turns, own = [], generative_steps.Draw.of
     monkeypatch.setattr(
-        gan_steps.Draw, "of", lambda gan, step, turn: turns.append((step, turn)) or own(gan, step, turn)
+        generative_steps.Draw, "of", lambda gan, step, turn: turns.append((step, turn)) or own(gan, step, turn)
     )
     steps = updates(make())
     for update in steps:
@@ -68,12 +76,12 @@ def test_every_update_of_a_step_draws_numbers_of_its_own(kind, monkeypatch):
 
 def test_images_are_laid_on_white():
     image = torch.tensor([0.5, 0.0, 1.0, 0.5]).reshape(1, 4, 1, 1)
-    assert_close(gan_steps.on_white(image).flatten(), torch.tensor([0.5, 0.0, 1.0]))
+    assert_close(generative_steps.on_white(image).flatten(), torch.tensor([0.5, 0.0, 1.0]))
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", GANS)
 def test_critic_and_generator_are_moved_by_their_own_updates(name):
-    make, updates_of = MODELS[name]
+    make, updates_of = GANS[name]
     model = make()
     *critic, generator = updates_of(model)
     assert len(critic) == 2
@@ -112,6 +120,38 @@ def test_two_runs_agree_and_a_resumed_one_equals_an_uninterrupted_one(name, tmp_
 
 
 def test_draws_of_updates_differ_and_repeat():
-    first, again, other = (gan_steps.Draw.of(_generative.GAN, 3, turn).normal(4) for turn in (0, 0, 1))
+    first, again, other = (generative_steps.Draw.of(_generative.GAN, 3, turn).normal(4) for turn in (0, 0, 1))
     assert_close(first, again)
     assert float((first - other).abs().min()) > 0
+
+
+def test_the_loss_is_that_of_the_shape_and_the_divergence():
+    model = _generative.vae()  # in evaluation mode: no dropout
+    total, terms = generative_steps.vae_step(model, SHAPES, 0)
+    random = np.random.default_rng((0, 0))
+    drawn = random.choice(3, 2, replace=False)
+    clouds = SHAPES.clouds(drawn, 10, random)
+    noise = torch.from_numpy(random.standard_normal((2, 5)).astype(np.float32))
+    points = SHAPES.draw(drawn, model.config.counts, random)
+    mean, log_variance = model.posterior(*clouds)
+    latent = mean + (0.5 * log_variance).exp() * noise
+    shape_loss, _ = losses.shape_loss(
+        model.decoder.field, points, model.decoder.modulator(latent), model.config.weights
+    )
+    divergence = generative_models.divergence(mean, log_variance).mean(0).sum()
+    assert_close(terms["divergence"], divergence)
+    assert_close(total, shape_loss + 0.05 * divergence)
+
+
+def test_encoder_and_decoder_both_get_gradients():
+    model = _generative.vae().train()
+    generative_steps.vae_step(model, SHAPES, 0)[0].backward()
+    still = [name for name, each in model.named_parameters() if each.grad is None or not each.grad.any()]
+    # biases before a batch normalisation have none but rounding
+    assert not [name for name in still if not name.endswith("bias")]
+
+
+def test_a_part_of_the_clouds_is_that_of_all():
+    both = functools.partial(SHAPES.clouds, np.array([2, 0, 1]), 4)
+    part = both(np.random.default_rng(0), slice(1, 2))[0]
+    assert_close(part[0], both(np.random.default_rng(0))[0][1])

@@ -1,4 +1,4 @@
-"""A step's total, by hand in float64: every weight, every source of numbers, and what is not drawn by chance alone."""
+"""Steps of both reconstruction models: batches, and totals by hand."""
 
 import copy
 import dataclasses
@@ -13,7 +13,50 @@ from bench.rivals.plain_loss import plain_loss
 from ddf.fields import rendering
 from ddf.geometry import transforms
 from ddf.models import reconstruction_models
-from ddf.training import training_steps
+from ddf.training import reconstruction_steps
+
+
+def test_same_step_draws_the_same_batch_and_another_does_not():
+    draws = [reconstruction_steps.Batch.draw(_hand_made.images(), TRAIN, step) for step in (3, 3, 4)]
+    assert np.array_equal(draws[0].rows, draws[1].rows)
+    assert not np.array_equal(draws[0].random.random(9), draws[2].random.random(9))
+    assert len(set(draws[0].rows)) == 4
+
+
+@pytest.mark.parametrize("told", [False, True])
+@pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
+def test_steps_lower_the_loss_and_reach_every_parameter(kind, told):
+    torch.manual_seed(0)
+    train = dataclasses.replace(TRAIN, told=told)
+    images, shapes = _hand_made.images(), _hand_made.shapes()
+    if kind == "ddf":
+        model = reconstruction_models.ddf_model(train, DDF.field)
+        model.fit_cameras(images)
+        samples = _hand_made.samples()
+
+        def step(k):
+            return reconstruction_steps.ddf_step(model, images, shapes, samples, train, DDF, k)
+    else:
+        model = reconstruction_models.pcsiren_model(train)
+        model.fit_cameras(images)
+
+        def step(k):
+            return reconstruction_steps.pcsiren_step(model, images, shapes, train, PCSIREN, k)
+
+    loss, terms = step(0)
+    loss.backward()
+    dead = [name for name, p in model.named_parameters() if p.grad is None or not bool(p.grad.abs().sum() > 0)]
+    assert dead == []
+    assert {"camera"} < set(terms)
+    optimiser = torch.optim.Adam(model.parameters(), lr=3e-3)
+    before = float(loss.detach())
+    for _ in range(30):
+        optimiser.zero_grad()
+        loss, _ = step(0)
+        loss.backward()
+        optimiser.step()
+    assert float(loss.detach()) < 0.8 * before if before > 0 else float(loss.detach()) < before
+
 
 SEEDED = dataclasses.replace(TRAIN, loop=dataclasses.replace(TRAIN.loop, seed=5))
 STEP = 2
@@ -50,7 +93,7 @@ def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
     model = reconstruction_models.ddf_model(SEEDED, config.field)
     model.camera_head.fit(images.cameras)
     exact, random, rows, shown, truth = _by_hand(model, images)
-    found, terms = training_steps.ddf_step(model, images, shapes, samples, SEEDED, config, STEP)
+    found, terms = reconstruction_steps.ddf_step(model, images, shapes, samples, SEEDED, config, STEP)
 
     drawn = images.shapes[rows]
     modulations = exact.decoder.modulator(exact.shape_encoder(shown))
@@ -106,7 +149,7 @@ def test_pcsiren_step_is_the_weighted_sum_of_its_parts():
     model = reconstruction_models.pcsiren_model(SEEDED)
     model.camera_head.fit(images.cameras)
     exact, random, rows, shown, truth = _by_hand(model, images)
-    found, terms = training_steps.pcsiren_step(model, images, shapes, SEEDED, PCSIREN, STEP)
+    found, terms = reconstruction_steps.pcsiren_step(model, images, shapes, SEEDED, PCSIREN, STEP)
 
     drawn = images.shapes[rows]
     clouds = []
@@ -128,7 +171,8 @@ def test_batches_follow_seed_and_step():
     images = _hand_made.images(count=40, shapes=3)
     other = dataclasses.replace(SEEDED, loop=dataclasses.replace(SEEDED.loop, seed=6))
     rows = [
-        training_steps.Batch.draw(images, train, step).rows for train, step in ((SEEDED, 2), (SEEDED, 3), (other, 2))
+        reconstruction_steps.Batch.draw(images, train, step).rows
+        for train, step in ((SEEDED, 2), (SEEDED, 3), (other, 2))
     ]
     assert not np.array_equal(rows[0], rows[1]) and not np.array_equal(rows[0], rows[2])
     expected = np.random.default_rng((5, 2)).choice(40, SEEDED.batch_size, replace=False)

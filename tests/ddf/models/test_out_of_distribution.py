@@ -7,7 +7,7 @@ import torch
 from ddf.core import storage
 from ddf.data.batches import category_data
 from ddf.fields import model_files
-from ddf.models import familiarity, trained
+from ddf.models import out_of_distribution, reconstruction_models
 from ddf.reconstruction import one_image
 
 
@@ -17,45 +17,49 @@ def _features(count, seed, spread=1.0):
 
 
 def test_images_like_those_of_training_are_spread_over_all_quantiles():
-    known = familiarity.measure([_features(600, 0), _features(600, 3)])
-    alike = familiarity.quantile(known, torch.cat([_features(2000, 1), _features(2000, 4)], dim=1))
-    assert abs(np.median(alike) - 0.5) < 0.08 and 0.002 < (alike >= familiarity.FAR).mean() < 0.03
+    known = out_of_distribution.TrainingStatistics.of([_features(600, 0), _features(600, 3)])
+    assert known is not None
+    alike = known.score(torch.cat([_features(2000, 1), _features(2000, 4)], dim=1))
+    assert abs(np.median(alike) - 0.5) < 0.08 and 0.002 < (alike >= out_of_distribution.FAR).mean() < 0.03
     for spread in ((10.0, 1.0), (1.0, 10.0)):  # in either stage alone
         parts = [_features(200, 5 + i, spread=each) for i, each in enumerate(spread)]
-        assert (familiarity.quantile(known, torch.cat(parts, dim=1)) >= familiarity.FAR).mean() > 0.8
+        assert (known.score(torch.cat(parts, dim=1)) >= out_of_distribution.FAR).mean() > 0.8
 
 
 def test_a_distance_is_that_of_the_widened_covariance():
     features = _features(500, 0).double()
-    known = familiarity.measure([features])
+    known = out_of_distribution.TrainingStatistics.of([features])
+    assert known is not None
     variance = features.var(dim=0)
-    inverse = torch.linalg.inv(torch.cov(features.T) + familiarity.WIDENED * variance.mean() * torch.eye(4))
+    inverse = torch.linalg.inv(torch.cov(features.T) + out_of_distribution.WIDENED * variance.mean() * torch.eye(4))
     apart = features - features.mean(dim=0)
     expected = torch.einsum("ni,ij,nj->n", apart, inverse, apart).sqrt()
-    shares = familiarity.quantile(known, features)
+    shares = known.score(features)
     order = expected.argsort()
     assert (np.diff(shares[order]) >= -1e-9).all()
-    np.testing.assert_allclose(float(known["known.distances"][-1]), float(expected.max()), rtol=1e-6)
+    np.testing.assert_allclose(float(known.distances[-1]), float(expected.max()), rtol=1e-6)
 
 
 def test_one_image_alone_is_no_measure_and_a_file_of_older_words_none():
-    assert familiarity.measure([_features(1, 0)]) == {}
-    same = familiarity.measure([torch.ones(5, 3)])
-    assert familiarity.quantile(same, torch.ones(1, 3)).shape == (1,)
+    assert out_of_distribution.TrainingStatistics.of([_features(1, 0)]) is None
+    same = out_of_distribution.TrainingStatistics.of([torch.ones(5, 3)])
+    assert same is not None and same.score(torch.ones(1, 3)).shape == (1,)
     old = {"known.features": torch.zeros(3, 4), "known.mean": torch.zeros(4), "head.weight": torch.ones(2)}
-    weights, known = familiarity.parted(old)
-    assert list(weights) == ["head.weight"] and known == {}
+    weights, known = out_of_distribution.parted(old)
+    assert list(weights) == ["head.weight"] and known is None
 
 
 def test_the_file_keeps_what_is_known_and_the_model_loads_with_it(tmp_path):
     folder = _models.write_model(tmp_path / "model")
-    assert trained.known(folder) == {}
+    assert out_of_distribution.TrainingStatistics.read(folder) is None
     model, size = one_image.load(folder)
     images = [torch.randint(0, 255, (4, size, size), dtype=torch.uint8) for _ in range(6)]
     shown = category_data.ImageSet(["a", "b", "c"], [0] * 6, np.arange(6) // 2, images, torch.zeros(6, 3))
     before, record = storage.load_tensors(folder / model_files.MODEL)
     for _ in range(2):  # a second time changes nothing
-        trained.add_known(model, shown, folder)
+        found = out_of_distribution.TrainingStatistics.of(reconstruction_models.image_stages(model.eval(), shown))
+        assert found is not None
+        found.add_to(folder)
     after, kept = storage.load_tensors(folder / model_files.MODEL)
     assert {**kept, "content": 0} == {**record, "content": 0} and kept["kind"] == "ddf"
     assert set(after) - set(before) == {f"known.{name}" for name in ("mean", "factor", "distances")}
