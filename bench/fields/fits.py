@@ -25,7 +25,7 @@ import torch
 import trimesh
 
 from bench.data import ray_casting
-from bench.lib import cpu_budget, display, measuring, results
+from bench.lib import cpu_budget, measuring
 from ddf.data.synthetic import assemble, cars, chairs, planes
 from ddf.fields import framed_field, shape_field
 from ddf.fields.grid import build, patch_field
@@ -210,24 +210,7 @@ def rows_of(name: str, mesh: mesh_io.Mesh, budgets: Sequence[float], tolerances:
     return rows
 
 
-def _goals(benchmark: results.Benchmark) -> str:
-    """On how many shapes patches of the default tolerance reach what is asked of a fit."""
-    own, sine = (
-        {str(row.size["shape"]): row.error for row in benchmark.rows if row.what == what}
-        for what in (f"patches, {TOLERANCES[0]:g}", f"sine, {BUDGETS[0]:g} s")
-    )
-    both = [(own[name], error) for name, error in sine.items() if name in own]
-    deep = sum(10 * ours["depth_median"] <= theirs["depth_median"] for ours, theirs in both)
-    outlined = sum(ours["silhouettes"] >= 0.99 for ours in own.values())
-    thin = [ours["thin"] >= 0.95 for ours in own.values() if "thin" in ours]
-    return (
-        f"Patches of {TOLERANCES[0]:g} have silhouettes of 0.99 or more on {outlined} of {len(own)} shapes, and see "
-        f"0.95 or more of thin parts on {sum(thin)} of the {len(thin)} that have some. Their median error of depth is "
-        f"a tenth of the network's, or less, on {deep} of the {len(both)} that it was fitted to."
-    )
-
-
-SECTION = display.Section(note=_goals)
+LINES = ("patches, 0.0003", "sine, 60 s")  # of the page
 
 
 def main(given: Sequence[str]) -> None:

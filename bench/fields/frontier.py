@@ -25,7 +25,7 @@ import trimesh
 
 from bench.data import ray_casting
 from bench.fields import fits
-from bench.lib import display, measuring, results
+from bench.lib import measuring, page
 from bench.rivals import distance_grid
 from ddf.fields import framed_field
 from ddf.fields.grid import build
@@ -154,40 +154,8 @@ def rows_of(name: str, mesh: mesh_io.Mesh, seconds: float) -> list[dict]:
     return rows
 
 
-MEASURED = {
-    "time of an image": lambda row: row.seconds[1],
-    "median depth": lambda row: row.error["depth_median"],
-    "wrong rays inside": lambda row: row.error["wrong_inner"],
-    "wrong rays off the surface": lambda row: row.error["wrong_surface"],
-    "bytes": lambda row: row.told["bytes"],
-    "resident memory": lambda row: row.told["resident"],
-    "time to make": lambda row: row.told["made_in_s"],
-}
-
-
-def _note(benchmark: results.Benchmark) -> str:
-    """In what each rival beats patches, a sentence each, and how patches and meshes grow."""
-    ways: dict[str, dict[str, results.Row]] = {}
-    for row in benchmark.rows:
-        ways.setdefault(row.what.partition(",")[0] if "patches" in row.what else row.what, {})[row.size["shape"]] = row
-    own, said = ways.pop("patches"), []
-    for name, rows in ways.items():
-        won = {what: [shape for shape in rows if of(rows[shape]) < of(own[shape])] for what, of in MEASURED.items()}
-        told = [
-            f"{what} ({len(rows)} of {len(rows)} shapes)" for what, shapes in won.items() if len(shapes) == len(rows)
-        ]
-        told += [f"{what} ({', '.join(shapes)})" for what, shapes in won.items() if 0 < len(shapes) < len(rows)]
-        said.append(f"`{name}` beats patches in {'; '.join(told) or 'nothing'}.")
-    ends = [f"rock {GROWING[0]:,}", f"rock {GROWING[-1]:,}"]
-    if set(ends) <= set(own):
-        for name, rows in (("patches", own), ("mesh", ways["mesh"])):
-            times = " to ".join(display.milliseconds(rows[end]) for end in ends)
-            held = " to ".join(display.number(rows[end].told["resident"] / 1e6) for end in ends)
-            said.append(f"From {ends[0]} to {GROWING[-1]:,} triangles {name} takes {times} ms and holds {held} MB.")
-    return " ".join(said)
-
-
-SECTION = display.Section((display.View("depth_median", "median error of depth", ("shape",)),), _note)
+LINES = ("patches, 0.0003", "sine, 20 s", "distances, 128", "distances, 256", "mesh")  # of the page
+PICTURE = (page.View("depth_median", "median error of depth", ("shape",)),)
 
 
 def main(given: Sequence[str]) -> None:

@@ -3,7 +3,7 @@
 All networks have the hidden layers of `ddf fit`'s. Each is trained here for as many seconds of one core
 (`--seconds`) on rays of outside cameras, whose truth was cast before. One row of ours learns from rays that begin
 inside the box besides. Rows hold the time of one depth image, of its one thread, however busy the machine is; and
-errors over held-out cameras outside, in field units. "Refined" asks for fewer pixels (`sparse_depth`). "inside": rays
+errors over held-out cameras outside, in field units. "inside": rays
 from free points inside the box, between surfaces, where a field of lines knows one surface a line; `inside_wrong` is
 the share of them whose visibility is wrong, or whose depth is off by more than `CLOSE`. Signed distances are traced,
 patches and the mesh itself are asked.
@@ -21,7 +21,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from bench.lib import cpu_budget, display, measuring, results
+from bench.lib import cpu_budget, measuring, page
 from bench.rivals import ray_fields, ray_inputs, sphere_tracing
 from ddf.core import seeding
 from ddf.data import mesh_config, mesh_preparation
@@ -29,7 +29,7 @@ from ddf.data.synthetic import showcase
 from ddf.fields import derivatives, framed_field, siren
 from ddf.fields.grid import build, patch_field
 from ddf.fit import fit_settings, fitting
-from ddf.geometry import cameras, mesh_io, raycast, rays, sparse_depth, transforms
+from ddf.geometry import cameras, mesh_io, raycast, rays, transforms
 from ddf_lab.evaluation.shape import source_mesh
 
 ON_DEMAND = "python -m bench parametrisations, 20 minutes"
@@ -45,8 +45,6 @@ CLOSE = 0.02  # field units, 1 % of the shape
 CHUNK = 4096
 OURS, BOTH, CASTING = "DDF: entry of the box", "DDF, inside rays too", "mesh casting"
 PATCHES = "DDF: patches"
-REFINED = ", refined"  # behind the name of what is asked for fewer pixels
-REFINEMENT = sparse_depth.Refinement(tolerance=0.005, stride=8)  # field units
 BUDGETS = [  # of steps; f where a ray has arrived, and where one out of steps still has
     sphere_tracing.Tracing(steps, threshold, within)
     for steps, threshold, within in (
@@ -139,7 +137,6 @@ def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 Answer = Callable[[Tensor, Tensor], Tensor]  # of rays that meet the box, positions and directions
-Image = Callable[["Candidate", Place, Tensor, Tensor], Tensor]  # depth of all pixels of one camera
 
 
 @dataclasses.dataclass(frozen=True)
@@ -160,20 +157,10 @@ def image(candidate: Candidate, place: Place, p: Float[Tensor, "n 3"], v: Float[
     return depth
 
 
-def refined(candidate: Candidate, place: Place, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
-    """The same from fewer pixels."""
-
-    def ask(pixels: np.ndarray) -> np.ndarray:
-        rows = torch.from_numpy(pixels)
-        return image(candidate, place, p[rows], v[rows]).double().numpy()
-
-    return torch.from_numpy(sparse_depth.depth_image(ask, SIZE, REFINEMENT)[0]).flatten().float()
-
-
-def outside_errors(draw: Image, candidate: Candidate, place: Place, seen: ray_fields.SeenRays) -> dict[str, float]:
+def outside_errors(candidate: Candidate, place: Place, seen: ray_fields.SeenRays) -> dict[str, float]:
     """Of the held-out cameras."""
     views = list(zip(seen.positions.split(SIZE**2), seen.directions.split(SIZE**2), strict=True))
-    depth, normals = torch.cat([draw(candidate, place, p, v) for p, v in views]), torch.zeros_like(seen.positions)
+    depth, normals = torch.cat([image(candidate, place, p, v) for p, v in views]), torch.zeros_like(seen.positions)
     hit = torch.isfinite(depth)
     normals[hit] = candidate.normals(seen.positions[hit], seen.directions[hit], depth[hit])
     both = hit & seen.truth.visible
@@ -304,48 +291,33 @@ def rows_of(
     torch.use_deterministic_algorithms(False)  # training switches it on
     seen = held_out(place)
     p, v = seen.positions[: SIZE**2], seen.directions[: SIZE**2]
-    ways: dict[str, tuple[Image, Candidate]] = {what: (image, one) for what, one in found.items()}
-    ways |= {what + REFINED: (refined, found[what]) for what in found if what == OURS or what.startswith("sphere")}
-    asked = {what: functools.partial(draw, one, place, p, v) for what, (draw, one) in ways.items()}
+    asked = {what: functools.partial(image, one, place, p, v) for what, one in found.items()}
     times = measuring.interleaved(asked, REPEATS, clock=time.process_time)
     rows = []
     for what, taken in times.items():
-        draw, one = ways[what]
-        error = outside_errors(draw, one, place, seen) | ({} if draw is refined else inside_errors(one, inner))
+        error = outside_errors(found[what], place, seen) | inside_errors(found[what], inner)
         size = {"shape": name, "pixels_a_side": SIZE, "train_seconds": seconds}
-        rows.append(measuring.row(what, size, taken, error) | dict(one.facts))
+        rows.append(measuring.row(what, size, taken, error) | dict(found[what].facts))
     return [{**row, "times_ddf": row["median_s"] / rows[0]["median_s"]} for row in rows]
 
 
-def sentence(benchmark: results.Benchmark) -> str | None:
-    """What a picture of ours takes, of every pixel and refined, beside the fastest tracing as good."""
-    parts = []
-    for name in dict.fromkeys(row.size["shape"] for row in benchmark.rows):
-        rows = {row.what: row for row in benchmark.rows if row.size["shape"] == name}
-        traced = [row for what, row in rows.items() if what.startswith("sphere tracing")]
-        whole = [row for row in traced if not row.what.endswith(REFINED)]
-        parts += [_against(name, rows[what], rivals) for what, rivals in ((OURS, whole), (OURS + REFINED, traced))]
-    return f"**Rays**, images of the DDF on one core: {'; '.join(parts)}."
-
-
-def _against(shape: str, own: results.Row, rivals: Sequence[results.Row]) -> str:
-    good = [r for r in rivals if all(r.error[k] <= own.error[k] for k in ("depth_median", "wrong_visibility"))]
-    told = f"{shape}{REFINED if own.what.endswith(REFINED) else ''}: {display.milliseconds(own)} ms, "
-    if not good:
-        return told + "no tracing as good"
-    return f"{told}the fastest tracing as good {display.times(display.fastest(good), own)} times as long"
-
-
-def _of_networks(row: results.Row) -> bool:
+def _of_networks(row: page.Row) -> bool:
     return row.what != CASTING
 
 
-SECTION = display.Section(
-    views=(
-        display.View("depth_median", "median error of depth", ("shape",), keep=_of_networks),
-        display.View("normal_angle_deg_median", "median angle of normals, degrees", ("shape",), keep=_of_networks),
-    ),
-    note=sentence,
+LINES = (
+    OURS,
+    BOTH,
+    "Plücker coordinates",
+    "two spheres",
+    "perpendicular",
+    PATCHES,
+    "f < 0.005",
+    CASTING,
+)  # of the page
+PICTURE = (
+    page.View("depth_median", "median error of depth", ("shape",), keep=_of_networks),
+    page.View("normal_angle_deg_median", "median angle of normals, degrees", ("shape",), keep=_of_networks),
 )
 
 
@@ -354,4 +326,3 @@ def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser("python -m bench parametrisations", description=__doc__)
     parser.add_argument("--seconds", type=float, default=SECONDS, help="of one core, for each training")
     measuring.write("parametrisations", 1, measure(parser.parse_args(arguments).seconds))
-    print(sentence(results.load(measuring.OUT / "parametrisations.json")))

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from bench.lib import display, measuring
+from bench.lib import measuring, page
 from bench.rivals import plain_loss
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, passes, pddf
@@ -151,7 +151,7 @@ def rows_of(name: str, hidden: tuple[int, ...], repeats: int) -> list[dict[str, 
     return rows
 
 
-SECTION = display.Section(views=(display.View("gradient_relative", "relative error of the gradient", ("hidden",)),))
+PICTURE = (page.View("gradient_relative", "relative error of the gradient", ("hidden",)),)
 
 
 def main(given: Sequence[str]) -> None:

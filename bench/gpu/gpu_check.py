@@ -25,7 +25,7 @@ from torch.nn import functional
 from torch.profiler import ProfilerActivity, profile
 
 from bench.gpu import trial
-from bench.lib import display, measuring
+from bench.lib import measuring
 from ddf.core import checks
 from ddf.data.batches import resident
 from ddf.fields import cloud_projection, model_files, passes, pddf
@@ -322,11 +322,11 @@ def _section(name: str, rows: Sequence[Mapping[str, Any]]) -> pages.Section:
     lines = [
         [
             f"{row['what']}, {row['size']['device']}",
-            *("–" if each.get(key) is None else display.number(each[key]) for key in header),
+            *("–" if each.get(key) is None else measuring.number(each[key]) for key in header),
         ]
         for row, each in zip(rows, numbers, strict=True)
     ]
-    titles = ["", *map(display.title, header)]
+    titles = ["", *map(measuring.title, header)]
     return pages.Section(name.capitalize(), [pages.Table("Medians.", [("", len(titles), False)], titles, lines)])
 
 

@@ -79,6 +79,25 @@ def _seconds(candidate: Callable[[], Any], calls: int, clock: Callable[[], float
     return (clock() - started) / calls
 
 
+def number(value: float) -> str:
+    """Three digits."""
+    return f"{value:.3g}" if abs(value) < 1000 or value != value else f"{value:,.0f}"
+
+
+def text(value: Any) -> str:
+    """A value of `size`, or beside it, as printed."""
+    if isinstance(value, bool) or value is None:
+        return "yes" if value else "–"
+    if isinstance(value, int | float):
+        return f"{value:,}" if isinstance(value, int) else number(value)
+    return ", ".join(map(text, value)) or "–" if isinstance(value, list) else str(value)
+
+
+def title(name: str) -> str:
+    """A key as words."""
+    return name.replace("_", " ")
+
+
 def row(what: str, size: Mapping[str, Any], seconds: Sequence[float], error: Mapping[str, float]) -> dict[str, Any]:
     """One line: median and quartiles of the seconds, how many they are, and the error that belongs to them."""
     low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive") if len(seconds) > 1 else [*seconds] * 3

@@ -30,7 +30,7 @@ from jaxtyping import Float
 from PIL import Image
 from torch import Tensor
 
-from bench.lib import display, measuring
+from bench.lib import measuring
 from bench.rivals import latent_distances
 from ddf.api import sensors as sending
 from ddf.core import shipped_models, storage
@@ -62,7 +62,7 @@ SCANS = {  # noise in v1, outliers, whether a lidar, whether the pose is known
     "depth, pose off": (0.0, 0.0, False, False),
 }
 EVERY = ("depth", "depth, pose off")  # of all shapes; others of `--few`
-SECTION = display.Section()
+LINES = (": image", ": nearest", ": sdf", ": depth", ": lidar", ": depth, pose off")  # of the page
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import open3d as o3d
 import torch
 from scipy import spatial
 
-from bench.lib import display, measuring
+from bench.lib import measuring, page
 from ddf.geometry import neighbours
 from ddf.metrics import cloud_scores
 
@@ -92,7 +92,7 @@ def scores(there: np.ndarray, back: np.ndarray) -> tuple[float, float]:
     return cloud_scores.chamfer_l2_sq(there, back), cloud_scores.f_score(there, back, TAU_SQ)
 
 
-SECTION = display.Section(views=(display.View("chamfer_relative", "relative error of D_C"),))
+PICTURE = (page.View("chamfer_relative", "relative error of D_C"),)
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from typing import Any
 import pandas as pd
 import torch
 
-from bench.lib import display, measuring
+from bench.lib import measuring
 from ddf.core import shipped_models, storage
 from ddf.fields import model_files
 from ddf.metrics import cloud_scores
@@ -28,7 +28,6 @@ NAME = "real_shapes"
 SHIPPED = Path("shipped")  # the models that come with the package
 PRINTED = ("chamfer_l2_sq_x1000", "f_score_tau_x100")
 CAMERA = ("azimuth_error_deg_median", "azimuth_turned_x100", "silhouette_iou")
-SECTION = display.Section(views=())
 
 
 def model_of(category: str, models: Path) -> Path:

@@ -7,7 +7,7 @@ import pytest
 
 from bench import __main__ as program
 from bench.data import ray_casting
-from bench.lib import catalogue, display, measuring
+from bench.lib import catalogue, measuring, page
 from ddf.core import checks
 
 KNOWN = catalogue.entries()
@@ -17,7 +17,7 @@ KNOWN = catalogue.entries()
 def test_every_benchmark_says_what_it_is_and_what_its_section_shows(name):
     module = importlib.import_module(KNOWN[name].module)
     assert KNOWN[name].about and len(inspect.signature(module.main).parameters) <= 1
-    assert isinstance(getattr(module, "SECTION", display.Section()), display.Section)
+    assert all(isinstance(view, page.View) for view in getattr(module, "PICTURE", ()))
 
 
 def test_committed_results_are_of_benchmarks_that_are_there():

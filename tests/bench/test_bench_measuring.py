@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from bench.lib import measuring, results
+from bench.lib import measuring, page
 
 
 class _Clock:
@@ -55,10 +55,10 @@ def test_rows_are_read_as_they_are_written(tmp_path, monkeypatch):
     measuring.write(
         "x", 2, [{**timed, "rate": 7}, measuring.row("b", {}, [0.5], {}), {"what": "c", "size": {}, "error": {}}]
     )
-    found = results.load_folder(tmp_path)["x"]
-    assert [row.seconds for row in found.rows] == [(2.0, 3.0, 4.0), (0.5, 0.5, 0.5), None]
+    found = page.load_folder(tmp_path)["x"]
+    assert [row.seconds for row in found.rows] == [3.0, 0.5, None]
     assert found.rows[0].told == {"rate": 7} and found.rows[0].error == {"off": 0.1}
-    assert found.took_s >= 0 and found.threads == 2 and set(found.versions) == set(measuring.PACKAGES)
+    assert "threads: 2" in found.machine and all(name in found.machine for name in measuring.PACKAGES)
 
 
 def test_another_clock_can_be_given():

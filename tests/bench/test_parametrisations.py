@@ -8,7 +8,6 @@ import pytest
 import torch
 
 from bench.fields import parametrisations as benchmark
-from bench.lib import results
 from ddf.core import seeding
 from ddf.geometry import rays
 
@@ -52,15 +51,14 @@ def test_rays_begin_where_they_are_said_to(_place):
 
 
 @pytest.mark.usefixtures("_few")
-@pytest.mark.parametrize("draw", [benchmark.image, benchmark.refined])
-def test_an_exact_answer_has_no_error_and_a_late_one_has_its_delay(_place, draw):
+def test_an_exact_answer_has_no_error_and_a_late_one_has_its_delay(_place):
     seen, inner = benchmark.held_out(_place), benchmark.between(_place, seeding.generator(0, "test"))
     exact = _exact(_place)
-    found = benchmark.outside_errors(draw, exact, _place, seen)
+    found = benchmark.outside_errors(exact, _place, seen)
     assert found["silhouette_iou"] == 1 and found["wrong_visibility"] == 0
-    assert found["depth_mean"] < (1e-5 if draw is benchmark.image else 2e-3) and found["normal_angle_deg_median"] < 0.1
+    assert found["depth_mean"] < 1e-5 and found["normal_angle_deg_median"] < 0.1
     late = dataclasses.replace(exact, depth=lambda p, v: exact.depth(p, v) + 0.05)
-    assert benchmark.outside_errors(draw, late, _place, seen)["depth_median"] == pytest.approx(0.05, abs=1e-3)
+    assert benchmark.outside_errors(late, _place, seen)["depth_median"] == pytest.approx(0.05, abs=1e-3)
     assert benchmark.inside_errors(exact, inner)["inside_wrong"] == 0
     wrong = benchmark.inside_errors(late, inner)["inside_wrong"]
     assert wrong == pytest.approx(float(inner.truth.visible.double().mean()))
@@ -80,20 +78,3 @@ def test_rays_that_miss_the_box_are_not_asked(_place, monkeypatch):
     benchmark.image(dataclasses.replace(exact, depth=depth), _place, p, v)
     assert max(asked) == 100
     assert sum(asked) == int(rays.enter_box(p, v, *_place.corners())[2].sum()) < len(p)
-
-
-def test_sentence_names_the_fastest_tracing_that_is_as_good():
-    def row(what, seconds, median, wrong=0.01):
-        error = {"depth_median": median, "wrong_visibility": wrong}
-        return results.Row(what, {"shape": "chair"}, (seconds,) * 3, error)
-
-    fewer = benchmark.REFINED
-    rows = [row(benchmark.OURS, 0.1, 0.01), row("sphere tracing, 4 steps", 0.2, 0.02)]
-    rows.append(row(benchmark.OURS + fewer, 0.05, 0.011))
-    whole = results.Benchmark("parametrisations", "a CPU", 2, 1, {}, rows, 1.0)
-    assert "chair: 100 ms, no tracing as good" in (benchmark.sentence(whole) or "")
-    rows += [row("sphere tracing, 8 steps", 0.5, 0.009), row("sphere tracing, 16 steps", 0.7, 0.008)]
-    rows.append(row(f"sphere tracing, 8 steps{fewer}", 0.2, 0.009))
-    told = benchmark.sentence(whole) or ""
-    assert "chair: 100 ms, the fastest tracing as good 5 times as long" in told
-    assert "chair, refined: 50 ms, the fastest tracing as good 4 times as long" in told
