@@ -78,7 +78,7 @@ def _section(group: str, rows: Sequence[dict[str, Any]]) -> pages.Section:
         lines.append([row["case"], row["given"], row["expected"], *came, verdict])
     passed = sum(row["passed"] for row in rows)
     faults = {f"**{row['case']}**: {o['known']}." for row in rows for o in row["outcomes"].values() if o["known"]}
-    table = pages.Table(f"{passed} of {len(rows)} pass.", [("", len(header), False)], header, lines, labels=len(header))
+    table = pages.Table(f"{passed} of {len(rows)} pass.", header, lines, labels=len(header))
     return pages.Section(group.capitalize(), [table, *([tuple(sorted(faults))] if faults else [])])
 
 

@@ -1,4 +1,4 @@
-"""Stage `report`: tables, figures, a Markdown page and a self-contained HTML page in artifacts/<experiment>/report."""
+"""Stage `report`: tables, figures and a Markdown page in artifacts/<experiment>/report."""
 
 from ddf_lab.engine import stage
 from ddf_lab.report.experiment import experiment_page

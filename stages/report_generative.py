@@ -1,4 +1,4 @@
-"""Stage `report_generative`: the page on generative models, as Markdown and HTML, in artifacts/<experiment>/report."""
+"""Stage `report_generative`: the page on generative models, in artifacts/<experiment>/report."""
 
 from ddf.models import generative_settings
 from ddf_lab.engine import stage

@@ -1,4 +1,4 @@
-"""Stage `report_shape`: the page on a single shape, as Markdown and HTML, in artifacts/<experiment>/report."""
+"""Stage `report_shape`: the page on a single shape, in artifacts/<experiment>/report."""
 
 from ddf.fit import fit_settings
 from ddf_lab.engine import stage

@@ -327,7 +327,7 @@ def _section(name: str, rows: Sequence[Mapping[str, Any]]) -> pages.Section:
         for row, each in zip(rows, numbers, strict=True)
     ]
     titles = ["", *map(measuring.title, header)]
-    return pages.Section(name.capitalize(), [pages.Table("Medians.", [("", len(titles), False)], titles, lines)])
+    return pages.Section(name.capitalize(), [pages.Table("Medians.", titles, lines)])
 
 
 def check(how: Sizes, device: str, out: Path) -> None:

@@ -194,7 +194,7 @@ def table(benchmark: Benchmark, views: Sequence[View], names: Sequence[str] = ()
         f"{measuring.title(name)} {measuring.text(value)}" for name, value in rows[0].size.items() if name not in sizes
     )
     shown = f"{len(rows)} of {len(benchmark.rows)} lines; all: [{benchmark.name}.json]({benchmark.name}.json)."
-    return pages.Table(f"{caption}. {shown}" if caption else shown, [("", len(header), False)], header, lines)
+    return pages.Table(f"{caption}. {shown}" if caption else shown, header, lines)
 
 
 def page(found: Mapping[str, Benchmark]) -> pages.Page:

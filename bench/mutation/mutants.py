@@ -82,7 +82,7 @@ def page(found: Sequence[tuple[Mutant, bool]]) -> pages.Page:
     verdict = f"{len(found)} faults, one at a time: {len(found) - len(alive)} are noticed by a test"
     verdict += f"; these are not: {', '.join(alive)}." if alive else "."
     rows = [[mutant.name, f"`{mutant.file}`", "no" if survived else "yes"] for mutant, survived in found]
-    table = pages.Table("Faults and tests.", [("", 3, False)], ["fault", "in src", "noticed"], rows, labels=2)
+    table = pages.Table("Faults and tests.", ["fault", "in src", "noticed"], rows, labels=2)
     return pages.Page("Mutants", [verdict, "Made by `python -m bench mutants`."], [pages.Section("Faults", [table])])
 
 

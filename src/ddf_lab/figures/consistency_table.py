@@ -85,4 +85,4 @@ def residual_line(name: str, fit: dict[str, Any], found: dict[str, dict[str, flo
 
 
 def _table(caption: str, header: list[str], rows: list[list[str]]) -> pages.Table:
-    return pages.Table(caption, [("", len(header), False)], header, rows)
+    return pages.Table(caption, header, rows)

@@ -109,16 +109,13 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             pages.Table(
                 f"|UDF - exact| over {POINTS:,} uniform points of the box, and over as many within {NEAR} of the"
                 " surface (near). v*: median angle, and share turned by more. queries: per point; once: per field.",
-                [("", len(header), False)],
                 header,
                 rows,
                 labels=2,
-                rule_every=0,
             ),
             pages.Table(
                 f"`cloud` against three bounds: a mean error of {BOUND}, {TIMES} times the mean error that the field"
                 f" makes when it is asked along the true v*, and a median angle of {BOUND_DEG:g}°.",
-                [("", len(BOUNDS), False)],
                 BOUNDS,
                 bounds,
             ),

@@ -3,17 +3,14 @@
 One query a pixel; derivatives are those of the same oriented points. Truth: rays cast against the mesh.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ddf.data.synthetic import showcase
 from ddf.fields import framed_field, mesh_field
-from ddf.fields.shape_field import ShapeField
 from ddf.fit import inspection
 from ddf.geometry import raycast, rays
-from ddf.io import viewer_layout, viewer_page
 from ddf.pictures import field_pictures, picture_strips
 from ddf_lab.figures import drawing, figure_fields
 from ddf_lab.report import pages
@@ -25,7 +22,7 @@ _COLUMNS = ("depth", "exact depth", "normals", "exact normals", "mean curv.")
 
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
-    """A line of pictures per camera, errors per shape, and all shapes live."""
+    """A line of pictures per camera, errors per shape."""
     strips, lines, inner = [], [], {True: [], False: []}
     fields = [(name, figure_fields.fitted(name, config, folder)) for name in NAMES]
     for name, network in fields:
@@ -54,11 +51,9 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 "Means over the cameras: median |depth - exact| (longest side about 2) and angle where both see the"
                 " shape, share of pixels where only one does, queries a pixel. wrong inside: rays from anywhere in the"
                 " box that end elsewhere than the mesh says, by more than 1 % of its longest side.",
-                [("", 6, False)],
                 ["shape", "depth", "normals, °", "wrong visibility, %", "wrong inside, %", "queries a pixel"],
                 lines,
             ),
-            live(fields),
             "Answers [DDF22] fig. `singobjfits`.",
         ],
     )
@@ -78,12 +73,6 @@ def _views(
         errors.append([*found, evaluated / side**2])
         strips.append(picture_strips.StripRow(f"{name}, azimuth {camera[0]:g}°", ("one query a pixel",), cells))
     return strips, np.mean(errors, axis=0)
-
-
-def live(fields: Sequence[tuple[str, ShapeField]]) -> pages.Live:
-    """The page of all shapes in a row."""
-    content = viewer_page.render(viewer_layout.row_page("Fits of several shapes", fields))
-    return pages.Live("live_fits.html", "The fields, live", content)
 
 
 def _pictures(

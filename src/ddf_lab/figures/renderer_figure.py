@@ -62,7 +62,6 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 " derivative in the camera's position, and ‖δ_ω - d (v × δ_p)‖ of Property III, with δ_ω that in its"
                 " turn. Wrong visibility: share of pixels where only one sees it."
                 f" {config.renderer_steps:,} steps each, on one thread.",
-                [("", len(header), False)],
                 header,
                 rows,
             ),

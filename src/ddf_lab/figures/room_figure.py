@@ -17,7 +17,6 @@ from ddf.fields import framed_field
 from ddf.fields.scenes import camera_paths, scene_field
 from ddf.fields.shape_field import ShapeField
 from ddf.geometry import raycast, rays, transforms
-from ddf.io import viewer_fields, viewer_layout, viewer_page
 from ddf.pictures import field_pictures, picture_strips
 from ddf_lab.figures import figure_fields
 from ddf_lab.report import pages
@@ -41,16 +40,6 @@ COUNTS = (1, 4, 16, 64)
 _SCALE, _AT = figure_fields.STAND
 _PLACES = (transforms.Similarity(), transforms.Similarity(_SCALE, np.eye(3), np.array(_AT)))  # of room and rabbit
 _LOWER, _UPPER = np.full(3, -1.05), np.full(3, 1.05)
-_AZIMUTH = 75.0  # of the live page, degrees: into the room
-
-
-def live(parts: tuple[ShapeField, ShapeField]) -> pages.Live:
-    """The page of room and rabbit."""
-    baked = [viewer_fields.bake(field, name) for field, name in zip(parts, ("room", RABBIT), strict=True)]
-    fields = [viewer_fields.placed(field, place) for field, place in zip(baked, _PLACES, strict=True)]
-    page = viewer_layout.scene_page("A room and a rabbit", fields, _LOWER, _UPPER, cut=True)
-    content = viewer_page.render(dataclasses.replace(page, azimuth=_AZIMUTH))
-    return pages.Live("live_room.html", "The room and the rabbit, two fields composed, live", content)
 
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
@@ -79,7 +68,6 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             _errors(composite, whole, truth),
             _agreement(composite),
             _cost(rabbit),
-            live((room, rabbit)),
             f"The one field has twice the width and twice the samples. Its {config.whole_steps:,} steps cost as much as"
             f" {4 * config.whole_steps:,} of a part; the room has {config.steps:,}, the rabbit 6,000.",
             "Answers [DDF22] figs. `simpleroom` and `app:fig:simpleroom2xsl`.",
@@ -130,7 +118,6 @@ def _errors(composite: scene_field.SceneField, whole: ShapeField, truth: raycast
         f"Median |depth - exact| and angle where both see a surface, and the share that the field does not see, over"
         f" {len(points.positions):,} rays of the flight; the room's side is 2. `near edges`: hits on walls within"
         f" {_NEAR_EDGE} of where two meet. A part alone is judged where it is what is met.",
-        [("", 5, False)],
         ["what is met", "field", "depth", "normals, °", "unseen, %"],
         rows,
         labels=2,
@@ -225,7 +212,6 @@ def _agreement(composite: scene_field.SceneField) -> pages.Table:
         "Composites against their parts: the largest angle between normals of the composite and those of the part that"
         " is nearest, asked alone in its own frame; largest differences of visibility and depth to the composite that"
         " asks every field for every ray. Products of other numbers of rays round differently: in float64 both agree.",
-        [("", 6, False)],
         ["scene", "networks", "rays that see something", "normals, °", "culled: visibility", "culled: depth"],
         rows,
     )
@@ -254,7 +240,6 @@ def _cost(field: framed_field.FramedField, size: int = 48) -> pages.Table:
     return pages.Table(
         f"Scenes of so many rabbits, {size} x {size} pixels of depth. Saved: of all objects asked for all pixels. The"
         " time is of a core; `reports/bench` has it for closed forms and with culling switched off.",
-        [("", 4, False)],
         ["objects", "queries a pixel", "saved, %", "ms an object"],
         rows,
     )

@@ -43,7 +43,6 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             pages.Table(
                 "4,000 samples a type. depth: largest |d - exact| of the samples that see the sphere more squarely than"
                 " 0.2 (the mesh has 20,480 triangles and lies up to 5e-4 inside the sphere).",
-                [("", 4, False)],
                 ["type", "see the sphere, %", "depth", "p on the surface, %"],
                 rows,
             ),

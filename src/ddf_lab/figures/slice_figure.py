@@ -45,7 +45,6 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             pages.Table(
                 f"|d - exact| of the {SHAPE} over the pixels that both see (longest side about 2), and the share that"
                 " only one sees.",
-                [("", 4, False)],
                 ["v parallel to", "median", "mean", "wrong visibility, %"],
                 rows,
             ),

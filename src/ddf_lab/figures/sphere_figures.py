@@ -136,7 +136,6 @@ def _table(field: ShapeField, count: int = 40_000) -> pages.Table:
     return pages.Table(
         f"Random rays that field and truth see. A jump: moving p by {_EDGE} loses the surface or changes depth by more"
         " than five times that. Undecided: w_1 between 0.1 and 0.9.",
-        [("", 5, False)],
         ["rays", "number", "mean depth error", "median", "undecided, %"],
         rows,
     )

@@ -126,7 +126,7 @@ def _shapes(results: _Results) -> pages.Section:
         [label, *(f"{found[name][key]:.{metric.digits}f}" for key, metric in cloud_scores.PRINTED.items())]
         for name, label in names.items()
     ]
-    clouds = pages.Table("Held-out shapes: D<sub>C</sub> x 1000, F x 100.", [("", len(header), False)], header, rows)
+    clouds = pages.Table("Held-out shapes: D<sub>C</sub> x 1000, F x 100.", header, rows)
     types = list(encoded["errors"]["depth_l1"])
     rows = [
         [f"{what}, {label}", *(f"{found[name]['errors'][key][kind]:.3f}" for kind in types)]
@@ -138,7 +138,7 @@ def _shapes(results: _Results) -> pages.Section:
         f"angle of normals: {encoded['errors']['normals']['median_deg']:.1f}° encoded, "
         f"{optimised['errors']['normals']['median_deg']:.1f}° optimised."
     )
-    errors = pages.Table(caption, [("", len(types) + 1, False)], ["", *types], rows)
+    errors = pages.Table(caption, ["", *types], rows)
     kl = results.scores["divergence"]
     largest = ", ".join(f"{value:.2f}" for value in kl["by_dimension"][:5])
     smallest = ", ".join(f"{value:.2f}" for value in kl["by_dimension"][-2:])
@@ -157,7 +157,7 @@ def _prior(results: _Results) -> pages.Section:
         [label, *(f"{value:.3f}" for value in generative_clouds.spread(found[key]))] for label, key in named.items()
     ]
     caption = "D<sub>C</sub> x 1000 of clouds. A copy of a learned shape would be far below the second row."
-    copies = pages.Table(caption, [("", 4, False)], header, rows)
+    copies = pages.Table(caption, header, rows)
     sets = {"prior": "samples of the prior", "learned": "learned shapes"}
     alike = results.scores["distribution"]
     rows = [
@@ -170,7 +170,7 @@ def _prior(results: _Results) -> pages.Section:
         "nearest. COV: held-out shapes that are the nearest to one of them, %. 1-NNA: shapes of both sets whose "
         "nearest other one is of their own set, %; 50 is best."
     )
-    like = pages.Table(caption, [("", 4, False)], ["", "MMD ↓", "COV ↑", "1-NNA"], rows)
+    like = pages.Table(caption, ["", "MMD ↓", "COV ↑", "1-NNA"], rows)
     return pages.Section("Samples as a set", [like, copies])
 
 
@@ -181,7 +181,7 @@ def _images(results: _Results) -> pages.Section:
         row, fid = found["rows"][name], found["fid"][name]
         kid = f"{1000 * row['kid']:.1f} ± {1000 * row['kid_spread']:.1f}" if found["in_order"] else UNUSED
         rows.append([label, kid, NO_WEIGHTS if fid is None else f"{fid:.1f}", PAPER_FID.get(name, "–")])
-    header = ["", "KID ↓", "FID ↓", "FID ↓"]
+    header = ["", "measured KID ↓", "measured FID ↓", "paper, ShapeNet FID ↓"]
     caption = _FEATURES.format(
         real=found["real"],
         width=section.features.width,
@@ -190,7 +190,6 @@ def _images(results: _Results) -> pages.Section:
         subsets=section.subsets,
         size=section.subset_size,
     )
-    groups = [("", 1, False), ("measured", 2, False), ("paper, ShapeNet", 1, True)]
     kids = ", ".join(f"{name} {1000 * found['rows'][name]['kid']:.1f}" for name in ("ceiling", *found["spoiled"]))
     check = f"KID of real images, spoiled: {kids}. " + (
         "They are in the order that they must have."
@@ -198,7 +197,7 @@ def _images(results: _Results) -> pages.Section:
         else "They are not in the order that they must have, so KID is not used."
     )
     limit = _LIMIT.format(steps=results.gan.steps)
-    return pages.Section("Images", [pages.Table(caption, groups, header, rows), check, limit])
+    return pages.Section("Images", [pages.Table(caption, header, rows), check, limit])
 
 
 def _views(results: _Results) -> pages.Section:
@@ -218,7 +217,7 @@ def _views(results: _Results) -> pages.Section:
         "Mean absolute difference of a surface point's colour, in [0, 1], between neighbouring cameras. The light of "
         "the renders moves with the camera."
     )
-    table = pages.Table(caption, [("", 3, False)], ["", "difference ↓", "points"], cells)
+    table = pages.Table(caption, ["", "difference ↓", "points"], cells)
     share = found["ours"]["error"] / found["shuffled"]["error"]
     verdict = f"With one texture the difference is {share:.2f} of that with two; the aim is at most 0.5."
     return pages.Section("When the camera moves", [*([figure] if results.works else []), table, verdict])
@@ -241,4 +240,4 @@ def _trainings(results: _Results) -> pages.Section:
     ]
     caption = "One process each. The losses are not of one kind."
     header = ["", "steps", "minutes", "last loss"]
-    return pages.Section("Training", [pages.Table(caption, [("", 4, False)], header, rows)])
+    return pages.Section("Training", [pages.Table(caption, header, rows)])

@@ -1,6 +1,6 @@
 """`python -m ddf_lab.report.publish CONFIG` (`make publish`): the page of a run to reports/, where git keeps it.
 
-HTML stays behind. A page whose pictures show fields that come with the package says by `inputs.json` which ones.
+A page whose pictures show fields that come with the package says by `inputs.json` which ones.
 """
 
 import shutil
@@ -20,7 +20,7 @@ def publish(run: Run, root: Path = Path("reports")) -> Path:
     if not (page / "README.md").is_file():
         raise FileNotFoundError(f"{page}: no page; `ddf run {run.file}` makes it")
     shutil.rmtree(out, ignore_errors=True)
-    shutil.copytree(page, out, ignore=shutil.ignore_patterns("*.html"))
+    shutil.copytree(page, out)
     if "figures" in run.given:
         storage.write_json(out / INPUTS, shipped("field"))
     return out

@@ -25,7 +25,6 @@ from ddf.fit import patch_fitting
 from ddf.io import viewable, viewer_page
 from ddf.models import out_of_distribution, reconstruction_models
 from ddf.reconstruction import framing, one_image
-from ddf_lab.report import pages
 
 pytest.importorskip("playwright.sync_api")
 pytestmark = pytest.mark.browser
@@ -508,20 +507,6 @@ def test_patches_stand_in_a_scene_with_a_network(either, ring):
         if name in expected:
             assert_close(values, expected[name], atol=1e-3, rtol=0.0)
     opened.require_quiet()
-
-
-def test_a_live_page_of_a_report_is_loaded_when_it_is_opened(browser, tmp_path):
-    live = viewer_page.render(viewable.page(shipped_models.place("rabbit")))
-    page = pages.Page("Report", [], [pages.Section("Pictures", [pages.Live("live.html", "The rabbit, live", live)])])
-    pages.write(page, tmp_path)
-    opened = _open(browser, tmp_path / "index.html", "")
-    opened.page.wait_for_timeout(500)
-    assert not any(address.endswith("live.html") for address in opened.requests)
-    opened.page.get_by_text("The rabbit, live").click()
-    inside = opened.page.frame_locator("iframe")
-    inside.get_by_role("heading", name="rabbit").wait_for()
-    inside.locator("body[data-state=still], body[data-state=moving]").wait_for()
-    assert opened.faults == []
 
 
 def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):

@@ -1,4 +1,4 @@
-"""Pages move to reports/ whole, without HTML and without what was there before."""
+"""Pages move to reports/ whole, and without what was there before."""
 
 import json
 
@@ -8,13 +8,13 @@ from ddf_lab.report import publish
 from ddf_lab.run import Run
 
 
-def test_a_page_replaces_the_one_before_without_html(tmp_path, monkeypatch):
+def test_a_page_replaces_the_one_before(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run = Run(tmp_path / "own.yaml", {"figures": []})
     with pytest.raises(FileNotFoundError, match=r"artifacts/own/report: no page; `ddf run .*own\.yaml` makes it"):
         publish.publish(run)
     run.page.mkdir(parents=True)
-    for name in ("README.md", "a.webp", "index.html"):
+    for name in ("README.md", "a.webp"):
         (run.page / name).write_text(name)
     (tmp_path / "reports" / "own").mkdir(parents=True)
     (tmp_path / "reports" / "own" / "old.svg").write_text("")

@@ -1,4 +1,4 @@
-"""The page of an experiment: Markdown with its figures, the table as CSV, and one self-contained HTML file.
+"""The page of an experiment: Markdown with its figures, and the table as CSV.
 
 What is listed comes from the experiment's own index and config, never from what happens to lie in a folder. Nothing
 in the files depends on the day; times are those that the stages measured.
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ddf.core import storage
 from ddf_lab.report import pages
-from ddf_lab.report.experiment import example_strips, live_shapes, seed_notes, stage_results
+from ddf_lab.report.experiment import example_strips, seed_notes, stage_results
 from ddf_lab.report.experiment.sections import (
     bounds,
     cameras,
@@ -55,9 +55,8 @@ _LEAD = (
 
 
 def write(run: Run, out_dir: Path) -> None:
-    """Read everything and write README.md, index.html, si3dr.csv and the figures."""
+    """Read everything and write README.md, si3dr.csv and the figures."""
     found = example_strips.drawn(run, stage_results.read_results(run))
-    found = live_shapes.drawn(run, found)
     storage.write_text(out_dir / "si3dr.csv", found.table.to_csv(index=False, lineterminator="\n"))
     pages.write(build(found), out_dir)
 
@@ -73,5 +72,5 @@ def build(found: stage_results.Results) -> pages.Page:
     if found.examples:
         caption = seed_notes.of_first(found, _FIRST_CAPTION)
         lead.append(pages.Figure(_FIRST, caption, _FIRST_ALT, found.examples))
-    lead.append(tuple(pages.paragraph(text, **values) for text in _LEAD))
+    lead.append(tuple(text.format(**values) for text in _LEAD))
     return pages.Page(f"Results of the experiment {found.name}", lead, [section(found) for section in SECTIONS])

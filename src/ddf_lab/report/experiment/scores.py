@@ -66,16 +66,12 @@ class Scores:
         return f"{value} ± {float(row['spread']):.{digits}f}" if row["seeds"] > 1 else value
 
     def cell(self, category: str, head: Head, metric: str, best: bool = False, count: bool = False) -> Cell:
-        """A printed number with what its spread is and its image count as a note; `count` prints the count too."""
+        """A printed number; `count` prints its image count too."""
         row = self.rows.get((category, *head, metric))
         if row is None:
             return Cell(NOTHING)
         text = self.text(category, head, metric, METRICS[metric].digits)
-        if pd.isna(row["images"]):
-            return Cell(text, best)
-        over = f"standard deviation over {row['seeds']:.0f} seeds" if row["seeds"] > 1 else "standard error over images"
-        error = "" if pd.isna(row["spread"]) else f"{over} {float(row['spread']):.3g}, "
-        return Cell(f"{text} ({int(row['images'])})" if count else text, best, f"{error}{int(row['images'])} images")
+        return Cell(f"{text} ({int(row['images'])})" if count else text, best)
 
 
 def images_note(scores: Scores, categories: Collection[str], heads: Sequence[Head], metric: str) -> str:
@@ -128,6 +124,5 @@ def pairs(
     if not rows:
         return None
     note = images_note(scores, categories, heads, next(iter(labels))) if measured else ""
-    groups = [("", 2, False), *((label, len(methods), not measured) for label in labels.values())]
-    header = ["", "camera, points", *[name for name, _ in methods] * len(labels)]
-    return Table(f"{caption} {note}".strip(), groups, header, rows, labels=2, rule_every=len(columns))
+    header = ["", "camera, points", *(f"{label} {name}" for label in labels.values() for name, _ in methods)]
+    return Table(f"{caption} {note}".strip(), header, rows, labels=2)

@@ -40,7 +40,7 @@ class Results:
     all sections with their defaults. seconds: wall time of a test image, by model and part, mean over categories.
     further_seconds: of each model, what a training of all categories took with each of the further seeds. strips: by
     category, as WebP, from `rendered` images each; examples: the first picture of the page, as WebP;
-    `example_strips.drawn` adds these. live: by category, HTML pages; `live_shapes.drawn` adds them.
+    `example_strips.drawn` adds these.
     """
 
     name: str
@@ -61,7 +61,6 @@ class Results:
     strips: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
     rendered: int = 0
     examples: bytes = b""
-    live: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
 
     @property
     def per_image(self) -> pd.DataFrame:

@@ -122,7 +122,7 @@ def read(run: Run, fit: fit_settings.FitConfig) -> Results:
 
 
 def write(run: Run, fit: fit_settings.FitConfig) -> None:
-    """README.md, index.html, both tables and the pictures."""
+    """README.md, both tables and the pictures."""
     results = read(run, fit)
     folder = run.folder("fit_shape")
     page = build(results, fit, {name: (folder / name).read_bytes() for name in (VIEWS, SLICES)})
@@ -217,7 +217,7 @@ def _training_section(results: Results) -> pages.Section:
         ["rays evaluated", f"{evaluated:,}"],
         ["rays saved by the box", f"{rays - evaluated:,} ({100 * (rays - evaluated) / rays:.0f} %)"],
     ]
-    table = pages.Table("The fit, and what the renders above cost.", [("", 2, False)], ["", ""], rows)
+    table = pages.Table("The fit, and what the renders above cost.", ["", ""], rows)
     drawn = figures.loss_curves({"DDF": {"one shape": log}}).encode()
     picture = pages.Figure(CURVES, _CURVES, "falling curves of the total loss and of its terms over the steps", drawn)
     return pages.Section("Training", [picture, table])

@@ -26,7 +26,7 @@ def errors(table: pd.DataFrame, caption: str) -> pages.Table:
         for source in (MEASURED, paper_ablation.SOURCE):
             own = table[(table["metric"] == metric) & (table["source"] == source)].set_index("type")["value"]
             rows.append([name, "here" if source == MEASURED else source, *(number(own[kind]) for kind in TYPES)])
-    return pages.Table(caption, [("", 2, False), ("held-out", len(TYPES), False)], ["", "", *TYPES], rows, labels=2)
+    return pages.Table(caption, ["", "", *(f"held-out {kind}" for kind in TYPES)], rows, labels=2)
 
 
 def angles(table: pd.DataFrame, caption: str) -> pages.Table:
@@ -37,8 +37,8 @@ def angles(table: pd.DataFrame, caption: str) -> pages.Table:
     }
     kinds = [kind for kind in (*TYPES, ALL) if kind in found["median"]]
     rows = [[name, *(number(own[kind], "°", 1) for kind in kinds)] for name, own in found.items()]
-    header = ["", *("U, A, B" if kind == ALL else kind for kind in kinds)]
-    return pages.Table(caption, [("", 1, False), ("held-out", len(kinds), False)], header, rows)
+    header = ["", *(f"held-out {'U, A, B' if kind == ALL else kind}" for kind in kinds)]
+    return pages.Table(caption, header, rows)
 
 
 def ablation(table: pd.DataFrame, metric: str, source: str, caption: str) -> pages.Table:
@@ -52,8 +52,7 @@ def ablation(table: pd.DataFrame, metric: str, source: str, caption: str) -> pag
         worst = [bool(values.loc[without, kind] == values[kind].max()) for kind in TYPES]
         cells = [pages.Cell(number(values.loc[without, kind]), best) for kind, best in zip(TYPES, worst, strict=True)]
         rows.append([without, *cells])
-    layout = [("", 1, False), ("held-out", len(TYPES), source != MEASURED)]
-    return pages.Table(caption, layout, ["left out", *TYPES], rows)
+    return pages.Table(caption, ["left out", *(f"held-out {kind}" for kind in TYPES)], rows)
 
 
 def worst_for_itself(table: pd.DataFrame, metric: str, source: str) -> list[str]:
@@ -75,7 +74,7 @@ def diagnostics(found: Mapping[str, Mapping[str, float]], caption: str) -> pages
         values = [number(found[name][key]) for key in ("median", "p95", "worst")]
         rows.append([title, formula, *values, f"{found[name]['rays']:,}"])
     header = ["", "0 for an exact field", "median", "95 %", "worst", "rays"]
-    return pages.Table(caption, [("", len(header), False)], header, rows, labels=2)
+    return pages.Table(caption, header, rows, labels=2)
 
 
 def number(value: float | None, unit: str = "", digits: int | None = None) -> str:

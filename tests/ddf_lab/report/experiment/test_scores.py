@@ -48,7 +48,7 @@ def test_image_counts_are_in_the_caption_or_in_every_cell(counts, note, cells):
     assert table is not None and table.caption == f"Words. {note}".strip()
     cell = table.rows[1][3]
     assert isinstance(cell, pages.Cell) and cell.text == cells
-    assert len(table.header) == 8 == sum(width for _, width, _ in table.groups)
+    assert len(table.header) == 8
 
 
 def test_methods_without_any_number_give_no_table():

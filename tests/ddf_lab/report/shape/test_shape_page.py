@@ -1,4 +1,4 @@
-"""The stages on a single shape end to end, on a tiny field: files, printed numbers, a page that stands alone."""
+"""The stages on a single shape end to end, on a tiny field: files, printed numbers."""
 
 import re
 import runpy
@@ -19,7 +19,7 @@ from ddf_lab.report.shape import shape_page, shape_results, shape_tables
 from ddf_lab.run import Run
 
 _STAGES = Path(__file__).resolve().parents[4] / "stages"
-_PAGE = {"README.md", "index.html", "fit.csv", "ablate_samples.csv", "views.webp", "slices.webp", "losses.svg"}
+_PAGE = {"README.md", "fit.csv", "ablate_samples.csv", "views.webp", "slices.webp", "losses.svg"}
 
 
 def _run(name):
@@ -72,17 +72,10 @@ def test_stages_write_field_tables_and_page(reported):
     assert {path.name for path in (reported / "artifacts" / "tiny_fit" / "report").iterdir()} == _PAGE
 
 
-def test_page_needs_no_other_file(reported):
-    text = (reported / "artifacts" / "tiny_fit" / "report" / "index.html").read_text()
-    assert text.count('src="data:image/webp;base64,') == 2 and text.count('src="data:image/svg+xml;base64,') == 1
-    without_data = re.sub(r'src="data:[^"]+"', "", text)
-    assert "http" not in without_data and "src=" not in without_data
-
-
 def test_links_and_pictures_of_the_page_exist(reported):
     folder = reported / "artifacts" / "tiny_fit" / "report"
     linked = set(re.findall(r"\]\(([^)]+)\)", (folder / "README.md").read_text()))
-    assert linked == _PAGE - {"README.md", "index.html"}
+    assert linked == _PAGE - {"README.md"}
 
 
 def test_printed_errors_are_those_of_the_tables(reported):

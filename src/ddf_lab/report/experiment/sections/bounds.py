@@ -77,8 +77,8 @@ def table(results: Results) -> Table:
                     cells.append(found.cell(category, (method, column), metric, best))
             rows.append(cells)
     labels = [str(metric.label) for metric in cloud_scores.PRINTED.values()]
-    layout = [("", 2, False), *((scores.column_label(column), len(labels), False) for column in _COLUMNS)]
     heads = [(method, column) for method in ORDER for column in _COLUMNS]
     note = scores.images_note(found, results.groups, heads, "chamfer_l2_sq_x1000")
     caption = seed_notes.over_seeds(results, f"{_CAPTION} {note}".strip())
-    return Table(caption, layout, ["", "", *labels * len(_COLUMNS)], rows, labels=2, rule_every=len(ORDER))
+    header = ["", "", *(f"{scores.column_label(column)} {label}" for column in _COLUMNS for label in labels)]
+    return Table(caption, header, rows, labels=2)

@@ -39,4 +39,4 @@ def table(results: Results) -> Table:
     header = ["", "", *(label for label, _ in _METRICS.values())]
     note = scores.images_note(found, results.groups, heads, next(iter(_METRICS)))
     caption = seed_notes.over_seeds(results, f"{_CAPTION} {note}".strip())
-    return Table(caption, [("", len(header), False)], header, rows, labels=2, rule_every=len(heads))
+    return Table(caption, header, rows, labels=2)

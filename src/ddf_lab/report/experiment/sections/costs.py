@@ -32,7 +32,7 @@ def table(results: Results) -> Table:
     rows.append(["together", together, "", ""])
     header = ["stage", "time", "memory, MiB", "of a worker, MiB"]
     caption = seed_notes.of_first(results, _CAPTION.format(threads=os.cpu_count()))
-    return Table(caption, [("", len(header), False)], header, rows)
+    return Table(caption, header, rows)
 
 
 def duration(seconds: float) -> str:

@@ -55,7 +55,7 @@ def clouds(results: Results) -> Table:
         hidden = f"{100 * tests['hidden_share'].mean():.1f}"
         rows.append([group, str(trained), str(len(tests)), f"{tests['points'].median():,.0f}", hidden])
     header = ["", "train shapes", "test shapes", "points, median", "hidden, %"]
-    return Table(_CLOUDS, [("", len(header), False)], header, rows)
+    return Table(_CLOUDS, header, rows)
 
 
 def meshes(results: Results) -> Table:
@@ -67,5 +67,5 @@ def meshes(results: Results) -> Table:
         watertight = f"{int(measures['watertight'].astype(bool).sum())} of {len(measures)}"
         distances = [f"{values.median():.2f} / {values.max():.2f}" for values in lost]
         rows.append([category, watertight, f"{measures['faces'].median():,.0f}", *distances])
-    header = ["", "watertight", "triangles, median", "mean", "Hausdorff"]
-    return Table(_MESHES, [("", 3, False), ("surface lost", 2, False)], header, rows)
+    header = ["", "watertight", "triangles, median", "surface lost mean", "surface lost Hausdorff"]
+    return Table(_MESHES, header, rows)

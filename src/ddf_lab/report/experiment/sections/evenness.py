@@ -41,4 +41,4 @@ def table(results: Results) -> Table:
             rows.append([first, label, found.text(category, head, _METRIC, 2), ratio])
     header = ["", "", "variation", "of the truth's"]
     caption = seed_notes.over_seeds(results, _CAPTION)
-    return Table(caption, [("", len(header), False)], header, rows, labels=2, rule_every=len(_CLOUDS))
+    return Table(caption, header, rows, labels=2)

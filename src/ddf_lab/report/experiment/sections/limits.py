@@ -42,7 +42,7 @@ def section(results: Results) -> Section:
     limits += [*(_SEEDS if results.seeds > 1 else _ONE_SEED), *_QUOTED]
     blocks: list[Block] = [tuple(text.format(seeds=results.seeds) for text in limits)]
     if changed:
-        blocks.append(Table(_CAPTION, [("", 3, False)], ["", "here", "paper"], changed))
+        blocks.append(Table(_CAPTION, ["", "here", "paper"], changed))
     return Section("What does not reproduce", blocks)
 
 

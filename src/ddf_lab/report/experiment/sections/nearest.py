@@ -52,6 +52,13 @@ def table(results: Results, found: dict[str, pd.DataFrame]) -> Table:
             above = int((own[model] > own["nearest"]).sum())
             cells += [scores.number(float(ranks.loc["nearest", model]), 2), str(above)]
         rows.append(cells)
-    layout = [("", 2, False), *((scores.METHOD_LABELS[model], 2, False) for model in _MODELS)]
     caption = seed_notes.of_scores(results, _TABLE)
-    return Table(caption, layout, ["", "shapes", *["correlation", "above"] * len(_MODELS)], rows)
+    return Table(
+        caption,
+        [
+            "",
+            "shapes",
+            *(f"{scores.METHOD_LABELS[model]} {name}" for model in _MODELS for name in ("correlation", "above")),
+        ],
+        rows,
+    )

@@ -2,10 +2,9 @@
 
 from ddf_lab.report.experiment import seed_notes
 from ddf_lab.report.experiment.stage_results import Results
-from ddf_lab.report.pages import Block, Figure, Live, Section, paragraph
+from ddf_lab.report.pages import Block, Figure, Section
 
 _CAPTION = "{category}: rows by the error of DDF, then by the difference between the models."
-_LIVE = "{category}, live: the fields of the images with the smallest, the median and the largest error of DDF"
 _ALT = "{category}: input, visibility, depth, normals, clouds of DDF and PC-SIREN and true cloud of several test images"
 _READING = (
     "Rows are chosen from {count} test images of each category.",
@@ -17,18 +16,16 @@ _READING = (
 
 
 def section(results: Results) -> Section:
-    """A strip and a live page per category."""
+    """A strip per category."""
     blocks: list[Block] = []
     for category, strip in results.strips.items():
-        caption = seed_notes.of_first(results, paragraph(_CAPTION, category=category.capitalize()))
-        blocks.append(Figure(f"strip_{_file(category)}.webp", caption, paragraph(_ALT, category=category), strip))
+        caption = seed_notes.of_first(results, _CAPTION.format(category=category.capitalize()))
+        blocks.append(Figure(f"strip_{_file(category)}.webp", caption, _ALT.format(category=category), strip))
     blocks += (
-        [tuple(paragraph(text, count=results.rendered) for text in _READING)]
+        [tuple(text.format(count=results.rendered) for text in _READING)]
         if blocks
         else ["No image was rendered (pointclouds.rendered is 0)."]
     )
-    for category, page in results.live.items():
-        blocks.append(Live(f"live_{_file(category)}.html", paragraph(_LIVE, category=category.capitalize()), page))
     return Section("Pictures", blocks)
 
 

@@ -6,7 +6,7 @@ from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import baselines, paper_results, scoring
 from ddf_lab.report.experiment import scores, seed_notes
 from ddf_lab.report.experiment.stage_results import Results
-from ddf_lab.report.pages import Block, Section, Table, paragraph
+from ddf_lab.report.pages import Block, Section, Table
 
 MODELS = ((scores.METHOD_LABELS[scoring.DDF], scoring.DDF), (scores.METHOD_LABELS[scoring.PC_SIREN], scoring.PC_SIREN))
 COLUMNS = ("Pi_g-L", "Pi_g-S", "Pi_corrected-S", "Pi_pred-L", "Pi_pred-S")
@@ -147,7 +147,7 @@ def reading(results: Results) -> tuple[str, ...]:
         "small": f"{small:,}",
         "over": "test shapes and seeds" if results.seeds > 1 else "test shapes",
     }
-    return tuple(paragraph(text, **values) for text in _READING)
+    return tuple(text.format(**values) for text in _READING)
 
 
 def on_the_mask(results: Results) -> Table | None:
@@ -169,7 +169,7 @@ def seconds(results: Results) -> Table | None:
                 rows.append([label, model, f"{sum(known[part] for part in parts):.2f}"])
     header = ["columns", "", "seconds"]
     caption = seed_notes.of_first(results, _SECONDS.format(threads=results.settings["train"].loop.threads))
-    return Table(caption, [("", len(header), False)], header, rows, labels=2) if rows else None
+    return Table(caption, header, rows, labels=2) if rows else None
 
 
 def quoted(results: Results) -> Table | None:
@@ -186,5 +186,4 @@ def quoted(results: Results) -> Table | None:
         for head in heads
     ]
     header = ["", "", *(str(metric.label) for metric in cloud_scores.PRINTED.values())]
-    groups = [("", 2, False), ("", len(cloud_scores.PRINTED), True)]
-    return Table(_QUOTED, groups, header, rows, labels=2, rule_every=len(heads)) if rows else None
+    return Table(_QUOTED, header, rows, labels=2) if rows else None

@@ -6,13 +6,14 @@ from ddf_lab.report import figures
 from ddf_lab.report.experiment import seed_notes, stage_results
 from ddf_lab.report.experiment.sections.costs import duration
 from ddf_lab.report.experiment.stage_results import Results
-from ddf_lab.report.pages import Figure, Section, Table, paragraph
+from ddf_lab.report.pages import Figure, Section, Table
 
 _SAME_PERCENT = 10.0  # wall times no farther apart than this are one budget
 _SAME = "Both models trained for the same wall time within {more} %, summed over categories: {spent}."
-_OTHER = """
-The models did not train for the same wall time: summed over categories {spent}, the longer {more} % above the shorter.
-"""
+_OTHER = (
+    "The models did not train for the same wall time: summed over categories {spent}, the longer {more} % above the "
+    "shorter."
+)
 _CURVES = "Total loss (thick, smoothed) and its terms without their weights."
 _ALT = "falling curves of the total loss and of its terms over the steps, by model and category"
 _CAPTION = "Training losses. The models minimise different losses: compare within one model only."
@@ -38,7 +39,7 @@ def budget(results: Results) -> str:
         return "The training took no time that was noted."
     more = 100 * (most / least - 1)
     spent = ", ".join(f"{model} {duration(value)}" for model, value in seconds.items())
-    told = paragraph(_SAME if more <= _SAME_PERCENT else _OTHER, spent=spent, more=f"{more:.0f}")
+    told = (_SAME if more <= _SAME_PERCENT else _OTHER).format(spent=spent, more=f"{more:.0f}")
     return seed_notes.medians(results, told)
 
 
@@ -52,4 +53,4 @@ def table(results: Results) -> Table:
             rows.append([model, category, f"{steps:,}", f"{log['loss'].iloc[0]:.3f}", f"{last:.3f}", duration(seconds)])
     header = ["", "", "steps", "first loss", "last loss (mean of 5 %)", "time"]
     caption = seed_notes.of_first(results, _CAPTION)
-    return Table(caption, [("", len(header), False)], header, rows, labels=2, rule_every=len(results.categories))
+    return Table(caption, header, rows, labels=2)
