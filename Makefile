@@ -41,7 +41,7 @@ fit-shape: $(READY) ## one field for one shape, what each sample type is worth, 
 figures: CONFIG := configs/figures.yaml
 figures: $(READY) ## the figures of the paper, remade, with numbers against exact values
 	$(run)
-STAGES := $(shell sed -n 's/^  \([a-z_]*\):$$/stage-\1/p' pipeline.yaml)
+STAGES := $(shell sed -n 's/^\([a-z0-9_]*\):$$/stage-\1/p' pipeline.yaml)
 $(STAGES): $(READY) ## one stage (dataset, meshes, ..., report) and what it needs
 	$(run) --stage $(@:stage-%=%)
 train: $(READY) ## the trainings and what they need, JOBS=4 side by side, each behind LAUNCH="srun --gres=gpu:1"
@@ -77,7 +77,7 @@ docs: $(READY) ## the documentation as a site in site/; a warning is an error
 	@NO_MKDOCS_2_WARNING=1 uv run -q --no-project --isolated --python $(RUN) --with-requirements requirements-docs.lock mkdocs build
 	@$(RUN) docs/gallery.py site/docs/live
 clean: ## remove all artefacts (keeps the environment and the committed report)
-	rm -rf artifacts params.yaml .dvc/cache .dvc/tmp .pytest_cache .ruff_cache
+	rm -rf artifacts .pytest_cache .ruff_cache
 help: ## this list
 	@awk 'BEGIN {FS = ":.*## "} /^##@/ {printf "\n%s\n", substr($$0, 5)} \
 	/^[a-z$$][^:]*:.*## / {name = $$1; if (name ~ /^\$$/) name = "stage-<name>"; printf "  %-21s %s\n", name, $$2}' Makefile

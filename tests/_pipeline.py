@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ddf.core import config, provenance
 from ddf_lab import run
-from ddf_lab.engine import experiments, finished, graph
+from ddf_lab.engine import experiments, graph
 
 ROOT = Path(__file__).resolve().parents[1]
 PIPELINE = ROOT / "pipeline.yaml"
@@ -21,15 +21,8 @@ def experiment(file: Path) -> experiments.Experiment:
 
 def expand(seeds: int = 1) -> dict[str, graph.Item]:
     """The items of all experiments with that many seeds, each experiment's in order."""
-    found = [item for each in map(experiment, FILES) for item in graph.expand(each.lists(seeds), PIPELINE)]
+    found = [item for each in map(experiment, FILES) for item in graph.expand(each, seeds, PIPELINE)]
     return {item.name: item for item in found}
-
-
-def code_of(script: Path) -> list[str]:
-    """The script and the rooms of both packages that it imports from, directly or not, relative to the repository."""
-    closure = (file.relative_to(provenance.SOURCES) for file in provenance.import_closure(script))
-    rooms = {"/".join(file.parts[:2]) for file in closure if file.name != "__init__.py"} - {finished.FRAME}
-    return [script.relative_to(ROOT).as_posix(), *(f"src/{room}" for room in sorted(rooms))]
 
 
 def sections_read(script: Path) -> set[str]:

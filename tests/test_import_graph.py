@@ -111,7 +111,7 @@ def test_heavy_packages_have_their_rooms():
 
 
 def test_training_and_inference_import_without_other_packages():
-    blocked = HEAVY | {"pandas", "scipy", "matplotlib", "joblib", "yaml", "psutil", "dvc", "dask", "distributed"}
+    blocked = HEAVY | {"pandas", "scipy", "matplotlib", "joblib", "yaml", "psutil", "dask", "distributed"}
     program = f"""
 import importlib, importlib.machinery, sys
 class Block:

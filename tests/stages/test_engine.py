@@ -21,7 +21,7 @@ from ddf.data.synthetic import write
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 ROOT = Path(__file__).resolve().parents[2]
-IGNORED = {".git", ".venv", ".make", "artifacts", "reports", "cache", "tmp", "dvc.lock", "__pycache__", ".pytest_cache"}
+IGNORED = {".git", ".venv", ".make", "artifacts", "reports", "__pycache__", ".pytest_cache"}
 LOOP = "src/ddf/training/training_loop.py"
 SMALLER = {
     r"categories: .*": "categories: {primitives: 6}",

@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Of fits; in a checkout `ddf_lab.commands.config` knows experiments too."""
+    """Of fits; in a checkout `ddf_lab.commands` knows experiments too."""
     from ddf.core import config
     from ddf.fit import fit_settings
 

@@ -26,7 +26,7 @@ COMMANDS = ("make", "flock", "git")
 # What the numerical libraries choose their fastest code by.
 CPU_FLAGS = ("avx2", "fma", "avx512f", "avx512_bf16", "amx_bf16")
 MIN_DISK_GIB, MIN_MEMORY_GIB = 5.0, 4.0
-_IMPORTS = ("torch", "torchvision", "open3d", "pymeshlab", "dvc")
+_IMPORTS = ("torch", "torchvision", "open3d", "pymeshlab")
 EXAMPLES = ("ddf doctor", "ddf doctor --fast")
 _LOCK = Path(__file__).resolve().parents[3] / "requirements.lock"
 _CHECKOUT = _LOCK.is_file()  # `make setup` brings all there; elsewhere extras are a choice

@@ -16,7 +16,6 @@ import signal
 import sys
 import textwrap
 from collections.abc import Iterator, Sequence
-from types import ModuleType
 from typing import Any
 
 from ddf.cli import arguments, results
@@ -76,8 +75,11 @@ def _run(args: argparse.Namespace, words: Sequence[str]) -> None:
     sys.stdout.flush()
 
 
-def _module(command: str) -> ModuleType:
-    return importlib.import_module(COMMANDS[command].module)
+def _module(command: str) -> Any:
+    """The module of a command, or what it names behind a colon."""
+    module, _, name = COMMANDS[command].module.partition(":")
+    found = importlib.import_module(module)
+    return getattr(found, name) if name else found
 
 
 class _Parser(argparse.ArgumentParser):

@@ -26,7 +26,7 @@ _MOST_BYTES, _MOST_NODES = 200_000, 20_000  # of a file; what aliases name count
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML 1.2's numbers, as DVC reads them: 1e-4 is one, 010 is ten; 1:30, dates and `yes` are words. Refuses keys
+    """YAML 1.2's numbers: 1e-4 is one, 010 is ten; 1:30, dates and `yes` are words. Refuses keys
     that are given twice or are lists, and aliases of aliases that would fill the memory.
     """
 

@@ -9,7 +9,6 @@ _EXPERIMENTS = (
     "argcomplete",
     "dask",
     "distributed",
-    "dvc",
     "fast_simplification",
     "joblib",
     "matplotlib",

@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 from ddf.core import storage
 
@@ -48,14 +48,13 @@ def record(section: Any, seed: int, sources: Iterable[str | Path] = (), module: 
 @functools.cache
 def code_version(modules: tuple[str, ...]) -> str:
     """Hash of the syntax trees, docstrings left out, of everything the named modules import from the packages."""
-    return _hash_of_trees({file for name in modules for file in import_closure(module_file(name))})
+    return _hash_of({file for name in modules for file in import_closure(module_file(name))})
 
 
 def script_version(script: str | Path, without: str) -> str:
     """The same of a script outside the packages and of all that it imports from them but one room."""
-    left_out = SOURCES / without
-    closure = (file for file in import_closure(script) if not file.is_relative_to(left_out))
-    return _hash_of_trees({*closure, Path(script).resolve()})
+    closure = (file for file in import_closure(script) if not file.is_relative_to(SOURCES / without))
+    return _hash_of({*closure, Path(script).resolve()})
 
 
 def import_closure(script: str | Path) -> list[Path]:
@@ -63,17 +62,14 @@ def import_closure(script: str | Path) -> list[Path]:
 
     Imports inside functions count too. Importing a.b.c runs a/__init__.py and a/b/__init__.py, so these are included.
     """
-    script = Path(script).resolve()
     found: set[Path] = set()
-    waiting = [script]
+    waiting = [Path(script).resolve()]
     while waiting:
         file = waiting.pop()
-        if file in found:
-            continue
-        found.add(file)
-        for name in imported_modules(file):
-            waiting.extend(_package_files(name))
-    return sorted(file for file in found if _inside(file))
+        if file not in found:
+            found.add(file)
+            waiting += (each for name in imported_modules(file) for each in _package_files(name))
+    return sorted(filter(_inside, found))
 
 
 def imported_modules(file: str | Path, typing: bool = False) -> list[str]:
@@ -82,27 +78,8 @@ def imported_modules(file: str | Path, typing: bool = False) -> list[str]:
     Args:
       typing: with those under `if TYPE_CHECKING:`, which no run imports.
     """
-    return list(_imported(Path(file), Path(file).stat().st_mtime_ns, typing))
-
-
-@functools.cache
-def _imported(file: Path, _changed: int, typing: bool) -> tuple[str, ...]:
-    names: set[str] = set()
-    waiting: list[ast.AST] = [ast.parse(file.read_text(encoding="utf-8"))]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
-            waiting.extend(node.orelse + (node.body if typing else []))
-            continue
-        waiting.extend(ast.iter_child_nodes(node))
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            if node.level:
-                raise ValueError(f"{file}:{node.lineno}: imports must be absolute")
-            names.add(node.module or "")
-            names.update(f"{node.module}.{alias.name}" for alias in node.names)
-    return tuple(sorted(names))
+    read = _read(Path(file), Path(file).stat().st_mtime_ns)
+    return sorted(read.imports | read.for_types if typing else read.imports)
 
 
 def module_file(name: str) -> Path:
@@ -114,22 +91,46 @@ def module_file(name: str) -> Path:
     return files[-1]
 
 
+class _Read(NamedTuple):
+    imports: frozenset[str]
+    for_types: frozenset[str]  # under `if TYPE_CHECKING:`
+    tree: str  # hash of the syntax tree without docstrings
+
+
+@functools.cache
+def _read(file: Path, _changed: int) -> _Read:
+    names: dict[bool, set[str]] = {False: set(), True: set()}  # by whether they are for types
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    waiting: list[tuple[ast.AST, bool]] = [(tree, False)]
+    while waiting:
+        node, typing = waiting.pop()
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            waiting += [*((each, typing) for each in node.orelse), *((each, True) for each in node.body)]
+            continue
+        waiting += ((each, typing) for each in ast.iter_child_nodes(node))
+        if isinstance(node, ast.Import):
+            names[typing].update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            if node.level:
+                raise ValueError(f"{file}:{node.lineno}: imports must be absolute")
+            names[typing] |= {str(node.module), *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            if ast.get_docstring(node, clean=False) is not None:
+                del node.body[0]
+    return _Read(frozenset(names[False]), frozenset(names[True]), hashlib.sha256(ast.dump(tree).encode()).hexdigest())
+
+
 def _package_files(name: str) -> list[Path]:
     """Files that importing `name` runs, outermost first; empty for other packages, shorter for names in a module."""
-    parts = name.split(".")
-    if not PACKAGE.fullmatch(parts[0]):
-        return []
     files: list[Path] = []
-    for i in range(len(parts)):
-        base = SOURCES.joinpath(*parts[: i + 1])
-        if (base / "__init__.py").is_file():
-            files.append(base / "__init__.py")
-        elif base.with_suffix(".py").is_file():
-            files.append(base.with_suffix(".py"))
+    base, parts = SOURCES, name.split(".") if PACKAGE.fullmatch(name.partition(".")[0]) else []
+    for part in parts:
+        base /= part
+        found = next((file for file in (base / "__init__.py", base.with_suffix(".py")) if file.is_file()), None)
+        files += [found] if found else []
+        if found is None or found.name != "__init__.py":
             break
-        else:
-            break
-    return [file for file in files if file.is_file()]
+    return files
 
 
 def _inside(file: Path) -> bool:
@@ -137,26 +138,12 @@ def _inside(file: Path) -> bool:
     return file.is_relative_to(SOURCES) and bool(PACKAGE.fullmatch(file.relative_to(SOURCES).parts[0]))
 
 
-def _hash_of_trees(files: Iterable[Path]) -> str:
+def _hash_of(files: Iterable[Path]) -> str:
     digest = hashlib.sha256()
     for file in sorted(files):
-        tree = ast.parse(file.read_text(encoding="utf-8"))
-        _strip_docstrings(tree)
-        place = file.relative_to(SOURCES) if _inside(file) else Path(file.name)
-        digest.update(f"{place.as_posix()}\0{ast.dump(tree)}\n".encode())
+        place = file.relative_to(SOURCES).as_posix() if _inside(file) else file.name
+        digest.update(f"{place}\0{_read(file, file.stat().st_mtime_ns).tree}\n".encode())
     return digest.hexdigest()
-
-
-def _strip_docstrings(tree: ast.AST) -> None:
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            first = node.body[0] if node.body else None
-            if (
-                isinstance(first, ast.Expr)
-                and isinstance(first.value, ast.Constant)
-                and isinstance(first.value.value, str)
-            ):
-                node.body = node.body[1:]
 
 
 def _plain(value: Any) -> Any:

@@ -1,1 +1,1 @@
-"""Experiments as graphs of stages: what is to be done, in which order, and whether it is done."""
+"""The engine of experiments: stages of a graph, run side by side, and again only where what they use has changed."""

@@ -1,7 +1,7 @@
 """Experiments: found in configs/, taken from any other place, or varied by `section.key=value`.
 
-Nothing lists them: every file in configs/ and of the package's is one. What runs is written whole to a folder of its
-own, artifacts/<name>/<name>.yaml, which git ignores.
+Every file in configs/ and of the package's is one. What runs is written whole to a folder of its own,
+artifacts/<name>/<name>.yaml, which git ignores.
 """
 
 import dataclasses
@@ -20,31 +20,10 @@ from ddf_lab.run import Kind, Run, class_of, layer
 NAME = re.compile(r"\w+")
 HASH_DIGITS = 8
 
-Lists = dict[str, dict[str, dict[str, str]]]
-
-
-LAST_STAGE: dict[Kind, str] = {
-    "reconstruction": "report",
-    "shape": "report_shape",
-    "generative": "report_generative",
-    "figures": "figures",
-}
-LISTS: dict[str, tuple[tuple[Kind, ...], bool, bool]] = {  # of pipeline.yaml: kinds; by category; with further seeds
-    "sources": (("reconstruction", "generative"), False, False),
-    "sets": (("reconstruction", "generative"), True, False),
-    "experiments": (("reconstruction",), False, False),
-    "tasks": (("reconstruction",), True, False),
-    "runs": (("reconstruction",), True, True),
-    "evaluations": (("reconstruction",), False, True),
-    "shapes": (("shape",), False, False),
-    "generations": (("generative",), True, False),
-    "figures": (("figures",), False, False),
-}
-
 
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment file in its place. categories: the longest trainings first; none in one of a single shape."""
+    """An experiment file in its place. categories: none in an experiment of a single shape, or of figures."""
 
     file: Path
     categories: tuple[str, ...]
@@ -57,43 +36,13 @@ class Experiment:
         return self.file.stem
 
     @property
-    def last_stage(self) -> str:
-        """The one that writes its page."""
-        return LAST_STAGE[self.kind]
-
-    def lists(self, seeds: int = 1) -> Lists:
-        """What pipeline.yaml makes its items of: the stages of this experiment, and those of further seeds."""
-        found: Lists = {}
-        for name, (kinds, by_category, seeded) in LISTS.items():
-            categories = self.categories if by_category else ("",)
-            numbers = range(seeds if seeded else 1) if self.kind in kinds else ()
-            items = [item(self.file, category, seed) for seed in numbers for category in categories]
-            found[name] = {_key(each): each for each in items}
-        return found
-
-
-def item(file: Path, category: str = "", seed: int = 0) -> dict[str, str]:
-    """What stands in pipeline.yaml for `item`: of seed 1, option is " --seed 1" and folder "_seeds/1"."""
-    return {
-        "file": file.as_posix(),
-        "name": file.stem,
-        "category": category,
-        "option": f" --seed {seed}" if seed else "",
-        "folder": f"_seeds/{seed}" if seed else "",
-    }
-
-
-def _key(item: dict[str, str]) -> str:
-    """cpu, cpu-chair, cpu-chair-1."""
-    parts = (item["name"], item["category"], item["folder"].rpartition("/")[2])
-    return "-".join(part for part in parts if part)
+    def folder(self) -> Path:
+        """Where all that it makes goes."""
+        return Path("artifacts") / self.name
 
 
 def find(given: str, changes: Sequence[str] = ()) -> Experiment:
     """The experiment of a file or a name, with `changes` applied, written whole to artifacts/<name>/<name>.yaml.
-
-    That file holds every setting, so that it changes with what a stage reads, wherever that is given, and with nothing
-    else.
 
     Args:
       given: `configs/cpu.yaml`, `cpu` for short, or any other file of that kind. changes: as `Run.read` takes them.
@@ -109,12 +58,9 @@ def find(given: str, changes: Sequence[str] = ()) -> Experiment:
     name, base = found.name, ""
     if changes:
         said = json.dumps(sorted(map(layer, changes), key=str), sort_keys=True)
-        digest = hashlib.sha256(said.encode()).hexdigest()[:HASH_DIGITS]
-        name, base = f"{found.name}+{digest}", found.name
+        name, base = f"{found.name}+{hashlib.sha256(said.encode()).hexdigest()[:HASH_DIGITS]}", found.name
     file = Path("artifacts") / name / f"{name}.yaml"
-    text = yaml.safe_dump(sections, sort_keys=False, allow_unicode=True)
-    if not file.is_file() or file.read_text(encoding="utf-8") != text:
-        storage.write_text(file, text)
+    write(file, yaml.safe_dump(sections, sort_keys=False, allow_unicode=True))
     return dataclasses.replace(read(found), file=file, base=base)
 
 
@@ -128,3 +74,9 @@ def read(given: Run) -> Experiment:
             f"{given.file}: the models are of one category; dataset.categories has {list(categories)}"
         )
     return Experiment(given.file, categories, given.kind)
+
+
+def write(path: Path, text: str) -> None:
+    """A file that stays untouched where it says the same already."""
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        storage.write_text(path, text)

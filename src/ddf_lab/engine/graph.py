@@ -1,121 +1,129 @@
 """The stage graph of pipeline.yaml for one experiment: an item per stage, category and seed."""
 
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from string import Template
+from typing import Literal
 
-import yaml
-
-from ddf.core import checks
+from ddf.core import checks, config
 from ddf_lab.engine import experiments
+from ddf_lab.run import Kind, Run
 
 PIPELINE = Path("pipeline.yaml")
 
 
 @dataclass(frozen=True)
+class Stage:
+    """An entry of pipeline.yaml, which says what the keys mean."""
+
+    of: tuple[Kind, ...]
+    each: tuple[Literal["category", "seed"], ...]
+    command: str
+    sections: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    together: int | Literal["jobs"] = 1
+
+
+@dataclass(frozen=True)
 class Item:
-    """One run of a stage. together: how many items of such stages run side by side; None: as many as jobs."""
+    """One run of a stage. file: the experiment's. category: empty where the stage is not repeated for each."""
 
     stage: str
-    key: str  # cpu-chair-1
-    command: str
-    sections: Mapping[str, tuple[str, ...]]  # by experiment file
-    deps: tuple[str, ...]
-    outs: tuple[str, ...]
+    entry: Stage
+    file: Path
     category: str = ""
     seed: int = 0
-    together: int | None = 1
-    nice: int = 0
-    experiment: str = ""
 
     @property
     def name(self) -> str:
-        """What DVC calls it."""
-        return f"{self.stage}@{self.key}"
+        """train_ddf@cpu-chair-1: stage, experiment, category and further seed."""
+        parts = (self.file.stem, self.category, str(self.seed or ""))
+        return f"{self.stage}@{'-'.join(filter(None, parts))}"
 
     @property
-    def script(self) -> Path:
-        """The stage's script."""
-        return Path(f"stages/{self.stage}.py")
+    def command(self) -> str:
+        """What a shell runs."""
+        options = (("category", self.category), ("seed", self.seed))
+        told = [f"--{name} {value}" for name, value in options if value and name in self.entry.each]
+        return " ".join([self.entry.command, f"--config {self.file.as_posix()}", *told])
 
     @property
-    def data(self) -> tuple[str, ...]:
-        """What it depends on besides code."""
-        return tuple(dep for dep in self.deps if not dep.startswith(("src/", "stages/")))
+    def inputs(self) -> list[str]:
+        """Files and folders that it reads, relative to the repository."""
+        return self._places(self.entry.inputs)
+
+    @property
+    def outputs(self) -> list[str]:
+        """Folders that it writes."""
+        return self._places(self.entry.outputs)
+
+    def _places(self, names: Iterable[str]) -> list[str]:
+        values = {"category": self.category, "seed": f"_seeds/{self.seed}" if self.seed else ""}
+        return [f"artifacts/{self.file.stem}/{Template(name).substitute(values)}" for name in names]
 
     def follows(self, other: "Item") -> bool:
         """Whether it reads what the other makes."""
-        return any(_overlap(dep, out) for dep in self.data for out in other.outs)
+        return any(
+            one == out or one.startswith(f"{out}/") or out.startswith(f"{one}/")
+            for one in self.inputs
+            for out in other.outputs
+        )
 
 
-def load(path: Path = PIPELINE) -> dict[str, dict[str, Any]]:
-    """The stages of pipeline.yaml as written; InputError where there is no such file."""
+def load(path: Path = PIPELINE) -> dict[str, Stage]:
+    """The stages in the order of the file.
+
+    Raises:
+      InputError: there is no such file, or a stage has an unknown key or a wrong value.
+    """
     if not path.is_file():
         raise checks.InputError(f"{path} is not here; experiments run in the folder of the repository that holds it")
-    return yaml.safe_load(path.read_text(encoding="utf-8"))["stages"]
+    stages = config.read_yaml(path)
+    if not isinstance(stages, dict):
+        raise checks.InputError(f"{path}: must hold stages by name")
+    return {name: config.parse(entry, Stage, f"{path}: {name}") for name, entry in stages.items()}
 
 
-def expand(lists: experiments.Lists, path: Path = PIPELINE) -> list[Item]:
-    """All items of the lists, in the order of the file."""
-    return [
-        make_item(stage, entry["do"], key, values)
-        for stage, entry in load(path).items()
-        for key, values in lists[entry["foreach"].strip("${}")].items()
-    ]
+def expand(experiment: experiments.Experiment, seeds: int = 1, path: Path = PIPELINE) -> list[Item]:
+    """The items of an experiment, those of further seeds too, in the order of the file."""
+    items: list[Item] = []
+    for stage, entry in load(path).items():
+        if experiment.kind in entry.of:
+            categories = experiment.categories if "category" in entry.each else ("",)
+            numbers = range(seeds if "seed" in entry.each else 1)
+            items += [Item(stage, entry, experiment.file, each, seed) for seed in numbers for each in categories]
+    return items
 
 
-def make_item(stage: str, entry: Mapping[str, Any], key: str, values: Mapping[str, str]) -> Item:
-    """One item of a stage: its entry with `${item.<name>}` filled in."""
-    filled = _fill(entry, values)
-    meta = filled.get("meta", {})
-    together = meta.get("together", 1)
-    return Item(
-        stage=stage,
-        key=key,
-        command=filled["cmd"],
-        sections={file: tuple(names) for params in filled["params"] for file, names in params.items()},
-        deps=tuple(_paths(filled["deps"])),
-        outs=tuple(_paths(filled["outs"])),
-        category=values["category"],
-        seed=int(values["folder"].rpartition("/")[2] or 0),
-        together=None if together == "jobs" else int(together),
-        nice=int(meta.get("nice", 0)),
-        experiment=values["name"],
-    )
+def find(stage: str, run: Run) -> Item | None:
+    """The item of a stage that runs in the repository; None elsewhere, and for any other script."""
+    entry = load().get(stage) if PIPELINE.is_file() else None
+    return Item(stage, entry, run.file, run.category, run.seed) if entry else None
 
 
-def needed(items: Iterable[Item], stages: Iterable[str]) -> list[Item]:
+def needed(items: Sequence[Item], stages: Iterable[str]) -> list[Item]:
     """The items of some stages and all that these read, directly or not, in order."""
-    items, stages = list(items), set(stages)
-    kept: list[Item] = []
+    stages, kept = set(stages), list[Item]()
     for each in reversed(items):
         if each.stage in stages or any(other.follows(each) for other in kept):
             kept.append(each)
     return kept[::-1]
 
 
-def affected(items: Iterable[Item], names: Iterable[str]) -> list[Item]:
-    """The named items and all that read what they make, in order."""
-    names, found = set(names), []
-    for each in items:
-        if each.name in names or any(each.follows(other) for other in found):
-            found.append(each)
-    return found
+def table(items: Sequence[Item]) -> list[str]:
+    """A heading, then a line for each stage: its name, how many items it has, and the stages that it waits for.
 
-
-def _overlap(one: str, other: str) -> bool:
-    return one == other or one.startswith(f"{other}/") or other.startswith(f"{one}/")
-
-
-def _paths(entries: Iterable[str | dict[str, Any]]) -> list[str]:
-    return [next(iter(entry)) if isinstance(entry, dict) else entry for entry in entries]
-
-
-def _fill(value: Any, item: Mapping[str, str]) -> Any:
-    if isinstance(value, dict):
-        return {_fill(key, item): _fill(inner, item) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_fill(inner, item) for inner in value]
-    return re.sub(r"\$\{item\.(\w+)\}", lambda match: item[match[1]], value) if isinstance(value, str) else value
+    A stage that another one of these waits for is left out.
+    """
+    before: dict[str, set[str]] = {}  # directly or not
+    rows = [("stage", "items", "after")]
+    for name in dict.fromkeys(item.stage for item in items):
+        own = [item for item in items if item.stage == name]
+        direct = {o.stage for o in items for item in own if o.stage != name and o.stage in before and item.follows(o)}
+        after = [o for o in before if o in direct and not any(o in before[other] for other in direct)]
+        before[name] = direct.union(*(before[other] for other in direct))
+        rows.append((name, str(len(own)), ", ".join(after)))
+    width = max(len(name) for name, _, _ in rows)
+    return [f"{name:{width}}  {count:>5}  {after}".rstrip() for name, count, after in rows]

@@ -1,28 +1,28 @@
-"""An experiment from its file to its report: `ddf run`. DVC notices what changed; here it is decided what that means.
+"""An experiment from its file to its report: `ddf run`.
 
-What no stage makes is written here, so that DVC can watch it: the data's folder, the number of seeds, the checksum of
-the mesh of a fit, and params.yaml with the items of the graph.
+Each item of the graph starts when all that it reads is made, in a process of its own, unless its note says that there
+is nothing to do (`stage.note`). Where one fails, those that do not need it go on. What no stage makes is written here,
+so that it counts as an input: the data's folder, the number of seeds, the checksum of the mesh of a fit.
 """
 
-import contextlib
-import json
 import os
+import shutil
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+import threading
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent import futures
 from dataclasses import dataclass
 from pathlib import Path
-
-import psutil
-import yaml
+from typing import Any
 
 from ddf.core import checks, config, locks, storage
 from ddf.fit import fit_settings
-from ddf_lab.engine import console, experiments, finished, graph, schedule
+from ddf_lab.engine import experiments, graph, stage
 
-ITEMS = Path("params.yaml")
 LOCK = Path(".make/lock")  # one run at a time in a folder
-STALE = Path(".dvc/tmp/rwlock")  # DVC's own, left behind where it was killed
+DRAW_SECONDS, LOG_SECONDS = 0.2, 60.0  # between two states of a progress bar, on a terminal and in a log
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Options:
 
 
 def run(given: str, changes: Sequence[str], options: Options) -> Path:
-    """Make what is missing or out of date, stage by stage; the page of the report, or the folder of the artefacts.
+    """Make what is missing or out of date; the page of the report, or the folder of the artefacts.
 
     Args:
       given, changes: as `experiments.find` takes them.
@@ -49,106 +49,112 @@ def run(given: str, changes: Sequence[str], options: Options) -> Path:
     """
     graph.load()
     with locks.held(LOCK, "another run holds this folder (process {number})") as descriptor:
-        STALE.unlink(missing_ok=True)
         experiment = experiments.find(given, changes)
-        stages = _known(options.stages or [experiment.last_stage], experiment)
-        items = graph.needed(graph.expand(_record(experiment, options)), stages)
-        engine = _Engine(_environment(experiment, options), descriptor)
-        changed = engine.changed([item for item in items if item.stage in stages])
-        stale = engine.stale([item for item in items if item.name in changed])
-        failed = schedule.run(graph.affected(items, stale), options.jobs, engine.run, engine.stop)
+        items = graph.expand(experiment, options.seeds)
+        names = list(dict.fromkeys(item.stage for item in items))
+        stages = options.stages or names[-1:]
+        for each in stages:
+            if each not in names:
+                raise checks.InputError(f"{experiment.file} has no stage {each!r}; its stages are {', '.join(names)}")
+        _record(experiment, options)
+        work = _Work(experiment, options, descriptor)
+        failed = schedule(graph.needed(items, stages), options.jobs, work.run, work.stop)
     if failed:
         raise checks.InputError(f"{failed[0].name} failed, its message is above; the same command goes on from there")
-    folder = Path("artifacts") / experiment.name
-    return folder / "report" / "README.md" if experiment.last_stage in stages else folder
+    return experiment.folder / "report" / "README.md" if names[-1] in stages else experiment.folder
 
 
-def _known(stages: Iterable[str], experiment: experiments.Experiment) -> set[str]:
-    """The stages, each checked to be one of this kind of experiment."""
-    lists = experiment.lists()
-    names = [stage for stage, entry in graph.load().items() if lists[entry["foreach"].strip("${}")]]
-    for stage in stages:
-        if stage not in names:
-            raise checks.InputError(f"{experiment.file} has no stage {stage!r}; its stages are {', '.join(names)}")
-    return set(stages)
-
-
-def _record(experiment: experiments.Experiment, options: Options) -> experiments.Lists:
-    """Write down what the graph depends on and no stage makes; the lists of its items."""
-    folder = Path("artifacts") / experiment.name
-    lists = experiment.lists(options.seeds)
-    _write(ITEMS, f"# Written by `ddf run`: the items of {experiment.file}\n{yaml.safe_dump(lists, sort_keys=False)}")
+def _record(experiment: experiments.Experiment, options: Options) -> None:
+    """Write down what items depend on and no stage makes."""
+    folder = experiment.folder
     if experiment.kind == "shape":
         mesh = config.load(experiment.file, "fit", fit_settings.FitConfig).mesh
         path = Path(mesh).expanduser() if mesh else None
-        _write(folder / "mesh.sha256", f"{storage.checksum(path) if path and path.is_file() else 'no file'}\n")
-        return lists
-    if experiment.kind == "figures":
-        return lists
-    _write(folder / "evaluate_seeds" / "count", f"{options.seeds}\n")
-    root = folder / "data_root"
-    if options.data is not None:
-        _write(root, f"{Path(options.data).expanduser().absolute()}\n")
-    elif not root.is_file():
-        remembered = Path("artifacts") / experiment.base / "data_root"
-        _write(root, remembered.read_text(encoding="utf-8") if experiment.base and remembered.is_file() else "\n")
-    return lists
+        found = storage.checksum(path) if path and path.is_file() else "no file"
+        experiments.write(folder / "mesh.sha256", f"{found}\n")
+    elif experiment.kind != "figures":
+        experiments.write(folder / "evaluate_seeds" / "count", f"{options.seeds}\n")
+        root, remembered = folder / "data_root", Path("artifacts") / experiment.base / "data_root"
+        if options.data is not None:
+            experiments.write(root, f"{Path(options.data).expanduser().absolute()}\n")
+        elif not root.is_file():
+            known = experiment.base and remembered.is_file()
+            experiments.write(root, remembered.read_text(encoding="utf-8") if known else "\n")
 
 
-def _write(path: Path, text: str) -> None:
-    """A file that stays untouched where it says the same already."""
-    if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        storage.write_text(path, text)
+def schedule(
+    items: Sequence[graph.Item], jobs: int, start: Callable[[graph.Item], bool], stop: Callable[[], None] = lambda: None
+) -> list[graph.Item]:
+    """Call `start` for every item whose forerunners succeeded, as many side by side as their stages say.
+
+    Args:
+      items: in the order of the graph; those of the first seed go first. jobs: side by side, where a stage says so.
+      start: does the work; whether it succeeded. stop: ends what runs, where the call is interrupted.
+    Returns:
+      The items that failed or were left out because of one that did; first those that failed, as they ended.
+    """
+    waiting = sorted(items, key=lambda item: item.seed)
+    running: dict[futures.Future[bool], graph.Item] = {}
+    failed, left = list[graph.Item](), list[graph.Item]()
+
+    def may_start(item: graph.Item) -> bool:
+        together = item.entry.together
+        room = len(running) < (jobs if together == "jobs" else together)
+        alike = all(other.entry.together == together for other in running.values())
+        return room and alike and not any(item.follows(other) for other in (*running.values(), *waiting))
+
+    with futures.ThreadPoolExecutor(max(1, len(items))) as pool:
+        try:
+            while waiting or running:
+                for item in list(waiting):
+                    if any(item.follows(other) for other in (*failed, *left)):
+                        waiting.remove(item)
+                        left.append(item)
+                    elif may_start(item):
+                        waiting.remove(item)
+                        running[pool.submit(start, item)] = item
+                for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
+                    item = running.pop(future)
+                    if not future.result():
+                        failed.append(item)
+        except KeyboardInterrupt:
+            stop()  # before the threads are waited for
+            raise
+    return failed + left
 
 
-def _environment(experiment: experiments.Experiment, options: Options) -> dict[str, str]:
-    """Of every stage. Bytecode, which many containers forbid, saves seconds a stage."""
-    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    root = Path("artifacts") / experiment.name / "data_root"
-    return kept | {
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}",
-        "PYTHONUNBUFFERED": "1",
-        "DDF_DATA": root.read_text(encoding="utf-8").rstrip("\n") if root.is_file() else "",
-        "LAUNCH": options.launch,
-        "PET_NO_PYTHON": "1",  # torchrun in LAUNCH starts the command behind it, which is not a script
-    }
+class _Work:
+    """Stages as child processes, which hold the lock of the folder for as long as they live."""
 
-
-class _Engine:
-    """DVC as child processes, which hold the lock of the folder for as long as they live."""
-
-    def __init__(self, environment: dict[str, str], descriptor: int) -> None:
-        self._environment, self._descriptor = environment, descriptor
-        self._console = console.Console(sys.stderr)
+    def __init__(self, experiment: experiments.Experiment, options: Options, descriptor: int) -> None:
+        root = experiment.folder / "data_root"
+        self._environment = {
+            **{name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"},
+            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}",
+            "PYTHONUNBUFFERED": "1",
+            "DDF_DATA": root.read_text(encoding="utf-8").rstrip("\n") if root.is_file() else "",
+            "LAUNCH": options.launch,
+            "PET_NO_PYTHON": "1",  # torchrun in LAUNCH starts the command behind it, which is not a script
+        }
+        self._descriptor = descriptor
+        self._console = Console(sys.stderr)
         self._running: set[subprocess.Popen[bytes]] = set()
-
-    def _start(self, command: Sequence[str], stdout: int | None, stderr: int | None) -> subprocess.Popen[bytes]:
-        inherited = (self._descriptor,)
-        return subprocess.Popen(command, env=self._environment, pass_fds=inherited, stdout=stdout, stderr=stderr)
-
-    def changed(self, items: Iterable[graph.Item]) -> set[str]:
-        """Names of all items that these depend on, and of these, of which DVC sees that anything changed."""
-        command = ["dvc", "status", "--json", "--with-deps", *(item.name for item in items)]
-        process = self._start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        out, errors = process.communicate()
-        if process.returncode:
-            raise checks.InputError(f"{' '.join(command)} failed: {errors.decode('utf-8', 'replace').strip()}")
-        return set(json.loads(out))
-
-    def stale(self, items: Sequence[graph.Item]) -> list[str]:
-        """Names of those that have work to do; that the others have none is put down in DVC's record."""
-        done = [item for item in items if finished.note(item).fits()]
-        if done:
-            self._start(["dvc", "commit", "-q", "-f", *(item.name for item in done)], None, None).wait()
-        return [item.name for item in items if item not in done]
+        self._stopped = False
 
     def run(self, item: graph.Item) -> bool:
-        """Run one item through DVC, which leaves it alone if nothing that it reads changed; whether it succeeded."""
-        nice = ["nice", "-n", str(item.nice)] if item.nice else []
-        # DVC holds its own lock while it looks at files, for longer than it would wait without being told to; what it
-        # remembers of earlier runs (its run cache) is no second place that decides.
-        command = [*nice, "dvc", "--wait-for-lock", "repro", "-q", "--no-run-cache", "--single-item", item.name]
-        process = self._start(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        """Run one item, unless there is nothing to do; whether it succeeded."""
+        known = stage.checksums(item)
+        done = stage.note(item, known).fits()
+        known.write()
+        if done or self._stopped:
+            return done
+        process = subprocess.Popen(
+            ["/bin/sh", "-c", f"exec {item.command}"],
+            env=self._environment,
+            pass_fds=(self._descriptor,),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
         assert process.stdout is not None
         self._running.add(process)
         self._console.relay(process.stdout.fileno())
@@ -156,9 +162,63 @@ class _Engine:
         return process.wait() == 0
 
     def stop(self) -> None:
-        """Tell what runs below DVC to end: DVC, which passes no signal on, ends with it."""
+        """Tell what runs to end."""
+        self._stopped = True
         for process in list(self._running):
-            with contextlib.suppress(psutil.Error):
-                for child in psutil.Process(process.pid).children(recursive=True):
-                    with contextlib.suppress(psutil.Error):
-                        child.terminate()
+            process.terminate()
+
+
+class Console:
+    """Writes what processes that run side by side say, in whole lines.
+
+    On a terminal the states of all progress bars stand in one line below. In a log a bar is written once a minute, and
+    its last state.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self._stream, self._terminal = stream, stream.isatty()
+        self._lock = threading.Lock()
+        self._states: dict[int, str] = {}
+        self._shown: dict[int, float] = {}
+
+    def relay(self, descriptor: int) -> None:
+        """Read a process's output to its end."""
+        rest = b""
+        while block := os.read(descriptor, 65536):
+            *lines, rest = (rest + block).split(b"\n")
+            for line in lines:
+                self._line(descriptor, _last_state(line))
+            if b"\r" in rest:
+                rest = b"\r" + rest.rsplit(b"\r", 1)[1]
+                self._state(descriptor, _last_state(rest))
+        self._line(descriptor, _last_state(rest))
+        self._shown.pop(descriptor, None)
+
+    def _line(self, source: int, text: str) -> None:
+        with self._lock:
+            self._states.pop(source, None)
+            if text:
+                self._stream.write(f"\r\x1b[K{text}\n" if self._terminal else f"{text}\n")
+            self._draw()
+
+    def _state(self, source: int, text: str) -> None:
+        with self._lock:
+            self._states[source], now = text, time.monotonic()
+            if now - self._shown.setdefault(source, now) >= (DRAW_SECONDS if self._terminal else LOG_SECONDS):
+                self._shown[source] = now
+                if not self._terminal:
+                    self._stream.write(f"{text}\n")
+                self._draw()
+
+    def _draw(self) -> None:
+        if self._terminal and self._states:
+            width = shutil.get_terminal_size().columns - 1
+            share = max(20, width // len(self._states) - 3)
+            self._stream.write("\r\x1b[K" + " | ".join(state[:share] for state in self._states.values())[:width])
+        self._stream.flush()
+
+
+def _last_state(line: bytes) -> str:
+    """What a line shows at its end: the text after its last carriage return that is followed by any."""
+    states: Iterable[str] = (part.strip() for part in reversed(line.decode("utf-8", "replace").split("\r")))
+    return next(filter(None, states), "")

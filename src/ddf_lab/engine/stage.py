@@ -1,22 +1,49 @@
-"""The frame around a stage script: arguments, log, and errors of the user as one line and exit code 2."""
+"""The frame around a stage script: arguments, whether there is anything to do, log, and errors in one line.
+
+A finished stage leaves a note (`ddf.core.notes`) of its outputs' checksums and of a fingerprint: its config sections,
+the contents of its inputs, and the syntax trees of its script and of every module that the script reaches outside this
+room. While the note fits, the stage has nothing to do.
+"""
 
 import argparse
 import contextlib
 import dataclasses
+import hashlib
+import json
 import logging
 import os
 import resource
+import shutil
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from ddf.core import guard, interrupts, locks, notes
-from ddf_lab.engine import finished
-from ddf_lab.run import Run, time_path
+from ddf.core import config, guard, interrupts, locks, notes, provenance, storage
+from ddf_lab.engine import graph
+from ddf_lab.run import Run, class_of, time_path
 
+FRAME = "ddf_lab/engine"  # the room around the stages: no result depends on it
+PAGE = "report"  # an output that is made anew each time; all others go on from what an earlier run left
 Make = Callable[[Run], None]
+
+
+def note(item: graph.Item, checksum: notes.Checksum = storage.checksum) -> notes.Note:
+    """The note of the item's last run, as a run of now would write it; time and memory stand in it too."""
+    given = Run.read(item.file)
+    content = {
+        "config": {name: config.plain(given.section(class_of(name))) for name in item.entry.sections},
+        "data": [checksum(path) if Path(path).exists() else None for path in item.inputs],
+        "code": provenance.script_version(f"stages/{item.stage}.py", without=FRAME),
+    }
+    fingerprint = hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+    return notes.Note(time_path(item.file.stem, item.stage, item.category, item.seed), fingerprint, checksum)
+
+
+def checksums(item: graph.Item) -> notes.Checksums:
+    """Of the files of the item's experiment, as far as they are known."""
+    return notes.Checksums(Path("artifacts") / item.file.stem / "checksums.json")
 
 
 def main(category: bool = False, seed: bool = False) -> Callable[[Make], Make]:
@@ -60,9 +87,9 @@ def _whole_number(text: str) -> int:
 def _run_alone(make: Make, run: Run) -> None:
     """Run while holding the stage's lock, then note time, memory and what was made of what.
 
-    Where the note of an earlier run says that there is nothing to do, nothing is done. A killed engine can leave a
-    stage's process behind that still writes the same files. The lock is the kernel's and goes with that process; of
-    the processes of one distributed training only the first takes it.
+    Where the note of an earlier run fits, nothing is done. A killed engine can leave a stage's process behind that
+    still writes the same files. The lock is the kernel's and goes with that process; of the processes of one
+    distributed training only the first takes it.
     """
     name = Path(sys.argv[0]).stem
     record = time_path(run.name, name, run.category, run.seed)
@@ -72,22 +99,25 @@ def _run_alone(make: Make, run: Run) -> None:
         if first:
             busy = f"an earlier process of this stage ({{number}}) is still at work on {run.file}"
             stack.enter_context(locks.held(record.with_suffix(".lock"), busy))
-        item = finished.find(name, run)
-        note = finished.note(item) if item else notes.Note(record, "")
-        done = item is not None and note.fits()
+        item = graph.find(name, run)
+        made = notes.Note(record, "") if item is None else note(item, checksums(item))
+        done = item is not None and made.fits()
         if first:
             what = f"{name} {run.label}".rstrip()
             sys.stderr.write(f"{what}: nothing to do\n" if done else f"{what}\n")
         if done:
             return
-        if item is not None:  # a section that `params` does not list would change without a new run
-            listed = {section for names in item.sections.values() for section in names}
-            run = dataclasses.replace(run, given={key: value for key, value in run.given.items() if key in listed})
+        outputs = [] if item is None else item.outputs
+        if item is not None:  # a section that the graph does not list would change without a new run
+            listed = {name: run.given[name] for name in run.given if name in item.entry.sections}
+            run = dataclasses.replace(run, given=listed)
+        for out in outputs:
+            if Path(out).name == PAGE:
+                shutil.rmtree(out, ignore_errors=True)
         imported = _largest_child_kib()
         started = time.monotonic()
         make(run)
-        seconds = round(time.monotonic() - started, 2)
-        note.write(item.outs if item else (), seconds=seconds, **_peak_memory(imported))
+        made.write(outputs, seconds=round(time.monotonic() - started, 2), **_peak_memory(imported))
 
 
 def _largest_child_kib() -> int:
@@ -98,11 +128,8 @@ def _largest_child_kib() -> int:
 def _peak_memory(imported: int) -> dict[str, float]:
     """Largest resident memory so far, MiB: of this process, and of the largest worker process that it started.
 
-    `imported` is that of the programs which imports ran before the work: only what is larger is a worker's.
-
-    Pages that processes share, such as those of libraries and of mapped files, count in each of them, and the peaks
-    need not coincide: all workers together take at most their number times the second figure. Workers of a Dask
-    cluster are not counted. `worker_peak_mib` is 0 without workers.
+    `imported` is that of the programs which imports ran before the work: only what is larger is a worker's, and 0 says
+    that there was none. Pages that processes share count in each of them. Workers of a Dask cluster are not counted.
     """
     loky = sys.modules.get("joblib.externals.loky")
     if loky is not None:  # the kernel counts children that have ended

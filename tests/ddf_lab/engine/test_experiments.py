@@ -29,7 +29,7 @@ def folder(tmp_path, monkeypatch):
 def test_a_name_or_a_file_is_found(folder, given):
     found = experiments.find(given)
     assert found == experiments.Experiment(Path("artifacts/smoke/smoke.yaml"), ("primitives",))
-    assert (found.name, found.kind, found.last_stage) == ("smoke", "reconstruction", "report")
+    assert (found.name, found.kind) == ("smoke", "reconstruction")
     whole = Run.read(found.file)
     assert whole.sections() == Run.read("smoke").sections()  # nothing is lost, and nothing left to a default
     written = yaml.safe_load(found.file.read_text())
@@ -59,7 +59,7 @@ def test_a_comment_and_a_default_restated_change_nothing_that_is_watched(folder)
 def test_a_file_with_a_fit_alone_is_an_experiment_of_a_shape(folder):
     found = experiments.find("fit")
     assert found.kind == "shape" and found.categories == ()
-    assert [item.name for item in graph.expand(found.lists())] == [
+    assert [item.name for item in graph.expand(found)] == [
         "fit_shape@fit",
         "ablate_samples@fit",
         "report_shape@fit",
@@ -71,8 +71,8 @@ def test_a_file_with_a_vae_is_a_generative_experiment_of_one_category(folder):
         shutil.copy(SMOKE.parent / f"{name}.yaml", folder / "configs")
     found = experiments.find("smoke_generative")
     assert (found.kind, found.categories) == ("generative", ("primitives",))
-    stages = [item.stage for item in graph.expand(found.lists(seeds=2))]
-    assert stages[:4] == ["dataset", "meshes", "samples", "train_vae"] and stages[-1] == found.last_stage
+    stages = [item.stage for item in graph.expand(found, seeds=2)]
+    assert stages[:4] == ["dataset", "meshes", "samples", "train_vae"] and stages[-1] == "report_generative"
     assert not {"report", "train_ddf", "export_onnx", "fit_shape"} & set(stages)
     with pytest.raises(checks.InputError, match=r"the models are of one category; dataset\.categories has"):
         experiments.find("smoke_generative", ["dataset.categories={chair: 4, car: 4}"])
@@ -81,7 +81,7 @@ def test_a_file_with_a_vae_is_a_generative_experiment_of_one_category(folder):
 def test_a_new_experiment_is_one_new_file(folder):
     text = (folder / "configs/smoke.yaml").read_text().replace("{primitives: 12}", "{chair: 4, plane: 4}")
     (folder / "configs/mine.yaml").write_text(text)
-    items = [item.name for item in graph.expand(experiments.find("mine").lists(seeds=2))]
+    items = [item.name for item in graph.expand(experiments.find("mine"), seeds=2)]
     assert [name for name in items if name.startswith("train_ddf")] == [
         "train_ddf@mine-chair",
         "train_ddf@mine-plane",
@@ -124,9 +124,9 @@ def test_a_variant_has_a_name_of_its_changes(folder):
     assert {name for name in plain if plain[name] != sections[name]} == {"pcsiren", "train"}
     assert experiments.find("smoke", ["train.loop.learning_rate=2e-3", "pcsiren.steps=7"]).name == found.name
     assert experiments.find("smoke", ["pcsiren.steps=8"]).name != found.name
-    (item,) = (item for item in graph.expand(found.lists()) if item.stage == "train_pcsiren")
+    (item,) = (item for item in graph.expand(found) if item.stage == "train_pcsiren")
     assert item.command.endswith(f"--config {found.file} --category primitives")
-    assert item.outs == (f"artifacts/{found.name}/train_pcsiren/primitives",)
+    assert item.outputs == [f"artifacts/{found.name}/train_pcsiren/primitives"]
 
 
 def test_a_whole_mapping_can_be_set(folder):

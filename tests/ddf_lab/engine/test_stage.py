@@ -1,4 +1,4 @@
-"""The frame around a stage script: arguments, notes of time and memory, errors in one line."""
+"""The frame around a stage script: arguments, what is done, notes of time and memory, errors in one line."""
 
 import json
 import os
@@ -6,7 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from ddf.core import notes, storage
 from ddf_lab import run
+from ddf_lab.engine import graph, stage
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -33,12 +37,12 @@ def test_stage_scripts_pass_arguments_and_note_their_time(tmp_path):
 
 
 def test_a_stage_of_the_graph_is_given_what_it_lists_and_is_done_by_what_it_began_with(tmp_path):
-    entry = "do: {cmd: x, params: [{'${item.file}': [samples]}], deps: [in.txt], outs: []}"
-    (tmp_path / "pipeline.yaml").write_text(f"stages: {{do_it: {{{entry}}}}}\n")
+    entry = "of: [shape], each: [category], command: x, sections: [samples], inputs: [in.txt], outputs: []"
+    (tmp_path / "pipeline.yaml").write_text(f"do_it: {{{entry}}}\n")
     (tmp_path / "stages").mkdir()
     (tmp_path / "stages" / "do_it.py").touch()
     arguments = ("--config", "configs/a.yaml", "--category", "chair")
-    changing = "print(list(run.given)); open('in.txt', 'w').write('changed meanwhile')"
+    changing = "print(list(run.given)); open('artifacts/a/in.txt', 'w').write('changed meanwhile')"
     runs = [_stage(tmp_path, body, *arguments) for body in (changing, "pass", "pass")]
     assert [run.stdout for run in runs] == ["['samples']\n", "", ""]
     assert [run.stderr for run in runs] == ["do_it chair\n"] * 2 + ["do_it chair: nothing to do\n"]
@@ -76,3 +80,88 @@ def test_stage_scripts_end_with_one_line_and_code_2(tmp_path):
     assert result.returncode == 2
     assert result.stderr.startswith("do_it: error: ")
     assert len(result.stderr.splitlines()) == 1
+
+
+CONFIG = "evaluate: {oracle_points: 250, oracle_shortlist: 2}\n"
+
+
+@pytest.fixture
+def item(tmp_path, monkeypatch):
+    """A stage with a script that imports one module, one input and one folder of outputs; already run."""
+    monkeypatch.chdir(tmp_path)
+    files = {
+        "stages/count.py": '"""Count."""\nfrom ddf.core import seeding\nfrom ddf_lab.engine import stage\n',
+        "a.yaml": CONFIG,
+        "artifacts/a/in.txt": "1",
+        "artifacts/a/out/b.txt": "2",
+    }
+    for name, text in files.items():
+        storage.write_text(name, text)
+    entry = graph.Stage(("shape",), (), "", ("evaluate",), ("in.txt",), ("out",))
+    made = graph.Item("count", entry, Path("a.yaml"))
+    stage.note(made).write(made.outputs)
+    return made
+
+
+def test_what_changed_nothing_that_counts_is_done(item):
+    assert stage.note(item).fits()
+    Path("stages/count.py").write_text(
+        '"""Other words."""\nfrom ddf.core import seeding  # why\nfrom ddf_lab.engine import stage\n'
+    )
+    Path("a.yaml").write_text(f"# a remark\n{CONFIG}dataset: {{}}\n")
+    assert stage.note(item).fits()
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("artifacts/a/in.txt", "2"),
+        ("artifacts/a/in.txt", None),
+        ("artifacts/a/out/b.txt", "3"),
+        ("artifacts/a/out/b.txt", None),
+        ("artifacts/a/out/c.txt", ""),
+        ("a.yaml", CONFIG.replace("250", "251")),
+        ("stages/count.py", "from ddf.core import seeding\nX = 1\n"),
+        ("stages/count.py", "from ddf.core import notes, seeding\n"),
+    ],
+)
+def test_whatever_it_uses_or_made_counts(item, name, text):
+    if text is None:
+        Path(name).unlink()
+    else:
+        Path(name).write_text(text)
+    assert not stage.note(item).fits()
+
+
+def test_the_frame_of_stages_does_not_count(item, monkeypatch):
+    first = stage.note(item).fingerprint
+    monkeypatch.setattr(stage, "FRAME", "nothing")
+    assert stage.note(item).fingerprint != first
+
+
+def test_a_script_that_is_no_stage_of_the_graph_has_no_item(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert graph.find("report", run.Run(Path("a.yaml"), {})) is None  # no graph here
+
+
+def test_checksums_are_kept_while_a_file_is_as_it_was_and_read_anew_otherwise(item, monkeypatch):
+    path, reads = Path("artifacts/a/out/b.txt"), []
+    monkeypatch.setattr(notes.Checksums, "YOUNG", -1)
+    plain = storage.checksum
+    known = stage.checksums(item)
+    assert known("artifacts/a/out") == plain("artifacts/a/out")
+    known.write()
+    monkeypatch.setattr(storage, "checksum", lambda *given: reads.append(given[0]) or plain(*given))
+    assert stage.checksums(item)(path) == plain(path) and reads == [path]  # the call itself: no file was read
+    before = path.stat()
+    path.write_text("3")
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))  # as if nothing had happened
+    assert stage.checksums(item)(path) == plain(path) and stage.note(item, stage.checksums(item)).fits() is False
+    monkeypatch.setattr(notes.Checksums, "YOUNG", 10**15)
+    path.write_text("4")
+    fresh = stage.checksums(item)
+    assert fresh(path) == plain(path)
+    fresh.write()
+    assert "4" not in json.loads(Path("artifacts/a/checksums.json").read_text())  # too young to be kept
+    Path("artifacts/a/checksums.json").write_text("half")
+    assert stage.checksums(item)(path) == plain(path)

@@ -7,7 +7,7 @@ from pathlib import Path
 from ddf import cli
 from ddf.core import storage
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_info_counts_and_lists(capsys):

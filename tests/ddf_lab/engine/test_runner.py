@@ -1,0 +1,154 @@
+"""Items run side by side as far as they may, and a failure stops what follows from it alone; lines stay whole."""
+
+import io
+import os
+import signal
+import threading
+from pathlib import Path
+from typing import Literal
+
+import pytest
+
+from ddf_lab.engine import graph, runner
+
+
+def _item(name, reads=(), together: int | Literal["jobs"] = "jobs", seed=0):
+    stage, _, key = name.partition("@")
+    entry = graph.Stage((), (), "", (), tuple(reads), (name,), together)
+    return graph.Item(stage, entry, Path("e.yaml"), key, seed)
+
+
+CHAIN = [_item("a@x"), _item("a@y"), _item("b@x", ["a@x"]), _item("b@y", ["a@y"]), _item("c@", ["b@x", "b@y"])]
+
+
+def _names(items):
+    return [f"{item.stage}@{item.category}" for item in items]
+
+
+def _recorded(failing=()):
+    started, lock = [], threading.Lock()
+
+    def start(item):
+        with lock:
+            started.extend(_names([item]))
+        return started[-1] not in failing
+
+    return started, start
+
+
+def test_forerunners_come_first():
+    started, start = _recorded()
+    assert runner.schedule(CHAIN, 3, start) == []
+    assert sorted(started) == sorted(_names(CHAIN))
+    for before, after in (("a@x", "b@x"), ("a@y", "b@y"), ("b@x", "c@"), ("b@y", "c@")):
+        assert started.index(before) < started.index(after)
+
+
+def test_one_job_keeps_the_order_of_the_graph():
+    started, start = _recorded()
+    runner.schedule(CHAIN, 1, start)
+    assert started == _names(CHAIN)
+
+
+def test_a_failure_leaves_out_what_follows_and_nothing_else():
+    started, start = _recorded(failing=["a@x"])
+    assert _names(runner.schedule(CHAIN, 1, start)) == ["a@x", "b@x", "c@"]
+    assert started == ["a@x", "a@y", "b@y"]
+
+
+def test_the_first_seed_goes_first():
+    items = [_item("a@x"), _item("a@x1", seed=1), _item("b@x", ["a@x"]), _item("b@x1", ["a@x1"], seed=1)]
+    started, start = _recorded()
+    runner.schedule(items, 1, start)
+    assert started == ["a@x", "b@x", "a@x1", "b@x1"]
+
+
+def test_an_interrupt_stops_what_runs_and_starts_no_more():
+    started, ended = [], threading.Event()
+
+    def start(item):
+        started.extend(_names([item]))
+        os.kill(os.getpid(), signal.SIGINT)
+        return ended.wait(10)
+
+    with pytest.raises(KeyboardInterrupt):
+        runner.schedule(CHAIN, 1, start, ended.set)
+    assert ended.is_set() and started == ["a@x"]
+
+
+@pytest.mark.parametrize(("together", "jobs"), [(2, 8), ("jobs", 2)])
+def test_as_many_run_together_as_their_stages_say(together, jobs):
+    """Two meet at a barrier that no single one could pass; a third is never among them."""
+    running, most, lock, barrier = 0, [], threading.Lock(), threading.Barrier(2)
+
+    def start(_):
+        nonlocal running
+        with lock:
+            running += 1
+            most.append(running)
+        barrier.wait(timeout=60)
+        with lock:
+            running -= 1
+        return True
+
+    assert runner.schedule([_item(f"a@{i}", together=together) for i in range(4)], jobs, start) == []
+    assert max(most) == 2
+
+
+def test_stages_that_say_different_numbers_never_run_together():
+    running, lock = [], threading.Lock()
+
+    def start(item):
+        with lock:
+            running.append(item)
+            assert len({each.entry.together for each in running}) == 1
+        with lock:
+            running.remove(item)
+        return True
+
+    kinds: dict[str, int | Literal["jobs"]] = {"a": 2, "b": "jobs", "c": 1}
+    items = [_item(f"{stage}@{i}", together=how) for stage, how in kinds.items() for i in "xyz"]
+    assert runner.schedule(items, 4, start) == []
+
+
+class _Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def _relayed(stream, *blocks):
+    shown = runner.Console(stream)
+    for block in blocks:
+        reader, writer = os.pipe()
+        with os.fdopen(writer, "wb") as file:
+            file.write(block)
+        shown.relay(reader)
+        os.close(reader)
+    return stream.getvalue()
+
+
+BAR = b"\rx:   0%|" + b"\rx:  50%|" * 3 + b"\rx: 100%|\n"
+
+
+@pytest.mark.parametrize(
+    ("block", "written"),
+    [
+        (b"first\n" + BAR + b"last", "first\nx: 100%|\nlast\n"),
+        (b"first\n\rx:   0%|\rx:  50%|", "first\nx:  50%|\n"),  # a bar that never ended
+        (b"a\xffb\n", "a�b\n"),
+    ],
+)
+def test_a_log_gets_lines_and_the_end_of_a_bar(block, written):
+    assert _relayed(io.StringIO(), block) == written
+
+
+def test_a_log_gets_a_state_once_in_a_while(monkeypatch):
+    monkeypatch.setattr(runner, "LOG_SECONDS", 0.0)
+    assert _relayed(io.StringIO(), b"\rx:  50%|", b"\ry:  20%|\n") == "x:  50%|\nx:  50%|\ny:  20%|\n"
+
+
+def test_a_terminal_shows_states_on_one_line(monkeypatch):
+    monkeypatch.setattr(runner, "DRAW_SECONDS", 0.0)
+    monkeypatch.setenv("COLUMNS", "60")
+    written = _relayed(_Terminal(), b"\rx:  50%|", b"name\n")
+    assert written.startswith("\r\x1b[Kx:  50%|") and written.endswith("\r\x1b[Kname\n")
