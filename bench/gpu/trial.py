@@ -90,7 +90,7 @@ def _trial(
     model.fit_cameras(images)
     model.to(model_files.device()).train()
     groups = model.parameter_groups()
-    return Trial(model, loss, optimisers.of(model, groups, loop))
+    return Trial(model, loss, optimisers.Optimiser(model, groups, loop))
 
 
 def now() -> float:

@@ -90,7 +90,7 @@ def fit(
     first = distributed.rank() == 0
     updates = [step_loss] if callable(step_loss) else step_loss
     distributed.share_batch_statistics(model)
-    optimiser = optimisers.of(model, groups, config)
+    optimiser = optimisers.Optimiser(model, groups, config)
     average = _average(model, config)
     start, rows, spent = _resume(model, average, optimiser, out_dir, record["fingerprint"])
     distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")

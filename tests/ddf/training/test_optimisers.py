@@ -2,6 +2,7 @@ import pytest
 import torch
 
 from ddf.fields import passes, siren
+from ddf.models import loop_config
 from ddf.training import optimisers
 
 
@@ -38,7 +39,8 @@ def _loss(model, step=0):
 
 def _optimiser(model, muon, muon_kernels=None, weight_decay=0.0):
     groups = [{"params": list(model.parameters()), "weight_decay": weight_decay}]
-    return optimisers.Optimiser(model, groups, 1e-2, muon, muon_kernels)
+    config = loop_config.LoopConfig(1e-2, muon=muon, muon_kernels=muon_kernels)
+    return optimisers.Optimiser(model, groups, config)
 
 
 def _steps(model, optimiser, steps):
@@ -125,8 +127,8 @@ def test_several_matrices_at_once_are_those_one_by_one(shape):
 
 def test_weights_move_together_as_one_by_one(monkeypatch):
     sizes, moved = ((6, 6), (6, 6), (4, 2, 3), (6, 6), (3, 9), (3, 2, 4), (8, 3), (8, 3)), []  # the last four are long
-    for rounds in (optimisers._rounds, _as_on_a_gpu):
-        monkeypatch.setattr(optimisers, "_rounds", rounds)
+    for together in (id, lambda weight: weight.shape):  # those of a CPU and of a GPU
+        monkeypatch.setattr(optimisers.Muon, "_together", staticmethod(together))
         torch.manual_seed(0)
         weights = [torch.nn.Parameter(torch.randn(size).double()) for size in sizes]
         groups = [{"params": weights[:3], "weight_decay": 0.1}, {"params": weights[3:]}]
@@ -140,19 +142,6 @@ def test_weights_move_together_as_one_by_one(monkeypatch):
         torch.testing.assert_close(one, other, atol=1e-12, rtol=1e-10)
 
 
-def _as_on_a_gpu(weights):
-    shapes = {weight.shape for weight in weights}
-    return [[[weight for weight in weights if weight.shape == shape] for shape in shapes]]
-
-
-def test_a_gpu_moves_all_weights_of_a_group_in_one_round():
-    sizes = [(4, 4), (2, 6), (4, 4)]
-    own, other = ([torch.zeros(size, device=place) for size in sizes] for place in ("cpu", "meta"))
-    assert [[len(batch) for batch in batches] for batches in optimisers._rounds(own)] == [[1]] * 3
-    assert [[len(batch) for batch in batches] for batches in optimisers._rounds(other)] == [[2, 1]]
-    assert optimisers._rounds([]) == []
-
-
 def test_without_muon_it_is_adamw():
     model, other = _model(), _model()
     _steps(model, _optimiser(model, None, weight_decay=0.1), range(5))
@@ -164,7 +153,7 @@ def test_without_muon_it_is_adamw():
 
 def test_model_without_hidden_matrices_has_no_muon():
     model = torch.nn.Linear(3, 2)
-    optimiser = optimisers.Optimiser(model, [{"params": list(model.parameters())}], 1e-2, 0.02, 0.02)
+    optimiser = _optimiser(model, 0.02, 0.02)
     model(torch.ones(1, 3)).sum().backward()
     optimiser.step()
     assert {name.partition(".")[0] for name, _ in optimiser.tensors()} == {"optimiser"}
@@ -199,9 +188,8 @@ def test_rate_keeps_the_ratio_of_the_two():
 def test_a_groups_share_is_of_adamws_rate_alone():
     model = _model()
     before = {name: value.detach().clone() for name, value in model.named_parameters()}
-    optimiser = optimisers.Optimiser(
-        model, [{"params": list(model.parameters()), "weight_decay": 0.0, "share": 0.1}], 0.01, 0.02, None
-    )
+    groups = [{"params": list(model.parameters()), "weight_decay": 0.0, "share": 0.1}]
+    optimiser = optimisers.Optimiser(model, groups, loop_config.LoopConfig(0.01, muon=0.02))
     _steps(model, optimiser, [0])
     moved = model.network.head.bias.detach() - before["network.head.bias"]
     torch.testing.assert_close(moved.abs(), torch.full_like(moved, 1e-3), rtol=1e-3, atol=0)

@@ -292,7 +292,7 @@ def test_a_resumed_training_has_the_rates_of_an_uninterrupted_one(tmp_path, monk
         for stop in stops:
             model = nn.Linear(1, 1, bias=False)
             nn.init.ones_(model.weight)
-            optimiser = optimisers.of
+            optimiser = optimisers.Optimiser
 
             def watched(*given, made=optimiser):
                 found = made(*given)
@@ -300,7 +300,7 @@ def test_a_resumed_training_has_the_rates_of_an_uninterrupted_one(tmp_path, monk
                 found.set_rate = lambda rate: (seen.append(rate), set_rate(rate))
                 return found
 
-            monkeypatch.setattr(optimisers, "of", watched)
+            monkeypatch.setattr(optimisers, "Optimiser", watched)
 
             def loss(step, model=model, stop=stop):
                 if step == stop:
@@ -313,7 +313,7 @@ def test_a_resumed_training_has_the_rates_of_an_uninterrupted_one(tmp_path, monk
                 )
             except KeyboardInterrupt:
                 seen.pop()
-            monkeypatch.setattr(optimisers, "of", optimiser)
+            monkeypatch.setattr(optimisers, "Optimiser", optimiser)
 
     train(tmp_path / "whole", [None])
     train(tmp_path / "parts", [6, 11, None])
