@@ -16,7 +16,7 @@ from ddf.models import loop_config, reconstruction_models, reconstruction_settin
 LOOP = loop_config.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
 FIELD = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, "softplus", 20.0)
 TRAIN = reconstruction_settings.TrainConfig(32, "resnet", 4, 6, FIELD.layout(), 4, LOOP)
-WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
+WEIGHTS = losses.LossWeights()
 OWN = reconstruction_settings.FieldConfig("softplus", 20.0)
 DDF = reconstruction_settings.DDFConfig(OWN, 1, None, dict.fromkeys(sample_types.ORDER, 2), WEIGHTS, 10.0, 16, 20)
 PCSIREN = reconstruction_settings.PCSirenConfig(1, 8, 8)

@@ -27,7 +27,7 @@ from ddf_lab.run import Run
 THREADS, REPEATS, MOST_SECONDS = 2, 5, 10.0
 COUNTS = {"E": 1000, "U": 1200, "A": 1200, "B": 300, "S": 300, "T": 300, "O": 300}
 CONFIGS = {"paper": Path("configs/paper.yaml"), "cpu.yaml": Path("configs/cpu.yaml")}  # whose widths are measured
-WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.0)
+WEIGHTS = losses.LossWeights()
 
 
 def batch(shapes: int, dtype: torch.dtype) -> sample_batch.SampleBatch:

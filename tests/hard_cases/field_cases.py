@@ -55,7 +55,16 @@ def _weights(dtype: torch.dtype) -> case.Outcome:
     field = constant_field((1, 1, 0, 0), dtype)
     raw = _raw(dtype, (1, 3, SATURATED, 0), (1, 3, -SATURATED, 0))
     truth, seen = torch.full((2,), 1.5, dtype=dtype), torch.ones(2, dtype=dtype)
-    weights = losses.LossWeights(1.0, "mixture", None, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+    weights = losses.LossWeights(
+        depth=1.0,
+        depth_of="mixture",
+        visibility=1.0,
+        normals=1.0,
+        eikonal_depth=1.0,
+        eikonal_visibility=1.0,
+        transition=1.0,
+        visibility_variance=1.0,
+    )
     error = losses.depth_loss(field, raw, truth, seen, weights)
     variance = losses.bernoulli_variance(raw[:, 2])
     (gradient,) = torch.autograd.grad((error + variance).sum(), raw)

@@ -17,7 +17,7 @@ from .field_cases import SATURATED, constant_field
 
 TRAINING = case.Group("training")
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4}
-WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
+WEIGHTS = losses.LossWeights(transition_speed=1.5)
 
 
 def _sigmoid(x: float) -> float:

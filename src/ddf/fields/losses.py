@@ -10,7 +10,7 @@ mean over the oriented points that it applies to (the paper does not say; derive
 import functools
 import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -39,7 +39,7 @@ def block_values(device: torch.device) -> int:
     return BLOCK_VALUES.get(device.type, BLOCK_VALUES["cuda"])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LossWeights(schema.Checked):
     """γ of every term, by default those of [DDF22] app. E, and ε_T, the transition speed that L_T asks for.
 
@@ -186,8 +186,16 @@ def shape_loss(
     inputs = [*(modulations or []), *field.network.parameters()]
     differentiate = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in inputs)
     product = passes.product_type(matmul, field.network.head.weight)
-    count = len(modulations or [])
-    total, *terms = _ShapeLoss.apply(field, batch, weights, product, count, differentiate, *inputs)
+    evaluate = functools.partial(
+        _sums,
+        field,
+        batch,
+        weights=weights,
+        product=product,
+        modulated=len(modulations or []),
+        differentiate=differentiate,
+    )
+    total, *terms = _ShapeLoss.apply(evaluate, *inputs)
     return total, dict(zip(TERMS, terms, strict=True))
 
 
@@ -196,40 +204,47 @@ class _ShapeLoss(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx,
-        field: PDDF,
-        batch: sample_batch.SampleBatch,
-        weights: LossWeights,
-        product: torch.dtype,
-        count: int,
-        differentiate: bool,
-        *inputs: Tensor,
+        ctx, evaluate: Callable[[Sequence[Tensor]], tuple[Tensor, Sequence[Tensor]]], *inputs: Tensor
     ) -> tuple[Tensor, ...]:
-        modulations = [modulation.detach() for modulation in inputs[:count]]
-        parameters = passes.Parameters(field.network, product)
-        found = [torch.zeros_like(modulation) for modulation in modulations]
-        sums = torch.zeros(1 + len(TERMS), dtype=parameters.dtype, device=parameters.head.device)
-        numbers = {term.covers: batch.number(*term.covers) for term in TERMS.values()}
-        compiles = differentiate and compiled_passes.wanted(sums.device)
-        block_loss = functools.partial(compiled_passes.block_loss, _block_loss) if compiles else _block_loss
-        for shapes, block in batch.blocks(_block_points(field, batch)):
-            part = [modulation[shapes] for modulation in modulations] if count else None
-            values, gradients = block_loss(field, block, part, weights, parameters, numbers, differentiate)
-            sums += values
-            for whole, gradient in zip(found, gradients, strict=False):
-                whole[shapes] += gradient
+        sums, gradients = evaluate(inputs)
         total, *terms = sums.unbind()
         ctx.mark_non_differentiable(*terms)
-        if differentiate:
-            ctx.save_for_backward(*found, *parameters.gradients())
+        ctx.save_for_backward(*gradients)
         return total, *terms
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, grad_total: Tensor, *_: Tensor) -> tuple[Tensor | None, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        needed = ctx.needs_input_grad[6:]
+        needed = ctx.needs_input_grad[1:]
         scaled = [grad_total * saved if need else None for saved, need in zip(ctx.saved_tensors, needed, strict=True)]
-        return *([None] * 6), *scaled
+        return None, *scaled
+
+
+def _sums(
+    field: PDDF,
+    batch: sample_batch.SampleBatch,
+    inputs: Sequence[Tensor],
+    *,
+    weights: LossWeights,
+    product: torch.dtype,
+    modulated: int,
+    differentiate: bool,
+) -> tuple[Float[Tensor, "terms"], Sequence[Tensor]]:
+    """𝔏_S with its terms, and its gradient in the inputs, which are modulations first; block by block."""
+    modulations = [modulation.detach() for modulation in inputs[:modulated]]
+    parameters = passes.Parameters(field.network, product)
+    found = [torch.zeros_like(modulation) for modulation in modulations]
+    sums = torch.zeros(1 + len(TERMS), dtype=parameters.dtype, device=parameters.head.device)
+    numbers = {term.covers: batch.number(*term.covers) for term in TERMS.values()}
+    compiles = differentiate and compiled_passes.wanted(sums.device)
+    block_loss = functools.partial(compiled_passes.block_loss, _block_loss) if compiles else _block_loss
+    for shapes, block in batch.blocks(_block_points(field, batch)):
+        part = [modulation[shapes] for modulation in modulations] if modulated else None
+        values, gradients = block_loss(field, block, part, weights, parameters, numbers, differentiate)
+        sums += values
+        for whole, gradient in zip(found, gradients, strict=False):
+            whole[shapes] += gradient
+    return sums, [*found, *parameters.gradients()] if differentiate else []
 
 
 def _block_points(field: PDDF, batch: sample_batch.SampleBatch) -> int:

@@ -58,7 +58,19 @@ class FitConfig(schema.Checked):
         "oriented points of a step; E without truth; with +: depth and visibility alone, at less than half the cost",
     )
     weights: losses.LossWeights = setting(
-        losses.LossWeights(5.0, "gated", 0.02, 1.0, 1.0, 0.1, 0.5, 0.01, 0.05, 0.0), "γ of the loss", only=_WEIGHTS
+        losses.LossWeights(
+            depth_of="gated",
+            depth_huber=0.02,
+            visibility=1.0,
+            normals=1.0,
+            weight_variance=0.1,
+            eikonal_depth=0.5,
+            eikonal_visibility=0.01,
+            transition=0.05,
+            visibility_variance=0.0,
+        ),
+        "γ of the loss",
+        only=_WEIGHTS,
     )
     epsilon_o: float = fixed(0.05, above=0, below=1)
     margin: float = setting(

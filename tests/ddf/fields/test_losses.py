@@ -14,7 +14,7 @@ from ddf.fields import losses, passes, pddf, siren
 
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+": 1, "S+": 2, "P": 3}
 _WAYS: tuple[Literal["chosen", "mixture", "gated"], ...] = ("chosen", "mixture", "gated")
-WEIGHTS = losses.LossWeights(5.0, "chosen", None, 10.0, 10.0, 1.0, 0.1, 0.25, 0.1, 0.25, 1.5)
+WEIGHTS = losses.LossWeights(transition_speed=1.5)
 
 
 def _field(activation: pddf.DepthActivation = "softplus", components: int = 2):
