@@ -297,7 +297,7 @@ def test_a_resumed_training_has_the_rates_of_an_uninterrupted_one(tmp_path, monk
             def watched(*given, made=optimiser):
                 found = made(*given)
                 set_rate = found.set_rate
-                found.set_rate = lambda rate: (seen.append(rate), set_rate(rate))
+                monkeypatch.setattr(found, "set_rate", lambda rate: seen.append(rate) or set_rate(rate))
                 return found
 
             monkeypatch.setattr(optimisers, "Optimiser", watched)
