@@ -57,6 +57,12 @@ def test_recover_pose(tmp_path):
     assert angle < 1 and shift < 0.01
 
 
+def test_depth_renderer(tmp_path):
+    said = _run(tmp_path, "depth_renderer.py", "--steps", "3")
+    depth, off = map(float, re.findall(r"\d+\.\d+", said))
+    assert 0 < depth < 1 and 0 < off < 2
+
+
 def test_reconstruct_an_image(tmp_path):
     said = _run(tmp_path, "reconstruct_an_image.py", "chair.npz", "--points", "100")
     with np.load(tmp_path / "chair.npz") as found:

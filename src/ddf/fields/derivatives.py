@@ -20,7 +20,6 @@ from torch import Tensor, nn
 from ddf.fields import siren
 
 POSITION = slice(0, 3)  # the inputs are (p, v): derivatives are taken in p
-POSITION_AND_DIRECTION = slice(0, 6)  # and in both where gradient consistency is asked for
 
 
 @dataclass(frozen=True)
@@ -77,18 +76,16 @@ def adjoint(
     network: siren.SineNetwork,
     slopes: Sequence[Float[Tensor, "*shapes n _"]],
     cotangents: Float[Tensor, "*shapes n out"],
-    columns: slice = POSITION,
-) -> Float[Tensor, "*shapes n columns"]:
+) -> Float[Tensor, "*shapes n 3"]:
     """∇_p (g · y), g = `cotangents` over the first outputs: one-hot rows pick one output per point.
 
     Args:
       cotangents: over the head's first rows, as many as its last axis has.
-      columns: of the inputs; `POSITION_AND_DIRECTION` gives (∇_p, ∇_v) side by side.
     """
     gradient = cotangents @ network.head.weight[: cotangents.shape[-1]]
     for layer, slope in zip(reversed(network.layers[1:]), reversed(slopes[1:]), strict=True):
         gradient = (gradient * slope) @ layer.weight
-    return (gradient * slopes[0]) @ network.layers[0].weight[:, columns]
+    return (gradient * slopes[0]) @ network.layers[0].weight[:, POSITION]
 
 
 def normals(

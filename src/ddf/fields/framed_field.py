@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from ddf.core import arrays, checks
 from ddf.fields import field_outputs
-from ddf.geometry import cameras, rays, sparse_depth, transforms
+from ddf.geometry import cameras, rays, transforms
 
 SEEN = 0.5  # visibility from which on a surface counts as seen
 FRAMED = 0.95  # of a picture's half width, that a framed box takes
@@ -254,27 +254,3 @@ def require_camera(camera: tuple[float, float, float], size: int, up: str) -> No
         raise checks.InputError(
             f"size must be >= 1, camera radius >= 0, up among {', '.join(UP_AXES)}; got {size}, {camera[2]}, {up}"
         )
-
-
-def render_depth(
-    field: FramedField, camera: tuple[float, float, float], size: int, how: sparse_depth.Refinement, up: str = "y"
-) -> tuple[Float[np.ndarray, "size size"], int]:
-    """The depth of `render` from fewer rays, interpolated where that is close enough, and how many were evaluated.
-
-    Args:
-      how: its tolerance is in mesh units.
-    Raises:
-      InputError: as `render`.
-    """
-    require_camera(camera, size, up)
-    starts, directions = camera_rays(field, camera, size, up)
-    total = 0
-
-    def ask(pixels: Int[np.ndarray, "k"]) -> Float[np.ndarray, "k"]:
-        nonlocal total
-        found, evaluated = _query_field_frame(field, starts[pixels], directions[pixels], ("depth",))
-        total += evaluated
-        return found["depth"] / field.field_from_mesh.scale
-
-    image, _ = sparse_depth.depth_image(ask, size, how)
-    return image, total

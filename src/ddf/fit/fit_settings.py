@@ -16,18 +16,6 @@ _LOOP = ("learning_rate", "schedule", "warmup_steps", "clip_norm", "threads", "m
 
 
 @dataclass(frozen=True)
-class ConsistencyWeights(schema.Checked):
-    """γ of what only a true DDF satisfies (`fields.consistency`); none in the paper.
-
-    view: of the inequality ξ(p_2, v_2) = 1, d(p_2, v_2) <= t for points q_1 of the surface that U samples see, looked
-    at from the position of another U sample. gradient: of Property III, on U samples. 0 costs nothing.
-    """
-
-    view: float = fixed(0.0, least=0)
-    gradient: float = fixed(0.0, least=0)
-
-
-@dataclass(frozen=True)
 class FitConfig(schema.Checked):
     """Section `fit`: a field, and how it is fitted to one shape.
 
@@ -80,7 +68,6 @@ class FitConfig(schema.Checked):
     loop: loop_config.LoopConfig = setting(
         loop_config.LoopConfig(5e-3, "cosine", 50, 1.0, 2, muon=0.03), "how it is optimised", only=_LOOP
     )
-    consistency: ConsistencyWeights = ConsistencyWeights()
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -14,7 +14,7 @@ import functools
 import hashlib
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +25,10 @@ from torch import Tensor
 from torch.nn import functional
 
 from ddf.core import checks, locks, provenance, storage
-from ddf.data.samples import sample_batch, sample_types
-from ddf.fields import consistency, field_values, framed_field, losses, model_files, pddf, shape_field
+from ddf.data.samples import sample_types
+from ddf.fields import field_values, framed_field, losses, model_files, pddf, shape_field
 from ddf.fit import fit_settings, shape_samples
-from ddf.geometry import mesh_io, rays, transforms
+from ddf.geometry import mesh_io, transforms
 from ddf.models import loop_config
 from ddf.training import training_loop
 
@@ -59,32 +59,7 @@ def step_loss(
     """𝔏_S of the batch of one step, which depends on the seed and the step's number alone."""
     random = np.random.default_rng((config.loop.seed, step))
     batch = samples.batch(samples.batch_counts(config.batch), random).to(field.network.head.weight.device)
-    total, terms = losses.shape_loss(field, batch, None, config.weights, config.loop.matmul)
-    for name, (weight, term) in _consistency(field, batch, config.consistency).items():
-        value = term()
-        total, terms[name] = total + weight * value, value.detach()
-    return total, terms
-
-
-def _consistency(
-    field: pddf.PDDF, batch: sample_batch.SampleBatch, weights: fit_settings.ConsistencyWeights
-) -> dict[str, tuple[float, Callable[[], Float[Tensor, ""]]]]:
-    """Weights and terms of `fields.consistency` that count, on the U samples of a batch.
-
-    p_2 of a sample is the position of the one before it.
-    """
-    span = batch.span("U", "U")
-    positions, directions, visible = (v[:, span] for v in (batch.positions, batch.directions, batch.visible))
-    hits = rays.surface_points(positions, directions, batch.depth[:, span])
-
-    def view() -> Float[Tensor, ""]:
-        return consistency.view_loss(field, hits, positions.roll(1, dims=1), visible)
-
-    def gradient() -> Float[Tensor, ""]:
-        return consistency.gradient_loss(field, positions, directions, visible)
-
-    terms = {"view_inequality": (weights.view, view), "gradient_consistency": (weights.gradient, gradient)}
-    return {name: entry for name, entry in terms.items() if entry[0]}
+    return losses.shape_loss(field, batch, None, config.weights, config.loop.matmul)
 
 
 def _groups(field: pddf.PDDF) -> list[dict[str, Any]]:

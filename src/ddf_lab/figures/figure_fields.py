@@ -28,16 +28,13 @@ class FiguresConfig(schema.Checked):
     """Section `figures`: how long the fits of the figures take.
 
     steps: of a part. whole_steps: of the one field of the furnished room, twice as wide, whose step costs four times as
-    much. candidate_steps: of g_v, where it is not trained as the paper does. consistency_steps: of each fit
-    of the table of consistency losses. renderer_steps: of each depth renderer. picture_size: pixels.
+    much. candidate_steps: of g_v, where it is not trained as the paper does. picture_size: pixels.
     """
 
     paper_candidates: bool = setting(False, "whether g_v is trained as the paper does, which takes more than an hour")
     steps: int = fixed(1500, least=1)
     whole_steps: int = fixed(400, least=1)
     candidate_steps: int = fixed(300, least=1)
-    consistency_steps: int = fixed(400, least=1)
-    renderer_steps: int = fixed(300, least=1)
     picture_size: int = fixed(256, least=1)
 
 

@@ -4,11 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ddf_lab.figures import (
-    consistency_table,
     distance_figure,
     figure_fields,
     fit_figure,
-    renderer_figure,
     room_figure,
     sample_figure,
     slice_figure,
@@ -25,8 +23,6 @@ SECTIONS: tuple[Callable[[figure_fields.FiguresConfig, Path], pages.Section], ..
     fit_figure.section,
     room_figure.section,
     distance_figure.section,
-    consistency_table.section,
-    renderer_figure.section,
 )
 _LEAD = (
     "Made by `make figures`. Shapes are our own; numbers are against exact values: closed forms, or rays cast and"

@@ -19,7 +19,7 @@ from ddf.fields import (
     pddf,
     shape_field,
 )
-from ddf.geometry import rays, sparse_depth, transforms
+from ddf.geometry import rays, transforms
 
 CONFIG = pddf.PDDFConfig((16, 16), 3.0, 1.0, "softplus", 10.0)
 LOWER, UPPER = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
@@ -232,32 +232,12 @@ def test_renders_are_finite_from_inside_on_and_far_from_the_box(shape, radius):
         assert name == "depth" or bool(np.isfinite(image).all()), name
 
 
-@pytest.mark.parametrize("radius", [0.05, 1.0, 570.0])
-def test_depth_from_fewer_rays_is_that_of_the_render(shape, radius):
-    """Of every ray the same image; of fewer, one that is as close as was asked for wherever both see."""
-    camera, size = (90.0, 10.0, radius), 49
-    images, evaluated = framed_field.render(shape, camera, size, ("depth",), "z")
-    every = sparse_depth.Refinement(0.0, stride=1)
-    image, count = framed_field.render_depth(shape, camera, size, every, "z")
-    assert count == evaluated
-    np.testing.assert_allclose(image, images["depth"], rtol=1e-5)
-    tolerance = 0.01 * 100  # of a mesh that is 100 units long
-    image, count = framed_field.render_depth(shape, camera, size, sparse_depth.Refinement(tolerance), "z")
-    assert count < 0.8 * evaluated if radius == 1.0 else count <= evaluated
-    seen, truth = np.isfinite(image), np.isfinite(images["depth"])
-    both = seen & truth
-    assert (seen == truth).mean() > 0.98
-    assert radius == 570.0 or np.quantile(np.abs(image[both] - images["depth"][both]), 0.95) < tolerance
-
-
 @pytest.mark.parametrize(
     ("camera", "size", "up"), [((0.0, 0.0, -1.0), 4, "y"), ((0.0, 0.0, 1.0), 0, "y"), ((0.0, 0.0, 1.0), 4, "x")]
 )
 def test_bad_cameras_are_refused(shape, camera, size, up):
     with pytest.raises(checks.InputError, match="size must be >= 1, camera radius >= 0, up among y, z"):
         framed_field.render(shape, camera, size, up=up)
-    with pytest.raises(checks.InputError, match="size must be >= 1, camera radius >= 0, up among y, z"):
-        framed_field.render_depth(shape, camera, size, sparse_depth.Refinement(0.1), up)
     with pytest.raises(checks.InputError, match="camera must be finite"):
         framed_field.render(shape, (float("nan"), 0.0, 1.0), 4)
 

@@ -15,7 +15,7 @@ from ddf.io import exportable, onnx_file, onnx_graphs, onnx_parity, onnx_reducti
 
 ALL = field_outputs.of(2)
 SOURCE = {"source": "chair/model.safetensors", "source_sha256": "0" * 64, "config": {"kind": "ddf"}}
-QUICK = onnx_file.ExportConfig(ALL, (1, 7), ("float16", "int8"), 0)
+QUICK = onnx_file.ExportConfig(ALL, (1, 7), ("float16", "bfloat16"), 0)
 
 
 def _properties(data):
@@ -249,7 +249,7 @@ def test_smaller_weights_are_measured_and_labelled(tmp_path):
     numbers = [value for row in rows for value in row.to_dict().values() if isinstance(value, float)]
     assert np.isfinite(numbers).all()
     mean = {row.precision: row.mean_abs for row in rows if (row.output, row.cases) == ("visibility", "random 4096")}
-    assert 0 < mean["float16"] < mean["bfloat16"] < mean["int8"] < 0.1
+    assert 0 < mean["float16"] < mean["bfloat16"] < 0.1
     assert list(tmp_path.iterdir()) == []
     found = onnx_file.export(graph, "field", tmp_path / "half.onnx", SOURCE, config, "float16")
     assert {row.precision for row in found} == {"float16"}
@@ -262,7 +262,6 @@ def test_wide_files_halve_and_quarter():
     sizes = {name: len(weight_precision.reduce(data, name)) for name in weight_precision.PRECISIONS}
     assert sizes["float16"] < 0.56 * len(data)
     assert sizes["bfloat16"] < 0.56 * len(data)
-    assert sizes["int8"] < 0.36 * len(data)
 
 
 def test_float16_weights_are_the_rounded_ones():
@@ -284,7 +283,7 @@ def test_float16_weights_are_the_rounded_ones():
     [
         ({"batches": ()}, "batches must be >= 1"),
         ({"batches": (0,)}, "batches must be >= 1"),
-        ({"precisions": ("int4",)}, "precision must be one of float16, bfloat16, int8; got 'int4'"),
+        ({"precisions": ("int4",)}, "precision must be one of float16, bfloat16; got 'int4'"),
         ({"outputs": ("colour",)}, "outputs must be among"),
     ],
 )

@@ -55,13 +55,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="16: a PNG of depth holds the numbers, depth = value x step, 0 where nothing is seen (default 8: colours)",
     )
     parser.add_argument(
-        "--refine",
-        metavar="SHARE",
-        type=float,
-        help="depth alone: interpolate pixels where that misses by no more than this share of the box's longest side, "
-        "such as 0.001; parts narrower than four pixels may be missed",
-    )
-    parser.add_argument(
         "--up", choices=arguments.UP_AXES, default="y", help="axis of the mesh that points up (default %(default)s)"
     )
 
@@ -80,7 +73,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Render and write the file; returns range and unit of what was drawn, and how many rays were evaluated."""
     suffix = args.out.suffix.lower()
     if args.outputs is None:
-        numbers = suffix not in image_files.PICTURES or args.bits == 16 or args.refine is not None
+        numbers = suffix not in image_files.PICTURES or args.bits == 16
         args.outputs = ("depth",) if numbers else (arguments.SHADED,)
     _check(suffix, args)
     if args.outputs == (arguments.SHADED,):
@@ -132,8 +125,6 @@ def _check(suffix: str, args: argparse.Namespace) -> None:
         raise checks.InputError(f"{args.out}: a picture shows one output, .npz and .exr hold {len(args.outputs)}")
     if args.bits == 16 and (suffix != ".png" or args.outputs != ("depth",)):
         raise checks.InputError("--bits 16 is for the depth in a .png; .npz and .exr hold numbers of any output")
-    if args.refine is not None and args.outputs != ("depth",):
-        raise checks.InputError(f"--refine goes with --output depth alone; got {','.join(args.outputs)}")
 
 
 def _shaded(suffix: str, args: argparse.Namespace) -> dict[str, Any]:
@@ -180,17 +171,9 @@ def _images(
     shape: "framed_field.FramedField", camera: tuple[float, float, float], args: argparse.Namespace
 ) -> "tuple[dict[str, np.ndarray], int]":
     """What is asked for and the visibility, and the number of rays evaluated."""
-    import numpy as np
-
     from ddf.fields import framed_field
-    from ddf.geometry import sparse_depth
 
-    if args.refine is None:
-        return framed_field.render(shape, camera, args.size, {"visibility", *args.outputs}, args.up)
-    longest = float((shape.upper - shape.lower).max()) / shape.field_from_mesh.scale
-    how = sparse_depth.Refinement(args.refine * longest)
-    depth, evaluated = framed_field.render_depth(shape, camera, args.size, how, args.up)
-    return {"depth": depth, "visibility": np.isfinite(depth).astype(float)}, evaluated
+    return framed_field.render(shape, camera, args.size, {"visibility", *args.outputs}, args.up)
 
 
 def _range(values: "np.ndarray", seen: "np.ndarray") -> dict[str, float]:

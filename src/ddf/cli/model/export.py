@@ -12,7 +12,7 @@ EXAMPLES = (
     "ddf export rabbit small.onnx --precision float16 --outputs depth,visibility",
     "ddf export rabbit armchair pair.html",
 )
-PRECISIONS = ("float32", "float16", "bfloat16", "int8")  # of `weight_precision`
+PRECISIONS = ("float32", "float16", "bfloat16")  # of `weight_precision`
 BATCHES = (1, 7, 65536)  # rays that the file and the model are compared with
 
 

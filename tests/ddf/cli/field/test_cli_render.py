@@ -42,32 +42,14 @@ def test_pictures_are_shaded_and_turn(work, fitted, capsys):
         assert (picture.size, len(list(ImageSequence.Iterator(picture)))) == ((24, 24), 3)
 
 
-def test_refined_render_evaluates_fewer_rays(work, fitted, capsys):
-    results = {}
-    for extra in ((), ("--refine", "0.01")):
-        out = work / f"refined{len(extra)}.png"
-        assert (
-            cli.main(["render", "--json", str(fitted[0]), str(out), "--size", "65", "--output", "depth", *extra]) == 0
-        )
-        results[extra] = json.loads(capsys.readouterr().out)
-        with Image.open(out) as picture:
-            assert picture.size == (65, 65)
-    whole, refined = results.values()
-    assert refined["evaluated"] < 0.8 * whole["evaluated"]
-    assert refined["saved"] == 65 * 65 - refined["evaluated"]
-    assert abs(refined["seen"] - whole["seen"]) < 0.1 * 65 * 65
-
-
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
         (["--camera", "1,2,-1"], "camera radius >= 0"),
         (["--camera", "1,2,nan"], "camera must be finite"),
         (["--camera", "inf,2"], "camera must be finite"),
-        (["--refine", "-1"], "tolerance must be >= 0"),
         (["--output", "depth,normals"], "a picture shows one output, .npz and .exr hold 2"),
         (["--bits", "16", "--output", "normals"], "--bits 16 is for the depth in a .png"),
-        (["--refine", "0.1", "--output", "normals"], "--refine goes with --output depth alone; got normals"),
     ],
 )
 def test_bad_renders_are_one_line_and_exit_2(work, fitted, extra, message, capsys):

@@ -1,1 +1,0 @@
-"""Depth renderers: networks from a camera to a whole image, which are directed distance fields of its pixels."""
