@@ -22,7 +22,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 ROOT = Path(__file__).resolve().parents[2]
 IGNORED = {".git", ".venv", ".make", "artifacts", "reports", "__pycache__", ".pytest_cache"}
-LOOP = "src/ddf/training/training_loop.py"
+LOOP = "src/ddf/models/loop_config.py"
 SMALLER = {
     r"categories: .*": "categories: {primitives: 6}",
     r"checkpoint_seconds: float = fixed\(30\.0": "checkpoint_seconds: float = fixed(0.0",

@@ -4,9 +4,11 @@ The dataclass lives beside the code that uses it. Unknown, missing and repeated 
 are checked by the dataclass.
 """
 
+import contextlib
 import dataclasses
 import functools
 import re
+import reprlib
 import types
 import typing
 from collections.abc import Mapping
@@ -22,21 +24,15 @@ CONFIGS = Path("configs")
 PACKAGED = Path(__file__).resolve().parents[1] / "configs"  # of fits
 
 
-_MOST_BYTES, _MOST_NODES = 200_000, 20_000  # of a file; what aliases name counts as often as they name it
+_MOST_BYTES = 200_000  # of a file
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML 1.2's numbers: 1e-4 is one, 010 is ten; 1:30, dates and `yes` are words. Refuses keys
-    that are given twice or are lists, and aliases of aliases that would fill the memory.
+    """YAML 1.2's numbers: 1e-4 is one, 010 is ten; 1:30, dates and `yes` are words. Refuses keys that are given twice
+    or are lists.
     """
 
     yaml_implicit_resolvers: ClassVar = {}  # pyright: ignore[reportIncompatibleVariableOverride]  (none of YAML 1.1)
-
-    def get_single_node(self) -> yaml.Node | None:
-        node = super().get_single_node()
-        if node is not None and _size(node, {}) > _MOST_NODES:
-            raise yaml.constructor.ConstructorError(None, None, f"more than {_MOST_NODES:,} entries", node.start_mark)
-        return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[Any] = set()
@@ -48,19 +44,6 @@ class _Loader(yaml.SafeLoader):
                 raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is given twice", key_node.start_mark)
             seen.add(key)
         return super().construct_mapping(node, deep)
-
-
-def _size(node: yaml.Node, known: dict[int, int]) -> int:
-    """Nodes below and with this one, with every alias followed."""
-    if known.setdefault(id(node), 0) == 0:
-        known[id(node)] = -1
-        parts = node.value if isinstance(node, yaml.SequenceNode) else []
-        if isinstance(node, yaml.MappingNode):
-            parts = [part for pair in node.value for part in pair]
-        known[id(node)] = 1 + sum(_size(part, known) for part in parts)
-    if known[id(node)] < 0:
-        raise yaml.constructor.ConstructorError(None, None, "an alias stands in what it names", node.start_mark)
-    return known[id(node)]
 
 
 def _whole(loader: _Loader, node: yaml.ScalarNode) -> int:
@@ -176,34 +159,13 @@ def parse_value(text: str, where: str) -> Any:
         raise checks.InputError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
 
 
-def parse(data: Any, cls: type[T], where: str, onto: T | None = None, only: tuple[str, ...] = ()) -> T:
+def parse(data: Any, cls: type[T], where: str, onto: T | None = None) -> T:
     """A plain dict as an instance of the dataclass `cls`; `where` names file and section in errors.
 
     Args:
       onto: gives what `data` does not, in parts too; None for the defaults of the dataclass.
-      only: the keys that may be given, see `schema.setting`; none for all.
     """
-    if not isinstance(data, Mapping):
-        raise checks.InputError(f"{where} must be a mapping of keys to values; got {data!r}")
-    hints, fields = _hints(cls), schema.fields_of(cls, only)
-    unknown = [str(key) for key in data if key not in fields]
-    if unknown:
-        raise checks.InputError(f"{where}: unknown key {unknown[0]!r}; the keys are {names.known(unknown[0], fields)}")
-    missing = [name for name, field in fields.items() if name not in data and _is_required(field)]
-    if missing and onto is None:
-        raise checks.InputError(f"{where}: key {missing[0]!r} is missing")
-    values: dict[str, Any] = {}
-    for name, value in data.items():
-        part, field, inside = schema.part_of(hints[name]), fields[name], f"{where}.{name}"
-        if part is None or value is None:
-            values[name] = _convert(value, hints[name], inside)
-        else:
-            given = getattr(onto, name) if onto is not None else None if _is_required(field) else field.default
-            values[name] = parse(value, part, inside, given, field.metadata.get("only", ()))
-    try:
-        return cls(**values) if onto is None else dataclasses.replace(cast(Any, onto), **values)
-    except ValueError as error:
-        raise checks.InputError(f"{where}: {error}") from error
+    return _build(data, cls, where, onto, schema.fields_of(cls))
 
 
 def recorded(data: Any, cls: type[T], where: str, needed: tuple[str, ...] = ()) -> T:
@@ -212,32 +174,50 @@ def recorded(data: Any, cls: type[T], where: str, needed: tuple[str, ...] = ()) 
     Args:
       needed: those that must be there.
     """
+    fields = {field.name: field for field in dataclasses.fields(cast(Any, cls))}
+    return _build(data, cls, where, None, fields, needed)
+
+
+def _build(
+    data: Any,
+    cls: type[T],
+    where: str,
+    onto: T | None,
+    fields: dict[str, dataclasses.Field[Any]],
+    needed: tuple[str, ...] | None = None,
+) -> T:
+    """See `parse` and, where `needed` is given, `recorded`."""
     if not isinstance(data, Mapping):
-        raise checks.InputError(f"{where} must be a mapping of keys to values; got {data!r}")
-    missing = [name for name in needed if name not in data]
-    if missing:
-        raise checks.InputError(f"{where}: key {missing[0]!r} is missing")
-    values: dict[str, Any] = {}
-    for name, hint in _hints(cls).items():
+        raise checks.InputError(f"{where} must be a mapping of keys to values; got {_shown(data)}")
+    unknown = next((str(key) for key in data if key not in fields), None)
+    if unknown is not None and needed is None:
+        raise checks.InputError(f"{where}: unknown key {unknown!r}; the keys are {names.known(unknown, fields)}")
+    hints, values = _hints(cls), dict[str, Any]()
+    for name, field in fields.items():
         if name in data:
-            part, inside = schema.part_of(hint), f"{where}.{name}"
+            part, inside = schema.part_of(hints[name]), f"{where}.{name}"
             if part is None or data[name] is None:
-                values[name] = _convert(data[name], hint, inside)
-            else:
+                values[name] = _convert(data[name], hints[name], inside)
+            elif needed is not None:
                 values[name] = recorded(data[name], part, inside)
+            else:
+                below = field.default if onto is None else getattr(onto, name)
+                values[name] = parse(data[name], part, inside, below if dataclasses.is_dataclass(below) else None)
+        elif name in (needed or ()) or (onto is None and _is_required(field)):
+            raise checks.InputError(f"{where}: key {name!r} is missing")
     try:
-        return cls(**values)
-    except (TypeError, ValueError) as error:
+        return cls(**values) if onto is None else dataclasses.replace(cast(Any, onto), **values)
+    except ValueError as error:
         raise checks.InputError(f"{where}: {error}") from error
 
 
-def plain(section: Any, only: tuple[str, ...] = ()) -> dict[str, Any]:
+def plain(section: Any) -> dict[str, Any]:
     """What a file would give to make a section, its parts too, as YAML and JSON hold it."""
     found: dict[str, Any] = {}
-    for name, field in schema.fields_of(type(section), only).items():
+    for name in schema.fields_of(type(section)):
         value = getattr(section, name)
         if dataclasses.is_dataclass(value):
-            found[name] = plain(value, field.metadata.get("only", ()))
+            found[name] = plain(value)
         else:
             found[name] = list(value) if isinstance(value, tuple) else str(value) if isinstance(value, Path) else value
     return found
@@ -252,6 +232,15 @@ def _is_required(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
+_REPR = reprlib.Repr()
+_REPR.maxlevel, _REPR.maxstring, _REPR.maxother, _REPR.maxlong = 3, 200, 200, 200
+
+
+def _shown(value: Any) -> str:
+    """A value in an error: the beginning of a long one, whatever aliases in it name."""
+    return _REPR.repr(value)
+
+
 def _convert(value: Any, hint: Any, where: str) -> Any:
     """`value` as read from YAML, checked against (and, for tuples, floats and dataclasses, turned into) `hint`."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
@@ -260,21 +249,28 @@ def _convert(value: Any, hint: Any, where: str) -> Any:
     if origin is Literal:
         if any(value == choice and type(value) is type(choice) for choice in arguments):
             return value
-        raise checks.InputError(f"{where} must be one of {', '.join(map(str, arguments))}; got {value!r}")
+        raise checks.InputError(f"{where} must be one of {', '.join(map(str, arguments))}; got {_shown(value)}")
     if origin in (types.UnionType, typing.Union):
         return _convert_union(value, arguments, where)
     if origin in (tuple, list):
         return _convert_sequence(value, origin, arguments, where)
     if origin in (dict, Mapping):
         if not isinstance(value, dict):
-            raise checks.InputError(f"{where} must be a mapping; got {value!r}")
-        return {
-            _convert(key, arguments[0], f"{where} (key)"): _convert(item, arguments[1], f"{where}.{key}")
-            for key, item in value.items()
-        }
+            raise checks.InputError(f"{where} must be a mapping; got {_shown(value)}")
+        key, item = arguments
+        return {_convert(k, key, f"{where} (key)"): _convert(v, item, f"{where}.{k}") for k, v in value.items()}
     if dataclasses.is_dataclass(hint):
         return parse(value, cast(Any, hint), where)
-    return _convert_scalar(value, hint, where)
+    if hint is Path and isinstance(value, str):
+        return Path(value)
+    if hint is float and type(value) is int:
+        return float(value)
+    if type(value) is not hint:
+        kind = getattr(hint, "__name__", str(hint))
+        raise checks.InputError(f"{where} must be of type {kind}; got {_shown(value)}")
+    if hint is float and not abs(value) < float("inf"):
+        raise checks.InputError(f"{where} must be finite; got {value!r}")
+    return value
 
 
 def _convert_union(value: Any, choices: tuple[Any, ...], where: str) -> Any:
@@ -282,35 +278,17 @@ def _convert_union(value: Any, choices: tuple[Any, ...], where: str) -> Any:
         return None
     others = [choice for choice in choices if choice is not type(None)]
     for choice in others[:-1]:
-        try:
+        with contextlib.suppress(checks.InputError):
             return _convert(value, choice, where)
-        except checks.InputError:
-            continue
     return _convert(value, others[-1], where)
 
 
 def _convert_sequence(value: Any, origin: Any, arguments: tuple[Any, ...], where: str) -> Any:
     if not isinstance(value, list):
-        raise checks.InputError(f"{where} must be a list; got {value!r}")
-    if origin is tuple and not (len(arguments) == 2 and arguments[1] is Ellipsis):
-        if len(value) != len(arguments):
-            raise checks.InputError(f"{where} must have {len(arguments)} entries; got {len(value)}")
-        hints = arguments
-    else:
-        hints = (arguments[0],) * len(value)
+        raise checks.InputError(f"{where} must be a list; got {_shown(value)}")
+    hints = arguments if origin is tuple and Ellipsis not in arguments else arguments[:1] * len(value)
+    if len(value) != len(hints):
+        raise checks.InputError(f"{where} must have {len(hints)} entries; got {len(value)}")
     return origin(
         _convert(item, hint, f"{where}[{i}]") for i, (item, hint) in enumerate(zip(value, hints, strict=True))
     )
-
-
-def _convert_scalar(value: Any, hint: Any, where: str) -> Any:
-    if hint is Path and isinstance(value, str):
-        return Path(value)
-    if hint is float and type(value) is int:
-        return float(value)
-    if type(value) is not hint:
-        kind = getattr(hint, "__name__", str(hint))
-        raise checks.InputError(f"{where} must be of type {kind}; got {value!r}")
-    if hint is float and not abs(value) < float("inf"):
-        raise checks.InputError(f"{where} must be finite; got {value!r}")
-    return value

@@ -13,16 +13,15 @@ from ddf.core import checks
 T = TypeVar("T")
 
 
-def setting(default: T, says: str, source: str = "", *, only: tuple[str, ...] = (), **bounds: int | float) -> T:
+def setting(default: T, says: str, source: str = "", **bounds: int | float) -> T:
     """A field of a dataclass, as `dataclasses.field`, that a file may give.
 
     Args:
       says: what it is, with its unit, and why it is as it is.
       source: where the paper prints the default; empty where it does not.
-      only: of a part, a dataclass itself, the settings that a file may give here; the rest is fixed.
       bounds: least, above, most, below; checked by `Checked`.
     """
-    metadata = {"says": says, "source": source, "only": only, **bounds}
+    metadata = {"says": says, "source": source, **bounds}
     if isinstance(default, dict):
         return dataclasses.field(default_factory=lambda: copy.copy(default), metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
@@ -56,11 +55,10 @@ _BOUNDS = {
 }
 
 
-def fields_of(cls: type, only: tuple[str, ...] = ()) -> dict[str, dataclasses.Field[Any]]:
+def fields_of(cls: type) -> dict[str, dataclasses.Field[Any]]:
     """The fields that a file may give: the settings among them, or all where none is one."""
     every = dataclasses.fields(cast(Any, cls))
-    found = {each.name: each for each in every if "says" in each.metadata} or {each.name: each for each in every}
-    return {name: each for name, each in found.items() if not only or name in only}
+    return {each.name: each for each in every if "says" in each.metadata} or {each.name: each for each in every}
 
 
 def part_of(hint: Any) -> type | None:
@@ -83,19 +81,17 @@ class Setting:
     source: str
 
 
-def listed(
-    section: Any, key: str, default: Any = None, only: tuple[str, ...] = (), source: str = ""
-) -> Iterator[Setting]:
+def listed(section: Any, key: str, default: Any = None, source: str = "") -> Iterator[Setting]:
     """The settings of a section in order, `key` before the name of each.
 
     Args:
-      default: of the section; None for that of its dataclass. only: as of `setting`.
+      default: of the section; None for that of its dataclass.
       source: of what differs in `default` from the defaults of the dataclass.
     """
     default = type(section)() if default is None else default
-    for name, field in fields_of(type(section), only).items():
+    for name, field in fields_of(type(section)).items():
         value, usual, said = getattr(section, name), getattr(default, name), field.metadata
         own = said["source"] if usual == field.default or isinstance(usual, dict) else source
         yield Setting(f"{key}.{name}", value, usual, said["says"], own)
         if dataclasses.is_dataclass(value):
-            yield from listed(value, f"{key}.{name}", usual, said["only"], said["source"])
+            yield from listed(value, f"{key}.{name}", usual, said["source"])

@@ -10,10 +10,6 @@ from ddf.data.samples import sample_types
 from ddf.fields import losses, pddf
 from ddf.models import loop_config
 
-_FIELD = ("hidden", "omega_first", "depth_activation", "direction_scale", "components")
-_WEIGHTS = ("depth_of", "depth_huber", "visibility", "normals", "weight_variance", "eikonal_depth", "transition")
-_LOOP = ("learning_rate", "schedule", "warmup_steps", "clip_norm", "threads", "matmul", "ema", "muon")
-
 
 @dataclass(frozen=True)
 class FitConfig(schema.Checked):
@@ -30,7 +26,7 @@ class FitConfig(schema.Checked):
 
     mesh: str | None = setting(None, "file that the stage fit_shape fits; null: a procedural chair")
     field: pddf.PDDFConfig = setting(
-        pddf.PDDFConfig((128,) * 5, 2.0, 1.0, "softplus", 100.0, 0.5), "a small, fast field", only=_FIELD
+        pddf.PDDFConfig((128,) * 5, 2.0, 1.0, "softplus", 100.0, 0.5), "a small, fast field"
     )
     steps: int | None = setting(None, "the reproducible budget; decides where both are given", least=1)
     minutes: float | None = setting(2.0, "of sampling and training, on two cores", above=0)
@@ -58,7 +54,6 @@ class FitConfig(schema.Checked):
             visibility_variance=0.0,
         ),
         "γ of the loss",
-        only=_WEIGHTS,
     )
     epsilon_o: float = fixed(0.05, above=0, below=1)
     margin: float = setting(
@@ -66,7 +61,7 @@ class FitConfig(schema.Checked):
     )
     start: Literal["flat", "random"] = setting("flat", "of the depths: their mean over the samples, or random heads")
     loop: loop_config.LoopConfig = setting(
-        loop_config.LoopConfig(5e-3, "cosine", 50, 1.0, 2, muon=0.03), "how it is optimised", only=_LOOP
+        loop_config.LoopConfig(5e-3, "cosine", 50, 1.0, 2, muon=0.03), "how it is optimised"
     )
 
     def __post_init__(self) -> None:

@@ -12,10 +12,6 @@ from ddf.data.samples import sample_types
 from ddf.fields import losses, pddf
 from ddf.models import image_networks, loop_config
 
-_SAMPLED = ("hidden", "omega_first", "depth_activation", "direction_scale")
-_WEIGHTS = ("depth", "depth_of", "depth_huber", "normals")
-_VAE_LOOP = ("learning_rate", "schedule", "warmup_steps", "clip_norm", "threads", "muon")
-_GAN_LOOP = ("learning_rate", "schedule", "threads", "ema")
 _GENMODEL = "app. genmodel"
 
 
@@ -23,7 +19,7 @@ _GENMODEL = "app. genmodel"
 class VAEConfig(schema.Checked):
     """Section `vae`: the shape VAE. counts: as section `ddf` has them."""
 
-    field: pddf.PDDFConfig = setting(pddf.PDDFConfig((512,) * 4 + (256,) * 4), "its decoder", _GENMODEL, only=_SAMPLED)
+    field: pddf.PDDFConfig = setting(pddf.PDDFConfig((512,) * 4 + (256,) * 4), "its decoder", _GENMODEL)
     latent_features: int = setting(400, "dim(z_s)", _GENMODEL, least=1)
     encoder_width: int = setting(64, "of PointNet", _GENMODEL, least=8)
     points: int = setting(1024, "with normals, that the encoder sees of a shape", _GENMODEL, least=2)
@@ -36,12 +32,10 @@ class VAEConfig(schema.Checked):
         _GENMODEL,
     )
     weights: losses.LossWeights = setting(
-        losses.LossWeights(eikonal_visibility=0.1, visibility_variance=0.1), "γ of its loss", _GENMODEL, only=_WEIGHTS
+        losses.LossWeights(eikonal_visibility=0.1, visibility_variance=0.1), "γ of its loss", _GENMODEL
     )
     beta: float = setting(0.05, "β of L_KL, the sum over the dimensions of z_s", _GENMODEL, least=0)
-    loop: loop_config.LoopConfig = setting(
-        loop_config.LoopConfig(schedule="constant"), "how it is optimised", only=_VAE_LOOP
-    )
+    loop: loop_config.LoopConfig = setting(loop_config.LoopConfig(schedule="constant"), "how it is optimised")
     encoder_learning_rate: float | None = setting(None, "of PointNet; null: that of the loop", _GENMODEL, above=0)
 
     def __post_init__(self) -> None:
@@ -85,9 +79,7 @@ class GANConfig(schema.Checked):
     batch_size: int = setting(32, "images of a step, as GIRAFFE and pi-GAN have it", least=2)
     gradient_penalty: float = setting(10.0, "of E‖∇D‖² on real images, as GIRAFFE has it", least=0)
     steps: int = setting(100_000, "of both GANs", _GENMODEL, least=1)
-    loop: loop_config.LoopConfig = setting(
-        loop_config.LoopConfig(), "how they are optimised", _GENMODEL, only=_GAN_LOOP
-    )
+    loop: loop_config.LoopConfig = setting(loop_config.LoopConfig(), "how they are optimised", _GENMODEL)
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,6 @@ CubePoints = Literal["random", "even", "farthest"]
 CAMERA_WEIGHT = 5.0  # γ_RΠ; that of the shape, γ_RS, is 1. Source: [DDF22] app. E
 WEIGHT_DECAY_SHAPE, WEIGHT_DECAY_CAMERA = 1e-3, 1e-6  # of the two encoders. Source: [DDF22] app. E
 
-_LOOP = ("learning_rate", "schedule", "warmup_steps", "clip_norm", "threads", "matmul", "muon", "muon_kernels")
-_WEIGHTS = ("depth", "depth_huber", "normals")
 _DECODER = siren.SineLayout((512, 512, 512, 256, 256, 256, 256))
 _SI3DR = "app. si3dr"
 
@@ -32,9 +30,9 @@ class TrainConfig(schema.Checked):
     encoder: str = setting("resnet", "of `ddf.models.encoders`", _SI3DR)
     encoder_width: int = setting(64, "of both encoders' first layers; 64 is ResNet-18", _SI3DR, least=1)
     latent_features: int = setting(512, "size of the latent", _SI3DR, least=1)
-    decoder: siren.SineLayout = setting(_DECODER, "of both decoders and their modulators", _SI3DR, only=("hidden",))
+    decoder: siren.SineLayout = setting(_DECODER, "of both decoders and their modulators", _SI3DR)
     batch_size: int = setting(32, "images of a step", _SI3DR, least=2)
-    loop: loop_config.LoopConfig = setting(loop_config.LoopConfig(), "how both models are optimised", only=_LOOP)
+    loop: loop_config.LoopConfig = setting(loop_config.LoopConfig(), "how both models are optimised")
     azimuth: Azimuth = setting("angle", "how it is predicted; sincos: (sin θ, cos θ), which have no end", _SI3DR)
     told: bool = setting(
         False, "the camera's encoder has the mask's numbers (`camera_encoder`), and half of the images mirrored", _SI3DR
@@ -96,7 +94,7 @@ class DDFConfig(schema.Checked):
         "oriented points per shape in a batch; E without truth (1,000 a batch of single fits); with +: values alone",
         _SI3DR,
     )
-    weights: losses.LossWeights = setting(losses.LossWeights(), "γ of the shape's loss", only=_WEIGHTS)
+    weights: losses.LossWeights = setting(losses.LossWeights(), "γ of the shape's loss")
     mask_weight: float = setting(10.0, "γ_RM of the mask's loss", _SI3DR, least=0)
     mask_size: int = setting(64, "pixels a side of its mask", _SI3DR, least=1)
     mask_pixels: int | None = setting(None, "of it that are drawn per image; null: all", _SI3DR, least=1)

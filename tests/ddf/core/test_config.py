@@ -26,7 +26,7 @@ class Section(schema.Checked):
     mode: Literal["fast", "exact"] = setting("fast", "how")
     names: tuple[str, ...] = setting((), "who")
     range: tuple[float, float] = setting((0.0, 1.0), "metres")
-    inner: Inner = setting(Inner(rate=0.25), "a part", only=("width",))
+    inner: Inner = setting(Inner(rate=0.25), "a part")
     other: Inner | None = setting(None, "another; null: none")
     counts: dict[str, int] = setting({"U": 1, "A": 2}, "of each")
     limit: int | None = setting(None, "at most")
@@ -85,7 +85,6 @@ def test_words_and_numbers_are_those_of_yaml_1_2(text, value):
             r"experiment.yaml: meshes: unknown key 'face'; the keys are faces, scale.*\(did you mean faces\?\)",
         ),
         ({"zzz": "3"}, r"meshes: unknown key 'zzz'; the keys are faces, scale, mode"),
-        ({"inner": "{rate: 3.0}"}, r"meshes.inner: unknown key 'rate'; the keys are width"),
         ({"other": "{seed: 3}"}, r"meshes.other: unknown key 'seed'; the keys are width, rate"),
         ({"other": "{width: 0}"}, r"experiment.yaml: meshes.other: width must be >= 1; got 0"),
         ({"faces": "3"}, r"experiment.yaml: meshes: faces must be >= 4; got 3"),
@@ -129,10 +128,12 @@ def test_load_refuses_what_does_not_fit(tmp_path, changes, message):
         ("meshes: " + "9" * 5000, "not valid YAML"),
         ("meshes: 0x" + "f" * 16, "over 64 bits"),
         ("meshes: " + "[" * 5000, "lists within lists"),
-        ("a: &a [*a]", "an alias stands in what it names"),
-        (
-            "a: &a [1]\n" + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in pairwise("abcdef")),
-            "entries",
+        ("meshes: &a [*a]", "meshes must be a mapping"),
+        (  # a message of 9 to the power of 9 words, if it said all
+            "a: &a [1]\n"
+            + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in pairwise("abcdefghij"))
+            + "meshes: *j",
+            "meshes must be a mapping",
         ),
         ("#" * 200_001, "more than 200,000 bytes"),
         ("meshes: " + "x" * 9000, "meshes must be a mapping"),
@@ -186,7 +187,7 @@ def test_a_base_that_is_not_there_and_a_ring_are_named(tmp_path, base):
 def test_a_section_written_whole_is_read_the_same(tmp_path):
     section = Section(inner=Inner(5, 0.25, seed=3), names=("a",), counts={"O": 1})
     plain = config.plain(section)
-    assert plain["inner"] == {"width": 5} and plain["names"] == ["a"] and plain["other"] is None
+    assert plain["inner"] == {"width": 5, "rate": 0.25} and plain["names"] == ["a"] and plain["other"] is None
     path = _file(tmp_path, "whole", yaml.safe_dump({"meshes": plain}))
     assert config.load(path, "meshes", Section) == dataclasses.replace(section, inner=Inner(5, 0.25))
 
