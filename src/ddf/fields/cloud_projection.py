@@ -133,6 +133,18 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
     return [points[order[:count]] for count in counts]
 
 
+def draw(
+    field: PDDF,
+    modulations: Sequence[Float[Tensor, "1 _"]] | None,
+    count: int,
+    config: CloudConfig,
+    generator: torch.Generator,
+    box: Box = CUBE,
+) -> Float[Tensor, "count 3"]:
+    """One cloud: `sample` and `select`."""
+    return select(sample(field, modulations, count, config, generator, box), [count], config)[0]
+
+
 def candidates(cycles: Sequence[ProjectedPoints]) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n"]]:
     """All points of the second and later cycles (of the first, if it is alone), and their confidence."""
     pool = cycles[1:] or cycles

@@ -119,6 +119,5 @@ def cloud(
         raise checks.InputError(f"the number of points must be >= 1; got {count}")
     generator = torch.Generator(shape.field.network.head.weight.device).manual_seed(seed)
     box = (shape.lower.tolist(), shape.upper.tolist())
-    cycles = cloud_projection.sample(shape.field, shape.modulations, count, config, generator, box)
-    (kept,) = cloud_projection.select(cycles, [count], config)
+    kept = cloud_projection.draw(shape.field, shape.modulations, count, config, generator, box)
     return shape.field_from_mesh.inverse().apply(kept.double().cpu().numpy())

@@ -99,8 +99,7 @@ def _by_shape(model: reconstruction_models.DDFModel, pixels: UInt8[np.ndarray, "
     _, latent, camera = reconstruction_models.encode_batch(model, encoder_input(pixels).to(mean))
     drawn = cloud_defaults.cloud(cycles=1)
     generator = torch.Generator(mean.device).manual_seed(0)
-    cycles = cloud_projection.sample(model.field, [m[0] for m in model.modulations(latent)], _POINTS, drawn, generator)
-    (cloud,) = cloud_projection.select(cycles, [_POINTS], drawn)
+    cloud = cloud_projection.draw(model.field, [m[0] for m in model.modulations(latent)], _POINTS, drawn, generator)
     points = (transforms.BENCHMARK_FROM_V1 * mask_descent.scale_from_cloud(cloud) * cloud).double()
     column, row = cameras.project(
         points, *cameras.extrinsics(camera[0, 0].double(), camera[0, 1].double(), mean[2].double())

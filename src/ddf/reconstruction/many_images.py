@@ -9,6 +9,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,7 +20,7 @@ from torch import Tensor
 
 from ddf.core import notes, seeding
 from ddf.data.batches import category_data
-from ddf.fields import cloud_projection, field_outputs, model_files, pddf, rendering
+from ddf.fields import cloud_projection, field_outputs, model_files, rendering
 from ddf.fields.gpu import farthest_points
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.reconstruction import mask_descent
@@ -31,11 +32,6 @@ SCALE = "scale_pred"
 ON_MASK = "mask"  # of the names of clouds: of shapes that agree with the silhouette
 
 Result = TypeVar("Result")
-
-
-def _generator(config: reconstruction_settings.PointcloudsConfig, image: int) -> torch.Generator:
-    """Each image has its own random stream, so that a subset of images gives the same clouds."""
-    return torch.Generator(model_files.device()).manual_seed(seeding.numbered(config.seed, image))
 
 
 def reconstruct_ddf(
@@ -55,106 +51,155 @@ def reconstruct_ddf(
     Returns:
       Tensors by name, and facts: `rendered` images, `seconds` of wall time that an image took, by part.
     """
-    (features, latents, predicted), seconds = _timed_encode(model, images)
-    run = functools.partial(_by_portion, images, kept)
-    modulations = [m.detach() for m in model.modulations(latents)]
-    with _progress(describe, latents) as progress:
-        names = _cycles_kept(config.cloud)
-        drawn = (model.field, modulations, config, names)
-        tensors, seconds["cloud"] = run("clouds", lambda batches: _draw(*drawn, batches, progress))
+    (features, latents, predicted), encoding = _timed_encode(model, images)
+    work = _Work(model, images, config, kept, latents, predicted)
+    modulations = work.modulations(latents)
+    tensors, cloud = work.clouds("clouds", modulations, _cycles_kept(config.cloud), describe)
     scale = tensors[SCALE]
-    cameras_of = (model, modulations, predicted, scale, images, config)
-    corrected, seconds["camera_correction"] = run(
-        "cameras", lambda batches: {"camera_corrected": _correct_cameras(*cameras_of, batches)}
-    )
+    corrected, camera = work.in_portions("cameras", functools.partial(work.correct_cameras, modulations, scale))
+    seconds = {"encoders": encoding, "cloud": cloud, "camera_correction": camera}
     if config.shape_correction is not None:
         if deviation is None:
             raise ValueError("pointclouds.shape_correction needs the deviation of the latents of training images")
-        given = (model, latents, deviation, predicted, images, config, config.shape_correction)
-        found, seconds["shape_correction"] = run(
-            "latents", lambda batches: {"latents": _correct_shapes(*given, batches)}
-        )
-        moved = [m.detach() for m in model.modulations(found["latents"].to(latents.device))]
-        with _progress(f"{describe}, on the mask", latents) as progress:
-            drawn = (model.field, moved, config, {config.cloud.cycles: ON_MASK})
-            clouds, _ = run("mask_clouds", lambda batches: _draw(*drawn, batches, progress))
-        tensors |= clouds
-    tensors |= {"camera_pred": predicted, "features": features} | corrected
+        correct = functools.partial(work.correct_shapes, deviation, config.shape_correction)
+        found, seconds["shape_correction"] = work.in_portions("latents", correct)
+        moved = work.modulations(found["latents"].to(latents.device))
+        tensors |= work.clouds("mask_clouds", moved, {config.cloud.cycles: ON_MASK}, f"{describe}, on the mask")[0]
     rendered = spread(len(latents), config.rendered)
-    tensors |= _renders(model, modulations, predicted, scale, rendered, config.render_size)
-    tensors["silhouette_iou"] = _silhouettes(model, modulations, predicted, scale, images)
+    tensors |= {"camera_pred": predicted, "features": features} | corrected
+    render = functools.partial(work.render, modulations, scale, size=config.render_size)
+    pictures = list(_in_threads(render, rendered))
+    tensors |= {
+        f"render.{name}": torch.stack([p[name] for p in pictures]) for name in field_outputs.DEFAULT if pictures
+    }
+    overlaps = _in_threads(functools.partial(work.silhouette_iou, modulations, scale), range(len(latents)))
+    tensors["silhouette_iou"] = torch.tensor(list(overlaps))
     return _on_cpu(tensors), {"rendered": rendered, "seconds": seconds}
 
 
-def _timed_encode(
-    model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet
-) -> tuple[tuple[Tensor, Tensor, Tensor], dict[str, float]]:
-    started = time.monotonic()
-    found = reconstruction_models.encode(model, images)
-    return found, {"encoders": (time.monotonic() - started) / len(images.shapes)}
+@dataclass(frozen=True)
+class _Work:
+    """A model, images, and what its encoders make of them. kept: where portions of what takes long are kept."""
 
+    model: reconstruction_models.DDFModel
+    images: category_data.ImageSet
+    config: reconstruction_settings.PointcloudsConfig
+    kept: notes.Portions | None
+    latents: Float[Tensor, "n z"]
+    predicted: Float[Tensor, "n 3"]
 
-def _progress(describe: str, images: Tensor) -> tqdm.tqdm:
-    return tqdm.tqdm(desc=f"clouds {describe}", total=len(images), unit="image", mininterval=2)
+    def modulations(self, latents: Float[Tensor, "n z"]) -> list[Tensor]:
+        return [each.detach() for each in self.model.modulations(latents)]
 
+    def in_portions(
+        self, name: str, make: Callable[[Sequence[reconstruction_models.Rows]], dict[str, Tensor]]
+    ) -> tuple[dict[str, Tensor], float]:
+        """Tensors of all images, on the CPU, from as many batches at a time as threads take; and seconds an image."""
 
-def _after_all(cloud: cloud_projection.CloudConfig) -> str:
-    """Name of the clouds after all cycles, whose scale is `SCALE`; each other cloud has `SCALE`.<its name>."""
-    return f"h{cloud.cycles}"
+        def timed(batches: Sequence[reconstruction_models.Rows]) -> dict[str, Tensor]:
+            started = time.monotonic()
+            tensors = _on_cpu(make(batches))
+            return tensors | {"seconds": torch.tensor([time.monotonic() - started])}
 
+        size = CORRECTION_BATCH[model_files.device().type]
+        batches, at_once, parts = reconstruction_models.row_batches(self.images, size), _threads_at_once(), []
+        for start in range(0, len(batches), at_once):
+            portion = batches[start : start + at_once]
+            if self.kept is None:
+                parts.append(timed(portion))
+            else:
+                rows = np.concatenate(portion).tolist()
+                parts.append(self.kept.get(name, rows, functools.partial(timed, portion)))
+        tensors = {key: torch.cat([part[key] for part in parts]) for key in parts[0]}
+        return tensors, float(tensors.pop("seconds").sum()) / len(self.images.shapes)
 
-def _cycles_kept(cloud: cloud_projection.CloudConfig) -> dict[int, str]:
-    """The numbers of cycles after which clouds are taken, and their names; with `cycles: 1` both are the same."""
-    names = {cloud.cycles: _after_all(cloud)}
-    return names | {1: "h1"} if cloud.candidate_share(1) >= 1 else names
+    def clouds(
+        self, name: str, modulations: Sequence[Float[Tensor, "n 1 _"]], names: Mapping[int, str], describe: str
+    ) -> tuple[dict[str, Tensor], float]:
+        """Clouds L and S of all images, the scale that each L tells, and seconds an image.
 
+        Args:
+          names: of the clouds, by the number of cycles after which they are taken.
+        """
 
-def _by_portion(
-    images: category_data.ImageSet,
-    kept: notes.Portions | None,
-    name: str,
-    make: Callable[[Sequence[reconstruction_models.Rows]], dict[str, Tensor]],
-) -> tuple[dict[str, Tensor], float]:
-    """Tensors of all images, on the CPU, from as many batches at a time as threads take; and seconds an image."""
+        def draw(row: int) -> dict[str, Tensor]:
+            own, generator, how = [m[row] for m in modulations], _generator(self.config, row), self.config.cloud
+            cycles = cloud_projection.sample(self.model.field, own, self.config.large, how, generator)
+            found = {}
+            for cycle, label in names.items():
+                large, small = cloud_projection.select(cycles[:cycle], (self.config.large, self.config.small), how)
+                scale = SCALE if label == _after_all(how) else f"{SCALE}.{label}"
+                found |= {f"L.{label}": large, f"S.{label}": small}
+                found[scale] = torch.tensor(mask_descent.scale_from_cloud(large))
+            return found
 
-    def timed(batches: Sequence[reconstruction_models.Rows]) -> dict[str, Tensor]:
-        started = time.monotonic()
-        tensors = _on_cpu(make(batches))
-        return tensors | {"seconds": torch.tensor([time.monotonic() - started])}
+        def make(batches: Sequence[reconstruction_models.Rows]) -> dict[str, Tensor]:
+            rows, drawn = np.concatenate(batches).tolist(), []
+            progress.update(rows[0] - progress.n)  # those before were found
+            for clouds in _in_threads(draw, rows):
+                drawn.append(clouds)
+                progress.update()
+            return {key: torch.stack([clouds[key] for clouds in drawn]) for key in drawn[0]}
 
-    size = CORRECTION_BATCH[model_files.device().type]
-    batches, at_once, parts = reconstruction_models.row_batches(images, size), _threads_at_once(), []
-    for start in range(0, len(batches), at_once):
-        portion = batches[start : start + at_once]
-        if kept is None:
-            parts.append(timed(portion))
-        else:
-            rows = np.concatenate(portion).tolist()
-            parts.append(kept.get(name, rows, functools.partial(timed, portion)))
-    tensors = {key: torch.cat([part[key] for part in parts]) for key in parts[0]}
-    return tensors, float(tensors.pop("seconds").sum()) / len(images.shapes)
+        bar = {"desc": f"clouds {describe}", "total": len(self.latents), "unit": "image", "mininterval": 2}
+        with tqdm.tqdm(**bar) as progress:
+            return self.in_portions(name, make)
 
+    def correct_cameras(
+        self,
+        modulations: Sequence[Tensor],
+        scale: Float[Tensor, "n"],
+        batches: Sequence[reconstruction_models.Rows],
+    ) -> dict[str, Tensor]:
+        """Π̂_∇ of the images of some batches."""
+        config = self.config.correction
 
-def _correct_shapes(
-    model: reconstruction_models.DDFModel,
-    latents: Float[Tensor, "n z"],
-    deviation: Float[Tensor, "z"],
-    predicted: Float[Tensor, "n 3"],
-    images: category_data.ImageSet,
-    config: reconstruction_settings.PointcloudsConfig,
-    how: reconstruction_settings.ShapeCorrectionConfig,
-    batches: Sequence[reconstruction_models.Rows],
-) -> Float[Tensor, "m z"]:
-    """`mask_descent.correct_shapes` of the images of some batches."""
+        def correct(rows: reconstruction_models.Rows) -> Tensor:
+            alpha = self.images.alpha(rows, config.mask_size).to(self.predicted.device)
+            index = torch.from_numpy(rows)
+            own, camera = [m[index] for m in modulations], self.predicted[index]
+            field_scale = (1 / scale[index]).to(self.predicted.device)
+            return mask_descent.correct_camera(self.model, own, camera, field_scale, alpha, config)
 
-    def correct(rows: reconstruction_models.Rows) -> Tensor:
-        index = torch.from_numpy(rows)
-        own, generators = latents[index], [_generator(config, int(row)) for row in rows]
-        field_scale = rough_field_scales(model, own, config.cloud, generators)
-        alpha = images.alpha(rows, how.mask_size).to(latents.device)
-        return mask_descent.correct_shapes(model, own, deviation, predicted[index], field_scale, alpha, how)
+        return {"camera_corrected": torch.cat(list(_in_threads(correct, batches)))}
 
-    return torch.cat(list(_in_threads(correct, batches)))
+    def correct_shapes(
+        self,
+        deviation: Float[Tensor, "z"],
+        how: reconstruction_settings.ShapeCorrectionConfig,
+        batches: Sequence[reconstruction_models.Rows],
+    ) -> dict[str, Tensor]:
+        """Latents of the images of some batches, moved until the silhouettes agree."""
+
+        def correct(rows: reconstruction_models.Rows) -> Tensor:
+            index = torch.from_numpy(rows)
+            own, generators = self.latents[index], [_generator(self.config, int(row)) for row in rows]
+            field_scale = rough_field_scales(self.model, own, self.config.cloud, generators)
+            alpha = self.images.alpha(rows, how.mask_size).to(own.device)
+            camera = self.predicted[index]
+            return mask_descent.correct_shapes(self.model, own, deviation, camera, field_scale, alpha, how)
+
+        return {"latents": torch.cat(list(_in_threads(correct, batches)))}
+
+    def render(
+        self,
+        modulations: Sequence[Tensor],
+        scale: Float[Tensor, "n"],
+        image: int,
+        size: int,
+        outputs: Sequence[str] = field_outputs.DEFAULT,
+    ) -> dict[str, Tensor]:
+        """The picture of its own prediction: predicted camera, estimated scale."""
+        camera, field_scale = self.predicted[image], (1 / scale[image]).to(self.predicted.device)
+        return rendering.render(self.model.field, [m[image] for m in modulations], camera, field_scale, size, outputs)[
+            0
+        ]
+
+    def silhouette_iou(self, modulations: Sequence[Tensor], scale: Float[Tensor, "n"], image: int) -> float:
+        """Intersection over union of such a picture and the image's alpha channel, both cut at one half."""
+        given = self.images.batch(np.array([image]))[0, 3].to(self.predicted.device) > 0.5
+        own = self.render(modulations, scale, image, len(given), ("visibility",))["visibility"] > 0.5
+        return float((own & given).sum() / (own | given).sum().clamp_min(1))
 
 
 @torch.no_grad()
@@ -164,56 +209,13 @@ def rough_field_scales(
     cloud: cloud_projection.CloudConfig,
     generators: Sequence[torch.Generator],
 ) -> Float[Tensor, "b"]:
-    """Field units per v1 unit of each shape, as a cloud of `ROUGH_POINTS` tells, one generator for each."""
+    """Field units per v1 unit of each shape, by a cloud of `ROUGH_POINTS`, one generator for each."""
     modulations, found = model.modulations(latents), []
     for row, generator in enumerate(generators):
-        cycles = cloud_projection.sample(model.field, [m[row] for m in modulations], ROUGH_POINTS, cloud, generator)
-        found.append(mask_descent.scale_from_cloud(cloud_projection.select(cycles, [ROUGH_POINTS], cloud)[0]))
+        own = [m[row] for m in modulations]
+        points = cloud_projection.draw(model.field, own, ROUGH_POINTS, cloud, generator)
+        found.append(mask_descent.scale_from_cloud(points))
     return 1 / latents.new_tensor(found)
-
-
-def _in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:
-    """`map`, in order, of as many items at a time as this process may use cores; on a GPU one after the other."""
-    with ThreadPoolExecutor(_threads_at_once()) as pool:
-        yield from pool.map(function, items)
-
-
-def _threads_at_once() -> int:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, cores // torch.get_num_threads()) if model_files.device().type == "cpu" else 1
-
-
-def _draw(
-    field: pddf.PDDF,
-    modulations: Sequence[Float[Tensor, "n 1 _"]],
-    config: reconstruction_settings.PointcloudsConfig,
-    names: Mapping[int, str],
-    batches: Sequence[reconstruction_models.Rows],
-    progress: tqdm.tqdm,
-) -> dict[str, Tensor]:
-    """Clouds L and S of the images of some batches, and the scale that each L tells.
-
-    Args:
-      names: of the clouds, by the number of cycles after which they are taken.
-    """
-
-    def draw(row: int) -> dict[str, Tensor]:
-        own, generator = [m[row] for m in modulations], _generator(config, row)
-        cycles = cloud_projection.sample(field, own, config.large, config.cloud, generator)
-        found = {}
-        for cycle, name in names.items():
-            large, small = cloud_projection.select(cycles[:cycle], (config.large, config.small), config.cloud)
-            found |= {f"L.{name}": large, f"S.{name}": small}
-            scale = SCALE if name == _after_all(config.cloud) else f"{SCALE}.{name}"
-            found[scale] = torch.tensor(mask_descent.scale_from_cloud(large))
-        return found
-
-    rows, drawn = np.concatenate(batches).tolist(), []
-    progress.update(rows[0] - progress.n)  # those before were found
-    for clouds in _in_threads(draw, rows):
-        drawn.append(clouds)
-        progress.update()
-    return {name: torch.stack([clouds[name] for clouds in drawn]) for name in drawn[0]}
 
 
 def reconstruct_pcsiren(
@@ -222,7 +224,7 @@ def reconstruct_pcsiren(
     config: reconstruction_settings.PointcloudsConfig,
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S (the first points of L, which are spread as all are), cameras, scales; and the facts."""
-    (_, latents, predicted), seconds = _timed_encode(model, images)
+    (_, latents, predicted), encoding = _timed_encode(model, images)
     started = time.monotonic()
 
     def draw(image: int) -> Tensor:
@@ -233,7 +235,7 @@ def reconstruct_pcsiren(
         return points[farthest_points.farthest_point_order(points, config.large)] if chosen else points
 
     large = list(_in_threads(draw, range(len(latents))))
-    seconds["cloud"] = (time.monotonic() - started) / len(latents)
+    seconds = {"encoders": encoding, "cloud": (time.monotonic() - started) / len(latents)}
     tensors = {
         "L": torch.stack(large),
         "S": torch.stack([points[: config.small] for points in large]),
@@ -267,63 +269,40 @@ def spread(total: int, count: int) -> list[int]:
     return [int(i) for i in np.linspace(0, total - 1, count).round()] if count else []
 
 
-def _correct_cameras(
-    model: reconstruction_models.DDFModel,
-    modulations: list[Tensor],
-    predicted: Tensor,
-    scale: Tensor,
-    images: category_data.ImageSet,
-    config: reconstruction_settings.PointcloudsConfig,
-    batches: Sequence[reconstruction_models.Rows],
-) -> Tensor:
-    """Π̂_∇ of the images of some batches."""
-
-    def correct(rows: reconstruction_models.Rows) -> Tensor:
-        alpha = images.alpha(rows, config.correction.mask_size).to(predicted.device)
-        index = torch.from_numpy(rows)
-        field_scale = (1 / scale[index]).to(predicted.device)
-        given = (model, [m[index] for m in modulations], predicted[index], field_scale, alpha)
-        return mask_descent.correct_camera(*given, config.correction)
-
-    return torch.cat(list(_in_threads(correct, batches)))
+def _timed_encode(
+    model: reconstruction_models.ReconstructionModel, images: category_data.ImageSet
+) -> tuple[tuple[Tensor, Tensor, Tensor], float]:
+    """Features, latents and cameras; and seconds an image."""
+    started = time.monotonic()
+    found = reconstruction_models.encode(model, images)
+    return found, (time.monotonic() - started) / len(images.shapes)
 
 
-def _renders(
-    model: reconstruction_models.DDFModel,
-    modulations: list[Tensor],
-    predicted: Tensor,
-    scale: Tensor,
-    rendered: Sequence[int],
-    size: int,
-) -> dict[str, Tensor]:
-    """Pictures as the model sees its own prediction: predicted camera, estimated scale."""
-
-    def render(image: int) -> dict[str, Tensor]:
-        field_scale = (1 / scale[image]).to(predicted.device)
-        return rendering.render(model.field, [m[image] for m in modulations], predicted[image], field_scale, size)[0]
-
-    pictures = list(_in_threads(render, rendered))
-    return {f"render.{name}": torch.stack([p[name] for p in pictures]) for name in field_outputs.DEFAULT if pictures}
+def _after_all(cloud: cloud_projection.CloudConfig) -> str:
+    """Name of the clouds after all cycles, whose scale is `SCALE`; each other cloud has `SCALE`.<its name>."""
+    return f"h{cloud.cycles}"
 
 
-def _silhouettes(
-    model: reconstruction_models.DDFModel,
-    modulations: list[Tensor],
-    predicted: Tensor,
-    scale: Tensor,
-    images: category_data.ImageSet,
-) -> Float[Tensor, "n"]:
-    """Intersection over union of what is seen from the predicted camera, at the estimated scale, and each image's alpha
-    channel, both cut at one half.
-    """
+def _cycles_kept(cloud: cloud_projection.CloudConfig) -> dict[int, str]:
+    """The numbers of cycles after which clouds are taken, and their names; with `cycles: 1` both are the same."""
+    names = {cloud.cycles: _after_all(cloud)}
+    return names | {1: "h1"} if cloud.candidate_share(1) >= 1 else names
 
-    def overlap(image: int) -> float:
-        given = images.batch(np.array([image]))[0, 3].to(predicted.device) > 0.5
-        placed = ([m[image] for m in modulations], predicted[image], (1 / scale[image]).to(predicted.device))
-        own = rendering.render(model.field, *placed, len(given), ("visibility",))[0]["visibility"] > 0.5
-        return float((own & given).sum() / (own | given).sum().clamp_min(1))
 
-    return torch.tensor(list(_in_threads(overlap, range(len(predicted)))))
+def _generator(config: reconstruction_settings.PointcloudsConfig, image: int) -> torch.Generator:
+    """Each image has its own random stream, so that a subset of images gives the same clouds."""
+    return torch.Generator(model_files.device()).manual_seed(seeding.numbered(config.seed, image))
+
+
+def _in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:
+    """`map`, in order, of as many items at a time as this process may use cores; on a GPU one after the other."""
+    with ThreadPoolExecutor(_threads_at_once()) as pool:
+        yield from pool.map(function, items)
+
+
+def _threads_at_once() -> int:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, cores // torch.get_num_threads()) if model_files.device().type == "cpu" else 1
 
 
 def _on_cpu(tensors: dict[str, Tensor]) -> dict[str, Tensor]:

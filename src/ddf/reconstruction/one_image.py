@@ -132,9 +132,7 @@ def reconstruct(
     batch = [each.detach() for each in model.modulations(latent)]
     modulations = [each[0] for each in batch]
     with _timed(seconds, "cloud"):
-        count = max(points, WHOLE)
-        cycles = cloud_projection.sample(model.field, modulations, count, drawn, _generator(seed))
-        (whole,) = cloud_projection.select(cycles, [count], drawn)
+        whole = cloud_projection.draw(model.field, modulations, max(points, WHOLE), drawn, _generator(seed))
     scale = mask_descent.scale_from_cloud(whole)
     with _timed(seconds, "camera"):
         alpha = category_data.averaged(framed[:, 3], CAMERA.mask_size)

@@ -62,8 +62,7 @@ def _of_reconstruction(folder: Path) -> Sampler:
     def decode(latent: Float[Tensor, "z"]) -> shape_field.ShapeField:
         modulations = [each[0] for each in model.modulations(prior.latents(latent)[None])]
         drawn, generator = cloud_defaults.cloud(), torch.Generator().manual_seed(0)
-        cycles = cloud_projection.sample(model.field, modulations, many_images.ROUGH_POINTS, drawn, generator)
-        (cloud,) = cloud_projection.select(cycles, [many_images.ROUGH_POINTS], drawn)
+        cloud = cloud_projection.draw(model.field, modulations, many_images.ROUGH_POINTS, drawn, generator)
         return one_image.placed(model, modulations, cloud, mask_descent.scale_from_cloud(cloud))
 
     return Sampler(prior.basis.shape[1], decode)
