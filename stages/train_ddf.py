@@ -31,7 +31,7 @@ def make(run: Run) -> None:
         memory.samples(category_data.read_samples(run.folder("samples"), shapes.ids)),
     )
 
-    model = reconstruction_models.ddf_model(train, section.field).to(model_files.device())
+    model = reconstruction_models.DDFModel(train, section.field).to(model_files.device())
     model.fit_cameras(images)
     facts, modules = [train, section, run.category, digest], [reconstruction_steps, proposed_rays]
     architecture = {"kind": "ddf", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}

@@ -26,7 +26,7 @@ def make(run: Run) -> None:
     digest, memory = images.digest(), resident.Memory(model_files.device())
     images, shapes = memory.images(images), memory.clouds(shapes)
 
-    model = reconstruction_models.pcsiren_model(train).to(model_files.device())
+    model = reconstruction_models.PCSirenModel(train).to(model_files.device())
     model.fit_cameras(images)
     facts = [train, section, run.category, digest]
     architecture = {"kind": "pcsiren", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}

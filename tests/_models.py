@@ -37,14 +37,24 @@ def points(count, seed=0):
 
 def ddf_model(azimuth: Literal["angle", "sincos"] = "angle", told: bool = False):
     torch.manual_seed(0)
-    made = reconstruction_models.ddf_model(dataclasses.replace(TRAIN, azimuth=azimuth, told=told), DDF.field).eval()
+    made = reconstruction_models.DDFModel(dataclasses.replace(TRAIN, azimuth=azimuth, told=told), DDF.field).eval()
     made.camera_head.fit(CAMERAS)
     return made
 
 
+def of_field(config: pddf.PDDFConfig, latent_features: int, width: int, azimuth: Literal["angle", "sincos"] = "angle"):
+    """Fresh models of both kinds, the DDF's with this field."""
+    train = reconstruction_settings.TrainConfig(
+        latent_features=latent_features, encoder_width=width, decoder=config.layout(), azimuth=azimuth
+    )
+    own = (config.depth_activation, config.depth_sharpness, config.direction_scale, config.components)
+    field_config = reconstruction_settings.FieldConfig(*own)
+    return reconstruction_models.DDFModel(train, field_config), reconstruction_models.PCSirenModel(train)
+
+
 def pcsiren_model():
     torch.manual_seed(0)
-    made = reconstruction_models.pcsiren_model(TRAIN).eval()
+    made = reconstruction_models.PCSirenModel(TRAIN).eval()
     made.camera_head.fit(CAMERAS)
     return made
 

@@ -197,7 +197,7 @@ def cloud_rows(sizes: Sizes) -> list[dict[str, Any]]:
     """A whole cloud of a field with random weights: projection of all cycles, and the choice of the points."""
     training_loop.prepare(sizes.train.loop)
     torch.manual_seed(0)
-    model = reconstruction_models.ddf_model(sizes.train, sizes.ddf.field).to(model_files.device()).eval()
+    model = reconstruction_models.DDFModel(sizes.train, sizes.ddf.field).to(model_files.device()).eval()
     with torch.no_grad():
         latents = torch.zeros((1, sizes.train.latent_features), device=model_files.device())
         modulations = [values[0] for values in model.modulations(latents)]

@@ -71,11 +71,11 @@ def trial(train: reconstruction_settings.TrainConfig, config: Section) -> Trial:
     memory = resident.Memory(model_files.device())
     images = memory.images(images)
     if isinstance(config, reconstruction_settings.DDFConfig):
-        ddf = reconstruction_models.ddf_model(train, config.field)
+        ddf = reconstruction_models.DDFModel(train, config.field)
         samples = memory.samples(random_samples(train.batch_size))
         loss = functools.partial(reconstruction_steps.ddf_step, ddf, images, shapes, samples, train, config)
         return _trial(ddf, images, train, config.loop(train.loop), loss)
-    pcsiren = reconstruction_models.pcsiren_model(train)
+    pcsiren = reconstruction_models.PCSirenModel(train)
     loss = functools.partial(reconstruction_steps.pcsiren_step, pcsiren, images, memory.clouds(shapes), train, config)
     return _trial(pcsiren, images, train, train.loop, loss)
 

@@ -144,8 +144,8 @@ def _parameters(experiment: Any) -> dict[str, int]:
     field = experiment.section(reconstruction_settings.DDFConfig).field
     with torch.device("meta"):
         models = {
-            "ddf": reconstruction_models.ddf_model(train, field),
-            "pc_siren": reconstruction_models.pcsiren_model(train),
+            "ddf": reconstruction_models.DDFModel(train, field),
+            "pc_siren": reconstruction_models.PCSirenModel(train),
             "single_shape": pddf.PDDF(pddf.PAPER_SINGLE_SHAPE),
             "ddf_encoder": encoders.ENCODERS[train.encoder](train.latent_features, train.encoder_width),
         }

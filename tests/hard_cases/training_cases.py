@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import _models
 import torch
 from torch import Tensor
 
@@ -242,7 +243,7 @@ def _mask_misses(dtype: torch.dtype) -> case.Outcome:
 def _correction(dtype: torch.dtype) -> case.Outcome:
     torch.manual_seed(0)
     config = pddf.PDDFConfig((8,), 1.0, 1.0, "relu", 1.0)
-    model = reconstruction_models.DDFModel(config, 2, 1)
+    model, _ = _models.of_field(config, 2, 1)
     model.camera_head.fit(torch.tensor([[0.1, 0.2, 0.3], [0.5, 0.4, 0.6]]))
     with torch.no_grad():
         model.field.network.head.weight.zero_()

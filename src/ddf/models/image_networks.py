@@ -7,8 +7,8 @@ CIFAR (He et al. 2016, §4.2). Default widths are the paper's.
 
 z_T at every pixel is a constant image of each channel. The first convolution, with its reflected border, makes a
 constant of it, and the instance normalisation behind it takes every constant away: the paper's network, built as its
-text says, cannot see z_T at all (shown in a test). With `texture_at: object` z_T is at the pixels that see the object
-and 0 elsewhere, so that it has an outline; all layers and parameters stay.
+text says, cannot see z_T at all (shown in a test). So here z_T is at the pixels that see the object and 0 elsewhere, so
+that it has an outline; all layers and parameters stay.
 
 A transposed convolution of 3 x 3 with stride 2 gives pixels 1, 2 or 4 terms in turn, which short trainings show as a
 grid of dots (Odena et al. 2016). With `upsampling: nearest` pixels are doubled and a convolution of the same kernel
@@ -28,7 +28,6 @@ _SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1)  # of the width, from 32 x 32 pixels 
 SMALLEST = 4  # pixels a side of what the generator begins with
 BLOCKS = 6  # of a translator
 INITIAL_SPREAD = 0.02  # of all weights of a translator
-TextureAt = Literal["object", "everywhere"]
 Upsampling = Literal["transposed", "nearest"]
 
 
@@ -160,11 +159,9 @@ class Translator(nn.Module):
         self,
         texture_features: int,
         width: int = 64,
-        texture_at: TextureAt = "object",
         upsampling: Upsampling = "transposed",
     ) -> None:
         super().__init__()
-        self.texture_at = texture_at
         self.first = nn.Conv2d(3 + texture_features, width, 7)
         self.body = nn.Sequential(
             nn.InstanceNorm2d(width),
@@ -196,9 +193,7 @@ class Translator(nn.Module):
         hidden = functional.pad(images, (border,) * 4, mode="reflect")
         if textures is None:
             return self.body(self.first(hidden))
-        where = torch.ones_like(hidden[:, :1])
-        if self.texture_at == "object":
-            where = hidden.ne(0).any(dim=1, keepdim=True).to(hidden)
+        where = hidden.ne(0).any(dim=1, keepdim=True).to(hidden)
         return self.body(self._first_with(hidden, where, textures))
 
     def _first_with(

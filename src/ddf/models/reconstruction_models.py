@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from ddf.data.batches import category_data
-from ddf.fields import framed_field, model_files, pddf, rendering, siren
+from ddf.fields import framed_field, model_files, pddf, rendering
 from ddf.fields.gpu import compiled_passes
 from ddf.geometry import cameras
 from ddf.models import camera_encoder, encoders, out_of_distribution, reconstruction_settings
@@ -33,22 +33,14 @@ Stages = tuple[Float[Tensor, "n _"], ...]
 class ReconstructionModel(nn.Module):
     """Two encoders and a decoder. Parameters at the paper's sizes: 25,647,367 (DDF) and 25,645,574 (PC-SIREN)."""
 
-    def __init__(
-        self,
-        decoder: nn.Module,
-        latent_features: int,
-        encoder_width: int,
-        azimuth: reconstruction_settings.Azimuth = "angle",
-        encoder: str = "resnet",
-        told: bool = False,
-    ) -> None:
+    def __init__(self, decoder: nn.Module, train: reconstruction_settings.TrainConfig) -> None:
         super().__init__()
-        make = encoders.ENCODERS[encoder]
-        self.camera_head = camera_encoder.CameraHead(azimuth)
-        self.shape_encoder = make(latent_features, encoder_width)
+        make, width = encoders.ENCODERS[train.encoder], train.encoder_width
+        self.camera_head = camera_encoder.CameraHead(train.azimuth)
+        self.shape_encoder = make(train.latent_features, width)
         scores = self.camera_head.num_scores
         self.camera_encoder: nn.Module = (
-            camera_encoder.StatisticsAwareEncoder(make, scores, encoder_width) if told else make(scores, encoder_width)
+            camera_encoder.StatisticsAwareEncoder(make, scores, width) if train.told else make(scores, width)
         )
         self.decoder = decoder
 
@@ -65,18 +57,10 @@ class ReconstructionModel(nn.Module):
         Args:
           encoder_share: the predictors' learning rate as a share of the decoder's; 1 is the paper's way.
         """
-        of_rate = {"share": encoder_share}
+        shape, camera = reconstruction_settings.WEIGHT_DECAY_SHAPE, reconstruction_settings.WEIGHT_DECAY_CAMERA
         return [
-            {
-                "params": list(self.shape_encoder.parameters()),
-                "weight_decay": reconstruction_settings.WEIGHT_DECAY_SHAPE,
-                **of_rate,
-            },
-            {
-                "params": list(self.camera_encoder.parameters()),
-                "weight_decay": reconstruction_settings.WEIGHT_DECAY_CAMERA,
-                **of_rate,
-            },
+            {"params": list(self.shape_encoder.parameters()), "weight_decay": shape, "share": encoder_share},
+            {"params": list(self.camera_encoder.parameters()), "weight_decay": camera, "share": encoder_share},
             {"params": list(self.decoder.parameters()), "weight_decay": 0.0},
         ]
 
@@ -86,8 +70,8 @@ class DDFModel(ReconstructionModel):
 
     decoder: pddf.ConditionalPDDF
 
-    def __init__(self, config: pddf.PDDFConfig, latent_features: int, *encoders: Any) -> None:
-        super().__init__(pddf.ConditionalPDDF(config, latent_features), latent_features, *encoders)
+    def __init__(self, train: reconstruction_settings.TrainConfig, field: reconstruction_settings.FieldConfig) -> None:
+        super().__init__(pddf.ConditionalPDDF(field.of(train.decoder), train.latent_features), train)
 
     @property
     def field(self) -> pddf.PDDF:
@@ -104,8 +88,8 @@ class PCSirenModel(ReconstructionModel):
 
     decoder: pddf.PointDecoder
 
-    def __init__(self, layout: siren.SineLayout, latent_features: int, *encoders: Any) -> None:
-        super().__init__(pddf.PointDecoder(layout, latent_features), latent_features, *encoders)
+    def __init__(self, train: reconstruction_settings.TrainConfig) -> None:
+        super().__init__(pddf.PointDecoder(train.decoder, train.latent_features), train)
 
 
 def mask_loss(
@@ -155,16 +139,6 @@ def _choose(meets: Bool[Tensor, "b n"], num_pixels: int | None, chances: Float[T
             raise ValueError("num_pixels needs chances, by which they are chosen")
         order = order * (1 + chances)
     return order.topk(count, dim=-1).indices
-
-
-def ddf_model(train: reconstruction_settings.TrainConfig, field: reconstruction_settings.FieldConfig) -> DDFModel:
-    """The DDF model of a config, freshly initialised."""
-    return DDFModel(field.of(train.decoder), train.latent_features, *train.encoders)
-
-
-def pcsiren_model(train: reconstruction_settings.TrainConfig) -> PCSirenModel:
-    """The PC-SIREN model of a config, freshly initialised."""
-    return PCSirenModel(train.decoder, train.latent_features, *train.encoders)
 
 
 def row_batches(images: category_data.ImageSet, size: int = ENCODER_BATCH) -> list[Rows]:
@@ -218,7 +192,7 @@ def load_ddf(folder: Path, record: Mapping[str, Any]) -> tuple[DDFModel, int]:
     with framed_field.record_of(folder):
         train = config.recorded(record["train"], reconstruction_settings.TrainConfig, "train")
         field = config.recorded(record["section"]["field"], reconstruction_settings.FieldConfig, "ddf.field")
-    make = functools.partial(ddf_model, train, field)
+    make = functools.partial(DDFModel, train, field)
     return model_files.built(make, folder, out_of_distribution.PREFIX), train.image_size
 
 
@@ -228,4 +202,4 @@ def load_pcsiren(folder: Path, record: Mapping[str, Any]) -> tuple[PCSirenModel,
 
     with framed_field.record_of(folder):
         train = config.recorded(record["train"], reconstruction_settings.TrainConfig, "train")
-    return model_files.built(lambda: pcsiren_model(train), folder), train.image_size
+    return model_files.built(lambda: PCSirenModel(train), folder), train.image_size

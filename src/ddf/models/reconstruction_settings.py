@@ -42,11 +42,6 @@ class TrainConfig(schema.Checked):
         super().__post_init__()
         encoders.require(self.encoder)
 
-    @property
-    def encoders(self) -> tuple[int, Azimuth, str, bool]:
-        """What both models make their encoders by: `ReconstructionModel`."""
-        return self.encoder_width, self.azimuth, self.encoder, self.told
-
 
 @dataclass(frozen=True)
 class ProposalConfig(schema.Checked):

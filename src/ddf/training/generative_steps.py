@@ -48,7 +48,7 @@ def vae_step(
     part = distributed.part(settings.batch_size)
     clouds = shapes.clouds(drawn, settings.points, random, part)
     noise = random.standard_normal((settings.batch_size, settings.latent_features))[part].astype(np.float32)
-    points = shapes.draw(drawn, settings.counts, random, part).to(place)
+    points = shapes.samples.draw(drawn, settings.counts, random, part).to(place)
     torch.manual_seed(int(random.integers(2**62)) + distributed.rank())  # of dropout
     mean, log_variance = model.posterior(*(values.to(place) for values in clouds))
     latent = mean + (0.5 * log_variance).exp() * torch.from_numpy(noise).to(place)
@@ -125,42 +125,48 @@ def image_updates(
     """All updates of a step of the image GAN, in order."""
     gan = model.config
 
-    def critic(turn: int, step: int) -> tuple[Tensor, dict[str, Tensor]]:
-        draw = Draw.of(gan, step, turn)
-        with torch.no_grad():
-            fake = model.colours(draw.shapes(normals), draw.normal(gan.texture_features))
-        return critic_loss(model.critic, draw.real(images), fake, gan.gradient_penalty)
+    def fake(draw: Draw) -> Float[Tensor, "b 3 h w"]:
+        return model.colours(draw.shapes(normals), draw.normal(gan.texture_features))
 
     def generator(step: int) -> tuple[Tensor, dict[str, Tensor]]:
         draw = Draw.of(gan, step, CRITIC_STEPS)
         shapes, textures = draw.shapes(normals), draw.normal(gan.texture_features)
-        fake = model.colours(shapes, textures)
-        adversarial = adversarial_loss(model.critic, fake)
-        of_shape = functional.mse_loss(model.normals(fake), shapes)
-        of_texture = functional.mse_loss(model.textures(fake), textures)
+        made = model.colours(shapes, textures)
+        adversarial = adversarial_loss(model.critic, made)
+        of_shape = functional.mse_loss(model.normals(made), shapes)
+        of_texture = functional.mse_loss(model.textures(made), textures)
         total = adversarial + of_shape + of_texture
         terms = {"adversarial": adversarial, "shape": of_shape, "texture": of_texture}
         return total, {name: value.detach() for name, value in terms.items()}
 
-    return [*(functools.partial(critic, turn) for turn in range(CRITIC_STEPS)), generator]
+    return [*_critic_updates(model, images, fake), generator]
 
 
 def noise_updates(model: generative_models.NoiseGAN, images: category_data.ImageSet) -> list[Update]:
     """All updates of a step of the 2D GAN, in order."""
-    gan = model.config
 
-    def critic(turn: int, step: int) -> tuple[Tensor, dict[str, Tensor]]:
-        draw = Draw.of(gan, step, turn)
-        with torch.no_grad():
-            fake = model.generator(draw.normal(gan.noise_features))
-        return critic_loss(model.critic, draw.real(images), fake, gan.gradient_penalty)
+    def fake(draw: Draw) -> Float[Tensor, "b 3 h w"]:
+        return model.generator(draw.normal(model.config.noise_features))
 
     def generator(step: int) -> tuple[Tensor, dict[str, Tensor]]:
-        draw = Draw.of(gan, step, CRITIC_STEPS)
-        loss = adversarial_loss(model.critic, model.generator(draw.normal(gan.noise_features)))
+        loss = adversarial_loss(model.critic, fake(Draw.of(model.config, step, CRITIC_STEPS)))
         return loss, {"adversarial": loss.detach()}
 
-    return [*(functools.partial(critic, turn) for turn in range(CRITIC_STEPS)), generator]
+    return [*_critic_updates(model, images, fake), generator]
+
+
+def _critic_updates(
+    model: generative_models.ImageGAN | generative_models.NoiseGAN,
+    images: category_data.ImageSet,
+    fake: Callable[[Draw], Float[Tensor, "b 3 h w"]],
+) -> list[Update]:
+    def update(turn: int, step: int) -> tuple[Tensor, dict[str, Tensor]]:
+        draw = Draw.of(model.config, step, turn)
+        with torch.no_grad():
+            made = fake(draw)
+        return critic_loss(model.critic, draw.real(images), made, model.config.gradient_penalty)
+
+    return [functools.partial(update, turn) for turn in range(CRITIC_STEPS)]
 
 
 class FeatureNetwork(nn.Module):

@@ -3,7 +3,7 @@
 The shapes with samples are the VAE's. The critic sees images of the others, so that no shape is on both sides.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,6 @@ from torch import Tensor
 from ddf.core import checks, storage
 from ddf.data import packing, shapenet
 from ddf.data.batches import category_data
-from ddf.data.samples import sample_batch
 from ddf.models import image_networks
 
 SURFACE = "S"  # samples whose starts lie on the surface, evenly, with its normals
@@ -90,16 +89,6 @@ class Shapes:
     ids: Sequence[str]
     samples: category_data.SampleSet
     scales: Float[np.ndarray, "shapes"]
-
-    def draw(
-        self,
-        shapes: Int[np.ndarray, "b"],
-        counts: Mapping[str, int],
-        random: np.random.Generator,
-        part: slice = slice(None),
-    ) -> sample_batch.SampleBatch:
-        """As `category_data.SampleSet.draw`."""
-        return self.samples.draw(shapes, counts, random, part)
 
     def clouds(
         self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator, part: slice = slice(None)

@@ -61,10 +61,10 @@ def fresh(kind):
         _hand_made.samples(),
     )
     if kind == "ddf":
-        model = reconstruction_models.ddf_model(TRAIN, _hand_made.DDF.field)
+        model = reconstruction_models.DDFModel(TRAIN, _hand_made.DDF.field)
         loss = functools.partial(reconstruction_steps.ddf_step, model, images, shapes, samples, TRAIN, _hand_made.DDF)
     else:
-        model = reconstruction_models.pcsiren_model(TRAIN)
+        model = reconstruction_models.PCSirenModel(TRAIN)
         loss = functools.partial(reconstruction_steps.pcsiren_step, model, images, shapes, TRAIN, _hand_made.PCSIREN)
     model.camera_head.fit(images.cameras)
     return model, loss

@@ -17,7 +17,7 @@ from ddf.models import encoders, out_of_distribution, reconstruction_models
 def _model(name):
     torch.manual_seed(0)
     train = dataclasses.replace(_models.TRAIN, encoder=name)
-    model = reconstruction_models.ddf_model(train, _models.OWN)
+    model = reconstruction_models.DDFModel(train, _models.OWN)
     model.camera_head.fit(_models.CAMERAS)
     return model
 

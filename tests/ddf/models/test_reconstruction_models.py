@@ -9,7 +9,7 @@ import torch
 import torchvision
 
 from ddf.core import checks, storage
-from ddf.fields import model_files, pddf, rendering, siren
+from ddf.fields import model_files, pddf, rendering
 from ddf.geometry import cameras, rays, transforms
 from ddf.models import camera_encoder, encoders, reconstruction_models, reconstruction_settings
 from ddf.reconstruction import mask_descent
@@ -39,8 +39,7 @@ def _camera(*values):
 
 
 def test_parameter_counts_are_the_papers():
-    ddf = reconstruction_models.DDFModel(PAPER_FIELD, 512, 64)
-    baseline = reconstruction_models.PCSirenModel(PAPER_FIELD.layout(), 512, 64)
+    ddf, baseline = _models.of_field(PAPER_FIELD, 512, 64)
     assert pddf.count_parameters(ddf) == 25_647_367
     assert pddf.count_parameters(baseline) == 25_645_574
     assert pddf.count_parameters(pddf.PDDF(pddf.PAPER_SINGLE_SHAPE)) == 1_581_572
@@ -56,7 +55,7 @@ def test_full_width_encoder_is_torchvisions_resnet18():
 
 
 def test_every_parameter_is_in_one_group_with_its_decay():
-    model = reconstruction_models.DDFModel(SMALL_FIELD, 8, 8)
+    model, _ = _models.of_field(SMALL_FIELD, 8, 8)
     groups = model.parameter_groups()
     assert [g["weight_decay"] for g in groups] == [1e-3, 1e-6, 0.0]
     assert [g.get("share", 1.0) for g in groups] == [1.0, 1.0, 1.0]
@@ -109,7 +108,7 @@ def test_undecided_azimuth_has_no_gradient_and_others_that_of_their_angle():
 @pytest.mark.parametrize("azimuth", ["angle", "sincos"])
 def test_correction_turns_back_an_azimuth_past_the_end(azimuth):
     """The ball stands off the centre: its silhouette tells the azimuth. Truth and start lie on either side of 0."""
-    model = reconstruction_models.DDFModel(SMALL_FIELD, 4, 8, azimuth)
+    model, _ = _models.of_field(SMALL_FIELD, 4, 8, azimuth)
     model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.65], [6.2, 0.53, 0.95], [3.0, 0.5, 0.8]]))
     model.decoder.field = _BallField(torch.tensor([0.5, 0.0, 0.2]), 0.3)
     truth, start, scale = _camera(0.05, 0.48, 0.8), _camera(2 * math.pi - 0.1, 0.48, 0.8), torch.tensor([2.5])
@@ -201,7 +200,7 @@ def test_camera_gradient_of_the_mask_loss_equals_finite_differences():
 
 
 def test_correction_finds_the_radius_of_a_ball():
-    model = reconstruction_models.DDFModel(SMALL_FIELD, 4, 8)
+    model, _ = _models.of_field(SMALL_FIELD, 4, 8)
     model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.65], [6.2, 0.53, 0.95], [3.0, 0.5, 0.8]]))
     model.decoder.field = _BallField()
     truth, start, scale = _camera(1.0, 0.48, 0.72), _camera(1.0, 0.48, 0.9), torch.tensor([2.5])
@@ -228,9 +227,7 @@ def test_correction_of_nothing_or_of_something_unknown_is_refused(free):
 
 def test_models_share_encoders_and_layers():
     """PC-SIREN differs from the DDF model by its first and last layer alone: 3 inputs and 1 output fewer."""
-    layout = siren.SineLayout((24, 24), 2.0, 1.0)
-    ddf = reconstruction_models.DDFModel(SMALL_FIELD, 8, 8)
-    baseline = reconstruction_models.PCSirenModel(layout, 8, 8)
+    ddf, baseline = _models.of_field(SMALL_FIELD, 8, 8)
     difference = pddf.count_parameters(ddf) - pddf.count_parameters(baseline)
     assert difference == 3 * 24 + (24 + 1)
 

@@ -24,7 +24,7 @@ def test_scale_makes_the_box_diagonal_one():
 
 def test_reconstruction_has_the_promised_arrays():
     torch.manual_seed(0)
-    model = reconstruction_models.ddf_model(TRAIN, DDF.field).eval()
+    model = reconstruction_models.DDFModel(TRAIN, DDF.field).eval()
     images = _hand_made.images()
     model.camera_head.fit(images.cameras)
     tensors, facts = many_images.reconstruct_ddf(model, images, POINTCLOUDS, "test")
@@ -132,7 +132,7 @@ def test_an_error_of_one_image_comes_through(monkeypatch):
 
 def test_pcsiren_reconstruction_is_the_decoder_on_random_seeds():
     torch.manual_seed(0)
-    model = reconstruction_models.pcsiren_model(TRAIN).eval()
+    model = reconstruction_models.PCSirenModel(TRAIN).eval()
     model.camera_head.fit(_hand_made.images().cameras)
     tensors, _ = many_images.reconstruct_pcsiren(model, _hand_made.images(), POINTCLOUDS)
     assert tuple(tensors["L"].shape) == (6, 60, 3)

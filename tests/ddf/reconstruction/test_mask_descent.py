@@ -44,7 +44,7 @@ class _Told(siren.Modulator):
 
 
 def _model():
-    model = reconstruction_models.DDFModel(_models.FIELD, 5, 4)
+    model, _ = _models.of_field(_models.FIELD, 5, 4)
     model.camera_head.fit(_models.CAMERAS)
     model.decoder.field, model.decoder.modulator = _Ball(), _Told()
     return model

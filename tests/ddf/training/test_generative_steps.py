@@ -132,7 +132,7 @@ def test_the_loss_is_that_of_the_shape_and_the_divergence():
     drawn = random.choice(3, 2, replace=False)
     clouds = SHAPES.clouds(drawn, 10, random)
     noise = torch.from_numpy(random.standard_normal((2, 5)).astype(np.float32))
-    points = SHAPES.draw(drawn, model.config.counts, random)
+    points = SHAPES.samples.draw(drawn, model.config.counts, random)
     mean, log_variance = model.posterior(*clouds)
     latent = mean + (0.5 * log_variance).exp() * noise
     shape_loss, _ = losses.shape_loss(

@@ -30,14 +30,14 @@ def test_steps_lower_the_loss_and_reach_every_parameter(kind, told):
     train = dataclasses.replace(TRAIN, told=told)
     images, shapes = _hand_made.images(), _hand_made.shapes()
     if kind == "ddf":
-        model = reconstruction_models.ddf_model(train, DDF.field)
+        model = reconstruction_models.DDFModel(train, DDF.field)
         model.fit_cameras(images)
         samples = _hand_made.samples()
 
         def step(k):
             return reconstruction_steps.ddf_step(model, images, shapes, samples, train, DDF, k)
     else:
-        model = reconstruction_models.pcsiren_model(train)
+        model = reconstruction_models.PCSirenModel(train)
         model.fit_cameras(images)
 
         def step(k):
@@ -90,7 +90,7 @@ def test_ddf_step_is_the_weighted_sum_of_its_parts(pixels):
     frames = [transforms.Similarity(2.0 + i, translation=np.array([0.1 * i, 0.0, -0.05])) for i in range(3)]
     shapes = dataclasses.replace(shapes, similarities=frames)
     config = dataclasses.replace(DDF, mask_weight=4.0, mask_pixels=pixels)
-    model = reconstruction_models.ddf_model(SEEDED, config.field)
+    model = reconstruction_models.DDFModel(SEEDED, config.field)
     model.camera_head.fit(images.cameras)
     exact, random, rows, shown, truth = _by_hand(model, images)
     found, terms = reconstruction_steps.ddf_step(model, images, shapes, samples, SEEDED, config, STEP)
@@ -146,7 +146,7 @@ def _of_some(masks, pixels, random):
 def test_pcsiren_step_is_the_weighted_sum_of_its_parts():
     torch.manual_seed(0)
     images, shapes = _hand_made.images(), _hand_made.shapes()
-    model = reconstruction_models.pcsiren_model(SEEDED)
+    model = reconstruction_models.PCSirenModel(SEEDED)
     model.camera_head.fit(images.cameras)
     exact, random, rows, shown, truth = _by_hand(model, images)
     found, terms = reconstruction_steps.pcsiren_step(model, images, shapes, SEEDED, PCSIREN, STEP)

@@ -95,8 +95,8 @@ def test_both_models_have_one_decoder_in_every_file():
     """Layer by layer: only what goes in and what comes out differs, and the encoders are the same."""
     for path in CONFIGS:
         train = Run.read(path).section(reconstruction_settings.TrainConfig)
-        ddf = reconstruction_models.ddf_model(train, Run.read(path).section(reconstruction_settings.DDFConfig).field)
-        pcsiren = reconstruction_models.pcsiren_model(train)
+        ddf = reconstruction_models.DDFModel(train, Run.read(path).section(reconstruction_settings.DDFConfig).field)
+        pcsiren = reconstruction_models.PCSirenModel(train)
         ours, theirs = ddf.decoder.field.network, pcsiren.decoder.network
         assert ours.omegas == theirs.omegas and len(ours.layers) == len(theirs.layers)
         for number, (one, other) in enumerate(zip(ours.layers, theirs.layers, strict=True)):
@@ -134,8 +134,8 @@ def test_the_papers_way_at_small_sizes_has_the_papers_losses_samples_cameras_and
 def test_paper_config_builds_the_published_models():
     path = next(path for path in CONFIGS if path.stem == "paper")
     train = Run.read(path).section(reconstruction_settings.TrainConfig)
-    ddf_model = reconstruction_models.ddf_model(train, Run.read(path).section(reconstruction_settings.DDFConfig).field)
-    pc_siren = reconstruction_models.pcsiren_model(train)
+    ddf_model = reconstruction_models.DDFModel(train, Run.read(path).section(reconstruction_settings.DDFConfig).field)
+    pc_siren = reconstruction_models.PCSirenModel(train)
     assert ddf_fields.count_parameters(ddf_model) == 25_647_367
     assert ddf_fields.count_parameters(pc_siren) == 25_645_574
     assert ddf_fields.count_parameters(ddf_fields.PDDF(ddf_fields.PAPER_SINGLE_SHAPE)) == 1_581_572

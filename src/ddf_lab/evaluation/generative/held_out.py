@@ -56,7 +56,7 @@ def auto_decode(
     everyone = np.arange(len(shapes.ids))
 
     def step_loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
-        points = shapes.draw(everyone, vae.counts, np.random.default_rng((section.seed, step))).to(place)
+        points = shapes.samples.draw(everyone, vae.counts, np.random.default_rng((section.seed, step))).to(place)
         modulations = model.decoder.modulator(found.values)
         loss, _ = losses.shape_loss(model.decoder.field, points, modulations, vae.weights)
         return loss, {}

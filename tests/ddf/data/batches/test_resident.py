@@ -66,11 +66,11 @@ def test_steps_are_those_of_files_bit_for_bit(kind, roomy):
     def gradients(images, shapes, samples):
         torch.manual_seed(0)
         if kind == "ddf":
-            model = reconstruction_models.ddf_model(TRAIN, DDF.field)
+            model = reconstruction_models.DDFModel(TRAIN, DDF.field)
             model.camera_head.fit(images.cameras)
             loss, _ = reconstruction_steps.ddf_step(model, images, shapes, samples, TRAIN, DDF, 5)
         else:
-            model = reconstruction_models.pcsiren_model(TRAIN)
+            model = reconstruction_models.PCSirenModel(TRAIN)
             model.camera_head.fit(images.cameras)
             loss, _ = reconstruction_steps.pcsiren_step(model, images, shapes, TRAIN, PCSIREN, 5)
         loss.backward()
