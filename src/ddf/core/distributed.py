@@ -11,7 +11,6 @@ import functools
 import logging
 import os
 import sys
-import zlib
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -19,6 +18,7 @@ import torch
 import torch.distributed as group
 from jaxtyping import Float
 from torch import Tensor, nn
+from torch.distributed.nn import functional
 from torch.nn.modules import batchnorm
 
 from ddf.core import checks
@@ -120,11 +120,9 @@ def check_same(name: str, value: str) -> None:
     """
     if count() == 1:
         return
-    code = zlib.crc32(value.encode())
-    ends = torch.tensor([code, -code], device="cuda" if torch.cuda.is_available() else "cpu")
-    group.all_reduce(ends, group.ReduceOp.MAX)
-    highest, lowest = int(ends[0]), -int(ends[1])
-    if highest != lowest:
+    said = [""] * count()
+    group.all_gather_object(said, value)
+    if len(set(said)) > 1:
         raise checks.InputError(f"{name} differ between processes: all need the same files; process {rank()}: {value}")
 
 
@@ -149,16 +147,15 @@ class _SharedBatchNorm(batchnorm._BatchNorm):
     def forward(self, input: Float[Tensor, "b c *places"]) -> Float[Tensor, "b c *places"]:
         """As of the whole batch.
 
-        With mean m_k and variance s_k of part k: m = mean m_k, s = mean (s_k + (m_k - m)²), which does not cancel.
+        With mean m_k and variance s_k of part k: m = mean m_k, s = mean (s_k + (m_k - m)²), which does not cancel. Each
+        process has a loss of its own, so the gradient of a sum over them is the sum of their gradients.
         """
         if not self.training:
             return super().forward(input)
-        own, after = rank(), count() - rank() - 1
         places = (1,) * (input.ndim - 2)
-        variance, mean = torch.var_mean(input, (0, *range(2, input.ndim)), correction=0)
-        found = _Sum.apply(nn.functional.pad(torch.stack((mean, variance))[None], (0, 0, 0, 0, own, after)))
-        mean = found[:, 0].mean(0)
-        variance = (found[:, 1] + (found[:, 0] - mean).square()).mean(0)
+        own, mine = torch.var_mean(input, (0, *range(2, input.ndim)), correction=0)
+        mean = functional.all_reduce(mine) / count()
+        variance = functional.all_reduce(own + (mine - mean).square()) / count()
         self._remember(mean.detach(), variance.detach(), count() * input.numel() // len(mean))
         scale = self.weight * (variance + self.eps).rsqrt()
         shift = self.bias - mean * scale
@@ -166,27 +163,10 @@ class _SharedBatchNorm(batchnorm._BatchNorm):
 
     @torch.no_grad()
     def _remember(self, mean: Float[Tensor, "c"], variance: Float[Tensor, "c"], values: int) -> None:
-        """Move the running statistics, as torch does: with the unbiased variance of so many values."""
+        """Move the running statistics as torch does: with the unbiased variance of so many values."""
         if self.running_mean is None or self.running_var is None or self.num_batches_tracked is None:
             raise ValueError("batch normalisation without running statistics")
         momentum = 0.1 if self.momentum is None else self.momentum
         self.running_mean.lerp_(mean, momentum)
         self.running_var.lerp_(variance * (values / (values - 1)), momentum)
         self.num_batches_tracked += 1
-
-
-class _Sum(torch.autograd.Function):
-    """Sum over all processes. Each has a loss of its own, so the gradient is the sum over theirs."""
-
-    @staticmethod
-    def forward(ctx, values: Tensor) -> Tensor:
-        total = values.clone(memory_format=torch.contiguous_format)
-        group.all_reduce(total)
-        return total
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, grad_total: Tensor) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
-        total = grad_total.clone(memory_format=torch.contiguous_format)
-        group.all_reduce(total)
-        return total

@@ -103,14 +103,13 @@ def map_shards(
     for task in waiting:
         if not task.note.path.exists():
             _run_isolated(task, describe)
-    _remove_strangers(out_dir, tasks)
-    failures = [failure for task in tasks for failure in task.failures()]
-    for failure in failures[:_SHOWN]:
-        sys.stderr.write(f"{describe}: left out {failure.id}: {' '.join(failure.reason.split())[:300]}\n")
-    if len(failures) > _SHOWN:
-        sys.stderr.write(f"{describe}: {len(failures)} left out in all, listed in {out_dir / 'failures.csv'}\n")
-    _write_failures(out_dir / "failures.csv", failures)
-    _check_failures(failures, len(items), describe, out_dir)
+    told = {task.note.path: storage.read_json(task.note.path) for task in tasks}
+    owned = {*told, *(out_dir / name for record in told.values() for name in record["files"])}
+    for path in out_dir.iterdir():
+        if path.is_file() and path not in owned:  # left by killed runs, or by earlier, longer data sets
+            path.unlink()
+    failures = [Failure(**failure) for record in told.values() for failure in record["failures"]]
+    _report(failures, len(items), describe, out_dir / "failures.csv")
     return failures
 
 
@@ -140,11 +139,12 @@ class _Task:
         failures = [dataclasses.asdict(failure) for failure in [*result.failures, *extra]]
         self.note.write(result.files, failures=failures)
 
-    def files(self) -> set[Path]:
-        return {self.note.path, *(self.shard.out_dir / name for name in storage.read_json(self.note.path)["files"])}
-
-    def failures(self) -> list[Failure]:
-        return [Failure(**failure) for failure in storage.read_json(self.note.path)["failures"]]
+    def survives(self, extra: Sequence[Failure] = ()) -> bool:
+        """Run in a process of its own; False when that process died. Exceptions come through."""
+        with loky.ProcessPoolExecutor(max_workers=1) as executor, contextlib.suppress(BrokenProcessPool):
+            executor.submit(self.run, extra).result()
+            return True
+        return False
 
 
 def _run_all(tasks: Sequence[_Task], describe: str, total: int, jobs: int | None) -> None:
@@ -180,13 +180,10 @@ def _backend() -> Iterator[None]:
 
 def _run_isolated(task: _Task, describe: str) -> None:
     """A shard that lost its process: try each item alone, then run the shard without those that kill a process."""
-    survivors, extra = [], []
-    for item in task.items:
-        if _survives(dataclasses.replace(task, items=[item]), ()):
-            survivors.append(item)
-        else:
-            extra.append(Failure(_name(item), describe, "its process died (crash in native code, or out of memory)"))
-    if not _survives(dataclasses.replace(task, items=survivors), extra):
+    lost = [item for item in task.items if not dataclasses.replace(task, items=[item]).survives()]
+    died = "its process died (crash in native code, or out of memory)"
+    whole = dataclasses.replace(task, items=[item for item in task.items if item not in lost])
+    if not whole.survives([Failure(_name(item), describe, died) for item in lost]):
         raise checks.InputError(
             f"{describe}: shard {task.shard.index} ({_name(task.items[0])} ...) ended its process, although its items "
             "pass one by one; check the memory, or use smaller shards"
@@ -197,41 +194,25 @@ def _name(item: Any) -> str:
     return getattr(item, "id", str(item))
 
 
-def _survives(task: _Task, extra: Sequence[Failure]) -> bool:
-    """Run a task in a process of its own; False when that process died. Exceptions of the task come through."""
-    with loky.ProcessPoolExecutor(max_workers=1) as executor:
-        try:
-            executor.submit(task.run, extra).result()
-        except BrokenProcessPool:
-            return False
-    return True
-
-
 def _plain(item: Any) -> Any:
     return dataclasses.asdict(item) if dataclasses.is_dataclass(item) and not isinstance(item, type) else item
 
 
-def _remove_strangers(out_dir: Path, tasks: Sequence[_Task]) -> None:
-    """Leftovers of killed runs and of earlier, longer data sets."""
-    owned = {path for task in tasks for path in task.files()}
-    for path in out_dir.iterdir():
-        if path.is_file() and path not in owned:
-            path.unlink()
-
-
-def _write_failures(path: Path, failures: Sequence[Failure]) -> None:
+def _report(failures: Sequence[Failure], total: int, describe: str, path: Path) -> None:
+    """Say up to five failures, list all in a file, and raise where there are too many."""
+    reasons = [" ".join(failure.reason.split()) for failure in failures]
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(["id", "stage", "reason"])
-    writer.writerows([failure.id, failure.stage, " ".join(failure.reason.split())] for failure in failures)
+    writer.writerows([each.id, each.stage, reason] for each, reason in zip(failures, reasons, strict=True))
     storage.write_text(path, buffer.getvalue())
-
-
-def _check_failures(failures: Sequence[Failure], total: int, describe: str, out_dir: Path) -> None:
+    for failure, reason in [*zip(failures, reasons, strict=True)][:_SHOWN]:
+        sys.stderr.write(f"{describe}: left out {failure.id}: {reason[:300]}\n")
+    if len(failures) > _SHOWN:
+        sys.stderr.write(f"{describe}: {len(failures)} left out in all, listed in {path}\n")
     allowed = max(int(MAX_FAILURE_SHARE * total), 1 if 1 < total < SMALL_RUN else 0)
     if len(failures) > allowed:
-        first = failures[0]
         raise checks.InputError(
             f"{describe}: {len(failures)} of {total} shapes failed (at most {allowed} may), the first one "
-            f"{first.id}: {' '.join(first.reason.split())}; all are listed in {out_dir / 'failures.csv'}"
+            f"{failures[0].id}: {reasons[0]}; all are listed in {path}"
         )
