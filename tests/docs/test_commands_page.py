@@ -1,6 +1,5 @@
 """docs/commands.md has a section for every command; the examples of help are well formed."""
 
-import importlib
 import re
 import shlex
 from pathlib import Path
@@ -11,7 +10,7 @@ from ddf import cli
 from ddf.cli import commands
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "commands.md").read_text()
-MODULES = {name: importlib.import_module(entry.module) for name, entry in commands.COMMANDS.items()}
+MODULES = {name: entry.load() for name, entry in commands.COMMANDS.items()}
 
 
 def test_every_command_has_a_section_and_nothing_else_has():

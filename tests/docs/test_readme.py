@@ -13,7 +13,7 @@ from ddf.cli import commands
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TARGETS = set(re.findall(r"(?m)^([a-z-]+):(?:.*)## ", (ROOT / "Makefile").read_text())) | {
-    f"stage-{name}" for name in yaml.safe_load((ROOT / "pipeline.yaml").read_text())["stages"]
+    f"stage-{name}" for name in yaml.safe_load((ROOT / "pipeline.yaml").read_text())
 }
 
 

@@ -8,15 +8,21 @@ and `verdict` (one line, shown last).
 
 import importlib
 import importlib.util
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Command(NamedTuple):
-    """The room of a command in the help, its module, and what it does."""
+    """The room of a command in the help, its module (or what a module names, behind a colon), and what it does."""
 
     room: str
     module: str
     summary: str
+
+    def load(self) -> Any:
+        """Import it."""
+        module, _, name = self.module.partition(":")
+        found = importlib.import_module(module)
+        return getattr(found, name) if name else found
 
 
 ROOMS = {"mesh": "meshes and clouds", "field": "fields", "model": "trained models", "experiment": "experiments"}

@@ -6,7 +6,6 @@ line that says what is kept.
 
 import argparse
 import contextlib
-import importlib
 import io
 import os
 import re
@@ -61,7 +60,7 @@ def with_negative_values(argv: Sequence[str]) -> list[str]:
 
 
 def _run(args: argparse.Namespace, words: Sequence[str]) -> None:
-    module = _module(args.command)
+    module = COMMANDS[args.command].load()
     with _stdout_to_stderr() if args.json else contextlib.nullcontext():
         arguments.require_places(args)
         try:
@@ -73,13 +72,6 @@ def _run(args: argparse.Namespace, words: Sequence[str]) -> None:
             raise interrupts.Interrupted(getattr(stop, "number", signal.SIGINT), kept) from stop
     sys.stdout.write(results.json_line(result) if args.json else results.text(result))
     sys.stdout.flush()
-
-
-def _module(command: str) -> Any:
-    """The module of a command, or what it names behind a colon."""
-    module, _, name = COMMANDS[command].module.partition(":")
-    found = importlib.import_module(module)
-    return getattr(found, name) if name else found
 
 
 class _Parser(argparse.ArgumentParser):
@@ -123,7 +115,7 @@ def _parser(chosen: str | None) -> _Parser:
         command = commands.add_parser(name, description=f"{summary[0].upper()}{summary[1:]}.", **shape)
         command.add_argument("--json", action="store_true", help="print one JSON object on stdout, for scripts")
         if name == chosen:
-            module = _module(name)
+            module = COMMANDS[name].load()
             module.add_arguments(command)
             command.epilog = "\n".join(("examples:", *(f"  {line}" for line in module.EXAMPLES)))
     return parser
