@@ -2,7 +2,7 @@
 
 from ddf.fit import fit_settings
 from ddf_lab.engine import stage
-from ddf_lab.report.shape import shape_page
+from ddf_lab.report import shape_page
 from ddf_lab.run import Run
 
 

@@ -30,7 +30,7 @@ from ddf.fields import derivatives, framed_field, siren
 from ddf.fields.grid import build, patch_field
 from ddf.fit import fit_settings, fitting
 from ddf.geometry import cameras, mesh_io, raycast, rays, transforms
-from ddf_lab.evaluation.shape import source_mesh
+from ddf_lab.evaluation import shape_fits
 
 ON_DEMAND = "python -m bench parametrisations, 20 minutes"
 SECONDS, REPEATS, SIZE = 60.0, 9, 256
@@ -57,7 +57,7 @@ DISTANCE_OMEGA, DISTANCE_RATE = 10.0, 2e-3  # omega_first and learning rate of t
 def shapes() -> dict[str, mesh_io.Mesh]:
     """A chair, and a box with a window and a cube in it; both closed, in the frame of the fields."""
     wrapped, placed = mesh_config.MeshesConfig(faces=FACES, wrap="always"), {}
-    for name, raw in {"chair": source_mesh.read(None, 0)[0], "nested": showcase.nested()}.items():
+    for name, raw in {"chair": shape_fits.source_mesh(None, 0)[0], "nested": showcase.nested()}.items():
         mesh = mesh_preparation.prepare(raw, wrapped, seeding.generator(0, "bench")).mesh
         vertices = UNIT * transforms.field_from_mesh(mesh.vertices).apply(mesh.vertices)
         placed[name] = mesh_io.Mesh(vertices, mesh.faces)

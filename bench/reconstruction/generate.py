@@ -2,7 +2,7 @@
 
 Rows: other true shapes; what the model makes of their images; samples; and three fakes that a score must rank behind
 these: the mean shape again and again, samples drawn towards it, samples with noise. MMD, coverage, 1-NNA and energy as
-in `generative_clouds.distribution`, the shares in percent. The prior's width was chosen by MMD and 1-NNA on chairs:
+in `generative_shapes.distribution`, the shares in percent. The prior's width was chosen by MMD and 1-NNA on chairs:
 `--seed 71 --width` .6, .8, 1 and 1.2. Seconds are processor time of one shape, of one thread.
 """
 
@@ -26,7 +26,7 @@ from ddf.geometry import neighbours, transforms
 from ddf.geometry.mesh_io import Mesh
 from ddf.models import generated_images, out_of_distribution, reconstruction_models
 from ddf.reconstruction import framing, one_image
-from ddf_lab.evaluation.generative import generative_clouds
+from ddf_lab.evaluation import generative_shapes
 
 ON_DEMAND = "python -m bench generate, some minutes"
 NAME, THREADS, COUNT, POINTS, TRUTH_POINTS = "generate", 1, 40, 1500, 6000
@@ -101,7 +101,7 @@ def rows(category: str, seed: int, width: float) -> Iterator[dict]:
         started = time.process_time()
         made = make()
         seconds = (time.process_time() - started) / COUNT
-        found = generative_clouds.distribution(made, known)
+        found = generative_shapes.distribution(made, known)
         error = {
             "mmd_x1000": found["matching_x1000"],
             "coverage_percent": 100 * found["coverage"],

@@ -1,8 +1,9 @@
 """The numbers that the paper prints, as data, with the labels of the tables they come from.
 
-[DDF22] tables `si3dr` and `si3dr1h`, ShapeNet-v1 with 3D-R2N2 renders: D_C x 1000, F_tau x 100, F_2tau x 100. P2M and
+[DDF22] tables `si3dr` and `si3dr1h`: ShapeNet-v1 with 3D-R2N2 renders; D_C x 1000, F_tau x 100, F_2tau x 100. P2M and
 3DR are quoted there from Pixel2Mesh and are not directly comparable with `Pi_g` columns. Never mixed with numbers
-measured on other data: every row says `paper, ShapeNet`.
+measured on other data: every row says `paper, ShapeNet`. Table `dataablation`: sample types left out of fits to the
+Stanford bunny, `paper, bunny`.
 """
 
 import pandas as pd
@@ -45,6 +46,31 @@ SI3DR1H = {
     "plane": ((0.201, 0.231, 0.748, 0.799), (80.69, 76.71, 63.86, 60.48), (90.23, 88.49, 75.30, 73.55)),
     "car": ((0.235, 0.309, 0.545, 0.628), (68.21, 57.36, 59.84, 49.98), (83.99, 76.41, 76.87, 69.32)),
 }
+
+BUNNY = "paper, bunny"
+BUNNY_TYPES = ("U", "A", "B", "O", "T", "S")  # held-out type, as printed from left to right
+
+# Table `dataablation`, with 25K held-out samples per type and 500K training samples in every row: 100K of each type but
+# the one left out, 83,333 of all six in the row `none`. Left-out type -> errors per held-out type.
+_DEPTH_L1_X10 = {
+    "U": (0.58, 0.79, 0.18, 0.49, 0.75, 0.47),
+    "A": (0.48, 0.82, 0.20, 0.49, 0.81, 0.54),
+    "B": (0.37, 0.67, 0.20, 0.46, 0.73, 0.58),
+    "O": (0.39, 0.67, 0.18, 0.56, 0.70, 0.59),
+    "T": (0.39, 0.70, 0.19, 0.45, 0.84, 0.65),
+    "S": (0.55, 0.95, 0.23, 0.51, 0.89, 1.43),
+    "none": (0.45, 0.75, 0.19, 0.50, 0.77, 0.67),
+}
+_VISIBILITY_BCE = {
+    "U": (2.11, 0.03, 0.07, 0.56, 0.14, 0.05),
+    "A": (0.20, 0.05, 0.07, 0.49, 0.18, 0.07),
+    "B": (0.20, 0.03, 0.10, 0.50, 0.15, 0.06),
+    "O": (0.28, 0.01, 0.11, 1.71, 0.03, 0.03),
+    "T": (0.19, 0.09, 0.06, 0.32, 0.48, 0.07),
+    "S": (0.14, 0.06, 0.06, 0.42, 0.17, 0.48),
+    "none": (0.23, 0.04, 0.08, 0.56, 0.15, 0.07),
+}
+BUNNY_METRICS = {"depth_l1_x10": _DEPTH_L1_X10, "visibility_bce": _VISIBILITY_BCE}
 
 
 def long_table(categories: list[str]) -> pd.DataFrame:

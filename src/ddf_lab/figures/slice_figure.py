@@ -8,8 +8,7 @@ from ddf.data.synthetic import showcase
 from ddf.geometry import raycast
 from ddf.pictures import field_pictures, picture_strips
 from ddf_lab.figures import figure_fields
-from ddf_lab.report import pages
-from ddf_lab.report.shape import shape_views
+from ddf_lab.report import pages, shape_views
 
 SHAPE = "rabbit"
 DIRECTIONS = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))  # of the paper's figure

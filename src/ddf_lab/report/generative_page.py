@@ -15,11 +15,11 @@ from ddf.metrics import cloud_scores
 from ddf.models import generated_images, generative_settings
 from ddf.pictures import sheets
 from ddf.training import training_loop
-from ddf_lab.evaluation.generative import generative_clouds, generative_images
+from ddf_lab.evaluation import generative_scores, generative_shapes
 from ddf_lab.report import pages
 from ddf_lab.run import Run
 
-PAPER_FID: Final = {generative_images.OURS: "27", generative_images.FLAT: "15"}  # [DDF22] §4.4
+PAPER_FID: Final = {generative_scores.OURS: "27", generative_scores.FLAT: "15"}  # [DDF22] §4.4
 NO_WEIGHTS: Final = "not computed (no Inception weights)"
 UNUSED: Final = "not used"
 RATIO: Final = 1.3  # of D_C through the encoder to that of optimised latents
@@ -30,11 +30,11 @@ TRAININGS: Final = {
     "train_features": "feature network",
 }
 _ROWS: Final = {
-    generative_images.CEILING: "real images of other shapes (ceiling)",
-    generative_images.OURS: "image GAN: latent, field, normals, colours",
-    generative_images.FLAT: "2D GAN: noise, colours",
-    generative_images.MEAN: "mean of the real images",
-    generative_images.NOISE: "noise",
+    generative_scores.CEILING: "real images of other shapes (ceiling)",
+    generative_scores.OURS: "image GAN: latent, field, normals, colours",
+    generative_scores.FLAT: "2D GAN: noise, colours",
+    generative_scores.MEAN: "mean of the real images",
+    generative_scores.NOISE: "noise",
 }
 MOST_TOLD_APART: Final = 0.75  # of samples that are good enough for pictures of interpolations and of many cameras
 _LEAD: Final = (
@@ -154,7 +154,7 @@ def _prior(results: _Results) -> pages.Section:
     header = ["distance to the nearest learned shape", "least", "median", "largest"]
     named = {"samples of the prior": "chamfer_x1000", "learned shapes, to another one": "between_learned_x1000"}
     rows = [
-        [label, *(f"{value:.3f}" for value in generative_clouds.spread(found[key]))] for label, key in named.items()
+        [label, *(f"{value:.3f}" for value in generative_shapes.spread(found[key]))] for label, key in named.items()
     ]
     caption = "D<sub>C</sub> x 1000 of clouds. A copy of a learned shape would be far below the second row."
     copies = pages.Table(caption, header, rows)

@@ -20,7 +20,7 @@ from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io, primitives, rays
 from ddf.models import loop_config
 from ddf.training import training_loop
-from ddf_lab.evaluation.shape import fit_errors
+from ddf_lab.evaluation import shape_fits
 
 SPHERE = dataclasses.replace(
     TINY,
@@ -259,7 +259,7 @@ def test_errors_over_rays_that_all_miss_are_not_a_number_and_never_0():
     means = [found["depth_l1"]["U"], found["depth_l1_x10"]["T"], found["normal_angle_deg_median"]]
     assert all(map(math.isnan, [*means, *found["normal_angle_deg"]["A"].values()]))
     assert found["visibility_bce"]["U"] > 0  # of all samples, seen or not
-    table = fit_errors.fit_table(json.loads(json.dumps(found).replace("NaN", "null")))  # as fit.json has it
+    table = shape_fits.fit_table(json.loads(json.dumps(found).replace("NaN", "null")))  # as fit.json has it
     assert table[(table["source"] == "measured") & (table["metric"] == "depth_l1_x10")]["value"].isna().all()
 
 

@@ -1,1 +1,0 @@
-"""Generative models: clouds, images, held-out shapes."""

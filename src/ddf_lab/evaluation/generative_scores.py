@@ -1,0 +1,258 @@
+"""What the generative models of one category reach, from their folders: scores and pictures for the page.
+
+Images of both GANs are set against real ones, with known bounds, and their colours are compared when the camera moves.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ddf.core import seeding
+from ddf.data import shapenet
+from ddf.data.batches import category_data
+from ddf.geometry import cameras, mesh_io, raycast, transforms
+from ddf.metrics import image_scores, texture_consistency
+from ddf.models import generated_images, generative_models, generative_settings, image_networks
+from ddf.training import generative_steps, shape_data
+from ddf_lab.evaluation import generative_shapes
+from ddf_lab.run import Run
+
+CEILING, OURS, FLAT, MEAN, NOISE = "ceiling", "image GAN", "2D GAN", "mean image", "noise"
+_CHUNK = 100
+GRID = 5  # shapes and textures of the interpolation
+
+
+def measure(
+    run: Run, section: generative_settings.ScoresConfig
+) -> tuple[dict[str, Any], dict[str, Float[Tensor, "_ 3 h w"]]]:
+    """The numbers of the page, and the images of its pictures by name."""
+    vae, gan = generative_models.load_vae(run.folder("train_vae")), generative_models.load_gan(run.folder("train_gan"))
+    rival, data = (
+        generative_models.load_gan_2d(run.folder("train_gan2d")),
+        (run.index, run.folder("samples"), run.category),
+    )
+    parts = shape_data.parts(*data, vae.config.held_out)
+    pictured, _ = shape_data.read_pictured(*data)
+    sampled, _ = shape_data.read_sampled(*data, 1)
+    made = {
+        OURS: generated(gan, section.images, section.seed),
+        FLAT: generated_2d(rival, section.images, section.seed),
+    }
+    network, dataset = generative_steps.load_features(run.folder("train_features")), shapenet.Dataset.open(run.index)
+    results = {
+        "shapes": {"learned": len(parts.learned), "held_out": len(parts.held_out), "pictured": len(parts.pictured)},
+        **score_shapes(vae, parts, run, section),
+        "images": score_images(network, pictured, made, section),
+        "consistency": consistency(gan, dataset, run.category, list(parts.pictured), section),
+    }
+    return results, draw(gan, rival, pictured, sampled, results["prior"]["nearest"], section)
+
+
+def score_shapes(
+    vae: generative_models.ShapeVAE, parts: shape_data.Parts, run: Run, section: generative_settings.ScoresConfig
+) -> dict[str, Any]:
+    """Held-out shapes encoded and optimised, the divergence, and samples of the prior beside learned shapes."""
+    samples = run.folder("samples")
+    learned, tested = (shape_data.read(samples, ids)[0] for ids in (parts.learned, parts.held_out))
+    truth, known = (
+        generative_shapes.of_shapes(category_data.read_shapes(samples, ids), section.cloud_points, section.seed)
+        for ids in (parts.held_out, parts.learned)
+    )
+    latents = {
+        "encoded": generative_shapes.encode(vae, tested, section.seed)[0],
+        "optimised": generative_shapes.auto_decode(vae, tested, section, run.folder("evaluate_generative") / "latents"),
+    }
+    found = {}
+    for name, own in latents.items():
+        fields = generated_images.fields(vae.decoder, own)
+        clouds = generative_shapes.of_fields(fields, tested.scales.tolist(), section.cloud_points, section.seed)
+        found[name] = generative_shapes.compared(clouds, truth) | {"errors": generative_shapes.errors(vae, own, tested)}
+    like = len(tested.ids)  # as many samples as held-out shapes are compared with these
+    count = max(section.samples, like)
+    prior = generated_images.latents(count, vae.config.latent_features, section.seed, "samples")
+    fields = generated_images.fields(vae.decoder, prior)
+    drawn = generative_shapes.of_fields(fields, [float(vae.field_scale)] * count, section.cloud_points, section.seed)
+    others = [known[row] for row in generative_shapes.spaced(len(known), like)]
+    return {
+        "held_out": found,
+        "divergence": generative_shapes.divergence_summary(generative_shapes.divergences(vae, learned, section.seed)),
+        "prior": generative_shapes.novelty(drawn[: section.samples], known, parts.learned, like),
+        "distribution": {
+            "prior": generative_shapes.distribution(drawn[:like], truth),
+            "learned": generative_shapes.distribution(others, truth),
+        },
+    }
+
+
+def real_halves(
+    images: category_data.ImageSet, count: int, seed: int
+) -> tuple[Float[Tensor, "n 3 h w"], Float[Tensor, "m 3 h w"]]:
+    """At most so many random images of every other shape, and of the others: no shape is in both."""
+    random = np.random.default_rng(seed)
+    halves = []
+    for parity in (0, 1):
+        rows = np.flatnonzero(images.shapes % 2 == parity)
+        chosen = random.permutation(rows)[:count]
+        halves.append(generative_steps.on_white(images.batch(chosen)))
+    return halves[0], halves[1]
+
+
+@torch.no_grad()
+def generated(model: generative_models.ImageGAN, count: int, seed: int) -> Float[Tensor, "n 3 h w"]:
+    """Images of random shapes, textures and cameras, in [-1, 1]."""
+    latents = generated_images.latents(count, model.vae.latent_features, seed, "scores: shapes")
+    textures = generated_images.latents(count, model.config.texture_features, seed, "scores: textures")
+    random = seeding.generator(seed, "scores: cameras")
+    found = []
+    for field, texture in zip(generated_images.fields(model.decoder, latents), textures, strict=True):
+        camera = generated_images.random_camera(model.config.normals, random)
+        found.append(2 * generated_images.look(model, field, camera, texture[None]).colours[0] - 1)
+    return torch.stack(found).cpu()
+
+
+@torch.no_grad()
+def generated_2d(model: generative_models.NoiseGAN, count: int, seed: int) -> Float[Tensor, "n 3 h w"]:
+    """Images of the 2D GAN, in [-1, 1]."""
+    noise = generated_images.latents(count, model.config.noise_features, seed, "scores: noise")
+    place = next(model.parameters()).device
+    return torch.cat([model.generator(part.to(place)).cpu() for part in noise.split(_CHUNK)])
+
+
+def score_images(
+    network: generative_steps.FeatureNetwork,
+    images: category_data.ImageSet,
+    made: dict[str, Float[Tensor, "_ 3 h w"]],
+    section: generative_settings.ScoresConfig,
+) -> dict[str, Any]:
+    """KID and, with Inception's weights, FID, of models, bounds and spoiled images.
+
+    Real images are split by shape: one half is what all are compared with, the other the ceiling.
+    """
+    real, ceiling = real_halves(images, section.images, section.seed)
+    generator = torch.Generator().manual_seed(section.seed)
+    noise = torch.rand(ceiling.shape, generator=generator) * 2 - 1
+    sets = {CEILING: ceiling, **made, MEAN: real.mean(dim=0).expand_as(real), NOISE: noise}
+    spoiled = image_scores.spoiled(ceiling, section.seed)
+    features = {name: network.features(values) for name, values in {**sets, **spoiled}.items()}
+    subsets = image_scores.Subsets(section.subsets, section.subset_size, section.seed)
+    found = image_scores.table(features, network.features(real), subsets)
+    fid = {name: image_scores.inception_fid(values, real, section.inception_weights) for name, values in sets.items()}
+    return {**found, "fid": fid, "real": len(real), "spoiled": list(spoiled)}
+
+
+def consistency(
+    model: generative_models.ImageGAN,
+    dataset: shapenet.Dataset,
+    category: str,
+    ids: list[str],
+    section: generative_settings.ScoresConfig,
+) -> dict[str, Any]:
+    """Errors of `texture_consistency` between neighbouring cameras around random shapes.
+
+    shuffled: the second image has another texture. real: renders of some shapes, whose light moves with the camera.
+    """
+    latents = generated_images.latents(section.textured, model.vae.latent_features, section.seed, "consistency: shapes")
+    textures = generated_images.latents(
+        section.textured, model.config.texture_features, section.seed, "consistency: textures"
+    )
+    elevation = sum(model.config.normals.elevation_deg) / 2
+    around = generated_images.cameras_around(section.cameras, elevation, model.config.normals.radius)
+    unit = transforms.BENCHMARK_FROM_V1 / float(model.field_scale)
+    own, shuffled = [], []
+    for row, field in enumerate(generated_images.fields(model.decoder, latents)):
+        both = textures[[row, (row + 1) % len(textures)]]
+        seen = [generated_images.look(model, field, camera, both) for camera in around]
+        shown = [
+            [texture_consistency.Picture(s.camera, (s.depth * unit).cpu(), s.colours[k].cpu()) for k in (0, 1)]
+            for s in seen
+        ]
+        for first, second in zip(shown, shown[1:] + shown[:1], strict=True):
+            own.append((first[0], second[0]))
+            shuffled.append((first[0], second[1]))
+    real = [pair for name in ids[: section.textured] for pair in _real_pairs(dataset, category, name)]
+    named = {"ours": own, "shuffled": shuffled, "real": real}
+    return {
+        name: dict(zip(("error", "points"), texture_consistency.error(pairs), strict=True))
+        for name, pairs in named.items()
+    }
+
+
+def _real_pairs(
+    dataset: shapenet.Dataset, category: str, name: str
+) -> list[tuple[texture_consistency.Picture, texture_consistency.Picture]]:
+    """Each view of a shape with the next one round the shape, up to 60 degrees further."""
+    scene = raycast.Scene(mesh_io.load(dataset.model(category, name)))
+    poses = cameras.degrees_to_radians(torch.tensor(dataset.cameras(category, name), dtype=torch.float64))
+    order = torch.argsort(poses[:, 0]).tolist()
+    shown = [_real_picture(dataset, category, name, view, poses[view], scene) for view in order]
+    pairs = []
+    for first, second in zip(shown, shown[1:] + shown[:1], strict=True):
+        if len(shown) > 1 and float((second.camera[0] - first.camera[0]) % (2 * math.pi)) <= math.pi / 3:
+            pairs.append((first, second))
+    return pairs
+
+
+def _real_picture(
+    dataset: shapenet.Dataset, category: str, name: str, view: int, camera: Float[Tensor, "3"], scene: raycast.Scene
+) -> texture_consistency.Picture:
+    """A render, and the distances of its mesh."""
+    size = image_networks.IMAGE_SIZE
+    image = dataset.image(category, name, view, size)[None]
+    directions = cameras.pixel_directions(size, camera).reshape(-1, 3)
+    centre, world = cameras.pixel_rays(camera[0], camera[1], camera[2], directions)
+    start = (centre / transforms.BENCHMARK_FROM_V1).expand_as(world).numpy()
+    depth, _ = scene.first_hits(start, world.numpy())
+    distance = torch.from_numpy(depth * transforms.BENCHMARK_FROM_V1).reshape(size, size)
+    return texture_consistency.Picture(camera.float(), distance.float(), (generative_steps.on_white(image)[0] + 1) / 2)
+
+
+@torch.no_grad()
+def draw(
+    model: generative_models.ImageGAN,
+    rival: generative_models.NoiseGAN,
+    images: category_data.ImageSet,
+    sampled: category_data.ImageSet,
+    nearest: list[str],
+    section: generative_settings.ScoresConfig,
+) -> dict[str, Float[Tensor, "_ 3 h w"]]:
+    """Images by the name of their picture: normals in [-1, 1], colours in [0, 1].
+
+    Args:
+      images: what the critic saw. sampled: renders of the VAE's shapes. nearest: id of the learned shape nearest to
+        each of the prior's samples.
+    """
+    latents = generated_images.latents(section.samples, model.vae.latent_features, section.seed, "samples")
+    textures = generated_images.latents(section.samples, model.config.texture_features, section.seed, "textures")
+    gan = model.config.normals
+    around = generated_images.cameras_around(section.cameras, sum(gan.elevation_deg) / 2, gan.radius)
+    fields = generated_images.fields(model.decoder, latents)
+    samples = [generated_images.look(model, f, around[0], t[None]) for f, t in zip(fields, textures, strict=True)]
+    views = [generated_images.look(model, fields[0], camera, textures[:1]) for camera in around]
+    shapes = generated_images.fields(model.decoder, generated_images.between((latents[0], latents[1]), GRID))
+    between = generated_images.between((textures[0], textures[1]), GRID)
+    grid = [generated_images.look(model, field, around[0], between) for field in shapes]
+    rows = [next(i for i, shape in enumerate(sampled.shapes) if sampled.ids[shape] == name) for name in nearest]
+    real = torch.stack(
+        [images.images[row] for row in range(0, len(images.shapes), len(images.shapes) // section.samples)]
+    )
+    found = {
+        "samples_normals": torch.stack([seen.normals for seen in samples]),
+        "samples_colours": torch.stack([seen.colours[0] for seen in samples]),
+        "samples_nearest": _colours(torch.stack([sampled.images[row] for row in rows])),
+        "views_normals": torch.stack([seen.normals for seen in views]),
+        "views_colours": torch.stack([seen.colours[0] for seen in views]),
+        "grid_normals": torch.stack([seen.normals for seen in grid]),
+        "grid_colours": torch.cat([seen.colours for seen in grid]),
+        "rival_colours": (generated_2d(rival, section.samples, section.seed) + 1) / 2,
+        "real_colours": _colours(real[: section.samples]),
+    }
+    return {name: values.cpu() for name, values in found.items()}
+
+
+def _colours(images: Tensor) -> Float[Tensor, "n 3 h w"]:
+    """RGBA bytes over white, in [0, 1]."""
+    return (generative_steps.on_white(images.float() / 255) + 1) / 2

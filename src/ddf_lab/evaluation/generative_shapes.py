@@ -1,0 +1,221 @@
+"""Shapes of a VAE: those that it did not learn, clouds of its fields against true ones, samples of the prior.
+
+Held-out shapes go through its encoder, and are fitted by latents optimised on their samples (auto-decoding): the second
+is what the decoder can do at best; what the first adds to its error is the encoder's. Park et al. 2019. Clouds are in
+the benchmark frame (0.57 x v1, `metrics`). Distances between shapes are D_C, a sum of two means of squares.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ddf.core import provenance
+from ddf.data import packing
+from ddf.data.batches import category_data
+from ddf.data.samples import sample_types
+from ddf.fields import cloud_defaults, losses, pddf, rendering, shape_field
+from ddf.fit import fitting, shape_samples
+from ddf.geometry import neighbours, transforms
+from ddf.metrics import cloud_scores
+from ddf.models import generative_models, generative_settings
+from ddf.training import shape_data, training_loop
+
+Clouds = Sequence[neighbours.Neighbours]
+SAMPLES = 1000  # of each type of a held-out shape, that errors are measured on
+
+
+@torch.no_grad()
+def encode(
+    model: generative_models.ShapeVAE, shapes: shape_data.Shapes, seed: int
+) -> tuple[Float[Tensor, "n z"], Float[Tensor, "n z"]]:
+    """Mean and log-variance of every shape, from random points of it."""
+    place = model.field_scale.device
+    clouds = shapes.clouds(np.arange(len(shapes.ids)), model.config.points, np.random.default_rng(seed))
+    mean, log_variance = model.posterior(*(values.to(place) for values in clouds))
+    return mean, log_variance
+
+
+class Latents(nn.Module):
+    """One latent a shape; they start at 0, the middle of the prior."""
+
+    def __init__(self, shapes: int, features: int) -> None:
+        super().__init__()
+        self.values = nn.Parameter(torch.zeros(shapes, features))
+
+
+def auto_decode(
+    model: generative_models.ShapeVAE,
+    shapes: shape_data.Shapes,
+    section: generative_settings.ScoresConfig,
+    folder: Path,
+) -> Float[Tensor, "n z"]:
+    """Latents that Adam finds for the frozen decoder, by the VAE's shape loss on samples of each shape."""
+    vae, place = model.config, model.field_scale.device
+    model.decoder.requires_grad_(False)
+    found = Latents(len(shapes.ids), vae.latent_features).to(place)
+    everyone = np.arange(len(shapes.ids))
+
+    def step_loss(step: int) -> tuple[Tensor, dict[str, Tensor]]:
+        points = shapes.samples.draw(everyone, vae.counts, np.random.default_rng((section.seed, step))).to(place)
+        modulations = model.decoder.modulator(found.values)
+        loss, _ = losses.shape_loss(model.decoder.field, points, modulations, vae.weights)
+        return loss, {}
+
+    loop = generative_settings.auto_loop(section)
+    weights = b"".join(value.cpu().numpy().tobytes() for value in model.state_dict().values())
+    facts = [section.auto_steps, loop, vae, list(shapes.ids), hashlib.sha256(weights).hexdigest()]
+    record = provenance.record(facts, section.seed, (), __name__)
+    groups = [{"params": [found.values], "weight_decay": 0.0}]
+    training_loop.fit(found, groups, step_loss, section.auto_steps, loop, folder, record, "latents")
+    return found.values.detach()
+
+
+def errors(
+    model: generative_models.ShapeVAE, latents: Float[Tensor, "n z"], shapes: shape_data.Shapes
+) -> dict[str, dict[str, float]]:
+    """Means over the shapes of `fitting.held_out_errors`: depth and visibility by sample type, median normals."""
+    every = [
+        fitting.held_out_errors(generative_models.plain_field(model.decoder, latent), _samples(shapes, row))
+        for row, latent in enumerate(latents)
+    ]
+    by_type = {
+        name: {kind: float(np.mean([found[name][kind] for found in every])) for kind in every[0][name]}
+        for name in ("depth_l1", "visibility_bce")
+    }
+    return by_type | {"normals": {"median_deg": float(np.mean([found["normal_angle_deg_median"] for found in every]))}}
+
+
+def _samples(shapes: shape_data.Shapes, row: int) -> shape_samples.ShapeSamples:
+    """The first stored samples of a shape."""
+    number, place = shapes.samples.places[row]
+    shard = shapes.samples.shards[number]
+    arrays: dict[str, Mapping[str, Tensor]] = {}
+    for kind in sample_types.KINDS:
+        codes = {name: torch.from_numpy(shard[f"{kind}.{name}"][place][:SAMPLES].copy()) for name in packing.FIELDS}
+        decoded = packing.decode_fields(codes)
+        arrays[kind] = {
+            "positions": decoded["positions"],
+            "directions": decoded["directions"],
+            "visible": decoded["visible"].float(),
+            "depth": decoded["depth"].masked_fill(~decoded["visible"], 0.0),
+            "normals": decoded["normals"],
+        }
+    upper = np.full(3, rendering.CUBE_HALF)
+    return shape_samples.ShapeSamples(arrays, -upper, upper)
+
+
+def divergences(model: generative_models.ShapeVAE, shapes: shape_data.Shapes, seed: int) -> Float[Tensor, "z"]:
+    """L_KL of every dimension, mean over the shapes, nats, largest first."""
+    found = generative_models.divergence(*encode(model, shapes, seed)).mean(dim=0)
+    return found.sort(descending=True).values
+
+
+def divergence_summary(by_dimension: Float[Tensor, "z"]) -> dict[str, Any]:
+    """The sum, how many dimensions say more than 0.1 nats, and all of them."""
+    values = by_dimension.tolist()
+    return {"sum": sum(values), "used": sum(value > 0.1 for value in values), "by_dimension": values}
+
+
+def of_fields(fields: Sequence[pddf.PDDF], scales: Sequence[float], count: int, seed: int) -> Clouds:
+    """A cloud of each field. scales: field units per v1 unit, the true ones or those of a prior's sample."""
+    upper = np.full(3, rendering.CUBE_HALF)
+    found = []
+    for field, scale in zip(fields, scales, strict=True):
+        shape = shape_field.ShapeField(field, -upper, upper, transforms.Similarity(scale), {})
+        drawn = shape_field.cloud(shape, count, cloud_defaults.cloud(), seed)
+        found.append(neighbours.Neighbours(drawn * transforms.BENCHMARK_FROM_V1, "cloud of a field"))
+    return found
+
+
+def of_shapes(shapes: category_data.ShapeSet, count: int, seed: int) -> Clouds:
+    """A random part of each true cloud."""
+    random, found = np.random.default_rng(seed), []
+    for row, similarity in enumerate(shapes.similarities):
+        cloud = shapes.subset(row, count, random).double().numpy()
+        points = similarity.inverse().apply(cloud) * transforms.BENCHMARK_FROM_V1
+        found.append(neighbours.Neighbours(points, "true cloud"))
+    return found
+
+
+def compared(predicted: Clouds, truth: Clouds) -> dict[str, float]:
+    """Means of what reports print, D_C x 1000 and so on, of predictions and truths in the same order."""
+    scores = [cloud_scores.compare_clouds(one, other) for one, other in zip(predicted, truth, strict=True)]
+    return {
+        name: metric.factor * float(np.mean([score.scores[metric.score] for score in scores]))
+        for name, metric in cloud_scores.PRINTED.items()
+    }
+
+
+def chamfer(one: neighbours.Neighbours, other: neighbours.Neighbours) -> float:
+    """D_C."""
+    return cloud_scores.chamfer_l2_sq(other.dist_sq(one), one.dist_sq(other))
+
+
+def nearest(clouds: Clouds, others: Clouds, same: Sequence[int] | None = None) -> list[tuple[int, float]]:
+    """The nearest of the others to each cloud, and its D_C x 1000.
+
+    Args:
+      same: of each cloud its own number among the others, which does not count.
+    """
+    found = []
+    for row, cloud in enumerate(clouds):
+        distances = np.array([chamfer(cloud, other) for other in others])
+        if same is not None:
+            distances[same[row]] = np.inf
+        found.append((int(distances.argmin()), 1000 * float(distances.min())))
+    return found
+
+
+def novelty(samples: Clouds, learned: Clouds, ids: Sequence[str], pairs: int) -> dict[str, Any]:
+    """How far samples are from the nearest learned shape, against how far some learned shapes are from theirs."""
+    of_samples = nearest(samples, learned)
+    rows = spaced(len(learned), pairs)
+    of_learned = nearest([learned[row] for row in rows], learned, rows)
+    return {
+        "nearest": [ids[row] for row, _ in of_samples],
+        "chamfer_x1000": [distance for _, distance in of_samples],
+        "between_learned_x1000": [distance for _, distance in of_learned],
+    }
+
+
+def spaced(total: int, count: int) -> list[int]:
+    """So many of `total` numbers from 0 on, or all, at even distances."""
+    return np.linspace(0, total - 1, min(count, total)).round().astype(int).tolist()
+
+
+def distribution(made: Clouds, truth: Clouds) -> dict[str, float]:
+    """How alike two sets of shapes are, by D_C.
+
+    Returns:
+      matching_x1000: mean over the true shapes of D_C x 1000 to the nearest made one; coverage: share of the true
+      shapes that are the nearest to some made one (both Achlioptas et al. 2018). told_apart: share of all shapes whose
+      nearest other one is of their own set, 0.5 where nothing tells the sets apart (Yang et al. 2019); copies of the
+      mean shape, the nearest of many, can fool it. energy_x1000: 2 E|x - y| - E|x - x'| - E|y - y'| with sqrt(D_C) as
+      the distance, which they cannot (Székely & Rizzo 2013).
+    """
+    everyone = [*made, *truth]
+    distances = np.full((len(everyone),) * 2, np.inf)
+    for row, one in enumerate(everyone):
+        for column in range(row):
+            distances[row, column] = distances[column, row] = chamfer(one, everyone[column])
+    across = distances[: len(made), len(made) :]
+    own = np.arange(len(everyone)) < len(made)
+    apart = np.sqrt(np.where(np.isfinite(distances), distances, 0.0))
+    within = [apart[np.ix_(each, each)].mean() for each in (own, ~own)]
+    return {
+        "matching_x1000": 1000 * float(across.min(0).mean()),
+        "coverage": len(set(across.argmin(1).tolist())) / len(truth),
+        "told_apart": float((own[distances.argmin(1)] == own).mean()),
+        "energy_x1000": 1000 * float(2 * apart[own][:, ~own].mean() - sum(within)),
+    }
+
+
+def spread(values: Sequence[float]) -> Float[np.ndarray, "3"]:
+    """Least, median and largest."""
+    return np.quantile(np.asarray(values, dtype=np.float64), [0.0, 0.5, 1.0])

@@ -1,0 +1,269 @@
+"""Sections of both models' scores: the columns of the paper, a verdict, baselines, shapes far from training."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
+
+from ddf.metrics import cloud_scores
+from ddf_lab.evaluation import baselines, paired, paper_results, scoring
+from ddf_lab.report import figures, scores
+from ddf_lab.report.pages import Block, Cell, Figure, Section, Table
+from ddf_lab.report.stage_results import Results
+
+MODELS = tuple((scores.METHOD_LABELS[method], method) for method in (scoring.DDF, scoring.PC_SIREN))
+COLUMNS = ("Pi_g-L", "Pi_g-S", "Pi_corrected-S", "Pi_pred-L", "Pi_pred-S")
+LARGE = ("Pi_g-L", "Pi_pred-L")
+BASELINES = (
+    baselines.CEILING,
+    baselines.ORACLE,
+    scoring.DDF,
+    scoring.PC_SIREN,
+    baselines.RETRIEVAL,
+    baselines.MEAN_SHAPE,
+)
+_COMPETITORS = BASELINES[2:]
+_CHAMFER, _F_SCORE = "chamfer_l2_sq_x1000", "f_score_tau_x100"
+_COMPARED = {_CHAMFER: "D<sub>C</sub>", _F_SCORE: "F<sub>τ</sub>"}
+_SHARES = {"precision_tau_x100": "precision ↑", "recall_tau_x100": "recall ↑"}
+_NEEDED = (  # what is to be done for a column
+    ("Π<sub>g</sub>, Π̂", ("encoders", "cloud")),
+    ("Π̂<sub>∇</sub>", ("encoders", "cloud", "camera_correction")),
+    ("shape moved to the mask", ("encoders", "shape_correction", "cloud")),
+)
+_READING = (
+    "D<sub>C</sub>: Chamfer distance × 1000, the sum of both means of squared distances. F<sub>τ</sub>: F-score × 100 "
+    "at squared distance ≤ τ = {tau:g}; F<sub>2τ</sub>: at twice that. Lengths: 0.57 × v1.",
+    "L and S: {large:,} and {small:,} predicted points, against the whole true cloud.",
+    "Π<sub>g</sub>: true camera. Π̂: predicted camera and estimated scale. Π̂<sub>∇</sub>: after gradient descent on the "
+    "mask, which both encoders see.",
+    "A difference is called one where, paired by image, it exceeds what Student's t asks of its standard error over "
+    "{over}, 95 %.",
+)
+
+
+def verdict(results: Results) -> str:
+    """Which model is better, where a difference is seen, in what, with either camera, in two sentences."""
+    where = {"With the true camera": LARGE[0], "With the predicted camera": LARGE[1]}
+    return " ".join(_sentence(each, better_model(results, column)) for each, column in where.items())
+
+
+def better_model(results: Results, column: str) -> dict[tuple[str, str], str]:
+    """By category and metric the better model, empty where no difference is seen (`paired.Difference.seen`)."""
+    ours, theirs = ((method, column) for _, method in MODELS)
+    names = {1: MODELS[0][0], -1: MODELS[1][0], 0: ""}
+    return {
+        (category, label): names[results.better(category, ours, theirs, metric)]
+        for category in results.groups
+        for metric, label in _COMPARED.items()
+        if results.difference(category, ours, theirs, metric) is not None
+    }
+
+
+def _sentence(where: str, found: Mapping[tuple[str, str], str]) -> str:
+    parts = []
+    for model, _ in MODELS:
+        won: dict[str, list[str]] = {}
+        for (category, label), better in found.items():
+            if better == model:
+                won.setdefault(category, []).append(label)
+        scores_of = [f"{category} ({' and '.join(labels)})" for category, labels in won.items()]
+        parts += [f"{model} is better for {_listed(scores_of)}"] if won else []
+    if "" in found.values():
+        parts.append(f"no {'other ' if parts else ''}difference is seen")
+    return f"{where}, {'; '.join(parts)}." if parts else f"{where}, nothing was compared."
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join(", ".join(names).rsplit(", ", 1))
+
+
+def results_section(results: Results) -> Section:
+    """Both models in the paper's columns, what their scores are made of, and the paper's numbers."""
+    heads = [(method, column) for column in COLUMNS for _, method in MODELS]
+    note = scores.images_note(scores.Scores(results.table), results.groups, heads, _CHAMFER)
+    caption = f"Means over images. Bold: the better model of a row, where a difference is seen. {note}".strip()
+    moved = (results.per_image["method"] == scoring.DDF_ON_MASK).any()
+    on_mask = (("as encoded", scoring.DDF), ("on the mask", scoring.DDF_ON_MASK))
+    blocks: list[Block | None] = [
+        scores.pairs(results, results.groups, COLUMNS, MODELS, caption),
+        reading(results),
+        scores.pairs(
+            results,
+            results.groups,
+            LARGE,
+            MODELS,
+            "What F<sub>τ</sub> is made of, × 100: predicted points near the truth, true points near the prediction.",
+            labels=_SHARES,
+        ),
+        scores.pairs(
+            results,
+            results.groups,
+            LARGE,
+            on_mask,
+            "DDF with shapes moved until their silhouettes from the predicted camera agree with the test image's "
+            "alpha. PC-SIREN is given no such descent here.",
+        )
+        if moved
+        else None,
+        seconds(results),
+        tuple(against_retrieval(results, *model) for model in MODELS),
+        scores.pairs(
+            results,
+            results.categories,
+            LARGE,
+            MODELS,
+            "The paper's numbers on ShapeNet, other data and other sizes. All of them are in "
+            "[si3dr.csv](si3dr.csv), with those that it quotes.",
+            paper_results.SOURCE,
+        ),
+    ]
+    return Section("Results", [block for block in blocks if block])
+
+
+def reading(results: Results) -> tuple[str, ...]:
+    """What columns and metrics are."""
+    rows = results.per_image[results.per_image["method"] == scoring.PC_SIREN]
+    large, small = (int(rows[rows["column"] == f"Pi_g-{size}"]["num_pred"].iloc[0]) for size in "LS")
+    over = "test shapes and seeds" if results.seeds > 1 else "test shapes"
+    return tuple(text.format(tau=cloud_scores.TAU_SQ, large=large, small=small, over=over) for text in _READING)
+
+
+def against_retrieval(results: Results, label: str, method: str) -> str:
+    """For which categories a model is better than retrieval, and for which no difference is seen in its favour."""
+    heads = (method, "Pi_g-L"), (baselines.RETRIEVAL, "Pi_g-L")
+    won = [category for category in results.groups if results.better(category, *heads, _CHAMFER) > 0]
+    rest = [category for category in results.groups if category not in won]
+    parts = ([f"better for {_listed(won)}"] if won else []) + ([f"not for {_listed(rest)}"] if rest else [])
+    return f"{label} against retrieval of a training shape (D<sub>C</sub>, true camera, L): {'; '.join(parts)}."
+
+
+def seconds(results: Results) -> Table | None:
+    """Wall time that a test image takes, by what its columns need; None where the stage noted none."""
+    rows = [
+        [label, model, f"{sum(known[part] for part in parts):.2f}"]
+        for label, parts in _NEEDED
+        for model, _ in MODELS
+        if all(part in (known := results.seconds.get(model, {})) for part in parts)
+    ]
+    caption = (
+        "Wall time of a test image, mean over categories: encoding, descents and clouds of both sizes. Several images "
+        f"at a time, {results.settings['train'].loop.threads} thread each."
+    )
+    return Table(caption, ["columns", "", "seconds"], rows, labels=2) if rows else None
+
+
+def one_cycle_section(results: Results) -> Section:
+    """Points projected once, N_H = 1, beside all cycles."""
+    cycles = results.settings["pointclouds"].cloud.cycles
+    methods = (("once", scoring.DDF_ONE_CYCLE), (f"{cycles} times", scoring.DDF))
+    caption = (
+        f"DDF with points projected onto the surface once, and {cycles} times (N<sub>H</sub>), each cloud with its own "
+        "scale. The paper's table `si3dr1h` is in [si3dr.csv](si3dr.csv)."
+    )
+    ours = scores.pairs(results, results.groups, LARGE, methods, caption, labels=_labelled(_CHAMFER, _F_SCORE))
+    return Section("One projection cycle", [ours] if ours else [])
+
+
+def _labelled(*metrics: str) -> dict[str, str]:
+    return {metric: scores.LABELS[metric] for metric in metrics}
+
+
+def baselines_section(results: Results) -> Section:
+    """Bars, and the table of all rows: what the numbers of the models mean."""
+    bars = Figure(
+        "baselines.svg",
+        "F-scores at the true camera, L points. Blue: DDF. Orange: PC-SIREN. Grey: no model.",
+        "bars of the F-scores of ceiling, oracle retrieval, DDF, PC-SIREN, retrieval and mean shape, by category",
+        draw_baselines(results),
+    )
+    reading = (
+        "Ceiling: a random subset of the truth against all of it. No method does better with so many points.",
+        "Oracle retrieval knows the truth: it takes the training shape with the smallest D<sub>C</sub>.",
+        "Retrieval takes the shape of the training image, of all that the encoder saw, whose feature is nearest.",
+        "The mean shape is points of all training clouds together or one training shape, whichever is nearer to the "
+        "validation shapes.",
+    )
+    return Section("Baselines and ceilings", [bars, baselines_table(results), reading])
+
+
+def draw_baselines(results: Results) -> bytes:
+    """F-scores as bars; a method without a number has no bar."""
+    found = scores.Scores(results.table)
+    bars = {}
+    for category in results.groups:
+        values = ((method, found.value(category, (method, "Pi_g-L"), _F_SCORE)) for method in BASELINES)
+        bars[category] = [
+            (method, scores.METHOD_LABELS[method].partition(":")[0].partition(" (")[0], math.nan if v is None else v)
+            for method, v in values
+        ]
+    return figures.score_bars(bars, "F(τ) × 100").encode()
+
+
+def baselines_table(results: Results) -> Table:
+    """Ceiling, retrievals, both models and the mean shape at the true camera."""
+    found = scores.Scores(results.table)
+    rows: list[list[Cell | str]] = []
+    for category in results.groups:
+        for method in BASELINES:
+            head, cells = (method, "Pi_g-L"), [category if method == BASELINES[0] else "", scores.METHOD_LABELS[method]]
+            rivals = [(rival, "Pi_g-L") for rival in _COMPETITORS if rival != method]
+            rows.append(
+                [
+                    *cells,
+                    *(
+                        Cell(
+                            found.text(category, head, metric),
+                            method in _COMPETITORS
+                            and all(results.better(category, head, rival, metric) > 0 for rival in rivals),
+                        )
+                        for metric in scores.LABELS
+                    ),
+                ]
+            )
+    caption = (
+        "True camera, L points. Bold: better than all others of both models, retrieval and the mean shape. More rows "
+        "and S points: [si3dr.csv](si3dr.csv)."
+    )
+    return Table(caption, ["", "", *scores.LABELS.values()], rows, labels=2)
+
+
+def nearest_section(results: Results) -> Section:
+    """Where the models fail: test shapes by their nearest training shapes, and the numbers of each group."""
+    found = {group: by_shape(results, group) for group in results.groups}
+    dots = Figure(
+        "nearest.svg",
+        "A dot is a test shape and a model. Across: F(τ) of the training shape nearest to it. Up: F(τ) of the model, "
+        "mean over its images. On the line both are the same. Blue: DDF. Orange: PC-SIREN. True camera, L points.",
+        "scores of both models over the score of the nearest training shape, a dot for each test shape, by category",
+        figures.score_dots(found, "nearest training shape, F(τ) × 100", "model, F(τ) × 100").encode(),
+    )
+    reading = (
+        "A model that is only right near what it learned rises with the line: correlation near 1, few shapes above it. "
+        "Above the line it makes a better shape than any that it was shown."
+    )
+    return Section("Far from the training shapes", [dots, nearest_table(found), reading])
+
+
+def by_shape(results: Results, group: str) -> pd.DataFrame:
+    """F(τ) × 100 of test shapes, mean over images and trainings: a column `nearest` and one of each model."""
+    metric = cloud_scores.METRICS[_F_SCORE]
+
+    def means(method: str) -> pd.Series:
+        tables = [paired.rows_of(table, group, (method, "Pi_g-L")) for table in results.trainings]
+        return metric.factor * pd.concat(tables).groupby("id")[metric.score].mean()
+
+    return pd.DataFrame({"nearest": means(baselines.ORACLE)} | {method: means(method) for _, method in MODELS})
+
+
+def nearest_table(found: Mapping[str, pd.DataFrame]) -> Table:
+    """Of every group the correlation by rank and the count above the line, for each model."""
+    rows: list[Sequence[str]] = []
+    for group, own in found.items():
+        ranks, cells = own.corr("spearman", min_periods=3), [group, str(len(own))]
+        for _, model in MODELS:
+            above = int((own[model] > own["nearest"]).sum())
+            cells += [scores.number(float(ranks.loc["nearest", model]), 2), str(above)]
+        rows.append(cells)
+    header = ["", "shapes", *(f"{label} {name}" for label, _ in MODELS for name in ("correlation", "above"))]
+    return Table("Rank correlation of both scores, and how many test shapes lie above the line.", header, rows)

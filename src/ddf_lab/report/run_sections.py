@@ -1,0 +1,225 @@
+"""Sections of one run: pictures, cameras, evenness of clouds, training, data, times and what does not reproduce."""
+
+import dataclasses
+import os
+import statistics
+from collections.abc import Mapping
+from typing import Any
+
+from ddf.core import config, schema
+from ddf.data.public import manifest
+from ddf.metrics.camera_errors import ERRORS
+from ddf_lab.evaluation import baselines, groups, scoring
+from ddf_lab.report import figures, scores, stage_results
+from ddf_lab.report.pages import Block, Figure, Section, Table
+from ddf_lab.report.stage_results import Results
+
+SECTIONS = ("train", "ddf", "pcsiren", "meshes", "samples", "pointclouds")  # whose settings are compared
+_SAME_PERCENT = 10.0  # wall times no farther apart than this are one budget
+_PREDICTED = ((scoring.DDF, "Pi_pred"), (scoring.DDF, "Pi_corrected"), (scoring.PC_SIREN, "Pi_pred"))
+_AZIMUTH, *_OTHERS = ((f"{name}_median", (error.label, error.digits)) for name, error in ERRORS.items())
+_TURNED = ("azimuth_turned_x100", (f"azimuth > {scoring.TURNED_DEG:.0f}°, % of images", 0))
+_CAMERA_METRICS = dict((_AZIMUTH, _TURNED, *_OTHERS, (scoring.OVERLAP, ("IoU of the silhouette, mean", 2))))
+_CLOUDS = {
+    "true cloud": scoring.TRUTH,
+    "random points of it": (baselines.CEILING, "Pi_g-L"),
+    **{scores.METHOD_LABELS[m]: (m, "Pi_g-L") for m in (scoring.DDF, scoring.DDF_ONE_CYCLE, scoring.PC_SIREN)},
+}
+_PROCEDURAL = "Procedural shapes are made by this project in ShapeNet's layout with the same cameras."
+_REAL = "Real shapes are of Debian's archive, few and of few makers, rendered by this project as procedural ones are."
+_COMPARE = "Scores compare the methods on these shapes; they do not reproduce the paper's ShapeNet numbers."
+_SHAPES = {
+    "synthetic": (_PROCEDURAL, _COMPARE),
+    "public": (_REAL, _COMPARE),
+    "both": (_REAL, _PROCEDURAL, _COMPARE),
+    "shapenet": (),
+}
+
+
+def pictures_section(results: Results) -> Section:
+    """A strip of test images per category with what both models make of them."""
+    if not results.strips:
+        return Section("Pictures", ["No image was rendered (pointclouds.rendered is 0)."])
+    blocks: list[Block] = [
+        Figure(
+            f"strip_{category.replace(' ', '_')}.webp",
+            f"{category.capitalize()}.",
+            f"{category}: several test images and what both models make of them",
+            strip,
+        )
+        for category, strip in results.strips.items()
+    ]
+    reading = (
+        f"Rows are chosen from {results.rendered} test images of each category: from the smallest to the largest "
+        "D<sub>C</sub> of DDF at the true camera (L points), then from the image where DDF is farthest ahead of "
+        "PC-SIREN to the one where it is farthest behind.",
+        "Predictions are seen from the predicted camera at the predicted scale, the truth from the true camera. "
+        "Visibility: dark is seen. Depth: yellow is near. Normals: (n + 1)/2 as RGB. Clouds: colour is the place.",
+    )
+    return Section("Pictures", [*blocks, reading])
+
+
+def cameras_section(results: Results) -> Section:
+    """Median errors of predicted and corrected cameras and of the estimated scale; how many cameras are far off."""
+    found, rows = scores.Scores(results.table), []
+    for category in results.groups:
+        for head in _PREDICTED:
+            texts = [found.text(category, head, metric, digits) for metric, (_, digits) in _CAMERA_METRICS.items()]
+            label = f"{scores.METHOD_LABELS[head[0]]}, {scores.CAMERA_LABELS[head[1]]}"
+            rows.append([category if head == _PREDICTED[0] else "", label, *texts])
+    caption = (
+        "Median absolute errors over test images, before (Π̂) and after (Π̂<sub>∇</sub>) the correction by the mask. "
+        f"With an azimuth more than {scoring.TURNED_DEG:.0f}° off, front is taken for rear, and the descent on the "
+        "mask ends in another basin. The scale is estimated from the diagonal of the predicted cloud."
+    )
+    header = ["", "", *(label for label, _ in _CAMERA_METRICS.values())]
+    return Section("Cameras", [Table(caption, header, rows, labels=2)])
+
+
+def evenness_section(results: Results) -> Section:
+    """How far the points of clouds keep from each other."""
+    found = scores.Scores(results.table)
+    rows = [
+        [category, *(found.text(category, head, "spacing_variation", 2) for head in _CLOUDS.values())]
+        for category in results.groups
+    ]
+    caption = (
+        "Standard deviation over mean of the distance from a point to the nearest other one; L points, mean over "
+        "images. True clouds are Poisson-disk samples. Independent points spread evenly over a surface have 0.52 "
+        "(Rayleigh's distribution). More says that points crowd."
+    )
+    return Section("Evenness of the clouds", [Table(caption, ["", *_CLOUDS], rows)])
+
+
+def training_section(results: Results) -> Section:
+    """Loss curves and the wall time that each model got."""
+    curves = Figure(
+        "losses.svg",
+        "Total loss (thick, smoothed) and its terms without their weights. The models minimise different losses: "
+        "compare within one model only.",
+        "falling curves of the total loss and of its terms over the steps, by model and category",
+        figures.loss_curves(results.logs).encode(),
+    )
+    return Section("Training", [curves, budget(results)])
+
+
+def budget(results: Results) -> str:
+    """The wall time that each model trained for, over all categories, and by how much the two differ; of several seeds
+    the median.
+    """
+    seconds = {
+        model: statistics.median([stage_results.training_seconds(logs), *results.further_seconds.get(model, [])])
+        for model, logs in results.logs.items()
+    }
+    least, most = min(seconds.values()), max(seconds.values())
+    if least <= 0:
+        return "The training took no time that was noted."
+    more = 100 * (most / least - 1)
+    spent = ", ".join(f"{model} {duration(value)}" for model, value in seconds.items())
+    over = f" Medians over the {results.seeds} seeds." if results.seeds > 1 else ""
+    if more <= _SAME_PERCENT:
+        return f"Both models trained for the same wall time within {more:.0f} %, summed over categories: {spent}.{over}"
+    return (
+        f"The models did not train for the same wall time: summed over categories {spent}, the longer {more:.0f} % "
+        f"above the shorter.{over}"
+    )
+
+
+def data_section(results: Results) -> Section:
+    """Counts of shapes and of the points of the true clouds, which shapes were left out, and whose the shapes are."""
+    rows = []
+    for group, category in results.groups.items():
+        tests = results.shapes[results.shapes["category"] == group]
+        trained = list(groups.of_shapes(results.index, category, "train").values()).count(group)
+        hidden = f"{100 * tests['hidden_share'].mean():.1f}"
+        rows.append([group, str(trained), str(len(tests)), f"{tests['points'].median():,.0f}", hidden])
+    caption = (
+        "Shapes, and the true clouds of the test shapes. Hidden: no ray from outside meets the point first. Hidden "
+        "points count in the metrics, as in Pixel2Mesh."
+    )
+    header = ["", "train shapes", "test shapes", "points, median", "hidden, %"]
+    blocks: list[Block] = [Table(caption, header, rows)]
+    if len(results.failures):
+        blocks.append(f"{len(results.failures)} shapes were left out:")
+        failures = results.failures.to_dict("records")
+        blocks.append(tuple(f"`{row['id']}` ({row['stage']}): {row['reason']}" for row in failures))
+    else:
+        blocks.append("No shape was left out.")
+    if results.index["source"] in ("public", "both"):
+        made = manifest.of(results.categories)
+        makers = {
+            licence: sorted({row.creator for row in made if row.licence == licence})
+            for licence in sorted({row.licence for row in made})
+        }
+        blocks.append("Makers of the real shapes, by licence:")
+        blocks.append(tuple(f"{licence}: {', '.join(names)}." for licence, names in makers.items()))
+    return Section("Data", blocks)
+
+
+def costs_section(results: Results) -> Section:
+    """Times and memory of the stages, and the sum of the times."""
+    rows = []
+    for name, cost in results.costs.items():
+        seconds = "not timed" if cost.seconds is None else duration(cost.seconds)
+        rows.append([name, seconds, f"{cost.peak_mib:,.0f}" if cost.peak_mib else scores.NOTHING])
+    known = [cost.seconds for cost in results.costs.values() if cost.seconds is not None]
+    rows.append(["together", duration(sum(known)) if known else scores.NOTHING, ""])
+    caption = (
+        f"Wall time of each stage's last run, summed over categories, on {os.cpu_count()} CPU threads; several "
+        "categories run side by side. Memory: resident, of the stage's largest process in any category."
+    )
+    return Section("Times and memory", [Table(caption, ["stage", "time", "memory, MiB"], rows)])
+
+
+def duration(seconds: float) -> str:
+    """Seconds, minutes or hours, whichever reads best."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.1f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def limits_section(results: Results) -> Section:
+    """What does not reproduce: the limits of the experiment, and the settings that are not the paper's."""
+    changed, own = changed_settings(results)
+    limits = [*_SHAPES[results.index["source"]]]
+    if results.seeds > 1:
+        limits.append(f"{results.seeds} seeds were trained, all on the same data set and samples.")
+    else:
+        limits.append("One seed was trained: standard errors in [si3dr.csv](si3dr.csv) are over images.")
+    blocks: list[Block] = [tuple(limits)]
+    if changed:
+        blocks.append(Table("Settings that differ from the paper's.", ["", "here", "paper"], changed))
+    if own:
+        blocks.append(f"The paper does not give {', '.join(own)}.")
+    return Section("What does not reproduce", blocks)
+
+
+def changed_settings(results: Results) -> tuple[list[tuple[str, str, str]], list[str]]:
+    """Key, value here and what the paper prints, with its place, of every setting that is not the paper's; then keys
+    and values of those that the paper does not give.
+    """
+    changed, own, whole = [], [], "none"
+    for name in SECTIONS:
+        for each in schema.listed(results.settings[name], name):
+            if each.key.startswith(f"{whole}."):
+                continue
+            if dataclasses.is_dataclass(each.value):
+                if each.default is not None:
+                    continue  # its settings follow
+                whole = each.key  # a part that the paper has not is one line
+            if not each.source:
+                own.append(f"`{each.key}` ({_printed(each.value)})")
+            elif each.value != each.default:
+                changed.append((f"`{each.key}`", _printed(each.value), f"{_printed(each.default)} ({each.source})"))
+    return changed, own
+
+
+def _printed(value: Any) -> str:
+    if value is None:
+        return "none"
+    if dataclasses.is_dataclass(value) or isinstance(value, Mapping):
+        items = value.items() if isinstance(value, Mapping) else config.plain(value).items()
+        return ", ".join(f"{name} {own}" for name, own in items)
+    if isinstance(value, list | tuple):
+        return ", ".join(map(str, value)) or "none"
+    return str(value)

@@ -1,0 +1,155 @@
+"""What the stages left behind for the report: tables, logs, failures, time and memory."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ddf.core import storage
+from ddf.metrics import cloud_scores
+from ddf_lab.evaluation import groups, paired, paper_results, seed_means
+from ddf_lab.run import STAGES, WHOLE, Run, time_path
+
+MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN"}
+CLOUDS = {"ddf.safetensors": "DDF", "pcsiren.safetensors": "PC-SIREN"}  # files of the stage `pointclouds`
+
+Head = tuple[str, str]  # method, column
+
+
+@dataclasses.dataclass(frozen=True)
+class Cost:
+    """Of a stage's last runs: wall time summed over categories, and the peak memory of its largest process.
+
+    None: a part of it has no note.
+    """
+
+    seconds: float | None
+    peak_mib: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Results:
+    """Everything that the stages left behind for the report.
+
+    `table` has means over `seeds` trainings, `trainings` the scores per image of each; all else is of seed 0. settings:
+    all sections with their defaults. seconds: wall time of a test image, by model and part, mean over categories.
+    further_seconds: of each model, what a training of all categories took with each of the further seeds. strips: by
+    category, as WebP, from `rendered` images each; examples: the first picture of the page, as WebP;
+    `example_strips.drawn` adds these.
+    """
+
+    name: str
+    index: Mapping[str, Any]
+    table: pd.DataFrame
+    trainings: Sequence[pd.DataFrame]
+    shapes: pd.DataFrame
+    logs: Mapping[str, Mapping[str, pd.DataFrame]]
+    failures: pd.DataFrame
+    costs: Mapping[str, Cost]
+    settings: Mapping[str, Any]
+    seeds: int = 1
+    seconds: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
+    further_seconds: Mapping[str, Sequence[float]] = dataclasses.field(default_factory=dict)
+    strips: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
+    rendered: int = 0
+    examples: bytes = b""
+
+    @property
+    def per_image(self) -> pd.DataFrame:
+        """Scores per image of the first training."""
+        return self.trainings[0]
+
+    def difference(self, category: str, first: Head, second: Head, metric: str) -> paired.Difference | None:
+        """How the scores of one method and column differ from those of another, see `paired.difference`."""
+        return paired.difference(self.trainings, category, first, second, cloud_scores.METRICS[metric])
+
+    def better(self, category: str, first: Head, second: Head, metric: str) -> int:
+        """1 where the first is better by the rule of `paired.Difference.seen`, -1 where the second is, else 0."""
+        return paired.better(self.difference(category, first, second, metric), cloud_scores.METRICS[metric])
+
+    @property
+    def categories(self) -> list[str]:
+        """Names in the order of the experiment file."""
+        return list(self.index["categories"])
+
+    @property
+    def groups(self) -> dict[str, str]:
+        """The category of each group of test shapes, in the order of tables."""
+        return groups.names(self.index)
+
+
+def read_results(run: Run) -> Results:
+    """Read and verify all artefacts of an experiment but its clouds.
+
+    Raises:
+      FileNotFoundError, InputError: a stage has not run, or left a damaged file; it is named.
+    """
+    index = storage.read_json(run.index)
+    categories = list(index["categories"])
+    seeds = seed_means.read_count(run)
+    measured = seed_means.read_table(run, seeds)
+    paper = paper_results.long_table(categories)
+    return Results(
+        name=run.name,
+        index=index,
+        table=pd.concat([measured, paper], ignore_index=True) if len(paper) else measured,
+        trainings=[_stored(run.folder("evaluate", seed=seed) / "per_image.csv") for seed in range(seeds)],
+        shapes=_stored(run.folder("evaluate") / "shapes.csv"),
+        logs={label: _read_logs(run, model, categories) for model, label in MODELS.items()},
+        failures=_read_failures(run, categories),
+        costs={name: _stage_cost(run, name, categories) for name in STAGES},
+        settings=run.sections(),
+        seeds=seeds,
+        seconds={label: _test_seconds(run, file, categories) for file, label in CLOUDS.items()},
+        further_seconds={
+            label: [training_seconds(_read_logs(run, model, categories, seed)) for seed in range(1, seeds)]
+            for model, label in MODELS.items()
+        },
+    )
+
+
+def _stored(path: Path) -> pd.DataFrame:
+    return storage.load_table(path, dtype={"id": str})[0]
+
+
+def _test_seconds(run: Run, file: str, categories: Sequence[str]) -> dict[str, float]:
+    """Wall time of a test image by part, mean over categories; empty where a run of clouds noted none."""
+    paths = [run.folder("pointclouds", name) / file for name in categories]
+    notes = [storage.load_metadata(path).get("seconds", {}) for path in paths]
+    names = [name for name in notes[0] if all(name in note for note in notes)] if notes else []
+    return {name: sum(note[name] for note in notes) / len(notes) for name in names}
+
+
+def training_seconds(logs: Mapping[str, pd.DataFrame]) -> float:
+    """What the trainings of all categories took together."""
+    return sum(float(log["seconds"].iloc[-1]) for log in logs.values())
+
+
+def _read_logs(run: Run, model: str, categories: Sequence[str], seed: int = 0) -> dict[str, pd.DataFrame]:
+    logs = {}
+    for name in categories:
+        path = run.folder(model, name, seed) / "log.csv"
+        if not path.exists():
+            raise FileNotFoundError(f"{path} does not exist; run the training stage")
+        logs[name] = pd.read_csv(path)
+    return logs
+
+
+def _read_failures(run: Run, categories: Sequence[str]) -> pd.DataFrame:
+    folders = [run.folder("dataset")]
+    folders += [run.folder(name, category) for name in ("meshes", "samples") for category in categories]
+    tables = [pd.read_csv(path, dtype=str) for folder in folders if (path := folder / "failures.csv").exists()]
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=["id", "stage", "reason"])
+
+
+def _stage_cost(run: Run, name: str, categories: Sequence[str]) -> Cost:
+    """What the notes of a stage's last runs say; notes of earlier versions have no memory."""
+    paths = [time_path(run.name, name, category) for category in ([""] if name in WHOLE else categories)]
+    notes = [storage.read_json(path) if path.exists() else {} for path in paths]
+    seconds = [note["seconds"] for note in notes if "seconds" in note]
+    peaks = [max(note["peak_mib"], note.get("worker_peak_mib", 0.0)) for note in notes if "peak_mib" in note]
+    return Cost(
+        sum(seconds, 0.0) if len(seconds) == len(notes) else None, max(peaks) if len(peaks) == len(notes) else None
+    )

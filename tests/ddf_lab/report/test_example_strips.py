@@ -1,0 +1,63 @@
+"""Images of the strips: by percentiles of the error and of the difference."""
+
+import pandas as pd
+import pytest
+
+from ddf_lab.report import example_strips
+from ddf_lab.report.example_strips import Errors
+
+_ERRORS = {  # DDF - PC-SIREN: a -1, b +3, c 0, d -4, e +2
+    ("a", 0): Errors(1.0, 2.0),
+    ("b", 0): Errors(5.0, 2.0),
+    ("c", 0): Errors(3.0, 3.0),
+    ("d", 0): Errors(2.0, 6.0),
+    ("e", 0): Errors(4.0, 2.0),
+}
+
+
+def _names(chosen):
+    return {image[0]: name for image, name in chosen.items()}
+
+
+def test_rows_go_from_best_to_worst_and_from_the_clearest_win_to_the_clearest_loss():
+    assert _names(example_strips.choose(_ERRORS, 2)) == {
+        "a": "smallest error of DDF",
+        "b": "largest error of DDF; DDF farthest behind",
+        "d": "DDF farthest ahead",
+    }
+    chosen = _names(example_strips.choose(_ERRORS, 3))
+    assert list(chosen) == ["a", "c", "b", "d"]
+    assert chosen["c"] == "median error; median difference"
+    assert list(_names(example_strips.choose(_ERRORS, 5)).values())[1] == "25 % of the errors; DDF farthest ahead"
+
+
+def test_fewer_images_than_asked_for_are_all_shown_once():
+    assert set(_names(example_strips.choose(_ERRORS, 20))) == set("abcde")
+
+
+@pytest.mark.parametrize(
+    ("shift", "first", "last"),
+    [(10.0, "DDF least behind", "DDF farthest behind"), (-10.0, "DDF farthest ahead", "DDF least ahead")],
+)
+def test_a_model_that_always_wins_is_not_said_to_lose(shift, first, last):
+    moved = {image: Errors(own.ddf + shift, own.pc_siren) for image, own in _ERRORS.items()}
+    chosen = _names(example_strips.choose(moved, 2))
+    assert chosen["d"].endswith(first) and chosen["b"].endswith(last)
+
+
+def test_order_does_not_depend_on_that_of_the_table():
+    backwards = dict(reversed(_ERRORS.items()))
+    assert list(example_strips.choose(backwards, 3).items()) == list(example_strips.choose(_ERRORS, 3).items())
+
+
+def test_errors_are_those_at_the_true_camera_with_large_clouds():
+    rows = [
+        ("ddf", "Pi_g-L", "a", 1, 0.002),
+        ("pc_siren", "Pi_g-L", "a", 1, 0.003),
+        ("ddf", "Pi_pred-L", "a", 1, 0.5),
+        ("ddf_nh1", "Pi_g-L", "a", 1, 0.7),
+    ]
+    table = pd.DataFrame(rows, columns=["method", "column", "id", "view", "chamfer_l2_sq"])
+    errors = example_strips.image_errors(table)
+    assert errors == {("a", 1): pytest.approx(Errors(2.0, 3.0))}
+    assert Errors(2.0, 3.0).words() == "D_C × 1000: DDF 2.000, PC-SIREN 3.000"

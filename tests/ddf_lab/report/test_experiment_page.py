@@ -1,0 +1,60 @@
+"""The report of a small experiment: files, links, what comes of several seeds, equal bytes."""
+
+import re
+
+import pandas as pd
+from _experiment_report import markdown_tables
+
+from ddf_lab.evaluation import scoring, seed_means
+from ddf_lab.report import experiment_page, pages
+
+_FILES = {"README.md", "si3dr.csv", "baselines.svg", "nearest.svg", "losses.svg"}
+
+
+def test_every_file_and_category_is_there_and_linked(reported):
+    experiment, _, folder = reported
+    names = _FILES | {"examples.webp"} | {f"strip_{category}.webp" for category in experiment.categories}
+    assert {path.name for path in folder.iterdir()} == names
+    text = (folder / "README.md").read_text()
+    linked = set(re.findall(r"\]\(([^)]+)\)", text))
+    assert linked <= names and {name for name in names if name.endswith((".webp", ".svg"))} <= linked
+    assert max(len(rows[0]) for rows in markdown_tables(text)) <= pages.MAX_COLUMNS
+
+
+def test_paper_numbers_are_told_apart(reported):
+    table = pd.read_csv(reported[2] / "si3dr.csv")
+    assert set(table["source"]) == {"measured", "paper, ShapeNet"}
+    assert table[table["source"] != "measured"]["images"].isna().all()
+    assert (table[table["source"] == "measured"]["images"] > 0).all()
+    text = (reported[2] / "README.md").read_text()
+    blocks = text.split("\n\n")
+    (place,) = (place for place, block in enumerate(blocks) if "| 62.25 |" in block)
+    assert blocks[place + 1].startswith("*The paper's numbers")
+    assert "3 shapes were left out" in text and "`plane99` (meshes): no triangles left" in text
+
+
+def test_second_writing_gives_the_same_bytes(reported):
+    _, run, folder = reported
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    experiment_page.write(run, folder.parent / "again")
+    assert {path.name: path.read_bytes() for path in (folder.parent / "again").iterdir()} == before
+
+
+def test_trained_rows_of_several_seeds_are_means_with_their_spread(seeded):
+    first, both = seeded
+    table = pd.read_csv(both / "si3dr.csv")
+    assert tuple(table.columns) == scoring.TABLE_FIELDS
+    rows = table[table["source"] == scoring.MEASURED].set_index(["category", "method", "column", "metric"])
+    trained = rows.index.get_level_values("method").isin(seed_means.TRAINED)
+    assert (rows["seeds"] == trained + 1).all() and rows[trained]["spread"].notna().all()
+    ours = markdown_tables((both / "README.md").read_text())[0]
+    row = rows.loc[("chair", "ddf", "Pi_g-L", "chamfer_l2_sq_x1000")]
+    assert ours[2][2] == f"{row['value']:.3f} ± {row['spread']:.3f}" and row["spread"] > 0
+    assert all("±" in cell or cell == "–" for line in ours[2:] for cell in line[2:])
+    same = {path.name for path in first.iterdir() if path.read_bytes() == (both / path.name).read_bytes()}
+    assert same == {path.name for path in first.iterdir()} - {
+        "README.md",
+        "si3dr.csv",
+        "baselines.svg",
+        "nearest.svg",
+    }

@@ -1,0 +1,157 @@
+"""Tables of the models: every number is that of si3dr.csv, bold and verdict say what the numbers say."""
+
+import dataclasses
+import types
+from typing import Any
+
+import pandas as pd
+import pytest
+from _experiment_report import markdown_tables
+
+from ddf.metrics import cloud_scores
+from ddf_lab.evaluation import paper_results, scoring
+from ddf_lab.report import model_sections, pages, scores, stage_results
+
+_PAIRED = [(metric, method) for metric in cloud_scores.PRINTED for _, method in model_sections.MODELS]
+_CATEGORIES = ("chair", "plane", "primitives")
+
+
+def _printed(value, key, digits):
+    return f"{value[key]:.{digits}f}" if key in value else "–"
+
+
+def test_printed_values_are_those_of_the_table(reported):
+    _, _, folder = reported
+    table = pd.read_csv(folder / "si3dr.csv")
+    assert tuple(table.columns) == scoring.TABLE_FIELDS
+    value = table.set_index(["source", "category", "method", "column", "metric"])["value"].to_dict()
+    text = (folder / "README.md").read_text()
+    ours, shares, theirs, baselines = markdown_tables(text)[:4]
+    assert "4 images of each category." in text
+    large, every = model_sections.LARGE, model_sections.COLUMNS
+    of_paper = _CATEGORIES[:2]  # it has no primitives
+    for rows, source, columns, names in (
+        (ours, "measured", every, _CATEGORIES),
+        (theirs, paper_results.SOURCE, large, of_paper),
+    ):
+        keys = [(category, column) for category in names for column in columns]
+        assert [row[1] for row in rows[2:]] == [scores.column_label(column) for _, column in keys]
+        for (category, column), row in zip(keys, rows[2:], strict=True):
+            assert row[0] == (category if column == columns[0] else "")
+            assert row[2:] == [
+                _printed(value, (source, category, method, column, metric), cloud_scores.METRICS[metric].digits)
+                for metric, method in _PAIRED
+            ]
+    names = [(m, method) for m in ("precision_tau_x100", "recall_tau_x100") for _, method in model_sections.MODELS]
+    assert shares[2][2:] == [_printed(value, ("measured", "chair", method, "Pi_g-L", m), 1) for m, method in names]
+    for i, row in enumerate(baselines[2:]):
+        key = _CATEGORIES[i // 6], model_sections.BASELINES[i % 6]
+        assert row[2:] == [
+            _printed(value, ("measured", *key, "Pi_g-L", metric), each.digits)
+            for metric, each in cloud_scores.PRINTED.items()
+        ]
+
+
+def test_bold_is_the_better_model_where_a_difference_is_seen(reported):
+    results = stage_results.read_results(reported[1])
+    table = scores.pairs(results, results.groups, model_sections.COLUMNS, model_sections.MODELS, "")
+    assert table is not None
+    bold = 0
+    for i, (_, _, *cells) in enumerate(table.rows):
+        category, column = _CATEGORIES[i // 5], model_sections.COLUMNS[i % 5]
+        ours, theirs = ((method, column) for _, method in model_sections.MODELS)
+        best = [isinstance(cell, pages.Cell) and cell.best for cell in cells]
+        for pair, metric in zip((best[:2], best[2:4], best[4:]), cloud_scores.PRINTED, strict=True):
+            won = results.better(category, ours, theirs, metric)
+            assert pair == [won > 0, won < 0]
+            bold += won != 0
+    assert bold > 0
+
+
+def test_verdict_and_findings_name_wins_losses_and_what_is_even(reported, monkeypatch):
+    results = stage_results.read_results(reported[1])
+    text = (reported[2] / "README.md").read_text()
+    assert text.split("\n\n")[1] == model_sections.verdict(results)
+    assert all(model_sections.against_retrieval(results, *model) in text for model in model_sections.MODELS)
+    chair, car = ("chair", "D"), ("car", "D")
+    found = {
+        "Pi_g-L": {chair: "DDF", ("chair", "F"): "DDF", car: "", ("car", "F"): "PC-SIREN"},
+        "Pi_pred-L": {chair: "", car: ""},
+    }
+    monkeypatch.setattr(model_sections, "better_model", lambda _, column: found[column])
+    assert model_sections.verdict(results) == (
+        "With the true camera, DDF is better for chair (D and F); PC-SIREN is better for car (F); no other difference "
+        "is seen. With the predicted camera, no difference is seen."
+    )
+    won = {"chair": 1, "plane": 0, "primitives": -1}
+    monkeypatch.setattr(stage_results.Results, "better", lambda self, category, *_: won[category])
+    said = model_sections.against_retrieval(results, *model_sections.MODELS[0])
+    assert said.endswith(": better for chair; not for plane and primitives.")
+
+
+def test_shapes_on_the_mask_have_a_table_of_their_own(reported):
+    """Work at test time that the other model is not given stands in no column beside it."""
+    results = stage_results.read_results(reported[1])
+    before = len(model_sections.results_section(results).blocks)  # the fake moves no shape
+    moved = results.per_image[results.per_image["method"] == scoring.DDF].assign(method=scoring.DDF_ON_MASK)
+    table = results.table[results.table["method"] == scoring.DDF].assign(method=scoring.DDF_ON_MASK)
+    both = dataclasses.replace(
+        results, trainings=[pd.concat([results.per_image, moved])], table=pd.concat([results.table, table])
+    )
+    blocks = model_sections.results_section(both).blocks
+    (mask,) = (block for block in blocks if isinstance(block, pages.Table) and "on the mask" in block.header[3])
+    assert len(blocks) == before + 1
+    assert not any(isinstance(cell, pages.Cell) and cell.best for row in mask.rows for cell in row)  # the same scores
+
+
+def test_seconds_of_a_test_image_stand_beside_the_columns(reported):
+    results = stage_results.read_results(reported[1])
+    assert model_sections.seconds(results) is None  # the fake noted none
+    noted = {
+        "DDF": {"encoders": 0.1, "cloud": 1.0, "camera_correction": 0.5},
+        "PC-SIREN": {"encoders": 0.2, "cloud": 0.01},
+    }
+    table = model_sections.seconds(dataclasses.replace(results, seconds=noted))
+    assert table is not None and [row[1:] for row in table.rows] == [
+        ["DDF", "1.10"],
+        ["PC-SIREN", "0.21"],
+        ["DDF", "1.60"],
+    ]
+
+
+def _scored(**scores):
+    """Scores per image, of method to shape to F of its images; another column and category that are not to be read."""
+    rows = [
+        ("chair", method, "Pi_g-L", shape, value)
+        for method, shapes in scores.items()
+        for shape, values in shapes.items()
+        for value in values
+    ]
+    rows += [("chair", "ddf", "Pi_g-S", "a", 0.9), ("plane", "ddf", "Pi_g-L", "a", 0.9)]
+    return pd.DataFrame(rows, columns=["category", "method", "column", "id", "f_score_tau"])
+
+
+def _results(*trainings) -> Any:
+    return types.SimpleNamespace(trainings=trainings, seeds=len(trainings), groups={"chair": "chair"})
+
+
+def test_a_shape_is_the_mean_of_its_images_and_of_all_trainings():
+    rival = {"a": [0.75, 0.75], "b": [0.625, 0.625], "c": [0.125, 0.125]}
+    first = _scored(
+        oracle_retrieval={"a": [0.5], "b": [0.625], "c": [0.875]},
+        ddf={"a": [0.25, 0.5], "b": [0.75, 0.75], "c": [1.0, 1.0]},
+        pc_siren=rival,
+    )
+    second = _scored(ddf={"a": [0.5, 0.75], "b": [0.75, 0.75], "c": [0.625, 0.625]}, pc_siren=rival)
+    found = model_sections.by_shape(_results(first, second), "chair")
+    assert found.loc["a"].to_dict() == pytest.approx({"nearest": 50, "ddf": 50, "pc_siren": 75})
+    assert found["ddf"].tolist() == pytest.approx([50, 75, 81.25])
+    # what lies on the line is not above it: a of the DDF, b of the rival
+    assert model_sections.nearest_table({"chair": found}).rows == [["chair", "3", "1.00", "1", "-1.00", "1"]]
+
+
+def test_two_shapes_have_no_correlation():
+    scores = {"a": [0.4], "b": [0.5]}
+    results = _results(_scored(oracle_retrieval=scores, ddf=scores, pc_siren=scores))
+    table = model_sections.nearest_table({"chair": model_sections.by_shape(results, "chair")})
+    assert table.rows == [["chair", "2", "–", "0", "–", "0"]]

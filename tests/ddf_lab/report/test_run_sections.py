@@ -1,0 +1,69 @@
+"""Sections of one run: evenness, budgets, and the settings that the page compares with the paper's."""
+
+import dataclasses
+from types import SimpleNamespace
+from typing import Any
+
+import pandas as pd
+import pytest
+from _experiment_report import ROOT, markdown_tables
+
+from ddf.core import schema
+from ddf_lab.report import run_sections, stage_results
+from ddf_lab.run import Run
+
+PLACES = {"app. si3dr", "app. singlefits", "app. genmodel", "table si3dr", "§3.3", "§3.4", "§4.3"}
+
+
+def test_evenness_of_the_clouds_is_that_of_the_table(reported):
+    folder = reported[2]
+    table = pd.read_csv(folder / "si3dr.csv")
+    value = table[table["metric"] == "spacing_variation"].set_index(["category", "method", "column"])["value"]
+    rows = next(rows for rows in markdown_tables((folder / "README.md").read_text()) if rows[0][1] == "true cloud")
+    assert [row[0] for row in rows[2:]] == ["chair", "plane", "primitives"]
+    heads = [("truth", "test shapes"), *((m, "Pi_g-L") for m in ("ceiling", "ddf", "ddf_nh1", "pc_siren"))]
+    assert rows[3][1:] == [f"{value['plane', method, column]:.2f}" for method, column in heads]
+
+
+def test_training_budgets_are_stated_with_their_difference(reported):
+    results = stage_results.read_results(reported[1])
+    longer = {name: log.assign(seconds=1.2 * log["seconds"]) for name, log in results.logs["DDF"].items()}
+    text = run_sections.budget(dataclasses.replace(results, logs={**results.logs, "DDF": longer}))
+    assert "did not train for the same wall time" in text
+    assert "DDF 12.0 min, PC-SIREN 10.0 min, the longer 20 % above the shorter" in text
+    further = {"DDF": [654.0, 3000.0], "PC-SIREN": [600.0, 60.0]}  # beside 600 s of the first
+    text = run_sections.budget(dataclasses.replace(results, seeds=3, further_seconds=further))
+    assert "within 9 %, summed over categories: DDF 10.9 min, PC-SIREN 10.0 min. Medians over the 3 seeds." in text
+    assert run_sections.budget(results) in (reported[2] / "README.md").read_text()
+    assert [run_sections.duration(s) for s in (0.4, 89.0, 123.0, 7200.0)] == ["0 s", "89 s", "2.0 min", "2.0 h"]
+
+
+def _changed(name):
+    results: Any = SimpleNamespace(settings=Run.read(ROOT / "configs" / f"{name}.yaml").sections())
+    changed, own = run_sections.changed_settings(results)
+    return {key: rest for key, *rest in changed}, {each.partition(" (")[0] for each in own}
+
+
+@pytest.mark.parametrize("name", ["smoke", "cpu", "cpu_paper"])
+def test_what_differs_from_the_paper_stands_beside_what_it_prints(name):
+    (changed, own), (nothing, papers) = _changed(name), _changed("paper")
+    assert all(here and there for here, there in changed.values())
+    assert not nothing and papers <= own  # what the paper does not give stands in every page
+    if name == "cpu":
+        (proposals,) = (rest for key, rest in changed.items() if key.startswith("`ddf.proposals"))
+        assert proposals == ["points 160", "none (app. si3dr)"]
+        assert changed["`train.batch_size`"] == ["12", "32 (app. si3dr)"]
+
+
+def test_a_source_is_a_place_of_the_paper_and_holds_for_the_default_alone():
+    for name in ("cpu", "generative", "fit"):
+        for section, value in Run.read(name).sections().items():
+            for each in schema.listed(value, section):
+                assert each.source == "" or each.source in PLACES, each.key
+    fit = {each.key: each.source for each in schema.listed(Run.read("fit").sections()["fit"], "fit")}
+    assert fit["fit.weights.transition"] == fit["fit.field.omega_first"] == fit["fit.loop.schedule"] == ""
+    vae = {each.key: each.source for each in schema.listed(Run.read("generative").sections()["vae"], "vae")}
+    assert (
+        vae["vae.field.hidden"] == "app. genmodel"
+        and vae["vae.loop.schedule"] == vae["vae.field.direction_scale"] == ""
+    )

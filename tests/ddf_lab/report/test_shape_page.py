@@ -1,0 +1,174 @@
+"""The stages on a single shape end to end, on a tiny field: files, printed numbers."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+from _shapes import torus
+from _tiny_fits import SECTION
+
+from ddf.core import guard, storage
+from ddf.fit import field_diagnostics
+from ddf.geometry import mesh_io
+from ddf_lab.evaluation import paper_results, shape_fits
+from ddf_lab.report import pages, shape_page, shape_views
+from ddf_lab.run import Run
+
+_STAGES = Path(__file__).resolve().parents[3] / "stages"
+_PAGE = {"README.md", "fit.csv", "ablate_samples.csv", "views.webp", "slices.webp", "losses.svg"}
+
+
+def _run(name):
+    runpy.run_path(str(_STAGES / f"{name}.py"))["make"](Run.read("tiny_fit.yaml"))
+
+
+@pytest.fixture(scope="module")
+def fitted_shape(tmp_path_factory):
+    """The current folder of a finished experiment."""
+    folder = tmp_path_factory.mktemp("shape")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for module, name, value in (
+            (shape_views, "PICTURE_SIZE", 12),
+            (shape_views, "RAYS", 50),
+            (shape_fits, "SAMPLES", 600),
+            (shape_fits, "HELD_OUT", 50),
+        ):
+            patch.setattr(module, name, value)
+        Path("torus.ply").write_bytes(mesh_io.ply_bytes(torus(sections=16)))
+        Path("tiny_fit.yaml").write_text(yaml.safe_dump({"fit": {**SECTION, "mesh": "torus.ply"}}))
+        for name in ("fit_shape", "ablate_samples", "report_shape"):
+            _run(name)
+        yield folder
+
+
+def _rows(folder):
+    """Cells of every table row of the Markdown page."""
+    lines = (folder / "artifacts" / "tiny_fit" / "report" / "README.md").read_text().splitlines()
+    cells = [re.split(r"(?<!\\)\|", line.strip("|")) for line in lines if line.startswith("| ")]
+    return [[cell.strip().replace("**", "") for cell in row] for row in cells]
+
+
+def test_stages_write_field_tables_and_page(fitted_shape):
+    fitted, ablated = (fitted_shape / "artifacts" / "tiny_fit" / name for name in ("fit_shape", "ablate_samples"))
+    assert {path.name for path in fitted.iterdir()} >= {
+        "model.safetensors",
+        "log.csv",
+        "fit.json",
+        "fit.csv",
+        "diagnostics.json",
+        "views.webp",
+        "slices.webp",
+        "views.json",
+    }
+    assert {path.name for path in ablated.glob("without_*")} == {f"without_{kind}" for kind in (*"UABOTS", "none")}
+    table, record = storage.load_table(ablated / "ablate_samples.csv")
+    assert len(table) == 7 * 2 * 6 * 2
+    assert record["sources"].keys() == {"artifacts/tiny_fit/ablate_samples/ablation.json"}
+    assert {path.name for path in (fitted_shape / "artifacts" / "tiny_fit" / "report").iterdir()} == _PAGE
+
+
+def test_links_and_pictures_of_the_page_exist(fitted_shape):
+    folder = fitted_shape / "artifacts" / "tiny_fit" / "report"
+    linked = set(re.findall(r"\]\(([^)]+)\)", (folder / "README.md").read_text()))
+    assert linked == _PAGE - {"README.md"}
+
+
+def test_printed_errors_are_those_of_the_tables(fitted_shape):
+    rows = _rows(fitted_shape)
+    metrics = storage.read_json(fitted_shape / "artifacts" / "tiny_fit" / "fit_shape" / "fit.json")
+    held_out = metrics["held_out"]
+    assert [
+        "L1 × 10 of depth",
+        "here",
+        *(shape_page.number(held_out["depth_l1_x10"][kind]) for kind in "UABOTS"),
+    ] in rows
+    assert ["L1 × 10 of depth", "paper, bunny", "0.45", "0.75", "0.19", "0.50", "0.77", "0.67"] in rows
+    table = pd.read_csv(fitted_shape / "artifacts" / "tiny_fit" / "report" / "ablate_samples.csv")
+    value = table.set_index(["source", "without", "metric", "type"])["value"]
+    ours = [shape_page.number(value["measured", "S", "visibility_bce", kind]) for kind in "UABOTS"]
+    assert ["S", *ours] in rows
+    angles = [held_out["normal_angle_deg"][kind]["median"] for kind in "UAB"] + [held_out["normal_angle_deg_median"]]
+    assert ["median", *(f"{angle:.1f}°" for angle in angles)] in rows
+    text = (fitted_shape / "artifacts" / "tiny_fit" / "report" / "README.md").read_text()
+    assert f"{metrics['parameters']:,} parameters, 5 steps;" in text
+
+
+def test_every_diagnostic_is_printed(fitted_shape):
+    found = storage.read_json(fitted_shape / "artifacts" / "tiny_fit" / "fit_shape" / "diagnostics.json")
+    assert tuple(found) == field_diagnostics.NAMES
+    printed = [row for row in _rows(fitted_shape) if "eikonal" in row[0] or "consistency" in row[0]]
+    assert [row[2:] for row in printed] == [
+        [*(shape_page.number(values[key]) for key in ("median", "p95", "worst")), f"{values['rays']:,}"]
+        for values in found.values()
+    ]
+
+
+def _long(values):
+    """A long table with the same values of ours and of the paper, by left-out and held-out type."""
+    return pd.DataFrame(
+        [
+            (without, kind, "depth_l1_x10", values(without, kind), source)
+            for without in (*"UABOTS", "none")
+            for kind in "UABOTS"
+            for source in ("measured", paper_results.BUNNY)
+        ],
+        columns=["without", "type", "metric", "value", "source"],
+    )
+
+
+def test_bold_and_findings_name_the_worst_of_each_column():
+    table = _long(lambda without, kind: 2.0 if without == kind and kind in "UT" else 1.5 if without == "none" else 1.0)
+    assert shape_page.worst_for_itself(table, "depth_l1_x10", "measured") == ["U", "T"]
+    rows = shape_page.ablation_table(table, "depth_l1_x10", "measured", "").rows
+    bold = {(row[0], i) for row in rows for i, cell in enumerate(row[1:]) if isinstance(cell, pages.Cell) and cell.best}
+    assert bold == {("U", 0), ("none", 1), ("none", 2), ("none", 3), ("T", 4), ("none", 5)}
+
+
+def test_report_before_its_stages_is_one_clear_line(fitted_shape, tmp_path, monkeypatch, capsys):
+    text = (fitted_shape / "tiny_fit.yaml").read_text()
+    monkeypatch.chdir(tmp_path)
+    Path("tiny_fit.yaml").write_text(text)
+    assert guard.guarded(lambda: _run("report_shape"), "ddf") == 2
+    assert re.fullmatch(r"ddf: error: .*fit_shape/fit\.json.*\n", capsys.readouterr().err)
+
+
+def test_fit_table_has_angles_of_all_types_together():
+    errors = {metric: dict.fromkeys(shape_fits.TYPES, 0.5) for metric in paper_results.BUNNY_METRICS}
+    angles = {"normal_angle_deg": {"U": {"median": 1.0, "p95": 9.0}}, "normal_angle_deg_median": 2.0}
+    table = shape_fits.fit_table({**errors, **angles, "normal_angle_deg_p95": 8.0})
+    value = table[table["source"] == "measured"].set_index(["type", "metric"])["value"]
+    assert value["UAB", "normal_angle_deg_median"] == 2.0
+    assert value["U", "normal_angle_deg_p95"] == 9.0
+    assert value["S", "visibility_bce"] == 0.5
+
+
+def _page_results(depth, lower):
+    """Results with one depth error of type U, and `lower` of the other eleven errors below the paper's."""
+    rows = []
+    for i, (metric, kind) in enumerate(
+        (metric, kind) for metric in shape_page.METRIC_NAMES for kind in shape_fits.TYPES
+    ):
+        ours = depth if i == 0 else 1.0 if i <= lower else 3.0
+        rows += [(metric, kind, ours, "measured"), (metric, kind, 2.0, paper_results.BUNNY)]
+    errors = pd.DataFrame(rows, columns=["metric", "type", "value", "source"])
+    return shape_page.Results("x", None, {}, pd.DataFrame(), errors, {}, [], {}, pd.DataFrame())
+
+
+def test_verdict_says_how_far_depth_is_off_and_how_many_errors_are_below_the_papers():
+    text = shape_page.verdict(_page_results(0.5, 4))
+    assert "off by 2.5 % of the box's longest side" in text and "twelve held-out errors, 5 are below" in text
+    nothing = shape_page.verdict(_page_results(float("nan"), 4))
+    assert "No held-out ray of type U meets the shape." in nothing and "errors, 4 are below" in nothing
+
+
+def test_a_mean_over_nothing_is_a_dash():
+    assert shape_page.number(float("nan")) == shape_page.number(float("nan"), "°", 1) == "–"
+    assert (shape_page.number(0.0), shape_page.number(0.01), shape_page.number(4.0, "°", 1)) == (
+        "0.00",
+        "0.01",
+        "4.0°",
+    )

@@ -1,0 +1,122 @@
+"""Pictures of a fitted field: where the cameras stand, and truth and field at the same rays."""
+
+import io
+
+import _models
+import numpy as np
+import pytest
+import torch
+from _shapes import icosphere, joined
+from _support import assert_close
+from PIL import Image
+
+from ddf.fields import framed_field, shape_field
+from ddf.geometry import mesh_io, primitives, raycast, rays
+from ddf.pictures import field_pictures
+from ddf_lab.report import shape_views
+
+
+@pytest.fixture(scope="module")
+def shape(tmp_path_factory):
+    return shape_field.load(_models.write_shape_field(tmp_path_factory.mktemp("field")))
+
+
+@pytest.fixture(scope="module")
+def ball(shape):
+    """A sphere of radius 0.45 about the centre of the field's box, in the frame of the mesh."""
+    mesh = icosphere(5, 0.45)
+    return mesh_io.Mesh(shape.field_from_mesh.inverse().apply(mesh.vertices), mesh.faces)
+
+
+def _place(shape, camera):
+    starts, _ = framed_field.camera_rays(shape, camera, 1)
+    return starts[0]
+
+
+def test_two_cameras_are_outside_one_in_the_box_and_one_in_the_shape(shape, ball):
+    found = dict(shape_views.cameras(shape, raycast.Scene(ball), 0))
+    assert list(found) == ["outside", "from behind", "in the box", "in the shape"]
+    for name in ("outside", "from behind"):
+        assert bool((np.abs(_place(shape, found[name])) > shape.upper).any())
+    in_box = _place(shape, found["in the box"])
+    assert bool((np.abs(in_box) <= shape.upper + 1e-9).all())
+    assert np.linalg.norm(in_box) > 0.9  # towards a corner
+    assert np.linalg.norm(_place(shape, found["in the shape"])) < 0.05  # the deepest point
+
+
+def test_a_single_sheet_has_no_inside(shape):
+    corners = np.array([[-0.5, -0.2, 0.1], [0.5, -0.2, 0.0], [0.0, 0.3, 0.0]])
+    sheet = mesh_io.Mesh(shape.field_from_mesh.inverse().apply(corners), np.array([[0, 1, 2]]))
+    assert "in the shape" not in dict(shape_views.cameras(shape, raycast.Scene(sheet), 0))
+
+
+def test_doubled_faces_and_loose_sheets_do_not_move_the_inner_camera_out(shape):
+    ball = icosphere(3, 0.2)
+    loose = mesh_io.Mesh(np.array([[-0.9, 0.45, -0.7], [0.9, 0.45, -0.7], [0.9, 0.4, 0.7]]), np.array([[0, 1, 2]]))
+    twice = joined(ball, mesh_io.Mesh(ball.vertices, ball.faces[:, ::-1]), loose)
+    mesh = mesh_io.Mesh(shape.field_from_mesh.inverse().apply(twice.vertices), twice.faces)
+    found = dict(shape_views.cameras(shape, raycast.Scene(mesh), 0))
+    assert np.linalg.norm(_place(shape, found["in the shape"])) < 0.15
+
+
+def test_renders_stand_beside_the_truth_of_the_same_rays(shape, ball):
+    views = shape_views.render(shape, ball, 12, 0)
+    truth = primitives.Sphere((0.0, 0.0, 0.0), 0.45)
+    for view in views:
+        starts, along = (torch.from_numpy(a) for a in framed_field.camera_rays(shape, view.camera, 12))
+        hits = primitives.cast(truth, rays.OrientedPoints(starts, along))
+        depth = hits.depth.numpy().reshape(12, 12) / shape.field_from_mesh.scale
+        both = np.isfinite(depth) & np.isfinite(view.images["true_depth"])
+        assert both.sum() > 3
+        assert np.median(np.abs(depth[both] - view.images["true_depth"][both])) < 0.05  # of a mesh 100 units long
+        summary = view.summary()
+        assert summary["rays"] == 144 == summary["evaluated"] + summary["saved"]
+    assert [view.summary()["saved"] > 0 for view in views] == [True, True, False, False]
+    picture = Image.open(io.BytesIO(shape_views.view_strip(views)))
+    lines = -(-len(shape_views.VIEW_COLUMNS) // 5)
+    assert picture.size[0] > 5 * 168 and picture.size[1] > len(views) * lines * 168
+
+
+@pytest.mark.parametrize("direction", shape_views.SLICE_DIRECTIONS)
+def test_slices_ask_at_points_of_the_plane_inside_the_box(shape, ball, direction):
+    size = 20
+    images = shape_views.slice_images(shape, raycast.Scene(ball), 0.5, direction, size)
+    steps = (np.arange(size) + 0.5) / size * 2 - 1
+    p = np.stack([np.tile(steps, (size, 1)), np.tile(-steps[:, None], (1, size)), np.zeros((size, size))], axis=-1)
+    v = np.broadcast_to(np.array(direction) / np.linalg.norm(direction), p.shape)
+    inside = np.abs(p[..., 1]) <= 0.5
+    hits = primitives.cast(
+        primitives.Sphere((0.0, 0.0, 0.0), 0.45), rays.OrientedPoints(torch.from_numpy(p), torch.from_numpy(v.copy()))
+    )
+    expected = np.where(inside, hits.depth.numpy(), np.inf)
+    both = np.isfinite(expected) & np.isfinite(images["true_depth"])
+    assert both.sum() > 40
+    assert np.median(np.abs(expected[both] - images["true_depth"][both])) < 5e-3
+    assert (np.isfinite(expected) != np.isfinite(images["true_depth"])).mean() < 0.05
+    with torch.no_grad():
+        raw = shape.field(torch.from_numpy(p[inside]).float(), torch.from_numpy(v[inside]).float())
+    assert_close(images["visibility"][inside], torch.sigmoid(raw[:, 3]), atol=1e-5)
+    assert_close(images["weight_1"][inside], torch.sigmoid(raw[:, 2]), atol=1e-5)
+    assert not images["visibility"][~inside].any()
+
+
+def test_slice_strip_is_a_picture(shape, ball):
+    picture = Image.open(io.BytesIO(shape_views.slice_strip(shape, ball, 12)))
+    assert picture.size[0] > 4 * 168 and picture.size[1] > 2 * 168  # eight cells and more, in lines
+    assert np.asarray(picture).std() > 5
+
+
+def test_depths_of_one_scene_share_their_colours():
+    near, far = np.full((4, 4), 1.0), np.full((4, 4), 2.0)
+    far[0, 0] = np.inf
+    one, two = field_pictures.depth_pictures(near, far)
+    assert (one != two).any(axis=-1).all()
+    assert two[0, 0].tolist() == [255, 255, 255]
+
+
+def test_weights_are_coloured_by_the_heavier_component():
+    weight, visibility = np.array([[0.0, 0.5], [1.0, 1.0]]), np.array([[1.0, 1.0], [1.0, 0.0]])
+    (blue, grey), (red, white) = field_pictures.weight_picture(weight, visibility).astype(int)
+    assert blue[2] > blue[0] and red[0] > red[2]
+    assert abs(int(grey[0]) - int(grey[2])) < 10
+    assert white.tolist() == [255, 255, 255]
