@@ -14,8 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ddf.core import checks, storage
-from ddf.geometry.formats import ac3d, obj, off, ply, stl
-from ddf.geometry.formats.scene_files import collada, gltf, threemf
+from ddf.geometry.formats import ac3d, collada, gltf, obj, off, ply, stl, threemf
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")  # read and written
 READ = (*SUFFIXES, ".gltf", ".dae", ".3mf", ".ac", ".acc")

@@ -115,11 +115,11 @@ def test_numbers_at_once_are_those_of_python_or_none():
             ".obj",
             "concave polygons",
         ),
-        ("scene_files.xml_text.MAX_MARKS", 9, b"<COLLADA>\n\n\n\n\n\n\n\n</COLLADA>", ".dae", "elements and line ends"),
-        ("scene_files.xml_text.MAX_ATTRIBUTES", 1, b'<COLLADA a="" b=""', ".dae", "too many attributes"),
-        ("scene_files.collada._ELEMENTS", 1, b"<COLLADA><a/></COLLADA>", ".dae", "more than 1 elements and attributes"),
-        ("scene_files.gltf.MAX_BRACKETS", 3, b"[[],[],[]]", ".gltf", "more than 3 lists and objects"),
-        ("scene_files.gltf.MAX_COMMAS", 3, b"[1,2,3,4,5]", ".gltf", "more than 3 entries"),
+        ("scenes.MAX_MARKS", 9, b"<COLLADA>\n\n\n\n\n\n\n\n</COLLADA>", ".dae", "elements and line ends"),
+        ("scenes.MAX_ATTRIBUTES", 1, b'<COLLADA a="" b=""', ".dae", "too many attributes"),
+        ("collada._ELEMENTS", 1, b"<COLLADA><a/></COLLADA>", ".dae", "more than 1 elements and attributes"),
+        ("gltf.MAX_BRACKETS", 3, b"[[],[],[]]", ".gltf", "more than 3 lists and objects"),
+        ("gltf.MAX_COMMAS", 3, b"[1,2,3,4,5]", ".gltf", "more than 3 entries"),
     ],
 )
 def test_what_would_take_long_is_refused(monkeypatch, name, value, data, suffix, words):

@@ -19,13 +19,13 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks
-from ddf.geometry.formats import raw, text
-from ddf.geometry.formats.scene_files import parts, xml_text
+from ddf.geometry.formats import raw, scenes, text
 
 _CORES = re.compile(r"\{http://schemas\.microsoft\.com/3dmanufacturing/(?:core/2015/02|2013/01)\}(\w+)")
 _PRODUCTION = "{http://schemas.microsoft.com/3dmanufacturing/production/2015/06}"
 _RELATION = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 _READ = ("/core/", "/production/", "/material/")  # of required extensions
+_UNREAD = ("}beamlattice", "}slicestack", "}booleanshape", "}levelset", "}displacementmesh")
 _DAMAGED = (  # what zipfile raises on damaged and encrypted archives
     zipfile.BadZipFile,
     zlib.error,
@@ -39,52 +39,31 @@ _DAMAGED = (  # what zipfile raises on damaged and encrypted archives
 _CHUNK = 1 << 20  # bytes
 _DEEPEST = 64  # components in components
 _MOST = 100_000  # objects placed, and objects and components there are
-_WAITING = 1 << 18  # words
-_TAGS = 100  # whose names are remembered
 _ENTRIES = 10_000  # of the archive
 _SUPPORTS = ("support", "solidsupport")  # types of objects that are printed beside the shape
 _SLICERS = ("metadata/slic3r_pe_model.config", "metadata/model_settings.config")  # PrusaSlicer's; Bambu's and Orca's
-
-
-_Told = TypeVar("_Told", bound=xml_text.Target)
+_Reference = tuple[str, str, Float[np.ndarray, "4 4"]]  # file, id and transform of an object
+_Told = TypeVar("_Told", bound=scenes.Target)
 
 
 @dataclass
 class _Object:
-    """vertices, corners: of its own mesh. components: file, id and transform of the objects that it is made of."""
+    """vertices, corners: of its own mesh. components: the objects that it is made of."""
 
     vertices: array = field(default_factory=lambda: array("d"))
     corners: array = field(default_factory=lambda: array("q"))
-    components: list[tuple[str, str, Float[np.ndarray, "4 4"]]] = field(default_factory=list)
-    places: list[str] = field(default_factory=list)  # words of vertices that are not numbers yet
-    indices: list[str] = field(default_factory=list)
-
-    def settle(self) -> None:
-        """Turn the words into numbers, all at once.
-
-        Raises:
-          InputError: one of them is no number.
-        """
-        for words, numbers, whole in ((self.places, self.vertices, False), (self.indices, self.corners, True)):
-            table = text.Blocks(b"").table(" ".join(words).encode(), whole)
-            if table is not None and len(table.values) == len(words):
-                numbers.frombytes(table.values.tobytes())
-            else:
-                read, kind = (text.whole, "an index of a triangle") if whole else (text.number, "a vertex's coordinate")
-                numbers.extend(read(word.strip().encode(), kind) for word in words)
-            words.clear()
+    components: list[_Reference] = field(default_factory=list)
 
 
-class _Model(xml_text.Target):
+class _Model(scenes.Target):
     """One part of the archive: its objects by id, and what it builds."""
 
     def __init__(self, place: str) -> None:
-        self.place, self.objects, self.built, self.unit = place, {}, [], "millimeter"
-        self.unread: set[str] = set()
-        self._object: _Object | None = None
+        self.objects: dict[str, _Object] = {}
+        self.built: list[_Reference] = []
+        self.unit, self.unread = "millimeter", set[str]()
+        self._place, self._object, self._num_parts = place, _Object(), 0
         self._prefixes: dict[str, str] = {}
-        self._names: dict[str, str] = {}
-        self._num_parts = 0
 
     def start_ns(self, prefix: str, uri: str) -> None:
         """A namespace gets a prefix."""
@@ -92,34 +71,25 @@ class _Model(xml_text.Target):
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """An element begins."""
-        name = self._names.get(tag)
-        if name is None:
-            core = _CORES.fullmatch(tag)
-            name = core[1] if core else ""
-            self._names = {**self._names, tag: name} if len(self._names) < _TAGS else self._names
-        if not name:
-            if tag.endswith(("}beamlattice", "}slicestack", "}booleanshape", "}levelset", "}displacementmesh")):
-                self.unread.add(tag.rpartition("}")[2])
-            return
-        if name == "vertex" and self._object is not None:
-            self._object.places += _three(attributes, ("x", "y", "z"), name)
-            if len(self._object.places) > _WAITING:
-                self._object.settle()
-        elif name == "triangle" and self._object is not None:
-            self._object.indices += _three(attributes, ("v1", "v2", "v3"), name)
-            if len(self._object.indices) > _WAITING:
-                self._object.settle()
+        core = _CORES.fullmatch(tag)
+        name = core[1] if core else ""
+        if tag.endswith(_UNREAD):
+            self.unread.add(tag.rpartition("}")[2])
+        elif name == "vertex":
+            for axis in ("x", "y", "z"):
+                self._object.vertices.append(text.number(_given(attributes, axis, name), "a vertex's coordinate"))
+        elif name == "triangle":
+            for axis in ("v1", "v2", "v3"):
+                self._object.corners.append(text.whole(_given(attributes, axis, name), "an index of a triangle"))
         elif name == "object":
             self._count()
-            made = self.objects[_given(attributes, "id", name)] = _Object()
-            self._object = None if attributes.get("type") in _SUPPORTS else made
-            if self._object is None:
-                self.unread.add("support")
-        elif name == "component" and self._object is not None:
-            self._count()
+            self._object = _Object()
+            is_support = attributes.get("type") in _SUPPORTS
+            self.objects[_given(attributes, "id", name).decode()] = _Object() if is_support else self._object
+            self.unread |= {"support"} if is_support else set()
+        elif name == "component":
             self._object.components.append(self._reference(attributes, name))
         elif name == "item":
-            self._count()
             self.built.append(self._reference(attributes, name))
         elif name == "model":
             self.unit = attributes.get("unit", "millimeter")
@@ -131,21 +101,24 @@ class _Model(xml_text.Target):
     def end(self, tag: str) -> None:
         """An element ends."""
         if tag.endswith("}object"):
-            if self._object is not None:
-                self._object.settle()
-            self._object = None
+            self._object = _Object()
 
     def _count(self) -> None:
         self._num_parts += 1
         if self._num_parts > _MOST:
             raise checks.InputError(f"it has more than {_MOST} objects and components")
 
-    def _reference(self, attributes: dict[str, str], name: str) -> tuple[str, str, Float[np.ndarray, "4 4"]]:
-        place = attributes.get(f"{_PRODUCTION}path", self.place)
-        return _part_name(place), _given(attributes, "objectid", name), _transform(attributes.get("transform"))
+    def _reference(self, attributes: dict[str, str], name: str) -> _Reference:
+        self._count()
+        matrix, words = np.eye(4), attributes.get("transform")
+        if words is not None:  # four rows of three, that act on rows: x -> x M
+            numbers = scenes.numbers(scenes.decimals(words, "a transform").tolist(), 12, "transform")
+            matrix[:3] = numbers.reshape(4, 3).T
+        place = attributes.get(f"{_PRODUCTION}path", self._place)
+        return _part_name(place), _given(attributes, "objectid", name).decode(), matrix
 
 
-class _Relations(xml_text.Target):
+class _Relations(scenes.Target):
     """Of the package: the part that is its model."""
 
     model = "3d/3dmodel.model"
@@ -156,7 +129,7 @@ class _Relations(xml_text.Target):
             self.model = _part_name(attributes.get("Target", ""))
 
 
-class _Slicer(xml_text.Target):
+class _Slicer(scenes.Target):
     """What a slicer notes of the volumes that are no part of the shape: negative ones, modifiers, supports.
 
     ranges: first and last triangle of such volumes, by the id of their object. parts: ids of an object and of one of
@@ -180,6 +153,12 @@ class _Slicer(xml_text.Target):
             self.parts.add((self._key, attributes.get("id", "")))
         elif (key == "volume_type" and value != "ModelPart") or (key == "modifier" and value == "1"):
             self.ranges.setdefault(self._key, []).append(self._range)
+
+
+def _given(attributes: dict[str, str], name: str, element: str) -> bytes:
+    if name not in attributes:
+        raise checks.InputError(f"a {element} has no {name}")
+    return attributes[name].encode()
 
 
 def _part_name(name: str) -> str:
@@ -221,20 +200,17 @@ def parse(data: bytes) -> raw.Raw:
 def _read(archive: zipfile.ZipFile, names: dict[str, str], place: str, target: _Told) -> _Told:
     """The target, told of a part of the archive; as it is where there is no such part."""
     if place in names:
-        reader = xml_text.Reader(target)
         with archive.open(names[place]) as part:
-            while block := part.read(_CHUNK):
-                reader.feed(block)
-        reader.finish()
+            scenes.read_xml(iter(lambda: part.read(_CHUNK), b""), target)
     return target
 
 
 def _flattened(models: dict[str, _Model], start: str, slicers: list[_Slicer]) -> raw.Raw:
     if len({model.unit for model in models.values()}) > 1:
         raise checks.InputError("its models have different units; save it in one")
-    found: list[parts.Part] = []
-    made: dict[tuple[str, str], parts.Part] = {}
-    total = num_placed = 0
+    scene = scenes.Scene(_MOST)
+    made: dict[tuple[str, str], scenes.Part] = {}
+    num_placed = 0
     stack = [(item, np.eye(4), 0) for item in reversed(models[start].built)]
     while stack:
         (place, key, own), above, depth = stack.pop()
@@ -244,52 +220,23 @@ def _flattened(models: dict[str, _Model], start: str, slicers: list[_Slicer]) ->
         num_placed += 1
         if depth > _DEEPEST or num_placed > _MOST:
             raise checks.InputError(f"components of object {key[:40]!a} form a circle, or are too many")
-        with np.errstate(over="ignore", invalid="ignore"):
-            matrix = above @ own
+        matrix = scenes.product(above, own)
         if (place, key) not in made:
             corners = np.array(shape.corners, dtype=np.int64).reshape(-1, 3)
-            if place == start:
-                corners = corners[_kept(len(corners), [cut for each in slicers for cut in each.ranges.get(key, ())])]
-            own_mesh = raw.of_polygons(shape.vertices, [3] * len(corners), corners.reshape(-1))
-            made[place, key] = own_mesh.vertices, own_mesh.faces
-        total = parts.counted(total, len(made[place, key][1]))
+            kept = np.ones(len(corners), dtype=bool)
+            for first, last in (cut for each in slicers if place == start for cut in each.ranges.get(key, ())):
+                kept[max(first, 0) : max(last, -1) + 1] = False
+            corners = corners[kept]
+            mesh = raw.of_polygons(shape.vertices, [3] * len(corners), corners.reshape(-1))
+            made[place, key] = mesh.vertices, mesh.faces
+        scene.require_room(len(made[place, key][1]))
         if len(made[place, key][1]):
-            found.append(parts.placed(*made[place, key], matrix))
+            scene.place(made[place, key], matrix)
         inner = [part for part in shape.components if not any((key, part[1]) in each.parts for each in slicers)]
         stack += [(part, matrix, depth + 1) for part in reversed(inner)]
-    unread = sorted({name for model in models.values() for name in model.unread})
-    remarks = [f"{name} elements are left out" for name in unread]
+    for name in sorted({name for model in models.values() for name in model.unread}):
+        scene.remarks[f"{name} elements are left out"] = None
     volumes = sum(len(each.parts) + sum(map(len, each.ranges.values())) for each in slicers)
     if volumes:
-        remarks.append(f"{volumes} negative, modifier or support volumes of a slicer are left out")
-    return parts.joined(found, remarks)
-
-
-def _kept(count: int, cut: list[tuple[int, int]]) -> np.ndarray:
-    """Which of so many triangles lie in none of the ranges, both ends included."""
-    kept = np.ones(count, dtype=bool)
-    for first, last in cut:
-        kept[max(first, 0) : max(last, -1) + 1] = False
-    return kept
-
-
-def _given(attributes: dict[str, str], name: str, element: str) -> str:
-    if name not in attributes:
-        raise checks.InputError(f"a {element} has no {name}")
-    return attributes[name]
-
-
-def _three(attributes: dict[str, str], names: tuple[str, str, str], element: str) -> tuple[str, str, str]:
-    first, second, third = names
-    try:
-        return attributes[first], attributes[second], attributes[third]
-    except KeyError as fault:
-        raise checks.InputError(f"a {element} has no {fault.args[0]}") from fault
-
-
-def _transform(words: str | None) -> Float[np.ndarray, "4 4"]:
-    """Twelve numbers, four rows of three, that act on rows: x -> x M."""
-    matrix = np.eye(4)
-    if words is not None:
-        matrix[:3] = parts.numbers(xml_text.numbers(words, "a transform").tolist(), 12, "transform").reshape(4, 3).T
-    return matrix
+        scene.remarks[f"{volumes} negative, modifier or support volumes of a slicer are left out"] = None
+    return scene.joined()

@@ -9,7 +9,7 @@ from _shapes import icosphere
 
 from ddf.core import checks
 from ddf.geometry import mesh_io
-from ddf.geometry.formats.scene_files import xml_text
+from ddf.geometry.formats import scenes
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
@@ -184,7 +184,7 @@ def test_what_cannot_be_read_rightly_is_refused_with_its_reason(name):
 
 
 def test_archives_that_unpack_without_end_are_stopped(monkeypatch):
-    monkeypatch.setattr(xml_text, "MAX_BYTES", 4 << 20)
+    monkeypatch.setattr(scenes, "MAX_BYTES", 4 << 20)
     with pytest.raises(checks.InputError, match="its XML has more than 4194304 bytes"):
         mesh_io.parse(_zip(_model().replace("<build>", " " * (8 << 20) + "<build>")), ".3mf")
 

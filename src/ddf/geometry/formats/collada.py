@@ -1,0 +1,296 @@
+"""COLLADA 1.4 and 1.5 (DAE): the triangles of the scene, transforms and instances applied, coordinates as written.
+
+Our own reader: trimesh passes over what pycollada does not know without a word, and fans concave polygons. Neither the
+unit nor the up axis of the file is applied, as no other format's is: a remark names an up axis other than Y.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from xml.etree.ElementTree import Element, TreeBuilder
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ddf.core import checks
+from ddf.geometry.formats import raw, scenes, text
+
+_DEEPEST = 128  # nodes in nodes
+_MOST = 50_000  # geometries placed
+_VISITED = 300_000  # nodes and what they hold, each as often as it is used
+_ELEMENTS = 2_000_000  # and attributes of a file: a tree of some hundred bytes each
+_BOUND = 8  # controllers on controllers
+_CHUNK = 1 << 20  # bytes
+_UNREAD = ("lookat", "skew")
+_LEFT_OUT = ("lines", "linestrips")
+_PRIMITIVES = ("triangles", "trifans", "tristrips", "polygons", "polylist")
+
+
+class _Ids:
+    """Elements by tag and id: those of one geometry first, then those of the file, where ids may come again."""
+
+    def __init__(self, elements: Iterable[Element] = (), others: "_Ids | None" = None) -> None:
+        self._found: dict[tuple[str, str], Element] = {}
+        self._twice: set[tuple[str, str]] = set()
+        self._others = others
+        for element in elements:
+            self.add(element)
+
+    def add(self, element: Element) -> None:
+        """One more element, if it has an id."""
+        key = element.tag, element.get("id", "")
+        if key[1] and self._found.setdefault(key, element) is not element:
+            self._twice.add(key)
+
+    def find(self, key: str, *tags: str) -> Element | None:
+        """The element of one of these kinds with the id; two that could be meant are refused."""
+        for tag in tags:
+            if (tag, key) in self._twice:
+                raise checks.InputError(f"two {tag} elements have the id {key[:40]!a}; which is meant is not clear")
+            if (tag, key) in self._found:
+                return self._found[tag, key]
+        return None if self._others is None else self._others.find(key, *tags)
+
+    def get(self, key: str, tag: str) -> Element:
+        """The same of an element that must be there."""
+        found = self.find(key, tag)
+        if found is None:
+            raise checks.InputError(f"there is no {tag} {key[:40]!a}")
+        return found
+
+
+class _Tree(scenes.Target):
+    """All elements, without their namespaces, and those with an id."""
+
+    def __init__(self) -> None:
+        self._builder, self._count = TreeBuilder(), 0
+        self.data = self._builder.data
+        self.ids = _Ids()
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """An element begins."""
+        self._count += 1 + len(attributes)
+        if self._count > _ELEMENTS:
+            raise checks.InputError(f"its XML has more than {_ELEMENTS} elements and attributes")
+        self.ids.add(self._builder.start(tag.rpartition("}")[2], attributes))
+
+    def end(self, tag: str) -> None:
+        """An element ends."""
+        self._builder.end(tag.rpartition("}")[2])
+
+    def root(self) -> Element:
+        """The tree, once the text has ended."""
+        return self._builder.close()
+
+
+def parse(data: bytes) -> raw.Raw:
+    """All triangles of the scene, in the order of its nodes.
+
+    Raises:
+      InputError: no COLLADA, more than 128 MiB, no scene, references to nothing or outside the file, a transform or a
+        kind of geometry that is not read, nodes in a circle, more than 20 million triangles.
+    """
+    tree = _Tree()
+    scenes.read_xml((data[place : place + _CHUNK] for place in range(0, len(data), _CHUNK)), tree)
+    root = tree.root()
+    if root.tag != "COLLADA":
+        raise checks.InputError(f"not a dae mesh: its root is {root.tag[:40]!a}, not COLLADA")
+    scene = scenes.Scene(_MOST)
+    up = root.findtext("asset/up_axis", "Y_UP").strip()
+    if up != "Y_UP":
+        scene.remarks[f"its up axis is {ascii(up[:10])[1:-1]}; coordinates are as written, not turned"] = None
+    made: dict[str, scenes.Part] = {}
+    for key, matrix in _placements(tree.ids, root, scene.remarks):
+        if key not in made:
+            made[key] = _triangles(tree.ids.get(key, "geometry"), tree.ids, scene.remarks)
+        scene.require_room(len(made[key][1]))
+        scene.place(made[key], matrix)
+    return scene.joined()
+
+
+def _placements(ids: _Ids, root: Element, remarks: dict[str, None]) -> Iterator[tuple[str, Float[np.ndarray, "4 4"]]]:
+    """Id and transform of every geometry of the scene."""
+    chosen = root.find("scene/instance_visual_scene")
+    found = root.findall("library_visual_scenes/visual_scene")
+    if chosen is not None:
+        found = [ids.get(_url(chosen), "visual_scene")]
+    if len(found) != 1:
+        raise checks.InputError(f"the file names no scene and has {len(found)}")
+    stack = [(node, np.eye(4), "", 0) for node in reversed(found[0].findall("node"))]
+    visited = 0
+    while stack:
+        node, matrix, unread, depth = stack.pop()
+        visited += 1 + len(node)
+        if depth > _DEEPEST or visited > _VISITED:
+            raise checks.InputError("its nodes form a circle, or are too many")
+        for child in node:
+            matrix = scenes.product(matrix, _transform(child))
+            unread = child.tag if child.tag in _UNREAD else unread
+        for child in node:
+            if child.tag in ("instance_geometry", "instance_controller"):
+                if unread:
+                    raise checks.InputError(f"a node has a {unread}, which is not read; save it as a matrix")
+                shape, bound = _url(child), np.eye(4)
+                if child.tag == "instance_controller":
+                    shape, bound = _unskinned(ids, shape, remarks)
+                yield shape, matrix @ bound
+        inner = node.findall("node") + [ids.get(_url(each), "node") for each in node.findall("instance_node")]
+        stack += [(child, matrix, unread, depth + 1) for child in reversed(inner)]
+
+
+def _transform(element: Element) -> Float[np.ndarray, "4 4"]:
+    """The matrix of one transform of a node; the identity for any other element."""
+    matrix = np.eye(4)
+    if element.tag == "matrix":
+        return _numbers(element, 16).reshape(4, 4)
+    if element.tag == "translate":
+        matrix[:3, 3] = _numbers(element, 3)
+    elif element.tag == "scale":
+        matrix[:3, :3] = np.diag(_numbers(element, 3))
+    elif element.tag == "rotate":
+        *axis, degrees = _numbers(element, 4)
+        length = math.hypot(*axis)
+        x, y, z = (value / (length or 1.0) for value in axis)
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        angle = math.radians(degrees) if length else 0.0
+        matrix[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross  # Rodrigues
+    return matrix
+
+
+def _unskinned(ids: _Ids, controller: str, remarks: dict[str, None]) -> tuple[str, Float[np.ndarray, "4 4"]]:
+    """The geometry under skins and morphs, and the transform that binds it."""
+    bound = np.eye(4)
+    for _ in range(_BOUND):
+        element = ids.find(controller, "controller")
+        if element is None:
+            return controller, bound
+        inner = element.find("skin")
+        if inner is not None:
+            remarks["skins are not applied: the mesh is read as modelled"] = None
+            shape = inner.find("bind_shape_matrix")
+            bound = bound if shape is None else bound @ _numbers(shape, 16).reshape(4, 4)
+        else:
+            remarks["morph targets are not applied"] = None
+            inner = element.find("morph")
+        controller = "" if inner is None else _reference(inner.get("source", ""))
+    raise checks.InputError("its controllers form a circle, or are too many")
+
+
+def _numbers(element: Element, count: int) -> Float[np.ndarray, "k"]:
+    return scenes.numbers(scenes.decimals(element.text or "", element.tag).tolist(), count, element.tag)
+
+
+def _url(element: Element) -> str:
+    return _reference(element.get("url", ""))
+
+
+def _reference(url: str) -> str:
+    if not url.startswith("#"):
+        raise checks.InputError(f"{url[:80]!a} points outside the file")
+    return url[1:]
+
+
+def _triangles(geometry: Element, ids: _Ids, remarks: dict[str, None]) -> scenes.Part:
+    """Positions and triangles of a geometry, in its own frame."""
+    mesh = geometry.find("mesh")
+    if mesh is None:
+        kind = geometry[0].tag if len(geometry) else "nothing"
+        raise checks.InputError(f"a geometry is {kind[:20]!a}, not a mesh; save it as triangles")
+    ids = _Ids(geometry.iter(), ids)
+    tables: dict[str, tuple[int, Float[np.ndarray, "n 3"]]] = {}  # first vertex of each source, and its positions
+    counts, corners = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    num_vertices = 0
+    for element in mesh:
+        if element.tag in _LEFT_OUT:
+            remarks[f"primitives of {element.tag} are left out"] = None
+        if element.tag not in _PRIMITIVES:
+            continue
+        source, offset, stride = _inputs(element, ids)
+        if source not in tables:
+            tables[source] = num_vertices, _positions(ids, source)
+            num_vertices += len(tables[source][1])
+        first, positions = tables[source]
+        sizes, index = _polygons(element, offset, stride)
+        if len(index) and index.max() >= len(positions):
+            raise checks.InputError(f"a face uses vertex {index.max()}, but there are only {len(positions)}")
+        counts.append(sizes)
+        corners.append(index + first)
+    vertices = np.concatenate([np.zeros((0, 3)), *(positions for _, positions in tables.values())])
+    read = raw.of_polygons(vertices, np.concatenate(counts), np.concatenate(corners))
+    remarks.update(dict.fromkeys(read.remarks))
+    return read.vertices, read.faces
+
+
+def _inputs(primitive: Element, ids: _Ids) -> tuple[str, int, int]:
+    """Id of the source of positions, the place of its index among those of a corner, and how many a corner has."""
+    stride, vertices, place = 0, None, 0
+    for element in primitive.findall("input"):
+        offset = text.whole(element.get("offset", "0").encode(), "an input's offset")
+        stride = max(stride, offset + 1)
+        if element.get("semantic") == "VERTEX":
+            vertices, place = ids.find(element.get("source", "")[1:], "vertices"), offset
+    if vertices is None or not 0 < stride <= 64:
+        raise checks.InputError(f"{primitive.tag} without an input of semantic VERTEX")
+    for element in vertices.findall("input"):
+        if element.get("semantic") == "POSITION":
+            return element.get("source", "")[1:], place, stride
+    raise checks.InputError("vertices without an input of semantic POSITION")
+
+
+def _positions(ids: _Ids, key: str) -> Float[np.ndarray, "n 3"]:
+    source = ids.find(key, "source")
+    accessor = None if source is None else source.find("technique_common/accessor")
+    array = None if accessor is None else ids.find(accessor.get("source", "")[1:], "float_array", "int_array")
+    if accessor is None or array is None:
+        raise checks.InputError(f"there is no source of positions {key[:40]!a}")
+    values = scenes.decimals(array.text or "", "a position")
+    count, offset, stride = (
+        text.whole(accessor.get(name, default).encode(), f"an accessor's {name}")
+        for name, default in (("count", "0"), ("offset", "0"), ("stride", "1"))
+    )
+    named = [parameter.get("name", "") for parameter in accessor.findall("param")]
+    order = [named.index(axis) for axis in "XYZ"] if {"X", "Y", "Z"} <= set(named) else [0, 1, 2]
+    last = offset + stride * (count - 1) + max(2, *order)
+    if stride < 3 or offset < 0 or count < 0 or (count and last >= len(values)):
+        raise checks.InputError(f"an accessor of {count} positions reaches beyond its {len(values)} numbers")
+    if max(order) >= stride:
+        raise checks.InputError("an accessor has more params than its stride")
+    return values[offset + stride * np.arange(count)[:, None] + np.array(order)]
+
+
+def _polygons(primitive: Element, offset: int, stride: int) -> tuple[Int[np.ndarray, "p"], Int[np.ndarray, "c"]]:
+    """Corners of each polygon, and the positions of all corners."""
+    kind = primitive.tag
+    if primitive.find("ph") is not None:
+        raise checks.InputError("a polygon has a hole; cut it into triangles first")
+    lists = [scenes.indices(element.text or "", kind) for element in primitive.findall("p")]
+    for each in lists:
+        if len(each) % stride:
+            raise checks.InputError(f"{kind}: {len(each)} indices are no multiple of {stride}")
+    strips = [each[offset::stride] for each in lists]
+    if kind == "polygons":
+        return np.array([len(each) for each in strips], dtype=np.int64), _joined(strips)
+    primitives = len(strips)
+    if kind == "tristrips":
+        strips = [scenes.strip(each).reshape(-1) for each in strips]
+    elif kind == "trifans":
+        strips = [_fan(each) for each in strips]
+    corners = _joined(strips)
+    sizes = np.full(len(corners) // 3, 3)
+    if kind == "polylist":
+        sizes = scenes.indices(primitive.findtext("vcount", ""), "vcount")
+    elif len(corners) % 3:
+        raise checks.InputError(f"triangles: {len(corners)} corners are no multiple of three")
+    primitives = len(sizes) if kind in ("polylist", "triangles") else primitives
+    given = text.whole(primitive.get("count", str(primitives)).encode(), f"the count of {kind}")
+    if sizes.sum() != len(corners) or given != primitives:
+        claimed, there = f"{given} of them with {sizes.sum()} corners", f"{primitives} with {len(corners)} are there"
+        raise checks.InputError(f"{kind}: the file claims {claimed}; {there}")
+    return sizes, corners
+
+
+def _joined(lists: list[Int[np.ndarray, "_"]]) -> Int[np.ndarray, "c"]:
+    return np.concatenate([np.zeros(0, dtype=np.int64), *lists])
+
+
+def _fan(index: Int[np.ndarray, "k"]) -> Int[np.ndarray, "c"]:
+    return np.stack([np.full(max(len(index) - 2, 0), index[:1]), index[1:-1], index[2:]], axis=1).reshape(-1)
