@@ -78,18 +78,14 @@ def test_a_number_with_an_exponent_is_one(text):
             {"face": "3"},
             r"experiment.yaml: meshes: unknown key 'face'; the keys are faces, scale.*\(did you mean faces\?\)",
         ),
-        ({"zzz": "3"}, r"meshes: unknown key 'zzz'; the keys are faces, scale, mode"),
         ({"other": "{seed: 3}"}, r"meshes.other: unknown key 'seed'; the keys are width, rate"),
         ({"other": "{width: 0}"}, r"experiment.yaml: meshes.other: width must be >= 1; got 0"),
         ({"faces": "3"}, r"experiment.yaml: meshes: faces must be >= 4; got 3"),
-        ({"scale": "0.0"}, r"scale must be > 0; got 0"),
         ({"scale": "10.0"}, r"scale must be <= 9; got 10"),
         ({"faces": "3.0"}, r"meshes.faces must be of type int; got 3.0"),
         ({"faces": "true"}, r"meshes.faces must be of type int; got True"),
-        ({"faces": "'7'"}, r"meshes.faces must be of type int; got '7'"),
         ({"faces": "null"}, r"meshes.faces must be of type int; got None"),
         ({"scale": ".nan"}, r"meshes.scale must be finite; got nan"),
-        ({"scale": "-.inf"}, r"meshes.scale must be finite; got -inf"),
         ({"scale": "fast"}, r"meshes.scale must be of type float; got 'fast'"),
         ({"flag": "1"}, r"meshes.flag must be of type bool; got 1"),
         ({"mode": "slow"}, r"meshes.mode must be one of fast, exact; got 'slow'"),
@@ -111,7 +107,6 @@ def test_load_refuses_what_does_not_fit(tmp_path, changes, message):
     ("text", "message"),
     [
         ("", "must hold sections"),
-        ("- 1", "must hold sections"),
         ("meshes: {a: 1", "not valid YAML"),
         ("samples: {a: 1}", "section 'meshes' is missing"),
         ("meshes: {faces: 1, faces: 2}", "not valid YAML.*'faces' is given twice"),
@@ -142,12 +137,11 @@ def test_read_refuses_other_files(tmp_path, text, message):
     assert "bad.yaml" in str(caught.value)
 
 
-def test_read_refuses_binary_files_and_names_missing_ones(tmp_path):
+def test_binary_and_missing_files_are_named(tmp_path):
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(checks.InputError, match=r"binary.yaml"):
-        config.layers(tmp_path / "binary.yaml")
-    with pytest.raises(FileNotFoundError, match=r"absent\.yaml"):
-        config.layers(tmp_path / "absent.yaml")
+    for name, error in (("binary.yaml", checks.InputError), ("absent.yaml", FileNotFoundError)):
+        with pytest.raises(error, match=name):
+            config.layers(tmp_path / name)
 
 
 def _file(folder, name, text):

@@ -170,70 +170,43 @@ def _slow(items, shard: parallel.Shard) -> parallel.ShardResult:
     return _square(set(), set(), 0.0, items, shard)
 
 
+def _contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
 def test_result_does_not_depend_on_the_number_of_workers(tmp_path):
-    contents = []
-    for jobs in (2, 4):
-        out_dir = tmp_path / str(jobs) / "out"
-        out_dir.mkdir(parents=True)
-        parallel.map_shards(
-            _slow,
-            list(range(10)),
-            shard_size=2,
-            out_dir=out_dir,
-            fingerprint="f",
-            describe="x",
-            jobs=jobs,
-        )
-        contents.append({path.name: path.read_bytes() for path in out_dir.iterdir()})
-    assert contents[0] == contents[1]
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_dask_backend_gives_the_same_files(tmp_path, monkeypatch):
-    from dask import distributed  # a backend for clusters: nothing else in the suite needs it
-
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
-    _map(tmp_path / "a" / "out", bad=[5])
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", cluster.scheduler_address)
-        _map(tmp_path / "b" / "out", bad=[5])
-    names = sorted(os.listdir(tmp_path / "a" / "out"))
-    assert sorted(os.listdir(tmp_path / "b" / "out")) == names
-    for name in names:
-        assert (tmp_path / "a" / "out" / name).read_bytes() == (tmp_path / "b" / "out" / name).read_bytes()
+    made = {"shard_size": 2, "fingerprint": "f", "describe": "x"}
+    folders = [tmp_path / str(jobs) / "out" for jobs in (2, 4)]
+    for folder, jobs in zip(folders, (2, 4), strict=True):
+        folder.mkdir(parents=True)
+        parallel.map_shards(_slow, list(range(10)), out_dir=folder, jobs=jobs, **made)
+    assert _contents(folders[0]) == _contents(folders[1])
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_killed_dask_worker_changes_no_file(tmp_path, monkeypatch):
-    from dask import distributed
+    from dask import distributed  # a backend for clusters: nothing else in the suite needs it
 
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
-    _map(tmp_path / "a" / "out", range(40), bad=[5])
+    here, there = tmp_path / "a" / "out", tmp_path / "b" / "out"
+    for out_dir in (here, there):
+        out_dir.mkdir(parents=True)
+    _map(here, range(40), bad=[5])
     with distributed.LocalCluster(n_workers=3, threads_per_worker=1, dashboard_address=None) as cluster:
         monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", cluster.scheduler_address)
         with distributed.Client(cluster) as client:
             victim = next(iter(client.run(os.getpid).values()))
-        killed = []
 
         def kill() -> None:
-            while not (tmp_path / "b" / "begun").exists():
+            while not (there.parent / "begun").exists():
                 time.sleep(0.01)
             os.kill(victim, signal.SIGKILL)
-            killed.append(victim)
 
         thread = threading.Thread(target=kill)
         thread.start()
-        _map(tmp_path / "b" / "out", range(40), bad=[5], pause=0.2)
+        _map(there, range(40), bad=[5], pause=0.2)
         thread.join()
-    assert killed
-    names = sorted(os.listdir(tmp_path / "a" / "out"))
-    assert sorted(os.listdir(tmp_path / "b" / "out")) == names
-    for name in names:
-        assert (tmp_path / "a" / "out" / name).read_bytes() == (tmp_path / "b" / "out" / name).read_bytes()
+    assert _contents(there) == _contents(here)
 
 
 def test_an_unreachable_scheduler_is_one_line(out_dir, monkeypatch):
