@@ -53,9 +53,13 @@ dag: $(READY) ## the stages of CONFIG and what each waits for
 	$(run) --dag
 
 ##@ Quality
-test: test-fast test-browser smoke ## set-up, lint, types, unit tests, the viewer's page, then the smoke pipeline
+UNIT_TESTS := $(RUN) -m pytest -q -n auto --maxprocesses 4
+test: $(READY) ## lint and types beside the smoke pipeline, then unit tests and the viewer's page
+	@$(MAKE) -j2 --output-sync=target lint smoke
+	@$(UNIT_TESTS)
+	@$(MAKE) test-browser
 test-fast: lint ## lint, types and unit tests
-	@$(RUN) -m pytest -q -n auto --maxprocesses 4
+	@$(UNIT_TESTS)
 test-slow: $(READY) ## the tests marked slow: kills, two runs at once, damaged files
 	@$(RUN) -m pytest -q -m slow
 test-browser: $(READY) ## the page of `ddf view` in Chromium and Firefox (installed by apt-get as root; skipped where there is none)
