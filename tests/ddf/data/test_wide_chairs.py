@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from ddf.data.synthetic import wide_chairs
+from ddf.data.synthetic import chairs
 
-FAMILIES = [family for family, _ in wide_chairs.FAMILIES[1:]]
+FAMILIES = [family for family, _ in chairs.FAMILIES[1:]]
 CLOSED = {  # what a family adds to the parts of others
-    wide_chairs.tub: {"shell", "body"},
-    wide_chairs.club: {"cushion", "foot"},
-    wide_chairs.lounge: {"sheet"},
-    wide_chairs.bent: {"panel", "hoop", "leg"},
-    wide_chairs.stool: {"ring"},
-    wide_chairs.with_tray: {"tray"},
+    chairs.tub: {"shell", "body"},
+    chairs.club: {"cushion", "foot"},
+    chairs.lounge: {"sheet"},
+    chairs.bent: {"panel", "hoop", "leg"},
+    chairs.stool: {"ring"},
+    chairs.with_tray: {"tray"},
 }
 
 
@@ -41,8 +41,8 @@ def test_a_chair_stands_on_the_floor_and_its_back_is_behind(family):
         assert abs(points[:, 1].min()) < 0.06 and 0.3 < points[:, 1].max() < 2.0
         assert np.ptp(points[:, 2]) < 1.8 and abs(points[:, 2].max() + points[:, 2].min()) < 0.25
         leaning.append(points[points[:, 1] > 0.9 * points[:, 1].max(), 0].mean() < 0)
-    assert family is wide_chairs.stool or np.mean(leaning) >= 0.8
+    assert family is chairs.stool or np.mean(leaning) >= 0.8
 
 
 def test_shares_of_the_families_are_of_one():
-    assert sum(share for _, share in wide_chairs.FAMILIES) == pytest.approx(1)
+    assert sum(share for _, share in chairs.FAMILIES) == pytest.approx(1)

@@ -17,7 +17,7 @@ from PIL import Image
 
 from ddf.core import checks
 from ddf.data.public import md2
-from ddf.data.synthetic.looks.textures import Picture
+from ddf.data.synthetic.palette import Picture
 from ddf.data.synthetic.parts import Part
 from ddf.geometry.formats import ac3d, polygons, raw
 from ddf.geometry.formats.ac3d import Material, Surfaces

@@ -10,7 +10,7 @@ from jaxtyping import Float, Float32, Int
 
 from ddf.data.public import manifest, packages, painted
 from ddf.data.synthetic import assemble, palette, parts, write
-from ddf.data.synthetic.looks.textures import Picture
+from ddf.data.synthetic.palette import Picture
 from ddf.data.synthetic.parts import Part
 
 ACROSS = 120  # pixels of a view that the diagonal of a shape spans, about

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from ddf.data.synthetic.looks.textures import Picture, Texture
+from ddf.data.synthetic.palette import Picture, Texture
 from ddf.data.synthetic.parts import Part
 
 DECIMALS = 8  # of the written coordinates: a diagonal of 1 is then off by 2e-8 at most

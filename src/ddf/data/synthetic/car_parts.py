@@ -1,14 +1,19 @@
-"""Styles and measures of cars, and what hangs on a body: wheels, lamps, bumpers, mirrors, a bed, rails, a spoiler."""
+"""What a car is made of: its measures, body, cabin, wheels, lamps and what hangs on it; facing +X, in metres."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from ddf.data.synthetic import palette, parts
 from ddf.data.synthetic.parts import Paint, Part, Real
 
-STYLES = ("hatchback", "saloon", "estate", "suv", "jeep", "van", "pickup", "sports", "convertible")
-STYLE_ODDS = (0.18, 0.24, 0.1, 0.13, 0.05, 0.09, 0.08, 0.08, 0.05)
+# Half of a body's outline from the sill to the middle of its top: shares of the width and of the height.
+_ROUND = np.array([[0.9, 0.985, 1.0, 0.985, 0.93, 0.85, 0.5, 0.0], [0.0, 0.12, 0.45, 0.72, 0.92, 0.985, 1.02, 1.03]]).T
+_SHARP = np.array([[0.97, 1.0, 1.0, 0.995, 0.99, 0.96, 0.5, 0.0], [0.0, 0.03, 0.5, 0.8, 0.97, 1.0, 1.0, 1.0]]).T
+# A cabin's levels: share of the height, share of the screens' lean, factor of the width.
+_CABIN = ((-0.08, 0.0, 1.0), (0.5, 0.5, 1.0), (0.9, 0.92, 1.0), (0.97, 0.985, 0.97), (1.0, 1.0, 0.86))
 
 
 @dataclass(frozen=True)
@@ -47,178 +52,179 @@ class Car:
         return self.width / 2 * (0.9 - 0.14 * share)
 
 
-def measures(rng: np.random.Generator, style: str) -> Car:
-    """Proportions of a style, with variation."""
-    length, width, roof = {
-        "hatchback": (3.9, 1.7, 1.48),
-        "saloon": (4.7, 1.8, 1.43),
-        "estate": (4.7, 1.8, 1.48),
-        "suv": (4.6, 1.88, 1.75),
-        "jeep": (4.0, 1.75, 1.85),
-        "convertible": (4.3, 1.78, 1.32),
-        "van": (4.9, 1.9, 2.05),
-        "pickup": (5.2, 1.9, 1.75),
-        "sports": (4.3, 1.85, 1.2),
-    }[style]
-    length, width, roof = (value * rng.uniform(0.94, 1.06) for value in (length, width, roof))
-    wheel = {"suv": 0.38, "jeep": 0.4, "pickup": 0.39, "van": 0.35}.get(style, 0.32) * rng.uniform(0.94, 1.1)
-    half = length / 2
-    belt = (0.62 if style != "van" else 0.55) * roof * rng.uniform(0.96, 1.04)
-    hood = belt * (0.97 if style == "jeep" else rng.uniform(0.74, 0.92))
-    cowl = {"van": 0.62, "sports": 0.22, "hatchback": 0.42, "pickup": 0.34}.get(style, 0.36) * half
-    tail = {"saloon": rng.uniform(-0.7, -0.56), "sports": -0.66, "pickup": -0.12, "convertible": -0.55}.get(
-        style, -0.985
-    ) * half
-    deck = belt * {"saloon": rng.uniform(0.93, 1.0), "sports": 0.95, "pickup": 0.98, "convertible": 0.97}.get(
-        style, 1.0
-    )
-    return Car(
-        length=length,
-        width=width,
-        hood=hood,
-        belt=belt,
-        deck=deck,
-        roof=roof,
-        cowl=cowl + rng.uniform(-0.05, 0.05),
-        screen=(roof - belt) * rng.uniform(0.95, 1.5) * {"van": 0.75, "jeep": 0.25}.get(style, 1.0),
-        tail=tail,
-        rear_screen=(roof - belt)
-        * {"saloon": 1.3, "sports": 1.7, "hatchback": 0.6, "estate": 0.4}.get(style, 0.18)
-        * rng.uniform(0.8, 1.2),
-        clearance=wheel * rng.uniform(0.5, 0.75),
-        wheel=wheel,
-        axles=(-half + rng.uniform(0.17, 0.21) * length, half - rng.uniform(0.165, 0.2) * length),
-        nose=0.6 if style == "jeep" else rng.uniform(0.76, 0.9),
-        bulge=rng.uniform(0.25, 0.5) if style in ("jeep", "van") else rng.uniform(0.55, 1.0),
-        paint=palette.car(rng),
-    )
+def body(car: Car) -> Part:
+    """The lower body: a loft along x whose lower edge rises over the wheels."""
+    half, arch = car.length / 2, car.wheel * 1.18
+    stations = [
+        -half,
+        -half + 0.03,
+        -half + 0.12,
+        half - 0.25,
+        half - 0.1,
+        half - 0.03,
+        half,
+        car.cowl,
+        car.cowl + 0.08,
+    ]
+    stations += [car.tail, car.tail - 0.06] if car.tail > -0.9 * half else []
+    for axle in car.axles:
+        stations += list(axle + arch * np.cos(np.linspace(0, np.pi, 11)))
+    stations += list(np.linspace(-half + 0.2, half - 0.3, 9))
+    sections = [_section(car, x, arch) for x in sorted(set(np.round(stations, 4))) if -half <= x <= half]
+    return parts.loft(np.stack(sections), car.paint, name="body")
+
+
+def _section(car: Car, x: Real, arch: Real) -> Float[np.ndarray, "s 3"]:
+    """The closed outline of the lower body at x, counter-clockwise seen from the front."""
+    half = car.length / 2
+    booted = car.tail > -0.9 * half
+    tail = min(car.tail, -half + 0.2) if car.tail < -0.9 * half else car.tail
+    levels = [car.deck * 0.9, car.deck, car.deck if booted else car.belt, car.belt, car.hood, car.hood * 0.82]
+    top = np.interp(x, [-half, -half + 0.12, tail, car.cowl, half - 0.15, half], levels)
+    bottom = car.clearance
+    for axle in car.axles:
+        if abs(x - axle) < arch:
+            bottom = max(bottom, car.wheel * 0.95 + np.sqrt(arch**2 - (x - axle) ** 2))
+    ends = np.clip((half - abs(x)) / (0.16 * car.length), 0, 1)
+    wide = car.width / 2 * (car.nose + (1 - car.nose) * np.sqrt(1 - (1 - ends) ** 2))
+    bottom = min(bottom + 0.12 * (1 - np.sqrt(1 - (1 - min(ends * 3, 1)) ** 2)), top - 0.1)
+    rise = top - bottom
+    side = np.array([[bottom + t * rise, s * wide] for s, t in _SHARP + car.bulge * (_ROUND - _SHARP)])
+    loop = np.concatenate([side, side[-2::-1] * np.array([1.0, -1.0])])
+    return np.concatenate([np.full((len(loop), 1), x), loop], axis=1)[::-1]
+
+
+def _outline(x0: Real, x1: Real, wide: Real, y: Real) -> Float[np.ndarray, "s 3"]:
+    """A rounded rectangle in the level y, counter-clockwise seen from above."""
+    ring = parts.ring(32, x1 - x0, 2 * wide, 9.0)
+    return np.stack([(x0 + x1) / 2 + ring[:, 0], np.full(len(ring), y), -ring[:, 1]], axis=1)
+
+
+def cabin(rng: np.random.Generator, car: Car) -> list[Part]:
+    """The cabin's shell and its panes, single sheets a little outside of it."""
+    rise, sections = car.roof - car.belt, []
+    for share, level, shrink in _CABIN:
+        x0, x1 = car.cabin_corner(level, False), car.cabin_corner(level, True)
+        middle, span = (x0 + x1) / 2, (x1 - x0) / 2 * shrink
+        sections.append(_outline(middle - span, middle + span, car.cabin_half(level) * shrink, car.belt + share * rise))
+    shell = parts.loft(np.stack(sections), car.paint, name="cabin")
+    return [shell, *_panes(rng, car)]
+
+
+def _panes(rng: np.random.Generator, car: Car) -> list[Part]:
+    """Windscreen, rear window and side windows."""
+    rise, levels, out = car.roof - car.belt, (0.08, 0.86), 0.012
+    raised, panes = out if car.screen > 0.4 else 0, []
+    for sign in (1, -1):
+        places = [
+            (car.cabin_corner(share, sign > 0) + sign * out, car.belt + share * rise + raised) for share in levels
+        ]
+        halves = [car.cabin_half(share) * 0.86 for share in levels]
+        sides = [[(x, y, z * half) for (x, y), half in zip(places, halves, strict=True)] for z in (sign, -sign)]
+        panes.append(parts.grid(np.array(sides), palette.GLASS, name="screen"))
+    cuts = np.linspace(0.07, 0.93, int(rng.integers(2, 4)) + 1)
+    for start, end in itertools.pairwise(cuts):
+        corners = []
+        for t in (start + 0.018, end - 0.018):
+            edge = []
+            for share in levels:
+                x0, x1 = car.cabin_corner(share, False), car.cabin_corner(share, True)
+                edge.append([x0 + t * (x1 - x0), car.belt + share * rise, car.cabin_half(share) + out])
+            corners.append(edge)
+        panes += parts.both_sides([parts.grid(np.array(corners), palette.GLASS, name="window")])
+    return panes
+
+
+def open_cabin(rng: np.random.Generator, car: Car) -> list[Part]:
+    """A convertible's windscreen in its frame, two rows of seats and the dark floor between them."""
+    share = rng.uniform(0.75, 1.0)
+    x0, y0, z0 = car.cowl, car.belt - 0.02, car.cabin_half(0.0)
+    x1, y1, z1 = car.cowl - share * car.screen, car.belt + share * (car.roof - car.belt), car.cabin_half(share)
+    left, right = [(x0, y0, z0), (x1, y1, z1)], [(x0, y0, -z0), (x1, y1, -z1)]
+    glass = parts.grid(np.array([left, right]), palette.GLASS, name="screen")
+    frame = parts.tube([*left, *right[::-1]], 0.03, car.paint, sides=6, name="frame")
+    floor = parts.rectangle((car.tail + 0.05, car.cowl - 0.15), (-z0 * 0.9, z0 * 0.9), car.belt + 0.035)
+    tub = parts.grid(np.stack([floor[[0, 3]], floor[[1, 2]]]), palette.BLACK, name="tub")
+    leather, seats = palette.cloth(rng), []
+    for x in (car.cowl - 1.0, car.cowl - 1.75):
+        if x > car.tail + 0.2:
+            rest = parts.box((x, car.belt + 0.18, 0.36), (0.16, 0.4, 0.5), leather, taper=(0.7, 0.8), name="seat")
+            seats.append(rest.turned("z", 0.25, (x, car.belt, 0)))
+    path = [(0, 0.16 * np.cos(t), 0.16 * np.sin(t)) for t in np.linspace(0, 2 * np.pi, 17)[:-1]]
+    wheel = parts.tube(path, 0.015, palette.BLACK, sides=6, closed=True)
+    wheel = wheel.turned("z", 0.4).moved(car.cowl - 0.45, car.belt + 0.14, 0.36)
+    return [glass, frame, tub, *parts.both_sides(seats), wheel]
 
 
 def wheels(rng: np.random.Generator, car: Car) -> list[Part]:
     """Four tyres with rims, half in the arches."""
-    wide = car.wheel * rng.uniform(0.28, 0.36)
-    rim = car.wheel * rng.uniform(0.55, 0.72)
-    tyre_profile = [
-        (rim, -wide),
-        (car.wheel * 0.94, -wide),
-        (car.wheel, -wide * 0.7),
-        (car.wheel, wide * 0.7),
-        (car.wheel * 0.94, wide),
-        (rim, wide),
-    ]
+    radius, wide = car.wheel, car.wheel * rng.uniform(0.28, 0.36)
+    rim = radius * rng.uniform(0.55, 0.72)
+    half_tyre = [(rim, wide), (radius * 0.94, wide), (radius, wide * 0.7)]
+    tyre_profile = [*((r, -z) for r, z in half_tyre), *half_tyre[::-1]]
     tyre = parts.lathe(tyre_profile, palette.TYRE, sides=24, axis="z", name="tyre")
-    hub = parts.lathe(
-        [
-            (0.0, -wide * 0.8),
-            (rim, -wide * 0.8),
-            (rim, wide * 0.75),
-            (rim * 0.85, wide * 0.5),
-            (rim * 0.25, wide * 0.6),
-            (0, wide * 0.7),
-        ],
-        palette.CHROME,
-        sides=16,
-        axis="z",
-        name="hub",
-    )
-    spokes = []
+    hub_profile = [
+        (0.0, -wide * 0.8), (rim, -wide * 0.8), (rim, wide * 0.75), (rim * 0.85, wide * 0.5), (rim * 0.25, wide * 0.6),
+        (0, wide * 0.7),
+    ]  # fmt: skip
+    hub = parts.lathe(hub_profile, palette.CHROME, sides=16, axis="z", name="hub")
+    spoke = parts.box((0, rim * 0.5, wide * 0.72), (rim * 0.16, rim * 0.8, wide * 0.2), palette.BLACK, name="spoke")
     count = int(rng.choice([5, 6, 7]))
-    for k in range(count):
-        spoke = parts.box((0, rim * 0.5, wide * 0.72), (rim * 0.16, rim * 0.8, wide * 0.2), palette.BLACK, name="spoke")
-        spokes.append(spoke.turned("z", 2 * np.pi * k / count))
+    spokes = [spoke.turned("z", 2 * np.pi * k / count) for k in range(count)]
     z = car.width / 2 - wide * 0.85
-    wheels = []
-    for axle in car.axles:
-        wheels += [part.moved(axle, car.wheel, z) for part in [tyre, hub, *spokes]]
-    return parts.both_sides(wheels)
+    return parts.both_sides(part.moved(axle, radius, z) for axle in car.axles for part in [tyre, hub, *spokes])
 
 
 def lamps(rng: np.random.Generator, car: Car) -> list[Part]:
-    """Head and tail lamps, a grille and number plates."""
+    """Head and tail lamps, and a grille."""
     half, low = car.length / 2, car.clearance
     y = low + (car.hood * 0.84 - low) * 0.78
     wide, high = rng.uniform(0.28, 0.42), rng.uniform(0.1, 0.17)
     z = car.width / 2 * 0.84 - wide / 2
     head = parts.box((half - 0.045, y, z), (0.13, high, wide), palette.LAMP, name="lamp")
-    rear = parts.box(
-        (-half + 0.05, low + (car.deck - low) * 0.75, z + 0.04),
-        (0.14, high * 1.3, wide * 0.7),
-        palette.TAIL_LAMP,
-        name="lamp",
-    )
-    grille = parts.box(
-        (half - 0.01, y - 0.03, 0),
-        (0.03, rng.uniform(0.1, 0.2), car.width * rng.uniform(0.3, 0.45)),
-        palette.BLACK,
-        name="grille",
-    )
-    return [*parts.both_sides([head, rear]), grille]
+    place, size = (-half + 0.05, low + (car.deck - low) * 0.75, z + 0.04), (0.14, high * 1.3, wide * 0.7)
+    rear = parts.box(place, size, palette.TAIL_LAMP, name="lamp")
+    size = (0.03, rng.uniform(0.1, 0.2), car.width * rng.uniform(0.3, 0.45))
+    return [*parts.both_sides([head, rear]), parts.box((half - 0.01, y - 0.03, 0), size, palette.BLACK, name="grille")]
 
 
 def bumpers(rng: np.random.Generator, car: Car) -> list[Part]:
     """Bars across front and rear."""
     paint = car.paint if rng.random() < 0.5 else palette.BLACK
-    high = rng.uniform(0.14, 0.22)
-    y = car.clearance + 0.06 + high / 2
-    half = car.length / 2
-    front = parts.box((half - 0.03, y, 0), (0.16, high, car.width * 0.86), paint, name="bumper")
-    rear = parts.box((-half + 0.03, y + 0.05, 0), (0.16, high, car.width * 0.86), paint, name="bumper")
-    return [front, rear]
+    high, half = rng.uniform(0.14, 0.22), car.length / 2
+    y, size = car.clearance + 0.06 + high / 2, (0.16, high, car.width * 0.86)
+    return [parts.box((x, y + up, 0), size, paint, name="bumper") for x, up in ((half - 0.03, 0), (-half + 0.03, 0.05))]
 
 
 def mirrors(car: Car) -> list[Part]:
     """Door mirrors."""
-    x = car.cowl - 0.3 * car.screen
-    head = parts.box(
-        (x, car.belt + 0.08, car.width / 2 + 0.06), (0.1, 0.13, 0.2), car.paint, taper=(0.8, 0.9), name="mirror"
-    )
-    return parts.both_sides([head])
+    place = (car.cowl - 0.3 * car.screen, car.belt + 0.08, car.width / 2 + 0.06)
+    return parts.both_sides([parts.box(place, (0.1, 0.13, 0.2), car.paint, taper=(0.8, 0.9), name="mirror")])
 
 
 def bed(car: Car) -> list[Part]:
     """The open box of a pick-up: side walls above the deck, and its floor as a dark sheet."""
-    half = car.length / 2
-    x0, x1 = -half + 0.06, car.tail - 0.05
-    wall, top = 0.06, car.deck + 0.22
-    sides = parts.box(
-        ((x0 + x1) / 2, (car.deck + top) / 2 - 0.1, car.width / 2 * 0.92),
-        (x1 - x0, top - car.deck + 0.2, wall),
-        car.paint,
-        name="wall",
-    )
-    gate = parts.box(
-        (x0, (car.deck + top) / 2 - 0.1, 0), (wall, top - car.deck + 0.2, car.width * 0.92), car.paint, name="gate"
-    )
-    floor = parts.grid(
-        np.array(
-            [
-                [[x0, car.deck + 0.05, 0.8], [x0, car.deck + 0.05, -0.8]],
-                [[x1, car.deck + 0.05, 0.8], [x1, car.deck + 0.05, -0.8]],
-            ]
-        ),
-        palette.BLACK,
-        name="floor",
-    )
-    return [*parts.both_sides([sides]), gate, floor]
+    x0, x1, wall, top, floor = -car.length / 2 + 0.06, car.tail - 0.05, 0.06, car.deck + 0.22, car.deck + 0.05
+    y, high = (car.deck + top) / 2 - 0.1, top - car.deck + 0.2
+    sides = parts.box(((x0 + x1) / 2, y, car.width / 2 * 0.92), (x1 - x0, high, wall), car.paint, name="wall")
+    gate = parts.box((x0, y, 0), (wall, high, car.width * 0.92), car.paint, name="gate")
+    sheet = np.array([[[x, floor, z] for z in (0.8, -0.8)] for x in (x0, x1)])
+    return [*parts.both_sides([sides]), gate, parts.grid(sheet, palette.BLACK, name="floor")]
 
 
 def roof_rails(car: Car) -> list[Part]:
     """Two rails along the roof."""
-    z = car.cabin_half(1.0) * 0.86
+    z, low, high = car.cabin_half(1.0) * 0.86, car.roof - 0.02, car.roof + 0.06
     x0, x1 = car.cabin_corner(1.0, False) + 0.15, car.cabin_corner(1.0, True) - 0.15
-    path = [
-        (x0, car.roof - 0.02, z),
-        (x0 + 0.08, car.roof + 0.06, z),
-        (x1 - 0.08, car.roof + 0.06, z),
-        (x1, car.roof - 0.02, z),
-    ]
+    path = [(x0, low, z), (x0 + 0.08, high, z), (x1 - 0.08, high, z), (x1, low, z)]
     return parts.both_sides([parts.tube(path, 0.02, palette.CHROME, sides=6, name="rail")])
 
 
 def spare(car: Car) -> list[Part]:
-    """A spare wheel, its axis along X."""
+    """A spare wheel on the rear, its axis along X."""
     tyre = parts.lathe(parts.disc_profile(car.wheel * 0.95, 0.11, 0.04), palette.TYRE, sides=24, axis="x", name="spare")
-    return [tyre, parts.lathe(parts.disc_profile(car.wheel * 0.5, 0.13), palette.CHROME, axis="x", name="hub")]
+    hub = parts.lathe(parts.disc_profile(car.wheel * 0.5, 0.13), palette.CHROME, axis="x", name="hub")
+    return [part.moved(-car.length / 2 - 0.1, car.belt * 0.85, 0) for part in (tyre, hub)]
 
 
 def spoiler(car: Car) -> list[Part]:
@@ -227,3 +233,39 @@ def spoiler(car: Car) -> list[Part]:
     blade = parts.box((x, y, 0), (0.28, 0.03, car.width * 0.85), car.paint, name="spoiler")
     post = parts.box((x, car.deck + 0.08, car.width * 0.3), (0.12, 0.26, 0.03), car.paint, name="post")
     return [blade, *parts.both_sides([post])]
+
+
+def racing_wing(rng: np.random.Generator, car: Car) -> list[Part]:
+    """A blade over the tail between two posts or end plates."""
+    x, y = -car.length / 2 + rng.uniform(0.0, 0.3), car.deck + rng.uniform(0.12, 0.4)
+    chord, wide = rng.uniform(0.2, 0.45), car.width * rng.uniform(0.7, 0.95)
+    blade = parts.box((x, y, 0), (chord, rng.uniform(0.02, 0.06), wide), car.paint, name="spoiler")
+    z, foot = wide * float(rng.choice([0.25, 0.5])), 0.75 * car.deck
+    post = parts.box((x + 0.1, (foot + y) / 2, z), (chord, y - foot + 0.06, 0.03), car.paint, name="post")
+    return [blade.turned("z", rng.uniform(0, 0.2), (x, y, 0)), *parts.both_sides([post])]
+
+
+def skirts(rng: np.random.Generator, car: Car) -> list[Part]:
+    """A sill between the wheels, and a lip in front of them."""
+    rear, front = car.axles
+    low, high = 0.5 * car.clearance, car.clearance + 0.1
+    y, tall = (low + high) / 2, high - low
+    sill = (front - rear - 2.5 * car.wheel, tall, car.width * rng.uniform(0.96, 1.04))
+    lip = car.length / 2 - front - 1.25 * car.wheel + rng.uniform(0.0, 0.12)
+    boxes = (((front + rear) / 2, sill), (front + 1.25 * car.wheel + lip / 2, (lip, tall, car.width * 0.94)))
+    return [parts.box((x, y, 0), size, car.paint, name="skirt") for x, size in boxes]
+
+
+def cargo(rng: np.random.Generator, car: Car) -> Part:
+    """A lorry's closed box behind the cab."""
+    x0, x1 = -car.length / 2, car.tail - rng.uniform(0.0, 0.1)
+    y0, y1 = 0.8 * car.deck, car.roof * rng.uniform(0.9, 1.25)
+    size = (x1 - x0, y1 - y0, car.width * rng.uniform(0.95, 1.05))
+    paint = car.paint if rng.random() < 0.5 else palette.car(rng)
+    return parts.box(((x0 + x1) / 2, (y0 + y1) / 2, 0), size, paint, name="cargo")
+
+
+def beacon(car: Car) -> Part:
+    """The bar of lamps on the roof of a police car."""
+    middle = (car.cabin_corner(1.0, True) + car.cabin_corner(1.0, False)) / 2
+    return parts.box((middle, car.roof + 0.04, 0), (0.25, 0.14, 1.1), palette.TAIL_LAMP, name="beacon")

@@ -10,20 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from ddf.data.synthetic.looks.textures import Texture
+from ddf.data.synthetic.palette import Paint, Real
 
-Real = float | int
 Point = Sequence[Real] | np.ndarray
-
-
-@dataclass(frozen=True)
-class Paint:
-    """Surface look: diffuse colour in [0, 1], strength and power of the highlight, a second colour's pattern."""
-
-    colour: tuple[Real, Real, Real]
-    gloss: Real = 0.0
-    hardness: Real = 32.0
-    texture: Texture | None = None
 
 
 @dataclass(frozen=True)

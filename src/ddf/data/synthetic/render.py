@@ -3,9 +3,15 @@
 Ray-cast on one thread, 3 x 3 samples a pixel, only inside the shape's projected box. Alpha is the share of samples that
 hit. A pixel that the surface touches without meeting a sample still gets a little alpha, found exactly: a triangle that
 overlaps a pixel either covers its samples or has an edge that runs through it. So every surface point projects into
-the mask. Lights and textures are those of `looks`.
+the mask.
+
+The light is that of the renders or a key light with a shadow. The lamps of the renders stand on both sides of a shape,
+45 degrees up, and never move: toward (0, 1, 1) and (0, 1, -1), Y up. Each gives e (1 + n·l)/2 of its light, so both
+together give e (1 + n_y/√2): tops are bright, sides alike, no shadow is cast. A key light moves with the camera and
+says nothing about the shape's own heading.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,13 +21,95 @@ import torch
 from jaxtyping import Bool, Float, Float32, Int, UInt8, UInt32
 
 from ddf.data.synthetic.assemble import Shape
-from ddf.data.synthetic.looks import lights
 from ddf.geometry import cameras, transforms
 
 SUPERSAMPLING = 3  # in each direction; odd, so that a pixel's centre is one of its samples
 SAMPLES = SUPERSAMPLING**2
 TOUCHED_ALPHA = 14  # of 255, half of one sample of nine
 SHADOW_OFFSET = np.float32(2e-4)  # benchmark units: well over float32 rounding at 0.3, well under the thinnest part
+
+
+LAMPS = np.array([[0, 1, 1], [0, 1, -1]], dtype=np.float32) / np.float32(np.sqrt(2))
+LAMP_SHARE = 0.6  # of the views: lit as the renders are
+SHADE = np.float32(0.1)  # of the key light, where it is in shadow
+
+Vectors = Float32[np.ndarray, "n 3"]
+Numbers = Float32[np.ndarray, "n"]
+# Whether points of the given indices, whose normals face the light, are hidden from a light in the direction.
+Occluded = Callable[[np.ndarray, Float32[np.ndarray, "3"]], Bool[np.ndarray, "k"]]
+
+
+@dataclass(frozen=True)
+class Light:
+    """What falls on a shape in one view.
+
+    lamps: e of the hemispherical lamps; 0.7 in the renders. key: strength of the key light; 0 casts no shadow rays.
+    turn_deg, height_deg: the key light's azimuth from the camera's, and elevation. sky: light from everywhere. above:
+    how much brighter it is from there than from the side. front: light from the camera. gamma: of the picture.
+    """
+
+    lamps: float = 0.0
+    key: float = 0.54
+    turn_deg: float = 40.0
+    height_deg: float = 55.0
+    sky: float = 0.25
+    above: float = 0.11
+    front: float = 0.13
+    gamma: float = 1.35
+
+
+STUDIO = Light()  # one key light, as good as any
+
+
+def draw_light(rng: np.random.Generator, turn_deg: float, height_deg: float) -> Light:
+    """The light of one view: mostly the lamps of the renders, else a key light of any strength."""
+    gamma = float(rng.uniform(1.6, 2.2))
+    if rng.random() < LAMP_SHARE:
+        return Light(lamps=float(rng.uniform(0.5, 0.8)), key=0.0, sky=0.0, above=0.0, front=0.0, gamma=gamma)
+    spans = {"key": (0.25, 0.6), "sky": (0.15, 0.4), "above": (0.0, 0.15), "front": (0.0, 0.25)}
+    strengths = {name: float(rng.uniform(*span)) for name, span in spans.items()}
+    return Light(turn_deg=turn_deg, height_deg=height_deg, gamma=gamma, **strengths)
+
+
+def illuminate(
+    light: Light, camera_azimuth_deg: float, normals: Vectors, directions: Vectors, hardness: Numbers, hidden: Occluded
+) -> tuple[Numbers, Numbers, Bool[np.ndarray, "n"]]:
+    """Diffuse light, highlight (Blinn's half-way vector to the power `hardness`) and which points lie in shadow.
+
+    Args:
+      normals: unit, facing the viewer. directions: unit, from the viewer.
+    """
+    level = normals[:, 1]
+    diffuse = np.float32(light.sky) + np.float32(light.above) * level
+    diffuse += np.float32(light.front) * np.abs(np.einsum("ij,ij->i", normals, directions))
+    shine, shadow = np.zeros_like(diffuse), np.zeros(len(diffuse), dtype=bool)
+    if light.lamps:
+        diffuse += np.float32(light.lamps) * (1 + level / np.float32(np.sqrt(2)))
+        for lamp in LAMPS:
+            shine += np.float32(light.lamps) * (0.5 + 0.5 * _half_way(lamp, normals, directions)) ** hardness
+    if light.key:
+        towards = _direction(camera_azimuth_deg + light.turn_deg, light.height_deg)
+        lit = normals @ towards
+        shadow = lit <= 0
+        facing = np.flatnonzero(~shadow)
+        shadow[facing] = hidden(facing, towards)
+        diffuse += np.float32(light.key) * np.where(shadow, SHADE, np.float32(1)) * np.maximum(lit, 0)
+        glint = np.maximum(_half_way(towards, normals, directions), 0) ** hardness
+        shine += np.where(shadow, np.float32(0), glint)
+    return diffuse, shine, shadow
+
+
+def _half_way(light: Float32[np.ndarray, "3"], normals: Vectors, directions: Vectors) -> Numbers:
+    """Cosine between the normal and the half-way vector of light and viewer."""
+    half = light - directions
+    lengths = np.sqrt(np.maximum(np.einsum("ij,ij->i", half, half), np.float32(1e-12)))  # looking along the light: 0
+    return np.einsum("ij,ij->i", normals, half) / lengths
+
+
+def _direction(azimuth_deg: float, height_deg: float) -> Float32[np.ndarray, "3"]:
+    """Unit vector, Y up."""
+    turn, height = np.radians([azimuth_deg, height_deg])
+    return np.array([np.cos(height) * np.cos(turn), np.sin(height), np.cos(height) * np.sin(turn)], dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -31,7 +119,7 @@ class View:
     azimuth_deg: float
     elevation_deg: float
     ratio: float
-    light: lights.Light = lights.STUDIO
+    light: Light = STUDIO
 
     def picture(self, linear: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Linear colours as they are shown, in [0, 1]."""
@@ -106,7 +194,7 @@ class Renderer:
             return self._scene.test_occlusions(_tensor(rays), nthreads=1).numpy()
 
         hardness = self._shape.hardness[hits.triangles]
-        diffuse, shine, shadow = lights.fall(view.light, view.azimuth_deg, normals, directions, hardness, hidden)
+        diffuse, shine, shadow = illuminate(view.light, view.azimuth_deg, normals, directions, hardness, hidden)
         colour = self._colours(hits, places) * diffuse[:, None]
         colour += (0.45 * self._shape.gloss[hits.triangles] * shine)[:, None]
         return np.clip(colour, 0, 1), shadow

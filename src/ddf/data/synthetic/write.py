@@ -9,8 +9,7 @@ from PIL import Image
 
 from ddf.core import storage
 from ddf.data import shapenet
-from ddf.data.synthetic import assemble, cars, chairs, planes, primitives, render, wide_cars, wide_chairs, wide_planes
-from ddf.data.synthetic.looks import dressing, lights
+from ddf.data.synthetic import appearance, assemble, cars, chairs, palette, parts, planes, render
 from ddf.data.synthetic.parts import Part
 
 AZIMUTH_DEG = (0.0, 360.0)
@@ -23,18 +22,38 @@ FACETED_COS = 1 - 1e-6  # of faces that lie in one plane, to rounding
 PNG_LEVEL = 1  # fast; the files are read far more often than they are sent
 
 
+def primitive(rng: np.random.Generator) -> list[Part]:
+    """One ellipsoid, box, cylinder or torus."""
+    paint = palette.cloth(rng)
+    kind = rng.choice(["sphere", "box", "cylinder", "torus"])
+    stretch = dict(zip("xyz", rng.uniform(0.6, 1.4, size=3), strict=True))
+    if kind == "box":
+        return [parts.box((0, 0, 0), tuple(stretch.values()), paint, name="box")]
+    if kind == "torus":
+        angle = np.arange(36) * (2 * np.pi / 36)
+        path = np.stack([np.cos(angle), np.zeros(36), -np.sin(angle)], axis=1)
+        shape = parts.tube(path, rng.uniform(0.2, 0.5), paint, sides=16, closed=True, name="torus")
+    elif kind == "sphere":
+        polar = np.linspace(-np.pi / 2, np.pi / 2, 17)
+        profile = list(zip(np.abs(np.cos(polar)).round(12), np.sin(polar), strict=True))
+        shape = parts.lathe(profile, paint, sides=28, name="sphere")
+    else:
+        shape = parts.lathe(parts.disc_profile(0.6, rng.uniform(0.3, 1.0)), paint, sides=32, name="cylinder")
+    return [shape.scaled(**stretch)]
+
+
 # Functions that design one shape of a category.
 CATEGORIES: dict[str, Callable[[np.random.Generator], list[Part]]] = {
     "chair": chairs.build,
     "plane": planes.build,
     "car": cars.build,
-    "primitives": primitives.build,
+    "primitives": primitive,
 }
 # Those that reach further, for training beside public shapes; other categories as above.
 WIDE: dict[str, Callable[[np.random.Generator], list[Part]]] = {
-    "chair": wide_chairs.build,
-    "plane": wide_planes.build,
-    "car": wide_cars.build,
+    "chair": chairs.build_wide,
+    "plane": planes.build_wide,
+    "car": cars.build_wide,
 }
 
 
@@ -48,7 +67,7 @@ def make_shape(seed: int, category: str, index: int, wide: bool = False) -> asse
     design = (CATEGORIES | WIDE if wide else CATEGORIES)[category]
     rng, look = (generator(seed, category, index, purpose) for purpose in ("mesh", "look"))
     crease_cos = FACETED_COS if look.random() < FACETED else assemble.CREASE_COS
-    return assemble.shape(dressing.dress(design(rng), category, look), rng, crease_cos)
+    return assemble.shape(appearance.dress(design(rng), category, look), rng, crease_cos)
 
 
 def make_views(seed: int, category: str, index: int | str, count: int) -> list[render.View]:
@@ -60,7 +79,7 @@ def make_views(seed: int, category: str, index: int | str, count: int) -> list[r
             round(float(rng.uniform(*span)), 6) for span in (AZIMUTH_DEG, ELEVATION_DEG, RATIO)
         )
         turn, height = (float(rng.uniform(*span)) for span in (TURN_DEG, HEIGHT_DEG))
-        views.append(render.View(azimuth, elevation, ratio, lights.draw(light, turn, height)))
+        views.append(render.View(azimuth, elevation, ratio, render.draw_light(light, turn, height)))
     return views
 
 

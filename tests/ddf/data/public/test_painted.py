@@ -10,8 +10,7 @@ import pytest
 from ddf.core import checks
 from ddf.data.public import painted, shapes
 from ddf.data.synthetic import palette, parts, render
-from ddf.data.synthetic.looks import lights
-from ddf.data.synthetic.looks.textures import Picture
+from ddf.data.synthetic.palette import Picture
 from ddf.geometry import mesh_io
 
 QUAD = "AC3Db\n{}OBJECT world\nkids 1\nOBJECT poly\n{}numvert 4\n0 0 0\n1 0 0\n1 1 0\n0 1 0\nnumsurf 1\nSURF 0x10\n{}"
@@ -123,7 +122,7 @@ def test_pictures_show_where_their_places_are():
     whole = painted.Painted(
         corners, faces, np.zeros((2, 3), dtype=np.float32), np.zeros(2, int), uvs[faces], (Picture.of(pixels),)
     )
-    light = lights.Light(lamps=0.0, key=0.0, sky=1.0, above=0.0, front=0.0, gamma=1.0)
+    light = render.Light(lamps=0.0, key=0.0, sky=1.0, above=0.0, front=0.0, gamma=1.0)
     view = render.Renderer(shapes.shape(whole)).render(render.View(0.0, 0.0, 0.8, light))
     rows, columns = np.nonzero(view[..., 3] == 255)
     top, left, down, across = rows.min(), columns.min(), np.ptp(rows), np.ptp(columns)

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ddf.data.synthetic import palette
-from ddf.data.synthetic.looks.textures import Texture
-from ddf.data.synthetic.parts import Paint, Part, Real
+from ddf.data.synthetic.palette import Paint, Real, Texture
+from ddf.data.synthetic.parts import Part
 
 BARE = 0.12  # of all shapes: one colour all over, as models without materials have
 ROOFED = 0.15  # of all cars: the cabin has a paint of its own

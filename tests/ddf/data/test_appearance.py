@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from _support import assert_close
 
-from ddf.data.synthetic import assemble, palette, parts, render, write
-from ddf.data.synthetic.looks import dressing, lights, textures
+from ddf.data.synthetic import appearance, assemble, palette, parts, render, write
 
 CATEGORIES = tuple(write.CATEGORIES)
 STILL = ((0.0, 0.0, 0.0),) * 3
-LAMPS = lights.Light(lamps=0.7, key=0.0, sky=0.0, above=0.0, front=0.0)
-KEY = lights.Light(lamps=0.0, key=0.5, turn_deg=30.0, height_deg=50.0, sky=0.2, above=0.0, front=0.0)
+LAMPS = render.Light(lamps=0.7, key=0.0, sky=0.0, above=0.0, front=0.0)
+KEY = render.Light(lamps=0.0, key=0.5, turn_deg=30.0, height_deg=50.0, sky=0.2, above=0.0, front=0.0)
 
 
 def _units(count, seed):
@@ -30,16 +29,16 @@ def _never(rows, towards):
 
 def _along(kind, values):
     """The pattern at places along X, of which one period is 1."""
-    texture = textures.Texture(kind, (0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), *STILL[1:]))
+    texture = palette.Texture(kind, (0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), *STILL[1:]))
     places = np.zeros((len(values), 3), dtype=np.float32)
     places[:, 0] = values
     return texture.shares(places)
 
 
-@pytest.mark.parametrize("kind", textures.KINDS)
+@pytest.mark.parametrize("kind", palette.KINDS)
 def test_shares_of_every_pattern_fill_zero_to_one(kind):
     random = np.random.default_rng(0)
-    texture = textures.Texture(kind, (0.0, 0.0, 0.0), tuple(map(tuple, random.uniform(-9, 9, (3, 3)).tolist())))
+    texture = palette.Texture(kind, (0.0, 0.0, 0.0), tuple(map(tuple, random.uniform(-9, 9, (3, 3)).tolist())))
     shares = texture.shares(random.uniform(-0.6, 0.6, (20_000, 3)).astype(np.float32))
     assert shares.dtype == np.float32 and shares.shape == (20_000,)
     assert 0 <= shares.min() < 0.05 and 0.95 < shares.max() <= 1
@@ -52,13 +51,13 @@ def test_patterns_of_one_axis_have_their_closed_forms():
 
 
 def test_seams_lie_at_whole_numbers_of_the_first_two_axes():
-    texture = textures.Texture("panels", (0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+    texture = palette.Texture("panels", (0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
     places = _array([[1.0, 0.4, 0.3], [0.4, 2.0, 0.3], [0.4, 0.6, 1.0], [0.4, 0.97, 0.0], [0.4, 0.98, 0.0]])
     assert_close(texture.shares(places), _array([1, 1, 0, 0, 0.5]), atol=1e-4)
 
 
 def test_shift_moves_a_pattern_by_periods():
-    whole = textures.Texture("stripes", (0.0, 0.0, 0.0), ((4.0, 0.0, 0.0), *STILL[1:]))
+    whole = palette.Texture("stripes", (0.0, 0.0, 0.0), ((4.0, 0.0, 0.0), *STILL[1:]))
     moved = dataclasses.replace(whole, shift=(0.5, 0.0, 0.0))
     places = np.random.default_rng(1).uniform(-0.5, 0.5, (100, 3)).astype(np.float32)
     assert_close(moved.shares(places), whole.shares(places + _array([0.125, 0, 0])), atol=1e-4)
@@ -66,11 +65,11 @@ def test_shift_moves_a_pattern_by_periods():
 
 def test_two_lamps_of_the_renders_give_their_closed_form_and_cast_no_shadow():
     normals, directions = _units(500, 0), _units(500, 1)
-    diffuse, shine, shadow = lights.fall(LAMPS, 77.0, normals, directions, np.full(500, 9, np.float32), _never)
+    diffuse, shine, shadow = render.illuminate(LAMPS, 77.0, normals, directions, np.full(500, 9, np.float32), _never)
     each = [0.7 * (1 + normals @ lamp) / 2 for lamp in np.array([[0, 1, 1], [0, 1, -1]]) / np.sqrt(2)]
     assert_close(diffuse, sum(each), atol=1e-5)
     assert not shadow.any()
-    half = np.stack([lamp - directions for lamp in lights.LAMPS])
+    half = np.stack([lamp - directions for lamp in render.LAMPS])
     half /= np.linalg.norm(half, axis=-1, keepdims=True)
     assert_close(shine, 0.7 * ((0.5 + 0.5 * (half * normals).sum(-1)) ** 9).sum(0), atol=1e-4)
 
@@ -78,9 +77,9 @@ def test_two_lamps_of_the_renders_give_their_closed_form_and_cast_no_shadow():
 def test_lamps_do_not_move_with_the_camera_and_a_key_light_does():
     normals, directions, hard = _units(50, 2), _units(50, 3), np.full(50, 20, np.float32)
     free = lambda rows, towards: np.zeros(len(rows), dtype=bool)  # noqa: E731
-    still = [lights.fall(LAMPS, azimuth, normals, directions, hard, free)[0] for azimuth in (0.0, 90.0)]
+    still = [render.illuminate(LAMPS, azimuth, normals, directions, hard, free)[0] for azimuth in (0.0, 90.0)]
     assert_close(still[0], still[1], atol=0)
-    turned = [lights.fall(KEY, azimuth, normals, directions, hard, free)[0] for azimuth in (0.0, 90.0)]
+    turned = [render.illuminate(KEY, azimuth, normals, directions, hard, free)[0] for azimuth in (0.0, 90.0)]
     assert np.abs(turned[0] - turned[1]).max() > 0.2
 
 
@@ -97,7 +96,7 @@ def test_key_light_falls_by_the_cosine_and_a_tenth_of_it_in_shadow():
         asked.append(rows)
         return rows % 2 == 0
 
-    diffuse, shine, shadow = lights.fall(KEY, azimuth, normals, directions, np.full(42, 8, np.float32), hidden)
+    diffuse, shine, shadow = render.illuminate(KEY, azimuth, normals, directions, np.full(42, 8, np.float32), hidden)
     cosine = normals @ towards
     assert (asked[0] == np.flatnonzero(cosine > 0)).all()
     assert (shadow == ((cosine <= 0) | (np.arange(42) % 2 == 0))).all()
@@ -108,9 +107,9 @@ def test_key_light_falls_by_the_cosine_and_a_tenth_of_it_in_shadow():
 
 def test_lights_are_drawn_within_bounds_and_mostly_as_in_the_renders():
     random = np.random.default_rng(3)
-    drawn = [lights.draw(random, 10.0, 60.0) for _ in range(2_000)]
+    drawn = [render.draw_light(random, 10.0, 60.0) for _ in range(2_000)]
     lamps = [light for light in drawn if light.lamps]
-    assert abs(len(lamps) / len(drawn) - lights.LAMP_SHARE) < 4 * np.sqrt(0.25 / len(drawn))
+    assert abs(len(lamps) / len(drawn) - render.LAMP_SHARE) < 4 * np.sqrt(0.25 / len(drawn))
     assert all(light.key == light.sky == light.above == light.front == 0 for light in lamps)
     for light in drawn:
         level = light.lamps * (1 + 1 / np.sqrt(2)) + light.sky + light.above + light.front + light.key
@@ -126,7 +125,7 @@ def test_what_a_shape_wears_changes_neither_mesh_nor_silhouette(category):
         (view,) = write.make_views(11, category, index, 1)
         alphas = [
             render.Renderer(worn).render(dataclasses.replace(view, light=light))[..., 3]
-            for worn, light in ((plain, lights.STUDIO), (shape, view.light), (shape, LAMPS))
+            for worn, light in ((plain, render.STUDIO), (shape, view.light), (shape, LAMPS))
         ]
         assert (alphas[0] == alphas[1]).all() and (alphas[0] == alphas[2]).all() and alphas[0].any()
 
@@ -142,8 +141,8 @@ def test_worn_colours_are_bounded_varied_and_a_function_of_the_seed(category):
     kinds, bare = set(), 0
     for index in range(60):
         items = write.CATEGORIES[category](np.random.default_rng(index))
-        worn = dressing.dress(items, category, np.random.default_rng(index))
-        assert worn == dressing.dress(items, category, np.random.default_rng(index)) or category == "chair"
+        worn = appearance.dress(items, category, np.random.default_rng(index))
+        assert worn == appearance.dress(items, category, np.random.default_rng(index)) or category == "chair"
         assert [part.name for part in worn] == [part.name for part in items]
         for before, part in zip(items, worn, strict=True):
             assert part.vertices is before.vertices and part.triangles is before.triangles
@@ -158,18 +157,18 @@ def test_worn_colours_are_bounded_varied_and_a_function_of_the_seed(category):
 def test_two_tone_changes_at_the_stated_share_of_a_parts_height():
     low = parts.box((0.0, 1.0, 0.0), (4.0, 2.0, 1.0), palette.BLACK, name="body")
     high = parts.box((0.0, 5.0, 0.0), (1.0, 2.0, 1.0), palette.BLACK, name="cabin")
-    figure = dressing.Figure.of([low, high])
+    figure = appearance.Figure.of([low, high])
     assert_close(figure.level("body", 0.5), (1.0 - 3.0) / np.sqrt(4.0**2 + 6.0**2 + 1.0**2), atol=1e-12)
-    texture = dressing._two_tone(figure.level("body", 0.5), (1.0, 1.0, 1.0))
+    texture = appearance._two_tone(figure.level("body", 0.5), (1.0, 1.0, 1.0))
     shape = assemble.normalise(np.concatenate([low.vertices, high.vertices])).astype(np.float32)
     assert (texture.shares(shape) == np.repeat([1.0, 0.0, 0.0], [4, 4, 8])).all()
 
 
 def test_texture_is_drawn_where_the_paint_is_and_nowhere_else():
     """A white box beside a white box with a black lower half, under light that is the same everywhere."""
-    flat = lights.Light(lamps=0.0, key=0.0, sky=1.0, above=0.0, front=0.0, gamma=1.0)
+    flat = render.Light(lamps=0.0, key=0.0, sky=1.0, above=0.0, front=0.0, gamma=1.0)
     white = parts.Paint((0.8, 0.8, 0.8))
-    half = dataclasses.replace(white, texture=dressing._two_tone(0.0, (0.0, 0.0, 0.0)))
+    half = dataclasses.replace(white, texture=appearance._two_tone(0.0, (0.0, 0.0, 0.0)))
     boxes = [parts.box((x, 0.0, 0.0), (1.0, 1.0, 0.1), paint) for x, paint in ((-0.8, white), (0.8, half))]
     shape = assemble.shape(boxes, np.random.default_rng(0))
     image = render.Renderer(shape).render(render.View(90.0, 0.0, 1.2, flat))
