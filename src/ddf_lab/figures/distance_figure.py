@@ -31,8 +31,6 @@ NAMES = ("two_spheres", "room", "rabbit", "airliner", "armchair")
 POINTS = 1000
 NEAR = 0.05  # of the longest side's half: how far from the surface the points near it lie
 TURNED_DEG = 30.0
-BOUND, TIMES, BOUND_DEG = 0.010, 1.5, 7.0
-BOUNDS = ("shape", "mean", f"<= {BOUND}", f"{TIMES} x along the true v*", "holds", "v*, °", f"<= {BOUND_DEG:g}°")
 SLICES = {"two_spheres": (0.5,), "rabbit": (0.25, 0.5, 0.75), "armchair": (0.5,)}  # z, of the box
 TITLES = {"two_spheres": "two spheres", "room": "room of five planes"}
 _SPHERES = 0.4, 1.1  # radius and distance of `showcase.two_spheres`
@@ -83,13 +81,12 @@ def mesh_of(name: str) -> Mesh:
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """Table and slices."""
-    rows, cells, bounds = [], [], []
+    rows, cells = [], []
     for name in NAMES:
         field, mesh = figure_fields.fitted(name, config, folder), mesh_of(name)
         nearest, cloud = exact(name, mesh), _cloud(field)
         measured = _measured(name, field, mesh, nearest, cloud, config, folder)
         rows += [_line(name, way, *each) for way, each in measured.items()]
-        bounds.append(bounds_line(name, measured["cloud"][1], measured["along the true v*"][1].mean))
         for level in SLICES.get(name, ()):
             heading = f"{TITLES.get(name, name)}, z at {100 * level:.0f} %"
             cells.append((heading, slices(level, field, nearest, cloud[0], config.picture_size)))
@@ -113,12 +110,6 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 rows,
                 labels=2,
             ),
-            pages.Table(
-                f"`cloud` against three bounds: a mean error of {BOUND}, {TIMES} times the mean error that the field"
-                f" makes when it is asked along the true v*, and a median angle of {BOUND_DEG:g}°.",
-                BOUNDS,
-                bounds,
-            ),
             "Answers [DDF22] §4.2 and app. D. `cloud` is what `Field.udf` and `ddf udf` do.",
         ],
     )
@@ -140,14 +131,6 @@ class Errors:
     near: float
     angle_deg: float
     turned: float
-
-
-def bounds_line(name: str, cloud: Errors, along_true: float) -> list[str]:
-    """Which bounds the cloud of a shape keeps."""
-    pairs = ((cloud.mean, BOUND), (cloud.mean, TIMES * along_true), (cloud.angle_deg, BOUND_DEG))
-    holds = ["yes" if value <= bound else "no" for value, bound in pairs]
-    values = [f"{cloud.mean:.4f}", holds[0], f"{TIMES * along_true:.4f}", holds[1], f"{cloud.angle_deg:.1f}", holds[2]]
-    return [TITLES.get(name, name), *values]
 
 
 def _line(name: str, way: str, found: Found, off: Errors) -> list[str]:

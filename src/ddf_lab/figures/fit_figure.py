@@ -41,7 +41,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         [
             pages.Figure(
                 "fits.webp",
-                "Curvature: blue is convex, red is concave. Right: what is seen from outside. Wrong: the inside, where"
+                "Curvature: blue is convex, red is concave. Right: what is seen from outside. Interior error:"
                 f" networks err on {min(inner[True]):.0f} to {max(inner[True]):.0f} % of rays, patches on"
                 f" {min(inner[False]):.1f} to {max(inner[False]):.1f} %.",
                 "Depth, normals and mean curvature of four shapes from two cameras",
@@ -49,9 +49,9 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             ),
             pages.Table(
                 "Means over the cameras: median |depth - exact| (longest side about 2) and angle where both see the"
-                " shape, share of pixels where only one does, queries a pixel. wrong inside: rays from anywhere in the"
-                " box that end elsewhere than the mesh says, by more than 1 % of its longest side.",
-                ["shape", "depth", "normals, °", "wrong visibility, %", "wrong inside, %", "queries a pixel"],
+                " shape, share of pixels where only one does, queries a pixel. Interior error: rays from anywhere in"
+                " the box that end elsewhere than the mesh says, by more than 1 % of its longest side.",
+                ["shape", "depth", "normals, °", "visibility error, %", "interior error, %", "queries a pixel"],
                 lines,
             ),
             "Answers [DDF22] fig. `singobjfits`.",

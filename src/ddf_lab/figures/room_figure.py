@@ -4,14 +4,10 @@ The camera comes from outside, enters the room, and ends within the rabbit, whos
 ([DDF22] fig. `simpleroom`; the one field of the whole: app. `noncompfiteg`). Truth: rays cast against the mesh.
 """
 
-import copy
-import dataclasses
-import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from ddf.fields import framed_field
 from ddf.fields.scenes import camera_paths, scene_field
@@ -34,7 +30,6 @@ FLIGHT = tuple(
 FRAMES = 6
 _NEAR_EDGE = 0.1  # of the room whose side is 2
 _ASKED = ("visibility", "depth", "normals")
-COUNTS = (1, 4, 16, 64)
 
 
 _SCALE, _AT = figure_fields.STAND
@@ -43,7 +38,7 @@ _LOWER, _UPPER = np.full(3, -1.05), np.full(3, 1.05)
 
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
-    """Pictures of the flight, errors by region, and what scenes of many objects cost."""
+    """Pictures of the flight, and errors by region."""
     room, rabbit, whole = (figure_fields.fitted(name, config, folder) for name in ("room", "rabbit", "furnished"))
     composite = composed(room, rabbit)
     truth = raycast.Scene(figure_fields.SHAPES["furnished"]())
@@ -66,8 +61,6 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 picture_strips.strip(columns, rows, per_line=FRAMES),
             ),
             _errors(composite, whole, truth),
-            _agreement(composite),
-            _cost(rabbit),
             f"The one field has twice the width and twice the samples. Its {config.whole_steps:,} steps cost as much as"
             f" {4 * config.whole_steps:,} of a part; the room has {config.steps:,}, the rabbit 6,000.",
             "Answers [DDF22] figs. `simpleroom` and `app:fig:simpleroom2xsl`.",
@@ -148,98 +141,3 @@ def _cells(found: dict[str, np.ndarray], hits: rays.RayHits[np.ndarray], chosen:
     angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
     unseen = 100 * (chosen & ~np.isfinite(found["depth"])).sum() / max(1, chosen.sum())
     return [f"{np.median(off):.4f}", f"{np.median(angle):.1f}", f"{unseen:.1f}"]
-
-
-def _lattice(
-    fields: Sequence[framed_field.FramedField], turns: Sequence[Float[np.ndarray, "3 3"]], size: int
-) -> tuple[scene_field.SceneField, rays.OrientedPoints[np.ndarray]]:
-    """Objects on a lattice, each turned, and the rays of a picture of all."""
-    side = round(len(fields) ** (1 / 3) + 0.499)
-    cells = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    places = tuple(
-        transforms.Similarity(0.45 / side, turn, (2 * cell + 1) / side - 1)
-        for turn, cell in zip(turns, cells, strict=False)
-    )
-    scene = scene_field.SceneField(tuple(fields), places, np.full(3, -1.3), np.full(3, 1.3))
-    radius = framed_field.framing_radius(scene, 35.0, 25.0, "y")
-    return scene, _points(camera_paths.one(scene, 35.0, 25.0, radius, "y"), size)
-
-
-def agreement(
-    scene: scene_field.SceneField, points: rays.OrientedPoints[np.ndarray]
-) -> tuple[int, float, float, float]:
-    """Of a hard composite: rays that see something; the largest angle in degrees between its normals and those of the
-    part that is nearest, asked alone in its own frame; largest differences of visibility and of depth to the composite
-    without culling.
-    """
-    found, _ = framed_field.query(scene, points, _ASKED)
-    nearest, normals = np.full(len(points.positions), np.inf), np.zeros((len(points.positions), 3))
-    for field, place in zip(scene.fields, scene.scene_from_mesh, strict=True):
-        back = place.inverse()
-        own = rays.OrientedPoints(back.apply(points.positions), back.apply_directions(points.directions))
-        alone, _ = framed_field.query(field, own, _ASKED)
-        depth = np.where(alone["visibility"] >= framed_field.SEEN, place.scale_depth(alone["depth"]), np.inf)
-        nearer = depth < nearest
-        nearest[nearer], normals[nearer] = depth[nearer], place.apply_directions(alone["normals"][nearer])
-    seen = np.isfinite(found["depth"])
-    across = np.linalg.norm(np.cross(found["normals"][seen], normals[seen]), axis=1)
-    angle = np.degrees(np.arctan2(across, (found["normals"][seen] * normals[seen]).sum(axis=1)))
-    whole, _ = framed_field.query(dataclasses.replace(scene, cull=False), points, ("visibility", "depth"))
-    with np.errstate(invalid="ignore"):  # where both are inf
-        depths = np.where(found["depth"] == whole["depth"], 0.0, np.abs(found["depth"] - whole["depth"]))
-    visibilities = np.abs(found["visibility"] - whole["visibility"])
-    return int(seen.sum()), float(angle.max()), float(visibilities.max()), float(depths.max())
-
-
-def _agreement(composite: scene_field.SceneField) -> pages.Table:
-    """The composite of the flight, and 64 rabbits that are turned at random, in float32 and in float64."""
-    flight = [_points(look, 48) for look in camera_paths.fly(FLIGHT, FRAMES)]
-    points = rays.OrientedPoints(
-        *(np.concatenate([getattr(p, n) for p in flight]) for n in ("positions", "directions"))
-    )
-    random, count = np.random.default_rng(0), max(COUNTS)
-    turns = [turn * np.linalg.det(turn) for turn in np.linalg.qr(random.standard_normal((count, 3, 3)))[0]]
-    scenes = {
-        "room and rabbit": (composite, points),
-        f"{count} turned rabbits": _lattice([composite.fields[1]] * count, turns, 48),
-    }
-    rows = []
-    for name, (scene, seen_from) in scenes.items():
-        for kind, each in (("float32", scene), ("float64", _double(scene))):
-            seen, angle, visibility, depth = agreement(each, seen_from)
-            rows.append([name, kind, f"{seen:,}", f"{angle:.1e}", f"{visibility:.1e}", f"{depth:.1e}"])
-    return pages.Table(
-        "Composites against their parts: the largest angle between normals of the composite and those of the part that"
-        " is nearest, asked alone in its own frame; largest differences of visibility and depth to the composite that"
-        " asks every field for every ray. Products of other numbers of rays round differently: in float64 both agree.",
-        ["scene", "networks", "rays that see something", "normals, °", "culled: visibility", "culled: depth"],
-        rows,
-    )
-
-
-def _double(scene: scene_field.SceneField) -> scene_field.SceneField:
-    """The scene with networks in float64."""
-    fields = tuple(
-        dataclasses.replace(each, field=copy.deepcopy(each.field).double()) if isinstance(each, ShapeField) else each
-        for each in scene.fields
-    )
-    return dataclasses.replace(scene, fields=fields)
-
-
-def _cost(field: framed_field.FramedField, size: int = 48) -> pages.Table:
-    """Queries and time of pictures of up to 64 of the same field on a lattice."""
-    rows = []
-    for count in COUNTS:
-        counted = [scene_field.Counted(field) for _ in range(count)]
-        scene, points = _lattice(counted, [np.eye(3)] * count, size)
-        started = time.process_time()
-        framed_field.query(scene, points, ("depth",))
-        seconds, queries = time.process_time() - started, sum(each.queries for each in counted)
-        share = f"{100 * (1 - queries / count / size**2):.1f}"
-        rows.append([str(count), f"{queries / size**2:.2f}", share, f"{1e3 * seconds / count:.1f}"])
-    return pages.Table(
-        f"Scenes of so many rabbits, {size} x {size} pixels of depth. Saved: of all objects asked for all pixels. The"
-        " time is of a core; `reports/bench` has it for closed forms and with culling switched off.",
-        ["objects", "queries a pixel", "saved, %", "ms an object"],
-        rows,
-    )

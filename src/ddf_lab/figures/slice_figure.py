@@ -44,7 +44,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             pages.Table(
                 f"|d - exact| of the {SHAPE} over the pixels that both see (longest side about 2), and the share that"
                 " only one sees.",
-                ["v parallel to", "median", "mean", "wrong visibility, %"],
+                ["v parallel to", "median", "mean", "visibility error, %"],
                 rows,
             ),
             "Answers [DDF22] fig. 1, right.",

@@ -60,8 +60,8 @@ def build(found: stage_results.Results) -> pages.Page:
     ]
     if seeds:
         facts.append(
-            f"Means over {found.seeds} seeds; ± is the standard deviation over them, in [si3dr.csv](si3dr.csv) of all "
-            "rows. Pictures, losses and times are of the first."
+            f"Means over {found.seeds} seeds; ± is the standard deviation over them; [si3dr.csv](si3dr.csv) has it of "
+            "all. Pictures, losses and times are of the first."
         )
     lead.append(tuple(facts))
     return pages.Page(f"Results of the experiment {found.name}", lead, [section(found) for section in SECTIONS])

@@ -86,7 +86,7 @@ def results_section(results: Results) -> Section:
     moved = (results.per_image["method"] == scoring.DDF_ON_MASK).any()
     on_mask = (("as encoded", scoring.DDF), ("on the mask", scoring.DDF_ON_MASK))
     blocks: list[Block | None] = [
-        scores.pairs(results, results.groups, COLUMNS, MODELS, caption),
+        scores.pairs(results, results.groups, COLUMNS, MODELS, caption, spread=True),
         reading(results),
         scores.pairs(
             results,
@@ -113,8 +113,7 @@ def results_section(results: Results) -> Section:
             results.categories,
             LARGE,
             MODELS,
-            "The paper's numbers on ShapeNet, other data and other sizes. All of them are in "
-            "[si3dr.csv](si3dr.csv), with those that it quotes.",
+            "The paper's numbers on ShapeNet, other data and other sizes; all are in [si3dr.csv](si3dr.csv).",
             paper_results.SOURCE,
         ),
     ]
@@ -161,12 +160,8 @@ def one_cycle_section(results: Results) -> Section:
         f"DDF with points projected onto the surface once, and {cycles} times (N<sub>H</sub>), each cloud with its own "
         "scale. The paper's table `si3dr1h` is in [si3dr.csv](si3dr.csv)."
     )
-    ours = scores.pairs(results, results.groups, LARGE, methods, caption, labels=_labelled(_CHAMFER, _F_SCORE))
+    ours = scores.pairs(results, results.groups, ("Pi_g-L",), methods, caption)
     return Section("One projection cycle", [ours] if ours else [])
-
-
-def _labelled(*metrics: str) -> dict[str, str]:
-    return {metric: scores.LABELS[metric] for metric in metrics}
 
 
 def baselines_section(results: Results) -> Section:
@@ -178,9 +173,9 @@ def baselines_section(results: Results) -> Section:
         draw_baselines(results),
     )
     reading = (
-        "Ceiling: a random subset of the truth against all of it. No method does better with so many points.",
-        "Oracle retrieval knows the truth: it takes the training shape with the smallest D<sub>C</sub>.",
-        "Retrieval takes the shape of the training image, of all that the encoder saw, whose feature is nearest.",
+        "Ceiling: a random subset of the truth against all of it.",
+        "Oracle retrieval knows the truth: the training shape with the smallest D<sub>C</sub>.",
+        "Retrieval takes the shape of the training image whose feature is nearest.",
         "The mean shape is points of all training clouds together or one training shape, whichever is nearer to the "
         "validation shapes.",
     )
@@ -193,10 +188,7 @@ def draw_baselines(results: Results) -> bytes:
     bars = {}
     for category in results.groups:
         values = ((method, found.value(category, (method, "Pi_g-L"), _F_SCORE)) for method in BASELINES)
-        bars[category] = [
-            (method, scores.METHOD_LABELS[method].partition(":")[0].partition(" (")[0], math.nan if v is None else v)
-            for method, v in values
-        ]
+        bars[category] = [(method, scores.METHOD_LABELS[method], math.nan if v is None else v) for method, v in values]
     return figures.score_bars(bars, "F(τ) × 100").encode()
 
 
@@ -234,13 +226,12 @@ def nearest_section(results: Results) -> Section:
     dots = Figure(
         "nearest.svg",
         "A dot is a test shape and a model. Across: F(τ) of the training shape nearest to it. Up: F(τ) of the model, "
-        "mean over its images. On the line both are the same. Blue: DDF. Orange: PC-SIREN. True camera, L points.",
+        "mean over its images. Blue: DDF. Orange: PC-SIREN. True camera, L points.",
         "scores of both models over the score of the nearest training shape, a dot for each test shape, by category",
         figures.score_dots(found, "nearest training shape, F(τ) × 100", "model, F(τ) × 100").encode(),
     )
     reading = (
-        "A model that is only right near what it learned rises with the line: correlation near 1, few shapes above it. "
-        "Above the line it makes a better shape than any that it was shown."
+        "A model that is only right near what it learned rises with the line: correlation near 1, few shapes above it."
     )
     return Section("Far from the training shapes", [dots, nearest_table(found), reading])
 

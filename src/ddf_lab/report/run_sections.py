@@ -50,9 +50,8 @@ def pictures_section(results: Results) -> Section:
         for category, strip in results.strips.items()
     ]
     reading = (
-        f"Rows are chosen from {results.rendered} test images of each category: from the smallest to the largest "
-        "D<sub>C</sub> of DDF at the true camera (L points), then from the image where DDF is farthest ahead of "
-        "PC-SIREN to the one where it is farthest behind.",
+        f"Rows are chosen from {results.rendered} test images of each category: by D<sub>C</sub> of DDF (true "
+        "camera, L points), then by how far DDF is ahead of PC-SIREN.",
         "Predictions are seen from the predicted camera at the predicted scale, the truth from the true camera. "
         "Visibility: dark is seen. Depth: yellow is near. Normals: (n + 1)/2 as RGB. Clouds: colour is the place.",
     )
@@ -69,8 +68,7 @@ def cameras_section(results: Results) -> Section:
             rows.append([category if head == _PREDICTED[0] else "", label, *texts])
     caption = (
         "Median absolute errors over test images, before (Π̂) and after (Π̂<sub>∇</sub>) the correction by the mask. "
-        f"With an azimuth more than {scoring.TURNED_DEG:.0f}° off, front is taken for rear, and the descent on the "
-        "mask ends in another basin. The scale is estimated from the diagonal of the predicted cloud."
+        f"More than {scoring.TURNED_DEG:.0f}° off, front is taken for rear."
     )
     header = ["", "", *(label for label, _ in _CAMERA_METRICS.values())]
     return Section("Cameras", [Table(caption, header, rows, labels=2)])
@@ -85,8 +83,8 @@ def evenness_section(results: Results) -> Section:
     ]
     caption = (
         "Standard deviation over mean of the distance from a point to the nearest other one; L points, mean over "
-        "images. True clouds are Poisson-disk samples. Independent points spread evenly over a surface have 0.52 "
-        "(Rayleigh's distribution). More says that points crowd."
+        "images. True clouds are Poisson-disk samples. Independent even points have 0.52 (Rayleigh); more says that "
+        "points crowd."
     )
     return Section("Evenness of the clouds", [Table(caption, ["", *_CLOUDS], rows)])
 
@@ -135,7 +133,7 @@ def data_section(results: Results) -> Section:
         rows.append([group, str(trained), str(len(tests)), f"{tests['points'].median():,.0f}", hidden])
     caption = (
         "Shapes, and the true clouds of the test shapes. Hidden: no ray from outside meets the point first. Hidden "
-        "points count in the metrics, as in Pixel2Mesh."
+        "points count, as in Pixel2Mesh."
     )
     header = ["", "train shapes", "test shapes", "points, median", "hidden, %"]
     blocks: list[Block] = [Table(caption, header, rows)]
@@ -165,8 +163,8 @@ def costs_section(results: Results) -> Section:
     known = [cost.seconds for cost in results.costs.values() if cost.seconds is not None]
     rows.append(["together", duration(sum(known)) if known else scores.NOTHING, ""])
     caption = (
-        f"Wall time of each stage's last run, summed over categories, on {os.cpu_count()} CPU threads; several "
-        "categories run side by side. Memory: resident, of the stage's largest process in any category."
+        f"Wall time of each stage's last run, summed over categories, on {os.cpu_count()} CPU threads. "
+        "Memory: resident, of the stage's largest process in any category."
     )
     return Section("Times and memory", [Table(caption, ["stage", "time", "memory, MiB"], rows)])
 
@@ -196,7 +194,7 @@ def limits_section(results: Results) -> Section:
 
 def changed_settings(results: Results) -> tuple[list[tuple[str, str, str]], list[str]]:
     """Key, value here and what the paper prints, with its place, of every setting that is not the paper's; then keys
-    and values of those that the paper does not give.
+    of those that the paper does not give.
     """
     changed, own, whole = [], [], "none"
     for name in SECTIONS:
@@ -208,7 +206,7 @@ def changed_settings(results: Results) -> tuple[list[tuple[str, str, str]], list
                     continue  # its settings follow
                 whole = each.key  # a part that the paper has not is one line
             if not each.source:
-                own.append(f"`{each.key}` ({_printed(each.value)})")
+                own.append(f"`{each.key}`")
             elif each.value != each.default:
                 changed.append((f"`{each.key}`", _printed(each.value), f"{_printed(each.default)} ({each.source})"))
     return changed, own

@@ -14,9 +14,9 @@ METHOD_LABELS = {
     scoring.PC_SIREN: "PC-SIREN",
     scoring.DDF_ONE_CYCLE: "DDF, N<sub>H</sub> = 1",
     scoring.DDF_ON_MASK: "DDF, shape moved to the mask",
-    baselines.CEILING: "ceiling: truth against itself",
-    baselines.ORACLE: "oracle retrieval (best training shape)",
-    baselines.RETRIEVAL: "retrieval (nearest training image)",
+    baselines.CEILING: "ceiling",
+    baselines.ORACLE: "oracle retrieval",
+    baselines.RETRIEVAL: "retrieval",
     baselines.MEAN_SHAPE: "mean shape",
 }
 CAMERA_LABELS = {"Pi_g": "Π<sub>g</sub>", "Pi_corrected": "Π̂<sub>∇</sub>", "Pi_pred": "Π̂"}
@@ -85,6 +85,7 @@ def pairs(
     caption: str,
     source: str = scoring.MEASURED,
     labels: Mapping[str, str] = LABELS,
+    spread: bool = False,
 ) -> Table | None:
     """Two methods side by side for every metric of `labels`; a row per category and column of the paper's table.
 
@@ -92,7 +93,7 @@ def pairs(
     Cells of a category whose numbers are of different numbers of images say of how many.
 
     Args:
-      methods: (name to print, method), two of them.
+      methods: (name to print, method), two of them. spread: the deviation over seeds stands in the rows of L points.
     Returns:
       None where the source has no number of these methods.
     """
@@ -111,7 +112,9 @@ def pairs(
                 won = results.better(category, first, second, metric) if measured else 0
                 for head, best in ((first, won > 0), (second, won < 0)):
                     count = f" ({n[0]})" if counted and (n := scores.images(category, [head], metric)) else ""
-                    cells.append(Cell(scores.text(category, head, metric, spread=True) + count, best))
+                    cells.append(
+                        Cell(scores.text(category, head, metric, spread=spread and column.endswith("L")) + count, best)
+                    )
             rows.append(cells)
     if not rows:
         return None

@@ -26,16 +26,6 @@ def test_the_medial_planes_of_the_room_are_where_v_turns():
     )
 
 
-def test_each_bound_is_told_by_itself():
-    def holds(mean, angle, along_true):
-        errors = distance_figure.Errors(mean, 0.0, angle, 0.0)
-        return distance_figure.bounds_line("rabbit", errors, along_true)[2::2]
-
-    assert holds(0.010, 7.0, 0.010) == ["yes", "yes", "yes"]
-    assert holds(0.0112, 7.0, 0.0177) == ["no", "yes", "yes"]
-    assert holds(0.009, 7.1, 0.005) == ["yes", "no", "no"]
-
-
 def test_paper_udf_trains_g_v_as_the_paper_does():
     """[DDF22] app. D: 5 x 128, K_c = 5, 1e4 iterations of 4,096 points, Adam at 1e-4."""
     found = distance_figure.candidate_recipe(figure_fields.FiguresConfig(paper_candidates=True))
