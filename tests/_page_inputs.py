@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from ddf.geometry import mesh_io, point_io
+from ddf.geometry import mesh_io
 
 _SCENE = Path(__file__).parents[1] / "examples" / "scene.yaml"
 
@@ -24,4 +24,4 @@ def write(folder: Path) -> None:
     generator = np.random.default_rng(0)
     for name, noise in (("cloud", 0.005), ("truth", 0.0)):
         points = mesh.vertices[:160] + noise * generator.standard_normal((160, 3))
-        (folder / f"{name}.ply").write_bytes(point_io.points_ply(points))
+        (folder / f"{name}.ply").write_bytes(mesh_io.points_ply(points))

@@ -26,7 +26,7 @@ from ddf.data.samples.surface import Surface
 from ddf.fields import derivatives, rendering, siren
 from ddf.fields.gpu import farthest_points
 from ddf.fit import completion, latent_prior
-from ddf.geometry import neighbours, raycast, rays, scans, sphere, transforms, unsigned_surface
+from ddf.geometry import neighbours, raycast, rays, scans, transforms, unsigned_surface
 from ddf.geometry.mesh_io import Mesh
 from ddf.models import loop_config, reconstruction_settings
 from ddf.training import training_loop
@@ -67,7 +67,7 @@ class LatentDistances(nn.Module):
 
 def outside(scene: raycast.Scene, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
     """Whether rays escape in two directions, of which most points need the first few alone."""
-    ways, starts = sphere.evenly_spread(WAYS), scene.local(points)
+    ways, starts = rays.evenly_spread(WAYS), scene.local(points)
     escaped = np.zeros(len(points), int)
     for block in (ways[::4], ways[1::4], ways[2::4], ways[3::4]):
         left = np.flatnonzero(escaped < 2)

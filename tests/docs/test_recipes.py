@@ -17,7 +17,7 @@ import pytest
 import yaml
 
 from ddf.core import config
-from ddf.geometry import point_io
+from ddf.geometry import mesh_io
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
@@ -117,7 +117,7 @@ def _sample_type(copy: Copy) -> None:
 
 def _metric(copy: Copy) -> None:
     for name, last in (("pred", 0.0), ("truth", 2.0)):
-        (copy.root / f"{name}.ply").write_bytes(point_io.points_ply(np.array([[0.0, 0.0, 0.0], [last, 0.0, 0.0]])))
+        (copy.root / f"{name}.ply").write_bytes(mesh_io.points_ply(np.array([[0.0, 0.0, 0.0], [last, 0.0, 0.0]])))
     assert re.search(r"hausdorff +2 +units of the clouds", copy.run("ddf", "compare", "pred.ply", "truth.ply"))
     copy.stage("evaluate", "report")
     table = pd.read_csv(copy.artifact("report/si3dr.csv"), comment="#")

@@ -71,5 +71,5 @@ def cast(mesh: Any, positions: npt.ArrayLike, directions: npt.ArrayLike) -> rays
     """
     asked, surface = inputs.oriented_points(positions, directions), as_mesh(mesh)
     with extras.named():
-        from ddf.geometry.exact import exact_cast
+        from ddf.geometry import exact_cast
     return exact_cast.cast(surface, asked)

@@ -76,7 +76,7 @@ class Reconstruction:
         """Write the field (`ddf.load` takes the folder), shape.glb and shape.ply, cloud.ply with normals, picture.png
         and camera.json; returns the content of the last. Of a field that encloses nothing there is no mesh.
         """
-        from ddf.geometry import point_io
+        from ddf.geometry import mesh_io
 
         out = Path(folder)
         started = time.monotonic()
@@ -90,7 +90,7 @@ class Reconstruction:
             (out / name).unlink(missing_ok=True)
             for mesh in meshes:
                 mesh.save(out / name)
-        storage.write_bytes(out / CLOUD, point_io.points_ply(self.points, self.normals))
+        storage.write_bytes(out / CLOUD, mesh_io.points_ply(self.points, self.normals))
         with storage.atomic_path(out / PICTURE) as temporary:
             self._paint.sheet().save(temporary, "PNG")
         result = {

@@ -31,7 +31,7 @@ def mark_known(parser: argparse.ArgumentParser, name: str, *kinds: str) -> None:
 
 
 def add_rays(parser: argparse.ArgumentParser, frame: str) -> None:
-    """The rays that a command reads with `ray_io`; frame: whose frame they are in."""
+    """The rays that a command reads with `rays.read_npz`; frame: whose frame they are in."""
     parser.add_argument(
         "--rays",
         metavar="RAYS.npz",

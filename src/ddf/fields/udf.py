@@ -18,7 +18,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ddf.fields import siren
-from ddf.geometry import sphere
+from ddf.geometry import rays
 
 SMALL_MEAN = 0.05  # a mean direction shorter than this has cancelled (a point between two sheets)
 SEEN = 0.5  # visibility from which on a depth counts
@@ -141,7 +141,7 @@ def search(ask: Ask, positions: Float[Tensor, "n 3"], num_directions: int = 32, 
     At v* the ray runs against the normal. A full step overshoots beyond the radius of curvature, so after one that does
     not come nearer all further steps of that point are half as long. One query a direction, one with a normal a step.
     """
-    spread = torch.from_numpy(sphere.evenly_spread(num_directions)).to(positions)
+    spread = torch.from_numpy(rays.evenly_spread(num_directions)).to(positions)
     candidates = spread.expand(len(positions), -1, -1)
     answer = ask(positions[:, None].expand_as(candidates), candidates, False)
     depths = answer.depth.masked_fill(answer.visibility < SEEN, torch.inf)

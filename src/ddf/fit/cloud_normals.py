@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from ddf.core import checks
 from ddf.fields import framed_field
-from ddf.geometry import rays, sphere
+from ddf.geometry import rays
 
 DIRECTIONS = 32  # asked through a point
 NEAR = (
@@ -39,7 +39,7 @@ def _best(
 ) -> Float[np.ndarray, "n 3"]:
     """The best answer of rays that start at `offset` from the points; 0 where none hits within `near` of its point."""
     normals, best = np.zeros_like(points), np.full(len(points), near)
-    for direction in sphere.evenly_spread(DIRECTIONS):
+    for direction in rays.evenly_spread(DIRECTIONS):
         along = np.broadcast_to(direction, points.shape).copy()
         asked = rays.OrientedPoints(points - offset * along, along)
         found, _ = framed_field.query(field, asked, ("depth", "normals"))

@@ -11,7 +11,7 @@ from torch import Tensor
 from ddf.core import storage
 from ddf.fields import cloud_defaults, cloud_projection, field_file, pddf, rendering, shape_field
 from ddf.fit import completion
-from ddf.geometry import neighbours, rays, scans, sphere
+from ddf.geometry import neighbours, rays, scans
 
 _REACH = 2.0  # of the median spacing of hits: a point nearer to a hit was seen
 _ASKED_FROM = 0.3  # half longest sides before a point
@@ -62,7 +62,7 @@ def _looking(
 ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
     """For each point of the cube a ray that sees it: of those from evenly spread sides the one that agrees best."""
     best, along = torch.full(points.shape[:1], torch.inf), torch.zeros_like(points)
-    for side in torch.from_numpy(sphere.evenly_spread(_SIDES)).to(points):
+    for side in torch.from_numpy(rays.evenly_spread(_SIDES)).to(points):
         raw = network(points - _ASKED_FROM * side, side.expand_as(points), found.modulations)
         off = (network.depth(raw) - _ASKED_FROM).abs() + (raw[:, pddf.VISIBILITY_ROW] < 0)
         along[off < best], best = side, torch.minimum(off, best)

@@ -53,14 +53,12 @@ def extract(
       InputError: too few hits have a normal, or there is no surface.
     """
     if method == "poisson":
-        from ddf.geometry import poisson  # Open3D, which `udf` does without
-
         points = cloud.hits[:hits]
         normals = cloud_normals.ask(field, points)
         found = normals.any(axis=1)
         if found.sum() < 4:
             raise checks.InputError("the field gives no normals where it sees its surface: fit it for longer")
-        return poisson.surface(points[found], normals[found])
+        return unsigned_surface.poisson(points[found], normals[found])
     lower, upper = cloud.hits.min(axis=0), cloud.hits.max(axis=0)
     margin = _MARGIN * float(np.max(upper - lower))
     return unsigned_surface.extract(cloud.distances, lower - margin, upper + margin, resolution).mesh

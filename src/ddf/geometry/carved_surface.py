@@ -13,7 +13,7 @@ from jaxtyping import Float
 from scipy import ndimage
 
 from ddf.core import checks
-from ddf.geometry import sphere, transforms
+from ddf.geometry import rays, transforms
 from ddf.geometry.mesh_io import Mesh, face_normals
 
 # starts (n, 3), unit directions (n, 3) -> depth (n), inf where nothing is seen
@@ -40,7 +40,7 @@ def extract(look: Look, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, 
     nodes, left = (origin + cell * grid - centre).astype(np.float32), np.arange(len(grid))
     corners = transforms.box_corners(nodes[0], nodes[-1])
     least = np.full((_DOUBTED, len(nodes)), _REACH, dtype=np.float32)
-    for way in sphere.evenly_spread(_SIDES):
+    for way in rays.evenly_spread(_SIDES):
         behind = _behind(look, nodes, corners, centre, way, cell)
         for row in least:  # ascending, of each node
             row[:], behind = np.minimum(row, behind), np.maximum(row, behind)

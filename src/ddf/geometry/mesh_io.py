@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ddf.core import checks, storage
-from ddf.geometry.formats import ac3d, collada, gltf, obj, off, ply, stl, threemf
+from ddf.geometry.formats import ac3d, collada, gltf, obj, off, ply, ply_header, stl, threemf
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")  # read and written
 READ = (*SUFFIXES, ".gltf", ".dae", ".3mf", ".ac", ".acc")
@@ -219,3 +219,52 @@ def export_bytes(mesh: Mesh, suffix: str) -> bytes:
         **({"digits": 17} if suffix in (".obj", ".off") else {}),  # pyright: ignore[reportArgumentType]
     )
     return exported.encode() if isinstance(exported, str) else bytes(exported)
+
+
+def read_points(path: Path | str) -> Float[np.ndarray, "n 3"]:
+    """Vertices of a PLY cloud or mesh, float64, in the file's order; faces, colours and normals are not read.
+
+    Raises:
+      FileNotFoundError: no such file.
+      InputError: not a PLY whose vertices can be read whole, no vertices, or one that is not finite; the file is named.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file")
+    if not path.is_file():
+        raise checks.InputError(f"{path}: not a file; give a PLY cloud")
+    checks.require_content(path)
+    if path.stat().st_size > MAX_FILE_BYTES:
+        raise checks.InputError(f"{path}: {path.stat().st_size} bytes; clouds must be at most {MAX_FILE_BYTES}")
+    try:
+        points = ply.points(path.read_bytes())
+        checks.require_finite("points", points)
+    except checks.InputError as fault:
+        raise checks.InputError(f"{path}: {fault}") from fault
+    return points
+
+
+def has_faces(path: Path | str) -> bool:
+    """Whether a PLY file holds a mesh, and not a cloud alone.
+
+    Raises:
+      FileNotFoundError: no such file. InputError: not a PLY file; it is named.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file")
+    checks.require_content(path)
+    try:
+        elements = ply_header.parse(path.read_bytes()).elements
+    except checks.InputError as fault:
+        raise checks.InputError(f"{path}: {fault}") from fault
+    return any(element.name in ("face", "tristrips") and element.count > 0 for element in elements)
+
+
+def points_ply(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"] | None = None) -> bytes:
+    """A binary PLY of float32 vertices, with normals (`nx`, `ny`, `nz`) if there are."""
+    columns = [points] if normals is None else [points, normals]
+    names = "x y z".split() if normals is None else "x y z nx ny nz".split()
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+    header += "".join(f"property float {name}\n" for name in names) + "end_header\n"
+    return header.encode() + np.ascontiguousarray(np.concatenate(columns, axis=1), dtype="<f4").tobytes()

@@ -1,10 +1,16 @@
 """Oriented points, what a ray meets, and where it enters a box.
 
 Letters: p position, v unit direction, t distance along v, B axis-aligned box [lower, upper].
-Every function takes numpy arrays or torch tensors of any float type, and keeps library and type.
+Functions of rays take numpy arrays or torch tensors of any float type, and keep library and type.
+Files of rays are NPZ: `positions` and `directions`, (N, 3), in the frame of the mesh that they are meant for.
 """
 
+import math
+import zipfile
+import zlib
+from collections.abc import Collection
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Generic
 
 import numpy as np
@@ -12,6 +18,12 @@ from jaxtyping import Bool, Float, Int
 
 from ddf.core import arrays, checks
 from ddf.core.arrays import Array
+
+_DAMAGED = (
+    *(ValueError, zipfile.BadZipFile, zlib.error, EOFError, OSError),
+    *(MemoryError, RuntimeError, LookupError, TypeError, AttributeError, SyntaxError, OverflowError),
+)
+_FEW, _GROWTH = 64 << 20, 16  # bytes as float64, and those for a byte of the file: claimed without being read
 
 
 @dataclass(frozen=True)
@@ -105,3 +117,71 @@ def enter_box(
     distance = xp.where(meets, entry, xp.zeros_like(entry))
     inside = xp.minimum(xp.maximum(positions + distance[..., None] * directions, lower), upper)
     return xp.where(meets[..., None], inside, positions), distance, meets
+
+
+def evenly_spread(count: int) -> Float[np.ndarray, "count 3"]:
+    """Evenly spread unit vectors (Fibonacci spiral, offset 1/2), without randomness."""
+    index = np.arange(count) + 0.5
+    height, turn = 1 - 2 * index / count, np.pi * (1 + 5**0.5) * index
+    radius = np.sqrt(1 - height**2)
+    return np.stack([radius * np.cos(turn), height, radius * np.sin(turn)], axis=1)
+
+
+def read_npz(path: Path) -> OrientedPoints[np.ndarray]:
+    """Positions and directions of an NPZ file, as float64, directions exactly of unit length.
+
+    Raises:
+      InputError: not an NPZ file with two (N, 3) arrays of numbers, or directions that are not of unit length.
+    """
+    positions, directions = npz_vectors(path, ("positions", "directions"))
+    if len(positions) != len(directions):
+        raise checks.InputError(f"{path}: {len(positions)} positions but {len(directions)} directions; must be as many")
+    try:
+        return unit_points(positions, directions)
+    except checks.InputError as error:
+        raise checks.InputError(f"{path}: {error}") from error
+
+
+def npz_vectors(path: Path, names: tuple[str, ...]) -> list[np.ndarray]:
+    """Named (N, 3) arrays of numbers of an NPZ file, as float64. What headers claim is judged before it is read.
+
+    Raises:
+      FileNotFoundError: there is no such file. InputError: something else; it is named.
+    """
+    found = npz_numbers(path, names)
+    for name in names:
+        if name not in found:
+            raise checks.InputError(f"{path}: has no array {name!r}")
+        if found[name].ndim != 2 or found[name].shape[1] != 3:
+            raise checks.InputError(f"{path}: {name} must be numbers of shape (N, 3); got shape {found[name].shape}")
+    return [found[name] for name in names]
+
+
+def npz_numbers(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
+    """Those of the named arrays that an NPZ file has, as float64; as `npz_vectors`, of any shape."""
+    checks.require_content(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            there = set(archive.namelist())
+            return {name: _array(archive, path, name) for name in names if f"{name}.npy" in there}
+    except (checks.InputError, FileNotFoundError):
+        raise
+    except _DAMAGED as error:
+        words = " and ".join(names)
+        raise checks.InputError(f"{path}: not a readable NPZ file with {words} ({error or 'too large'})") from error
+
+
+def _array(archive: zipfile.ZipFile, path: Path, name: str) -> np.ndarray:
+    with archive.open(f"{name}.npy") as member:
+        version = np.lib.format.read_magic(member)
+        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, by_columns, kind = header(member)
+        count = math.prod(shape)
+        if kind.kind not in "fiu":
+            raise checks.InputError(f"{path}: {name} must be numbers; got {kind} {shape}")
+        if 8 * count > max(_FEW, _GROWTH * path.stat().st_size):
+            raise checks.InputError(f"{path}: {name} claims {count:,} numbers, too many for a file of this size")
+        data = member.read(kind.itemsize * count + 1)
+    if len(data) != kind.itemsize * count:
+        raise checks.InputError(f"{path}: {name} claims {count:,} numbers and holds another count")
+    return np.frombuffer(data, kind).reshape(shape, order="F" if by_columns else "C").astype(np.float64, order="C")

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from jaxtyping import Bool, Float
 
 from ddf.core import checks, storage
-from ddf.geometry import ray_io, rays, transforms
+from ddf.geometry import rays, transforms
 
 _BROKEN = (OSError, ValueError, SyntaxError, EOFError, MemoryError)  # what Pillow raises of a damaged PNG
 _KINDS = (("positions", "directions", "ranges"), ("depth", "intrinsics"), ("points", "sensors"))
@@ -136,7 +136,7 @@ def read(path: Path) -> Scan:
     """
     if path.suffix.lower() == ".png":
         return _of_png(path)
-    found = ray_io.numbers(path, (*_KINDS[0], *_KINDS[1], "camera_to_scan", *_KINDS[2]))
+    found = rays.npz_numbers(path, (*_KINDS[0], *_KINDS[1], "camera_to_scan", *_KINDS[2]))
     kind = next((kind for kind in _KINDS if set(kind) <= set(found)), None)
     if kind is None:
         wanted = "; or ".join(" and ".join(names) for names in _KINDS)

@@ -9,6 +9,8 @@ nets, S. F. F. Gibson 1998.
 
 Distances change by no more than the way: blocks of the grid that lie farther from the surface than their own size are
 never looked into.
+
+`poisson` makes one through points with normals, by Open3D.
 """
 
 from collections.abc import Callable
@@ -24,6 +26,7 @@ from ddf.geometry.mesh_io import Mesh
 Distances = Callable[[Float[np.ndarray, "n 3"]], tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]]
 BLOCK = 8  # cells a side of a block
 _SLACK = 1.25  # both distances of an edge together, in cells: 1 for a plane across it, more for noise
+_LEAST_DENSITY = 0.02  # quantile of the vertices' density below which they are cut off: the points do not support them
 
 
 @dataclass(frozen=True)
@@ -138,3 +141,21 @@ def _net(
     straight = np.linalg.norm(vertices[a] - vertices[c], axis=1) <= np.linalg.norm(vertices[b] - vertices[d], axis=1)
     pairs = np.where(straight[:, None], np.stack([a, b, c, a, c, d], 1), np.stack([b, c, d, b, d, a], 1))
     return vertices, pairs.reshape(-1, 3)
+
+
+def poisson(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], depth: int = 7) -> Mesh:
+    """The surface through the points, in their frame, by Open3D; open where there are none.
+
+    Source: Kazhdan and Hoppe 2013, screened Poisson reconstruction.
+
+    Args:
+      normals: outward, unit. depth: of the octree; details are about the box over 2^depth.
+    """
+    import open3d as o3d
+
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    cloud.normals = o3d.utility.Vector3dVector(normals)
+    mesh, density = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
+    density = np.asarray(density)
+    mesh.remove_vertices_by_mask(density < np.quantile(density, _LEAST_DENSITY))
+    return Mesh(np.asarray(mesh.vertices), np.asarray(mesh.triangles))

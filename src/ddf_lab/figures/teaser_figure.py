@@ -8,7 +8,7 @@ from jaxtyping import Float
 from ddf.data.synthetic import showcase
 from ddf.fields import framed_field
 from ddf.fit import fitting
-from ddf.geometry import rays, sphere
+from ddf.geometry import rays
 from ddf.pictures import picture_strips, shaded
 from ddf_lab.figures import drawing, figure_fields, slice_figure
 from ddf_lab.report import pages
@@ -58,7 +58,7 @@ def standing() -> shaded.Standing:
 
 def points(on_ground: shaded.Standing, size: int) -> picture_strips.Picture:
     """Oriented points around the shape, half of them looking at it."""
-    random, away = np.random.default_rng(4), sphere.evenly_spread(_POINTS)
+    random, away = np.random.default_rng(4), rays.evenly_spread(_POINTS)
     p = (_FROM + random.uniform(-0.15, 0.1, (_POINTS, 1))) * away
     middle = (on_ground.field.lower + on_ground.field.upper) / 2
     towards = on_ground.field.field_from_mesh.inverse().apply(middle[None]) + random.normal(0, 0.45, p.shape) - p

@@ -17,7 +17,7 @@ from ddf.data.samples.surface import Surface
 from ddf.fields import field_values, framed_field, model_files, shape_field
 from ddf.fields.shape_field import ShapeField
 from ddf.fit import field_diagnostics, fit_settings, fitting
-from ddf.geometry import raycast, rays, sphere
+from ddf.geometry import raycast, rays
 from ddf.geometry.mesh_io import Mesh
 from ddf.pictures import field_pictures, picture_strips
 from ddf_lab.evaluation import shape_fits
@@ -89,7 +89,7 @@ def _inner_points(scene: raycast.Scene, random: np.random.Generator) -> Float[np
     middles = starts[met] + 0.5 * depth[met, None] * inwards[met]
     if not len(middles):
         return middles
-    probes = sphere.evenly_spread(_PROBES)
+    probes = rays.evenly_spread(_PROBES)
     along = np.tile(probes, (len(middles), 1))
     blocked = scene.blocked_local(scene.local(np.repeat(middles, _PROBES, axis=0)), along)
     share = blocked.reshape(len(middles), _PROBES).mean(axis=1)

@@ -7,7 +7,7 @@ from _shapes import cube, icosphere, joined, moved, random_rays, torus
 from _support import assert_close
 
 from ddf.core import checks
-from ddf.geometry import mesh_io, primitives, raycast, rays, sphere
+from ddf.geometry import mesh_io, primitives, raycast, rays
 
 PATHS = {"fast": raycast.cast, "exact": raycast.cast_exact}
 
@@ -206,7 +206,7 @@ def test_visibility_from_outside_of_nested_spheres_and_cup():
 
 
 def test_spread_directions_are_unit_and_balanced():
-    directions = sphere.evenly_spread(64)
+    directions = rays.evenly_spread(64)
     assert_close(np.linalg.norm(directions, axis=1), np.ones(64))
     assert np.linalg.norm(directions.mean(axis=0)) < 0.02
     nearest = np.sort(directions @ directions.T, axis=1)[:, -2]

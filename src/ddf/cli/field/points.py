@@ -38,14 +38,14 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.core import storage
     from ddf.fields import stored_fields
     from ddf.fit import cloud_normals
-    from ddf.geometry import point_io
+    from ddf.geometry import mesh_io
 
     shape = stored_fields.load(args.field)
     started = time.monotonic()
     points = stored_fields.points(shape, args.points, args.seed, num_directions=args.directions, cycles=args.cycles)
     normals = None if args.no_normals else cloud_normals.ask(shape, points)
     seconds = time.monotonic() - started
-    storage.write_bytes(args.out, point_io.points_ply(points, normals))
+    storage.write_bytes(args.out, mesh_io.points_ply(points, normals))
     unknown = 0 if normals is None else int((normals == 0).all(axis=1).sum())
     words = "without normals" if normals is None else f"with normals of the field {args.field.name}"
     if unknown:

@@ -31,9 +31,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.cli.field import load
     from ddf.core import storage
     from ddf.fields import framed_field
-    from ddf.geometry import ray_io
+    from ddf.geometry import rays
 
-    points = ray_io.read(args.rays)
+    points = rays.read_npz(args.rays)
     found, evaluated = framed_field.query(load.framed(args.field, args.outputs), points, args.outputs)
     storage.write_bytes(args.out, image_files.npz(found))
     total = len(points.positions)

@@ -24,9 +24,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
     from ddf.api import field
     from ddf.core import storage
-    from ddf.geometry import ray_io
+    from ddf.geometry import rays
 
-    (positions,) = ray_io.arrays(args.points, ("positions",))
+    (positions,) = rays.npz_vectors(args.points, ("positions",))
     distances, directions = field.load(args.field).udf(positions)
     storage.write_bytes(args.out, image_files.npz({"distances": distances, "directions": directions}))
     least, most = (float(f(distances)) if len(distances) else float("nan") for f in (np.min, np.max))

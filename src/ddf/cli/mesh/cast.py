@@ -23,10 +23,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     import numpy as np
 
     from ddf.core import storage
-    from ddf.geometry import mesh_io, ray_io, raycast
-    from ddf.geometry.exact import exact_cast
+    from ddf.geometry import exact_cast, mesh_io, raycast, rays
 
-    points = ray_io.read(args.rays)
+    points = rays.read_npz(args.rays)
     mesh = mesh_io.load(args.mesh)
     hits = exact_cast.cast(mesh, points)
     buffer = io.BytesIO()

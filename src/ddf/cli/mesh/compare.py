@@ -83,12 +83,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 def _read(path: Path, args: argparse.Namespace, stream: str) -> "tuple[Float[np.ndarray, 'n 3'], str]":
     """Points of a file, and in words which; each of the two meshes has a random stream of its own."""
     from ddf.core import seeding
-    from ddf.geometry import mesh_io, point_io
+    from ddf.geometry import mesh_io
 
     if path.suffix.lower() == ".ply" or path.suffix.lower() not in mesh_io.READ:
-        is_mesh = point_io.has_faces(path)
+        is_mesh = mesh_io.has_faces(path)
         if args.vertices or not is_mesh:
-            points = point_io.read_points(path)
+            points = mesh_io.read_points(path)
             return points, f"{len(points):,} {'vertices' if is_mesh else 'points'}"
     mesh = mesh_io.load(path)
     if args.vertices:

@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.api import completion
     from ddf.cli import image_files
     from ddf.core import checks, storage
-    from ddf.geometry import point_io
+    from ddf.geometry import mesh_io
 
     if args.fixed and args.pose is None:
         raise checks.InputError("--fixed needs --pose: a pose that is not given cannot stay")
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     seconds = time.monotonic() - started
     found.save(args.out)
     for name, chosen in (("seen", found.seen), ("inferred", ~found.seen)):
-        storage.write_bytes(args.out / f"{name}.ply", point_io.points_ply(found.points[chosen]))
+        storage.write_bytes(args.out / f"{name}.ply", mesh_io.points_ply(found.points[chosen]))
     arrays = {"points": found.points, "seen": found.seen, "spread": found.spread, "residuals": found.residuals}
     storage.write_bytes(args.out / "cloud.npz", image_files.npz(arrays))
     both = np.abs(found.residuals[np.isfinite(found.residuals)])

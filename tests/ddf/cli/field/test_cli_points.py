@@ -8,7 +8,7 @@ import numpy as np
 
 from ddf import cli
 from ddf.data.synthetic import showcase
-from ddf.geometry import point_io, raycast
+from ddf.geometry import mesh_io, raycast
 
 ROOT = Path(__file__).resolve().parents[4]
 
@@ -26,7 +26,7 @@ def test_points_are_in_the_frame_of_the_mesh(work, fitted, capsys):
     arguments = ["points", "--json", str(fitted[0]), str(out), "-n", "50", "--cycles", "1", "--directions", "8"]
     assert cli.main(arguments) == 0
     assert json.loads(capsys.readouterr().out)["points"] == 50
-    points = point_io.read_points(out)
+    points = mesh_io.read_points(out)
     assert points.shape == (50, 3)
     assert np.abs(points - np.array([100.0, 0.0, -50.0])).max() < 300
     assert cli.main([*arguments[:4], "-n", "0"]) == 2
@@ -48,7 +48,7 @@ def test_points_of_a_shipped_field_have_its_normals_and_say_so(tmp_path, capsys)
     away = np.mean(truth.outside(known[:, :3] + 0.05 * known[:, 3:]))
     into = np.mean(truth.outside(known[:, :3] - 0.05 * known[:, 3:]))
     assert away > 0.95 and into < 0.05
-    assert np.array_equal(point_io.read_points(out), table[:, :3])
+    assert np.array_equal(mesh_io.read_points(out), table[:, :3])
 
 
 def test_points_may_come_without_normals(work, fitted, capsys):

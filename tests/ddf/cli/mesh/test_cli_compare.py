@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ddf import cli
-from ddf.geometry import mesh_io, point_io
+from ddf.geometry import mesh_io
 from ddf.metrics import cloud_scores
 
 _KEYS = {
@@ -26,7 +26,7 @@ def clouds(tmp_path):
     generator = np.random.default_rng(0)
     points = {"pred": generator.normal(size=(80, 3)) * 0.05, "truth": generator.normal(size=(120, 3)) * 0.05}
     for name, values in points.items():
-        (tmp_path / f"{name}.ply").write_bytes(point_io.points_ply(values))
+        (tmp_path / f"{name}.ply").write_bytes(mesh_io.points_ply(values))
     return {name: str(tmp_path / f"{name}.ply") for name in points}
 
 
@@ -34,7 +34,7 @@ def test_json_holds_the_scores_of_the_library(clouds, capfd):
     assert cli.main(["compare", clouds["pred"], clouds["truth"], "--tau-sq", "4e-4", "--json"]) == 0
     got = json.loads(capfd.readouterr().out)
     assert got.keys() >= _KEYS
-    pred, truth = (point_io.read_points(clouds[name]) for name in ("pred", "truth"))
+    pred, truth = (mesh_io.read_points(clouds[name]) for name in ("pred", "truth"))
     expected = cloud_scores.compare_clouds(pred, truth, 4e-4).to_dict()
     assert {key: got[key] for key in expected} == expected and 0 < got["f_score_tau"] < 1
 
@@ -51,7 +51,7 @@ def test_relative_scores_do_not_depend_on_the_unit_and_a_large_box_is_warned_of(
     large = {}
     for name, path in clouds.items():
         large[name] = str(tmp_path / f"{name}_mm.ply")
-        (tmp_path / f"{name}_mm.ply").write_bytes(point_io.points_ply(1000 * point_io.read_points(path)))
+        (tmp_path / f"{name}_mm.ply").write_bytes(mesh_io.points_ply(1000 * mesh_io.read_points(path)))
     found = []
     for pair in (clouds, large):
         assert cli.main(["compare", pair["pred"], pair["truth"], "--relative", "--json"]) == 0
@@ -59,12 +59,12 @@ def test_relative_scores_do_not_depend_on_the_unit_and_a_large_box_is_warned_of(
     for key in ("chamfer_l2_sq", "f_score_tau", "f_score_2tau"):
         assert found[0][key] == pytest.approx(found[1][key], rel=1e-4)
     assert found[1]["box_diagonal"] == pytest.approx(1000 * found[0]["box_diagonal"], rel=1e-6)
-    pred, truth = (point_io.read_points(clouds[name]) / found[0]["box_diagonal"] for name in ("pred", "truth"))
+    pred, truth = (mesh_io.read_points(clouds[name]) / found[0]["box_diagonal"] for name in ("pred", "truth"))
     assert found[0]["chamfer_l2_sq"] == pytest.approx(cloud_scores.compare_clouds(pred, truth).chamfer_l2_sq)
     assert cli.main(["compare", large["pred"], large["truth"]]) == 0
     assert "units: --relative takes shares of that" in capfd.readouterr().out
     point = tmp_path / "point.ply"
-    point.write_bytes(point_io.points_ply(np.ones((3, 3))))
+    point.write_bytes(mesh_io.points_ply(np.ones((3, 3))))
     assert cli.main(["compare", clouds["pred"], str(point), "--relative"]) == 2
     assert "all points are one" in capfd.readouterr().err
 
@@ -76,7 +76,7 @@ def test_of_a_mesh_points_count_that_are_drawn_by_area(tmp_path, capfd):
     mesh = mesh_io.Mesh(np.concatenate([corners, corners * 3 + 10]), np.concatenate([faces, faces + 4]))
     for suffix in (".ply", ".obj"):
         (tmp_path / f"mesh{suffix}").write_bytes(mesh_io.export_bytes(mesh, suffix))
-    (tmp_path / "large.ply").write_bytes(point_io.points_ply(np.array([[10.0, 10, 10]])))
+    (tmp_path / "large.ply").write_bytes(mesh_io.points_ply(np.array([[10.0, 10, 10]])))
 
     def compare(*arguments):
         assert cli.main(["compare", *map(str, arguments), "--json"]) == 0
@@ -97,7 +97,7 @@ def test_of_a_mesh_points_count_that_are_drawn_by_area(tmp_path, capfd):
 
 
 def test_bad_input_is_one_line_and_code_two(clouds, tmp_path, capfd):
-    (tmp_path / "empty.ply").write_bytes(point_io.points_ply(np.zeros((0, 3))))
+    (tmp_path / "empty.ply").write_bytes(mesh_io.points_ply(np.zeros((0, 3))))
     for arguments in (
         [clouds["pred"], str(tmp_path / "empty.ply")],
         [clouds["pred"], str(tmp_path / "absent.ply")],

@@ -7,7 +7,7 @@ import ddf
 from ddf import cli
 from ddf.core import shipped_models
 from ddf.fit import completion
-from ddf.geometry import point_io, scans
+from ddf.geometry import mesh_io, scans
 
 
 @pytest.fixture(autouse=True)
@@ -47,7 +47,7 @@ def test_complete_writes_a_field_that_loads_and_clouds(scan, tmp_path, capsys):
     assert cli.main(arguments) == 0
     result = json.loads(capsys.readouterr().out)
     np.testing.assert_allclose(result["pose"], np.diag([0.32, 0.32, 0.32, 1.0]))
-    seen, inferred = (point_io.read_points(tmp_path / "out" / f"{name}.ply") for name in ("seen", "inferred"))
+    seen, inferred = (mesh_io.read_points(tmp_path / "out" / f"{name}.ply") for name in ("seen", "inferred"))
     assert len(seen) + len(inferred) == 200 and result["seen"] == pytest.approx(len(seen) / 200)
     with np.load(tmp_path / "out" / "cloud.npz") as arrays:
         np.testing.assert_allclose(arrays["points"][arrays["seen"].astype(bool)], seen, atol=1e-6)

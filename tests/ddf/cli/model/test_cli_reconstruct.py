@@ -12,7 +12,7 @@ from ddf import cli
 from ddf.core import provenance, shipped_models, storage
 from ddf.data import cutouts, mesh_topology
 from ddf.fields import cloud_defaults, cloud_projection, model_files
-from ddf.geometry import mesh_io, point_io
+from ddf.geometry import mesh_io
 from ddf.models import out_of_distribution
 from ddf.reconstruction import framing, mask_descent, one_image
 
@@ -37,7 +37,7 @@ def test_reconstruct_writes_a_thing(tmp_path, capsys, monkeypatch):
     assert {file.name for file in out.iterdir()} == {
         *("camera.json", "cloud.ply", "model.safetensors", "picture.png", "shape.glb", "shape.ply")
     }
-    points = point_io.read_points(out / "cloud.ply")
+    points = mesh_io.read_points(out / "cloud.ply")
     whole, cloud = cloud_projection.select(sampled[-1], [one_image.WHOLE, 300], cloud_defaults.cloud())
     scale = mask_descent.scale_from_cloud(whole)
     np.testing.assert_allclose(points, scale * cloud.numpy(), atol=1e-5)  # v1: the box of the whole has diagonal 1
@@ -82,7 +82,7 @@ def test_with_what_is_known_the_shape_moves_and_the_camera_stays(model_dir, tmp_
         arguments = ["reconstruct", "--json", str(image), str(model_dir), str(tmp_path / name), "-n", "300"]
         assert cli.main([*arguments, *(["--known", *more] if more else [])]) == 0
         results.append(json.loads(capsys.readouterr().out))
-        points.append(point_io.read_points(tmp_path / name / "cloud.ply"))
+        points.append(mesh_io.read_points(tmp_path / name / "cloud.ply"))
     plain, folder, file = results
     assert plain["camera"] == folder["camera"] == file["camera"]
     assert ["silhouette" in result["seconds"] for result in results] == [False, True, True]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ddf.core import checks
-from ddf.geometry import mesh_io, point_io
+from ddf.geometry import mesh_io
 
 CUBE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
 QUADS = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
@@ -169,7 +169,7 @@ def _binary_ply(order, index="i", extra=False):
 def test_binary_ply_of_mixed_polygons_and_properties(order, index, extra):
     mesh = mesh_io.parse(_binary_ply(order, index, extra), ".ply")
     assert len(mesh.faces) == 12 and _measures(mesh) == pytest.approx((6.0, 1.0))
-    assert (point_io.ply.points(_binary_ply(order, index, extra)) == np.array(CUBE)).all()
+    assert (mesh_io.ply.points(_binary_ply(order, index, extra)) == np.array(CUBE)).all()
     for cut in (1, 20, 60):
         with pytest.raises(checks.InputError, match=r"file ends after|but the file has only"):
             mesh_io.parse(_binary_ply(order, index, extra)[:-cut], ".ply")
@@ -356,7 +356,7 @@ def test_kept_files_that_must_be_refused_or_boxed(shared_dir):
     with pytest.raises(checks.InputError, match=r"lfs\.stl: a Git LFS pointer"):
         mesh_io.load(cases / "round3" / "lfs.stl")
     with pytest.raises(checks.InputError, match="6 words in a row of vertex; 3 are declared"):
-        point_io.read_points(cases / "cloud_undeclared.ply")
+        mesh_io.read_points(cases / "cloud_undeclared.ply")
     assert mesh_io.load(cases / "far_point_face.obj").box()[1].tolist() == [1, 1, 1]
 
 

@@ -7,8 +7,7 @@ import pytest
 import torch
 from _shapes import cube, icosphere, joined, moved, random_rays, torus
 
-from ddf.geometry import mesh_io, raycast, rays
-from ddf.geometry.exact import exact_cast, ray_triangle
+from ddf.geometry import exact_cast, mesh_io, raycast, rays
 
 
 def _solve(matrix, right):
@@ -111,6 +110,6 @@ def test_pairs_in_float64_are_those_of_rational_numbers(far):
     positions = inside + rng.standard_normal((200, 3))
     directions = inside - positions
     directions[::5] = triangles[::5, 1] - triangles[::5, 0]  # in a plane beside the triangle's
-    found = ray_triangle.meet(positions, directions, triangles)
+    found = raycast.meet(positions, directions, triangles)
     each = zip(positions, directions, triangles.tolist(), strict=True)
     np.testing.assert_allclose(found, [_rational_depth(p, v, [t]) for p, v, t in each], rtol=1e-9)

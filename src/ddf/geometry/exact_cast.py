@@ -3,7 +3,7 @@
 Open3D casts in float32. Within `REACH` of an edge it may take the neighbour of the triangle that is met, meet a
 silhouette that the ray passes, or pass one that it meets. So three more rays are cast around each, whose triangle holds
 a circle of that radius: any edge that comes so near parts them. Where all four meet the same triangle it is the right
-one. Elsewhere all triangles that a wider bundle meets, and their neighbours, are asked one by one (`ray_triangle`).
+one. Elsewhere all triangles that a wider bundle meets, and their neighbours, are asked one by one (`raycast.meet`).
 
 What this cannot tell apart are sheets nearer to each other than 1e-7 of the mesh's size, and what is smaller than
 `REACH` and joined to nothing.
@@ -15,7 +15,6 @@ from jaxtyping import Float, Int
 from ddf.core import arrays
 from ddf.core.arrays import Array
 from ddf.geometry import raycast, rays
-from ddf.geometry.exact import ray_triangle
 from ddf.geometry.mesh_io import Mesh
 
 REACH = 2e-6  # of half the longest side: float32 rounds starts, directions and corners by .4e-6, Open3D's sums by 1e-6
@@ -50,7 +49,7 @@ def first_hits(
     for around in _bundle(local, 2.0, _AROUND):
         unsure |= scene.cast_local(around)[1] != face[meets]
     sure = meets[~unsure & (face[meets] >= 0)]
-    depth[sure] = ray_triangle.meet(positions[sure], directions[sure], scene.mesh.triangles[face[sure]])
+    depth[sure] = raycast.meet(positions[sure], directions[sure], scene.mesh.triangles[face[sure]])
     unsure |= (face[meets] >= 0) & ~np.isfinite(depth[meets])
     asked = meets[unsure]
     depth[asked], face[asked] = np.inf, -1
@@ -125,7 +124,7 @@ def _take_nearest(
     """Write depth and triangle of the nearest of each ray's triangles into the rows of `depth` and `face`."""
     t = np.concatenate(
         [
-            ray_triangle.meet(positions[ray[part]], directions[ray[part]], scene.mesh.triangles[triangle[part]])
+            raycast.meet(positions[ray[part]], directions[ray[part]], scene.mesh.triangles[triangle[part]])
             for part in (slice(start, start + _PAIRS) for start in range(0, max(len(ray), 1), _PAIRS))
         ]
     )

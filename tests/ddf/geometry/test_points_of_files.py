@@ -5,7 +5,7 @@ import open3d as o3d
 import pytest
 
 from ddf.core import checks
-from ddf.geometry import point_io
+from ddf.geometry import mesh_io
 
 _POINTS = np.random.default_rng(0).normal(size=(37, 3))
 
@@ -24,7 +24,7 @@ def test_all_encodings_give_the_points(tmp_path, form, order, newline):
     body = _POINTS.astype(f"{order}f8").tobytes() if order else "\n".join(rows).encode()
     path = tmp_path / "a.ply"
     path.write_bytes(header + body)
-    np.testing.assert_array_equal(point_io.read_points(path), _POINTS)
+    np.testing.assert_array_equal(mesh_io.read_points(path), _POINTS)
 
 
 def test_extra_properties_and_faces_are_passed_over(tmp_path):
@@ -38,18 +38,18 @@ def test_extra_properties_and_faces_are_passed_over(tmp_path):
     path = tmp_path / "a.ply"
     path.write_bytes(header.encode() + table.tobytes() + b"\x03" + np.arange(3, dtype="<i4").tobytes())
     expected = np.stack([table["x"], table["y"], table["z"]], axis=1)
-    np.testing.assert_array_equal(point_io.read_points(path), expected)
+    np.testing.assert_array_equal(mesh_io.read_points(path), expected)
 
 
 @pytest.mark.parametrize("ascii_form", [False, True])
 def test_reads_what_open3d_writes_and_writes_what_open3d_reads(tmp_path, ascii_form):
     path = str(tmp_path / "a.ply")
     o3d.io.write_point_cloud(path, o3d.geometry.PointCloud(o3d.utility.Vector3dVector(_POINTS)), write_ascii=ascii_form)
-    np.testing.assert_allclose(point_io.read_points(path), _POINTS, atol=1e-5)
-    (tmp_path / "b.ply").write_bytes(point_io.points_ply(_POINTS))
+    np.testing.assert_allclose(mesh_io.read_points(path), _POINTS, atol=1e-5)
+    (tmp_path / "b.ply").write_bytes(mesh_io.points_ply(_POINTS))
     read = np.asarray(o3d.io.read_point_cloud(str(tmp_path / "b.ply")).points)
     np.testing.assert_array_equal(read, _POINTS.astype(np.float32))
-    np.testing.assert_array_equal(point_io.read_points(tmp_path / "b.ply"), _POINTS.astype(np.float32))
+    np.testing.assert_array_equal(mesh_io.read_points(tmp_path / "b.ply"), _POINTS.astype(np.float32))
 
 
 @pytest.mark.parametrize(
@@ -74,12 +74,12 @@ def test_broken_files_are_refused_by_name(tmp_path, data, message):
     path = tmp_path / "broken.ply"
     path.write_bytes(data)
     with pytest.raises(checks.InputError, match=message) as caught:
-        point_io.read_points(path)
+        mesh_io.read_points(path)
     assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)
 
 
 def test_missing_file_and_folder(tmp_path):
     with pytest.raises(FileNotFoundError, match="nothing"):
-        point_io.read_points(tmp_path / "nothing.ply")
+        mesh_io.read_points(tmp_path / "nothing.ply")
     with pytest.raises(checks.InputError, match="not a file"):
-        point_io.read_points(tmp_path)
+        mesh_io.read_points(tmp_path)
