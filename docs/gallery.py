@@ -7,7 +7,7 @@ from pathlib import Path
 from ddf.cli.field import view
 from ddf.core import shipped_models
 from ddf.data.synthetic import showcase
-from ddf.fields.grid import build
+from ddf.fields.grid import octree
 from ddf.fit import patch_fitting
 from ddf.io import viewer_page
 
@@ -33,7 +33,7 @@ def _place(name: str, folder: Path) -> Path:
         return SCENE
     if name in NETWORKS:
         return shipped_models.place(name)
-    patch_fitting.fit(showcase.SHAPES[name.removesuffix("-patches")](), build.PatchConfig(), folder / name)
+    patch_fitting.fit(showcase.SHAPES[name.removesuffix("-patches")](), octree.PatchConfig(), folder / name)
     return folder / name
 
 

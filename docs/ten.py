@@ -13,8 +13,7 @@ from PIL import Image
 import ddf
 from ddf.core import shipped_models
 from ddf.data.synthetic import showcase
-from ddf.fields import checked_cloud, framed_field, shape_field
-from ddf.fields.scenes import camera_paths
+from ddf.fields import checked_cloud, framed_field, scene_field, shape_field
 from ddf.pictures import field_pictures, picture_strips, shaded
 from ddf_lab.figures import distance_figure, drawing, figure_fields, room_figure, teaser_figure
 from ddf_lab.report import publish
@@ -51,7 +50,7 @@ def pictures() -> dict[str, np.ndarray]:
     nearest = distance_figure.exact("rabbit", showcase.SHAPES["rabbit"]())
     udf, _, ways, _ = distance_figure.slices(0.5, rabbit, nearest, checked_cloud.draw(rabbit), SIDE)
     parts = (drawing.patches(figure_fields.SHAPES["room"]()), drawing.patches(showcase.SHAPES["rabbit"]()))
-    look = camera_paths.fly(room_figure.FLIGHT, room_figure.FRAMES)[2]
+    look = scene_field.fly(room_figure.FLIGHT, room_figure.FRAMES)[2]
     return {
         "a field, lit by its rays": lit(drawing.patches(showcase.SHAPES["airliner"]())),
         "oriented points (p, v)": teaser_figure.points(on_ground, SIDE),

@@ -4,7 +4,7 @@ import pandas as pd
 
 from ddf.core import provenance, storage
 from ddf.fields import model_files
-from ddf.io import exportable, onnx_file
+from ddf.io import onnx_file
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -19,7 +19,7 @@ def make(run: Run) -> None:
     sources, rows = [], []
     for model in ("ddf", "pcsiren"):
         folder = run.folder(f"train_{model}")
-        graphs, source = exportable.load(folder, section.outputs)
+        graphs, source = onnx_file.load_graphs(folder, section.outputs)
         sources.append(folder / model_files.MODEL)
         for name, graph in graphs.items():
             out = out_dir / f"{name}.onnx"
@@ -27,5 +27,5 @@ def make(run: Run) -> None:
             rows += onnx_file.measure_precisions(graph, name, out.read_bytes(), section)
     table = pd.DataFrame([row.to_dict() for row in rows])
     table.insert(0, "category", run.category)
-    record = provenance.record([section], section.seed, sources, exportable)
+    record = provenance.record([section], section.seed, sources, onnx_file)
     storage.save_table(out_dir / "onnx_parity.csv", table, record)

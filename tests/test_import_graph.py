@@ -39,7 +39,7 @@ LIGHT_MODULES = [
     "fields.losses",
     "fields.rendering",
     "fields.cloud_projection",
-    "fields.curvature",
+    "fields.derivatives",
     "training.training_loop",
     "training.reconstruction_steps",
     "models.reconstruction_models",

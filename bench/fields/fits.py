@@ -28,7 +28,7 @@ from bench.data import ray_casting
 from bench.lib import cpu_budget, measuring
 from ddf.data.synthetic import assemble, cars, chairs, planes
 from ddf.fields import framed_field, shape_field
-from ddf.fields.grid import build, patch_field
+from ddf.fields.grid import octree, patch_field
 from ddf.fit import fit_settings, fitting, inspection
 from ddf.geometry import mesh_io, raycast, rays
 
@@ -108,7 +108,7 @@ def sine(mesh: mesh_io.Mesh, seconds: float) -> Way:
 def patches(mesh: mesh_io.Mesh, tolerance: float) -> tuple[Way, patch_field.PatchField]:
     """Patches of a tolerance, and their field."""
     started = time.process_time()
-    arrays, record = patch_field.fitted(*fitting.in_cube(mesh), build.PatchConfig(tolerance))
+    arrays, record = patch_field.fitted(*fitting.in_cube(mesh), octree.PatchConfig(tolerance))
     took = time.process_time() - started
     size = sum(values.nbytes for values in arrays.values())
     field = patch_field.of(arrays, record)
@@ -199,7 +199,7 @@ def errors(way: Way, scene: raycast.Scene, field: framed_field.FramedField) -> d
 def rows_of(name: str, mesh: mesh_io.Mesh, budgets: Sequence[float], tolerances: Sequence[float]) -> list[dict]:
     """All ways for one mesh, their images timed in turn."""
     fields = [patches(mesh, tolerance)[0] for tolerance in tolerances] + [sine(mesh, seconds) for seconds in budgets]
-    frame = patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), build.PatchConfig(1e-2)))
+    frame = patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), octree.PatchConfig(1e-2)))
     scene, ways = raycast.Scene(mesh), [*fields, cast(mesh, frame)]
     times = measuring.interleaved({way.name: way.image for way in ways}, REPEATS, clock=time.process_time)
     size, rows = {"shape": name, "triangles": len(mesh.faces)}, []

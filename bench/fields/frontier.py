@@ -28,7 +28,7 @@ from bench.fields import fits
 from bench.lib import measuring, page
 from bench.rivals import distance_grid
 from ddf.fields import framed_field
-from ddf.fields.grid import build
+from ddf.fields.grid import octree
 from ddf.geometry import mesh_io, raycast, rays
 
 ON_DEMAND = "python -m bench frontier, a quarter of an hour"
@@ -128,7 +128,7 @@ def _resident() -> int:
 def rows_of(name: str, mesh: mesh_io.Mesh, seconds: float) -> list[dict]:
     """All ways for one mesh, their images timed in turn."""
     scene = raycast.Scene(mesh)
-    patches, field = fits.patches(mesh, build.PatchConfig().tolerance)
+    patches, field = fits.patches(mesh, octree.PatchConfig().tolerance)
     tree = field.tree
     camera = (35.0, 25.0, framed_field.framing_radius(field, 35.0, 25.0))
     back = field.field_from_mesh.inverse()

@@ -27,7 +27,7 @@ from ddf.core import seeding
 from ddf.data import mesh_config, mesh_preparation
 from ddf.data.synthetic import showcase
 from ddf.fields import derivatives, framed_field, siren
-from ddf.fields.grid import build, patch_field
+from ddf.fields.grid import octree, patch_field
 from ddf.fit import fit_settings, fitting
 from ddf.geometry import cameras, mesh_io, raycast, rays, transforms
 from ddf_lab.evaluation import shape_fits
@@ -243,7 +243,7 @@ def patch_candidate(place: Place) -> Candidate:
     """What `ddf fit` makes of the mesh; nothing is trained."""
     started = time.process_time()
     mesh, field_from_mesh = fitting.in_cube(place.mesh)
-    field = patch_field.of(*patch_field.fitted(mesh, field_from_mesh, build.PatchConfig()))
+    field = patch_field.of(*patch_field.fitted(mesh, field_from_mesh, octree.PatchConfig()))
     facts = {"seconds": time.process_time() - started}
 
     def ask(p: Tensor, v: Tensor, output: str) -> Tensor:

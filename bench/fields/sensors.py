@@ -23,7 +23,7 @@ from ddf.api.field import Field
 from ddf.core import shipped_models
 from ddf.data.synthetic import showcase
 from ddf.fields import shape_field
-from ddf.fields.grid import build
+from ddf.fields.grid import octree
 from ddf.fit import inspection
 from ddf.geometry import cameras, mesh_io, raycast, sensors, transforms
 
@@ -48,7 +48,7 @@ def around(mesh: mesh_io.Mesh, axes: np.ndarray, count: int) -> np.ndarray:
 def measure(name: str) -> list[dict[str, Any]]:
     """Every sensor, number of poses and way, for one shape."""
     mesh = showcase.SHAPES[name]()
-    scene, patches = raycast.Scene(mesh), fits.patches(mesh, build.PatchConfig().tolerance)[1]
+    scene, patches = raycast.Scene(mesh), fits.patches(mesh, octree.PatchConfig().tolerance)[1]
     tree, network = patches.tree, shape_field.load(shipped_models.place(name)).field
     resident = {
         **dict.fromkeys(("Open3D", "ddf mesh"), frontier.tree_bytes(mesh)),
@@ -83,5 +83,5 @@ def measure(name: str) -> list[dict[str, Any]]:
 def main() -> None:
     """Measure all shapes."""
     torch.set_num_threads(1)
-    fits.patches(ray_casting.sphere(100), build.PatchConfig().tolerance)  # compiles
+    fits.patches(ray_casting.sphere(100), octree.PatchConfig().tolerance)  # compiles
     measuring.write("sensors", 1, [row for name in SHAPES for row in measure(name)])

@@ -29,7 +29,6 @@ from bench.lib import measuring
 from ddf.core import checks
 from ddf.data.batches import resident
 from ddf.fields import cloud_projection, model_files, passes, pddf
-from ddf.fields.gpu import compiled_passes
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.training import training_loop
 from ddf_lab.report import pages
@@ -41,7 +40,7 @@ CLOUD = {"num_directions": 16, "cycles": 3}  # n_v and N_H of the timed cloud
 PRECISIONS: tuple[passes.Matmul, ...] = get_args(passes.Matmul)
 WITHOUT: dict[str, Callable[[], contextlib.AbstractContextManager[Any]]] = {
     "data on the device": lambda: mock.patch.object(resident, "room", lambda device: 0),
-    "compiled passes": lambda: mock.patch.object(compiled_passes, "wanted", lambda device: False),
+    "compiled passes": lambda: mock.patch.object(passes, "compiles", lambda device: False),
 }
 Gradients = dict[str, Tensor]  # float64, on the CPU, by parameter
 

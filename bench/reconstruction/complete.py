@@ -38,7 +38,7 @@ from ddf.data import shapenet, true_clouds
 from ddf.data.public import manifest, packages, shapes
 from ddf.data.samples.surface import Surface
 from ddf.data.synthetic import assemble, render, write
-from ddf.fields import cloud_defaults, cloud_projection
+from ddf.fields import cloud_projection, stored_fields
 from ddf.fit import completed_surface, completion, latent_prior
 from ddf.geometry import cameras, neighbours, sensors, transforms
 from ddf.geometry.mesh_io import Mesh
@@ -137,7 +137,7 @@ class Solver:
     @torch.no_grad()
     def cloud(self, modulations: Sequence[Tensor]) -> Float[np.ndarray, "n 3"]:
         """Of a shape, in its cube."""
-        drawn, generator = cloud_defaults.cloud(), torch.Generator().manual_seed(SEED)
+        drawn, generator = stored_fields.cloud_config(), torch.Generator().manual_seed(SEED)
         cycles = cloud_projection.sample(self.model.field, list(modulations), POINTS, drawn, generator)
         return cloud_projection.select(cycles, [POINTS], drawn)[0].double().numpy()
 

@@ -20,7 +20,7 @@ from bench.lib import measuring
 from ddf.core import shipped_models
 from ddf.data import true_clouds
 from ddf.data.synthetic import render, write
-from ddf.fields import cloud_defaults, cloud_projection
+from ddf.fields import cloud_projection, stored_fields
 from ddf.fit import latent_prior
 from ddf.geometry import neighbours, transforms
 from ddf.geometry.mesh_io import Mesh
@@ -71,7 +71,7 @@ def decoded(
     model: reconstruction_models.DDFModel, latents: Float[Tensor, "n z"], noise: float = 0.0
 ) -> list[neighbours.Neighbours]:
     """Clouds of the shapes of latents."""
-    drawn, found = cloud_defaults.cloud(), []
+    drawn, found = stored_fields.cloud_config(), []
     for row, latent in enumerate(latents):
         modulations = [each[0] for each in model.modulations(latent[None])]
         cycles = cloud_projection.sample(model.field, modulations, POINTS, drawn, torch.Generator().manual_seed(row))

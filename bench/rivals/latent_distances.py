@@ -23,8 +23,7 @@ from bench.rivals import rival_training
 from ddf.core import seeding, storage
 from ddf.data import mesh_shards
 from ddf.data.samples.surface import Surface
-from ddf.fields import derivatives, rendering, siren
-from ddf.fields.gpu import farthest_points
+from ddf.fields import cloud_projection, derivatives, rendering, siren
 from ddf.fit import completion, latent_prior
 from ddf.geometry import neighbours, raycast, rays, scans, transforms, unsigned_surface
 from ddf.geometry.mesh_io import Mesh
@@ -232,5 +231,5 @@ def cloud(
 
     corner = np.full(3, 1.05 * rendering.CUBE_HALF)
     points, _ = Surface.of(unsigned_surface.extract(ask, -corner, corner).mesh).draw(4 * count, rng)
-    points = points[farthest_points.farthest_point_order(torch.from_numpy(points).float(), count).numpy()]
+    points = points[cloud_projection.farthest_point_order(torch.from_numpy(points).float(), count).numpy()]
     return points - SKIN * outward(points)[1].numpy()

@@ -8,7 +8,6 @@ import torch
 from torch import Tensor
 
 from ddf.fields import cloud_projection, pddf, udf
-from ddf.fields.gpu import farthest_points
 from ddf.metrics import cloud_scores
 
 from . import case
@@ -238,5 +237,5 @@ def _one_place(dtype: torch.dtype) -> case.Outcome:
     points = torch.tensor([[0.1, 0, 0], [0.2, 0, 0]], dtype=dtype)
     seen = torch.tensor([0.2, 0.9], dtype=dtype)
     (kept,) = cloud_projection.select([cloud_projection.ProjectedPoints(points, seen, seen)], [1], PAPER)
-    order = farthest_points.farthest_point_order(torch.ones(5, 3, dtype=dtype), 5)
+    order = cloud_projection.farthest_point_order(torch.ones(5, 3, dtype=dtype), 5)
     return case.every(case.exact(kept, points[1:]), case.exact(order, [0] * 5))

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ddf.fields.scenes import composition
+from ddf.fields import composition
 from ddf.geometry import transforms
 
 from . import case

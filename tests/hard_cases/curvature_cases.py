@@ -16,7 +16,7 @@ import _closed_form
 import torch
 from torch.nn import functional
 
-from ddf.fields import curvature, pddf
+from ddf.fields import derivatives, pddf
 from ddf.geometry import primitives, rays
 
 from . import case
@@ -82,7 +82,7 @@ def _compare(place: Place, dtype: torch.dtype) -> case.Outcome:
         told = primitives.curvatures(place.shape, seen).sort().values
         found.append(case.close(told, torch.tensor([sorted(place.kappa)]), 1e-6))
         field = two_jet_field(TURN @ v, TURN @ normal, FRAME[1:] @ TURN.T, place.kappa, dtype)
-        surface = curvature.Surface(field, start, (TURN @ v).to(dtype)[None])
+        surface = derivatives.Surface(field, start, (TURN @ v).to(dtype)[None])
         allowed = 8 * case.step(dtype) / slope
         found.append(case.close(surface.normals[0], TURN @ normal, 4 * case.step(dtype)))
         found.append(case.close(surface.gaussian, [place.kappa[0] * place.kappa[1]], allowed * largest**2))

@@ -31,7 +31,7 @@ from ddf.api import scene_file
 from ddf.core import checks, storage
 from ddf.data import cutouts
 from ddf.fields import field_file, pddf, shape_field
-from ddf.fields.grid import build, patch_field
+from ddf.fields.grid import octree, patch_field
 from ddf.fit import fitting
 from ddf.geometry import mesh_io, transforms
 from ddf.io import onnx_field, onnx_file, onnx_graphs, patch_graph
@@ -136,7 +136,7 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
 
 _FIELD = pddf.PDDF(pddf.PDDFConfig((8, 8), 1.0, 1.0, "softplus", 10.0))
 _HEAD: dict[str, Any] = {"format_version": 1, "steps": 3, "fingerprint": "a"}
-_PATCHES = patch_field.fitted(*fitting.in_cube(_MESH), build.PatchConfig(1e-2, depth=1))
+_PATCHES = patch_field.fitted(*fitting.in_cube(_MESH), octree.PatchConfig(1e-2, depth=1))
 _RECORD = (
     _HEAD
     | {"kind": "single_shape"}

@@ -11,7 +11,7 @@ import _models
 import pytest
 
 from ddf.core import storage
-from ddf.io import onnx_file, weight_precision
+from ddf.io import onnx_file
 from ddf_lab.run import Run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,7 +40,7 @@ def test_every_graph_is_written_with_one_table(written):
     }
     table, record = storage.load_table(written / "onnx_parity.csv")
     assert set(table["graph"]) == names
-    assert set(table["precision"]) == {weight_precision.FULL, *weight_precision.PRECISIONS}
+    assert set(table["precision"]) == {onnx_file.FULL, *onnx_file.PRECISIONS}
     assert (table["category"] == "chair").all()
     full = table[table["precision"] == "float32"]
     assert (full["max_abs"] <= full["tolerance"]).all()

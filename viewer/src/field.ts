@@ -8,7 +8,7 @@ import { compose, corners, inverse, type Similarity, type Vector } from "./vecto
 
 export const SEEN = 0.5; // visibility from which on a surface counts as seen
 
-/** What Python's `viewer_fields` says of a field. */
+/** What Python's `viewer_page` says of a field. */
 export type FieldRecord = (NetworkRecord | PatchRecord) & {
   name: string;
   lower: Vector; // of the box, frame of the field

@@ -7,7 +7,7 @@ export interface Layer {
   columns: number;
 }
 
-/** What Python's `viewer_fields` says of a network; its numbers are `offset` and on in the block of weights. */
+/** What Python's `viewer_page` says of a network; its numbers are `offset` and on in the block of weights. */
 export interface NetworkRecord {
   kind: "sine";
   widths: number[]; // inputs, hidden, outputs
@@ -30,7 +30,7 @@ export function layersOf(record: NetworkRecord, numbers: Float32Array): Layer[] 
   return layers;
 }
 
-/** d = φ(y), as `ddf.fields.activations`. */
+/** d = φ(y), as `ddf.fields.siren`. */
 export function depthOf(raw: number, record: NetworkRecord): number {
   const beta = record.depth_sharpness;
   if (record.depth_activation === "relu") return Math.max(raw, 0);

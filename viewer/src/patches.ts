@@ -11,7 +11,7 @@ const [STEP, LONG] = [1e-9, 1e300]; // into a cell; in place of 1/0
 const CELLS = BASE << DEEPEST; // along a side, were all cut to the end
 const CHUNK = 8192; // rays between two breaths of the page
 
-/** What Python's `viewer_fields` says of patches: how many codes (one a patch), bent ones and bytes of cells there are. */
+/** What Python's `viewer_page` says of patches: how many codes (one a patch), bent ones and bytes of cells there are. */
 export interface PatchRecord {
   kind: "patches";
   offset: number;

@@ -92,7 +92,7 @@ void main() {
 }`;
 }
 
-/** Two unit vectors normal to the gradient and to each other (Duff et al. 2017), as `curvature.tangent_basis`. */
+/** Two unit vectors normal to the gradient and to each other (Duff et al. 2017), as `derivatives.tangent_basis`. */
 export const BASIS = `${HEADER}
 uniform sampler2DArray source;
 layout(location = 0) out vec4 o0;

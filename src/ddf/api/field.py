@@ -79,9 +79,9 @@ class Field(queries.Queried):
         """
         with extras.named():
             from ddf.fields import stored_fields
-            from ddf.fit import cloud_normals
+            from ddf.fit import surfaces
         found = stored_fields.points(self._weights, checks.require_whole("n", n, 1), seed)
-        return (found, cloud_normals.ask(self.framed, found)) if normals else found
+        return (found, surfaces.normals_at(self.framed, found)) if normals else found
 
     def save(self, folder: str | Path) -> Path:
         """Write the field into a folder, which `ddf.load` and every command take. Needs torch.
@@ -107,11 +107,11 @@ class Field(queries.Queried):
         with tempfile.TemporaryDirectory() as folder:
             self.save(Path(folder) / path.stem)
             with extras.named():
-                from ddf.io import exportable, onnx_file, viewable, viewer_page
+                from ddf.io import onnx_file, viewable, viewer_page
             if path.suffix.lower() == ".html":
                 viewer_page.write(path, viewable.page(Path(folder) / path.stem))
             else:
-                graphs, source = exportable.load(Path(folder) / path.stem, None)
+                graphs, source = onnx_file.load_graphs(Path(folder) / path.stem, None)
                 onnx_file.export(graphs["field"], "field", path, source, onnx_file.ExportConfig())
         return path
 
@@ -229,7 +229,7 @@ def fit(
     if minutes is not None and steps is not None:
         raise checks.InputError(f"a fit takes minutes or steps; got both, {minutes} and {steps}")
     with extras.named():
-        from ddf.fields.grid import build
+        from ddf.fields.grid import octree
         from ddf.fit import fit_settings, fitting, patch_fitting
     settings = fit_settings.FitConfig()
     if minutes is not None:
@@ -241,7 +241,7 @@ def fit(
         if network:
             fitting.fit(given, settings, Path(folder))
         else:
-            config = build.PatchConfig() if tolerance is None else build.PatchConfig(float(tolerance))
+            config = octree.PatchConfig() if tolerance is None else octree.PatchConfig(float(tolerance))
             patch_fitting.fit(given, config, Path(folder))
         shape = _torch_field(Path(folder))
     return Field(shape, lambda: shape, None if out is None else Path(out))

@@ -49,9 +49,9 @@ class Reconstruction:
     @cached_property
     def normals(self) -> Float[np.ndarray, "n 3"]:
         """Of the points, outward; 0 where the field gives none."""
-        from ddf.fit import cloud_normals
+        from ddf.fit import surfaces
 
-        return cloud_normals.ask(self.field.framed, self.points)
+        return surfaces.normals_at(self.field.framed, self.points)
 
     @cached_property
     def mesh(self) -> Mesh:

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ddf.api import inputs, queries
 from ddf.api.field import Field
 from ddf.core import checks
-from ddf.fields.scenes import scene_distances, scene_field
+from ddf.fields import scene_field
 from ddf.geometry import transforms as frames
 
 Box = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]
@@ -55,7 +55,7 @@ class Scene(queries.Queried):
         """
         asked = inputs.points("positions", positions)
         asks = [field.udf for field in self._fields]
-        found = scene_distances.nearest([field.framed for field in self._fields], asks, self._places, asked)
+        found = scene_field.closest([field.framed for field in self._fields], asks, self._places, asked)
         return found.distances, found.directions
 
 

@@ -10,7 +10,7 @@ from scipy.spatial import transform
 from ddf.api import field as fields
 from ddf.api.scene import Scene
 from ddf.core import checks, config
-from ddf.fields.scenes import camera_paths, scene_field
+from ddf.fields import scene_field
 from ddf.geometry import transforms
 
 SUFFIXES = (".yaml", ".yml")
@@ -58,9 +58,9 @@ class Waypoint:
     position: Triple
     target: Triple
 
-    def look_at(self) -> camera_paths.LookAt:
+    def look_at(self) -> scene_field.LookAt:
         """As a camera."""
-        return camera_paths.LookAt(np.array(self.position), np.array(self.target))
+        return scene_field.LookAt(np.array(self.position), np.array(self.target))
 
 
 @dataclass(frozen=True)

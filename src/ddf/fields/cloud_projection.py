@@ -21,12 +21,17 @@ Six departures, each off in the paper's way (derived here):
 - Candidates of less confidence than `least_confidence`, for `spread` alone, are left out, as far as enough remain.
 - Most uniform directions leave the box at once where the first cycle starts near a side of it, and with few of them
   none may meet the shape. The share `aimed` of the first cycle's directions go to random points of the box instead.
+
+The farthest-point order is made by numpy, on a GPU by one kernel. The kernel needs Triton, which torch brings along on
+Linux. Where it is missing, and for very many points, numpy orders those of a GPU too.
 """
 
+import importlib.util
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
@@ -34,7 +39,6 @@ from torch import Tensor
 from ddf.core import arrays, checks, schema
 from ddf.core.schema import fixed, setting
 from ddf.fields import udf
-from ddf.fields.gpu import farthest_points
 from ddf.fields.pddf import PDDF, visibility
 
 CROWD = 8  # neighbours that tell how empty a candidate's surroundings are
@@ -129,7 +133,7 @@ def select(cycles: Sequence[ProjectedPoints], counts: Sequence[int], config: Clo
         spacing = _spacing(points)
         usual = spacing.median()
         weights = weights * (usual / spacing.maximum(usual)).nan_to_num(nan=1.0).pow(config.crowding)
-    order = farthest_points.farthest_point_order(points, max(counts), weights.clamp_min(LEAST_WEIGHT))
+    order = farthest_point_order(points, max(counts), weights.clamp_min(LEAST_WEIGHT))
     return [points[order[:count]] for count in counts]
 
 
@@ -301,3 +305,39 @@ def _in_box(found: ProjectedPoints, lower: Float[Tensor, "3"], upper: Float[Tens
     """The same points, without visibility and confidence where they lie `BEYOND` the box: such a ray left it unseen."""
     inside = ((found.points >= lower - BEYOND) & (found.points <= upper + BEYOND)).all(dim=-1)
     return ProjectedPoints(found.points, found.visibility * inside, found.confidence * inside)
+
+
+MOST_POINTS = 2**14  # that one program keeps beside its processor; more are numpy's
+
+
+def farthest_point_order(
+    points: Float[Tensor, "n 3"], count: int, weights: Float[Tensor, "n"] | None = None
+) -> Int[Tensor, "count"]:
+    """Indices in the order in which each point is the farthest from all before it, its distance times its weight.
+
+    The first is the heaviest (point 0 without weights). Source: Gonzalez 1985; weights derived here. Costs n distances
+    per index. With repeated points, indices repeat once all places are taken.
+
+    Args:
+      weights: > 0. Around points of weight w the spacing is proportional to 1 / w.
+    """
+    if points.is_cuda and fits(points) and importlib.util.find_spec("triton"):
+        from ddf.fields import farthest_kernel
+
+        return farthest_kernel.order(points, count, torch.ones_like(points[:, 0]) if weights is None else weights)
+    x, y, z = np.ascontiguousarray(points.T.cpu().numpy())
+    scale = np.ones(len(x), dtype=x.dtype) if weights is None else np.square(weights.cpu().numpy())
+    distance_sq = np.full(len(x), np.inf, dtype=x.dtype)
+    order = np.zeros(count, dtype=np.int64)
+    order[0] = scale.argmax()
+    for i in range(count - 1):
+        latest = order[i]
+        gap_sq = np.square(x - x[latest]) + np.square(y - y[latest]) + np.square(z - z[latest])
+        np.minimum(distance_sq, gap_sq, out=distance_sq)
+        order[i + 1] = (distance_sq if weights is None else distance_sq * scale).argmax()
+    return torch.from_numpy(order).to(points.device)
+
+
+def fits(points: Float[Tensor, "n 3"]) -> bool:
+    """Whether the kernel takes these points."""
+    return points.dtype == torch.float32 and len(points) <= MOST_POINTS

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ddf.fields import curvature, derivatives, field_outputs, pddf
+from ddf.fields import derivatives, field_outputs, pddf
 
 SWITCH_LOGIT = 1e-4  # difference of the logits of two weights below which rounding may choose the other component
 GRAZING_COSINE = 1e-3  # |n·v| below which rounding may turn the normal round
@@ -42,9 +42,9 @@ class FieldValues:
         return derivatives.trace(self.field.network, inputs, self.modulations)
 
     @cached_property
-    def surface(self) -> curvature.Surface:
+    def surface(self) -> derivatives.Surface:
         """The passes of curvature."""
-        return curvature.Surface(self.field, self.positions, self.directions, self.modulations)
+        return derivatives.Surface(self.field, self.positions, self.directions, self.modulations)
 
     @cached_property
     def raw(self) -> Float[Tensor, "n out"]:

@@ -24,7 +24,6 @@ from ddf.core.schema import fixed, setting
 from ddf.data.samples import sample_batch
 from ddf.data.samples import sample_types as types
 from ddf.fields import derivatives, passes
-from ddf.fields.gpu import compiled_passes
 from ddf.fields.pddf import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows, scores
 from ddf.fields.pddf import weights as mixture_weights
 
@@ -236,8 +235,8 @@ def _sums(
     found = [torch.zeros_like(modulation) for modulation in modulations]
     sums = torch.zeros(1 + len(TERMS), dtype=parameters.dtype, device=parameters.head.device)
     numbers = {term.covers: batch.number(*term.covers) for term in TERMS.values()}
-    compiles = differentiate and compiled_passes.wanted(sums.device)
-    block_loss = functools.partial(compiled_passes.block_loss, _block_loss) if compiles else _block_loss
+    compiles = differentiate and passes.compiles(sums.device)
+    block_loss = functools.partial(passes.compiled_block_loss, _block_loss) if compiles else _block_loss
     for shapes, block in batch.blocks(_block_points(field, batch)):
         part = [modulation[shapes] for modulation in modulations] if modulated else None
         values, gradients = block_loss(field, block, part, weights, parameters, numbers, differentiate)

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from ddf.core import checks, schema
 from ddf.core.schema import setting
-from ddf.fields import activations, siren
+from ddf.fields import siren
 from ddf.fields.field_outputs import MOST_COMPONENTS
 
 NUM_COMPONENTS = 2  # the paper's K
@@ -29,7 +29,7 @@ DepthActivation = Literal["relu", "softplus"]
 
 @dataclass(frozen=True)
 class PDDFConfig(schema.Checked):
-    """The directed distance field of a model. softplus is within log(2)/β of ReLU (`activations`)."""
+    """The directed distance field of a model. softplus is within log(2)/β of ReLU (`siren`)."""
 
     hidden: tuple[int, ...] = setting((512,) * 7, "widths of the sine layers", "app. singlefits")
     omega_first: float = setting(1.0, "ω of the first layer: bandwidth in (p, v)", "app. singlefits")
@@ -44,8 +44,8 @@ class PDDFConfig(schema.Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.layout()
-        if self.depth_activation not in activations.ACTIVATIONS:
-            known = ", ".join(activations.ACTIVATIONS)
+        if self.depth_activation not in siren.ACTIVATIONS:
+            known = ", ".join(siren.ACTIVATIONS)
             raise checks.InputError(f"ddf.depth_activation must be one of {known}; got {self.depth_activation!r}")
 
     def layout(self) -> siren.SineLayout:
@@ -83,9 +83,9 @@ class PDDF(nn.Module):
         return torch.cat((positions, directions), dim=-1)
 
     @property
-    def activation(self) -> activations.Activation:
+    def activation(self) -> siren.Activation:
         """Of depth; its functions take the sharpness of the config."""
-        return activations.ACTIVATIONS[self.config.depth_activation]
+        return siren.ACTIVATIONS[self.config.depth_activation]
 
     def depths(self, raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
         """d_1, d_2 >= 0, field units."""

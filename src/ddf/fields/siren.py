@@ -1,13 +1,17 @@
-"""Sine networks and the modulator that conditions them. Sitzmann et al. 2020; Mehta et al. 2021; [DDF22] app. C, E.
+"""Sine networks, the modulator that conditions them, and activations of depth.
 
-Letters: x input, a_l = W_l h_{l-1} + b_l, h_l = m_l sin(ω_l a_l), m_l modulation (1 where there is none) and
-y = W h_L + b.
-Points of one shape share their modulation: inputs are (*shapes, n, in), modulations (*shapes, 1, width).
+Sources: Sitzmann et al. 2020; Mehta et al. 2021; [DDF22] app. C, E. Letters: x input, a_l = W_l h_{l-1} + b_l,
+h_l = m_l sin(ω_l a_l), m_l modulation (1 where there is none) and y = W h_L + b. Points of one shape share their
+modulation: inputs are (*shapes, n, in), modulations (*shapes, 1, width).
+
+Depth is d = φ(y) >= 0 of a raw output y. β is its sharpness: the larger, the nearer to ReLU. Far below zero ReLU has no
+gradient and softplus one that falls as e^(βy), which is none in float32 once y < -1 with β = 100: a component that gets
+there stays there.
 """
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -17,6 +21,30 @@ from torch import Tensor, nn
 
 from ddf.core import checks
 from ddf.core.schema import setting
+
+
+@dataclass(frozen=True)
+class Activation:
+    """φ, φ' and φ'', each of (raw values, β)."""
+
+    value: Callable[[Float[Tensor, "*n"], float], Float[Tensor, "*n"]]
+    slope: Callable[[Float[Tensor, "*n"], float], Float[Tensor, "*n"]]
+    bend: Callable[[Float[Tensor, "*n"], float], Float[Tensor, "*n"]]
+
+
+ACTIVATIONS = {
+    "relu": Activation(
+        lambda raw, sharpness: torch.relu(raw),
+        lambda raw, sharpness: (raw > 0).to(raw.dtype),
+        lambda raw, sharpness: torch.zeros_like(raw),
+    ),
+    "softplus": Activation(
+        lambda raw, sharpness: nn.functional.softplus(raw, beta=sharpness),
+        lambda raw, sharpness: torch.sigmoid(sharpness * raw),
+        lambda raw, sharpness: sharpness * torch.sigmoid(sharpness * raw) * torch.sigmoid(-sharpness * raw),
+    ),
+}
+
 
 SOFTPLUS_INVERSE_OF_ONE = math.log(
     math.e - 1

@@ -4,17 +4,41 @@ What only the other kind needs is not imported.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from jaxtyping import Float
 
 from ddf.core import storage
-from ddf.fields import cloud_defaults, field_file
+from ddf.fields import field_file
 
 if TYPE_CHECKING:
-    from ddf.fields import shape_field
+    from ddf.fields import cloud_projection, shape_field
     from ddf.fields.grid import patch_field
+
+CLOUD: dict[str, Any] = {  # of `cloud_projection.CloudConfig`, whose defaults are the paper's
+    "cycles": 3,
+    "num_directions": 16,
+    "jitter": 0.2,
+    "recheck": (0.1,),
+    "spread": 0.75,
+    "crowding": 1.0,
+    "least_confidence": 0.1,
+    "aimed": 0.5,
+    "temperature": 0.05,
+    "inverse_depth": 0.05,
+}
+
+
+def cloud_config(**changed: Any) -> "cloud_projection.CloudConfig":
+    """How clouds are drawn.
+
+    Raises:
+      InputError: a changed setting that does not do.
+    """
+    from ddf.fields import cloud_projection
+
+    return cloud_projection.CloudConfig(**(CLOUD | changed))
 
 
 def load(path: Path) -> "shape_field.ShapeField | patch_field.PatchField":
@@ -53,7 +77,7 @@ def points(
     """Points on the surface, mesh frame: a network's by projection, patches' by area.
 
     Args:
-      changed: of `cloud_defaults.cloud`, for networks.
+      changed: of `cloud_config`, for networks.
     Raises:
       InputError: a count below 1, or a setting that does not do.
     """
@@ -61,4 +85,4 @@ def points(
         return cast("patch_field.PatchField", shape).points(count, seed)
     from ddf.fields import shape_field
 
-    return shape_field.cloud(cast(shape_field.ShapeField, shape), count, cloud_defaults.cloud(**changed), seed)
+    return shape_field.cloud(cast(shape_field.ShapeField, shape), count, cloud_config(**changed), seed)

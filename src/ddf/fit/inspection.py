@@ -1,17 +1,55 @@
 """How good the field of a mesh is, beside the mesh itself: numbers with a verdict each, and a picture of both.
 
-Seen by two cameras from outside, and asked inside the box. Lengths are in per cent of the box's longest side.
+Seen by two cameras from outside, and asked inside the box. Lengths are in per cent of the box's longest side. The mesh
+is asked like a field, by rays cast at it, so that what draws and measures fields draws and measures the truth.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from ddf.fields import framed_field, mesh_field
-from ddf.geometry import rays
+from ddf.fields import framed_field
+from ddf.geometry import mesh_io, raycast, rays, transforms
 from ddf.pictures import shaded
+
+
+@dataclass(frozen=True)
+class MeshField:
+    """A mesh in the box and the frame of a field (`framed_field.FramedField`)."""
+
+    scene: raycast.Scene
+    lower: Float[np.ndarray, "3"]
+    upper: Float[np.ndarray, "3"]
+    field_from_mesh: transforms.Similarity
+
+    outputs = ("visibility", "depth", "normals")
+
+    @property
+    def scalar(self) -> Float[np.ndarray, ""]:
+        """Cameras are computed by numpy."""
+        return np.zeros(())
+
+    def evaluate(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
+    ) -> dict[str, Float[np.ndarray, "n ..."]]:
+        """Named outputs, field frame, float64; 0 on a miss."""
+        back = self.field_from_mesh.inverse()
+        asked = rays.OrientedPoints(back.apply(positions), back.apply_directions(directions))
+        hits = raycast.cast(self.scene, asked)
+        found = {
+            "visibility": hits.visible.astype(np.float64),
+            "depth": self.field_from_mesh.scale_depth(np.where(hits.visible, hits.depth, 0.0)),
+            "normals": self.field_from_mesh.apply_directions(hits.normals),
+        }
+        return {name: found[name] for name in outputs}
+
+
+def beside(field: framed_field.FramedField, mesh: mesh_io.Mesh) -> MeshField:
+    """The mesh that a field was fitted to, in that field's box and frame."""
+    return MeshField(raycast.Scene(mesh), field.lower, field.upper, field.field_from_mesh)
+
 
 PICTURE = "fit.png"  # beside the field, in its folder
 VIEWS = ((35.0, 25.0), (215.0, -15.0))  # azimuth and elevation, degrees
@@ -49,11 +87,11 @@ MEASURES = {
 }
 
 
-def measure(field: framed_field.FramedField, truth: mesh_field.MeshField) -> dict[str, float]:
+def measure(field: framed_field.FramedField, truth: MeshField) -> dict[str, float]:
     """The value of each of `MEASURES`; NaN of what the pictures do not show.
 
     Args:
-      truth: `mesh_field.beside` of what the field was fitted to.
+      truth: `beside` of what the field was fitted to.
     """
     size = _size(field)
     seen = [_seen(field, truth, camera, size) for camera in _cameras(field)]
@@ -67,7 +105,7 @@ def measure(field: framed_field.FramedField, truth: mesh_field.MeshField) -> dic
     }
 
 
-def picture(field: framed_field.FramedField, truth: mesh_field.MeshField) -> UInt8[np.ndarray, "h w 3"]:
+def picture(field: framed_field.FramedField, truth: MeshField) -> UInt8[np.ndarray, "h w 3"]:
     """Field above, mesh below, by the same cameras and the same light."""
     cameras = _cameras(field)
     rows = []
@@ -102,7 +140,7 @@ def _cameras(field: framed_field.FramedField) -> list[tuple[float, float, float]
 
 def _seen(
     field: framed_field.FramedField,
-    truth: mesh_field.MeshField,
+    truth: MeshField,
     camera: tuple[float, float, float],
     size: float,
 ) -> _View:
@@ -137,7 +175,7 @@ def thin(
     return depth(points - _LIFT * size * normals, -normals) <= THIN * size
 
 
-def wrong_inside(field: framed_field.FramedField, truth: mesh_field.MeshField) -> float:
+def wrong_inside(field: framed_field.FramedField, truth: MeshField) -> float:
     """Per cent of rays from inside the box, anywhere and any way, that say other than the mesh whether, or where, they
     end.
     """

@@ -9,14 +9,14 @@ from typing import Any
 from ddf.core import provenance, storage
 from ddf.data.samples import sample_types
 from ddf.fields import model_files
-from ddf.fields.grid import build, patch_field
+from ddf.fields.grid import octree, patch_field
 from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io
 
 
 def fit(
     raw: mesh_io.Mesh,
-    config: build.PatchConfig,
+    config: octree.PatchConfig,
     out_dir: Path,
     source: Mapping[str, str] | None = None,
     *,
@@ -39,7 +39,7 @@ def fit(
 
 
 def _fit(
-    raw: mesh_io.Mesh, config: build.PatchConfig, out_dir: Path, source: dict[str, str], force: bool
+    raw: mesh_io.Mesh, config: octree.PatchConfig, out_dir: Path, source: dict[str, str], force: bool
 ) -> dict[str, Any]:
     started = time.monotonic()
     content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()

@@ -1,9 +1,15 @@
-"""Triangle meshes of a field, three ways.
+"""Triangle meshes of a field, three ways, and normals of points on its surface.
 
 `poisson`: screened Poisson through hits with the field's normals. Smooth, and closed but where there are no hits; needs
 an outer side, so inner sheets and sheets seen from both sides confuse it.
 `closed`: what parallel looks from all sides leave (`carved_surface`): watertight, hollows full.
 `udf`: surface nets of the distances to the hits (`unsigned_surface`). Knows no sides: open and inner sheets stay.
+
+A normal is what the field says along rays through the point. Evenly spread directions are tried, from outside the
+field's box. The answer whose hit comes nearest to the point gives the normal, of equal ones that which looks at the
+surface most squarely (derived here). So the normal faces the side from which the surface is seen from outside. A point
+that no such ray reaches, inside a closed shape say, is asked about from a small distance, and its normal faces the side
+that this happens to be.
 """
 
 from typing import Literal
@@ -13,9 +19,45 @@ from jaxtyping import Float
 
 from ddf.core import checks
 from ddf.fields import checked_cloud, framed_field
-from ddf.fit import cloud_normals
 from ddf.geometry import carved_surface, rays, transforms, unsigned_surface
 from ddf.geometry.mesh_io import Mesh
+
+DIRECTIONS = 32  # asked through a point
+NEAR = (
+    0.05  # of the longest side of the box: a hit counts that is nearer to the point, and inner points are asked thence
+)
+SQUARE = 0.25  # how much of that distance a grazing look costs; small: the nearest hit decides
+
+
+def normals_at(field: framed_field.FramedField, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Unit normals, mesh frame, of points near the surface; 0 where the field sees nothing there from any side.
+
+    Costs `DIRECTIONS` queries with normals a point, and as many again for those that cannot be seen from outside.
+    """
+    checks.require_finite("points", points)
+    sides = (field.upper - field.lower) / field.field_from_mesh.scale
+    near = NEAR * float(sides.max())
+    normals = _best(field, points, 2 * float(np.linalg.norm(sides)), near)
+    hidden = ~normals.any(axis=1)
+    normals[hidden] = _best(field, points[hidden], near, near)
+    return normals
+
+
+def _best(
+    field: framed_field.FramedField, points: Float[np.ndarray, "n 3"], offset: float, near: float
+) -> Float[np.ndarray, "n 3"]:
+    """The best answer of rays that start at `offset` from the points; 0 where none hits within `near` of its point."""
+    normals, best = np.zeros_like(points), np.full(len(points), near)
+    for direction in rays.evenly_spread(DIRECTIONS):
+        along = np.broadcast_to(direction, points.shape).copy()
+        asked = rays.OrientedPoints(points - offset * along, along)
+        found, _ = framed_field.query(field, asked, ("depth", "normals"))
+        squarely = 1 + (found["normals"] * along).sum(axis=1)
+        cost = np.abs(found["depth"] - offset) + SQUARE * near * squarely
+        better = cost < best
+        best[better], normals[better] = cost[better], found["normals"][better]
+    return normals
+
 
 Method = Literal["poisson", "closed", "udf"]
 METHODS: tuple[Method, ...] = ("poisson", "closed", "udf")
@@ -54,7 +96,7 @@ def extract(
     """
     if method == "poisson":
         points = cloud.hits[:hits]
-        normals = cloud_normals.ask(field, points)
+        normals = normals_at(field, points)
         found = normals.any(axis=1)
         if found.sum() < 4:
             raise checks.InputError("the field gives no normals where it sees its surface: fit it for longer")

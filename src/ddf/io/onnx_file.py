@@ -5,6 +5,12 @@ needs no second definition. Against its successor (`dynamo=True`), on a field of
 no further packages (onnxscript, onnx-ir), and no paths of the machine inside the file. It is deprecated, which is why
 its warning is silenced here, and it is called in this one place; every file is compared with the model whoever made
 it. Building the graph by hand would need a second definition of every network and of every derivative pass.
+
+onnxruntime 1.31 does not count negative axes from the back where an input is empty: the sum of an array of shape (0, 3)
+over axis -1 has shape (0, 3) there instead of (0), and the next node fails. Axes from 0 on are right for any length.
+
+Weights may be stored in float16 or bfloat16 and cast to float32 when a session loads them: half the size, the same
+speed, and an error that is measured, never assumed.
 """
 
 import itertools
@@ -16,13 +22,96 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import onnx
+import onnx.helper
+import onnx.numpy_helper
 import torch
 
 from ddf.core import checks, extras, storage
-from ddf.fields import field_outputs
-from ddf.io import onnx_parity, onnx_reductions, patch_graph, weight_precision
+from ddf.fields import field_file, field_outputs, model_files, shape_field
+from ddf.fields.grid import patch_field
+from ddf.io import onnx_graphs, onnx_parity, patch_graph
 from ddf.io.onnx_graphs import DYNAMIC, Graph
+from ddf.models import reconstruction_models
+
+
+def count_axes_from_the_front(model: onnx.ModelProto) -> None:
+    """Write the negative axes of all reductions as axes from 0 on, in place; the values stay the same, bit for bit.
+
+    Raises:
+      ValueError: the axes of a reduction are no constant, or its rank is unknown.
+    """
+    graph = onnx.shape_inference.infer_shapes(model).graph
+    known = [*graph.value_info, *graph.input, *graph.output]
+    ranks = {value.name: len(value.type.tensor_type.shape.dim) for value in known}
+    constants = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
+    for node in model.graph.node:
+        if node.op_type == "Constant":
+            constants[node.output[0]] = onnx.numpy_helper.to_array(node.attribute[0].t)
+    written = set()
+    for node in model.graph.node:
+        if not node.op_type.startswith("Reduce") or len(node.input) < 2:
+            continue
+        if node.input[1] not in constants or node.input[0] not in ranks:
+            raise ValueError(f"{node.name}: the axes and the rank of a reduction must be known")
+        axes = np.atleast_1d(constants[node.input[1]]) % ranks[node.input[0]]
+        node.input[1] = "axes_" + "_".join(map(str, axes))
+        if node.input[1] not in written:
+            model.graph.initializer.append(onnx.numpy_helper.from_array(axes, node.input[1]))
+            written.add(node.input[1])
+    _drop_unread(model.graph)
+
+
+def _drop_unread(graph: onnx.GraphProto) -> None:
+    """Take out the constants that nothing reads any more."""
+    read = {name for node in graph.node for name in node.input}
+    for node in [node for node in graph.node if node.op_type == "Constant" and node.output[0] not in read]:
+        graph.node.remove(node)
+    for tensor in [tensor for tensor in graph.initializer if tensor.name not in read]:
+        graph.initializer.remove(tensor)
+
+
+FULL = "float32"
+STORED = {"float16": onnx.TensorProto.FLOAT16, "bfloat16": onnx.TensorProto.BFLOAT16}
+PRECISIONS = tuple(STORED)
+SMALLEST = 64  # values: shorter constants are not worth a cast
+
+
+def require(precision: str) -> None:
+    """Raise InputError unless it is one of `PRECISIONS`."""
+    if precision not in PRECISIONS:
+        raise checks.InputError(f"precision must be one of {', '.join(PRECISIONS)}; got {precision!r}")
+
+
+def reduce(data: bytes, precision: str) -> bytes:
+    """The file with its weights in the precision named, which its metadata then says."""
+    require(precision)
+    model = onnx.load_from_string(data)
+    if any(node.op_type == "Loop" for node in model.graph.node):
+        raise checks.InputError(f"{precision} is of networks; patches are integers of 16 bits already")
+    properties = {entry.key: entry.value for entry in model.metadata_props}
+    model = _stored(model, precision)
+    onnx.helper.set_model_props(model, properties | {"precision": precision})
+    onnx.checker.check_model(model)
+    return model.SerializeToString(deterministic=True)
+
+
+def _stored(model: onnx.ModelProto, precision: str) -> onnx.ModelProto:
+    casts = []
+    for index, tensor in enumerate(model.graph.initializer):
+        if tensor.data_type != onnx.TensorProto.FLOAT or int(np.prod(tensor.dims)) < SMALLEST:
+            continue
+        name, stored = tensor.name, f"{tensor.name}.{precision}"
+        values = onnx.numpy_helper.to_array(tensor)
+        kind = onnx.helper.tensor_dtype_to_np_dtype(STORED[precision])
+        model.graph.initializer[index].CopyFrom(onnx.numpy_helper.from_array(values.astype(kind), stored))
+        casts.append(onnx.helper.make_node("Cast", [stored], [name], to=onnx.TensorProto.FLOAT, name=f"{name}.cast"))
+    nodes = list(model.graph.node)
+    del model.graph.node[:]
+    model.graph.node.extend([*casts, *nodes])
+    return model
+
 
 OPSET = 18
 IR_VERSION = 10  # onnxruntime 1.18 and later read it
@@ -48,7 +137,7 @@ class ExportConfig:
         if not self.batches or min(self.batches) < 1:
             raise checks.InputError(f"batches must be >= 1; got {self.batches}")
         for precision in self.precisions:
-            weight_precision.require(precision)
+            require(precision)
 
 
 def export(
@@ -68,10 +157,10 @@ def export(
       ParityError: outside the tolerance; there is no file then, and an earlier one is left as it was.
     """
     data = to_onnx(graph, source)
-    if precision != weight_precision.FULL:
-        data = weight_precision.reduce(data, precision)
+    if precision != FULL:
+        data = reduce(data, precision)
     rows = onnx_parity.compare(data, name, graph, config.batches, config.seed, precision)
-    if precision == weight_precision.FULL:
+    if precision == FULL:
         onnx_parity.require(rows)
     storage.write_bytes(out, data)
     return rows
@@ -82,7 +171,7 @@ def measure_precisions(graph: Graph, name: str, data: bytes, config: ExportConfi
     rows = []
     count = MEASURED_POINTS if graph.largest_batch is None else MEASURED_IMAGES
     for precision in config.precisions:
-        reduced = weight_precision.reduce(data, precision)
+        reduced = reduce(data, precision)
         rows += onnx_parity.compare(reduced, name, graph, (count,), config.seed, precision)
     return rows
 
@@ -128,7 +217,7 @@ def _recorded(
             dynamo=False,
         )
         model = onnx.load(path)
-    onnx_reductions.count_axes_from_the_front(model)
+    count_axes_from_the_front(model)
     return model
 
 
@@ -154,7 +243,7 @@ def _describe(model: onnx.ModelProto, graph: Graph, source: Mapping[str, Any]) -
         "frame": "field frame: the shape's box is centred at 0 and its longest side is 2; directions have length 1",
         "box": [[-1, -1, -1], [1, 1, 1]],
         "images": "RGBA in [0, 1], rows from the top, transparent pixels black, the object filling a square image",
-        "precision": weight_precision.FULL,
+        "precision": FULL,
         "ddf_version": extras.version(),
         "model_license": LICENCE,
         **source,
@@ -194,3 +283,32 @@ def figures(rows: Sequence[onnx_parity.Row]) -> dict[str, dict[str, float]]:
             entry[key] = max(value, getattr(row, key))
         entry["tolerance"] = row.tolerance
     return worst
+
+
+def load_graphs(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str, Graph], dict[str, Any]]:
+    """The graphs of a model by name, the plainest first, and the facts about their source for the files.
+
+    Args:
+      folder: what a training stage wrote. outputs: of fields, None for all.
+    Raises:
+      FileNotFoundError: there is no model. InputError: it is damaged, or of a kind that is not known.
+    """
+    path = folder / model_files.MODEL
+    record = storage.load_metadata(path)
+    if record.get("kind") == field_file.PATCHES:
+        return {"field": patch_graph.PatchGraph(patch_field.load(path), outputs)}, describe_source(path, record)
+    if record.get("kind") == field_file.KIND:
+        shape = shape_field.load(folder)
+        graphs: dict[str, Graph] = {"field": onnx_graphs.FieldGraph(shape.field.cpu(), outputs)}
+        return graphs, describe_source(path, record)
+    if record.get("kind") not in ("ddf", "pcsiren"):
+        raise checks.InputError(
+            f"{folder}: holds no DDF or PC-SIREN model and no field; give a folder that `make train` or `ddf fit` wrote"
+        )
+    if record["kind"] == "ddf":
+        ddf, image_size = reconstruction_models.load_ddf(folder, record)
+        graphs = onnx_graphs.ddf_graphs(ddf.cpu(), image_size, outputs)
+    else:
+        pcsiren, image_size = reconstruction_models.load_pcsiren(folder, record)
+        graphs = onnx_graphs.pcsiren_graphs(pcsiren.cpu(), image_size)
+    return graphs, describe_source(path, record)

@@ -4,6 +4,8 @@
 (0.57 x v1, see `transforms`); tau = 1e-4 is a threshold on the *squared* distance, a point counts as hit when dist_sq
 <= tau. Tables print D_C x 1000 and F x 100. Sources: [DDF22] table `si3dr`; conventions of Pixel2Mesh's released
 evaluation (docs/formats.md).
+
+Two meshes are compared by points drawn on both: Chamfer distance, F-scores and normal consistency.
 """
 
 from collections.abc import Callable
@@ -14,7 +16,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks
-from ddf.geometry import neighbours
+from ddf.data import mesh_topology
+from ddf.data.samples.surface import Surface
+from ddf.geometry import mesh_io, neighbours
+from ddf.geometry.mesh_io import Mesh
 
 TAU_SQ = 1e-4  # 0.01 benchmark units, 1.754 % of the v1 diagonal
 
@@ -158,3 +163,42 @@ def compare_clouds(
     pair = Pair(prediction, truth, truth.dist_sq(prediction), prediction.dist_sq(truth), tau_sq)
     scores = {metric.score: metric.compute(pair) for metric in METRICS.values()}
     return CloudScores(scores, len(prediction), len(truth))
+
+
+@dataclass(frozen=True)
+class SurfaceScores:
+    """clouds: scores of the points drawn. chamfer_l1: mean of both means of distances, not squared.
+
+    normal_consistency: mean of both means of |n . n'| with the nearest point's normal; 1 is best. watertight: every
+    edge has two triangles.
+    """
+
+    clouds: CloudScores
+    chamfer_l1: float
+    normal_consistency: float
+    watertight: bool
+
+
+def compare_meshes(
+    mesh: Mesh, truth: Mesh, points: int = 10_000, tau_sq: float = TAU_SQ, seed: int = 0
+) -> SurfaceScores:
+    """Scores of a mesh against the true one, by points drawn by area on both; both in one frame and unit."""
+    random = np.random.default_rng(seed)
+    drawn, normals = zip(*(_draw(each, points, random) for each in (mesh, truth)), strict=True)
+    distances, agreement = [], []
+    for own, other in ((0, 1), (1, 0)):
+        dist_sq, index = neighbours.Neighbours(drawn[other]).nearest(drawn[own])
+        distances.append(np.sqrt(dist_sq).mean())
+        agreement.append(np.abs((normals[own] * normals[other][index]).sum(axis=1)).mean())
+    return SurfaceScores(
+        compare_clouds(drawn[0], drawn[1], tau_sq),
+        float(np.mean(distances)),
+        float(np.mean(agreement)),
+        mesh_topology.is_watertight(mesh),
+    )
+
+
+def _draw(mesh: Mesh, count: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Points drawn by area, and the normals of their triangles."""
+    points, face = Surface.of(mesh).draw(count, random)
+    return points, mesh_io.face_normals(mesh)[0][face]

@@ -16,8 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from ddf.data.batches import category_data
-from ddf.fields import framed_field, model_files, pddf, rendering
-from ddf.fields.gpu import compiled_passes
+from ddf.fields import framed_field, model_files, passes, pddf, rendering
 from ddf.geometry import cameras
 from ddf.models import camera_encoder, encoders, out_of_distribution, reconstruction_settings
 
@@ -117,7 +116,7 @@ def mask_loss(
         meets = rendering.field_rays(camera, field_scale, directions, field_shift)[3]
         chosen = _choose(meets, num_pixels, chances)
     entry, world, _, chosen_meets = rendering.field_rays(camera, field_scale, directions[chosen], field_shift)
-    raw = compiled_passes.raw(field, entry, world, modulations)
+    raw = passes.compiled_raw(field, entry, world, modulations)
     wanted = alpha.flatten(-2)
     target = wanted.gather(1, chosen)
     bce = functional.binary_cross_entropy_with_logits(raw[..., pddf.VISIBILITY_ROW], target, reduction="none")

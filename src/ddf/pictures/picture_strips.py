@@ -1,22 +1,37 @@
-"""Strips of pictures, as the paper's figure: input, visibility, depth, normals, clouds, truth. Pixels only, no axes.
+"""Strips of pictures, like the paper's figure, and sheets of small images. Pixels only, no axes.
 
-An example has a line of text, then its cells, `PER_LINE` beside each other, so that a phone shows them at a good size.
-Every cell is a square RGB image (uint8) on white; of an example's cells that part is shown, the same of all, that holds
-what is not white. Clouds are drawn as small discs, nearest on top, from a camera of the
-benchmark frame; their colours are 3D coordinates within the box of the truth, darker with distance.
+A strip shows input, visibility, depth, normals, clouds and truth. An example has a line of text, then its cells,
+`PER_LINE` beside each other, so that a phone shows them at a good size. Every cell is a square RGB image (uint8) on
+white; of an example's cells that part is shown, the same of all, that holds what is not white. Clouds are drawn as
+small discs, nearest on top, from a camera of the benchmark frame; their colours are 3D coordinates within the box of
+the truth, darker with distance. The typeface is that of the charts where matplotlib is installed, else Pillow's own.
 """
 
+import functools
+import importlib.util
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 from ddf.geometry import cameras
-from ddf.pictures import field_pictures, typeface
+from ddf.pictures import field_pictures
+
+
+@functools.cache
+def font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """DejaVu Sans of that size in pixels, without importing matplotlib."""
+    charts = importlib.util.find_spec("matplotlib")
+    if charts is None or charts.origin is None:
+        return ImageFont.load_default(size)
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return ImageFont.truetype(str(Path(charts.origin).parent / "mpl-data" / "fonts" / "ttf" / name), size)
+
 
 CELL = 168  # pixels of a cell's side
 _OVERSAMPLING = 3  # discs are drawn this much larger and averaged down
@@ -102,13 +117,13 @@ def strip(columns: Sequence[str], rows: Sequence[StripRow], per_line: int = PER_
         top, shown = j * row_height, _shown([cell for cell in row.cells if cell is not None])
         if j:
             draw.line([(0, top), (width, top)], fill=(200, 204, 210))
-        draw.text((4, top + 16), row.heading, fill=_INK, font=typeface.font(19, bold=True), anchor="lm")
-        draw.text((4, top + 40), "; ".join(row.lines), fill=_FAINT, font=typeface.font(17), anchor="lm")
+        draw.text((4, top + 16), row.heading, fill=_INK, font=font(19, bold=True), anchor="lm")
+        draw.text((4, top + 40), "; ".join(row.lines), fill=_FAINT, font=font(17), anchor="lm")
         for i, (name, cell) in enumerate(zip(columns, row.cells, strict=True)):
             left, above = (i % per_line) * (side + GAP), top + TEXT + (i // per_line) * line_height
             if cell is not None:
                 middle = (left + side / 2, above + NAME / 2)
-                draw.text(middle, name, fill=_INK, font=typeface.font(17), anchor="mm")
+                draw.text(middle, name, fill=_INK, font=font(17), anchor="mm")
                 left_edge, upper, right, lower = (len(cell) * edge for edge in shown)
                 picture = Image.fromarray(cell).resize(
                     (side, side), Image.Resampling.BILINEAR, (left_edge, upper, right, lower)
@@ -134,3 +149,25 @@ def webp_bytes(image: Image.Image) -> bytes:
     buffer = io.BytesIO()
     image.save(buffer, "WEBP", quality=_QUALITY, method=6, use_sharp_yuv=True)
     return buffer.getvalue()
+
+
+SHEET_CELL = 96  # pixels of the side of an image of a sheet
+_SHEET_GAP, _SHEET_NAME = 4, 24
+
+Images = Float[np.ndarray, "_ 3 _ _"]  # rows differ in number
+Row = tuple[str, Images]
+
+
+def sheet(rows: Sequence[Row], cell: int = SHEET_CELL) -> bytes:
+    """A sheet of small images as WebP; images in [0, 1], `cell` pixels a side; a row may have fewer than another."""
+    columns = max(len(images) for _, images in rows)
+    tops = np.cumsum([0, *((_SHEET_NAME if name else 0) + cell + _SHEET_GAP for name, _ in rows)]).tolist()
+    canvas = Image.new("RGB", (columns * (cell + _SHEET_GAP) - _SHEET_GAP, tops[-1]), "white")
+    pen = ImageDraw.Draw(canvas)
+    for top, below, (name, images) in zip(tops, tops[1:], rows, strict=False):
+        pen.text((2, top + _SHEET_NAME / 2), name, fill=_INK, font=font(15), anchor="lm")
+        for column, image in enumerate(images):
+            picture = Image.fromarray(field_pictures.to_bytes(image.transpose(1, 2, 0)))
+            place = (column * (cell + _SHEET_GAP), below - _SHEET_GAP - cell)
+            canvas.paste(picture.resize((cell, cell), Image.Resampling.BILINEAR), place)
+    return webp_bytes(canvas)

@@ -15,7 +15,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 from torch import Tensor
 
-from ddf.fields import cloud_defaults, cloud_projection
+from ddf.fields import cloud_projection, stored_fields
 from ddf.geometry import cameras, transforms
 from ddf.models import out_of_distribution, reconstruction_models
 from ddf.reconstruction import mask_descent
@@ -97,7 +97,7 @@ def _by_shape(model: reconstruction_models.DDFModel, pixels: UInt8[np.ndarray, "
     """The frame of the shape that the model sees, from the mean distance."""
     mean = model.camera_head.mean
     _, latent, camera = reconstruction_models.encode_batch(model, encoder_input(pixels).to(mean))
-    drawn = cloud_defaults.cloud(cycles=1)
+    drawn = stored_fields.cloud_config(cycles=1)
     generator = torch.Generator(mean.device).manual_seed(0)
     cloud = cloud_projection.draw(model.field, [m[0] for m in model.modulations(latent)], _POINTS, drawn, generator)
     points = (transforms.BENCHMARK_FROM_V1 * mask_descent.scale_from_cloud(cloud) * cloud).double()

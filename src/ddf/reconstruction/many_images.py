@@ -21,7 +21,6 @@ from torch import Tensor
 from ddf.core import notes, seeding
 from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, field_outputs, model_files, rendering
-from ddf.fields.gpu import farthest_points
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.reconstruction import mask_descent
 
@@ -232,7 +231,7 @@ def reconstruct_pcsiren(
         inputs = cube_points(config.large * (1 + chosen), config.pcsiren_inputs, _generator(config, image))
         with torch.no_grad():
             points = model.decoder(inputs[None], latents[image : image + 1])[0]
-        return points[farthest_points.farthest_point_order(points, config.large)] if chosen else points
+        return points[cloud_projection.farthest_point_order(points, config.large)] if chosen else points
 
     large = list(_in_threads(draw, range(len(latents))))
     seconds = {"encoders": encoding, "cloud": (time.monotonic() - started) / len(latents)}

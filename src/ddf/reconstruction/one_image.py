@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ddf.core import checks, storage
 from ddf.data.batches import category_data
-from ddf.fields import cloud_defaults, cloud_projection, model_files, pddf, shape_field
+from ddf.fields import cloud_projection, model_files, pddf, shape_field, stored_fields
 from ddf.models import out_of_distribution, reconstruction_models, reconstruction_settings
 from ddf.reconstruction import framing, many_images, mask_descent
 
@@ -122,7 +122,7 @@ def reconstruct(
     with _timed(seconds, "encoders"), torch.no_grad():
         stages, latent, seen_from = reconstruction_models.encode_batch(model, framed)
     score = None if statistics is None else float(statistics.score(torch.cat(stages, dim=1))[0])
-    drawn = cloud_defaults.cloud()
+    drawn = stored_fields.cloud_config()
     if deviation is not None:
         with _timed(seconds, "silhouette"):
             how = reconstruction_settings.ShapeCorrectionConfig()

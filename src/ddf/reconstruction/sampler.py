@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import checks, storage
-from ddf.fields import cloud_defaults, cloud_projection, model_files, shape_field
+from ddf.fields import cloud_projection, model_files, shape_field, stored_fields
 from ddf.fit import latent_prior
 from ddf.models import generative_models, out_of_distribution
 from ddf.reconstruction import many_images, mask_descent, one_image
@@ -61,7 +61,7 @@ def _of_reconstruction(folder: Path) -> Sampler:
 
     def decode(latent: Float[Tensor, "z"]) -> shape_field.ShapeField:
         modulations = [each[0] for each in model.modulations(prior.latents(latent)[None])]
-        drawn, generator = cloud_defaults.cloud(), torch.Generator().manual_seed(0)
+        drawn, generator = stored_fields.cloud_config(), torch.Generator().manual_seed(0)
         cloud = cloud_projection.draw(model.field, modulations, many_images.ROUGH_POINTS, drawn, generator)
         return one_image.placed(model, modulations, cloud, mask_descent.scale_from_cloud(cloud))
 

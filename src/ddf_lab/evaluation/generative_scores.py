@@ -15,7 +15,7 @@ from ddf.core import seeding
 from ddf.data import shapenet
 from ddf.data.batches import category_data
 from ddf.geometry import cameras, mesh_io, raycast, transforms
-from ddf.metrics import image_scores, texture_consistency
+from ddf.metrics import image_scores
 from ddf.models import generated_images, generative_models, generative_settings, image_networks
 from ddf.training import generative_steps, shape_data
 from ddf_lab.evaluation import generative_shapes
@@ -167,7 +167,7 @@ def consistency(
         both = textures[[row, (row + 1) % len(textures)]]
         seen = [generated_images.look(model, field, camera, both) for camera in around]
         shown = [
-            [texture_consistency.Picture(s.camera, (s.depth * unit).cpu(), s.colours[k].cpu()) for k in (0, 1)]
+            [image_scores.CameraPicture(s.camera, (s.depth * unit).cpu(), s.colours[k].cpu()) for k in (0, 1)]
             for s in seen
         ]
         for first, second in zip(shown, shown[1:] + shown[:1], strict=True):
@@ -176,14 +176,14 @@ def consistency(
     real = [pair for name in ids[: section.textured] for pair in _real_pairs(dataset, category, name)]
     named = {"ours": own, "shuffled": shuffled, "real": real}
     return {
-        name: dict(zip(("error", "points"), texture_consistency.error(pairs), strict=True))
+        name: dict(zip(("error", "points"), image_scores.colour_error(pairs), strict=True))
         for name, pairs in named.items()
     }
 
 
 def _real_pairs(
     dataset: shapenet.Dataset, category: str, name: str
-) -> list[tuple[texture_consistency.Picture, texture_consistency.Picture]]:
+) -> list[tuple[image_scores.CameraPicture, image_scores.CameraPicture]]:
     """Each view of a shape with the next one round the shape, up to 60 degrees further."""
     scene = raycast.Scene(mesh_io.load(dataset.model(category, name)))
     poses = cameras.degrees_to_radians(torch.tensor(dataset.cameras(category, name), dtype=torch.float64))
@@ -198,7 +198,7 @@ def _real_pairs(
 
 def _real_picture(
     dataset: shapenet.Dataset, category: str, name: str, view: int, camera: Float[Tensor, "3"], scene: raycast.Scene
-) -> texture_consistency.Picture:
+) -> image_scores.CameraPicture:
     """A render, and the distances of its mesh."""
     size = image_networks.IMAGE_SIZE
     image = dataset.image(category, name, view, size)[None]
@@ -207,7 +207,7 @@ def _real_picture(
     start = (centre / transforms.BENCHMARK_FROM_V1).expand_as(world).numpy()
     depth, _ = scene.first_hits(start, world.numpy())
     distance = torch.from_numpy(depth * transforms.BENCHMARK_FROM_V1).reshape(size, size)
-    return texture_consistency.Picture(camera.float(), distance.float(), (generative_steps.on_white(image)[0] + 1) / 2)
+    return image_scores.CameraPicture(camera.float(), distance.float(), (generative_steps.on_white(image)[0] + 1) / 2)
 
 
 @torch.no_grad()

@@ -19,7 +19,7 @@ from ddf.core import provenance
 from ddf.data import packing
 from ddf.data.batches import category_data
 from ddf.data.samples import sample_types
-from ddf.fields import cloud_defaults, losses, pddf, rendering, shape_field
+from ddf.fields import losses, pddf, rendering, shape_field, stored_fields
 from ddf.fit import fitting, shape_samples
 from ddf.geometry import neighbours, transforms
 from ddf.metrics import cloud_scores
@@ -128,7 +128,7 @@ def of_fields(fields: Sequence[pddf.PDDF], scales: Sequence[float], count: int, 
     found = []
     for field, scale in zip(fields, scales, strict=True):
         shape = shape_field.ShapeField(field, -upper, upper, transforms.Similarity(scale), {})
-        drawn = shape_field.cloud(shape, count, cloud_defaults.cloud(), seed)
+        drawn = shape_field.cloud(shape, count, stored_fields.cloud_config(), seed)
         found.append(neighbours.Neighbours(drawn * transforms.BENCHMARK_FROM_V1, "cloud of a field"))
     return found
 

@@ -16,8 +16,7 @@ from jaxtyping import Float
 
 from ddf.data.samples.surface import Surface
 from ddf.data.synthetic import showcase
-from ddf.fields import checked_cloud, framed_field, udf
-from ddf.fields.scenes import scene_field
+from ddf.fields import checked_cloud, framed_field, scene_field, udf
 from ddf.fields.shape_field import ShapeField
 from ddf.fit import closest_candidates
 from ddf.geometry import raycast, rays

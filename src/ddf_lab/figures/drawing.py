@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageDraw
 
-from ddf.fields.grid import build, patch_field
+from ddf.fields.grid import octree, patch_field
 from ddf.fit import fitting
 from ddf.geometry import mesh_io, rays
-from ddf.pictures import picture_strips, shaded, viridis
+from ddf.pictures import field_pictures, picture_strips, shaded
 
 Points = Float[np.ndarray, "n 3"]
 HIT, MISS, SIGHT, LOOK, MISSED = (31, 95, 168), (30, 30, 30), (90, 180, 190), (60, 150, 80), (205, 60, 50)
@@ -20,7 +20,7 @@ _OVERSAMPLING, _MARGIN, _FADED, _CLEAR = 2, 1.06, 0.55, 0.35
 
 def patches(mesh: mesh_io.Mesh) -> patch_field.PatchField:
     """As `ddf fit` makes them."""
-    return patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), build.PatchConfig()))
+    return patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), octree.PatchConfig()))
 
 
 @dataclass
@@ -102,7 +102,7 @@ class Drawing:
             seen = np.isfinite(values)
             level = np.clip((np.where(seen, values, far) - near) / (far - near), 0.0, 1.0)
             clear = pixels[within] * (1 - _CLEAR) + _CLEAR * NOTHING
-            pixels[within] = np.where(seen[:, None], viridis.colours(1.0 - level), clear)
+            pixels[within] = np.where(seen[:, None], field_pictures.colours(1.0 - level), clear)
         side = self.image.width
         self.image = Image.fromarray(np.rint(255 * pixels).astype(np.uint8).reshape(side, side, 3))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ddf.data.synthetic import showcase
-from ddf.fields import framed_field, mesh_field
+from ddf.fields import framed_field
 from ddf.fit import inspection
 from ddf.geometry import raycast, rays
 from ddf.pictures import field_pictures, picture_strips
@@ -32,7 +32,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
             rows, (depth, angle, wrong, asked) = _views(name, field, raycast.Scene(mesh), config.picture_size)
             strips += rows if field is network else []  # pictures of the paper's kind
             scale = field.field_from_mesh.scale
-            inside = inspection.wrong_inside(field, mesh_field.beside(field, mesh))
+            inside = inspection.wrong_inside(field, inspection.beside(field, mesh))
             inner[field is network].append(inside)
             errors = [f"{scale * depth:.5f}", f"{angle:.1f}", f"{100 * wrong:.1f}"]
             lines.append([what, *errors, f"{inside:.1f}", f"{asked:.2f}"])

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool
 
-from ddf.fields import framed_field
-from ddf.fields.scenes import camera_paths, scene_field
+from ddf.fields import framed_field, scene_field
 from ddf.fields.shape_field import ShapeField
 from ddf.geometry import raycast, rays, transforms
 from ddf.pictures import field_pictures, picture_strips
@@ -19,7 +18,7 @@ from ddf_lab.report import pages
 
 ROOM, RABBIT, EDGE = "walls", "rabbit", "near edges"
 FLIGHT = tuple(
-    camera_paths.LookAt(np.array(position), np.array(target))
+    scene_field.LookAt(np.array(position), np.array(target))
     for position, target in (
         ((1.6, 1.0, 4.0), (0.0, -0.3, 0.0)),
         ((0.5, 0.2, 1.6), (0.0, -0.4, 0.0)),
@@ -42,7 +41,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     room, rabbit, whole = (figure_fields.fitted(name, config, folder) for name in ("room", "rabbit", "furnished"))
     composite = composed(room, rabbit)
     truth = raycast.Scene(figure_fields.SHAPES["furnished"]())
-    looks = camera_paths.fly(FLIGHT, FRAMES)
+    looks = scene_field.fly(FLIGHT, FRAMES)
     columns = [f"camera {i + 1}" for i in range(FRAMES)]
     hits = [raycast.cast(truth, _points(look, config.picture_size)) for look in looks]
     rows = []
@@ -73,12 +72,12 @@ def composed(room: framed_field.FramedField, rabbit: framed_field.FramedField) -
     return scene_field.SceneField((room, rabbit), _PLACES, _LOWER, _UPPER)
 
 
-def view(field: framed_field.FramedField, look: camera_paths.LookAt, size: int) -> picture_strips.Picture:
+def view(field: framed_field.FramedField, look: scene_field.LookAt, size: int) -> picture_strips.Picture:
     """Normals that a camera sees."""
     return _normals(framed_field.query(field, _points(look, size), _ASKED)[0])
 
 
-def _points(look: camera_paths.LookAt, size: int) -> rays.OrientedPoints[np.ndarray]:
+def _points(look: scene_field.LookAt, size: int) -> rays.OrientedPoints[np.ndarray]:
     return rays.OrientedPoints(*look.rays(size))
 
 
@@ -91,7 +90,7 @@ def _normals(found: dict[str, np.ndarray]) -> picture_strips.Picture:
 
 def _errors(composite: scene_field.SceneField, whole: ShapeField, truth: raycast.Scene) -> pages.Table:
     """Medians over the rays of a denser flight, by what is met; the parts alone beside them."""
-    looks = camera_paths.fly(FLIGHT, 3 * FRAMES)
+    looks = scene_field.fly(FLIGHT, 3 * FRAMES)
     every = [_points(look, 48) for look in looks]
     points = rays.OrientedPoints(*(np.concatenate([getattr(p, n) for p in every]) for n in ("positions", "directions")))
     hits = raycast.cast(truth, points)

@@ -13,7 +13,7 @@ import torch
 from ddf.core import storage
 from ddf.metrics import cloud_scores
 from ddf.models import generated_images, generative_settings
-from ddf.pictures import sheets
+from ddf.pictures import picture_strips
 from ddf.training import training_loop
 from ddf_lab.evaluation import generative_scores, generative_shapes
 from ddf_lab.report import pages
@@ -91,11 +91,11 @@ def _page(results: _Results) -> pages.Page:
     return pages.Page(f"Generated {results.category} shapes", [lead], [section(results) for section in sections])
 
 
-def _sheet(name: str, caption: str, alt: str, rows: list[sheets.Row]) -> pages.Figure:
-    return pages.Figure(f"{name}.webp", caption, alt, sheets.sheet(rows))
+def _sheet(name: str, caption: str, alt: str, rows: list[picture_strips.Row]) -> pages.Figure:
+    return pages.Figure(f"{name}.webp", caption, alt, picture_strips.sheet(rows))
 
 
-def _on_white(normals: sheets.Images) -> sheets.Images:
+def _on_white(normals: picture_strips.Images) -> picture_strips.Images:
     return generated_images.on_white(torch.from_numpy(normals)).numpy()
 
 

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ddf.core import storage
 from ddf.fields import model_files
-from ddf.io import exportable, onnx_file, onnx_parity
+from ddf.io import onnx_file, onnx_parity
 
 ONNX = "field.onnx"
 CARD = "card.md"
@@ -40,7 +40,7 @@ def write_weights(folder: Path, out: Path, changes: Mapping[str, Any] | None = N
 
 def write_onnx(out: Path, config: onnx_file.ExportConfig) -> list[onnx_parity.Row]:
     """The field of `out` as `out`/field.onnx, compared with torch before it is written; returns the comparison."""
-    graphs, source = exportable.load(out, config.outputs)
+    graphs, source = onnx_file.load_graphs(out, config.outputs)
     return onnx_file.export(graphs["field"], "field", out / ONNX, source, config)
 
 

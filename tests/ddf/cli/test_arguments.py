@@ -7,12 +7,12 @@ import pytest
 from ddf.cli import arguments
 from ddf.cli.model import export
 from ddf.fields import framed_field
-from ddf.io import weight_precision
+from ddf.io import onnx_file
 
 
 def test_lists_are_those_of_the_library():
     assert arguments.UP_AXES == framed_field.UP_AXES
-    assert export.PRECISIONS == (weight_precision.FULL, *weight_precision.PRECISIONS)
+    assert export.PRECISIONS == (onnx_file.FULL, *onnx_file.PRECISIONS)
 
 
 @pytest.mark.parametrize("text", ["x", "1.5", "0", "11", ""])

@@ -5,8 +5,7 @@ import pytest
 from _closed_form import ClosedForm
 
 from ddf.core import checks
-from ddf.fields import checked_cloud
-from ddf.fields.scenes import scene_field
+from ddf.fields import checked_cloud, scene_field
 from ddf.geometry import primitives
 
 SPHERE = ClosedForm(primitives.Sphere(radius=0.8))

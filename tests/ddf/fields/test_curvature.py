@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from ddf.fields import curvature, pddf, siren
+from ddf.fields import derivatives, pddf, siren
 from ddf.geometry import primitives, rays
 
 WIDTHS = (16, 16, 8)
@@ -42,7 +42,7 @@ def _autograd_hessian(field, p, v, modulations):
 def test_curvatures_equal_property_v_from_autograd(modulated, activation):
     field, modulations = _field(activation), _modulations(2) if modulated else None
     p, v = _random(2, 40, 3), functional.normalize(_random(2, 40, 3, seed=2), dim=-1)
-    found = curvature.Surface(field, p, v, modulations)
+    found = derivatives.Surface(field, p, v, modulations)
     gradient, hessian = _autograd_hessian(field, p, v, modulations)
     n = functional.normalize(gradient, dim=-1)
     n = torch.where((n * v).sum(-1, keepdim=True) > 0, -n, n)
@@ -71,7 +71,7 @@ def test_property_v_on_exact_depth_has_the_signs_of_the_primitives(inside):
     (gradient,) = torch.autograd.grad(depth.sum(), start, create_graph=True)
     hessian = torch.stack([torch.autograd.grad(gradient[:, i].sum(), start, retain_graph=True)[0] for i in range(3)], 1)
     n = primitives.cast(sphere, points).normals
-    t_1, t_2 = curvature.tangent_basis(n)
+    t_1, t_2 = derivatives.tangent_basis(n)
     slope = (n * v).sum(-1)
     form = [[slope * torch.einsum("ni,nij,nj->n", a, hessian, b) for a in (t_1, t_2)] for b in (t_1, t_2)]
     expected = primitives.curvatures(sphere, points)
@@ -85,11 +85,11 @@ def test_only_what_is_asked_is_computed(monkeypatch):
     field = _field()
     p, v = _random(5, 3), functional.normalize(_random(5, 3, seed=2), dim=-1)
     calls = []
-    form = curvature.hessian_form
+    form = derivatives.hessian_form
     monkeypatch.setattr(
-        curvature, "hessian_form", lambda bends, g, one, two: calls.append(1) or form(bends, g, one, two)
+        derivatives, "hessian_form", lambda bends, g, one, two: calls.append(1) or form(bends, g, one, two)
     )
-    both = curvature.Surface(field, p, v)
+    both = derivatives.Surface(field, p, v)
     assert not calls
     mean = both.mean
     assert len(calls) == 2
@@ -99,15 +99,15 @@ def test_only_what_is_asked_is_computed(monkeypatch):
 
 def test_tangent_basis_is_orthonormal_and_finite_at_zero():
     n = torch.cat((functional.normalize(_random(50, 3), dim=-1), torch.eye(3).double(), -torch.eye(3).double()))
-    frame = torch.stack((*curvature.tangent_basis(n), n), dim=-1)
+    frame = torch.stack((*derivatives.tangent_basis(n), n), dim=-1)
     torch.testing.assert_close(frame.transpose(-1, -2) @ frame, torch.eye(3).double().expand(56, 3, 3))
-    assert all(bool(torch.isfinite(t).all()) for t in curvature.tangent_basis(torch.zeros(2, 3)))
+    assert all(bool(torch.isfinite(t).all()) for t in derivatives.tangent_basis(torch.zeros(2, 3)))
 
 
 def test_parameters_receive_the_gradient_of_a_curvature():
     field = _field()
     p, v = _random(6, 3), functional.normalize(_random(6, 3, seed=2), dim=-1)
-    found = curvature.Surface(field, p, v)
+    found = derivatives.Surface(field, p, v)
     (found.mean.square().sum() + found.gaussian.square().sum()).backward()
     weight = field.network.layers[1].weight.grad
     assert weight is not None

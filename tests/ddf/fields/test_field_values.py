@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from ddf.core import checks
-from ddf.fields import curvature, derivatives, field_outputs, field_values, pddf
+from ddf.fields import derivatives, field_outputs, field_values, pddf
 
 
 @pytest.mark.parametrize("activation", ["relu", "softplus"])
@@ -23,8 +23,8 @@ def test_each_output_alone_and_with_all_others_is_that_of_autograd(activation, c
         "visibility": raw[:, -1].sigmoid(),
         "depth": field.depths(raw).gather(-1, chosen)[:, 0],
         "normals": normals(raw[:, :components].gather(-1, chosen)),
-        "mean_curvature": curvature.Surface(field, positions, directions).mean,
-        "gaussian_curvature": curvature.Surface(field, positions, directions).gaussian,
+        "mean_curvature": derivatives.Surface(field, positions, directions).mean,
+        "gaussian_curvature": derivatives.Surface(field, positions, directions).gaussian,
         **{f"weight_{i + 1}": weights[:, i] for i in range(components - 1)},
         **{f"normals_{i + 1}": normals(raw[:, i]) for i in range(components if components > 1 else 0)},
     }

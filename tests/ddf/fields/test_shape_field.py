@@ -10,7 +10,6 @@ from torch.nn import functional
 from ddf.core import checks, storage
 from ddf.fields import (
     cloud_projection,
-    curvature,
     derivatives,
     field_outputs,
     field_values,
@@ -105,7 +104,7 @@ def test_answers_are_those_of_the_network_in_the_unit_of_the_mesh(shape):
     found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), field_outputs.of(2))
     with torch.no_grad():
         raw = shape.field(p.float(), v.float())
-        surface = curvature.Surface(shape.field.requires_grad_(False), p.float(), v.float())
+        surface = derivatives.Surface(shape.field.requires_grad_(False), p.float(), v.float())
     seen = (pddf.visibility(raw) >= 0.5).numpy()
     assert 0 < seen.sum() < len(seen)
     assert evaluated == len(p)

@@ -4,20 +4,19 @@ import numpy as np
 import pytest
 from _shapes import cube, icosphere, joined, moved
 
-from ddf.fields import mesh_field
 from ddf.fit import fitting, inspection
 from ddf.geometry import mesh_io, raycast
 
 
-def asked(mesh: mesh_io.Mesh, instead: mesh_io.Mesh | None = None) -> mesh_field.MeshField:
+def asked(mesh: mesh_io.Mesh, instead: mesh_io.Mesh | None = None) -> inspection.MeshField:
     """A mesh as a field, or another one in its box and frame."""
     _, place = fitting.in_cube(mesh)
     lower, upper = (place.apply(np.array([corner]))[0] for corner in mesh.box())
-    return mesh_field.MeshField(raycast.Scene(instead or mesh), lower, upper, place)
+    return inspection.MeshField(raycast.Scene(instead or mesh), lower, upper, place)
 
 
 def measured(field, mesh):
-    return inspection.measure(field, mesh_field.beside(field, mesh))
+    return inspection.measure(field, inspection.beside(field, mesh))
 
 
 def test_the_mesh_itself_is_without_fault():

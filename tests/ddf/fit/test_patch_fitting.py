@@ -12,7 +12,7 @@ import ddf
 from ddf import cli
 from ddf.core import checks, storage
 from ddf.fields import shape_field, stored_fields
-from ddf.fields.grid import build, octree, patch_field
+from ddf.fields.grid import octree, patch_field
 from ddf.fit import patch_fitting
 from ddf.geometry import mesh_io
 
@@ -20,7 +20,7 @@ from ddf.geometry import mesh_io
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("patches") / "cube"
-    return folder, patch_fitting.fit(cube(2.0), build.PatchConfig(), folder, {"cube.ply": "0"})
+    return folder, patch_fitting.fit(cube(2.0), octree.PatchConfig(), folder, {"cube.ply": "0"})
 
 
 def test_held_out_errors_are_those_of_an_exact_field(fitted):
@@ -82,7 +82,7 @@ def test_every_command_on_a_field_takes_patches(fitted, tmp_path, capsys):
 
 
 def test_the_same_mesh_gives_the_same_bytes(fitted, tmp_path):
-    patch_fitting.fit(cube(2.0), build.PatchConfig(), tmp_path, {"cube.ply": "0"})
+    patch_fitting.fit(cube(2.0), octree.PatchConfig(), tmp_path, {"cube.ply": "0"})
     assert (tmp_path / "model.safetensors").read_bytes() == (fitted[0] / "model.safetensors").read_bytes()
 
 
@@ -93,10 +93,10 @@ def test_what_needs_a_network_refuses_patches(fitted):
 
 
 def test_another_mesh_in_the_folder_is_kept_unless_forced(fitted, tmp_path):
-    patch_fitting.fit(icosphere(2), build.PatchConfig(), tmp_path)
+    patch_fitting.fit(icosphere(2), octree.PatchConfig(), tmp_path)
     with pytest.raises(checks.InputError, match="holds the field of another mesh"):
-        patch_fitting.fit(cube(), build.PatchConfig(), tmp_path)
-    patch_fitting.fit(cube(), build.PatchConfig(), tmp_path, force=True)
+        patch_fitting.fit(cube(), octree.PatchConfig(), tmp_path)
+    patch_fitting.fit(cube(), octree.PatchConfig(), tmp_path, force=True)
     assert ddf.load(tmp_path).query([[0.0, 0.0, 3.0]], [[0, 0, -1.0]])["depth"] == pytest.approx(2, abs=1e-4)
 
 

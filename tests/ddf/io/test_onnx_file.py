@@ -11,7 +11,7 @@ from _support import assert_close
 
 from ddf.core import checks, extras, shipped_models, storage
 from ddf.fields import derivatives, field_outputs, pddf
-from ddf.io import exportable, onnx_file, onnx_graphs, onnx_parity, onnx_reductions, weight_precision
+from ddf.io import onnx_file, onnx_graphs, onnx_parity
 
 ALL = field_outputs.of(2)
 SOURCE = {"source": "chair/model.safetensors", "source_sha256": "0" * 64, "config": {"kind": "ddf"}}
@@ -91,7 +91,7 @@ def test_axes_counted_from_the_front_change_no_value(monkeypatch):
     graph = onnx_graphs.FieldGraph(_models.field(), ALL)
     inputs = dict(zip(graph.inputs, _models.points(33), strict=True))
     found = _run(onnx_file.to_onnx(graph, SOURCE), inputs, ALL)
-    monkeypatch.setattr(onnx_reductions, "count_axes_from_the_front", lambda model: None)
+    monkeypatch.setattr(onnx_file, "count_axes_from_the_front", lambda model: None)
     before = onnx_file.to_onnx(graph, SOURCE)
     for name, values in _run(before, inputs, ALL).items():
         assert np.array_equal(values, found[name])
@@ -105,7 +105,7 @@ def test_shipped_fields_take_no_rows_and_come_from_the_weights_beside_them():
         inputs = {name: torch.zeros(0, 3) for name in ("positions", "directions")}
         found = onnx_parity.run(runner, inputs, onnx_file.ExportConfig().outputs)
         assert [found[name].shape for name in ("depth", "normals", "mean_curvature")] == [(0,), (0, 3), (0,)]
-        _, source = exportable.load(folder, ALL)
+        _, source = onnx_file.load_graphs(folder, ALL)
         assert _properties((folder / "field.onnx").read_bytes())["source_sha256"] == source["source_sha256"]
 
 
@@ -184,7 +184,7 @@ def test_bundle_equals_encoders_then_field():
 
 def test_file_says_what_it_is(tmp_path):
     folder = _models.write_model(tmp_path / "chair")
-    graphs, source = exportable.load(folder, ALL)
+    graphs, source = onnx_file.load_graphs(folder, ALL)
     data = onnx_file.to_onnx(graphs["field"], source)
     model, found = onnx.load_from_string(data), _properties(data)
     assert [(entry.domain, entry.version) for entry in model.opset_import] == [("", onnx_file.OPSET)]
@@ -243,9 +243,9 @@ def test_file_that_differs_from_its_model_is_refused_and_leaves_nothing(tmp_path
 def test_smaller_weights_are_measured_and_labelled(tmp_path):
     graph = onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)["field"]
     data = onnx_file.to_onnx(graph, SOURCE)
-    config = onnx_file.ExportConfig(ALL, (1, 7), weight_precision.PRECISIONS, 0)
+    config = onnx_file.ExportConfig(ALL, (1, 7), onnx_file.PRECISIONS, 0)
     rows = onnx_file.measure_precisions(graph, "field", data, config)
-    assert {row.precision for row in rows} == set(weight_precision.PRECISIONS)
+    assert {row.precision for row in rows} == set(onnx_file.PRECISIONS)
     numbers = [value for row in rows for value in row.to_dict().values() if isinstance(value, float)]
     assert np.isfinite(numbers).all()
     mean = {row.precision: row.mean_abs for row in rows if (row.output, row.cases) == ("visibility", "random 4096")}
@@ -259,14 +259,14 @@ def test_smaller_weights_are_measured_and_labelled(tmp_path):
 def test_wide_files_halve_and_quarter():
     wide = pddf.PDDF(pddf.PDDFConfig((128, 128), 1.0, 1.0, "relu", 1.0))
     data = onnx_file.to_onnx(onnx_graphs.FieldGraph(wide, ("depth",)), SOURCE)
-    sizes = {name: len(weight_precision.reduce(data, name)) for name in weight_precision.PRECISIONS}
+    sizes = {name: len(onnx_file.reduce(data, name)) for name in onnx_file.PRECISIONS}
     assert sizes["float16"] < 0.56 * len(data)
     assert sizes["bfloat16"] < 0.56 * len(data)
 
 
 def test_float16_weights_are_the_rounded_ones():
     field = _models.field()
-    data = weight_precision.reduce(onnx_file.to_onnx(onnx_graphs.FieldGraph(field, ("depth",)), SOURCE), "float16")
+    data = onnx_file.reduce(onnx_file.to_onnx(onnx_graphs.FieldGraph(field, ("depth",)), SOURCE), "float16")
     positions, directions = _models.points(20)
     found = _run(data, {"positions": positions, "directions": directions}, ["depth"])["depth"]
     with torch.no_grad():

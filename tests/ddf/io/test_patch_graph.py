@@ -13,7 +13,7 @@ from _support import assert_close
 import ddf
 from ddf import cli
 from ddf.core import checks
-from ddf.fields.grid import build, kernels, patch_field
+from ddf.fields.grid import kernels, octree, patch_field
 from ddf.fit import patch_fitting
 from ddf.io import onnx_field, patch_graph
 
@@ -24,7 +24,7 @@ TOLERANCES = {"visibility": 0.0, "depth": 1e-6, "normals": 1e-6, "mean_curvature
 def exported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("patches")
     shape = joined(torus(), cube(0.2))  # curved and flat, and edges
-    patch_fitting.fit(shape, build.PatchConfig(1e-3), folder)
+    patch_fitting.fit(shape, octree.PatchConfig(1e-3), folder)
     assert cli.main(["export", "--json", str(folder), str(folder / "field.onnx")]) == 0
     return folder
 

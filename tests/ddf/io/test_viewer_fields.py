@@ -10,10 +10,10 @@ from _support import assert_close
 
 from ddf.core import checks
 from ddf.fields import pddf, shape_field
-from ddf.fields.grid import build, patch_field
+from ddf.fields.grid import octree, patch_field
 from ddf.fit import fitting
 from ddf.geometry import transforms
-from ddf.io import viewer_fields
+from ddf.io import viewer_page
 
 
 def _field():
@@ -41,7 +41,7 @@ def _plain(baked, inputs):
 def test_frequencies_are_baked_in():
     field, inputs = _field(), torch.randn(5, 6, generator=torch.Generator().manual_seed(1))
     expected = field.network(inputs)
-    assert_close(_plain(viewer_fields.bake(_shape(field), "one"), inputs.numpy()), expected)
+    assert_close(_plain(viewer_page.bake(_shape(field), "one"), inputs.numpy()), expected)
 
 
 def test_modulations_are_baked_in():
@@ -49,34 +49,34 @@ def test_modulations_are_baked_in():
     field, inputs = _field(), torch.randn(5, 6, generator=generator)
     modulations = [0.5 + torch.rand(1, width, generator=generator) for width in field.config.hidden]
     expected = field.network(inputs, modulations)
-    assert_close(_plain(viewer_fields.bake(_shape(field, modulations), "one"), inputs.numpy()), expected)
+    assert_close(_plain(viewer_page.bake(_shape(field, modulations), "one"), inputs.numpy()), expected)
     assert (expected - field.network(inputs)).abs().max() > 0.1
 
 
 def test_the_record_says_how_the_field_is_asked():
-    record = viewer_fields.bake(_shape(_field()), "one").record
+    record = viewer_page.bake(_shape(_field()), "one").record
     assert record["widths"] == [6, 8, 12, 4]
     assert record["field_from_mesh"]["scale"] == 2.0 and record["world_from_mesh"]["scale"] == 1.0
 
 
 def test_several_fields_share_a_block():
-    one, two = (viewer_fields.bake(_shape(_field()), "f") for _ in range(2))
-    records, numbers = viewer_fields.together([one, two])
+    one, two = (viewer_page.bake(_shape(_field()), "f") for _ in range(2))
+    records, numbers = viewer_page.together([one, two])
     assert [record["offset"] for record in records] == [0, len(one.numbers)]
     assert_close(numbers[records[1]["offset"] :], two.numbers)
 
 
 def test_a_field_that_stands_twice_is_there_once():
-    one = viewer_fields.bake(_shape(_field()), "f")
-    records, numbers = viewer_fields.together([one, viewer_fields.placed(one, transforms.Similarity(3.0))])
+    one = viewer_page.bake(_shape(_field()), "f")
+    records, numbers = viewer_page.together([one, viewer_page.placed(one, transforms.Similarity(3.0))])
     assert [record["offset"] for record in records] == [0, 0] and len(numbers) == len(one.numbers)
     assert records[1]["world_from_mesh"]["scale"] == 3.0
 
 
 def test_patches_are_in_the_block_as_in_their_file():
-    arrays, record = patch_field.fitted(*fitting.in_cube(icosphere(2)), build.PatchConfig(depth=1))
+    arrays, record = patch_field.fitted(*fitting.in_cube(icosphere(2)), octree.PatchConfig(depth=1))
     field = patch_field.of(arrays, record)
-    baked = viewer_fields.bake(field, "ball")
+    baked = viewer_page.bake(field, "ball")
     counts, data = {name: baked.record[name] for name in ("codes", "bends", "cells")}, baked.numbers.tobytes()
     assert counts == {name: len(arrays[name]) for name in counts} and counts["bends"] > 0
     assert baked.record["kind"] == "patches" and baked.record["tolerance"] == field.tolerance
@@ -89,11 +89,11 @@ def test_patches_are_in_the_block_as_in_their_file():
 
 def test_a_page_needs_a_field():
     with pytest.raises(checks.InputError, match="at least one field"):
-        viewer_fields.together([])
+        viewer_page.together([])
 
 
 @pytest.mark.parametrize("components", [1, 3])
 def test_a_page_draws_fields_of_two_components_alone(components):
     field = pddf.PDDF(pddf.PDDFConfig((8,), 3.0, 2.0, "softplus", 100.0, components=components))
     with pytest.raises(checks.InputError, match=f"the page draws fields of two components; got {components}"):
-        viewer_fields.bake(_shape(field), "own")
+        viewer_page.bake(_shape(field), "own")

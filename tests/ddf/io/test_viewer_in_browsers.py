@@ -20,7 +20,7 @@ from ddf.cli.field import view
 from ddf.core import shipped_models
 from ddf.data import shapenet
 from ddf.fields import checked_cloud, shape_field
-from ddf.fields.grid import build
+from ddf.fields.grid import octree
 from ddf.fit import patch_fitting
 from ddf.io import viewable, viewer_page
 from ddf.models import out_of_distribution, reconstruction_models
@@ -276,7 +276,7 @@ def test_a_handle_moves_its_object(pair):
 @pytest.fixture(scope="module")
 def ring(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("patches") / "ring"
-    patch_fitting.fit(torus(), build.PatchConfig(1e-3), folder)
+    patch_fitting.fit(torus(), octree.PatchConfig(1e-3), folder)
     return folder
 
 

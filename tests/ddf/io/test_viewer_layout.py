@@ -10,7 +10,7 @@ from _support import assert_close
 from ddf.core import checks
 from ddf.fields import shape_field
 from ddf.geometry import transforms
-from ddf.io import viewer_fields, viewer_layout
+from ddf.io import viewable, viewer_page
 
 
 @pytest.fixture
@@ -23,17 +23,17 @@ def shapes(tmp_path):
 
 def _boxes(page, shapes):
     places = [transforms.Similarity.from_dict(field.record["world_from_mesh"]) for field in page.fields]
-    return [place.apply(viewer_layout.corners(shape)) for place, shape in zip(places, shapes, strict=True)]
+    return [place.apply(viewable.corners(shape)) for place, shape in zip(places, shapes, strict=True)]
 
 
 @pytest.mark.parametrize(("up", "height", "right"), [("y", 1, [0, 0, -1]), ("z", 2, [0, 1, 0])])
 def test_a_row_stands_on_one_floor_as_large_as_the_first(shapes, up, height, right):
-    page = viewer_layout.row_page("row", [("small", shapes[0]), ("large", shapes[1])], up)
+    page = viewable.side_by_side("row", [("small", shapes[0]), ("large", shapes[1])], up)
     first, second = _boxes(page, shapes)
-    side = np.ptp(viewer_layout.corners(shapes[0]), axis=0)
+    side = np.ptp(viewable.corners(shapes[0]), axis=0)
     assert_close(np.ptp(first, axis=0), side)
     assert_close(np.ptp(second, axis=0), side)
-    assert_close((second @ right).min() - (first @ right).max(), np.array(viewer_layout.GAP * side.max()))
+    assert_close((second @ right).min() - (first @ right).max(), np.array(viewable.GAP * side.max()))
     for box in (first, second):
         assert_close(box[:, height].min(), np.array(0.0), atol=1e-12)
         assert_close(box[:, 0].min(), -box[:, 0].max())
@@ -43,12 +43,12 @@ def test_a_row_stands_on_one_floor_as_large_as_the_first(shapes, up, height, rig
 
 
 def test_a_field_that_stands_twice_in_a_row_is_there_once(shapes):
-    page = viewer_layout.row_page("row", [("left", shapes[0]), ("right", shapes[0])])
-    records, numbers = viewer_fields.together(page.fields)
+    page = viewable.side_by_side("row", [("left", shapes[0]), ("right", shapes[0])])
+    records, numbers = viewer_page.together(page.fields)
     assert [record["name"] for record in records] == ["left", "right"]
     assert [record["offset"] for record in records] == [0, 0] and len(numbers) == len(page.fields[0].numbers)
 
 
 def test_an_empty_row_is_named():
     with pytest.raises(checks.InputError, match="at least one field"):
-        viewer_layout.row_page("row", [])
+        viewable.side_by_side("row", [])

@@ -9,7 +9,7 @@ from _support import assert_close
 from PIL import Image
 
 from ddf.geometry import cameras
-from ddf.pictures import field_pictures, picture_strips, viridis
+from ddf.pictures import field_pictures, picture_strips
 
 _CAMERA = np.array([0.7, 0.45, 0.8])
 _WHITE = np.full(3, 255)
@@ -58,7 +58,7 @@ def test_depth_is_viridis_with_near_yellow_and_white_where_nothing_is_seen():
     depth = np.array([[1.0, 2.0], [1.5, np.inf]])
     visibility = np.array([[0.9, 0.8], [0.2, 0.9]])
     picture = field_pictures.depth_picture(depth, visibility)
-    ends = np.rint(255 * viridis.colours(np.array([1.0, 0.0]))).astype(int)
+    ends = np.rint(255 * field_pictures.colours(np.array([1.0, 0.0]))).astype(int)
     assert np.abs(picture[0].astype(int) - ends).max() <= 1
     assert (picture[1] == 255).all()
     assert (field_pictures.depth_picture(depth, np.zeros((2, 2))) == 255).all()

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from ddf.core import checks
-from ddf.fields import framed_field
-from ddf.fields.scenes import scene_field
+from ddf.fields import framed_field, scene_field
 from ddf.geometry import cameras, transforms
 from ddf.pictures import shaded
 

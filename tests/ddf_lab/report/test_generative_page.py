@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ddf.core import storage
-from ddf.pictures import sheets
+from ddf.pictures import picture_strips
 from ddf.training import training_loop
 from ddf_lab.report import generative_page
 from ddf_lab.run import Run
@@ -88,7 +88,11 @@ def test_a_sheet_has_a_row_of_cells_for_each_name():
     from PIL import Image
 
     images = np.zeros((2, 3, 64, 64))
-    with Image.open(BytesIO(sheets.sheet([("one", images), ("two", images[:1])]))) as picture:
-        assert picture.size == (2 * sheets.CELL + 4, 2 * (sheets.CELL + 28))
-        assert picture.getpixel((10, 24 + sheets.CELL // 2)) == (0, 0, 0)
-        assert picture.getpixel((sheets.CELL + 20, picture.height - sheets.CELL // 2)) == (255, 255, 255)
+    with Image.open(BytesIO(picture_strips.sheet([("one", images), ("two", images[:1])]))) as picture:
+        assert picture.size == (2 * picture_strips.SHEET_CELL + 4, 2 * (picture_strips.SHEET_CELL + 28))
+        assert picture.getpixel((10, 24 + picture_strips.SHEET_CELL // 2)) == (0, 0, 0)
+        assert picture.getpixel((picture_strips.SHEET_CELL + 20, picture.height - picture_strips.SHEET_CELL // 2)) == (
+            255,
+            255,
+            255,
+        )

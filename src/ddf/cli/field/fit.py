@@ -92,10 +92,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 def _patches(args: argparse.Namespace) -> dict[str, Any]:
     """As `run`, of patches."""
     from ddf.core import storage
-    from ddf.fields.grid import build
+    from ddf.fields.grid import octree
     from ddf.fit import patch_fitting
 
-    config = build.PatchConfig() if args.tolerance is None else build.PatchConfig(tolerance=args.tolerance)
+    config = octree.PatchConfig() if args.tolerance is None else octree.PatchConfig(tolerance=args.tolerance)
     mesh = _mesh(args)
     source = {args.mesh.name: storage.checksum(args.mesh)}
     result = patch_fitting.fit(mesh, config, args.out, source, force=args.force)
@@ -116,14 +116,14 @@ def _answer(args: argparse.Namespace, mesh: "mesh_io.Mesh", result: dict[str, An
     """The result with how the field looks beside the mesh: a picture, a table and a verdict."""
     from ddf.cli import image_files
     from ddf.core import storage
-    from ddf.fields import mesh_field, stored_fields
+    from ddf.fields import stored_fields
     from ddf.fit import fitting, inspection
 
     picture, looks = args.out / inspection.PICTURE, result.get("looks")
     del result["already"]
     if looks is None or not picture.is_file():
         field = stored_fields.load(args.out)
-        truth = mesh_field.beside(field, mesh)
+        truth = inspection.beside(field, mesh)
         looks = inspection.measure(field, truth)
         storage.write_bytes(picture, image_files.encode(inspection.picture(field, truth), picture.suffix))
         storage.write_json(args.out / fitting.METRICS, {**result, "looks": looks})

@@ -5,7 +5,7 @@ import time
 from typing import Any
 
 from ddf.cli import arguments
-from ddf.fields import cloud_defaults
+from ddf.fields import stored_fields
 
 EXAMPLES = ("ddf points rabbit cloud.ply -n 2000",)
 
@@ -19,14 +19,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--cycles",
         metavar="H",
         type=int,
-        default=cloud_defaults.CLOUD["cycles"],
+        default=stored_fields.CLOUD["cycles"],
         help="projections N_H (default %(default)s)",
     )
     parser.add_argument(
         "--directions",
         metavar="N",
         type=int,
-        default=cloud_defaults.CLOUD["num_directions"],
+        default=stored_fields.CLOUD["num_directions"],
         help="tried per point and projection (default %(default)s)",
     )
     parser.add_argument("--no-normals", action="store_true", help="write the points alone, in less time")
@@ -37,13 +37,13 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Draw the points and write them with the normals that the field gives where it is asked beside them."""
     from ddf.core import storage
     from ddf.fields import stored_fields
-    from ddf.fit import cloud_normals
+    from ddf.fit import surfaces
     from ddf.geometry import mesh_io
 
     shape = stored_fields.load(args.field)
     started = time.monotonic()
     points = stored_fields.points(shape, args.points, args.seed, num_directions=args.directions, cycles=args.cycles)
-    normals = None if args.no_normals else cloud_normals.ask(shape, points)
+    normals = None if args.no_normals else surfaces.normals_at(shape, points)
     seconds = time.monotonic() - started
     storage.write_bytes(args.out, mesh_io.points_ply(points, normals))
     unknown = 0 if normals is None else int((normals == 0).all(axis=1).sum())

@@ -133,8 +133,7 @@ def _shaded(suffix: str, args: argparse.Namespace) -> dict[str, Any]:
 
     from ddf.cli.field import load
     from ddf.core import storage
-    from ddf.fields import framed_field
-    from ddf.fields.scenes import scene_field
+    from ddf.fields import framed_field, scene_field
     from ddf.pictures import shaded
 
     shape = scene_field.Counted(load.framed(args.field, ("depth", "normals")))

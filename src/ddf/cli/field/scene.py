@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from ddf.api import scene_file
     from ddf.api.scene import Scene
-    from ddf.fields.scenes import camera_paths, scene_field
+    from ddf.fields import scene_field
 
 EXAMPLES = (
     "ddf scene scene.yaml scene.png",
@@ -102,7 +102,7 @@ def _counted(scene: "Scene") -> "tuple[scene_field.SceneField, tuple[scene_field
     """The scene with fields that count what they are asked for."""
     import dataclasses
 
-    from ddf.fields.scenes import scene_field
+    from ddf.fields import scene_field
 
     assert isinstance(scene.framed, scene_field.SceneField)
     counted = tuple(scene_field.Counted(each) for each in scene.framed.fields)
@@ -111,26 +111,25 @@ def _counted(scene: "Scene") -> "tuple[scene_field.SceneField, tuple[scene_field
 
 def _cameras(
     field: "scene_field.SceneField", content: "scene_file.SceneFile", args: argparse.Namespace
-) -> "list[camera_paths.LookAt]":
+) -> "list[scene_field.LookAt]":
     """One, or those of the path."""
-    from ddf.fields import framed_field
-    from ddf.fields.scenes import camera_paths
+    from ddf.fields import framed_field, scene_field
 
     azimuth, elevation, radius = args.camera
     if args.path == "orbit":
-        return camera_paths.orbit(field, azimuth, elevation, radius, args.frames, content.up)
+        return scene_field.orbit(field, azimuth, elevation, radius, args.frames, content.up)
     if args.path == "fly" and content.fly:
-        return camera_paths.fly([waypoint.look_at() for waypoint in content.fly], args.frames)
+        return scene_field.fly([waypoint.look_at() for waypoint in content.fly], args.frames)
     if radius is None:
         radius = framed_field.framing_radius(field, azimuth, elevation, content.up)
-    first = camera_paths.one(field, azimuth, elevation, radius, content.up)
+    first = scene_field.one(field, azimuth, elevation, radius, content.up)
     if args.path == "fly":
-        return camera_paths.fly(camera_paths.straight_in(field, first), args.frames)
+        return scene_field.fly(scene_field.straight_in(field, first), args.frames)
     return [first]
 
 
 def _frame(
-    field: "scene_field.SceneField", look: "camera_paths.LookAt", args: argparse.Namespace, up: str
+    field: "scene_field.SceneField", look: "scene_field.LookAt", args: argparse.Namespace, up: str
 ) -> "dict[str, np.ndarray]":
     """What one camera sees: the outputs asked for and the visibility."""
     from ddf.fields import framed_field

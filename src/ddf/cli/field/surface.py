@@ -70,12 +70,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }
     verdict = f"{len(mesh.faces):,} triangles in {args.out}"
     if truth is not None:
-        from ddf.metrics import surface_scores
+        from ddf.metrics import cloud_scores
 
         used = truth.surface_vertices()
         unit = 2 / float(np.ptp(used, axis=0).max())
         same = [mesh_io.Mesh(unit * each.vertices, each.faces) for each in (mesh, truth)]
-        scores = surface_scores.compare(same[0], same[1])
+        scores = cloud_scores.compare_meshes(same[0], same[1])
         result |= {
             "chamfer_l1": scores.chamfer_l1,
             "chamfer_l2_sq": scores.clouds.chamfer_l2_sq,

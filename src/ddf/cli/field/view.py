@@ -91,28 +91,28 @@ def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
 def _field(path: Path, up: str) -> "viewer_page.Page":
     """The page of a field with its first picture, or of a model."""
     from ddf.cli.field import load
-    from ddf.io import viewable, viewer_picture
+    from ddf.io import viewable, viewer_page
 
     page = viewable.page(path, up)
     if page.encoders is not None:
         return page
     shape = load.framed(path if path.is_dir() else path.parent, ("depth", "normals"))
-    return dataclasses.replace(page, first=viewer_picture.first(shape, page.azimuth, up))
+    return dataclasses.replace(page, first=viewer_page.first(shape, page.azimuth, up))
 
 
 def _scene(file: Path) -> "viewer_page.Page":
     """The page of a scene file; a field that it names several times is in the page once."""
     from ddf.api import scene_file
-    from ddf.io import viewable, viewer_fields, viewer_layout, viewer_picture
+    from ddf.io import viewable, viewer_page
 
     content = scene_file.read(file)
     scene = scene_file.build(content, file.parent).framed
     baked = {}
     for name in {placement.field for placement in content.objects}:
         folder = shipped_models.place(scene_file.place(file.parent, name))
-        baked[name] = viewer_fields.bake(viewable.field(folder), viewable.name_of(folder))
-    fields = [viewer_fields.placed(baked[placement.field], placement.similarity()) for placement in content.objects]
-    page = viewer_layout.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)
+        baked[name] = viewer_page.bake(viewable.field(folder), viewable.name_of(folder))
+    fields = [viewer_page.placed(baked[placement.field], placement.similarity()) for placement in content.objects]
+    page = viewable.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)
     if page.box is not None:  # the page cuts the box open
         return page
-    return dataclasses.replace(page, first=viewer_picture.first(scene, page.azimuth, content.up))
+    return dataclasses.replace(page, first=viewer_page.first(scene, page.azimuth, content.up))

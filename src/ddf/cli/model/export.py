@@ -12,7 +12,7 @@ EXAMPLES = (
     "ddf export rabbit small.onnx --precision float16 --outputs depth,visibility",
     "ddf export rabbit armchair pair.html",
 )
-PRECISIONS = ("float32", "float16", "bfloat16")  # of `weight_precision`
+PRECISIONS = ("float32", "float16", "bfloat16")  # of `onnx_file`
 BATCHES = (1, 7, 65536)  # rays that the file and the model are compared with
 
 
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         return _page(args)
     from ddf.core import checks
     from ddf.fields import model_files
-    from ddf.io import exportable, onnx_file
+    from ddf.io import onnx_file
 
     model, *others = args.model
     if others:
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     settings = onnx_file.ExportConfig(field_outputs.DEFAULT, BATCHES)
     outputs = args.outputs
     folder = model.parent if model.name == model_files.MODEL else model
-    graphs, source = exportable.load(folder, outputs)
+    graphs, source = onnx_file.load_graphs(folder, outputs)
     name = args.graph or next(iter(graphs))
     if name not in graphs:
         raise checks.InputError(f"--graph must be one of {', '.join(graphs)} for {folder}; got {name!r}")

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import torch
 
     from ddf.fields import shape_field
-    from ddf.pictures import field_pictures, sheets
+    from ddf.pictures import field_pictures, picture_strips
     from ddf.reconstruction import sampler
 
 EXAMPLES = (
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     from ddf.core import shipped_models, storage
     from ddf.fields import shape_field
     from ddf.models import generated_images
-    from ddf.pictures import sheets
+    from ddf.pictures import picture_strips
     from ddf.reconstruction import sampler
 
     path = shipped_models.require(args.model, "reconstruction")
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         steps = [_look(model, model.decode(latent), texture) for latent, texture in zip(*ends, strict=True)]
         made["between"] = _rows(steps, _BETWEEN)
     for name, rows in made.items():
-        storage.write_bytes(args.out / f"{name}.webp", sheets.sheet(rows, _SIZE))
+        storage.write_bytes(args.out / f"{name}.webp", picture_strips.sheet(rows, _SIZE))
     first = (args.out / "000").as_posix()
     return {
         "samples": [f"{number:03d}" for number in range(args.samples)],
@@ -98,7 +98,9 @@ def _look(
     return found
 
 
-def _rows(looks: "Sequence[dict[str, field_pictures.Picture]]", per_line: int = _PER_LINE) -> "list[sheets.Row]":
+def _rows(
+    looks: "Sequence[dict[str, field_pictures.Picture]]", per_line: int = _PER_LINE
+) -> "list[picture_strips.Row]":
     """Lines of shapes, each above that of its images."""
     import numpy as np
 

@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from ddf.core import checks, storage
 from ddf.fields import checked_cloud, framed_field
-from ddf.fields.grid import build, kernels, octree
+from ddf.fields.grid import kernels, octree
 from ddf.geometry import mesh_io, transforms
 
 KIND = "patches"  # of the file's record
@@ -111,7 +111,7 @@ class PatchField:
 
 
 def fitted(
-    mesh: mesh_io.Mesh, own_from_mesh: transforms.Similarity, config: build.PatchConfig
+    mesh: mesh_io.Mesh, own_from_mesh: transforms.Similarity, config: octree.PatchConfig
 ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """The arrays of a mesh's patches, and what the record of the file must hold besides what every artefact carries.
 
@@ -122,7 +122,7 @@ def fitted(
     """
     mesh = mesh_io.Mesh((1 - MARGIN) * mesh.vertices, mesh.faces)
     lower, upper = mesh.box()
-    return build.build(mesh, config), {
+    return octree.build(mesh, config), {
         "kind": KIND,
         "tolerance": config.tolerance,
         "box": {"lower": (lower - BOX_MARGIN).tolist(), "upper": (upper + BOX_MARGIN).tolist()},

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.fields import curvature
+from ddf.fields import derivatives
 from ddf.fields.grid import patch_field
 
 COUNT = 12  # rays of a bundle
@@ -54,7 +54,7 @@ class _Bundle(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, positions: Tensor, directions: Tensor, soft: SoftPatches) -> Tensor:
         starts, ways = (each.reshape(-1, 3).double() for each in (positions, directions))
-        points, axes = soft.radius * disc(), torch.stack(curvature.tangent_basis(ways), 1)
+        points, axes = soft.radius * disc(), torch.stack(derivatives.tangent_basis(ways), 1)
         off = points @ axes  # (n, k, 3)
         asked = (starts[:, None] + off).reshape(-1, 3), ways.repeat_interleave(COUNT, 0)
         found = soft.field.evaluate(asked[0].numpy(), asked[1].numpy(), ("visibility", "depth", "normals"))

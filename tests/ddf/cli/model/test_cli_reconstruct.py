@@ -11,7 +11,7 @@ import ddf
 from ddf import cli
 from ddf.core import provenance, shipped_models, storage
 from ddf.data import cutouts, mesh_topology
-from ddf.fields import cloud_defaults, cloud_projection, model_files
+from ddf.fields import cloud_projection, model_files, stored_fields
 from ddf.geometry import mesh_io
 from ddf.models import out_of_distribution
 from ddf.reconstruction import framing, mask_descent, one_image
@@ -38,7 +38,7 @@ def test_reconstruct_writes_a_thing(tmp_path, capsys, monkeypatch):
         *("camera.json", "cloud.ply", "model.safetensors", "picture.png", "shape.glb", "shape.ply")
     }
     points = mesh_io.read_points(out / "cloud.ply")
-    whole, cloud = cloud_projection.select(sampled[-1], [one_image.WHOLE, 300], cloud_defaults.cloud())
+    whole, cloud = cloud_projection.select(sampled[-1], [one_image.WHOLE, 300], stored_fields.cloud_config())
     scale = mask_descent.scale_from_cloud(whole)
     np.testing.assert_allclose(points, scale * cloud.numpy(), atol=1e-5)  # v1: the box of the whole has diagonal 1
     for suffix in (".glb", ".ply"):

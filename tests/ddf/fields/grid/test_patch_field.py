@@ -11,16 +11,16 @@ from ddf.api.field import Field
 from ddf.core import checks
 from ddf.data.synthetic import showcase
 from ddf.fields import framed_field
-from ddf.fields.grid import build, kernels, octree, patch_field
+from ddf.fields.grid import kernels, octree, patch_field
 from ddf.fit import fitting, surfaces
 from ddf.geometry import primitives, raycast, rays
 from ddf.geometry.mesh_io import Mesh
 
 EVERYTHING = patch_field.OUTPUTS
-FINE = build.PatchConfig()
+FINE = octree.PatchConfig()
 
 
-def field_of(mesh: Mesh, config: build.PatchConfig = FINE) -> patch_field.PatchField:
+def field_of(mesh: Mesh, config: octree.PatchConfig = FINE) -> patch_field.PatchField:
     return patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), config))
 
 
@@ -195,23 +195,23 @@ def test_no_rays_and_no_surface():
     field = field_of(cube())
     assert field.evaluate(np.zeros((0, 3)), np.zeros((0, 3)), EVERYTHING)["normals"].shape == (0, 3)
     with pytest.raises(checks.InputError, match="no triangle with an area"):
-        build.build(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])), FINE)
+        octree.build(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]])), FINE)
     with pytest.raises(checks.InputError, match="tolerance must be in"):
-        build.PatchConfig(tolerance=0.0)
+        octree.PatchConfig(tolerance=0.0)
 
 
 def test_closer_patches_come_closer_until_they_run_out():
     shape, errors, sizes = torus(sections=192), [], []
     positions, directions = random_rays(3000, 0.9, seed=2)
     truth = raycast.cast(shape, rays.OrientedPoints(positions, directions))
-    for config in (build.PatchConfig(1e-3), build.PatchConfig(2e-4), build.PatchConfig(4e-5)):
+    for config in (octree.PatchConfig(1e-3), octree.PatchConfig(2e-4), octree.PatchConfig(4e-5)):
         field = field_of(shape, config)
         found = ask(field, positions, directions)
         both = (found["visibility"] > 0) & truth.visible
         errors.append(np.median(np.abs(found["depth"][both] - truth.depth[both])))
         sizes.append(len(field.tree.codes))
     assert errors[0] > 2 * errors[1] > 4 * errors[2] and sizes[0] < sizes[1] < sizes[2]
-    few = field_of(shape, build.PatchConfig(4e-5, patches=sizes[1]))
+    few = field_of(shape, octree.PatchConfig(4e-5, patches=sizes[1]))
     assert len(few.tree.codes) < 1.5 * sizes[1]
 
 

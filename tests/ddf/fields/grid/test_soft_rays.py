@@ -7,13 +7,13 @@ from _shapes import cube, icosphere, moved
 from torch.nn import functional
 
 from ddf.fields import pddf
-from ddf.fields.grid import build, patch_field, soft_rays
+from ddf.fields.grid import octree, patch_field, soft_rays
 from ddf.fit import fitting
 
 
 def _soft(mesh, radius: float) -> soft_rays.SoftPatches:
     return soft_rays.SoftPatches(
-        patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), build.PatchConfig())), radius
+        patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), octree.PatchConfig())), radius
     )
 
 

@@ -12,8 +12,7 @@ from _shapes import random_rays
 from _support import assert_close
 
 from ddf.core import checks
-from ddf.fields import pddf
-from ddf.fields.scenes import composition
+from ddf.fields import composition, pddf
 from ddf.geometry import primitives, rays, transforms
 
 TEMPERATURE, INVERSE_DEPTH = 1e-4, 0.05

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from ddf.core import shipped_models
-from ddf.fields import framed_field, shape_field
-from ddf.fields.scenes import scene_field
+from ddf.fields import framed_field, scene_field, shape_field
 from ddf.geometry import primitives, rays, transforms
 
 TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # a quarter about y

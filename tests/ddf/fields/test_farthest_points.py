@@ -4,12 +4,12 @@ import _interpreter
 import pytest
 import torch
 
-from ddf.fields.gpu import farthest_points
+from ddf.fields import cloud_projection
 
 
 def test_farthest_points_equal_a_slow_loop():
     points = torch.rand(60, 3, generator=torch.Generator().manual_seed(0))
-    order = farthest_points.farthest_point_order(points, 20).tolist()
+    order = cloud_projection.farthest_point_order(points, 20).tolist()
     assert order[0] == 0
     for i in range(1, 20):
         nearest = torch.cdist(points, points[order[:i]]).amin(dim=1)
@@ -18,7 +18,7 @@ def test_farthest_points_equal_a_slow_loop():
 
 def test_farthest_points_of_repeated_points_are_finite():
     points = torch.ones(5, 3)
-    assert farthest_points.farthest_point_order(points, 5).tolist() == [0] * 5
+    assert cloud_projection.farthest_point_order(points, 5).tolist() == [0] * 5
 
 
 def test_weights_space_points_by_their_inverse():
@@ -26,7 +26,7 @@ def test_weights_space_points_by_their_inverse():
     points = torch.rand(4000, 3, generator=generator)
     points[:, 2] = 0
     heavy = points[:, 0] > 0.5
-    order = farthest_points.farthest_point_order(points, 500, torch.where(heavy, 1.0, 0.5))
+    order = cloud_projection.farthest_point_order(points, 500, torch.where(heavy, 1.0, 0.5))
     assert heavy[order[0]]
     share = float(heavy[order].float().mean())
     assert share == pytest.approx(0.8, abs=0.03)  # spacing twice as wide: a quarter of the points on equal area
@@ -34,16 +34,16 @@ def test_weights_space_points_by_their_inverse():
 
 INTERPRETED = """
 import torch
-from ddf.fields.gpu import farthest_kernel, farthest_points
+from ddf.fields import cloud_projection, farthest_kernel
 
 random = torch.Generator().manual_seed(1)
 for number, count in ((1, 1), (64, 64), (300, 40)):  # a block has a power of two
     points, weights = torch.randn((number, 3), generator=random), torch.rand(number, generator=random) + 0.1
-    expected = farthest_points.farthest_point_order(points, count, weights)
+    expected = cloud_projection.farthest_point_order(points, count, weights)
     assert torch.equal(farthest_kernel.order(points, count, weights), expected) and len(expected.unique()) == count
 points, weights = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]]), torch.tensor([0.5, 0.9, 0.9])
 order = farthest_kernel.order(points, 5, weights)  # indices repeat once all places are taken: none of what pads a block
-assert order.tolist() == farthest_points.farthest_point_order(points, 5, weights).tolist() and int(order.max()) < 3
+assert order.tolist() == cloud_projection.farthest_point_order(points, 5, weights).tolist() and int(order.max()) < 3
 print("the same")
 """
 
@@ -54,7 +54,7 @@ def test_the_kernel_of_a_gpu_gives_the_order_of_numpy():
 
 
 def test_the_kernel_takes_no_more_points_than_it_can_keep():
-    found = [farthest_points.fits(torch.zeros(count, 3, dtype=dtype)) for count, dtype in (
+    found = [cloud_projection.fits(torch.zeros(count, 3, dtype=dtype)) for count, dtype in (
         (2**14, torch.float32), (2**14 + 1, torch.float32), (9, torch.float64),
     )]  # fmt: skip
     assert found == [True, False, False]
@@ -65,6 +65,6 @@ def test_the_kernel_takes_no_more_points_than_it_can_keep():
 def test_a_gpu_gives_the_order_of_the_cpu():
     random = torch.Generator().manual_seed(2)
     points, weights = torch.randn((11_000, 3), generator=random), torch.rand(11_000, generator=random) + 0.1
-    expected = farthest_points.farthest_point_order(points, 5000, weights)
-    found = farthest_points.farthest_point_order(points.cuda(), 5000, weights.cuda())
+    expected = cloud_projection.farthest_point_order(points, 5000, weights)
+    found = cloud_projection.farthest_point_order(points.cuda(), 5000, weights.cuda())
     assert found.is_cuda and torch.equal(found.cpu(), expected)

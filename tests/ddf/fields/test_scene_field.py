@@ -8,8 +8,7 @@ import pytest
 import torch
 from _shapes import random_rays
 
-from ddf.fields import framed_field
-from ddf.fields.scenes import scene_field
+from ddf.fields import framed_field, scene_field
 from ddf.geometry import primitives, rays, transforms
 
 OUTPUTS = ("visibility", "depth", "normals", "mean_curvature", "gaussian_curvature")

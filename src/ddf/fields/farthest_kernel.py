@@ -1,4 +1,6 @@
-"""`farthest_points` for Triton: one program has all points of a cloud in its registers, as one step waits for the last.
+"""`cloud_projection.farthest_point_order` for Triton: one program has all points of a cloud in its registers.
+
+One step waits for the last.
 
 Products and sums are rounded one by one, as numpy's are, so that the order is the same.
 """
@@ -37,7 +39,7 @@ def _order(points, weights, order, n, count, block: tl.constexpr):
 
 
 def order(points: Float[Tensor, "n 3"], count: int, weights: Float[Tensor, "n"]) -> Int[Tensor, "count"]:
-    """`farthest_points.farthest_point_order` with weights."""
+    """`cloud_projection.farthest_point_order` with weights."""
     found = torch.zeros(count, dtype=torch.int32, device=points.device)
     axes = points.T.contiguous()
     how: dict[str, Any] = {"num_warps": WARPS, "enable_fp_fusion": False}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from _closed_form import ClosedForm
 
-from ddf.fields.scenes import scene_distances
+from ddf.fields import scene_field
 from ddf.geometry import primitives, transforms
 
 SPHERE = ClosedForm(primitives.Sphere(radius=1.0))
@@ -21,7 +21,7 @@ def test_distances_and_directions_are_those_of_the_nearest_sphere():
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     places = [transforms.Similarity(r, turn, c) for r, c in zip(radii, centres, strict=True)]
     positions = rng.uniform(-4, 4, (500, 3))
-    found = scene_distances.nearest([SPHERE] * 12, [_to_unit_sphere] * 12, places, positions)
+    found = scene_field.closest([SPHERE] * 12, [_to_unit_sphere] * 12, places, positions)
     away = positions[:, None] - centres
     length = np.linalg.norm(away, axis=-1)
     each = np.abs(length - radii)
@@ -34,7 +34,7 @@ def test_distances_and_directions_are_those_of_the_nearest_sphere():
 
 
 def test_scenes_of_one_field_ask_it_once_a_point():
-    found = scene_distances.nearest([SPHERE], [_to_unit_sphere], [transforms.Similarity(2.0)], np.eye(3))
+    found = scene_field.closest([SPHERE], [_to_unit_sphere], [transforms.Similarity(2.0)], np.eye(3))
     np.testing.assert_allclose(found.distances, 1.0)
     np.testing.assert_allclose(found.directions, np.eye(3))
     assert found.queries == 3
@@ -42,5 +42,5 @@ def test_scenes_of_one_field_ask_it_once_a_point():
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_any_number_of_points(count):
-    found = scene_distances.nearest([SPHERE], [_to_unit_sphere], [transforms.Similarity()], 2 * np.ones((count, 3)))
+    found = scene_field.closest([SPHERE], [_to_unit_sphere], [transforms.Similarity()], 2 * np.ones((count, 3)))
     assert found.distances.shape == (count,) and found.directions.shape == (count, 3)

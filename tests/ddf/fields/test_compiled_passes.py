@@ -13,7 +13,6 @@ from torch.nn import functional
 
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, passes, pddf
-from ddf.fields.gpu import compiled_passes
 
 ABSENT = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
 COUNTS = {"E": 3, "U": 6, "A": 6, "B": 4, "S": 4, "T": 4, "O": 4, "A+": 5}
@@ -50,7 +49,6 @@ COMPILED = """
 import sys
 import torch
 from ddf.fields import losses, passes
-from ddf.fields.gpu import compiled_passes
 import test_compiled_passes as here
 
 device, matmul = sys.argv[1:]
@@ -59,20 +57,20 @@ field, batch, modulations = here.conditional_field()
 field, batch = field.to(device), batch.to(torch.device(device))
 given = field, batch, [each.to(device) for each in modulations]
 losses._block_points = lambda field, batch: 2 * batch.visible.shape[1]  # two blocks
-compiled_passes.wanted = lambda device: False
+passes.compiles = lambda device: False
 values, gradients = here.gradients_of(*given, matmul)
-compiled_passes.wanted = lambda device: True
+passes.compiles = lambda device: True
 own_values, own = here.gradients_of(*given, matmul)
 apart = [((own_values - values) / values).abs().max(), (own - gradients).norm() / gradients.norm()]
 assert not torch.equal(own, gradients)
 if matmul == "float32":
     leaf, found = [each.requires_grad_() for each in given[2]], []
     for training in (False, True):  # trainings alone compile
-        raw = compiled_passes.raw(field.train(training), batch.positions, batch.directions, leaf)
+        raw = passes.compiled_raw(field.train(training), batch.positions, batch.directions, leaf)
         slopes = torch.autograd.grad(raw.square().sum(), [*leaf, *field.parameters()])
         found.append(torch.cat([each.flatten() for each in (raw, *slopes)]))
     apart.append((found[1] - found[0]).norm() / found[0].norm())
-assert not compiled_passes._refused, compiled_passes._refused
+assert not passes._refused, passes._refused
 print(*map(float, apart))
 """
 
@@ -104,9 +102,9 @@ def test_where_nothing_compiles_passes_are_plain_and_one_line_says_so(monkeypatc
     def refuse(*_):
         raise exc.Unsupported("no compiler\nfor this")
 
-    monkeypatch.setattr(compiled_passes, "_compiled", lambda plain: refuse)
-    monkeypatch.setattr(compiled_passes, "_refused", [])
-    monkeypatch.setattr(compiled_passes, "wanted", lambda device: not compiled_passes._refused)
+    monkeypatch.setattr(passes, "_compiled", lambda plain: refuse)
+    monkeypatch.setattr(passes, "_refused", [])
+    monkeypatch.setattr(passes, "compiles", lambda device: not passes._refused)
     with caplog.at_level(logging.WARNING):
         found = gradients_of(*given)
     assert all(torch.equal(own, other) for own, other in zip(truth, found, strict=True))
@@ -115,7 +113,7 @@ def test_where_nothing_compiles_passes_are_plain_and_one_line_says_so(monkeypatc
 
 
 def test_a_cpu_compiles_nothing_and_a_gpu_does():
-    assert not compiled_passes.wanted(torch.device("cpu")) and compiled_passes.wanted(torch.device("cuda"))
+    assert not passes.compiles(torch.device("cpu")) and passes.compiles(torch.device("cuda"))
 
 
 def test_blocks_of_a_gpu_are_of_one_size(monkeypatch):

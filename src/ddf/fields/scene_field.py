@@ -1,0 +1,285 @@
+"""Several fields and where they stand, asked as one field: outputs, distances, and the cameras that look at them.
+
+Hard: visibility is the largest of the fields, at least 1/2 exactly where there is a depth; all else is of the nearest
+field that is visible, which alone is asked for it. Soft, with the weights a_k of `composition`: depth is Σ a_k d_k, and
+every other output the same mean, of normals the unit vector along it (derived here; the paper composes visibility and
+depth alone). As η_T goes to 0 its depth is the hard one.
+
+Unsigned distances are exact: UDF = min_k UDF_k, each in the unit of the scene ([DDF22] Property IV). The surface of
+field k lies in its box B_k, so the distance to B_k is a bound from below: a field whose box is farther than a surface
+already found is not asked. Where UDF_k = UDF_j the scene has a medial surface of its own.
+
+A camera has a position and looks at a target ([DDF22] fig. `simpleroom`); its lens is that of `cameras`. Everything is
+in the frame of the scene.
+"""
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ddf.core import checks
+from ddf.fields import composition, field_outputs, framed_field
+from ddf.geometry import cameras, rays, transforms
+
+_LEAST_WEIGHT = 1e-3  # a field with less of the soft mean is not asked for what is neither visibility nor depth
+
+
+@dataclass(frozen=True)
+class Blend:
+    """How soft the composition is. temperature: η_T. inverse_depth: ε_s. Both in units of the scene."""
+
+    temperature: float
+    inverse_depth: float = 0.05
+
+
+_ANY = Blend(1.0)  # the hard choice reads none of it
+
+
+@dataclass(frozen=True)
+class SceneField:
+    """Fields and where they stand: a `framed_field.FramedField` whose frame is that of the scene.
+
+    lower, upper: of a box that rays from outside enter first; they begin there. blend: None for the hard choice.
+    cull: whether a field is asked for visibility and depth of the rays that meet its box alone, `composition.compose`.
+    """
+
+    fields: tuple[framed_field.FramedField, ...]
+    scene_from_mesh: tuple[transforms.Similarity, ...]
+    lower: Float[np.ndarray, "3"]
+    upper: Float[np.ndarray, "3"]
+    blend: Blend | None = None
+    cull: bool = True
+
+    @property
+    def field_from_mesh(self) -> transforms.Similarity:
+        """The scene has one frame."""
+        return transforms.Similarity()
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """What every field knows."""
+        return tuple(name for name in self.fields[0].outputs if all(name in field.outputs for field in self.fields))
+
+    @property
+    def scalar(self) -> Float[np.ndarray, ""]:
+        """Cameras are computed by numpy."""
+        return np.zeros(())
+
+    def evaluate(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
+    ) -> dict[str, Float[np.ndarray, "n ..."]]:
+        """Named outputs of the composite, scene frame and unit; a field is asked for the rays that meet its box."""
+        placed = [_placed(field, place) for field, place in self._members()]
+        blend = self.blend or _ANY
+        found = composition.compose(placed, positions, directions, blend.temperature, blend.inverse_depth, self.cull)
+        depth = found.nearest_depth if self.blend is None else found.depth
+        answers = {"visibility": found.visibility if self.blend else found.nearest_visibility, "depth": depth}
+        others = [name for name in outputs if name not in answers]
+        for index, (field, place) in enumerate(self._members() if others else ()):
+            weight = found.weights[index] if self.blend else (found.nearest == index).astype(np.float64)
+            chosen = weight > _LEAST_WEIGHT
+            for name, values in _ask(field, place, positions[chosen], directions[chosen], others).items():
+                whole = answers.setdefault(name, np.zeros((len(positions), *values.shape[1:])))
+                whole[chosen] += weight[chosen].reshape(-1, *[1] * (values.ndim - 1)) * values
+        for name in (name for name in others if field_outputs.OUTPUTS[name].kind == "directions"):
+            length = np.linalg.norm(answers[name], axis=-1, keepdims=True)
+            answers[name] = answers[name] / np.where(length > 0, length, 1.0)
+        return {name: answers[name] for name in outputs}
+
+    def _members(self) -> Iterator[tuple[framed_field.FramedField, transforms.Similarity]]:
+        return zip(self.fields, self.scene_from_mesh, strict=True)
+
+
+def _ask(
+    field: framed_field.FramedField,
+    scene_from_mesh: transforms.Similarity,
+    positions: Float[np.ndarray, "n 3"],
+    directions: Float[np.ndarray, "n 3"],
+    outputs: Collection[str],
+) -> dict[str, Float[np.ndarray, "n ..."]]:
+    """Named outputs of one field, in the frame of the scene."""
+    mesh_from_scene = scene_from_mesh.inverse()
+    points = rays.OrientedPoints(mesh_from_scene.apply(positions), mesh_from_scene.apply_directions(directions))
+    found, _ = framed_field.query(field, points, outputs)
+    return framed_field.in_mesh_frame(found, mesh_from_scene)
+
+
+def _placed(field: framed_field.FramedField, scene_from_mesh: transforms.Similarity) -> composition.Placed:
+    def query(
+        positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+        found = field.evaluate(positions, directions, ("visibility", "depth"))
+        return found["visibility"], found["depth"]
+
+    field_from_scene = field.field_from_mesh.compose(scene_from_mesh.inverse())
+    return composition.Placed(query, field_from_scene, tuple(field.lower.tolist()), tuple(field.upper.tolist()))
+
+
+@dataclass
+class Counted:
+    """A field that counts what it is asked for. queries: oriented points so far, once for every call they are in."""
+
+    field: framed_field.FramedField
+    queries: int = 0
+
+    @property
+    def lower(self) -> Float[np.ndarray, "3"]:
+        """Of the field."""
+        return self.field.lower
+
+    @property
+    def upper(self) -> Float[np.ndarray, "3"]:
+        """Of the field."""
+        return self.field.upper
+
+    @property
+    def field_from_mesh(self) -> transforms.Similarity:
+        """Of the field."""
+        return self.field.field_from_mesh
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Of the field."""
+        return self.field.outputs
+
+    @property
+    def scalar(self) -> Any:
+        """Of the field."""
+        return self.field.scalar
+
+    def evaluate(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
+    ) -> dict[str, Float[np.ndarray, "n ..."]]:
+        """As the field."""
+        self.queries += len(positions)
+        return self.field.evaluate(positions, directions, outputs)
+
+
+# positions (n, 3) of a field's mesh frame -> distances (n) and unit directions of the closest points (n, 3)
+Distances = Callable[[Float[np.ndarray, "n 3"]], tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]]
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Distances and unit directions v*, scene frame, and for how many points fields were asked, all together."""
+
+    distances: Float[np.ndarray, "n"]
+    directions: Float[np.ndarray, "n 3"]
+    queries: int
+
+
+def closest(
+    fields: Sequence[framed_field.FramedField],
+    asks: Sequence[Distances],
+    scene_from_mesh: Sequence[transforms.Similarity],
+    positions: Float[np.ndarray, "n 3"],
+) -> Nearest:
+    """UDF and v* of the scene; of each point the fields are asked in the order of their boxes' distances.
+
+    Args:
+      asks: UDF_k and v*_k of every field, in the frame of its mesh.
+    """
+    inner = [place.inverse() for place in scene_from_mesh]
+    bounds = np.stack(
+        [_box_distance(field, back.apply(positions)) / back.scale for field, back in zip(fields, inner, strict=True)]
+    )
+    order = np.argsort(bounds, axis=0, kind="stable")
+    distances, directions, queries = np.full(len(positions), np.inf), np.zeros(positions.shape), 0
+    for rank in range(len(fields)):
+        turn = order[rank]
+        open_still = bounds[turn, np.arange(len(positions))] < distances
+        for index in np.unique(turn[open_still]):
+            asked = np.flatnonzero(open_still & (turn == index))
+            queries += len(asked)
+            found, ways = asks[index](inner[index].apply(positions[asked]))
+            found = found / inner[index].scale
+            nearer = found < distances[asked]
+            distances[asked[nearer]] = found[nearer]
+            directions[asked[nearer]] = scene_from_mesh[index].apply_directions(ways[nearer])
+    return Nearest(distances, directions, queries)
+
+
+def _box_distance(field: framed_field.FramedField, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+    """Distance from points of the mesh frame to the field's box, mesh unit; 0 inside."""
+    inside = field.field_from_mesh.apply(positions)
+    beyond = np.maximum(np.maximum(field.lower - inside, inside - field.upper), 0.0)
+    return np.linalg.norm(beyond, axis=-1) / field.field_from_mesh.scale
+
+
+UP = {"y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
+_UPRIGHT = 1e-6  # |up x way| below this: the camera looks straight up or down
+
+
+@dataclass(frozen=True)
+class LookAt:
+    """A camera at `position` that looks at `target`.
+
+    Raises:
+      InputError: the two coincide, or a number is not finite.
+    """
+
+    position: Float[np.ndarray, "3"]
+    target: Float[np.ndarray, "3"]
+
+    def __post_init__(self) -> None:
+        checks.require_finite("a camera", np.stack([self.position, self.target]))
+        if not np.linalg.norm(self.target - self.position) > 0:
+            raise checks.InputError(f"a camera must look away from where it stands; got {self.position.tolist()} twice")
+
+    def rays(self, size: int, up: str = "y") -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Starts and unit directions through the pixel centres of a picture, rows from the top."""
+        backwards = self.position - self.target
+        backwards = backwards / np.linalg.norm(backwards)
+        right = np.cross(UP[up], backwards)
+        if np.linalg.norm(right) < _UPRIGHT:
+            right = np.cross(np.roll(UP[up], 1), backwards)
+        right = right / np.linalg.norm(right)
+        rows = np.stack([right, np.cross(backwards, right), backwards])
+        directions = cameras.pixel_directions(size, np.zeros(0)).reshape(-1, 3) @ rows
+        return np.broadcast_to(self.position, directions.shape).copy(), directions
+
+
+def one(field: framed_field.FramedField, azimuth_deg: float, elevation_deg: float, radius: float, up: str) -> LookAt:
+    """The camera of `framed_field.camera_rays`, of a field whose frame is the scene's."""
+    starts, _ = framed_field.camera_rays(field, (azimuth_deg, elevation_deg, radius), 1, up)
+    return LookAt(starts[0], (field.lower + field.upper) / 2)
+
+
+def orbit(
+    field: framed_field.FramedField,
+    azimuth_deg: float,
+    elevation_deg: float,
+    radius: float | None,
+    frames: int,
+    up: str,
+) -> list[LookAt]:
+    """Once around the box, evenly; without a radius the box stays within every picture."""
+    turns = [azimuth_deg + 360.0 * i / frames for i in range(frames)]
+    if radius is None:
+        radius = max(framed_field.framing_radius(field, turn, elevation_deg, up) for turn in turns)
+    return [one(field, turn, elevation_deg, radius, up) for turn in turns]
+
+
+def fly(waypoints: Sequence[LookAt], frames: int) -> list[LookAt]:
+    """Along the waypoints, positions and targets linear between two, as many frames between every two.
+
+    Raises:
+      InputError: fewer than two waypoints, or a camera on the way that looks at where it stands.
+    """
+    if len(waypoints) < 2:
+        raise checks.InputError(f"a flight needs two waypoints or more; got {len(waypoints)}")
+    stops = np.arange(len(waypoints))
+    places = np.linspace(0, len(waypoints) - 1, frames)
+    parts = [np.stack([getattr(w, name) for w in waypoints]) for name in ("position", "target")]
+    positions, targets = (np.stack([np.interp(places, stops, column) for column in part.T], axis=-1) for part in parts)
+    return [LookAt(position, target) for position, target in zip(positions, targets, strict=True)]
+
+
+def straight_in(field: framed_field.FramedField, start: LookAt) -> list[LookAt]:
+    """Two waypoints: from a camera to the middle of the box, looking ahead all the way."""
+    middle = (field.lower + field.upper) / 2
+    ahead = middle + (middle - start.position) / 2
+    return [LookAt(start.position, ahead), LookAt(middle, ahead)]

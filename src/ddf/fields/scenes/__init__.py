@@ -1,1 +1,0 @@
-"""Several fields in one scene, and the cameras that look at it."""
