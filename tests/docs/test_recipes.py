@@ -109,12 +109,6 @@ def _loss_term(copy: Copy) -> None:
     assert np.isfinite(copy.log("train_ddf")["balance"]).all() and len(copy.log("train_ddf"))
 
 
-def _sample_type(copy: Copy) -> None:
-    copy.set({"samples": {"counts": {"N": 200}}, "ddf": {"counts": {"N": 4}}})
-    copy.stage("samples", "train_ddf")
-    assert np.isfinite(copy.log("train_ddf")["loss"]).all()
-
-
 def _metric(copy: Copy) -> None:
     for name, last in (("pred", 0.0), ("truth", 2.0)):
         (copy.root / f"{name}.ply").write_bytes(mesh_io.points_ply(np.array([[0.0, 0.0, 0.0], [last, 0.0, 0.0]])))
@@ -124,13 +118,6 @@ def _metric(copy: Copy) -> None:
     assert (table[table["metric"] == "hausdorff_x100"]["value"] > 0).all() and "Hausdorff ↓" in copy.page
 
 
-def _category(copy: Copy) -> None:
-    copy.set({"dataset": {"categories": {"table": 4}}})
-    copy.stage("dataset")
-    index = json.loads(copy.artifact("dataset/index.json").read_text())
-    assert len(index["categories"]["table"]["shapes"]) == 4
-
-
 def _encoder(copy: Copy) -> None:
     copy.set({"train": {"encoder": "plain"}})
     copy.stage("train_ddf", "train_pcsiren", "pointclouds", "evaluate")
@@ -138,32 +125,6 @@ def _encoder(copy: Copy) -> None:
     copy.run("ddf", "export", model, "encoders.onnx", "--graph", "encoders")
     image = next(copy.artifact("dataset/ShapeNetRendering").rglob("00.png"))
     copy.run("ddf", "reconstruct", str(image), model, "reconstructed")
-
-
-def _output(copy: Copy) -> None:
-    generator = np.random.default_rng(0)
-    rays = {name: generator.normal(size=(200, 3)).astype(np.float32) for name in ("positions", "directions")}
-    rays["positions"] = -4 * rays["directions"] / np.linalg.norm(rays["directions"], axis=1, keepdims=True)
-    rays["directions"] /= np.linalg.norm(rays["directions"], axis=1, keepdims=True)
-    np.savez(copy.root / "rays.npz", positions=rays["positions"], directions=rays["directions"])
-    parity = json.loads(
-        copy.run("ddf", "export", "rabbit", "own.onnx", "--outputs", "visibility,depth,facing", "--json")
-    )
-    assert parity["parity"]["facing"]["max_abs"] < parity["parity"]["facing"]["tolerance"]
-    for field in ("rabbit", "own.onnx"):
-        copy.run("ddf", "query", field, "--rays", "rays.npz", "--out", "seen.npz", "--outputs", "visibility,facing")
-        with np.load(copy.root / "seen.npz") as found:
-            seen = found["facing"][found["visibility"] >= 0.5]
-        assert len(seen) > 10 and (seen > 0).all() and (seen <= 1 + 1e-6).all()
-    copy.run("ddf", "render", "rabbit", "facing.png", "--output", "facing", "--size", "32")
-    assert (copy.root / "facing.png").stat().st_size > 0
-
-
-def _chamfer_loss(copy: Copy) -> None:
-    before = copy.log("train_pcsiren")["loss"].to_numpy()
-    copy.stage("train_pcsiren")
-    after = copy.log("train_pcsiren")["loss"].to_numpy()
-    assert len(after) == len(before) and not np.allclose(after, before)
 
 
 def _stage(copy: Copy) -> None:
@@ -183,31 +144,13 @@ def _command(copy: Copy) -> None:
     assert "volume" in copy.run("ddf", "--help")
 
 
-def _benchmark(copy: Copy) -> None:
-    assert "direction_codes" in copy.run(sys.executable, "-m", "bench")
-    copy.run(sys.executable, "-m", "bench", "run", "direction_codes")
-    rows = json.loads((copy.root / "bench_out/direction_codes.json").read_text())["rows"]
-    assert [row["what"] for row in rows] == ["8 bits", "16 bits"] and rows[0]["error"]["turned_deg_max"] > 0
-
-
-def _picture(copy: Copy) -> None:
-    copy.stage("report")
-    assert "](recall.svg)" in copy.page and "<svg" in copy.artifact("report/recall.svg").read_text()
-
-
 PROMISES: dict[str, Callable[[Copy], None]] = {
     "loss_term": _loss_term,
-    "sample_type": _sample_type,
     "metric": _metric,
-    "category": _category,
     "encoder": _encoder,
-    "output": _output,
-    "chamfer_loss": _chamfer_loss,
     "stage": _stage,
     "config_key": _config_key,
     "command": _command,
-    "benchmark": _benchmark,
-    "picture": _picture,
 }
 
 

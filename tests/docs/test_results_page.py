@@ -148,22 +148,6 @@ def far(measured: Measured, rows: Rows) -> Rows:
     return [[name, *values] for (name, *_), values in zip(rows, (ranks, counts), strict=True)]
 
 
-def gap(measured: Measured, rows: Rows) -> Rows:
-    """What DDFs trained on other shapes make of the real test shapes, as the benchmark's rows say."""
-    found = json.loads((ROOT / "reports" / "bench" / "real_shapes.json").read_text())["rows"]
-    errors = {row["what"]: row["error"] for row in found}
-
-    def cell(category: str, model: str) -> str:
-        if model == "this run's":
-            chamfer, score = (measured.value(category, "ddf", "Pi_g-L", metric) for metric in (CHAMFER, F_TAU))
-        else:
-            error = errors[f"real {category}, test: {model.strip('`')}"]
-            chamfer, score = (error[f"{metric}, Pi_g"] for metric in (CHAMFER, F_TAU))
-        return f"{chamfer:.3f}, {score:.1f}"
-
-    return [[name, model, *(cell(category, model) for category in CATEGORIES)] for name, model, *_ in rows]
-
-
 TABLES = [  # page, the line above the table, what fills it, the report, and the group of its shapes where it has two
     ("README.md", "On real shapes:", plain_pairs, "real:real"),
     ("docs/results.md", "Real shapes, true camera:", true_camera, "real:real"),
@@ -172,14 +156,12 @@ TABLES = [  # page, the line above the table, what fills it, the report, and the
     ("docs/results.md", "Real shapes, baselines and ceiling, true camera:", pairs, "real:real"),
     ("docs/results.md", "The same models on procedural test shapes, true camera:", true_camera, "real:procedural"),
     ("docs/results.md", "### Where they fail", far, "real:real"),
-    ("docs/results.md", "### What the training shapes are worth", gap, "real:real"),
     ("README.md", "On procedural shapes:", plain_pairs, "cpu"),
     ("docs/results.md", "### True camera", true_camera, "cpu"),
     ("docs/results.md", "### Predicted camera", predicted_camera, "cpu"),
     ("docs/results.md", "Median errors of the predicted camera:", cameras, "cpu"),
     ("docs/results.md", "### Baselines and ceilings, true camera", pairs, "cpu"),
     ("docs/results.md", "At the true camera, the paper's way:", true_camera, "cpu_paper"),
-    ("docs/results.md", "At the predicted camera, the paper's way:", predicted_camera, "cpu_paper"),
 ]
 
 
