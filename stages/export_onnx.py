@@ -8,13 +8,11 @@ from ddf.io import onnx_file
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
-PRECISIONS = ("float16", "bfloat16", "int8")  # of the weights, measured beside float32 and never written
-
 
 @stage.main(category=True)
 def make(run: Run) -> None:
     """Write one file per graph and onnx_parity.csv, which also says what smaller weights would cost."""
-    section = onnx_file.ExportConfig(precisions=PRECISIONS)
+    section = onnx_file.ExportConfig(precisions=onnx_file.PRECISIONS)
     out_dir = run.folder("export_onnx")
     sources, rows = [], []
     for model in ("ddf", "pcsiren"):

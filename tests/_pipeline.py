@@ -7,16 +7,16 @@ from pathlib import Path
 
 from ddf.core import config, provenance
 from ddf_lab import run
-from ddf_lab.engine import experiments, graph
+from ddf_lab.engine import graph
 
 ROOT = Path(__file__).resolve().parents[1]
 PIPELINE = ROOT / "pipeline.yaml"
 FILES = sorted(path for folder in (ROOT / "configs", config.PACKAGED) for path in folder.glob("*.yaml"))
 
 
-def experiment(file: Path) -> experiments.Experiment:
+def experiment(file: Path) -> run.Run:
     """As the runner sees it, whose folder is the repository."""
-    return dataclasses.replace(experiments.read(run.Run.read(file)), file=Path("artifacts") / file.stem / file.name)
+    return dataclasses.replace(run.Run.read(file), file=Path("artifacts") / file.stem / file.name)
 
 
 def expand(seeds: int = 1) -> dict[str, graph.Item]:

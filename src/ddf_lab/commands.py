@@ -59,10 +59,10 @@ class RunCommand:
     @staticmethod
     def run(args: argparse.Namespace) -> dict[str, Any]:
         """Run what has to be run; says where the page is."""
-        from ddf_lab.engine import experiments, graph, runner
+        from ddf_lab.engine import graph, runner
 
         if args.dag:
-            experiment = experiments.find(args.config, args.changes)
+            experiment = graph.experiment(args.config, args.changes)
             lines = graph.table(graph.expand(experiment, args.seeds))
             return {"stages": lines[1:], "table": lines, "verdict": f"{len(lines) - 1} stages of {experiment.name}"}
         options = runner.Options(args.stage, args.seeds, args.jobs, args.data or None, args.launch)
@@ -105,12 +105,12 @@ class InfoCommand:
     @staticmethod
     def run(args: argparse.Namespace) -> dict[str, Any]:
         """Counts come from the models themselves, built without memory for their values."""
-        from ddf_lab.engine import experiments, graph
+        from ddf_lab.engine import graph
         from ddf_lab.run import Run
 
         experiment = Run.read(args.config)
         pipeline = experiment.file.resolve().parent.parent / graph.PIPELINE
-        items = graph.expand(experiments.read(experiment), path=pipeline) if pipeline.is_file() else []
+        items = graph.expand(experiment, path=pipeline) if pipeline.is_file() else []
         parameters = _parameters(experiment)
         cost = _cost(experiment, parameters) if experiment.kind == "reconstruction" else None
         largest = max(parameters, key=lambda name: parameters[name])
@@ -123,7 +123,7 @@ class InfoCommand:
             "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
             "stages": [item.name for item in items],
             "sections": list(experiment.given),
-            "artifacts_mib": _sizes(Path("artifacts") / experiment.name),
+            "artifacts_mib": _sizes(experiment.root),
             **({"cost": cost} if cost else {}),
         }
 

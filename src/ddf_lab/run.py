@@ -90,6 +90,23 @@ class Run:
         return self.file.stem
 
     @property
+    def root(self) -> Path:
+        """The folder of all that the experiment makes."""
+        return Path("artifacts") / self.name
+
+    @property
+    def categories(self) -> tuple[str, ...]:
+        """Of its data set: none in an experiment of a single shape, or of figures; one in a generative one."""
+        if "dataset" not in self.given:
+            return ()
+        found = tuple(self.section(class_of("dataset")).categories)
+        if self.kind == "generative" and len(found) != 1:
+            raise checks.InputError(
+                f"{self.file}: the models are of one category; dataset.categories has {list(found)}"
+            )
+        return found
+
+    @property
     def label(self) -> str:
         """What a progress bar calls it: `chair`, and `chair seed 1` for a further seed."""
         return " ".join([*([self.category] if self.category else []), *([f"seed {self.seed}"] if self.seed else [])])
@@ -106,7 +123,7 @@ class Run:
 
     def folder(self, stage: str, category: str | None = None, seed: int = 0) -> Path:
         """artifacts/<experiment>/<stage>[/<category>], by default of the own category; of a further seed another."""
-        folder = Path("artifacts") / self.name / (f"{stage}_seeds/{seed}" if seed else stage)
+        folder = self.root / (f"{stage}_seeds/{seed}" if seed else stage)
         return folder / (self.category if category is None else category)
 
     def section(self, cls: type[T]) -> T:

@@ -1,16 +1,26 @@
-"""The stage graph of pipeline.yaml for one experiment: an item per stage, category and seed."""
+"""Experiments, and the stage graph of pipeline.yaml for one of them: an item per stage, category and seed.
 
+Every file in configs/ and of the package's is an experiment; it is taken from any other place too, and varied by
+`section.key=value`. What runs is written whole to a folder of its own, artifacts/<name>/<name>.yaml, which git ignores.
+"""
+
+import hashlib
+import json
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 from typing import Literal
 
-from ddf.core import checks, config
-from ddf_lab.engine import experiments
-from ddf_lab.run import Kind, Run
+import yaml
+
+from ddf.core import checks, config, storage
+from ddf_lab.run import Kind, Run, layer
 
 PIPELINE = Path("pipeline.yaml")
+NAME = re.compile(r"\w+")
+HASH_DIGITS = 8  # of the changes, in the name of a variant: <name>+<digits>
 
 
 @dataclass(frozen=True)
@@ -72,6 +82,35 @@ class Item:
         )
 
 
+def experiment(given: str, changes: Sequence[str] = ()) -> Run:
+    """The experiment of a file or a name, with `changes` applied, written whole to artifacts/<name>/<name>.yaml.
+
+    Args:
+      given: `configs/cpu.yaml`, `cpu` for short, or any other file of that kind. changes: as `Run.read` takes them.
+    Raises:
+      InputError: there is no such file, its name is another's, a key is unknown, or a value does not fit.
+    """
+    found = Run.read(given, changes=changes)
+    own = config.named_file(found.name)
+    if not NAME.fullmatch(found.name) or (own is not None and own.resolve() != found.file.resolve()):
+        why = "letters, digits and _ only" if not NAME.fullmatch(found.name) else f"{own} has it"
+        raise checks.InputError(f"{given}: {found.name!r} cannot be an experiment's name ({why}); rename the file")
+    sections = {name: config.plain(section) for name, section in found.sections().items()}
+    name, _ = found.name, found.categories
+    if changes:
+        said = json.dumps(sorted(map(layer, changes), key=str), sort_keys=True)
+        name += f"+{hashlib.sha256(said.encode()).hexdigest()[:HASH_DIGITS]}"
+    file = Path("artifacts") / name / f"{name}.yaml"
+    write(file, yaml.safe_dump(sections, sort_keys=False, allow_unicode=True))
+    return Run.read(file)
+
+
+def write(path: Path, text: str) -> None:
+    """A file that stays untouched where it says the same already."""
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        storage.write_text(path, text)
+
+
 def load(path: Path = PIPELINE) -> dict[str, Stage]:
     """The stages in the order of the file.
 
@@ -86,14 +125,14 @@ def load(path: Path = PIPELINE) -> dict[str, Stage]:
     return {name: config.parse(entry, Stage, f"{path}: {name}") for name, entry in stages.items()}
 
 
-def expand(experiment: experiments.Experiment, seeds: int = 1, path: Path = PIPELINE) -> list[Item]:
+def expand(run: Run, seeds: int = 1, path: Path = PIPELINE) -> list[Item]:
     """The items of an experiment, those of further seeds too, in the order of the file."""
     items: list[Item] = []
     for stage, entry in load(path).items():
-        if experiment.kind in entry.of:
-            categories = experiment.categories if "category" in entry.each else ("",)
+        if run.kind in entry.of:
+            categories = run.categories if "category" in entry.each else ("",)
             numbers = range(seeds if "seed" in entry.each else 1)
-            items += [Item(stage, entry, experiment.file, each, seed) for seed in numbers for each in categories]
+            items += [Item(stage, entry, run.file, each, seed) for seed in numbers for each in categories]
     return items
 
 

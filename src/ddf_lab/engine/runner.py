@@ -17,9 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ddf.core import checks, config, locks, storage
+from ddf.core import checks, locks, storage
 from ddf.fit import fit_settings
-from ddf_lab.engine import experiments, graph, stage
+from ddf_lab.engine import graph, stage
+from ddf_lab.run import Run
 
 LOCK = Path(".make/lock")  # one run at a time in a folder
 DRAW_SECONDS, LOG_SECONDS = 0.2, 60.0  # between two states of a progress bar, on a terminal and in a log
@@ -43,13 +44,13 @@ def run(given: str, changes: Sequence[str], options: Options) -> Path:
     """Make what is missing or out of date; the page of the report, or the folder of the artefacts.
 
     Args:
-      given, changes: as `experiments.find` takes them.
+      given, changes: as `graph.experiment` takes them.
     Raises:
       InputError: for input at fault, and where a stage failed, which has then said why.
     """
     graph.load()
     with locks.held(LOCK, "another run holds this folder (process {number})") as descriptor:
-        experiment = experiments.find(given, changes)
+        experiment = graph.experiment(given, changes)
         items = graph.expand(experiment, options.seeds)
         names = list(dict.fromkeys(item.stage for item in items))
         stages = options.stages or names[-1:]
@@ -61,25 +62,25 @@ def run(given: str, changes: Sequence[str], options: Options) -> Path:
         failed = schedule(graph.needed(items, stages), options.jobs, work.run, work.stop)
     if failed:
         raise checks.InputError(f"{failed[0].name} failed, its message is above; the same command goes on from there")
-    return experiment.folder / "report" / "README.md" if names[-1] in stages else experiment.folder
+    return experiment.page / "README.md" if names[-1] in stages else experiment.root
 
 
-def _record(experiment: experiments.Experiment, options: Options) -> None:
+def _record(experiment: Run, options: Options) -> None:
     """Write down what items depend on and no stage makes."""
-    folder = experiment.folder
+    folder = experiment.root
     if experiment.kind == "shape":
-        mesh = config.load(experiment.file, "fit", fit_settings.FitConfig).mesh
+        mesh = experiment.section(fit_settings.FitConfig).mesh
         path = Path(mesh).expanduser() if mesh else None
         found = storage.checksum(path) if path and path.is_file() else "no file"
-        experiments.write(folder / "mesh.sha256", f"{found}\n")
+        graph.write(folder / "mesh.sha256", f"{found}\n")
     elif experiment.kind != "figures":
-        experiments.write(folder / "evaluate_seeds" / "count", f"{options.seeds}\n")
-        root, remembered = folder / "data_root", Path("artifacts") / experiment.base / "data_root"
+        graph.write(folder / "evaluate_seeds" / "count", f"{options.seeds}\n")
+        root = folder / "data_root"
+        remembered = folder.with_name(folder.name.partition("+")[0]) / "data_root"  # of what it is a variant of
         if options.data is not None:
-            experiments.write(root, f"{Path(options.data).expanduser().absolute()}\n")
+            graph.write(root, f"{Path(options.data).expanduser().absolute()}\n")
         elif not root.is_file():
-            known = experiment.base and remembered.is_file()
-            experiments.write(root, remembered.read_text(encoding="utf-8") if known else "\n")
+            graph.write(root, remembered.read_text(encoding="utf-8") if remembered.is_file() else "\n")
 
 
 def schedule(
@@ -126,8 +127,8 @@ def schedule(
 class _Work:
     """Stages as child processes, which hold the lock of the folder for as long as they live."""
 
-    def __init__(self, experiment: experiments.Experiment, options: Options, descriptor: int) -> None:
-        root = experiment.folder / "data_root"
+    def __init__(self, experiment: Run, options: Options, descriptor: int) -> None:
+        root = experiment.root / "data_root"
         self._environment = {
             **{name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"},
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}",

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from ddf.core import checks, config
-from ddf_lab.engine import experiments, graph
+from ddf_lab.engine import graph
 from ddf_lab.run import Run
 
 SMOKE = _pipeline.ROOT / "configs" / "smoke.yaml"
@@ -27,8 +27,8 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("given", ["smoke", "configs/smoke.yaml", "./configs/smoke.yaml"])
 def test_a_name_or_a_file_is_found(folder, given):
-    found = experiments.find(given)
-    assert found == experiments.Experiment(Path("artifacts/smoke/smoke.yaml"), ("primitives",))
+    found = graph.experiment(given)
+    assert (found.file, found.categories) == (Path("artifacts/smoke/smoke.yaml"), ("primitives",))
     assert (found.name, found.kind) == ("smoke", "reconstruction")
     whole = Run.read(found.file)
     assert whole.sections() == Run.read("smoke").sections()  # nothing is lost, and nothing left to a default
@@ -37,18 +37,18 @@ def test_a_name_or_a_file_is_found(folder, given):
 
 
 def test_a_comment_a_default_restated_and_what_is_overruled_change_nothing_that_is_watched(folder):
-    before, smoke = experiments.find("smoke").file.read_bytes(), folder / "configs/smoke.yaml"
+    before, smoke = graph.experiment("smoke").file.read_bytes(), folder / "configs/smoke.yaml"
     smoke.write_text(f"# a remark\n{smoke.read_text()}".replace("loop: {", "loop: {muon: null, "))
     (folder / "configs/paper.yaml").write_text("pcsiren: {points: 99, steps: 99}\n")
-    assert experiments.find("smoke").file.read_bytes() == before
+    assert graph.experiment("smoke").file.read_bytes() == before
     (folder / "configs/paper.yaml").write_text("pointclouds: {correction: {learning_rate: 0.5}}\n")
     changed = yaml.safe_load(before)
     changed["pointclouds"]["correction"]["learning_rate"] = 0.5  # which smoke.yaml leaves to it
-    assert yaml.safe_load(experiments.find("smoke").file.read_text()) == changed
+    assert yaml.safe_load(graph.experiment("smoke").file.read_text()) == changed
 
 
 def test_a_file_with_a_fit_alone_is_an_experiment_of_a_shape(folder):
-    found = experiments.find("fit")
+    found = graph.experiment("fit")
     assert found.kind == "shape" and found.categories == ()
     names = ["fit_shape@fit", "ablate_samples@fit", "report_shape@fit"]
     assert [item.name for item in graph.expand(found)] == names
@@ -57,19 +57,19 @@ def test_a_file_with_a_fit_alone_is_an_experiment_of_a_shape(folder):
 def test_a_file_with_a_vae_is_a_generative_experiment_of_one_category(folder):
     for name in ("smoke_generative", "paper_generative"):
         shutil.copy(SMOKE.parent / f"{name}.yaml", folder / "configs")
-    found = experiments.find("smoke_generative")
+    found = graph.experiment("smoke_generative")
     assert (found.kind, found.categories) == ("generative", ("primitives",))
     stages = [item.stage for item in graph.expand(found, seeds=2)]
     assert stages[:4] == ["dataset", "meshes", "samples", "train_vae"] and stages[-1] == "report_generative"
     assert not {"report", "train_ddf", "export_onnx", "fit_shape"} & set(stages)
     with pytest.raises(checks.InputError, match=r"the models are of one category; dataset\.categories has"):
-        experiments.find("smoke_generative", ["dataset.categories={chair: 4, car: 4}"])
+        graph.experiment("smoke_generative", ["dataset.categories={chair: 4, car: 4}"])
 
 
 def test_a_new_experiment_is_one_new_file(folder):
     text = (folder / "configs/smoke.yaml").read_text().replace("{primitives: 12}", "{chair: 4, plane: 4}")
     (folder / "configs/mine.yaml").write_text(text)
-    items = [item.name for item in graph.expand(experiments.find("mine"), seeds=2)]
+    items = [item.name for item in graph.expand(graph.experiment("mine"), seeds=2)]
     names = [f"train_ddf@mine-{name}" for name in ("chair", "plane", "chair-1", "plane-1")]
     assert [name for name in items if name.startswith("train_ddf")] == names
     assert items[0] == "dataset@mine" and items[-1] == "report@mine"
@@ -79,35 +79,35 @@ def test_a_new_experiment_is_one_new_file(folder):
 def test_names_that_a_shell_would_read_are_refused_wherever_they_stand(folder, name):
     shutil.copy(SMOKE, folder / "configs" / f"{name}.yaml")
     with pytest.raises(checks.InputError, match=r"cannot be an experiment's name \(letters, digits and _ only\)"):
-        experiments.find(name)
+        graph.experiment(name)
     text = (folder / "configs/smoke.yaml").read_text().replace("{primitives: 12}", f'{{"{name}": 12}}')
     (folder / "configs/smoke.yaml").write_text(text)
     with pytest.raises(checks.InputError, match=r"dataset: categories must be among "):
-        experiments.find("smoke")
+        graph.experiment("smoke")
 
 
 def test_a_file_from_elsewhere_is_copied_into_a_folder_of_its_own(folder, tmp_path_factory):
     other = tmp_path_factory.mktemp("else where") / "mine.yaml"
     shutil.copy(SMOKE, other)
-    found = experiments.find(str(other))
+    found = graph.experiment(str(other))
     assert found.file == Path("artifacts/mine/mine.yaml")
     assert Run.read(found.file).sections() == Run.read(SMOKE).sections()
     for name, why in (("smoke", "configs/smoke.yaml has it"), ("a b", "letters, digits and _ only")):
         given = other.with_stem(name)
         shutil.copy(SMOKE, given)
         with pytest.raises(checks.InputError, match=why):
-            experiments.find(str(given))
+            graph.experiment(str(given))
 
 
 def test_a_variant_has_a_name_of_its_changes(folder):
-    found = experiments.find("smoke", ["pcsiren.steps=7", "train.loop.learning_rate=2e-3"])
-    assert found.base == "smoke" and found.name.startswith("smoke+")
+    found = graph.experiment("smoke", ["pcsiren.steps=7", "train.loop.learning_rate=2e-3"])
+    assert found.name.startswith("smoke+")
     assert found.file == Path(f"artifacts/{found.name}/{found.name}.yaml")
     sections, plain = Run.read(found.file).sections(), Run.read("smoke").sections()
     assert (sections["pcsiren"].steps, sections["train"].loop.learning_rate) == (7, 2e-3)
     assert {name for name in plain if plain[name] != sections[name]} == {"pcsiren", "train"}
-    assert experiments.find("smoke", ["train.loop.learning_rate=2e-3", "pcsiren.steps=7"]).name == found.name
-    assert experiments.find("smoke", ["pcsiren.steps=8"]).name != found.name
+    assert graph.experiment("smoke", ["train.loop.learning_rate=2e-3", "pcsiren.steps=7"]).name == found.name
+    assert graph.experiment("smoke", ["pcsiren.steps=8"]).name != found.name
     (item,) = (item for item in graph.expand(found) if item.stage == "train_pcsiren")
     assert item.command.endswith(f"--config {found.file} --category primitives")
     assert item.outputs == [f"artifacts/{found.name}/train_pcsiren/primitives"]
@@ -117,11 +117,11 @@ def test_a_change_that_makes_no_sense_writes_nothing(folder):
     with pytest.raises(
         checks.InputError, match=r"^--set pcsiren\.steps=x: pcsiren\.steps must be of type int; got 'x'"
     ):
-        experiments.find("smoke", ["pcsiren.steps=x"])
+        graph.experiment("smoke", ["pcsiren.steps=x"])
     assert not (folder / "artifacts").exists()
 
 
 def test_what_is_not_there_is_one_line_with_what_is(folder):
     names = "fit, long_fit, paper, paper_fit, simple_fit, smoke"
     with pytest.raises(checks.InputError, match=rf"^nothing: no such file, nor the name of one; there are {names}$"):
-        experiments.find("nothing")
+        graph.experiment("nothing")
