@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from ddf.core import checks, storage
-from ddf.geometry.formats import ac3d, collada, gltf, obj, off, ply, ply_header, stl, threemf
+from ddf.geometry.formats import ac3d, collada, gltf, obj, off, ply, stl, threemf
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")  # read and written
 READ = (*SUFFIXES, ".gltf", ".dae", ".3mf", ".ac", ".acc")
@@ -255,7 +255,7 @@ def has_faces(path: Path | str) -> bool:
         raise FileNotFoundError(f"{path}: no such file")
     checks.require_content(path)
     try:
-        elements = ply_header.parse(path.read_bytes()).elements
+        elements = ply.header(path.read_bytes()).elements
     except checks.InputError as fault:
         raise checks.InputError(f"{path}: {fault}") from fault
     return any(element.name in ("face", "tristrips") and element.count > 0 for element in elements)
