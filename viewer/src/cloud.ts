@@ -3,30 +3,11 @@
 import { project, type Rays } from "./camera.ts";
 import { query, type World } from "./field.ts";
 import { byId, element } from "./panel.ts";
-import { apply, inverse, type Vector } from "./vectors.ts";
+import { apply, inverse, random, way, type Vector } from "./vectors.ts";
 import type { View } from "./view.ts";
 
 const RAYS = 3000;
 const RAYS_OF_A_FILE = 40_000;
-
-/** Numbers in [0, 1) that are the same every time (mulberry32). */
-export function random(seed: number): () => number {
-  let state = seed;
-  return () => {
-    state = (state + 0x6d2b79f5) | 0;
-    let t = Math.imul(state ^ (state >>> 15), 1 | state);
-    t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
-    return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
-  };
-}
-
-/** An evenly drawn direction. */
-export function way(next: () => number): Vector {
-  const height = 2 * next() - 1;
-  const turn = 2 * Math.PI * next();
-  const flat = Math.sqrt(1 - height * height);
-  return [flat * Math.cos(turn), height, flat * Math.sin(turn)];
-}
 
 /** Rays from evenly drawn points of the fields' boxes in evenly drawn directions. */
 function drawn(world: World, count: number): Rays {

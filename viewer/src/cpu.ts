@@ -1,7 +1,6 @@
 /** A network on the CPU, by a kilobyte of wasm (`kernels/network.ts`) that every page has; the passes are those of `webgl.ts`. */
 
-import { type Layer, type NetworkRecord } from "./network.ts";
-import { NetworkEngine } from "./passes.ts";
+import { type Layer, type NetworkRecord, NetworkEngine } from "./network.ts";
 import { tangents } from "./patches.ts";
 
 declare const KERNELS: string; // base64, put in by `build.mjs`

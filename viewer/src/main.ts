@@ -1,7 +1,6 @@
 /** The page: reads its data, opens the GPU, shows the field. */
 
-import { asked, told } from "./address.ts";
-import { readBlock, readPage } from "./blocks.ts";
+import { asked, told, readBlock, readPage } from "./page.ts";
 import { centre, framingRadius, pixelRays, type Camera, type Stage } from "./camera.ts";
 import { Cloud, ply } from "./cloud.ts";
 import { control, HELP, stick } from "./controls.ts";
@@ -10,10 +9,9 @@ import { Distances } from "./distances.ts";
 import type { Engine, Output } from "./engine.ts";
 import { Field, query, type FieldRecord } from "./field.ts";
 import { Gizmos } from "./gizmos.ts";
-import { Gpu } from "./gpu.ts";
-import { layersOf, type NetworkRecord } from "./network.ts";
+import { Gpu, WebglEngine } from "./webgl.ts";
+import { layersOf, type NetworkRecord, type NetworkEngine } from "./network.ts";
 import { button, byId, check, choices, download, element, select } from "./panel.ts";
-import type { NetworkEngine } from "./passes.ts";
 import { PatchEngine } from "./patches.ts";
 import { Reconstruction } from "./reconstruct.ts";
 import { MODES } from "./shading.ts";
@@ -21,7 +19,6 @@ import { SlicePanel } from "./slicing.ts";
 import { summary } from "./summary.ts";
 import { View, type Shown } from "./view.ts";
 import type { open } from "./wasm.ts";
-import { WebglEngine } from "./webgl.ts";
 
 const WISHES = asked(location.hash);
 const ELEVATION = 25; // of the first picture, degrees

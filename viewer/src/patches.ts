@@ -1,7 +1,6 @@
 /** Patches in an octree, walked along rays in double precision: as `ddf.fields.grid`, `octree.unpack` and `kernels.trace`. */
 
-import { widthOf, type Engine, type Output, type Values } from "./engine.ts";
-import { breathe } from "./pacing.ts";
+import { widthOf, type Engine, type Output, type Values, breathe } from "./engine.ts";
 import type { Vector } from "./vectors.ts";
 
 const [BASE, DEEPEST, LEAF, CUT, WIDTH] = [16, 10, 1, 2, 7];

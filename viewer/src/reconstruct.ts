@@ -1,15 +1,13 @@
 /** From an image to a live field, all inside the page: encoders by wasm, modulations baked into the field's weights. */
 
-import { readBlock, type ModelRecord } from "./blocks.ts";
+import { readBlock, type ModelRecord } from "./page.ts";
 import { ends, hits, spread, type Cloud } from "./cloud.ts";
-import { Cutout, framed, type Frame } from "./framing.ts";
-import { read } from "./images.ts";
-import type { Layer } from "./network.ts";
+import { Cutout, framed, type Frame, read } from "./images.ts";
+import type { Layer, NetworkEngine } from "./network.ts";
 import { element } from "./panel.ts";
 import type { Vector } from "./vectors.ts";
 import type { View } from "./view.ts";
 import type { Model } from "./wasm.ts";
-import type { NetworkEngine } from "./passes.ts";
 import { centre, project, type Camera } from "./camera.ts";
 
 const BENCHMARK_FROM_V1 = 0.57;

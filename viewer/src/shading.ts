@@ -1,7 +1,6 @@
 /** Colours of what is seen, those of `ddf.pictures.field_pictures`; nothing is seen where the page shows through. */
 
-import type { Camera, Stage } from "./camera.ts";
-import { axes, type Rays } from "./camera.ts";
+import { type Camera, type Stage, axes, type Rays } from "./camera.ts";
 import type { Output } from "./engine.ts";
 import type { Answers } from "./field.ts";
 

@@ -1,6 +1,6 @@
 /** Controls of the slice: what it shows, where it stands, along which v; keys P, comma and full stop. */
 
-import type { Asked } from "./address.ts";
+import type { Asked } from "./page.ts";
 import { element, select, slider } from "./panel.ts";
 import { AXES, QUANTITIES, WAYS, type Slice } from "./slice.ts";
 import type { View } from "./view.ts";

@@ -59,3 +59,22 @@ export const corners = (lower: Vector, upper: Vector): Vector[] =>
     bits & 2 ? upper[1] : lower[1],
     bits & 4 ? upper[2] : lower[2],
   ]);
+
+/** Numbers in [0, 1) that are the same every time (mulberry32). */
+export function random(seed: number): () => number {
+  let state = seed;
+  return () => {
+    state = (state + 0x6d2b79f5) | 0;
+    let t = Math.imul(state ^ (state >>> 15), 1 | state);
+    t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
+    return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
+  };
+}
+
+/** An evenly drawn direction. */
+export function way(next: () => number): Vector {
+  const height = 2 * next() - 1;
+  const turn = 2 * Math.PI * next();
+  const flat = Math.sqrt(1 - height * height);
+  return [flat * Math.cos(turn), height, flat * Math.sin(turn)];
+}

@@ -3,7 +3,7 @@
 import { finerRays, pixelRays, type Camera, type Rays, type Stage } from "./camera.ts";
 import { query, type Answers, type World } from "./field.ts";
 import type { Distances } from "./distances.ts";
-import { breathe } from "./pacing.ts";
+import { breathe } from "./engine.ts";
 import { edges, MODES, picture, smooth, type Mode, type Picture } from "./shading.ts";
 import { cut, paint, Slice, type Quantity, type Sliced } from "./slice.ts";
 
