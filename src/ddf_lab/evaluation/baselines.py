@@ -40,7 +40,7 @@ def subset(points: Float[np.ndarray, "n 3"], count: int, seed: int, name: str) -
 
 @dataclass(frozen=True)
 class Retrieval:
-    """The one baseline that depends on a training, through its features; made by `prepare_retrieval`.
+    """The one baseline that depends on a training, through its features; made by `retrieval_choice`.
 
     Args:
       sizes: points per size letter, as the models' clouds have ("L": 5000, "S": 2466).
@@ -58,15 +58,8 @@ class Retrieval:
 
     def column(self, letter: str, images: Images) -> list[scoring.Case]:
         """Those with the number of points that `letter` stands for."""
-        return [
-            scoring.Case(
-                RETRIEVAL,
-                f"Pi_g-{letter}",
-                [image],
-                _stand_in(self.truths, self.retrieved[image], self.sizes[letter], self.seed),
-            )
-            for image in images
-        ]
+        clouds = (_points(self.truths, self.retrieved[image], self.sizes[letter], self.seed) for image in images)
+        return [scoring.Case(RETRIEVAL, f"Pi_g-{letter}", [i], cloud) for i, cloud in zip(images, clouds, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -90,7 +83,7 @@ class Baselines:
         for letter, count in self.retrieval.sizes.items():
             column = f"Pi_g-{letter}"
             found.append(scoring.Case(MEAN_SHAPE, column, images, self.mean[letter]))
-            chosen = _stand_in(truths, self.oracle[shape], count, seed)
+            chosen = _points(truths, self.oracle[shape], count, seed)
             found.append(scoring.Case(ORACLE, column, images, chosen))
             found += self.retrieval.column(letter, images)
             found += _ceilings(truths[shape], shape, images, column, count, seed)
@@ -125,7 +118,7 @@ def prepare(
     held = [shape for shape in validation_ids if shape in truths]
     mean = mean_shape(truths, train_ids, held, sizes, config)
     oracle = oracle_choice(test_ids, train_ids, truths, sizes["L"], config, jobs)
-    return Baselines(prepare_retrieval(ddf, truths, sizes, config), mean, oracle)
+    return Baselines(Retrieval(truths, sizes, config.seed, retrieval_choice(ddf, truths)), mean, oracle)
 
 
 def mean_shape(
@@ -153,25 +146,14 @@ def mean_shape(
         return float(np.mean(both))
 
     few = {shape: min(config.oracle_points, len(truths[shape].points)) for shape in train_ids}
-    alone = {shape: distance(_stand_in(truths, shape, few[shape], config.seed)) for shape in train_ids}
+    alone = {shape: distance(_points(truths, shape, few[shape], config.seed)) for shape in train_ids}
     best = min(alone, key=lambda shape: (alone[shape], shape))
     if distance(subset(union, few[best], config.seed, "mean")) <= alone[best]:
         return clouds
-    return {letter: _stand_in(truths, best, count, config.seed) for letter, count in sizes.items()}
+    return {letter: _points(truths, best, count, config.seed) for letter, count in sizes.items()}
 
 
-def prepare_retrieval(
-    ddf: scoring.Predictions, truths: Truths, sizes: Mapping[str, int], config: scoring.EvaluateConfig
-) -> Retrieval:
-    """Choose what retrieval answers for the images of one category.
-
-    Raises:
-      InputError: see `retrieval_choice`.
-    """
-    return Retrieval(truths, sizes, config.seed, retrieval_choice(ddf, truths))
-
-
-def _stand_in(truths: Truths, shape: str, count: int, seed: int) -> Float[np.ndarray, "n 3"]:
+def _points(truths: Truths, shape: str, count: int, seed: int) -> Float[np.ndarray, "n 3"]:
     return subset(truths[shape].benchmark_points(), count, seed, shape)
 
 
@@ -222,26 +204,23 @@ def oracle_choice(
     full.
     """
     small = {
-        shape: _stand_in(truths, shape, min(config.oracle_points, len(truths[shape].points)), config.seed)
+        shape: _points(truths, shape, min(config.oracle_points, len(truths[shape].points)), config.seed)
         for shape in {*train_ids, *test_ids}
     }
     candidates = {shape: small[shape] for shape in train_ids}
-    shortlists = joblib.Parallel(n_jobs=min(jobs or joblib.cpu_count(), len(test_ids)))(
+    parallel = joblib.Parallel(n_jobs=min(jobs or joblib.cpu_count(), len(test_ids)))
+    shortlists = parallel(
         joblib.delayed(_shortlist)([small[shape] for shape in batch], candidates, config.oracle_shortlist)
-        for batch in _batches(test_ids)
+        for batch in (test_ids[start : start + 16] for start in range(0, len(test_ids), 16))
     )
     ranked = [names for batch in shortlists for names in batch]
-    best = joblib.Parallel(n_jobs=min(jobs or joblib.cpu_count(), len(test_ids)))(
+    best = parallel(
         joblib.delayed(_shortlist)(
-            [truths[shape].benchmark_points()], {name: _stand_in(truths, name, count, config.seed) for name in names}, 1
+            [truths[shape].benchmark_points()], {name: _points(truths, name, count, config.seed) for name in names}, 1
         )
         for shape, names in zip(test_ids, ranked, strict=True)
     )
     return {shape: found[0][0] for shape, found in zip(test_ids, best, strict=True)}
-
-
-def _batches(items: Sequence[str], size: int = 16) -> list[Sequence[str]]:
-    return [items[start : start + size] for start in range(0, len(items), size)]
 
 
 def _shortlist(

@@ -27,7 +27,8 @@ def evaluate(
     tests = {shape: [ddf.images[row] for row in rows] for shape, rows in scoring.views_by_shape(ddf.images).items()}
     sizes = scoring.cloud_sizes(pc_siren)
     if seed:
-        rows, oracle = baselines.prepare_retrieval(ddf, truths, sizes, settings), {}
+        retrieved = baselines.retrieval_choice(ddf, truths)
+        rows, oracle = baselines.Retrieval(truths, sizes, settings.seed, retrieved), {}
     else:
         rows = baselines.prepare(ddf, truths, train_ids, validation_ids, sizes, settings)
         oracle = rows.oracle
@@ -36,10 +37,7 @@ def evaluate(
         for shape, images in tests.items()
     )
     scores = scoring.score_all(cases)
-    errors = [
-        scoring.camera_errors(scoring.DDF, ddf),
-        scoring.camera_errors(scoring.PC_SIREN, pc_siren),
-    ]
+    errors = [scoring.camera_errors(scoring.DDF, ddf), scoring.camera_errors(scoring.PC_SIREN, pc_siren)]
     facts = [
         {
             "id": shape,

@@ -2,7 +2,7 @@
 procedural shapes of each.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ddf.data.public import manifest
@@ -26,3 +26,10 @@ def of_shapes(index: Mapping[str, Any], category: str, split: str = "test") -> d
         return dict.fromkeys(own, category)
     real = {row.id for row in manifest.of([category])}
     return {shape: f"{REAL if shape.partition('--')[0] in real else PROCEDURAL} {category}" for shape in own}
+
+
+def makers(rows: Sequence[manifest.Row]) -> list[str]:
+    """Who made real shapes, for credit: a sentence for each licence, with every name once."""
+    licences = sorted({row.licence for row in rows})
+    names = {licence: sorted({row.creator for row in rows if row.licence == licence}) for licence in licences}
+    return [f"{licence}: {', '.join(own)}." for licence, own in names.items()]

@@ -8,7 +8,7 @@ benchmark frame (0.57 x v1), or in the true camera's frame, which is a rigid mot
 Sources: [DDF22] table `si3dr`; docs/formats.md.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -93,13 +93,7 @@ def load_predictions(path: Path | str) -> Predictions:
       FileNotFoundError, InputError: the file is absent, damaged, or its parts do not fit together.
     """
     tensors, metadata = storage.load_tensors(path)
-    needed = (
-        "camera_true",
-        "camera_pred",
-        "scale_true",
-        "centre_true",
-        "scale_pred",
-    )  # clouds are checked by `columns`
+    needed = ("camera_true", "camera_pred", "scale_true", "centre_true", "scale_pred")  # clouds: see `columns`
     missing = [name for name in needed if name not in tensors] + ([] if "images" in metadata else ["images"])
     if missing:
         raise checks.InputError(f"{path}: has no {missing[0]!r}; run the point cloud stage again")
@@ -244,31 +238,26 @@ def summary(per_image: pd.DataFrame, camera_table: pd.DataFrame, shapes: pd.Data
     `spread` is the standard error over images (one seed was trained; it says nothing about other seeds).
     """
     rows: list[tuple] = []
-    for (category, method, column), group in per_image.groupby(["category", "method", "column"], sort=False):
+
+    def add(head: tuple, metric: str, values: pd.Series, of: Callable = np.mean, spread: bool = False) -> None:
+        array = values.to_numpy(dtype=np.float64)
+        error = array.std(ddof=1) / np.sqrt(len(array)) if spread and len(array) > 1 else np.nan
+        rows.append((*head, metric, of(array), len(array), 1, error, MEASURED))
+
+    keys = ["category", "method", "column"]
+    for head, group in per_image.groupby(keys, sort=False):
         for metric in cloud_scores.METRICS.values():
-            values = metric.factor * group[metric.score].to_numpy(dtype=np.float64)
-            mean, error = values.mean(), _standard_error(values)
-            rows.append((category, method, column, metric.name, mean, len(values), 1, error))
-    for (category, method, column), group in camera_table.groupby(["category", "method", "column"], sort=False):
+            add(head, metric.name, metric.factor * group[metric.score], spread=True)
+    for head, group in camera_table.groupby(keys, sort=False):
         for name in ERRORS:
-            values = group[name].to_numpy(dtype=np.float64)
-            rows.append((category, method, column, f"{name}_median", np.median(values), len(values), 1, np.nan))
-        azimuth = group["azimuth_error_deg"].to_numpy(dtype=np.float64)
-        means = {
-            "azimuth_turned_x100": 100.0 * (azimuth > TURNED_DEG),
-            OVERLAP: group[OVERLAP].to_numpy(dtype=np.float64),
-        }
-        for name, values in means.items():
-            if not np.isnan(values).any():
-                rows.append((category, method, column, name, values.mean(), len(values), 1, _standard_error(values)))
+            add(head, f"{name}_median", group[name], np.median)
+        for name, values in {
+            "azimuth_turned_x100": 100.0 * (group["azimuth_error_deg"] > TURNED_DEG),
+            OVERLAP: group[OVERLAP],
+        }.items():
+            if not values.isna().any():
+                add(head, name, values, spread=True)
     for category, group in shapes.groupby("category", sort=False):
         for metric, (name, factor) in TRUTH_METRICS.items():
-            values = factor * group[name].to_numpy(dtype=np.float64)
-            rows.append((category, *TRUTH, metric, values.mean(), len(values), 1, np.nan))
-    table = pd.DataFrame(rows, columns=list(TABLE_FIELDS[:-1]))
-    table["source"] = MEASURED
-    return table
-
-
-def _standard_error(values: Float[np.ndarray, " n"]) -> float:
-    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")
+            add((category, *TRUTH), metric, factor * group[name])
+    return pd.DataFrame(rows, columns=list(TABLE_FIELDS))

@@ -84,26 +84,24 @@ def choose(errors: Mapping[Image, Errors], count: int) -> dict[Image, str]:
     gaps = {image: own.ddf - own.pc_siren for image, own in errors.items()}
     orders = (
         ({image: own.ddf for image, own in errors.items()}, ("smallest error of DDF", "largest error of DDF"), "error"),
-        (gaps, _ends(min(gaps.values()), max(gaps.values())), "difference"),
+        (
+            gaps,
+            (
+                "DDF farthest ahead" if min(gaps.values()) < 0 else "DDF least behind",
+                "DDF farthest behind" if max(gaps.values()) > 0 else "DDF least ahead",
+            ),
+            "difference",
+        ),
     )
     chosen: dict[Image, str] = {}
     for values, ends, quantity in orders:
         ordered = sorted(values, key=lambda image: (values[image], image))
         for percent in np.linspace(0, 100, count):
             image = ordered[round(percent / 100 * (len(ordered) - 1))]
-            name = ends[0] if percent == 0 else ends[1] if percent == 100 else _percentile(percent, quantity)
+            between = f"median {quantity}" if percent == 50 else f"{percent:.0f} % of the {quantity}s"
+            name = ends[0] if percent == 0 else ends[1] if percent == 100 else between
             chosen[image] = f"{chosen[image]}; {name}" if image in chosen else name
     return chosen
-
-
-def _ends(least: float, most: float) -> tuple[str, str]:
-    """Names of the smallest and of the largest difference DDF - PC-SIREN."""
-    first = "DDF farthest ahead" if least < 0 else "DDF least behind"
-    return first, "DDF farthest behind" if most > 0 else "DDF least ahead"
-
-
-def _percentile(percent: float, quantity: str) -> str:
-    return f"median {quantity}" if percent == 50 else f"{percent:.0f} % of the {quantity}s"
 
 
 def strip(clouds: Clouds, errors: Mapping[Image, Errors], chosen: Mapping[Image, str]) -> bytes:

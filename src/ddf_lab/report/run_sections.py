@@ -144,13 +144,8 @@ def data_section(results: Results) -> Section:
     else:
         blocks.append("No shape was left out.")
     if results.index["source"] in ("public", "both"):
-        made = manifest.of(results.categories)
-        makers = {
-            licence: sorted({row.creator for row in made if row.licence == licence})
-            for licence in sorted({row.licence for row in made})
-        }
         blocks.append("Makers of the real shapes, by licence:")
-        blocks.append(tuple(f"{licence}: {', '.join(names)}." for licence, names in makers.items()))
+        blocks.append(tuple(groups.makers(manifest.of(results.categories))))
     return Section("Data", blocks)
 
 

@@ -1,6 +1,10 @@
-"""The models that come with the package, with a card each: what they are of, how they were trained, what they reach."""
+"""The models that come with the package: matrices in float16, an ONNX file of fields, a card each.
+
+A card says what a model is of, how it was trained and what it reaches.
+"""
 
 import dataclasses
+import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from ddf.core import storage
 from ddf.data import shapenet, splits
@@ -17,12 +22,12 @@ from ddf.data.synthetic import showcase
 from ddf.fields import model_files, shape_field
 from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io, transforms
-from ddf.io import onnx_file
+from ddf.io import onnx_file, onnx_parity
 from ddf.models import out_of_distribution, reconstruction_settings
 from ddf_lab.evaluation import groups, one_model
 from ddf_lab.run import Run
-from ddf_lab.shipping import shipping
 
+ONNX, CARD, INDEX = "field.onnx", "card.md", "index.json"
 FIT = fit_settings.FitConfig()
 STEPS = 6000  # of a field's fit: what two quiet cores do in two to four minutes
 SAMPLES = 3  # images beside a reconstruction model: first views of its first test shapes
@@ -52,8 +57,8 @@ def write_all(run: Run, fitted: Path, out: Path) -> None:
     made = [write_field(name, summary, fitted / name, out / name) for name, summary in fields]
     free = [n for n in dataset.categories if all(row.free for row in _seen(dataset, n))]
     made += [write_reconstruction(run, dataset, name, out / name) for name in free]
-    every = {entry["name"]: entry for entry in ([] if synthetic else shipping.read_index(out)) + made}
-    shipping.write_index(out, list(every.values()))
+    every = {entry["name"]: entry for entry in ([] if synthetic else read_index(out)) + made}
+    write_index(out, list(every.values()))
 
 
 def _seen(dataset: shapenet.Dataset, category: str) -> list[manifest.Row]:
@@ -71,11 +76,11 @@ def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, A
     """Fit one of `showcase.SHAPES`, write weights, ONNX file and card; its entry."""
     mesh, settings = showcase.SHAPES[name](), fit_config()
     result = fitting.fit(mesh, settings, fitted, force=True)
-    shipping.write_weights(fitted, out)
-    rows = shipping.write_onnx(out, onnx_file.ExportConfig())
+    write_weights(fitted, out)
+    rows = write_onnx(out, onnx_file.ExportConfig())
     errors = _held_out(mesh, settings, out)
     kinds = errors["depth_l1"]
-    shipping.write_card(
+    write_card(
         out,
         name,
         summary,
@@ -111,7 +116,7 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
     train = run.section(reconstruction_settings.TrainConfig)
     section = run.section(reconstruction_settings.DDFConfig)
     record = {"train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
-    weights = shipping.write_weights(trained, out, record)
+    weights = write_weights(trained, out, record)
     tests = dataset.test(name)
     entry = dataset.category(name)
     for number, (shape, views) in enumerate(tests[:SAMPLES]):
@@ -124,7 +129,7 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
         real, views = len({row.id for row in seen}), max(len(v) for _, v in shapes)
         data.append(f"{real} of other people (`ddf shapes`) and {len(seen) - real} variations, {views} views each.")
     summary = f"Camera and field of a {name} from one RGBA image."
-    shipping.write_card(
+    write_card(
         out,
         name,
         summary,
@@ -157,9 +162,7 @@ def licence(seen: Sequence[manifest.Row]) -> list[str]:
     """Under which licence a model is, and whose shapes it has seen."""
     if not seen:
         return [LICENCE]
-    makers = {each: sorted({row.creator for row in seen if row.licence == each}) for each in {r.licence for r in seen}}
-    said = [f"{each}: {', '.join(names)}." for each, names in sorted(makers.items())]
-    return ["MIT, as this repository. Renders of shapes of these people trained it:", *said]
+    return ["MIT, as this repository. Renders of shapes of these people trained it:", *groups.makers(seen)]
 
 
 _COLUMNS = {"Pi_g-L": "true camera", "Pi_pred-L": "predicted camera"}
@@ -196,3 +199,58 @@ def _count(weights: Path) -> int:
     tensors, _ = out_of_distribution.parted(storage.load_tensors(weights, framework="torch")[0])
     kept = [v for k, v in tensors.items() if not k.rpartition(".")[2].startswith(("running_", "num_batches"))]
     return int(sum(torch.numel(value) for value in kept))
+
+
+def rounded(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Matrices and convolution kernels as float16; vectors, statistics and buffers as they are.
+
+    A weight keeps 11 significant bits. Loading widens it to float32 again.
+    """
+    wide = {torch.float32, torch.float64}
+    return {name: value.half() if value.dtype in wide and value.ndim >= 2 else value for name, value in tensors.items()}
+
+
+def write_weights(folder: Path, out: Path, changes: Mapping[str, Any] | None = None) -> Path:
+    """The model of a training's folder as `out`/model.safetensors with `rounded` weights; returns the file.
+
+    Args:
+      changes: entries of the record to replace.
+    """
+    tensors, record = storage.load_tensors(folder / model_files.MODEL, framework="torch")
+    file = out / model_files.MODEL
+    storage.save_tensors(file, rounded(tensors), record | dict(changes or {}) | {"weights": "float16"})
+    return file
+
+
+def write_onnx(out: Path, config: onnx_file.ExportConfig) -> list[onnx_parity.Row]:
+    """The field of `out` as `out`/field.onnx, compared with torch before it is written; returns the comparison."""
+    graphs, source = onnx_file.load_graphs(out, config.outputs)
+    return onnx_file.export(graphs["field"], "field", out / ONNX, source, config)
+
+
+def write_card(out: Path, name: str, summary: str, sections: Mapping[str, Sequence[str]]) -> None:
+    """The card of a model as Markdown: a sentence, then bullets under headings."""
+    lines = [f"# {name}", "", summary, ""]
+    for heading, bullets in sections.items():
+        lines += [f"## {heading}", "", *(f"- {bullet}" for bullet in bullets), ""]
+    storage.write_text(out / CARD, "\n".join(lines).rstrip("\n") + "\n")
+
+
+def read_index(root: Path) -> list[dict[str, Any]]:
+    """The entries that `write_index` was given."""
+    models = storage.read_json(root / INDEX)["models"]
+    return [{key: value for key, value in model.items() if key != "files"} for model in models]
+
+
+def write_index(root: Path, entries: Sequence[Mapping[str, Any]]) -> None:
+    """index.json of the folder of models: per model its name, kind, summary, and files with their sizes.
+
+    Args:
+      root: holds one folder per model, called by its name.
+      entries: `name`, `kind` (field or reconstruction) and `summary` of each.
+    """
+    models = []
+    for entry in entries:
+        files = sorted(path for path in (root / entry["name"]).iterdir() if path.is_file())
+        models.append({**entry, "files": {path.name: path.stat().st_size for path in files}})
+    storage.write_text(root / INDEX, json.dumps({"models": models}, indent=2) + "\n")

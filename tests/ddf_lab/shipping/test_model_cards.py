@@ -1,7 +1,64 @@
-"""What a model's card says of the shapes that trained it."""
+"""The models that come with the package: small, whole, described, and as good as what they were rounded from."""
 
+import json
+from pathlib import Path
+
+import _models
+import pytest
+import torch
+from _support import assert_close
+
+import ddf
+from ddf.core import storage
 from ddf.data.public import manifest
+from ddf.fields import model_files, shape_field
+from ddf.models import reconstruction_models
 from ddf_lab.shipping import model_cards
+
+ROOT = Path(ddf.__file__).parent / "shipped"
+INDEX = json.loads((ROOT / model_cards.INDEX).read_text())["models"]
+MIB = 2**20
+
+
+def test_rounding_halves_matrices_and_keeps_the_rest():
+    tensors = {"w": torch.randn(4, 3), "b": torch.randn(4), "n": torch.tensor(3)}
+    found = model_cards.rounded(tensors)
+    assert [found[name].dtype for name in tensors] == [torch.float16, torch.float32, torch.int64]
+    assert (found["w"].float() - tensors["w"]).abs().max() <= 2**-11 * tensors["w"].abs().max()
+    assert_close(found["b"], tensors["b"])
+
+
+def test_rounded_weights_are_read_as_float32_and_say_so(tmp_path):
+    folder = _models.write_shape_field(tmp_path / "whole")
+    file = model_cards.write_weights(folder, tmp_path / "small", {"seed": 3})
+    record = storage.load_metadata(file)
+    assert (record["weights"], record["seed"]) == ("float16", 3)
+    whole, small = shape_field.load(folder).field, shape_field.load(tmp_path / "small").field
+    assert {value.dtype for value in small.parameters()} == {torch.float32}
+    points = _models.points(200)
+    assert_close(small(*points), whole(*points), rtol=1e-2, atol=1e-2)
+
+
+def test_index_lists_the_files_that_are_there():
+    assert [entry["name"] for entry in INDEX] == ["rabbit", "nested", "armchair", "airliner", "chair", "plane", "car"]
+    for entry in INDEX:
+        folder = ROOT / entry["name"]
+        assert {path.name: path.stat().st_size for path in folder.iterdir()} == entry["files"]
+        limit = 1 if entry["kind"] == "field" else 8
+        assert sum(entry["files"].values()) <= limit * MIB
+
+
+@pytest.mark.parametrize("entry", INDEX, ids=lambda entry: entry["name"])
+def test_every_model_loads_and_has_a_card(entry):
+    folder = ROOT / entry["name"]
+    if entry["kind"] == "field":
+        assert shape_field.load(folder).record["weights"] == "float16"
+    else:
+        model, size = reconstruction_models.load_ddf(folder, storage.load_metadata(folder / model_files.MODEL))
+        assert size == 64 and all(bool(value.isfinite().all()) for value in model.parameters())
+    card = (folder / model_cards.CARD).read_text()
+    assert card.startswith(f"# {entry['name']}\n\n{entry['summary']}\n")
+    assert all(f"## {heading}" in card for heading in ("Data", "Training", "Scores", "Limits", "Licence"))
 
 
 def _row(licence, creator):
