@@ -15,7 +15,7 @@ from ddf.core import shipped_models
 from ddf.data.synthetic import showcase
 from ddf.fields import checked_cloud, framed_field, scene_field, shape_field
 from ddf.pictures import field_pictures, picture_strips, shaded
-from ddf_lab.figures import distance_figure, drawing, figure_fields, room_figure, teaser_figure
+from ddf_lab.figures import distance_figure, drawing, figure_fields, room_figure, slice_figures
 from ddf_lab.report import publish
 
 SIDE, PER_LINE = 280, 5
@@ -43,7 +43,7 @@ def reconstructed() -> np.ndarray:
 
 def pictures() -> dict[str, np.ndarray]:
     """By what stands above them."""
-    rabbit, on_ground = shape_field.load(shipped_models.place("rabbit")), teaser_figure.standing()
+    rabbit, on_ground = shape_field.load(shipped_models.place("rabbit")), slice_figures.standing()
     images = framed_field.render(
         rabbit, (*CAMERA, framed_field.framing_radius(rabbit, *CAMERA)), SIDE, (*OUTPUTS, "visibility")
     )[0]
@@ -53,8 +53,8 @@ def pictures() -> dict[str, np.ndarray]:
     look = scene_field.fly(room_figure.FLIGHT, room_figure.FRAMES)[2]
     return {
         "a field, lit by its rays": lit(drawing.patches(showcase.SHAPES["airliner"]())),
-        "oriented points (p, v)": teaser_figure.points(on_ground, SIDE),
-        "d(p, v) for one v": teaser_figure.slices(on_ground, rabbit, (0.0, 0.0, -1.0), SIDE),
+        "oriented points (p, v)": slice_figures.points(on_ground, SIDE),
+        "d(p, v) for one v": slice_figures.slices(on_ground, rabbit, (0.0, 0.0, -1.0), SIDE),
         **{label: field_pictures.picture(name, images) for name, label in OUTPUTS.items()},
         "unsigned distance": udf,
         "v*, to the closest point": ways,

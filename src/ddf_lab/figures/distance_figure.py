@@ -6,7 +6,7 @@ Lengths are those of a shape whose longest side is 2.
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,11 +41,13 @@ Nearest = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n 3"]]  # posi
 class Found:
     """Distances and unit directions, mesh frame; queries a point, and what was paid once."""
 
-    way: str
     distances: Float[np.ndarray, "n"]
     directions: Float[np.ndarray, "n 3"]
     queries: float
     once: str = "–"
+
+
+Ask = Callable[[Float[np.ndarray, "n 3"]], Found]  # a way to distances: positions -> what it finds
 
 
 def to_spheres(positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
@@ -84,8 +86,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     for name in NAMES:
         field, mesh = figure_fields.fitted(name, config, folder), mesh_of(name)
         nearest, cloud = exact(name, mesh), _cloud(field)
-        measured = _measured(name, field, mesh, nearest, cloud, config, folder)
-        rows += [_line(name, way, *each) for way, each in measured.items()]
+        rows += _rows(name, field, mesh, nearest, _ways(name, field, nearest, cloud, config, folder))
         for level in SLICES.get(name, ()):
             heading = f"{TITLES.get(name, name)}, z at {100 * level:.0f} %"
             cells.append((heading, slices(level, field, nearest, cloud[0], config.picture_size)))
@@ -122,46 +123,23 @@ def _cloud(field: ShapeField) -> tuple[checked_cloud.CheckedCloud, str]:
     return cloud, f"{counted.queries / 1000:,.0f} k queries, {time.process_time() - started:.1f} s of a core"
 
 
-@dataclass(frozen=True)
-class Errors:
-    """Means of |UDF - exact| over uniform points and near the surface; median angle of v* and share turned by more."""
-
-    mean: float
-    near: float
-    angle_deg: float
-    turned: float
-
-
-def _line(name: str, way: str, found: Found, off: Errors) -> list[str]:
-    """Of the table of all ways."""
-    values = [f"{off.mean:.4f}", f"{off.near:.4f}", f"{off.angle_deg:.1f}", f"{100 * off.turned:.1f}"]
-    return [TITLES.get(name, name), way, *values, f"{found.queries:g}", found.once]
-
-
-def _measured(
-    name: str,
-    field: ShapeField,
-    mesh: Mesh,
-    nearest: Nearest,
-    cloud: tuple[checked_cloud.CheckedCloud, str],
-    config: figure_fields.FiguresConfig,
-    folder: Path,
-) -> dict[str, tuple[Found, Errors]]:
-    """What every way finds at uniform points, and its errors."""
+def _rows(name: str, field: ShapeField, mesh: Mesh, nearest: Nearest, ways: Mapping[str, Ask]) -> list[list[str]]:
+    """What every way finds at uniform points and near the surface, and its errors."""
     random = np.random.default_rng(0)
     corners = field.field_from_mesh.inverse().apply(np.stack([field.lower, field.upper]))
     unit = 2 / float(np.ptp(mesh.surface_vertices(), axis=0).max())
     uniform = random.uniform(corners[0], corners[1], (POINTS, 3))
     surface, _ = Surface.of(mesh).draw(POINTS, random)
     close = np.clip(surface + random.uniform(-NEAR, NEAR, (POINTS, 3)) / unit / np.sqrt(3), corners[0], corners[1])
-    measured = {}
-    for way, ask in _ways(name, field, nearest, cloud, config, folder).items():
+    rows = []
+    for way, ask in ways.items():
         found, beside = ask(uniform), ask(close)
         errors, near = (unit * _errors(each, at, nearest) for each, at in ((found, uniform), (beside, close)))
         angle = _angles(found, uniform, nearest)
-        means = np.nanmean(errors), np.nanmean(near), np.nanmedian(angle), np.nanmean(angle > TURNED_DEG)
-        measured[way] = found, Errors(*map(float, means))
-    return measured
+        means = [f"{np.nanmean(errors):.4f}", f"{np.nanmean(near):.4f}"]
+        turned = [f"{np.nanmedian(angle):.1f}", f"{100 * np.nanmean(angle > TURNED_DEG):.1f}"]
+        rows.append([TITLES.get(name, name), way, *means, *turned, f"{found.queries:g}", found.once])
+    return rows
 
 
 def _ways(
@@ -171,17 +149,17 @@ def _ways(
     cloud: tuple[checked_cloud.CheckedCloud, str],
     config: figure_fields.FiguresConfig,
     folder: Path,
-) -> dict[str, Callable[[Float[np.ndarray, "n 3"]], Found]]:
+) -> dict[str, Ask]:
     """Ways to distances by name; g_v for the shape that it is trained on."""
 
     def truly(positions: Float[np.ndarray, "n 3"]) -> Found:
         ways = nearest(positions) - positions
         ways /= np.linalg.norm(ways, axis=1, keepdims=True)
         found, _ = framed_field.query(field, rays.OrientedPoints(positions, ways), ("depth", "visibility"))
-        return Found("true", np.where(found["visibility"] >= udf.SEEN, found["depth"], np.nan), ways, 1)
+        return Found(np.where(found["visibility"] >= udf.SEEN, found["depth"], np.nan), ways, 1)
 
     def by_cloud(positions: Float[np.ndarray, "n 3"]) -> Found:
-        return Found("cloud", *cloud[0].distances(positions), 0, cloud[1])
+        return Found(*cloud[0].distances(positions), 0, cloud[1])
 
     def by_search(positions: Float[np.ndarray, "n 3"]) -> Found:
         found = udf.search(closest_candidates.asked(field.field), _inside(field, positions))
@@ -190,14 +168,15 @@ def _ways(
     ways = {"along the true v*": truly, "cloud": by_cloud, "search, 32 + 4": by_search}
     if name == "rabbit":
         recipe = candidate_recipe(config)
-        network, seconds = _candidates(field, recipe, folder)
+        network = closest_candidates.fit(field, recipe, folder / "candidates")
+        log = np.genfromtxt(folder / "candidates" / "log.csv", delimiter=",", names=True)
 
         def by_network(positions: Float[np.ndarray, "n 3"]) -> Found:
             inside = _inside(field, positions)
             found = udf.from_candidates(closest_candidates.asked(field.field), inside, network(inside))
             return dataclasses.replace(
                 _outside(field, found, network.num_candidates),
-                once=f"{recipe.steps:,} steps of {recipe.points:,}, {seconds:.0f} s",
+                once=f"{recipe.steps:,} steps of {recipe.points:,}, {float(log['seconds'][-1]):.0f} s",
             )
 
         ways["the paper's g_v"] = by_network
@@ -213,15 +192,6 @@ def candidate_recipe(config: figure_fields.FiguresConfig) -> closest_candidates.
     return closest_candidates.CandidateConfig(loop, config.candidate_steps, 256, omega_first=3.0)
 
 
-def _candidates(
-    field: ShapeField, settings: closest_candidates.CandidateConfig, folder: Path
-) -> tuple[udf.CandidateNetwork, float]:
-    """g_v of the field, trained in `folder` unless it is there, and the seconds of its steps."""
-    network = closest_candidates.fit(field, settings, folder / "candidates")
-    log = np.genfromtxt(folder / "candidates" / "log.csv", delimiter=",", names=True)
-    return network, float(log["seconds"][-1])
-
-
 def _inside(field: ShapeField, positions: Float[np.ndarray, "n 3"]) -> torch.Tensor:
     return torch.from_numpy(field.field_from_mesh.apply(positions)).float()
 
@@ -231,7 +201,7 @@ def _outside(field: ShapeField, found: udf.Closest, queries: float) -> Found:
     back = field.field_from_mesh.inverse()
     distances = found.distances.double().numpy() * back.scale
     ways = back.apply_directions(found.directions.double().numpy())
-    return Found("", np.where(np.isfinite(distances), distances, np.nan), ways, queries)
+    return Found(np.where(np.isfinite(distances), distances, np.nan), ways, queries)
 
 
 def _errors(found: Found, positions: Float[np.ndarray, "n 3"], nearest: Nearest) -> Float[np.ndarray, "n"]:

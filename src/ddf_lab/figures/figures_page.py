@@ -9,16 +9,15 @@ from ddf_lab.figures import (
     fit_figure,
     room_figure,
     sample_figure,
-    slice_figure,
+    slice_figures,
     sphere_figures,
-    teaser_figure,
 )
 from ddf_lab.report import pages
 
 SECTIONS: tuple[Callable[[figure_fields.FiguresConfig, Path], pages.Section], ...] = (
-    teaser_figure.section,
+    slice_figures.teaser_section,
     sample_figure.section,
-    slice_figure.section,
+    slice_figures.slices_section,
     sphere_figures.section,
     fit_figure.section,
     room_figure.section,

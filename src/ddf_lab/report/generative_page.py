@@ -22,6 +22,7 @@ from ddf_lab.run import Run
 PAPER_FID: Final = {generative_scores.OURS: "27", generative_scores.FLAT: "15"}  # [DDF22] §4.4
 NO_WEIGHTS: Final = "not computed (no Inception weights)"
 UNUSED: Final = "not used"
+_ENDS: Final = (slice(5), slice(-2, None))  # dimensions of the latent that are shown
 RATIO: Final = 1.3  # of D_C through the encoder to that of optimised latents
 TRAININGS: Final = {
     "train_vae": "shape VAE",
@@ -37,23 +38,6 @@ _ROWS: Final = {
     generative_scores.NOISE: "noise",
 }
 MOST_TOLD_APART: Final = 0.75  # of samples that are good enough for pictures of interpolations and of many cameras
-_LEAD: Final = (
-    "{verdict}: its samples are told apart from learned shapes {told:.0f} % of the time; 50 is best.",
-    "Experiment `{name}`: a shape VAE of {learned} {category} shapes, and images from its normals.",
-    "Made by `make reproduce-generative CONFIG=configs/{name}.yaml`. All numbers were measured here, unless a "
-    "column says paper.",
-    "The critics saw images of {pictured} other shapes. {held_out} shapes were held out.",
-    "`ddf generate artifacts/{name}/train_gan/{category} OUT_DIR` draws more.",
-)
-_LIMIT: Final = (
-    "What two cores cannot show: the paper's trainings have 100,000 steps of full-size networks; here the image GANs "
-    "have {steps} steps of narrow ones, so image quality says nothing about the method's best."
-)
-_FEATURES: Final = (
-    "KID x 1000 against {real} real images. Features: a ResNet-20 of width {width}, "
-    "trained here for {steps} steps to tell {shapes} other shapes and their views apart. ±: standard deviation over "
-    "{subsets} subsets of {size}. FID, paper, ShapeNet: [DDF22] §4.4, of other images and another network."
-)
 
 
 @dataclass(frozen=True)
@@ -83,10 +67,17 @@ def write(run: Run, gan: generative_settings.GANConfig, section: generative_sett
 
 
 def _page(results: _Results) -> pages.Page:
-    told = results.scores["distribution"]["prior"]["told_apart"]
-    named = {"name": results.name, "category": results.category, "told": 100 * told, **results.scores["shapes"]}
-    verdict = "This model works" if results.works else "This model fails"
-    lead = tuple(line.format(verdict=verdict, **named) for line in _LEAD)
+    told, shapes = results.scores["distribution"]["prior"]["told_apart"], results.scores["shapes"]
+    lead = (
+        f"This model {'works' if results.works else 'fails'}: its samples are told apart from learned shapes "
+        f"{100 * told:.0f} % of the time; 50 is best.",
+        f"Experiment `{results.name}`: a shape VAE of {shapes['learned']} {results.category} shapes, and images from "
+        "its normals.",
+        f"Made by `make reproduce-generative CONFIG=configs/{results.name}.yaml`. All numbers were measured here, "
+        "unless a column says paper.",
+        f"The critics saw images of {shapes['pictured']} other shapes. {shapes['held_out']} shapes were held out.",
+        f"`ddf generate artifacts/{results.name}/train_gan/{results.category} OUT_DIR` draws more.",
+    )
     sections = (_samples, _shapes, _prior, _images, _views, *((_between,) if results.works else ()), _trainings)
     return pages.Page(f"Generated {results.category} shapes", [lead], [section(results) for section in sections])
 
@@ -114,34 +105,32 @@ def _samples(results: _Results) -> pages.Section:
 
 def _shapes(results: _Results) -> pages.Section:
     found = results.scores["held_out"]
-    encoded, optimised = found["encoded"], found["optimised"]
-    ratio = encoded["chamfer_l2_sq_x1000"] / optimised["chamfer_l2_sq_x1000"]
+    ratio = found["encoded"]["chamfer_l2_sq_x1000"] / found["optimised"]["chamfer_l2_sq_x1000"]
     verdict = (
         f"Through the encoder D<sub>C</sub> of held-out shapes is {ratio:.2f} times that of latents optimised on each "
         f"shape; the aim is at most {RATIO}."
     )
     names = {"encoded": "encoded from points", "optimised": "latents optimised on the shape"}
-    header = ["", *(metric.label or "" for metric in cloud_scores.PRINTED.values())]
     rows = [
         [label, *(f"{found[name][key]:.{metric.digits}f}" for key, metric in cloud_scores.PRINTED.items())]
         for name, label in names.items()
     ]
+    header = ["", *(str(metric.label) for metric in cloud_scores.PRINTED.values())]
     clouds = pages.Table("Held-out shapes: D<sub>C</sub> x 1000, F x 100.", header, rows)
-    types = list(encoded["errors"]["depth_l1"])
+    types = list(found["encoded"]["errors"]["depth_l1"])
     rows = [
         [f"{what}, {label}", *(f"{found[name]['errors'][key][kind]:.3f}" for kind in types)]
         for key, what in (("depth_l1", "depth"), ("visibility_bce", "visibility"))
         for name, label in names.items()
     ]
+    angles = [f"{found[name]['errors']['normals']['median_deg']:.1f}° {name}" for name in names]
     caption = (
         "Mean error of depth (halves of the longest side) and cross-entropy of visibility, by sample type. Median "
-        f"angle of normals: {encoded['errors']['normals']['median_deg']:.1f}° encoded, "
-        f"{optimised['errors']['normals']['median_deg']:.1f}° optimised."
+        f"angle of normals: {', '.join(angles)}."
     )
     errors = pages.Table(caption, ["", *types], rows)
     kl = results.scores["divergence"]
-    largest = ", ".join(f"{value:.2f}" for value in kl["by_dimension"][:5])
-    smallest = ", ".join(f"{value:.2f}" for value in kl["by_dimension"][-2:])
+    largest, smallest = (", ".join(f"{value:.2f}" for value in kl["by_dimension"][part]) for part in _ENDS)
     said = (
         f"The divergence from the prior is {kl['sum']:.1f} nats a shape; {kl['used']} of {len(kl['by_dimension'])} "
         f"dimensions have more than 0.1. Largest: {largest}; smallest: {smallest}."
@@ -182,13 +171,12 @@ def _images(results: _Results) -> pages.Section:
         kid = f"{1000 * row['kid']:.1f} ± {1000 * row['kid_spread']:.1f}" if found["in_order"] else UNUSED
         rows.append([label, kid, NO_WEIGHTS if fid is None else f"{fid:.1f}", PAPER_FID.get(name, "–")])
     header = ["", "measured KID ↓", "measured FID ↓", "paper, ShapeNet FID ↓"]
-    caption = _FEATURES.format(
-        real=found["real"],
-        width=section.features.width,
-        steps=section.features.steps,
-        shapes=results.scores["shapes"]["learned"] + results.scores["shapes"]["held_out"],
-        subsets=section.subsets,
-        size=section.subset_size,
+    shapes = results.scores["shapes"]["learned"] + results.scores["shapes"]["held_out"]
+    caption = (
+        f"KID x 1000 against {found['real']} real images. Features: a ResNet-20 of width {section.features.width}, "
+        f"trained here for {section.features.steps} steps to tell {shapes} other shapes and their views apart. ±: "
+        f"standard deviation over {section.subsets} subsets of {section.subset_size}. FID, paper, ShapeNet: [DDF22] "
+        "§4.4, of other images and another network."
     )
     kids = ", ".join(f"{name} {1000 * found['rows'][name]['kid']:.1f}" for name in ("ceiling", *found["spoiled"]))
     check = f"KID of real images, spoiled: {kids}. " + (
@@ -196,7 +184,10 @@ def _images(results: _Results) -> pages.Section:
         if found["in_order"]
         else "They are not in the order that they must have, so KID is not used."
     )
-    limit = _LIMIT.format(steps=results.gan.steps)
+    limit = (
+        "What two cores cannot show: the paper's trainings have 100,000 steps of full-size networks; here the image "
+        f"GANs have {results.gan.steps} steps of narrow ones, so image quality says nothing about the method's best."
+    )
     return pages.Section("Images", [pages.Table(caption, header, rows), check, limit])
 
 

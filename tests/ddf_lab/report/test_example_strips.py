@@ -45,11 +45,6 @@ def test_a_model_that_always_wins_is_not_said_to_lose(shift, first, last):
     assert chosen["d"].endswith(first) and chosen["b"].endswith(last)
 
 
-def test_order_does_not_depend_on_that_of_the_table():
-    backwards = dict(reversed(_ERRORS.items()))
-    assert list(example_strips.choose(backwards, 3).items()) == list(example_strips.choose(_ERRORS, 3).items())
-
-
 def test_errors_are_those_at_the_true_camera_with_large_clouds():
     rows = [
         ("ddf", "Pi_g-L", "a", 1, 0.002),

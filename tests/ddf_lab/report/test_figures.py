@@ -48,12 +48,6 @@ def test_bars_have_the_colours_of_their_methods_and_lengths_in_proportion():
     assert ratio == pytest.approx(70.2 / 99.0, rel=1e-4)
 
 
-def test_a_dot_is_drawn_for_each_shape_and_model():
-    svg = _CHARTS["dots"]()
-    for method in ("ddf", "pc_siren"):
-        assert _uses(svg, f"fill: {figures.METHOD_COLOURS[method].lower()}") >= 2 * len(_DOTS)
-
-
 def test_every_loss_term_is_drawn_even_a_negative_one():
     colour = "stroke: #3182bd"  # of the first term
     with_terms, without = (figures.loss_curves({"DDF": {"chair": table}}) for table in (_LOG, _LOG[["step", "loss"]]))

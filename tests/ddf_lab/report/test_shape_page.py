@@ -52,59 +52,30 @@ def _rows(folder):
     return [[cell.strip().replace("**", "") for cell in row] for row in cells]
 
 
-def test_stages_write_field_tables_and_page(fitted_shape):
-    fitted, ablated = (fitted_shape / "artifacts" / "tiny_fit" / name for name in ("fit_shape", "ablate_samples"))
-    assert {path.name for path in fitted.iterdir()} >= {
-        "model.safetensors",
-        "log.csv",
-        "fit.json",
-        "fit.csv",
-        "diagnostics.json",
-        "views.webp",
-        "slices.webp",
-        "views.json",
-    }
-    assert {path.name for path in ablated.glob("without_*")} == {f"without_{kind}" for kind in (*"UABOTS", "none")}
-    table, record = storage.load_table(ablated / "ablate_samples.csv")
+def test_stages_write_tables_and_a_page_with_their_numbers(fitted_shape):
+    folder = fitted_shape / "artifacts" / "tiny_fit"
+    assert {path.name for path in (folder / "report").iterdir()} == _PAGE
+    text = (folder / "report" / "README.md").read_text()
+    assert set(re.findall(r"\]\(([^)]+)\)", text)) == _PAGE - {"README.md"}
+    table, record = storage.load_table(folder / "ablate_samples" / "ablate_samples.csv")
     assert len(table) == 7 * 2 * 6 * 2
     assert record["sources"].keys() == {"artifacts/tiny_fit/ablate_samples/ablation.json"}
-    assert {path.name for path in (fitted_shape / "artifacts" / "tiny_fit" / "report").iterdir()} == _PAGE
-
-
-def test_links_and_pictures_of_the_page_exist(fitted_shape):
-    folder = fitted_shape / "artifacts" / "tiny_fit" / "report"
-    linked = set(re.findall(r"\]\(([^)]+)\)", (folder / "README.md").read_text()))
-    assert linked == _PAGE - {"README.md"}
-
-
-def test_printed_errors_are_those_of_the_tables(fitted_shape):
-    rows = _rows(fitted_shape)
-    metrics = storage.read_json(fitted_shape / "artifacts" / "tiny_fit" / "fit_shape" / "fit.json")
-    held_out = metrics["held_out"]
-    assert [
-        "L1 × 10 of depth",
-        "here",
-        *(shape_page.number(held_out["depth_l1_x10"][kind]) for kind in "UABOTS"),
-    ] in rows
+    rows, metrics = _rows(fitted_shape), storage.read_json(folder / "fit_shape" / "fit.json")
+    held_out, number = metrics["held_out"], shape_page.number
+    assert ["L1 × 10 of depth", "here", *(number(held_out["depth_l1_x10"][kind]) for kind in "UABOTS")] in rows
     assert ["L1 × 10 of depth", "paper, bunny", "0.45", "0.75", "0.19", "0.50", "0.77", "0.67"] in rows
-    table = pd.read_csv(fitted_shape / "artifacts" / "tiny_fit" / "report" / "ablate_samples.csv")
-    value = table.set_index(["source", "without", "metric", "type"])["value"]
-    ours = [shape_page.number(value["measured", "S", "visibility_bce", kind]) for kind in "UABOTS"]
+    value = pd.read_csv(folder / "report" / "ablate_samples.csv").set_index(["source", "without", "metric", "type"])
+    ours = [number(value["value"]["measured", "S", "visibility_bce", kind]) for kind in "UABOTS"]
     assert ["S", *ours] in rows
     angles = [held_out["normal_angle_deg"][kind]["median"] for kind in "UAB"] + [held_out["normal_angle_deg_median"]]
     assert ["median", *(f"{angle:.1f}°" for angle in angles)] in rows
-    text = (fitted_shape / "artifacts" / "tiny_fit" / "report" / "README.md").read_text()
-    assert f"{metrics['parameters']:,} parameters, 5 steps;" in text
-
-
-def test_every_diagnostic_is_printed(fitted_shape):
-    found = storage.read_json(fitted_shape / "artifacts" / "tiny_fit" / "fit_shape" / "diagnostics.json")
-    assert tuple(found) == field_diagnostics.NAMES
-    printed = [row for row in _rows(fitted_shape) if "eikonal" in row[0] or "consistency" in row[0]]
-    assert [row[2:] for row in printed] == [
-        [*(shape_page.number(values[key]) for key in ("median", "p95", "worst")), f"{values['rays']:,}"]
+    found = storage.read_json(folder / "fit_shape" / "diagnostics.json")
+    printed = [row[2:] for row in rows if "eikonal" in row[0] or "consistency" in row[0]]
+    assert tuple(found) == field_diagnostics.NAMES and printed == [
+        [*(number(values[key]) for key in ("median", "p95", "worst")), f"{values['rays']:,}"]
         for values in found.values()
     ]
+    assert f"{metrics['parameters']:,} parameters, 5 steps;" in text
 
 
 def _long(values):
@@ -144,25 +115,6 @@ def test_fit_table_has_angles_of_all_types_together():
     assert value["UAB", "normal_angle_deg_median"] == 2.0
     assert value["U", "normal_angle_deg_p95"] == 9.0
     assert value["S", "visibility_bce"] == 0.5
-
-
-def _page_results(depth, lower):
-    """Results with one depth error of type U, and `lower` of the other eleven errors below the paper's."""
-    rows = []
-    for i, (metric, kind) in enumerate(
-        (metric, kind) for metric in shape_page.METRIC_NAMES for kind in shape_fits.TYPES
-    ):
-        ours = depth if i == 0 else 1.0 if i <= lower else 3.0
-        rows += [(metric, kind, ours, "measured"), (metric, kind, 2.0, paper_results.BUNNY)]
-    errors = pd.DataFrame(rows, columns=["metric", "type", "value", "source"])
-    return shape_page.Results("x", None, {}, pd.DataFrame(), errors, {}, [], {}, pd.DataFrame())
-
-
-def test_verdict_says_how_far_depth_is_off_and_how_many_errors_are_below_the_papers():
-    text = shape_page.verdict(_page_results(0.5, 4))
-    assert "off by 2.5 % of the box's longest side" in text and "twelve held-out errors, 5 are below" in text
-    nothing = shape_page.verdict(_page_results(float("nan"), 4))
-    assert "No held-out ray of type U meets the shape." in nothing and "errors, 4 are below" in nothing
 
 
 def test_a_mean_over_nothing_is_a_dash():

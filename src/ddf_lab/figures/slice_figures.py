@@ -1,4 +1,7 @@
-"""Oriented points of a shape, and slices of its field for three directions. [DDF22] fig. 1."""
+"""A rabbit's field: its oriented points, slices for three directions in space, and slices side by side.
+
+[DDF22] fig. 1. Side by side: one direction for all points of a plane, planes of rising z.
+"""
 
 from pathlib import Path
 
@@ -8,24 +11,27 @@ from jaxtyping import Float
 from ddf.data.synthetic import showcase
 from ddf.fields import framed_field
 from ddf.fit import fitting
-from ddf.geometry import rays
-from ddf.pictures import picture_strips, shaded
-from ddf_lab.figures import drawing, figure_fields, slice_figure
-from ddf_lab.report import pages
+from ddf.geometry import raycast, rays
+from ddf.pictures import field_pictures, picture_strips, shaded
+from ddf_lab.figures import drawing, figure_fields
+from ddf_lab.report import pages, shape_views
 
+SHAPE = "rabbit"
+DIRECTIONS = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))  # of the paper's figure
+LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the height of the box
 SIDE = 460  # pixels of a panel
-LEVELS = (-0.75, -0.375, 0.0, 0.375, 0.75)  # z of the planes, of half the height of the box
+PLANES = (-0.75, -0.375, 0.0, 0.375, 0.75)  # z of the planes, of half the height of the box
 _CAMERA, _ASIDE = (35.0, 20.0, 1.2), (28.0, 24.0, 1.6)
 _POINTS, _FROM, _ARROW, _APART = 26, 1.05, 0.22, 1.9
 _LONG = 0.75  # of the arrows of v
 
 
-def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
+def teaser_section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """Four panels."""
     on_ground = standing()
-    field = figure_fields.fitted(slice_figure.SHAPE, config, folder)
-    names = ["oriented points (p, v)", *(f"d for v ∥ {slice_figure.named(each)}" for each in slice_figure.DIRECTIONS)]
-    cells = [points(on_ground, SIDE), *(slices(on_ground, field, each, SIDE) for each in slice_figure.DIRECTIONS)]
+    field = figure_fields.fitted(SHAPE, config, folder)
+    names = ["oriented points (p, v)", *(f"d for v ∥ {named(each)}" for each in DIRECTIONS)]
+    cells = [points(on_ground, SIDE), *(slices(on_ground, field, each, SIDE) for each in DIRECTIONS)]
     return pages.Section(
         "A directed distance field",
         [
@@ -37,11 +43,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
                 "Oriented points around a rabbit, and stacked slices of depth for three directions",
                 picture_strips.strip(
                     names,
-                    [
-                        picture_strips.StripRow(
-                            slice_figure.SHAPE, ("the points ask patches, the planes a network",), cells
-                        )
-                    ],
+                    [picture_strips.StripRow(SHAPE, ("the points ask patches, the planes a network",), cells)],
                     per_line=2,
                     side=SIDE,
                 ),
@@ -53,7 +55,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
 
 def standing() -> shaded.Standing:
     """The patches of the shape in [-1, 1]³."""
-    return shaded.stand(drawing.patches(fitting.in_cube(showcase.SHAPES[slice_figure.SHAPE]())[0]))
+    return shaded.stand(drawing.patches(fitting.in_cube(showcase.SHAPES[SHAPE]())[0]))
 
 
 def points(on_ground: shaded.Standing, size: int) -> picture_strips.Picture:
@@ -83,7 +85,7 @@ def slices(
     Args:
       on_ground: of the shape in [-1, 1]³. field: of the mesh as it is.
     """
-    _, own_from_mesh = fitting.in_cube(showcase.SHAPES[slice_figure.SHAPE]())
+    _, own_from_mesh = fitting.in_cube(showcase.SHAPES[SHAPE]())
     v = np.array(direction) / np.linalg.norm(direction)
     to_mesh = own_from_mesh.inverse()
     low, high = (
@@ -97,7 +99,7 @@ def slices(
         return framed_field.query(field, asked, ("depth",))[0]["depth"]
 
     middle, half = (low + high) / 2, (high - low) / 2
-    levels = [(middle[2] + _APART * each * half[2], middle[2] + each * half[2]) for each in LEVELS]
+    levels = [(middle[2] + _APART * each * half[2], middle[2] + each * half[2]) for each in PLANES]
     corners = np.array([[x, y, at] for x in (low[0], high[0]) for y in (low[1], high[1]) for at, _ in levels])
     starts = np.array([[high[0] + 0.12, low[1] + 0.3, at] for at, _ in levels[1::2]])
     ends = starts + _LONG * v
@@ -111,3 +113,45 @@ def _feet(on_ground: shaded.Standing) -> Float[np.ndarray, "4 3"]:
     """The lower corners of the box."""
     corners = on_ground.field.field_from_mesh.inverse().apply(np.stack([on_ground.field.lower, on_ground.field.upper]))
     return np.array([[x, corners[0, 1], z] for x in corners[:, 0] for z in corners[:, 2]])
+
+
+def slices_section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
+    """Two lines a direction, the field's and the exact one, and errors."""
+    field, scene = figure_fields.fitted(SHAPE, config, folder), raycast.Scene(showcase.SHAPES[SHAPE]())
+    strips, rows = [], []
+    for direction in DIRECTIONS:
+        name = named(direction)
+        slices = [shape_views.slice_images(field, scene, level, direction, config.picture_size) for level in LEVELS]
+        depth, true = (np.stack([each[kind] for each in slices]) for kind in ("depth", "true_depth"))
+        pictures = field_pictures.depth_pictures(*depth, *true)
+        for what, cells in (("field", pictures[: len(LEVELS)]), ("exact", pictures[len(LEVELS) :])):
+            strips.append(picture_strips.StripRow(f"v ∥ {name}", (what,), cells))
+        both = np.isfinite(depth) & np.isfinite(true)
+        off = np.abs(depth[both] - true[both])
+        wrong = (np.isfinite(depth) != np.isfinite(true)).mean()
+        rows.append([name, f"{np.median(off):.4f}", f"{off.mean():.4f}", f"{100 * wrong:.1f}"])
+    columns = [f"z at {100 * level:.0f} %" for level in LEVELS]
+    return pages.Section(
+        "Slices of d",
+        [
+            pages.Figure(
+                "depth_slices.webp",
+                "Every pixel is a point p of a plane z = const, v is the same for all: near is yellow, far is violet,"
+                " white sees nothing. d jumps to 0 where p moves through the surface.",
+                "Slices of depth for three directions and five planes of rising z, beside the exact ones",
+                picture_strips.strip(columns, strips, per_line=len(LEVELS)),
+            ),
+            pages.Table(
+                f"|d - exact| of the {SHAPE} over the pixels that both see (longest side about 2), and the share that"
+                " only one sees.",
+                ["v parallel to", "median", "mean", "visibility error, %"],
+                rows,
+            ),
+            "Answers [DDF22] fig. 1, right.",
+        ],
+    )
+
+
+def named(direction: tuple[float, ...]) -> str:
+    """As it stands above pictures."""
+    return f"({', '.join(f'{part:g}' for part in direction)})"
