@@ -10,6 +10,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from ddf.training import optimisers
 
 LOGGER = logging.getLogger(__name__)
 CHECKPOINT, LOG = "checkpoint.safetensors", "log.csv"
-PLATEAU_STEPS = 5000
+PLATEAU_STEPS, PLATEAU_SHARE = 5000, 1e-4
 
 StepLoss = Callable[[int], tuple[Tensor, dict[str, Tensor]]]
 
@@ -92,7 +93,8 @@ def fit(
     distributed.share_batch_statistics(model)
     optimiser = optimisers.Optimiser(model, groups, config)
     average = _average(model, config)
-    start, rows, spent = _resume(model, average, optimiser, out_dir, record["fingerprint"])
+    checkpoint = _Checkpoint(out_dir, record["fingerprint"], model, average, optimiser)
+    start, rows, spent = checkpoint.resume()
     distributed.check_same(f"{out_dir}: data, config or checkpoint", f"{record['fingerprint']} at step {start}")
     done = start
     saved_at, saving = time.monotonic(), 1.0
@@ -132,10 +134,8 @@ def fit(
         progress.update(_shown(steps, done, spent) - progress.n)
         begins = time.monotonic()
         if first and saves:
-            moment = (
-                {"seconds": spent} if isinstance(steps, loop_config.Clock) else {}
-            )  # equal runs by steps have equal bytes
-            _save_checkpoint(model, average, optimiser, {"step": done, **moment}, rows, out_dir, record)
+            # equal runs by steps have equal bytes
+            checkpoint.save(rows, {"seconds": spent} if isinstance(steps, loop_config.Clock) else {}, done)
         if saves:
             saved_at = time.monotonic()
             saving = max(1.0, saved_at - begins)
@@ -185,21 +185,18 @@ def plateau_reductions(rows: Sequence[Mapping[str, float]], step: int) -> int:
     """How often the paper's schedule reduced the rate before step `step` (from 0), by the rows of the log up to then.
 
     The rate becomes 0.9 times what it was where the loss stays, at least 5,000 steps apart ([DDF22] app. `singlefits`;
-    what counts as a plateau is not given). Here the mean logged loss of each 5,000 steps goes to torch's
-    `ReduceLROnPlateau` with no patience. The log alone decides, so a resumed training goes on alike.
+    what counts as a plateau is not given). Here it is a mean logged loss of 5,000 steps that is not below the least one
+    before by `PLATEAU_SHARE`, as in torch's `ReduceLROnPlateau`. The log alone decides, so a resumed training goes on
+    alike.
     """
-    whole = step // PLATEAU_STEPS
-    steps = np.array([row["step"] for row in rows])
-    losses = np.array([row["loss"] for row in rows])
-    dummy = torch.optim.SGD([torch.zeros(1)], lr=1.0)
-    scheduler = torch.optim.lr_scheduler.ReduceLROnPlateau(dummy, factor=loop_config.PLATEAU_FACTOR, patience=0)
-    reduced = 0
-    for window in range(whole):
+    steps, losses = (np.array([row[name] for row in rows]) for name in ("step", "loss"))
+    best, reduced = math.inf, 0
+    for window in range(step // PLATEAU_STEPS):
         inside = (steps > window * PLATEAU_STEPS) & (steps <= (window + 1) * PLATEAU_STEPS)
         if inside.any():
-            before = dummy.param_groups[0]["lr"]
-            scheduler.step(float(losses[inside].mean()))
-            reduced += dummy.param_groups[0]["lr"] < before
+            loss = float(losses[inside].mean())
+            falls = loss < best * (1 - PLATEAU_SHARE)
+            best, reduced = loss if falls else best, reduced + (not falls)
     return reduced
 
 
@@ -240,51 +237,46 @@ def _average(model: nn.Module, config: loop_config.LoopConfig) -> swa_utils.Aver
     return swa_utils.AveragedModel(model, multi_avg_fn=mix, use_buffers=True)
 
 
-def _save_checkpoint(
-    model: nn.Module,
-    average: swa_utils.AveragedModel | None,
-    optimiser: optimisers.Optimiser,
-    state: dict[str, Any],
-    rows: list[dict],
-    out_dir: Path,
-    record: dict,
-) -> None:
-    """The log first: rows past the checkpoint's step are dropped on resuming, missing ones could not be made up."""
-    tensors = {f"model.{name}": value for name, value in model.state_dict().items()}
-    if average is not None:
-        tensors |= {f"average.{name}": value for name, value in average.state_dict().items()}
-    tensors |= dict(optimiser.tensors())
-    _write_log(out_dir / LOG, rows)
-    storage.save_tensors(out_dir / CHECKPOINT, tensors, {**state, "fingerprint": record["fingerprint"]})
+@dataclass(frozen=True)
+class _Checkpoint:
+    """What a training goes on from, in its folder."""
 
+    folder: Path
+    fingerprint: str
+    model: nn.Module
+    average: swa_utils.AveragedModel | None
+    optimiser: optimisers.Optimiser
 
-def _resume(
-    model: nn.Module,
-    average: swa_utils.AveragedModel | None,
-    optimiser: optimisers.Optimiser,
-    out_dir: Path,
-    fingerprint: str,
-) -> tuple[int, list[dict], float]:
-    """Step to go on from, log and seconds so far; (0, [], 0) where there is nothing to resume."""
-    path = out_dir / CHECKPOINT
-    if not path.exists():
-        return 0, [], 0.0
-    try:
-        tensors, metadata = storage.load_tensors(path, framework="torch")
-    except checks.InputError as error:
-        LOGGER.warning("%s; training starts afresh", error)
-        return 0, [], 0.0
-    if metadata["fingerprint"] != fingerprint:
-        LOGGER.warning("%s: made by another config, data or code; training starts afresh", path)
-        return 0, [], 0.0
-    model.load_state_dict(_under("model.", tensors))
-    if average is not None:
-        average.load_state_dict(_under("average.", tensors))
-    optimiser.load(tensors)
-    LOGGER.info("%s: resuming at step %d", path, metadata["step"])
-    rows = [row for row in read_log(out_dir) if row["step"] <= metadata["step"]]
-    return metadata["step"], rows, metadata.get("seconds", rows[-1]["seconds"] if rows else 0.0)
+    @property
+    def _modules(self) -> dict[str, nn.Module]:
+        return {"model.": self.model} | ({} if self.average is None else {"average.": self.average})
 
+    def save(self, rows: list[dict], state: Mapping[str, Any], step: int) -> None:
+        """The log first: rows past the checkpoint's step are dropped on resuming, missing ones could not be made up."""
+        tensors = {
+            prefix + name: value for prefix, own in self._modules.items() for name, value in own.state_dict().items()
+        }
+        _write_log(self.folder / LOG, rows)
+        metadata = {"step": step, **state, "fingerprint": self.fingerprint}
+        storage.save_tensors(self.folder / CHECKPOINT, tensors | dict(self.optimiser.tensors()), metadata)
 
-def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+    def resume(self) -> tuple[int, list[dict], float]:
+        """Step to go on from, log and seconds so far; (0, [], 0) where there is nothing to resume."""
+        path = self.folder / CHECKPOINT
+        if not path.exists():
+            return 0, [], 0.0
+        try:
+            tensors, metadata = storage.load_tensors(path, framework="torch")
+        except checks.InputError as error:
+            LOGGER.warning("%s; training starts afresh", error)
+            return 0, [], 0.0
+        if metadata["fingerprint"] != self.fingerprint:
+            LOGGER.warning("%s: made by another config, data or code; training starts afresh", path)
+            return 0, [], 0.0
+        for prefix, own in self._modules.items():
+            names = [name for name in tensors if name.startswith(prefix)]
+            own.load_state_dict({name.removeprefix(prefix): tensors[name] for name in names})
+        self.optimiser.load(tensors)
+        LOGGER.info("%s: resuming at step %d", path, metadata["step"])
+        rows = [row for row in read_log(self.folder) if row["step"] <= metadata["step"]]
+        return metadata["step"], rows, metadata.get("seconds", rows[-1]["seconds"] if rows else 0.0)
