@@ -38,15 +38,14 @@ def make(run: Run) -> None:
         sources = [run.index, folder / model_files.MODEL]
         record = provenance.record([section, run.category, test.digest()], section.seed, sources, many_images)
         kept = notes.Portions(out, record["fingerprint"])
-        built = storage.load_metadata(folder / model_files.MODEL)
         if name == "ddf":
-            ddf, _ = reconstruction_models.load_ddf(folder, built)
+            ddf = reconstruction_models.load_ddf(folder).network
             features = reconstruction_models.image_features(ddf, train_images)
             given = (ddf, test, section, run.label, mask_descent.latent_deviation(ddf, features), kept)
             tensors, facts = many_images.reconstruct_ddf(*given)
             tensors["train_features"] = features  # for the retrieval row
         else:
-            pcsiren, _ = reconstruction_models.load_pcsiren(folder, built)
+            pcsiren, _ = reconstruction_models.load_pcsiren(folder)
             tensors, facts = many_images.reconstruct_pcsiren(pcsiren, test, section)
         names = {"images": test.names(), "train_images": train_images.names()}
         storage.save_tensors(out / f"{name}.safetensors", tensors | common, record | names | facts)

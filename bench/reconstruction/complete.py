@@ -43,8 +43,7 @@ from ddf.fit import completed_surface, completion, latent_prior
 from ddf.geometry import cameras, neighbours, sensors, transforms
 from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
-from ddf.models import out_of_distribution, reconstruction_models
-from ddf.reconstruction import one_image
+from ddf.models import reconstruction_models
 from ddf_lab.run import Run
 
 ON_DEMAND = "python -m bench complete, after `ddf shapes get`"
@@ -125,12 +124,12 @@ class Solver:
     @classmethod
     def of(cls, folder: Path, config: completion.CompletionConfig) -> "Solver":
         """From the model's folder."""
-        model, size = one_image.load(folder)
+        model, size, statistics = reconstruction_models.load_ddf(folder)
         model.cpu().requires_grad_(False)
         return cls(
             model,
             size,
-            latent_prior.of(model, out_of_distribution.TrainingStatistics.read(folder), config.axes),
+            latent_prior.of(model, statistics, config.axes),
             config,
         )
 

@@ -24,8 +24,8 @@ from ddf.fields import cloud_projection, stored_fields
 from ddf.fit import latent_prior
 from ddf.geometry import neighbours, transforms
 from ddf.geometry.mesh_io import Mesh
-from ddf.models import generated_images, out_of_distribution, reconstruction_models
-from ddf.reconstruction import framing, one_image
+from ddf.models import generated_images, reconstruction_models
+from ddf.reconstruction import framing
 from ddf_lab.evaluation import generative_shapes
 
 ON_DEMAND = "python -m bench generate, some minutes"
@@ -82,11 +82,9 @@ def decoded(
 def rows(category: str, seed: int, width: float) -> Iterator[dict]:
     """Of a category, one after the other."""
     folder = shipped_models.place(category)
-    model, size = one_image.load(folder)
+    model, size, statistics = reconstruction_models.load_ddf(folder)
     model.cpu().requires_grad_(False)
-    prior = latent_prior.of(
-        model, out_of_distribution.TrainingStatistics.read(folder), model.shape_encoder.fc.out_features
-    )
+    prior = latent_prior.of(model, statistics, model.shape_encoder.fc.out_features)
     latents = width * generated_images.latents(COUNT, prior.basis.shape[1], 0, "samples")
     known, others = truth(category, seed), seed + 1000
     sets = {

@@ -110,21 +110,21 @@ def complete(
     with extras.named():
         from ddf.data import cutouts
         from ddf.fit import completed_surface, completion, latent_prior
-        from ddf.models import out_of_distribution
+        from ddf.models import reconstruction_models
         from ddf.reconstruction import one_image
     folder = shipped_models.require(model, "reconstruction")
     folder = folder if folder.is_dir() else folder.parent
-    network, size = one_image.load(folder)
+    trained = reconstruction_models.load_ddf(folder)
+    network = trained.network
     network.cpu().requires_grad_(False)  # a step is small: a GPU would wait for it
     config = completion.CompletionConfig()
-    statistics = out_of_distribution.TrainingStatistics.read(folder)
-    prior = latent_prior.of(network, statistics, config.axes)
+    prior = latent_prior.of(network, trained.statistics, config.axes)
     if pose is None:
         doubt, place = completion.UPRIGHT, completion.guess(given, np.array(_UPS[up]))
     else:
         doubt = completion.Doubt() if refine else None
         place = transforms.Similarity.of_matrix("pose", pose)
-    latent = None if image is None else one_image.latent(network, size, cutouts.read(Path(image)), statistics)
+    latent = None if image is None else one_image.latent(trained, cutouts.read(Path(image)))
     found = completion.complete(network, prior, given, place, doubt, noise, config, latent, seed)
     cloud = completed_surface.cloud(network.field, found, given, n, seed)
     shape = completed_surface.field(network.field, found)

@@ -146,25 +146,19 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
     """
     with extras.named():
         from ddf.data import cutouts
-        from ddf.models import out_of_distribution
+        from ddf.models import reconstruction_models
         from ddf.reconstruction import one_image
     path = shipped_models.require(model, "reconstruction")
     path = path.parent if path.is_file() else path
-    ddf_model, size = one_image.load(path)
-    statistics = out_of_distribution.TrainingStatistics.read(path)
-    deviation = None if encoded is None else one_image.latent_deviation(ddf_model, path, encoded)
+    trained = reconstruction_models.load_ddf(path)
+    deviation = None if encoded is None else one_image.latent_deviation(trained.network, path, encoded)
 
     def of(image: Path, n: int, seed: int, mask: Path | None, background: str) -> Reconstruction:
-        found = one_image.reconstruct(
-            ddf_model, size, cutouts.read(image, mask, background), n, seed, deviation, statistics
-        )
-        shape = found.shape(ddf_model)
+        found = one_image.reconstruct(trained, cutouts.read(image, mask, background), n, seed, deviation)
         azimuth, elevation, radius = (float(value) for value in found.camera)
         camera = {"azimuth_deg": np.degrees(azimuth), "elevation_deg": np.degrees(elevation), "radius": radius}
-        points = found.scale * found.whole[:n].double().cpu().numpy()
         camera = {name: float(value) for name, value in camera.items()}
-        return Reconstruction(
-            Field(shape, lambda: shape), points, camera, found.view, path.name, found.score, found.seconds
-        )
+        field = Field(found.shape, lambda: found.shape)
+        return Reconstruction(field, found.cloud[:n], camera, found.view, path.name, found.score, found.seconds)
 
     return of

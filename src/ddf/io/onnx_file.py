@@ -306,9 +306,9 @@ def load_graphs(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str
             f"{folder}: holds no DDF or PC-SIREN model and no field; give a folder that `make train` or `ddf fit` wrote"
         )
     if record["kind"] == "ddf":
-        ddf, image_size = reconstruction_models.load_ddf(folder, record)
+        ddf, image_size, _ = reconstruction_models.load_ddf(folder)
         graphs = onnx_graphs.ddf_graphs(ddf.cpu(), image_size, outputs)
     else:
-        pcsiren, image_size = reconstruction_models.load_pcsiren(folder, record)
+        pcsiren, image_size = reconstruction_models.load_pcsiren(folder)
         graphs = onnx_graphs.pcsiren_graphs(pcsiren.cpu(), image_size)
     return graphs, describe_source(path, record)

@@ -150,14 +150,12 @@ def model_page(folder: Path) -> viewer_page.Page:
     """
     from ddf.fields import shape_field
     from ddf.io import onnx_file, onnx_graphs, onnx_parity
-    from ddf.models import out_of_distribution
-    from ddf.reconstruction import one_image
+    from ddf.models import reconstruction_models
 
     samples = [file.read_bytes() for file in sorted(folder.glob("sample_*.png"))]
     if not samples:
         raise checks.InputError(f"{folder}: put an RGBA image sample_0.png there, which the page shows first")
-    model, image_size = one_image.load(folder)
-    statistics = out_of_distribution.TrainingStatistics.read(folder)
+    model, image_size, statistics = reconstruction_models.load_ddf(folder)
     graph = onnx_graphs.ModulationsGraph(model.cpu(), image_size, statistics)
     onnx = onnx_file.to_onnx(graph, {})
     onnx_parity.require(onnx_parity.compare(onnx, "modulations", graph, (1,), 0))

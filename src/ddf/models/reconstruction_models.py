@@ -7,7 +7,7 @@ turns z_s into a shape. Cameras are (..., 3): azimuth and elevation in radians, 
 import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
+from ddf.core import checks, storage
 from ddf.data.batches import category_data
 from ddf.fields import framed_field, model_files, passes, pddf, rendering
 from ddf.geometry import cameras
@@ -177,28 +178,47 @@ def image_stages(model: ReconstructionModel, images: category_data.ImageSet) -> 
     return tuple(torch.cat(stage).cpu() for stage in zip(*found, strict=True))
 
 
-def load_ddf(folder: Path, record: Mapping[str, Any]) -> tuple[DDFModel, int]:
-    """The DDF model of a folder, in evaluation mode, and the image size that it takes.
+class TrainedDDF(NamedTuple):
+    """A DDF model in evaluation mode, the image size that it takes, and the statistics of its training images."""
 
-    Args:
-      record: of its model file (`storage.load_metadata`), of kind `ddf`.
-        Of its section `ddf` the field alone is read: how the model was trained may be said in other words by now.
+    network: DDFModel
+    image_size: int
+    statistics: out_of_distribution.TrainingStatistics | None
+
+
+def load_ddf(folder: Path) -> TrainedDDF:
+    """The DDF model of a folder, or of its file.
+
+    Of the section `ddf` of its record the field alone is read: how it was trained may be said in other words by now.
+
     Raises:
-      InputError: the file is damaged, or its record names unknown settings.
+      FileNotFoundError: there is no model. InputError: it is damaged, of another kind, or its settings do not do.
     """
+    folder, train, section = _recorded(folder, "ddf")
     from ddf.core import config  # needs yaml, which training and inference do without
 
     with framed_field.record_of(folder):
-        train = config.recorded(record["train"], reconstruction_settings.TrainConfig, "train")
-        field = config.recorded(record["section"]["field"], reconstruction_settings.FieldConfig, "ddf.field")
-    make = functools.partial(DDFModel, train, field)
-    return model_files.built(make, folder, out_of_distribution.PREFIX), train.image_size
+        field = config.recorded(section["field"], reconstruction_settings.FieldConfig, "ddf.field")
+    network = model_files.built(functools.partial(DDFModel, train, field), folder, out_of_distribution.PREFIX)
+    return TrainedDDF(network, train.image_size, out_of_distribution.TrainingStatistics.read(folder))
 
 
-def load_pcsiren(folder: Path, record: Mapping[str, Any]) -> tuple[PCSirenModel, int]:
-    """The same of a record of kind `pcsiren`."""
-    from ddf.core import config  # needs yaml, which training and inference do without
+def load_pcsiren(folder: Path) -> tuple[PCSirenModel, int]:
+    """The PC-SIREN model of a folder, and its image size; errors are those of `load_ddf`."""
+    folder, train, _ = _recorded(folder, "pcsiren")
+    return model_files.built(functools.partial(PCSirenModel, train), folder), train.image_size
 
+
+def _recorded(folder: Path, kind: str) -> tuple[Path, reconstruction_settings.TrainConfig, Mapping[str, Any]]:
+    """The folder of a model, and the sections of its record that it is built by."""
+    from ddf.core import config
+
+    folder = folder.parent if folder.name == model_files.MODEL else folder
+    record = storage.load_metadata(folder / model_files.MODEL)
+    if record.get("kind") != kind:
+        name = "DDF" if kind == "ddf" else "PC-SIREN"
+        raise checks.InputError(
+            f"{folder}: holds no {name} model; give a folder that `make train` wrote under train_{kind}/"
+        )
     with framed_field.record_of(folder):
-        train = config.recorded(record["train"], reconstruction_settings.TrainConfig, "train")
-    return model_files.built(lambda: PCSirenModel(train), folder), train.image_size
+        return folder, config.recorded(record["train"], reconstruction_settings.TrainConfig, "train"), record["section"]

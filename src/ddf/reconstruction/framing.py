@@ -17,7 +17,7 @@ from torch import Tensor
 
 from ddf.fields import cloud_projection, stored_fields
 from ddf.geometry import cameras, transforms
-from ddf.models import out_of_distribution, reconstruction_models
+from ddf.models import reconstruction_models
 from ddf.reconstruction import mask_descent
 
 START = np.array([0.7, 0.0, 0.03])  # share of the diagonal, and of the centre's place, of the synthetic training images
@@ -59,19 +59,11 @@ class Cutout:
 
 
 @torch.no_grad()
-def frame(
-    model: reconstruction_models.DDFModel,
-    statistics: out_of_distribution.TrainingStatistics | None,
-    cutout: Cutout,
-    size: int,
-) -> Frame:
-    """Where the object stands in a picture as the model's training images are.
-
-    Args:
-      statistics: of the training images. size: of the model's images.
-    """
+def frame(trained: reconstruction_models.TrainedDDF, cutout: Cutout) -> Frame:
+    """Where the object stands in a picture that is like the model's training images."""
     if cutout.given is not None:
         return cutout.given
+    model, size, statistics = trained
     if statistics is None:
         return np.clip(_by_shape(model, cutout.crop(START, size)), _LEAST, _MOST)
 

@@ -5,7 +5,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from torch import Tensor
 from ddf.core import checks, storage
 from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, model_files, pddf, shape_field, stored_fields
-from ddf.models import out_of_distribution, reconstruction_models, reconstruction_settings
+from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.reconstruction import framing, many_images, mask_descent
 
 VIEW = 274  # pixels a side of the framed object, whose colours are kept
@@ -30,24 +30,19 @@ CLOUDS = "ddf.safetensors"  # in the folder of stage `pointclouds`
 class Reconstructed:
     """What the model makes of an image.
 
-    camera: azimuth and elevation (radians) and radius (benchmark units), predicted; then the azimuth turned until the
-    silhouette agrees. modulations: of the field. whole: its cloud of `WHOLE` points or more, field frame, in an order
-    of which every first part is a cloud too. scale: v1 units per field unit, estimated from its box. view: the object
-    as it was framed, which the camera sees. score: how far that lies from the training images
-    (`out_of_distribution`); None where the model's file does not say. seconds: of each part.
+    shape: the field, frame of v1; its box is that of its cloud with a margin. cloud: `WHOLE` points or more, frame of
+    v1, in an order of which every first part is a cloud too. camera: azimuth and elevation (radians) and radius
+    (benchmark units), predicted; then the azimuth turned until the silhouette agrees. view: the object as it was
+    framed, which the camera sees. score: how far that lies from the training images (`out_of_distribution`); None where
+    the model's file does not say. seconds: of each part.
     """
 
+    shape: shape_field.ShapeField
+    cloud: Float[np.ndarray, "n 3"]
     camera: Float[Tensor, "3"]
-    modulations: list[Float[Tensor, "1 _"]]
-    whole: Float[Tensor, "n 3"]
-    scale: float
     view: UInt8[np.ndarray, "s s 4"]
-    score: float | None = None
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    def shape(self, model: reconstruction_models.DDFModel) -> shape_field.ShapeField:
-        """The field, frame of v1; its box is the cloud's with a margin."""
-        return placed(model, self.modulations, self.whole, self.scale)
+    score: float | None
+    seconds: dict[str, float]
 
 
 def placed(
@@ -62,19 +57,6 @@ def placed(
     lower = np.clip(points.min(axis=0) - _MARGIN, whole.lower, whole.upper - _MARGIN)
     upper = np.clip(points.max(axis=0) + _MARGIN, lower + _MARGIN, whole.upper)
     return dataclasses.replace(whole, lower=lower, upper=upper)
-
-
-def load(folder: Path) -> tuple[reconstruction_models.DDFModel, int]:
-    """A trained DDF model, by its folder or file, and the image size that it takes, from the record inside its file.
-
-    Raises:
-      FileNotFoundError: there is no model. InputError: it is damaged, or of another kind.
-    """
-    folder = folder.parent if folder.name == model_files.MODEL else folder
-    record = storage.load_metadata(folder / model_files.MODEL)
-    if record.get("kind") != "ddf":
-        raise checks.InputError(f"{folder}: holds no DDF model; give a folder that `make train` wrote under train_ddf/")
-    return reconstruction_models.load_ddf(folder, record)
 
 
 def latent_deviation(model: reconstruction_models.DDFModel, folder: Path, encoded: Path) -> Float[Tensor, "z"]:
@@ -95,29 +77,27 @@ def latent_deviation(model: reconstruction_models.DDFModel, folder: Path, encode
 
 
 def reconstruct(
-    model: reconstruction_models.DDFModel,
-    image_size: int,
+    trained: reconstruction_models.TrainedDDF,
     pixels: UInt8[np.ndarray, "h w 4"],
     points: int,
     seed: int = 0,
     deviation: Float[Tensor, "z"] | None = None,
-    statistics: out_of_distribution.TrainingStatistics | None = None,
 ) -> Reconstructed:
     """Frame the object, encode, move the shape towards its silhouette where `deviation` is given, draw the cloud, turn
     the camera until the cloud's field has that silhouette.
 
     Args:
       pixels: of `cutouts.read`. points: that the cloud must have, 2 or more. deviation: of `latent_deviation`.
-      statistics: of the training images.
     Raises:
       InputError: fewer than 2 points.
     """
     if points < 2:
         raise checks.InputError(f"the number of points must be >= 2; got {points}")
+    model, image_size, statistics = trained
     seconds: dict[str, float] = {}
     cutout = framing.Cutout(pixels)
     with _timed(seconds, "framing"):
-        frame = framing.frame(model, statistics, cutout, image_size)
+        frame = framing.frame(trained, cutout)
         framed = framing.encoder_input(cutout.crop(frame, image_size)).to(model_files.device())
     with _timed(seconds, "encoders"), torch.no_grad():
         stages, latent, seen_from = reconstruction_models.encode_batch(model, framed)
@@ -139,21 +119,16 @@ def reconstruct(
         field_scale = 1 / seen_from.new_tensor([scale])
         seen_from = mask_descent.correct_camera(model, batch, seen_from, field_scale, alpha, CAMERA)
         seen_from[:, 0] %= 2 * math.pi
-    view = cutout.crop(frame, VIEW)
-    return Reconstructed(seen_from[0], modulations, whole, scale, view, score, seconds)
+    shape, cloud = placed(model, modulations, whole, scale), scale * whole.double().cpu().numpy()
+    return Reconstructed(shape, cloud, seen_from[0], cutout.crop(frame, VIEW), score, seconds)
 
 
 @torch.no_grad()
-def latent(
-    model: reconstruction_models.DDFModel,
-    image_size: int,
-    pixels: UInt8[np.ndarray, "h w 4"],
-    statistics: out_of_distribution.TrainingStatistics | None = None,
-) -> Float[Tensor, "z"]:
-    """What the shape encoder makes of a picture, framed; arguments as of `reconstruct`."""
-    cutout = framing.Cutout(pixels)
-    framed = framing.encoder_input(cutout.crop(framing.frame(model, statistics, cutout, image_size), image_size))
-    return reconstruction_models.encode_batch(model, framed.to(model.shape_encoder.fc.weight))[1][0]
+def latent(trained: reconstruction_models.TrainedDDF, pixels: UInt8[np.ndarray, "h w 4"]) -> Float[Tensor, "z"]:
+    """What the shape encoder makes of a picture, framed; the pixels are those of `cutouts.read`."""
+    cutout, network = framing.Cutout(pixels), trained.network
+    framed = framing.encoder_input(cutout.crop(framing.frame(trained, cutout), trained.image_size))
+    return reconstruction_models.encode_batch(network, framed.to(network.shape_encoder.fc.weight))[1][0]
 
 
 def _generator(seed: int) -> torch.Generator:

@@ -15,7 +15,7 @@ from torch import Tensor
 from ddf.core import checks, storage
 from ddf.fields import cloud_projection, model_files, shape_field, stored_fields
 from ddf.fit import latent_prior
-from ddf.models import generative_models, out_of_distribution
+from ddf.models import generative_models, reconstruction_models
 from ddf.reconstruction import many_images, mask_descent, one_image
 
 
@@ -53,11 +53,9 @@ def load(folder: Path) -> Sampler:
 
 
 def _of_reconstruction(folder: Path) -> Sampler:
-    model, _ = one_image.load(folder)
+    model, _, statistics = reconstruction_models.load_ddf(folder)
     model.cpu().requires_grad_(False)  # one shape at a time: a GPU would wait
-    prior = latent_prior.of(
-        model, out_of_distribution.TrainingStatistics.read(folder), model.shape_encoder.fc.out_features
-    )
+    prior = latent_prior.of(model, statistics, model.shape_encoder.fc.out_features)
 
     def decode(latent: Float[Tensor, "z"]) -> shape_field.ShapeField:
         modulations = [each[0] for each in model.modulations(prior.latents(latent)[None])]

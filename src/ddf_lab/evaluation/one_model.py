@@ -8,8 +8,8 @@ import pandas as pd
 from ddf.core import storage
 from ddf.data import shapenet
 from ddf.data.batches import category_data
-from ddf.models import reconstruction_settings
-from ddf.reconstruction import many_images, one_image
+from ddf.models import reconstruction_models, reconstruction_settings
+from ddf.reconstruction import many_images
 from ddf_lab.evaluation import groups, scoring
 from ddf_lab.run import Run
 
@@ -44,7 +44,7 @@ def measure(run: Run, label: str, folder: Path, split: str, kind: str = "") -> F
     views = category_data.test_views(dataset, run.category, section.test_views, section.public_views, split)
     asked = [(name, own) for name, own in views if group[name].startswith(kind)]
     shown = category_data.available(samples, asked)
-    model, size = one_image.load(folder)
+    model, size, _ = reconstruction_models.load_ddf(folder)
     images = category_data.read_images(dataset, run.category, shown, size)
     tensors, facts = many_images.reconstruct_ddf(model, images, section, f"{run.category} {label}")
     known = {"camera_true": images.cameras}

@@ -13,7 +13,6 @@ from ddf.fields import pddf, shape_field
 from ddf.fit import completed_surface, completion, latent_prior
 from ddf.geometry import scans, transforms
 from ddf.models import out_of_distribution, reconstruction_models
-from ddf.reconstruction import one_image
 
 PLACE = transforms.Similarity(0.4, np.eye(3), np.array([1.0, 0.2, -0.3]))
 QUICK = completion.CompletionConfig(rays=200, draws=32, starts=2, kept=1, steps=40, samples=8)
@@ -89,9 +88,9 @@ def test_a_model_that_does_not_know_its_images_is_refused():
 
 def _chair():
     folder = shipped_models.place("chair")
-    model, size = one_image.load(folder)
+    model, size, statistics = reconstruction_models.load_ddf(folder)
     model.requires_grad_(False)
-    prior = latent_prior.of(model, out_of_distribution.TrainingStatistics.read(folder), 32)
+    prior = latent_prior.of(model, statistics, 32)
     latent = reconstruction_models.encode_batch(model, shapenet.read_image(folder / "sample_1.png", size)[None])[1][0]
     return (
         model,

@@ -23,8 +23,8 @@ from ddf.fields import checked_cloud, shape_field
 from ddf.fields.grid import octree
 from ddf.fit import patch_fitting
 from ddf.io import viewable, viewer_page
-from ddf.models import out_of_distribution, reconstruction_models
-from ddf.reconstruction import framing, one_image
+from ddf.models import reconstruction_models
+from ddf.reconstruction import framing
 
 pytest.importorskip("playwright.sync_api")
 pytestmark = pytest.mark.browser
@@ -511,7 +511,8 @@ def test_patches_stand_in_a_scene_with_a_network(either, ring):
 
 def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):
     folder = shipped_models.place("chair")
-    model, image_size = one_image.load(folder)
+    trained = reconstruction_models.load_ddf(folder)
+    model, image_size, _ = trained
     pixels = shapenet.read_image(folder / "sample_0.png", image_size)
     with torch.no_grad():
         _, latent, camera = reconstruction_models.encode_batch(model, pixels[None])
@@ -540,6 +541,6 @@ def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):
     said.wait_for(timeout=PATIENCE_MS)
     opened.still()
     cutout = framing.Cutout(np.asarray(Image.open(tmp_path / "moved.png")))
-    frame = framing.frame(model, out_of_distribution.TrainingStatistics.read(folder), cutout, image_size)
+    frame = framing.frame(trained, cutout)
     assert_close(np.array(opened.page.evaluate("ddf.rebuilt.frame")), frame, atol=0.02, rtol=0.0)
     opened.require_quiet()

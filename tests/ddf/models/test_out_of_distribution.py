@@ -8,7 +8,6 @@ from ddf.core import storage
 from ddf.data.batches import category_data
 from ddf.fields import model_files
 from ddf.models import out_of_distribution, reconstruction_models
-from ddf.reconstruction import one_image
 
 
 def _features(count, seed, spread=1.0):
@@ -52,7 +51,7 @@ def test_one_image_alone_is_no_measure_and_a_file_of_older_words_none():
 def test_the_file_keeps_what_is_known_and_the_model_loads_with_it(tmp_path):
     folder = _models.write_model(tmp_path / "model")
     assert out_of_distribution.TrainingStatistics.read(folder) is None
-    model, size = one_image.load(folder)
+    model, size, _ = reconstruction_models.load_ddf(folder)
     images = [torch.randint(0, 255, (4, size, size), dtype=torch.uint8) for _ in range(6)]
     shown = category_data.ImageSet(["a", "b", "c"], [0] * 6, np.arange(6) // 2, images, torch.zeros(6, 3))
     before, record = storage.load_tensors(folder / model_files.MODEL)
@@ -63,5 +62,5 @@ def test_the_file_keeps_what_is_known_and_the_model_loads_with_it(tmp_path):
     after, kept = storage.load_tensors(folder / model_files.MODEL)
     assert {**kept, "content": 0} == {**record, "content": 0} and kept["kind"] == "ddf"
     assert set(after) - set(before) == {f"known.{name}" for name in ("mean", "factor", "distances")}
-    again, _ = one_image.load(folder)
+    again = reconstruction_models.load_ddf(folder).network
     assert all(torch.equal(value, again.state_dict()[name]) for name, value in model.state_dict().items())

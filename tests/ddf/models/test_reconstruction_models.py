@@ -239,7 +239,7 @@ def test_a_model_is_read_whatever_its_record_says_of_its_training(tmp_path):
     tensors, record = storage.load_tensors(path, framework="torch")
     record["section"] = {"field": record["section"]["field"], "a setting of another version": 1.0}
     storage.save_tensors(path, tensors, record)
-    read, size = reconstruction_models.load_ddf(tmp_path, storage.load_metadata(path))
+    read, size, _ = reconstruction_models.load_ddf(tmp_path)
     assert size == _models.TRAIN.image_size and not read.training
     for name, values in model.state_dict().items():
         assert torch.equal(values, read.state_dict()[name])

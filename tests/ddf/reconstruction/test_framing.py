@@ -6,7 +6,7 @@ from PIL import Image
 
 from ddf.core import shipped_models
 from ddf.data import cutouts
-from ddf.models import out_of_distribution
+from ddf.models import reconstruction_models
 from ddf.reconstruction import framing, one_image
 
 
@@ -31,12 +31,11 @@ def _pictures(folder, shown):
 @pytest.mark.parametrize(("number", "another"), [(0, 2), (1, 2)])
 def test_every_picture_of_a_chair_gives_its_shape(tmp_path, number, another):
     folder = shipped_models.place("chair")
-    model, size = one_image.load(folder)
-    known = out_of_distribution.TrainingStatistics.read(folder)
+    trained = reconstruction_models.load_ddf(folder)
     _pictures(tmp_path, Image.open(folder / f"sample_{number}.png").resize((411, 411)))
 
     def latent(path):
-        return one_image.latent(model, size, cutouts.read(path), known)
+        return one_image.latent(trained, cutouts.read(path))
 
     own = latent(tmp_path / "cut.png")
     for name in ("table.jpg", "corner.png", "turned.jpg"):

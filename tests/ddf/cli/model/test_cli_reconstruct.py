@@ -13,7 +13,7 @@ from ddf.core import provenance, shipped_models, storage
 from ddf.data import cutouts, mesh_topology
 from ddf.fields import cloud_projection, model_files, stored_fields
 from ddf.geometry import mesh_io
-from ddf.models import out_of_distribution
+from ddf.models import out_of_distribution, reconstruction_models
 from ddf.reconstruction import framing, mask_descent, one_image
 
 
@@ -64,7 +64,7 @@ def test_how_many_points_are_asked_for_changes_no_field():
 
 def _known(path, model_dir, count=3):
     """A file as stage `pointclouds` writes it, of a model."""
-    model, _ = one_image.load(model_dir)
+    model = reconstruction_models.load_ddf(model_dir).network
     images = torch.rand(count, 4, 32, 32, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
         features = model.shape_encoder.stages(images)[-1]
@@ -140,7 +140,7 @@ def test_the_verdict_is_a_sentence(model_dir, tmp_path, monkeypatch):
     image, path = _image(tmp_path / "image.png"), model_dir / model_files.MODEL
     assert ddf.reconstruct(image, model_dir, n=20).verdict.startswith("the model does not say")
     tensors, record = storage.load_tensors(path, "torch")
-    model, _ = one_image.load(model_dir)
+    model = reconstruction_models.load_ddf(model_dir).network
     monkeypatch.setattr(framing, "frame", lambda *_: framing.START)
     framed = framing.encoder_input(framing.Cutout(cutouts.read(image)).crop(framing.START, 32))
     near = model.shape_encoder.stages(framed)
