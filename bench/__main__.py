@@ -13,7 +13,7 @@ import textwrap
 from collections.abc import Sequence
 
 from bench.lib import catalogue
-from ddf.core import guard
+from ddf.core import errors
 
 WIDTH, INDENT = 110, 20  # of the listing
 
@@ -62,5 +62,5 @@ def main(arguments: Sequence[str]) -> int:
 
 if __name__ == "__main__":
     codes: list[int] = []
-    failed = guard.guarded(lambda: codes.append(main(sys.argv[1:])), "bench")
+    failed = errors.guarded(lambda: codes.append(main(sys.argv[1:])), "bench")
     raise SystemExit(failed or codes[0])

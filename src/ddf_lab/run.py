@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, Self, TypeVar, cast
 
 from ddf.core import checks, config
-from ddf.core.names import known
+from ddf.core.errors import known_names
 
 # Section of an experiment file: its dataclass, which lives beside the code that uses it. As text, for a stage imports
 # only what it reads.
@@ -71,7 +71,9 @@ class Run:
         for name, layers in given.items():
             if name not in SECTIONS:
                 where = layers[0][0].removesuffix(f": {name}")
-                raise checks.InputError(f"{where}: unknown section {name!r}; the sections are {known(name, SECTIONS)}")
+                raise checks.InputError(
+                    f"{where}: unknown section {name!r}; the sections are {known_names(name, SECTIONS)}"
+                )
         kinds: list[Kind] = [kind for kind, names in KINDS.items() if given and given.keys() <= set(names)]
         if not kinds:
             raise checks.InputError(

@@ -19,7 +19,7 @@ def test_every_command_has_a_section_and_nothing_else_has():
 
 @pytest.mark.parametrize("name", commands.COMMANDS)
 def test_examples_are_well_formed(name, monkeypatch):
-    monkeypatch.setattr("ddf.core.guard.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
+    monkeypatch.setattr("ddf.core.errors.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
     for example in MODULES[name].EXAMPLES:
         assert example.startswith(f"ddf {name}")
         assert cli.main(shlex.split(example)[1:]) == 0, example

@@ -65,7 +65,7 @@ def test_blocks_say_their_language_and_none_is_indented(page):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_lines_of_shell_are_well_formed(page, monkeypatch):
-    monkeypatch.setattr("ddf.core.guard.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
+    monkeypatch.setattr("ddf.core.errors.guarded", lambda *_: 0)  # arguments are parsed, nothing runs
     monkeypatch.chdir(ROOT)
     for line in lines(page):
         words = shlex.split(line)

@@ -19,7 +19,7 @@ from typing import Any
 
 from ddf.cli import arguments, results
 from ddf.cli.commands import COMMANDS, IN_A_CHECKOUT, ROOMS
-from ddf.core import guard, interrupts, names
+from ddf.core import errors, processes
 
 _NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins; no option does
 _CHOICE = re.compile(r"invalid choice: '(.*?)' \(choose from (.*)\)")  # as argparse has it
@@ -43,8 +43,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 0
     args = parser.parse_args(argv)
-    with interrupts.raised():
-        return guard.guarded(lambda: _run(args, argv), f"ddf {args.command}")
+    with processes.raised():
+        return errors.guarded(lambda: _run(args, argv), f"ddf {args.command}")
 
 
 def with_negative_values(argv: Sequence[str]) -> list[str]:
@@ -69,7 +69,7 @@ def _run(args: argparse.Namespace, words: Sequence[str]) -> None:
             kept = getattr(stop, "kept", "") or arguments.kept(args)
             if kept.endswith(":"):
                 kept += f" ddf {shlex.join(words)}"
-            raise interrupts.Interrupted(getattr(stop, "number", signal.SIGINT), kept) from stop
+            raise processes.Interrupted(getattr(stop, "number", signal.SIGINT), kept) from stop
     sys.stdout.write(results.json_line(result) if args.json else results.text(result))
     sys.stdout.flush()
 
@@ -83,13 +83,15 @@ class _Parser(argparse.ArgumentParser):
         wrong = next((word.partition("=")[0] for word in left if word.startswith("-")), None)
         if wrong is not None:
             options = [name for action in self._actions for name in action.option_strings]
-            self.error(f"unrecognized arguments: {' '.join(left)}; the options are {names.known(wrong, options)}")
+            self.error(
+                f"unrecognized arguments: {' '.join(left)}; the options are {errors.known_names(wrong, options)}"
+            )
         return found, left
 
     def error(self, message: str) -> Any:
         choice = _CHOICE.search(message)
         if choice:
-            there = names.known(choice[1], re.findall(r"[\w.-]+", choice[2]))
+            there = errors.known_names(choice[1], re.findall(r"[\w.-]+", choice[2]))
             message = message.replace(choice[0], f"invalid choice: {choice[1]!r}; there are {there}")
         self.exit(2, f"{self.prog}: error: {' '.join(message.split())} (see {self.prog} --help)\n")
 

@@ -17,7 +17,7 @@ from typing import Any, Literal, TypeVar, cast
 
 import yaml
 
-from ddf.core import checks, names, schema
+from ddf.core import checks, errors, schema
 
 T = TypeVar("T")
 CONFIGS = Path("configs")
@@ -168,7 +168,7 @@ def _build(
         raise checks.InputError(f"{where} must be a mapping of keys to values; got {_shown(data)}")
     unknown = next((str(key) for key in data if key not in fields), None)
     if unknown is not None and needed is None:
-        raise checks.InputError(f"{where}: unknown key {unknown!r}; the keys are {names.known(unknown, fields)}")
+        raise checks.InputError(f"{where}: unknown key {unknown!r}; the keys are {errors.known_names(unknown, fields)}")
     hints, values = _hints(cls), dict[str, Any]()
     for name, field in fields.items():
         if name in data:

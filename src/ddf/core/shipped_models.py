@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from ddf.core import names
+from ddf.core import errors
 
 ROOT = Path(__file__).resolve().parents[1] / "shipped"
 INDEX = "index.json"
@@ -47,7 +47,7 @@ def require(name_or_path: str | Path, *kinds: str) -> Path:
     """
     path = place(name_or_path)
     if not path.exists():
-        there = names.known(name_or_path, [model.name for model in listed() if model.kind in kinds])
+        there = errors.known_names(name_or_path, [model.name for model in listed() if model.kind in kinds])
         raise FileNotFoundError(f"{path}: no such file or folder, and no {kinds[0]} of that name; there are {there}")
     return path
 

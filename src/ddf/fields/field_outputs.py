@@ -117,12 +117,12 @@ def require(asked: Collection[str], known: Sequence[str] = tuple(OUTPUTS)) -> tu
     Raises:
       InputError: nothing, one twice, or one that is not known.
     """
-    from ddf.core import checks, names  # take numpy, which help does without
+    from ddf.core import checks, errors  # take numpy, which help does without
 
     unknown = [name for name in asked if name not in known]
     if unknown or not asked or len(set(asked)) < len(asked):
         raise checks.InputError(
-            f"outputs must be among {names.known((*unknown, '')[0], known)}, each once; got "
+            f"outputs must be among {errors.known_names((*unknown, '')[0], known)}, each once; got "
             f"{', '.join(unknown or asked) or 'none'}"
         )
     return tuple(asked)

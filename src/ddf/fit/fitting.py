@@ -24,7 +24,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from ddf.core import checks, locks, provenance, storage
+from ddf.core import checks, processes, provenance, storage
 from ddf.data.samples import sample_types
 from ddf.fields import field_values, framed_field, losses, model_files, pddf, shape_field
 from ddf.fit import fit_settings, shape_samples
@@ -74,7 +74,7 @@ def owned(out_dir: Path) -> contextlib.AbstractContextManager[int]:
       InputError: another fit is at work there.
     """
     busy = f"{out_dir}: another fit (process {{number}}) is at work there; wait for it, or give another folder"
-    return locks.held(out_dir / _LOCK, busy, wait=False)
+    return processes.locked(out_dir / _LOCK, busy, wait=False)
 
 
 def plan_of(content: str, identity: str, out_dir: Path, force: bool) -> Mapping[str, Any]:

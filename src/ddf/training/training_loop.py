@@ -21,7 +21,7 @@ import tqdm
 from torch import Tensor, nn
 from torch.optim import swa_utils
 
-from ddf.core import checks, distributed, interrupts, storage
+from ddf.core import checks, distributed, processes, storage
 from ddf.fields import model_files, passes
 from ddf.models import loop_config
 from ddf.training import optimisers
@@ -105,7 +105,7 @@ def fit(
     progress = _progress(steps, start, describe, disable=not first)
     model.train()
     reduced = 0
-    for step, signal in interrupts.counted(start):
+    for step, signal in processes.counted(start):
         spent = time.monotonic() - began
         if _is_over(steps, step, spent):
             break
@@ -143,7 +143,7 @@ def fit(
             break
         if signal.number:
             progress.close()
-            raise interrupts.Interrupted(
+            raise processes.Interrupted(
                 signal.number, f"step {done:,} is kept in {out_dir}; go on by:" if first else ""
             )
     progress.close()

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ddf.core import checks, locks, storage
+from ddf.core import checks, processes, storage
 from ddf.fit import fit_settings
 from ddf_lab.engine import graph, stage
 from ddf_lab.run import Run
@@ -49,7 +49,7 @@ def run(given: str, changes: Sequence[str], options: Options) -> Path:
       InputError: for input at fault, and where a stage failed, which has then said why.
     """
     graph.load()
-    with locks.held(LOCK, "another run holds this folder (process {number})") as descriptor:
+    with processes.locked(LOCK, "another run holds this folder (process {number})") as descriptor:
         experiment = graph.experiment(given, changes)
         items = graph.expand(experiment, options.seeds)
         names = list(dict.fromkeys(item.stage for item in items))

@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from ddf.core import config, guard, interrupts, locks, notes, provenance, storage
+from ddf.core import config, errors, notes, processes, provenance, storage
 from ddf_lab.engine import graph
 from ddf_lab.run import Run, class_of, time_path
 
@@ -74,8 +74,8 @@ def _start(make: Make, category: bool, seed: bool) -> NoReturn:
     arguments = vars(parser.parse_args())
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     kept = "what is finished is kept, and the same command goes on from there"
-    with interrupts.raised():
-        sys.exit(guard.guarded(lambda: _run_alone(make, Run.read(**arguments)), Path(sys.argv[0]).stem, kept))
+    with processes.raised():
+        sys.exit(errors.guarded(lambda: _run_alone(make, Run.read(**arguments)), Path(sys.argv[0]).stem, kept))
 
 
 def _whole_number(text: str) -> int:
@@ -98,7 +98,7 @@ def _run_alone(make: Make, run: Run) -> None:
         first = os.environ.get("RANK", "0") == "0"
         if first:
             busy = f"an earlier process of this stage ({{number}}) is still at work on {run.file}"
-            stack.enter_context(locks.held(record.with_suffix(".lock"), busy))
+            stack.enter_context(processes.locked(record.with_suffix(".lock"), busy))
         item = graph.find(name, run)
         made = notes.Note(record, "") if item is None else note(item, checksums(item))
         done = item is not None and made.fits()

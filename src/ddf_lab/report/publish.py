@@ -7,7 +7,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from ddf.core import guard, shipped_models, storage
+from ddf.core import errors, shipped_models, storage
 from ddf.fields import model_files
 from ddf_lab.run import Run
 
@@ -33,4 +33,4 @@ def shipped(kind: str) -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    raise SystemExit(guard.guarded(lambda: sys.stdout.write(f"{publish(Run.read(sys.argv[1]))}\n"), "publish"))
+    raise SystemExit(errors.guarded(lambda: sys.stdout.write(f"{publish(Run.read(sys.argv[1]))}\n"), "publish"))

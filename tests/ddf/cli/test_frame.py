@@ -15,7 +15,7 @@ import pytest
 
 from ddf import cli
 from ddf.cli import commands, frame
-from ddf.core import checks, interrupts
+from ddf.core import checks, processes
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -228,7 +228,7 @@ def test_a_signal_is_one_line_with_what_is_kept_and_the_command_that_goes_on(com
     assert capsys.readouterr().err == "ddf doctor: interrupted\n"
 
     def run(args):
-        raise interrupts.Interrupted(number, "step 7 is kept; go on by:")
+        raise processes.Interrupted(number, "step 7 is kept; go on by:")
 
     command(run)
     assert cli.main(["doctor", "a b"]) == 128 + number

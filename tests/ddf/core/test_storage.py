@@ -12,7 +12,7 @@ import pytest
 import torch
 from joblib.externals import loky
 
-from ddf.core import checks, guard, storage
+from ddf.core import checks, errors, storage
 
 ARRAYS = {
     "positions": np.arange(12, dtype=np.int16).reshape(2, 2, 3),
@@ -155,7 +155,7 @@ def _fill_disk(folder: str, name: str) -> None:
 def test_an_error_of_the_disk_names_the_file_even_from_another_process(tmp_path):
     with loky.ProcessPoolExecutor(max_workers=1) as executor, pytest.raises(OSError, match="too large") as caught:
         executor.submit(_fill_disk, str(tmp_path), "a.csv").result()
-    assert guard.describe(caught.value) == f"File too large: {tmp_path / 'a.csv'}"
+    assert errors.describe(caught.value) == f"File too large: {tmp_path / 'a.csv'}"
     assert os.listdir(tmp_path) == []
 
 

@@ -13,7 +13,7 @@ import torch
 from _shapes import cube, icosphere, joined, moved, torus
 from _tiny_fits import TINY
 
-from ddf.core import checks, interrupts, locks, storage
+from ddf.core import checks, processes, storage
 from ddf.data.samples import sample_types
 from ddf.fields import field_outputs, framed_field, model_files, pddf, shape_field
 from ddf.fit import fit_settings, fitting, shape_samples
@@ -92,7 +92,7 @@ def test_a_fit_that_a_signal_ends_goes_on_to_the_same_field(tmp_path, monkeypatc
         return original(*given)
 
     monkeypatch.setattr(module, name, signalled)
-    with pytest.raises(interrupts.Interrupted) as caught, interrupts.raised():
+    with pytest.raises(processes.Interrupted) as caught, processes.raised():
         fitting.fit(cube(), TINY, tmp_path / "cut")
     assert caught.value.number == number
     assert caught.value.kept == (f"step 4 is kept in {tmp_path / 'cut'}; go on by:" if name == "step_loss" else "")
@@ -177,7 +177,7 @@ def test_a_finished_fit_is_said_at_once_and_more_minutes_go_on(tmp_path, monkeyp
 
 def test_two_fits_in_one_folder_and_the_folder_of_another_model_are_refused(tmp_path):
     with (
-        locks.held(tmp_path / ".lock", ""),
+        processes.locked(tmp_path / ".lock", ""),
         pytest.raises(checks.InputError, match=r"another fit \(process \d+\) is at"),
     ):
         fitting.fit(cube(), TINY, tmp_path)

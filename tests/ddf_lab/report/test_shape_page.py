@@ -10,7 +10,7 @@ import yaml
 from _shapes import torus
 from _tiny_fits import SECTION
 
-from ddf.core import guard, storage
+from ddf.core import errors, storage
 from ddf.fit import field_diagnostics
 from ddf.geometry import mesh_io
 from ddf_lab.evaluation import paper_results, shape_fits
@@ -103,7 +103,7 @@ def test_report_before_its_stages_is_one_clear_line(fitted_shape, tmp_path, monk
     text = (fitted_shape / "tiny_fit.yaml").read_text()
     monkeypatch.chdir(tmp_path)
     Path("tiny_fit.yaml").write_text(text)
-    assert guard.guarded(lambda: _run("report_shape"), "ddf") == 2
+    assert errors.guarded(lambda: _run("report_shape"), "ddf") == 2
     assert re.fullmatch(r"ddf: error: .*fit_shape/fit\.json.*\n", capsys.readouterr().err)
 
 

@@ -45,10 +45,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _copy(models: dict[str, shipped_models.ShippedModel], name: str, out: Path) -> dict[str, Any]:
     """Copy one model's files."""
-    from ddf.core import checks, names, storage
+    from ddf.core import checks, errors, storage
 
     if name not in models:
-        raise checks.InputError(f"no model is called {name!r}; there are {names.known(name, models)}")
+        raise checks.InputError(f"no model is called {name!r}; there are {errors.known_names(name, models)}")
     model = models[name]
     for file in model.files:
         storage.write_bytes(out / file, (model.folder / file).read_bytes())

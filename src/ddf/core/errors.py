@@ -1,8 +1,11 @@
-"""Errors of the user or of the machine as one line on stderr and exit code 2; anything else keeps its traceback."""
+"""What a user is told: unknown names with the known ones, and errors of the user or of the machine.
+
+Those are one line on stderr and exit code 2; anything else keeps its traceback.
+"""
 
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from ddf.core import extras
 
@@ -42,3 +45,12 @@ def describe(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return f"{error.strerror}: {error.filename}" if error.filename else error.strerror
     return str(error)
+
+
+def known_names(name: object, names: Iterable[object]) -> str:
+    """The names, with a question after them where one is near to what was given."""
+    import difflib  # only where something is wrong
+
+    words = [str(each) for each in names]
+    near = difflib.get_close_matches(str(name), words, 1)
+    return (", ".join(words) or "none") + (f" (did you mean {near[0]}?)" if near else "")

@@ -6,14 +6,14 @@ import signal
 
 import pytest
 
-from ddf.core import checks, interrupts, locks
+from ddf.core import checks, processes
 
 
 def test_a_second_holder_is_refused_with_the_number_of_the_first(tmp_path):
     path = tmp_path / "folder" / ".lock"
-    with locks.held(path, ""), pytest.raises(checks.InputError, match=f"process {os.getpid()} has it"):
-        locks.held(path, "process {number} has it", wait=False).__enter__()
-    with locks.held(path, "", wait=False):
+    with processes.locked(path, ""), pytest.raises(checks.InputError, match=f"process {os.getpid()} has it"):
+        processes.locked(path, "process {number} has it", wait=False).__enter__()
+    with processes.locked(path, "", wait=False):
         pass
     assert path.read_bytes() == b""
 
@@ -22,26 +22,26 @@ def test_a_file_system_without_locks_is_named_with_the_remedy(tmp_path, monkeypa
     def none(*_):
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
-    monkeypatch.setattr(locks.fcntl, "flock", none)
+    monkeypatch.setattr(processes.fcntl, "flock", none)
     with pytest.raises(
         checks.InputError, match=r"/lock: its file system has no locks \(No locks available\).* local disk"
     ):
-        locks.held(tmp_path / "lock", "").__enter__()
+        processes.locked(tmp_path / "lock", "").__enter__()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_loop_sees_the_first_signal_and_is_ended_by_a_later_one(number, monkeypatch):
     before, seen = signal.getsignal(number), []
-    for step, noted in interrupts.counted(5):
+    for step, noted in processes.counted(5):
         seen.append((step, noted.number))
         if step == 6:
             os.kill(os.getpid(), number)
         if noted.number and step == 8:
             break
     assert seen == [(5, 0), (6, 0), (7, number), (8, number)] and signal.getsignal(number) is before
-    monkeypatch.setattr(interrupts, "_AGAIN", -1.0)
-    with pytest.raises(interrupts.Interrupted) as caught:
-        for _ in interrupts.counted(0):
+    monkeypatch.setattr(processes, "_AGAIN", -1.0)
+    with pytest.raises(processes.Interrupted) as caught:
+        for _ in processes.counted(0):
             os.kill(os.getpid(), number)
     assert caught.value.number == number and signal.getsignal(number) is before
 
@@ -49,7 +49,7 @@ def test_a_loop_sees_the_first_signal_and_is_ended_by_a_later_one(number, monkey
 def test_an_ignored_signal_stays_ignored():
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        with interrupts.raised():
+        with processes.raised():
             os.kill(os.getpid(), signal.SIGINT)
     finally:
         signal.signal(signal.SIGINT, before)

@@ -1,15 +1,21 @@
-"""Ctrl-C and SIGTERM alike: what runs ends in order, and one line says what is kept and how to go on."""
+"""Processes beside each other: signals that end them in order, and locks on files, which go with the process."""
 
 import contextlib
+import errno
+import fcntl
 import itertools
+import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _AGAIN = 1.0  # seconds: a terminal and a scheduler tell all processes, and those tell their children once more
+_NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
 class Interrupted(KeyboardInterrupt):
@@ -64,3 +70,43 @@ def counted(start: int) -> Iterator[tuple[int, Noted]]:
     with _handled(note):
         for number in itertools.count(start):
             yield number, seen
+
+
+@contextlib.contextmanager
+def locked(path: Path, busy: str, wait: bool = True) -> Iterator[int]:
+    """Hold the lock of a file, made if needed; gives its descriptor, for child processes to inherit.
+
+    Args:
+      busy: said where another process holds it, `{number}` standing for that process. wait: until it ends; else refuse.
+    Raises:
+      InputError: the file system has no locks, or another process holds it and `wait` is not set.
+    """
+    from ddf.core import checks  # takes numpy, which bare help does without
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a+", encoding="utf-8") as file:
+        try:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                file.seek(0)
+                said = busy.format(number=file.read().strip() or "unknown")
+                if not wait:
+                    raise checks.InputError(said) from None
+                sys.stderr.write(f"{said}; waiting for it to end\n")
+                sys.stderr.flush()
+                fcntl.flock(file, fcntl.LOCK_EX)
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                raise
+            raise checks.InputError(
+                f"{path}: its file system has no locks ({error.strerror}), so two runs could mix their files; work "
+                "in a folder on a local disk, or have it mounted with locks (NFS: lockd; Lustre: -o flock)"
+            ) from error
+        file.truncate(0)
+        file.write(f"{os.getpid()}\n")
+        file.flush()
+        try:
+            yield file.fileno()
+        finally:
+            file.truncate(0)

@@ -3,12 +3,12 @@
 import pytest
 
 from ddf import cli
-from ddf.core import names
+from ddf.core import errors
 
 
 def test_the_nearest_is_asked_for_where_one_is_near():
-    assert names.known("rabit", ["chair", "rabbit"]) == "chair, rabbit (did you mean rabbit?)"
-    assert names.known("xyz", ["chair"]) == "chair" and names.known("a", []) == "none"
+    assert errors.known_names("rabit", ["chair", "rabbit"]) == "chair, rabbit (did you mean rabbit?)"
+    assert errors.known_names("xyz", ["chair"]) == "chair" and errors.known_names("a", []) == "none"
 
 
 @pytest.mark.parametrize(
