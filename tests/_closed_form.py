@@ -138,11 +138,6 @@ class ClosedForm:
         """What closed forms know."""
         return "visibility", "depth", "normals", "mean_curvature", "gaussian_curvature"
 
-    @property
-    def scalar(self) -> Float[np.ndarray, ""]:
-        """Cameras are computed by numpy."""
-        return np.zeros(())
-
     def evaluate(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:

@@ -186,11 +186,6 @@ def hessian_form(
     return torch.stack(terms).sum(0)
 
 
-def depth_bend(field: PDDF, raw_depth: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
-    """φ'' of the depth activation d = φ(y); `PDDF.depth_slopes` has φ'."""
-    return field.activation.bend(raw_depth, field.config.depth_sharpness)
-
-
 def tangent_basis(normals: Float[Tensor, "*n 3"]) -> tuple[Float[Tensor, "*n 3"], Float[Tensor, "*n 3"]]:
     """t_1, t_2, orthonormal and normal to n; finite for a zero vector too. Source: Duff et al. 2017."""
     x, y, z = normals.unbind(-1)

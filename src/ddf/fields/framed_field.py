@@ -31,7 +31,8 @@ UP_AXES = tuple(_UP_FROM_Y)
 class FramedField(Protocol):
     """A field of one shape, its box (field frame) and the map to its frame.
 
-    One with a true `enters_its_box` is given all rays as they are, those that miss its box too.
+    One with a true `enters_its_box` is given all rays as they are, those that miss its box too. Cameras are computed by
+    numpy, or by the library of `scalar`, a float64 number, where a field has one.
     """
 
     @property
@@ -52,11 +53,6 @@ class FramedField(Protocol):
     @property
     def outputs(self) -> tuple[str, ...]:
         """What it can be asked for."""
-        ...
-
-    @property
-    def scalar(self) -> Any:
-        """A float64 number of the library that its cameras are computed in."""
         ...
 
     def evaluate(
@@ -124,7 +120,7 @@ def _query_field_frame(
     directions: Float[np.ndarray, "n 3"],
     outputs: Collection[str],
 ) -> tuple[dict[str, np.ndarray], int]:
-    """As `query`, everything in the field frame and float64."""
+    """What `query` gives, everything in the field frame and float64."""
     field_outputs.require(outputs, field.outputs)
     if getattr(field, "enters_its_box", False):
         entry, distance, meets = positions, np.zeros(len(positions)), np.ones(len(positions), bool)
@@ -174,7 +170,7 @@ def camera_rays(
         (`cameras`, whose lens it has).
       up: the axis of the mesh's frame that points up.
     """
-    numbers = arrays.like(np.array(camera, dtype=np.float64), field.scalar)
+    numbers = arrays.like(np.array(camera, dtype=np.float64), getattr(field, "scalar", np.zeros(())))
     azimuth, elevation, radius = numbers[0], numbers[1], numbers[2]
     xp, pixels = arrays.namespace(numbers), cameras.pixel_directions(size, numbers).reshape(-1, 3)
     centre, world = (

@@ -63,11 +63,6 @@ class SceneField:
         """What every field knows."""
         return tuple(name for name in self.fields[0].outputs if all(name in field.outputs for field in self.fields))
 
-    @property
-    def scalar(self) -> Float[np.ndarray, ""]:
-        """Cameras are computed by numpy."""
-        return np.zeros(())
-
     def evaluate(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
@@ -148,12 +143,12 @@ class Counted:
     @property
     def scalar(self) -> Any:
         """Of the field."""
-        return self.field.scalar
+        return getattr(self.field, "scalar", np.zeros(()))
 
     def evaluate(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
-        """As the field."""
+        """What the field says, counted."""
         self.queries += len(positions)
         return self.field.evaluate(positions, directions, outputs)
 

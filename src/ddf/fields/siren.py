@@ -25,23 +25,20 @@ from ddf.core.schema import setting
 
 @dataclass(frozen=True)
 class Activation:
-    """φ, φ' and φ'', each of (raw values, β)."""
+    """φ and φ', each of (raw values, β)."""
 
     value: Callable[[Float[Tensor, "*n"], float], Float[Tensor, "*n"]]
     slope: Callable[[Float[Tensor, "*n"], float], Float[Tensor, "*n"]]
-    bend: Callable[[Float[Tensor, "*n"], float], Float[Tensor, "*n"]]
 
 
 ACTIVATIONS = {
     "relu": Activation(
         lambda raw, sharpness: torch.relu(raw),
         lambda raw, sharpness: (raw > 0).to(raw.dtype),
-        lambda raw, sharpness: torch.zeros_like(raw),
     ),
     "softplus": Activation(
         lambda raw, sharpness: nn.functional.softplus(raw, beta=sharpness),
         lambda raw, sharpness: torch.sigmoid(sharpness * raw),
-        lambda raw, sharpness: sharpness * torch.sigmoid(sharpness * raw) * torch.sigmoid(-sharpness * raw),
     ),
 }
 

@@ -166,73 +166,59 @@ def fit(
         another mesh.
     """
     with owned(out_dir):
-        return _fit(raw, config, out_dir, source, without, begin, threads, force)
-
-
-def _fit(
-    raw: mesh_io.Mesh,
-    config: fit_settings.FitConfig,
-    out_dir: Path,
-    source: Mapping[str, str] | None,
-    without: str | None,
-    begin: shape_field.ShapeField | None,
-    threads: int | None,
-    force: bool,
-) -> dict[str, Any]:
-    """As `fit`, in a folder of its own."""
-    started = time.monotonic()
-    content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
-    names = [item.name for item in dataclasses.fields(config) if item.name != "minutes"]  # more of them go on
-    recipe = {name: getattr(config, name) for name in names}
-    given = [recipe, content, without, *([] if begin is None else [begin.record])]
-    identity = provenance.fingerprint(given, (), "ddf.fit.fitting")
-    plan = plan_of(content, identity, out_dir, force)
-    fingerprint = provenance.fingerprint([identity, config.steps])
-    if sampled := plan.get("sampling_seconds"):
-        earlier = finished(out_dir, fingerprint, _budget(config, sampled))
-        if earlier is not None:
-            return {**earlier, "already": True}
-    training_loop.prepare(dataclasses.replace(config.loop, threads=threads or config.loop.threads))
-    mesh, own_from_mesh = in_cube(raw)
-    share = plan.get("samples_share") or _affordable(mesh, config)
-    drawn = sample_types.scaled(config.samples, share)
-    samples, packing_errors = shape_samples.draw_samples(mesh, config, drawn, "train", "samples")
-    samples = samples if without is None else samples.without(without)
-    field = pddf.PDDF(config.field).to(model_files.device())
-    if begin is not None:
-        field.load_state_dict(begin.field.state_dict())
-    elif config.start == "flat":
-        start_flat(field, samples)
-    trained = time.monotonic()
-    sampling = plan.get("sampling_seconds") or trained - started
-    storage.write_json(out_dir / PLAN, {**plan, "samples_share": share, "sampling_seconds": sampling})
-    record = {
-        "fingerprint": fingerprint,
-        "seed": config.loop.seed,
-        "sources": dict(source or {}),
-        "packing_errors": packing_errors,
-        **shape_field.description(
-            config.field, samples.lower, samples.upper, transforms.Similarity(samples.unit).compose(own_from_mesh)
-        ),
-    }
-    loss = functools.partial(step_loss, field, samples, config)
-    name = f"fit without {without}" if without else "fit"
-    steps, seconds = training_loop.fit(
-        field, _groups(field), loss, _budget(config, sampling), config.loop, out_dir, record, name
-    )
-    held_out, _ = shape_samples.draw_samples(mesh, config, sample_types.each(config.held_out), "held_out")
-    result = {
-        "held_out": held_out_errors(field.eval(), held_out),
-        "seconds": sampling + seconds,
-        "sampling_seconds": sampling,
-        "parameters": pddf.count_parameters(field),
-        "steps": steps,
-        "samples": sum(drawn.values()),
-        "seconds_per_step": seconds / steps,
-        "box": {"lower": samples.lower.tolist(), "upper": samples.upper.tolist()},
-    }
-    storage.write_json(out_dir / METRICS, result)
-    return {**result, "already": False}
+        started = time.monotonic()
+        content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
+        names = [item.name for item in dataclasses.fields(config) if item.name != "minutes"]  # more of them go on
+        recipe = {name: getattr(config, name) for name in names}
+        given = [recipe, content, without, *([] if begin is None else [begin.record])]
+        identity = provenance.fingerprint(given, (), "ddf.fit.fitting")
+        plan = plan_of(content, identity, out_dir, force)
+        fingerprint = provenance.fingerprint([identity, config.steps])
+        if sampled := plan.get("sampling_seconds"):
+            earlier = finished(out_dir, fingerprint, _budget(config, sampled))
+            if earlier is not None:
+                return {**earlier, "already": True}
+        training_loop.prepare(dataclasses.replace(config.loop, threads=threads or config.loop.threads))
+        mesh, own_from_mesh = in_cube(raw)
+        share = plan.get("samples_share") or _affordable(mesh, config)
+        drawn = sample_types.scaled(config.samples, share)
+        samples, packing_errors = shape_samples.draw_samples(mesh, config, drawn, "train", "samples")
+        samples = samples if without is None else samples.without(without)
+        field = pddf.PDDF(config.field).to(model_files.device())
+        if begin is not None:
+            field.load_state_dict(begin.field.state_dict())
+        elif config.start == "flat":
+            start_flat(field, samples)
+        trained = time.monotonic()
+        sampling = plan.get("sampling_seconds") or trained - started
+        storage.write_json(out_dir / PLAN, {**plan, "samples_share": share, "sampling_seconds": sampling})
+        record = {
+            "fingerprint": fingerprint,
+            "seed": config.loop.seed,
+            "sources": dict(source or {}),
+            "packing_errors": packing_errors,
+            **shape_field.description(
+                config.field, samples.lower, samples.upper, transforms.Similarity(samples.unit).compose(own_from_mesh)
+            ),
+        }
+        loss = functools.partial(step_loss, field, samples, config)
+        name = f"fit without {without}" if without else "fit"
+        steps, seconds = training_loop.fit(
+            field, _groups(field), loss, _budget(config, sampling), config.loop, out_dir, record, name
+        )
+        held_out, _ = shape_samples.draw_samples(mesh, config, sample_types.each(config.held_out), "held_out")
+        result = {
+            "held_out": held_out_errors(field.eval(), held_out),
+            "seconds": sampling + seconds,
+            "sampling_seconds": sampling,
+            "parameters": pddf.count_parameters(field),
+            "steps": steps,
+            "samples": sum(drawn.values()),
+            "seconds_per_step": seconds / steps,
+            "box": {"lower": samples.lower.tolist(), "upper": samples.upper.tolist()},
+        }
+        storage.write_json(out_dir / METRICS, result)
+        return {**result, "already": False}
 
 
 def _budget(config: fit_settings.FitConfig, sampling: float) -> int | loop_config.Clock:

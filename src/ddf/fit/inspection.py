@@ -26,11 +26,6 @@ class MeshField:
 
     outputs = ("visibility", "depth", "normals")
 
-    @property
-    def scalar(self) -> Float[np.ndarray, ""]:
-        """Cameras are computed by numpy."""
-        return np.zeros(())
-
     def evaluate(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:

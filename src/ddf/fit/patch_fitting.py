@@ -35,37 +35,31 @@ def fit(
         another mesh.
     """
     with fitting.owned(out_dir):
-        return _fit(raw, config, out_dir, dict(source or {}), force)
-
-
-def _fit(
-    raw: mesh_io.Mesh, config: octree.PatchConfig, out_dir: Path, source: dict[str, str], force: bool
-) -> dict[str, Any]:
-    started = time.monotonic()
-    content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
-    identity = provenance.fingerprint([config, content], (), "ddf.fit.patch_fitting")
-    plan = fitting.plan_of(content, identity, out_dir, force)
-    if not force and (earlier := fitting.finished(out_dir, identity)) is not None:
-        return {**earlier, "already": True}
-    mesh, own_from_mesh = fitting.in_cube(raw)
-    arrays, description = patch_field.fitted(mesh, own_from_mesh, config)
-    seconds = time.monotonic() - started
-    field = patch_field.of(arrays, description)
-    record = {"fingerprint": identity, "seed": 0, "sources": source, **description}
-    asked = fit_settings.FitConfig()
-    truth, _ = shape_samples.draw_samples(mesh, asked, sample_types.each(asked.held_out), "held_out")
-    result = {
-        "held_out": fitting.held_out_errors(field, truth),
-        "seconds": seconds,
-        "parameters": sum(values.size for values in arrays.values()),
-        "steps": 0,
-        "patches": len(field.tree.codes),
-        "bytes": sum(values.nbytes for values in arrays.values()),
-        "box": description["box"],
-    }
-    for stale in ("field.onnx", "log.csv"):
-        (out_dir / stale).unlink(missing_ok=True)
-    storage.write_json(out_dir / fitting.PLAN, dict(plan))
-    storage.save_tensors(out_dir / model_files.MODEL, arrays, record)
-    storage.write_json(out_dir / fitting.METRICS, result)
-    return {**result, "already": False}
+        started = time.monotonic()
+        content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
+        identity = provenance.fingerprint([config, content], (), "ddf.fit.patch_fitting")
+        plan = fitting.plan_of(content, identity, out_dir, force)
+        if not force and (earlier := fitting.finished(out_dir, identity)) is not None:
+            return {**earlier, "already": True}
+        mesh, own_from_mesh = fitting.in_cube(raw)
+        arrays, description = patch_field.fitted(mesh, own_from_mesh, config)
+        seconds = time.monotonic() - started
+        field = patch_field.of(arrays, description)
+        record = {"fingerprint": identity, "seed": 0, "sources": dict(source or {}), **description}
+        asked = fit_settings.FitConfig()
+        truth, _ = shape_samples.draw_samples(mesh, asked, sample_types.each(asked.held_out), "held_out")
+        result = {
+            "held_out": fitting.held_out_errors(field, truth),
+            "seconds": seconds,
+            "parameters": sum(values.size for values in arrays.values()),
+            "steps": 0,
+            "patches": len(field.tree.codes),
+            "bytes": sum(values.nbytes for values in arrays.values()),
+            "box": description["box"],
+        }
+        for stale in ("field.onnx", "log.csv"):
+            (out_dir / stale).unlink(missing_ok=True)
+        storage.write_json(out_dir / fitting.PLAN, dict(plan))
+        storage.save_tensors(out_dir / model_files.MODEL, arrays, record)
+        storage.write_json(out_dir / fitting.METRICS, result)
+        return {**result, "already": False}

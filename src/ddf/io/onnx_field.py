@@ -40,11 +40,6 @@ class OnnxField:
         """Those of the file that this version knows."""
         return tuple(output.name for output in self.session.get_outputs() if output.name in field_outputs.OUTPUTS)
 
-    @property
-    def scalar(self) -> Float[np.ndarray, ""]:
-        """Cameras are computed by numpy."""
-        return np.zeros(())
-
     def evaluate(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:

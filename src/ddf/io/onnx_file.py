@@ -35,6 +35,15 @@ from ddf.io import onnx_graphs, onnx_parity, patch_graph
 from ddf.io.onnx_graphs import DYNAMIC, Graph
 from ddf.models import reconstruction_models
 
+OPSET = 18
+IR_VERSION = 10  # onnxruntime 1.18 and later read it
+LICENCE = "MIT"
+MEASURED_POINTS, MEASURED_IMAGES = 4096, 16  # rows on which smaller weights are compared
+FULL = "float32"
+STORED = {"float16": onnx.TensorProto.FLOAT16, "bfloat16": onnx.TensorProto.BFLOAT16}
+PRECISIONS = tuple(STORED)
+SMALLEST = 64  # values: shorter constants are not worth a cast
+
 
 def count_axes_from_the_front(model: onnx.ModelProto) -> None:
     """Write the negative axes of all reductions as axes from 0 on, in place; the values stay the same, bit for bit.
@@ -72,12 +81,6 @@ def _drop_unread(graph: onnx.GraphProto) -> None:
         graph.initializer.remove(tensor)
 
 
-FULL = "float32"
-STORED = {"float16": onnx.TensorProto.FLOAT16, "bfloat16": onnx.TensorProto.BFLOAT16}
-PRECISIONS = tuple(STORED)
-SMALLEST = 64  # values: shorter constants are not worth a cast
-
-
 def require(precision: str) -> None:
     """Raise InputError unless it is one of `PRECISIONS`."""
     if precision not in PRECISIONS:
@@ -111,12 +114,6 @@ def _stored(model: onnx.ModelProto, precision: str) -> onnx.ModelProto:
     del model.graph.node[:]
     model.graph.node.extend([*casts, *nodes])
     return model
-
-
-OPSET = 18
-IR_VERSION = 10  # onnxruntime 1.18 and later read it
-LICENCE = "MIT"
-MEASURED_POINTS, MEASURED_IMAGES = 4096, 16  # rows on which smaller weights are compared
 
 
 @dataclass(frozen=True)

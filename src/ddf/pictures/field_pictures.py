@@ -51,12 +51,7 @@ def visibility_picture(visibility: Float[np.ndarray, "size size"]) -> Picture:
 
 def depth_picture(depth: Float[np.ndarray, "size size"], visibility: Float[np.ndarray, "size size"]) -> Picture:
     """Viridis over the range of the visible pixels, near yellow, far violet; white where visibility is below 1/2."""
-    seen = (visibility >= 0.5) & np.isfinite(depth)
-    if not seen.any():
-        return to_bytes(np.ones((*depth.shape, 3)))
-    near, far = np.percentile(depth[seen], [1, 99])
-    level = np.clip((np.where(seen, depth, far) - near) / max(far - near, 1e-12), 0.0, 1.0)
-    return to_bytes(np.where(seen[..., None], colours(1.0 - level), 1.0))
+    return depth_pictures(np.where(visibility >= 0.5, depth, np.inf))[0]
 
 
 def normals_picture(normals: Float[np.ndarray, "size size 3"], visibility: Float[np.ndarray, "size size"]) -> Picture:

@@ -24,7 +24,6 @@ class Ball:
 
     field_from_mesh: transforms.Similarity = FRAME
     outputs: tuple[str, ...] = ("visibility", "depth", "normals")
-    scalar: float = 0.0
 
     @property
     def lower(self):

@@ -51,11 +51,6 @@ class PatchField:
         """All but those of the sine field's two components."""
         return OUTPUTS
 
-    @property
-    def scalar(self) -> Float[np.ndarray, ""]:
-        """Cameras are computed by numpy."""
-        return np.zeros(())
-
     def evaluate(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
