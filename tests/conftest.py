@@ -20,6 +20,14 @@ def shared_dir() -> Path:
     return folder
 
 
+@pytest.fixture(params=["float32", "float64"])
+def dtype(request: pytest.FixtureRequest):
+    """The two types of numbers in which hard inputs are tried."""
+    import torch
+
+    return getattr(torch, request.param)
+
+
 def pytest_configure(config: pytest.Config) -> None:
     import torch
 

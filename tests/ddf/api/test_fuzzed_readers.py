@@ -1,28 +1,17 @@
-"""Mutated files into the readers: each is read, or refused in one line, without a warning, in bounded time.
-
-    python tests/hard_cases/fuzz_readers.py 100000 20000 10000
-
-So many meshes, so many pictures as `ddf reconstruct` reads them, and so many each of records of fields, files of
-patches, ONNX graphs and scene files. Writes reports/hard_cases_readers.json: how many files of each, how many were read
-and refused, the slowest, the memory.
-"""
+"""Mutated files into the readers: each is read, or refused in one line, without a warning, in bounded time."""
 
 import contextlib
 import io
 import json
 import math
-import resource
-import sys
-import tempfile
 import time
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any
 
 import numpy as np
+import pytest
+import safetensors.numpy
 import trimesh
 from PIL import Image
 
@@ -36,13 +25,12 @@ from ddf.fit import fitting
 from ddf.geometry import mesh_io, transforms
 from ddf.io import onnx_field, onnx_file, onnx_graphs, patch_graph
 
-OUT = Path(__file__).resolve().parents[2] / "reports" / "hard_cases_readers.json"
 _BALL = trimesh.creation.icosphere(subdivisions=1)
 _MESH = mesh_io.Mesh(np.array(_BALL.vertices), np.array(_BALL.faces))
 _WORDS = (b"-1", b"0", b"1e999", b"nan", b"99999999999", b"\\", b"#", b"\r", b"\0", b"\xff\xfe", b"end_header", b"list")
 
 
-def seeds() -> list[tuple[str, bytes]]:
+def seeds():
     """Small whole files of every format and encoding."""
     found = [(suffix, mesh_io.export_bytes(_MESH, suffix)) for suffix in mesh_io.SUFFIXES]
     polygons = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\n"
@@ -89,14 +77,14 @@ objectid="1" transform="1 0 0 0 1 0 0 0 1 5 0 0"/></components></object></resour
 </model>"""
 
 
-def pictures() -> list[tuple[str, bytes]]:
+def pictures():
     """Small whole pictures: PNG of several kinds, JPEG, WebP and GIF, some with an EXIF record."""
     rng = np.random.default_rng(1)
     pixels = rng.integers(0, 256, (20, 24, 4)).astype(np.uint8)
     pixels[..., 3] = np.where(np.indices((20, 24)).sum(0) < 24, 255, 0)
     image, exif = Image.fromarray(pixels), Image.Exif()
     exif[0x0112] = 6
-    kinds: list[tuple[str, Image.Image, dict[str, Any]]] = [
+    kinds = [
         ("png", image, {"exif": exif}),
         ("png", image.convert("P"), {}),
         ("jpeg", image.convert("RGB"), {"exif": exif}),
@@ -112,7 +100,7 @@ def pictures() -> list[tuple[str, bytes]]:
     return found
 
 
-def mutated(data: bytes, rng: np.random.Generator) -> bytes:
+def mutated(data, rng):
     """The file with some bytes changed, words put in, parts cut, doubled or moved."""
     work = bytearray(data)
     for _ in range(int(rng.integers(1, 6))):
@@ -135,7 +123,7 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 _FIELD = pddf.PDDF(pddf.PDDFConfig((8, 8), 1.0, 1.0, "softplus", 10.0))
-_HEAD: dict[str, Any] = {"format_version": 1, "steps": 3, "fingerprint": "a"}
+_HEAD = {"format_version": 1, "steps": 3, "fingerprint": "a"}
 _PATCHES = patch_field.fitted(*fitting.in_cube(_MESH), octree.PatchConfig(1e-2, depth=1))
 _RECORD = (
     _HEAD
@@ -153,14 +141,14 @@ fly: [{position: [0, 0, 2], target: [0, 0, 0]}]
 """
 
 
-def _graphs() -> list[tuple[str, bytes]]:
+def _graphs():
     """A small network and a few patches as ONNX files."""
     asked, facts = ("visibility", "depth", "normals"), {"transform": _RECORD["field_from_mesh"]}
     graphs = onnx_graphs.FieldGraph(_FIELD, asked), patch_graph.PatchGraph(patch_field.of(*_PATCHES), asked)
     return [(".onnx", onnx_file.to_onnx(graph, facts)) for graph in graphs]
 
 
-def _broken(tree: Any, rng: np.random.Generator) -> Any:
+def _broken(tree, rng):
     """A record with one part of it, somewhere, replaced or left out."""
     if not isinstance(tree, dict | list) or not tree or rng.integers(0, 4) == 0:
         return _ODD[int(rng.integers(0, len(_ODD)))]
@@ -173,7 +161,7 @@ def _broken(tree: Any, rng: np.random.Generator) -> Any:
     return dict(pairs) if isinstance(tree, dict) else [value for _, value in pairs]
 
 
-def read_record(data: bytes, path: Path) -> None:
+def read_record(data, _, path):
     """A field with this record, read by torch and without, and asked."""
     _write({name: value.numpy() for name, value in _FIELD.state_dict().items()}, json.loads(data), path)
     with np.errstate(all="ignore"):
@@ -181,17 +169,15 @@ def read_record(data: bytes, path: Path) -> None:
         ddf.load(path).query([[0.0, 0.0, 3.0]], [[0.0, 0.0, -1.0]])
 
 
-def _write(arrays: dict[str, np.ndarray], record: Any, path: Path) -> None:
+def _write(arrays, record, path):
     """The file of a field with a right checksum: what is broken is the content itself."""
-    import safetensors.numpy
-
     if isinstance(record, dict):
         with contextlib.suppress(ValueError):  # of a NaN, which no file of ours has
             record["checksum"] = storage._content_checksum(arrays, record)
     safetensors.numpy.save_file(arrays, path / "model.safetensors", {"ddf": json.dumps(record)})
 
 
-def read_patches(data: bytes, path: Path) -> None:
+def read_patches(data, _, path):
     """As `read_record`, of patches; half of the files have a bit flipped in one of their arrays besides."""
     rng, record = np.random.default_rng(zlib.crc32(data)), json.loads(data)
     arrays = {name: value.copy() for name, value in _PATCHES[0].items()}
@@ -205,36 +191,32 @@ def read_patches(data: bytes, path: Path) -> None:
         field.points(9)
 
 
-def read_graph(data: bytes, path: Path) -> None:
+def read_graph(data, _, path):
     """An ONNX file as a field, asked once."""
     (path / "field.onnx").write_bytes(data)
     onnx_field.load(path / "field.onnx")
 
 
-def read_scene(data: bytes, path: Path) -> None:
+def read_scene(data, _, path):
     """A scene file."""
     (path / "scene.yaml").write_bytes(data)
     scene_file.read(path / "scene.yaml")
 
 
-def others() -> dict[str, tuple[list[tuple[str, bytes]], Callable[[bytes, Path], None]]]:
-    """Whole files of further kinds, and what reads them in a folder."""
-    return {
-        "records": ([(".record", json.dumps(_RECORD).encode())], read_record),
-        "patches": ([(".record", json.dumps(_HEAD | _PATCHES[1]).encode())], read_patches),
-        "graphs": (_graphs(), read_graph),
-        "scenes": ([(".yaml", _SCENE)], read_scene),
-    }
+def read_picture(data, _, path):
+    """A picture as `ddf reconstruct` reads it."""
+    (path / "picture").write_bytes(data)
+    cutouts.read(path / "picture")
 
 
-def _zipped(model: bytes) -> bytes:
+def _zipped(model):
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         archive.writestr("3D/3dmodel.model", model)
     return stream.getvalue()
 
 
-def _changed(suffix: str, data: bytes, rng: np.random.Generator) -> bytes:
+def _changed(suffix, data, rng):
     """A mutated file; of a ZIP file sometimes the archive, mostly what it holds."""
     if suffix == ".record":
         return json.dumps(_broken(json.loads(data), rng)).encode()
@@ -243,47 +225,34 @@ def _changed(suffix: str, data: bytes, rng: np.random.Generator) -> bytes:
     return mutated(_zipped(data), rng) if rng.integers(0, 4) == 0 else _zipped(mutated(data, rng))
 
 
-def run(count: int, files: Sequence[tuple[str, bytes]], read: Callable[[bytes, str], object]) -> dict[str, Any]:
-    """Read so many files; what happened. Anything but a result or an InputError of one line ends the run."""
-    rng = np.random.default_rng(0)
-    outcomes, slowest = {"read": 0, "refused": 0}, 0.0
-    before, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
-    for i in range(count):
-        suffix, whole = files[i % len(files)]
-        data = _changed(suffix, whole, rng)
-        begin = time.perf_counter()
-        try:
-            read(data, suffix)
-            outcomes["read"] += 1
-        except checks.InputError as fault:
-            if "\n" in str(fault) or len(str(fault)) >= 500:
-                raise
-            outcomes["refused"] += 1
-        except BaseException:
-            sys.stderr.write(f"file {i} ({suffix}): {data!r}\n")
-            raise
-        slowest = max(slowest, time.perf_counter() - begin)
-    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
-    found = {"files": count, "seed_files": len(files), **outcomes, "other_errors": 0, "slowest_s": round(slowest, 3)}
-    return found | {"memory_grown_mib": round(grown, 1), "took_s": round(time.perf_counter() - started, 1)}
+# Kind: how many files, whole files of that kind, and what reads one with this suffix in a folder.
+KINDS = {
+    "meshes": (300, seeds, lambda data, suffix, _: mesh_io.parse(data, suffix)),
+    "pictures": (100, pictures, read_picture),
+    "records": (100, lambda: [(".record", json.dumps(_RECORD).encode())], read_record),
+    "patches": (100, lambda: [(".record", json.dumps(_HEAD | _PATCHES[1]).encode())], read_patches),
+    "graphs": (100, _graphs, read_graph),
+    "scenes": (100, lambda: [(".yaml", _SCENE)], read_scene),
+}
 
 
-def main(meshes: int, images: int, more: int) -> None:
-    """All runs, and their record."""
-    warnings.simplefilter("error")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "picture"
-
-        def read_picture(data: bytes, _: str) -> None:
-            path.write_bytes(data)
-            cutouts.read(path)
-
-        found = {"meshes": run(meshes, seeds(), mesh_io.parse), "images": run(images, pictures(), read_picture)}
-        for kind, (files, read) in others().items():
-            found[kind] = run(more, files, lambda data, _, read=read: read(data, Path(folder)))
-    record = json.loads(OUT.read_text(encoding="utf-8")) | found
-    OUT.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(*map(int, sys.argv[1:4] if len(sys.argv) > 3 else ("100000", "20000", "10000")))
+@pytest.mark.parametrize("kind", KINDS)
+def test_broken_files_are_read_or_refused_in_one_line(kind, tmp_path):
+    count, whole_files, read = KINDS[kind]
+    rng, files, refused, slowest = np.random.default_rng(0), whole_files(), 0, 0.0
+    read(files[0][1], files[0][0], tmp_path)  # what is compiled at the first call is compiled here
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for i in range(count):
+            suffix, whole = files[i % len(files)]
+            data = _changed(suffix, whole, rng)
+            begin = time.process_time()
+            try:
+                read(data, suffix, tmp_path)
+            except checks.InputError as fault:
+                assert "\n" not in str(fault)
+                assert len(str(fault)) < 500
+                refused += 1
+            slowest = max(slowest, time.process_time() - begin)
+    assert count / 3 < refused < count
+    assert slowest < 5
