@@ -1,7 +1,7 @@
 """Faults put into the code one at a time, and whether the tests notice.
 
 Each fault of `faults.yaml` is one place changed in a copy of the tree; the tests of its rooms then run until one fails.
-A survivor is a number of the report that no test holds. Writes reports/mutants.md.
+A survivor is a number of the report that no test holds.
 """
 
 import os
@@ -17,8 +17,7 @@ from pathlib import Path
 import yaml
 
 from bench.lib import measuring
-from ddf.core import checks, storage
-from ddf_lab.report import pages
+from ddf.core import checks
 
 ON_DEMAND = "python -m bench mutants, half an hour"
 FAULTS = Path(__file__).with_name("faults.yaml")
@@ -76,23 +75,12 @@ def survives(mutant: Mutant) -> bool:
     return done.returncode == 0
 
 
-def page(found: Sequence[tuple[Mutant, bool]]) -> pages.Page:
-    """What was changed, and whether it was noticed."""
-    alive = [mutant.name for mutant, survived in found if survived]
-    verdict = f"{len(found)} faults, one at a time: {len(found) - len(alive)} are noticed by a test"
-    verdict += f"; these are not: {', '.join(alive)}." if alive else "."
-    rows = [[mutant.name, f"`{mutant.file}`", "no" if survived else "yes"] for mutant, survived in found]
-    table = pages.Table("Faults and tests.", ["fault", "in src", "noticed"], rows, labels=2)
-    return pages.Page("Mutants", [verdict, "Made by `python -m bench mutants`."], [pages.Section("Faults", [table])])
-
-
 def main(arguments: Sequence[str]) -> None:
     """All mutants, or those named."""
     chosen = [mutant for mutant in mutants() if not arguments or mutant.name in arguments]
-    found = []
+    alive = []
     with futures.ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
         for mutant, survived in zip(chosen, pool.map(survives, chosen), strict=True):
             print(f"{'SURVIVES' if survived else 'noticed'}  {mutant.name}", flush=True)
-            found.append((mutant, survived))
-    if not arguments:
-        storage.write_text(measuring.PAGES / "mutants.md", pages.markdown(page(found)))
+            alive += [mutant.name] if survived else []
+    print(f"{len(chosen) - len(alive)} of {len(chosen)} faults are noticed by a test")
