@@ -3,7 +3,8 @@
 import functools
 
 from ddf.core import parallel, provenance
-from ddf.data import mesh_shards, sample_shards, sampling
+from ddf.data import mesh_shards, sample_shards
+from ddf.data.samples import extraction
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -11,7 +12,7 @@ from ddf_lab.run import Run
 @stage.main(category=True)
 def make(run: Run) -> None:
     """Read the packs of prepared meshes, write samples and clouds in shards."""
-    section = run.section(sampling.SamplesConfig)
+    section = run.section(extraction.SamplesConfig)
     raw = mesh_shards.raw_shapes(run.index, run.category)
     shapes = sample_shards.prepared_shapes(run.folder("meshes"), raw)
     parallel.map_shards(

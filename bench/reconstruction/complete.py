@@ -36,7 +36,7 @@ from ddf.api import sensors as sending
 from ddf.core import shipped_models, storage
 from ddf.data import shapenet, true_clouds
 from ddf.data.public import manifest, packages, shapes
-from ddf.data.samples.surface import Surface
+from ddf.data.samples.draws import Surface
 from ddf.data.synthetic import assemble, render, write
 from ddf.fields import cloud_projection, stored_fields
 from ddf.fit import completed_surface, completion, latent_prior

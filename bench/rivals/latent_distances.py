@@ -22,7 +22,7 @@ from torch.nn import functional
 from bench.rivals import rival_training
 from ddf.core import seeding, storage
 from ddf.data import mesh_shards
-from ddf.data.samples.surface import Surface
+from ddf.data.samples.draws import Surface
 from ddf.fields import cloud_projection, derivatives, rendering, siren
 from ddf.fit import completion, latent_prior
 from ddf.geometry import neighbours, raycast, rays, scans, transforms, unsigned_surface

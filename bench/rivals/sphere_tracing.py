@@ -14,7 +14,7 @@ from torch import Tensor
 
 from bench.rivals import rival_training
 from ddf.core import seeding
-from ddf.data.samples.surface import Surface
+from ddf.data.samples.draws import Surface
 from ddf.fields import derivatives, siren
 from ddf.geometry import raycast, rays
 from ddf.geometry.mesh_io import Mesh

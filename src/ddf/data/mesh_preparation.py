@@ -16,9 +16,9 @@ import pymeshlab
 from jaxtyping import Float
 
 from ddf.core import checks
-from ddf.data import mesh_openings, mesh_topology
-from ddf.data.mesh_config import LOSSES, MeshesConfig
-from ddf.data.samples.surface import Surface
+from ddf.data import mesh_topology
+from ddf.data.mesh_shards import LOSSES, MeshesConfig
+from ddf.data.samples.draws import Surface
 from ddf.geometry import raycast, transforms
 from ddf.geometry.mesh_io import Mesh, face_normals
 
@@ -181,7 +181,7 @@ def prepare(raw: Mesh, config: MeshesConfig, rng: np.random.Generator) -> Prepar
     begin = time.perf_counter()
     unit_from_raw = transforms.field_from_mesh(raw.surface_vertices())
     unit = mesh_topology.clean(Mesh(unit_from_raw.apply(raw.vertices), raw.faces))
-    whole, openings = mesh_openings.filled(unit, config.holes) if config.holes > 0 else (unit, 0)
+    whole, openings = mesh_topology.fill_openings(unit, config.holes) if config.holes > 0 else (unit, 0)
     wrapped = config.wrap == "always" or (config.wrap == "auto" and not mesh_topology.is_sound(whole))
     solid = close(whole, config.alpha, config.offset) if wrapped else whole
     small = decimate(mesh_topology.outward(solid) if config.wrap != "never" else solid, config.faces)
@@ -199,7 +199,7 @@ def prepare(raw: Mesh, config: MeshesConfig, rng: np.random.Generator) -> Prepar
         verdict="",
         **losses,
     )
-    widths = mesh_openings.entered(unit, solid) if wrapped and prepared.watertight else []
+    widths = mesh_topology.entered_openings(unit, solid) if wrapped and prepared.watertight else []
     return dataclasses.replace(prepared, verdict=_verdict(prepared, raw, unit, widths, config))
 
 

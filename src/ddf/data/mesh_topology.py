@@ -1,6 +1,8 @@
-"""The bodies that triangles form: welding, closedness, pieces, and whether a mesh is sound enough to be kept as it is.
+"""The bodies that triangles form: welding, closedness, pieces, openings, and whether a mesh may be kept as it is.
 
-Every decision is the same at any scale and place, and under a rounding far below the weld tolerance.
+Every decision is the same at any scale and place, and under a rounding far below the weld tolerance. A mesh passes
+through itself where an edge pierces a triangle by more than a tolerance, on both sides of the triangle and from its
+border; contact is no crossing. Open3D proposes crossings (in float32), float64 decides.
 """
 
 import numpy as np
@@ -8,9 +10,58 @@ from jaxtyping import Bool, Float, Int
 from scipy import sparse, spatial
 
 from ddf.core import checks
-from ddf.data import mesh_crossings
 from ddf.geometry import raycast
+from ddf.geometry.formats import polygons
 from ddf.geometry.mesh_io import Mesh, face_normals, have_area
+
+TOLERANCE = 1e-5  # of the diagonal: the noise of float32 far from the origin; ten times less than any real detail
+_BLOCK = 1 << 16  # edges at once: each meets a few triangles along its line
+
+
+def pierced(mesh: Mesh, tolerance: float = TOLERANCE) -> Int[np.ndarray, "k 2"]:
+    """Edges (by their vertices) that pierce a triangle, as pairs of vertices, one row per piercing.
+
+    Args:
+      mesh: of which every triangle has an area.
+      tolerance: share of the diagonal.
+    """
+    scene = raycast.Scene(mesh)
+    edges = np.unique(np.sort(_edges(mesh.faces), axis=1), axis=0)
+    local, least = scene.local(mesh.vertices), tolerance * mesh.diagonal() / scene.scale
+    found = [
+        block[_deep(local, mesh.faces, block, *scene.met_along(local[block[:, 0]], local[block[:, 1]]), least)]
+        for block in np.split(edges, range(_BLOCK, len(edges), _BLOCK))
+    ]
+    return np.concatenate(found)
+
+
+def _deep(
+    vertices: Float[np.ndarray, "n 3"],
+    faces: Int[np.ndarray, "m 3"],
+    edges: Int[np.ndarray, "e 2"],
+    edge: Int[np.ndarray, "h"],
+    face: Int[np.ndarray, "h"],
+    least: float,
+) -> Int[np.ndarray, "k"]:
+    """Of proposed pairs of an edge and a triangle the edges of those that cross by more than `least`."""
+    apart = (faces[face][:, :, None] != edges[edge][:, None, :]).all(axis=(1, 2))
+    edge, face = edge[apart], face[apart]
+    corners, ends = vertices[faces[face]], vertices[edges[edge]]
+    sides = np.roll(corners, -1, axis=1) - corners
+    normal = np.cross(sides[:, 0], sides[:, 1])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    height = np.einsum("hej,hj->he", ends - corners[:, :1], normal)
+    through = (height.prod(axis=1) < 0) & (np.abs(height).min(axis=1) > least)
+    edge, corners, ends, sides, normal, height = (
+        values[through] for values in (edge, corners, ends, sides, normal, height)
+    )
+    share = height[:, 0] / (height[:, 0] - height[:, 1])
+    point = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
+    inwards = np.cross(normal[:, None], sides)
+    inwards /= np.linalg.norm(sides, axis=2)[..., None]
+    within = np.einsum("hij,hij->hi", point[:, None] - corners, inwards).min(axis=1)
+    return edge[within > least]
+
 
 _WELD_TOLERANCE = 1e-5  # of the diagonal: float32 noise of seams in STL files reaches 4e-6, real detail starts at 1e-4
 
@@ -145,7 +196,7 @@ def is_sound(mesh: Mesh) -> bool:
     inside, inwards = nesting(mesh), volumes(mesh) < 0
     if inside is None or ((inwards ^ inwards[_outermost(inside)]) != (inside.sum(axis=1) % 2 == 1)).any():
         return False
-    return len(mesh_crossings.pierced(mesh)) == 0
+    return len(pierced(mesh)) == 0
 
 
 def _outermost(inside: Bool[np.ndarray, "n n"]) -> Int[np.ndarray, "n"]:
@@ -198,3 +249,71 @@ def without_unused(mesh: Mesh) -> Mesh:
     """Only the vertices that triangles use."""
     used, faces = np.unique(mesh.faces, return_inverse=True)
     return Mesh(mesh.vertices[used], faces.reshape(-1, 3))
+
+
+def opening_loops(mesh: Mesh) -> list[Int[np.ndarray, "k"]]:
+    """Vertices around every opening, in the order that its filling needs; tangled borders give what loops they have."""
+    edges = _edges(mesh.faces)
+    n = len(mesh.vertices)
+    keys, count = np.unique(edges.min(axis=1) * n + edges.max(axis=1), return_counts=True)
+    border = edges[np.isin(edges.min(axis=1) * n + edges.max(axis=1), keys[count == 1])]
+    after: dict[int, list[int]] = {}
+    for start, stop in border[:, ::-1].tolist():  # the filling runs along the border the other way
+        after.setdefault(start, []).append(stop)
+    found = []
+    while after:
+        path = [next(iter(after))]
+        place = {path[0]: 0}
+        while path[-1] in after:
+            ahead = after[path[-1]].pop()
+            if not after[path[-1]]:
+                del after[path[-1]]
+            if ahead in place:
+                begin = place[ahead]
+                if len(path) - begin >= 3:
+                    found.append(np.array(path[begin:]))
+                for vertex in path[begin + 1 :]:
+                    del place[vertex]
+                path = path[: begin + 1]
+            else:
+                place[ahead] = len(path)
+                path.append(ahead)
+    return found
+
+
+def opening_width(mesh: Mesh, loop: Int[np.ndarray, "k"]) -> float:
+    """Diagonal of the box of an opening, as a share of the mesh's."""
+    corners = mesh.vertices[loop]
+    return float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)) / mesh.diagonal())
+
+
+def entered_openings(mesh: Mesh, wrap: Mesh) -> list[float]:
+    """Widths of the openings that a closed wrap of the mesh goes through: what lies behind them is a shell."""
+    found = opening_loops(mesh)
+    if not found:
+        return []
+    through = raycast.Scene(wrap).outside(np.stack([mesh.vertices[loop].mean(axis=0) for loop in found]))
+    return [opening_width(mesh, loop) for loop, out in zip(found, through, strict=True) if out]
+
+
+def fill_openings(mesh: Mesh, largest: float) -> tuple[Mesh, int]:
+    """The mesh with its openings up to the width `largest` (share of the diagonal) filled, and how many they are.
+
+    An opening is cut into triangles in the plane of its area vector; where its border crosses itself there, triangles
+    to the mean of its corners fill it.
+    """
+    vertices: list[Float[np.ndarray, "n 3"]] = [mesh.vertices]
+    faces: list[Int[np.ndarray, "m 3"]] = [mesh.faces]
+    added, count = len(mesh.vertices), 0
+    for loop in opening_loops(mesh):
+        if opening_width(mesh, loop) > largest:
+            continue
+        count += 1
+        cut = polygons.cut(mesh.vertices[loop]) if len(loop) <= polygons.MAX_CORNERS // 10 else None
+        if cut is None:
+            vertices.append(mesh.vertices[loop].mean(axis=0)[None])
+            faces.append(np.stack([loop, np.roll(loop, -1), np.full(len(loop), added)], axis=1))
+            added += 1
+        else:
+            faces.append(loop[cut])
+    return Mesh(np.concatenate(vertices), np.concatenate(faces)), count

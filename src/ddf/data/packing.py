@@ -1,4 +1,4 @@
-"""Oriented-point samples as small integers, and back; needs numpy and torch only, so training can read them.
+"""Oriented-point samples as small integers, and back, and stored clouds; without the packages that draw them.
 
 positions   int16 x 3   value / 32767 per coordinate of the box [-1, 1]^3
 directions  int16 x 2   octahedral map of the unit sphere
@@ -6,20 +6,22 @@ depth       uint16      steps of 2 sqrt(3) / 65534 (the box's diagonal); 65535 i
 normals     int8 x 2    octahedral map; of the hit, on a miss the axis (0, 0, 1), which means nothing; of types S and T
                         that of the surface where the ray starts or touches it
 Positions and directions are rounded before rays are cast, so the truth belongs to exactly the stored ray (but of T, see
-`sampling`) and only depth and normals carry an error: half a depth step (2.6e-5), and under 1 degree
+`samples.extraction`) and only depth and normals carry an error: half a depth step (2.6e-5), and under 1 degree
 (`normal_error_deg`).
 Octahedral map: Cigolle et al. 2014, "A survey of efficient representations for independent unit vectors", §3.3.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TypedDict
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int, UInt
+from jaxtyping import Bool, Float, Int, UInt
 from torch import Tensor
 
 from ddf.core import checks
+from ddf.geometry import transforms
 
 POSITION_STEPS = 32767
 DEPTH_STEP = 2 * 3**0.5 / 65534
@@ -169,3 +171,22 @@ def decode_fields(codes: Mapping[str, Tensor]) -> Samples:
         visible=torch.isfinite(depth),
         normals=decode_unit(codes["normals"]),
     )
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """A true cloud (`true_clouds`): points on a surface, in the mesh's frame, and which are hidden from outside."""
+
+    points: Float[np.ndarray, "n 3"]
+    hidden: Bool[np.ndarray, "n"]
+
+    @classmethod
+    def stored(cls, shard: Mapping[str, np.ndarray], row: int) -> "Cloud":
+        """That of one shape of a shard that the stage `samples` wrote (`sample_shards`)."""
+        start, end = shard["offsets"][row : row + 2]
+        return cls(shard["points"][start:end], shard["hidden"][start:end].astype(bool))
+
+    def benchmark_points(self, visible_only: bool = False) -> Float[np.ndarray, "m 3"]:
+        """Points of a mesh in the v1 frame in the benchmark's, all of them or those that are not hidden."""
+        points = self.points[~self.hidden] if visible_only else self.points
+        return transforms.BENCHMARK_FROM_V1 * points.astype(np.float64)

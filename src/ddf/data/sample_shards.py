@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from ddf.core import checks, parallel, seeding, storage
-from ddf.data import mesh_shards, sampling, surface_cloud, true_clouds
+from ddf.data import mesh_shards, packing, true_clouds
+from ddf.data.samples import extraction
 from ddf.geometry import mesh_io, transforms
 
 
@@ -48,7 +49,7 @@ def prepared_shapes(folder: Path, raw: Sequence[mesh_shards.RawShape]) -> list[P
 
 
 def extract(
-    config: sampling.SamplesConfig, category: str, shapes: Sequence[PreparedShape], shard: parallel.Shard
+    config: extraction.SamplesConfig, category: str, shapes: Sequence[PreparedShape], shard: parallel.Shard
 ) -> parallel.ShardResult:
     """Map over prepared meshes: writes `NNN.samples.safetensors` and `NNN.clouds.safetensors`."""
     packs = {pack: mesh_shards.read_pack(pack) for pack in dict.fromkeys(shape.pack for shape in shapes)}
@@ -69,15 +70,15 @@ def extract(
 class _Extracted:
     id: str
     arrays: dict[str, np.ndarray]
-    probes: sampling.Probes
-    cloud: surface_cloud.Cloud
+    probes: extraction.Probes
+    cloud: packing.Cloud
     field_from_raw: transforms.Similarity
 
     @classmethod
     def make(
-        cls, shape: PreparedShape, pack: mesh_shards.PreparedPack, config: sampling.SamplesConfig, category: str
+        cls, shape: PreparedShape, pack: mesh_shards.PreparedPack, config: extraction.SamplesConfig, category: str
     ) -> "_Extracted":
-        arrays, probes = sampling.extract(pack.meshes[shape.id], config, category, shape.id)
+        arrays, probes = extraction.extract(pack.meshes[shape.id], config, category, shape.id)
         rng = seeding.generator(config.seed, category, shape.id, "cloud")
         cloud = true_clouds.draw(mesh_io.load(shape.raw.path), config.cloud_points, rng)
         return cls(shape.id, arrays, probes, cloud, pack.field_from_raw[shape.id])
@@ -92,7 +93,7 @@ def _write_extracted(done: list[_Extracted], shard: parallel.Shard, record: dict
         "offsets": np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
         "hidden": np.concatenate([item.cloud.hidden for item in done]),
     }
-    errors = sampling.packing_errors([item.probes for item in done])
+    errors = extraction.packing_errors([item.probes for item in done])
     maps = {item.id: item.field_from_raw.to_dict() for item in done}
     paths = [shard.file(".samples.safetensors"), shard.file(".clouds.safetensors")]
     storage.save_tensors(paths[0], tensors, {**record, "ids": ids, "field_from_raw": maps, "packing_errors": errors})

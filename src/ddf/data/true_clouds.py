@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ddf.data import surface_cloud
-from ddf.data.samples.surface import Surface
+from ddf.data import packing
+from ddf.data.samples.draws import Surface
 from ddf.geometry import raycast
 from ddf.geometry.mesh_io import Mesh, face_normals
 
@@ -24,11 +24,11 @@ _CELLS = 1 << 13  # at most along each axis, so that float32 places are good to 
 _HASH = (np.int32(73856093), np.int32(19349663))  # Teschner et al. 2003, "Optimized spatial hashing"; products wrap
 
 
-def draw(mesh: Mesh, count: int, rng: np.random.Generator) -> surface_cloud.Cloud:
+def draw(mesh: Mesh, count: int, rng: np.random.Generator) -> packing.Cloud:
     """A Poisson-disk cloud of `count` points within 10 % and the visibility of each (64 rays, see `raycast`)."""
     points, face = poisson_disk(mesh, count, rng)
     hidden = ~raycast.visible_from_outside(raycast.Scene(mesh), points, face)
-    return surface_cloud.Cloud(points.astype(np.float32), hidden)
+    return packing.Cloud(points.astype(np.float32), hidden)
 
 
 def poisson_disk(

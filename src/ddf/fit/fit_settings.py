@@ -5,8 +5,7 @@ from typing import Literal
 
 from ddf.core import checks, schema
 from ddf.core.schema import fixed, setting
-from ddf.data import sampling
-from ddf.data.samples import sample_types
+from ddf.data.samples import extraction, sample_types
 from ddf.fields import losses, pddf
 from ddf.models import loop_config
 
@@ -71,7 +70,7 @@ class FitConfig(schema.Checked):
         if self.steps is None and self.minutes is None:
             raise checks.InputError("steps or minutes must be given; both are null")
 
-    def draw(self, box: Literal["tight", "cube"], counts: dict[str, int], seed: int) -> sampling.SamplesConfig:
-        """What `sampling.extract` draws."""
+    def draw(self, box: Literal["tight", "cube"], counts: dict[str, int], seed: int) -> extraction.SamplesConfig:
+        """What `extraction.extract` draws."""
         epsilon_o = self.epsilon_o * (1 - self.margin)
-        return sampling.SamplesConfig(counts, epsilon_o, "fixed", box, self.margin, seed=seed)
+        return extraction.SamplesConfig(counts, epsilon_o, "fixed", box, self.margin, seed=seed)

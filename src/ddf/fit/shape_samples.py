@@ -9,8 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.data import packing, sampling
-from ddf.data.samples import sample_batch, sample_types
+from ddf.data import packing
+from ddf.data.samples import extraction, sample_batch, sample_types
 from ddf.fit import fit_settings
 from ddf.geometry import mesh_io
 
@@ -76,7 +76,7 @@ def draw_samples(
     stream: str,
     describe: str | None = None,
 ) -> tuple[ShapeSamples, dict[str, float]]:
-    """Samples of a mesh, field frame, and the largest errors of their stored form (`sampling.packing_errors`).
+    """Samples of a mesh, field frame, and the largest errors of their stored form (`extraction.packing_errors`).
 
     Args:
       mesh: in [-1, 1]^3; it is shrunk to leave `config.margin`.
@@ -88,7 +88,7 @@ def draw_samples(
     lower, upper = mesh.box()
     box = "cube" if (upper - lower).min() < THIN_BOX * (upper - lower).max() else "tight"
     drawn = config.draw(box, counts, config.loop.seed)
-    packed, probes = sampling.extract(mesh, drawn, stream, describe=describe)
+    packed, probes = extraction.extract(mesh, drawn, stream, describe=describe)
     arrays = {}
     for kind in sample_types.KINDS:
         samples = packing.decode({name: torch.from_numpy(values) for name, values in packed.items()}, kind)
@@ -100,6 +100,6 @@ def draw_samples(
             "depth": samples["depth"].masked_fill(~visible, 0.0),
             "normals": samples["normals"],
         }
-    sides = sampling.box_of(mesh, drawn)
+    sides = extraction.box_of(mesh, drawn)
     samples = ShapeSamples(arrays, sides.lower.astype(np.float64), sides.upper.astype(np.float64), unit)
-    return samples, sampling.packing_errors([probes])
+    return samples, extraction.packing_errors([probes])

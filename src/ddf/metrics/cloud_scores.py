@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from ddf.core import checks
 from ddf.data import mesh_topology
-from ddf.data.samples.surface import Surface
+from ddf.data.samples.draws import Surface
 from ddf.geometry import mesh_io, neighbours
 from ddf.geometry.mesh_io import Mesh
 

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf.core import arrays
-from ddf.data.batches import category_data, sources, training_scenes
+from ddf.data.batches import category_data, training_scenes
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf, udf
 from ddf.geometry import raycast
@@ -65,7 +65,7 @@ class Proposer:
     """Puts proposed rays behind the stored samples of a batch. scenes: of the shapes, in their order."""
 
     shapes: category_data.ShapeSet
-    scenes: sources.Listed[raycast.Scene]
+    scenes: category_data.Listed[raycast.Scene]
     config: reconstruction_settings.ProposalConfig
 
     @classmethod

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import arrays, distributed
-from ddf.data.batches import category_data, sources
+from ddf.data.batches import category_data
 from ddf.fields import losses, model_files
 from ddf.geometry import cameras
 from ddf.models import reconstruction_models, reconstruction_settings
@@ -54,7 +54,7 @@ def ddf_step(
     model: reconstruction_models.DDFModel,
     images: category_data.ImageSet,
     shapes: category_data.ShapeSet,
-    samples: sources.SampleSource,
+    samples: category_data.SampleSource,
     train: reconstruction_settings.TrainConfig,
     config: reconstruction_settings.DDFConfig,
     step: int,

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks
-from ddf.data import surface_cloud
+from ddf.data import packing
 from ddf.geometry import neighbours, transforms
 from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import scoring
@@ -22,7 +22,7 @@ from ddf_lab.evaluation import scoring
 MEAN_SHAPE, RETRIEVAL, ORACLE = "mean_shape", "retrieval", "oracle_retrieval"
 CEILING, CEILING_VISIBLE, VISIBLE_AGAINST_ALL = "ceiling", "ceiling_visible", "ceiling_visible_vs_all"
 
-Truths = Mapping[str, surface_cloud.Cloud]
+Truths = Mapping[str, packing.Cloud]
 Images = Sequence[tuple[str, int]]
 
 
@@ -158,7 +158,7 @@ def _points(truths: Truths, shape: str, count: int, seed: int) -> Float[np.ndarr
 
 
 def _ceilings(
-    truth: surface_cloud.Cloud, shape: str, images: Images, column: str, count: int, seed: int
+    truth: packing.Cloud, shape: str, images: Images, column: str, count: int, seed: int
 ) -> Iterator[scoring.Case]:
     """The truth against itself: all points; visible against visible; and visible against all, which is what a
     perfect surface seen from outside can reach when the truth has hidden points.

@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from ddf.core import checks, schema, storage
 from ddf.core.schema import fixed, setting
-from ddf.data import surface_cloud
+from ddf.data import packing
 from ddf.geometry import cameras, neighbours, transforms
 from ddf.metrics import cloud_scores
 from ddf.metrics.camera_errors import ERRORS
@@ -108,16 +108,16 @@ def load_predictions(path: Path | str) -> Predictions:
     return Predictions(Path(path), images, tensors, metadata)
 
 
-def load_truth(samples_dir: Path | str) -> dict[str, surface_cloud.Cloud]:
+def load_truth(samples_dir: Path | str) -> dict[str, packing.Cloud]:
     """Ground-truth clouds of a category by shape id, from the files that the shards' records name.
 
     Raises:
       FileNotFoundError, InputError: no shard, or a damaged file.
     """
-    clouds: dict[str, surface_cloud.Cloud] = {}
+    clouds: dict[str, packing.Cloud] = {}
     for path in storage.shard_files(samples_dir, ".clouds.safetensors", "samples"):
         tensors, metadata = storage.load_tensors(path)
-        clouds |= {shape: surface_cloud.Cloud.stored(tensors, row) for row, shape in enumerate(metadata["ids"])}
+        clouds |= {shape: packing.Cloud.stored(tensors, row) for row, shape in enumerate(metadata["ids"])}
     return clouds
 
 
@@ -184,7 +184,7 @@ def model_cases(ddf: Predictions, pc_siren: Predictions, shape: str) -> list[Cas
     ]
 
 
-def score_all(cases: Iterable[tuple[surface_cloud.Cloud, Sequence[Case]]], jobs: int | None = None) -> pd.DataFrame:
+def score_all(cases: Iterable[tuple[packing.Cloud, Sequence[Case]]], jobs: int | None = None) -> pd.DataFrame:
     """One row per case and image. Shapes are spread over processes as they come; each truth is indexed once.
 
     Raises:
@@ -195,7 +195,7 @@ def score_all(cases: Iterable[tuple[surface_cloud.Cloud, Sequence[Case]]], jobs:
     return pd.DataFrame([row for shape_rows in rows for row in shape_rows])
 
 
-def _score_shape(cases: Sequence[Case], truth: surface_cloud.Cloud) -> list[dict]:
+def _score_shape(cases: Sequence[Case], truth: packing.Cloud) -> list[dict]:
     trees: dict[bool, neighbours.Neighbours] = {}
     rows = []
     for case in cases:

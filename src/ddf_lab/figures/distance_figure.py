@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from ddf.data.samples.surface import Surface
+from ddf.data.samples.draws import Surface
 from ddf.data.synthetic import showcase
 from ddf.fields import checked_cloud, framed_field, scene_field, udf
 from ddf.fields.shape_field import ShapeField

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from ddf.data import shapenet, surface_cloud
+from ddf.data import packing, shapenet
 from ddf.geometry import transforms
 from ddf.pictures import field_pictures, picture_strips
 from ddf_lab.evaluation import scoring
@@ -38,7 +38,7 @@ class Clouds(NamedTuple):
 
     ddf: scoring.Predictions
     pc_siren: scoring.Predictions
-    truths: Mapping[str, surface_cloud.Cloud]
+    truths: Mapping[str, packing.Cloud]
     image_root: tuple[Path, str]
 
 

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 
 from ddf.core import provenance, seeding, storage
-from ddf.data.samples.surface import Surface
+from ddf.data.samples.draws import Surface
 from ddf.fields import field_values, framed_field, model_files, shape_field
 from ddf.fields.shape_field import ShapeField
 from ddf.fit import field_diagnostics, fit_settings, fitting

@@ -7,7 +7,7 @@ from _shapes import cube, icosphere, joined, moved, torus
 from _support import assert_close
 
 from ddf.core import checks
-from ddf.data import mesh_crossings, mesh_preparation, mesh_topology
+from ddf.data import mesh_preparation, mesh_topology
 from ddf.geometry import mesh_io, raycast, transforms
 
 CONFIG = mesh_preparation.MeshesConfig(measure_points=2000)
@@ -315,9 +315,9 @@ def test_only_crossings_deeper_than_the_tolerance_count():
         tip = np.array([[0.1, -1 - depth * box.diagonal(), 0.2]])  # a pit from the lid down to the floor, or through it
         pit = mesh_io.Mesh(np.concatenate([box.vertices, tip]), np.concatenate([box.faces[~lid], roof]))
         assert mesh_topology.is_watertight(pit)
-        assert (len(mesh_crossings.pierced(pit)) > 0) == broken
+        assert (len(mesh_topology.pierced(pit)) > 0) == broken
         turned = mesh_io.Mesh(1e5 * pit.vertices @ _turn().T + 3e6, pit.faces)
-        assert (len(mesh_crossings.pierced(turned)) > 0) == broken
+        assert (len(mesh_topology.pierced(turned)) > 0) == broken
 
 
 def _turn() -> np.ndarray:

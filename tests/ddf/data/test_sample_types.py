@@ -5,8 +5,7 @@ import dataclasses
 import pytest
 
 from ddf.core import checks
-from ddf.data import sampling
-from ddf.data.samples import sample_types
+from ddf.data.samples import extraction, sample_types
 from ddf.fields import losses
 
 
@@ -18,7 +17,7 @@ def test_slices_of_a_batch_are_those_of_the_papers_terms():
 
 
 def test_every_stored_type_has_a_count_and_is_drawn():
-    assert set(sample_types.KINDS) == set(sampling.SamplesConfig().counts)
+    assert set(sample_types.KINDS) == set(extraction.SamplesConfig().counts)
 
 
 def test_every_term_has_its_weight_and_covers_a_slice():

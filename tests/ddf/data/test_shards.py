@@ -10,12 +10,14 @@ from _shapes import cube, icosphere, joined, moved
 from _support import assert_close
 
 from ddf.core import checks, parallel, storage
-from ddf.data import mesh_preparation, mesh_shards, mesh_topology, packing, sample_shards, sampling
-from ddf.data.samples import sample_types
+from ddf.data import mesh_preparation, mesh_shards, mesh_topology, packing, sample_shards
+from ddf.data.samples import extraction, sample_types
 from ddf.geometry import mesh_io, raycast, transforms
 
 MESHES = mesh_preparation.MeshesConfig(faces=600, alpha=0.05, offset=0.004, measure_points=500)
-SAMPLES = sampling.SamplesConfig(counts={"U": 200, "A": 200, "B": 100, "S": 100, "T": 100, "O": 100}, cloud_points=300)
+SAMPLES = extraction.SamplesConfig(
+    counts={"U": 200, "A": 200, "B": 100, "S": 100, "T": 100, "O": 100}, cloud_points=300
+)
 
 
 @pytest.fixture(scope="module")

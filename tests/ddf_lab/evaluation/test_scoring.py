@@ -10,7 +10,7 @@ import torch
 from _fake_experiment import BENCHMARK, NUM_TRUTH, SIZES, FakeExperiment, nearest_train_image
 
 from ddf.core import checks, storage
-from ddf.data import surface_cloud
+from ddf.data import packing
 from ddf.geometry import cameras, neighbours
 from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import baselines, paper_results, scoring
@@ -209,7 +209,7 @@ def test_the_mean_shape_is_what_is_nearest_to_the_validation_shapes(experiment):
     }
     assert all(np.array_equal(found[letter], own[letter]) for letter in SIZES)  # nothing is nearer to it than itself
     spread = {f"s{i}": truths[name] for i, name in enumerate(train)} | {
-        "all": surface_cloud.Cloud(
+        "all": packing.Cloud(
             np.concatenate([truths[name].points for name in train]), np.zeros(len(train) * NUM_TRUTH, dtype=bool)
         )
     }
@@ -269,7 +269,7 @@ def test_order_of_rows_ceiling_above_oracle_above_mean(experiment):
 
 def test_ceiling_prediction_is_a_subset_of_the_truth():
     points = np.random.default_rng(0).normal(size=(500, 3))
-    truth = surface_cloud.Cloud(points.astype(np.float32), np.zeros(500, dtype=bool))
+    truth = packing.Cloud(points.astype(np.float32), np.zeros(500, dtype=bool))
     chosen = baselines.subset(truth.benchmark_points(), 200, 1, "x")
     scores = cloud_scores.compare_clouds(chosen, truth.benchmark_points())
     assert scores.precision_tau == 1.0 and scores.num_pred == 200

@@ -93,7 +93,7 @@ def _read(path: Path, args: argparse.Namespace, stream: str) -> "tuple[Float[np.
     mesh = mesh_io.load(path)
     if args.vertices:
         return mesh.vertices, f"{len(mesh.vertices):,} vertices"
-    from ddf.data.samples import surface
+    from ddf.data.samples import draws
 
-    points, _ = surface.Surface.of(mesh).draw(args.points, seeding.generator(args.seed, "compare", stream))
+    points, _ = draws.Surface.of(mesh).draw(args.points, seeding.generator(args.seed, "compare", stream))
     return points, f"{len(points):,} points drawn by area (seed {args.seed})"

@@ -46,11 +46,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     import numpy as np
 
     from ddf.core import storage
-    from ddf.data import sampling
-    from ddf.data.samples import sample_types
+    from ddf.data.samples import extraction, sample_types
     from ddf.geometry import mesh_io
 
-    config = sampling.SamplesConfig(
+    config = extraction.SamplesConfig(
         counts={kind: args.count if kind in "UA" else args.count // 2 for kind in sample_types.KINDS},
         epsilon_o=args.epsilon,
         offsets="fixed",
@@ -59,12 +58,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     )
     raw = mesh_io.load_surface(args.mesh)
     mesh, field_from_raw = _field_mesh(raw, args.watertight)
-    arrays, probes = sampling.extract(mesh, config)
+    arrays, probes = extraction.extract(mesh, config)
     metadata = {
         "seed": args.seed,
         "sources": {args.mesh.name: storage.checksum(args.mesh)},
         "field_from_raw": field_from_raw.to_dict(),
-        "packing_errors": sampling.packing_errors([probes]),
+        "packing_errors": extraction.packing_errors([probes]),
     }
     storage.save_tensors(args.out, arrays, metadata)
     counts = config.counts

@@ -23,7 +23,7 @@ from jaxtyping import Float, Int, Shaped, UInt8
 from torch import Tensor
 
 from ddf.core import arrays, checks, distributed, storage
-from ddf.data import packing, shapenet, surface_cloud
+from ddf.data import packing, shapenet
 from ddf.data.public import manifest
 from ddf.data.samples import sample_batch, sample_types
 from ddf.geometry import cameras, transforms
@@ -133,7 +133,7 @@ class PlacedClouds:
 
     def __getitem__(self, index: int, /) -> Float[Tensor, "n 3"]:
         number, row = self.places[index]
-        cloud = surface_cloud.Cloud.stored(self.shards[number], row)
+        cloud = packing.Cloud.stored(self.shards[number], row)
         return torch.from_numpy(self.similarities[index].apply(cloud.points)).float()
 
 
@@ -400,3 +400,26 @@ def _require(folder: Path, ids: Sequence[str], found: Mapping) -> None:
     missing = [name for name in ids if name not in found]
     if missing:
         raise checks.InputError(f"{folder}: no samples of shape {missing[0]}; run the samples stage again")
+
+
+@runtime_checkable
+class SampleSource(Protocol):
+    """Gives the oriented points of a batch with their ground truth."""
+
+    def draw(
+        self,
+        shapes: Int[np.ndarray, "b"],
+        counts: Mapping[str, int],
+        random: np.random.Generator,
+        part: slice,
+        /,
+    ) -> sample_batch.SampleBatch:
+        """Points of every type for each of `part` of the shapes, drawn for all of them; E points have no truth."""
+        ...
+
+
+@runtime_checkable
+class Listed(Numbered[Value], Protocol[Value]):
+    """What is asked for by its number, of which there are so many."""
+
+    def __len__(self) -> int: ...

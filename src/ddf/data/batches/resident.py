@@ -16,7 +16,7 @@ from torch import Tensor
 
 from ddf.core import arrays, distributed
 from ddf.data import packing
-from ddf.data.batches import category_data, sources
+from ddf.data.batches import category_data
 from ddf.data.samples import sample_batch, sample_types
 
 LOGGER = logging.getLogger(__name__)
@@ -25,7 +25,7 @@ SHARE = 0.5  # of the memory that is free before the model is there; a step take
 
 @dataclass(frozen=True)
 class Samples:
-    """Stored samples of some shapes in one tensor; a `sources.SampleSource`.
+    """Stored samples of some shapes in one tensor; a `category_data.SampleSource`.
 
     records: see `packing`, all types one after the other. stored: samples of each type, in that order.
     """
@@ -99,7 +99,7 @@ class Memory:
         size = 12 * len(shapes.ids) * len(shapes.clouds[0])  # clouds differ by a tenth at most
         return joined_clouds(shapes, self.device) if self.takes("clouds", size) else shapes
 
-    def samples(self, samples: category_data.SampleSet) -> sources.SampleSource:
+    def samples(self, samples: category_data.SampleSet) -> category_data.SampleSource:
         """The samples, on the device if they fit there."""
         size = 2 * packing.RECORD * len(samples.places) * sum(_stored(samples).values())
         return joined_samples(samples, self.device) if self.takes("samples", size) else samples

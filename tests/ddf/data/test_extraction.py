@@ -7,24 +7,24 @@ from _shapes import cube, icosphere, joined, moved
 from _support import assert_close
 
 from ddf.core import checks, seeding
-from ddf.data import packing, sampling
-from ddf.data.samples import draws, sample_types
-from ddf.data.samples.surface import Surface
+from ddf.data import packing
+from ddf.data.samples import draws, extraction, sample_types
+from ddf.data.samples.draws import Surface
 from ddf.geometry import mesh_io, primitives, raycast, rays
 
 COUNTS = sample_types.each(3000)
-CONFIG = sampling.SamplesConfig(counts=COUNTS, offsets="fixed")
+CONFIG = extraction.SamplesConfig(counts=COUNTS, offsets="fixed")
 SLAB = moved(cube(), np.array([1.0, 0.4, 0.7]), (0, 0, 0))
 TIGHT = draws.Box(np.array([-1.0, -0.4, -0.7]), np.array([1.0, 0.4, 0.7]))
 
 
-def _decoded(mesh: mesh_io.Mesh, kind: str, config: sampling.SamplesConfig = CONFIG) -> packing.Samples:
-    arrays, _ = sampling.extract(mesh, config, "test")
+def _decoded(mesh: mesh_io.Mesh, kind: str, config: extraction.SamplesConfig = CONFIG) -> packing.Samples:
+    arrays, _ = extraction.extract(mesh, config, "test")
     return packing.decode({name: torch.from_numpy(values) for name, values in arrays.items()}, kind)
 
 
 def _surface(mesh: mesh_io.Mesh) -> Surface:
-    return sampling.surface_of(raycast.Scene(mesh))
+    return extraction.surface_of(raycast.Scene(mesh))
 
 
 def _random() -> np.random.Generator:
@@ -106,10 +106,10 @@ def test_at_surface_samples_see_the_surface_no_further_than_their_origin():
 @pytest.mark.parametrize("box", [draws.CUBE, TIGHT], ids=["cube", "tight"])
 @pytest.mark.parametrize("kind", ["A", "T", "O"])
 def test_a_tenth_lies_on_the_boundary_and_all_in_the_box(kind, box):
-    config = sampling.SamplesConfig()
+    config = extraction.SamplesConfig()
     sphere = moved(icosphere(3), np.array([1.0, 0.4, 0.7]), (0, 0, 0))
     box = box if box is draws.CUBE else draws.Box(*sphere.box())
-    drawn = sampling.draw(kind, _surface(sphere), box, config, 5000, _random())
+    drawn = extraction.draw(kind, _surface(sphere), box, config, 5000, _random())
     on_wall = ((drawn.positions == box.lower) | (drawn.positions == box.upper)).any(axis=1)
     assert abs(on_wall.sum() - 500) <= 5  # in a tight box an origin can touch a wall by itself
     assert (drawn.positions >= box.lower).all() and (drawn.positions <= box.upper).all()
@@ -119,8 +119,8 @@ def test_a_tenth_lies_on_the_boundary_and_all_in_the_box(kind, box):
 def test_tangent_lines_touch_and_offset_lines_keep_their_distance():
     surface, radius = _surface(moved(icosphere(5), 0.8, (0, 0, 0))), 0.8
     for kind, offset in (("T", 0.0), ("O", 0.05)):
-        config = sampling.SamplesConfig(epsilon_o=0.05, offsets="fixed")
-        drawn = sampling.draw(kind, surface, draws.CUBE, config, 4000, _random())
+        config = extraction.SamplesConfig(epsilon_o=0.05, offsets="fixed")
+        drawn = extraction.draw(kind, surface, draws.CUBE, config, 4000, _random())
         foot = drawn.positions - (drawn.positions * drawn.directions).sum(1, keepdims=True) * drawn.directions
         distance = np.linalg.norm(foot, axis=1) - radius
         assert_close(np.abs(distance), np.full(4000, offset), atol=2e-3)
@@ -130,8 +130,8 @@ def test_tangent_lines_touch_and_offset_lines_keep_their_distance():
 
 def test_uniform_offsets_fill_the_interval():
     surface = _surface(moved(icosphere(5), 0.8, (0, 0, 0)))
-    config = sampling.SamplesConfig(epsilon_o=0.05, offsets="uniform")
-    drawn = sampling.draw("O", surface, draws.CUBE, config, 4000, _random())
+    config = extraction.SamplesConfig(epsilon_o=0.05, offsets="uniform")
+    drawn = extraction.draw("O", surface, draws.CUBE, config, 4000, _random())
     foot = drawn.positions - (drawn.positions * drawn.directions).sum(1, keepdims=True) * drawn.directions
     distance = np.abs(np.linalg.norm(foot, axis=1) - 0.8)
     assert distance.max() < 0.052
@@ -142,8 +142,8 @@ def test_offset_samples_of_a_flat_shape_stay_in_its_tight_box():
     square = mesh_io.Mesh(
         np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]), np.array([[0, 1, 2], [0, 2, 3]])
     )
-    box, config = draws.Box(*square.box()), sampling.SamplesConfig(box="tight")
-    drawn = sampling.draw("O", _surface(square), box, config, 500, _random())
+    box, config = draws.Box(*square.box()), extraction.SamplesConfig(box="tight")
+    drawn = extraction.draw("O", _surface(square), box, config, 500, _random())
     assert (drawn.positions[:, 1] == 0).all() and np.abs(drawn.positions).max() <= 1
 
 
@@ -185,19 +185,19 @@ def test_surface_points_are_uniform_within_a_triangle():
 
 def test_triangles_without_an_area_change_no_sample():
     flat = mesh_io.Mesh(np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]]), np.array([[0, 1, 2]]))
-    with_them, _ = sampling.extract(joined(flat, SLAB, flat), CONFIG, "test")
-    without, _ = sampling.extract(SLAB, CONFIG, "test")
+    with_them, _ = extraction.extract(joined(flat, SLAB, flat), CONFIG, "test")
+    without, _ = extraction.extract(SLAB, CONFIG, "test")
     assert all((with_them[name] == without[name]).all() for name in without)
 
 
 def test_equal_seeds_give_equal_bytes_and_types_do_not_share_a_stream():
-    first, _ = sampling.extract(SLAB, CONFIG, "chair", "a")
-    again, _ = sampling.extract(SLAB, CONFIG, "chair", "a")
-    other, _ = sampling.extract(SLAB, CONFIG, "chair", "b")
+    first, _ = extraction.extract(SLAB, CONFIG, "chair", "a")
+    again, _ = extraction.extract(SLAB, CONFIG, "chair", "a")
+    other, _ = extraction.extract(SLAB, CONFIG, "chair", "b")
     assert all((first[name] == again[name]).all() for name in first)
     assert not (first["U.positions"] == other["U.positions"]).all()
-    fewer = sampling.SamplesConfig(counts={**sample_types.each(10), "A": 3000}, offsets="fixed")
-    assert (sampling.extract(SLAB, fewer, "chair", "a")[0]["A.depth"] == first["A.depth"]).all()
+    fewer = extraction.SamplesConfig(counts={**sample_types.each(10), "A": 3000}, offsets="fixed")
+    assert (extraction.extract(SLAB, fewer, "chair", "a")[0]["A.depth"] == first["A.depth"]).all()
 
 
 def test_streams_differ_by_name_and_not_by_joint_spelling():
@@ -209,8 +209,8 @@ def test_streams_differ_by_name_and_not_by_joint_spelling():
 
 
 def test_reported_packing_errors_bound_the_real_ones():
-    _, probes = sampling.extract(SLAB, CONFIG, "test")
-    errors = sampling.packing_errors([probes])
+    _, probes = extraction.extract(SLAB, CONFIG, "test")
+    errors = extraction.packing_errors([probes])
     assert 0.4 * packing.DEPTH_STEP < errors["depth_error"] < 0.51 * packing.DEPTH_STEP
     assert (
         0.1 < errors["normal_error_deg"] < 1.0 or errors["normal_error_deg"] < 1e-4
@@ -221,11 +221,11 @@ def test_reported_packing_errors_bound_the_real_ones():
 
 def test_mesh_outside_the_cube_and_bad_settings_are_refused():
     with pytest.raises(checks.InputError, match=r"must lie in \[-1, 1\]"):
-        sampling.extract(cube(1.1), CONFIG, "x")
+        extraction.extract(cube(1.1), CONFIG, "x")
     for counts in ({**COUNTS, "A": 0}, {**COUNTS, "E": 5}):
         with pytest.raises(checks.InputError, match=r"counts may give each of U, A, B, S, T, O >= 1; got"):
-            sampling.SamplesConfig(counts)
-    given = sampling.SamplesConfig({"T": 7, "U": 5}).counts
+            extraction.SamplesConfig(counts)
+    given = extraction.SamplesConfig({"T": 7, "U": 5}).counts
     assert list(given.items()) == [
         ("U", 5),
         *((kind, sample_types.LEFT_OUT) for kind in "ABS"),
@@ -233,7 +233,7 @@ def test_mesh_outside_the_cube_and_bad_settings_are_refused():
         ("O", 10_000),
     ]
     with pytest.raises(checks.InputError, match="epsilon_o"):
-        sampling.SamplesConfig(epsilon_o=0.0)
+        extraction.SamplesConfig(epsilon_o=0.0)
     flat = mesh_io.Mesh(np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]]), np.array([[0, 1, 2]]))
     with pytest.raises(checks.InputError, match="triangle with an area"):
-        sampling.extract(flat, CONFIG, "x")
+        extraction.extract(flat, CONFIG, "x")

@@ -31,7 +31,7 @@ from ddf.core import checks, schema, seeding
 from ddf.core.schema import fixed, setting
 from ddf.data import packing
 from ddf.data.samples import draws, sample_types
-from ddf.data.samples.surface import Surface
+from ddf.data.samples.draws import Surface
 from ddf.geometry import raycast
 from ddf.geometry.mesh_io import Mesh
 
