@@ -7,9 +7,9 @@ import pytest
 import torch
 from _hard import DIRECTIONS, FAR, SLOPES, TARGETS, assert_exact, assert_refused, assert_within, box, step
 
-from ddf.data import mesh_topology, sampling
-from ddf.data.samples import draws
-from ddf.data.samples.surface import Surface
+from ddf.data import mesh_topology
+from ddf.data.samples import draws, extraction
+from ddf.data.samples.draws import Surface
 from ddf.geometry import mesh_io, raycast, rays, transforms
 
 both_casts = pytest.mark.parametrize("cast", [raycast.cast, raycast.cast_exact])
@@ -186,7 +186,7 @@ def test_no_sample_is_drawn_on_a_triangle_without_an_area():
 
 def test_offset_lines_beside_the_wall_of_the_box_stay_in_it():
     """2,000 samples of type O, ε = 0.05, of the cube that fills its box: half of the lines would leave it."""
-    surface = sampling.surface_of(raycast.Scene(CUBE))
+    surface = extraction.surface_of(raycast.Scene(CUBE))
     drawn = draws.draw_offset(draws.Place(surface, draws.CUBE, 0.05), 2000, np.random.default_rng(0))
     depth = np.abs(drawn.positions.astype(np.float64))
     assert depth.max() <= 1
