@@ -24,7 +24,7 @@ from torch import Tensor
 from bench.lib import cpu_budget, measuring, page
 from bench.rivals import ray_fields, ray_inputs, sphere_tracing
 from ddf.core import seeding
-from ddf.data import mesh_preparation, mesh_shards
+from ddf.data import mesh_config, mesh_preparation
 from ddf.data.synthetic import showcase
 from ddf.fields import derivatives, framed_field, siren
 from ddf.fields.grid import octree, patch_field
@@ -56,7 +56,7 @@ DISTANCE_OMEGA, DISTANCE_RATE = 10.0, 2e-3  # omega_first and learning rate of t
 
 def shapes() -> dict[str, mesh_io.Mesh]:
     """A chair, and a box with a window and a cube in it; both closed, in the frame of the fields."""
-    wrapped, placed = mesh_shards.MeshesConfig(faces=FACES, wrap="always"), {}
+    wrapped, placed = mesh_config.MeshesConfig(faces=FACES, wrap="always"), {}
     for name, raw in {"chair": shape_fits.source_mesh(None, 0)[0], "nested": showcase.nested()}.items():
         mesh = mesh_preparation.prepare(raw, wrapped, seeding.generator(0, "bench")).mesh
         vertices = UNIT * transforms.field_from_mesh(mesh.vertices).apply(mesh.vertices)

@@ -13,7 +13,7 @@ from ddf.core.errors import known_names
 # only what it reads.
 SECTIONS = {
     "dataset": "ddf.data.dataset:DatasetConfig",
-    "meshes": "ddf.data.mesh_shards:MeshesConfig",
+    "meshes": "ddf.data.mesh_config:MeshesConfig",
     "samples": "ddf.data.samples.extraction:SamplesConfig",
     "train": "ddf.models.reconstruction_settings:TrainConfig",
     "ddf": "ddf.models.reconstruction_settings:DDFConfig",

@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from ddf.core import checks
 from ddf.data import mesh_topology
-from ddf.data.mesh_shards import LOSSES, MeshesConfig
+from ddf.data.mesh_config import LOSSES, MeshesConfig
 from ddf.data.samples.draws import Surface
 from ddf.geometry import raycast, transforms
 from ddf.geometry.mesh_io import Mesh, face_normals

@@ -1,4 +1,4 @@
-"""The map from raw meshes to training meshes, one shard at a time, and its settings.
+"""The map from raw meshes to training meshes, one shard at a time.
 
 `NNN.zip` (written through `storage`): `<id>.ply` (float32, field frame) per shape, `measures.csv` (see `MEASURES`) and
 `field_from_raw.json`, the similarity of each shape from the raw file's frame (v1 for ShapeNet).
@@ -11,51 +11,15 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from ddf.core import checks, parallel, schema, seeding, storage
-from ddf.core.schema import fixed, setting
+from ddf.core import checks, parallel, seeding, storage
+from ddf.data import mesh_config
 from ddf.geometry import mesh_io, transforms
 
-# Of a prepared mesh, as `mesh_preparation.measure` gives them.
-LOSSES = ("hausdorff", "mean_distance", "hausdorff_seen", "mean_distance_seen", "hausdorff_hidden", "lost")
-
-
-@dataclass(frozen=True)
-class MeshesConfig(schema.Checked):
-    """Section `meshes`: how raw meshes become training meshes. The others than `shapes` have images alone.
-
-    holes: openings up to this width, share of the diagonal, are filled before anything else; 0 fills none.
-    seed: of the points that the loss is measured at, and of the choice of `shapes`.
-    """
-
-    faces: int = setting(10_000, "triangles at most, after decimation", "app. si3dr", least=4)
-    alpha: float = setting(
-        0.02, "share of the diagonal: narrower openings are closed by the wrap", least=1e-3, most=0.5
-    )
-    offset: float = fixed(0.001, least=1e-5)
-    wrap: Literal["auto", "always", "never"] = setting(
-        "auto",
-        "auto: what is not closed, the paper's watertight form; never: open sheets and hidden parts stay",
-        "app. si3dr",
-    )
-    holes: float = fixed(0.0, least=0, most=1)
-    measure_points: int = setting(10_000, "points a side for the figures of what was lost", least=1)
-    seed: int = fixed(0, least=0)
-    shapes: int | None = setting(
-        None, "of a category, chosen at random, that are prepared and sampled; null: all", "app. si3dr", least=1
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.offset > self.alpha:
-            raise checks.InputError(f"offset must be <= alpha; got {self.offset} and {self.alpha}")
-
-
 LOGGER = logging.getLogger(__name__)
-MEASURES = ("id", "faces", "watertight", "wrapped", "off_centre", "diagonal", *LOSSES)
+MEASURES = ("id", "faces", "watertight", "wrapped", "off_centre", "diagonal", *mesh_config.LOSSES)
 V1_TOLERANCE = 0.01  # of the diagonal: how far a box may be from v1's, which is centred at 0 with diagonal 1
 
 
@@ -103,7 +67,7 @@ def raw_shapes(index_path: Path, category: str) -> list[RawShape]:
     return found
 
 
-def chosen(shapes: Sequence[RawShape], config: MeshesConfig, category: str) -> list[RawShape]:
+def chosen(shapes: Sequence[RawShape], config: mesh_config.MeshesConfig, category: str) -> list[RawShape]:
     """Those of a category that are prepared, in the order of the data set: all, or as many as the config says."""
     if config.shapes is None or config.shapes >= len(shapes):
         return list(shapes)
@@ -112,7 +76,7 @@ def chosen(shapes: Sequence[RawShape], config: MeshesConfig, category: str) -> l
 
 
 def prepare(
-    config: MeshesConfig, category: str, shapes: Sequence[RawShape], shard: parallel.Shard
+    config: mesh_config.MeshesConfig, category: str, shapes: Sequence[RawShape], shard: parallel.Shard
 ) -> parallel.ShardResult:
     """Map over raw meshes: writes `NNN.zip`."""
     from ddf.data import mesh_preparation, silhouette_check  # what reads packs alone needs none of their packages

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ddf.core import checks, parallel
-from ddf.data import mesh_shards, shapenet, silhouette_check
+from ddf.data import mesh_config, mesh_shards, shapenet, silhouette_check
 from ddf.data.synthetic import write
 from ddf.geometry import mesh_io
 
@@ -61,6 +61,6 @@ def test_other_shapes_and_radians_are_refused(root):
 def test_shards_leave_out_what_does_not_agree(root, tmp_path):
     (path, view), (other, _) = _shape(root, 0), _shape(root, 1)
     shapes = [mesh_shards.RawShape(p.parent.name, str(p), "", view) for p in (path, other)]
-    made = mesh_shards.prepare(mesh_shards.MeshesConfig(faces=5000), "chair", shapes, parallel.Shard(tmp_path, 0, "x"))
+    made = mesh_shards.prepare(mesh_config.MeshesConfig(faces=5000), "chair", shapes, parallel.Shard(tmp_path, 0, "x"))
     assert [failure.id for failure in made.failures] == [other.parent.name] and "silhouette" in made.failures[0].reason
     assert list(mesh_shards.read_pack(made.files[0]).meshes) == [path.parent.name]

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ddf.cli import arguments
-from ddf.data import mesh_shards
+from ddf.data import mesh_config
 from ddf.geometry import mesh_io
 
 EXAMPLES = ("ddf mesh shape.obj closed.ply", "ddf mesh shape.obj closed.obj --faces 500 --alpha 0.02")
@@ -13,7 +13,7 @@ EXAMPLES = ("ddf mesh shape.obj closed.ply", "ddf mesh shape.obj closed.obj --fa
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the two files and the settings of `mesh_preparation.MeshesConfig`."""
-    default = mesh_shards.MeshesConfig()
+    default = mesh_config.MeshesConfig()
     kinds = ", ".join(mesh_io.SUFFIXES)
     parser.add_argument("source", metavar="IN", type=Path, help=f"mesh to read ({', '.join(mesh_io.READ)})")
     arguments.add_out(parser, "out", "OUT", f"mesh to write, in the field frame ({kinds})")
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Prepare the mesh, write it, return the figures; distances are shares of the raw box's diagonal."""
     holes = args.opening if args.close == "holes" else 0.0
-    config = mesh_shards.MeshesConfig(
+    config = mesh_config.MeshesConfig(
         faces=args.faces, alpha=args.alpha, offset=args.offset, wrap=args.wrap, holes=holes
     )
     mesh_io.require_suffix(args.out.suffix)
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "faces": len(prepared.mesh.faces),
         "hausdorff": prepared.hausdorff,
         "mean_distance": prepared.mean_distance,
-        **{name: getattr(prepared, name) for name in mesh_shards.LOSSES[2:]},
+        **{name: getattr(prepared, name) for name in mesh_config.LOSSES[2:]},
         "wrapped": prepared.wrapped,
         "openings_filled": prepared.openings_filled,
         "faces_raw": len(raw.faces),

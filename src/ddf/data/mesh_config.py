@@ -1,0 +1,41 @@
+"""Settings of the stage `meshes`, apart from the code that needs geometry packages."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from ddf.core import checks, schema
+from ddf.core.schema import fixed, setting
+
+# Of a prepared mesh, as `mesh_preparation.measure` gives them.
+LOSSES = ("hausdorff", "mean_distance", "hausdorff_seen", "mean_distance_seen", "hausdorff_hidden", "lost")
+
+
+@dataclass(frozen=True)
+class MeshesConfig(schema.Checked):
+    """Section `meshes`: how raw meshes become training meshes. The others than `shapes` have images alone.
+
+    holes: openings up to this width, share of the diagonal, are filled before anything else; 0 fills none.
+    seed: of the points that the loss is measured at, and of the choice of `shapes`.
+    """
+
+    faces: int = setting(10_000, "triangles at most, after decimation", "app. si3dr", least=4)
+    alpha: float = setting(
+        0.02, "share of the diagonal: narrower openings are closed by the wrap", least=1e-3, most=0.5
+    )
+    offset: float = fixed(0.001, least=1e-5)
+    wrap: Literal["auto", "always", "never"] = setting(
+        "auto",
+        "auto: what is not closed, the paper's watertight form; never: open sheets and hidden parts stay",
+        "app. si3dr",
+    )
+    holes: float = fixed(0.0, least=0, most=1)
+    measure_points: int = setting(10_000, "points a side for the figures of what was lost", least=1)
+    seed: int = fixed(0, least=0)
+    shapes: int | None = setting(
+        None, "of a category, chosen at random, that are prepared and sampled; null: all", "app. si3dr", least=1
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.offset > self.alpha:
+            raise checks.InputError(f"offset must be <= alpha; got {self.offset} and {self.alpha}")
