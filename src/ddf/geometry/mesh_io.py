@@ -173,7 +173,7 @@ def parse(data: bytes, suffix: str, folder: Path | None = None) -> Mesh:
     if not _NOT_BLANK.search(data):
         raise checks.InputError("the file is empty")
     try:
-        read = gltf.parse_text(data, folder) if suffix == ".gltf" else _READERS[suffix](data)
+        read = gltf.parse(data, folder, as_text=True) if suffix == ".gltf" else _READERS[suffix](data)
         mesh = Mesh(read.vertices, read.faces, read.remarks)
     except MemoryError as fault:
         raise checks.InputError("the file holds more than memory does") from fault

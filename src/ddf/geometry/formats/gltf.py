@@ -32,24 +32,17 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 
 
-def parse(data: bytes) -> raw.Raw:
+def parse(data: bytes, folder: Path | None = None, as_text: bool = False) -> raw.Raw:
     """All triangles of the scene, in the order of its nodes, transforms applied.
 
+    Args:
+      as_text: a text file (.gltf), whose buffers lie in `folder` or in data URIs.
     Raises:
-      InputError: no GLB, cut short, an extension that changes the shape and is not read, anything that points at
-        nothing or outside the file.
+      InputError: no glTF, cut short, an extension that changes the shape and is not read, anything that points at
+        nothing or outside the file, its folder and what lies below; buffers of more than 256 MiB.
     """
-    text, binary = _chunks(data)
-    return _read(text, "glb", binary, None)
-
-
-def parse_text(data: bytes, folder: Path | None) -> raw.Raw:
-    """The same of a text file (.gltf), whose buffers lie in `folder` or in data URIs.
-
-    Raises:
-      InputError: as `parse`; a buffer that is not in the folder or below it, or all are of more than 256 MiB.
-    """
-    return _read(data, "gltf", None, folder)
+    text, binary = (data, None) if as_text else _chunks(data)
+    return _read(text, "gltf" if as_text else "glb", binary, folder)
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes]:
@@ -107,7 +100,7 @@ def _check_extensions(tree: dict[str, Any]) -> None:
 
 
 def _buffers(tree: dict[str, Any], binary: bytes | None, folder: Path | None) -> list[bytes]:
-    """The bytes of all buffers. binary: of a GLB, which holds its own. folder: of a text file."""
+    """The bytes of all buffers; of a GLB, the first is its own."""
     buffers: list[bytes] = []
     left = MAX_BUFFERS
     for i, entry in enumerate(tree.get("buffers", [])):
@@ -254,29 +247,11 @@ class _File:
             got = f"{str(entry['type'])[:20]} and type {str(entry['componentType'])[:20]}"
             raise checks.InputError(f"an accessor of {got} stands where {kind} must be")
         component, count = np.dtype(_KINDS[entry["componentType"]]), _whole(entry["count"], "count")
-        sparse = entry.get("sparse")
-        if "bufferView" in entry:
-            values = self._strided(entry, component, width, count)
-        elif sparse is not None:
-            values = np.zeros((count, width), component)
-        else:
+        if "sparse" in entry:
+            raise checks.InputError("an accessor is sparse, which is not read; export it without")
+        if "bufferView" not in entry:
             raise checks.InputError("an accessor has no data: the file keeps them compressed or elsewhere")
-        if sparse is None:
-            return values
-        changes, index = _whole(sparse["count"], "count"), sparse["indices"]
-        if index["componentType"] not in (5121, 5123, 5125):
-            raise checks.InputError("sparse indices must be unsigned integers")
-        raw.require_room("sparse entries", changes, 1, count)
-        where = self._strided(index, np.dtype(_KINDS[index["componentType"]]), 1, changes).reshape(-1)
-        if changes and int(where.max()) >= count:
-            raise checks.InputError(f"a sparse index is {int(where.max())}; the accessor has {count} entries")
-        values = values.copy()
-        values[where.astype(np.int64)] = self._strided(sparse["values"], component, width, changes)
-        return values
-
-    def _strided(self, reference: dict[str, Any], component: np.dtype, width: int, count: int) -> np.ndarray:
-        """Entries of the view that a part of an accessor names."""
-        view, inner = self._entry("bufferViews", reference["bufferView"]), reference.get("byteOffset", 0)
+        view, inner = self._entry("bufferViews", entry["bufferView"]), entry.get("byteOffset", 0)
         which = _whole(view["buffer"], "buffer")
         if which >= len(self._buffers):
             raise checks.InputError(f"buffer {which} does not exist; there are {len(self._buffers)}")

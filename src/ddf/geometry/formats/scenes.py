@@ -31,7 +31,7 @@ class Scene:
         self._most, self._parts, self._num_triangles = most, [], 0
 
     def require_room(self, num_triangles: int) -> None:
-        """Raise if so many more are over 20 million, as scenes can claim that use one part many times."""
+        """Raise if so many more are over 20 million."""
         self._num_triangles += num_triangles
         if self._num_triangles > raw.MAX_TRIANGLES:
             raise checks.InputError(f"the scene has more than {raw.MAX_TRIANGLES} triangles")
@@ -144,38 +144,29 @@ def read_xml(blocks: Iterator[bytes], target: Target) -> None:
 
 def decimals(words: str, where: str) -> Float[np.ndarray, "k"]:
     """The numbers of a text; `where` begins the complaint."""
-    return np.concatenate([np.zeros(0), *(_decimals(piece, where) for piece in _pieces(words))])
-
-
-def _decimals(words: str, where: str) -> Float[np.ndarray, "k"]:
-    try:
-        if "_" not in words:  # Python takes 1_0 for 10
-            return np.array(words.split(), dtype=np.float64)
-    except ValueError:
-        pass
-    return np.array([text.number(word.encode(), where) for word in words.split()], dtype=np.float64)
+    return _numbers(words, where, whole=False)
 
 
 def indices(words: str, where: str) -> Int[np.ndarray, "k"]:
     """The whole numbers of a text, from 0 on; `where` begins the complaint."""
-    found = np.concatenate([np.zeros(0, dtype=np.int64), *(_indices(piece, where) for piece in _pieces(words))])
+    found = _numbers(words, where, whole=True)
     if len(found) and found.min() < 0:
         raise checks.InputError(f"{where}: an index is {found.min()}; indices start at 0")
     return found
 
 
-def _indices(words: str, where: str) -> Int[np.ndarray, "k"]:
-    table = text.Blocks(b"").table(words.encode(), whole=True)
-    if table is not None:
-        return table.values
-    return np.array([text.whole(word.encode(), where) for word in words.split()], dtype=np.int64)
-
-
-def _pieces(words: str) -> Iterator[str]:
-    """The text in pieces that end between words."""
-    begin = 0
+def _numbers(words: str, where: str, whole: bool) -> np.ndarray:
+    """All numbers, in pieces that end between words: at once where all are plain, else word by word."""
+    kind, read = (np.int64, text.whole) if whole else (np.float64, text.number)
+    found, begin = [np.zeros(0, dtype=kind)], 0
     while begin < len(words):
         space = _SPACE.search(words, begin + _PIECE)
         end = len(words) if space is None else space.end()
-        yield words[begin:end]
-        begin = end
+        piece, begin = words[begin:end], end
+        table = text.Blocks(b"").table(piece.encode(), whole)
+        if table is None:
+            found.append(np.array([read(word.encode(), where) for word in piece.split()], dtype=kind))
+            checks.require_finite(where, found[-1])
+        else:
+            found.append(table.values)
+    return np.concatenate(found)

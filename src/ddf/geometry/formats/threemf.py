@@ -26,22 +26,15 @@ _PRODUCTION = "{http://schemas.microsoft.com/3dmanufacturing/production/2015/06}
 _RELATION = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 _READ = ("/core/", "/production/", "/material/")  # of required extensions
 _UNREAD = ("}beamlattice", "}slicestack", "}booleanshape", "}levelset", "}displacementmesh")
-_DAMAGED = (  # what zipfile raises on damaged and encrypted archives
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    EOFError,
-    OSError,
-    RuntimeError,
-    ValueError,
-    LookupError,
-)
+# what zipfile raises on damaged and encrypted archives
+_DAMAGED = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, RuntimeError, ValueError, LookupError)
 _CHUNK = 1 << 20  # bytes
 _DEEPEST = 64  # components in components
 _MOST = 100_000  # objects placed, and objects and components there are
 _ENTRIES = 10_000  # of the archive
 _SUPPORTS = ("support", "solidsupport")  # types of objects that are printed beside the shape
 _SLICERS = ("metadata/slic3r_pe_model.config", "metadata/model_settings.config")  # PrusaSlicer's; Bambu's and Orca's
+_NO_SHAPE = re.compile(rb'"volume_type"\s+value="(?!ModelPart")|"modifier"\s+value="1"|subtype="(?!normal_part")')
 _Reference = tuple[str, str, Float[np.ndarray, "4 4"]]  # file, id and transform of an object
 _Told = TypeVar("_Told", bound=scenes.Target)
 
@@ -129,32 +122,6 @@ class _Relations(scenes.Target):
             self.model = _part_name(attributes.get("Target", ""))
 
 
-class _Slicer(scenes.Target):
-    """What a slicer notes of the volumes that are no part of the shape: negative ones, modifiers, supports.
-
-    ranges: first and last triangle of such volumes, by the id of their object. parts: ids of an object and of one of
-    its components.
-    """
-
-    def __init__(self) -> None:
-        self.ranges: dict[str, list[tuple[int, int]]] = {}
-        self.parts: set[tuple[str, str]] = set()
-        self._key, self._range = "", (0, -1)
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        """An element begins."""
-        key, value = attributes.get("key"), attributes.get("value")
-        if tag == "object":
-            self._key, self._range = attributes.get("id", ""), (0, -1)
-        elif tag == "volume":
-            first, last = (text.whole(attributes.get(n, "").encode(), f"a volume's {n}") for n in ("firstid", "lastid"))
-            self._range = first, last
-        elif tag == "part" and attributes.get("subtype", "normal_part") != "normal_part":
-            self.parts.add((self._key, attributes.get("id", "")))
-        elif (key == "volume_type" and value != "ModelPart") or (key == "modifier" and value == "1"):
-            self.ranges.setdefault(self._key, []).append(self._range)
-
-
 def _given(attributes: dict[str, str], name: str, element: str) -> bytes:
     if name not in attributes:
         raise checks.InputError(f"a {element} has no {name}")
@@ -171,7 +138,8 @@ def parse(data: bytes) -> raw.Raw:
 
     Raises:
       InputError: no ZIP, damaged or encrypted, a required extension that is not read, indices or references to
-        nothing, components in a circle, more than 128 MiB of XML or 20 million triangles.
+        nothing, volumes of a slicer that are no part, components in a circle, more than 128 MiB of XML or 20 million
+        triangles.
     """
     if data.count(b"PK\1\2") > _ENTRIES:
         raise checks.InputError(f"its archive has more than {_ENTRIES} entries")
@@ -179,7 +147,11 @@ def parse(data: bytes) -> raw.Raw:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = {_part_name(name): name for name in archive.namelist()}
             start = _read(archive, names, "_rels/.rels", _Relations()).model
-            slicers = [_read(archive, names, name, _Slicer()) for name in _SLICERS]
+            for name in _SLICERS:
+                if name in names and _NO_SHAPE.search(archive.open(names[name]).read(scenes.MAX_BYTES)):
+                    raise checks.InputError(
+                        "a slicer's negative, modifier or support volumes are not read; save the shape without them"
+                    )
             models: dict[str, _Model] = {}
             waiting = [start]
             while waiting:
@@ -194,7 +166,7 @@ def parse(data: bytes) -> raw.Raw:
         raise
     except _DAMAGED as fault:
         raise checks.InputError(f"not a readable 3mf mesh: {' '.join(str(fault).split())[:80]}") from fault
-    return _flattened(models, start, slicers)
+    return _flattened(models, start)
 
 
 def _read(archive: zipfile.ZipFile, names: dict[str, str], place: str, target: _Told) -> _Told:
@@ -205,7 +177,7 @@ def _read(archive: zipfile.ZipFile, names: dict[str, str], place: str, target: _
     return target
 
 
-def _flattened(models: dict[str, _Model], start: str, slicers: list[_Slicer]) -> raw.Raw:
+def _flattened(models: dict[str, _Model], start: str) -> raw.Raw:
     if len({model.unit for model in models.values()}) > 1:
         raise checks.InputError("its models have different units; save it in one")
     scene = scenes.Scene(_MOST)
@@ -222,21 +194,12 @@ def _flattened(models: dict[str, _Model], start: str, slicers: list[_Slicer]) ->
             raise checks.InputError(f"components of object {key[:40]!a} form a circle, or are too many")
         matrix = scenes.product(above, own)
         if (place, key) not in made:
-            corners = np.array(shape.corners, dtype=np.int64).reshape(-1, 3)
-            kept = np.ones(len(corners), dtype=bool)
-            for first, last in (cut for each in slicers if place == start for cut in each.ranges.get(key, ())):
-                kept[max(first, 0) : max(last, -1) + 1] = False
-            corners = corners[kept]
-            mesh = raw.of_polygons(shape.vertices, [3] * len(corners), corners.reshape(-1))
+            mesh = raw.of_polygons(shape.vertices, np.full(len(shape.corners) // 3, 3), shape.corners)
             made[place, key] = mesh.vertices, mesh.faces
         scene.require_room(len(made[place, key][1]))
         if len(made[place, key][1]):
             scene.place(made[place, key], matrix)
-        inner = [part for part in shape.components if not any((key, part[1]) in each.parts for each in slicers)]
-        stack += [(part, matrix, depth + 1) for part in reversed(inner)]
+        stack += [(part, matrix, depth + 1) for part in reversed(shape.components)]
     for name in sorted({name for model in models.values() for name in model.unread}):
         scene.remarks[f"{name} elements are left out"] = None
-    volumes = sum(len(each.parts) + sum(map(len, each.ranges.values())) for each in slicers)
-    if volumes:
-        scene.remarks[f"{volumes} negative, modifier or support volumes of a slicer are left out"] = None
     return scene.joined()

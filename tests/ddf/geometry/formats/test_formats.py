@@ -315,7 +315,6 @@ def test_stl_text_is_known_however_long_its_first_line(letters):
 
 SHARED = {
     "round3/dup_ids.dae": (24, 30.0, 9.0),
-    "round3/prusa_negative.3mf": (12, 6.0, 1.0),
     "round3/morph_node_weights.glb": (12, 6.0, 1.0),
     "round3/nonunit_quat.glb": (12, 6.0, 1.0),
     "round3/w2.obj": (12, 24.0, 8.0),
@@ -353,6 +352,8 @@ def test_kept_files_that_must_be_refused_or_boxed(shared_dir):
         mesh_io.load(cases / "draco.glb")
     with pytest.raises(checks.InputError, match=r"bin_fewer\.stl: the header claims 6 .* room for 12"):
         mesh_io.load(cases / "bin_fewer.stl")
+    with pytest.raises(checks.InputError, match="negative, modifier or support volumes are not read"):
+        mesh_io.load(cases / "round3" / "prusa_negative.3mf")
     with pytest.raises(checks.InputError, match=r"lfs\.stl: a Git LFS pointer"):
         mesh_io.load(cases / "round3" / "lfs.stl")
     with pytest.raises(checks.InputError, match="6 words in a row of vertex; 3 are declared"):

@@ -105,29 +105,25 @@ PRUSA = (
     'key="{}" value="{}"/></volume></object></config>'
 )
 BAMBU = '<config><object id="2"><part id="1" subtype="normal_part"/><part id="3" subtype="{}"/></object></config>'
-TWICE = _object(1, [*CUBE, *[[x / 2, y / 2, z / 2] for x, y, z in CUBE]], FACES + [[i + 8 for i in f] for f in FACES])
-COMPOSED = (
-    ONE
-    + _object(3)
-    + '<object id="2"><components><component objectid="1"/><component objectid="3"/></components></object>'
-)
 
 
 @pytest.mark.parametrize(
-    ("objects", "name", "config", "left"),
+    ("name", "config", "is_shape"),
     [
-        (TWICE, "Slic3r_PE_model", PRUSA.format("volume_type", "NegativeVolume"), 12),
-        (TWICE, "Slic3r_PE_model", PRUSA.format("modifier", "1"), 12),
-        (TWICE, "Slic3r_PE_model", PRUSA.format("volume_type", "ModelPart"), 24),
-        (COMPOSED, "model_settings", BAMBU.format("negative_part"), 12),
-        (COMPOSED, "model_settings", BAMBU.format("normal_part"), 24),
+        ("Slic3r_PE_model", PRUSA.format("volume_type", "NegativeVolume"), False),
+        ("Slic3r_PE_model", PRUSA.format("modifier", "1"), False),
+        ("Slic3r_PE_model", PRUSA.format("volume_type", "ModelPart"), True),
+        ("model_settings", BAMBU.format("negative_part"), False),
+        ("model_settings", BAMBU.format("normal_part"), True),
     ],
 )
-def test_volumes_of_slicers_that_are_no_shape_are_left_out_with_a_remark(objects, name, config, left):
-    build = '<item objectid="2"/>' if objects is COMPOSED else '<item objectid="1"/>'
-    mesh = mesh_io.parse(_zip(_model(objects, build), **{f"Metadata/{name}.config": config}), ".3mf")
-    told = ("1 negative, modifier or support volumes of a slicer are left out",)
-    assert (len(mesh.faces), mesh.remarks) == (left, told if left == 12 else ())
+def test_volumes_of_slicers_that_are_no_shape_are_refused(name, config, is_shape):
+    data = _zip(**{f"Metadata/{name}.config": config})
+    if is_shape:
+        assert len(mesh_io.parse(data, ".3mf").faces) == 12
+    else:
+        with pytest.raises(checks.InputError, match="negative, modifier or support volumes are not read"):
+            mesh_io.parse(data, ".3mf")
 
 
 def test_support_objects_are_left_out_with_a_remark():
