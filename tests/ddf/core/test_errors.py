@@ -14,17 +14,9 @@ def test_the_nearest_is_asked_for_where_one_is_near():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (
-            ["render", "rabit", "a.png"],
-            "no field of that name; there are rabbit, nested, armchair, airliner (did you mean",
-        ),
-        (["points", "rabit", "a.ply"], "(did you mean rabbit?)"),
-        (
-            ["reconstruct", "a.png", "chairs", "out"],
-            "no reconstruction of that name; there are chair, plane, car (did you",
-        ),
-        (["export", "armchiar", "a.onnx"], "(did you mean armchair?)"),
-        (["models", "get", "rabit", "out"], "no model is called 'rabit'; there are rabbit, nested"),
+        (["render", "rabit", "a.png"], "(did you mean rabbit?)"),
+        (["reconstruct", "a.png", "chairs", "out"], "(did you mean chair?)"),
+        (["models", "get", "rabit", "out"], "there are rabbit, nested"),
     ],
 )
 def test_commands_know_the_models_and_ask_for_the_nearest(words, said, capsys, tmp_path, monkeypatch):

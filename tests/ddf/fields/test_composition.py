@@ -8,6 +8,7 @@ import _models
 import numpy as np
 import pytest
 import torch
+from _hard import assert_exact, assert_within, step
 from _shapes import random_rays
 from _support import assert_close
 
@@ -32,10 +33,11 @@ def _placed(shape, scale=1.0, rotation=None, at=(0.0, 0.0, 0.0)):
     return composition.Placed(_closed_form.query_of(shape), world.inverse())
 
 
-def _fixed(visibility, depth):
-    """A field that says the same everywhere."""
+def _fixed(visibility, depth, at=(0.0, 0.0, 0.0)):
+    """A field of the cube around `at` that says the same everywhere."""
     return composition.Placed(
-        lambda p, _: (torch.full_like(p[:, 0], visibility), torch.full_like(p[:, 0], depth)), transforms.Similarity()
+        lambda p, _: (torch.full_like(p[:, 0], visibility), torch.full_like(p[:, 0], depth)),
+        transforms.Similarity(1.0, np.eye(3), np.array(at)).inverse(),
     )
 
 
@@ -158,18 +160,6 @@ def test_culling_saves_queries_and_changes_nothing(networks):
     assert 0 < culled.queries < 3000
 
 
-def test_rays_that_miss_every_box_ask_no_field():
-    def refuse(positions, _):
-        assert len(positions) == 0
-        return positions[:, 0], positions[:, 0]
-
-    points = rays.OrientedPoints(torch.tensor([[0.0, 5.0, 0.0]] * 3), torch.tensor([[1.0, 0.0, 0.0]] * 3))
-    found = _compose([composition.Placed(refuse, transforms.Similarity())] * 2, points)
-    assert found.queries == 0
-    assert_close(found.visibility, torch.zeros(3))
-    assert bool(torch.isinf(found.depth).all()) and bool(torch.isinf(found.nearest_depth).all())
-
-
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize("temperature, inverse_depth", [(1e-30, 1e-30), (1e-300, 1e-300), (1e30, 1e30)])
 @pytest.mark.parametrize("visibility, depth", [(1.0, 0.0), (0.0, 0.0), (0.0, 0.5)])
@@ -205,3 +195,43 @@ def test_empty_scene_and_empty_box_are_refused():
         _compose([], random_rays(1, seed=0))
     with pytest.raises(checks.InputError, match="lower must be below upper"):
         dataclasses.replace(SCENE[0], lower=(1.0, -1.0, -1.0))
+
+
+def _ray(objects, dtype, temperature=TEMPERATURE, inverse_depth=INVERSE_DEPTH, start=(0.0, 0.0, 0.0)):
+    """The composite of the ray from `start` along z; the gradient of visibility and depth in the start is finite."""
+    positions = torch.tensor([start], dtype=dtype, requires_grad=True)
+    directions = torch.tensor([[0.0, 0.0, 1.0]], dtype=dtype)
+    found = composition.compose(objects, positions, directions, temperature, inverse_depth)
+    finite = torch.where(torch.isfinite(found.depth), found.depth, 0.0)
+    (gradient,) = torch.autograd.grad((finite + found.visibility).sum() + 0.0 * positions.sum(), positions)
+    assert torch.isfinite(gradient).all()
+    return found
+
+
+FAR_BEHIND = [_fixed(1.0, 0.5), _fixed(1.0, 0.0, (0.0, 0.0, 1e4))]
+
+
+@pytest.mark.parametrize(
+    ("objects", "start", "visibility", "depth", "nearest"),
+    [
+        pytest.param([_fixed(1.0, 0.0)] * 2, 0.0, 1.0, 0.0, 0.0, id="both at depth 0"),
+        pytest.param([_fixed(0.0, d) for d in (0.25, 0.5, 0.75)], 0.0, 0.0, 0.5, math.inf, id="nothing visible"),
+        pytest.param([_fixed(0.75, 0.5)] * 2, 0.0, 0.9375, 0.5, 0.5, id="the same field twice"),
+        pytest.param([_fixed(1.0, 0.5)] * 2, 5.0, 0.0, math.inf, math.inf, id="every box missed"),
+        pytest.param(FAR_BEHIND, 0.0, 1.0, 0.5, 0.5, id="a field far behind another"),
+    ],
+)
+def test_composites_of_constant_fields(objects, start, visibility, depth, nearest, dtype):
+    found = _ray(objects, dtype, start=(start, 0.0, 0.0))
+    assert_within(found.visibility, [visibility], 4 * step(dtype))
+    assert_within(found.depth, [depth], 4 * step(dtype))
+    assert_exact(found.nearest_depth, [nearest])
+    if start:
+        assert found.queries == 0
+
+
+@pytest.mark.parametrize(("constant", "depth"), [(1e-30, 0.25), (1e-300, 0.25), (1e30, 0.375)])
+def test_tiny_and_huge_constants_give_the_nearer_one_and_the_mean(constant, depth, dtype):
+    found = _ray([_fixed(1.0, 0.25), _fixed(1.0, 0.5)], dtype, constant, constant)
+    assert_within(found.depth, [depth], 4 * step(dtype))
+    assert_exact(found.visibility, [1.0])

@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 import torch
-from _hard import FAR, assert_exact, assert_refused, assert_within, constant_field, step
+from _hard import FAR, assert_exact, assert_within, constant_field, step
 
 from ddf.fields import framed_field, rendering, shape_field
 from ddf.geometry import cameras, rays, transforms
-from ddf.metrics import camera_errors
 
 AHEAD = 0.5  # depth of the constant field
 DIAGONAL = math.atan(1 / math.sqrt(2))  # elevation of the cube's corner
@@ -37,15 +36,6 @@ def test_cameras_on_a_face_an_edge_and_a_corner_ask_every_ray(camera, dtype):
     images, queries = _render(camera, 16, dtype)
     assert queries == 256
     assert_within(images["depth"], _image(AHEAD, 16), 64 * step(dtype))
-
-
-def test_rays_from_a_corner_along_its_edges_enter_at_once(dtype):
-    one = torch.ones(3, dtype=dtype)
-    directions = torch.cat((torch.eye(3, dtype=dtype), -torch.eye(3, dtype=dtype)))
-    entry, distance, meets = rays.enter_box(one.expand(6, 3), directions, -one, one)
-    assert meets.all()
-    assert_exact(distance, torch.zeros(6))
-    assert_exact(entry, one.expand(6, 3))
 
 
 def test_a_camera_at_the_centre_sees_the_depth_exactly(dtype):
@@ -111,26 +101,3 @@ def test_a_full_turn_changes_nothing_but_the_rounding_of_the_angle(turn, dtype):
     again, turned = cameras.pixel_rays(azimuth + turn, elevation, radius, pixels)
     assert_within(again, centre, 8 * step(dtype))
     assert_within(turned, world, 8 * step(dtype))
-
-
-def test_differences_of_azimuths_go_the_short_way_round(dtype):
-    first, second = (
-        torch.deg2rad(torch.tensor(degrees, dtype=torch.float64)).to(dtype).numpy()
-        for degrees in ((359.9, 0.1, 180.0, 0.0, 725.0), (0.1, 359.9, -180.0, 180.0, 5.0))
-    )
-    found = camera_errors.angle_difference_deg(first, second)
-    assert_within(found, [0.2, 0.2, 0.0, 180.0, 0.0], 1e3 * step(dtype))
-
-
-@pytest.mark.parametrize(
-    ("camera", "size", "told"),
-    [
-        ((math.nan, 0.0, 1.0), 4, "camera must be finite; got nan"),
-        ((0.0, 0.0, math.inf), 4, "camera must be finite; got inf"),
-        ((0.0, 0.0, 1.0), 0, "size must be >= 1"),
-        ((0.0, 0.0, -1.0), 4, "camera radius >= 0"),
-    ],
-)
-def test_cameras_that_are_not_cameras_are_refused(camera, size, told, dtype):
-    shape = shape_field.ShapeField(_field(dtype), -np.ones(3), np.ones(3), transforms.Similarity(), {})
-    assert_refused(lambda: framed_field.render(shape, camera, size), told)

@@ -237,8 +237,9 @@ def test_renders_are_finite_from_inside_on_and_far_from_the_box(shape, radius):
 def test_bad_cameras_are_refused(shape, camera, size, up):
     with pytest.raises(checks.InputError, match="size must be >= 1, camera radius >= 0, up among y, z"):
         framed_field.render(shape, camera, size, up=up)
-    with pytest.raises(checks.InputError, match="camera must be finite"):
-        framed_field.render(shape, (float("nan"), 0.0, 1.0), 4)
+    for number in (np.nan, np.inf):
+        with pytest.raises(checks.InputError, match=f"camera must be finite; got {number}"):
+            framed_field.render(shape, (0.0, 0.0, number), 4)
 
 
 def test_cloud_is_seeded_and_in_the_mesh_frame(shape):

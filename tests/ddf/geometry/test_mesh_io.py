@@ -6,7 +6,6 @@ import struct
 
 import numpy as np
 import pytest
-import trimesh
 from _shapes import cube, icosphere, moved
 from _support import assert_close
 
@@ -14,42 +13,11 @@ from ddf.core import checks
 from ddf.geometry import mesh_io
 
 
-@pytest.mark.parametrize("suffix", mesh_io.SUFFIXES)
-def test_round_trip_keeps_triangles(suffix, tmp_path):
-    mesh = icosphere(2)
-    path = tmp_path / f"shape{suffix}"
-    path.write_bytes(mesh_io.export_bytes(mesh, suffix))
-    again = mesh_io.load(path)
-    exact = suffix in (".ply", ".obj", ".off")
-    assert_close(again.triangles, mesh.triangles, atol=0 if exact else 1e-7, rtol=0)
-
-
-def test_obj_reads_polygons_negative_indices_texture_and_continued_lines(tmp_path):
-    text = "# c\nmtllib no.mtl\nv 0 0 0\nv 1 0 0 1 1 1\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\n"
-    text += "f 1/1/1 2//1 3/1 \\\n 4\nf -4 -2 -1\n"
-    path = tmp_path / "a.obj"
-    path.write_text(text)
-    mesh = mesh_io.load(path)
-    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 2, 3]]
-    assert mesh.vertices.dtype == np.float64
-
-
 def test_obj_keeps_every_bit_of_far_coordinates(tmp_path):
     mesh = moved(icosphere(1), 1e-3, (123456.789, -98765.4321, 5e6))
     path = tmp_path / "far.obj"
     path.write_bytes(mesh_io.export_bytes(mesh, ".obj"))
     assert (mesh_io.load(path).vertices == mesh.vertices).all()
-
-
-def test_glb_applies_the_transforms_of_its_scene(tmp_path):
-    scene = trimesh.Scene()
-    part = trimesh.creation.box(extents=(2, 2, 2))
-    scene.add_geometry(part, transform=trimesh.transformations.translation_matrix([5, 0, 0]))
-    scene.add_geometry(part, transform=trimesh.transformations.scale_matrix(0.5))
-    path = tmp_path / "scene.glb"
-    path.write_bytes(scene.export(file_type="glb"))
-    lower, upper = mesh_io.load(path).box()
-    assert_close(np.stack([lower, upper]), np.array([[-0.5, -1, -1], [6, 1, 1]]), atol=1e-6)
 
 
 def _glb(tree: dict) -> bytes:

@@ -53,12 +53,6 @@ def test_modulations_are_baked_in():
     assert (expected - field.network(inputs)).abs().max() > 0.1
 
 
-def test_the_record_says_how_the_field_is_asked():
-    record = viewer_page.bake(_shape(_field()), "one").record
-    assert record["widths"] == [6, 8, 12, 4]
-    assert record["field_from_mesh"]["scale"] == 2.0 and record["world_from_mesh"]["scale"] == 1.0
-
-
 def test_several_fields_share_a_block():
     one, two = (viewer_page.bake(_shape(_field()), "f") for _ in range(2))
     records, numbers = viewer_page.together([one, two])
@@ -85,11 +79,6 @@ def test_patches_are_in_the_block_as_in_their_file():
         assert data.startswith(raw)
         data = data[len(raw) :]
     assert len(data) < 4
-
-
-def test_a_page_needs_a_field():
-    with pytest.raises(checks.InputError, match="at least one field"):
-        viewer_page.together([])
 
 
 @pytest.mark.parametrize("components", [1, 3])

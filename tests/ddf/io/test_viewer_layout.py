@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from _support import assert_close
 
-from ddf.core import checks
 from ddf.fields import shape_field
 from ddf.geometry import transforms
-from ddf.io import viewable, viewer_page
+from ddf.io import viewable
 
 
 @pytest.fixture
@@ -40,15 +39,3 @@ def test_a_row_stands_on_one_floor_as_large_as_the_first(shapes, up, height, rig
     both = np.concatenate([first, second])
     assert_close(page.corners.min(axis=0), both.min(axis=0))
     assert_close(page.corners.max(axis=0), both.max(axis=0))
-
-
-def test_a_field_that_stands_twice_in_a_row_is_there_once(shapes):
-    page = viewable.side_by_side("row", [("left", shapes[0]), ("right", shapes[0])])
-    records, numbers = viewer_page.together(page.fields)
-    assert [record["name"] for record in records] == ["left", "right"]
-    assert [record["offset"] for record in records] == [0, 0] and len(numbers) == len(page.fields[0].numbers)
-
-
-def test_an_empty_row_is_named():
-    with pytest.raises(checks.InputError, match="at least one field"):
-        viewable.side_by_side("row", [])

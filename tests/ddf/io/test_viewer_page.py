@@ -65,13 +65,17 @@ def test_pages_are_equal_for_equal_fields(text, page):
     assert viewer_page.render(page).decode() == text
 
 
-def test_an_onnx_file_has_no_weights_for_the_page():
-    with pytest.raises(checks.InputError, match="give the folder"):
-        viewable.page(shipped_models.place("rabbit") / "field.onnx")
-
-
-def test_a_page_of_nothing_names_what_is_missing(tmp_path):
-    with pytest.raises(FileNotFoundError, match="no such field"):
+def test_pages_of_nothing_and_of_files_without_weights_are_refused(tmp_path):
+    (tmp_path / "model.safetensors").symlink_to(shipped_models.place("chair") / "model.safetensors")
+    for call, error in (
+        (lambda: viewable.page(shipped_models.place("rabbit") / "field.onnx"), "folder"),
+        (lambda: viewable.page(tmp_path), "sample_0"),
+        (lambda: viewable.side_by_side("row", []), "one field"),
+        (lambda: viewer_page.together([]), "one field"),
+    ):
+        with pytest.raises(checks.InputError, match=error):
+            call()
+    with pytest.raises(FileNotFoundError):
         viewable.page(tmp_path / "nothing")
 
 
@@ -94,12 +98,6 @@ def test_a_page_with_encoders_holds_the_runtime(page):
     assert gzip.decompress(base64.b64decode(_element(text, "ddf-model"))) == b"graph"
     assert gzip.decompress(base64.b64decode(_element(text, "ddf-runtime")))[:4] == b"\0asm"
     assert json.loads(_element(text, "ddf-page"))["model"]["samples"] == ["data:image/png;base64,cGljdHVyZQ=="]
-
-
-def test_a_model_without_an_image_to_begin_with_is_named(tmp_path):
-    (tmp_path / "model.safetensors").symlink_to(shipped_models.place("chair") / "model.safetensors")
-    with pytest.raises(checks.InputError, match=r"sample_0\.png"):
-        viewable.page(tmp_path)
 
 
 @pytest.mark.browser

@@ -4,7 +4,7 @@ from ddf.metrics import camera_errors
 
 
 def test_azimuth_differences_wrap_round():
-    first, second = (np.radians(angles) for angles in ([350.0, 10.0, 0.0, 90.0], [10.0, 350.0, 180.0, 90.0]))
+    first, second = (np.radians(angles) for angles in ([350.0, 10.0, 0.0, 725.0], [10.0, 350.0, 180.0, 5.0]))
     np.testing.assert_allclose(camera_errors.angle_difference_deg(first, second), [20, 20, 180, 0], atol=1e-10)
 
 

@@ -111,11 +111,6 @@ def test_stages_that_say_different_numbers_never_run_together():
     assert runner.schedule(items, 4, start) == []
 
 
-class _Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
 def _relayed(stream, *blocks):
     shown = runner.Console(stream)
     for block in blocks:
@@ -140,15 +135,3 @@ BAR = b"\rx:   0%|" + b"\rx:  50%|" * 3 + b"\rx: 100%|\n"
 )
 def test_a_log_gets_lines_and_the_end_of_a_bar(block, written):
     assert _relayed(io.StringIO(), block) == written
-
-
-def test_a_log_gets_a_state_once_in_a_while(monkeypatch):
-    monkeypatch.setattr(runner, "LOG_SECONDS", 0.0)
-    assert _relayed(io.StringIO(), b"\rx:  50%|", b"\ry:  20%|\n") == "x:  50%|\nx:  50%|\ny:  20%|\n"
-
-
-def test_a_terminal_shows_states_on_one_line(monkeypatch):
-    monkeypatch.setattr(runner, "DRAW_SECONDS", 0.0)
-    monkeypatch.setenv("COLUMNS", "60")
-    written = _relayed(_Terminal(), b"\rx:  50%|", b"name\n")
-    assert written.startswith("\r\x1b[Kx:  50%|") and written.endswith("\r\x1b[Kname\n")

@@ -103,6 +103,8 @@ def test_numbers_at_once_are_those_of_python_or_none():
 @pytest.mark.parametrize(
     ("name", "value", "data", "suffix", "words"),
     [
+        ("text.MAX_LINES", 8, b"v 0 0 0\n" * 9, ".obj", "9 lines; at most 8"),
+        ("obj.MAX_FACES", 1, b"v 0 0 0\n" * 3 + b"f 1 2 3\n" * 2, ".obj", "2 faces; at most 1"),
         ("text.MAX_NUMBERS", 10, b"v 0 0 0\n" * 9, ".obj", "more than 10 numbers"),
         ("text.MAX_BY_WORD", 10, b"V 0 0 0\n" * 9, ".obj", "unusual form"),
         ("text.MAX_CONTINUED", 10, b"# \\\n" * 9, ".obj", "lines that end in backslashes"),

@@ -370,12 +370,3 @@ def test_far_triangle_without_an_area_sets_no_box():
         both = mesh_io.Mesh(np.concatenate([ball.vertices, corners]), np.concatenate([ball.faces, [[42, 43, 44]]]))
         assert both.box()[1].max() <= 1.0 and len(mesh_io.without_flat(both).faces) == len(ball.faces)
     assert mesh_io.Mesh(cube().vertices, cube().faces).box()[0].tolist() == [-1, -1, -1]
-
-
-def test_texts_of_too_many_lines_or_faces_are_refused_before_they_are_read(monkeypatch):
-    monkeypatch.setattr("ddf.geometry.formats.text.MAX_LINES", 13)
-    with pytest.raises(checks.InputError, match=r"the text has 14 lines; at most 13 are read"):
-        mesh_io.parse(OBJ.encode(), ".obj")
-    monkeypatch.setattr("ddf.geometry.formats.obj.MAX_FACES", 5)
-    with pytest.raises(checks.InputError, match=r"the file has 6 faces; at most 5 are read"):
-        mesh_io.parse(OBJ.encode(), ".obj")
