@@ -89,19 +89,12 @@ def test_cameras_have_the_distribution_of_the_renders():
 
 def test_same_seed_gives_same_bytes_and_another_seed_does_not(tmp_path):
     for folder, seed in (("a", 1), ("b", 1), ("c", 2)):
-        for category in CATEGORIES:
+        for category in CATEGORIES[:: -1 if folder == "b" else 1]:  # in whatever order
             write.write_shape(tmp_path / folder, seed, category, 3, 2)
     first, again, other = (_digests(tmp_path / folder) for folder in "abc")
     assert first == again
     assert not set(first) & set(other)
     assert len(set(first.values()) & set(other.values())) == 1  # renderings.txt
-
-
-def test_order_of_making_does_not_matter(tmp_path):
-    for folder, order in (("a", (0, 1, 2)), ("b", (2, 0, 1))):
-        for index in order:
-            write.write_shape(tmp_path / folder, 0, "plane", index, 1)
-    assert _digests(tmp_path / "a") == _digests(tmp_path / "b")
 
 
 @pytest.mark.parametrize("wide", [False, True], ids=["plain", "wide"])

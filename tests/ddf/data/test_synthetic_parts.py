@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from _support import assert_close
 
-from ddf.data.synthetic import assemble, parts
+from ddf.data.synthetic import assemble, chairs, parts
 
 PAINT = parts.Paint((0.5, 0.5, 0.5))
 
@@ -101,3 +101,37 @@ def test_corner_normals_are_flat_on_a_box_and_radial_on_a_fine_sphere():
     normals = assemble.corner_normals(ball.vertices, ball.triangles)[corners]
     cosines = (normals * ball.vertices[ball.triangles][corners]).sum(axis=1)
     assert cosines.min() > np.cos(np.radians(1.0))
+
+
+FAMILIES = [family for family, _ in chairs.FAMILIES[1:]]
+OWN_PARTS = {  # what a family adds to the parts of others
+    chairs.tub: {"shell", "body"},
+    chairs.club: {"cushion", "foot"},
+    chairs.lounge: {"sheet"},
+    chairs.bent: {"panel", "hoop", "leg"},
+    chairs.stool: {"ring"},
+    chairs.with_tray: {"tray"},
+}
+
+
+def _all_parts(family):
+    return [part for seed in range(12) for part in family(np.random.default_rng(seed))]
+
+
+@pytest.mark.parametrize("family", OWN_PARTS)
+def test_closed_parts_of_wide_chairs_are_whole_and_wound_outwards(family):
+    own = [part for part in _all_parts(family) if part.name in OWN_PARTS[family]]
+    assert {part.name for part in own} == OWN_PARTS[family]
+    for part in own:
+        assert _volume(part) > 0 and _open_edges(part) == [], part.name
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_wide_chair_stands_on_the_floor_and_its_back_is_behind(family):
+    leaning = []
+    for seed in range(12):
+        points = np.concatenate([part.vertices for part in family(np.random.default_rng(seed))])
+        assert abs(points[:, 1].min()) < 0.06 and 0.3 < points[:, 1].max() < 2.0
+        assert np.ptp(points[:, 2]) < 1.8 and abs(points[:, 2].max() + points[:, 2].min()) < 0.25
+        leaning.append(points[points[:, 1] > 0.9 * points[:, 1].max(), 0].mean() < 0)
+    assert family is chairs.stool or np.mean(leaning) >= 0.8

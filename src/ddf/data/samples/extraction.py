@@ -109,16 +109,14 @@ def extract(
     streams = {kind: seeding.generator(config.seed, *names, kind) for kind in counts}
     scene = raycast.Scene(mesh)
     sampler = Sampler(scene, config)
-    if describe is None:
-        answers = sampler.cast(counts, streams)
-        return answers.arrays(), _probes(scene, answers)
-    arrays, probes = {}, []
-    with tqdm.tqdm(total=sum(counts.values()), desc=describe, unit="ray", unit_scale=True) as progress:
-        for kind, count in counts.items():
-            answers = sampler.cast({kind: count}, streams)
+    portions = [counts] if describe is None else [{kind: count} for kind, count in counts.items()]
+    arrays, probes, shown = {}, [], {"desc": describe, "disable": describe is None}
+    with tqdm.tqdm(total=sum(counts.values()), unit="ray", unit_scale=True, **shown) as progress:
+        for portion in portions:
+            answers = sampler.cast(portion, streams)
             arrays |= answers.arrays()
             probes.append(_probes(scene, answers))
-            progress.update(count)
+            progress.update(sum(portion.values()))
     return arrays, _together(probes)
 
 
@@ -333,18 +331,13 @@ def packing_errors(probes: Sequence[Probes]) -> dict[str, float]:
     """Largest error of each stored type over all probes. Positions and directions: how far the stored (and cast) ray is
     from the drawn one; no error of the truth. Depth and normals: error of the truth itself.
     """
-    packed = {
-        name: torch.from_numpy(np.concatenate([probe.packed[name] for probe in probes])) for name in packing.FIELDS
-    }
-    positions, directions = (
-        np.concatenate([getattr(probe.drawn, name) for probe in probes]) for name in ("positions", "directions")
-    )
-    depth, normals = (np.concatenate([getattr(probe, name) for probe in probes]) for name in ("depth", "normals"))
-    hit = np.isfinite(depth)
+    whole = _together(probes)
+    packed = {name: torch.from_numpy(whole.packed[name]) for name in packing.FIELDS}
+    depth, hit = whole.depth, np.isfinite(whole.depth)
     stored_depth = packing.decode_depth(packed["depth"]).double().numpy()
-    turned = _angle_deg(packing.decode_unit(packed["directions"]).double().numpy(), directions)
-    tilted = _angle_deg(packing.decode_unit(packed["normals"]).double().numpy()[hit], normals[hit])
-    moved = np.abs(packing.decode_positions(packed["positions"]).double().numpy() - positions)
+    turned = _angle_deg(packing.decode_unit(packed["directions"]).double().numpy(), whole.drawn.directions)
+    tilted = _angle_deg(packing.decode_unit(packed["normals"]).double().numpy()[hit], whole.normals[hit])
+    moved = np.abs(packing.decode_positions(packed["positions"]).double().numpy() - whole.drawn.positions)
     return {
         "position_shift": float(moved.max(initial=0.0)),
         "direction_shift_deg": float(turned.max(initial=0.0)),

@@ -221,14 +221,8 @@ def lathe(
 
 def disc_profile(radius: Real, half: Real, bevel: Real = 0.0) -> list[tuple[float, float]]:
     """A closed lathe profile of a cylinder with bevelled edges, centred at 0."""
-    return [
-        (0.0, -half),
-        (radius - bevel, -half),
-        (radius, -half + bevel),
-        (radius, half - bevel),
-        (radius - bevel, half),
-        (0.0, half),
-    ]
+    lower = [(0.0, -half), (radius - bevel, -half), (radius, -half + bevel)]
+    return [*lower, (radius, half - bevel), (radius - bevel, half), (0.0, half)]
 
 
 def curve(knots: Sequence[Point] | np.ndarray, count: int) -> Float[np.ndarray, "count 3"]:

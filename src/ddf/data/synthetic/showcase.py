@@ -8,7 +8,7 @@ import trimesh
 from jaxtyping import Float
 
 from ddf.core import seeding
-from ddf.data.synthetic import assemble, chairs, planes
+from ddf.data.synthetic import assemble, chairs, parts, planes
 from ddf.geometry.mesh_io import Mesh
 
 _SHARPNESS = 5.0  # of the blend between blobs: the larger, the less they melt into each other
@@ -32,10 +32,7 @@ _RABBIT_PAIRS = (
 
 
 def _turn(about_x_deg: float, about_z_deg: float) -> Float[np.ndarray, "3 3"]:
-    a, b = np.radians([about_x_deg, about_z_deg])
-    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
-    about_z = np.array([[np.cos(b), -np.sin(b), 0], [np.sin(b), np.cos(b), 0], [0, 0, 1]])
-    return about_x @ about_z
+    return parts.rotation("x", np.radians(about_x_deg)) @ parts.rotation("z", np.radians(about_z_deg))
 
 
 def _blob(centre: tuple[float, ...], half_axes: tuple[float, ...], about_x: float, about_z: float) -> str:

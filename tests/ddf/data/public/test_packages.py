@@ -64,36 +64,26 @@ def test_other_packings_of_data_are_read(mode, tmp_path):
     packages.require(_shapes.package(data), WANTED, _put(tmp_path / "given", data))
 
 
+_DEB = _shapes.deb(_shapes.pieces())
+_OTHER = "damaged, or not pieces 1:2.0-1: must have"
+
+
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("pinned", "given", "said"),
     [
-        (lambda data: data[:500] + b"?" + data[501:], "damaged, or not pieces 1:2.0-1: must have"),
-        (lambda data: data[:-9], "damaged, or not pieces 1:2.0-1: must have"),
-        (lambda data: b"<html>", "damaged, or not pieces 1:2.0-1: must have"),
+        *((_DEB, given, _OTHER) for given in (_DEB[:500] + b"?" + _DEB[501:], _DEB[:-9], b"<html>")),
+        (b"PK" + bytes(100), None, "no ar archive"),
+        (_shapes.deb({}, "data.tar.zst", "w"), None, "zstd"),
+        (_shapes.deb({}, "other", "w"), None, "has no data.tar"),
+        (_DEB[:700], None, "has no |unpacked"),
+        (_shapes.deb({"usr/share/pieces/Set.sh3f": b"PK broken"}), None, "unpacked"),
+        (_shapes.deb({"usr/share/pieces/plane/Models/p.ac": b""}), None, "has no Set.sh3f/a/a.obj"),
     ],
 )
-def test_damaged_and_foreign_files_are_one_line_and_leave_nothing(spoil, said, tmp_path, cache):
-    data = _shapes.deb(_shapes.pieces())
+def test_files_that_are_damaged_foreign_or_cannot_be_unpacked_leave_nothing(pinned, given, said, tmp_path, cache):
     with pytest.raises(checks.InputError, match=said) as told:
-        packages.require(_shapes.package(data), WANTED, _put(tmp_path / "given", spoil(data)))
-    assert "\n" not in str(told.value) and not list(cache.glob("*"))
-
-
-@pytest.mark.parametrize(
-    ("data", "said"),
-    [
-        (b"PK" + bytes(100), "no ar archive"),
-        (_shapes.deb({}, "data.tar.zst", "w"), "zstd"),
-        (_shapes.deb({}, "other", "w"), "has no data.tar"),
-        (_shapes.deb(_shapes.pieces())[:700], "has no |unpacked"),
-        (_shapes.deb({"usr/share/pieces/Set.sh3f": b"PK broken"}), "unpacked"),
-        (_shapes.deb({"usr/share/pieces/plane/Models/p.ac": b""}), "has no Set.sh3f/a/a.obj"),
-    ],
-)
-def test_packages_that_cannot_be_unpacked_are_one_line_and_leave_nothing(data, said, tmp_path, cache):
-    with pytest.raises(checks.InputError, match=said):
-        packages.require(_shapes.package(data), WANTED, _put(tmp_path / "given", data))
-    assert not list(cache.glob("*.zip"))
+        packages.require(_shapes.package(pinned), WANTED, _put(tmp_path / "given", given or pinned))
+    assert "\n" not in str(told.value) and not list(cache.glob("*.zip"))
 
 
 def test_no_path_of_a_package_leads_anywhere(tmp_path, cache):
