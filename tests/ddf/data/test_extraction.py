@@ -94,7 +94,7 @@ def test_samples_of_transitions_have_the_normal_at_their_origin(kind):
 
 
 def test_at_surface_samples_see_the_surface_no_further_than_their_origin():
-    drawn = draws.draw_at_surface(draws.Place(_surface(SLAB), draws.CUBE), 2000, _random())
+    drawn = draws.draw_at_surface(draws.Domain(_surface(SLAB), draws.CUBE), 2000, _random())
     hits = raycast.cast(
         SLAB, rays.OrientedPoints(torch.from_numpy(drawn.positions), torch.from_numpy(drawn.directions))
     )
@@ -149,7 +149,7 @@ def test_offset_samples_of_a_flat_shape_stay_in_its_tight_box():
 
 @pytest.mark.parametrize("box", [draws.CUBE, TIGHT], ids=["cube", "tight"])
 def test_bounding_samples_are_uniform_by_area_and_look_inwards(box):
-    drawn = draws.draw_bounding(draws.Place(_surface(SLAB), box), 20_000, _random())
+    drawn = draws.draw_bounding(draws.Domain(_surface(SLAB), box), 20_000, _random())
     on_lower, on_upper = drawn.positions == box.lower, drawn.positions == box.upper
     assert (on_lower.sum(axis=1) + on_upper.sum(axis=1) == 1).all()
     assert (drawn.directions[on_lower] >= 0).all() and (drawn.directions[on_upper] <= 0).all()

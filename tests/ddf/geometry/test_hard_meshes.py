@@ -161,7 +161,7 @@ def test_no_sample_is_drawn_on_a_triangle_without_an_area():
 def test_offset_lines_beside_the_wall_of_the_box_stay_in_it():
     """2,000 samples of type O, ε = 0.05, of the cube that fills its box: half of the lines would leave it."""
     surface = extraction.surface_of(raycast.Scene(CUBE))
-    drawn = draws.draw_offset(draws.Place(surface, draws.CUBE, 0.05), 2000, np.random.default_rng(0))
+    drawn = draws.draw_offset(draws.Domain(surface, draws.CUBE, 0.05), 2000, np.random.default_rng(0))
     depth = np.abs(drawn.positions.astype(np.float64))
     assert depth.max() <= 1
     assert_within(np.abs(depth - 0.95).min(-1), np.zeros(2000), 2 * step(torch.float32))

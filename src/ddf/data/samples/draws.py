@@ -104,7 +104,7 @@ CUBE = Box(-np.ones(3), np.ones(3))
 
 
 @dataclass(frozen=True)
-class Place:
+class Domain:
     """What samples of one mesh are drawn from.
 
     epsilon_o: offset of O samples, field units; of each at most that if `uniform_offsets`.
@@ -203,9 +203,9 @@ def _boundary_count(count: int, rng: np.random.Generator) -> int:
     return int(whole) + int(rest > 0 and rng.random() < rest)
 
 
-def draw_uniform(place: Place, count: int, rng: np.random.Generator) -> Draw:
+def draw_uniform(domain: Domain, count: int, rng: np.random.Generator) -> Draw:
     """U: p ~ U[B], v ~ U[S²]."""
-    return Draw(_in_box(place.box, count, rng), unit_vectors(count, rng))
+    return Draw(_in_box(domain.box, count, rng), unit_vectors(count, rng))
 
 
 def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
@@ -215,15 +215,15 @@ def _in_box(box: Box, count: int, rng: np.random.Generator) -> Float[np.ndarray,
     return positions.T
 
 
-def draw_at_surface(place: Place, count: int, rng: np.random.Generator) -> Draw:
+def draw_at_surface(domain: Domain, count: int, rng: np.random.Generator) -> Draw:
     """A: q0 by area, v0 ~ U[S²], p on the segment from q0 along v0 to ∂B, v = -v0."""
-    origins, _ = place.surface.draw(count, rng)
-    return _back_along(_inside(origins, place.box), unit_vectors(count, rng), place.box, rng)
+    origins, _ = domain.surface.draw(count, rng)
+    return _back_along(_inside(origins, domain.box), unit_vectors(count, rng), domain.box, rng)
 
 
-def draw_bounding(place: Place, count: int, rng: np.random.Generator) -> Draw:
+def draw_bounding(domain: Domain, count: int, rng: np.random.Generator) -> Draw:
     """B: p ~ U[∂B], v uniform on the hemisphere that points inwards."""
-    box = place.box
+    box = domain.box
     sides = box.upper - box.lower
     areas = np.repeat([sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]], 2)
     wall = np.minimum(np.searchsorted(np.cumsum(areas), _shares(count, rng) * areas.sum(), side="right"), 5)
@@ -236,34 +236,34 @@ def draw_bounding(place: Place, count: int, rng: np.random.Generator) -> Draw:
     return Draw(positions, directions)
 
 
-def draw_surface(place: Place, count: int, rng: np.random.Generator) -> Draw:
+def draw_surface(domain: Domain, count: int, rng: np.random.Generator) -> Draw:
     """S: p by area on S, v ~ U[S²]."""
-    positions, face = place.surface.draw(count, rng)
+    positions, face = domain.surface.draw(count, rng)
     return Draw(
-        _inside(positions, place.box), unit_vectors(count, rng), _rows(place.surface.normals, face), starts_on=True
+        _inside(positions, domain.box), unit_vectors(count, rng), _rows(domain.surface.normals, face), starts_on=True
     )
 
 
-def draw_tangent(place: Place, count: int, rng: np.random.Generator) -> Draw:
+def draw_tangent(domain: Domain, count: int, rng: np.random.Generator) -> Draw:
     """T: as A, with v0 uniform in the tangent plane at q0."""
-    origins, face = place.surface.draw(count, rng)
-    normals = _rows(place.surface.normals, face)
-    return _back_along(_inside(origins, place.box), _tangents(normals, rng), place.box, rng, normals)
+    origins, face = domain.surface.draw(count, rng)
+    normals = _rows(domain.surface.normals, face)
+    return _back_along(_inside(origins, domain.box), _tangents(normals, rng), domain.box, rng, normals)
 
 
 def _rows(normals: Float[np.ndarray, "m 3"], face: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
     return normals.take(face, axis=0).T.copy().T
 
 
-def draw_offset(place: Place, count: int, rng: np.random.Generator) -> Draw:
+def draw_offset(domain: Domain, count: int, rng: np.random.Generator) -> Draw:
     """O: the line of a T sample moved by ±ε n0 (by a share of it if `uniform_offsets`), p on its part inside B."""
-    origins, face = place.surface.draw(count, rng)
-    origins, normals = _inside(origins, place.box), _rows(place.surface.normals, face)
-    size = _shares(count, rng) if place.uniform_offsets else np.ones(count, np.float32)
-    size *= place.epsilon_o
+    origins, face = domain.surface.draw(count, rng)
+    origins, normals = _inside(origins, domain.box), _rows(domain.surface.normals, face)
+    size = _shares(count, rng) if domain.uniform_offsets else np.ones(count, np.float32)
+    size *= domain.epsilon_o
     side = np.where(_shares(count, rng) < 0.5, np.float32(-1), np.float32(1))[:, None] * normals
-    room, other = _exit(origins, side, place.box).min(axis=0), _exit(origins, -side, place.box).min(axis=0)
+    room, other = _exit(origins, side, domain.box).min(axis=0), _exit(origins, -side, domain.box).min(axis=0)
     turned = (room < size) & (other > room)
     step = np.minimum(size, np.where(turned, other, room))
-    moved = _inside(origins + np.where(turned, -step, step)[:, None] * side, place.box)
-    return _back_along(moved, _tangents(normals, rng), place.box, rng)
+    moved = _inside(origins + np.where(turned, -step, step)[:, None] * side, domain.box)
+    return _back_along(moved, _tangents(normals, rng), domain.box, rng)

@@ -74,8 +74,8 @@ def draw(
     rng: np.random.Generator,
 ) -> draws.Draw:
     """`count` oriented points of one type, not yet rounded."""
-    place = draws.Place(surface, box, config.epsilon_o, config.offsets == "uniform")
-    return sample_types.DRAWS[kind](place, count, rng)
+    domain = draws.Domain(surface, box, config.epsilon_o, config.offsets == "uniform")
+    return sample_types.DRAWS[kind](domain, count, rng)
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ class SampleType:
     """
 
     name: str
-    draw: Callable[[draws.Place, int, np.random.Generator], draws.Draw] | None = None
+    draw: Callable[[draws.Domain, int, np.random.Generator], draws.Draw] | None = None
     derivatives: bool = True
     values: bool = False
     eikonal: bool = False

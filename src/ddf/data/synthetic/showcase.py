@@ -77,13 +77,15 @@ def _box(half: float, hole: float | None = None) -> Mesh:
     return Mesh(corners, np.array(triangles))
 
 
+def _joined(one: Mesh, other: Mesh) -> Mesh:
+    vertices = np.concatenate([one.vertices, other.vertices])
+    return Mesh(vertices, np.concatenate([one.faces, other.faces + len(one.vertices)]))
+
+
 def nested() -> Mesh:
     """A box with a window, and a smaller cube turned inside it: what a field of distances from outside cannot hold."""
-    outer, inner = _box(1.0, hole=0.55), _box(0.42)
-    vertices = inner.vertices @ _turn(35.0, 30.0).T
-    return Mesh(
-        np.concatenate([outer.vertices, vertices]), np.concatenate([outer.faces, inner.faces + len(outer.vertices)])
-    )
+    inner = _box(0.42)
+    return _joined(_box(1.0, hole=0.55), Mesh(inner.vertices @ _turn(35.0, 30.0).T, inner.faces))
 
 
 def room() -> Mesh:
@@ -94,9 +96,8 @@ def room() -> Mesh:
 
 def furnished(scale: float, at: tuple[float, float, float]) -> Mesh:
     """The room with the rabbit in it, as one mesh: its vertices times `scale`, then moved to `at`."""
-    walls, inside = room(), rabbit()
-    vertices = np.concatenate([walls.vertices, scale * inside.vertices + np.array(at)])
-    return Mesh(vertices, np.concatenate([walls.faces, inside.faces + len(walls.vertices)]))
+    inside = rabbit()
+    return _joined(room(), Mesh(scale * inside.vertices + np.array(at), inside.faces))
 
 
 def ball(radius: float, subdivisions: int) -> Mesh:
@@ -109,8 +110,7 @@ def two_spheres(radius: float = 0.4, distance: float = 1.1) -> Mesh:
     """Two spheres side by side along x, as `geometry.primitives.two_spheres`, in 10,240 triangles."""
     one = ball(radius, 4)
     shift = np.array([distance / 2, 0.0, 0.0])
-    vertices = np.concatenate([one.vertices - shift, one.vertices + shift])
-    return Mesh(vertices, np.concatenate([one.faces, one.faces + len(one.vertices)]))
+    return _joined(Mesh(one.vertices - shift, one.faces), Mesh(one.vertices + shift, one.faces))
 
 
 def _procedural(build: Callable[[np.random.Generator], list], seed: int) -> Mesh:
