@@ -4,7 +4,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from ddf.cli.field import view
+from ddf.cli import views
 from ddf.core import shipped_models
 from ddf.data.synthetic import showcase
 from ddf.fields.grid import octree
@@ -22,7 +22,7 @@ def write(out: Path, names: tuple[str, ...] = NAMES) -> None:
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         for name in names:
-            page = view.page_of([_place(name, Path(folder))])
+            page = views.page_of([_place(name, Path(folder))])
             viewer_page.write(out / f"{name}.html", page)
             (out / f"{name}.webp").write_bytes(page.first)
 

@@ -9,15 +9,11 @@ import types
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ddf.api.completion import Completion, complete
+    from ddf.api.completion import Completion, complete, recover_pose
     from ddf.api.field import Field, fit, load
-    from ddf.api.generation import generate
-    from ddf.api.meshes import cast, read_mesh
-    from ddf.api.pose import recover_pose
-    from ddf.api.reconstruction import Reconstruction, reconstruct
-    from ddf.api.scene import Scene, compose
-    from ddf.api.scene_file import read_scene
-    from ddf.api.scores import compare
+    from ddf.api.meshes import cast, compare, read_mesh
+    from ddf.api.reconstruction import Reconstruction, generate, reconstruct
+    from ddf.api.scene import Scene, compose, read_scene
     from ddf.api.sensors import depth_camera, lidar
 
     __version__: str
@@ -29,17 +25,17 @@ _HOMES = {
     "Scene": "scene",
     "compose": "scene",
     "read_mesh": "meshes",
-    "read_scene": "scene_file",
+    "read_scene": "scene",
     "cast": "meshes",
     "Reconstruction": "reconstruction",
     "reconstruct": "reconstruction",
-    "compare": "scores",
+    "compare": "meshes",
     "Completion": "completion",
     "complete": "completion",
-    "generate": "generation",
+    "generate": "reconstruction",
     "depth_camera": "sensors",
     "lidar": "sensors",
-    "recover_pose": "pose",
+    "recover_pose": "completion",
 }
 __all__ = [
     "Completion",

@@ -1,131 +1,115 @@
-"""The commands of `ddf` that need a checkout: `run` and `info`, and `config show` of experiments too.
+"""The commands of `ddf` that need a checkout: `run` and `info`, and `config show` of experiments too."""
 
-COMMANDS lists room, place and summary of each, as `ddf.cli.commands` lists its own.
-"""
-
-import argparse
 import os
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-COMMANDS = {
-    "run": (
-        "experiment",
-        "ddf_lab.commands:RunCommand",
-        "an experiment file through all its stages, to tables, figures and report",
-    ),
-    "config": (
-        "experiment",
-        "ddf_lab.commands:ConfigCommand",
-        "every setting of an experiment or a fit, with its reasons",
-    ),
-    "info": ("experiment", "ddf_lab.commands:InfoCommand", "models, stages, sizes and cost of an experiment file"),
-}
-_CONFIG = "an experiment file, or the name of one in configs/"
+from ddf.cli import arguments, experiments
+from ddf.cli.declare import Arg, command
+
 SAMPLE_BYTES = 14  # as `packing` stores a sample: 6 position, 4 direction, 2 depth, 2 normal
 CLOUD_BYTES = 13  # of a true point: three float32 and whether it is hidden
+_CORES = len(os.sched_getaffinity(0))
 MODEL_COPIES = 4  # of the parameters on disk: the model, and the checkpoint with AdamW's two moments
 
 
-class RunCommand:
-    """`ddf run CONFIG`."""
+@command("experiment", kept="what is finished is kept; go on by:")
+def run(
+    config: Annotated[str, Arg("CONFIG")],
+    *,
+    stage: Annotated[list[str], Arg("S", action="append")] = [],  # noqa: B006 argparse copies it
+    seeds: arguments.Natural = 1,
+    jobs: arguments.Natural = _CORES,
+    data: Annotated[str | None, Arg("DIR")] = None,
+    launch: Annotated[str, Arg("CMD")] = "",
+    changes: Annotated[list[str], Arg("KEY=VALUE", ("--set",), action="append")] = [],  # noqa: B006
+    dag: bool = False,
+) -> dict[str, Any]:
+    """An experiment file through all its stages, to tables, figures and report.
 
-    EXAMPLES = (
-        "ddf run smoke",
-        "ddf run configs/cpu.yaml --seeds 3 --jobs 2",
-        "ddf run smoke --stage pointclouds --set pcsiren.steps=60 --set ddf.steps=60",
-        'ddf run paper --data ~/shapenet --launch "srun --gres=gpu:1"',
-        "ddf run cpu --dag",
-    )
+    [One run](scale-out.md#one-run) tells what it does.
 
-    @staticmethod
-    def add_arguments(parser: argparse.ArgumentParser) -> None:
-        """Add the command's own arguments."""
-        from ddf.cli import arguments
+    Args:
+      config: an experiment file, or the name of one in configs/.
+      stage: a stage, with what it needs, in place of the report.
+      seeds: trainings of each model.
+      jobs: trainings side by side.
+      data: holds ShapeNetCore.v1/ and ShapeNetRendering/; is remembered.
+      launch: goes before every training command.
+      changes: section.key=value: a variant of the experiment, in folders of its own.
+      dag: list the stages and what each waits for; run nothing.
 
-        cores, number, add = len(os.sched_getaffinity(0)), arguments.whole_number(1), parser.add_argument
-        several: dict[str, Any] = {"action": "append", "default": []}
-        add("config", metavar="CONFIG", help=_CONFIG)
-        add("--stage", metavar="S", help="a stage, with what it needs, in place of the report", **several)
-        add("--seeds", metavar="N", type=number, default=1, help="trainings of each model (default 1)")
-        add("--jobs", metavar="N", type=number, default=cores, help=f"trainings side by side (default {cores})")
-        add("--data", metavar="DIR", help="holds ShapeNetCore.v1/ and ShapeNetRendering/; is remembered")
-        add("--launch", metavar="CMD", default="", help="goes before every training command")
-        varied = "section.key=value: a variant of the experiment, in folders of its own"
-        add("--set", metavar="KEY=VALUE", dest="changes", help=varied, **several)
-        add("--dag", action="store_true", help="list the stages and what each waits for; run nothing")
-        parser.set_defaults(kept="what is finished is kept; go on by:")
+    Examples:
+      ddf run smoke
+      ddf run configs/cpu.yaml --seeds 3 --jobs 2
+      ddf run smoke --stage pointclouds --set pcsiren.steps=60 --set ddf.steps=60
+      ddf run paper --data ~/shapenet --launch "srun --gres=gpu:1"
+      ddf run cpu --dag
+    """
+    from ddf_lab.engine import graph, runner
 
-    @staticmethod
-    def run(args: argparse.Namespace) -> dict[str, Any]:
-        """Run what has to be run; says where the page is."""
-        from ddf_lab.engine import graph, runner
-
-        if args.dag:
-            experiment = graph.experiment(args.config, args.changes)
-            lines = graph.table(graph.expand(experiment, args.seeds))
-            return {"stages": lines[1:], "table": lines, "verdict": f"{len(lines) - 1} stages of {experiment.name}"}
-        options = runner.Options(args.stage, args.seeds, args.jobs, args.data or None, args.launch)
-        out = runner.run(args.config, args.changes, options).as_posix()
-        return {"out": out, "table": [], "verdict": out}
-
-
-class ConfigCommand:
-    """`ddf config show NAME` in a checkout: of experiments too."""
-
-    EXAMPLES = ("ddf config show cpu", "ddf config show long_fit", "ddf config show paper --json")
-
-    @staticmethod
-    def add_arguments(parser: argparse.ArgumentParser) -> None:
-        """Add those of the command without a checkout."""
-        from ddf.cli import config
-
-        config.add_arguments(parser)
-
-    @staticmethod
-    def run(args: argparse.Namespace) -> dict[str, Any]:
-        """All sections of its kind."""
-        from ddf.cli import config
-        from ddf_lab.run import Run
-
-        experiment = Run.read(args.name)
-        return config.answer(experiment.file, experiment.sections())
+    if dag:
+        experiment = graph.experiment(config, changes)
+        lines = graph.table(graph.expand(experiment, seeds))
+        return {"stages": lines[1:], "table": lines, "verdict": f"{len(lines) - 1} stages of {experiment.name}"}
+    out = runner.run(config, changes, runner.Options(stage, seeds, jobs, data or None, launch)).as_posix()
+    return {"out": out, "table": [], "verdict": out}
 
 
-class InfoCommand:
-    """`ddf info CONFIG`: parameter counts, stages, sizes of files, and the cost before anything has run."""
+@command("experiment")
+def config(action: Literal["show"], name: Annotated[str, Arg("NAME")]) -> dict[str, Any]:
+    """Every setting of an experiment or a fit, with its unit, its reason and the paper's place.
 
-    EXAMPLES = ("ddf info configs/cpu.yaml", "ddf info configs/paper.yaml --json", "ddf info paper_generative")
+    A file of one's own has `base: long_fit` and what differs.
 
-    @staticmethod
-    def add_arguments(parser: argparse.ArgumentParser) -> None:
-        """Add the command's own arguments."""
-        parser.add_argument("config", metavar="CONFIG", help=_CONFIG)
+    Args:
+      action: print it as a file with all settings, which says the same.
+      name: a file, or the name of one: fit, simple_fit, long_fit, paper_fit, or of an experiment in configs/.
 
-    @staticmethod
-    def run(args: argparse.Namespace) -> dict[str, Any]:
-        """Counts come from the models themselves, built without memory for their values."""
-        from ddf_lab.engine import graph
-        from ddf_lab.run import Run
+    Examples:
+      ddf config show long_fit
+      ddf config show cpu
+      ddf config show paper --json
+    """
+    from ddf_lab.run import Run
 
-        experiment = Run.read(args.config)
-        pipeline = experiment.file.resolve().parent.parent / graph.PIPELINE
-        items = graph.expand(experiment, path=pipeline) if pipeline.is_file() else []
-        parameters = _parameters(experiment)
-        cost = _cost(experiment, parameters) if experiment.kind == "reconstruction" else None
-        largest = max(parameters, key=lambda name: parameters[name])
-        verdict = f"{experiment.file}: {len(items)} stages; the largest model is {largest} with "
-        trainings = f"; {cost['trainings']} trainings" if cost else ""
-        return {
-            "config": str(args.config),
-            "verdict": f"{verdict}{parameters[largest]:,} parameters{trainings}",
-            "parameters": parameters,
-            "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
-            "stages": [item.name for item in items],
-            "sections": list(experiment.given),
-            "artifacts_mib": _sizes(experiment.root),
-            **({"cost": cost} if cost else {}),
-        }
+    experiment = Run.read(name)
+    return experiments.settings_of(experiment.file, experiment.sections())
+
+
+@command("experiment")
+def info(config: Annotated[str, Arg("CONFIG")]) -> dict[str, Any]:
+    """Models, stages, sizes and cost of an experiment file, before anything has run.
+
+    Args:
+      config: an experiment file, or the name of one in configs/.
+
+    Examples:
+      ddf info configs/cpu.yaml
+      ddf info configs/paper.yaml --json
+      ddf info paper_generative
+    """
+    from ddf_lab.engine import graph
+    from ddf_lab.run import Run
+
+    experiment = Run.read(config)
+    pipeline = experiment.file.resolve().parent.parent / graph.PIPELINE
+    items = graph.expand(experiment, path=pipeline) if pipeline.is_file() else []
+    parameters = _parameters(experiment)
+    cost = _cost(experiment, parameters) if experiment.kind == "reconstruction" else None
+    largest = max(parameters, key=lambda name: parameters[name])
+    verdict = f"{experiment.file}: {len(items)} stages; the largest model is {largest} with "
+    trainings = f"; {cost['trainings']} trainings" if cost else ""
+    return {
+        "config": str(config),
+        "verdict": f"{verdict}{parameters[largest]:,} parameters{trainings}",
+        "parameters": parameters,
+        "model_mib": {name: round(4 * count / 2**20, 1) for name, count in parameters.items()},
+        "stages": [item.name for item in items],
+        "sections": list(experiment.given),
+        "artifacts_mib": _sizes(experiment.root),
+        **({"cost": cost} if cost else {}),
+    }
 
 
 def _parameters(experiment: Any) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""From what a depth camera or a lidar saw of an object to the whole of it."""
+"""From what a depth camera or a lidar saw of an object to the whole of it, and where it stands."""
 
 import dataclasses
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Bool, Float
 
-from ddf.api import inputs
+from ddf.api import queries
 from ddf.api.field import Field
 from ddf.core import checks, extras, shipped_models
 from ddf.geometry import scans, transforms
@@ -58,7 +58,7 @@ class Completion:
 
         if not 0 < share < 1:
             raise checks.InputError(f"share must be in (0, 1); got {share}")
-        asked = inputs.oriented_points(positions, directions)
+        asked = queries.require_oriented_points(positions, directions)
         return completed_surface.along_rays(self._network, self._found, asked.positions, asked.directions, share)
 
 
@@ -79,14 +79,15 @@ def complete(
     Args:
       scan: an NPZ file of rays with ranges, a depth image or points with their sensors, or a depth image as PNG
         (docs/complete.md), or what `ddf.lidar` and `ddf.depth_camera` give.
-      model: as of `reconstruct`: the category of the object.
+      model: trained DDF, as of `reconstruct`: the category of the object.
       pose: 4x4, where its box lies: turns the model's axes (X ahead, Y up) to the scan's, scales by half the longest
         side, moves to the middle. None: all hits are of the object, which stands upright.
       refine: whether the pose may move, by some 15 degrees and a tenth of the size; without a pose it always may.
       up: without a pose, the axis of the scan's frame that points up: y, z or -y.
       noise: standard deviation of a range, unit of the scan.
       image: an RGBA picture of the object, from any side, that starts the search too.
-      n: points of the cloud, 2 or more. seed: the same seed gives the same shape.
+      n: points of the cloud, 2 or more.
+      seed: the same seed gives the same shape.
     Raises:
       FileNotFoundError: there is no such file.
       ValueError: the scan, the pose or the model is of another kind, too few rays end in the box, or torch is not
@@ -139,3 +140,53 @@ def complete(
         network.field,
         found,
     )
+
+
+def recover_pose(
+    field: Field,
+    scan: str | Path | scans.Scan,
+    start: npt.ArrayLike,
+    *,
+    resize: bool = False,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> Float[np.ndarray, "*k 4 4"]:
+    """Where an object stands in a scan, by descent through its field from a rough pose. Needs torch.
+
+    Args:
+      field: of the object, by its own file: an ONNX file alone has no gradients.
+      scan: as of `complete`. Hits far from the object are left out.
+      start: 4x4, from the frame of the field to that of the scan; (k, 4, 4) of as many such objects in it.
+      resize: whether the scale may change too.
+      noise: standard deviation of a range, unit of the scan.
+      seed: the same seed gives the same pose.
+    Returns:
+      4x4, from the frame of the field to that of the scan, or (k, 4, 4).
+    Raises:
+      FileNotFoundError: there is no such scan.
+      ValueError: the scan, the start or the field is of another kind, or too few rays end near the object.
+
+    Example:
+      >>> import ddf, numpy as np
+      >>> rabbit = ddf.load("rabbit")
+      >>> start = np.eye(4)
+      >>> start[0, 3] = 0.1
+      >>> found = ddf.recover_pose(rabbit, ddf.depth_camera(rabbit, size=32), start)
+      >>> bool(abs(found - np.eye(4)).max() < 0.02)
+      True
+    """
+    if not 0 <= noise < np.inf:
+        raise checks.InputError(f"noise must be 0 or more, in the unit of the scan; got {noise}")
+    given = scan if isinstance(scan, scans.Scan) else scans.read(Path(scan))
+    places = queries.require_poses("start", start)
+    with extras.named():
+        from ddf.fields import shape_field
+        from ddf.fit import completion
+    shape = field._weights
+    if isinstance(shape, shape_field.ShapeField) and shape.modulations is not None:
+        raise checks.InputError("recover_pose takes the field of one shape, such as `ddf fit` makes")
+    doubt = completion.Doubt(growth=completion.Doubt.growth if resize else 0.0, anyhow=True)
+    several = [place.compose(shape.field_from_mesh.inverse()) for place in places]
+    found = completion.find(shape, given, several, doubt, noise, seed)
+    matrices = np.stack([each.compose(shape.field_from_mesh).to_matrix() for each in found])
+    return matrices if np.ndim(start) == 3 else matrices[0]

@@ -65,7 +65,9 @@ class Field(queries.Queried):
         """A cloud of evenly spread points on the surface. Needs torch.
 
         Args:
-          n: how many, 1 or more. seed: the same seed gives the same points. normals: whether these are wanted too.
+          n: how many points, 1 or more.
+          seed: the same seed gives the same points.
+          normals: whether these are wanted too.
         Returns:
           (n, 3), float64, in the frame and the unit of the mesh; with `normals` a pair, the second outward and unit, 0
           where the field sees nothing.
@@ -131,7 +133,8 @@ class Field(queries.Queried):
         Args:
           n: points with normals that `poisson` goes through; they are some of those that `udf` measures to.
           method: `poisson`, screened Poisson, is smooth and wants an outer side; `closed` is what looks
-            from all sides leave, watertight; `udf`, surface nets of unsigned distances, keeps open and inner sheets.
+            from all sides leave, watertight, hollows full; `udf`, surface nets of unsigned distances, keeps open and
+            inner sheets.
           resolution: cells of `closed` and `udf` along the longest side of the box.
         Returns:
           `.vertices` (k, 3) float64 in the frame and the unit of the mesh, `.faces` (m, 3), `.save(path)`; open where
@@ -201,12 +204,12 @@ def fit(
 
     Args:
       mesh: what `read_mesh` gives, a path, or anything with `vertices` (n, 3) and `faces` (m, 3).
-      kind: `patches`, small curved pieces in an octree, in seconds; `sine`, the paper's network. None: patches, but a
-        network where a budget is given.
-      minutes: of a network, wall time of sampling and training, 2 if nothing is said. steps: instead, the
-        reproducible way.
+      kind: `patches`, small curved pieces in an octree, in seconds; `sine`, the paper's network, the default where an
+        option of it is given.
+      minutes: of sine: wall time of sampling and training, which the schedule follows; 2 if nothing is said.
+      steps: of sine: number of steps instead, the reproducible way.
       out: folder that keeps the field, its log and its errors; a stopped fit goes on there. None keeps no files.
-      tolerance: of patches, largest distance from the mesh, of half its longest side; 3e-4 if nothing is said.
+      tolerance: of patches: largest distance from the mesh, of half its longest side; 3e-4 if nothing is said.
     Returns:
       The field, in the frame and the unit of the mesh; its `path` is `out`.
     Raises:

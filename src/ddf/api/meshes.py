@@ -1,4 +1,4 @@
-"""Meshes: reading them, and what rays meet on them."""
+"""Meshes and clouds: reading them, what rays meet on them, how near they are."""
 
 from pathlib import Path
 from typing import Any
@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ddf.api import inputs
+from ddf.api import queries
 from ddf.core import checks, extras
 from ddf.geometry import mesh_io, rays
 from ddf.geometry.mesh_io import Mesh
+from ddf.metrics import cloud_scores
 
 
 def read_mesh(path: str | Path) -> Mesh:
@@ -47,7 +48,7 @@ def as_mesh(mesh: Any) -> Mesh:
     faces = np.asarray(mesh.faces)
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
         raise checks.InputError(f"faces must be whole numbers of shape (m, 3); got {faces.dtype} of {faces.shape}")
-    return Mesh(inputs.points("vertices", mesh.vertices), faces)
+    return Mesh(queries.require_points("vertices", mesh.vertices), faces)
 
 
 def cast(mesh: Any, positions: npt.ArrayLike, directions: npt.ArrayLike) -> rays.RayHits[np.ndarray]:
@@ -69,7 +70,37 @@ def cast(mesh: Any, positions: npt.ArrayLike, directions: npt.ArrayLike) -> rays
       >>> hits.depth.tolist(), hits.visible.tolist(), hits.normals.tolist()
       ([3.0], [True], [[0.0, 0.0, 1.0]])
     """
-    asked, surface = inputs.oriented_points(positions, directions), as_mesh(mesh)
+    asked, surface = queries.require_oriented_points(positions, directions), as_mesh(mesh)
     with extras.named():
         from ddf.geometry import exact_cast
     return exact_cast.cast(surface, asked)
+
+
+def compare(
+    pred: npt.ArrayLike, truth: npt.ArrayLike, tau_sq: float = cloud_scores.TAU_SQ, relative: bool = False
+) -> cloud_scores.CloudScores:
+    """Chamfer distance and F-scores of two clouds.
+
+    Args:
+      pred, truth: (n, 3) and (m, 3), in one frame and unit.
+      tau_sq: threshold on the squared distance: a point is hit when its own is not larger; meant for benchmark units.
+      relative: lengths are shares of the diagonal of the truth's box, the threshold too.
+    Returns:
+      `.chamfer_l2_sq`, the sum of both means of squared distances; `.f_score_tau`, `.f_score_2tau`, `.precision_tau`
+      and `.recall_tau` in [0, 1]; `.num_pred`, `.num_truth`.
+    Raises:
+      ValueError: a shape that is not (n, 3), a value that is not finite, an empty cloud, tau_sq not positive, or
+        lengths relative to a truth that is a single point.
+
+    Example:
+      >>> import ddf
+      >>> scores = ddf.compare([[0.0, 0.0, 0.0]], [[0.0, 0.0, 0.005]])
+      >>> round(scores.chamfer_l2_sq, 6), scores.f_score_tau
+      (5e-05, 1.0)
+    """
+    found, true, unit = queries.require_points("pred", pred), queries.require_points("truth", truth), 1.0
+    if relative and len(true):
+        unit = float(np.linalg.norm(np.ptp(true, axis=0)))
+        if not unit > 0:
+            raise checks.InputError("truth: all points are one, so nothing is relative to its box")
+    return cloud_scores.compare_clouds(found / unit, true / unit, tau_sq)

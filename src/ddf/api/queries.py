@@ -2,15 +2,15 @@
 
 from collections.abc import Collection
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float
 
-from ddf.api import inputs
 from ddf.core import checks
 from ddf.fields import checked_cloud, framed_field
-from ddf.geometry import transforms
+from ddf.geometry import rays, transforms
 
 
 class Queried:
@@ -70,7 +70,7 @@ class Queried:
           >>> sorted(seen), seen["depth"].shape, bool(seen["visibility"][0] > 0.5)
           (['depth', 'visibility'], (1,), True)
         """
-        return framed_field.query(self.framed, inputs.oriented_points(positions, directions), outputs)[0]
+        return framed_field.query(self.framed, require_oriented_points(positions, directions), outputs)[0]
 
     def render(
         self,
@@ -126,10 +126,58 @@ class Queried:
           >>> distances.shape, directions.shape, bool(distances[0] > 0.5)
           ((1,), (1, 3), True)
         """
-        return self.cloud.distances(inputs.points("positions", positions))
+        return self.cloud.distances(require_points("positions", positions))
 
     @cached_property
     def cloud(self) -> checked_cloud.CheckedCloud:
         """The points that `udf` measures to, drawn at the first use: a field's own, or hits."""
         own = getattr(self.framed, "cloud", None)
         return checked_cloud.draw(self.framed) if own is None else own()
+
+
+def require_points(name: str, values: Any) -> Float[np.ndarray, "n 3"]:
+    """Numbers of shape (n, 3), finite, as float64.
+
+    Raises:
+      InputError: something else.
+    """
+    array = np.asarray(values)
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
+        raise checks.InputError(f"{name} must be numbers of shape (n, 3); got {array.dtype} of shape {array.shape}")
+    checks.require_finite(name, array)
+    return array.astype(np.float64)
+
+
+def require_oriented_points(positions: Any, directions: Any) -> rays.OrientedPoints[np.ndarray]:
+    """Positions and directions of one shape (n, 3), float64; directions within 1e-4 of unit length become of it.
+
+    Raises:
+      InputError: something else.
+    """
+    starts, along = require_points("positions", positions), require_points("directions", directions)
+    if len(starts) != len(along):
+        raise checks.InputError(f"positions and directions must be as many; got {len(starts)} and {len(along)}")
+    return rays.unit_points(starts, along)
+
+
+def require_poses(name: str, matrices: Any) -> list[transforms.Similarity]:
+    """One 4x4 matrix or several, (k, 4, 4), of that name.
+
+    Raises:
+      InputError: something else, such as a matrix that shears or mirrors, or none.
+    """
+    array = np.asarray(matrices)
+    if array.ndim == 3 and not len(array):
+        raise checks.InputError(f"{name} must be a 4x4 matrix or several; got none")
+    return [transforms.Similarity.of_matrix(name, each) for each in (array if array.ndim == 3 else [array])]
+
+
+def require_similarity(matrix: Any) -> transforms.Similarity:
+    """A 4x4 matrix of a scaling, a rotation and a translation.
+
+    Raises:
+      InputError: something else, such as a matrix that shears or mirrors.
+    """
+    if isinstance(matrix, transforms.Similarity):
+        return matrix
+    return transforms.Similarity.of_matrix("a transform", matrix)

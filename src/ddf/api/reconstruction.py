@@ -1,4 +1,4 @@
-"""From one picture to the field, the mesh and the cloud of what it shows."""
+"""What trained models make: field, mesh and cloud of one picture, and new shapes."""
 
 import contextlib
 import time
@@ -117,11 +117,13 @@ def reconstruct(
 
     Args:
       image: a PNG, WebP, JPEG or GIF file of any size; the object may stand anywhere in it.
-      model: a folder that `make train` wrote under train_ddf/, or a name that `ddf models` lists: chair, plane, car.
-      n: points of the cloud, 2 or more; field and camera do not depend on it up to 5,000. seed: the same seed gives
-        the same points.
-      mask: a picture that is light on the object. background: what the object is cut out by where there is no mask:
-        `auto`, the picture's alpha, or its rim where it has none; `white`; `border`, the rim; or a colour.
+      model: trained DDF: a name that `ddf models` lists (chair, plane, car), or a folder that `make train` wrote, such
+        as artifacts/cpu/train_ddf/chair.
+      n: points of the cloud, 2 or more; field and camera do not depend on it up to 5,000.
+      seed: the same seed gives the same points.
+      mask: a picture that is light on the object.
+      background: what the object is cut out by where there is no mask: `auto`, the picture's alpha, or its rim where it
+        has none; `white`; `border`, the rim; or a colour, #rrggbb.
     Raises:
       FileNotFoundError: there is no such model.
       ValueError: the picture or the model is damaged or of another kind, no object stands out, or torch is not
@@ -162,3 +164,32 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
         return Reconstruction(field, found.cloud[:n], camera, found.view, path.name, found.score, found.seconds)
 
     return of
+
+
+def generate(model: str | Path, n: int = 8, seed: int = 0) -> list[Field]:
+    """New shapes, in the frame of ShapeNet's meshes (v1). Needs torch.
+
+    Args:
+      model: the name of a reconstruction model that `ddf models` lists (chair, plane, car), or a folder that stage
+        train_ddf, train_vae or train_gan wrote.
+      n: how many shapes, 1 or more.
+      seed: the same seed gives the same shapes, and more of them begin with those of less.
+    Raises:
+      FileNotFoundError: there is no such model.
+      ValueError: n is below 1, the model is damaged or decodes no latents, or torch is not installed.
+
+    Example:
+      >>> import ddf
+      >>> (chair,) = ddf.generate("chair", n=1)
+      >>> chair.points(50).shape
+      (50, 3)
+    """
+    checks.require_whole("n", n, 1)
+    with extras.named():
+        from ddf.models import generated_images
+        from ddf.reconstruction import sampler
+    path = shipped_models.require(model, "reconstruction")
+    found = sampler.load(path.parent if path.is_file() else path)
+    latents = generated_images.latents(n, found.features, seed, "samples")
+    shapes = [found.decode(latent) for latent in latents]
+    return [Field(shape, lambda shape=shape: shape) for shape in shapes]

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float
 
-from ddf.api import inputs, meshes, queries
+from ddf.api import meshes, queries
 from ddf.core import checks
 from ddf.geometry import scans, sensors, transforms
 
@@ -94,7 +94,7 @@ def _poses(scene: Any, poses: npt.ArrayLike | None, axes: Float[np.ndarray, "3 3
     if poses is None:
         lower, upper = scene.box if isinstance(scene, queries.Queried) else meshes.as_mesh(scene).box()
         return [sensors.facing(lower, upper, axes)]
-    return inputs.poses("a pose", poses)
+    return queries.require_poses("a pose", poses)
 
 
 def _measure(scene: Any, sent: sensors.Sent, faults: sensors.Faults) -> sensors.Sweep:

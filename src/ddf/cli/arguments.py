@@ -3,88 +3,17 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
+from ddf.cli.declare import Arg, Command
 from ddf.core import shipped_models
 from ddf.fields import field_outputs
 
 SHADED = "shaded"  # no output of a field, but a picture
-UP_AXES = ("y", "z")  # as `framed_field.UP_AXES`
-_READS = "reads"  # of the parsed arguments: the name of the one that names models, and their kinds
-_WRITES = "writes"  # of the parsed arguments: the name of the one that is written, and whether it is a folder
+Camera = tuple[float, float, float | None]
 
 
-def add_field(parser: argparse.ArgumentParser) -> None:
-    """The fitted field that a command reads."""
-    mark_known(parser, "field", "field")
-    parser.add_argument(
-        "field",
-        metavar="FIELD",
-        type=shipped_models.place,
-        help="folder that `ddf fit` wrote, its model.safetensors, its ONNX file, or a name that `ddf models` lists",
-    )
-
-
-def mark_known(parser: argparse.ArgumentParser, name: str, *kinds: str) -> None:
-    """Let `require_places` check that the models of that name in the parsed arguments are there."""
-    parser.set_defaults(**{_READS: (name, kinds)})
-
-
-def add_rays(parser: argparse.ArgumentParser, frame: str) -> None:
-    """The rays that a command reads with `rays.read_npz`; frame: whose frame they are in."""
-    parser.add_argument(
-        "--rays",
-        metavar="RAYS.npz",
-        type=Path,
-        required=True,
-        help=f"positions, directions: (N, 3), in the {frame}'s frame",
-    )
-
-
-def add_out(parser: argparse.ArgumentParser, name: str, metavar: str, help: str) -> None:
-    """A file that the command writes, `out` or `--out`; its folder must be there, or be asked for."""
-    how: dict[str, Any] = {"required": True} if name.startswith("-") else {}
-    parser.add_argument(name, metavar=metavar, type=Path, help=help, **how)
-    mark_out(parser, name.lstrip("-"))
-
-
-def add_folder(parser: argparse.ArgumentParser, help: str, name: str = "out", **how: Any) -> None:
-    """A folder that the command writes, made if needed."""
-    parser.add_argument(name, type=Path, help=f"folder, made if needed; {help}", **{"metavar": "OUT_DIR", **how})
-    parser.set_defaults(**{_WRITES: (name.lstrip("-"), True)})
-
-
-def mark_out(parser: argparse.ArgumentParser, name: str) -> None:
-    """Let `require_places` check the file of that name in the parsed arguments."""
-    parser.set_defaults(**{_WRITES: (name, False)})
-    parser.add_argument("--make-folders", action="store_true", help="make the folder of the output where it is missing")
-
-
-def add_picture(parser: argparse.ArgumentParser, largest: int, one: str, default: str | None = "depth") -> None:
-    """Size and outputs of what a camera sees.
-
-    Args:
-      largest: pixels a side, at most. one: what takes one output alone, for the help.
-      default: outputs; None where the command has `SHADED` too, and chooses.
-    """
-    more = (
-        "" if default else f"; {SHADED}: grey clay under a lamp, the default of pictures, where numbers are the depth"
-    )
-    parser.add_argument(
-        "--size", metavar="N", type=whole_number(1, largest), default=256, help="pixels a side (default 256)"
-    )
-    parser.add_argument(
-        "--output",
-        "--outputs",
-        dest="outputs",
-        metavar="NAME,...",
-        type=outputs if default else lambda text: (SHADED,) if text == SHADED else outputs(text),
-        default=default,
-        help=f"some of {','.join(field_outputs.OUTPUTS)}; one for {one}{more or ' (default %(default)s)'}",
-    )
-
-
-def require_places(args: argparse.Namespace) -> None:
+def require_places(command: Command, args: argparse.Namespace) -> None:
     """Raise before the work when what it gives could not be written, or would replace what it reads.
 
     Raises:
@@ -92,11 +21,10 @@ def require_places(args: argparse.Namespace) -> None:
       InputError: the output's folder does not exist (with --make-folders it is made), no file can have its name, or it
         is a file that the command reads.
     """
-    model, kinds = getattr(args, _READS, ("", ()))
-    for given in _listed(getattr(args, model, [])):
-        shipped_models.require(given, *kinds)
-    name, is_folder = getattr(args, _WRITES, ("", False))
-    out = getattr(args, name, None)
+    for each in command.parameters:
+        for given in _listed(getattr(args, each.name)) if each.arg.reads else ():
+            shipped_models.require(given, *each.arg.reads)
+    out, is_folder = _written(command, args)
     if out is None:
         return
     from ddf.core import checks, storage  # take numpy, which bare help and `ddf doctor` do without
@@ -116,17 +44,22 @@ def require_places(args: argparse.Namespace) -> None:
         raise checks.InputError(f"{out}: there is no folder {out.parent}; make it, or add --make-folders")
 
 
+def kept(command: Command, args: argparse.Namespace) -> str:
+    """What is left when a command is interrupted that says nothing better; the command itself belongs after a colon."""
+    out, is_folder = _written(command, args)
+    if out is None:
+        return command.kept
+    return f"files in {out} are whole; start again by:" if is_folder else f"{out} is not written; start again by:"
+
+
+def _written(command: Command, args: argparse.Namespace) -> tuple[Path | None, bool]:
+    """What the command writes, and whether it is a folder."""
+    written = next((each for each in command.parameters if each.arg.writes), None)
+    return (None, False) if written is None else (getattr(args, written.name), written.arg.writes == "folder")
+
+
 def _listed(value: Any) -> list[Any]:
     return value if isinstance(value, list) else [value]
-
-
-def kept(args: argparse.Namespace) -> str:
-    """What is left when a command is interrupted that says nothing better; the command itself belongs after a colon."""
-    name, is_folder = getattr(args, _WRITES, ("", False))
-    out = getattr(args, name, None)
-    if out is None:
-        return getattr(args, "kept", "")
-    return f"files in {out} are whole; start again by:" if is_folder else f"{out} is not written; start again by:"
 
 
 def outputs(text: str) -> tuple[str, ...]:
@@ -153,3 +86,44 @@ def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
         return value
 
     return parse
+
+
+def camera(text: str) -> Camera:
+    """The type of --camera: azimuth, elevation and, if given, radius."""
+    try:
+        azimuth, elevation, *radius = (float(part) for part in text.split(","))
+        (distance,) = radius or [None]
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"must be two or three numbers az,el[,r]; got {text!r}") from error
+    return azimuth, elevation, distance
+
+
+def _picture_outputs(text: str) -> tuple[str, ...]:
+    return (SHADED,) if text == SHADED else outputs(text)
+
+
+_OUTPUTS = f"some of {','.join(field_outputs.OUTPUTS)}"
+_FIELD = "folder that `ddf fit` wrote, its model.safetensors, its ONNX file, or a name that `ddf models` lists"
+_CAMERA = (
+    "azimuth and elevation in degrees, and the distance from the box's centre with 0.57 for one diagonal of the box; "
+    "without it the box fills the picture (default 35,25)"
+)
+_SHADED = f"{SHADED}: grey clay under a lamp, the default of pictures, where numbers are the depth"
+_FLAGS = ("--output", "--outputs")
+FirstCamera: Camera = (35.0, 25.0, None)
+
+FieldPath = Annotated[Path, Arg("FIELD", parse=shipped_models.place, reads=("field",), help=_FIELD)]
+ModelPath = Annotated[Path, Arg("MODEL", parse=shipped_models.place, reads=("reconstruction",))]
+MeshPath = Annotated[Path, Arg("MESH")]
+Rays = Annotated[Path, Arg("RAYS.npz", help="positions, directions: (N, 3), in the frame of the mesh")]
+OutFolder = Annotated[Path, Arg("OUT_DIR", writes="folder")]
+CameraOption = Annotated[Camera, Arg("AZ,EL[,R]", parse=camera, help=_CAMERA)]
+Outputs = Annotated[tuple[str, ...], Arg("NAME,...", parse=outputs, help=_OUTPUTS)]
+ImageOutputs = Annotated[tuple[str, ...], Arg("NAME,...", _FLAGS, outputs, f"{_OUTPUTS}; one for pictures")]
+PictureOutputs = Annotated[
+    tuple[str, ...] | None, Arg("NAME,...", _FLAGS, _picture_outputs, f"{_OUTPUTS}; one for a picture; {_SHADED}")
+]
+Up = Literal["y", "z"]
+Points = Annotated[int, Arg("N", ("-n", "--points"), like="n")]
+Seed = Annotated[int, Arg("S")]
+Natural = Annotated[int, Arg("N", parse=whole_number(1))]

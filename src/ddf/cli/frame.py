@@ -17,7 +17,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ddf.cli import arguments, results
+from ddf.cli import arguments, declare, results
 from ddf.cli.commands import COMMANDS, IN_A_CHECKOUT, ROOMS
 from ddf.core import errors, processes
 
@@ -60,13 +60,13 @@ def with_negative_values(argv: Sequence[str]) -> list[str]:
 
 
 def _run(args: argparse.Namespace, words: Sequence[str]) -> None:
-    module = COMMANDS[args.command].load()
+    command = COMMANDS[args.command].called(args)
     with _stdout_to_stderr() if args.json else contextlib.nullcontext():
-        arguments.require_places(args)
+        arguments.require_places(command, args)
         try:
-            result: dict[str, Any] = module.run(args)
+            result = command.call(args)
         except KeyboardInterrupt as stop:
-            kept = getattr(stop, "kept", "") or arguments.kept(args)
+            kept = getattr(stop, "kept", "") or arguments.kept(command, args)
             if kept.endswith(":"):
                 kept += f" ddf {shlex.join(words)}"
             raise processes.Interrupted(getattr(stop, "number", signal.SIGINT), kept) from stop
@@ -107,19 +107,17 @@ class _Version(argparse.Action):
 
 
 def _parser(chosen: str | None) -> _Parser:
-    """The parser of all commands; the arguments of the chosen one alone are declared, for that imports its module."""
+    """The parser of all commands; the arguments of the chosen one alone are declared, for that takes time."""
     shape: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter}
     description = "Directed distance fields: oriented points in, visibility and depth out."
     parser = _Parser(prog="ddf", usage="ddf COMMAND ...", description=description, epilog=_listing(), **shape)
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
     commands = parser.add_subparsers(prog="ddf", dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
-    for name, (_, _, summary) in COMMANDS.items():
-        command = commands.add_parser(name, description=f"{summary[0].upper()}{summary[1:]}.", **shape)
-        command.add_argument("--json", action="store_true", help="print one JSON object on stdout, for scripts")
+    for name, command in COMMANDS.items():
+        added = commands.add_parser(name, description=command.docstring.text if name == chosen else "", **shape)
+        declare.add_json(added)
         if name == chosen:
-            module = COMMANDS[name].load()
-            module.add_arguments(command)
-            command.epilog = "\n".join(("examples:", *(f"  {line}" for line in module.EXAMPLES)))
+            command.add_arguments(added)
     return parser
 
 
@@ -128,9 +126,11 @@ def _listing() -> str:
     lines, width = [], max(40, shutil.get_terminal_size().columns - 2)  # as argparse wraps the rest
     for room, title in ROOMS.items():
         lines.append(f"{title}:")
-        inside = [(name, entry) for name, entry in COMMANDS.items() if entry.room == room]
-        for name, entry in inside:
-            lines += textwrap.wrap(entry.summary, width, initial_indent=f"  {name:<12} ", subsequent_indent=" " * 15)
+        for name, command in COMMANDS.items():
+            if command.room == room:
+                lines += textwrap.wrap(
+                    command.summary, width, initial_indent=f"  {name:<12} ", subsequent_indent=" " * 15
+                )
     lines += ["", "ddf COMMAND --help tells its arguments, with examples."]
     return "\n".join([*lines, 'Completion in bash and zsh: eval "$(register-python-argcomplete ddf)"'])
 

@@ -16,7 +16,7 @@ import trimesh
 from PIL import Image
 
 import ddf
-from ddf.api import scene_file
+from ddf.api import scene as scenes
 from ddf.core import checks, storage
 from ddf.data import cutouts
 from ddf.fields import field_file, pddf, shape_field
@@ -200,7 +200,7 @@ def read_graph(data, _, path):
 def read_scene(data, _, path):
     """A scene file."""
     (path / "scene.yaml").write_bytes(data)
-    scene_file.read(path / "scene.yaml")
+    scenes.read_content(path / "scene.yaml")
 
 
 def read_picture(data, _, path):

@@ -1,18 +1,36 @@
 """Arguments shared by commands: lists that name what the library has, and checks before any work."""
 
 import argparse
+from typing import get_args
 
 import pytest
 
-from ddf.cli import arguments
-from ddf.cli.model import export
-from ddf.fields import framed_field
+from ddf.cli import arguments, commands, meshes
+from ddf.data import mesh_config
+from ddf.fields import framed_field, stored_fields
+from ddf.fit import surfaces
+from ddf.geometry import mesh_io
 from ddf.io import onnx_file
 
 
-def test_lists_are_those_of_the_library():
-    assert arguments.UP_AXES == framed_field.UP_AXES
-    assert export.PRECISIONS == (onnx_file.FULL, *onnx_file.PRECISIONS)
+def test_lists_and_defaults_are_those_of_the_library():
+    """They are written out in the declarations, since importing the library takes long."""
+    at = {
+        (name, each.name): each.default if each.arg.metavar else each.kind
+        for name, command in commands.COMMANDS.items()
+        for each in command.parameters
+    }
+    assert get_args(at["render", "up"]) == framed_field.UP_AXES
+    assert get_args(at["export", "precision"]) == (onnx_file.FULL, *onnx_file.PRECISIONS)
+    assert get_args(at["surface", "method"]) == surfaces.METHODS
+    assert at["points", "cycles"] == stored_fields.CLOUD["cycles"]
+    assert at["points", "directions"] == stored_fields.CLOUD["num_directions"]
+    prepared = mesh_config.MeshesConfig()
+    for name in ("faces", "alpha", "offset"):
+        assert at["mesh", name] == getattr(prepared, name)
+    said = meshes.mesh.docstring.arguments
+    assert said["source"] == f"mesh to read ({', '.join(mesh_io.READ)})"
+    assert said["out"] == f"mesh to write, in the field frame ({', '.join(mesh_io.SUFFIXES)})"
 
 
 @pytest.mark.parametrize("text", ["x", "1.5", "0", "11", ""])

@@ -7,14 +7,15 @@ import os
 import signal
 import subprocess
 import sys
+import types
 from pathlib import Path
-from types import ModuleType
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
 
 from ddf import cli
-from ddf.cli import commands, frame
+from ddf.cli import commands, declare, frame
 from ddf.core import checks, processes
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -25,10 +26,11 @@ def command(monkeypatch):
     """Replaces the command `doctor` by one that does what the test says."""
 
     def install(run):
-        module = ModuleType("doctor")
-        vars(module).update(EXAMPLES=("ddf doctor",), run=run)
-        vars(module)["add_arguments"] = lambda parser: parser.add_argument("word", nargs="?")
-        monkeypatch.setitem(sys.modules, "ddf.cli.doctor", module)
+        def doctor(word: Annotated[str | None, declare.Arg(nargs="?")]) -> dict[str, Any]:
+            """Does what the test says."""
+            return run(types.SimpleNamespace(word=word))
+
+        monkeypatch.setitem(commands.COMMANDS, "doctor", declare.command("experiment")(doctor))
 
     return install
 
@@ -154,9 +156,9 @@ def test_the_help_names_every_command_in_its_room(capsys, monkeypatch):
     with pytest.raises(SystemExit) as caught:
         cli.main(["--help"])
     assert caught.value.code == 0 and capsys.readouterr().out == bare
-    for name, (room, _, summary) in commands.COMMANDS.items():
-        assert " ".join(bare.split()).count(f" {name} {summary}") == 1
-        assert room in commands.ROOMS
+    for name, command in commands.COMMANDS.items():
+        assert " ".join(bare.split()).count(f" {name} {command.summary}") == 1
+        assert command.room in commands.ROOMS
     assert max(map(len, bare.splitlines())) <= 80
 
 

@@ -15,7 +15,7 @@ from PIL import Image
 import ddf
 from bench.lib import browsers
 from ddf.api.field import Field
-from ddf.cli.field import view
+from ddf.cli import views
 from ddf.core import shipped_models
 from ddf.data import shapenet
 from ddf.fields import checked_cloud, shape_field
@@ -226,7 +226,7 @@ def test_distances_are_as_good_as_those_of_python_to_as_many_hits(rabbit):
 def pair(browser, tmp_path_factory) -> Iterator[Opened]:
     folder = tmp_path_factory.mktemp("pages")
     (folder / "pair.yaml").write_text(SCENE)
-    viewer_page.write(folder / "pair.html", view.page_of([folder / "pair.yaml"]))
+    viewer_page.write(folder / "pair.html", views.page_of([folder / "pair.yaml"]))
     opened = _open(browser, folder / "pair.html", f"size=8&mode=depth&hits={HITS}")
     opened.still()
     yield opened
@@ -280,7 +280,7 @@ def ring(tmp_path_factory) -> Path:
 
 
 def test_patches_are_walked_on_the_cpu_as_python_does(either, ring):
-    viewer_page.write(ring / "ring.html", view.page_of([ring]))
+    viewer_page.write(ring / "ring.html", views.page_of([ring]))
     opened = _open(either, ring / "ring.html", f"size=16&mode=mean_curvature&hits={HITS}")
     opened.still()
     assert "by JavaScript" in opened.page.inner_text("#status")
@@ -297,7 +297,7 @@ def test_patches_are_walked_on_the_cpu_as_python_does(either, ring):
 
 
 def test_keys_alone_turn_the_camera_and_choose_what_is_shown(either, ring):
-    viewer_page.write(ring / "keys.html", view.page_of([ring]))
+    viewer_page.write(ring / "keys.html", views.page_of([ring]))
     opened = _open(either, ring / "keys.html", "size=16&mode=depth")
     opened.still()
     start, before = (opened.page.evaluate("ddf.view.camera"), opened.page.get_attribute("#canvas", "aria-label"))
@@ -327,7 +327,7 @@ LEAVING = {  # what a page may try, and the part of its policy that stops it
 
 
 def test_the_policy_of_the_page_stops_what_would_leave_it(either, ring):
-    viewer_page.write(ring / "policy.html", view.page_of([ring]))
+    viewer_page.write(ring / "policy.html", views.page_of([ring]))
     opened = _open(either, ring / "policy.html", "size=16&mode=depth")
     opened.still()
     opened.require_quiet()
@@ -339,7 +339,7 @@ def test_the_policy_of_the_page_stops_what_would_leave_it(either, ring):
 
 @pytest.fixture
 def phone(browser, ring) -> Iterator[Opened]:
-    viewer_page.write(ring / "phone.html", view.page_of([ring]))
+    viewer_page.write(ring / "phone.html", views.page_of([ring]))
     opened = _open(browser, ring / "phone.html", "mode=depth", has_touch=True, **PHONE)
     opened.still()
     yield opened
@@ -406,7 +406,7 @@ def test_a_stick_walks_on_a_phone(phone):
 
 
 def test_edges_are_smooth_at_rest(browser, ring):
-    viewer_page.write(ring / "edges.html", view.page_of([ring]))
+    viewer_page.write(ring / "edges.html", views.page_of([ring]))
     opened = _open(browser, ring / "edges.html", "size=64&mode=shaded")
     opened.still()
     fine, coarse = (np.isfinite(ddf.load(ring).render(35, 25, size=size)["depth"]) for size in (512, 64))
@@ -418,7 +418,7 @@ def test_edges_are_smooth_at_rest(browser, ring):
 
 
 def test_points_are_saved_as_they_are_seen(browser, ring):
-    viewer_page.write(ring / "points.html", view.page_of([ring]))
+    viewer_page.write(ring / "points.html", views.page_of([ring]))
     opened = _open(browser, ring / "points.html", "size=16")
     opened.still()
     with opened.page.expect_download() as download:
@@ -452,7 +452,7 @@ def test_a_shared_address_brings_others_to_the_same_picture(browser, pair):
 
 def test_patches_stand_in_a_scene_with_a_network(either, ring):
     (ring / "both.yaml").write_text("objects: [{field: .}, {field: rabbit, scale: 0.8, translation: [0.5, 0.2, 0]}]")
-    viewer_page.write(ring / "both.html", view.page_of([ring / "both.yaml"]))
+    viewer_page.write(ring / "both.html", views.page_of([ring / "both.yaml"]))
     opened = _open(either, ring / "both.html", "size=8&mode=depth")
     opened.still()
     expected = ddf.read_scene(ring / "both.yaml").render(35, 25, size=32, outputs=("visibility", "depth", "normals"))

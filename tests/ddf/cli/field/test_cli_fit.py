@@ -9,7 +9,7 @@ import yaml
 from _tiny_fits import SECTION
 
 from ddf import cli
-from ddf.cli.field import fit
+from ddf.cli import fields
 from ddf.core import config
 from ddf.fields import pddf, shape_field
 from ddf.fit import fit_settings, fitting, inspection
@@ -69,10 +69,10 @@ def test_minutes_take_about_that_long_and_few_steps_are_said(work, capsys):
     ],
 )
 def test_threads_are_those_asked_for_allowed_and_idle(asked, timed, load, limit, threads, monkeypatch):
-    monkeypatch.setattr(fit.os, "getloadavg", lambda: (load, 0, 0))
-    monkeypatch.setattr(fit.os, "cpu_count", lambda: 4)
+    monkeypatch.setattr(fields.os, "getloadavg", lambda: (load, 0, 0))
+    monkeypatch.setattr(fields.os, "cpu_count", lambda: 4)
     monkeypatch.setenv("OMP_NUM_THREADS", limit)
-    assert fit._threads(2, asked, timed) == threads
+    assert fields.threads_of(2, asked, timed) == threads
 
 
 @pytest.mark.parametrize(

@@ -5,14 +5,14 @@ import onnx
 import pytest
 
 from ddf import cli
-from ddf.cli.model import export
+from ddf.cli import models
 from ddf.core import storage
 from ddf.fields import field_outputs, model_files
 
 
 @pytest.fixture(autouse=True)
 def few_rays(monkeypatch):
-    monkeypatch.setattr(export, "BATCHES", (1, 7))
+    monkeypatch.setattr(models, "BATCHES", (1, 7))
 
 
 def _export(*arguments):

@@ -1,0 +1,160 @@
+"""Commands about experiments that need no checkout: their settings, and the lists of their shapes."""
+
+import dataclasses
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from ddf.cli import results
+from ddf.cli.declare import Arg, command
+
+_WIDTH = 24  # of a value, from where on comments stand in a column
+
+
+@command("experiment")
+def config(action: Literal["show"], name: Annotated[str, Arg("NAME")]) -> dict[str, Any]:
+    """Every setting of a fit, with its unit, its reason and the paper's place.
+
+    A file of one's own has `base: long_fit` and what differs.
+
+    Args:
+      action: print it as a file with all settings, which says the same.
+      name: a file, or the name of one: fit, simple_fit, long_fit, paper_fit.
+
+    Examples:
+      ddf config show long_fit
+      ddf config show paper_fit --json
+    """
+    from ddf.core import config as config_files
+    from ddf.fit import fit_settings
+
+    file = config_files.found_file(name)
+    return settings_of(file, {"fit": config_files.load(file, "fit", fit_settings.FitConfig)})
+
+
+def settings_of(file: Path, sections: Mapping[str, Any]) -> dict[str, Any]:
+    """The sections as JSON and as the text of a file, and what in them is not the default."""
+    from ddf.core import config as config_files
+    from ddf.core import schema
+
+    every = [each for name, section in sections.items() for each in schema.listed(section, name)]
+    changed = [each for each in every if each.value != each.default and not dataclasses.is_dataclass(each.value)]
+    count = sum(not dataclasses.is_dataclass(each.value) for each in every)
+    return {
+        "config": file.as_posix(),
+        "sections": {name: config_files.plain(section) for name, section in sections.items()},
+        "changed": [each.key for each in changed],
+        "table": list(_config_lines(sections)),
+        "verdict": f"# {file}: {len(changed)} of {count} settings are not the default",
+    }
+
+
+def _config_lines(sections: Mapping[str, Any]) -> Iterator[str]:
+    import yaml
+
+    from ddf.core import schema
+
+    def text(value: Any) -> str:
+        plain = list(value) if isinstance(value, tuple) else value.as_posix() if isinstance(value, Path) else value
+        return (
+            yaml.safe_dump(plain, default_flow_style=True, sort_keys=False, allow_unicode=True, width=10_000)
+            .removesuffix("\n...\n")
+            .rstrip("\n")
+        )
+
+    for name, section in sections.items():
+        yield f"{name}:"
+        for each in schema.listed(section, name):
+            part, depth = dataclasses.is_dataclass(each.value), each.key.count(".")
+            own = f"{'  ' * depth}{each.key.rpartition('.')[2]}:{'' if part else f' {text(each.value)}'}"
+            source = f" ({each.source})" if each.source else ""
+            default = each.default if not part else None if each.default is None else each.value
+            said = f"{each.says}{source}" if each.value == default else f"not {text(default)}{source}: {each.says}"
+            yield f"{own:{_WIDTH + 2 * depth}} # {said}"
+
+
+@command("experiment")
+def split(
+    source: Annotated[Path, Arg("IDS.json|SHAPENET_ROOT")],
+    *,
+    out: Annotated[Path, Arg("DIR", writes="folder")],
+    strict: bool = False,
+) -> dict[str, Any]:
+    """The Pixel2Mesh train and test lists of a listing of shapes or of a ShapeNet root.
+
+    Args:
+      source: a JSON object {synset: [ids]}, or a root that holds ShapeNetRendering/.
+      out: gets train_list.txt and test_list.txt.
+      strict: shapes with views on both sides train whole (not Pixel2Mesh's split).
+
+    Examples:
+      ddf split ids.json --out lists
+      ddf split /data/shapenet --out lists --strict
+    """
+    from ddf.core import storage
+    from ddf.data import splits
+
+    classes = splits.split(read_listing(source), strict=strict)
+    result: dict[str, Any] = {"strict": strict}
+    for part in ("train", "test"):
+        text = splits.list_text(classes, part)
+        path = out / f"{part}_list.txt"
+        storage.write_text(path, text)
+        result[part] = {"path": path.as_posix(), "lines": text.count("\n"), "git_blob": splits.git_blob_id(text)}
+    result["classes"] = {
+        synset: {
+            "shapes": len(shapes),
+            "train": sum(len(shape.train_views) for shape in shapes),
+            "test": sum(len(shape.test_views) for shape in shapes),
+        }
+        for synset, shapes in classes.items()
+    }
+    pairs = [(synset, shape) for synset, shapes in classes.items() for shape in shapes]
+    result["straddling"] = [f"{synset}/{shape.id}" for synset, shape in pairs if shape.straddles]
+    result["table"] = results.grid(
+        ("class", "shapes", "train views", "test views"),
+        [(synset, *counts.values()) for synset, counts in result["classes"].items()],
+    )
+    result["verdict"] = (
+        f"{result['train']['lines']:,} train and {result['test']['lines']:,} test lines in {out}; "
+        f"{len(result['straddling']):,} shapes lie on both sides"
+    )
+    return result
+
+
+def read_listing(source: Path) -> dict[str, list[str]]:
+    """{synset: ids} from a JSON file, or from the folders of a ShapeNet root.
+
+    Raises:
+      InputError: neither is there, or the file holds something else; it is named.
+    """
+    from ddf.core import checks
+    from ddf.data import shapenet
+
+    if source.is_dir():
+        return {synset: shapenet.list_shapes(source, synset) for synset in shapenet.list_classes(source)}
+    if not source.is_file():
+        raise checks.InputError(f"{source}: no such file or folder; give IDS.json or a root with ShapeNetRendering/")
+    checks.require_content(source)
+    try:
+        listing = json.loads(
+            source.read_text(encoding="utf-8-sig"), object_pairs_hook=lambda pairs: _once(pairs, source)
+        )
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise checks.InputError(f"{source}: not valid JSON ({error})") from error
+    if not isinstance(listing, dict) or not all(isinstance(ids, list) for ids in listing.values()):
+        raise checks.InputError(f"{source}: must hold one JSON object {{synset: [ids]}}; got something else")
+    return {synset: [shapenet.check_name(name, str(source)) for name in ids] for synset, ids in listing.items()}
+
+
+def _once(pairs: list[tuple[str, Any]], source: Path) -> dict[str, Any]:
+    """A JSON object, unless a key is in it twice: the first one's shapes would be lost."""
+    from ddf.core import checks
+
+    listing: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in listing:
+            raise checks.InputError(f"{source}: {key!r} is given twice; give every synset once, with all its shapes")
+        listing[key] = value
+    return listing

@@ -1,1 +1,0 @@
-"""Commands about fields: fit one, ask it, draw it."""

@@ -1,0 +1,325 @@
+"""Commands about one field: fit it, ask it, draw points and triangles on it."""
+
+import dataclasses
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from ddf.cli import arguments, image_files, results
+from ddf.cli.arguments import FieldPath, MeshPath, Outputs, Points, Rays, Seed
+from ddf.cli.declare import Arg, command
+from ddf.fields import field_outputs
+
+if TYPE_CHECKING:
+    from ddf.fields import framed_field
+    from ddf.geometry import mesh_io
+
+ONNX = "field.onnx"  # of a folder, beside its weights
+
+
+@command("field", api="field:fit")
+def fit(
+    mesh: MeshPath,
+    out: arguments.OutFolder,
+    *,
+    config: Annotated[str | None, Arg("C")] = None,
+    kind: Literal["patches", "sine"] | None = None,
+    tolerance: Annotated[float | None, Arg("T")] = None,
+    minutes: Annotated[float | None, Arg("M", group="budget")] = None,
+    steps: Annotated[int | None, Arg("N", group="budget")] = None,
+    seed: Annotated[int | None, Arg("S")] = None,
+    threads: Annotated[int | None, Arg("N", parse=arguments.whole_number(1))] = None,
+    force: bool = False,
+) -> dict[str, Any]:
+    """Fit a field to one mesh, with held-out errors and a picture of it beside the mesh.
+
+    | `--kind` | the field | needs |
+    | --- | --- | --- |
+    | `patches`, the default | small planes and paraboloids in an octree, `--tolerance` from the mesh | seconds |
+    | `sine` | the paper's network | `--minutes` or `--steps`, which imply it; an interrupted fit goes on |
+
+    Args:
+      mesh: mesh file; fitted as it is, inner sheets included.
+      out: gets model.safetensors, log.csv, fit.json, fit.png; an interrupted or longer fit goes on there.
+      config: of sine: simple_fit, long_fit, paper_fit, or a file with a section `fit` (default: fit).
+      seed: of sine: of samples, initial weights and batches.
+      threads: of sine: of the CPU (default: the config's; with --minutes no more than stand idle, and never more than
+        OMP_NUM_THREADS).
+      force: replace the field of another mesh in OUT_DIR.
+
+    Examples:
+      ddf fit shape.obj my_field
+      ddf fit shape.obj my_field --minutes 2
+      ddf fit shape.obj my_field --steps 2000 --seed 1
+    """
+    from ddf.core import checks, storage
+    from ddf.core import config as config_files
+    from ddf.fit import fit_settings, fitting, patch_fitting
+    from ddf.geometry import mesh_io
+
+    options = {"config": config, "minutes": minutes, "steps": steps, "seed": seed, "threads": threads}
+    of_sine = [name for name, value in options.items() if value is not None]
+    if kind == "patches" and of_sine:
+        raise checks.InputError(f"--{of_sine[0]} is of --kind sine; patches take --tolerance alone")
+    if (kind == "sine" or of_sine) and tolerance is not None:
+        raise checks.InputError("--tolerance is of --kind patches")
+    if kind != "sine" and not of_sine:
+        from ddf.fields.grid import octree
+
+        patches = octree.PatchConfig() if tolerance is None else octree.PatchConfig(tolerance=tolerance)
+        loaded = mesh_io.load_surface(mesh)
+        result = patch_fitting.fit(loaded, patches, out, {mesh.name: storage.checksum(mesh)}, force=force)
+        spent = f"{result['patches']:,} patches, {result['bytes']:,} bytes"
+        return _inspected(out, loaded, result, spent, f"{result['seconds']:.1f} s, {spent}")
+    settings = fit_settings.FitConfig()
+    if config is not None:
+        settings = config_files.load(config_files.found_file(config), "fit", fit_settings.FitConfig)
+    if minutes is not None:
+        settings = dataclasses.replace(settings, steps=None, minutes=minutes)
+    if steps is not None:
+        settings = dataclasses.replace(settings, steps=steps, minutes=None)
+    if seed is not None:
+        settings = dataclasses.replace(settings, loop=dataclasses.replace(settings.loop, seed=seed))
+    loaded = mesh_io.load_surface(mesh)
+    used = threads_of(settings.loop.threads, threads, settings.steps is None)
+    result = fitting.fit(loaded, settings, out, {mesh.name: storage.checksum(mesh)}, threads=used, force=force)
+    spent = f"{result['steps']:,} steps in {result['seconds']:.0f} s"
+    few = f"; FEWER than {fitting.FEW_STEPS} steps: blurred, give it more minutes"
+    few = few if result["steps"] < fitting.FEW_STEPS else ""
+    return _inspected(out, loaded, result, f"{spent}; more --minutes go on from there", f"{spent}{few}")
+
+
+def _inspected(out: Path, mesh: "mesh_io.Mesh", result: dict[str, Any], already: str, after: str) -> dict[str, Any]:
+    """The result with how the field looks beside the mesh: a picture, a table and a verdict."""
+    from ddf.core import storage
+    from ddf.fields import stored_fields
+    from ddf.fit import fitting, inspection
+
+    picture, looks = out / inspection.PICTURE, result.get("looks")
+    verdict = f"{out}: fitted already, {already}" if result.pop("already") else f"field in {out} after {after}"
+    if looks is None or not picture.is_file():
+        field = stored_fields.load(out)
+        truth = inspection.beside(field, mesh)
+        looks = inspection.measure(field, truth)
+        storage.write_bytes(picture, image_files.encode(inspection.picture(field, truth), picture.suffix))
+        storage.write_json(out / fitting.METRICS, {**result, "looks": looks})
+    return {
+        **result,
+        "looks": looks,
+        "left_out": list(mesh.remarks),
+        "out": out.as_posix(),
+        "table": results.grid(("beside the mesh", "value", "unit", "that is"), inspection.verdicts(looks)),
+        "verdict": f"{verdict}; field above mesh in {picture}" + results.left_out(mesh.remarks),
+    }
+
+
+def threads_of(configured: int, asked: int | None, timed: bool) -> int:
+    """Threads of the fit. A fit by steps takes those of its config, for they are part of the result."""
+    if asked is not None:
+        return asked
+    limit = os.environ.get("OMP_NUM_THREADS", "")
+    threads = min(configured, int(limit)) if limit.isdigit() and int(limit) else configured
+    if timed and hasattr(os, "getloadavg"):
+        idle = (os.cpu_count() or 1) - round(os.getloadavg()[0])
+        threads = min(threads, max(1, idle))
+    return threads
+
+
+def load(path: Path, outputs: "set[str] | tuple[str, ...]") -> "framed_field.FramedField":
+    """The field of a file or a folder: by its ONNX file, which starts faster, where that gives all outputs asked for.
+
+    Raises:
+      FileNotFoundError, InputError: there is no such field, or it is damaged.
+    """
+    file = path / ONNX if path.is_dir() else path
+    if file.suffix == ".onnx" and file.is_file():
+        from ddf.io import onnx_field
+
+        found = onnx_field.load(file)
+        if file == path or {"visibility", *outputs} <= set(found.outputs):
+            return found
+    from ddf.fields import stored_fields
+
+    return stored_fields.load(path)
+
+
+@command("field", api="queries:query")
+def query(
+    field: FieldPath,
+    *,
+    rays: Rays,
+    out: Annotated[Path, Arg("OUT.npz", writes="file")],
+    outputs: Outputs = field_outputs.DEFAULT,
+) -> dict[str, Any]:
+    """What a field says along given rays: depth, visibility, normals, curvatures.
+
+    Depth is in the unit of the mesh, `inf` where nothing is seen.
+
+    Args:
+      out: gets one array per output.
+
+    Examples:
+      ddf query rabbit --rays rays.npz --out answers.npz
+      ddf query rabbit --rays rays.npz --out answers.npz --outputs depth,mean_curvature
+    """
+    from ddf.core import storage
+    from ddf.fields import framed_field
+    from ddf.geometry import rays as ray_files
+
+    points = ray_files.read_npz(rays)
+    found, evaluated = framed_field.query(load(field, outputs), points, outputs)
+    storage.write_bytes(out, image_files.npz(found))
+    total = len(points.positions)
+    return {
+        "rays": total,
+        "evaluated": evaluated,
+        "saved": total - evaluated,
+        "outputs": list(found),
+        "out": out.as_posix(),
+        "verdict": f"{', '.join(found)} of {total:,} rays; {evaluated:,} of them meet the box of the field",
+    }
+
+
+@command("field", api="field:points")
+def points(
+    field: FieldPath,
+    out: Annotated[Path, Arg("OUT.ply", writes="file")],
+    *,
+    points: Points = 5000,
+    cycles: Annotated[int, Arg("H")] = 3,
+    directions: Annotated[int, Arg("N")] = 16,
+    no_normals: bool = False,
+    seed: Seed = 0,
+) -> dict[str, Any]:
+    """A point cloud on the surface of a field, with its outward normals.
+
+    Args:
+      out: gets points and the field's normals there, in the mesh's frame.
+      cycles: projections N_H.
+      directions: tried per point and projection.
+      no_normals: write the points alone, in less time.
+
+    Examples:
+      ddf points rabbit cloud.ply -n 2000
+    """
+    from ddf.core import storage
+    from ddf.fields import stored_fields
+    from ddf.fit import surfaces
+    from ddf.geometry import mesh_io
+
+    shape = stored_fields.load(field)
+    started = time.monotonic()
+    found = stored_fields.points(shape, points, seed, num_directions=directions, cycles=cycles)
+    normals = None if no_normals else surfaces.normals_at(shape, found)
+    seconds = time.monotonic() - started
+    storage.write_bytes(out, mesh_io.points_ply(found, normals))
+    unknown = 0 if normals is None else int((normals == 0).all(axis=1).sum())
+    words = "without normals" if normals is None else f"with normals of the field {field.name}"
+    if unknown:
+        words += f" (0, 0, 0 at the {unknown:,} that it sees from no side)"
+    return {
+        "points": len(found),
+        "normals": None if normals is None else f"field {field}",
+        "without_normal": unknown,
+        "seconds": round(seconds, 4),
+        "out": out.as_posix(),
+        "table": {"lower corner": found.min(axis=0), "upper corner": found.max(axis=0), "seconds": seconds},
+        "verdict": f"{len(found):,} points {words} in {out}",
+    }
+
+
+@command("field", api="queries:udf")
+def udf(
+    field: FieldPath,
+    *,
+    points: Annotated[Path, Arg("P.npz")],
+    out: Annotated[Path, Arg("U.npz", writes="file")],
+) -> dict[str, Any]:
+    """Unsigned distances from points to the surface of a field, and the directions of its closest point.
+
+    Args:
+      points: positions: (N, 3), in the mesh's frame.
+      out: gets distances (N) in mesh units, directions (N, 3).
+
+    Examples:
+      ddf udf rabbit --points rays.npz --out distances.npz
+    """
+    import numpy as np
+
+    from ddf.api import field as fields
+    from ddf.core import storage
+    from ddf.geometry import rays as ray_files
+
+    (positions,) = ray_files.npz_vectors(points, ("positions",))
+    distances, directions = fields.load(field).udf(positions)
+    storage.write_bytes(out, image_files.npz({"distances": distances, "directions": directions}))
+    least, most = (float(f(distances)) if len(distances) else float("nan") for f in (np.min, np.max))
+    return {
+        "points": len(distances),
+        "method": "cloud",
+        "least": least,
+        "largest": most,
+        "out": out.as_posix(),
+        "verdict": f"distances of {len(distances):,} points, in mesh units, in {out}",
+    }
+
+
+@command("field", api="field:surface")
+def surface(
+    field: FieldPath,
+    out: Annotated[Path, Arg("OUT", writes="file")],
+    *,
+    method: Literal["poisson", "closed", "udf"] = "poisson",
+    points: Annotated[int, Arg("N", parse=arguments.whole_number(100, 20_000), like="n")] = 5000,
+    resolution: Annotated[int, Arg("N", parse=arguments.whole_number(8, 256))] = 64,
+    truth: Annotated[Path | None, Arg("MESH")] = None,
+) -> dict[str, Any]:
+    """A triangle mesh of a field: smooth, watertight, or with open and inner sheets.
+
+    `--truth` tells the mean distance between both surfaces (`chamfer_l1`, the true mesh's longest side is 2) and the
+    mean |n · n'| (`normal_consistency`).
+
+    Args:
+      out: gets the triangles (.ply, .obj, .stl, .off, .glb), in the frame of the mesh that was fitted.
+      truth: the true mesh, in the same frame: scores are told.
+
+    Examples:
+      ddf surface rabbit rabbit.ply
+      ddf surface my_field mesh.ply --method udf --truth shape.obj
+    """
+    import numpy as np
+
+    from ddf.api import field as fields
+    from ddf.data import mesh_topology
+    from ddf.geometry import mesh_io
+
+    mesh_io.require_suffix(out.suffix)
+    true = None if truth is None else mesh_io.load(truth)
+    shape = fields.load(field)
+    started = time.monotonic()
+    mesh = shape.surface(points, method, resolution)
+    seconds = time.monotonic() - started
+    mesh.save(out)
+    result: dict[str, Any] = {
+        "method": method,
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "watertight": bool(mesh_topology.is_watertight(mesh)),
+        "seconds": round(seconds, 3),
+        "out": out.as_posix(),
+    }
+    verdict = f"{len(mesh.faces):,} triangles in {out}"
+    if true is not None:
+        from ddf.metrics import cloud_scores
+
+        unit = 2 / float(np.ptp(true.surface_vertices(), axis=0).max())
+        same = [mesh_io.Mesh(unit * each.vertices, each.faces) for each in (mesh, true)]
+        scores = cloud_scores.compare_meshes(same[0], same[1])
+        result |= {
+            "chamfer_l1": scores.chamfer_l1,
+            "chamfer_l2_sq": scores.clouds.chamfer_l2_sq,
+            "normal_consistency": scores.normal_consistency,
+        }
+        verdict += f"; {scores.chamfer_l1:.4f} from the truth on average, whose longest side is 2"
+    return result | {"verdict": verdict}

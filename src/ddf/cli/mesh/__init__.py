@@ -1,1 +1,0 @@
-"""Commands about meshes and clouds: no field takes part."""

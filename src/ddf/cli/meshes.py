@@ -1,0 +1,366 @@
+"""Commands about meshes and clouds."""
+
+import io
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from ddf.cli import arguments, results
+from ddf.cli.arguments import MeshPath, Natural, Rays, Seed
+from ddf.cli.declare import Arg, command
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
+
+    from ddf.data.public import packages
+    from ddf.geometry import mesh_io, transforms
+
+FAR = 1e-3  # of the diagonal: what float32 rays may be off by before the user is told
+_BENCHMARK = (0.25, 1.25)  # diagonals of boxes for which the default threshold is meant: benchmark units to v1
+
+
+@command("mesh")
+def mesh(
+    source: Annotated[Path, Arg("IN")],
+    out: Annotated[Path, Arg("OUT", writes="file")],
+    *,
+    faces: Annotated[int, Arg("N")] = 10_000,
+    alpha: Annotated[float, Arg("A")] = 0.02,
+    offset: Annotated[float, Arg("D")] = 0.001,
+    wrap: Literal["auto", "always"] = "auto",
+    close: Literal["wrap", "holes"] = "wrap",
+    opening: Annotated[float, Arg("W")] = 1.0,
+) -> dict[str, Any]:
+    """Validate, close, decimate and normalise a mesh; say what was lost.
+
+    Distances are shares of the diagonal of the raw mesh's box.
+
+    Args:
+      source: mesh to read (.obj, .ply, .stl, .off, .glb, .gltf, .dae, .3mf, .ac, .acc).
+      out: mesh to write, in the field frame (.obj, .ply, .stl, .off, .glb).
+      faces: at most this many triangles.
+      alpha: openings narrower than this share of the diagonal are closed.
+      offset: distance of the wrap from the surface, share of the diagonal.
+      wrap: auto leaves a mesh alone that is closed already.
+      close: holes: fill openings first, and wrap only what is still not closed.
+      opening: --close holes fills openings up to this width, share of the diagonal.
+
+    Examples:
+      ddf mesh shape.obj closed.ply
+      ddf mesh shape.obj closed.obj --faces 500 --alpha 0.02
+    """
+    from ddf.data import mesh_config
+    from ddf.geometry import mesh_io
+
+    holes = opening if close == "holes" else 0.0
+    config = mesh_config.MeshesConfig(faces=faces, alpha=alpha, offset=offset, wrap=wrap, holes=holes)
+    mesh_io.require_suffix(out.suffix)
+    raw = mesh_io.load_surface(source)
+    from ddf.core import seeding, storage  # a bad file is refused before these load 0.9 GiB of packages
+    from ddf.data import mesh_preparation
+
+    prepared = mesh_preparation.prepare(raw, config, seeding.generator(config.seed, "measure"))
+    storage.write_bytes(out, mesh_io.export_bytes(prepared.mesh, out.suffix))
+
+    def share(value: float) -> str:
+        return f"{100 * value:.2g} % of the diagonal"
+
+    return {
+        "watertight": prepared.watertight,
+        "faces": len(prepared.mesh.faces),
+        "hausdorff": prepared.hausdorff,
+        "mean_distance": prepared.mean_distance,
+        **{name: getattr(prepared, name) for name in mesh_config.LOSSES[2:]},
+        "wrapped": prepared.wrapped,
+        "openings_filled": prepared.openings_filled,
+        "faces_raw": len(raw.faces),
+        "seconds": round(prepared.seconds, 3),
+        "transform": prepared.field_from_raw.to_dict(),
+        "left_out": list(raw.remarks),
+        "outcome": prepared.verdict,
+        "table": {
+            "faces": f"{len(prepared.mesh.faces):,} of {len(raw.faces):,}",
+            "way": "closed by a wrap" if prepared.wrapped else "closed already, kept as it is",
+            "largest distance": share(prepared.hausdorff),
+            "of what is seen": share(prepared.hausdorff_seen),
+            "mean distance": share(prepared.mean_distance),
+            "mean of what is seen": share(prepared.mean_distance_seen),
+            "of hidden parts, largest": share(prepared.hausdorff_hidden),
+            "of parts cut off, largest": share(prepared.lost),
+            "left out": "; ".join(raw.remarks) or "nothing",
+            "seconds": prepared.seconds,
+        },
+        "verdict": f"watertight: {'yes' if prepared.watertight else 'NO'}, {len(prepared.mesh.faces):,} faces; "
+        f"{prepared.verdict}",
+    }
+
+
+@command("mesh")
+def cast(mesh: MeshPath, *, rays: Rays, out: Annotated[Path, Arg("HITS.npz", writes="file")]) -> dict[str, Any]:
+    """Exact depth, visibility and normals of a mesh along given rays.
+
+    Everything is in the frame and the unit of the file; depth is `inf` on a miss.
+
+    Args:
+      mesh: mesh file; cast as it is, without closing it.
+      out: gets depth, visible, normals.
+
+    Examples:
+      ddf cast shape.obj --rays rays.npz --out hits.npz
+    """
+    import numpy as np
+
+    from ddf.core import storage
+    from ddf.geometry import exact_cast, mesh_io, raycast
+    from ddf.geometry import rays as ray_files
+
+    points = ray_files.read_npz(rays)
+    loaded = mesh_io.load(mesh)
+    hits = exact_cast.cast(loaded, points)
+    buffer = io.BytesIO()
+    np.savez(buffer, depth=hits.depth, visible=hits.visible, normals=hits.normals)
+    storage.write_bytes(out, buffer.getvalue())
+    count, seen = len(hits.depth), int(hits.visible.sum())
+    verdict = f"{seen:,} of {count:,} rays hit; depth is in units of {mesh}, inf on a miss"
+    verdict += results.left_out(loaded.remarks)
+    bound = raycast.float32_bound(loaded, points)
+    if bound > FAR * loaded.diagonal():
+        verdict += f"; starts lie so far away that float32 positions or directions are off by up to {bound:.2g}"
+    found = {"rays": count, "hits": seen, "float32_bound": bound, "left_out": list(loaded.remarks)}
+    return {**found, "out": out.as_posix(), "verdict": verdict}
+
+
+@command("mesh")
+def samples(
+    mesh: MeshPath,
+    out: Annotated[Path, Arg("OUT.safetensors", writes="file")],
+    *,
+    seed: Seed = 0,
+    count: Annotated[int, Arg("N")] = 250_000,
+    epsilon: Annotated[float, Arg("E")] = 0.05,
+    box: Literal["tight", "cube"] = "tight",
+    watertight: bool = False,
+) -> dict[str, Any]:
+    """The six types of oriented-point samples of a mesh.
+
+    The file is described among the [formats](formats.md).
+
+    Args:
+      mesh: mesh file; sampled as it is, in the field frame.
+      out: gets <type>.positions, ... (docs/formats.md).
+      seed: equal seeds, equal bytes.
+      count: of types U and A; the others N/2.
+      epsilon: offset of O samples, field units.
+      box: the shape's box or [-1, 1]^3.
+      watertight: close and decimate the mesh first, as `ddf mesh` does.
+
+    Examples:
+      ddf samples shape.obj samples.safetensors --count 2000
+    """
+    from ddf.core import checks
+
+    if count < 2:
+        raise checks.InputError(f"--count must be >= 2; got {count}")
+    import numpy as np
+
+    from ddf.core import storage
+    from ddf.data.samples import extraction, sample_types
+    from ddf.geometry import mesh_io
+
+    counts = {kind: count if kind in "UA" else count // 2 for kind in sample_types.KINDS}
+    config = extraction.SamplesConfig(counts=counts, epsilon_o=epsilon, offsets="fixed", box=box, seed=seed)
+    raw = mesh_io.load_surface(mesh)
+    in_field_frame, field_from_raw = _field_mesh(raw, watertight)
+    arrays, probes = extraction.extract(in_field_frame, config)
+    metadata = {
+        "seed": seed,
+        "sources": {mesh.name: storage.checksum(mesh)},
+        "field_from_raw": field_from_raw.to_dict(),
+        "packing_errors": extraction.packing_errors([probes]),
+    }
+    storage.save_tensors(out, arrays, metadata)
+    shares = {kind: float(np.mean(arrays[f"{kind}.depth"] != np.iinfo(np.uint16).max)) for kind in counts}
+    return {
+        "counts": counts,
+        "hit_share": shares,
+        **metadata,
+        "left_out": list(raw.remarks),
+        "out": out.as_posix(),
+        "table": results.grid(
+            ("type", "samples", "hit"), [(kind, number, f"{shares[kind]:.1%}") for kind, number in counts.items()]
+        ),
+        "verdict": f"{sum(counts.values()):,} samples in {out}{results.left_out(raw.remarks)}",
+    }
+
+
+def _field_mesh(raw: "mesh_io.Mesh", watertight: bool) -> "tuple[mesh_io.Mesh, transforms.Similarity]":
+    """The mesh in the field frame, and the way there."""
+    from ddf.core import seeding
+    from ddf.geometry import mesh_io, transforms
+
+    if watertight:
+        from ddf.data import mesh_preparation
+
+        config = mesh_preparation.MeshesConfig()
+        prepared = mesh_preparation.prepare(raw, config, seeding.generator(config.seed, "measure"))
+        return prepared.mesh, prepared.field_from_raw
+    field_from_raw = transforms.field_from_mesh(raw.surface_vertices())
+    solid = mesh_io.without_flat(raw)
+    return mesh_io.Mesh(field_from_raw.apply(solid.vertices), solid.faces), field_from_raw
+
+
+@command("mesh", api="meshes:compare")
+def compare(
+    pred: Annotated[Path, Arg("PRED")],
+    truth: Annotated[Path, Arg("TRUTH")],
+    *,
+    tau_sq: Annotated[float, Arg("T")] = 1e-4,
+    points: Natural = 10_000,
+    seed: Annotated[int, Arg("S", parse=arguments.whole_number(0))] = 0,
+    relative: bool = False,
+    vertices: bool = False,
+) -> dict[str, Any]:
+    """Chamfer distance and F-scores of two clouds or meshes, nothing scaled.
+
+    Args:
+      pred: prediction: a PLY cloud, or a mesh, on which points are drawn by area.
+      truth: truth, likewise, in the same frame and units.
+      points: drawn on each mesh.
+      seed: of these points.
+      vertices: of a mesh, take the vertices instead.
+
+    Examples:
+      ddf compare cloud.ply truth.ply
+      ddf compare cloud.ply shape.obj --points 30000 --seed 1
+      ddf compare cloud.ply scan_in_millimetres.stl --relative
+    """
+    import numpy as np
+
+    from ddf.api import meshes
+    from ddf.core import checks, seeding
+    from ddf.metrics import cloud_scores
+
+    def read(path: Path, stream: str) -> "tuple[Float[np.ndarray, 'n 3'], str]":
+        """Points of a file, and in words which; each of the two meshes has a random stream of its own."""
+        from ddf.geometry import mesh_io
+
+        if path.suffix.lower() == ".ply" or path.suffix.lower() not in mesh_io.READ:
+            is_mesh = mesh_io.has_faces(path)
+            if vertices or not is_mesh:
+                found = mesh_io.read_points(path)
+                return found, f"{len(found):,} {'vertices' if is_mesh else 'points'}"
+        loaded = mesh_io.load(path)
+        if vertices:
+            return loaded.vertices, f"{len(loaded.vertices):,} vertices"
+        from ddf.data.samples import draws
+
+        drawn, _ = draws.Surface.of(loaded).draw(points, seeding.generator(seed, "compare", stream))
+        return drawn, f"{len(drawn):,} points drawn by area (seed {seed})"
+
+    clouds = []
+    for name, path in (("pred", pred), ("truth", truth)):
+        try:
+            clouds.append(read(path, name))
+        except MemoryError as fault:
+            raise checks.InputError(f"{path}: does not fit into memory") from fault
+    (pred_points, pred_is), (true_points, truth_is) = clouds
+    diagonal = float(np.linalg.norm(np.ptp(true_points, axis=0)))
+    compared = meshes.compare(pred_points, true_points, tau_sq, relative).to_dict()
+    units = {metric.score: metric.unit for metric in cloud_scores.METRICS.values()}
+    length = "of the box's diagonal" if relative else "units"
+    verdict = f"F-score {compared['f_score_tau']:.1%} within {tau_sq**0.5:.4g} {length}: "
+    verdict += f"{pred_is} of {pred.name} against {truth_is} of {truth.name}"
+    if not (relative or _BENCHMARK[0] < diagonal < _BENCHMARK[1]):
+        verdict += f"; the truth's box measures {diagonal:.4g} units: --relative takes shares of that"
+    found = {**compared, "tau_sq": tau_sq, "box_diagonal": diagonal, "relative": relative}
+    table = results.grid(
+        ("score", "value", "unit"), [(name, value, units.get(name, "")) for name, value in found.items()]
+    )
+    return {**found, "pred": pred_is, "truth": truth_is, "table": table, "verdict": verdict}
+
+
+@command("mesh", actions="[get [CATEGORY ...]]")
+def shapes() -> dict[str, Any]:
+    """Shapes of other people: chairs, planes, cars, ...; fetching them.
+
+    411 chairs, planes, cars, tables, sofas, cabinets, lamps and beds, each with its own licence, from nine packages of
+    Debian's archive. `get` runs `apt-get download`, which needs no rights, or takes `.deb` files from a folder. 124 MB
+    are kept in `~/.cache/ddf/shapes`.
+
+    Examples:
+      ddf shapes
+      ddf shapes get
+      ddf shapes get chair table --from ~/Downloads
+    """
+    from collections import Counter
+
+    from ddf.data.public import manifest, packages
+
+    rows = manifest.rows()
+    counts = Counter((row.category, part) for row in rows for part in (row.split, row.licence))
+    licences = sorted({row.licence for row in rows})
+    header = ("category", *manifest.SPLITS, *licences)
+    table = [(name, *(counts[name, part] for part in header[1:])) for name in sorted({row.category for row in rows})]
+    credits = {licence: sorted({row.creator for row in rows if row.licence == licence}) for licence in licences}
+    return {
+        "categories": [dict(zip(header, entry, strict=True)) for entry in table],
+        "packages": [_described(package) for package in packages.PACKAGES.values()],
+        "credits": credits,
+        "table": [
+            *results.grid(header, table),
+            "",
+            *(f"{licence}: {', '.join(names)}" for licence, names in credits.items()),
+            "",
+        ],
+        "verdict": f"{len(rows)} shapes of {len(packages.PACKAGES)} packages; `ddf shapes get` fetches them",
+    }
+
+
+@shapes.action("get")
+def shapes_get(
+    categories: Annotated[list[str], Arg("CATEGORY", nargs="*")],
+    *,
+    source: Annotated[Path | None, Arg("DIR", ("--from",))] = None,
+) -> dict[str, Any]:
+    """Fetch the shapes of some categories.
+
+    Args:
+      categories: of the list that `ddf shapes` prints; else all.
+      source: folder with the packages' .deb files.
+    """
+    from ddf.core import checks
+    from ddf.data.public import manifest, packages
+
+    known = sorted({row.category for row in manifest.rows()})
+    for name in categories:
+        if name not in known:
+            raise checks.InputError(f"no category is called {name!r}; there are {', '.join(known)}")
+    rows = manifest.of(categories or known)
+    needed = [package for package in packages.PACKAGES.values() if any(row.package == package.name for row in rows)]
+    if source is None:
+        packages.require_means(
+            [package for package in needed if not packages.has(package, manifest.wanted(package.name))]
+        )
+    for package in needed:
+        sys.stderr.write(f"{package}: {package.size / 1e6:.0f} MB, SHA-256 {package.sha256}\n")
+        packages.require(package, manifest.wanted(package.name), source)
+    return {
+        "packages": [_described(package) for package in needed],
+        "shapes": len(rows),
+        "table": {package.name: packages.kept(package).as_posix() for package in needed},
+        "verdict": f"{len(rows)} shapes in {packages.cache()}",
+    }
+
+
+def _described(package: "packages.Package") -> dict[str, Any]:
+    from ddf.data.public import packages
+
+    kept = packages.kept(package)
+    return {
+        "name": package.name,
+        "version": package.version,
+        "bytes": package.size,
+        "sha256": package.sha256,
+        "path": kept.as_posix() if kept.is_file() else None,
+    }

@@ -1,1 +1,0 @@
-"""Commands about trained models: list, use and export them."""

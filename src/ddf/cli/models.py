@@ -1,0 +1,375 @@
+"""Commands about trained models: the shipped ones, a thing from an image or a scan, new shapes, files of a model."""
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from ddf.cli import arguments, image_files, results
+from ddf.cli.arguments import ModelPath, OutFolder
+from ddf.cli.declare import Arg, command
+from ddf.core import shipped_models
+
+if TYPE_CHECKING:
+    import torch
+
+    from ddf.fields import shape_field
+    from ddf.pictures import field_pictures, picture_strips
+    from ddf.reconstruction import sampler
+
+BATCHES = (1, 7, 65536)  # rays that an ONNX file and its model are compared with
+_LIKELY = 0.5  # share of explained hits under which a scan is called unlike the category
+_INTERPOLATED = 6  # shapes between two samples, both ends among them
+_SIZE, _PER_LINE = 192, 4  # pixels a side of a picture of a sample; pictures beside each other
+_CAMERA = (-35.0, 20.0)  # of these: azimuth and elevation, degrees
+_CloudPoints = Annotated[int, Arg(None, ("-n", "--points"), like="n")]
+
+
+@command("model", actions="[get NAME OUT]")
+def models() -> dict[str, Any]:
+    """The trained models and fields that come with the package.
+
+    `ddf models get NAME OUT` copies one, with its card and sample images. A name of the list stands wherever a command
+    takes a FIELD or a MODEL of its kind.
+
+    Examples:
+      ddf models
+      ddf models get chair chair_model
+    """
+    listed = shipped_models.listed()
+    rows = [(m.name, m.kind, f"{m.num_bytes / 1e6:.1f} MB", m.summary) for m in listed]
+    return {
+        "models": [
+            {
+                "name": m.name,
+                "kind": m.kind,
+                "path": m.folder.as_posix(),
+                "bytes": m.num_bytes,
+                "summary": m.summary,
+                "files": sorted(m.files),
+            }
+            for m in listed
+        ],
+        "table": results.grid(("name", "kind", "size", "what"), rows),
+        "verdict": f"{len(listed)} models; a name stands wherever a command takes a FIELD or a MODEL of its kind",
+    }
+
+
+@models.action("get")
+def models_get(name: Annotated[str, Arg("NAME")], out: Annotated[Path, Arg("OUT", writes="folder")]) -> dict[str, Any]:
+    """Copy the files of a model to a folder.
+
+    Args:
+      name: of the list that `ddf models` prints.
+      out: files of the same name are replaced.
+    """
+    from ddf.core import checks, errors, storage
+
+    listed = {model.name: model for model in shipped_models.listed()}
+    if name not in listed:
+        raise checks.InputError(f"no model is called {name!r}; there are {errors.known_names(name, listed)}")
+    model = listed[name]
+    for file in model.files:
+        storage.write_bytes(out / file, (model.folder / file).read_bytes())
+    return {
+        "name": name,
+        "kind": model.kind,
+        "path": out.as_posix(),
+        "bytes": model.num_bytes,
+        "files": sorted(model.files),
+        "verdict": f"{len(model.files)} files of {name} in {out}",
+    }
+
+
+@command("model", api="reconstruction:reconstruct")
+def reconstruct(
+    images: Annotated[list[Path], Arg("IMAGE")],
+    model: ModelPath,
+    out: OutFolder,
+    *,
+    mask: Annotated[Path | None, Arg("FILE")] = None,
+    background: Annotated[str, Arg("HOW")] = "auto",
+    points: _CloudPoints = 5000,
+    seed: int = 0,
+    known: Annotated[Path | None, Arg("POINTCLOUDS")] = None,
+) -> dict[str, Any]:
+    """Field, mesh, cloud and camera from a picture with a trained model.
+
+    - The object may stand anywhere in the picture: it is framed as the training images are.
+    - The folder is a field for every other command. `shape.glb` has the picture's colours where that sees the mesh,
+      `picture.png` shows the picture and the field from four sides.
+    - Several pictures before the model get a folder each.
+    - The verdict: `like the training images`, `unusual: expect errors` (beyond 90 % of them), or `no chair` (beyond
+      99 %).
+
+    Args:
+      images: pictures of one object each: PNG, WebP, JPEG or GIF.
+      out: gets the field, shape.glb, shape.ply, cloud.ply, camera.json and picture.png; of several pictures, a folder
+        for each.
+      known: what stage pointclouds made with the model (artifacts/cpu/pointclouds/chair), which tells how shapes vary:
+        the shape then moves until its silhouette agrees with the picture.
+
+    Examples:
+      ddf reconstruct chair_model/sample_0.png chair my_chair
+      ddf reconstruct chair_model/sample_0.png chair_model/sample_1.png chair my_chairs
+    """
+    from ddf.api import reconstruction
+    from ddf.core import checks
+
+    if mask is not None and len(images) > 1:
+        raise checks.InputError("--mask is of one picture; give one")
+    outs = _folders(images, out)
+    of = reconstruction.reconstructor(model, known)
+    made = []
+    for image, folder in zip(images, outs, strict=True):
+        found = of(image, points, seed, mask, background).save(folder)
+        made.append(found | {"image": image.as_posix(), "out": folder.as_posix()})
+    lines = [_line(result) for result in made]
+    if len(made) == 1:
+        return made[0] | {"table": {}, "verdict": lines[0]}
+    return {"images": made, "table": lines, "verdict": f"{len(made)} pictures"}
+
+
+def _folders(images: Sequence[Path], out: Path) -> list[Path]:
+    """Where each picture's files go: the folder itself, or one below it named as the picture."""
+    from ddf.core import checks
+
+    names = [image.stem for image in images]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise checks.InputError(f"two images are called {twice[0]!r}, and so would be their folders; rename one")
+    return [out] if len(images) == 1 else [out / name for name in names]
+
+
+def _line(result: Mapping[str, Any]) -> str:
+    """The verdict, the camera, and what was made."""
+    view, seconds = result["camera"], sum(result["seconds"].values())
+    return (
+        f"{result['image']}: {result['verdict']}; seen from {view['azimuth_deg']:.0f},{view['elevation_deg']:.0f},"
+        f"{view['radius']:.2f}; {result['points']:,} points and {result['faces']:,} triangles in {result['out']} after "
+        f"{seconds:.1f} s"
+    )
+
+
+@command("model", api="completion:complete")
+def complete(
+    scan: Annotated[Path, Arg("SCAN")],
+    model: ModelPath,
+    out: OutFolder,
+    *,
+    pose: Annotated[Path | None, Arg("POSE.json")] = None,
+    fixed: bool = False,
+    up: Literal["y", "z", "-y"] = "y",
+    noise: float = 0.0,
+    image: Annotated[Path | None, Arg("IMAGE.png")] = None,
+    points: _CloudPoints = 5000,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """The whole object, and its pose, from a depth image or a lidar scan of it.
+
+    [Completing](complete.md) tells what a scan is.
+
+    Args:
+      scan: NPZ of rays with ranges, of a depth image or of points with sensors; or a depth PNG: docs/complete.md.
+      out: gets the field as model.safetensors, seen.ply, inferred.ply, cloud.npz, completion.json.
+      pose: 4x4, where the object's box lies (default: found by itself).
+      fixed: the pose is known, and does not move.
+
+    Examples:
+      ddf complete scan.npz chair whole_chair
+      ddf complete scan.npz chair whole_chair --pose pose.json --fixed --noise 0.005
+    """
+    import json
+
+    import numpy as np
+
+    from ddf.api import completion
+    from ddf.core import checks, storage
+    from ddf.geometry import mesh_io
+
+    if fixed and pose is None:
+        raise checks.InputError("--fixed needs --pose: a pose that is not given cannot stay")
+    matrix = None
+    if pose is not None:
+        try:
+            matrix = np.array(json.loads(pose.read_text(encoding="utf-8")), dtype=np.float64)
+        except (ValueError, TypeError, UnicodeDecodeError) as error:
+            raise checks.InputError(f"{pose}: must hold a 4x4 matrix as JSON ({error})") from error
+    started = time.monotonic()
+    found = completion.complete(
+        scan, model, matrix, refine=not fixed, up=up, noise=noise, image=image, n=points, seed=seed
+    )
+    seconds = time.monotonic() - started
+    found.save(out)
+    halves = {"seen": found.seen, "inferred": ~found.seen}
+    for name, chosen in halves.items():
+        storage.write_bytes(out / f"{name}.ply", mesh_io.points_ply(found.points[chosen]))
+    arrays = {"points": found.points, "seen": found.seen, "spread": found.spread, "residuals": found.residuals}
+    storage.write_bytes(out / "cloud.npz", image_files.npz(arrays))
+    both = np.abs(found.residuals[np.isfinite(found.residuals)])
+    result = {
+        "pose": found.pose.tolist(),
+        "explained": found.explained,
+        "residual_median": float(np.median(both)) if len(both) else None,
+        "seen": float(found.seen.mean()),
+        "spread_median": {
+            name: float(np.nanmedian(found.spread[chosen])) if np.isfinite(found.spread[chosen]).any() else None
+            for name, chosen in halves.items()
+        },
+        "seconds": round(seconds, 3),
+        "out": out.as_posix(),
+    }
+    storage.write_json(out / "completion.json", result)
+    verdict = f"{out}: {found.explained:.0%} of the hits explained, {found.seen.mean():.0%} of the surface was seen"
+    if found.explained < _LIKELY:
+        verdict += "; WARNING: perhaps another category, pose or unit"
+    return result | {"verdict": verdict}
+
+
+@command("model", api="reconstruction:generate")
+def generate(
+    model: Annotated[Path, Arg("MODEL")],
+    out: OutFolder,
+    *,
+    samples: Annotated[int, Arg(None, ("-n", "--samples"), arguments.whole_number(1, 1000), like="n")] = 8,
+    seed: Annotated[int, Arg(parse=arguments.whole_number(0))] = 0,
+) -> dict[str, Any]:
+    """Samples of a trained model: fields, normals, and the images of an image GAN.
+
+    Each sample is a field that every other command opens, with a picture. `samples.webp` shows all of them,
+    `between.webp` what lies between the first two. `make reproduce-generative` trains further models:
+    [generative models](generative.md).
+
+    Args:
+      out: gets a folder with a field and pictures for each sample, and sheets of all.
+
+    Examples:
+      ddf generate chair new_chairs
+      ddf generate artifacts/generative/train_gan/car new_cars -n 4 --seed 1
+    """
+    from ddf.core import storage
+    from ddf.fields import shape_field
+    from ddf.models import generated_images
+    from ddf.pictures import picture_strips
+    from ddf.reconstruction import sampler
+
+    path = shipped_models.require(model, "reconstruction")
+    drawn = sampler.load(path.parent if path.is_file() else path)
+    latents = generated_images.latents(samples, drawn.features, seed, "samples")
+    features = drawn.images.config.texture_features if drawn.images else 0
+    textures = generated_images.latents(samples, features, seed, "textures")
+    shapes = [drawn.decode(latent) for latent in latents]
+    looks = [_look(drawn, *pair) for pair in zip(shapes, textures, strict=True)]
+    for number, (shape, seen) in enumerate(zip(shapes, looks, strict=True)):
+        folder = out / f"{number:03d}"
+        shape_field.save(shape, folder, {"fingerprint": "", "seed": seed, "sources": {}})
+        for name, picture in seen.items():
+            storage.write_bytes(folder / f"{name}.png", image_files.encode(picture, ".png"))
+    made = {"samples": _rows(looks)}
+    if samples > 1:
+        ends = [generated_images.between((each[0], each[1]), _INTERPOLATED) for each in (latents, textures)]
+        steps = [_look(drawn, drawn.decode(latent), texture) for latent, texture in zip(*ends, strict=True)]
+        made["between"] = _rows(steps, _INTERPOLATED)
+    for name, rows in made.items():
+        storage.write_bytes(out / f"{name}.webp", picture_strips.sheet(rows, _SIZE))
+    return {
+        "samples": [f"{number:03d}" for number in range(samples)],
+        "sheets": [f"{name}.webp" for name in made],
+        "images": bool(features),
+        "seed": seed,
+        "out": out.as_posix(),
+        "verdict": f"{out}: {samples} samples; each opens as a field: ddf render {(out / '000').as_posix()} OUT.png",
+    }
+
+
+def _look(
+    model: "sampler.Sampler", shape: "shape_field.ShapeField", texture: "torch.Tensor"
+) -> "dict[str, field_pictures.Picture]":
+    """The shape under a lamp and, of an image GAN, its image with that texture."""
+    from ddf.fields import framed_field
+    from ddf.models import generated_images
+    from ddf.pictures import field_pictures, shaded
+
+    camera = (*_CAMERA, framed_field.framing_radius(shape, *_CAMERA))
+    standing = shaded.stand(shape)
+    found = {"shape": shaded.render(standing, camera, _SIZE, shaded.window(standing, [camera])).picture}
+    if model.images is not None:
+        (seen_from,) = generated_images.cameras_around(1, generated_images.ELEVATION_DEG, generated_images.RADIUS)
+        (image,) = generated_images.look(model.images, shape.field, seen_from, texture[None]).colours
+        found["image"] = field_pictures.to_bytes(image.permute(1, 2, 0).cpu().numpy())
+    return found
+
+
+def _rows(
+    looks: "Sequence[dict[str, field_pictures.Picture]]", per_line: int = _PER_LINE
+) -> "list[picture_strips.Row]":
+    """Lines of shapes, each above that of its images."""
+    import numpy as np
+
+    lines = [looks[start : start + per_line] for start in range(0, len(looks), per_line)]
+    return [
+        ("", np.stack([each[name].transpose(2, 0, 1) / 255 for each in line])) for line in lines for name in looks[0]
+    ]
+
+
+@command("model")
+def export(
+    model: Annotated[list[Path], Arg("MODEL", parse=shipped_models.place, reads=("field", "reconstruction"))],
+    out: Annotated[Path, Arg("OUT", writes="file")],
+    *,
+    graph: str | None = None,
+    outputs: arguments.Outputs | None = None,
+    precision: Literal["float32", "float16", "bfloat16"] = "float32",
+) -> dict[str, Any]:
+    """A trained model as an ONNX file, checked against onnxruntime.
+
+    [ONNX](onnx.md) tells its inputs. A name that ends in `.html` gives the page of `ddf view`.
+
+    Args:
+      model: trained model (artifacts/cpu/train_ddf/chair), a folder that `ddf fit` wrote, or a name of `ddf models`;
+        several fields for a page alone.
+      out: file to write: .onnx, or .html for the page of `ddf view`.
+      graph: field, encoders or image_field of a DDF model (field if not given), pcsiren or pcsiren_encoders.
+      precision: of the weights; below float32 the error is reported and held to no tolerance.
+
+    Examples:
+      ddf export rabbit field.onnx
+      ddf export rabbit small.onnx --precision float16 --outputs depth,visibility
+      ddf export rabbit armchair pair.html
+    """
+    if out.suffix.lower() == ".html":
+        from ddf.cli import views
+        from ddf.io import viewer_page
+
+        size = viewer_page.write(out, views.page_of(model))
+        return {"out": out.as_posix(), "bytes": size, "verdict": f"{out}: {size:,} bytes; any browser opens it"}
+    from ddf.core import checks
+    from ddf.fields import field_outputs, model_files
+    from ddf.io import onnx_file
+
+    first, *others = model
+    if others:
+        raise checks.InputError(f"{out}: an ONNX file holds one model; give one, or a name that ends in .html")
+    settings = onnx_file.ExportConfig(field_outputs.DEFAULT, BATCHES)
+    folder = first.parent if first.name == model_files.MODEL else first
+    graphs, source = onnx_file.load_graphs(folder, outputs)
+    name = graph or next(iter(graphs))
+    if name not in graphs:
+        raise checks.InputError(f"--graph must be one of {', '.join(graphs)} for {folder}; got {name!r}")
+    rows = onnx_file.export(graphs[name], name, out, source, settings, precision)
+    parity = onnx_file.figures(rows)
+    worst = max(parity, key=lambda output: parity[output]["max_abs"])
+    return {
+        "graph": name,
+        "opset": onnx_file.OPSET,
+        "precision": precision,
+        "bytes": rows[0].bytes,
+        "inputs": {key: list(shape) for key, shape in graphs[name].inputs.items()},
+        "parity": parity,
+        "table": results.grid(
+            ("output", "largest difference", "tolerance"),
+            [(output, entry["max_abs"], entry["tolerance"]) for output, entry in parity.items()],
+        ),
+        "verdict": f"{out}: graph {name}, opset {onnx_file.OPSET}, {precision}, {rows[0].bytes:,} bytes; "
+        f"onnxruntime and torch differ most in {worst}, by {results.cell(parity[worst]['max_abs'])}",
+    }

@@ -1,0 +1,394 @@
+"""Commands that show fields: pictures of one field or of a scene, and the page that renders them live."""
+
+import argparse
+import dataclasses
+import tempfile
+import time
+import webbrowser
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from ddf.cli import arguments, image_files, results
+from ddf.cli.arguments import CameraOption, FieldPath, ImageOutputs, PictureOutputs
+from ddf.cli.declare import Arg, command
+from ddf.cli.fields import load
+from ddf.core import shipped_models
+from ddf.fields import field_outputs
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ddf.api import scene as scenes
+    from ddf.fields import scene_field
+    from ddf.io import viewer_page
+
+_FRAME_MS = 80
+_PAGE = ".html"
+
+
+@command("field", api="queries:render")
+def render(
+    field: FieldPath,
+    out: Annotated[Path, Arg("OUT", writes="file")],
+    *,
+    camera: CameraOption = arguments.FirstCamera,
+    size: Annotated[int, Arg("N", parse=arguments.whole_number(1, 8192))] = 256,
+    outputs: PictureOutputs = None,
+    turn: Annotated[int | None, Arg("N", parse=arguments.whole_number(2, 360))] = None,
+    bits: Literal[8, 16] = 8,
+    up: arguments.Up = "y",
+) -> dict[str, Any]:
+    """A picture, or the arrays, of what a camera sees of a field.
+
+    The file's suffix says what is written.
+
+    | file | holds |
+    | --- | --- |
+    | `.png`, `.webp` | a shaded picture, or one output by `--output`; `--turn 36`: a shaded one that turns |
+    | `.png` with `--bits 16` | depth = value × step, 0 where nothing is seen; the step is printed and in the file |
+    | `.npz`, `.exr` | the arrays of all outputs that `--output` names; in EXR float32 channels |
+
+    Shadows are asked of the field; most pixels take two rays, outlines and edges of shadows up to 18.
+
+    Args:
+      out: .png, .webp, .npz, .exr: a picture of one output, or the numbers of several (npz, exr).
+      turn: a shaded picture that moves: N around the field.
+      bits: 16: a PNG of depth holds the numbers, depth = value x step, 0 where nothing is seen (default 8: colours).
+
+    Examples:
+      ddf render rabbit rabbit.png
+      ddf render rabbit turn.webp --turn 36
+      ddf render rabbit normals.webp --output normals --camera -30,20 --size 512
+      ddf render rabbit seen.npz --output visibility,depth,normals
+      ddf render rabbit depth16.png --bits 16
+    """
+    suffix = out.suffix.lower()
+    if outputs is None:
+        numbers = suffix not in image_files.PICTURES or bits == 16
+        outputs = ("depth",) if numbers else (arguments.SHADED,)
+    _require_holds(out, suffix, outputs, turn, bits)
+    if outputs == (arguments.SHADED,):
+        return _shaded(field, out, camera, size, turn, up)
+    from ddf.fields import framed_field
+
+    shape = load(field, outputs)
+    azimuth, elevation, radius = camera
+    if radius is None:
+        radius = framed_field.framing_radius(shape, azimuth, elevation, up)
+    started = time.monotonic()
+    images, evaluated = framed_field.render(shape, (azimuth, elevation, radius), size, {"visibility", *outputs}, up)
+    seconds = time.monotonic() - started
+    drawn = {name: images[name] for name in outputs}
+    seen = images["visibility"] >= framed_field.SEEN
+    ranges = {name: _range(values, seen) | {"unit": field_outputs.OUTPUTS[name].unit} for name, values in drawn.items()}
+    step = _write(out, suffix, bits, drawn, images)
+    verdict = (
+        f"{out}: {size} x {size} pixels, {seen.mean():.0%} of them see the object "
+        f"from {azimuth:g},{elevation:g},{radius:.3g}; {evaluated:,} rays in {seconds:.2f} s"
+    )
+    if step is not None:
+        verdict += f"; depth = value x {step:.6g}, 0 where nothing is seen"
+    rows = [(name, found["min"], found["max"], found["unit"]) for name, found in ranges.items()]
+    return {
+        "output": ",".join(outputs),
+        "range": ranges,
+        "camera": {"azimuth_deg": azimuth, "elevation_deg": elevation, "radius": radius},
+        "pixels": size**2,
+        "evaluated": evaluated,
+        "saved": size**2 - evaluated,
+        "seen": int(seen.sum()),
+        "seconds": round(seconds, 4),
+        "out": out.as_posix(),
+        **({} if step is None else {"depth_step": step}),
+        "table": results.grid(("output", "least", "largest", "unit"), rows),
+        "verdict": verdict,
+    }
+
+
+def _require_holds(out: Path, suffix: str, outputs: tuple[str, ...], turn: int | None, bits: int) -> None:
+    """Raise when the file cannot hold what is asked for."""
+    from ddf.core import checks
+
+    pictures, shaded = image_files.PICTURES, outputs == (arguments.SHADED,)
+    if suffix not in (*pictures, *image_files.ARRAYS):
+        raise checks.InputError(f"{out}: must end in one of {', '.join((*pictures, *image_files.ARRAYS))}")
+    if shaded and suffix not in pictures:
+        raise checks.InputError(f"{out}: {arguments.SHADED} is a picture: {', '.join(pictures)}")
+    if turn is not None and not shaded:
+        raise checks.InputError(f"--turn goes with --output {arguments.SHADED}; got {','.join(outputs)}")
+    if suffix in pictures and len(outputs) > 1:
+        raise checks.InputError(f"{out}: a picture shows one output, .npz and .exr hold {len(outputs)}")
+    if bits == 16 and (suffix != ".png" or outputs != ("depth",)):
+        raise checks.InputError("--bits 16 is for the depth in a .png; .npz and .exr hold numbers of any output")
+
+
+def _shaded(
+    field: Path, out: Path, camera: arguments.Camera, size: int, turn: int | None, up: arguments.Up
+) -> dict[str, Any]:
+    """Draw and write shaded pictures; returns how many rays were evaluated."""
+    import numpy as np
+
+    from ddf.core import storage
+    from ddf.fields import framed_field, scene_field
+    from ddf.pictures import shaded
+
+    shape = scene_field.Counted(load(field, ("depth", "normals")))
+    azimuth, elevation, radius = camera
+    turned = [azimuth + 360.0 * i / (turn or 1) for i in range(turn or 1)]
+    framed = radius is None
+    far = max(framed_field.framing_radius(shape, each, elevation, up) for each in turned) if framed else radius
+    started = time.monotonic()
+    seen_by, standing = [(each, elevation, far) for each in turned], shaded.stand(shape, up)
+    shown = shaded.window(standing, seen_by) if framed else shaded.WHOLE
+    frames = [shaded.render(standing, each, size, shown) for each in seen_by]
+    seconds = time.monotonic() - started
+    pictures = [frame.picture for frame in frames]
+    storage.write_bytes(out, image_files.encode_frames(pictures, out.suffix.lower(), _FRAME_MS))
+    evaluated, pixels = shape.queries, len(frames) * size**2
+    seen = float(np.mean([frame.seen for frame in frames]))
+    return {
+        "output": arguments.SHADED,
+        "camera": {"azimuth_deg": azimuth, "elevation_deg": elevation, "radius": far},
+        "frames": len(frames),
+        "pixels": pixels,
+        "evaluated": evaluated,
+        "saved": shaded.MOST_RAYS * pixels - evaluated,
+        "seen": round(seen * pixels),
+        "seconds": round(seconds, 4),
+        "out": out.as_posix(),
+        "verdict": f"{out}: {f'{len(frames)} x ' if turn else ''}{size} x {size} pixels, {seen:.0%} of them see the "
+        f"object from {azimuth:g},{elevation:g},{far:.3g}; {evaluated:,} rays in {seconds:.2f} s",
+    }
+
+
+def _range(values: "np.ndarray", seen: "np.ndarray") -> dict[str, float]:
+    """Least and largest of what is seen; NaN where nothing is."""
+    known = values[seen]
+    if not known.size:
+        return {"min": float("nan"), "max": float("nan")}
+    return {"min": float(known.min()), "max": float(known.max())}
+
+
+def _write(
+    out: Path, suffix: str, bits: int, drawn: "Mapping[str, np.ndarray]", images: "dict[str, np.ndarray]"
+) -> float | None:
+    """Write the file; the step of a depth of 16 bits."""
+    from ddf.core import storage
+
+    if suffix == ".exr":
+        image_files.write_exr(out, drawn)
+    elif suffix == ".npz":
+        storage.write_bytes(out, image_files.npz(drawn))
+    elif bits == 16:
+        data, step = image_files.depth_png(drawn["depth"])
+        storage.write_bytes(out, data)
+        return step
+    else:
+        from ddf.pictures import field_pictures
+
+        (name,) = drawn
+        storage.write_bytes(out, image_files.encode(field_pictures.picture(name, images), suffix))
+    return None
+
+
+class _Shown(argparse.Action):
+    """What is shown, and the file to write: a last word that ends in .html."""
+
+    def __call__(self, _parser: Any, namespace: argparse.Namespace, values: Any, _option: str | None = None) -> None:
+        *words, last = values
+        namespace.out = Path(last) if words and Path(last).suffix.lower() == _PAGE else None
+        namespace.what = [shipped_models.place(word) for word in (values if namespace.out is None else words)]
+
+
+@command("field")
+def view(
+    what: Annotated[list[Path], Arg("FIELD_or_SCENE_or_MODEL", parse=str, action=_Shown)],
+    *,
+    out: Annotated[Path | None, Arg(writes="file", undeclared=True)] = None,
+    up: arguments.Up = "y",
+) -> dict[str, Any]:
+    """A page that renders a field live, as one file that any browser opens.
+
+    It shows a field, fields side by side, a scene, or what a model makes of an image: [the page](viewer.md).
+
+    Args:
+      what: folder that `ddf fit` or `make train` wrote, a name that `ddf models` lists, or a scene file; several fields
+        stand side by side; last, OUT.html: file to write (without it a temporary one is written and opened in the
+        browser).
+      up: axis of fields that points up.
+
+    Examples:
+      ddf view rabbit rabbit.html
+      ddf view rabbit
+      ddf view rabbit armchair airliner row.html
+      ddf view scene.yaml scene.html
+      ddf view chair chair.html
+    """
+    from ddf.io import viewer_page
+
+    page = page_of(what, up)
+    path = out or Path(tempfile.mkdtemp(prefix="ddf-view-")) / f"{page.title}.html"
+    size = viewer_page.write(path, page)
+    opened = out is None and webbrowser.open(path.as_uri())
+    hint = "opened in the browser" if opened else "open it in any browser; it needs no server and no network"
+    return {
+        "out": path.as_posix(),
+        "bytes": size,
+        "fields": [field.record["name"] for field in page.fields],
+        "opened": opened,
+        "verdict": f"{path}: {size:,} bytes; {hint}",
+    }
+
+
+def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
+    """The page of a field, of a scene file or of a model; of several fields side by side.
+
+    Raises:
+      FileNotFoundError, InputError: one of them is missing or damaged; or what must stand alone does not.
+    """
+    from ddf.api import scene as scenes
+    from ddf.core import checks
+    from ddf.io import viewable
+
+    files = [path for path in what if path.suffix in scenes.SUFFIXES]
+    if len(what) == 1:
+        return _scene_page(what[0]) if files else _field_page(what[0], up)
+    if files:
+        raise checks.InputError(f"{files[0]}: a scene file is shown alone; it may name all fields")
+    return viewable.row_page(what, up)
+
+
+def _field_page(path: Path, up: str) -> "viewer_page.Page":
+    """The page of a field with its first picture, or of a model."""
+    from ddf.io import viewable, viewer_page
+
+    page = viewable.page(path, up)
+    if page.encoders is not None:
+        return page
+    shape = load(path if path.is_dir() else path.parent, ("depth", "normals"))
+    return dataclasses.replace(page, first=viewer_page.first(shape, page.azimuth, up))
+
+
+def _scene_page(file: Path) -> "viewer_page.Page":
+    """The page of a scene file; a field that it names several times is in the page once."""
+    from ddf.api import scene as scenes
+    from ddf.io import viewable, viewer_page
+
+    content = scenes.read_content(file)
+    scene = scenes.build(content, file.parent).framed
+    baked = {}
+    for name in {placement.field for placement in content.objects}:
+        folder = shipped_models.place(scenes.field_beside(file.parent, name))
+        baked[name] = viewer_page.bake(viewable.field(folder), viewable.name_of(folder))
+    fields = [viewer_page.placed(baked[placement.field], placement.similarity()) for placement in content.objects]
+    page = viewable.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)
+    if page.box is not None:  # the page cuts the box open
+        return page
+    return dataclasses.replace(page, first=viewer_page.first(scene, page.azimuth, content.up))
+
+
+@command("field", api="queries:render")
+def scene(
+    scene: Annotated[Path, Arg("SCENE.yaml")],
+    out: Annotated[Path, Arg("OUT", writes="file")],
+    *,
+    camera: CameraOption = arguments.FirstCamera,
+    path: Literal["orbit", "fly"] | None = None,
+    frames: Annotated[int, Arg("N", parse=arguments.whole_number(2, 1000))] = 24,
+    size: Annotated[int, Arg("N", parse=arguments.whole_number(1, 2048))] = 256,
+    outputs: ImageOutputs = ("depth",),
+) -> dict[str, Any]:
+    """Several fields in one scene, from one camera or along a path.
+
+    The [scene file](formats.md#scene-files) lists them. A field is asked for the rays that meet its box alone. A path
+    gives moving pictures, or arrays with an axis of frames.
+
+    Args:
+      scene: fields and where they stand: docs/formats.md.
+      out: .png, .webp, .npz: pictures of one output, moving on a path; or the numbers.
+      path: orbit: once around the box; fly: along the waypoints of the file, or straight in.
+      frames: of a path.
+
+    Examples:
+      ddf scene scene.yaml scene.png
+      ddf scene scene.yaml normals.webp --output normals --path fly --frames 48
+      ddf scene scene.yaml around.npz --output visibility,depth,normals --path orbit --frames 8
+    """
+    import numpy as np
+
+    from ddf.api import scene as scenes
+    from ddf.core import checks, storage
+    from ddf.fields import framed_field, scene_field
+    from ddf.geometry import rays
+
+    suffix, known = out.suffix.lower(), (*image_files.PICTURES, ".npz")
+    if suffix not in known:
+        raise checks.InputError(f"{out}: must end in one of {', '.join(known)}")
+    if suffix in image_files.PICTURES and len(outputs) > 1:
+        raise checks.InputError(f"{out}: pictures show one output, .npz holds {len(outputs)}")
+    content = scenes.read_content(scene)
+    whole = scenes.build(content, scene.parent).framed
+    assert isinstance(whole, scene_field.SceneField)
+    counted = tuple(scene_field.Counted(each) for each in whole.fields)
+    shown = dataclasses.replace(whole, fields=counted)
+    looks = _cameras(shown, content, camera, path, frames)
+    started = time.monotonic()
+    seen: list[dict[str, np.ndarray]] = []
+    for look in looks:
+        asked = rays.OrientedPoints(*look.rays(size, content.up))
+        found, _ = framed_field.query(shown, asked, {"visibility", *outputs})
+        seen.append({name: values.reshape(size, size, *values.shape[1:]) for name, values in found.items()})
+    seconds = time.monotonic() - started
+    stacked = {name: np.stack([frame[name] for frame in seen]) for name in seen[0]}
+    if suffix == ".npz":
+        arrays = {name: stacked[name] if path else stacked[name][0] for name in outputs}
+        storage.write_bytes(out, image_files.npz(arrays))
+    else:
+        storage.write_bytes(out, image_files.encode_frames(_pictures(next(iter(outputs)), stacked), suffix, _FRAME_MS))
+    pixels, queries = size**2 * len(looks), sum(field.queries for field in counted)
+    saved = pixels * len(counted) - queries  # of every object asked once for every pixel
+    return {
+        "objects": len(counted),
+        "frames": len(looks),
+        "pixels": pixels,
+        "queries": queries,
+        "queries_per_pixel": queries / pixels,
+        "saved": saved,
+        "seen": float((stacked["visibility"] >= 0.5).mean()),
+        "seconds": round(seconds, 4),
+        "out": out.as_posix(),
+        "verdict": f"{out}: {len(looks)} x {size} x {size} pixels of {len(counted)} objects; "
+        f"{queries / pixels:.3g} queries a pixel; the boxes saved {saved:,} of {saved + queries:,}",
+    }
+
+
+def _cameras(
+    field: "scene_field.SceneField",
+    content: "scenes.SceneFile",
+    camera: arguments.Camera,
+    path: str | None,
+    frames: int,
+) -> "list[scene_field.LookAt]":
+    """One, or those of the path."""
+    from ddf.fields import framed_field, scene_field
+
+    azimuth, elevation, radius = camera
+    if path == "orbit":
+        return scene_field.orbit(field, azimuth, elevation, radius, frames, content.up)
+    if path == "fly" and content.fly:
+        return scene_field.fly([waypoint.look_at() for waypoint in content.fly], frames)
+    if radius is None:
+        radius = framed_field.framing_radius(field, azimuth, elevation, content.up)
+    first = scene_field.one(field, azimuth, elevation, radius, content.up)
+    return scene_field.fly(scene_field.straight_in(field, first), frames) if path == "fly" else [first]
+
+
+def _pictures(name: str, stacked: "dict[str, np.ndarray]") -> "list[np.ndarray]":
+    """Frames in colours; depths of all frames on one scale."""
+    from ddf.pictures import field_pictures
+
+    if name == "depth":
+        return field_pictures.depth_pictures(*stacked["depth"])
+    frames = range(len(stacked["visibility"]))
+    return [field_pictures.picture(name, {key: values[i] for key, values in stacked.items()}) for i in frames]
