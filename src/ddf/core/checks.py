@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ddf.core import arrays
+
 UNIT_LENGTH_TOLERANCE = 1e-4  # float32 directions that went through a file or a rotation are within 1e-6; typos are not
-
-
 _POINTER = b"version https://git-lfs.github.com/spec/"
 _HEAD, _TAIL = 320, 150  # characters of a message that are kept of a longer one
 
@@ -43,13 +43,9 @@ def require_vectors(name: str, values: Any) -> None:
         raise InputError(f"{name} must have a last axis of length 3; got shape {tuple(values.shape)}")
 
 
-def _as_numpy(values: Any) -> np.ndarray:
-    return values.detach().cpu().numpy() if hasattr(values, "detach") else np.asarray(values)
-
-
 def require_finite(name: str, values: Any) -> None:
     """Raise unless every entry is finite, naming the first that is not."""
-    array = _as_numpy(values)
+    array = arrays.to_numpy(values)
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         index = tuple(int(i) for i in bad[0])
@@ -59,7 +55,7 @@ def require_finite(name: str, values: Any) -> None:
 def require_unit(name: str, directions: Any, tolerance: float = UNIT_LENGTH_TOLERANCE) -> None:
     """Raise unless every vector along the last axis has length 1 within `tolerance`."""
     require_vectors(name, directions)
-    lengths = np.linalg.norm(_as_numpy(directions).astype(np.float64), axis=-1)
+    lengths = np.linalg.norm(arrays.to_numpy(directions).astype(np.float64), axis=-1)
     bad = np.argwhere(~(np.abs(lengths - 1.0) <= tolerance))
     if len(bad):
         index = tuple(int(i) for i in bad[0])

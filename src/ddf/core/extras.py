@@ -6,19 +6,8 @@ from collections.abc import Iterator
 DISTRIBUTION = "directed-distance-fields"  # as package indexes name it
 _TORCH = ("numba", "onnx", "open3d", "torch", "tqdm", "trimesh")
 _EXPERIMENTS = (
-    "argcomplete",
-    "dask",
-    "distributed",
-    "fast_simplification",
-    "joblib",
-    "matplotlib",
-    "OpenEXR",
-    "pandas",
-    "psutil",
-    "pymeshlab",
-    "rtree",
-    "torch_fidelity",
-    "torchvision",
+    *("argcomplete", "dask", "distributed", "fast_simplification", "joblib", "matplotlib", "OpenEXR", "pandas"),
+    *("psutil", "pymeshlab", "rtree", "torch_fidelity", "torchvision"),
 )
 EXTRA_OF = dict.fromkeys(_TORCH, "torch") | dict.fromkeys(_EXPERIMENTS, "experiments")  # modules to extras
 

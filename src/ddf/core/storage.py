@@ -155,20 +155,12 @@ def load_tensors(
       FileNotFoundError: there is no such file.
       InputError: the file is damaged, or was not written by `save_tensors`; it is named.
     """
-    import safetensors
-
-    path = _existing(path)
-    try:
-        with _opened(path, "pt" if framework == "torch" else "numpy") as file:
-            record = _parsed((file.metadata() or {})["ddf"], path)
-            tensors = {name: file.get_tensor(name) for name in file.keys()}
+    with _opened(path, "pt" if framework == "torch" else "numpy") as file:
+        record = _parsed((file.metadata() or {})["ddf"], path)
+        tensors = {name: file.get_tensor(name) for name in file.keys()}
         arrays = {name: _as_array(value) for name, value in tensors.items()}
         if record.pop("checksum") != _content_checksum(arrays, record):
             raise _damaged(path, "its checksum does not fit")
-    except checks.InputError:
-        raise
-    except (safetensors.SafetensorError, KeyError, ValueError, TypeError) as error:
-        raise _damaged(path, error) from error
     return tensors, record
 
 
@@ -179,65 +171,45 @@ def map_tensors(path: str | Path) -> dict[str, np.ndarray]:
     Raises:
       FileNotFoundError, InputError: as `load_tensors`, but damage inside the arrays goes unnoticed.
     """
-    import safetensors
-
-    path = _existing(path)
-    try:
-        with _opened(path, "pt") as file:
-            return {name: file.get_tensor(name).numpy() for name in file.keys()}
-    except safetensors.SafetensorError as error:
-        raise _damaged(path, error) from error
+    with _opened(path, "pt") as file:
+        return {name: file.get_tensor(name).numpy() for name in file.keys()}
 
 
 def load_metadata(path: str | Path) -> dict[str, Any]:
     """The record of a file from `save_tensors`, without reading its arrays (and so without verifying them)."""
-    import safetensors
-
-    path = _existing(path)
-    try:
-        with _opened(path, "numpy") as file:
-            return _parsed((file.metadata() or {})["ddf"], path)
-    except (safetensors.SafetensorError, KeyError) as error:
-        raise _damaged(path, error) from error
+    with _opened(path, "numpy") as file:
+        return _parsed((file.metadata() or {})["ddf"], path)
 
 
 def shapes(path: str | Path) -> dict[str, tuple[int, ...]]:
     """The shapes of the arrays of a file from `save_tensors`, by name, from its head alone."""
+    with _opened(path, "numpy") as file:
+        return {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}
+
+
+@contextlib.contextmanager
+def _opened(path: str | Path, framework: str) -> Iterator[Any]:
+    """A safetensors file; what is wrong with it while it is read is told as damage.
+
+    The library takes names in UTF-8 alone, so files of other names are opened by their descriptors.
+    """
     import safetensors
 
     path = _existing(path)
     try:
-        with _opened(path, "numpy") as file:
-            return {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}
-    except safetensors.SafetensorError as error:
+        with path.open("rb") as stream:
+            is_odd = any("\ud800" <= letter <= "\udfff" for letter in str(path))
+            name = f"/proc/self/fd/{stream.fileno()}" if is_odd else path
+            with safetensors.safe_open(name, framework=framework) as file:
+                yield file
+    except checks.InputError:
+        raise
+    except (safetensors.SafetensorError, KeyError, ValueError, TypeError) as error:
         raise _damaged(path, error) from error
 
 
-@contextlib.contextmanager
-def _opened(path: Path, framework: str) -> Iterator[Any]:
-    """A safetensors file under any name: the library itself takes names in UTF-8 alone."""
-    import safetensors
-
-    with path.open("rb") as stream:
-        name = f"/proc/self/fd/{stream.fileno()}" if _is_odd(path) else path
-        with safetensors.safe_open(name, framework=framework) as file:
-            yield file
-
-
-def _is_odd(path: Path) -> bool:
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        return True
-    return False
-
-
-def _parsed(text: str | bytes, path: Path) -> dict[str, Any]:
-    """A record, of the version that is read.
-
-    Raises:
-      InputError: it is too large, no JSON object, or of another version.
-    """
+def _parsed(text: str | bytes, path: str | Path) -> dict[str, Any]:
+    """A record, of the version that is read."""
     try:
         record = json.loads(text) if len(text) <= _LARGEST_RECORD else None
     except (ValueError, RecursionError) as error:
@@ -387,6 +359,6 @@ def _existing(path: str | Path) -> Path:
     return path
 
 
-def _damaged(path: Path, reason: object) -> checks.InputError:
+def _damaged(path: str | Path, reason: object) -> checks.InputError:
     text = " ".join(str(reason).split()) or type(reason).__name__
     return checks.InputError(f"{path} is damaged or not one of our files ({text}); remove it and run its stage again")

@@ -6,9 +6,10 @@ their transforms applied. `ddf.geometry.formats` holds the readers; trimesh writ
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -30,6 +31,7 @@ _READERS = {
     ".ac": ac3d.parse,
     ".acc": ac3d.parse,
 }
+_Read = TypeVar("_Read")
 _FLAT = 1e-14  # of the longest side squared
 _NOT_BLANK = re.compile(rb"[^\0 \t\r\n]")
 
@@ -125,16 +127,21 @@ def load(path: Path | str) -> Mesh:
       InputError: not a mesh file that can be read whole; the message names the file and the fault.
     """
     path = Path(path)
+    return _read(path, f"mesh ({', '.join(READ)})", lambda data: parse(data, path.suffix.lower(), path.parent))
+
+
+def _read(path: Path, kind: str, reader: Callable[[bytes], _Read]) -> _Read:
+    """What a reader makes of a file; its complaints get the file's name."""
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file")
     if not path.is_file():
-        raise checks.InputError(f"{path}: not a file; give one mesh ({', '.join(READ)})")
+        raise checks.InputError(f"{path}: not a file; give one {kind}")
     size = path.stat().st_size
     if size > MAX_FILE_BYTES:
-        raise checks.InputError(f"{path}: {size} bytes; meshes must be at most {MAX_FILE_BYTES}")
+        raise checks.InputError(f"{path}: {size} bytes; meshes and clouds must be at most {MAX_FILE_BYTES}")
     checks.require_content(path)
     try:
-        return parse(path.read_bytes(), path.suffix.lower(), path.parent)
+        return reader(path.read_bytes())
     except checks.InputError as fault:
         raise checks.InputError(f"{path}: {fault}") from fault
 
@@ -228,20 +235,7 @@ def read_points(path: Path | str) -> Float[np.ndarray, "n 3"]:
       FileNotFoundError: no such file.
       InputError: not a PLY whose vertices can be read whole, no vertices, or one that is not finite; the file is named.
     """
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"{path}: no such file")
-    if not path.is_file():
-        raise checks.InputError(f"{path}: not a file; give a PLY cloud")
-    checks.require_content(path)
-    if path.stat().st_size > MAX_FILE_BYTES:
-        raise checks.InputError(f"{path}: {path.stat().st_size} bytes; clouds must be at most {MAX_FILE_BYTES}")
-    try:
-        points = ply.points(path.read_bytes())
-        checks.require_finite("points", points)
-    except checks.InputError as fault:
-        raise checks.InputError(f"{path}: {fault}") from fault
-    return points
+    return _read(Path(path), "PLY cloud", ply.points)
 
 
 def has_faces(path: Path | str) -> bool:
@@ -250,14 +244,7 @@ def has_faces(path: Path | str) -> bool:
     Raises:
       FileNotFoundError: no such file. InputError: not a PLY file; it is named.
     """
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"{path}: no such file")
-    checks.require_content(path)
-    try:
-        elements = ply.header(path.read_bytes()).elements
-    except checks.InputError as fault:
-        raise checks.InputError(f"{path}: {fault}") from fault
+    elements = _read(Path(path), "PLY file", ply.header).elements
     return any(element.name in ("face", "tristrips") and element.count > 0 for element in elements)
 
 

@@ -8,7 +8,6 @@ longer equals a threshold exactly.
 """
 
 import importlib.util
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,19 +18,8 @@ LARGEST = 1e150  # its square, 1e300, still fits float64
 CELLS = 31.99  # a side of the grid that clouds are ordered by: numbers 0 to 31, five bits
 
 
-@runtime_checkable
-class Tree(Protocol):
-    """A KD-tree over a cloud."""
-
-    def search(
-        self, queries: Float[np.ndarray, "m 3"], count: int
-    ) -> tuple[Int[np.ndarray, "m {count}"], Float[np.ndarray, "m {count}"]]:
-        """Indices of the `count` nearest points of the cloud, nearest first, and their squared distances."""
-        ...
-
-
 class Open3DTree:
-    """Open3D's."""
+    """Open3D's KD-tree over a cloud."""
 
     def __init__(self, points: Float[np.ndarray, "n 3"]) -> None:
         import open3d as o3d
@@ -43,7 +31,7 @@ class Open3DTree:
     def search(
         self, queries: Float[np.ndarray, "m 3"], count: int
     ) -> tuple[Int[np.ndarray, "m {count}"], Float[np.ndarray, "m {count}"]]:
-        """As `Tree` says."""
+        """Indices of the `count` nearest points of the cloud, nearest first, and their squared distances."""
         index, dist_sq = self._search.knn_search(self._as_tensor(queries), count)
         return index.numpy().view(np.int64), dist_sq.numpy()
 
@@ -59,13 +47,13 @@ class ScipyTree:
     def search(
         self, queries: Float[np.ndarray, "m 3"], count: int
     ) -> tuple[Int[np.ndarray, "m {count}"], Float[np.ndarray, "m {count}"]]:
-        """As `Tree` says."""
+        """As `Open3DTree.search`."""
         index = self._tree.query(queries, list(range(1, count + 1)), workers=-1)[1]
         x, y, z = np.moveaxis(queries[:, None] - self._points[index], -1, 0)
         return index, x**2 + y**2 + z**2
 
 
-def tree(points: Float[np.ndarray, "n 3"]) -> Tree:
+def tree(points: Float[np.ndarray, "n 3"]) -> Open3DTree | ScipyTree:
     """A KD-tree of the library that is there."""
     return ScipyTree(points) if importlib.util.find_spec("open3d") is None else Open3DTree(points)
 

@@ -87,8 +87,9 @@ class Scene:
         how far along they begin, and whether they meet the box.
         """
         starts, directions = self.local(positions), np.asarray(directions, dtype=np.float64)
-        entry, meets = _enter(starts, directions, self.half_sides)
-        begin = entry - BACK
+        entry, leave = rays.box_span(starts, directions, -self.half_sides, self.half_sides)
+        meets = entry <= leave
+        begin = np.where(meets, entry, 0.0) - BACK
         return np.concatenate([starts + begin[:, None] * directions, directions], axis=1), begin, meets
 
     def _plane_depth(
@@ -195,9 +196,8 @@ def _open3d() -> Any:
 
 
 def _tensor(values: np.ndarray, copied: bool = True) -> Any:
-    """Open3D's tensor."""
-    o3d = _open3d()
-    return o3d.core.Tensor(values) if copied else o3d.core.Tensor.from_numpy(values)
+    tensor = _open3d().core.Tensor
+    return tensor(values) if copied else tensor.from_numpy(values)
 
 
 def distance_to_triangles(
@@ -216,14 +216,6 @@ def distance_to_triangles(
     return np.where(inside & (norm > 0), to_plane, np.sqrt(to_edge_sq))
 
 
-def _enter(
-    starts: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], half_sides: Float[np.ndarray, "3"]
-) -> tuple[Float[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
-    entry, leave = rays.box_span(starts, directions, -half_sides, half_sides)
-    meets = entry <= leave
-    return np.where(meets, entry, 0.0), meets
-
-
 def cast(scene: Scene | Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHits[Array]:
     """What each oriented point sees first, in the mesh's own frame, in the library of the points.
 
@@ -233,7 +225,7 @@ def cast(scene: Scene | Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHit
     in float64, except at grazing incidence, where float32 is better conditioned than the plane.
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
-    positions, directions = _flat(points.positions), _flat(points.directions)
+    positions, directions = flat(points.positions), flat(points.directions)
     depth, face = scene.first_hits(positions, directions)
     return hits(scene, directions, depth, face, points.positions)
 
@@ -251,7 +243,7 @@ def float32_bound(mesh: Mesh, points: rays.OrientedPoints) -> float:
 def cast_exact(mesh: Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHits[Array]:
     """The same by brute force: every ray against every triangle (`meet`). Slow; the reference for tests."""
     scene = Scene(mesh)
-    positions, directions = _flat(points.positions), _flat(points.directions)
+    positions, directions = flat(points.positions), flat(points.directions)
     depth, face = np.full(len(positions), np.inf), np.full(len(positions), -1)
     corners = mesh.triangles[scene.kept]
     for i in range(len(positions) if len(corners) else 0):
@@ -263,7 +255,8 @@ def cast_exact(mesh: Mesh, points: rays.OrientedPoints[Array]) -> rays.RayHits[A
     return hits(scene, directions, depth, face, points.positions)
 
 
-def _flat(vectors: Float[Array, "*batch 3"]) -> Float[np.ndarray, "n 3"]:
+def flat(vectors: Float[Array, "*batch 3"]) -> Float[np.ndarray, "n 3"]:
+    """The vectors as float64 numpy, one a row."""
     return arrays.to_numpy(vectors).astype(np.float64, copy=False).reshape(-1, 3)
 
 

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from ddf.core import checks
 from ddf.geometry.mesh_io import Mesh
@@ -54,8 +54,11 @@ def extract(
     count = np.ceil((upper - lower) / cell).astype(int) + 2 * BLOCK  # a margin, so that no crossing lies on the rim
     count = -(-count // BLOCK) * BLOCK
     origin = (lower + upper) / 2 - cell * count / 2
-    blocks, asked = _near_blocks(ask, origin, cell, count // BLOCK)
-    nodes = _nodes(blocks)
+    blocks = BLOCK * np.stack(np.meshgrid(*map(np.arange, count // BLOCK), indexing="ij"), axis=-1).reshape(-1, 3)
+    asked, reach = len(blocks), (np.sqrt(3) * BLOCK / 2 + _SLACK) * cell
+    blocks = blocks[ask(origin + cell * (blocks + BLOCK / 2))[0] <= reach]  # the surface may pass through or beside
+    within = np.stack(np.meshgrid(*[np.arange(BLOCK + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    nodes = np.unique((blocks[:, None] + within).reshape(-1, 3), axis=0)
     distances, ways = ask(origin + cell * nodes)
     place = np.full(np.prod(count + 1), -1)
     place[np.ravel_multi_index(tuple(nodes.T), tuple(count + 1))] = np.arange(len(nodes))
@@ -69,22 +72,6 @@ def extract(
     near = left < cell
     vertices[near] += left[near, None] * way[near]
     return Extracted(Mesh(vertices, faces), asked + len(nodes) + len(vertices), int(np.prod(count + 1)))
-
-
-def _near_blocks(
-    ask: Distances, origin: Float[np.ndarray, "3"], cell: float, blocks: Int[np.ndarray, "3"]
-) -> tuple[Int[np.ndarray, "k 3"], int]:
-    """First cells of the blocks that the surface may pass through or beside, and how many were looked at."""
-    first = BLOCK * np.stack(np.meshgrid(*map(np.arange, blocks), indexing="ij"), axis=-1).reshape(-1, 3)
-    distances, _ = ask(origin + cell * (first + BLOCK / 2))
-    reach = (np.sqrt(3) * BLOCK / 2 + _SLACK) * cell
-    return first[distances <= reach], len(first)
-
-
-def _nodes(blocks: Int[np.ndarray, "k 3"]) -> Int[np.ndarray, "m 3"]:
-    """Corners of all cells of the blocks, each once."""
-    within = np.stack(np.meshgrid(*[np.arange(BLOCK + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    return np.unique((blocks[:, None] + within).reshape(-1, 3), axis=0)
 
 
 def _crossings(
@@ -104,7 +91,8 @@ def _crossings(
         first = np.flatnonzero(inside)
         second = place[tuple((nodes[first] + step).T)]
         first, second = first[second >= 0], second[second >= 0]
-        crossed = _crossed(distances, ways, first, second, axis, cell)
+        crossed = (ways[first, axis] >= 0) & (ways[second, axis] <= 0) & ((ways[first] * ways[second]).sum(-1) < 0)
+        crossed &= distances[first] + distances[second] <= _SLACK * cell
         first, second = first[crossed], second[crossed]
         share = distances[first] / np.maximum(distances[first] + distances[second], 1e-12 * cell)
         places.append(nodes[first] + share[:, None] * step)
@@ -112,20 +100,6 @@ def _crossings(
         around = np.stack([-one - other, -other, np.zeros(3, dtype=int), -one])
         cells.append(nodes[first][:, None] + around)
     return np.concatenate(places), np.concatenate(cells)
-
-
-def _crossed(
-    distances: Float[np.ndarray, "m"],
-    ways: Float[np.ndarray, "m 3"],
-    first: Int[np.ndarray, "k"],
-    second: Int[np.ndarray, "k"],
-    axis: int,
-    cell: float,
-) -> Bool[np.ndarray, "k"]:
-    """Whether the edge from `first` to `second` along an axis crosses the surface."""
-    ahead, back = ways[first, axis] >= 0, ways[second, axis] <= 0
-    opposed = (ways[first] * ways[second]).sum(-1) < 0
-    return ahead & back & opposed & (distances[first] + distances[second] <= _SLACK * cell)
 
 
 def _net(

@@ -94,11 +94,6 @@ class _Reading:
         return True
 
     def by_word(self, blocks: text.Blocks, block: text.Block) -> None:
-        """Read a block statement by statement.
-
-        Raises:
-          InputError: a line that cannot be read; it is named by its number.
-        """
         for number, fields in _statements(blocks.lines(block), b"#" in block.data, b"\\" in block.data):
             keyword = fields[0]
             if keyword == b"v":

@@ -24,18 +24,20 @@ def parse(data: bytes) -> raw.Raw:
     """
     blocks = text.Blocks(text.decoded(data))
     num_vertices, num_faces = _counts(_header_rows(blocks), len(data))
-    vertices, corners, counts = array("d"), array("q"), array("q")
-    read = 0
+    vertices, corners, counts, read = array("d"), array("q"), array("q"), 0
     while read < num_vertices + num_faces:
         is_vertex = read < num_vertices
         block = blocks.next((num_vertices if is_vertex else num_vertices + num_faces) - read)
         if block is None:
             raise checks.InputError(f"cut short: {num_vertices} vertices and {num_faces} faces, but {read} rows")
-        table = blocks.table(block.data, whole=not is_vertex)
+        values, sizes = _table(blocks, block, is_vertex)
+        read += len(sizes)
         if is_vertex:
-            read += _vertices(table, vertices) or _vertices_by_word(_rows(blocks.lines(block)), vertices)
+            vertices.frombytes(values.tobytes())
         else:
-            read += _faces(table, counts, corners) or _faces_by_word(_rows(blocks.lines(block)), counts, corners)
+            firsts = np.cumsum(sizes) - sizes
+            corners.frombytes(np.delete(values, firsts).tobytes())
+            counts.frombytes((sizes - 1).tobytes())
     more = 0
     while block := blocks.next():
         more += sum(1 for _ in _rows(blocks.lines(block)))
@@ -60,51 +62,27 @@ def _rows(lines: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, list[bytes]
             yield number, words
 
 
-def _vertices(table: text.Table | None, vertices: array) -> int:
-    """How many rows were read at once: none if one of them is at fault, or there is no table."""
-    if table is None:
-        return 0
-    counts = table.counts[table.counts > 0]
-    if (counts < 3).any():
-        return 0
-    starts = np.cumsum(counts) - counts
-    vertices.frombytes(table.values[starts[:, None] + np.arange(3)].tobytes())
-    return len(counts)
-
-
-def _faces(table: text.Table | None, counts: array, corners: array) -> int:
-    """The same of faces: the number of corners, their vertices, and what follows in the row."""
-    if table is None or not table.counts.any():
-        return 0
-    words = table.counts[table.counts > 0]
-    starts = np.cumsum(words) - words
-    sizes = table.values[starts]
-    if ((sizes < 0) | (sizes >= words)).any():
-        return 0
-    place = np.arange(len(table.values)) - np.repeat(starts, words)
-    corners.frombytes(table.values[(place > 0) & (place <= np.repeat(sizes, words))].tobytes())
-    counts.frombytes(sizes.tobytes())
-    return len(sizes)
-
-
-def _vertices_by_word(rows: Iterator[tuple[int, list[bytes]]], vertices: array) -> int:
-    before = len(vertices)
-    for number, words in rows:
-        if len(words) < 3:
-            raise checks.InputError(f"line {number}: a vertex needs three coordinates; got {len(words)}")
-        vertices.extend(text.number(word, f"line {number}") for word in words[:3])
-    return (len(vertices) - before) // 3
-
-
-def _faces_by_word(rows: Iterator[tuple[int, list[bytes]]], counts: array, corners: array) -> int:
-    before = len(counts)
-    for number, words in rows:
-        size = text.whole(words[0], f"line {number}")
-        if not 0 <= size < len(words):
-            raise checks.InputError(f"line {number}: a face of {size} corners, but {len(words) - 1} numbers follow")
-        corners.extend(text.whole(word, f"line {number}") for word in words[1 : 1 + size])
+def _table(blocks: text.Blocks, block: text.Block, is_vertex: bool) -> text.Table:
+    """The numbers of the rows that count: three of a vertex; of a face how many corners, and these."""
+    table = blocks.table(block.data, whole=not is_vertex)
+    if table is not None:
+        words = table.counts[table.counts > 0]
+        starts = np.cumsum(words) - words
+        sizes = np.full(len(words), 3) if is_vertex else table.values[starts] + 1
+        if ((sizes > 0) & (sizes <= words)).all():
+            place = np.arange(len(table.values)) - np.repeat(starts, words)
+            return text.Table(table.values[place < np.repeat(sizes, words)], sizes)
+    values, counts = array("d" if is_vertex else "q"), array("q")
+    for number, words in _rows(blocks.lines(block)):
+        where = f"line {number}"
+        size = 3 if is_vertex else text.whole(words[0], where) + 1
+        if is_vertex and len(words) < 3:
+            raise checks.InputError(f"{where}: a vertex needs three coordinates; got {len(words)}")
+        if not 0 < size <= len(words):
+            raise checks.InputError(f"{where}: a face of {size - 1} corners, but {len(words) - 1} numbers follow")
+        values.extend((text.number if is_vertex else text.whole)(word, where) for word in words[:size])
         counts.append(size)
-    return len(counts) - before
+    return text.Table(np.asarray(values), np.asarray(counts).view(np.int64))
 
 
 def _counts(rows: Iterator[tuple[int, list[bytes]]], size: int) -> tuple[int, int]:

@@ -7,6 +7,7 @@ both find `end_header` inside a comment. Only the properties that are asked for 
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -88,11 +89,12 @@ def points(data: bytes) -> Float[np.ndarray, "n 3"]:
     """Vertices of a PLY cloud or mesh.
 
     Raises:
-      InputError: as `parse`; the file has no points.
+      InputError: as `parse`; the file has no points, or one that is not finite.
     """
     vertices = _positions(_read(data, {"vertex": ("x", "y", "z")}))
     if len(vertices) == 0:
         raise checks.InputError("the cloud has no points")
+    checks.require_finite("points", vertices)
     return vertices
 
 
@@ -108,7 +110,7 @@ def _check_vertices(header: Header) -> None:
     own = next((element.properties for element in header.elements if element.name == "vertex"), None)
     if own is None:
         raise checks.InputError("a PLY file must have an 'element vertex <count>'; this one has none")
-    raw.require_few_vertices(next(element.count for element in header.elements if element.name == "vertex"))
+    raw.require_few(vertices=next(element.count for element in header.elements if element.name == "vertex"))
     axes = [p for p in own if p.name in ("x", "y", "z")]
     if any(p.length for p in axes):
         raise checks.InputError("x, y and z of the vertices of a PLY file must be plain number properties, not lists")
@@ -133,7 +135,7 @@ def _list(found: _Found, element: str) -> tuple[np.ndarray, np.ndarray]:
     sizes, values = lists[0]
     if values.dtype.kind == "f":
         raise checks.InputError(f"the list vertex_indices of element {element} must hold whole numbers, not floats")
-    raw.require_few_corners(len(values))
+    raw.require_few(corners=len(values))
     return sizes.astype(np.int64, copy=False), values.astype(np.int64, copy=False)
 
 
@@ -330,12 +332,9 @@ def _runs(first: Int[np.ndarray, "r"], sizes: Int[np.ndarray, "r"]) -> Int[np.nd
 def _joined(pieces: list[_Columns], names: Sequence[str]) -> _Columns:
     columns: _Columns = {}
     for name in (name for name in pieces[0] if name in names):
-        own = [piece[name] for piece in pieces]
-        lists = [each for each in own if isinstance(each, tuple)]
-        if lists:
-            columns[name] = np.concatenate([each[0] for each in lists]), np.concatenate([each[1] for each in lists])
-        else:
-            columns[name] = np.concatenate([each for each in own if isinstance(each, np.ndarray)])
+        own: list[Any] = [piece[name] for piece in pieces]
+        is_list = isinstance(own[0], tuple)
+        columns[name] = tuple(map(np.concatenate, zip(*own, strict=True))) if is_list else np.concatenate(own)
     return columns
 
 
@@ -425,7 +424,7 @@ def _uneven_rows(body: bytes, place: int, element: Element, names: Sequence[str]
     columns: _Columns = {}
     for i, p in enumerate(kept):
         first, sizes = table[:, i, 0], table[:, i, 1].copy()
-        raw.require_few_corners(int(sizes.sum()))
+        raw.require_few(corners=int(sizes.sum()))
         values = _gathered(body, first, sizes, order + p.kind)
         columns[p.name] = (sizes, values) if p.length else values
     return columns, place

@@ -30,16 +30,11 @@ def require_room(kind: str, claimed: int, least_bytes: int, available: int) -> N
         raise checks.InputError(f"the header claims {claimed} {kind}, but the file has only {available} bytes for them")
 
 
-def require_few_vertices(count: int) -> None:
-    """Raise unless so many vertices fit in memory."""
-    if count > MAX_VERTICES:
-        raise checks.InputError(f"the file has {count} vertices; at most {MAX_VERTICES} are read")
-
-
-def require_few_corners(count: int) -> None:
-    """Raise unless all polygons together have so few corners that their triangles fit in memory."""
-    if count > MAX_CORNERS:
-        raise checks.InputError(f"its polygons have {count} corners; at most {MAX_CORNERS} are read")
+def require_few(vertices: int = 0, corners: int = 0) -> None:
+    """Raise unless so many vertices, and corners of all polygons together, fit in memory."""
+    for kind, count, most in (("vertices", vertices, MAX_VERTICES), ("corners", corners, MAX_CORNERS)):
+        if count > most:
+            raise checks.InputError(f"the file has {count} {kind}; at most {most} are read")
 
 
 def widened(values: Num[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
@@ -67,8 +62,7 @@ def of_polygons(
 
     refuse: as of `polygons.triangulate`.
     """
-    require_few_vertices(len(vertices) // 3 if isinstance(vertices, array) else len(vertices))
-    require_few_corners(len(corners))
+    require_few(len(vertices) // 3 if isinstance(vertices, array) else len(vertices), len(corners))
     positions = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
     sizes, index = (np.asarray(each, dtype=np.int64).view(np.int64) for each in (counts, corners))  # of array: longlong
     require_coordinates(positions)

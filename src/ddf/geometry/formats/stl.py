@@ -15,6 +15,7 @@ from ddf.geometry.formats import raw, text
 
 _HEADER, _ROW = 84, 50
 _SPACE = 32
+_OPEN = 1  # a facet without a vertex yet; then one more for each
 _FEW = 1 << 12  # bytes of facets for which arrays do not pay
 _FACET, _SOLID = (
     re.compile(rb"^[ \t]*" + word, re.IGNORECASE | re.MULTILINE) for word in (rb"facet\b", rb"(?:end)?solid\b")
@@ -123,11 +124,6 @@ class _Reading:
         return True
 
     def by_word(self, lines: Iterator[tuple[int, bytes]]) -> None:
-        """Read lines word by word.
-
-        Raises:
-          InputError: a word that is none of a facet's; the line is named.
-        """
         for number, line in lines:
             self.number = number
             words = line.lower().split()
@@ -148,26 +144,16 @@ class _Reading:
                 self.vertices.extend(text.number(w, f"line {number}") for w in words[i : i + 3])
                 i, self.in_facet = i + 3, self.in_facet + 1
             elif word == b"facet":
-                self.in_facet, self.ended = _begin(self.in_facet, number), False
+                if self.in_facet:
+                    raise checks.InputError(f"line {number}: a facet begins inside another")
+                self.in_facet, self.ended = _OPEN, False
                 i += 4 if words[i : i + 1] == [b"normal"] else 0
             elif word == b"endfacet":
-                self.in_facet = _end(self.in_facet, number)
+                if self.in_facet != _OPEN + 3:
+                    got = max(self.in_facet - _OPEN, 0)
+                    raise checks.InputError(f"line {number}: a facet needs three vertices; got {got}")
+                self.in_facet = 0
             elif word == b"endsolid":
                 self.ended, i = True, len(words)
             elif word not in (b"outer", b"loop", b"endloop"):
                 raise checks.InputError(f"line {number}: {text.shown(word)} is no word of an STL file")
-
-
-_OPEN = 1  # a facet without a vertex yet; then one more for each
-
-
-def _begin(in_facet: int, number: int) -> int:
-    if in_facet:
-        raise checks.InputError(f"line {number}: a facet begins inside another")
-    return _OPEN
-
-
-def _end(in_facet: int, number: int) -> int:
-    if in_facet != _OPEN + 3:
-        raise checks.InputError(f"line {number}: a facet needs three vertices; got {max(in_facet - _OPEN, 0)}")
-    return 0
