@@ -19,6 +19,16 @@ FACES = "f 1/1 2/2 4/3 3/4\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 
 OBJ = f"mtllib a.mtl\n{BLOCK}vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl wood\n{FACES}"
 MTL = "newmtl wood\nKd 1 0.5 0\nmap_Kd wood.png\n"
 
+UNIT_CUBE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
+QUADS = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]  # its sides, outwards
+
+
+def area_and_volume(mesh: mesh_io.Mesh) -> tuple[float, float]:
+    """Of the triangles, and of what they enclose if they are closed and face outwards."""
+    a, b, c = np.moveaxis(mesh.triangles, 1, 0)
+    cross = np.cross(b - a, c - a)
+    return float(np.linalg.norm(cross, axis=1).sum() / 2), float(np.einsum("ij,ij->", a, cross) / 6)
+
 
 def icosphere(level: int, radius: float = 1.0) -> mesh_io.Mesh:
     """Subdivided icosahedron with its corners on the sphere."""

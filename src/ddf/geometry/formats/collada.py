@@ -5,7 +5,8 @@ unit nor the up axis of the file is applied, as no other format's is: a remark n
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections import ChainMap
+from collections.abc import Iterable, Iterator, MutableMapping
 from xml.etree.ElementTree import Element, TreeBuilder
 
 import numpy as np
@@ -25,53 +26,48 @@ _LEFT_OUT = ("lines", "linestrips")
 _PRIMITIVES = ("triangles", "trifans", "tristrips", "polygons", "polylist")
 
 
-class _Ids:
-    """Elements by tag and id: those of one geometry first, then those of the file, where ids may come again."""
+_Ids = MutableMapping[tuple[str, str], list[Element]]  # elements by tag and id
 
-    def __init__(self, elements: Iterable[Element] = (), others: "_Ids | None" = None) -> None:
-        self._found: dict[tuple[str, str], Element] = {}
-        self._twice: set[tuple[str, str]] = set()
-        self._others = others
-        for element in elements:
-            self.add(element)
 
-    def add(self, element: Element) -> None:
-        """One more element, if it has an id."""
-        key = element.tag, element.get("id", "")
-        if key[1] and self._found.setdefault(key, element) is not element:
-            self._twice.add(key)
+def _by_id(elements: Iterable[Element]) -> _Ids:
+    found: dict[tuple[str, str], list[Element]] = {}
+    for element in elements:
+        if key := element.get("id"):
+            found.setdefault((element.tag, key), []).append(element)
+    return found
 
-    def find(self, key: str, *tags: str) -> Element | None:
-        """The element of one of these kinds with the id; two that could be meant are refused."""
-        for tag in tags:
-            if (tag, key) in self._twice:
-                raise checks.InputError(f"two {tag} elements have the id {key[:40]!a}; which is meant is not clear")
-            if (tag, key) in self._found:
-                return self._found[tag, key]
-        return None if self._others is None else self._others.find(key, *tags)
 
-    def get(self, key: str, tag: str) -> Element:
-        """The same of an element that must be there."""
-        found = self.find(key, tag)
-        if found is None:
-            raise checks.InputError(f"there is no {tag} {key[:40]!a}")
-        return found
+def _find(ids: _Ids, key: str, *tags: str) -> Element | None:
+    """The element of one of these kinds with the id; two that could be meant are refused."""
+    for tag in tags:
+        found = ids.get((tag, key), [])
+        if len(found) > 1:
+            raise checks.InputError(f"two {tag} elements have the id {key[:40]!a}; which is meant is not clear")
+        if found:
+            return found[0]
+    return None
+
+
+def _get(ids: _Ids, key: str, tag: str) -> Element:
+    found = _find(ids, key, tag)
+    if found is None:
+        raise checks.InputError(f"there is no {tag} {key[:40]!a}")
+    return found
 
 
 class _Tree(scenes.Target):
-    """All elements, without their namespaces, and those with an id."""
+    """All elements, without their namespaces."""
 
     def __init__(self) -> None:
         self._builder, self._count = TreeBuilder(), 0
         self.data = self._builder.data
-        self.ids = _Ids()
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """An element begins."""
         self._count += 1 + len(attributes)
         if self._count > _ELEMENTS:
             raise checks.InputError(f"its XML has more than {_ELEMENTS} elements and attributes")
-        self.ids.add(self._builder.start(tag.rpartition("}")[2], attributes))
+        self._builder.start(tag.rpartition("}")[2], attributes)
 
     def end(self, tag: str) -> None:
         """An element ends."""
@@ -94,14 +90,14 @@ def parse(data: bytes) -> raw.Raw:
     root = tree.root()
     if root.tag != "COLLADA":
         raise checks.InputError(f"not a dae mesh: its root is {root.tag[:40]!a}, not COLLADA")
-    scene = scenes.Scene(_MOST)
+    scene, ids = scenes.Scene(_MOST), _by_id(root.iter())
     up = root.findtext("asset/up_axis", "Y_UP").strip()
     if up != "Y_UP":
         scene.remarks[f"its up axis is {ascii(up[:10])[1:-1]}; coordinates are as written, not turned"] = None
     made: dict[str, scenes.Part] = {}
-    for key, matrix in _placements(tree.ids, root, scene.remarks):
+    for key, matrix in _placements(ids, root, scene.remarks):
         if key not in made:
-            made[key] = _triangles(tree.ids.get(key, "geometry"), tree.ids, scene.remarks)
+            made[key] = _triangles(_get(ids, key, "geometry"), ids, scene.remarks)
         scene.require_room(len(made[key][1]))
         scene.place(made[key], matrix)
     return scene.joined()
@@ -112,7 +108,7 @@ def _placements(ids: _Ids, root: Element, remarks: dict[str, None]) -> Iterator[
     chosen = root.find("scene/instance_visual_scene")
     found = root.findall("library_visual_scenes/visual_scene")
     if chosen is not None:
-        found = [ids.get(_url(chosen), "visual_scene")]
+        found = [_get(ids, _url(chosen), "visual_scene")]
     if len(found) != 1:
         raise checks.InputError(f"the file names no scene and has {len(found)}")
     stack = [(node, np.eye(4), "", 0) for node in reversed(found[0].findall("node"))]
@@ -133,7 +129,7 @@ def _placements(ids: _Ids, root: Element, remarks: dict[str, None]) -> Iterator[
                 if child.tag == "instance_controller":
                     shape, bound = _unskinned(ids, shape, remarks)
                 yield shape, matrix @ bound
-        inner = node.findall("node") + [ids.get(_url(each), "node") for each in node.findall("instance_node")]
+        inner = node.findall("node") + [_get(ids, _url(each), "node") for each in node.findall("instance_node")]
         stack += [(child, matrix, unread, depth + 1) for child in reversed(inner)]
 
 
@@ -160,7 +156,7 @@ def _unskinned(ids: _Ids, controller: str, remarks: dict[str, None]) -> tuple[st
     """The geometry under skins and morphs, and the transform that binds it."""
     bound = np.eye(4)
     for _ in range(_BOUND):
-        element = ids.find(controller, "controller")
+        element = _find(ids, controller, "controller")
         if element is None:
             return controller, bound
         inner = element.find("skin")
@@ -195,7 +191,7 @@ def _triangles(geometry: Element, ids: _Ids, remarks: dict[str, None]) -> scenes
     if mesh is None:
         kind = geometry[0].tag if len(geometry) else "nothing"
         raise checks.InputError(f"a geometry is {kind[:20]!a}, not a mesh; save it as triangles")
-    ids = _Ids(geometry.iter(), ids)
+    ids = ChainMap(_by_id(geometry.iter()), ids)  # its own first: those of the file may come again
     tables: dict[str, tuple[int, Float[np.ndarray, "n 3"]]] = {}  # first vertex of each source, and its positions
     counts, corners = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     num_vertices = 0
@@ -227,7 +223,7 @@ def _inputs(primitive: Element, ids: _Ids) -> tuple[str, int, int]:
         offset = text.whole(element.get("offset", "0").encode(), "an input's offset")
         stride = max(stride, offset + 1)
         if element.get("semantic") == "VERTEX":
-            vertices, place = ids.find(element.get("source", "")[1:], "vertices"), offset
+            vertices, place = _find(ids, element.get("source", "")[1:], "vertices"), offset
     if vertices is None or not 0 < stride <= 64:
         raise checks.InputError(f"{primitive.tag} without an input of semantic VERTEX")
     for element in vertices.findall("input"):
@@ -237,9 +233,9 @@ def _inputs(primitive: Element, ids: _Ids) -> tuple[str, int, int]:
 
 
 def _positions(ids: _Ids, key: str) -> Float[np.ndarray, "n 3"]:
-    source = ids.find(key, "source")
+    source = _find(ids, key, "source")
     accessor = None if source is None else source.find("technique_common/accessor")
-    array = None if accessor is None else ids.find(accessor.get("source", "")[1:], "float_array", "int_array")
+    array = None if accessor is None else _find(ids, accessor.get("source", "")[1:], "float_array", "int_array")
     if accessor is None or array is None:
         raise checks.InputError(f"there is no source of positions {key[:40]!a}")
     values = scenes.decimals(array.text or "", "a position")

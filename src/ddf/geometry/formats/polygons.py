@@ -110,7 +110,7 @@ def _longest(points: Float[np.ndarray, "*p k 3"]) -> Float[np.ndarray, "*p"]:
 
 
 def _is_covered_by_fan(points: Float[np.ndarray, "p k 3"]) -> np.ndarray:
-    """Whether the fan is right; a polygon without an area has nothing to cover."""
+    """Whether the fan of triangles, or of five corners or more, is right; without an area nothing is to cover."""
     if points.shape[1] == 3:
         return np.ones(len(points), dtype=bool)
     scale = _longest(points)[:, None, None]
@@ -119,12 +119,9 @@ def _is_covered_by_fan(points: Float[np.ndarray, "p k 3"]) -> np.ndarray:
     length = np.linalg.norm(whole, axis=1)
     along = np.einsum("ptk,pk->pt", parts, whole) / np.where(length > 0, length, 1.0)[:, None]
     empty = np.abs(parts).max(axis=(1, 2)) <= _FLAT
-    right = (along > _FLAT).all(axis=1)
-    if points.shape[1] > 4:
-        spokes = (points[:, 1:] - points[:, :1]) / np.where(scale > 0, scale, 1.0)
-        turns = np.arctan2(along, np.einsum("ptk,ptk->pt", spokes[:, :-1], spokes[:, 1:]))
-        right &= turns.sum(axis=1) < 2 * np.pi
-    return empty | right
+    spokes = (points[:, 1:] - points[:, :1]) / np.where(scale > 0, scale, 1.0)
+    turns = np.arctan2(along, np.einsum("ptk,ptk->pt", spokes[:, :-1], spokes[:, 1:]))
+    return empty | ((along > _FLAT).all(axis=1) & (turns.sum(axis=1) < 2 * np.pi))
 
 
 def cut(points: Float[np.ndarray, "k 3"]) -> Int[np.ndarray, "t 3"] | None:

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from _shapes import QUADS, area_and_volume
 
 from ddf.core import checks
 from ddf.geometry import mesh_io
 
 POINTS = "0 0 0  1 0 0  1 1 0  0 1 0  0 0 1  1 0 1  1 1 1  0 1 1"  # the unit cube
-QUADS = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
 
 
 def _words(values):
@@ -45,17 +45,11 @@ def _dae(primitives=POLYLIST, nodes='<node><instance_geometry url="#g"/></node>'
 <scene><instance_visual_scene url="#scene"/></scene></COLLADA>""".encode()
 
 
-def _volume(mesh):
-    corners = mesh.triangles
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.linalg.norm(cross, axis=1).sum() / 2, np.einsum("ij,ij->", corners[:, 0], cross) / 6
-
-
 @pytest.mark.parametrize("name", PRIMITIVES)
 def test_the_unit_cube_is_read_from_every_kind_of_primitive(name):
     mesh = mesh_io.parse(_dae(PRIMITIVES[name]), ".dae")
     assert len(mesh.faces) == 12 and mesh.remarks == ()
-    assert _volume(mesh) == pytest.approx((6.0, 1.0))
+    assert area_and_volume(mesh) == pytest.approx((6.0, 1.0))
 
 
 NODES = {  # of the unit cube: lower and upper corner, volume
@@ -73,7 +67,7 @@ def test_transforms_apply_in_their_order_and_mirrors_turn_the_triangles(transfor
     lower, upper, volume = NODES[transform]
     mesh = mesh_io.parse(_dae(nodes=f'<node>{transform}<instance_geometry url="#g"/></node>'), ".dae")
     np.testing.assert_allclose(np.stack(mesh.box()), [lower, upper], atol=1e-12)
-    assert _volume(mesh)[1] == pytest.approx(volume)
+    assert area_and_volume(mesh)[1] == pytest.approx(volume)
 
 
 def test_instances_children_and_library_nodes_are_placed_each():
@@ -83,7 +77,7 @@ def test_instances_children_and_library_nodes_are_placed_each():
         '<instance_node url="#n"/></node></node><node><instance_node url="#n"/></node>'
     )
     mesh = mesh_io.parse(_dae(nodes=nodes, extra=extra), ".dae")
-    assert len(mesh.faces) == 36 and _volume(mesh)[1] == pytest.approx(1.25)
+    assert len(mesh.faces) == 36 and area_and_volume(mesh)[1] == pytest.approx(1.25)
     np.testing.assert_allclose(np.stack(mesh.box()), [[0, 0, 0], [11, 5.5, 1]])
     np.testing.assert_allclose(mesh.vertices[8:16].min(axis=0), [10, 5, 0])
 
@@ -111,7 +105,7 @@ def test_concave_polygons_are_cut_and_not_fanned():
     points = "0 0 0 2 0 0 2 1 0 1 1 0 1 2 0 0 2 0 9 9 9 9 9 9"
     primitive = f'<polylist count="1">{VERTEX}<vcount>6</vcount><p>2 3 4 5 0 1</p></polylist>'
     mesh = mesh_io.parse(_dae(primitive, points=points), ".dae")
-    assert _volume(mesh)[0] == pytest.approx(3.0)
+    assert area_and_volume(mesh)[0] == pytest.approx(3.0)
 
 
 def test_params_name_the_columns_and_strides_are_kept():
@@ -120,7 +114,7 @@ def test_params_name_the_columns_and_strides_are_kept():
     names = '<param name="W"/><param name="Z"/><param name="Y"/><param name="X"/></accessor>'
     head, tail = data.split('stride="3">')
     data = head + 'stride="4">' + names + tail.split("</accessor>", 1)[1]
-    assert _volume(mesh_io.parse(data.encode(), ".dae")) == pytest.approx((6.0, 1.0))
+    assert area_and_volume(mesh_io.parse(data.encode(), ".dae")) == pytest.approx((6.0, 1.0))
 
 
 HOLE = f'<polygons count="1">{VERTEX}<ph><p>0 1 2 3</p><h>4 5 6</h></ph></polygons>'
@@ -162,7 +156,7 @@ def test_ids_are_those_of_their_own_geometry_first_and_two_that_could_be_meant_a
     geometry = one[one.index("<geometry") : one.index("</library_geometries>")]
     larger = geometry.replace('id="g"', 'id="h"').replace(POINTS, POINTS.replace("1", "2"))
     both = one.replace(geometry, geometry + larger).replace("<node>", '<node><instance_geometry url="#h"/>')
-    assert _volume(mesh_io.parse(both.encode(), ".dae")) == pytest.approx((30.0, 9.0))
+    assert area_and_volume(mesh_io.parse(both.encode(), ".dae")) == pytest.approx((30.0, 9.0))
     with pytest.raises(checks.InputError, match="two geometry elements have the id 'g'"):
         mesh_io.parse(one.replace(geometry, geometry + geometry).encode(), ".dae")
 

@@ -6,22 +6,17 @@ import struct
 import numpy as np
 import pytest
 import trimesh
-from _shapes import cube, icosphere
+from _shapes import QUADS, UNIT_CUBE, area_and_volume, cube, icosphere
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ddf.core import checks
 from ddf.geometry import mesh_io
 
-CUBE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
-QUADS = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
-OBJ = "".join(f"v {x} {y} {z}\n" for x, y, z in CUBE) + "".join(
+OBJ = "".join(f"v {x} {y} {z}\n" for x, y, z in UNIT_CUBE) + "".join(
     "f " + " ".join(str(i + 1) for i in q) + "\n" for q in QUADS
 )
-OFF = (
-    "8 6 0\n" + "".join(f"{x} {y} {z}\n" for x, y, z in CUBE) + "".join(f"4 {a} {b} {c} {d}\n" for a, b, c, d in QUADS)
-)
-ROWS = "".join(f"{x} {y} {z}\n" for x, y, z in CUBE) + "".join(f"4 {a} {b} {c} {d}\n" for a, b, c, d in QUADS)
+ROWS = "".join(f"{x} {y} {z}\n" for x, y, z in UNIT_CUBE) + "".join(f"4 {a} {b} {c} {d}\n" for a, b, c, d in QUADS)
 OFF = "8 6 0\n" + ROWS
 PLY = (
     "ply\nformat ascii 1.0\ncomment after this no end_header\nelement vertex 8\nproperty float x\nproperty float y\n"
@@ -40,12 +35,6 @@ def _stl(mesh):
 
 
 STL = _stl(mesh_io.parse(OBJ.encode(), ".obj"))
-
-
-def _measures(mesh):
-    corners = mesh.triangles
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.linalg.norm(cross, axis=1).sum() / 2, np.einsum("ij,ij->", corners[:, 0], cross) / 6
 
 
 GOOD = {
@@ -96,7 +85,7 @@ GOOD["solid.stl"] = bytes(_binary)
 def test_unit_cube_is_read_whatever_the_file_looks_like(name):
     mesh = mesh_io.parse(GOOD[name], "." + name.split(".")[1])
     assert len(mesh.faces) == 12 and mesh.remarks == ()
-    assert _measures(mesh) == pytest.approx((6.0, 1.0))
+    assert area_and_volume(mesh) == pytest.approx((6.0, 1.0))
 
 
 def _triangles_off(extra):
@@ -154,7 +143,7 @@ def _binary_ply(order, index="i", extra=False):
     lines += ("property uchar red\n" if extra else "") + "element face 9\n"
     lines += ("property uchar flag\n" if extra else "") + f"property list uchar {kind} vertex_index\n"
     data = (lines + ("property list uchar float uv\n" if extra else "") + "end_header\n").encode()
-    for x, y, z in CUBE:
+    for x, y, z in UNIT_CUBE:
         data += struct.pack(f"{order}3d", x, y, z) + (b"\7" if extra else b"")
     for n, quad in enumerate(QUADS):
         for part in [quad] if n % 2 else [[quad[0], *quad[1:3]], [quad[0], *quad[2:]]]:
@@ -168,8 +157,8 @@ def _binary_ply(order, index="i", extra=False):
 @pytest.mark.parametrize("extra", [False, True])
 def test_binary_ply_of_mixed_polygons_and_properties(order, index, extra):
     mesh = mesh_io.parse(_binary_ply(order, index, extra), ".ply")
-    assert len(mesh.faces) == 12 and _measures(mesh) == pytest.approx((6.0, 1.0))
-    assert (mesh_io.ply.points(_binary_ply(order, index, extra)) == np.array(CUBE)).all()
+    assert len(mesh.faces) == 12 and area_and_volume(mesh) == pytest.approx((6.0, 1.0))
+    assert (mesh_io.ply.points(_binary_ply(order, index, extra)) == np.array(UNIT_CUBE)).all()
     for cut in (1, 20, 60):
         with pytest.raises(checks.InputError, match=r"file ends after|but the file has only"):
             mesh_io.parse(_binary_ply(order, index, extra)[:-cut], ".ply")
@@ -178,9 +167,9 @@ def test_binary_ply_of_mixed_polygons_and_properties(order, index, extra):
 def test_triangle_strips_turn_every_second_triangle_and_end_at_minus_one():
     header = PLY.split("element face")[0] + "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
     strip = [3, 2, 0, 1, -1, 4, 5, 7, 6, -1, 0, 1, 4, 5, -1, 1, 2, 5, 6, -1, 2, 3, 6, 7, -1, 3, 0, 7, 4]
-    rows = "".join(f"{x} {y} {z}\n" for x, y, z in CUBE) + " ".join(map(str, [len(strip), *strip])) + "\n"
+    rows = "".join(f"{x} {y} {z}\n" for x, y, z in UNIT_CUBE) + " ".join(map(str, [len(strip), *strip])) + "\n"
     mesh = mesh_io.parse((header + rows).encode(), ".ply")
-    assert len(mesh.faces) == 12 and _measures(mesh) == pytest.approx((6.0, 1.0))
+    assert len(mesh.faces) == 12 and area_and_volume(mesh) == pytest.approx((6.0, 1.0))
 
 
 def _glb(positions, indices=None, mode=4, normalized=False, node=None, extra=None, stride=0):
@@ -285,7 +274,9 @@ def test_glb_rotations_have_norm_one_and_weights_of_nodes_win(node, mesh, volume
     primitive = {"attributes": {"POSITION": 0}, "indices": 1}
     glb = _glb(SQUARE, [0, 1, 2, 0, 2, 3], node=node, extra={"meshes": [{"primitives": [primitive], **mesh}]})
     read = mesh_io.parse(glb, ".glb")
-    assert _measures(read)[0] == pytest.approx(1.0) and read.remarks == ("morph targets are not applied",) * volume
+    assert (
+        area_and_volume(read)[0] == pytest.approx(1.0) and read.remarks == ("morph targets are not applied",) * volume
+    )
 
 
 def test_glb_json_padded_with_zeros_is_read_and_a_rotation_of_norm_zero_refused():
@@ -338,7 +329,7 @@ SHARED = {
 def test_kept_files_have_the_right_values(shared_dir, name):
     faces, area, volume = SHARED[name]
     mesh = mesh_io.load(shared_dir / "cases" / name)
-    found = _measures(mesh)
+    found = area_and_volume(mesh)
     assert len(mesh.faces) == faces and found[1] == pytest.approx(volume, rel=1e-5)
     assert area is None or found[0] == pytest.approx(area)
 

@@ -5,7 +5,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from _shapes import icosphere
+from _shapes import QUADS, UNIT_CUBE, area_and_volume, icosphere
 
 from ddf.core import checks
 from ddf.geometry import mesh_io
@@ -13,8 +13,6 @@ from ddf.geometry.formats import scenes
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
-CUBE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
-QUADS = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
 FACES = [t for a, b, c, d in QUADS for t in ((a, b, c), (a, c, d))]
 RELS = (
     '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship '
@@ -23,7 +21,7 @@ RELS = (
 )
 
 
-def _object(key, vertices=CUBE, faces=FACES):
+def _object(key, vertices=UNIT_CUBE, faces=FACES):
     rows = "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in vertices)
     rows = f"<vertices>{rows}</vertices>"
     rows += "<triangles>" + "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in faces) + "</triangles>"
@@ -49,13 +47,9 @@ def _zip(model=None, name="3D/3dmodel.model", **others):
     return stream.getvalue()
 
 
-def _volume(mesh):
-    return np.einsum("ij,ij->", mesh.triangles[:, 0], np.cross(mesh.triangles[:, 1], mesh.triangles[:, 2])) / 6
-
-
 def test_the_unit_cube_is_read_as_written_whatever_its_unit():
     mesh = mesh_io.parse(_zip(), ".3mf")
-    assert (len(mesh.faces), mesh.remarks) == (12, ()) and _volume(mesh) == pytest.approx(1.0)
+    assert (len(mesh.faces), mesh.remarks) == (12, ()) and area_and_volume(mesh)[1] == pytest.approx(1.0)
     assert np.stack(mesh.box()).tolist() == [[0, 0, 0], [1, 1, 1]]
 
 
@@ -77,7 +71,7 @@ def test_items_and_components_are_placed_each(build):
     lower, upper, volume = BUILDS[build]
     mesh = mesh_io.parse(_zip(_model(_object(1) + PARTS, build)), ".3mf")
     assert np.stack(mesh.box()).tolist() == [lower, upper]
-    assert _volume(mesh) == pytest.approx(volume)
+    assert area_and_volume(mesh)[1] == pytest.approx(volume)
 
 
 def test_parts_of_the_production_extension_and_named_start_parts_are_followed():
