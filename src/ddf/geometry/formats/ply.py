@@ -333,8 +333,10 @@ def _joined(pieces: list[_Columns], names: Sequence[str]) -> _Columns:
     columns: _Columns = {}
     for name in (name for name in pieces[0] if name in names):
         own: list[Any] = [piece[name] for piece in pieces]
-        is_list = isinstance(own[0], tuple)
-        columns[name] = tuple(map(np.concatenate, zip(*own, strict=True))) if is_list else np.concatenate(own)
+        if isinstance(own[0], tuple):
+            columns[name] = np.concatenate([sizes for sizes, _ in own]), np.concatenate([values for _, values in own])
+        else:
+            columns[name] = np.concatenate(own)
     return columns
 
 
