@@ -1,9 +1,8 @@
 """Rays per second of a plain field by width, precision and runtime, with the error of each against float64.
 
-Fields are as initialised, not trained, which changes no time. Torch is given its best path by hand (`LayerLoop`:
-frequencies folded into the weights, sines in place), onnxruntime the exported file, both in chunks that stay in the
-cache. Normals are asked for on fewer rays. Errors are over the first `CHECKED` rays, away from those where rounding
-chooses the other component or the normal's side.
+Fields are as initialised, not trained, which changes no time. Rays are asked for in chunks that stay in the cache,
+fewer of them with normals. Errors are over the first `CHECKED` rays, away from those where rounding chooses the other
+component or the normal's side.
 """
 
 import copy
@@ -16,7 +15,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from bench.lib import measuring, page
-from ddf.fields import derivatives, field_values, passes, pddf
+from ddf.fields import field_values, pddf
 from ddf.io import onnx_file, onnx_graphs, onnx_parity
 
 RAYS, NORMAL_RAYS, CHECKED = 65_536, 16_384, 8_192  # timed; timed with normals; whose errors are taken
@@ -28,42 +27,6 @@ VALUES, WITH_NORMALS = ("visibility", "depth"), ("visibility", "depth", "normals
 THREADS = 2
 Answer = list[np.ndarray]  # one array per output, in order
 Truths = dict[str, tuple[np.ndarray, np.ndarray]]  # of each output: values, and which of them are clear
-
-
-class LayerLoop:
-    """A plain field as the shortest torch program: products and in-place sines, nothing allocated twice.
-
-    products: type of the matrix products and their weights. sines: type that the angles are kept in.
-    """
-
-    def __init__(self, field: pddf.PDDF, outputs: Sequence[str], products: torch.dtype, sines: torch.dtype) -> None:
-        network = field.network
-        self.field, self.outputs, self.products, self.sines = field, outputs, products, sines
-        self.layers = [
-            ((layer.weight.detach() * omega).to(products), (layer.bias.detach() * omega).to(products))
-            for layer, omega in zip(network.layers, network.omegas, strict=True)
-        ]
-        self.head = (network.head.weight.detach().to(products), network.head.bias.detach().to(products))
-
-    @torch.inference_mode()
-    def __call__(self, positions: Tensor, directions: Tensor) -> list[Tensor]:
-        """The outputs in order."""
-        hidden, slopes = torch.cat((positions, directions), dim=-1), []
-        for weight, bias in self.layers:
-            angles = functional.linear(hidden.to(self.products), weight, bias).to(self.sines)
-            if "normals" in self.outputs:
-                slopes.append(torch.cos(angles))
-            hidden = angles.sin_()
-        raw = functional.linear(hidden.to(self.products), *self.head).float()
-        found = [pddf.visibility(raw), self.field.depth(raw)]
-        if "normals" in self.outputs:
-            rows = pddf.heavier_rows(raw).to(self.products)
-            gradient = rows @ self.head[0][: pddf.NUM_COMPONENTS]
-            for (weight, _), slope in zip(reversed(self.layers[1:]), reversed(slopes[1:]), strict=True):
-                gradient = gradient.mul_(slope) @ weight
-            along = gradient.mul_(slopes[0]) @ self.layers[0][0][:, derivatives.POSITION]
-            found.append(derivatives.normals(along.float(), directions))
-        return found
 
 
 Program = Callable[[Tensor, Tensor], Sequence[Tensor | np.ndarray]]  # a chunk of rays to its outputs
@@ -120,18 +83,8 @@ def errors(answer: Answer, truths: Truths) -> dict[str, float]:
 
 def programs(field: pddf.PDDF, outputs: Sequence[str]) -> dict[str, Program]:
     """By runtime and precision."""
-    full, brain = torch.float32, torch.bfloat16
-    found: dict[str, Program] = {
-        "torch, float32": LayerLoop(field, outputs, full, full),
-        "onnxruntime, float32": onnx_program(field, outputs),
-        "field_values.evaluate, float32": torch.inference_mode()(
-            lambda p, v: list(field_values.evaluate(field, p, v, outputs).values())
-        ),
-    }
-    if passes.has_bfloat16(field.network.head.weight.device):  # in software they would take minutes
-        found["torch, bfloat16 products"] = LayerLoop(field, outputs, brain, full)
-        found["torch, bfloat16"] = LayerLoop(field, outputs, brain, brain)
-    return found
+    evaluate = torch.inference_mode()(lambda p, v: list(field_values.evaluate(field, p, v, outputs).values()))
+    return {"onnxruntime, float32": onnx_program(field, outputs), "field_values.evaluate, float32": evaluate}
 
 
 def measure(field: pddf.PDDF, outputs: Sequence[str]) -> list[dict[str, Any]]:
@@ -150,11 +103,7 @@ def measure(field: pddf.PDDF, outputs: Sequence[str]) -> list[dict[str, Any]]:
     return rows
 
 
-def _values_only(row: page.Row) -> bool:
-    return row.size["outputs"] == list(VALUES)
-
-
-PICTURE = (page.View("depth_mean", "mean error of depth", ("width",), _values_only),)
+PICTURE = (page.View("depth_mean", "mean error of depth", ("width",), lambda row: row.size["outputs"] == list(VALUES)),)
 
 
 def main() -> None:

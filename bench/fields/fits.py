@@ -3,11 +3,11 @@
 Six meshes from outside, six made here, chosen for nothing, and a sphere of more and more triangles.
 
 `sine` is the default network of `ddf fit --kind sine` after some seconds of one core, all samples included; `patches`
-is what `ddf fit` makes, by tolerance; `mesh` is `ddf.cast`. Lengths are in halves of the longest side. Images are 8 of
-256 x 256 from outside; `thin` is the share of their points on parts thinner than 2 % of the longest side that are seen
-within 1 % of it; `wrong` are percents of 50,000 rays, from inside the box or from the surface, whose visibility is
-wrong or whose depth is off by more than 0.02. Bytes of a mesh are its corners and triangles, without the caster's tree.
-All times are those of one core's work.
+is what `ddf fit` makes, by tolerance; `mesh` is Open3D's cast in float32 (Embree) and nothing else. Lengths are in
+halves of the longest side. Images are 8 of 256 x 256 from outside; `thin` is the share of their points on parts thinner
+than 2 % of the longest side that are seen within 1 % of it; `wrong` are percents of 50,000 rays, from inside the box or
+from the surface, whose visibility is wrong or whose depth is off by more than 0.02. Bytes of a mesh are its corners and
+triangles, without the caster's tree. All times are those of one core's work.
 """
 
 import argparse
@@ -25,7 +25,7 @@ import torch
 import trimesh
 
 from bench.data import ray_casting
-from bench.lib import cpu_budget, measuring
+from bench.lib import measuring
 from ddf.data.synthetic import assemble, cars, chairs, planes
 from ddf.fields import framed_field, shape_field
 from ddf.fields.grid import octree, patch_field
@@ -43,6 +43,7 @@ REAL = (
 )
 BUDGETS, TOLERANCES, GROWING = (60,), (3e-4, 1e-3), (1_000, 10_000, 100_000, 1_000_000)
 RAYS, SIZE, VIEWS, OFF, REPEATS = 50_000, 256, 8, 0.02, 5
+CAMERA = (35.0, 25.0)  # of the timed image: azimuth and elevation, degrees
 OUTPUTS = ("visibility", "depth", "normals")
 _BUILDERS = {"chair": chairs.build, "plane": planes.build, "car": cars.build}
 
@@ -62,7 +63,8 @@ class Way:
 
 def meshes() -> dict[str, mesh_io.Mesh]:
     """By name; those from outside where they are."""
-    found = {name: mesh_io.load_surface(measuring.REAL_MESHES / name) for name in REAL if _there(name)}
+    there = [measuring.REAL_MESHES / name for name in REAL if (measuring.REAL_MESHES / name).is_file()]
+    found = {file.name: mesh_io.load_surface(file) for file in there}
     for kind, make in _BUILDERS.items():
         shape = assemble.shape(make(np.random.default_rng(7)), np.random.default_rng(7))
         found[f"made {kind}"] = mesh_io.Mesh(shape.vertices, shape.triangles)
@@ -84,10 +86,6 @@ def _box(sides: npt.ArrayLike, centre: npt.ArrayLike, turn: float = 0.0) -> trim
     return trimesh.creation.box(sides, placed)
 
 
-def _there(name: str) -> bool:
-    return (measuring.REAL_MESHES / name).is_file()
-
-
 def sine(mesh: mesh_io.Mesh, seconds: float) -> Way:
     """A network after so many seconds of one core."""
     with tempfile.TemporaryDirectory() as folder:
@@ -96,7 +94,7 @@ def sine(mesh: mesh_io.Mesh, seconds: float) -> Way:
             config = fit_settings.FitConfig(steps=steps, minutes=None, held_out=50)
             fitting.fit(mesh, config, Path(folder) / str(steps), threads=1)
 
-        steps = cpu_budget.steps_within(train, seconds)
+        steps = measuring.steps_within(train, seconds)
         started = time.process_time()
         train(steps)
         took = time.process_time() - started
@@ -120,26 +118,35 @@ def _way(name: str, field: framed_field.FramedField, size: int, took: float) -> 
         found, _ = framed_field.query(field, points, OUTPUTS)
         return found["depth"], found["normals"]
 
-    camera = (35.0, 25.0, framed_field.framing_radius(field, 35.0, 25.0))
+    camera = (*CAMERA, framed_field.framing_radius(field, *CAMERA))
     return Way(name, ask, lambda: framed_field.render(field, camera, SIZE, ("visibility", "depth")), size, took)
 
 
-def cast(mesh: mesh_io.Mesh, field: framed_field.FramedField) -> Way:
-    """The mesh itself, cast; its image has the rays of a field's."""
-    started = time.process_time()
-    scene = raycast.Scene(mesh)
-    camera = (35.0, 25.0, framed_field.framing_radius(field, 35.0, 25.0))
-    back = field.field_from_mesh.inverse()
+def picture(field: framed_field.FramedField, azimuth: float, elevation: float) -> rays.OrientedPoints:
+    """Rays of an image of the field, in the mesh's frame."""
+    camera = (azimuth, elevation, framed_field.framing_radius(field, azimuth, elevation))
     starts, ways = framed_field.camera_rays(field, camera, SIZE)
-    points = rays.OrientedPoints(back.apply(starts), back.apply_directions(ways))
-    scene.first_hits(points.positions[:1], points.directions[:1])
-    took = time.process_time() - started
+    back = field.field_from_mesh.inverse()
+    return rays.OrientedPoints(back.apply(starts), back.apply_directions(ways))
+
+
+def cast(mesh: mesh_io.Mesh, points: rays.OrientedPoints) -> Way:
+    """The mesh by Open3D alone: no depths in float64, no care for starts on a face. points: rays of the image."""
+    scene = raycast.Scene(mesh)
+
+    def local(asked: rays.OrientedPoints) -> np.ndarray:
+        return np.concatenate([scene.local(asked.positions), asked.directions], axis=1).astype(np.float32)
+
+    started = time.process_time()
+    scene.cast_kept(local(points)[:1])
+    took, image = time.process_time() - started, local(points)
 
     def ask(asked: rays.OrientedPoints) -> Answer:
-        hits = raycast.cast(scene, asked)
-        return hits.depth, hits.normals
+        depth, _, normals = scene.cast_kept(local(asked))
+        facing = np.where((normals * asked.directions).sum(axis=1, keepdims=True) > 0, -normals, normals)
+        return depth.astype(np.float64) * scene.scale, facing
 
-    return Way("mesh", ask, lambda: ask(points), 12 * (len(mesh.vertices) + len(mesh.faces)), took)
+    return Way("mesh", ask, lambda: scene.cast_kept(image), 12 * (len(mesh.vertices) + len(mesh.faces)), took)
 
 
 def inner(mesh: mesh_io.Mesh, random: np.random.Generator) -> rays.OrientedPoints:
@@ -167,12 +174,9 @@ def errors(way: Way, scene: raycast.Scene, field: framed_field.FramedField) -> d
     for name, points in {"inner": inner(scene.mesh, random), "surface": on_surface(scene, random)}.items():
         truth, depth = scene.first_hits(points.positions, points.directions)[0], way.ask(points)[0]
         found[f"wrong_{name}"] = 100 * float(inspection.wrong(depth, truth, OFF * scene.scale).mean())
-    parts, back = [], field.field_from_mesh.inverse()
+    parts = []
     for view in range(VIEWS):
-        azimuth, elevation = 360 * view / VIEWS + 20, (25.0, -15.0)[view % 2]
-        camera = (azimuth, elevation, framed_field.framing_radius(field, azimuth, elevation))
-        starts, ways = framed_field.camera_rays(field, camera, SIZE)
-        points = rays.OrientedPoints(back.apply(starts), back.apply_directions(ways))
+        points = picture(field, 360 * view / VIEWS + 20, (25.0, -15.0)[view % 2])
         truth, (depth, normals) = raycast.cast(scene, points), way.ask(points)
         seen = np.isfinite(depth)
         both = seen & truth.visible
@@ -196,18 +200,35 @@ def errors(way: Way, scene: raycast.Scene, field: framed_field.FramedField) -> d
     }
 
 
-def rows_of(name: str, mesh: mesh_io.Mesh, budgets: Sequence[float], tolerances: Sequence[float]) -> list[dict]:
-    """All ways for one mesh, their images timed in turn."""
-    fields = [patches(mesh, tolerance)[0] for tolerance in tolerances] + [sine(mesh, seconds) for seconds in budgets]
-    frame = patch_field.of(*patch_field.fitted(*fitting.in_cube(mesh), octree.PatchConfig(1e-2)))
-    scene, ways = raycast.Scene(mesh), [*fields, cast(mesh, frame)]
+def rows_of(
+    name: str,
+    mesh: mesh_io.Mesh,
+    frame: framed_field.FramedField,
+    ways: Sequence[Way],
+    more: Callable[[Way], dict[str, Any]] = lambda _: {},
+) -> list[dict]:
+    """All ways for one mesh, their images timed in turn. frame: a field, for its cameras. more: beside the error."""
+    scene = raycast.Scene(mesh)
     times = measuring.interleaved({way.name: way.image for way in ways}, REPEATS, clock=time.process_time)
-    size, rows = {"shape": name, "triangles": len(mesh.faces)}, []
+    rows = []
     for way in ways:
+        size = {"shape": name, "triangles": len(mesh.faces)}
         row = measuring.row(way.name, size, times[way.name], errors(way, scene, frame))
-        rows.append({**row, "bytes": way.size, "made_in_s": way.seconds})
+        rows.append({**row, "bytes": way.size, **more(way), "made_in_s": way.seconds})
         print(name, rows[-1], flush=True)
     return rows
+
+
+def measured(
+    name: str, only: Sequence[str] | None, shapes: dict[str, Any], measure: Callable[..., list[dict[str, Any]]]
+) -> None:
+    """Rows of every shape, which are written, or of those that are named, which are not."""
+    torch.set_num_threads(1)
+    patches(ray_casting.sphere(100), 1e-2)  # compiles
+    chosen = {shape: mesh for shape, mesh in shapes.items() if not only or shape in only}
+    rows = [row for shape, mesh in chosen.items() for row in measure(shape, mesh)]
+    if not only:
+        measuring.write(name, 1, rows)
 
 
 LINES = ("patches, 0.0003", "sine, 60 s")  # of the page
@@ -217,16 +238,16 @@ def main(given: Sequence[str]) -> None:
     """Fit, ask and time."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, nargs="*", default=BUDGETS, help="of sine, one core")
-    parser.add_argument("--only", nargs="*", help="shapes by name")
+    parser.add_argument("--only", nargs="*", help="shapes by name; writes nothing")
     arguments = parser.parse_args(given)
-    torch.set_num_threads(1)
-    patches(ray_casting.sphere(100), TOLERANCES[0])  # compiles
-    shapes: dict[str, tuple[mesh_io.Mesh, Sequence[float], Sequence[float]]] = {
-        name: (mesh, arguments.seconds, TOLERANCES) for name, mesh in meshes().items()
-    }
-    for count in GROWING:
-        shapes[f"sphere {count:,}"] = (ray_casting.sphere(count), (), TOLERANCES[:1])
-    chosen = {name: how for name, how in shapes.items() if not arguments.only or name in arguments.only}
-    rows = [row for name, how in chosen.items() for row in rows_of(name, *how)]
-    if not arguments.only:
-        measuring.write("fits", 1, rows)
+    spheres = {f"sphere {count:,}": ray_casting.sphere(count) for count in GROWING}
+
+    def measure(name: str, mesh: mesh_io.Mesh) -> list[dict[str, Any]]:
+        grows = name in spheres
+        fields = [patches(mesh, tolerance) for tolerance in (TOLERANCES[:1] if grows else TOLERANCES)]
+        networks = [sine(mesh, seconds) for seconds in (() if grows else arguments.seconds)]
+        frame = fields[0][1]
+        ways = [*(way for way, _ in fields), *networks, cast(mesh, picture(frame, *CAMERA))]
+        return rows_of(name, mesh, frame, ways)
+
+    measured("fits", arguments.only, meshes() | spheres, measure)

@@ -20,14 +20,12 @@ from concurrent import futures
 from pathlib import Path
 
 import numpy as np
-import torch
 import trimesh
 
 from bench.data import ray_casting
 from bench.fields import fits
-from bench.lib import measuring, page
-from bench.rivals import distance_grid
-from ddf.fields import framed_field
+from bench.lib import page
+from bench.rivals import distances
 from ddf.fields.grid import octree
 from ddf.geometry import mesh_io, raycast, rays
 
@@ -77,31 +75,12 @@ def meshes() -> dict[str, mesh_io.Mesh]:
     return {**rocks, "hoops": hoops(100_000), "cut rock 10,000": cut(rocks["rock 10,000"])}
 
 
-def distances(scene: raycast.Scene, side: int, points: rays.OrientedPoints) -> fits.Way:
+def grid(scene: raycast.Scene, side: int, points: rays.OrientedPoints) -> fits.Way:
     """Sphere tracing through so many voxels along the longest side. points: rays of the image."""
     started = time.process_time()
-    grid = distance_grid.of(scene, side)
+    made = distances.on_grid(scene, side)
     took = time.process_time() - started
-    return fits.Way(f"distances, {side}", grid.cast, lambda: grid.cast(points), grid.samples.nbytes, took)
-
-
-def plain_cast(mesh: mesh_io.Mesh, points: rays.OrientedPoints) -> fits.Way:
-    """The mesh by Open3D alone: no depths in float64, no care for starts on a face."""
-    scene = raycast.Scene(mesh)
-
-    def local(asked: rays.OrientedPoints) -> np.ndarray:
-        return np.concatenate([scene.local(asked.positions), asked.directions], axis=1).astype(np.float32)
-
-    started = time.process_time()
-    scene.cast_kept(local(points)[:1])
-    took, image = time.process_time() - started, local(points)
-
-    def ask(asked: rays.OrientedPoints) -> fits.Answer:
-        depth, _, normals = scene.cast_kept(local(asked))
-        facing = np.where((normals * asked.directions).sum(axis=1, keepdims=True) > 0, -normals, normals)
-        return depth.astype(np.float64) * scene.scale, facing
-
-    return fits.Way("mesh", ask, lambda: scene.cast_kept(image), 12 * (len(mesh.vertices) + len(mesh.faces)), took)
+    return fits.Way(f"distances, {side}", made.cast, lambda: made.cast(points), made.samples.nbytes, took)
 
 
 def tree_bytes(mesh: mesh_io.Mesh) -> int:
@@ -126,32 +105,20 @@ def _resident() -> int:
 
 
 def rows_of(name: str, mesh: mesh_io.Mesh, seconds: float) -> list[dict]:
-    """All ways for one mesh, their images timed in turn."""
-    scene = raycast.Scene(mesh)
-    patches, field = fits.patches(mesh, octree.PatchConfig().tolerance)
-    tree = field.tree
-    camera = (35.0, 25.0, framed_field.framing_radius(field, 35.0, 25.0))
-    back = field.field_from_mesh.inverse()
-    starts, ways = framed_field.camera_rays(field, camera, fits.SIZE)
-    points = rays.OrientedPoints(back.apply(starts), back.apply_directions(ways))
+    """All ways for one mesh."""
+    scene, (patches, field) = raycast.Scene(mesh), fits.patches(mesh, octree.PatchConfig().tolerance)
+    points, tree = fits.picture(field, *fits.CAMERA), field.tree
+    starts, ways = (
+        field.field_from_mesh.apply(points.positions),
+        field.field_from_mesh.apply_directions(points.directions),
+    )
     patches = dataclasses.replace(patches, image=lambda: field.evaluate(starts, ways, ("visibility", "depth")))
-    read = (tree.base, tree.children, tree.patches, tree.codes)
-    resident = {patches: sum(values.nbytes for values in read)}
-    if seconds:
-        made = fits.sine(mesh, seconds)
-        resident[made] = made.size
-    for side in SIDES:
-        made = distances(scene, side, points)
-        resident[made] = made.size
-    resident[plain_cast(mesh, points)] = tree_bytes(mesh)
-    times = measuring.interleaved({way.name: way.image for way in resident}, fits.REPEATS, clock=time.process_time)
-    rows = []
-    for way, held in resident.items():
-        size = {"shape": name, "triangles": len(mesh.faces)}
-        row = measuring.row(way.name, size, times[way.name], fits.errors(way, scene, field))
-        rows.append({**row, "bytes": way.size, "resident": held, "made_in_s": way.seconds})
-        print(name, rows[-1], flush=True)
-    return rows
+    made = [fits.sine(mesh, seconds)] if seconds else []
+    made += [grid(scene, side, points) for side in SIDES]
+    resident = {way.name: way.size for way in made} | {"mesh": tree_bytes(mesh)}
+    resident[patches.name] = sum(values.nbytes for values in (tree.base, tree.children, tree.patches, tree.codes))
+    made = [patches, *made, fits.cast(mesh, points)]
+    return fits.rows_of(name, mesh, field, made, lambda way: {"resident": resident[way.name]})
 
 
 LINES = ("patches, 0.0003", "sine, 20 s", "distances, 128", "distances, 256", "mesh")  # of the page
@@ -164,13 +131,8 @@ def main(given: Sequence[str]) -> None:
     parser.add_argument("--seconds", type=float, default=SECONDS, help="of the network, one core; up to 100,000")
     parser.add_argument("--only", nargs="*", help="shapes by name; writes nothing")
     arguments = parser.parse_args(given)
-    torch.set_num_threads(1)
-    fits.patches(ray_casting.sphere(100), 1e-2)  # compiles
-    chosen = {name: mesh for name, mesh in meshes().items() if not arguments.only or name in arguments.only}
-    rows = [
-        row
-        for name, mesh in chosen.items()
-        for row in rows_of(name, mesh, arguments.seconds if len(mesh.faces) <= GROWING[2] else 0)
-    ]
-    if not arguments.only:
-        measuring.write("frontier", 1, rows)
+
+    def measure(name: str, mesh: mesh_io.Mesh) -> list[dict]:
+        return rows_of(name, mesh, arguments.seconds if len(mesh.faces) <= GROWING[2] else 0)
+
+    fits.measured("frontier", arguments.only, meshes(), measure)

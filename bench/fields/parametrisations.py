@@ -1,12 +1,11 @@
-"""Depth images by what a network reads of a ray: our (p, v) and peers' lines; against sphere tracing and mesh casting.
+"""Depth images by what a network reads of a ray: our (p, v) and peers' lines; against sphere tracing.
 
 All networks have the hidden layers of `ddf fit`'s. Each is trained here for as many seconds of one core
 (`--seconds`) on rays of outside cameras, whose truth was cast before. One row of ours learns from rays that begin
 inside the box besides. Rows hold the time of one depth image, of its one thread, however busy the machine is; and
 errors over held-out cameras outside, in field units. "inside": rays
 from free points inside the box, between surfaces, where a field of lines knows one surface a line; `inside_wrong` is
-the share of them whose visibility is wrong, or whose depth is off by more than `CLOSE`. Signed distances are traced,
-patches and the mesh itself are asked.
+the share of them whose visibility is wrong, or whose depth is off by more than `CLOSE`. Signed distances are traced.
 """
 
 import argparse
@@ -21,14 +20,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from bench.lib import cpu_budget, measuring, page
-from bench.rivals import ray_fields, ray_inputs, sphere_tracing
+from bench.lib import measuring, page
+from bench.rivals import distances, ray_fields
 from ddf.core import seeding
 from ddf.data import mesh_config, mesh_preparation
 from ddf.data.synthetic import showcase
-from ddf.fields import derivatives, framed_field, siren
-from ddf.fields.grid import octree, patch_field
-from ddf.fit import fit_settings, fitting
+from ddf.fields import derivatives, siren
+from ddf.fit import fit_settings
 from ddf.geometry import cameras, mesh_io, raycast, rays, transforms
 from ddf_lab.evaluation import shape_fits
 
@@ -43,10 +41,9 @@ HELD_OUT_RADIUS = 0.8
 FREE_POINTS, LOOKS, CLEAR = 64, 512, 0.1  # inside: points, rays of each, and how far from the surface
 CLOSE = 0.02  # field units, 1 % of the shape
 CHUNK = 4096
-OURS, BOTH, CASTING = "DDF: entry of the box", "DDF, inside rays too", "mesh casting"
-PATCHES = "DDF: patches"
+OURS, BOTH = "DDF: entry of the box", "DDF, inside rays too"
 BUDGETS = [  # of steps; f where a ray has arrived, and where one out of steps still has
-    sphere_tracing.Tracing(steps, threshold, within)
+    distances.Tracing(steps, threshold, within)
     for steps, threshold, within in (
         (6, 2e-2, 4e-2), (8, 1e-2, 2e-2), (12, 1e-2, 1e-2), (16, 5e-3, 5e-3), (32, 2e-3, 5e-3), (64, 1e-3, 5e-3)
     )
@@ -195,18 +192,18 @@ def ray_candidates(
 ) -> dict[str, Candidate]:
     """Fields of rays: equal networks, equal steps, which take ours so many seconds."""
     settings, lower, upper = section(), *place.corners()
-    own = ray_inputs.BoxEntry(lower, upper)
+    own = ray_fields.BoxEntry(lower, upper)
 
-    def train(reads: ray_inputs.RayInput, *lessons: ray_fields.SeenRays, steps: int) -> Candidate:
+    def train(reads: ray_fields.RayInput, *lessons: ray_fields.SeenRays, steps: int) -> Candidate:
         field = ray_fields.fit(reads, lessons, settings, BATCH, steps)
         return Candidate(field.depth, lambda p, v, _: field.normals(p, v), {"steps": steps})
 
-    steps = cpu_budget.steps_within(lambda count: train(own, outside, steps=count), seconds)
+    steps = measuring.steps_within(lambda count: train(own, outside, steps=count), seconds)
     found = {OURS: train(own, outside, steps=steps), BOTH: train(own, outside, inside, steps=steps)}
     peers = {
-        "Plücker coordinates": ray_inputs.Plucker(place.radius),
-        "two spheres": ray_inputs.TwoSpheres(place.radius),
-        "foot of the perpendicular": ray_inputs.Foot(place.radius),
+        "Plücker coordinates": ray_fields.Plucker(place.radius),
+        "two spheres": ray_fields.TwoSpheres(place.radius),
+        "foot of the perpendicular": ray_fields.Foot(place.radius),
     }
     return found | {name: train(reads, outside, steps=steps) for name, reads in peers.items()}
 
@@ -216,17 +213,17 @@ def traced_candidates(place: Place, seconds: float) -> dict[str, Candidate]:
     settings = section()
     loop = dataclasses.replace(settings.loop, learning_rate=DISTANCE_RATE)
     layout = siren.SineLayout(settings.field.hidden, DISTANCE_OMEGA)
-    rival = sphere_tracing.DistanceConfig(layout, loop, points=DISTANCES)
+    rival = distances.DistanceConfig(layout, loop, points=DISTANCES)
 
     def train(steps: int) -> siren.SineNetwork:
-        return sphere_tracing.fit_distance(place.mesh, rival, steps)
+        return distances.fit_distance(place.mesh, rival, steps)
 
-    steps = cpu_budget.steps_within(train, seconds)
+    steps = measuring.steps_within(train, seconds)
     network = train(steps)
 
-    def of(how: sphere_tracing.Tracing) -> Candidate:
+    def of(how: distances.Tracing) -> Candidate:
         def depth(p: Tensor, v: Tensor) -> Tensor:
-            return sphere_tracing.trace(lambda q: network(q).squeeze(-1), p, v, *place.corners(), how)[0]
+            return distances.trace(lambda q: network(q).squeeze(-1), p, v, *place.corners(), how)[0]
 
         return Candidate(depth, functools.partial(traced_normals, network), {"steps": steps})
 
@@ -239,34 +236,6 @@ def traced_normals(network: siren.SineNetwork, p: Tensor, v: Tensor, depth: Tens
     return derivatives.normals(derivatives.adjoint(network, found.slopes, torch.ones_like(found.outputs)), v)
 
 
-def patch_candidate(place: Place) -> Candidate:
-    """What `ddf fit` makes of the mesh; nothing is trained."""
-    started = time.process_time()
-    mesh, field_from_mesh = fitting.in_cube(place.mesh)
-    field = patch_field.of(*patch_field.fitted(mesh, field_from_mesh, octree.PatchConfig()))
-    facts = {"seconds": time.process_time() - started}
-
-    def ask(p: Tensor, v: Tensor, output: str) -> Tensor:
-        points = rays.OrientedPoints(p.double().numpy(), v.double().numpy())
-        return torch.from_numpy(framed_field.query(field, points, (output,))[0][output]).float()
-
-    ask(torch.zeros(1, 3), torch.eye(3)[:1], "depth")  # compiled before the clock runs
-    return Candidate(lambda p, v: ask(p, v, "depth"), lambda p, v, _: ask(p, v, "normals"), facts)
-
-
-def cast_candidate(place: Place) -> Candidate:
-    """The mesh itself, in float32."""
-
-    def depth(p: Tensor, v: Tensor) -> Tensor:
-        local = np.concatenate((place.scene.local(p.numpy()), v.numpy()), axis=1).astype(np.float32)
-        return torch.from_numpy(place.scene.cast_local(local)[0]) * place.scene.scale
-
-    def normals(p: Tensor, v: Tensor, _: Tensor) -> Tensor:
-        return raycast.cast(place.scene, rays.OrientedPoints(p.double(), v.double())).normals.float()
-
-    return Candidate(depth, normals, {})
-
-
 def measure(seconds: float) -> list[dict[str, Any]]:
     """All rows."""
     rows = []
@@ -277,8 +246,6 @@ def measure(seconds: float) -> list[dict[str, Any]]:
             for draw in (outside_rays, inside_rays, between)
         )
         found = ray_candidates(place, outside, inside, seconds) | traced_candidates(place, seconds)
-        found[PATCHES] = patch_candidate(place)
-        found[CASTING] = cast_candidate(place)
         rows += rows_of(name, place, found, inner, seconds)
     return rows
 
@@ -301,23 +268,13 @@ def rows_of(
     return [{**row, "times_ddf": row["median_s"] / rows[0]["median_s"]} for row in rows]
 
 
-def _of_networks(row: page.Row) -> bool:
-    return row.what != CASTING
-
-
-LINES = (
-    OURS,
-    BOTH,
-    "Plücker coordinates",
-    "two spheres",
-    "perpendicular",
-    PATCHES,
-    "f < 0.005",
-    CASTING,
-)  # of the page
-PICTURE = (
-    page.View("depth_median", "median error of depth", ("shape",), keep=_of_networks),
-    page.View("normal_angle_deg_median", "median angle of normals, degrees", ("shape",), keep=_of_networks),
+LINES = (OURS, BOTH, "Plücker coordinates", "two spheres", "perpendicular", "f < 0.005")  # of the page
+PICTURE = tuple(
+    page.View(error, label, ("shape",), keep=lambda row: row.what != "mesh casting")
+    for error, label in (
+        ("depth_median", "median error of depth"),
+        ("normal_angle_deg_median", "median angle of normals, degrees"),
+    )
 )
 
 

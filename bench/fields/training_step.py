@@ -5,11 +5,9 @@ is that of the loss and of the parameter gradient against the plain way in float
 """
 
 import argparse
-import functools
-import itertools
 import json
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,8 +16,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from bench.lib import measuring, page
-from bench.rivals import plain_loss
-from ddf.data.samples import sample_batch
+from ddf.data.samples import sample_batch, sample_types
 from ddf.fields import losses, passes, pddf
 from ddf.models import reconstruction_settings
 from ddf_lab.run import Run
@@ -28,6 +25,64 @@ THREADS, REPEATS, MOST_SECONDS = 2, 5, 10.0
 COUNTS = {"E": 1000, "U": 1200, "A": 1200, "B": 300, "S": 300, "T": 300, "O": 300}
 CONFIGS = {"paper": Path("configs/paper.yaml"), "cpu.yaml": Path("configs/cpu.yaml")}  # whose widths are measured
 WEIGHTS = losses.LossWeights()
+
+
+KINDS = (*sample_types.ORDER, *sample_types.VALUES_ONLY)
+DOUBLED = ("U", "A", "U+", "A+", "P")  # samples whose depth error counts twice
+
+
+def plain_loss(
+    field: pddf.PDDF, batch: sample_batch.SampleBatch, modulations: list[Tensor] | None, weights: losses.LossWeights
+) -> Tensor:
+    """𝔏_S by create_graph, written from the paper's formulas, one type at a time; none of the package's terms.
+
+    Args:
+      weights: with the paper's depth term, `depth_of` = chosen and `depth_huber` = None.
+    """
+    v, n, seen, truth = batch.directions, batch.normals, batch.visible, batch.depth
+    p = batch.positions.clone().requires_grad_()
+    raw = field(p, v, modulations)
+    k = field.config.components
+    scores = torch.cat((raw[..., k:-1], torch.zeros_like(raw[..., :1])), dim=-1)
+    d, w, xi = field.depths(raw), torch.softmax(scores, dim=-1), torch.sigmoid(raw[..., -1])
+
+    def gradient(values: Tensor) -> Tensor:
+        return torch.autograd.grad(values.sum(), p, create_graph=True)[0]
+
+    heaviest = w.argmax(-1, keepdim=True)
+    chosen = d.gather(-1, heaviest)[..., 0]
+    unit = functional.normalize(gradient(raw[..., :k].gather(-1, heaviest)), dim=-1)
+    rates = torch.stack([(gradient(d[..., i]) * v).sum(-1) for i in range(k)])
+    xi_rate = (gradient(xi) * v).sum(-1)
+    w_rates = [(gradient(w[..., i]) * n).sum(-1).abs() for i in range(k if k > 2 else k - 1)]
+    pairs = sum((w[..., i] * w[..., j] for i in range(k) for j in range(i)), torch.zeros_like(xi))
+    stops = torch.tensor([0, *(batch.counts.get(k, 0) for k in KINDS)]).cumsum(0).tolist()
+    where = {k: slice(stops[i], stops[i + 1]) for i, k in enumerate(KINDS)}
+    known = [kind for kind in KINDS if kind != "E"]
+
+    def mean(values: Tensor, kinds: Iterable[str]) -> Tensor:
+        return torch.cat([values[:, where[k]] for k in kinds], dim=1).mean()
+
+    doubled = torch.ones(raw.shape[1], dtype=raw.dtype)
+    for kind in DOUBLED:
+        doubled[where[kind]] = 2
+    factor = seen.clone()
+    factor[:, where["E"]] = xi[:, where["E"]].detach()
+    eikonal = weights.eikonal_depth * factor * (rates + 1).square().sum(0) + weights.eikonal_visibility * xi_rate**2
+    bce = -(seen * torch.log(xi) + (1 - seen) * torch.log(1 - xi))
+    normal = -seen * (unit * n).sum(-1).abs()
+    speed = torch.zeros_like(xi)
+    if w_rates:
+        speed = torch.relu(weights.transition_speed - torch.stack(w_rates).amax(0)) ** 2
+    return (
+        weights.depth * mean(doubled * seen * (chosen - truth) ** 2, known)
+        + weights.visibility * mean(bce, known)
+        + weights.visibility_variance * mean(xi * (1 - xi), known)
+        + weights.normals * mean(normal, "UAB")
+        + mean(eikonal, "EUAB")
+        + weights.weight_variance * mean(pairs, "EUAB")
+        + weights.transition * mean(speed, "ST")
+    )
 
 
 def batch(shapes: int, dtype: torch.dtype) -> sample_batch.SampleBatch:
@@ -48,29 +103,17 @@ def batch(shapes: int, dtype: torch.dtype) -> sample_batch.SampleBatch:
 
 def plain(decoder: pddf.ConditionalPDDF, points: sample_batch.SampleBatch, latent: Tensor) -> Tensor:
     """𝔏_S by autograd alone."""
-    return plain_loss.plain_loss(decoder.field, points, decoder.modulator(latent), WEIGHTS)
+    return plain_loss(decoder.field, points, decoder.modulator(latent), WEIGHTS)
 
 
-def explicit(
-    decoder: pddf.ConditionalPDDF,
-    points: sample_batch.SampleBatch,
-    latent: Tensor,
-    matmul: Literal["float32", "bfloat16"] = "float32",
-) -> Tensor:
+def explicit(matmul: Literal["float32", "bfloat16"]) -> Callable[..., Tensor]:
     """𝔏_S by the package."""
-    return losses.shape_loss(decoder.field, points, decoder.modulator(latent), WEIGHTS, matmul)[0]
+    return lambda decoder, points, latent: losses.shape_loss(
+        decoder.field, points, decoder.modulator(latent), WEIGHTS, matmul
+    )[0]
 
 
-WAYS = {
-    "plain": plain,
-    "explicit": explicit,
-    "explicit, bfloat16 products": functools.partial(explicit, matmul="bfloat16"),
-}
-
-
-def kind_of(way: str) -> torch.dtype:
-    """Type that a way's products are made in."""
-    return torch.bfloat16 if "bfloat16" in way else torch.float32
+WAYS = {"plain": plain, "explicit": explicit("float32"), "explicit, bfloat16 products": explicit("bfloat16")}
 
 
 def step_of(loss: Callable[..., Tensor], hidden: tuple[int, ...], dtype: torch.dtype) -> Callable[[], tuple]:
@@ -93,41 +136,20 @@ def result(step: Callable[[], tuple]) -> tuple[float, Tensor]:
     return float(value), torch.cat([gradient.flatten().double() for gradient in gradients])
 
 
-def matmul_rate(width: int, rows: int, dtype: torch.dtype) -> float:
-    """GFLOP/s of this machine's product at the field's own sizes."""
-    left, right = torch.randn(rows, width).to(dtype), torch.randn(width, width).to(dtype)
-    seconds = measuring.interleaved({"product": lambda: left @ right}, REPEATS)["product"]
-    return 2 * rows * width**2 / sorted(seconds)[len(seconds) // 2] / 1e9
-
-
-def gradient_products(hidden: tuple[int, ...]) -> float:
-    """Multiply-adds per point that the step needs at least: every pass is a product per layer, and twice that back."""
-    layers = 6 * hidden[0] + sum(a * b for a, b in itertools.pairwise(hidden)) + 4 * hidden[-1]
-    total = sum(COUNTS.values())
-    adjoint = sum(COUNTS[k] for k in "UAB") / total
-    tangent = sum(COUNTS[k] for k in "EUABST") / total
-    return 3 * layers * (1 + adjoint + tangent)
-
-
 def widths(path: Path) -> tuple[int, ...]:
     """Of a config's hidden layers of the DDF."""
     return Run.read(path).section(reconstruction_settings.TrainConfig).decoder.hidden
 
 
 def rows_of(name: str, hidden: tuple[int, ...], repeats: int) -> list[dict[str, Any]]:
-    """One row per way; shares are of the rate in the type that the products are made in.
-
-    Ways with products in bfloat16 are left out where the processor has none.
-    """
+    """One row per way; those with products in bfloat16 are left out where the processor has none."""
     truth, exact = result(step_of(plain, hidden, torch.float64))
     rounded = passes.has_bfloat16(torch.device("cpu"))
-    ways = {way: loss for way, loss in WAYS.items() if rounded or kind_of(way) != torch.bfloat16}
+    ways = {way: loss for way, loss in WAYS.items() if rounded or "bfloat16" not in way}
     steps = {way: step_of(loss, hidden, torch.float32) for way, loss in ways.items()}
     found = {way: result(step) for way, step in steps.items()}
-    points, kinds = 2 * sum(COUNTS.values()), {kind_of(way) for way in ways}
-    before = {kind: matmul_rate(max(hidden), points, kind) for kind in kinds}
+    points = 2 * sum(COUNTS.values())
     times = measuring.interleaved(steps, repeats, MOST_SECONDS)
-    rates = {kind: max(before[kind], matmul_rate(max(hidden), points, kind)) for kind in kinds}
     rows = []
     for way, seconds in times.items():
         value, gradient = found[way]
@@ -136,18 +158,9 @@ def rows_of(name: str, hidden: tuple[int, ...], repeats: int) -> list[dict[str, 
             "gradient_relative": float((gradient - exact).norm() / exact.norm()),
         }
         entry = measuring.row(f"{way}, {name}", {"hidden": hidden, "points": points}, seconds, error)
-        used = 2 * gradient_products(hidden) * points / entry["median_s"] / 1e9
-        rate = rates[kind_of(way)]
         ratios = [slow / fast for slow, fast in zip(times["plain"], seconds, strict=False)]  # of the same turns
-        rows.append(
-            {
-                **entry,
-                "points_per_s": points / entry["median_s"],
-                "times_plain": statistics.median(ratios),
-                "matmul_gflops": rate,
-                "share_of_matmul_rate": used / rate,
-            }
-        )
+        told = {"points_per_s": points / entry["median_s"], "times_plain": statistics.median(ratios)}
+        rows.append({**entry, **told})
     return rows
 
 

@@ -23,6 +23,7 @@ OUT = Path(os.environ.get("DDF_BENCH_OUT") or REPORTS / "bench")
 PAGES = OUT / "pages" if os.environ.get("DDF_BENCH_OUT") else REPORTS  # of benchmarks with a page of their own
 TICK, WARM, MOST_SECONDS = 0.01, 1.0, 4.0  # seconds: see `interleaved`
 COLD = 10  # by no larger factor is a first call slower than the next ones
+FEW, MORE = 5, 45  # steps of two short trainings
 PACKAGES = ("torch", "numpy", "open3d", "onnxruntime")
 
 
@@ -77,6 +78,16 @@ def _seconds(candidate: Callable[[], Any], calls: int, clock: Callable[[], float
     for _ in range(calls):
         candidate()
     return (clock() - started) / calls
+
+
+def steps_within(train: Callable[[int], object], seconds: float) -> int:
+    """Steps for which `train` takes so many seconds of this process's time, what it does before them included."""
+    train(FEW)  # the first one loads libraries and touches memory
+    few, more = (_seconds(lambda steps=steps: train(steps), 1, time.process_time) for steps in (FEW, MORE))
+    each = (more - few) / (MORE - FEW)
+    if each <= 0:
+        raise RuntimeError(f"{MORE} steps took {more:.3g} s, {FEW} took {few:.3g} s: too few to tell what one takes")
+    return max(1, int((seconds - few) / each) + FEW)
 
 
 def number(value: float) -> str:

@@ -67,14 +67,8 @@ def torch_pairs(dtype: torch.dtype) -> Callable[[np.ndarray, np.ndarray], Distan
 
 def all_pairs(prediction: np.ndarray, truth: np.ndarray) -> Distances:
     """The definition: squared differences of all pairs, float64."""
-    there, back = np.full(len(prediction), np.inf), np.full(len(truth), np.inf)
-    for start in range(0, len(prediction), 500):
-        chunk = slice(start, start + 500)
-        gaps = prediction[chunk, None] - truth[None]
-        dist_sq = np.einsum("ijk,ijk->ij", gaps, gaps)
-        there[chunk] = dist_sq.min(axis=1)
-        back = np.minimum(back, dist_sq.min(axis=0))
-    return there, back
+    pairs = spatial.distance.cdist(prediction, truth, "sqeuclidean")
+    return pairs.min(axis=1), pairs.min(axis=0)
 
 
 def open3d_metrics(prediction: np.ndarray, truth: np.ndarray) -> list[float]:

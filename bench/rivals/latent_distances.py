@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from bench.rivals import rival_training
+from bench.rivals import distances
 from ddf.core import seeding, storage
 from ddf.data import mesh_shards
 from ddf.data.samples.draws import Surface
@@ -123,7 +123,7 @@ def trained(
         terms = {"error": error.detach(), "beyond": beyond.detach(), "norm": norm.detach()}
         return error + BEYOND * beyond + NORM * norm, terms
 
-    return rival_training.trained(model, loss, config.steps, LOOP, describe, kept)
+    return distances.trained(model, loss, config.steps, LOOP, describe, kept)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import torch
 
 from bench.fields import parametrisations as benchmark
 from ddf.core import seeding
-from ddf.geometry import rays
+from ddf.geometry import raycast, rays
 
 LEVEL, RADIUS = 4, 0.6
 
@@ -28,7 +28,13 @@ def _few(monkeypatch):
 
 
 def _exact(place):
-    return benchmark.cast_candidate(place)
+    """What casting the mesh gives."""
+    scene = raycast.Scene(place.mesh)
+
+    def hits(p, v):
+        return raycast.cast(scene, rays.OrientedPoints(p.double(), v.double()))
+
+    return benchmark.Candidate(lambda p, v: hits(p, v).depth.float(), lambda p, v, _: hits(p, v).normals.float(), {})
 
 
 @pytest.mark.usefixtures("_few")

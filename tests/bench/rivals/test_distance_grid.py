@@ -6,11 +6,11 @@ import pytest
 from _support import assert_close
 
 from bench.data import ray_casting
-from bench.rivals import distance_grid
+from bench.rivals import distances
 from ddf.geometry import primitives, raycast, rays
 
 SPHERE = ray_casting.sphere(20_000)  # of radius 1, to 1e-3
-GRID = distance_grid.of(raycast.Scene(SPHERE), 48)
+GRID = distances.on_grid(raycast.Scene(SPHERE), 48)
 
 
 def test_samples_are_exact_near_the_surface_and_lower_bounds_beyond():

@@ -8,8 +8,8 @@ import _shapes
 import pytest
 import torch
 
-from bench.lib import cpu_budget
-from bench.rivals import ray_fields, ray_inputs
+from bench.lib import measuring
+from bench.rivals import ray_fields
 from ddf.fields import derivatives, pddf
 from ddf.fit import fit_settings
 from ddf.geometry import primitives, rays
@@ -17,10 +17,10 @@ from ddf.geometry import primitives, rays
 BALL, SIDE = 0.6, 0.7
 CORNER = torch.full((3,), SIDE)
 READS = {
-    "box entry": ray_inputs.BoxEntry(-CORNER, CORNER),
-    "plucker": ray_inputs.Plucker(float(CORNER.norm())),
-    "two spheres": ray_inputs.TwoSpheres(float(CORNER.norm())),
-    "foot": ray_inputs.Foot(float(CORNER.norm())),
+    "box entry": ray_fields.BoxEntry(-CORNER, CORNER),
+    "plucker": ray_fields.Plucker(float(CORNER.norm())),
+    "two spheres": ray_fields.TwoSpheres(float(CORNER.norm())),
+    "foot": ray_fields.Foot(float(CORNER.norm())),
 }
 
 
@@ -93,12 +93,12 @@ def test_steps_fill_the_seconds_with_what_comes_before_them(monkeypatch):
         next(clock)
         now["seconds"] += 2.0 + 0.1 * steps
 
-    assert abs(cpu_budget.steps_within(train, 12.0) - 100) <= 1
-    assert cpu_budget.steps_within(train, 0.1) == 1
+    assert abs(measuring.steps_within(train, 12.0) - 100) <= 1
+    assert measuring.steps_within(train, 0.1) == 1
     assert next(clock) == 6
 
 
 def test_a_training_that_takes_no_time_has_no_number_of_steps(monkeypatch):
     monkeypatch.setattr(time, "process_time", lambda: 0.0)
     with pytest.raises(RuntimeError, match="too few to tell"):
-        cpu_budget.steps_within(lambda steps: None, 1.0)
+        measuring.steps_within(lambda steps: None, 1.0)

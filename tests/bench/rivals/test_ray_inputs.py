@@ -4,16 +4,16 @@ import _shapes
 import pytest
 import torch
 
-from bench.rivals import ray_inputs
+from bench.rivals import ray_fields
 from ddf.geometry import primitives, rays
 
 LOWER, UPPER = torch.tensor([-0.8, -0.7, -0.9]).double(), torch.tensor([0.8, 0.7, 0.9]).double()
 BALL, REACH = 0.6, float(torch.tensor([0.8, 0.7, 0.9]).double().norm())
 READS = {
-    "box entry": ray_inputs.BoxEntry(LOWER, UPPER),
-    "plucker": ray_inputs.Plucker(REACH),
-    "two spheres": ray_inputs.TwoSpheres(REACH),
-    "foot": ray_inputs.Foot(REACH),
+    "box entry": ray_fields.BoxEntry(LOWER, UPPER),
+    "plucker": ray_fields.Plucker(REACH),
+    "two spheres": ray_fields.TwoSpheres(REACH),
+    "foot": ray_fields.Foot(REACH),
 }
 
 

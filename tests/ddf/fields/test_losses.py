@@ -7,7 +7,7 @@ from typing import Literal
 import pytest
 import torch
 
-from bench.rivals.plain_loss import plain_loss
+from bench.fields.training_step import plain_loss
 from ddf.core import checks
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, passes, pddf, siren

@@ -9,7 +9,7 @@ import pytest
 import torch
 from _hand_made import DDF, PCSIREN, TRAIN
 
-from bench.rivals.plain_loss import plain_loss
+from bench.fields.training_step import plain_loss
 from ddf.fields import rendering
 from ddf.geometry import transforms
 from ddf.models import reconstruction_models
