@@ -127,20 +127,13 @@ def test_alone_there_is_one_part_and_nothing_is_exchanged():
     assert seen == ["run"]
 
 
-def test_batch_that_cannot_be_shared_is_refused(monkeypatch):
-    monkeypatch.setattr(distributed, "count", lambda: 3)
-    with pytest.raises(checks.InputError, match=r"train.batch_size must be a multiple of the 3 processes; got 4"):
-        training_loop.prepare(_together.LOOP, 4)
-
-
-def test_work_for_one_process_refuses_several(monkeypatch):
-    monkeypatch.setenv("WORLD_SIZE", "2")
-    with pytest.raises(checks.InputError, match="runs on one process; got 2"):
-        training_loop.prepare(_together.LOOP)
-
-
-def test_half_of_the_variables_of_torchrun_are_refused(monkeypatch):
+def test_processes_that_cannot_share_the_work_are_refused(monkeypatch):
     monkeypatch.setenv("WORLD_SIZE", "2")
     monkeypatch.setenv("RANK", "1")
+    with pytest.raises(checks.InputError, match="runs on one process; got 2"):
+        training_loop.prepare(_together.LOOP)
     with pytest.raises(checks.InputError, match="LOCAL_RANK, MASTER_ADDR, MASTER_PORT not set"):
         distributed.shared(lambda: None)()
+    monkeypatch.setattr(distributed, "count", lambda: 3)
+    with pytest.raises(checks.InputError, match="multiple of the 3 processes; got 4"):
+        training_loop.prepare(_together.LOOP, 4)

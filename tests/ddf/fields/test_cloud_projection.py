@@ -8,7 +8,7 @@ import torch
 from _sphere_field import CONFIG, RADIUS, Sphere, sample
 
 from ddf.core import checks
-from ddf.fields import cloud_projection, pddf, udf
+from ddf.fields import cloud_projection, pddf
 
 
 def test_points_land_on_the_surface_and_cover_it():
@@ -30,8 +30,9 @@ def test_first_cycle_of_three_is_the_cloud_of_one():
     assert torch.equal(sample(300)[0].points, sample(300, one)[0].points)
 
 
-def test_chunks_change_no_point():
-    small = dataclasses.replace(CONFIG, cycles=1, chunk_rays=128 * 7, recheck=(0.1,))
+@pytest.mark.parametrize("changes", [{"recheck": (0.1,)}, {"aimed": 0.5}])
+def test_chunks_change_no_point(changes):
+    small = dataclasses.replace(CONFIG, cycles=1, chunk_rays=128 * 7, **changes)
     large = dataclasses.replace(small, chunk_rays=10**6)
     torch.testing.assert_close(sample(200, small)[0].points, sample(200, large)[0].points)
 
@@ -77,12 +78,6 @@ def test_later_cycles_are_not_aimed_and_the_uniform_directions_stay():
     torch.testing.assert_close(directions[0.0][2], directions[0.5][2])  # of the second cycle
 
 
-def test_chunks_change_no_aimed_point():
-    small = dataclasses.replace(CONFIG, cycles=1, chunk_rays=128 * 7, aimed=0.5)
-    large = dataclasses.replace(small, chunk_rays=10**6)
-    torch.testing.assert_close(sample(200, small)[0].points, sample(200, large)[0].points)
-
-
 def test_direction_is_towards_the_nearest_point_of_the_sphere():
     generator = torch.Generator().manual_seed(3)
     points = torch.nn.functional.normalize(torch.randn(50, 3, generator=generator), dim=-1) * 0.85
@@ -90,25 +85,6 @@ def test_direction_is_towards_the_nearest_point_of_the_sphere():
     found = cloud_projection.project(Sphere(), None, points, many, generator)
     cosine = torch.nn.functional.cosine_similarity(found.points, points, dim=-1)
     assert float(cosine.median()) > math.cos(math.radians(3))
-
-
-def test_cancelling_candidates_fall_back_to_the_best():
-    candidates = torch.tensor([[[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]]])
-    equal, depth = torch.ones(1, 4), torch.full((1, 4), 0.5)
-    found = udf.closest_directions(candidates, equal, depth, CONFIG.temperature, CONFIG.inverse_depth)
-    assert float(found.norm()) == pytest.approx(1.0)
-    assert any(torch.equal(found[0], c) for c in candidates[0])
-
-
-@pytest.mark.parametrize(("visibility", "depth"), [(0.0, 1.0), (1.0, 0.0), (0.0, 0.0)])
-def test_invisible_and_on_surface_candidates_stay_finite_and_unit(visibility, depth):
-    candidates = torch.nn.functional.normalize(
-        torch.randn(20, 64, 3, generator=torch.Generator().manual_seed(0)), dim=-1
-    )
-    tiny = dataclasses.replace(CONFIG, num_directions=64, temperature=1e-4, inverse_depth=1e-6)
-    ones = torch.ones(20, 64)
-    found = udf.closest_directions(candidates, visibility * ones, depth * ones, tiny.temperature, tiny.inverse_depth)
-    torch.testing.assert_close(found.norm(dim=-1), torch.ones(20))
 
 
 def test_jitter_moves_the_starts_of_later_cycles_alone():
@@ -194,19 +170,11 @@ def test_hits_outside_the_box_are_chosen_last(spread):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"num_directions": 0}, "num_directions must be >= 1; got 0"),
-        ({"temperature": 0.0}, "temperature must be > 0"),
-        ({"spread": -1.0}, r"spread must be >= 0; got -1\.0"),
-        (
-            {"oversampling": -0.6, "spread": 6.0, "cycles": 3},
-            "must leave enough candidates.*got 0.8 with oversampling -0.6",
-        ),
-        ({"crowding": -1.0}, r"crowding must be >= 0; got -1\.0"),
-        ({"least_confidence": 1.5}, r"least_confidence must be <= 1; got 1\.5"),
-        ({"aimed": -0.5}, r"aimed must be >= 0; got -0\.5"),
-        ({"oversampling": -0.1}, "must leave enough candidates.*got 0.9 with"),
-        ({"jitter": -0.1}, "jitter must be >= 0"),
-        ({"recheck": (0.1, 1.5)}, r"recheck must list offsets in \(0, 1\)"),
+        ({"temperature": 0.0}, "temperature"),
+        ({"least_confidence": 1.5}, "least_confidence"),
+        ({"oversampling": -0.6, "spread": 6.0, "cycles": 3}, "enough candidates.*got 0.8"),
+        ({"oversampling": -0.1}, "enough candidates.*got 0.9"),
+        ({"recheck": (0.1, 1.5)}, "recheck"),
     ],
 )
 def test_bad_config_is_refused(change, message):

@@ -120,17 +120,6 @@ def test_answers_are_those_of_the_network_in_the_unit_of_the_mesh(shape):
         assert not found[name][~seen].any()
 
 
-def test_each_output_alone_equals_all_together(shape):
-    points = _in_mesh_frame(*_rays())
-    together, _ = framed_field.query(shape, points, field_outputs.of(2))
-    for name in field_outputs.of(2):
-        alone, _ = framed_field.query(shape, points, [name])
-        assert set(alone) == {name}
-        np.testing.assert_allclose(alone[name], together[name], rtol=1e-4, atol=1e-5)
-    with pytest.raises(checks.InputError, match=r"outputs must be among .*; got colour"):
-        framed_field.query(shape, points, ["colour"])
-
-
 @pytest.mark.parametrize("away", [5.0, 2000.0])
 def test_starting_further_back_adds_that_to_the_depth(shape, away):
     p, v = _rays()
@@ -170,26 +159,6 @@ def test_no_rays_and_all_missing_give_empty_and_background(shape):
     found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), field_outputs.of(2))
     assert evaluated == 0
     assert found["depth"].tolist() == [np.inf]
-
-
-def test_components_are_weight_and_normals_of_both_depths(tmp_path):
-    shape = shape_field.load(_write(tmp_path, CONFIG))
-    p, v = _rays()
-    found, _ = framed_field.query(
-        shape, _in_mesh_frame(p, v), ["visibility", "normals", "weight_1", "normals_1", "normals_2"]
-    )
-    seen = found["visibility"] >= 0.5
-    start = p.float().requires_grad_()
-    raw = shape.field(start, v.float())
-    np.testing.assert_allclose(found["weight_1"][seen], torch.sigmoid(raw[:, 2]).detach().numpy()[seen], atol=1e-4)
-    for i in range(2):
-        (gradient,) = torch.autograd.grad(shape.field.depths(raw)[:, i].sum(), start, retain_graph=True)
-        expected = derivatives.normals(gradient, v.float()).numpy()
-        np.testing.assert_allclose(found[f"normals_{i + 1}"][seen], expected[seen], atol=1e-3)
-        heavier = seen & ((found["weight_1"] >= 0.5) == (i == 0))
-        np.testing.assert_allclose(found[f"normals_{i + 1}"][heavier], found["normals"][heavier], atol=1e-5)
-    assert seen.any()
-    assert not found["normals_1"][~seen].any()
 
 
 @pytest.mark.parametrize(("components", "last"), [(1, "gaussian_curvature"), (3, "normals_3")])

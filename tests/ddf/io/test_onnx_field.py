@@ -49,7 +49,6 @@ REFUSED = {
     "missing": ({"values": {"visibility": VALUES["visibility"]}}, "gives no depth"),
     "nan": ({"values": VALUES | {"depth": ("Mul", "first", "nan")}}, "gives no depth, or values that are not numbers"),
     "memory": ({"extra": BIG, "values": VALUES | {"depth": ("Mul", "first", "sum")}}, "smaller than requested bytes"),
-    "loop": ({"extra": [helper.make_node("Loop", ["", ""], ["x"], body=LOOP)]}, "has a node Loop, as no file"),
     "endless": (
         {"extra": [helper.make_node("Loop", ["trips", ""], ["x"], body=LOOP)]},
         "has a node Loop, as no file",

@@ -279,15 +279,9 @@ def test_float16_weights_are_the_rounded_ones():
 
 
 @pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"batches": ()}, "batches must be >= 1"),
-        ({"batches": (0,)}, "batches must be >= 1"),
-        ({"precisions": ("int4",)}, "precision must be one of float16, bfloat16; got 'int4'"),
-        ({"outputs": ("colour",)}, "outputs must be among"),
-    ],
+    ("name", "value"), [("batches", ()), ("batches", (0,)), ("precisions", ("int4",)), ("outputs", ("colour",))]
 )
-def test_config_out_of_range_is_refused(values, message):
-    given = {"outputs": ALL, "batches": (1,), "precisions": (), "seed": 0} | values
-    with pytest.raises(checks.InputError, match=message):
+def test_config_out_of_range_is_refused(name, value):
+    given = {"outputs": ALL, "batches": (1,), "precisions": (), "seed": 0} | {name: value}
+    with pytest.raises(checks.InputError, match=name.removesuffix("s")):
         onnx_file.ExportConfig(**given)

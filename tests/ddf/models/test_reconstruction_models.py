@@ -8,7 +8,7 @@ import pytest
 import torch
 import torchvision
 
-from ddf.core import checks, storage
+from ddf.core import storage
 from ddf.fields import model_files, pddf, rendering
 from ddf.geometry import cameras, rays, transforms
 from ddf.models import camera_encoder, encoders, reconstruction_models, reconstruction_settings
@@ -207,12 +207,6 @@ def test_correction_finds_the_radius_of_a_ball():
     model.camera_head.fit(torch.tensor([[0.0, 0.43, 0.8], [6.2, 0.53, 0.95], [3.0, 0.5, 0.9]]))
     held = mask_descent.correct_camera(model, [], start, scale, mask, config)
     assert float(held[0, 2]) == pytest.approx(0.8)  # the least radius of the training images
-
-
-@pytest.mark.parametrize("free", [(), ("azimuth", "roll")])
-def test_correction_of_nothing_or_of_something_unknown_is_refused(free):
-    with pytest.raises(checks.InputError, match="free must list some of azimuth, elevation, radius"):
-        reconstruction_settings.CorrectionConfig(1, 0.1, 32, free)
 
 
 def test_a_model_is_read_whatever_its_record_says_of_its_training(tmp_path):

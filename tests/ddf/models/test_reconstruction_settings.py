@@ -6,6 +6,9 @@ import pytest
 from _hand_made import DDF, PCSIREN, POINTCLOUDS, TRAIN
 
 from ddf.core import checks
+from ddf.models import reconstruction_settings
+
+CORRECTION, SHAPE = reconstruction_settings.CorrectionConfig(), reconstruction_settings.ShapeCorrectionConfig()
 
 
 @pytest.mark.parametrize(
@@ -16,6 +19,14 @@ from ddf.core import checks
         (DDF, {"mask_pixels": 0}, "mask_pixels must be >= 1"),
         (PCSIREN, {"points": 0}, "points must be >= 1; got 0"),
         (POINTCLOUDS, {"small": 61}, "small must be <= large; got 61 and 60"),
+        (CORRECTION, {"free": ()}, "free must list some of azimuth, elevation, radius"),
+        (CORRECTION, {"free": ("azimuth", "roll")}, "free"),
+        (SHAPE, {"steps": 0}, "steps"),
+        (SHAPE, {"mask_size": 0}, "mask_size"),
+        (SHAPE, {"learning_rate": 0.0}, "learning_rate"),
+        (SHAPE, {"camera_rate": -1.0}, "camera_rate"),
+        (SHAPE, {"keep": float("nan")}, "keep"),
+        (reconstruction_settings.ProposalConfig(20, 6), {"points": 0}, "points"),
     ],
 )
 def test_values_out_of_range_are_named(section, change, message):

@@ -181,12 +181,3 @@ def test_even_points_fill_the_cube_and_random_ones_are_the_plain_draw():
     assert all(found["even", count] < 0.5 * found["random", count] for count in (512, 4096))
     first, second = (many_images.cube_points(9, "even", torch.Generator().manual_seed(i)) for i in (0, 1))
     assert not torch.equal(first, second)  # another image, another shift
-
-
-def test_pcsiren_maps_the_points_that_the_section_names():
-    model, images = _models.pcsiren_model(), _hand_made.images()
-    clouds = [
-        many_images.reconstruct_pcsiren(model, images, dataclasses.replace(POINTCLOUDS, pcsiren_inputs=how))[0]["L"]
-        for how in ("random", "even")
-    ]
-    assert not torch.equal(*clouds)

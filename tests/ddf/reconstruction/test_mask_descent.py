@@ -115,21 +115,6 @@ def test_deviation_is_that_of_the_encoders_latents():
         mask_descent.latent_deviation(model, features[:1])
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"steps": 0}, "steps must be >= 1"),
-        ({"mask_size": 0}, "mask_size must be >= 1"),
-        ({"learning_rate": 0.0}, "learning_rate must be > 0"),
-        ({"camera_rate": -1.0}, "camera_rate must be >= 0"),
-        ({"keep": float("nan")}, "keep must be >= 0"),
-    ],
-)
-def test_a_descent_without_sense_is_refused(changed, message):
-    with pytest.raises(checks.InputError, match=message):
-        dataclasses.replace(HOW, **changed)
-
-
 def test_both_descents_round_products_on_a_gpu_and_nothing_after_them(monkeypatch):
     seen, own, rounded = [], reconstruction_models.mask_loss, passes.rounded
 

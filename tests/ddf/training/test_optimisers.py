@@ -116,15 +116,6 @@ def test_nearest_orthogonal(shape):
     assert torch.equal(optimisers.nearest_orthogonal(0 * matrix, (15 / 8, -10 / 8, 3 / 8), 5, 1e-7), 0 * matrix)
 
 
-@pytest.mark.parametrize("shape", [(8, 8), (4, 12), (12, 4)])
-def test_several_matrices_at_once_are_those_one_by_one(shape):
-    matrices = torch.randn((5, *shape), generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    given = (3.4445, -4.775, 2.0315), 5, 1e-7
-    together = optimisers.nearest_orthogonal(matrices, *given)
-    for matrix, found in zip(matrices, together, strict=True):
-        torch.testing.assert_close(found, optimisers.nearest_orthogonal(matrix, *given), atol=1e-12, rtol=1e-10)
-
-
 def test_weights_move_together_as_one_by_one(monkeypatch):
     sizes, moved = ((6, 6), (6, 6), (4, 2, 3), (6, 6), (3, 9), (3, 2, 4), (8, 3), (8, 3)), []  # the last four are long
     for together in (id, lambda weight: weight.shape):  # those of a CPU and of a GPU

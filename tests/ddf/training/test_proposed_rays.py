@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from ddf.core import checks, config
 from ddf.data.batches import category_data
 from ddf.data.samples import sample_batch, sample_types
 from ddf.fields import losses, pddf
@@ -112,11 +111,6 @@ def test_same_generator_gives_the_same_rays():
     assert torch.equal(first.positions, again.positions)
     assert torch.equal(first.directions, again.directions)
     assert not torch.equal(first.positions, other.positions)
-
-
-def test_impossible_settings_are_named():
-    with pytest.raises(checks.InputError, match="proposals: points must be >= 1; got 0"):
-        config.parse({"points": 0}, reconstruction_settings.ProposalConfig, "ddf.proposals")
 
 
 def test_the_loss_reads_depth_and_visibility_of_proposed_rays():

@@ -16,13 +16,6 @@ from ddf.models import reconstruction_models
 from ddf.training import reconstruction_steps
 
 
-def test_same_step_draws_the_same_batch_and_another_does_not():
-    draws = [reconstruction_steps.Batch.draw(_hand_made.images(), TRAIN, step) for step in (3, 3, 4)]
-    assert np.array_equal(draws[0].rows, draws[1].rows)
-    assert not np.array_equal(draws[0].random.random(9), draws[2].random.random(9))
-    assert len(set(draws[0].rows)) == 4
-
-
 @pytest.mark.parametrize("told", [False, True])
 @pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
 def test_steps_lower_the_loss_and_reach_every_parameter(kind, told):

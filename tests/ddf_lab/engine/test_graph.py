@@ -72,14 +72,6 @@ def test_what_a_stage_needs_ends_with_it(stage, needs):
     assert [item.stage for item in graph.needed(ITEMS, [stage])] == needs
 
 
-def test_the_table_has_a_line_a_stage_with_what_it_waits_for():
-    cpu = _pipeline.experiment(_pipeline.ROOT / "configs" / "cpu.yaml")
-    found = [line.split(maxsplit=2) for line in graph.table(graph.expand(cpu, 2, _pipeline.PIPELINE))]
-    assert len(found) == 10 and ["train_ddf", "6", "samples"] in found
-    assert ["pointclouds", "6", "train_ddf, train_pcsiren"] in found  # and not what these wait for
-    assert ["report", "1", "evaluate"] in found
-
-
 STAGE = "of: [shape], each: [], command: x, sections: [], inputs: [], outputs: []"
 
 
