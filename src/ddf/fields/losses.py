@@ -269,11 +269,7 @@ def _block_loss(
     numbers: Mapping[types.Span, int],
     differentiate: bool,
 ) -> tuple[Float[Tensor, "terms"], list[Tensor]]:
-    """𝔏_S and its terms, as far as a block goes, and the gradient in the block's modulations.
-
-    Args:
-      numbers: points of the whole batch that each span of `TERMS` covers.
-    """
+    """𝔏_S and its terms of a block, and the gradient in its modulations; `numbers` are those of the whole batch."""
     inputs = field.inputs(block.positions, block.directions)
     eikonal, transition, normals = (block.span(*span) for span in (types.EIKONAL, types.TRANSITION, types.NORMALS))
     along = torch.cat((block.directions[:, eikonal], block.normals[:, transition]), dim=1)

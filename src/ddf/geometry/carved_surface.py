@@ -68,11 +68,7 @@ def _behind(
     way: Float[np.ndarray, "3"],
     cell: float,
 ) -> Float[np.ndarray, "n"]:
-    """How far nodes are behind what is seen along a way, in cells up to `_REACH`; of four pixels each, linearly.
-
-    Args:
-      nodes: about the centre, float32. corners: of all of them, which the image holds.
-    """
+    """How far nodes are behind what is seen along a way, in cells up to `_REACH`; of four pixels each, linearly."""
     right = np.linalg.svd(way[None])[2][1:]  # two axes across
     low, start = (corners @ right.T).min(axis=0), (corners @ way).min() - cell
     count = np.ceil(((corners @ right.T).max(axis=0) - low) / cell).astype(int) + 2

@@ -175,11 +175,7 @@ def _back_along(
     rng: np.random.Generator,
     normals: Float[np.ndarray, "n 3"] | None = None,
 ) -> Draw:
-    """p on the segment from each origin along v0 to the boundary of B (a tenth exactly on it), and v = -v0.
-
-    Args:
-      normals: n0, where the segments touch the surface in their origins, q0.
-    """
+    """p on the segment from each origin along v0 to the boundary of B (a tenth exactly on it), v = -v0."""
     count = len(origins)
     axes = _exit(origins, directions, box)
     reach = np.minimum(np.minimum(axes[0], axes[1]), axes[2])

@@ -282,14 +282,7 @@ def _joined(drawn: dict[str, draws.Draw], name: str, count: int | None = None) -
 def _lift(
     size: float, drew: draws.Draw, starts: Float[np.ndarray, "3 n"], looking: list[np.ndarray]
 ) -> Float[np.ndarray, "n"]:
-    """Lift starts on the surface off their triangles to the side that they look to, in place.
-
-    Args:
-      size: half the longest side of the mesh's box.
-      starts, looking: the three coordinates of the stored positions, which are replaced, and of the directions.
-    Returns:
-      How far along each ray the lifted start lies from the stored one.
-    """
+    """Lift starts on the surface off their triangles to the side that they look to, in place; how far, by ray."""
     assert drew.normals is not None
     normals = drew.normals.T
     slope = np.sum([normal * v for normal, v in zip(normals, looking, strict=True)], axis=0)
@@ -314,11 +307,7 @@ def _normal_codes(
     normals: Float[np.ndarray, "n 3"],
     looking: list[np.ndarray],
 ) -> Int[np.ndarray, "n 2"]:
-    """Codes of `raycast.facing_back`, the axis (0, 0, 1) on a miss: each side of each triangle is coded once.
-
-    Args:
-      kept, normals: answers of `raycast.Scene.cast_kept` to rays with the directions `looking`, three coordinates.
-    """
+    """Codes of `raycast.facing_back`, the axis (0, 0, 1) on a miss: each side of each triangle is coded once."""
     codes = np.concatenate([side_codes(scene.normals[scene.kept]).reshape(-1, 2), np.zeros((1, 2), np.int8)])
     slope = normals[:, 0] * looking[0]
     for axis in (1, 2):
