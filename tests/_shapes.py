@@ -20,6 +20,7 @@ OBJ = f"mtllib a.mtl\n{BLOCK}vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl wood\n{FACES
 MTL = "newmtl wood\nKd 1 0.5 0\nmap_Kd wood.png\n"
 
 UNIT_CUBE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
+QUADS = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]  # its sides, outwards
 
 
 def area_and_volume(mesh: mesh_io.Mesh) -> tuple[float, float]:
