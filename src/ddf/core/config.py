@@ -13,7 +13,7 @@ import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeVar, cast
+from typing import Any, ClassVar, Literal, TypeVar, cast
 
 import yaml
 
@@ -24,11 +24,21 @@ CONFIGS = Path("configs")
 PACKAGED = Path(__file__).resolve().parents[1] / "configs"  # of fits
 
 
-_MOST_BYTES = 200_000  # of a file
+_MOST_BYTES, _MOST_NODES = 200_000, 20_000  # of a file; what aliases name counts as often as they name it
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML in which 1e-4 is a number too. Refuses keys that are given twice or are lists."""
+    """YAML 1.2's numbers: 1e-4 is one, 010 is ten; 1:30, dates and `yes` are words. Refuses keys
+    that are given twice or are lists, and aliases of aliases that would fill the memory.
+    """
+
+    yaml_implicit_resolvers: ClassVar = {}  # pyright: ignore[reportIncompatibleVariableOverride]  (none of YAML 1.1)
+
+    def get_single_node(self) -> yaml.Node | None:
+        node = super().get_single_node()
+        if node is not None and _size(node, {}) > _MOST_NODES:
+            raise yaml.constructor.ConstructorError(None, None, f"more than {_MOST_NODES:,} entries", node.start_mark)
+        return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[Any] = set()
@@ -42,8 +52,40 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+\Z", re.ASCII)
-_Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+.0123456789"))
+def _size(node: yaml.Node, known: dict[int, int]) -> int:
+    """Nodes below and with this one, with every alias followed."""
+    if known.setdefault(id(node), 0) == 0:
+        known[id(node)] = -1
+        parts = node.value if isinstance(node, yaml.SequenceNode) else []
+        if isinstance(node, yaml.MappingNode):
+            parts = [part for pair in node.value for part in pair]
+        known[id(node)] = 1 + sum(_size(part, known) for part in parts)
+    if known[id(node)] < 0:
+        raise yaml.constructor.ConstructorError(None, None, "an alias stands in what it names", node.start_mark)
+    return known[id(node)]
+
+
+def _whole(loader: _Loader, node: yaml.ScalarNode) -> int:
+    text = loader.construct_scalar(node)
+    value = int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
+    if abs(value) >= 1 << 63:
+        raise yaml.constructor.ConstructorError(None, None, "a whole number of over 64 bits", node.start_mark)
+    return value
+
+
+def _real(loader: _Loader, node: yaml.ScalarNode) -> float:
+    return float(re.sub(r"\.(?=inf|nan)", "", loader.construct_scalar(node).lower()))
+
+
+for _tag, _pattern, _first in (
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?\d+|0o[0-7]+|0x[\da-fA-F]+", list("-+0123456789")),
+    ("float", r"[-+]?(\.\d+|\d+(\.\d*)?)([eE][-+]?\d+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", list("-+.0123456789")),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"(?:{_pattern})\\Z", re.ASCII), _first)
+_Loader.add_constructor("tag:yaml.org,2002:int", _whole)
+_Loader.add_constructor("tag:yaml.org,2002:float", _real)
 
 
 Layers = dict[str, list[tuple[str, Any]]]  # by section: where it is given and what, from the root of `base` on
