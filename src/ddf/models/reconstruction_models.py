@@ -24,6 +24,7 @@ from ddf.models import camera_encoder, encoders, out_of_distribution, reconstruc
 MOST_MASKS = 1000  # of the training set, whose statistics are taken
 # Images at a time; the networks are in evaluation mode, so the sizes matter to the result by rounding alone.
 ENCODER_BATCH = 64
+NAMES = {"ddf": "DDF", "pcsiren": "PC-SIREN", "ddf_image": "image-feature DDF"}  # of kinds of models
 LOG_OF_ZERO = -100.0  # where `torch.nn.functional.binary_cross_entropy` bounds a logarithm
 
 Rows = Int[np.ndarray, "_"]  # of images
@@ -37,12 +38,17 @@ class ReconstructionModel(nn.Module):
         super().__init__()
         make, width = encoders.ENCODERS[train.encoder], train.encoder_width
         self.camera_head = camera_encoder.CameraHead(train.azimuth)
-        self.shape_encoder = make(train.latent_features, width)
+        self.shape_encoder = self.encoder_of(train)
         scores = self.camera_head.num_scores
         self.camera_encoder: nn.Module = (
             camera_encoder.StatisticsAwareEncoder(make, scores, width) if train.told else make(scores, width)
         )
         self.decoder = decoder
+
+    @staticmethod
+    def encoder_of(train: reconstruction_settings.TrainConfig) -> encoders.Encoder:
+        """The encoder of shapes, not trained yet."""
+        return encoders.ENCODERS[train.encoder](train.latent_features, train.encoder_width)
 
     def fit_cameras(self, images: category_data.ImageSet) -> None:
         """Take the statistics of cameras and masks from the training images; errors are those of `CameraHead.fit`."""
@@ -194,7 +200,7 @@ def load_ddf(folder: Path) -> TrainedDDF:
     Raises:
       FileNotFoundError: there is no model. InputError: it is damaged, of another kind, or its settings do not do.
     """
-    folder, train, section = _recorded(folder, "ddf")
+    folder, train, section = recorded(folder, "ddf")
     from ddf.core import config  # needs yaml, which training and inference do without
 
     with framed_field.record_of(folder):
@@ -205,20 +211,19 @@ def load_ddf(folder: Path) -> TrainedDDF:
 
 def load_pcsiren(folder: Path) -> tuple[PCSirenModel, int]:
     """The PC-SIREN model of a folder, and its image size; errors are those of `load_ddf`."""
-    folder, train, _ = _recorded(folder, "pcsiren")
+    folder, train, _ = recorded(folder, "pcsiren")
     return model_files.built(functools.partial(PCSirenModel, train), folder), train.image_size
 
 
-def _recorded(folder: Path, kind: str) -> tuple[Path, reconstruction_settings.TrainConfig, Mapping[str, Any]]:
-    """The folder of a model, and the sections of its record that it is built by."""
+def recorded(folder: Path, kind: str) -> tuple[Path, reconstruction_settings.TrainConfig, Mapping[str, Any]]:
+    """The folder of a model, and the sections of its record that it is built by; errors are those of `load_ddf`."""
     from ddf.core import config
 
     folder = folder.parent if folder.name == model_files.MODEL else folder
     record = storage.load_metadata(folder / model_files.MODEL)
     if record.get("kind") != kind:
-        name = "DDF" if kind == "ddf" else "PC-SIREN"
         raise checks.InputError(
-            f"{folder}: holds no {name} model; give a folder that `make train` wrote under train_{kind}/"
+            f"{folder}: holds no {NAMES[kind]} model; give a folder that `make train` wrote under train_{kind}/"
         )
     with framed_field.record_of(folder):
         return folder, config.recorded(record["train"], reconstruction_settings.TrainConfig, "train"), record["section"]

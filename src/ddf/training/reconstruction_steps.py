@@ -72,7 +72,7 @@ def ddf_step(
     if propose is not None:
         points = propose(points, model.field, modulations, batch.drawn, batch.random, batch.part)
     shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights, train.loop.matmul)
-    camera_loss, seen_from = _cameras(model, batch, train)
+    from_cameras, seen_from = camera_loss(model, batch, train)
     mask_loss = reconstruction_models.mask_loss(
         model.field,
         modulations,
@@ -83,11 +83,11 @@ def ddf_step(
         None if config.mask_pixels is None else batch.chances(config.mask_size**2),
         arrays.send(shapes.field_shifts(batch.shapes), place),
     ).mean()
-    total = shape_loss + reconstruction_settings.CAMERA_WEIGHT * camera_loss + config.mask_weight * mask_loss
-    return total, {**terms, "camera": camera_loss.detach(), "mask": mask_loss.detach()}
+    total = shape_loss + reconstruction_settings.CAMERA_WEIGHT * from_cameras + config.mask_weight * mask_loss
+    return total, {**terms, "camera": from_cameras.detach(), "mask": mask_loss.detach()}
 
 
-def _cameras(
+def camera_loss(
     model: reconstruction_models.ReconstructionModel, batch: Batch, train: reconstruction_settings.TrainConfig
 ) -> tuple[Float[Tensor, ""], Float[Tensor, "b 3"]]:
     """L_Π and the predicted cameras of the images as they are; with `train.told` half of them are shown mirrored."""
@@ -118,6 +118,6 @@ def pcsiren_step(
     seeds = batch.random.uniform(-1, 1, (len(batch.drawn), config.points, 3))[batch.part].astype(np.float32)
     predicted = model.decoder(arrays.send(seeds, place), model.shape_encoder(batch.images))
     chamfer = chamfer_loss.chamfer_loss(predicted, truth)
-    camera_loss, _ = _cameras(model, batch, train)
-    total = chamfer + reconstruction_settings.CAMERA_WEIGHT * camera_loss
-    return total, {"chamfer": chamfer.detach(), "camera": camera_loss.detach()}
+    from_cameras, _ = camera_loss(model, batch, train)
+    total = chamfer + reconstruction_settings.CAMERA_WEIGHT * from_cameras
+    return total, {"chamfer": chamfer.detach(), "camera": from_cameras.detach()}
