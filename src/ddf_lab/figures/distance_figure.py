@@ -4,7 +4,7 @@ Exact values of the two spheres and of the room are closed forms; those of the m
 Lengths are those of a shape whose longest side is 2.
 """
 
-import dataclasses
+import functools
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,8 +23,9 @@ from ddf.geometry import raycast, rays
 from ddf.geometry.mesh_io import Mesh
 from ddf.models import loop_config
 from ddf.pictures import field_pictures, picture_strips
+from ddf.training import training_loop
 from ddf_lab.figures import figure_fields
-from ddf_lab.report import pages
+from ddf_lab.report import beside, pages
 
 NAMES = ("two_spheres", "room", "rabbit", "airliner", "armchair")
 POINTS = 1000
@@ -75,161 +76,132 @@ def exact(name: str, mesh: Mesh) -> Nearest:
     return closed[name] if name in closed else raycast.Scene(mesh).closest
 
 
-def mesh_of(name: str) -> Mesh:
-    """The mesh that a field was fitted to."""
-    return (figure_fields.SHAPES | showcase.SHAPES)[name]()
-
-
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     """Table and slices."""
-    rows, cells = [], []
+    rows, strip = [], []
     for name in NAMES:
-        field, mesh = figure_fields.fitted(name, config, folder), mesh_of(name)
-        nearest, cloud = exact(name, mesh), _cloud(field)
-        rows += _rows(name, field, mesh, nearest, _ways(name, field, nearest, cloud, config, folder))
+        field, mesh = figure_fields.fitted(name, config, folder), (figure_fields.SHAPES | showcase.SHAPES)[name]()
+        nearest, counted, started = exact(name, mesh), scene_field.Counted(field), time.process_time()
+        cloud = checked_cloud.draw(counted)
+        cost = f"{counted.queries / 1000:,.0f} k queries, {time.process_time() - started:.1f} s of a core"
+        ways = _ways(field, nearest, cloud, cost)
+        if name == "rabbit":
+            ways["the paper's g_v"] = _network(field, config, folder / "candidates")
+        rows += _rows(TITLES.get(name, name), field, mesh, nearest, ways)
         for level in SLICES.get(name, ()):
             heading = f"{TITLES.get(name, name)}, z at {100 * level:.0f} %"
-            cells.append((heading, slices(level, field, nearest, cloud[0], config.picture_size)))
-    columns = ("UDF", "exact UDF", "v*", "exact v*")
-    strip = [picture_strips.StripRow(heading, (), row) for heading, row in cells]
-    header = ["shape", "way", "mean", "near", "v*, °", f"> {TURNED_DEG:g}°, %", "queries", "once"]
-    return pages.Section(
-        "Unsigned distances and v*",
-        [
-            pages.Figure(
-                "distances.webp",
-                "Near is yellow. v* is (x, y, z) as red, green, blue. Its colour changes where the closest point jumps:"
-                " on the surface and on the medial surface.",
-                "Slices of unsigned distances and of v*, beside the exact ones",
-                picture_strips.strip(columns, strip),
-            ),
-            pages.Table(
-                f"|UDF - exact| over {POINTS:,} uniform points of the box, and over as many within {NEAR} of the"
-                " surface (near). v*: median angle, and share turned by more. queries: per point; once: per field.",
-                header,
-                rows,
-                labels=2,
-            ),
-            "Answers [DDF22] §4.2 and app. D. `cloud` is what `Field.udf` and `ddf udf` do.",
-        ],
+            cells = slices(level, field, nearest, cloud, config.picture_size)
+            strip.append(picture_strips.StripRow(heading, (), cells))
+    figure = pages.Figure(
+        "distances.webp",
+        "Near is yellow. v* is (x, y, z) as red, green, blue. Its colour changes where the closest point jumps: on the"
+        " surface and on the medial surface.",
+        "Slices of unsigned distances and of v*, beside the exact ones",
+        picture_strips.strip(("UDF", "exact UDF", "v*", "exact v*"), strip),
     )
+    table = pages.Table(
+        f"|UDF - exact| over {POINTS:,} uniform points of the box, and over as many within {NEAR} of the surface"
+        " (near). v*: median angle, and share turned by more. queries: per point; once: per field.",
+        ["shape", "way", "mean", "near", "v*, °", f"> {TURNED_DEG:g}°, %", "queries", "once"],
+        rows,
+        labels=2,
+    )
+    said = "Answers [DDF22] §4.2 and app. D. `cloud` is what `Field.udf` and `ddf udf` do."
+    return pages.Section("Unsigned distances and v*", [figure, table, said])
 
 
-def _cloud(field: ShapeField) -> tuple[checked_cloud.CheckedCloud, str]:
-    """The hits, and their cost in words."""
-    counted = scene_field.Counted(field)
-    started = time.process_time()
-    cloud = checked_cloud.draw(counted)
-    return cloud, f"{counted.queries / 1000:,.0f} k queries, {time.process_time() - started:.1f} s of a core"
-
-
-def _rows(name: str, field: ShapeField, mesh: Mesh, nearest: Nearest, ways: Mapping[str, Ask]) -> list[list[str]]:
+def _rows(title: str, field: ShapeField, mesh: Mesh, nearest: Nearest, ways: Mapping[str, Ask]) -> list[list[str]]:
     """What every way finds at uniform points and near the surface, and its errors."""
-    random = np.random.default_rng(0)
-    corners = field.field_from_mesh.inverse().apply(np.stack([field.lower, field.upper]))
+    random, (low, high) = np.random.default_rng(0), beside.corners(field)
     unit = 2 / float(np.ptp(mesh.surface_vertices(), axis=0).max())
-    uniform = random.uniform(corners[0], corners[1], (POINTS, 3))
+    uniform = random.uniform(low, high, (POINTS, 3))
     surface, _ = Surface.of(mesh).draw(POINTS, random)
-    close = np.clip(surface + random.uniform(-NEAR, NEAR, (POINTS, 3)) / unit / np.sqrt(3), corners[0], corners[1])
+    close = np.clip(surface + random.uniform(-NEAR, NEAR, (POINTS, 3)) / unit / np.sqrt(3), low, high)
     rows = []
     for way, ask in ways.items():
-        found, beside = ask(uniform), ask(close)
-        errors, near = (unit * _errors(each, at, nearest) for each, at in ((found, uniform), (beside, close)))
-        angle = _angles(found, uniform, nearest)
-        means = [f"{np.nanmean(errors):.4f}", f"{np.nanmean(near):.4f}"]
+        found = ask(uniform)
+        (errors, angle), (near, _) = _errors(found, uniform, nearest), _errors(ask(close), close, nearest)
+        means = [f"{unit * np.nanmean(each):.4f}" for each in (errors, near)]
         turned = [f"{np.nanmedian(angle):.1f}", f"{100 * np.nanmean(angle > TURNED_DEG):.1f}"]
-        rows.append([TITLES.get(name, name), way, *means, *turned, f"{found.queries:g}", found.once])
+        rows.append([title, way, *means, *turned, f"{found.queries:g}", found.once])
     return rows
 
 
-def _ways(
-    name: str,
-    field: ShapeField,
-    nearest: Nearest,
-    cloud: tuple[checked_cloud.CheckedCloud, str],
-    config: figure_fields.FiguresConfig,
-    folder: Path,
-) -> dict[str, Ask]:
-    """Ways to distances by name; g_v for the shape that it is trained on."""
+def _ways(field: ShapeField, nearest: Nearest, cloud: checked_cloud.CheckedCloud, cost: str) -> dict[str, Ask]:
+    """Ways to distances by name, but for g_v, which is trained."""
 
     def truly(positions: Float[np.ndarray, "n 3"]) -> Found:
         ways = nearest(positions) - positions
         ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-        found, _ = framed_field.query(field, rays.OrientedPoints(positions, ways), ("depth", "visibility"))
-        return Found(np.where(found["visibility"] >= udf.SEEN, found["depth"], np.nan), ways, 1)
+        found, _ = framed_field.query(field, rays.OrientedPoints(positions, ways), ("depth",))
+        return Found(np.where(np.isfinite(found["depth"]), found["depth"], np.nan), ways, 1)
 
-    def by_cloud(positions: Float[np.ndarray, "n 3"]) -> Found:
-        return Found(*cloud[0].distances(positions), 0, cloud[1])
+    return {
+        "along the true v*": truly,
+        "cloud": lambda positions: Found(*cloud.distances(positions), 0, cost),
+        "search, 32 + 4": _asked(
+            field, functools.partial(udf.search, closest_candidates.asked(field.field)), 32 + 2 * 4
+        ),
+    }
 
-    def by_search(positions: Float[np.ndarray, "n 3"]) -> Found:
-        found = udf.search(closest_candidates.asked(field.field), _inside(field, positions))
-        return _outside(field, found, 32 + 2 * 4)
 
-    ways = {"along the true v*": truly, "cloud": by_cloud, "search, 32 + 4": by_search}
-    if name == "rabbit":
-        recipe = candidate_recipe(config)
-        network = closest_candidates.fit(field, recipe, folder / "candidates")
-        log = np.genfromtxt(folder / "candidates" / "log.csv", delimiter=",", names=True)
+def _network(field: ShapeField, config: figure_fields.FiguresConfig, folder: Path) -> Ask:
+    """The way of g_v."""
+    recipe = candidate_recipe(config)
+    network = closest_candidates.fit(field, recipe, folder)
+    took = training_loop.read_log(folder)[-1]["seconds"]
+    ask = closest_candidates.asked(field.field)
+    once = f"{recipe.steps:,} steps of {recipe.points:,}, {took:.0f} s"
+    return _asked(field, lambda inside: udf.from_candidates(ask, inside, network(inside)), network.num_candidates, once)
 
-        def by_network(positions: Float[np.ndarray, "n 3"]) -> Found:
-            inside = _inside(field, positions)
-            found = udf.from_candidates(closest_candidates.asked(field.field), inside, network(inside))
-            return dataclasses.replace(
-                _outside(field, found, network.num_candidates),
-                once=f"{recipe.steps:,} steps of {recipe.points:,}, {float(log['seconds'][-1]):.0f} s",
-            )
 
-        ways["the paper's g_v"] = by_network
-    return ways
+def _asked(field: ShapeField, way: Callable[[torch.Tensor], udf.Closest], queries: float, once: str = "–") -> Ask:
+    """A way of the field's frame in the frame and the unit of the mesh."""
+
+    def ask(positions: Float[np.ndarray, "n 3"]) -> Found:
+        found, back = (
+            way(torch.from_numpy(field.field_from_mesh.apply(positions)).float()),
+            field.field_from_mesh.inverse(),
+        )
+        distances = found.distances.double().numpy() * back.scale
+        ways = back.apply_directions(found.directions.double().numpy())
+        return Found(np.where(np.isfinite(distances), distances, np.nan), ways, queries, once)
+
+    return ask
 
 
 def candidate_recipe(config: figure_fields.FiguresConfig) -> closest_candidates.CandidateConfig:
     """g_v in seconds, or as [DDF22] app. D trains it."""
     if config.paper_candidates:
-        loop = loop_config.LoopConfig(schedule="constant", threads=1)
-        return closest_candidates.CandidateConfig(loop)
+        return closest_candidates.CandidateConfig(loop_config.LoopConfig(schedule="constant", threads=1))
     loop = loop_config.LoopConfig(1e-3, "cosine", 0, 1.0, 1)
     return closest_candidates.CandidateConfig(loop, config.candidate_steps, 256, omega_first=3.0)
 
 
-def _inside(field: ShapeField, positions: Float[np.ndarray, "n 3"]) -> torch.Tensor:
-    return torch.from_numpy(field.field_from_mesh.apply(positions)).float()
+def _exactly(
+    nearest: Nearest, positions: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
+    """True distances and v*."""
+    ways = nearest(positions) - positions
+    distances = np.linalg.norm(ways, axis=1)
+    return distances, ways / np.maximum(distances, 1e-12)[:, None]
 
 
-def _outside(field: ShapeField, found: udf.Closest, queries: float) -> Found:
-    """In the frame and the unit of the mesh."""
-    back = field.field_from_mesh.inverse()
-    distances = found.distances.double().numpy() * back.scale
-    ways = back.apply_directions(found.directions.double().numpy())
-    return Found(np.where(np.isfinite(distances), distances, np.nan), ways, queries)
-
-
-def _errors(found: Found, positions: Float[np.ndarray, "n 3"], nearest: Nearest) -> Float[np.ndarray, "n"]:
-    return np.abs(found.distances - np.linalg.norm(nearest(positions) - positions, axis=1))
-
-
-def _angles(found: Found, positions: Float[np.ndarray, "n 3"], nearest: Nearest) -> Float[np.ndarray, "n"]:
-    """Degrees between v* and the true one; NaN where nothing is found."""
-    true = nearest(positions) - positions
-    true /= np.maximum(np.linalg.norm(true, axis=1, keepdims=True), 1e-12)
-    cosine = (found.directions * true).sum(axis=1)
-    return np.where(np.isfinite(found.distances), np.degrees(np.arccos(np.clip(cosine, -1, 1))), np.nan)
+def _errors(
+    found: Found, positions: Float[np.ndarray, "n 3"], nearest: Nearest
+) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+    """Of distances, and degrees between v* and the true one; NaN where nothing is found."""
+    distances, ways = _exactly(nearest, positions)
+    angles = np.degrees(np.arccos(np.clip((found.directions * ways).sum(axis=1), -1, 1)))
+    return np.abs(found.distances - distances), np.where(np.isfinite(found.distances), angles, np.nan)
 
 
 def slices(
     level: float, field: ShapeField, nearest: Nearest, cloud: checked_cloud.CheckedCloud, size: int
 ) -> list[picture_strips.Picture]:
     """UDF and v* with the exact ones, in a plane z = const, at a share of the box."""
-    corners = field.field_from_mesh.inverse().apply(np.stack([field.lower, field.upper]))
-    middle, half = corners.mean(axis=0), float(np.ptp(corners, axis=0).max()) / 2
-    steps = half * (2 * (np.arange(size) + 0.5) / size - 1)
-    y, x = np.meshgrid(-steps, steps, indexing="ij")
-    positions = middle + np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
-    positions[:, 2] = corners[0, 2] + level * np.ptp(corners[:, 2])
-    distances, ways = cloud.distances(positions)
-    true_ways = nearest(positions) - positions
-    true = np.linalg.norm(true_ways, axis=1)
-    true_ways /= np.maximum(true, 1e-12)[:, None]
+    positions = beside.plane(field, level, size)
+    (distances, ways), (true, true_ways) = cloud.distances(positions), _exactly(nearest, positions)
     pictures = field_pictures.depth_pictures(distances.reshape(size, size), true.reshape(size, size))
     seen = np.ones((size, size))
     coloured = [field_pictures.normals_picture(each.reshape(size, size, 3), seen) for each in (ways, true_ways)]

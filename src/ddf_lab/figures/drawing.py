@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from PIL import Image, ImageDraw
 
 from ddf.fields.grid import octree, patch_field
@@ -13,7 +13,9 @@ from ddf.geometry import mesh_io, rays
 from ddf.pictures import field_pictures, picture_strips, shaded
 
 Points = Float[np.ndarray, "n 3"]
-HIT, MISS, SIGHT, LOOK, MISSED = (31, 95, 168), (30, 30, 30), (90, 180, 190), (60, 150, 80), (205, 60, 50)
+Colour = tuple[int, int, int]
+SIGHT, MISSED = (90, 180, 190), (205, 60, 50)  # the way to what is seen; looks of points that see nothing
+_HIT, _MISS, _LOOK = (31, 95, 168), (30, 30, 30), (60, 150, 80)  # points that see something, and nothing; looks
 NOTHING = np.array([0.80, 0.82, 0.85])  # of a plane, where v meets nothing
 _OVERSAMPLING, _MARGIN, _FADED, _CLEAR = 2, 1.06, 0.55, 0.35
 
@@ -55,13 +57,13 @@ class Drawing:
         shares = (shaded.project(self.standing, self.camera, points) - self.shown[:2]) / self.shown[2]
         return [(float(x), float(y)) for x, y in shares * self.image.width]
 
-    def lines(self, starts: Points, ends: Points, colour: tuple[int, int, int], width: float = 1.0) -> None:
+    def lines(self, starts: Points, ends: Points, colour: Colour, width: float = 1.0) -> None:
         """Straight lines; width in pixels."""
         pen = ImageDraw.Draw(self.image)
         for start, end in zip(self.place(starts), self.place(ends), strict=True):
             pen.line([start, end], fill=colour, width=round(width * _OVERSAMPLING))
 
-    def arrows(self, starts: Points, ends: Points, colour: tuple[int, int, int], width: float = 1.5) -> None:
+    def arrows(self, starts: Points, ends: Points, colour: Colour, width: float) -> None:
         """Lines with heads."""
         self.lines(starts, ends, colour, width)
         pen, head = ImageDraw.Draw(self.image), (3 + 1.5 * width) * _OVERSAMPLING
@@ -71,11 +73,17 @@ class Drawing:
             tip = end + 0.5 * head * along
             pen.polygon([tuple(each) for each in (tip, tip - head * along + aside, tip - head * along - aside)], colour)
 
-    def dots(self, points: Points, colour: tuple[int, int, int], radius: float = 2.0) -> None:
+    def dots(self, points: Points, colour: Colour, radius: float) -> None:
         """Discs; radius in pixels."""
         pen, reach = ImageDraw.Draw(self.image), radius * _OVERSAMPLING
         for x, y in self.place(points):
             pen.ellipse([x - reach, y - reach, x + reach, y + reach], fill=colour)
+
+    def looks(self, starts: Points, ends: Points, seen: Bool[np.ndarray, "n"], width: float, radius: float) -> None:
+        """Oriented points as dots with arrows, those that see something in other colours than the rest."""
+        for chosen, dot, arrow in ((seen, _HIT, _LOOK), (~seen, _MISS, MISSED)):
+            self.arrows(starts[chosen], ends[chosen], arrow, width)
+            self.dots(starts[chosen], dot, radius)
 
     def planes(
         self, levels: Sequence[tuple[float, float]], box: Points, depth: Callable[[Points], Float[np.ndarray, "n"]]

@@ -28,38 +28,31 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
     rows = [[kind, *_row(part)] for kind, part in _samples(showcase.ball(1.0, 5)).items()]
     inside, _ = fitting.in_cube(showcase.SHAPES[SHAPE]())
     rabbit = _samples(inside)
-    cells = _pictures(inside, rabbit, SIDE)
-    strip = picture_strips.strip([SHAPE, *rabbit], [picture_strips.StripRow("sample types", _LEGEND, cells)], side=SIDE)
-    return pages.Section(
-        "Oriented points that hit and miss: six sample types",
-        [
-            pages.Figure(
-                "samples.webp",
-                f"First the mesh, then {SHOWN} samples of each type: p uniform (U), v towards a point of the surface"
-                " (A), p on the box (B), p on the surface (S), v along the surface (T), and beside such rays (O).",
-                "A rabbit and samples of the six types",
-                strip,
-            ),
-            pages.Table(
-                "4,000 samples a type. depth: largest |d - exact| of the samples that see the sphere more squarely than"
-                " 0.2 (the mesh has 20,480 triangles and lies up to 5e-4 inside the sphere).",
-                ["type", "see the sphere, %", "depth", "p on the surface, %"],
-                rows,
-            ),
-            "Answers [DDF22] fig. `datatypes`.",
-        ],
+    row = picture_strips.StripRow("sample types", _LEGEND, _pictures(inside, rabbit, SIDE))
+    figure = pages.Figure(
+        "samples.webp",
+        f"First the mesh, then {SHOWN} samples of each type: p uniform (U), v towards a point of the surface (A), p on"
+        " the box (B), p on the surface (S), v along the surface (T), and beside such rays (O).",
+        "A rabbit and samples of the six types",
+        picture_strips.strip([SHAPE, *rabbit], [row], side=SIDE),
     )
+    table = pages.Table(
+        "4,000 samples a type. depth: largest |d - exact| of the samples that see the sphere more squarely than 0.2"
+        " (the mesh has 20,480 triangles and lies up to 5e-4 inside the sphere).",
+        ["type", "see the sphere, %", "depth", "p on the surface, %"],
+        rows,
+    )
+    title = "Oriented points that hit and miss: six sample types"
+    return pages.Section(title, [figure, table, "Answers [DDF22] fig. `datatypes`."])
 
 
 def _samples(mesh: mesh_io.Mesh) -> dict[str, dict[str, Float[np.ndarray, "n ..."]]]:
     """Of a mesh in [-1, 1]³, by type, in its frame."""
     samples, _ = shape_samples.draw_samples(mesh, fit_settings.FitConfig(), sample_types.each(4000), "figure")
-    found, random = {}, np.random.default_rng(0)
+    found, random, units = {}, np.random.default_rng(0), {"positions": samples.unit, "depth": samples.unit}
     for kind, arrays in samples.arrays.items():
         mixed = random.permutation(len(arrays["depth"]))  # stored by side of the surface or of the edge
-        found[kind] = {name: values.numpy().astype(np.float64)[mixed] for name, values in arrays.items()}
-        for name in ("positions", "depth"):
-            found[kind][name] /= samples.unit
+        found[kind] = {name: own.double().numpy()[mixed] / units.get(name, 1.0) for name, own in arrays.items()}
     return found
 
 
@@ -91,9 +84,6 @@ def _pictures(
         seen = visible > 0
         hits = rays.surface_points(p[seen], v[seen], d[seen])
         drawn.lines(p[seen], hits, drawing.SIGHT)
-        drawn.arrows(p[seen], (p + _LOOK * v)[seen], drawing.LOOK, 1)
-        drawn.arrows(p[~seen], (p + _LOOK * v)[~seen], drawing.MISSED, 1)
-        drawn.dots(p[seen], drawing.HIT)
-        drawn.dots(p[~seen], drawing.MISS)
+        drawn.looks(p, p + _LOOK * v, seen, 1, 2)
         cells.append(drawn.picture())
     return cells

@@ -156,9 +156,9 @@ def jumps(panels: Mapping[str, tuple[Mapping[str, Any], Sequence[Sequence[float]
                 sketch.plot([x], [y], ".", color="#20242C")
             sketch.set_aspect("equal")
             sketch.set_axis_off()
-            depths.plot(line["place"], line["exact"], lw=3.0, color=BASELINE_COLOUR, label="exact d")
+            depths.plot(line["place"], line["true_depth"], lw=3.0, color=BASELINE_COLOUR, label="exact d")
             depths.plot(line["place"], line["depth"], lw=1.1, color=METHOD_COLOURS["ddf"], label="field's d")
-            weights.plot(line["place"], line["weight"], lw=1.1, color=METHOD_COLOURS["pc_siren"], label="w₁")
+            weights.plot(line["place"], line["weight_1"], lw=1.1, color=METHOD_COLOURS["pc_siren"], label="w₁")
             weights.set_ylim(-0.05, 1.05)
             weights.set_xlabel(line["name"])
         for panel in grid[1:, 0]:

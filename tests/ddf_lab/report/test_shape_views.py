@@ -13,7 +13,9 @@ from PIL import Image
 from ddf.fields import framed_field, shape_field
 from ddf.geometry import mesh_io, primitives, raycast, rays
 from ddf.pictures import field_pictures
-from ddf_lab.report import shape_views
+from ddf_lab.report import beside, shape_views
+
+SPHERE = primitives.Sphere((0.0, 0.0, 0.0), 0.45)
 
 
 @pytest.fixture(scope="module")
@@ -61,43 +63,52 @@ def test_doubled_faces_and_loose_sheets_do_not_move_the_inner_camera_out(shape):
 
 def test_renders_stand_beside_the_truth_of_the_same_rays(shape, ball):
     views = shape_views.render(shape, ball, 12, 0)
-    truth = primitives.Sphere((0.0, 0.0, 0.0), 0.45)
     for view in views:
         starts, along = (torch.from_numpy(a) for a in framed_field.camera_rays(shape, view.camera, 12))
-        hits = primitives.cast(truth, rays.OrientedPoints(starts, along))
-        depth = hits.depth.numpy().reshape(12, 12) / shape.field_from_mesh.scale
-        both = np.isfinite(depth) & np.isfinite(view.images["true_depth"])
+        depth = primitives.cast(SPHERE, rays.OrientedPoints(starts, along)).depth.numpy() / shape.field_from_mesh.scale
+        both = np.isfinite(depth) & np.isfinite(view.found["true_depth"])
         assert both.sum() > 3
-        assert np.median(np.abs(depth[both] - view.images["true_depth"][both])) < 0.05  # of a mesh 100 units long
+        assert np.median(np.abs(depth[both] - view.found["true_depth"][both])) < 0.05  # of a mesh 100 units long
+        images, evaluated = framed_field.render(shape, view.camera, 12)
+        assert evaluated == view.evaluated
+        assert_close(view.found["depth"], images["depth"].ravel(), rtol=1e-5)
         summary = view.summary()
         assert summary["rays"] == 144 == summary["evaluated"] + summary["saved"]
     assert [view.summary()["saved"] > 0 for view in views] == [True, True, False, False]
     picture = Image.open(io.BytesIO(shape_views.view_strip(views)))
-    lines = -(-len(shape_views.VIEW_COLUMNS) // 5)
-    assert picture.size[0] > 5 * 168 and picture.size[1] > len(views) * lines * 168
+    assert picture.size[0] > 5 * 168 and picture.size[1] > len(views) * 2 * 168
 
 
-@pytest.mark.parametrize("direction", shape_views.SLICE_DIRECTIONS)
+@pytest.mark.parametrize("direction", shape_views.DIRECTIONS)
 def test_slices_ask_at_points_of_the_plane_inside_the_box(shape, ball, direction):
-    size = 20
-    images = shape_views.slice_images(shape, raycast.Scene(ball), 0.5, direction, size)
+    size, scale = 20, shape.field_from_mesh.scale
+    found = shape_views.slice_of(shape, raycast.Scene(ball), 0.5, direction, size)
     steps = (np.arange(size) + 0.5) / size * 2 - 1
     p = np.stack([np.tile(steps, (size, 1)), np.tile(-steps[:, None], (1, size)), np.zeros((size, size))], axis=-1)
-    v = np.broadcast_to(np.array(direction) / np.linalg.norm(direction), p.shape)
-    inside = np.abs(p[..., 1]) <= 0.5
-    hits = primitives.cast(
-        primitives.Sphere((0.0, 0.0, 0.0), 0.45), rays.OrientedPoints(torch.from_numpy(p), torch.from_numpy(v.copy()))
-    )
+    p = p.reshape(-1, 3)
+    v = np.tile(np.array(direction) / np.linalg.norm(direction), (len(p), 1))
+    inside = np.abs(p[:, 1]) <= 0.5
+    hits = primitives.cast(SPHERE, rays.OrientedPoints(torch.from_numpy(p), torch.from_numpy(v)))
     expected = np.where(inside, hits.depth.numpy(), np.inf)
-    both = np.isfinite(expected) & np.isfinite(images["true_depth"])
-    assert both.sum() > 40
-    assert np.median(np.abs(expected[both] - images["true_depth"][both])) < 5e-3
-    assert (np.isfinite(expected) != np.isfinite(images["true_depth"])).mean() < 0.05
+    off = beside.errors({"depth": expected, "true_depth": scale * found["true_depth"]})
+    assert np.isfinite(expected).sum() > 40 and off["median"] < 5e-3 and off["wrong"] < 0.05
     with torch.no_grad():
         raw = shape.field(torch.from_numpy(p[inside]).float(), torch.from_numpy(v[inside]).float())
-    assert_close(images["visibility"][inside], torch.sigmoid(raw[:, 3]), atol=1e-5)
-    assert_close(images["weight_1"][inside], torch.sigmoid(raw[:, 2]), atol=1e-5)
-    assert not images["visibility"][~inside].any()
+    assert_close(found["visibility"][inside], torch.sigmoid(raw[:, 3]), atol=1e-5)
+    seen = found["visibility"][inside] >= 0.5
+    assert_close(found["weight_1"][inside][seen], torch.sigmoid(raw[:, 2]).numpy()[seen], atol=1e-5)
+    assert not found["visibility"][~inside].any()
+
+
+def test_errors_are_those_of_rays_that_both_see():
+    turned = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    found = {
+        "depth": np.array([1.0, 2.0, 4.0, np.inf]),
+        "true_depth": np.array([1.5, 2.0, np.inf, np.inf]),
+        "normals": turned,
+        "true_normals": np.tile([1.0, 0.0, 0.0], (4, 1)),
+    }
+    assert beside.errors(found) == pytest.approx({"median": 0.25, "mean": 0.25, "wrong": 0.25, "angle": 45.0})
 
 
 def test_slice_strip_is_a_picture(shape, ball):
