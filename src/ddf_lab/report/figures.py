@@ -41,8 +41,10 @@ _STYLE: dict[Any, Any] = {
     "svg.fonttype": "path",
     "svg.hashsalt": "ddf",
 }
+_styled = matplotlib.rc_context(_STYLE)
 
 
+@_styled
 def score_bars(scores: Mapping[str, Sequence[tuple[str, str, float]]], label: str) -> str:
     """One panel per category, one bar per method, the value at its end.
 
@@ -50,26 +52,21 @@ def score_bars(scores: Mapping[str, Sequence[tuple[str, str, float]]], label: st
       scores: category to (method, name to print, value), from top to bottom.
       label: of the value axis.
     """
-    with matplotlib.rc_context(_STYLE):
-        longest = max(len(rows) for rows in scores.values())
-        chart, panels = _panels(len(scores), 0.25 * longest + 0.75)
-        for panel, (category, rows) in zip(panels, scores.items(), strict=True):
-            names, values = [name for _, name, _ in rows], [value for _, _, value in rows]
-            places = np.arange(len(rows))[::-1]
-            panel.barh(places, values, height=0.66, color=[_bar_colour(method) for method, _, _ in rows])
-            for place, value in zip(places, values, strict=True):
-                panel.annotate(
-                    f"{value:.1f}", (value, place), (3, 0), textcoords="offset points", va="center", fontsize=8.5
-                )
-            panel.set_title(category)
-            panel.set_yticks(places, names)
-            panel.tick_params(axis="y", length=0)
-            panel.grid(axis="y", visible=False)
-            panel.set_xlim(0, 120)
-            panel.set_xlabel(label)
-        return _svg(chart)
+    longest = max(len(rows) for rows in scores.values())
+    chart, panels = _panels(len(scores), 0.25 * longest + 0.75)
+    for panel, (category, rows) in zip(panels, scores.items(), strict=True):
+        names, values = [name for _, name, _ in rows], [value for _, _, value in rows]
+        places = np.arange(len(rows))[::-1]
+        bars = panel.barh(places, values, height=0.66, color=[_bar_colour(method) for method, _, _ in rows])
+        panel.bar_label(bars, fmt="%.1f", padding=3, fontsize=8.5)
+        panel.set_yticks(places, names)
+        panel.tick_params(axis="y", length=0)
+        panel.grid(axis="y", visible=False)
+        panel.set(title=category, xlim=(0, 120), xlabel=label)
+    return _svg(chart)
 
 
+@_styled
 def score_dots(scores: Mapping[str, pd.DataFrame], across: str, up: str) -> str:
     """One panel per category: a method's score over that in column `nearest`, a dot per row, and the line of equals.
 
@@ -77,40 +74,39 @@ def score_dots(scores: Mapping[str, pd.DataFrame], across: str, up: str) -> str:
       scores: category to table, with column `nearest` and one of each method, from 0 to 100.
       across, up: labels of the axes.
     """
-    with matplotlib.rc_context(_STYLE):
-        chart, panels = _panels(len(scores), 2.6)
-        for panel, (category, table) in zip(panels, scores.items(), strict=True):
-            panel.plot([0, 100], [0, 100], lw=0.9, color=CEILING_COLOUR)
-            for method in table.columns.drop("nearest"):
-                panel.plot(table["nearest"], table[method], "o", ms=4, alpha=0.8, color=METHOD_COLOURS[method], mew=0)
-            panel.set(title=category, xlim=(0, 102), ylim=(0, 102), aspect="equal", xlabel=across, ylabel=up)
-        return _svg(chart)
+    chart, panels = _panels(len(scores), 2.6)
+    for panel, (category, table) in zip(panels, scores.items(), strict=True):
+        panel.plot([0, 100], [0, 100], lw=0.9, color=CEILING_COLOUR)
+        for method in table.columns.drop("nearest"):
+            panel.plot(table["nearest"], table[method], "o", ms=4, alpha=0.8, color=METHOD_COLOURS[method], mew=0)
+        panel.set(title=category, xlim=(0, 102), ylim=(0, 102), aspect="equal", xlabel=across, ylabel=up)
+    return _svg(chart)
 
 
 def _bar_colour(method: str) -> str:
     return METHOD_COLOURS.get(method, CEILING_COLOUR if method.startswith("ceiling") else BASELINE_COLOUR)
 
 
+@_styled
 def loss_curves(logs: Mapping[str, Mapping[str, pd.DataFrame]]) -> str:
     """Training losses: a column per model, a line per category; the total in the model's colour, its terms thin.
 
     Args:
       logs: model's name to category to log (columns `step`, `loss`, then terms, `seconds`).
     """
-    with matplotlib.rc_context(_STYLE):
-        categories = list(next(iter(logs.values())))
-        chart = figure.Figure(figsize=(_WIDTH, 1.9 * len(categories) + 1.4), layout="constrained")
-        grid = chart.subplots(len(categories), len(logs), sharey="col", squeeze=False)
-        for panels, (model, tables) in zip(grid.T, logs.items(), strict=True):
-            colour = METHOD_COLOURS["ddf" if model == "DDF" else "pc_siren"]
-            for panel, (category, log) in zip(panels, tables.items(), strict=True):
-                _draw_losses(panel, log, colour)
-                panel.set_title(f"{model}, {category}")
-            panels[-1].set_xlabel("step")
-            panels[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.32), fontsize=8.5, handlelength=1.2, ncols=2)
-        for line in grid:
-            line[0].set_ylabel("loss")
-        return _svg(chart)
+    categories = list(next(iter(logs.values())))
+    chart = figure.Figure(figsize=(_WIDTH, 1.9 * len(categories) + 1.4), layout="constrained")
+    grid = chart.subplots(len(categories), len(logs), sharey="col", squeeze=False)
+    for panels, (model, tables) in zip(grid.T, logs.items(), strict=True):
+        colour = METHOD_COLOURS["ddf" if model == "DDF" else "pc_siren"]
+        for panel, (category, log) in zip(panels, tables.items(), strict=True):
+            _draw_losses(panel, log, colour)
+            panel.set_title(f"{model}, {category}")
+        panels[-1].set_xlabel("step")
+        panels[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.32), fontsize=8.5, handlelength=1.2, ncols=2)
+    for line in grid:
+        line[0].set_ylabel("loss")
+    return _svg(chart)
 
 
 def _draw_losses(panel: Any, log: pd.DataFrame, colour: str) -> None:
@@ -137,6 +133,7 @@ def _draw_losses(panel: Any, log: pd.DataFrame, colour: str) -> None:
     panel.xaxis.set_major_locator(ticker.MaxNLocator(4))
 
 
+@_styled
 def jumps(panels: Mapping[str, tuple[Mapping[str, Any], Sequence[Sequence[float]], Sequence[Sequence[float]]]]) -> str:
     """Of each title a column: a sketch of circles and arrows, depths along the arrows' starts, and the weight w_1.
 
@@ -144,26 +141,25 @@ def jumps(panels: Mapping[str, tuple[Mapping[str, Any], Sequence[Sequence[float]
       panels: title to (place, exact, depth, weight along the line, and the name of the place), circles' (x, y, radius),
         arrows (x, y, dx, dy).
     """
-    with matplotlib.rc_context(_STYLE):
-        chart = figure.Figure(figsize=(_WIDTH, 4.6), layout="constrained")
-        grid = chart.subplots(3, len(panels), squeeze=False, height_ratios=(1.5, 1.5, 1))
-        for (sketch, depths, weights), (title, (line, circles, arrows)) in zip(grid.T, panels.items(), strict=True):
-            sketch.set_title(title)
-            for x, y, radius in circles:
-                sketch.add_patch(patches.Circle((x, y), radius, facecolor="#EAF2FB", edgecolor=METHOD_COLOURS["ddf"]))
-            for x, y, dx, dy in arrows:
-                sketch.annotate("", (x + dx, y + dy), (x, y), arrowprops={"arrowstyle": "->", "color": "#B23A2E"})
-                sketch.plot([x], [y], ".", color="#20242C")
-            sketch.set_aspect("equal")
-            sketch.set_axis_off()
-            depths.plot(line["place"], line["true_depth"], lw=3.0, color=BASELINE_COLOUR, label="exact d")
-            depths.plot(line["place"], line["depth"], lw=1.1, color=METHOD_COLOURS["ddf"], label="field's d")
-            weights.plot(line["place"], line["weight_1"], lw=1.1, color=METHOD_COLOURS["pc_siren"], label="w₁")
-            weights.set_ylim(-0.05, 1.05)
-            weights.set_xlabel(line["name"])
-        for panel in grid[1:, 0]:
-            panel.legend(fontsize=8.5, handlelength=1.2)
-        return _svg(chart)
+    chart = figure.Figure(figsize=(_WIDTH, 4.6), layout="constrained")
+    grid = chart.subplots(3, len(panels), squeeze=False, height_ratios=(1.5, 1.5, 1))
+    for (sketch, depths, weights), (title, (line, circles, arrows)) in zip(grid.T, panels.items(), strict=True):
+        sketch.set_title(title)
+        for x, y, radius in circles:
+            sketch.add_patch(patches.Circle((x, y), radius, facecolor="#EAF2FB", edgecolor=METHOD_COLOURS["ddf"]))
+        for x, y, dx, dy in arrows:
+            sketch.annotate("", (x + dx, y + dy), (x, y), arrowprops={"arrowstyle": "->", "color": "#B23A2E"})
+            sketch.plot([x], [y], ".", color="#20242C")
+        sketch.set_aspect("equal")
+        sketch.set_axis_off()
+        depths.plot(line["place"], line["true_depth"], lw=3.0, color=BASELINE_COLOUR, label="exact d")
+        depths.plot(line["place"], line["depth"], lw=1.1, color=METHOD_COLOURS["ddf"], label="field's d")
+        weights.plot(line["place"], line["weight_1"], lw=1.1, color=METHOD_COLOURS["pc_siren"], label="w₁")
+        weights.set_ylim(-0.05, 1.05)
+        weights.set_xlabel(line["name"])
+    for panel in grid[1:, 0]:
+        panel.legend(fontsize=8.5, handlelength=1.2)
+    return _svg(chart)
 
 
 def _panels(count: int, height: float) -> tuple[figure.Figure, list[Any]]:

@@ -5,7 +5,7 @@ Text may hold what Markdown's text may: `code`, **bold**, [links](file), and <su
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from ddf.core import storage
@@ -64,21 +64,6 @@ class Page:
         """Contents of the figures by file name."""
         blocks = [*self.lead, *(block for section in self.sections for block in section.blocks)]
         return {block.name: block.content for block in blocks if isinstance(block, Figure)}
-
-
-def split(table: Table) -> list[Table]:
-    """The table in parts of at most `MAX_COLUMNS` columns; each has the label columns, the last one the caption."""
-    free = range(table.labels, len(table.header))
-    step = MAX_COLUMNS - table.labels
-    chunks = [[*range(table.labels), *free[i : i + step]] for i in range(0, len(free), step)]
-    if len(chunks) < 2:
-        return [table]
-    parts = []
-    for number, columns in enumerate(chunks, start=1):
-        caption = table.caption if number == len(chunks) else f"Part {number} of {len(chunks)}."
-        rows = [[row[i] for i in columns] for row in table.rows]
-        parts.append(replace(table, caption=caption, header=[table.header[i] for i in columns], rows=rows))
-    return parts
 
 
 def write(page: Page, folder: Path) -> None:

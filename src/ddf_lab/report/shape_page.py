@@ -3,8 +3,7 @@
 Everything comes from what the stages `fit_shape` and `ablate_samples` wrote.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,53 +28,19 @@ _DIAGNOSTICS = {
 }
 
 
-@dataclass(frozen=True)
-class Results:
-    """What the stages left behind; `ablation` by left-out type, `source` names the mesh's file."""
-
-    name: str
-    source: str | None
-    metrics: dict[str, Any]
-    log: pd.DataFrame
-    errors: pd.DataFrame
-    diagnostics: dict[str, dict[str, float]]
-    views: list[dict[str, Any]]
-    ablation: dict[str, dict[str, Any]]
-    ablation_errors: pd.DataFrame
-
-
-def read(run: Run, fit: fit_settings.FitConfig) -> Results:
-    """Everything that the page says.
+def write(run: Run, fit: fit_settings.FitConfig) -> None:
+    """README.md, both tables and the pictures.
 
     Raises:
       FileNotFoundError: a stage has not run.
     """
     folder, ablated = run.folder("fit_shape"), run.folder("ablate_samples")
-    return Results(
-        name=run.name,
-        source=None if fit.mesh is None else Path(fit.mesh).name,
-        metrics=storage.read_json(folder / fitting.METRICS),
-        log=pd.DataFrame(training_loop.read_log(folder)),
-        errors=storage.load_table(folder / shape_fits.FIT)[0],
-        diagnostics=storage.read_json(folder / shape_views.DIAGNOSTICS),
-        views=storage.read_json(folder / shape_views.VIEW_RECORD),
-        ablation=storage.read_json(ablated / shape_fits.RESULTS),
-        ablation_errors=storage.load_table(ablated / shape_fits.ABLATION, keep_default_na=False)[0],
+    metrics = storage.read_json(folder / fitting.METRICS)
+    errors, left_out = (
+        storage.load_table(path)[0] for path in (folder / shape_fits.FIT, ablated / shape_fits.ABLATION)
     )
-
-
-def write(run: Run, fit: fit_settings.FitConfig) -> None:
-    """README.md, both tables and the pictures."""
-    results, folder = read(run, fit), run.folder("fit_shape")
     pictures = {name: (folder / name).read_bytes() for name in (shape_views.VIEWS, shape_views.SLICES)}
-    for name, table in ((shape_fits.FIT, results.errors), (shape_fits.ABLATION, results.ablation_errors)):
-        storage.write_text(run.page / name, table.to_csv(index=False, lineterminator="\n"))
-    pages.write(build(results, fit, pictures), run.page)
-
-
-def build(results: Results, fit: fit_settings.FitConfig, pictures: Mapping[str, bytes]) -> pages.Page:
-    """The page from results already read; `pictures` by file name."""
-    shape = "a procedural chair" if results.source is None else f"`{results.source}`"
+    shape = "a procedural chair" if fit.mesh is None else f"`{Path(fit.mesh).name}`"
     views = pages.Figure(
         shape_views.VIEWS,
         "The field and the mesh that it was fitted to, from four cameras. Below each name: azimuth, elevation, "
@@ -84,34 +49,36 @@ def build(results: Results, fit: fit_settings.FitConfig, pictures: Mapping[str, 
         pictures[shape_views.VIEWS],
     )
     about = (
-        f"Experiment `{results.name}`: one directed distance field for one shape, {shape}.",
-        f"Made by `make fit-shape CONFIG=configs/{results.name}.yaml`. Numbers are in [fit.csv](fit.csv) and "
+        f"Experiment `{run.name}`: one directed distance field for one shape, {shape}.",
+        f"Made by `make fit-shape CONFIG=configs/{run.name}.yaml`. Numbers are in [fit.csv](fit.csv) and "
         "[ablate_samples.csv](ablate_samples.csv).",
         "One seed, one shape, and not the paper's: `ddf config show paper_fit` has its sizes, losses and steps; `fit` "
         "has a small fraction of them.",
     )
+    log, views_record = training_loop.read_log(folder), storage.read_json(folder / shape_views.VIEW_RECORD)
     sections = [
         _pictures_section(pictures[shape_views.SLICES]),
-        _errors_section(results, fit),
-        pages.Section("Consistency", [diagnostics_table(results.diagnostics)]),
-        _ablation_section(results),
-        _training_section(results),
+        _errors_section(errors, fit),
+        pages.Section("Consistency", [diagnostics_table(storage.read_json(folder / shape_views.DIAGNOSTICS))]),
+        _ablation_section(left_out, storage.read_json(ablated / shape_fits.RESULTS)),
+        _training_section(metrics, pd.DataFrame(log), views_record),
     ]
-    return pages.Page(f"A field of one shape: {results.name}", [verdict(results), views, about], sections)
+    pages.write(pages.Page(f"A field of one shape: {run.name}", [verdict(errors), views, about], sections), run.page)
+    for name, table in ((shape_fits.FIT, errors), (shape_fits.ABLATION, left_out)):
+        storage.write_text(run.page / name, table.to_csv(index=False, lineterminator="\n"))
 
 
-def verdict(results: Results) -> str:
+def verdict(errors: pd.DataFrame) -> str:
     """What the held-out errors say, in two sentences."""
-    table = results.errors[results.errors["metric"].isin(METRIC_NAMES)]
-    ours, paper = (table[table["source"] == source].set_index(["metric", "type"])["value"] for source in SOURCES)
-    off = ours["depth_l1_x10", "U"] / 10 / 2  # of half the side, times 10
+    ours, paper = (pd.concat([_by_type(errors, metric, source) for metric in METRIC_NAMES]) for source in SOURCES)
+    off = _by_type(errors, "depth_l1_x10", MEASURED)["U"] / 10 / 2  # of half the side, times 10
     depth = (
         "No held-out ray of type U meets the shape."
         if pd.isna(off)
         else f"On rays from anywhere in the box (U) depth is off by {100 * off:.1f} % of the box's longest side in the "
         "mean."
     )
-    lower = int((ours < paper.reindex(ours.index)).sum())
+    lower = int((ours.to_numpy() < paper.to_numpy()).sum())
     return (
         f"{depth} Of the twelve held-out errors, {lower} are below those of the paper's fit, which is of another shape."
     )
@@ -135,51 +102,39 @@ def _pictures_section(slices: bytes) -> pages.Section:
     return pages.Section("Pictures", [picture, reading])
 
 
-def _errors_section(results: Results, fit: fit_settings.FitConfig) -> pages.Section:
+def _errors_section(errors: pd.DataFrame, fit: fit_settings.FitConfig) -> pages.Section:
     caption = (
         f"Errors on {fit.held_out:,} held-out samples of each type. Depth: mean |d - d̂| × 10 over visible samples, in "
         "units of half the box's longest side. Visibility: cross-entropy, natural logarithm. The paper's fit is to the "
         "Stanford bunny, table `dataablation`, with 500,000 samples and 100,000 steps: not comparable cell by cell."
     )
-    rows = []
-    for metric, name in METRIC_NAMES.items():
-        for source, where in SOURCES.items():
-            own = _chosen(results.errors, metric, source).set_index("type")["value"]
-            rows.append([name, where, *(number(own[kind]) for kind in TYPES)])
-    errors = pages.Table(caption, ["", "", *_held_out(TYPES)], rows, labels=2)
-    return pages.Section("Held-out errors", [errors, angles_table(results.errors)])
-
-
-def _chosen(table: pd.DataFrame, metric: str, source: str) -> pd.DataFrame:
-    return table[(table["metric"] == metric) & (table["source"] == source)]
-
-
-def _held_out(kinds: tuple[str, ...]) -> list[str]:
-    return [f"held-out {'U, A, B' if kind == ALL else kind}" for kind in kinds]
-
-
-def angles_table(table: pd.DataFrame) -> pages.Table:
-    """Normals of fit.csv: a column per held-out type that has true normals, and of all these together."""
-    found = {
-        name: _chosen(table, f"normal_angle_deg_{metric}", MEASURED).set_index("type")["value"]
-        for metric, name in (("median", "median"), ("p95", "95 %"))
-    }
-    kinds = tuple(kind for kind in (*TYPES, ALL) if kind in found["median"])
-    rows = [[name, *(number(own[kind], "°", 1) for kind in kinds)] for name, own in found.items()]
+    rows = [
+        [name, where, *map(number, _by_type(errors, metric, source)[list(TYPES)])]
+        for metric, name in METRIC_NAMES.items()
+        for source, where in SOURCES.items()
+    ]
+    table = pages.Table(caption, ["", "", *_held_out(TYPES)], rows, labels=2)
+    median, p95 = (_by_type(errors, f"normal_angle_deg_{name}", MEASURED) for name in ("median", "p95"))
+    kinds = [kind for kind in (*TYPES, ALL) if kind in median]  # those that have true normals, and all these together
     caption = "Angle between the field's normals and the true ones, over visible held-out samples."
-    return pages.Table(caption, ["", *_held_out(kinds)], rows)
+    rows = [[name, *(number(own[kind], "°", 1) for kind in kinds)] for name, own in (("median", median), ("95 %", p95))]
+    return pages.Section("Held-out errors", [table, pages.Table(caption, ["", *_held_out(kinds)], rows)])
+
+
+def _by_type(table: pd.DataFrame, metric: str, source: str) -> pd.Series:
+    return table[(table["metric"] == metric) & (table["source"] == source)].set_index("type")["value"]
+
+
+def _held_out(kinds: Sequence[str]) -> list[str]:
+    return [f"held-out {'U, A, B' if kind == ALL else kind}" for kind in kinds]
 
 
 def diagnostics_table(found: Mapping[str, Mapping[str, float]]) -> pages.Table:
     """Residuals of `field_diagnostics.measure`."""
-    rows = [
-        [
-            *_DIAGNOSTICS[name],
-            *(number(found[name][key]) for key in ("median", "p95", "worst")),
-            f"{found[name]['rays']:,}",
-        ]
-        for name in field_diagnostics.NAMES
-    ]
+    rows = []
+    for name in field_diagnostics.NAMES:
+        numbers = [number(found[name][key]) for key in ("median", "p95", "worst")]
+        rows.append([*_DIAGNOSTICS[name], *numbers, f"{found[name]['rays']:,}"])
     caption = (
         "How far the field is from being a DDF at all, on random rays of the box, in units of half its longest side: "
         "each row is an identity of every exact DDF. Derivatives of an exact field grow without bound towards grazing "
@@ -189,18 +144,16 @@ def diagnostics_table(found: Mapping[str, Mapping[str, float]]) -> pages.Table:
     return pages.Table(caption, ["", "0 for an exact field", "median", "95 %", "worst", "rays"], rows, labels=2)
 
 
-def _ablation_section(results: Results) -> pages.Section:
+def _ablation_section(left_out: pd.DataFrame, fits: Mapping[str, Mapping[str, Any]]) -> pages.Section:
     tables, findings = [], []
     for metric, name in METRIC_NAMES.items():
-        caption = f"{name}, here: trained without a type (rows), asked for a type (columns). Bold: a column's worst."
-        tables.append(ablation_table(results.ablation_errors, metric, MEASURED, caption))
-        ours, theirs = (worst_for_itself(results.ablation_errors, metric, source) for source in SOURCES)
+        tables.append(ablation_table(left_out, metric, name))
+        ours, theirs = (worst_for_itself(left_out, metric, source) for source in SOURCES)
         findings.append(
             f"{name}: leaving a type out is worst of all for that type {len(ours)} of {len(TYPES)} times "
-            f"({_listed(ours)}); in the paper {len(theirs)} ({_listed(theirs)})."
+            f"({', '.join(ours) or 'none'}); in the paper {len(theirs)} ({', '.join(theirs) or 'none'})."
         )
-    most = max(found["samples"] for found in results.ablation.values())
-    steps = results.ablation[shape_fits.NONE]["steps"]
+    most, steps = max(found["samples"] for found in fits.values()), fits[shape_fits.NONE]["steps"]
     budgets = (
         f"Here every fit has {most:,} samples or less by rounding, all types together, and {steps:,} steps; the "
         "paper's have 500,000 and 100,000 on the Stanford bunny: [ablate_samples.csv](ablate_samples.csv)."
@@ -208,17 +161,14 @@ def _ablation_section(results: Results) -> pages.Section:
     return pages.Section("Sample types left out", [tuple(findings), *tables, budgets])
 
 
-def _listed(kinds: list[str]) -> str:
-    return ", ".join(kinds) or "none"
-
-
-def ablation_table(table: pd.DataFrame, metric: str, source: str, caption: str) -> pages.Table:
+def ablation_table(table: pd.DataFrame, metric: str, name: str) -> pages.Table:
     """One metric of ablate_samples.csv: a row per left-out type, a column per held-out type, its largest error bold."""
-    values = _left_out_by_held_out(table, metric, source)
-    rows: list[list[pages.Cell | str]] = []
-    for without in (*TYPES, shape_fits.NONE):
-        own = [(values.loc[without, kind], values[kind].max()) for kind in TYPES]
-        rows.append([without, *(pages.Cell(number(value), bool(value == worst)) for value, worst in own)])
+    values = _left_out_by_held_out(table, metric, MEASURED)
+    rows = [
+        [without, *(pages.Cell(number(own[kind]), bool(own[kind] == values[kind].max())) for kind in TYPES)]
+        for without, own in values.loc[[*TYPES, shape_fits.NONE]].iterrows()
+    ]
+    caption = f"{name}, here: trained without a type (rows), asked for a type (columns). Bold: a column's worst."
     return pages.Table(caption, ["left out", *_held_out(TYPES)], rows)
 
 
@@ -229,12 +179,14 @@ def worst_for_itself(table: pd.DataFrame, metric: str, source: str) -> list[str]
 
 
 def _left_out_by_held_out(table: pd.DataFrame, metric: str, source: str) -> pd.DataFrame:
-    return _chosen(table, metric, source).pivot(index="without", columns="type", values="value")
+    chosen = table[(table["metric"] == metric) & (table["source"] == source)]
+    return chosen.pivot(index="without", columns="type", values="value")
 
 
-def _training_section(results: Results) -> pages.Section:
-    metrics, log = results.metrics, results.log
-    rays, evaluated = (sum(view[key] for view in results.views) for key in ("rays", "evaluated"))
+def _training_section(
+    metrics: Mapping[str, Any], log: pd.DataFrame, views: Sequence[Mapping[str, Any]]
+) -> pages.Section:
+    rays, evaluated = (sum(view[key] for view in views) for key in ("rays", "evaluated"))
     picture = pages.Figure(
         "losses.svg",
         "Total loss (thick, smoothed) and its terms without their weights.",

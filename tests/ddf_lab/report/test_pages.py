@@ -1,7 +1,5 @@
 """Pages as Markdown: tables, pictures, escapes."""
 
-import pytest
-
 from ddf_lab.report import pages
 
 
@@ -14,14 +12,3 @@ def test_a_page_has_its_tables_bullets_and_pictures(tmp_path):
         "- one\n- two\n\n![v and code](a.svg)\n\n*v\\* as colour, **bold**, v\\**\n"
     )
     assert (tmp_path / "a.svg").read_bytes() == b"<svg/>"
-
-
-@pytest.mark.parametrize(("columns", "widths"), [(8, [8]), (9, [8, 3]), (14, [8, 8]), (15, [8, 8, 3]), (2, [2])])
-def test_wide_tables_are_split_and_keep_their_labels(columns, widths):
-    header = [f"h{i}" for i in range(columns)]
-    rows = [[f"{line}{i}" for i in range(columns)] for line in "ab"]
-    parts = pages.split(pages.Table("Words.", header, rows, labels=2))
-    assert [len(part.header) for part in parts] == widths
-    assert all([*part.header[:2]] == ["h0", "h1"] and part.rows[1][1] == "b1" for part in parts)
-    assert [cell for part in parts for cell in part.rows[0][2:]] == rows[0][2:]
-    assert parts[-1].caption == "Words."
