@@ -149,16 +149,15 @@ def _cost(experiment: Any, parameters: dict[str, int]) -> dict[str, Any]:
     if experiment.index.exists():
         listed = storage.read_json(experiment.index)["categories"]
         shapes |= {name: len(listed[name]["shapes"]) for name in shapes if name in listed}
-    per_shape = {"samples": samples, "bytes": samples * SAMPLE_BYTES + sections["samples"].cloud_points * CLOUD_BYTES}
-    known = [count for count in shapes.values() if count is not None]
-    total = sum(known) if len(known) == len(shapes) else None
+    size = samples * SAMPLE_BYTES + sections["samples"].cloud_points * CLOUD_BYTES
+    total = None if None in shapes.values() else sum(shapes.values())
     steps = {name: sections[name].steps for name in ("ddf", "pcsiren")}
     trained = len(shapes) * MODEL_COPIES * 4 * (parameters["ddf"] + parameters["pc_siren"])
     return {
         "shapes": {**shapes, "all": total},
-        "per_shape": per_shape,
+        "per_shape": {"samples": samples, "bytes": size},
         "samples": None if total is None else total * samples,
-        "disk_bytes": {"samples": None if total is None else total * per_shape["bytes"], "trainings": trained},
+        "disk_bytes": {"samples": None if total is None else total * size, "trainings": trained},
         "steps": steps,
         "trainings": len(shapes) * len(steps),
         "steps_in_all": {name: count * len(shapes) for name, count in steps.items()},

@@ -6,7 +6,7 @@ shape ignores the image, and the ceiling is what a perfect method reaches with t
 """
 
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import joblib
@@ -53,41 +53,47 @@ class Retrieval:
     retrieved: Mapping[tuple[str, int], str]
 
     def cases(self, shape: str, images: Images) -> list[scoring.Case]:
-        """The cases of retrieval for the images of one test shape; called as `Baselines.cases` is."""
-        return [case for letter in self.sizes for case in self.column(letter, images)]
+        """Those of all sizes for the images of one test shape."""
+        return [case for letter in self.sizes for case in self.column(shape, letter, images)]
 
-    def column(self, letter: str, images: Images) -> list[scoring.Case]:
+    def column(self, shape: str, letter: str, images: Images) -> list[scoring.Case]:
         """Those with the number of points that `letter` stands for."""
-        clouds = (_points(self.truths, self.retrieved[image], self.sizes[letter], self.seed) for image in images)
-        return [scoring.Case(RETRIEVAL, f"Pi_g-{letter}", [i], cloud) for i, cloud in zip(images, clouds, strict=True)]
+        return [scoring.Case(RETRIEVAL, f"Pi_g-{letter}", [i], self.points(self.retrieved[i], letter)) for i in images]
+
+    def points(self, shape: str, letter: str) -> Float[np.ndarray, "n 3"]:
+        """As many points of a true cloud as the size letter stands for."""
+        return _points(self.truths, shape, self.sizes[letter], self.seed)
 
 
 @dataclass(frozen=True)
-class Baselines:
+class Baselines(Retrieval):
     """Everything that the baseline rows of one category need; made by `prepare`.
 
     Args:
-      retrieval: also holds true clouds, numbers of points and seed, which all rows share.
       mean: the mean shape's cloud per size letter, benchmark frame.
       oracle: training shape with the smallest D_C, per test shape.
     """
 
-    retrieval: Retrieval
     mean: Mapping[str, Float[np.ndarray, "n 3"]]
     oracle: Mapping[str, str]
 
-    def cases(self, shape: str, images: Images) -> list[scoring.Case]:
-        """The cases of all baselines for the images of one test shape."""
-        truths, seed = self.retrieval.truths, self.retrieval.seed
-        found = []
-        for letter, count in self.retrieval.sizes.items():
-            column = f"Pi_g-{letter}"
-            found.append(scoring.Case(MEAN_SHAPE, column, images, self.mean[letter]))
-            chosen = _points(truths, self.oracle[shape], count, seed)
-            found.append(scoring.Case(ORACLE, column, images, chosen))
-            found += self.retrieval.column(letter, images)
-            found += _ceilings(truths[shape], shape, images, column, count, seed)
-        return found
+    def column(self, shape: str, letter: str, images: Images) -> list[scoring.Case]:
+        """Those of all baselines. Ceilings are the truth against itself: all points, visible against visible, and
+        visible against all, which is what a perfect surface seen from outside reaches where some are hidden.
+        """
+        visible = self.truths[shape].benchmark_points(visible_only=True)
+        outside = subset(visible, min(self.sizes[letter], len(visible)), self.seed, shape)  # fewer may be in sight
+        found = [
+            scoring.Case(method, f"Pi_g-{letter}", images, cloud, visible_truth=method == CEILING_VISIBLE)
+            for method, cloud in (
+                (MEAN_SHAPE, self.mean[letter]),
+                (ORACLE, self.points(self.oracle[shape], letter)),
+                (CEILING, self.points(shape, letter)),
+                (CEILING_VISIBLE, outside),
+                (VISIBLE_AGAINST_ALL, outside),
+            )
+        ]
+        return [*found[:2], *super().column(shape, letter, images), *found[2:]]
 
 
 def prepare(
@@ -108,17 +114,16 @@ def prepare(
     Raises:
       InputError: no training shape, or not every test shape, has a cloud; or the file lacks features.
     """
-    train_ids = [shape for shape in train_ids if shape in truths]
+    train_ids, held = ([shape for shape in ids if shape in truths] for ids in (train_ids, validation_ids))
     if not train_ids:
         raise checks.InputError("no training shape has a ground-truth cloud; the baselines need one")
     test_ids = list(scoring.views_by_shape(ddf.images))
     absent = [shape for shape in test_ids if shape not in truths]
     if absent:
         raise checks.InputError(f"{ddf.path}: shape {absent[0]} has no ground-truth cloud ({len(absent)} such shapes)")
-    held = [shape for shape in validation_ids if shape in truths]
     mean = mean_shape(truths, train_ids, held, sizes, config)
     oracle = oracle_choice(test_ids, train_ids, truths, sizes["L"], config, jobs)
-    return Baselines(Retrieval(truths, sizes, config.seed, retrieval_choice(ddf, truths)), mean, oracle)
+    return Baselines(truths, sizes, config.seed, retrieval_choice(ddf, truths), mean, oracle)
 
 
 def mean_shape(
@@ -129,10 +134,7 @@ def mean_shape(
     config: scoring.EvaluateConfig,
 ) -> dict[str, Float[np.ndarray, "n 3"]]:
     """One answer to every image: of points of all training clouds together, and of each training shape alone, what has
-    the least mean D_C to the validation shapes; points of all together where none are held out.
-
-    Returns:
-      By size letter a cloud of that many points, benchmark frame.
+    the least mean D_C to the validation shapes; points of all together where none are held out. By size letter.
     """
     union = transforms.BENCHMARK_FROM_V1 * np.concatenate([truths[shape].points for shape in train_ids])
     clouds = {letter: subset(union, count, config.seed, f"mean {letter}") for letter, count in sizes.items()}
@@ -155,19 +157,6 @@ def mean_shape(
 
 def _points(truths: Truths, shape: str, count: int, seed: int) -> Float[np.ndarray, "n 3"]:
     return subset(truths[shape].benchmark_points(), count, seed, shape)
-
-
-def _ceilings(
-    truth: packing.Cloud, shape: str, images: Images, column: str, count: int, seed: int
-) -> Iterator[scoring.Case]:
-    """The truth against itself: all points; visible against visible; and visible against all, which is what a
-    perfect surface seen from outside can reach when the truth has hidden points.
-    """
-    yield scoring.Case(CEILING, column, images, subset(truth.benchmark_points(), count, seed, shape))
-    outside = truth.benchmark_points(visible_only=True)
-    outside = subset(outside, min(count, len(outside)), seed, shape)  # a shape can have fewer than `count` in sight
-    yield scoring.Case(CEILING_VISIBLE, column, images, outside, visible_truth=True)
-    yield scoring.Case(VISIBLE_AGAINST_ALL, column, images, outside)
 
 
 def retrieval_choice(ddf: scoring.Predictions, truths: Truths) -> dict[tuple[str, int], str]:

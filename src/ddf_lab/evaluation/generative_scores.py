@@ -4,6 +4,7 @@ Images of both GANs are set against real ones, with known bounds, and their colo
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from ddf_lab.run import Run
 CEILING, OURS, FLAT, MEAN, NOISE = "ceiling", "image GAN", "2D GAN", "mean image", "noise"
 _CHUNK = 100
 GRID = 5  # shapes and textures of the interpolation
+Pair = tuple[image_scores.CameraPicture, image_scores.CameraPicture]
 
 
 def measure(
@@ -88,24 +90,31 @@ def score_shapes(
     }
 
 
-def real_halves(
-    images: category_data.ImageSet, count: int, seed: int
-) -> tuple[Float[Tensor, "n 3 h w"], Float[Tensor, "m 3 h w"]]:
+def real_halves(images: category_data.ImageSet, count: int, seed: int) -> list[Float[Tensor, "_ 3 h w"]]:
     """At most so many random images of every other shape, and of the others: no shape is in both."""
     random = np.random.default_rng(seed)
-    halves = []
-    for parity in (0, 1):
-        rows = np.flatnonzero(images.shapes % 2 == parity)
-        chosen = random.permutation(rows)[:count]
-        halves.append(generative_steps.on_white(images.batch(chosen)))
-    return halves[0], halves[1]
+    halves = (random.permutation(np.flatnonzero(images.shapes % 2 == parity))[:count] for parity in (0, 1))
+    return [generative_steps.on_white(images.batch(chosen)) for chosen in halves]
+
+
+def _latents(
+    model: generative_models.ImageGAN, count: int, seed: int, shapes: str, textures: str
+) -> tuple[Float[Tensor, "n z"], Float[Tensor, "n t"]]:
+    """Of random shapes and textures, each for its own purpose."""
+    sizes = {shapes: model.vae.latent_features, textures: model.config.texture_features}
+    drawn = [generated_images.latents(count, size, seed, purpose) for purpose, size in sizes.items()]
+    return drawn[0], drawn[1]
+
+
+def _around(model: generative_models.ImageGAN, section: generative_settings.ScoresConfig) -> list[Float[Tensor, "3"]]:
+    normals = model.config.normals
+    return generated_images.cameras_around(section.cameras, sum(normals.elevation_deg) / 2, normals.radius)
 
 
 @torch.no_grad()
 def generated(model: generative_models.ImageGAN, count: int, seed: int) -> Float[Tensor, "n 3 h w"]:
     """Images of random shapes, textures and cameras, in [-1, 1]."""
-    latents = generated_images.latents(count, model.vae.latent_features, seed, "scores: shapes")
-    textures = generated_images.latents(count, model.config.texture_features, seed, "scores: textures")
+    latents, textures = _latents(model, count, seed, "scores: shapes", "scores: textures")
     random = seeding.generator(seed, "scores: cameras")
     found = []
     for field, texture in zip(generated_images.fields(model.decoder, latents), textures, strict=True):
@@ -155,59 +164,49 @@ def consistency(
 
     shuffled: the second image has another texture. real: renders of some shapes, whose light moves with the camera.
     """
-    latents = generated_images.latents(section.textured, model.vae.latent_features, section.seed, "consistency: shapes")
-    textures = generated_images.latents(
-        section.textured, model.config.texture_features, section.seed, "consistency: textures"
-    )
-    elevation = sum(model.config.normals.elevation_deg) / 2
-    around = generated_images.cameras_around(section.cameras, elevation, model.config.normals.radius)
+    latents, textures = _latents(model, section.textured, section.seed, "consistency: shapes", "consistency: textures")
     unit = transforms.BENCHMARK_FROM_V1 / float(model.field_scale)
-    own, shuffled = [], []
+    found: dict[str, list[Pair]] = {"ours": [], "shuffled": [], "real": []}
     for row, field in enumerate(generated_images.fields(model.decoder, latents)):
         both = textures[[row, (row + 1) % len(textures)]]
-        seen = [generated_images.look(model, field, camera, both) for camera in around]
-        shown = [
-            [image_scores.CameraPicture(s.camera, (s.depth * unit).cpu(), s.colours[k].cpu()) for k in (0, 1)]
-            for s in seen
-        ]
-        for first, second in zip(shown, shown[1:] + shown[:1], strict=True):
-            own.append((first[0], second[0]))
-            shuffled.append((first[0], second[1]))
-    real = [pair for name in ids[: section.textured] for pair in _real_pairs(dataset, category, name)]
-    named = {"ours": own, "shuffled": shuffled, "real": real}
-    return {
-        name: dict(zip(("error", "points"), image_scores.colour_error(pairs), strict=True))
-        for name, pairs in named.items()
-    }
+        seen = [generated_images.look(model, field, camera, both) for camera in _around(model, section)]
+        own, other = (
+            [image_scores.CameraPicture(s.camera, (s.depth * unit).cpu(), s.colours[k].cpu()) for s in seen]
+            for k in (0, 1)
+        )
+        found["ours"] += zip(own, own[1:] + own[:1], strict=True)
+        found["shuffled"] += zip(own, other[1:] + other[:1], strict=True)
+    for name in ids[: section.textured]:
+        found["real"] += _real_pairs(dataset, category, name)
+    errors = {name: image_scores.colour_error(pairs) for name, pairs in found.items()}
+    return {name: {"error": error, "points": points} for name, (error, points) in errors.items()}
 
 
-def _real_pairs(
-    dataset: shapenet.Dataset, category: str, name: str
-) -> list[tuple[image_scores.CameraPicture, image_scores.CameraPicture]]:
+def _real_pairs(dataset: shapenet.Dataset, category: str, name: str) -> list[Pair]:
     """Each view of a shape with the next one round the shape, up to 60 degrees further."""
     scene = raycast.Scene(mesh_io.load(dataset.model(category, name)))
     poses = cameras.degrees_to_radians(torch.tensor(dataset.cameras(category, name), dtype=torch.float64))
     order = torch.argsort(poses[:, 0]).tolist()
-    shown = [_real_picture(dataset, category, name, view, poses[view], scene) for view in order]
-    pairs = []
-    for first, second in zip(shown, shown[1:] + shown[:1], strict=True):
-        if len(shown) > 1 and float((second.camera[0] - first.camera[0]) % (2 * math.pi)) <= math.pi / 3:
-            pairs.append((first, second))
-    return pairs
+    shown = [_real_picture(dataset.image(category, name, i, image_networks.IMAGE_SIZE), poses[i], scene) for i in order]
+    return [
+        (first, second)
+        for first, second in zip(shown, shown[1:] + shown[:1], strict=True)
+        if len(shown) > 1 and float((second.camera[0] - first.camera[0]) % (2 * math.pi)) <= math.pi / 3
+    ]
 
 
 def _real_picture(
-    dataset: shapenet.Dataset, category: str, name: str, view: int, camera: Float[Tensor, "3"], scene: raycast.Scene
+    image: Float[Tensor, "4 h w"], camera: Float[Tensor, "3"], scene: raycast.Scene
 ) -> image_scores.CameraPicture:
     """A render, and the distances of its mesh."""
-    size = image_networks.IMAGE_SIZE
-    image = dataset.image(category, name, view, size)[None]
+    size = image.shape[-1]
     directions = cameras.pixel_directions(size, camera).reshape(-1, 3)
     centre, world = cameras.pixel_rays(camera[0], camera[1], camera[2], directions)
     start = (centre / transforms.BENCHMARK_FROM_V1).expand_as(world).numpy()
     depth, _ = scene.first_hits(start, world.numpy())
     distance = torch.from_numpy(depth * transforms.BENCHMARK_FROM_V1).reshape(size, size)
-    return image_scores.CameraPicture(camera.float(), distance.float(), (generative_steps.on_white(image)[0] + 1) / 2)
+    colours = (generative_steps.on_white(image[None])[0] + 1) / 2
+    return image_scores.CameraPicture(camera.float(), distance.float(), colours)
 
 
 @torch.no_grad()
@@ -225,10 +224,8 @@ def draw(
       images: what the critic saw. sampled: renders of the VAE's shapes. nearest: id of the learned shape nearest to
         each of the prior's samples.
     """
-    latents = generated_images.latents(section.samples, model.vae.latent_features, section.seed, "samples")
-    textures = generated_images.latents(section.samples, model.config.texture_features, section.seed, "textures")
-    gan = model.config.normals
-    around = generated_images.cameras_around(section.cameras, sum(gan.elevation_deg) / 2, gan.radius)
+    latents, textures = _latents(model, section.samples, section.seed, "samples", "textures")
+    around = _around(model, section)
     fields = generated_images.fields(model.decoder, latents)
     samples = [generated_images.look(model, f, around[0], t[None]) for f, t in zip(fields, textures, strict=True)]
     views = [generated_images.look(model, fields[0], camera, textures[:1]) for camera in around]
@@ -236,23 +233,21 @@ def draw(
     between = generated_images.between((textures[0], textures[1]), GRID)
     grid = [generated_images.look(model, field, around[0], between) for field in shapes]
     rows = [next(i for i, shape in enumerate(sampled.shapes) if sampled.ids[shape] == name) for name in nearest]
-    real = torch.stack(
-        [images.images[row] for row in range(0, len(images.shapes), len(images.shapes) // section.samples)]
-    )
+    real = np.arange(0, len(images.shapes), len(images.shapes) // section.samples)[: section.samples]
     found = {
         "samples_normals": torch.stack([seen.normals for seen in samples]),
         "samples_colours": torch.stack([seen.colours[0] for seen in samples]),
-        "samples_nearest": _colours(torch.stack([sampled.images[row] for row in rows])),
+        "samples_nearest": _colours(sampled, rows),
         "views_normals": torch.stack([seen.normals for seen in views]),
         "views_colours": torch.stack([seen.colours[0] for seen in views]),
         "grid_normals": torch.stack([seen.normals for seen in grid]),
         "grid_colours": torch.cat([seen.colours for seen in grid]),
         "rival_colours": (generated_2d(rival, section.samples, section.seed) + 1) / 2,
-        "real_colours": _colours(real[: section.samples]),
+        "real_colours": _colours(images, real),
     }
     return {name: values.cpu() for name, values in found.items()}
 
 
-def _colours(images: Tensor) -> Float[Tensor, "n 3 h w"]:
-    """RGBA bytes over white, in [0, 1]."""
-    return (generative_steps.on_white(images.float() / 255) + 1) / 2
+def _colours(images: category_data.ImageSet, rows: Sequence[int] | np.ndarray) -> Float[Tensor, "n 3 h w"]:
+    """Over white, in [0, 1]."""
+    return (generative_steps.on_white(images.batch(np.asarray(rows))) + 1) / 2

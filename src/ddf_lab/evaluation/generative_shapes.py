@@ -80,31 +80,27 @@ def errors(
     model: generative_models.ShapeVAE, latents: Float[Tensor, "n z"], shapes: shape_data.Shapes
 ) -> dict[str, dict[str, float]]:
     """Means over the shapes of `fitting.held_out_errors`: depth and visibility by sample type, median normals."""
-    every = [
+    found = [
         fitting.held_out_errors(generative_models.plain_field(model.decoder, latent), _samples(shapes, row))
         for row, latent in enumerate(latents)
     ]
-    by_type = {
-        name: {kind: float(np.mean([found[name][kind] for found in every])) for kind in every[0][name]}
+    means = {
+        name: {kind: float(np.mean([own[name][kind] for own in found])) for kind in found[0][name]}
         for name in ("depth_l1", "visibility_bce")
     }
-    return by_type | {"normals": {"median_deg": float(np.mean([found["normal_angle_deg_median"] for found in every]))}}
+    return means | {"normals": {"median_deg": float(np.mean([own["normal_angle_deg_median"] for own in found]))}}
 
 
 def _samples(shapes: shape_data.Shapes, row: int) -> shape_samples.ShapeSamples:
     """The first stored samples of a shape."""
     number, place = shapes.samples.places[row]
-    shard = shapes.samples.shards[number]
     arrays: dict[str, Mapping[str, Tensor]] = {}
     for kind in sample_types.KINDS:
-        codes = {name: torch.from_numpy(shard[f"{kind}.{name}"][place][:SAMPLES].copy()) for name in packing.FIELDS}
-        decoded = packing.decode_fields(codes)
-        arrays[kind] = {
-            "positions": decoded["positions"],
-            "directions": decoded["directions"],
-            "visible": decoded["visible"].float(),
-            "depth": decoded["depth"].masked_fill(~decoded["visible"], 0.0),
-            "normals": decoded["normals"],
+        stored = {name: shapes.samples.shards[number][f"{kind}.{name}"][place][:SAMPLES] for name in packing.FIELDS}
+        found = packing.decode_fields({name: torch.from_numpy(codes.copy()) for name, codes in stored.items()})
+        arrays[kind] = {name: found[name] for name in ("positions", "directions", "normals")} | {
+            "visible": found["visible"].float(),
+            "depth": found["depth"].masked_fill(~found["visible"], 0.0),
         }
     upper = np.full(3, rendering.CUBE_HALF)
     return shape_samples.ShapeSamples(arrays, -upper, upper)
@@ -163,25 +159,18 @@ def nearest(clouds: Clouds, others: Clouds, same: Sequence[int] | None = None) -
     Args:
       same: of each cloud its own number among the others, which does not count.
     """
-    found = []
-    for row, cloud in enumerate(clouds):
-        distances = np.array([chamfer(cloud, other) for other in others])
-        if same is not None:
-            distances[same[row]] = np.inf
-        found.append((int(distances.argmin()), 1000 * float(distances.min())))
-    return found
+    distances = np.array([[chamfer(cloud, other) for other in others] for cloud in clouds])
+    if same is not None:
+        distances[range(len(clouds)), same] = np.inf
+    return list(zip(distances.argmin(axis=1).tolist(), (1000 * distances.min(axis=1)).tolist(), strict=True))
 
 
 def novelty(samples: Clouds, learned: Clouds, ids: Sequence[str], pairs: int) -> dict[str, Any]:
     """How far samples are from the nearest learned shape, against how far some learned shapes are from theirs."""
-    of_samples = nearest(samples, learned)
-    rows = spaced(len(learned), pairs)
-    of_learned = nearest([learned[row] for row in rows], learned, rows)
-    return {
-        "nearest": [ids[row] for row, _ in of_samples],
-        "chamfer_x1000": [distance for _, distance in of_samples],
-        "between_learned_x1000": [distance for _, distance in of_learned],
-    }
+    rows, at = zip(*nearest(samples, learned), strict=True)
+    some = spaced(len(learned), pairs)
+    between = [distance for _, distance in nearest([learned[row] for row in some], learned, some)]
+    return {"nearest": [ids[row] for row in rows], "chamfer_x1000": list(at), "between_learned_x1000": between}
 
 
 def spaced(total: int, count: int) -> list[int]:

@@ -32,10 +32,8 @@ def measure(run: Run, label: str, folder: Path, split: str, kind: str = "") -> F
     """Clouds L at the true and the predicted camera, of the shapes of one split of the run's category.
 
     Args:
-      label: the method's name in the result.
-      folder: of the DDF, trained or shipped.
-      split: test, validation or train.
-      kind: `groups.REAL` or `groups.PROCEDURAL`, these alone.
+      label: the method's name in the result. folder: of the DDF, trained or shipped.
+      split: test, validation or train. kind: `groups.REAL` or `groups.PROCEDURAL`, these alone.
     """
     section, index = run.section(reconstruction_settings.PointcloudsConfig), storage.read_json(run.index)
     section = dataclasses.replace(section, shape_correction=None, rendered=0)

@@ -46,13 +46,11 @@ def difference(
     second: tuple[str, str],
     metric: cloud_scores.Metric,
 ) -> Difference | None:
-    """How the scores of one method differ from those of another on the same images.
+    """How the scores of one method differ from those of another on the same images; None where either has no score.
 
     Args:
       tables: per_image.csv of every training, in their order. A method that no training changes is in the first alone.
       first, second: method and column.
-    Returns:
-      None where either has no score.
     Raises:
       InputError: the trainings were not scored on the same images.
     """
@@ -68,16 +66,12 @@ def difference(
         raise checks.InputError(f"{category}: the trainings were not scored on the same shapes")
     values = metric.factor * np.stack([gap.to_numpy() for gap in gaps])
     trainings, shapes = values.shape
-    over_shapes = _variance_of_mean(values.mean(axis=0)) if shapes > 1 else math.nan
-    over_trainings = _variance_of_mean(values.mean(axis=1)) if trainings > 1 else 0.0
+    over_shapes = float(values.mean(axis=0).var(ddof=1)) / shapes if shapes > 1 else math.nan
+    over_trainings = float(values.mean(axis=1).var(ddof=1)) / trainings if trainings > 1 else 0.0
     variance = over_shapes + over_trainings
     spread = over_shapes**2 / max(shapes - 1, 1) + over_trainings**2 / max(trainings - 1, 1)
     freedom = variance**2 / spread if spread else 1.0
     return Difference(float(values.mean()), math.sqrt(variance), shapes, trainings, freedom)
-
-
-def _variance_of_mean(values: np.ndarray) -> float:
-    return float(np.var(values, ddof=1) / len(values))
 
 
 def rows_of(table: pd.DataFrame, category: str, head: tuple[str, str]) -> pd.DataFrame:

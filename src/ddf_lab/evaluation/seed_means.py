@@ -52,12 +52,11 @@ def over_seeds(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     Raises:
       InputError: a seed has other trained rows, or another number of images, than seed 0.
     """
-    first = tables[0]
+    first, values = tables[0], []
     if len(tables) == 1:
         return first
     trained = first["method"].isin(TRAINED)
     own = first[trained].set_index(_KEYS)
-    columns = []
     for seed, table in enumerate(tables):
         rows = table[table["method"].isin(TRAINED)].set_index(_KEYS)
         odd = rows.index.symmetric_difference(own.index)
@@ -66,10 +65,9 @@ def over_seeds(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
         rows = rows.loc[own.index]
         if (rows["images"] != own["images"]).any():
             raise checks.InputError(f"seed {seed} was evaluated on another number of images than seed 0")
-        columns.append(rows["value"].to_numpy(dtype=np.float64))
-    values = np.stack(columns)
+        values.append(rows["value"].to_numpy(dtype=np.float64))
     merged = first.copy()
-    merged.loc[trained, "value"] = values.mean(axis=0)
-    merged.loc[trained, "spread"] = values.std(axis=0, ddof=1)
+    merged.loc[trained, "value"] = np.mean(values, axis=0)
+    merged.loc[trained, "spread"] = np.std(values, axis=0, ddof=1)
     merged.loc[trained, "seeds"] = len(tables)
     return merged

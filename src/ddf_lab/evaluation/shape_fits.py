@@ -7,7 +7,6 @@ in a step. Source: [DDF22] app. `dataablation`.
 """
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -71,8 +70,7 @@ def leave_one_out(
         name = without or NONE
         chosen = without_type(config, without, steps)
         found = fitting.fit(mesh, chosen, out_dir / f"without_{name}", source, without, force=True)
-        steps = found["steps"]
-        drawn = sum(count for kind, count in chosen.samples.items() if kind != without)
+        steps, drawn = found["steps"], sum(count for kind, count in chosen.samples.items() if kind != without)
         results[name] = {**found, "samples": drawn}
     storage.write_json(out_dir / RESULTS, results)
     return results
@@ -80,12 +78,14 @@ def leave_one_out(
 
 def fit_table(held_out: Mapping[str, Any]) -> pd.DataFrame:
     """fit.csv: ours and the paper's row of all six types, from `fitting.held_out_errors`."""
-    rows = _error_rows(held_out)
-    for kind, angles in (*held_out["normal_angle_deg"].items(), (ALL, None)):
-        for name in ("median", "p95"):
-            value = held_out[f"normal_angle_deg_{name}"] if angles is None else angles[name]
-            rows.append((kind, f"normal_angle_deg_{name}", _number(value), MEASURED))
-    return pd.DataFrame([*rows, *_paper_rows(NONE)], columns=_FIT_FIELDS)
+    together = {name: held_out[f"normal_angle_deg_{name}"] for name in ("median", "p95")}
+    angles = [
+        (kind, f"normal_angle_deg_{name}", own[name], MEASURED)
+        for kind, own in {**held_out["normal_angle_deg"], ALL: together}.items()
+        for name in together
+    ]
+    ours, papers = _rows(held_out, MEASURED), _rows(_paper(NONE), paper_results.BUNNY)
+    return pd.DataFrame([*ours, *angles, *papers], columns=_FIT_FIELDS).astype({"value": float})
 
 
 def ablation_table(results: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
@@ -93,27 +93,15 @@ def ablation_table(results: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
     rows = [
         (without, *row)
         for without, found in results.items()
-        for row in (*_error_rows(found["held_out"]), *_paper_rows(without))
+        for row in (*_rows(found["held_out"], MEASURED), *_rows(_paper(without), paper_results.BUNNY))
     ]
-    return pd.DataFrame(rows, columns=["without", *_FIT_FIELDS])
+    return pd.DataFrame(rows, columns=["without", *_FIT_FIELDS]).astype({"value": float})
 
 
-def _error_rows(held_out: Mapping[str, Any]) -> list[tuple[str, str, float, str]]:
-    return [
-        (kind, metric, _number(held_out[metric][kind]), MEASURED)
-        for metric in paper_results.BUNNY_METRICS
-        for kind in TYPES
-    ]
+def _rows(errors: Mapping[str, Any], source: str) -> list[tuple[str, str, float | None, str]]:
+    """None, of a mean over nothing, becomes NaN."""
+    return [(kind, name, errors[name][kind], source) for name in paper_results.BUNNY_METRICS for kind in TYPES]
 
 
-def _number(value: float | None) -> float:
-    """NaN for a mean over nothing, which is null in JSON."""
-    return math.nan if value is None else value
-
-
-def _paper_rows(without: str) -> list[tuple[str, str, float, str]]:
-    return [
-        (kind, metric, value, paper_results.BUNNY)
-        for metric, table in paper_results.BUNNY_METRICS.items()
-        for kind, value in zip(TYPES, table[without], strict=True)
-    ]
+def _paper(without: str) -> dict[str, dict[str, float]]:
+    return {name: dict(zip(TYPES, table[without], strict=True)) for name, table in paper_results.BUNNY_METRICS.items()}

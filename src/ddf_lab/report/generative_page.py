@@ -5,7 +5,7 @@ Everything comes from what the trainings and the stage `evaluate_generative` wro
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import torch
@@ -19,31 +19,34 @@ from ddf_lab.evaluation import generative_scores, generative_shapes
 from ddf_lab.report import pages
 from ddf_lab.run import Run
 
-PAPER_FID: Final = {generative_scores.OURS: "27", generative_scores.FLAT: "15"}  # [DDF22] §4.4
-NO_WEIGHTS: Final = "not computed (no Inception weights)"
-UNUSED: Final = "not used"
-_ENDS: Final = (slice(5), slice(-2, None))  # dimensions of the latent that are shown
-RATIO: Final = 1.3  # of D_C through the encoder to that of optimised latents
-TRAININGS: Final = {
+PAPER_FID = {generative_scores.OURS: "27", generative_scores.FLAT: "15"}  # [DDF22] §4.4
+RATIO = 1.3  # of D_C through the encoder to that of optimised latents
+MOST_TOLD_APART = 0.75  # of samples that are good enough for pictures of interpolations and of many cameras
+TRAININGS = {
     "train_vae": "shape VAE",
     "train_gan": "image GAN",
     "train_gan2d": "2D GAN",
     "train_features": "feature network",
 }
-_ROWS: Final = {
+_ENDS = (slice(5), slice(-2, None))  # dimensions of the latent that are shown
+_IMAGES = {
     generative_scores.CEILING: "real images of other shapes (ceiling)",
     generative_scores.OURS: "image GAN: latent, field, normals, colours",
     generative_scores.FLAT: "2D GAN: noise, colours",
     generative_scores.MEAN: "mean of the real images",
     generative_scores.NOISE: "noise",
 }
-MOST_TOLD_APART: Final = 0.75  # of samples that are good enough for pictures of interpolations and of many cameras
+_LATENTS = {"encoded": "encoded from points", "optimised": "latents optimised on the shape"}
+_ERRORS = {"depth_l1": "depth", "visibility_bce": "visibility"}
+_PAIRS = {
+    "ours": "one texture",
+    "shuffled": "another texture in the second image",
+    "real": "renders of true shapes",
+}
 
 
 @dataclass(frozen=True)
 class _Results:
-    name: str
-    category: str
     scores: Mapping[str, Any]
     pictures: Mapping[str, np.ndarray]
     gan: generative_settings.GANConfig
@@ -59,117 +62,113 @@ class _Results:
 def write(run: Run, gan: generative_settings.GANConfig, section: generative_settings.ScoresConfig) -> None:
     """Read the results of the experiment and write the page."""
     evaluated = run.folder("evaluate_generative")
+    scores = storage.read_json(evaluated / "scores.json")
     pictures, _ = storage.load_tensors(evaluated / "pictures.safetensors")
     logs = {name: training_loop.read_log(run.folder(name)) for name in TRAININGS}
-    scores = storage.read_json(evaluated / "scores.json")
-    results = _Results(run.name, run.category, scores, pictures, gan, section, logs)
-    pages.write(_page(results), run.page)
-
-
-def _page(results: _Results) -> pages.Page:
-    told, shapes = results.scores["distribution"]["prior"]["told_apart"], results.scores["shapes"]
+    results = _Results(scores, pictures, gan, section, logs)
+    told, shapes = scores["distribution"]["prior"]["told_apart"], scores["shapes"]
     lead = (
         f"This model {'works' if results.works else 'fails'}: its samples are told apart from learned shapes "
         f"{100 * told:.0f} % of the time; 50 is best.",
-        f"Experiment `{results.name}`: a shape VAE of {shapes['learned']} {results.category} shapes, and images from "
-        "its normals.",
-        f"Made by `make reproduce-generative CONFIG=configs/{results.name}.yaml`. All numbers were measured here, "
-        "unless a column says paper.",
+        f"Experiment `{run.name}`: a shape VAE of {shapes['learned']} {run.category} shapes, and images from its "
+        "normals.",
+        f"Made by `make reproduce-generative CONFIG=configs/{run.name}.yaml`. All numbers were measured here, unless a "
+        "column says paper.",
         f"The critics saw images of {shapes['pictured']} other shapes. {shapes['held_out']} shapes were held out.",
-        f"`ddf generate artifacts/{results.name}/train_gan/{results.category} OUT_DIR` draws more.",
+        f"`ddf generate artifacts/{run.name}/train_gan/{run.category} OUT_DIR` draws more.",
     )
     sections = (_samples, _shapes, _prior, _images, _views, *((_between,) if results.works else ()), _trainings)
-    return pages.Page(f"Generated {results.category} shapes", [lead], [section(results) for section in sections])
+    title = f"Generated {run.category} shapes"
+    pages.write(pages.Page(title, [lead], [section(results) for section in sections]), run.page)
 
 
-def _sheet(name: str, caption: str, alt: str, rows: list[picture_strips.Row]) -> pages.Figure:
-    return pages.Figure(f"{name}.webp", caption, alt, picture_strips.sheet(rows))
+def _sheet(results: _Results, name: str, caption: str, alt: str, rows: Mapping[str, str]) -> pages.Figure:
+    """Pictures by what stands above them; normals on white."""
+    images = [(title, _on_white(results, key)) for title, key in rows.items()]
+    return pages.Figure(f"{name}.webp", caption, alt, picture_strips.sheet(images))
 
 
-def _on_white(normals: picture_strips.Images) -> picture_strips.Images:
-    return generated_images.on_white(torch.from_numpy(normals)).numpy()
+def _on_white(results: _Results, key: str) -> picture_strips.Images:
+    images = results.pictures[key]
+    return generated_images.on_white(torch.from_numpy(images)).numpy() if key.endswith("_normals") else images
 
 
 def _samples(results: _Results) -> pages.Section:
-    found = results.pictures
-    rows = [
-        ("normals of samples of the prior", _on_white(found["samples_normals"])),
-        ("their images, each with a random texture", found["samples_colours"]),
-        ("a render of the nearest learned shape", found["samples_nearest"]),
-        ("2D GAN", found["rival_colours"]),
-        ("real images", found["real_colours"]),
-    ]
+    rows = {
+        "normals of samples of the prior": "samples_normals",
+        "their images, each with a random texture": "samples_colours",
+        "a render of the nearest learned shape": "samples_nearest",
+        "2D GAN": "rival_colours",
+        "real images": "real_colours",
+    }
     caption = "Not chosen: the first samples of the seed. The nearest shape is by D<sub>C</sub>; its camera differs."
-    return pages.Section("Samples", [_sheet("samples", caption, "Samples of both GANs, and real images", rows)])
+    alt = "Samples of both GANs, and real images"
+    return pages.Section("Samples", [_sheet(results, "samples", caption, alt, rows)])
 
 
 def _shapes(results: _Results) -> pages.Section:
-    found = results.scores["held_out"]
+    found, printed = results.scores["held_out"], cloud_scores.PRINTED
     ratio = found["encoded"]["chamfer_l2_sq_x1000"] / found["optimised"]["chamfer_l2_sq_x1000"]
     verdict = (
         f"Through the encoder D<sub>C</sub> of held-out shapes is {ratio:.2f} times that of latents optimised on each "
         f"shape; the aim is at most {RATIO}."
     )
-    names = {"encoded": "encoded from points", "optimised": "latents optimised on the shape"}
     rows = [
-        [label, *(f"{found[name][key]:.{metric.digits}f}" for key, metric in cloud_scores.PRINTED.items())]
-        for name, label in names.items()
+        [label, *(f"{found[name][key]:.{metric.digits}f}" for key, metric in printed.items())]
+        for name, label in _LATENTS.items()
     ]
-    header = ["", *(str(metric.label) for metric in cloud_scores.PRINTED.values())]
+    header = ["", *(str(metric.label) for metric in printed.values())]
     clouds = pages.Table("Held-out shapes: D<sub>C</sub> x 1000, F x 100.", header, rows)
-    types = list(found["encoded"]["errors"]["depth_l1"])
+    errors = {name: found[name]["errors"] for name in _LATENTS}
+    types = list(errors["encoded"]["depth_l1"])
     rows = [
-        [f"{what}, {label}", *(f"{found[name]['errors'][key][kind]:.3f}" for kind in types)]
-        for key, what in (("depth_l1", "depth"), ("visibility_bce", "visibility"))
-        for name, label in names.items()
+        [f"{what}, {label}", *(f"{errors[name][key][kind]:.3f}" for kind in types)]
+        for key, what in _ERRORS.items()
+        for name, label in _LATENTS.items()
     ]
-    angles = [f"{found[name]['errors']['normals']['median_deg']:.1f}° {name}" for name in names]
+    angles = ", ".join(f"{own['normals']['median_deg']:.1f}° {name}" for name, own in errors.items())
     caption = (
         "Mean error of depth (halves of the longest side) and cross-entropy of visibility, by sample type. Median "
-        f"angle of normals: {', '.join(angles)}."
+        f"angle of normals: {angles}."
     )
-    errors = pages.Table(caption, ["", *types], rows)
     kl = results.scores["divergence"]
-    largest, smallest = (", ".join(f"{value:.2f}" for value in kl["by_dimension"][part]) for part in _ENDS)
+    largest, smallest = (", ".join(f"{own:.2f}" for own in kl["by_dimension"][part]) for part in _ENDS)
     said = (
         f"The divergence from the prior is {kl['sum']:.1f} nats a shape; {kl['used']} of {len(kl['by_dimension'])} "
         f"dimensions have more than 0.1. Largest: {largest}; smallest: {smallest}."
     )
-    return pages.Section("Held-out shapes", [verdict, clouds, errors, said])
+    return pages.Section("Held-out shapes", [verdict, clouds, pages.Table(caption, ["", *types], rows), said])
 
 
 def _prior(results: _Results) -> pages.Section:
-    found = results.scores["prior"]
-    header = ["distance to the nearest learned shape", "least", "median", "largest"]
+    found, alike = results.scores["prior"], results.scores["distribution"]
     named = {"samples of the prior": "chamfer_x1000", "learned shapes, to another one": "between_learned_x1000"}
-    rows = [
-        [label, *(f"{value:.3f}" for value in generative_shapes.spread(found[key]))] for label, key in named.items()
-    ]
-    caption = "D<sub>C</sub> x 1000 of clouds. A copy of a learned shape would be far below the second row."
-    copies = pages.Table(caption, header, rows)
-    sets = {"prior": "samples of the prior", "learned": "learned shapes"}
-    alike = results.scores["distribution"]
-    rows = [
-        [label, f"{alike[key]['matching_x1000']:.3f}"]
-        + [f"{100 * alike[key][share]:.0f}" for share in ("coverage", "told_apart")]
-        for key, label in sets.items()
-    ]
+    rows = [[label, *(f"{own:.3f}" for own in generative_shapes.spread(found[key]))] for label, key in named.items()]
+    copies = pages.Table(
+        "D<sub>C</sub> x 1000 of clouds. A copy of a learned shape would be far below the second row.",
+        ["distance to the nearest learned shape", "least", "median", "largest"],
+        rows,
+    )
+    rows = []
+    for key, label in (("prior", "samples of the prior"), ("learned", "learned shapes")):
+        shares = [f"{100 * alike[key][share]:.0f}" for share in ("coverage", "told_apart")]
+        rows.append([label, f"{alike[key]['matching_x1000']:.3f}", *shares])
     caption = (
         "As many shapes as were held out, against these. MMD: mean D<sub>C</sub> x 1000 of a held-out shape to the "
         "nearest. COV: held-out shapes that are the nearest to one of them, %. 1-NNA: shapes of both sets whose "
         "nearest other one is of their own set, %; 50 is best."
     )
-    like = pages.Table(caption, ["", "MMD ↓", "COV ↑", "1-NNA"], rows)
-    return pages.Section("Samples as a set", [like, copies])
+    return pages.Section("Samples as a set", [pages.Table(caption, ["", "MMD ↓", "COV ↑", "1-NNA"], rows), copies])
 
 
 def _images(results: _Results) -> pages.Section:
     found, section = results.scores["images"], results.section
     rows = []
-    for name, label in _ROWS.items():
+    for name, label in _IMAGES.items():
         row, fid = found["rows"][name], found["fid"][name]
-        kid = f"{1000 * row['kid']:.1f} ± {1000 * row['kid_spread']:.1f}" if found["in_order"] else UNUSED
-        rows.append([label, kid, NO_WEIGHTS if fid is None else f"{fid:.1f}", PAPER_FID.get(name, "–")])
+        kid = f"{1000 * row['kid']:.1f} ± {1000 * row['kid_spread']:.1f}" if found["in_order"] else "not used"
+        own = "not computed (no Inception weights)" if fid is None else f"{fid:.1f}"
+        rows.append([label, kid, own, PAPER_FID.get(name, "–")])
     header = ["", "measured KID ↓", "measured FID ↓", "paper, ShapeNet FID ↓"]
     shapes = results.scores["shapes"]["learned"] + results.scores["shapes"]["held_out"]
     caption = (
@@ -179,10 +178,10 @@ def _images(results: _Results) -> pages.Section:
         "§4.4, of other images and another network."
     )
     kids = ", ".join(f"{name} {1000 * found['rows'][name]['kid']:.1f}" for name in ("ceiling", *found["spoiled"]))
-    check = f"KID of real images, spoiled: {kids}. " + (
-        "They are in the order that they must have."
-        if found["in_order"]
-        else "They are not in the order that they must have, so KID is not used."
+    order = "are in" if found["in_order"] else "are not in"
+    check = (
+        f"KID of real images, spoiled: {kids}. They {order} the order that they must have"
+        f"{'' if found['in_order'] else ', so KID is not used'}."
     )
     limit = (
         "What two cores cannot show: the paper's trainings have 100,000 steps of full-size networks; here the image "
@@ -193,34 +192,28 @@ def _images(results: _Results) -> pages.Section:
 
 def _views(results: _Results) -> pages.Section:
     found = results.scores["consistency"]
-    rows = [
-        ("normals", _on_white(results.pictures["views_normals"])),
-        ("the same texture", results.pictures["views_colours"]),
-    ]
-    figure = _sheet("views", "One shape and one texture, cameras all round.", "One shape from all round", rows)
-    labels = {
-        "ours": "one texture",
-        "shuffled": "another texture in the second image",
-        "real": "renders of true shapes",
-    }
-    cells = [[label, f"{found[key]['error']:.3f}", f"{found[key]['points']:,}"] for key, label in labels.items()]
-    caption = (
+    pictures = {"normals": "views_normals", "the same texture": "views_colours"}
+    caption = "One shape and one texture, cameras all round."
+    figure = _sheet(results, "views", caption, "One shape from all round", pictures)
+    table = pages.Table(
         "Mean absolute difference of a surface point's colour, in [0, 1], between neighbouring cameras. The light of "
-        "the renders moves with the camera."
+        "the renders moves with the camera.",
+        ["", "difference ↓", "points"],
+        [[label, f"{found[key]['error']:.3f}", f"{found[key]['points']:,}"] for key, label in _PAIRS.items()],
     )
-    table = pages.Table(caption, ["", "difference ↓", "points"], cells)
     share = found["ours"]["error"] / found["shuffled"]["error"]
     verdict = f"With one texture the difference is {share:.2f} of that with two; the aim is at most 0.5."
     return pages.Section("When the camera moves", [*([figure] if results.works else []), table, verdict])
 
 
 def _between(results: _Results) -> pages.Section:
-    shapes, colours = results.pictures["grid_normals"], results.pictures["grid_colours"]
+    shapes, colours = _on_white(results, "grid_normals"), results.pictures["grid_colours"]
     grid = colours.reshape(len(shapes), -1, *colours.shape[1:])
-    rows = [("shapes, from one latent to another", _on_white(shapes))]
-    rows += [("texture" if row == 0 else "", grid[:, row]) for row in range(grid.shape[1])]
+    rows = [("shapes, from one latent to another", shapes)]
+    rows += [("" if row else "texture", grid[:, row]) for row in range(grid.shape[1])]
     caption = "Shapes from left to right, textures from top to bottom, both along great circles of their latents."
-    return pages.Section("Between shapes and textures", [_sheet("between", caption, "Interpolations", rows)])
+    figure = pages.Figure("between.webp", caption, "Interpolations", picture_strips.sheet(rows))
+    return pages.Section("Between shapes and textures", [figure])
 
 
 def _trainings(results: _Results) -> pages.Section:

@@ -1,9 +1,8 @@
 """What a fitted field is beside the truth: errors, renders from four cameras, two of them inside, and slices."""
 
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -42,8 +41,7 @@ _PROBES = 64  # directions in which a point must be shut in to be inside
 _LIFT = 1e-3  # of the box's diagonal: a ray into the shape starts so far below its surface
 
 
-@dataclass(frozen=True)
-class View:
+class View(NamedTuple):
     """A named camera of `framed_field.camera_rays` and what is found from it (`beside`).
 
     camera: azimuth and elevation in degrees, radius in benchmark units. evaluated: rays that met the box.
@@ -56,15 +54,10 @@ class View:
 
     def summary(self) -> dict[str, Any]:
         """Name, camera, rays, how many were evaluated, saved by the box and seen."""
-        visibility = self.found["visibility"]
-        return {
-            "name": self.name,
-            "camera": list(self.camera),
-            "rays": visibility.size,
-            "evaluated": self.evaluated,
-            "saved": visibility.size - self.evaluated,
-            "seen": int((visibility >= framed_field.SEEN).sum()),
-        }
+        visibility, evaluated = self.found["visibility"], self.evaluated
+        counts = {"rays": visibility.size, "evaluated": evaluated, "saved": visibility.size - evaluated}
+        seen = int((visibility >= framed_field.SEEN).sum())
+        return {"name": self.name, "camera": list(self.camera), **counts, "seen": seen}
 
 
 def cameras(shape: ShapeField, scene: raycast.Scene, seed: int) -> list[tuple[str, beside.Vector]]:

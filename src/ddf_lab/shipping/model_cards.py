@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -21,8 +20,7 @@ from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
 from ddf.fields import model_files, shape_field
 from ddf.fit import fit_settings, fitting, shape_samples
-from ddf.geometry import mesh_io, transforms
-from ddf.io import onnx_file, onnx_parity
+from ddf.io import onnx_file
 from ddf.models import out_of_distribution, reconstruction_settings
 from ddf_lab.evaluation import groups, one_model
 from ddf_lab.run import Run
@@ -67,45 +65,37 @@ def _seen(dataset: shapenet.Dataset, category: str) -> list[manifest.Row]:
     return [rows[name] for shape, _ in dataset.train(category) if (name := shape.partition("--")[0]) in rows]
 
 
-def fit_config() -> fit_settings.FitConfig:
-    """How the shipped fields are fitted: the recipe of `ddf fit` for a number of steps, on one thread."""
-    return dataclasses.replace(FIT, steps=STEPS, minutes=None, loop=dataclasses.replace(FIT.loop, threads=1))
-
-
 def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, Any]:
-    """Fit one of `showcase.SHAPES`, write weights, ONNX file and card; its entry."""
-    mesh, settings = showcase.SHAPES[name](), fit_config()
+    """Fit one of `showcase.SHAPES` by the recipe of `ddf fit`, write weights, ONNX file and card; its entry."""
+    mesh, loop = showcase.SHAPES[name](), dataclasses.replace(FIT.loop, threads=1)
+    settings = dataclasses.replace(FIT, steps=STEPS, minutes=None, loop=loop)
     result = fitting.fit(mesh, settings, fitted, force=True)
     write_weights(fitted, out)
-    rows = write_onnx(out, onnx_file.ExportConfig())
-    errors = _held_out(mesh, settings, out)
-    kinds = errors["depth_l1"]
-    write_card(
-        out,
-        name,
-        summary,
-        {
-            "Data": [
-                f"`ddf.data.synthetic.showcase.{name}`: {len(mesh.faces):,} triangles, made by this repository.",
-                f"{sum(count for _, count in settings.samples.items()):,} oriented points of the six types.",
-            ],
-            "Training": [
-                f"{result['steps']:,} steps, seed {settings.loop.seed}, {result['parameters']:,} parameters, on a CPU.",
-                "Matrices are stored in float16; the ONNX file holds the same values.",
-            ],
-            "Scores": [
-                "Held-out errors of these weights, 10,000 samples a type; the longest side of the shape is 2.",
-                "Mean depth error: " + ", ".join(f"{kind} {value:.4f}" for kind, value in kinds.items()) + ".",
-                f"Median angle of normals: {errors['normal_angle_deg_median']:.1f} degrees.",
-                f"ONNX against torch: depth differs by {_largest(rows, 'depth'):.1e} at most.",
-            ],
-            "Limits": [
-                "One shape alone. Depths are blurred at occlusion edges; curvature is rough near sharp edges.",
-            ],
-            "Licence": [LICENCE],
-        },
-    )
-    return {"name": name, "kind": "field", "summary": summary}
+    graphs, source = onnx_file.load_graphs(out, onnx_file.ExportConfig().outputs)
+    compared = onnx_file.export(graphs["field"], "field", out / ONNX, source, onnx_file.ExportConfig())
+    apart = max(row.max_abs for row in compared if row.output == "depth")
+    inside, drawn = fitting.in_cube(mesh)[0], sample_types.each(settings.held_out)
+    samples, _ = shape_samples.draw_samples(inside, settings, drawn, "held_out")
+    errors = fitting.held_out_errors(shape_field.load(out).field, samples)  # of the rounded weights
+    sections = {
+        "Data": [
+            f"`ddf.data.synthetic.showcase.{name}`: {len(mesh.faces):,} triangles, made by this repository.",
+            f"{sum(settings.samples.values()):,} oriented points of the six types.",
+        ],
+        "Training": [
+            f"{result['steps']:,} steps, seed {loop.seed}, {result['parameters']:,} parameters, on a CPU.",
+            "Matrices are stored in float16; the ONNX file holds the same values.",
+        ],
+        "Scores": [
+            "Held-out errors of these weights, 10,000 samples a type; the longest side of the shape is 2.",
+            f"Mean depth error: {', '.join(f'{kind} {value:.4f}' for kind, value in errors['depth_l1'].items())}.",
+            f"Median angle of normals: {errors['normal_angle_deg_median']:.1f} degrees.",
+            f"ONNX against torch: depth differs by {apart:.1e} at most.",
+        ],
+        "Limits": ["One shape alone. Depths are blurred at occlusion edges; curvature is rough near sharp edges."],
+        "Licence": [LICENCE],
+    }
+    return write_card(out, name, "field", summary, sections)
 
 
 def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Path) -> dict[str, Any]:
@@ -117,45 +107,34 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
     section = run.section(reconstruction_settings.DDFConfig)
     record = {"train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     weights = write_weights(trained, out, record)
-    tests = dataset.test(name)
-    entry = dataset.category(name)
-    for number, (shape, views) in enumerate(tests[:SAMPLES]):
-        image = shapenet.image_path(dataset.root, entry.synset, shape, views[0])
+    for number, (shape, views) in enumerate(dataset.test(name)[:SAMPLES]):
+        image = shapenet.image_path(dataset.root, dataset.category(name).synset, shape, views[0])
         shutil.copyfile(image, out / f"sample_{number}.png")
-    parameters = _count(weights)
     seen, shapes = _seen(dataset, name), dataset.train(name)
     data = [f"{len(shapes) - len(seen)} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each."]
     if seen:
         real, views = len({row.id for row in seen}), max(len(v) for _, v in shapes)
         data.append(f"{real} of other people (`ddf shapes`) and {len(seen) - real} variations, {views} views each.")
-    summary = f"Camera and field of a {name} from one RGBA image."
-    write_card(
-        out,
-        name,
-        summary,
-        {
-            "Data": [
-                *data,
-                f"`sample_0.png` to `sample_{SAMPLES - 1}.png` show test shapes, which training never saw.",
-            ],
-            "Training": [
-                f"Seed 0 of `{run.file}`: {section.steps:,} steps, {parameters:,} parameters.",
-                f"Images are reduced to {train.image_size} x {train.image_size} pixels.",
-                "Matrices are stored in float16.",
-            ],
-            "Scores": [
-                "These weights on test shapes: D_C x 1000 / F(τ) x 100, with 5,000 points.",
-                *_scores(dataclasses.replace(run, category=name), out),
-            ],
-            "Limits": [
-                "Trained on renders alone: real photographs are outside of what it knows.",
-                f"Any object is taken for a {name}. Images without alpha are cut out by their background or `--mask`.",
-                "`ddf reconstruct` warns of images unlike 99 % of those of training. Some of other objects pass.",
-            ],
-            "Licence": licence(seen),
-        },
-    )
-    return {"name": name, "kind": "reconstruction", "summary": summary}
+    data.append(f"`sample_0.png` to `sample_{SAMPLES - 1}.png` show test shapes, which training never saw.")
+    sections = {
+        "Data": data,
+        "Training": [
+            f"Seed 0 of `{run.file}`: {section.steps:,} steps, {_count(weights):,} parameters.",
+            f"Images are reduced to {train.image_size} x {train.image_size} pixels.",
+            "Matrices are stored in float16.",
+        ],
+        "Scores": [
+            "These weights on test shapes: D_C x 1000 / F(τ) x 100, with 5,000 points.",
+            *_scores(dataclasses.replace(run, category=name), out),
+        ],
+        "Limits": [
+            "Trained on renders alone: real photographs are outside of what it knows.",
+            f"Any object is taken for a {name}. Images without alpha are cut out by their background or `--mask`.",
+            "`ddf reconstruct` warns of images unlike 99 % of those of training. Some of other objects pass.",
+        ],
+        "Licence": licence(seen),
+    }
+    return write_card(out, name, "reconstruction", f"Camera and field of a {name} from one RGBA image.", sections)
 
 
 def licence(seen: Sequence[manifest.Row]) -> list[str]:
@@ -165,33 +144,17 @@ def licence(seen: Sequence[manifest.Row]) -> list[str]:
     return ["MIT, as this repository. Renders of shapes of these people trained it:", *groups.makers(seen)]
 
 
-_COLUMNS = {"Pi_g-L": "true camera", "Pi_pred-L": "predicted camera"}
-
-
 def _scores(run: Run, folder: Path) -> list[str]:
     """What the shipped weights of the run's category reach on its test shapes: on real ones alone, where there are."""
     kind = groups.REAL if storage.read_json(run.index)["source"] == "both" else ""
     means, said = one_model.measure(run, "ddf", folder, "test", kind).means(), []
     for group in means.index.unique("category"):
-        reached = (
-            f"{camera} {means[group, 'ddf', column, 'chamfer_l2_sq_x1000']:.3f} / "
-            f"{means[group, 'ddf', column, 'f_score_tau_x100']:.1f}"
-            for column, camera in _COLUMNS.items()
-        )
+        reached = []
+        for camera, column in (("true camera", "Pi_g-L"), ("predicted camera", "Pi_pred-L")):
+            chamfer, share = (means[group, "ddf", column, name] for name in ("chamfer_l2_sq_x1000", "f_score_tau_x100"))
+            reached.append(f"{camera} {chamfer:.3f} / {share:.1f}")
         said.append(f"{group}s: {', '.join(reached)}.".capitalize())
     return said
-
-
-def _held_out(mesh: mesh_io.Mesh, settings: fit_settings.FitConfig, out: Path) -> Mapping[str, Any]:
-    """The held-out errors of the rounded weights."""
-    own = transforms.field_from_mesh(mesh.vertices[np.unique(mesh.faces)])
-    mesh = mesh_io.Mesh(np.clip(own.apply(mesh.vertices), -1.0, 1.0), mesh.faces)
-    samples, _ = shape_samples.draw_samples(mesh, settings, sample_types.each(settings.held_out), "held_out")
-    return fitting.held_out_errors(shape_field.load(out).field, samples)
-
-
-def _largest(rows: list, output: str) -> float:
-    return float(np.max([row.max_abs for row in rows if row.output == output]))
 
 
 def _count(weights: Path) -> int:
@@ -222,18 +185,12 @@ def write_weights(folder: Path, out: Path, changes: Mapping[str, Any] | None = N
     return file
 
 
-def write_onnx(out: Path, config: onnx_file.ExportConfig) -> list[onnx_parity.Row]:
-    """The field of `out` as `out`/field.onnx, compared with torch before it is written; returns the comparison."""
-    graphs, source = onnx_file.load_graphs(out, config.outputs)
-    return onnx_file.export(graphs["field"], "field", out / ONNX, source, config)
-
-
-def write_card(out: Path, name: str, summary: str, sections: Mapping[str, Sequence[str]]) -> None:
-    """The card of a model as Markdown: a sentence, then bullets under headings."""
-    lines = [f"# {name}", "", summary, ""]
-    for heading, bullets in sections.items():
-        lines += [f"## {heading}", "", *(f"- {bullet}" for bullet in bullets), ""]
-    storage.write_text(out / CARD, "\n".join(lines).rstrip("\n") + "\n")
+def write_card(out: Path, name: str, kind: str, summary: str, sections: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """The card of a model as Markdown: a sentence, then bullets under headings; its entry of the index."""
+    bullets = {heading: "\n".join(f"- {each}" for each in own) for heading, own in sections.items()}
+    parts = [f"# {name}", summary, *(part for heading, own in bullets.items() for part in (f"## {heading}", own))]
+    storage.write_text(out / CARD, "\n\n".join(parts) + "\n")
+    return {"name": name, "kind": kind, "summary": summary}
 
 
 def read_index(root: Path) -> list[dict[str, Any]]:

@@ -189,7 +189,7 @@ def test_baselines_choose_as_brute_force_does(experiment):
     rows = baselines.prepare(ddf, truths, train, [], SIZES, SETTINGS, jobs=1)
     train_images = ddf.metadata["train_images"]
     for row, image in enumerate(ddf.images):
-        assert rows.retrieval.retrieved[image] == train_images[nearest_train_image(row) % len(train_images)]["id"]
+        assert rows.retrieved[image] == train_images[nearest_train_image(row) % len(train_images)]["id"]
     axes = experiment.categories["chair"]["axes"]
     for shape in experiment.categories["chair"]["test"]:
         gaps = {name: np.abs(axes[name] - axes[shape]).max() for name in train}
