@@ -3,14 +3,11 @@
 import logging
 import os
 import resource
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from ddf import cli
 from ddf.core import checks
 from ddf.data import cutouts, dataset, shapenet
 
@@ -99,12 +96,6 @@ def test_folders_that_are_nested_twice_are_refused_by_name(tmp_path, monkeypatch
         dataset.list_real(section, dataset.real_root(os.environ))
 
 
-def test_synset_given_twice_in_a_listing_is_refused(tmp_path, capsys):
-    (tmp_path / "ids.json").write_text('{"03001627": ["a"], "02691156": ["b"], "03001627": ["c"]}')
-    assert cli.main(["split", str(tmp_path / "ids.json"), "--out", str(tmp_path / "lists")]) == 2
-    assert "'03001627' is given twice" in capsys.readouterr().err
-
-
 def test_broken_images_are_refused_in_one_line(tmp_path):
     good = tmp_path / "good.png"
     _picture().save(good)
@@ -119,13 +110,3 @@ def test_broken_images_are_refused_in_one_line(tmp_path):
             cutouts.read(path)
         except checks.InputError as fault:
             assert str(fault).startswith(str(path))
-
-
-def test_far_rays_are_told_the_error_of_float32(tmp_path):
-    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    for far, told in ((1e3, False), (1e8, True)):
-        np.savez(tmp_path / "r.npz", positions=[[0.2, 0.2, far]], directions=[[0.0, 0.0, -1.0]])
-        command = [sys.executable, "-m", "ddf.cli", "cast", "a.obj", "--rays", "r.npz", "--out", "h.npz"]
-        code = f"import sys; from ddf import cli; sys.exit(cli.main({command[3:]!r}))"
-        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
-        assert ("float32" in done.stdout.splitlines()[-1]) == told

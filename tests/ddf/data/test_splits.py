@@ -1,9 +1,6 @@
-import json
-
 import numpy as np
 import pytest
 
-from ddf import cli
 from ddf.core import checks
 from ddf.data import splits
 
@@ -68,74 +65,3 @@ def test_ids_that_could_leave_their_folder_are_refused(name):
 def test_repeated_id_is_refused():
     with pytest.raises(checks.InputError, match="shape a is listed twice"):
         splits.split_class(CHAIR, ["a", "b", "a"])
-
-
-def _split_command(capsys, *arguments):
-    code = cli.main(["split", *map(str, arguments)])
-    return code, capsys.readouterr()
-
-
-def test_command_writes_both_lists_and_reports_them(tmp_path, capsys):
-    source = tmp_path / "ids.json"
-    source.write_text(json.dumps({CHAIR: ["a", "b", "c"]}))
-    code, captured = _split_command(capsys, source, "--out", tmp_path / "out", "--json")
-    result = json.loads(captured.out)
-    assert code == 0
-    for part, count in (("train", 12), ("test", 3)):
-        data = (tmp_path / "out" / f"{part}_list.txt").read_text()
-        assert result[part]["lines"] == count == data.count("\n")
-        assert result[part]["git_blob"] == splits.git_blob_id(data)
-    assert result["classes"] == {CHAIR: {"shapes": 3, "train": 12, "test": 3}}
-    assert result["straddling"] == [f"{CHAIR}/c"]
-    code, captured = _split_command(capsys, source, "--out", tmp_path / "strict", "--json", "--strict")
-    assert json.loads(captured.out)["straddling"] == []
-
-
-def test_folder_and_json_give_the_same_lists(tmp_path, capsys):
-    ids = {CHAIR: ["a10", "a9", "b1"], CAR: ["u2-1", "u10"]}
-    for synset, names in ids.items():
-        for name in names:
-            (tmp_path / "root" / "ShapeNetRendering" / synset / name / "rendering").mkdir(parents=True)
-    (tmp_path / "ids.json").write_text(json.dumps(ids))
-    texts = []
-    for source in (tmp_path / "root", tmp_path / "ids.json"):
-        code, _ = _split_command(capsys, source, "--out", tmp_path / "out")
-        assert code == 0
-        texts.append([(tmp_path / "out" / f"{part}_list.txt").read_bytes() for part in ("train", "test")])
-    assert texts[0] == texts[1]
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (None, "no such file or folder"),
-        ("{", "not valid JSON"),
-        ("[1]", "one JSON object"),
-        ('{"03001627": "abc"}', "one JSON object"),
-        ('{"03001627": ["../../x"]}', "letters, digits"),
-        ('{"03001627": ["a", 7]}', "letters, digits"),
-        ('{"03001627": ["a", "a"]}', "listed twice"),
-    ],
-)
-def test_command_refuses_bad_listings_in_one_line(tmp_path, capsys, content, message):
-    source = tmp_path / "ids.json"
-    if content is not None:
-        source.write_text(content)
-    code, captured = _split_command(capsys, source, "--out", tmp_path / "out")
-    assert code == 2
-    assert message in captured.err and captured.err.count("\n") == 1 and captured.out == ""
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.real
-def test_official_lists_come_out_byte_for_byte(shared_dir, tmp_path, capsys):
-    code, captured = _split_command(capsys, shared_dir / "p2m" / "r2n2_ids.json", "--out", tmp_path, "--json")
-    result = json.loads(captured.out)
-    assert code == 0
-    assert (tmp_path / "train_list.txt").stat().st_size == 13_287_304
-    assert result["train"]["git_blob"] == "da744d32c3894d9aebd1bce28560725275f1f560"
-    assert result["test"]["git_blob"] == "0a7f7c537eadaa43926f93b76b022b6b860483b2"
-    counts = {synset: (entry["train"], entry["test"]) for synset, entry in result["classes"].items()}
-    assert (counts[CHAIR], counts["02691156"], counts[CAR]) == ((27112, 6778), (16180, 4045), (29984, 7496))
-    assert len(result["straddling"]) == 11
-    assert [name.split("/")[0] for name in result["straddling"]].count("02691156") == 0

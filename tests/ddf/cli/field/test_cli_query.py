@@ -1,70 +1,80 @@
-"""`ddf query`: answers in the frame of the mesh; bad rays are one line and exit code 2."""
+"""What is asked of a field: rays, points, a surface and distances, in the frame of its mesh."""
 
-import json
-from pathlib import Path
+import re
 
 import numpy as np
 import pytest
 
-from ddf import cli
+import ddf
+from ddf.data.synthetic import showcase
 from ddf.fields import field_outputs
+from ddf.geometry import mesh_io, raycast
 
-ROOT = Path(__file__).resolve().parents[4]
-
-
-def _rays(path, **arrays):
-    np.savez(path, **arrays)
-    return path
+CENTRE = np.array([100.0, 0.0, -50.0])  # of the torus
 
 
-def test_query_answers_in_the_frame_of_the_mesh(work, fitted, capsys):
-    centre = np.array([100.0, 0.0, -50.0])
-    starts = centre + np.array([[0.0, 60.0, 0.0], [0.0, 60.0, 0.0], [21.0, 0.0, 0.0], [6e4, 0.0, 0.0]])
+def test_query_answers_in_the_frame_of_the_mesh(fitted, tmp_path, answer):
+    starts = CENTRE + np.array([[0.0, 60.0, 0.0], [0.0, 60.0, 0.0], [21.0, 0.0, 0.0], [6e4, 0.0, 0.0]])
     along = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-    path = _rays(work / "rays.npz", positions=starts, directions=along)
-    arguments = ["query", "--json", str(fitted[0]), "--rays", str(path), "--out", str(work / "out.npz")]
-    assert cli.main([*arguments, "--outputs", ",".join(field_outputs.of(2))]) == 0
-    result = json.loads(capsys.readouterr().out)
+    np.savez(tmp_path / "rays.npz", positions=starts, directions=along)
+    names = field_outputs.of(2)
+    words = ("query", fitted[0], "--rays", tmp_path / "rays.npz", "--out", tmp_path / "out.npz")
+    result = answer(*words, "--outputs", ",".join(names))
     assert (result["rays"], result["evaluated"], result["saved"]) == (4, 3, 1)
-    with np.load(work / "out.npz") as found:
-        assert set(found.files) == set(field_outputs.of(2))
-        assert found["depth"].shape == (4,)
-        assert found["normals"].shape == (4, 3)
-        assert np.isinf(found["depth"][1])
-        assert found["visibility"][1] == 0
-        seen = np.isfinite(found["depth"])
-        assert np.array_equal(seen, found["visibility"] >= 0.5)
-        assert not any(np.isnan(found[name]).any() for name in found.files)
+    with np.load(tmp_path / "out.npz") as file:
+        found = {name: file[name] for name in file.files}
+    assert set(found) == set(names) and found["depth"].shape == (4,) and found["normals"].shape == (4, 3)
+    assert np.isinf(found["depth"][1]) and found["visibility"][1] == 0
+    assert np.array_equal(np.isfinite(found["depth"]), found["visibility"] >= 0.5)
+    assert not any(np.isnan(values).any() for values in found.values())
 
 
-@pytest.mark.parametrize(
-    ("arrays", "outputs", "message"),
-    [
-        (
-            {"positions": np.zeros((2, 3)), "directions": np.array([[0, 0, 1.0], [0, 0, 2]])},
-            "depth",
-            "must be unit length (tol 0.0001); got 2 at index",
-        ),
-        ({"positions": np.zeros((2, 3))}, "depth", "has no array 'directions'"),
-        ({"positions": np.full((1, 3), np.nan), "directions": np.eye(3)[:1]}, "depth", "positions must be finite"),
-    ],
-)
-def test_bad_rays_are_one_line_and_exit_2(work, fitted, arrays, outputs, message, capsys):
-    path = _rays(work / "bad.npz", **arrays)
-    out = work / "never.npz"
-    code = cli.main(["query", str(fitted[0]), "--rays", str(path), "--out", str(out), "--outputs", outputs])
-    error = capsys.readouterr().err
-    assert code == 2
-    assert message in error
-    assert error.count("\n") == 1
-    assert not out.exists()
+def _table(path):
+    """The names and columns of a PLY."""
+    header, _, body = path.read_bytes().partition(b"end_header\n")
+    names = re.findall(r"property float (\w+)", header.decode())
+    return names, np.frombuffer(body, "<f4").reshape(-1, len(names)).astype(np.float64)
 
 
-@pytest.mark.parametrize(("outputs", "message"), [("colour", "must be among visibility, "), ("", "got none")])
-def test_unknown_outputs_are_one_line_and_exit_2(fitted, outputs, message, capsys):
-    with pytest.raises(SystemExit) as caught:
-        cli.main(["query", str(fitted[0]), "--rays", "no.npz", "--out", "never.npz", "--outputs", outputs])
-    assert caught.value.code == 2
-    error = capsys.readouterr().err
-    assert error.startswith("ddf query: error: argument --outputs: must be among") and message in error
-    assert error.count("\n") == 1
+def test_points_are_in_the_frame_of_the_mesh_and_may_come_without_normals(fitted, tmp_path, answer, shown):
+    words = ("points", fitted[0], tmp_path / "cloud.ply", "-n", 50, "--cycles", 1)
+    assert answer(*words, "--directions", 8)["points"] == 50
+    points = mesh_io.read_points(tmp_path / "cloud.ply")
+    assert points.shape == (50, 3) and np.abs(points - CENTRE).max() < 300
+    assert shown(*words, "--no-normals")[-1].startswith("50 points without normals in ")
+    assert _table(tmp_path / "cloud.ply")[0] == ["x", "y", "z"]
+
+
+def test_points_of_a_shipped_field_have_its_normals_and_say_so(tmp_path, answer):
+    """The rabbit: a smooth closed surface. A step along the normal leaves it, one against it goes inside."""
+    out = tmp_path / "cloud.ply"
+    result = answer("points", "rabbit", out, "-n", 200)
+    assert result["normals"].startswith("field ") and result["normals"].endswith("rabbit")
+    names, table = _table(out)
+    assert names == ["x", "y", "z", "nx", "ny", "nz"] and len(table) == 200
+    lengths = np.linalg.norm(table[:, 3:], axis=1)
+    assert np.abs(lengths[lengths > 0] - 1).max() < 1e-5 and (lengths == 0).sum() == result["without_normal"] < 10
+    truth, known = raycast.Scene(showcase.rabbit()), table[lengths > 0]
+    for way, share in ((0.05, 1.0), (-0.05, 0.0)):
+        assert np.mean(truth.outside(known[:, :3] + way * known[:, 3:])) == pytest.approx(share, abs=0.05)
+    assert np.array_equal(mesh_io.read_points(out), table[:, :3])
+
+
+def test_surface_is_a_mesh_with_its_scores(tmp_path, answer):
+    (tmp_path / "truth.ply").write_bytes(mesh_io.ply_bytes(showcase.rabbit()))
+    words = ("surface", "rabbit", tmp_path / "m.ply", "--method", "udf", "--resolution", 48)
+    result, mesh = answer(*words, "--truth", tmp_path / "truth.ply"), mesh_io.load(tmp_path / "m.ply")
+    assert result["faces"] == len(mesh.faces) > 2000 and result["vertices"] == len(mesh.vertices)
+    assert result["chamfer_l1"] < 0.03 and result["normal_consistency"] > 0.85
+    assert np.abs(mesh.vertices).max() < 1.6
+
+
+def test_distances_are_those_of_the_interface(tmp_path, answer):
+    positions = np.array([[0.0, 3.0, 0.0], [0.0, 0.0, 2.0]])
+    np.savez(tmp_path / "p.npz", positions=positions)
+    result = answer("udf", "rabbit", "--points", tmp_path / "p.npz", "--out", tmp_path / "u.npz")
+    distances, directions = ddf.load("rabbit").udf(positions)
+    with np.load(tmp_path / "u.npz") as found:
+        np.testing.assert_allclose(found["distances"], distances, atol=1e-5)
+        np.testing.assert_allclose(found["directions"], directions, atol=1e-5)
+    assert result["points"] == 2 and result["least"] == pytest.approx(distances.min())

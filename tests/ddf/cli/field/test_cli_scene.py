@@ -1,13 +1,10 @@
-"""`ddf scene`: pictures and arrays of several fields; queries are counted; bad input is one line and exit code 2."""
-
-import json
+"""`ddf scene`: pictures and arrays of several fields; queries are counted."""
 
 import numpy as np
 import pytest
 from PIL import Image
 
 import ddf
-from ddf import cli
 
 SCENE = """
 objects:
@@ -25,13 +22,9 @@ def scene(tmp_path):
     return tmp_path / "scene.yaml"
 
 
-def _run(capsys, *arguments):
-    assert cli.main(["scene", *map(str, arguments), "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
-
-
-def test_arrays_are_those_of_the_interface(scene, tmp_path, capsys):
-    result = _run(capsys, scene, tmp_path / "seen.npz", "--size", 24, "--output", "depth,normals", "--camera", "20,10")
+def test_arrays_are_those_of_the_interface(scene, tmp_path, answer):
+    words = ("--size", 24, "--output", "depth,normals", "--camera", "20,10")
+    result = answer("scene", scene, tmp_path / "seen.npz", *words)
     pictures = ddf.read_scene(scene).render(20, 10, size=24, outputs=("depth", "normals"))
     with np.load(tmp_path / "seen.npz") as found:
         for name, values in pictures.items():
@@ -44,9 +37,9 @@ def test_arrays_are_those_of_the_interface(scene, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("suffix", ["png", "webp"])
-def test_a_path_is_moving_pictures(suffix, scene, tmp_path, capsys):
+def test_a_path_is_moving_pictures(suffix, scene, tmp_path, answer):
     file = tmp_path / f"moving.{suffix}"
-    assert _run(capsys, scene, file, "--path", "fly", "--frames", 3, "--size", 16)["frames"] == 3
+    assert answer("scene", scene, file, "--path", "fly", "--frames", 3, "--size", 16)["frames"] == 3
     with Image.open(file) as image:
         assert image.size == (16, 16) and getattr(image, "n_frames", 1) == 3
         shares = []
@@ -57,38 +50,10 @@ def test_a_path_is_moving_pictures(suffix, scene, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("path", ["orbit", "fly"])
-def test_arrays_of_a_path_have_an_axis_of_frames(path, scene, tmp_path, capsys):
+def test_arrays_of_a_path_have_an_axis_of_frames(path, scene, tmp_path, answer):
     scene.write_text(SCENE.partition("fly")[0])
-    _run(capsys, scene, tmp_path / "a.npz", "--path", path, "--frames", 4, "--size", 12)
+    answer("scene", scene, tmp_path / "a.npz", "--path", path, "--frames", 4, "--size", 12)
     with np.load(tmp_path / "a.npz") as found:
         depth = found["depth"]
     assert depth.shape == (4, 12, 12) and np.isfinite(depth).any(axis=(1, 2)).all()
     assert (np.abs(np.diff(np.isfinite(depth).astype(int), axis=0)).sum(axis=(1, 2)) > 0).all()
-
-
-@pytest.mark.parametrize(
-    ("content", "arguments", "message"),
-    [
-        (SCENE, ["out.jpg"], "out.jpg: must end in one of .png, .webp, .npz"),
-        (SCENE, ["out.png", "--output", "depth,normals"], "pictures show one output"),
-        (SCENE, ["out.png", "--output", "colour"], "must be among"),
-        (SCENE, ["out.png", "--path", "walk"], "invalid choice"),
-        (SCENE, ["out.png", "--frames", "1"], "whole number, 2 to 1000"),
-        (SCENE, ["out.png", "--camera", "1"], "two or three numbers"),
-        (SCENE, ["none/out.png"], "there is no folder"),
-        ("objects: [{field: hare}]", ["out.png"], "hare: no such file"),
-        ("objects: [{field: rabbit, size: 2}]", ["out.png"], "unknown key 'size'"),
-        (None, ["out.png"], "No such file"),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_2(content, arguments, message, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    if content is not None:
-        (tmp_path / "scene.yaml").write_text(content)
-    try:
-        code = cli.main(["scene", "scene.yaml", *arguments])
-    except SystemExit as stopped:
-        code = stopped.code
-    error = capsys.readouterr().err
-    assert code == 2 and message in error and error.count("\n") == 1
-    assert not (tmp_path / "out.png").exists()

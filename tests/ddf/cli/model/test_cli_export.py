@@ -1,10 +1,11 @@
+"""`ddf export` to ONNX."""
+
 import json
 
 import _models
 import onnx
 import pytest
 
-from ddf import cli
 from ddf.cli import models
 from ddf.core import storage
 from ddf.fields import field_outputs, model_files
@@ -15,42 +16,34 @@ def few_rays(monkeypatch):
     monkeypatch.setattr(models, "BATCHES", (1, 7))
 
 
-def _export(*arguments):
-    return cli.main(["export", "--json", *map(str, arguments)])
+@pytest.fixture
+def folder(tmp_path):
+    return _models.write_model(tmp_path / "chair")
 
 
-def test_export_reports_parity_and_opset(tmp_path, capsys):
-    folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "field.onnx"
-    assert _export(folder / model_files.MODEL, out) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["opset"] == 18
-    assert set(result["parity"]) == set(field_outputs.of(2))
+def test_export_reports_parity_and_opset(folder, tmp_path, answer):
+    out = tmp_path / "field.onnx"
+    result = answer("export", folder / model_files.MODEL, out)
+    assert result["opset"] == 18 and set(result["parity"]) == set(field_outputs.of(2))
     assert all(0 < entry["max_abs"] <= entry["tolerance"] for entry in result["parity"].values())
     assert result["inputs"] == {"positions": ["n", 3], "directions": ["n", 3], "latent": [1, 6]}
     assert result["bytes"] == out.stat().st_size
     onnx.checker.check_model(out)
 
 
-def test_outputs_graph_and_precision_are_chosen(tmp_path, capsys):
-    folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "out.onnx"
-    assert _export(folder, out, "--outputs", "visibility") == 0
-    assert set(json.loads(capsys.readouterr().out)["parity"]) == {"visibility"}
-    assert _export(folder, out, "--graph", "encoders", "--precision", "float16") == 0
-    result = json.loads(capsys.readouterr().out)
-    assert (result["graph"], result["precision"], set(result["parity"])) == (
-        "encoders",
-        "float16",
-        {"latent", "camera"},
-    )
-    folder = _models.write_model(tmp_path / "pc", "pcsiren")
-    assert _export(folder, out) == 0
-    assert set(json.loads(capsys.readouterr().out)["parity"]) == {"points"}
+def test_outputs_graph_and_precision_are_chosen(folder, tmp_path, answer):
+    out = tmp_path / "out.onnx"
+    assert set(answer("export", folder, out, "--outputs", "visibility")["parity"]) == {"visibility"}
+    result = answer("export", folder, out, "--graph", "encoders", "--precision", "float16")
+    assert (result["graph"], result["precision"]) == ("encoders", "float16")
+    assert set(result["parity"]) == {"latent", "camera"}
+    assert set(answer("export", _models.write_model(tmp_path / "pc", "pcsiren"), out)["parity"]) == {"points"}
 
 
-def test_a_fitted_field_is_exported_with_its_box_and_frame(tmp_path, capsys):
-    folder, out = _models.write_shape_field(tmp_path / "bunny"), tmp_path / "out.onnx"
-    assert _export(folder, out) == 0
-    assert json.loads(capsys.readouterr().out)["inputs"] == {"positions": ["n", 3], "directions": ["n", 3]}
+def test_a_fitted_field_is_exported_with_its_box_and_frame(tmp_path, answer):
+    out = tmp_path / "out.onnx"
+    result = answer("export", _models.write_shape_field(tmp_path / "bunny"), out)
+    assert result["inputs"] == {"positions": ["n", 3], "directions": ["n", 3]}
     facts = {entry.key: entry.value for entry in onnx.load(out).metadata_props}
     assert json.loads(facts["box"]) == [[-1.0, -0.5, -0.8], [1.0, 0.5, 0.8]]
     assert json.loads(facts["transform"])["scale"] == 0.02
@@ -77,11 +70,8 @@ def _rename_kind(path):
         (lambda path: None, ["--graph", "pcsiren"], "--graph must be one of field, encoders, image_field"),
     ],
 )
-def test_unusable_input_is_one_line_and_leaves_nothing(spoil, arguments, message, tmp_path, capsys):
-    folder, out = _models.write_model(tmp_path / "chair"), tmp_path / "field.onnx"
+def test_unusable_input_is_one_line_and_leaves_nothing(spoil, arguments, message, folder, tmp_path, refusal):
+    out = tmp_path / "field.onnx"
     spoil(folder / model_files.MODEL)
-    assert _export(folder, out, *arguments) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
+    assert message in refusal("export", folder, out, *arguments)
     assert not out.exists()

@@ -1,7 +1,6 @@
 """`ddf generate`."""
 
 import dataclasses
-import json
 
 import _generative
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from PIL import Image
 
 import ddf
-from ddf import cli
 from ddf.core import storage
 from ddf.fields import model_files
 from ddf.models import generative_models
@@ -22,64 +20,42 @@ def _write(folder, kind):
     return str(folder)
 
 
-def _run(capsys, *arguments):
-    code = cli.main(["generate", *arguments, "--json"])
-    found = capsys.readouterr()
-    return json.loads(found.out) if code == 0 else found.err
-
-
-def test_samples_of_an_image_gan_open_as_fields(tmp_path, capsys):
+def test_samples_of_an_image_gan_open_as_fields(tmp_path, answer):
     model = _write(tmp_path / "gan", generative_models.GAN)
-    found = _run(capsys, model, str(tmp_path / "out"), "-n", "2", "--seed", "3")
-    assert (
-        found["samples"] == ["000", "001"] and found["images"] and found["sheets"] == ["samples.webp", "between.webp"]
-    )
+    found = answer("generate", model, tmp_path / "out", "-n", "2", "--seed", "3")
+    assert found["samples"] == ["000", "001"] and found["images"]
+    assert found["sheets"] == ["samples.webp", "between.webp"]
     with Image.open(tmp_path / "out/001/image.png") as image, Image.open(tmp_path / "out/001/shape.png") as shape:
         assert image.size == (64, 64) and shape.size == (192, 192)
     with Image.open(tmp_path / "out/between.webp") as between:
         assert between.size == (6 * 196 - 4, 2 * 196)  # shapes, and below them their images
     field = ddf.load(tmp_path / "out" / "001")
     assert field.query(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), ("visibility",))["visibility"].shape == (1,)
-    again = _run(capsys, model, str(tmp_path / "again"), "-n", "1", "--seed", "3")
+    again = answer("generate", model, tmp_path / "again", "-n", "1", "--seed", "3")
     assert again["sheets"] == ["samples.webp"]
     first, second = (tmp_path / folder / "000" / model_files.MODEL for folder in ("out", "again"))
     assert first.read_bytes() == second.read_bytes()
 
 
-def test_a_vae_has_shapes_alone(tmp_path, capsys):
-    found = _run(capsys, _write(tmp_path / "vae", generative_models.VAE), str(tmp_path / "out"), "-n", "2")
+def test_a_vae_has_shapes_alone(tmp_path, answer, shown):
+    found = answer("generate", _write(tmp_path / "vae", generative_models.VAE), tmp_path / "out", "-n", "2")
     assert not found["images"] and not (tmp_path / "out/000/image.png").exists()
     assert (tmp_path / "out/000/shape.png").exists()
     page = tmp_path / "samples.html"
-    assert cli.main(["view", *(str(tmp_path / "out" / name) for name in found["samples"]), str(page)]) == 0
+    shown("view", *(tmp_path / "out" / name for name in found["samples"]), page)
     assert "<title>000, 001</title>" in page.read_text()
 
 
-@pytest.mark.parametrize(
-    ("kind", "said"),
-    [
-        ("pcsiren", "no shape VAE, image GAN or reconstruction model"),
-        (None, "no such file or folder, and no reconstruction of that name; there are chair"),
-    ],
-)
-def test_what_is_no_model_is_told_in_a_line(tmp_path, capsys, kind, said):
-    if kind:
-        storage.save_tensors(tmp_path / "model" / model_files.MODEL, {"x": np.zeros(1)}, {"kind": kind})
-    error = _run(capsys, str(tmp_path / "model"), str(tmp_path / "out"))
-    assert said in error and error.count("\n") == 1
+def test_what_is_no_model_is_told_in_a_line(tmp_path, refusal):
+    storage.save_tensors(tmp_path / "model" / model_files.MODEL, {"x": np.zeros(1)}, {"kind": "pcsiren"})
+    line = refusal("generate", tmp_path / "model", tmp_path / "out")
+    assert "no shape VAE, image GAN or reconstruction model" in line
 
 
-def test_shapes_of_a_reconstruction_model_are_its_prior(tmp_path, capsys):
+def test_shapes_of_a_reconstruction_model_are_its_prior(tmp_path, answer):
     two, one = ddf.generate("chair", 2, seed=5), ddf.generate("chair", 1, seed=5)
     assert np.array_equal(two[0].points(50), one[0].points(50))
     assert not np.array_equal(two[0].points(50), two[1].points(50))
     assert np.linalg.norm(np.ptp(two[1].points(500), axis=0)) == pytest.approx(1, rel=0.1)  # v1
-    _run(capsys, "chair", str(tmp_path), "-n", "1", "--seed", "5")
+    answer("generate", "chair", tmp_path, "-n", "1", "--seed", "5")
     assert np.array_equal(ddf.load(tmp_path / "000").points(50), one[0].points(50))
-
-
-def test_a_file_in_place_of_the_folder_is_told(tmp_path, capsys):
-    (tmp_path / "out").write_text("")
-    assert "is a file; give a folder to write" in _run(
-        capsys, _write(tmp_path / "m", generative_models.VAE), f"{tmp_path}/out"
-    )

@@ -1,5 +1,8 @@
+"""`ddf reconstruct`."""
+
 import dataclasses
 import json
+import shutil
 
 import _models
 import numpy as np
@@ -8,7 +11,6 @@ import torch
 from PIL import Image
 
 import ddf
-from ddf import cli
 from ddf.core import provenance, shipped_models, storage
 from ddf.data import cutouts, mesh_topology
 from ddf.fields import cloud_projection, model_files, stored_fields
@@ -22,18 +24,29 @@ def model_dir(tmp_path):
     return _models.write_model(tmp_path / "model")
 
 
-def _image(path, mode="RGBA", size=(90, 60)):
-    pixels = np.random.default_rng(0).integers(1, 255, (size[1], size[0], len(mode)), dtype=np.uint8)
-    Image.fromarray(pixels, mode).save(path)
-    return path
+@pytest.fixture
+def image(tmp_path):
+    Image.fromarray(np.random.default_rng(0).integers(1, 255, (60, 90, 4), dtype=np.uint8)).save(tmp_path / "one.png")
+    return tmp_path / "one.png"
 
 
-def test_reconstruct_writes_a_thing(tmp_path, capsys, monkeypatch):
+@pytest.fixture
+def known(model_dir, tmp_path):
+    """The folder of a file as stage `pointclouds` writes it, of the model."""
+    model = reconstruction_models.load_ddf(model_dir).network
+    images = torch.rand(3, 4, 32, 32, generator=torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        features = model.shape_encoder.stages(images)[-1]
+    record = provenance.record("x", 0, [model_dir / model_files.MODEL])
+    storage.save_tensors(tmp_path / "known" / "ddf.safetensors", {"train_features": features}, record)
+    return tmp_path / "known"
+
+
+def test_reconstruct_writes_a_thing(tmp_path, answer, monkeypatch):
     out, sampled, sample = tmp_path / "out", [], cloud_projection.sample
     monkeypatch.setattr(cloud_projection, "sample", lambda *given: sampled.append(sample(*given)) or sampled[-1])
     image = shipped_models.ROOT / "chair" / "sample_1.png"
-    assert cli.main(["reconstruct", "--json", str(image), "chair", str(out), "-n", "300"]) == 0
-    result = json.loads(capsys.readouterr().out)
+    result = answer("reconstruct", image, "chair", out, "-n", 300)
     assert {file.name for file in out.iterdir()} == {
         *("camera.json", "cloud.ply", "model.safetensors", "picture.png", "shape.glb", "shape.ply")
     }
@@ -62,26 +75,15 @@ def test_how_many_points_are_asked_for_changes_no_field():
     assert 0.95 < np.linalg.norm(np.subtract(*few.field.box)) < 1.2  # of a shape with diagonal 1
 
 
-def _known(path, model_dir, count=3):
-    """A file as stage `pointclouds` writes it, of a model."""
-    model = reconstruction_models.load_ddf(model_dir).network
-    images = torch.rand(count, 4, 32, 32, generator=torch.Generator().manual_seed(0))
-    with torch.no_grad():
-        features = model.shape_encoder.stages(images)[-1]
-    record = provenance.record("x", 0, [model_dir / model_files.MODEL])
-    storage.save_tensors(path / "ddf.safetensors", {"train_features": features}, record)
-    return path
-
-
-def test_with_what_is_known_the_shape_moves_and_the_camera_stays(model_dir, tmp_path, capsys, monkeypatch):
+def test_with_what_is_known_the_shape_moves_and_the_camera_stays(
+    model_dir, image, known, tmp_path, answer, monkeypatch
+):
     # without its own descent, which asks the shape that moved
     monkeypatch.setattr(mask_descent, "correct_camera", lambda model, batch, camera, *_: camera)
-    image, known = _image(tmp_path / "image.png"), _known(tmp_path / "known", model_dir)
     results, points = [], []
-    for name, more in (("plain", []), ("folder", [str(known)]), ("file", [str(known / "ddf.safetensors")])):
-        arguments = ["reconstruct", "--json", str(image), str(model_dir), str(tmp_path / name), "-n", "300"]
-        assert cli.main([*arguments, *(["--known", *more] if more else [])]) == 0
-        results.append(json.loads(capsys.readouterr().out))
+    for name, more in (("plain", []), ("folder", [known]), ("file", [known / "ddf.safetensors"])):
+        words = ("reconstruct", image, model_dir, tmp_path / name, "-n", 300)
+        results.append(answer(*words, *(["--known", *more] if more else [])))
         points.append(mesh_io.read_points(tmp_path / name / "cloud.ply"))
     plain, folder, file = results
     assert plain["camera"] == folder["camera"] == file["camera"]
@@ -89,55 +91,29 @@ def test_with_what_is_known_the_shape_moves_and_the_camera_stays(model_dir, tmp_
     assert np.array_equal(points[1], points[2]) and not np.array_equal(points[0], points[1])
 
 
-def test_what_is_known_of_another_model_is_refused(model_dir, tmp_path, capsys, monkeypatch):
-    image, known = _image(tmp_path / "image.png"), _known(tmp_path / "known", model_dir)
+def test_what_is_known_of_another_model_is_refused(image, known, tmp_path, refusal, monkeypatch):
     monkeypatch.setattr(_models, "TRAIN", dataclasses.replace(_models.TRAIN, latent_features=7))
     other = _models.write_model(tmp_path / "other")
-    assert cli.main(["reconstruct", str(image), str(other), str(tmp_path / "out"), "--known", str(known)]) == 2
-    error = capsys.readouterr().err
-    assert "was not made with the model in" in error and "run stage pointclouds" in error and error.count("\n") == 1
+    error = refusal("reconstruct", image, other, tmp_path / "out", "--known", known)
+    assert "was not made with the model in" in error and "run stage pointclouds" in error
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda p: _image(p / "x.png", "RGB"), "no object stands out from the background"),
-        (lambda p: p / "none.png", "no such image"),
-        (lambda p: (p / "x.png").write_bytes(b"\x89PNG\r\n\x1a\n") and p / "x.png", "not a readable image"),
-    ],
-)
-def test_unusable_image_is_one_line_and_exit_2(make, message, model_dir, tmp_path, capsys):
-    code = cli.main(["reconstruct", str(make(tmp_path)), str(model_dir), str(tmp_path / "out")])
-    error = capsys.readouterr().err
-    assert code == 2
-    assert message in error
-    assert error.count("\n") == 1
-    assert not (tmp_path / "out").exists()
-
-
-def test_folder_without_a_ddf_model_is_refused(model_dir, tmp_path, capsys):
-    image = _image(tmp_path / "image.png")
-    assert cli.main(["reconstruct", str(image), str(tmp_path / "nothing"), str(tmp_path / "out")]) == 2
+def test_folder_without_a_ddf_model_is_refused(model_dir, image, tmp_path, refusal):
     tensors, record = storage.load_tensors(model_dir / model_files.MODEL)
     storage.save_tensors(model_dir / model_files.MODEL, tensors, {**record, "kind": "pcsiren"})
-    assert cli.main(["reconstruct", str(image), str(model_dir), str(tmp_path / "out")]) == 2
-    assert "holds no DDF model" in capsys.readouterr().err
+    assert "holds no DDF model" in refusal("reconstruct", image, model_dir, tmp_path / "out")
 
 
-def test_several_images_get_a_folder_each(model_dir, tmp_path, capsys):
-    images = [str(_image(tmp_path / f"{name}.png")) for name in ("one", "two")]
-    rest = [str(model_dir), str(tmp_path / "out"), "-n", "300"]
-    assert cli.main(["reconstruct", "--json", *images, *rest]) == 0
-    found = json.loads(capsys.readouterr().out)["images"]
+def test_several_images_get_a_folder_each(model_dir, image, tmp_path, answer):
+    other = shutil.copy(image, tmp_path / "two.png")
+    found = answer("reconstruct", image, other, model_dir, tmp_path / "out", "-n", 300)["images"]
     assert [entry["out"] for entry in found] == [(tmp_path / "out" / name).as_posix() for name in ("one", "two")]
     assert (tmp_path / "out" / "two" / "cloud.ply").exists()
-    assert cli.main(["reconstruct", images[0], images[0], *rest]) == 2
-    assert "two images are called 'one'" in capsys.readouterr().err
 
 
-def test_the_verdict_is_a_sentence(model_dir, tmp_path, monkeypatch):
-    image, path = _image(tmp_path / "image.png"), model_dir / model_files.MODEL
+def test_the_verdict_is_a_sentence(model_dir, image, monkeypatch):
+    path = model_dir / model_files.MODEL
     assert ddf.reconstruct(image, model_dir, n=20).verdict.startswith("the model does not say")
     tensors, record = storage.load_tensors(path, "torch")
     model = reconstruction_models.load_ddf(model_dir).network

@@ -1,0 +1,202 @@
+"""What every command refuses: one line that says what is wrong, exit code 2, and no file written."""
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ddf.core import shipped_models
+from ddf.geometry import mesh_io
+
+SCENE = "objects: [{field: rabbit}]"
+FILES = {  # beside those of the fixture `work`
+    "empty.obj": "v 0 0 0\n",
+    "scene.yaml": SCENE,
+    "hare.yaml": "objects: [{field: hare}]",
+    "size.yaml": "objects: [{field: rabbit, size: 2}]",
+    "object.json": "{}",
+    "shear.json": "[[1,1,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]",
+    "metres.json": "[[3e-4,0,0,0],[0,3e-4,0,0],[0,0,3e-4,0],[0,0,0,1]]",
+    "broken.json": "{",
+    "list.json": "[1]",
+    "words.json": '{"03001627": "abc"}',
+    "escape.json": '{"03001627": ["../../x"]}',
+    "number.json": '{"03001627": ["a", 7]}',
+    "twice.json": '{"03001627": ["a", "a"]}',
+    "keys.json": '{"03001627": ["a"], "02691156": ["b"], "03001627": ["c"]}',
+    "headless.png": "\x89PNG\r\n",
+}
+
+
+@pytest.fixture(scope="module")
+def _place(work, fitted):
+    for name, text in FILES.items():
+        (work / name).write_text(text)
+    ranges = np.where(np.arange(64) % 2, 2.0, np.inf)
+    along = np.tile([0.0, 0, -1], (64, 1))
+    starts = np.column_stack([np.random.default_rng(0).uniform(-0.3, 0.3, (64, 2)), np.full(64, 2.0)])
+    np.savez(work / "scan.npz", positions=starts, directions=along, ranges=ranges)
+    (work / "none.ply").write_bytes(mesh_io.points_ply(np.zeros((0, 3))))
+    (work / "one.ply").write_bytes(mesh_io.points_ply(np.ones((3, 3))))
+    noise = np.random.default_rng(0).integers(1, 255, (60, 90, 3), dtype=np.uint8)
+    Image.fromarray(noise).save(work / "noise.png")
+    damaged = bytearray((fitted[0] / "model.safetensors").read_bytes())
+    damaged[-5] ^= 1
+    (work / "damaged").mkdir()
+    (work / "damaged" / "model.safetensors").write_bytes(damaged)
+    return work
+
+
+WHOLE = "must be a whole number, "
+NO_FIELD = "no such file or folder, and no field of that name; there are rabbit, "
+LINES = [
+    ("nothing", "'nothing'; there are mesh, cast, "),
+    ("--nothing", "arguments are required: COMMAND"),
+    ("reconstrct a.png", "(did you mean reconstruct?) (see ddf --help)"),
+    ("doctor --nothing", "unrecognized arguments: --nothing"),
+    ("info", "the following arguments are required"),
+    ("fit --minuts=3 a b", "ddf fit: error: unrecognized arguments: --minuts=3; the options are -h, "),
+    ("fit --minuts 3 a b", "(did you mean --minutes?) (see ddf fit --help)"),
+    ("fit --kind sin a b", "'sin'; there are patches, sine (did you mean sine?)"),
+    ("fit torus.ply out --steps 0", "steps must be >= 1; got 0"),
+    ("fit torus.ply out --minutes -1", "minutes must be > 0; got -1.0"),
+    ("fit torus.ply out --minutes nan", "minutes must be > 0; got nan"),
+    ("fit torus.ply out --seed -1", "seed must be >= 0; got -1"),
+    ("fit torus.ply out --config none.yaml", "none.yaml: no such file, nor the name of one"),
+    ("fit none.obj out", "none.obj: no such file"),
+    ("fit empty.obj out", "empty.obj"),
+    ("fit torus.ply tiny.yaml", "tiny.yaml: is a file; give a folder to write"),
+    ("query field --rays none.npz --out out.npz --outputs colour", "must be among visibility, "),
+    ("query field --rays none.npz --out out.npz --outputs ,", "--outputs: must be among visibility, "),
+    ("points field out.ply -n 0", "the number of points must be >= 1; got 0"),
+    ("points field out.ply --cycles 0", "cycles must be >= 1; got 0"),
+    ("surface rabbit out.xyz", "mesh files must end in one of .obj, .ply, .stl, .off, .glb; got .xyz"),
+    ("surface rabbit out.ply --method cubes", "invalid choice"),
+    ("surface rabbit out.ply --resolution 2", "whole number, 8 to 256"),
+    ("surface rabbit out.ply --truth absent.obj", "absent.obj"),
+    ("surface hare out.ply", "hare: no such file"),
+    ("surface rabbit none/out.ply", "there is no folder"),
+    ("udf rabbit --points none.npz --out out.npz", "No such file"),
+    ("render field out.png --camera 1,2,-1", "camera radius >= 0"),
+    ("render field out.png --camera 1,2,nan", "camera must be finite"),
+    ("render field out.png --camera inf,2", "camera must be finite"),
+    ("render field out.png --output depth,normals", "a picture shows one output, .npz and .exr hold 2"),
+    ("render field out.png --bits 16 --output normals", "--bits 16 is for the depth in a .png"),
+    ("render field out.jpg", "out.jpg: must end in one of .png, .webp, .npz, .exr"),
+    ("render field out", "out: must end in one of .png, .webp, .npz, .exr"),
+    ("render damaged out.png", "is damaged"),
+    ("render none out.png --camera 1", "must be two or three numbers az,el[,r]; got '1'"),
+    ("render none out.png --camera a,b,c", "must be two or three numbers az,el[,r]; got 'a,b,c'"),
+    ("render none out.png --camera 1,2,3,4", "must be two or three numbers"),
+    ("render none out.png --size 0", f"{WHOLE}1 to 8192; got '0'"),
+    ("render none out.png --size 1.5", f"{WHOLE}1 to 8192; got '1.5'"),
+    ("render none out.png --size 1000000", f"{WHOLE}1 to 8192"),
+    ("render none out.png --turn 1", f"{WHOLE}2 to 360; got '1'"),
+    ("render none out.png --output colour", "must be among visibility, depth, normals"),
+    ("render none out.png", f"none: {NO_FIELD}"),
+    ("scene scene.yaml out.jpg", "out.jpg: must end in one of .png, .webp, .npz"),
+    ("scene scene.yaml out.png --output depth,normals", "pictures show one output"),
+    ("scene scene.yaml out.png --output colour", "must be among"),
+    ("scene scene.yaml out.png --path walk", "invalid choice"),
+    ("scene scene.yaml out.png --frames 1", "whole number, 2 to 1000"),
+    ("scene scene.yaml out.png --camera 1", "two or three numbers"),
+    ("scene scene.yaml none/out.png", "there is no folder"),
+    ("scene hare.yaml out.png", "hare: no such file"),
+    ("scene size.yaml out.png", "unknown key 'size'"),
+    ("scene none.yaml out.png", "No such file"),
+    ("view rabbit out.png", "out.png: no such field; a file to write must end in .html"),
+    ("view out.html", "no such field"),
+    ("view rabbit armchair hare out.html", "hare: no such field"),
+    ("view rabbit chair out.html", "holds no field of a single shape"),
+    (f"view rabbit {shipped_models.place('rabbit')}/field.onnx out.html", "give the folder that"),
+    ("view rabbit scene.yaml out.html", "scene.yaml: a scene file is shown alone"),
+    ("view hare out.html", "no such field"),
+    ("view none.yaml out.html", "none.yaml"),
+    ("view rabbit none/out.html", "there is no folder"),
+    ("export rabbit armchair out.onnx", "an ONNX file holds one model"),
+    ("complete scan.npz chair out --fixed", "--fixed needs --pose"),
+    ("complete scan.npz chair out --noise -1", "noise must be 0 or more"),
+    ("complete scan.npz chair out -n 1", "n must be a whole number, 2 or more"),
+    ("complete scan.npz chair out --pose metres.json", "are ranges in millimetres"),
+    ("complete scan.npz chair out --pose object.json", "must hold a 4x4 matrix as JSON"),
+    ("complete scan.npz chair out --pose shear.json", "shears or mirrors"),
+    ("reconstruct noise.png chair out", "no object stands out from the background"),
+    ("reconstruct none.png chair out", "no such image"),
+    ("reconstruct headless.png chair out", "not a readable image"),
+    ("reconstruct noise.png none out", "none: no such file or folder, and no reconstruction of that name; there are "),
+    ("reconstruct noise.png noise.png chair out", "two images are called 'noise'"),
+    ("generate none out", "no such file or folder, and no reconstruction of that name; there are chair"),
+    ("generate chair scene.yaml", "is a file; give a folder to write"),
+    ("generate chair out --seed -1", f"{WHOLE}0 or more; got '-1'"),
+    ("models get nothing out", "no model is called 'nothing'; there are "),
+    ("models get rabbit scene.yaml", "is a file; give a folder to write"),
+    ("models get rabbit", "required"),
+    ("mesh none.obj out.ply", "no such file"),
+    ("mesh field out.ply", "not a file"),
+    ("mesh soup.ply out.doc", "must end in"),
+    ("mesh soup.ply out.ply --faces 1", "faces must be >= 4"),
+    ("mesh soup.ply out.ply --alpha 2", "alpha must be <= 0.5; got 2.0"),
+    ("samples soup.ply out.safetensors --count 0", "--count"),
+    ("samples soup.ply out.safetensors --epsilon -1", "epsilon_o"),
+    ("cast soup.ply --rays none.npz --out out.npz", "none.npz"),
+    ("cast soup.ply --rays soup.ply --out out.npz", "not a readable NPZ"),
+    ("compare one.ply none.ply", "none.ply"),
+    ("compare one.ply absent.ply", "absent.ply"),
+    ("compare one.ply one.ply --tau-sq 0", "tau_sq"),
+    ("compare soup.ply one.ply --relative", "all points are one"),
+    ("shapes get boat", "no category is called 'boat'; there are "),
+    ("split none.json --out out", "no such file or folder"),
+    ("split broken.json --out out", "not valid JSON"),
+    ("split list.json --out out", "one JSON object"),
+    ("split words.json --out out", "one JSON object"),
+    ("split escape.json --out out", "letters, digits"),
+    ("split number.json --out out", "letters, digits"),
+    ("split twice.json --out out", "listed twice"),
+    ("split keys.json --out out", "'03001627' is given twice"),
+]
+
+
+@pytest.mark.parametrize(("line", "said"), LINES)
+def test_a_line_that_asks_for_what_cannot_be(line, said, _place, refusal, monkeypatch):
+    monkeypatch.chdir(_place)
+    before = sorted(Path().rglob("*"))
+    assert said in refusal(*shlex.split(line))
+    assert sorted(Path().rglob("*")) == before
+
+
+RAYS = {"positions": np.zeros((2, 3)), "directions": np.array([[0, 0, 1.0], [0, 0, 1]])}
+ARRAYS = [
+    ({"directions": None}, "has no array 'directions'"),
+    ({"directions": np.zeros((2, 2))}, "shape"),
+    ({"directions": np.array([[0, 0, 1.0], [0, 0, 2]])}, "must be unit length (tol 0.0001); got 2 at index"),
+    ({"positions": np.full((2, 3), np.nan)}, "positions must be finite"),
+    ({"positions": np.zeros((1, 3))}, "1 positions but 2 directions"),
+    ({"positions": np.array(["a", "b"])}, "numbers"),
+    ({"positions": np.zeros((3_000_000, 3), np.int8)}, "claims 9,000,000 numbers"),
+]
+
+
+@pytest.mark.parametrize(("arrays", "said"), ARRAYS)
+@pytest.mark.parametrize("command", ["query field", "cast soup.ply"])
+def test_rays_that_are_none(command, arrays, said, _place, tmp_path, refusal, monkeypatch):
+    monkeypatch.chdir(_place)
+    given = {name: array for name, array in (RAYS | arrays).items() if array is not None}
+    np.savez_compressed(tmp_path / "rays.npz", **given)
+    line = refusal(*command.split(), "--rays", tmp_path / "rays.npz", "--out", tmp_path / "out.npz")
+    assert said in line and "rays.npz" in line and not (tmp_path / "out.npz").exists()
+
+
+@pytest.mark.parametrize(
+    ("arrays", "said"),
+    [
+        ({"other": np.zeros((2, 3))}, "has no array 'positions'"),
+        ({"positions": np.zeros((2, 2))}, "positions must be numbers of shape (N, 3)"),
+        ({"positions": np.full((1, 3), np.nan)}, "positions must be finite"),
+    ],
+)
+def test_points_that_are_none(arrays, said, tmp_path, refusal):
+    np.savez(tmp_path / "p.npz", **arrays)
+    assert said in refusal("udf", "rabbit", "--points", tmp_path / "p.npz", "--out", tmp_path / "u.npz")
+    assert not (tmp_path / "u.npz").exists()
