@@ -29,6 +29,7 @@ NOT_RUN = {
     r"ddf run ": "an experiment; tests/stages runs stages on tiny data",
     r"ddf fit |my_field|my_network": "two minutes; tests/ddf/api/test_install.py runs it",
     r"pip install ": "tests/ddf/api/test_install.py does in fresh environments",
+    r"ddf shapes add ": "needs meshes; tests/ddf/data/public/test_adding.py runs it",
     r"ddf split /path": "needs ShapeNet; tests/cli runs it on a listing",
     r"\. .venv/bin/activate": "changes the shell that runs it",
 }

@@ -21,7 +21,7 @@ from ddf.cli import arguments, declare, results
 from ddf.cli.commands import COMMANDS, IN_A_CHECKOUT, ROOMS
 from ddf.core import errors, processes
 
-_NEGATIVE = re.compile(r"-\.?\d")  # how a negative value begins; no option does
+_NEGATIVE = re.compile(r"-(\.?\d|[xyz]$)")  # how a negative value, or an axis, begins; no option does
 _CHOICE = re.compile(r"invalid choice: '(.*?)' \(choose from (.*)\)")  # as argparse has it
 
 

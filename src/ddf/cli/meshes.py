@@ -1,7 +1,6 @@
 """Commands about meshes and clouds."""
 
 import io
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,7 +12,6 @@ if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
 
-    from ddf.data.public import packages
     from ddf.geometry import mesh_io, transforms
 
 FAR = 1e-3  # of the diagonal: what float32 rays may be off by before the user is told
@@ -278,89 +276,3 @@ def compare(
         ("score", "value", "unit"), [(name, value, units.get(name, "")) for name, value in found.items()]
     )
     return {**found, "pred": pred_is, "truth": truth_is, "table": table, "verdict": verdict}
-
-
-@command("mesh", actions="[get [CATEGORY ...]]")
-def shapes() -> dict[str, Any]:
-    """Shapes of other people: chairs, planes, cars, ...; fetching them.
-
-    411 chairs, planes, cars, tables, sofas, cabinets, lamps and beds, each with its own licence, from nine packages of
-    Debian's archive. `get` runs `apt-get download`, which needs no rights, or takes `.deb` files from a folder. 124 MB
-    are kept in `~/.cache/ddf/shapes`.
-
-    Examples:
-      ddf shapes
-      ddf shapes get
-      ddf shapes get chair table --from ~/Downloads
-    """
-    from collections import Counter
-
-    from ddf.data.public import manifest, packages
-
-    rows = manifest.rows()
-    counts = Counter((row.category, part) for row in rows for part in (row.split, row.licence))
-    licences = sorted({row.licence for row in rows})
-    header = ("category", *manifest.SPLITS, *licences)
-    table = [(name, *(counts[name, part] for part in header[1:])) for name in sorted({row.category for row in rows})]
-    credits = {licence: sorted({row.creator for row in rows if row.licence == licence}) for licence in licences}
-    return {
-        "categories": [dict(zip(header, entry, strict=True)) for entry in table],
-        "packages": [_described(package) for package in packages.PACKAGES.values()],
-        "credits": credits,
-        "table": [
-            *results.grid(header, table),
-            "",
-            *(f"{licence}: {', '.join(names)}" for licence, names in credits.items()),
-            "",
-        ],
-        "verdict": f"{len(rows)} shapes of {len(packages.PACKAGES)} packages; `ddf shapes get` fetches them",
-    }
-
-
-@shapes.action("get")
-def shapes_get(
-    categories: Annotated[list[str], Arg("CATEGORY", nargs="*")],
-    *,
-    source: Annotated[Path | None, Arg("DIR", ("--from",))] = None,
-) -> dict[str, Any]:
-    """Fetch the shapes of some categories.
-
-    Args:
-      categories: of the list that `ddf shapes` prints; else all.
-      source: folder with the packages' .deb files.
-    """
-    from ddf.core import checks
-    from ddf.data.public import manifest, packages
-
-    known = sorted({row.category for row in manifest.rows()})
-    for name in categories:
-        if name not in known:
-            raise checks.InputError(f"no category is called {name!r}; there are {', '.join(known)}")
-    rows = manifest.of(categories or known)
-    needed = [package for package in packages.PACKAGES.values() if any(row.package == package.name for row in rows)]
-    if source is None:
-        packages.require_means(
-            [package for package in needed if not packages.has(package, manifest.wanted(package.name))]
-        )
-    for package in needed:
-        sys.stderr.write(f"{package}: {package.size / 1e6:.0f} MB, SHA-256 {package.sha256}\n")
-        packages.require(package, manifest.wanted(package.name), source)
-    return {
-        "packages": [_described(package) for package in needed],
-        "shapes": len(rows),
-        "table": {package.name: packages.kept(package).as_posix() for package in needed},
-        "verdict": f"{len(rows)} shapes in {packages.cache()}",
-    }
-
-
-def _described(package: "packages.Package") -> dict[str, Any]:
-    from ddf.data.public import packages
-
-    kept = packages.kept(package)
-    return {
-        "name": package.name,
-        "version": package.version,
-        "bytes": package.size,
-        "sha256": package.sha256,
-        "path": kept.as_posix() if kept.is_file() else None,
-    }

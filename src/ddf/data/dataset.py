@@ -19,14 +19,13 @@ from ddf.data.public import manifest, packages, shapes
 from ddf.data.synthetic import write
 
 ROOT_VARIABLE = "DDF_DATA"  # environment variable with the root of real data, set by `make ... DATA=`
-SHARD_SIZES = {"synthetic": 4, "public": 4, "both": 4, "shapenet": 100}  # half a second to make one, 10 ms to check
 _NOT_V2 = "whose meshes are turned against the renders; v1 is needed"
 CHECK_SIZE = 64  # pixels; any size reads the whole file
 
 
 @dataclass(frozen=True)
 class PublicConfig(schema.Checked):
-    """The shapes of `ddf shapes` in a data set: all of the categories, split as the manifest says."""
+    """Public shapes, and one's own, in a data set: all of the categories, split as their manifest says."""
 
     views: int = setting(12, "renders per shape", least=len(splits.VIEWS), most=100)
     copies: int = setting(0, "variations of each training shape beside it", least=0, most=1000)
@@ -36,7 +35,7 @@ class PublicConfig(schema.Checked):
 class DatasetConfig(schema.Checked):
     """Section `dataset`.
 
-    source: `synthetic` makes shapes; `public` are those of `ddf shapes`; `both`; `shapenet` reads the root of DATA=.
+    source: made (`synthetic`), of `ddf shapes` (`public`), `both`, of `ddf shapes add` (`own`), of DATA= (`shapenet`).
     categories: a number on real data takes that many from the listing, evenly spread, for trials: its split is then not
       the published one.
     validation: the last ones of the split; the manifest has its own.
@@ -44,7 +43,7 @@ class DatasetConfig(schema.Checked):
       licence asks for credit at most; other public ones of the training side validate.
     """
 
-    source: Literal["synthetic", "public", "both", "shapenet"] = setting("shapenet", "of shapes and renders", "§4.3")
+    source: Literal["synthetic", "public", "both", "own", "shapenet"] = setting("shapenet", "of the shapes", "§4.3")
     categories: dict[str, int | None] = setting(
         {"chair": None, "plane": None, "car": None},
         "synthetic or ShapeNet shapes of each; null: none of them, or all",
@@ -54,7 +53,8 @@ class DatasetConfig(schema.Checked):
     views: int = setting(24, "renders per shape; the split uses 00 to 04", "§4.3", least=len(splits.VIEWS), most=100)
     strict: bool = setting(False, "whether shapes with views on both sides of the split are all trained on", "§4.3")
     validation: float = setting(0.0, "share of the training shapes that is held out, for choices", least=0, below=1)
-    public: PublicConfig = setting(PublicConfig(), "the shapes of `ddf shapes`, where these are taken")
+    public: PublicConfig = setting(PublicConfig(), "the shapes of `ddf shapes`, where these are taken, and own ones")
+    own: Path | None = setting(None, "folder that `ddf shapes add` wrote, whose shapes are taken too")
     train_on: Literal["synthetic", "public", "both", "shippable"] = setting("both", "of `both`: the training shapes")
 
     @property
@@ -62,20 +62,29 @@ class DatasetConfig(schema.Checked):
         """Sources of the shapes that are made."""
         return {"both": ("synthetic", "public"), "shapenet": ()}.get(self.source, (self.source,))
 
+    def rows(self) -> list[manifest.Row]:
+        """The public and own shapes of the categories."""
+        public = manifest.of(self.categories) if "public" in self.made else []
+        return public + (manifest.own(self.own, self.categories) if self.own else [])
+
     def __post_init__(self) -> None:
         super().__post_init__()
         public = {row.category for row in manifest.rows()} if "public" in self.made else set()
         known = set(shapenet.SYNSETS) if self.source == "shapenet" else public
         known |= set(write.CATEGORIES) if "synthetic" in self.made else set()
+        if (self.own is None and self.source == "own") or (self.own is not None and not self.made):
+            raise checks.InputError(f"own must be a folder of `ddf shapes add`, of shapenet null; got {self.own}")
         if not self.categories:
             raise checks.InputError(f"categories must name one of {', '.join(sorted(known))} at least")
         for name, count in self.categories.items():
-            if name not in known:
+            if self.own is not None:
+                shapenet.check_name(name, "categories")
+            elif name not in known:
                 raise checks.InputError(f"categories must be among {', '.join(sorted(known))}; got {name!r}")
-            if count is None and self.source == "synthetic":
+            if count is None and self.source == "synthetic" and self.own is None:
                 raise checks.InputError(f"categories.{name} must be a number for synthetic shapes; got null")
-            if count is not None and (self.source == "public" or (self.made and name not in write.CATEGORIES)):
-                raise checks.InputError(f"categories.{name} must be null, all public shapes; got {count}")
+            if count is not None and self.made and not ("synthetic" in self.made and name in write.CATEGORIES):
+                raise checks.InputError(f"categories.{name} must be null, all public or own shapes; got {count}")
             if count is not None and not 2 <= count <= 100_000:
                 raise checks.InputError(f"categories.{name} must be in [2, 100000]; got {count}")
 
@@ -83,7 +92,7 @@ class DatasetConfig(schema.Checked):
 @dataclass(frozen=True)
 class Item:
     """A shape to make or to check; `index` is its number among the synthetic shapes of its category, or the number of
-    the variation of the public shape `row`. wide: of the wide families of synthetic shapes.
+    the variation of the public or own shape `row`. wide: of the wide families of synthetic shapes.
     """
 
     category: str
@@ -98,7 +107,7 @@ def _checked(
 ) -> parallel.ShardResult:
     """Map over shapes: makes them, but for those of shapenet, and checks them; one with a fault becomes a failure.
 
-    archives: those of the packages with public shapes, by name.
+    archives: those of the packages with public shapes by name, and the folder of own ones.
     """
     files: list[Path] = []
     failures = []
@@ -114,7 +123,7 @@ def _checked(
         if item.row is None and config.made:
             files += write.write_shape(root, config.seed, item.category, item.index, views, wide=item.wide)
         try:
-            check_shape(root, shapenet.SYNSETS[item.category], item.id, views)
+            check_shape(root, shapenet.synset(item.category), item.id, views)
         except (checks.InputError, OSError) as error:
             failures.append(parallel.Failure(item.id, "dataset", str(error)))
     return parallel.ShardResult(files, failures)
@@ -151,29 +160,32 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     root = out_dir if config.made else real_root(os.environ)
     listed = [*list_synthetic(config), *list_public(config)] if config.made else list_real(config, root)
     entries = {name: _entries(config, name, listed) for name in config.categories}
+    if empty := [name for name, shapes_of_it in entries.items() if not shapes_of_it]:
+        raise checks.InputError(f"categories.{empty[0]}: {config.own} has no such shape; call `ddf shapes add`")
     sides = {(name, entry["id"]): entry for name, own in entries.items() for entry in own}
     shown = {key for key, entry in sides.items() if any(map(entry.get, _VIEWS))}
     items = [item for item in listed if (item.category, item.id) in shown]
     if config.train_on == "shippable":
         trained = {key for key, entry in sides.items() if entry["train_views"]}
         items = [replace(item, wide=not item.row and (item.category, item.id) in trained) for item in items]
-    names = sorted({item.row.package for item in items if item.row is not None})
+    names = sorted({item.row.package for item in items if item.row is not None} - {manifest.OWN})
     needed = {packages.PACKAGES[name]: manifest.wanted(name) for name in names}
     packages.require_means([package for package, wanted in needed.items() if not packages.has(package, wanted)])
     archives = {package.name: packages.require(package, wanted) for package, wanted in needed.items()}
+    archives |= {manifest.OWN: config.own.expanduser()} if config.own else {}
     if config.made:
         remove_strangers(root, items)
     else:
         forget_checks(out_dir)
     changing = [config.source, config.views, config.seed, str(root)]
-    if "public" in config.made:
-        changing += [config.public.views, *(str(row) for row in manifest.of(config.categories))]
+    if rows := config.rows():
+        changing += [config.public.views, *map(str, rows)]
     if config.train_on == "shippable":
         changing.append(config.train_on)
     failures = parallel.map_shards(
         functools.partial(_checked, root, config, archives),
         items,
-        shard_size=SHARD_SIZES[config.source],
+        shard_size=4 if config.made else 100,  # half a second to make one, 10 ms to check
         out_dir=out_dir,
         fingerprint=provenance.fingerprint(changing, [], __name__),
         describe="dataset",
@@ -182,8 +194,10 @@ def make(config: DatasetConfig, out_dir: Path) -> dict[str, Any]:
     categories = {}
     for name, own in entries.items():
         kept = [entry for entry in own if (name, entry["id"]) in shown and entry["id"] not in broken]
-        categories[name] = {"synset": shapenet.SYNSETS[name], "shapes": kept}
-    made = {"source": config.source, "seed": config.seed, "digest": parallel.digest(out_dir)}
+        categories[name] = {"synset": shapenet.synset(name), "shapes": kept}
+    kinds = sorted({"public" if item.row else "synthetic" for item in items})
+    source = config.source if config.own is None else kinds[0] if len(kinds) == 1 else "both"
+    made = {"source": source, "seed": config.seed, "digest": parallel.digest(out_dir)}
     return {"root": root.as_posix(), **made, "categories": categories}
 
 
@@ -193,7 +207,7 @@ _VIEWS = ("train_views", "test_views", "validation_views")
 def _entries(config: DatasetConfig, name: str, listed: Sequence[Item]) -> list[dict[str, Any]]:
     """The shapes of a category with their views on each side of the split."""
     own = [item for item in listed if item.category == name]
-    split = splits.split_class(shapenet.SYNSETS[name], [i.id for i in own if i.row is None], strict=config.strict)
+    split = splits.split_class(shapenet.synset(name), [i.id for i in own if i.row is None], strict=config.strict)
     held = splits.held_out(split, config.validation)
     trains = config.source != "both" or config.train_on != "public"
     entries = []
@@ -253,14 +267,12 @@ def list_synthetic(config: DatasetConfig) -> list[Item]:
 
 
 def list_public(config: DatasetConfig) -> list[Item]:
-    """The public shapes to make: all of the categories, and copies of those that train."""
-    if "public" not in config.made:
-        return []
-    trains = config.source == "public" or config.train_on != "synthetic"
+    """The public and own shapes to make: all of the categories, and copies of those that train."""
+    trains = config.source != "both" or config.train_on != "synthetic"
     return [
         Item(row.category, shapes.copy_id(row, copy), copy, row)
-        for row in manifest.of(config.categories)
-        if trains or row.split != "train"
+        for row in config.rows()
+        if trains or row.split != "train" or row.package == manifest.OWN
         for copy in range(1 + (config.public.copies if _split(config, row) == "train" else 0))
     ]
 
@@ -269,7 +281,7 @@ def list_real(config: DatasetConfig, root: Path) -> list[Item]:
     """The shapes that have a folder of renders, in the natural order of the split, or an even choice of them."""
     items = []
     for name, count in config.categories.items():
-        synset = shapenet.SYNSETS[name]
+        synset = shapenet.synset(name)
         ids = [shape.id for shape in splits.split_class(synset, shapenet.list_shapes(root, synset))]
         if count is not None and count < len(ids):
             ids = [ids[i * len(ids) // count] for i in range(count)]
@@ -279,7 +291,7 @@ def list_real(config: DatasetConfig, root: Path) -> list[Item]:
 
 def remove_strangers(root: Path, items: Sequence[Item]) -> None:
     """Delete shapes of an earlier configuration from a synthetic root, so that a listing of it is the data set."""
-    wanted = {(shapenet.SYNSETS[item.category], item.id) for item in items}
+    wanted = {(shapenet.synset(item.category), item.id) for item in items}
     for part in (shapenet.MODELS, shapenet.RENDERS):
         for folder in (root / part).glob("*/*"):
             if (folder.parent.name, folder.name) not in wanted:

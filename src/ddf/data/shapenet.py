@@ -52,6 +52,11 @@ _SYNSET = re.compile(r"[0-9]+")
 _NAME = re.compile(r"[A-Za-z0-9_-]+")  # every synset and id of ShapeNet v1 fits; nothing that leaves its folder does
 
 
+def synset(category: str) -> str:
+    """The class of a category; one that ShapeNet has not is its own."""
+    return SYNSETS.get(category, category)
+
+
 def check_name(name: object, where: str) -> str:
     """`name` if it is a plain folder name; InputError, beginning with `where`, if it could lead out of its folder."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):

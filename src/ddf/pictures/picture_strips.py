@@ -151,6 +151,19 @@ def webp_bytes(image: Image.Image) -> bytes:
     return buffer.getvalue()
 
 
+def contact_sheet(named: Sequence[tuple[str, Sequence[Picture]]]) -> bytes:
+    """Two pictures of each of many things, the end of its name below them, as WebP."""
+    side = len(named[0][1][0])
+    columns = max(5, -(-len(named) * (side + _SHEET_NAME) // 16_000))  # a WebP has 16,383 lines at most
+    canvas = Image.new("RGB", (columns * 2 * side, -(-len(named) // columns) * (side + _SHEET_NAME)), "white")
+    pen = ImageDraw.Draw(canvas)
+    for number, (name, pictures) in enumerate(named):
+        left, top = number % columns * 2 * side, number // columns * (side + _SHEET_NAME)
+        canvas.paste(Image.fromarray(np.concatenate(pictures, axis=1)), (left, top))
+        pen.text((left + side, top + side + 8), name[-36:], fill=_INK, font=font(12), anchor="mm")
+    return webp_bytes(canvas)
+
+
 SHEET_CELL = 96  # pixels of the side of an image of a sheet
 _SHEET_GAP, _SHEET_NAME = 4, 24
 

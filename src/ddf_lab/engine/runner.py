@@ -2,7 +2,7 @@
 
 Each item of the graph starts when all that it reads is made, in a process of its own, unless its note says that there
 is nothing to do (`stage.note`). Where one fails, those that do not need it go on. What no stage makes is written here,
-so that it counts as an input: the data's folder, the number of seeds, the checksum of the mesh of a fit.
+so that it counts as an input: the data's folder, the number of seeds, checksums of the mesh of a fit and of own shapes.
 """
 
 import os
@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from ddf.core import checks, processes, storage
+from ddf.data.public import manifest
 from ddf.fit import fit_settings
 from ddf_lab.engine import graph, stage
-from ddf_lab.run import Run
+from ddf_lab.run import Run, class_of
 
 LOCK = Path(".make/lock")  # one run at a time in a folder
 DRAW_SECONDS, LOG_SECONDS = 0.2, 60.0  # between two states of a progress bar, on a terminal and in a log
@@ -77,7 +78,10 @@ def _record(experiment: Run, options: Options) -> None:
         graph.write(folder / "evaluate_seeds" / "count", f"{options.seeds}\n")
         root = folder / "data_root"
         remembered = folder.with_name(folder.name.partition("+")[0]) / "data_root"  # of what it is a variant of
-        if options.data is not None:
+        own = experiment.section(class_of("dataset")).own
+        if own and (table := own.expanduser() / manifest.FILE).is_file():
+            graph.write(root, f"{storage.checksum(table)}\n")
+        elif options.data is not None:
             graph.write(root, f"{Path(options.data).expanduser().absolute()}\n")
         elif not root.is_file():
             graph.write(root, remembered.read_text(encoding="utf-8") if remembered.is_file() else "\n")

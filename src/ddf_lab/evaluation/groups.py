@@ -24,8 +24,7 @@ def of_shapes(index: Mapping[str, Any], category: str, split: str = "test") -> d
     own = [shape["id"] for shape in index["categories"][category]["shapes"] if shape[f"{split}_views"]]
     if index["source"] != "both":
         return dict.fromkeys(own, category)
-    real = {row.id for row in manifest.of([category])}
-    return {shape: f"{REAL if shape.partition('--')[0] in real else PROCEDURAL} {category}" for shape in own}
+    return {shape: f"{REAL if manifest.is_real(shape) else PROCEDURAL} {category}" for shape in own}
 
 
 def makers(rows: Sequence[manifest.Row]) -> list[str]:

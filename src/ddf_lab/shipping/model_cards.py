@@ -23,7 +23,7 @@ from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.io import onnx_file
 from ddf.models import out_of_distribution, reconstruction_settings
 from ddf_lab.evaluation import groups, one_model
-from ddf_lab.run import Run
+from ddf_lab.run import Run, class_of
 
 ONNX, CARD, INDEX = "field.onnx", "card.md", "index.json"
 FIT = fit_settings.FitConfig()
@@ -53,15 +53,15 @@ def write_all(run: Run, fitted: Path, out: Path) -> None:
     dataset, synthetic = shapenet.Dataset.open(run.index), storage.read_json(run.index)["source"] == "synthetic"
     fields = FIELDS.items() if synthetic else ()
     made = [write_field(name, summary, fitted / name, out / name) for name, summary in fields]
-    free = [n for n in dataset.categories if all(row.free for row in _seen(dataset, n))]
+    free = [n for n in dataset.categories if all(row.free for row in _seen(run, dataset, n))]
     made += [write_reconstruction(run, dataset, name, out / name) for name in free]
     every = {entry["name"]: entry for entry in ([] if synthetic else read_index(out)) + made}
     write_index(out, list(every.values()))
 
 
-def _seen(dataset: shapenet.Dataset, category: str) -> list[manifest.Row]:
+def _seen(run: Run, dataset: shapenet.Dataset, category: str) -> list[manifest.Row]:
     """The real shapes that trained a category, each as often as it did: with its variations."""
-    rows = {row.id: row for row in manifest.of([category])}
+    rows = {row.id: row for row in run.section(class_of("dataset")).rows() if row.category == category}
     return [rows[name] for shape, _ in dataset.train(category) if (name := shape.partition("--")[0]) in rows]
 
 
@@ -110,7 +110,7 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
     for number, (shape, views) in enumerate(dataset.test(name)[:SAMPLES]):
         image = shapenet.image_path(dataset.root, dataset.category(name).synset, shape, views[0])
         shutil.copyfile(image, out / f"sample_{number}.png")
-    seen, shapes = _seen(dataset, name), dataset.train(name)
+    seen, shapes = _seen(run, dataset, name), dataset.train(name)
     data = [f"{len(shapes) - len(seen)} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each."]
     if seen:
         real, views = len({row.id for row in seen}), max(len(v) for _, v in shapes)

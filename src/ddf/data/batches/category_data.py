@@ -331,10 +331,10 @@ def test_views(
     dataset: shapenet.Dataset, category: str, count: int | None, public: int | None = None, split: str = "test"
 ) -> list[tuple[str, Sequence[int]]]:
     """Test shapes (or those of another side) with the views to evaluate: those of the split, or the first `count` of
-    them; of public ones the first `public`.
+    them; of public and own ones the first `public`.
     """
-    of_others, shapes = {row.id for row in manifest.of([category])}, getattr(dataset, split)(category)
-    return [(name, views[: public if name in of_others else count]) for name, views in shapes]
+    shapes = getattr(dataset, split)(category)
+    return [(name, views[: public if manifest.is_real(name) else count]) for name, views in shapes]
 
 
 def available(folder: Path, shapes: Sequence[tuple[str, Sequence[int]]]) -> list[tuple[str, Sequence[int]]]:

@@ -8,18 +8,21 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
+from ddf.core import checks, storage
+from ddf.data import mesh_topology
 from ddf.data.public import manifest, packages, painted
-from ddf.data.synthetic import assemble, palette, parts, write
+from ddf.data.synthetic import appearance, assemble, palette, parts, write
 from ddf.data.synthetic.palette import Picture
 from ddf.data.synthetic.parts import Part
+from ddf.geometry import mesh_io
 
 ACROSS = 120  # pixels of a view that the diagonal of a shape spans, about
 STRETCH, TAPER = 0.2, 0.3  # of variations: logarithm of the factors, change of width from end to end
 GLOSS, HARDNESS = 0.2, 32.0  # the files' own say little: most give a default
 
 
-def turned(axes: str) -> Float[np.ndarray, "3 3"]:
-    """The rotation whose rows are the axes of the file that become X (ahead), Y (up) and Z: "z y -x"."""
+def turned(axes: str) -> Float[np.ndarray, "k 3"]:
+    """The rotation whose rows are the axes of the file that become X (ahead), Y (up) and Z, those given: "z y -x"."""
     rows = [np.eye(3)["xyz".index(word[-1])] * (-1 if word[0] == "-" else 1) for word in axes.split()]
     return np.stack(rows)
 
@@ -47,15 +50,46 @@ def varied(mesh: painted.Painted, rng: np.random.Generator) -> painted.Painted:
 
 
 def write_shape(root: Path, seed: int, kept: Path, row: manifest.Row, copy: int, num_views: int) -> list[Path]:
-    """Write a public shape of a kept archive (copy 0), or a variation of it, as `synthetic.write` writes its own."""
-    name = copy_id(row, copy)
-    with packages.reading(kept) as archive:
-        mesh = load(archive, row)
+    """Write a shape of an archive, or a folder of own ones (copy 0), or a variation, as `synthetic.write` its own.
+
+    Raises:
+      InputError: as `painted.load`, or an own mesh is not as `ddf shapes add` wrote it.
+    """
+    name, path = copy_id(row, copy), kept / row.path
+    if row.package == manifest.OWN:
+        if not path.is_file() or storage.checksum(path) != row.checksum:
+            raise checks.InputError(f"{path}: gone, or changed since it was written; call `ddf shapes add {kept}`")
+        mesh = plain(mesh_io.load(path))
+    else:
+        with packages.reading(kept) as archive:
+            mesh = load(archive, row)
     if copy:
         mesh = varied(mesh, write.generator(seed, row.category, name, "mesh"))
-    return write.write_files(
-        root, row.category, name, shape(mesh), write.make_views(seed, row.category, name, num_views)
-    )
+    look = write.generator(seed, row.category, name, "look")
+    made = _dressed(shape(mesh), look) if row.package == manifest.OWN else shape(mesh)
+    return write.write_files(root, row.category, name, made, write.make_views(seed, row.category, name, num_views))
+
+
+def plain(mesh: mesh_io.Mesh) -> painted.Painted:
+    """A mesh in grey."""
+    count = len(mesh.faces)
+    grey, places = np.full((count, 3), 0.5, dtype=np.float32), np.zeros((count, 3, 2), dtype=np.float32)
+    return painted.Painted(mesh.vertices, mesh.faces, grey, np.full(count, -1), places, ())
+
+
+def _dressed(bare: assemble.Shape, rng: np.random.Generator) -> assemble.Shape:
+    """The shape in paints and patterns of procedural shapes, each piece in one of three."""
+    piece = mesh_topology.components(mesh_io.Mesh(bare.vertices, bare.triangles))[bare.triangles[:, 0]]
+    worn = rng.integers(3, size=piece.max() + 1)[piece]
+    given = enumerate((palette.cloth(rng), palette.wood(rng), palette.metal(rng)))
+    items = [Part(bare.vertices, bare.triangles[worn == number], paint, str(number)) for number, paint in given]
+    paints = [part.paint for part in appearance.dress(items, "", rng)]
+    textures = tuple(paint.texture for paint in paints if paint.texture is not None)
+    numbers = np.array([-1 if paint.texture is None else textures.index(paint.texture) for paint in paints])
+    colours = np.array([paint.colour for paint in paints], dtype=np.float32)[worn]
+    gloss, hardness = np.array([(paint.gloss, paint.hardness) for paint in paints], dtype=np.float32)[worn].T
+    look = {"colours": colours, "gloss": gloss, "hardness": hardness, "textures": textures, "texture": numbers[worn]}
+    return replace(bare, **look, covering=None)
 
 
 def copy_id(row: manifest.Row, copy: int) -> str:

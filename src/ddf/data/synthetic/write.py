@@ -93,7 +93,7 @@ def write_files(
     root: Path, category: str, name: str, shape: assemble.Shape, views: Sequence[render.View]
 ) -> list[Path]:
     """Write mesh, renders and metadata of any shape; files as of `write_shape`."""
-    synset = shapenet.SYNSETS[category]
+    synset = shapenet.synset(category)
     files = [shapenet.model_path(root, synset, name)]
     images = shapenet.rendering_dir(root, synset, name)
     for folder in (files[0].parent, images):
