@@ -27,11 +27,7 @@ Images = Sequence[tuple[str, int]]
 
 
 def subset(points: Float[np.ndarray, "n 3"], count: int, seed: int, name: str) -> Float[np.ndarray, "m 3"]:
-    """`count` of the points at random, without repetition; the same for the same seed and name.
-
-    Raises:
-      InputError: there are fewer points than that.
-    """
+    """`count` of the points at random, without repetition; the same for the same seed and name. InputError: too few."""
     if len(points) < count:
         raise checks.InputError(f"{name}: a subset of {count} points was asked for, the cloud has only {len(points)}")
     generator = np.random.default_rng([seed, zlib.crc32(name.encode())])
@@ -40,11 +36,9 @@ def subset(points: Float[np.ndarray, "n 3"], count: int, seed: int, name: str) -
 
 @dataclass(frozen=True)
 class Retrieval:
-    """The one baseline that depends on a training, through its features; made by `retrieval_choice`.
+    """The one baseline that depends on a training, through its features.
 
-    Args:
-      sizes: points per size letter, as the models' clouds have ("L": 5000, "S": 2466).
-      retrieved: training shape with the nearest image, per test image.
+    sizes: points per size letter, as the models' clouds have ("L": 5000, "S": 2466). retrieved: of `retrieval_choice`.
     """
 
     truths: Truths
@@ -67,12 +61,7 @@ class Retrieval:
 
 @dataclass(frozen=True)
 class Baselines(Retrieval):
-    """Everything that the baseline rows of one category need; made by `prepare`.
-
-    Args:
-      mean: the mean shape's cloud per size letter, benchmark frame.
-      oracle: training shape with the smallest D_C, per test shape.
-    """
+    """All of one category, made by `prepare`. mean, oracle: of `mean_shape` and `oracle_choice`."""
 
     mean: Mapping[str, Float[np.ndarray, "n 3"]]
     oracle: Mapping[str, str]
@@ -109,8 +98,8 @@ def prepare(
 
     Args:
       ddf: images to evaluate, and the encoder's features for the retrieval row.
-      train_ids: shapes whose images the models have seen; those without a cloud are left out.
-      validation_ids: shapes held out for choices, by which the mean shape is chosen.
+      train_ids: shapes that the models have seen. validation_ids: by which the mean shape is chosen. Without a cloud
+        they are left out.
     Raises:
       InputError: no training shape, or not every test shape, has a cloud; or the file lacks features.
     """

@@ -19,11 +19,7 @@ _KEYS = ["category", "method", "column", "metric"]
 
 
 def read_count(run: Run) -> int:
-    """How many seeds the last call of make asked for; 1 where nothing was asked.
-
-    Raises:
-      InputError: the file that says it does not hold a number >= 1.
-    """
+    """How many seeds the last call of make asked for; 1 where nothing was asked. InputError: it is no number >= 1."""
     path = run.folder("evaluate_seeds") / COUNT
     text = path.read_text(encoding="utf-8").strip() if path.exists() else "1"
     if not text.isdecimal() or int(text) < 1:
@@ -45,10 +41,9 @@ def over_seeds(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """The first table with, in the rows of trained methods, mean and spread over all tables.
 
     There `value` is the mean over seeds of the means over images, `spread` the sample standard deviation over seeds and
-    `seeds` their number. Other rows, which no training changes, stay as seed 0 has them.
+    `seeds` their number. Other rows, which no training changes, stay as seed 0, the first, has them. One table alone is
+    returned as it is.
 
-    Args:
-      tables: the long table of each seed, in their order; one alone is returned as it is.
     Raises:
       InputError: a seed has other trained rows, or another number of images, than seed 0.
     """

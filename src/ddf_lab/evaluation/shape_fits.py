@@ -31,11 +31,7 @@ _FIT_FIELDS = ["type", "metric", "value", "source"]
 
 
 def source_mesh(path: str | None, seed: int) -> tuple[mesh_io.Mesh, dict[str, str]]:
-    """The mesh in its own frame, and name to checksum of its file; a chair that the seed decides, and {}, for None.
-
-    Raises:
-      FileNotFoundError: there is no such file. InputError: it holds no mesh.
-    """
+    """The mesh in its own frame, and name to checksum of its file; a chair that the seed decides, and {}, for None."""
     if path is None:
         random = seeding.generator(seed, "fit_shape")
         shape = assemble.shape(chairs.build(random), random)
@@ -47,8 +43,7 @@ def source_mesh(path: str | None, seed: int) -> tuple[mesh_io.Mesh, dict[str, st
 def without_type(config: fit_settings.FitConfig, without: str | None, steps: int | None) -> fit_settings.FitConfig:
     """The fit without one type: an equal part of `SAMPLES` of every other, or of all six.
 
-    Args:
-      steps: of the fit with all types, once known; until then those of the config, or `MINUTES`.
+    steps: of the fit with all types, once known; until then those of the config, or `MINUTES`.
     """
     each = SAMPLES // (len(TYPES) - (without is not None))
     drawn = {kind: 1 if kind == without else each for kind in TYPES}  # one that is dropped: none cannot be drawn

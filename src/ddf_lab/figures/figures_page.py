@@ -23,20 +23,15 @@ SECTIONS: tuple[Callable[[figure_fields.FiguresConfig, Path], pages.Section], ..
     room_figure.section,
     distance_figure.section,
 )
-_LEAD = (
-    "Made by `make figures`. Shapes are our own; numbers are against exact values: closed forms, or rays cast and"
-    " distances measured on the mesh that was fitted.",
-    "Fields: {steps:,} steps for two spheres and the room, {whole_steps:,} for the one field of the furnished room; the"
-    " others come with the package (`ddf models`).",
-)
 
 
 def write(config: figure_fields.FiguresConfig, fields: Path, out: Path) -> None:
-    """Make every section and write the page.
-
-    Args:
-      fields: folder of the fits, which are kept.
-    """
-    lead = tuple(line.format(steps=config.steps, whole_steps=config.whole_steps) for line in _LEAD)
+    """Make every section and write the page; `fields` is the folder of the fits, which are kept."""
+    lead = (
+        "Made by `make figures`. Shapes are our own; numbers are against exact values: closed forms, or rays cast and"
+        " distances measured on the mesh that was fitted.",
+        f"Fields: {config.steps:,} steps for two spheres and the room, {config.whole_steps:,} for the one field of the"
+        " furnished room; the others come with the package (`ddf models`).",
+    )
     page = pages.Page("The figures of the paper", [lead], [section(config, fields) for section in SECTIONS])
     pages.write(page, out)

@@ -17,14 +17,7 @@ from ddf_lab.report import beside, pages
 
 NAMES = ("rabbit", "armchair", "airliner", "nested")
 CAMERAS = ((35.0, 25.0, 0.9), (160.0, 15.0, 0.9))
-_ASKED = ("visibility", "depth", "normals", "mean_curvature")
-_SHOWN = {
-    "depth": "depth",
-    "true_depth": "exact depth",
-    "normals": "normals",
-    "true_normals": "exact normals",
-    "mean_curvature": "mean curv.",
-}
+_SHOWN = ("depth", "true_depth", "normals", "true_normals", "mean_curvature")
 
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
@@ -34,7 +27,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         network, mesh = figure_fields.fitted(name, config, folder), showcase.SHAPES[name]()
         truth = partial(raycast.cast, raycast.Scene(mesh))
         for what, field in ((name, network), (f"{name}, patches", drawing.patches(mesh))):
-            views = [beside.ask(field, truth, beside.camera(field, each, size), _ASKED) for each in CAMERAS]
+            views = [beside.ask(field, truth, beside.camera(field, each, size), _SHOWN) for each in CAMERAS]
             if field is network:  # pictures of the paper's kind
                 for camera, (found, _) in zip(CAMERAS, views, strict=True):
                     heading, cells = f"{name}, azimuth {camera[0]:g}°", beside.pictures(found, _SHOWN)
@@ -52,7 +45,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         f" {min(inner[True]):.0f} to {max(inner[True]):.0f} % of rays, patches on {min(inner[False]):.1f} to"
         f" {max(inner[False]):.1f} %.",
         "Depth, normals and mean curvature of four shapes from two cameras",
-        picture_strips.strip(list(_SHOWN.values()), strips, per_line=len(_SHOWN)),
+        picture_strips.strip([beside.TITLES[name] for name in _SHOWN], strips, per_line=len(_SHOWN)),
     )
     table = pages.Table(
         "Means over the cameras: median |depth - exact| (longest side about 2) and angle where both see the shape,"

@@ -20,15 +20,7 @@ LINES = {  # first and last p, v, in the plane z = 0
     "surface discontinuity": ((-1.25, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
     "occlusion discontinuity": ((-1.0, -0.85, 0.0), (-1.25, 0.45, 0.0), (0.98, 0.2, 0.0)),
 }
-_SHOWN = {
-    "depth": "depth",
-    "true_depth": "exact depth",
-    "weight_1": "w_1",
-    "normals": "normals",
-    "normals_1": "n_1",
-    "normals_2": "n_2",
-}
-_ASKED = ("visibility", "depth", "weight_1", "normals", "normals_1", "normals_2")
+_SHOWN = ("depth", "true_depth", "weight_1", "normals", "normals_1", "normals_2")
 _EDGE = 0.03  # on either side of where the truth jumps, field units
 
 
@@ -41,15 +33,15 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         asked[name] = beside.along(beside.plane(field, 0.5, size), direction)
     rows = []
     for name, points in asked.items():
-        found, _ = beside.ask(field, _exact, points, _ASKED)
+        found, _ = beside.ask(field, _exact, points, _SHOWN)
         said = f"median depth error {beside.errors(found)['median']:.4f}"
         rows.append(picture_strips.StripRow(name, (said,), beside.pictures(found, _SHOWN)))
     strip = pages.Figure(
         "spheres.webp",
-        "w_1 red: d_1 is the depth; blue: d_2. Where it turns, depth may jump: at occlusion edges, and in slices where"
-        " p passes through the surface. n_2 shows what lies behind where d_2 is the lighter one.",
+        "w₁ red: d_1 is the depth; blue: d_2. Where it turns, depth may jump: at occlusion edges, and in slices where"
+        " p passes through the surface. n₂ shows what lies behind where d_2 is the lighter one.",
         "Depth, exact depth, weight and normals of both components, in renders and slices",
-        picture_strips.strip(list(_SHOWN.values()), rows, per_line=len(_SHOWN)),
+        picture_strips.strip([beside.TITLES[name] for name in _SHOWN], rows, per_line=len(_SHOWN)),
     )
     jumps = pages.Figure(
         "jumps.svg",
@@ -68,7 +60,7 @@ def _along(
 ) -> tuple[dict[str, Any], list[tuple[float, ...]], list[tuple[float, ...]]]:
     """What `figures.jumps` shows of a line of positions, all with one direction."""
     points = beside.along(np.linspace(first, last, 600), v)
-    found, _ = beside.ask(field, _exact, points, ("visibility", "depth", "weight_1"))
+    found, _ = beside.ask(field, _exact, points, ("depth", "weight_1"))
     seen = np.isfinite(found["depth"])
     shown = {"depth": seen, "weight_1": seen, "true_depth": np.isfinite(found["true_depth"])}
     values = {name: np.where(where, found[name], np.nan) for name, where in shown.items()}

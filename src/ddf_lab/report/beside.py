@@ -16,6 +16,17 @@ from ddf.pictures import field_pictures
 Points = rays.OrientedPoints[np.ndarray]
 Truth = Callable[[Points], rays.RayHits[np.ndarray]]
 Vector = tuple[float, float, float]
+TITLES = {  # of pictures
+    "visibility": "visibility",
+    "depth": "depth",
+    "true_depth": "exact depth",
+    "normals": "normals",
+    "true_normals": "exact normals",
+    "mean_curvature": "mean curv.",
+    "weight_1": "w₁",
+    "normals_1": "n₁",
+    "normals_2": "n₂",
+}
 
 
 def camera(field: framed_field.FramedField, looks: Vector, size: int) -> Points:
@@ -44,9 +55,10 @@ def along(positions: Float[np.ndarray, "n 3"], direction: Vector) -> Points:
 
 
 def ask(
-    field: framed_field.FramedField, truth: Truth, points: Points, outputs: Collection[str]
+    field: framed_field.FramedField, truth: Truth, points: Points, names: Collection[str]
 ) -> tuple[dict[str, Float[np.ndarray, "n ..."]], int]:
-    """What is found at oriented points, and the number of rays that the field was evaluated for."""
+    """What is found at oriented points, with the visibility, and for how many rays the field was evaluated."""
+    outputs = {"visibility", *(name for name in names if not name.startswith("true_"))}
     (found, evaluated), hits = framed_field.query(field, points, outputs), truth(points)
     return {**found, "true_depth": hits.depth, "true_normals": hits.normals}, evaluated
 

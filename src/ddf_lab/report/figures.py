@@ -46,11 +46,10 @@ _styled = matplotlib.rc_context(_STYLE)
 
 @_styled
 def score_bars(scores: Mapping[str, Sequence[tuple[str, str, float]]], label: str) -> str:
-    """One panel per category, one bar per method, the value at its end.
+    """One panel per category, one bar per method, the value at its end; `label` is that of the value axis.
 
     Args:
       scores: category to (method, name to print, value), from top to bottom.
-      label: of the value axis.
     """
     longest = max(len(rows) for rows in scores.values())
     chart, panels = _panels(len(scores), 0.25 * longest + 0.75)

@@ -21,21 +21,10 @@ from ddf_lab.report import beside
 VIEWS, SLICES, VIEW_RECORD, DIAGNOSTICS = "views.webp", "slices.webp", "views.json", "diagnostics.json"
 PICTURE_SIZE, RAYS = 168, 20_000  # pixels a side; random rays that the diagnostics are over
 OUTSIDE = (("outside", (35.0, 25.0, 0.8)), ("from behind", (215.0, 15.0, 0.8)))  # azimuth, elevation in degrees, radius
-VIEWED = {  # name to title
-    "visibility": "visibility",
-    "depth": "depth",
-    "true_depth": "true depth",
-    "normals": "normals",
-    "true_normals": "true normals",
-    "mean_curvature": "mean curv.",
-    "weight_1": "w₁",
-    "normals_1": "n₁",
-    "normals_2": "n₂",
-}
 # v of each row as in the paper's fig. 1, and where along z the planes of the columns lie, as shares of the box
 DIRECTIONS = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))
 SLICE_LEVELS = (0.3, 0.5)
-SLICED = {"visibility": "ξ", "weight_1": "w₁", "depth": "d", "true_depth": "true d"}
+SLICED = {"visibility": "ξ", "weight_1": "w₁", "depth": "d", "true_depth": "exact d"}
 _CANDIDATES = 2048  # points that the cameras inside the box and inside the shape are chosen from
 _PROBES = 64  # directions in which a point must be shut in to be inside
 _LIFT = 1e-3  # of the box's diagonal: a ray into the shape starts so far below its surface
@@ -100,21 +89,21 @@ def _inner_points(scene: raycast.Scene, random: np.random.Generator) -> Float[np
 
 def render(shape: ShapeField, mesh: Mesh, size: int, seed: int) -> list[View]:
     """What is found from every camera; the mesh is the one that was fitted, in its own frame."""
-    scene, asked = raycast.Scene(mesh), [name for name in VIEWED if not name.startswith("true_")]
-    return [
-        View(name, camera, *beside.ask(shape, partial(raycast.cast, scene), beside.camera(shape, camera, size), asked))
-        for name, camera in cameras(shape, scene, seed)
-    ]
+    scene, views = raycast.Scene(mesh), []
+    for name, camera in cameras(shape, scene, seed):
+        points = beside.camera(shape, camera, size)
+        views.append(View(name, camera, *beside.ask(shape, partial(raycast.cast, scene), points, beside.TITLES)))
+    return views
 
 
 def view_strip(views: list[View]) -> bytes:
-    """One row per camera, columns as in `VIEWED`, as WebP."""
+    """One row per camera, columns as in `beside.TITLES`, as WebP."""
     rows = []
     for view in views:
         azimuth, elevation, radius = view.camera
         lines = [f"{azimuth:.0f}°, {elevation:.0f}°, {radius:.2f}", f"{view.evaluated:,} rays"]
-        rows.append(picture_strips.StripRow(view.name, lines, beside.pictures(view.found, VIEWED)))
-    return picture_strips.strip(list(VIEWED.values()), rows, per_line=5)
+        rows.append(picture_strips.StripRow(view.name, lines, beside.pictures(view.found, beside.TITLES)))
+    return picture_strips.strip(list(beside.TITLES.values()), rows, per_line=5)
 
 
 def slice_of(
@@ -122,7 +111,7 @@ def slice_of(
 ) -> dict[str, Float[np.ndarray, "n ..."]]:
     """What is found at the points of `beside.plane`, all with one direction. Outside the box nothing is seen."""
     points, (low, high) = beside.along(beside.plane(shape, level, size), direction), beside.corners(shape)
-    found, _ = beside.ask(shape, partial(raycast.cast, scene), points, ("visibility", "weight_1", "depth"))
+    found, _ = beside.ask(shape, partial(raycast.cast, scene), points, SLICED)
     outside = ((points.positions < low) | (points.positions > high)).any(axis=1)
     for name, nothing in (("visibility", 0.0), ("depth", np.inf), ("true_depth", np.inf)):
         found[name] = np.where(outside, nothing, found[name])

@@ -41,11 +41,10 @@ FIELDS = {  # of `showcase.SHAPES`: what each shows
 def write_all(run: Run, fitted: Path, out: Path) -> None:
     """The shipped models that an experiment gives, one folder each, and the index of all.
 
-    One that trained on real shapes gives reconstructions alone, of categories whose training shapes ask for credit at
-    most.
+    One that trained on real shapes gives reconstructions (seed 0) alone, of categories whose training shapes ask for
+    credit at most.
 
     Args:
-      run: the experiment whose reconstructions (seed 0) are shipped.
       fitted: folder of the fits; one that is there already is not repeated.
     Raises:
       FileNotFoundError: the experiment has no trained model.
@@ -174,11 +173,7 @@ def rounded(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
 
 
 def write_weights(folder: Path, out: Path, changes: Mapping[str, Any] | None = None) -> Path:
-    """The model of a training's folder as `out`/model.safetensors with `rounded` weights; returns the file.
-
-    Args:
-      changes: entries of the record to replace.
-    """
+    """The model of a folder with `rounded` weights and `changes` to its record, in `out`; returns the file."""
     tensors, record = storage.load_tensors(folder / model_files.MODEL, framework="torch")
     file = out / model_files.MODEL
     storage.save_tensors(file, rounded(tensors), record | dict(changes or {}) | {"weights": "float16"})
@@ -200,12 +195,7 @@ def read_index(root: Path) -> list[dict[str, Any]]:
 
 
 def write_index(root: Path, entries: Sequence[Mapping[str, Any]]) -> None:
-    """index.json of the folder of models: per model its name, kind, summary, and files with their sizes.
-
-    Args:
-      root: holds one folder per model, called by its name.
-      entries: `name`, `kind` (field or reconstruction) and `summary` of each.
-    """
+    """index.json of the folder of models: the entries that `write_card` gave, and files with their sizes."""
     models = []
     for entry in entries:
         files = sorted(path for path in (root / entry["name"]).iterdir() if path.is_file())
