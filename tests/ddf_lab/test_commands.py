@@ -13,11 +13,9 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_info_counts_and_lists(capsys):
     assert cli.main(["info", str(ROOT / "configs" / "paper.yaml"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["parameters"]["ddf"] == 25_647_367
-    assert found["parameters"]["pc_siren"] == 25_645_574
-    assert found["parameters"]["single_shape"] == 1_581_572
-    assert found["stages"][0] == "dataset@paper"
-    assert found["stages"][-1] == "report@paper"
+    counts = {"ddf": 25_647_367, "pc_siren": 25_645_574, "single_shape": 1_581_572}
+    assert counts.items() <= found["parameters"].items()
+    assert found["stages"][0] == "dataset@paper" and found["stages"][-1] == "report@paper"
     assert "train_ddf@paper-chair" in found["stages"]
     cost = found["cost"]
     assert cost["shapes"] == {"chair": None, "plane": None, "car": None, "all": None} and cost["samples"] is None
@@ -25,14 +23,9 @@ def test_info_counts_and_lists(capsys):
     assert cost["disk_bytes"] == {"samples": None, "trainings": 3 * 4 * 4 * (25_647_367 + 25_645_574)}
     assert cost["steps"] == {"ddf": 100_000, "pcsiren": 100_000} and cost["trainings"] == 6
     assert cost["steps_in_all"] == {"ddf": 300_000, "pcsiren": 300_000}
-
-
-def test_info_ends_with_a_verdict(capsys):
     for name, told in (("paper", "ddf with 25,647,367 parameters; 6 trainings"), ("generative", "parameters")):
-        path = ROOT / "configs" / f"{name}.yaml"
-        assert cli.main(["info", str(path)]) == 0
-        last = capsys.readouterr().out.splitlines()[-1]
-        assert last.startswith(f"{path}: ") and last.endswith(told)
+        assert cli.main(["info", str(ROOT / "configs" / f"{name}.yaml")]) == 0
+        assert capsys.readouterr().out.splitlines()[-1].endswith(told)
 
 
 def test_info_counts_steps_of_all_categories_and_shapes_that_are_listed(tmp_path, monkeypatch, capsys):

@@ -113,15 +113,18 @@ def test_a_variant_has_a_name_of_its_changes(folder):
     assert item.outputs == [f"artifacts/{found.name}/train_pcsiren/primitives"]
 
 
-def test_a_change_that_makes_no_sense_writes_nothing(folder):
-    with pytest.raises(
-        checks.InputError, match=r"^--set pcsiren\.steps=x: pcsiren\.steps must be of type int; got 'x'"
-    ):
-        graph.experiment("smoke", ["pcsiren.steps=x"])
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("smoke", ["pcsiren.steps=x"], r"--set pcsiren\.steps=x: pcsiren\.steps must be of type int; got 'x'"),
+        (
+            "nothing",
+            [],
+            "nothing: no such file, nor the name of one; there are fit, long_fit, paper, paper_fit, simple_fit, smoke",
+        ),
+    ],
+)
+def test_what_makes_no_sense_is_one_line_and_writes_nothing(folder, name, change, message):
+    with pytest.raises(checks.InputError, match=f"^{message}"):
+        graph.experiment(name, change)
     assert not (folder / "artifacts").exists()
-
-
-def test_what_is_not_there_is_one_line_with_what_is(folder):
-    names = "fit, long_fit, paper, paper_fit, simple_fit, smoke"
-    with pytest.raises(checks.InputError, match=rf"^nothing: no such file, nor the name of one; there are {names}$"):
-        graph.experiment("nothing")

@@ -19,6 +19,7 @@ def _item(name, reads=(), together: int | Literal["jobs"] = "jobs", seed=0):
 
 
 CHAIN = [_item("a@x"), _item("a@y"), _item("b@x", ["a@x"]), _item("b@y", ["a@y"]), _item("c@", ["b@x", "b@y"])]
+SEEDED = [_item("a@x"), _item("a@x1", seed=1), _item("b@x", ["a@x"]), _item("b@x1", ["a@x1"], seed=1)]
 
 
 def _names(items):
@@ -44,23 +45,17 @@ def test_forerunners_come_first():
         assert started.index(before) < started.index(after)
 
 
-def test_one_job_keeps_the_order_of_the_graph():
-    started, start = _recorded()
-    runner.schedule(CHAIN, 1, start)
-    assert started == _names(CHAIN)
-
-
-def test_a_failure_leaves_out_what_follows_and_nothing_else():
-    started, start = _recorded(failing=["a@x"])
-    assert _names(runner.schedule(CHAIN, 1, start)) == ["a@x", "b@x", "c@"]
-    assert started == ["a@x", "a@y", "b@y"]
-
-
-def test_the_first_seed_goes_first():
-    items = [_item("a@x"), _item("a@x1", seed=1), _item("b@x", ["a@x"]), _item("b@x1", ["a@x1"], seed=1)]
-    started, start = _recorded()
-    runner.schedule(items, 1, start)
-    assert started == ["a@x", "b@x", "a@x1", "b@x1"]
+@pytest.mark.parametrize(
+    ("items", "failing", "ran", "left"),
+    [
+        (CHAIN, (), _names(CHAIN), []),  # one job keeps the order of the graph
+        (CHAIN, ("a@x",), ["a@x", "a@y", "b@y"], ["a@x", "b@x", "c@"]),  # what follows a failure is left out, no more
+        (SEEDED, (), ["a@x", "b@x", "a@x1", "b@x1"], []),  # the first seed goes first
+    ],
+)
+def test_one_job_keeps_the_order(items, failing, ran, left):
+    started, start = _recorded(failing)
+    assert (_names(runner.schedule(items, 1, start)), started) == (left, ran)
 
 
 def test_an_interrupt_stops_what_runs_and_starts_no_more():

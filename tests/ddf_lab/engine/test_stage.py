@@ -28,12 +28,18 @@ def _stage(tmp_path: Path, body: str, *arguments: str, **environment: str) -> su
     return subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
 
 
-def test_stage_scripts_pass_arguments_and_note_their_time(tmp_path):
-    result = _stage(tmp_path, "print(run.file, run.category)", "--config", "configs/a.yaml", "--category", "chair")
-    assert (result.returncode, result.stdout, result.stderr) == (0, "configs/a.yaml chair\n", "do_it chair\n")
-    times = json.loads((tmp_path / run.time_path("a", "do_it", "chair")).read_text())
-    assert times["seconds"] >= 0
-    assert times["worker_peak_mib"] == 0  # it started none
+GIVEN = ("--config", "configs/a.yaml", "--category", "chair")
+
+
+@pytest.mark.parametrize(("more", "label", "note"), [((), "", ""), (("--seed", "2"), " seed 2", "-2")])
+def test_scripts_pass_arguments_and_note_time_each_seed_its_own(tmp_path, more, label, note):
+    result = _stage(tmp_path, "print(run.file, run.category, run.seed)", *GIVEN, *more)
+    said = f"configs/a.yaml chair {2 if more else 0}\n"
+    assert (result.returncode, result.stdout, result.stderr) == (0, said, f"do_it chair{label}\n")
+    folder = tmp_path / "artifacts/a/times"
+    assert {path.name for path in folder.iterdir()} == {f"do_it-chair{note}.json", f"do_it-chair{note}.lock"}
+    times = json.loads((folder / f"do_it-chair{note}.json").read_text())
+    assert times["seconds"] >= 0 and times["worker_peak_mib"] == 0  # it started none
 
 
 def test_a_stage_of_the_graph_is_given_what_it_lists_and_is_done_by_what_it_began_with(tmp_path):
@@ -41,9 +47,8 @@ def test_a_stage_of_the_graph_is_given_what_it_lists_and_is_done_by_what_it_bega
     (tmp_path / "pipeline.yaml").write_text(f"do_it: {{{entry}}}\n")
     (tmp_path / "stages").mkdir()
     (tmp_path / "stages" / "do_it.py").touch()
-    arguments = ("--config", "configs/a.yaml", "--category", "chair")
     changing = "print(list(run.given)); open('artifacts/a/in.txt', 'w').write('changed meanwhile')"
-    runs = [_stage(tmp_path, body, *arguments) for body in (changing, "pass", "pass")]
+    runs = [_stage(tmp_path, body, *GIVEN) for body in (changing, "pass", "pass")]
     assert [run.stdout for run in runs] == ["['samples']\n", "", ""]
     assert [run.stderr for run in runs] == ["do_it chair\n"] * 2 + ["do_it chair: nothing to do\n"]
 
@@ -51,35 +56,24 @@ def test_a_stage_of_the_graph_is_given_what_it_lists_and_is_done_by_what_it_bega
 def test_stage_scripts_note_the_memory_of_their_own_process_and_of_workers(tmp_path):
     spend = "joblib.Parallel(n_jobs=2)(joblib.delayed(bytearray)(n << 20) for n in (1, 300))"
     body = f"import joblib; own = bytearray(200 << 20); own[::4096] = own[::4096]; {spend}"
-    result = _stage(tmp_path, body, "--config", "configs/a.yaml", "--category", "chair")
+    result = _stage(tmp_path, body, *GIVEN)
     assert (result.returncode, result.stderr) == (0, "do_it chair\n")
     noted = json.loads((tmp_path / run.time_path("a", "do_it", "chair")).read_text())
     assert 200 < noted["peak_mib"]
     assert 300 < noted["worker_peak_mib"]
 
 
-def test_stages_of_further_seeds_have_a_lock_and_a_time_of_their_own(tmp_path):
-    arguments = ("--config", "configs/a.yaml", "--category", "chair", "--seed")
-    result = _stage(tmp_path, "print(run.file, run.category, run.seed)", *arguments, "2")
-    assert (result.returncode, result.stdout, result.stderr) == (0, "configs/a.yaml chair 2\n", "do_it chair seed 2\n")
-    assert {path.name for path in (tmp_path / "artifacts/a/times").iterdir()} == {
-        "do_it-chair-2.json",
-        "do_it-chair-2.lock",
-    }
-    result = _stage(tmp_path, "pass", *arguments, "-1")
-    assert result.returncode == 2
-    assert result.stderr.splitlines()[-1].endswith("argument --seed: must be a whole number, 0 or more; got '-1'")
-
-
 def test_stage_scripts_end_with_one_line_and_code_2(tmp_path):
-    result = _stage(tmp_path, "raise checks.InputError('no')", "--config", "configs/a.yaml", "--category", "chair")
+    result = _stage(tmp_path, "raise checks.InputError('no')", *GIVEN)
     assert (result.returncode, result.stderr) == (2, "do_it chair\ndo_it: error: no\n")
     (tmp_path / "artifacts" / "b").mkdir(parents=True)
     (tmp_path / "artifacts" / "b" / "times").write_text("in the way")
     result = _stage(tmp_path, "pass", "--config", "b.yaml", "--category", "chair")
     assert result.returncode == 2
-    assert result.stderr.startswith("do_it: error: ")
-    assert len(result.stderr.splitlines()) == 1
+    assert result.stderr.startswith("do_it: error: ") and len(result.stderr.splitlines()) == 1
+    result = _stage(tmp_path, "pass", *GIVEN, "--seed", "-1")
+    assert result.returncode == 2
+    assert result.stderr.splitlines()[-1].endswith("argument --seed: must be a whole number, 0 or more; got '-1'")
 
 
 CONFIG = "evaluate: {oracle_points: 250, oracle_shortlist: 2}\n"

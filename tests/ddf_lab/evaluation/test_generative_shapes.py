@@ -23,42 +23,32 @@ def test_optimised_latents_fit_better_and_leave_the_decoder_alone(tmp_path):
     assert torch.equal(found, again)
     with torch.no_grad():
         model.decoder.field.network.head.bias.add_(0.1)
-    assert not torch.equal(
-        found, generative_shapes.auto_decode(model, SHAPES, _generative.SCORES, tmp_path)
-    )  # of another VAE
+    other = generative_shapes.auto_decode(model, SHAPES, _generative.SCORES, tmp_path)
+    assert not torch.equal(found, other)  # of another VAE
     rows = [row["loss"] for row in generative_shapes.training_loop.read_log(tmp_path)]
     assert rows[-1] < rows[0]
 
 
-def test_errors_name_every_sample_type():
+def test_errors_are_of_every_sample_type_and_divergences_of_every_dimension():
     model = _generative.vae()
     mean, _ = generative_shapes.encode(model, SHAPES, 0)
     found = generative_shapes.errors(model, mean, SHAPES)
     assert list(found["depth_l1"]) == list("UABSTO") and min(found["visibility_bce"].values()) > 0
-
-
-def test_summary_counts_the_dimensions_that_say_something():
-    found = generative_shapes.divergence_summary(torch.tensor([2.0, 0.5, 0.05]))
-    assert found["used"] == 2 and found["sum"] == pytest.approx(2.55)
-    by_dimension = generative_shapes.divergences(_generative.vae(), SHAPES, 0)
+    by_dimension = generative_shapes.divergences(model, SHAPES, 0)
     assert_close(by_dimension, by_dimension.sort(descending=True).values)
+    summary = generative_shapes.divergence_summary(torch.tensor([2.0, 0.5, 0.05]))
+    assert summary["used"] == 2 and summary["sum"] == pytest.approx(2.55)
 
 
 def _cloud(x):
     return neighbours.Neighbours(np.array([[x, 0.0, 0.0], [x, 1.0, 0.0]]), "cloud")
 
 
-def test_the_nearest_is_found_and_a_shape_is_not_its_own():
-    clouds = [_cloud(x) for x in (0.0, 0.1, 0.5)]
-    (row, distance), *_ = generative_shapes.nearest([_cloud(0.45)], clouds)
-    assert row == 2 and distance == pytest.approx(1000 * 2 * 0.05**2)
-    found = generative_shapes.nearest(clouds, clouds, [0, 1, 2])
-    assert [row for row, _ in found] == [1, 0, 1]
-    assert found[0][1] == pytest.approx(1000 * 2 * 0.1**2)
-
-
-def test_novelty_sets_samples_beside_learned_shapes():
+def test_the_nearest_is_found_and_a_learned_shape_is_not_its_own():
     learned = [_cloud(x) for x in (0.0, 0.1, 0.5)]
+    (row, distance), *_ = generative_shapes.nearest([_cloud(0.45)], learned)
+    assert row == 2 and distance == pytest.approx(1000 * 2 * 0.05**2)
+    assert [row for row, _ in generative_shapes.nearest(learned, learned, [0, 1, 2])] == [1, 0, 1]
     found = generative_shapes.novelty([_cloud(0.11)], learned, ["a", "b", "c"], 2)
     assert found["nearest"] == ["b"] and found["chamfer_x1000"][0] == pytest.approx(0.2)
     assert found["between_learned_x1000"] == pytest.approx([20.0, 320.0])

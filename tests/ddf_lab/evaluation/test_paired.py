@@ -25,22 +25,19 @@ def _table(gaps, views=2, score="chamfer_l2_sq", factor=1000.0):
     return pd.DataFrame(rows)
 
 
-def test_one_training_has_the_error_over_shapes():
-    found = paired.difference([_table([1.0, 2.0, 3.0, 6.0])], "car", OURS, THEIRS, CHAMFER)
+def _difference(*gaps, **table):
+    found = paired.difference([_table(own, **table) for own in gaps], "car", OURS, THEIRS, CHAMFER)
     assert found is not None
-    assert found.mean == pytest.approx(3.0)
-    assert found.error == pytest.approx(np.std([1, 2, 3, 6], ddof=1) / 2)
-    assert (found.shapes, found.trainings) == (4, 1)
+    return found
 
 
-def test_several_trainings_add_their_own_error():
-    gaps = [[1.0, 2.0, 3.0], [2.0, 3.0, 7.0]]
-    found = paired.difference([_table(own) for own in gaps], "car", OURS, THEIRS, CHAMFER)
-    assert found is not None
-    over_shapes = np.var([1.5, 2.5, 5.0], ddof=1) / 3
-    over_trainings = np.var([2.0, 4.0], ddof=1) / 2
-    assert found.mean == pytest.approx(3.0)
-    assert found.error == pytest.approx(np.sqrt(over_shapes + over_trainings))
+def test_one_training_has_the_error_over_shapes_and_several_add_their_own():
+    found = _difference([1.0, 2.0, 3.0, 6.0])
+    error = np.std([1, 2, 3, 6], ddof=1) / 2
+    assert (found.mean, found.error, found.shapes, found.trainings) == pytest.approx((3.0, error, 4, 1))
+    found = _difference([1.0, 2.0, 3.0], [2.0, 3.0, 7.0])
+    over_shapes, over_trainings = np.var([1.5, 2.5, 5.0], ddof=1) / 3, np.var([2.0, 4.0], ddof=1) / 2
+    assert (found.mean, found.error) == pytest.approx((3.0, np.sqrt(over_shapes + over_trainings)))
 
 
 @pytest.mark.parametrize(
@@ -52,8 +49,7 @@ def test_several_trainings_add_their_own_error():
     ],
 )
 def test_what_a_claim_asks_is_students_t(gaps, asked):
-    found = paired.difference([_table(own) for own in gaps], "car", OURS, THEIRS, CHAMFER)
-    assert found is not None
+    found = _difference(*gaps)
     least, most = (dataclasses.replace(found, mean=factor * asked * found.error) for factor in (0.999, 1.001))
     assert most.seen and not least.seen
 
@@ -64,8 +60,7 @@ def test_a_claim_is_rarely_made_where_there_is_no_difference():
     for _ in range(200):
         shapes, trainings = random.normal(size=40), random.normal(size=(3, 1))
         gaps = shapes + 0.1 * trainings + random.normal(size=(3, 40))
-        found = paired.difference([_table(own, views=1) for own in gaps], "car", OURS, THEIRS, CHAMFER)
-        claims += found is not None and found.seen
+        claims += _difference(*gaps, views=1).seen
     assert claims <= 14
 
 
@@ -80,15 +75,13 @@ def test_a_claim_is_rarely_made_where_there_is_no_difference():
     ],
 )
 def test_better_follows_the_direction_of_the_metric(gaps, chamfer, f_score):
-    found = paired.difference([_table(gaps)], "car", OURS, THEIRS, CHAMFER)
-    assert paired.better(found, CHAMFER) == chamfer
+    assert paired.better(_difference(gaps), CHAMFER) == chamfer
     scored = paired.difference([_table(gaps, score="f_score_tau", factor=100.0)], "car", OURS, THEIRS, F_SCORE)
     assert paired.better(scored, F_SCORE) == f_score
 
 
 def test_a_method_without_training_is_compared_with_every_training():
-    first = _table([1.0, 2.0, 3.0])
-    second = _table([2.0, 3.0, 7.0])
+    first, second = _table([1.0, 2.0, 3.0]), _table([2.0, 3.0, 7.0])
     found = paired.difference([first, second[second["method"] == "ddf"]], "car", OURS, THEIRS, CHAMFER)
     assert found is not None and found.mean == pytest.approx(3.0) and found.trainings == 2
 

@@ -15,21 +15,8 @@ RUN = Run(Path("configs/a.yaml"), {})
 
 def _table(*rows):
     """Long table of (method, metric, value); every other field is the same."""
-    records = [
-        {
-            "category": "chair",
-            "method": method,
-            "column": "Pi_g-L",
-            "metric": metric,
-            "value": value,
-            "images": 32,
-            "seeds": 1,
-            "spread": 0.5,
-            "source": scoring.MEASURED,
-        }
-        for method, metric, value in rows
-    ]
-    return pd.DataFrame(records, columns=list(scoring.TABLE_FIELDS))
+    full = [("chair", method, "Pi_g-L", metric, value, 32, 1, 0.5, scoring.MEASURED) for method, metric, value in rows]
+    return pd.DataFrame(full, columns=list(scoring.TABLE_FIELDS))
 
 
 FIRST = _table(("ddf", "a", 1.0), ("ceiling", "a", 9.0), ("pc_siren", "a", 4.0), ("retrieval", "a", 2.0))
@@ -53,9 +40,6 @@ def test_rows_that_no_training_changes_stay_and_so_does_the_order():
     assert merged["method"].tolist() == FIRST["method"].tolist()
     pd.testing.assert_frame_equal(merged.iloc[[1]], FIRST.iloc[[1]])
     assert FIRST["value"].tolist() == [1.0, 9.0, 4.0, 2.0]  # the input is left alone
-
-
-def test_one_seed_is_the_table_itself():
     assert seed_means.over_seeds([FIRST]) is FIRST
 
 
@@ -68,10 +52,9 @@ def test_seeds_that_were_not_evaluated_alike_are_refused():
 
 def test_tables_are_read_where_the_stage_leaves_them(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    storage.save_table(tmp_path / "artifacts/a/evaluate/si3dr.csv", FIRST, {"fingerprint": "x"})
-    storage.save_table(tmp_path / "artifacts/a/evaluate_seeds/1/si3dr.csv", SECOND, {"fingerprint": "x"})
-    merged = seed_means.read_table(RUN, 2)
-    pd.testing.assert_frame_equal(merged, seed_means.over_seeds([FIRST, SECOND]))
+    for folder, table in (("evaluate", FIRST), ("evaluate_seeds/1", SECOND)):
+        storage.save_table(tmp_path / "artifacts/a" / folder / "si3dr.csv", table, {"fingerprint": "x"})
+    pd.testing.assert_frame_equal(seed_means.read_table(RUN, 2), seed_means.over_seeds([FIRST, SECOND]))
     pd.testing.assert_frame_equal(seed_means.read_table(RUN, 1), FIRST)
     with pytest.raises(FileNotFoundError, match=r"evaluate_seeds/2/si3dr\.csv"):
         seed_means.read_table(RUN, 3)

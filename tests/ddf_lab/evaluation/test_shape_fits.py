@@ -62,7 +62,7 @@ def test_a_finished_ablation_is_not_trained_again(tmp_path, monkeypatch):
     assert str([found["held_out"] for found in again.values()]) == str([found["held_out"] for found in first.values()])
 
 
-def test_table_has_every_row_of_ours_and_of_the_paper():
+def test_tables_have_every_row_of_ours_and_of_the_paper():
     errors = {metric: dict.fromkeys(shape_fits.TYPES, 0.25) for metric in paper_results.BUNNY_METRICS}
     table = shape_fits.ablation_table({name: {"held_out": errors} for name in ("none", "S")})
     assert list(table) == ["without", "type", "metric", "value", "source"]
@@ -71,6 +71,11 @@ def test_table_has_every_row_of_ours_and_of_the_paper():
     assert value["measured", "S", "U", "depth_l1_x10"] == 0.25
     assert value["paper, bunny", "S", "S", "depth_l1_x10"] == 1.43
     assert value["paper, bunny", "none", "O", "visibility_bce"] == 0.56
+    angles = {"normal_angle_deg": {"U": {"median": 1.0, "p95": 9.0}}, "normal_angle_deg_median": 2.0}
+    table = shape_fits.fit_table({**errors, **angles, "normal_angle_deg_p95": None})
+    value = table[table["source"] == "measured"].set_index(["type", "metric"])["value"]
+    assert value["UAB", "normal_angle_deg_median"] == 2.0 and value["U", "normal_angle_deg_p95"] == 9.0
+    assert value["S", "visibility_bce"] == 0.25 and value.isna().sum() == 1
 
 
 def test_worst_of_every_column_is_the_one_that_the_paper_marks():

@@ -1,6 +1,17 @@
-"""Pages as Markdown: tables, pictures, escapes."""
+"""Pages as Markdown, on their way to reports/, and those that git keeps there: narrow tables, links that hold."""
 
-from ddf_lab.report import pages
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from ddf_lab.report import pages, publish
+from ddf_lab.run import Run
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGES = sorted((ROOT / "reports").glob("**/*.md"))
 
 
 def test_a_page_has_its_tables_bullets_and_pictures(tmp_path):
@@ -12,3 +23,33 @@ def test_a_page_has_its_tables_bullets_and_pictures(tmp_path):
         "- one\n- two\n\n![v and code](a.svg)\n\n*v\\* as colour, **bold**, v\\**\n"
     )
     assert (tmp_path / "a.svg").read_bytes() == b"<svg/>"
+
+
+def test_a_page_replaces_the_one_before(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run = Run(tmp_path / "own.yaml", {"figures": []})
+    with pytest.raises(FileNotFoundError, match=r"artifacts/own/report: no page; `ddf run .*own\.yaml` makes it"):
+        publish.publish(run)
+    run.page.mkdir(parents=True)
+    for name in ("README.md", "a.webp"):
+        (run.page / name).write_text(name)
+    (tmp_path / "reports" / "own").mkdir(parents=True)
+    (tmp_path / "reports" / "own" / "old.svg").write_text("")
+    out = publish.publish(run)
+    assert {path.name for path in out.iterdir()} == {"README.md", "a.webp", publish.INPUTS}
+    assert json.loads((out / publish.INPUTS).read_text()) == publish.shipped("field")
+    assert {"rabbit", "nested"} <= publish.shipped("field").keys()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: f"{page.parent.name}/{page.name}")
+def test_pages_are_readable_and_what_is_linked_is_kept_in_git(page):
+    listed = subprocess.run(["git", "ls-files", "reports"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip("not a git checkout")
+    text, tracked = page.read_text(encoding="utf-8"), listed.stdout.splitlines()
+    widths = [len(re.findall(r"(?<!\\)\|", line)) - 1 for line in text.splitlines() if line.startswith("|")]
+    assert max(widths, default=0) <= pages.MAX_COLUMNS
+    paths = [(page.parent / name).resolve() for name in re.findall(r"\]\(([^)#]+)\)", text) if ":" not in name]
+    assert [path for path in paths if not path.exists()] == []
+    inside = [path.relative_to(ROOT).as_posix() for path in paths if path.is_relative_to(ROOT / "reports")]
+    assert [name for name in inside if not any(f"{one}/".startswith(f"{name}/") for one in tracked)] == []

@@ -76,6 +76,8 @@ def test_stages_write_tables_and_a_page_with_their_numbers(fitted_shape):
         for values in found.values()
     ]
     assert f"{metrics['parameters']:,} parameters, 5 steps;" in text
+    assert number(float("nan")) == number(float("nan"), "°", 1) == "–"  # a mean over nothing
+    assert (number(0.0), number(0.01), number(4.0, "°", 1)) == ("0.00", "0.01", "4.0°")
 
 
 def _long(values):
@@ -105,22 +107,3 @@ def test_report_before_its_stages_is_one_clear_line(fitted_shape, tmp_path, monk
     Path("tiny_fit.yaml").write_text(text)
     assert errors.guarded(lambda: _run("report_shape"), "ddf") == 2
     assert re.fullmatch(r"ddf: error: .*fit_shape/fit\.json.*\n", capsys.readouterr().err)
-
-
-def test_fit_table_has_angles_of_all_types_together():
-    errors = {metric: dict.fromkeys(shape_fits.TYPES, 0.5) for metric in paper_results.BUNNY_METRICS}
-    angles = {"normal_angle_deg": {"U": {"median": 1.0, "p95": 9.0}}, "normal_angle_deg_median": 2.0}
-    table = shape_fits.fit_table({**errors, **angles, "normal_angle_deg_p95": 8.0})
-    value = table[table["source"] == "measured"].set_index(["type", "metric"])["value"]
-    assert value["UAB", "normal_angle_deg_median"] == 2.0
-    assert value["U", "normal_angle_deg_p95"] == 9.0
-    assert value["S", "visibility_bce"] == 0.5
-
-
-def test_a_mean_over_nothing_is_a_dash():
-    assert shape_page.number(float("nan")) == shape_page.number(float("nan"), "°", 1) == "–"
-    assert (shape_page.number(0.0), shape_page.number(0.01), shape_page.number(4.0, "°", 1)) == (
-        "0.00",
-        "0.01",
-        "4.0°",
-    )

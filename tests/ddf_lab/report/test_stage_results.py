@@ -1,5 +1,6 @@
 """What the stages left behind is read, and named where it is missing."""
 
+import dataclasses
 from pathlib import Path
 
 import pandas as pd
@@ -23,18 +24,24 @@ def test_further_seeds_are_evaluated_without_what_no_training_changes(seeded):
 def test_times_are_summed_over_categories_and_memory_is_the_largest(reported):
     _, run, _ = reported
     folder = Path("artifacts") / "fake" / "times"
-    for name, seconds in (("train_ddf-chair", 100), ("train_ddf-plane", 20), ("train_ddf-primitives", 3)):
-        memory = {"peak_mib": 1000.0 + seconds, "worker_peak_mib": 0.0}
-        storage.write_json(folder / f"{name}.json", {"seconds": seconds, **memory})
-    storage.write_json(folder / "train_pcsiren-chair.json", {"seconds": 5, "peak_mib": 900.0, "worker_peak_mib": 0.0})
-    storage.write_json(folder / "dataset.json", {"seconds": 7.0, "peak_mib": 300.0, "worker_peak_mib": 400.0})
+    for name, seconds, own, workers in (
+        ("train_ddf-chair", 100.0, 1100.0, 0.0),
+        ("train_ddf-plane", 20.0, 1020.0, 0.0),
+        ("train_ddf-primitives", 3.0, 1003.0, 0.0),
+        ("train_pcsiren-chair", 5.0, 900.0, 0.0),  # of one category alone
+        ("dataset", 7.0, 300.0, 400.0),
+    ):
+        note = {"seconds": seconds, "peak_mib": own, "worker_peak_mib": workers}
+        storage.write_json(folder / f"{name}.json", note)
     storage.write_json(folder / "evaluate.json", {"seconds": 9.0})  # of a version that noted no memory
     results = stage_results.read_results(run)
-    found = results.costs
-    assert found["train_ddf"] == stage_results.Cost(123.0, 1100.0)
-    assert found["train_pcsiren"] == stage_results.Cost(None, None)
-    assert found["dataset"] == stage_results.Cost(7.0, 400.0)
-    assert found["evaluate"] == stage_results.Cost(9.0, None)
+    costs = {
+        "train_ddf": (123.0, 1100.0),
+        "train_pcsiren": (None, None),
+        "dataset": (7.0, 400.0),
+        "evaluate": (9.0, None),
+    }
+    assert {name: dataclasses.astuple(results.costs[name]) for name in costs} == costs
     (table,) = run_sections.costs_section(results).blocks
     assert isinstance(table, pages.Table)
     assert ["dataset", "7 s", "400"] in table.rows and ["train_ddf", "2.0 min", "1,100"] in table.rows

@@ -17,7 +17,6 @@ from ddf_lab.shipping import model_cards
 
 ROOT = Path(ddf.__file__).parent / "shipped"
 INDEX = json.loads((ROOT / model_cards.INDEX).read_text())["models"]
-MIB = 2**20
 
 
 def test_rounding_halves_matrices_and_keeps_the_rest():
@@ -39,18 +38,15 @@ def test_rounded_weights_are_read_as_float32_and_say_so(tmp_path):
     assert_close(small(*points), whole(*points), rtol=1e-2, atol=1e-2)
 
 
-def test_index_lists_the_files_that_are_there():
+def test_every_model_is_listed():
     assert [entry["name"] for entry in INDEX] == ["rabbit", "nested", "armchair", "airliner", "chair", "plane", "car"]
-    for entry in INDEX:
-        folder = ROOT / entry["name"]
-        assert {path.name: path.stat().st_size for path in folder.iterdir()} == entry["files"]
-        limit = 1 if entry["kind"] == "field" else 8
-        assert sum(entry["files"].values()) <= limit * MIB
 
 
 @pytest.mark.parametrize("entry", INDEX, ids=lambda entry: entry["name"])
-def test_every_model_loads_and_has_a_card(entry):
+def test_every_model_loads_is_small_and_has_a_card(entry):
     folder = ROOT / entry["name"]
+    assert {path.name: path.stat().st_size for path in folder.iterdir()} == entry["files"]
+    assert sum(entry["files"].values()) <= (1 if entry["kind"] == "field" else 8) * 2**20
     if entry["kind"] == "field":
         assert shape_field.load(folder).record["weights"] == "float16"
     else:
@@ -58,18 +54,14 @@ def test_every_model_loads_and_has_a_card(entry):
         assert size == 64 and all(bool(value.isfinite().all()) for value in model.parameters())
     card = (folder / model_cards.CARD).read_text()
     assert card.startswith(f"# {entry['name']}\n\n{entry['summary']}\n")
-    assert all(f"## {heading}" in card for heading in ("Data", "Training", "Scores", "Limits", "Licence"))
 
 
 def _row(licence, creator):
     return manifest.Row(creator + licence, "chair", "train", "p", "a.obj", "", "x y z", (), licence, creator)
 
 
-def test_a_model_of_own_shapes_is_under_the_licence_of_this_repository():
-    assert model_cards.licence([]) == [model_cards.LICENCE]
-
-
 def test_makers_stand_once_below_their_licence():
+    assert model_cards.licence([]) == [model_cards.LICENCE]
     seen = [_row("CC-BY-3.0", "Zoe"), _row("CC0-1.0", "Max"), _row("CC-BY-3.0", "Ann"), _row("CC-BY-3.0", "Zoe")]
     first, *makers = model_cards.licence(seen)
     assert "nothing else went in" not in first

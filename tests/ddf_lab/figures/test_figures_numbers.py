@@ -1,0 +1,54 @@
+"""Numbers of the figures against closed forms, and recipes of their fits."""
+
+import numpy as np
+import pytest
+
+from ddf.core import checks
+from ddf.data.synthetic import showcase
+from ddf.geometry import raycast
+from ddf_lab.figures import distance_figure, figure_fields, sample_figure
+from ddf_lab.report.pages import Table
+
+POSITIONS = np.random.default_rng(0).uniform(-1, 1, (400, 3))
+
+
+@pytest.mark.parametrize("name, off", [("room", 1e-5), ("two_spheres", 2e-3)])
+def test_closest_points_are_those_of_the_mesh(name, off):
+    mesh = {"room": showcase.room, "two_spheres": showcase.two_spheres}[name]()
+    closest = distance_figure.exact(name, mesh)(POSITIONS)
+    distances = np.linalg.norm(closest - POSITIONS, axis=1)
+    np.testing.assert_allclose(distances, raycast.Scene(mesh).distance(POSITIONS), atol=off)
+
+
+def test_the_medial_planes_of_the_room_are_where_v_turns():
+    """On the room's axis four sides are equally far; beside it the nearest one is that of the larger coordinate."""
+    positions = np.array([[0.31, 0.3, 0.5], [0.3, 0.31, 0.5], [0.1, 0.2, -0.9], [0.0, 0.4, 0.99]])
+    np.testing.assert_allclose(
+        distance_figure.to_room(positions), [[1, 0.3, 0.5], [0.3, 1, 0.5], [0.1, 0.2, -1], [0, 1, 0.99]]
+    )
+
+
+def test_paper_udf_trains_g_v_as_the_paper_does():
+    """[DDF22] app. D: 5 x 128, K_c = 5, 1e4 iterations of 4,096 points, Adam at 1e-4."""
+    found = distance_figure.candidate_recipe(figure_fields.FiguresConfig(paper_candidates=True))
+    assert (found.hidden, found.num_candidates, found.steps, found.points) == ((128,) * 5, 5, 10_000, 4096)
+    assert (found.loop.learning_rate, found.loop.schedule) == (1e-4, "constant")
+    assert (found.spread, found.alignment) == (5e-3, 0.1)
+
+
+def test_samples_of_a_sphere_are_those_of_the_closed_form(tmp_path):
+    section = sample_figure.section(figure_fields.FiguresConfig(picture_size=24), tmp_path)
+    (table,) = (block for block in section.blocks if isinstance(block, Table))
+    rows = {str(row[0]): [str(cell) for cell in row[1:]] for row in table.rows}
+    assert list(rows) == list("UABSTO")
+    assert all(float(cells[1]) < 2e-2 for cells in rows.values() if cells[1] != "–")
+    assert float(rows["S"][2]) > 99 and float(rows["A"][0]) > 99  # S starts on the surface, A looks at it
+
+
+def test_the_one_field_is_twice_as_wide_with_twice_the_samples():
+    config = figure_fields.FiguresConfig(steps=10, whole_steps=10)
+    part, whole = figure_fields.recipe("room", config), figure_fields.recipe("furnished", config)
+    assert [2 * width for width in part.field.hidden] == list(whole.field.hidden)
+    assert {kind: 2 * count for kind, count in part.samples.items()} == whole.samples
+    with pytest.raises(checks.InputError, match="steps must be >= 1; got 0"):
+        figure_fields.FiguresConfig(steps=0)
