@@ -72,12 +72,22 @@ def closed(field: framed_field.FramedField, resolution: int = RESOLUTION) -> Mes
     Raises:
       InputError: there is no surface.
     """
+    return carved_surface.extract(look(field), *box(field), resolution)
 
-    def look(starts: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+
+def look(field: framed_field.FramedField) -> carved_surface.Look:
+    """Depths of the field along rays of the mesh's frame."""
+
+    def depths(starts: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         return framed_field.query(field, rays.OrientedPoints(starts, directions), ("depth",))[0]["depth"]
 
+    return depths
+
+
+def box(field: framed_field.FramedField) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """Lower and upper corner of the field's box in the mesh's frame."""
     corners = field.field_from_mesh.inverse().apply(transforms.box_corners(field.lower, field.upper))
-    return carved_surface.extract(look, corners.min(axis=0), corners.max(axis=0), resolution)
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 def extract(

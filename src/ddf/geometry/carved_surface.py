@@ -1,110 +1,160 @@
-"""A watertight mesh of what parallel looks from many sides leave of a box (derived here).
+"""A closed mesh of what looks at a field from many sides say (derived here, after Curless and Levoy 1996).
 
-From each side a depth image is taken. A point in front of what its pixel sees is outside, by as far as it is in front;
-some views may err, so the `_DOUBTED`-th smallest of these distances counts. Where it is `_SKIN`, between nodes of a
-grid, manifold3d makes a mesh, closed by construction, whose vertices then go back: sheets that look thinner than
-nothing from both sides stay. Hollows that few sides look into are full.
+From each side a depth image is taken, as fine as the nodes of a grid. Each node has the mean of how far in front of
+what its pixels see it is, up to `REACH`; a look that sees nothing there, or ends before the node, counts less, so that
+some that err cut no leg off and leave no speck. Where the mean is `LEVEL` lies the surface, so that sheets which look
+thinner than nothing from both sides stay; its vertices go back a little. Hollows that few sides look into are full.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
-from scipy import ndimage
+from jaxtyping import Float, Int
+from scipy import ndimage, sparse
 
 from ddf.core import checks
-from ddf.geometry import rays, transforms
-from ddf.geometry.mesh_io import Mesh, face_normals
+from ddf.geometry import mesh_io, rays, unsigned_surface
 
 # starts (n, 3), unit directions (n, 3) -> depth (n), inf where nothing is seen
 Look = Callable[[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]], Float[np.ndarray, "n"]]
-_SIDES, _DOUBTED = 42, 6
-_SKIN, _BACK = 1.0, 0.5  # cells; half of them, for views that graze are farther in front than the surface is away
-_MARGIN, _REACH = 2, 2.0  # cells: around the box, and distances that count
+LEVEL = 0.8  # cells
+_SIDES = 32
+REACH = 3.0  # cells: distances that count
+_MARGIN = 2  # cells around the box
+_MISSED, _HIDDEN = 0.5, 0.1  # weights of looks that see nothing, and of those that end far before
+_BLUR = 0.5  # cells
+_BACK = 0.4  # cells: looks that graze are farther in front than the surface is away
+_ROUNDS, _IN, _OUT = 3, 0.5, -0.53  # of smoothing. Source: Taubin 1995
+_SLIGHTLY = 0.05  # cells
 
 
-def extract(look: Look, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, "3"], resolution: int) -> Mesh:
+@dataclass(frozen=True)
+class Grid:
+    """Nodes in steps of `cell` from `origin` on, so many along each axis."""
+
+    origin: Float[np.ndarray, "3"]
+    cell: float
+    shape: tuple[int, ...]
+
+    @classmethod
+    def around(cls, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, "3"], resolution: int) -> "Grid":
+        """Of a box with a margin, its longest side so many cells."""
+        cell = float((upper - lower).max()) / resolution
+        counts = np.ceil((upper - lower) / cell).astype(int) + 2 * _MARGIN + 1
+        return cls(lower - _MARGIN * cell, cell, tuple(counts.tolist()))
+
+    def nodes(self) -> Float[np.ndarray, "n 3"]:
+        """All of them, z fastest."""
+        return self.origin + self.cell * np.indices(self.shape).reshape(3, -1).T
+
+
+class Votes:
+    """What looks say of some nodes of a grid."""
+
+    def __init__(self, grid: Grid, chosen: Int[np.ndarray, "n"]) -> None:
+        self.grid, self.chosen, self.nodes = grid, chosen, grid.nodes()[chosen].astype(np.float32)
+        self._sum, self._weight = np.zeros((2, len(chosen)), np.float32)
+
+    def add(self, ahead: Float[np.ndarray, "n"], weight: float = 1.0) -> None:
+        """One look: how far what it sees lies behind each node, in the grid's unit; inf where it sees nothing."""
+        cells = np.clip(ahead / self.grid.cell, -REACH, REACH).astype(np.float32)
+        counted = np.clip(1 + cells / REACH, _HIDDEN, 1)
+        counted[~np.isfinite(ahead)] = _MISSED
+        self._sum += weight * counted * cells
+        self._weight += weight * counted
+
+    def look_around(self, look: Look) -> None:
+        """Parallel looks from all sides, a ray for each pixel that a node lies in."""
+        cell = self.grid.cell
+        for way in rays.evenly_spread(_SIDES):
+            right = np.linalg.svd(way[None])[2][1:]  # two axes across
+            flat, far = right.astype(np.float32) @ self.nodes.T, self.nodes @ way.astype(np.float32)
+            low, start = flat.min(axis=1), far.min() - cell
+            row, column = np.rint((flat - low[:, None]) / cell).astype(np.int32)
+            height, width = row.max() + 1, column.max() + 1
+            pixel = row * width + column
+            used = np.flatnonzero(np.bincount(pixel))
+            starts = (low + cell * np.stack(divmod(used, width), axis=1)) @ right + start * way
+            seen = np.full(height * width, np.inf)
+            seen[used] = start + look(starts, np.broadcast_to(way, starts.shape).copy())
+            self.add(seen[pixel] - far)
+
+    def mean(self) -> Float[np.ndarray, "n"]:
+        """Of the nodes, in cells and a little blurred; negative inside."""
+        whole = np.zeros((2, np.prod(self.grid.shape)), np.float32)
+        whole[:, self.chosen] = self._sum, self._weight
+        blurred = (ndimage.gaussian_filter(each.reshape(self.grid.shape), _BLUR, truncate=2) for each in whole)
+        total, weight = (each.ravel()[self.chosen] for each in blurred)
+        return total / weight
+
+
+def extract(look: Look, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, "3"], resolution: int) -> mesh_io.Mesh:
     """The closed surface in a box, in its frame.
 
     Args:
-      resolution: cells of the longest side; depth images have as many pixels a cell's length.
+      resolution: cells of the longest side.
     Raises:
       InputError: nothing is left.
     """
-    import manifold3d
+    grid = Grid.around(lower, upper, resolution)
+    votes = Votes(grid, np.arange(np.prod(grid.shape)))
+    votes.look_around(look)
+    return surface(grid, votes.mean().reshape(grid.shape) - LEVEL, _BACK)
 
-    cell = float((upper - lower).max()) / resolution
-    origin, shape = lower - _MARGIN * cell, np.ceil((upper - lower) / cell).astype(int) + 2 * _MARGIN + 1
-    centre, values = (lower + upper) / 2, np.full(np.prod(shape), -_REACH)
-    grid = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    nodes, left = (origin + cell * grid - centre).astype(np.float32), np.arange(len(grid))
-    corners = transforms.box_corners(nodes[0], nodes[-1])
-    least = np.full((_DOUBTED, len(nodes)), _REACH, dtype=np.float32)
-    for way in rays.evenly_spread(_SIDES):
-        behind = _behind(look, nodes, corners, centre, way, cell)
-        for row in least:  # ascending, of each node
-            row[:], behind = np.minimum(row, behind), np.maximum(row, behind)
-        open_still = least[-1] > -_REACH  # the others are as far out as counts, whatever further views say
-        nodes, left, least = nodes[open_still], left[open_still], least[:, open_still]
-    values[left] = least[-1]
-    value = _between(values.reshape(shape), origin, cell)
-    box = [*origin, *(origin + cell * (shape - 1))]
-    made = manifold3d.Manifold.level_set(value, box, cell, -_SKIN).to_mesh()
-    if len(made.tri_verts) == 0:
+
+def surface(grid: Grid, values: Float[np.ndarray, "x y z"], back: float = 0.0) -> mesh_io.Mesh:
+    """The closed surface where the values are 0, by surface nets, smoothed; below 0 is inside, the rim is outside.
+
+    Args:
+      back: how far the vertices go back, in cells.
+    Raises:
+      InputError: no node is inside.
+    """
+    values = np.pad(values[1:-1, 1:-1, 1:-1], 1, constant_values=REACH)
+    if not (values < 0).any():
         raise checks.InputError("nothing is left that all sides see: fit the field for longer")
-    mesh = Mesh(np.asarray(made.vert_properties[:, :3]), np.asarray(made.tri_verts))
-    normals, areas = face_normals(mesh)
-    outward = np.zeros_like(mesh.vertices)
-    np.add.at(outward, mesh.faces.ravel(), np.repeat(areas[:, None] * normals, 3, axis=0))
-    length = np.linalg.norm(outward, axis=1, keepdims=True)
-    return Mesh(mesh.vertices - _BACK * cell * outward / np.where(length > 0, length, 1.0), mesh.faces)
+    _join(values)
+    values[ndimage.binary_fill_holes(values < 0) & (values >= 0)] = -_SLIGHTLY  # what no look reaches
+    places, cells = [], []
+    for axis in range(3):
+        step, one, other = (np.eye(3, dtype=int)[(axis + i) % 3] for i in range(3))
+        inside = np.moveaxis(values < 0, axis, 0)
+        found = np.argwhere(inside[1:] != inside[:-1])
+        first = np.insert(found[:, 1:], axis, found[:, 0], axis=1)
+        begin, end = values[tuple(first.T)], values[tuple((first + step).T)]
+        places.append(first + (begin / (begin - end))[:, None] * step)
+        around = first[:, None] + np.stack([-one - other, -other, np.zeros(3, dtype=int), -one])
+        cells.append(np.where((begin < 0)[:, None, None], around, around[:, ::-1]))
+    vertices, faces = unsigned_surface.net(np.concatenate(places), np.concatenate(cells), np.array(values.shape))
+    vertices = _smoothed(vertices, faces)
+    vertices -= back * mesh_io.vertex_normals(mesh_io.Mesh(vertices, faces))
+    return mesh_io.Mesh(grid.origin + grid.cell * vertices, faces)
 
 
-def _behind(
-    look: Look,
-    nodes: Float[np.ndarray, "n 3"],
-    corners: Float[np.ndarray, "8 3"],
-    centre: Float[np.ndarray, "3"],
-    way: Float[np.ndarray, "3"],
-    cell: float,
-) -> Float[np.ndarray, "n"]:
-    """How far nodes are behind what is seen along a way, in cells up to `_REACH`; of four pixels each, linearly."""
-    right = np.linalg.svd(way[None])[2][1:]  # two axes across
-    low, start = (corners @ right.T).min(axis=0), (corners @ way).min() - cell
-    count = np.ceil(((corners @ right.T).max(axis=0) - low) / cell).astype(int) + 2
-    pixels = low + cell * np.stack(np.meshgrid(*map(np.arange, count), indexing="ij"), axis=-1).reshape(-1, 2)
-    starts = centre + pixels @ right + start * way
-    seen = (look(starts, np.broadcast_to(way, starts.shape).copy()) / cell).astype(np.float32)
-    axes = np.stack([*right, way]).astype(np.float32) / np.float32(cell)
-    x, y, far = axes @ nodes.T - (np.array([*low, start]) / cell).astype(np.float32)[:, None]
-    i, j = (np.clip(np.floor(each), 0, None).astype(np.int32) for each in (x, y))
-    x, y, at, total = x - i, y - j, i * count[1] + j, np.zeros_like(far)
-    for step, share in ((0, (1 - x) * (1 - y)), (1, (1 - x) * y), (count[1], x * (1 - y)), (count[1] + 1, x * y)):
-        total += share * np.clip(far - seen[at + step], -_REACH, _REACH)
-    return total.clip(-_REACH, _REACH)
+def _join(values: Float[np.ndarray, "x y z"]) -> None:
+    """Put the likelier node between two inside that meet in a corner of their plane alone inside too, in place.
+
+    Where there are none, each edge of the surface has two triangles.
+    """
+    corners, met = np.array([[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]]), True
+    while met:
+        met = False
+        for axis in range(3):
+            flat = np.moveaxis(values, axis, 0)
+            square = np.stack([flat[:, :-1, :-1], flat[:, 1:, :-1], flat[:, 1:, 1:], flat[:, :-1, 1:]])
+            inside = square < 0
+            crossed = (inside[0] == inside[2]) & (inside[1] == inside[3]) & (inside[0] != inside[1])
+            likelier = np.where(inside, np.inf, square)[:, crossed].argmin(axis=0)
+            flat[tuple((np.argwhere(crossed) + corners[likelier]).T)] = -_SLIGHTLY
+            met |= bool(crossed.any())
 
 
-def _between(
-    values: Float[np.ndarray, "x y z"], origin: Float[np.ndarray, "3"], cell: float
-) -> Callable[[float, float, float], float]:
-    """Values between the nodes, linearly; asked one by one, so in plain numbers."""
-    flat, (size_x, size_y, size_z) = values.ravel().tolist(), values.shape
-    outside = (ndimage.maximum_filter(values, 2, origin=-1) <= -_REACH).ravel().tolist()  # all corners of the cell
-    ox, oy, oz = origin.tolist()
-    y_step, x_step = size_z, size_y * size_z
-
-    def value(x: float, y: float, z: float) -> float:
-        x, y, z = (x - ox) / cell, (y - oy) / cell, (z - oz) / cell
-        if not (0 <= x < size_x - 1 and 0 <= y < size_y - 1 and 0 <= z < size_z - 1):
-            return -_REACH
-        i, j, k = int(x), int(y), int(z)
-        x, y, z, at, sides = x - i, y - j, z - k, (i * size_y + j) * size_z + k, []
-        if outside[at]:
-            return -_REACH
-        for side in (at, at + x_step):
-            near = (1 - z) * flat[side] + z * flat[side + 1]
-            beyond = (1 - z) * flat[side + y_step] + z * flat[side + y_step + 1]
-            sides.append((1 - y) * near + y * beyond)
-        return (1 - x) * sides[0] + x * sides[1]
-
-    return value
+def _smoothed(vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"]) -> Float[np.ndarray, "n 3"]:
+    """Vertices moved towards the mean of their neighbours and back again, so that they do not shrink."""
+    starts, ends = np.concatenate([faces[:, [i, (i + 1) % 3]] for i in range(3)]).T
+    beside = sparse.csr_matrix((np.ones(len(starts)), (starts, ends)))
+    count = np.bincount(starts)[:, None]
+    for factor in _ROUNDS * (_IN, _OUT):
+        vertices = vertices + factor * (beside @ vertices / count - vertices)
+    return vertices

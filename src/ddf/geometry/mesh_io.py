@@ -104,6 +104,15 @@ def face_normals(mesh: Mesh) -> tuple[Float[np.ndarray, "m 3"], Float[np.ndarray
     return np.ascontiguousarray((cross / np.where(length > 0, length, 1.0)).T), 0.5 * length
 
 
+def vertex_normals(mesh: Mesh) -> Float[np.ndarray, "n 3"]:
+    """Unit normals of the vertices, by the areas of their triangles; 0 where these cancel or there are none."""
+    normals, areas = face_normals(mesh)
+    weighted = np.repeat(areas[:, None] * normals, 3, axis=0)
+    total = np.stack([np.bincount(mesh.faces.ravel(), each, len(mesh.vertices)) for each in weighted.T], axis=1)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return total / np.where(length > 0, length, 1.0)
+
+
 def have_area(mesh: Mesh, areas: Float[np.ndarray, "m"]) -> Bool[np.ndarray, "m"]:
     """Which triangles have an area: a flatter one has no normal that float64 can give, and no ray meets it."""
     first, second, third = (mesh.vertices.take(mesh.faces[:, corner], axis=0) for corner in range(3))

@@ -66,7 +66,7 @@ def extract(
     corners, quads = _crossings(nodes, place, distances, ways, cell, count)
     if not len(quads):
         raise checks.InputError("there is no surface in the box: fit the field for longer")
-    vertices, faces = _net(corners, quads, count)
+    vertices, faces = net(corners, quads, count)
     vertices = origin + cell * vertices
     left, way = ask(vertices)
     near = left < cell
@@ -102,10 +102,14 @@ def _crossings(
     return np.concatenate(places), np.concatenate(cells)
 
 
-def _net(
+def net(
     corners: Float[np.ndarray, "c 3"], quads: Int[np.ndarray, "c 4 3"], count: Int[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
-    """A vertex per cell, the mean of its crossings, and two triangles per crossing, along the shorter diagonal."""
+    """A vertex per cell, the mean of its crossings, and two triangles per crossing, along the shorter diagonal.
+
+    Args:
+      corners: places of the crossings. quads: the four cells around each, whose order the triangles keep. count: cells.
+    """
     keys = np.ravel_multi_index(tuple(quads.reshape(-1, 3).T), tuple(count))
     _, index = np.unique(keys, return_inverse=True)
     number = np.bincount(index)
