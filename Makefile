@@ -45,7 +45,7 @@ STAGES := $(shell sed -n 's/^\([a-z0-9_]*\):$$/stage-\1/p' pipeline.yaml)
 $(STAGES): $(READY) ## one stage (dataset, meshes, ..., report) and what it needs
 	$(run) --stage $(@:stage-%=%)
 train: $(READY) ## the trainings and what they need, JOBS=4 side by side, each behind LAUNCH="srun --gres=gpu:1"
-	$(run) --stage train_ddf --stage train_pcsiren
+	$(run) --stage train_ddf --stage train_pcsiren --stage train_ddf_image
 report: stage-report ## tables, figures and report of CONFIG (makes what is missing)
 publish: $(READY) ## the page of CONFIG as it was made last, to reports/, where git keeps it
 	@$(RUN) -m ddf_lab.report.publish "$$CONFIG"

@@ -24,7 +24,7 @@ def make(run: Run) -> None:
         for name, table in zip(names, found, strict=True):
             table.insert(0, "category", table["id"].map(groups.of_shapes(index, category)))
             tables[name].append(table)
-        sources += [folders["pointclouds"] / f"{model}.safetensors" for model in ("ddf", "pcsiren")]
+        sources += [folders["pointclouds"] / f"{model}.safetensors" for model in scoring.FILES.values()]
     whole = {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
     whole["si3dr"] = scoring.summary(whole["per_image"], whole["cameras"], whole["shapes"])
     record = provenance.record(settings, settings.seed, sources, category_scores)

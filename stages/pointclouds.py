@@ -1,4 +1,4 @@
-"""Reconstruct the test images of one category with both trained models: clouds, cameras, renders.
+"""Reconstruct the test images of one category with all trained models: clouds, cameras, renders.
 
 A run that was killed goes on from the images it had finished.
 """
@@ -7,8 +7,8 @@ from ddf.core import notes, provenance, storage
 from ddf.data import shapenet
 from ddf.data.batches import category_data
 from ddf.fields import model_files
-from ddf.models import reconstruction_models, reconstruction_settings
-from ddf.reconstruction import many_images, mask_descent
+from ddf.models import line_field, reconstruction_models, reconstruction_settings
+from ddf.reconstruction import line_clouds, many_images, mask_descent, three_views
 from ddf.training import training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
@@ -16,7 +16,7 @@ from ddf_lab.run import Run
 
 @stage.main(category=True, seed=True)
 def make(run: Run) -> None:
-    """Read both models and the images of the category, write one file per model."""
+    """Read the models and the images of the category, write one file per model."""
     train = run.section(reconstruction_settings.TrainConfig)
     section = run.reseeded(reconstruction_settings.PointcloudsConfig)
     samples_dir = run.folder("samples")
@@ -30,13 +30,16 @@ def make(run: Run) -> None:
             dataset.train(run.category),
         )
     )
-    common = {"camera_true": test.cameras, **category_data.read_shapes(samples_dir, test.ids).placements(test.shapes)}
+    shapes = category_data.read_shapes(samples_dir, test.ids)
+    common = {"camera_true": test.cameras, **shapes.placements(test.shapes)}
 
     out = run.folder("pointclouds", seed=run.seed)
-    for name in ("ddf", "pcsiren"):
+    for name in ("ddf", "pcsiren", "ddf_image"):
         folder = run.folder(f"train_{name}", seed=run.seed)
         sources = [run.index, folder / model_files.MODEL]
-        record = provenance.record([section, run.category, test.digest()], section.seed, sources, many_images)
+        record = provenance.record(
+            [section, run.category, test.digest()], section.seed, sources, (many_images, line_clouds, three_views)
+        )
         kept = notes.Portions(out, record["fingerprint"])
         if name == "ddf":
             ddf = reconstruction_models.load_ddf(folder).network
@@ -44,9 +47,16 @@ def make(run: Run) -> None:
             given = (ddf, test, section, run.label, mask_descent.latent_deviation(ddf, features), kept)
             tensors, facts = many_images.reconstruct_ddf(*given)
             tensors["train_features"] = features  # for the retrieval row
-        else:
+            several = three_views.of_latents(ddf, test, shapes, section)
+        elif name == "pcsiren":
             pcsiren, _ = reconstruction_models.load_pcsiren(folder)
             tensors, facts = many_images.reconstruct_pcsiren(pcsiren, test, section)
+            several = three_views.of_latents(pcsiren, test, shapes, section)
+        else:
+            image_model = line_field.load(folder).network
+            tensors, facts = line_clouds.reconstruct(image_model, test, section)
+            several = three_views.of_features(image_model, test, section)
         names = {"images": test.names(), "train_images": train_images.names()}
-        storage.save_tensors(out / f"{name}.safetensors", tensors | common, record | names | facts)
+        tensors, facts = common | tensors | several[0], facts | several[1]
+        storage.save_tensors(out / f"{name}.safetensors", tensors, record | names | facts)
         kept.clear()

@@ -167,19 +167,29 @@ class FakeExperiment:
         nearest = [nearest_train_image(row) % len(train_images) for row in range(count)]
         ddf["features"] = ddf["train_features"][nearest] + 0.1
         ddf |= _renders(count, self.generator)
+        three = {"three_views": (scale[:, None, None] * self._clouds(category, SIZES["L"], self.noise))[[0, 2]]}
+        record["three_views"] = [images[0][0], images[2][0]]
         record_ddf = record | {"train_images": train_images, "rendered": list(range(count))}
         folder = self._folder("pointclouds", category)
-        storage.save_tensors(folder / "ddf.safetensors", _float32(ddf), record_ddf)
+        storage.save_tensors(folder / "ddf.safetensors", _float32(ddf | three), record_ddf)
         pcs = {size: self._clouds(category, n, 2 * self.noise) for size, n in SIZES.items()}
         pcs |= common | {"camera_pred": camera + np.array([-0.2, 0.03, 0.02])}
-        storage.save_tensors(folder / "pcsiren.safetensors", _float32(pcs), record)
+        storage.save_tensors(folder / "pcsiren.safetensors", _float32(pcs | three), record)
+        by = {"true": 3 * self.noise, "pred": 4 * self.noise}
+        image = {
+            f"{size}.{name}": self._clouds(category, n, noise)
+            for size, n in SIZES.items()
+            for name, noise in by.items()
+        }
+        image |= common | {"camera_pred": camera + np.array([0.15, 0.02, 0.02])}
+        storage.save_tensors(folder / "ddf_image.safetensors", _float32(image | three), record)
 
     def _clouds(self, category, count, noise):
         return np.stack([self._surface(category, shape, count, noise) for shape, _ in self.images(category)])
 
     def _write_logs(self, category):
         step = np.arange(0, 2001, 50)
-        for model, start in (("train_ddf", 3.0), ("train_pcsiren", 2.0)):
+        for model, start in (("train_ddf", 3.0), ("train_pcsiren", 2.0), ("train_ddf_image", 1.0)):
             decay = start * np.exp(-step / 600) + 0.2
             wiggle = 1 + 0.05 * self.generator.normal(size=len(step))
             columns = {"step": step, "loss": decay * wiggle, "camera": 0.4 * decay, "seconds": 0.1 * step}

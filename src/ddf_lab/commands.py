@@ -117,7 +117,7 @@ def _parameters(experiment: Any) -> dict[str, int]:
     import torch
 
     from ddf.fields import pddf
-    from ddf.models import encoders, reconstruction_models, reconstruction_settings
+    from ddf.models import encoders, line_field, reconstruction_models, reconstruction_settings
 
     if experiment.kind == "generative":
         from ddf.models import generative_models
@@ -130,6 +130,7 @@ def _parameters(experiment: Any) -> dict[str, int]:
         models = {
             "ddf": reconstruction_models.DDFModel(train, field),
             "pc_siren": reconstruction_models.PCSirenModel(train),
+            "ddf_image": line_field.ImageDDFModel(train, experiment.section(line_field.LineFieldConfig)),
             "single_shape": pddf.PDDF(pddf.PAPER_SINGLE_SHAPE),
             "ddf_encoder": encoders.ENCODERS[train.encoder](train.latent_features, train.encoder_width),
         }
@@ -151,8 +152,8 @@ def _cost(experiment: Any, parameters: dict[str, int]) -> dict[str, Any]:
         shapes |= {name: len(listed[name]["shapes"]) for name in shapes if name in listed}
     size = samples * SAMPLE_BYTES + sections["samples"].cloud_points * CLOUD_BYTES
     total = None if None in shapes.values() else sum(shapes.values())
-    steps = {name: sections[name].steps for name in ("ddf", "pcsiren")}
-    trained = len(shapes) * MODEL_COPIES * 4 * (parameters["ddf"] + parameters["pc_siren"])
+    steps = {name: sections[name].steps for name in ("ddf", "pcsiren", "ddf_image")}
+    trained = len(shapes) * MODEL_COPIES * 4 * sum(parameters[name] for name in ("ddf", "pc_siren", "ddf_image"))
     return {
         "shapes": {**shapes, "all": total},
         "per_shape": {"samples": samples, "bytes": size},

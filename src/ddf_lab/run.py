@@ -18,6 +18,7 @@ SECTIONS = {
     "train": "ddf.models.reconstruction_settings:TrainConfig",
     "ddf": "ddf.models.reconstruction_settings:DDFConfig",
     "pcsiren": "ddf.models.reconstruction_settings:PCSirenConfig",
+    "ddf_image": "ddf.models.line_field:LineFieldConfig",
     "pointclouds": "ddf.models.reconstruction_settings:PointcloudsConfig",
     "evaluate": "ddf_lab.evaluation.scoring:EvaluateConfig",
     "fit": "ddf.fit.fit_settings:FitConfig",
@@ -29,13 +30,13 @@ SECTIONS = {
 DATA = ("dataset", "meshes", "samples")
 Kind = Literal["reconstruction", "generative", "shape", "figures"]
 KINDS: dict[Kind, tuple[str, ...]] = {  # of experiments, and their sections
-    "reconstruction": (*DATA, "train", "ddf", "pcsiren", "pointclouds", "evaluate"),
+    "reconstruction": (*DATA, "train", "ddf", "pcsiren", "ddf_image", "pointclouds", "evaluate"),
     "generative": (*DATA, "vae", "gan", "scores"),
     "shape": ("fit",),
     "figures": ("figures",),
 }
 # Of a reconstruction, in the order of the pipeline; without those beside it (export_onnx) and the report itself.
-STAGES = ("dataset", "meshes", "samples", "train_ddf", "train_pcsiren", "pointclouds", "evaluate")
+STAGES = ("dataset", "meshes", "samples", "train_ddf", "train_pcsiren", "train_ddf_image", "pointclouds", "evaluate")
 WHOLE = ("dataset", "evaluate")  # these run once, all others for each category
 
 T = TypeVar("T")

@@ -23,12 +23,23 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
 ROOT = Path(__file__).resolve().parents[2]
 RECIPES = {file.stem: file for file in sorted((ROOT / "docs" / "recipes").glob("*.diff"))}
-STAGES = ("dataset", "meshes", "samples", "train_ddf", "train_pcsiren", "pointclouds", "evaluate", "report")
+STAGES = (
+    "dataset",
+    "meshes",
+    "samples",
+    "train_ddf",
+    "train_pcsiren",
+    "train_ddf_image",
+    "pointclouds",
+    "evaluate",
+    "report",
+)
 SMALL = {
     "dataset": {"categories": {"primitives": 6}, "views": 5},
     "samples": {"counts": dict.fromkeys("UABSTO", 300)},
     "ddf": {"steps": 3},
     "pcsiren": {"steps": 3},
+    "ddf_image": {"steps": 3},
 }
 
 
@@ -120,7 +131,7 @@ def _metric(copy: Copy) -> None:
 
 def _encoder(copy: Copy) -> None:
     copy.set({"train": {"encoder": "plain"}})
-    copy.stage("train_ddf", "train_pcsiren", "pointclouds", "evaluate")
+    copy.stage("train_ddf", "train_pcsiren", "train_ddf_image", "pointclouds", "evaluate")
     model = "artifacts/tiny/train_ddf/primitives"
     copy.run("ddf", "export", model, "encoders.onnx", "--graph", "encoders")
     image = next(copy.artifact("dataset/ShapeNetRendering").rglob("00.png"))

@@ -228,7 +228,14 @@ def test_sigkill_and_again_gives_the_same_table(workspace, stage, sign, whole_gr
 
 def test_further_seeds_are_added_and_left_out_again(workspace):
     table = workspace.table
-    assert sorted(workspace.smoke("SEEDS=2")) == ["evaluate", "pointclouds", "report", "train_ddf", "train_pcsiren"]
+    assert sorted(workspace.smoke("SEEDS=2")) == [
+        "evaluate",
+        "pointclouds",
+        "report",
+        "train_ddf",
+        "train_ddf_image",
+        "train_pcsiren",
+    ]
     assert workspace.smoke("SEEDS=2") == []
     assert (workspace.artifacts / "evaluate_seeds" / "1" / "si3dr.csv").read_text() != table
     assert workspace.table == table

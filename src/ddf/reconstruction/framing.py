@@ -17,8 +17,8 @@ from torch import Tensor
 
 from ddf.fields import cloud_projection, stored_fields
 from ddf.geometry import cameras, transforms
-from ddf.models import reconstruction_models
-from ddf.reconstruction import mask_descent
+from ddf.models import line_field, reconstruction_models
+from ddf.reconstruction import line_clouds, mask_descent
 
 START = np.array([0.7, 0.0, 0.03])  # share of the diagonal, and of the centre's place, of the synthetic training images
 _COARSE, _FINE, _EACH_WAY = 0.03, 0.01, 2  # steps of the grids of places
@@ -59,7 +59,7 @@ class Cutout:
 
 
 @torch.no_grad()
-def frame(trained: reconstruction_models.TrainedDDF, cutout: Cutout) -> Frame:
+def frame(trained: reconstruction_models.TrainedDDF | line_field.TrainedImageDDF, cutout: Cutout) -> Frame:
     """Where the object stands in a picture that is like the model's training images."""
     if cutout.given is not None:
         return cutout.given
@@ -85,13 +85,19 @@ def encoder_input(pixels: UInt8[np.ndarray, "h w 4"]) -> Float[Tensor, "1 4 h w"
     return torch.from_numpy(pixels).permute(2, 0, 1)[None].float() / 255
 
 
-def _by_shape(model: reconstruction_models.DDFModel, pixels: UInt8[np.ndarray, "h w 4"]) -> Frame:
+def _by_shape(
+    model: reconstruction_models.DDFModel | line_field.ImageDDFModel, pixels: UInt8[np.ndarray, "h w 4"]
+) -> Frame:
     """The frame of the shape that the model sees, from the mean distance."""
-    mean = model.camera_head.mean
-    _, latent, camera = reconstruction_models.encode_batch(model, encoder_input(pixels).to(mean))
-    drawn = stored_fields.cloud_config(cycles=1)
+    mean, image = model.camera_head.mean, encoder_input(pixels)
+    _, latent, camera = reconstruction_models.encode_batch(model, image.to(mean))
     generator = torch.Generator(mean.device).manual_seed(0)
-    cloud = cloud_projection.draw(model.field, [m[0] for m in model.modulations(latent)], _POINTS, drawn, generator)
+    if isinstance(model, line_field.ImageDDFModel):
+        views = model.views(image.to(mean), torch.cat((camera[:, :2], mean[None, 2:]), dim=1))
+        cloud = line_clouds.draw(line_field.ImageField.of(model.decoder, views), _POINTS, generator)
+    else:
+        own, drawn = [m[0] for m in model.modulations(latent)], stored_fields.cloud_config(cycles=1)
+        cloud = cloud_projection.draw(model.field, own, _POINTS, drawn, generator)
     points = (transforms.BENCHMARK_FROM_V1 * mask_descent.scale_from_cloud(cloud) * cloud).double()
     column, row = cameras.project(
         points, *cameras.extrinsics(camera[0, 0].double(), camera[0, 1].double(), mean[2].double())

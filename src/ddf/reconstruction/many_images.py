@@ -67,13 +67,13 @@ def reconstruct_ddf(
     rendered = spread(len(latents), config.rendered)
     tensors |= {"camera_pred": predicted, "features": features} | corrected
     render = functools.partial(work.render, modulations, scale, size=config.render_size)
-    pictures = list(_in_threads(render, rendered))
+    pictures = list(in_threads(render, rendered))
     tensors |= {
         f"render.{name}": torch.stack([p[name] for p in pictures]) for name in field_outputs.DEFAULT if pictures
     }
-    overlaps = _in_threads(functools.partial(work.silhouette_iou, modulations, scale), range(len(latents)))
+    overlaps = in_threads(functools.partial(work.silhouette_iou, modulations, scale), range(len(latents)))
     tensors["silhouette_iou"] = torch.tensor(list(overlaps))
-    return _on_cpu(tensors), {"rendered": rendered, "seconds": seconds}
+    return on_cpu(tensors), {"rendered": rendered, "seconds": seconds}
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class _Work:
 
         def timed(batches: Sequence[reconstruction_models.Rows]) -> dict[str, Tensor]:
             started = time.monotonic()
-            tensors = _on_cpu(make(batches))
+            tensors = on_cpu(make(batches))
             return tensors | {"seconds": torch.tensor([time.monotonic() - started])}
 
         size = CORRECTION_BATCH[model_files.device().type]
@@ -122,7 +122,7 @@ class _Work:
         """
 
         def draw(row: int) -> dict[str, Tensor]:
-            own, generator, how = [m[row] for m in modulations], _generator(self.config, row), self.config.cloud
+            own, generator, how = [m[row] for m in modulations], generator_of(self.config, row), self.config.cloud
             cycles = cloud_projection.sample(self.model.field, own, self.config.large, how, generator)
             found = {}
             for cycle, label in names.items():
@@ -135,7 +135,7 @@ class _Work:
         def make(batches: Sequence[reconstruction_models.Rows]) -> dict[str, Tensor]:
             rows, drawn = np.concatenate(batches).tolist(), []
             progress.update(rows[0] - progress.n)  # those before were found
-            for clouds in _in_threads(draw, rows):
+            for clouds in in_threads(draw, rows):
                 drawn.append(clouds)
                 progress.update()
             return {key: torch.stack([clouds[key] for clouds in drawn]) for key in drawn[0]}
@@ -160,7 +160,7 @@ class _Work:
             field_scale = (1 / scale[index]).to(self.predicted.device)
             return mask_descent.correct_camera(self.model, own, camera, field_scale, alpha, config)
 
-        return {"camera_corrected": torch.cat(list(_in_threads(correct, batches)))}
+        return {"camera_corrected": torch.cat(list(in_threads(correct, batches)))}
 
     def correct_shapes(
         self,
@@ -172,13 +172,13 @@ class _Work:
 
         def correct(rows: reconstruction_models.Rows) -> Tensor:
             index = torch.from_numpy(rows)
-            own, generators = self.latents[index], [_generator(self.config, int(row)) for row in rows]
+            own, generators = self.latents[index], [generator_of(self.config, int(row)) for row in rows]
             field_scale = rough_field_scales(self.model, own, self.config.cloud, generators)
             alpha = self.images.alpha(rows, how.mask_size).to(own.device)
             camera = self.predicted[index]
             return mask_descent.correct_shapes(self.model, own, deviation, camera, field_scale, alpha, how)
 
-        return {"latents": torch.cat(list(_in_threads(correct, batches)))}
+        return {"latents": torch.cat(list(in_threads(correct, batches)))}
 
     def render(
         self,
@@ -227,13 +227,9 @@ def reconstruct_pcsiren(
     started = time.monotonic()
 
     def draw(image: int) -> Tensor:
-        chosen = config.pcsiren_inputs == "farthest"
-        inputs = cube_points(config.large * (1 + chosen), config.pcsiren_inputs, _generator(config, image))
-        with torch.no_grad():
-            points = model.decoder(inputs[None], latents[image : image + 1])[0]
-        return points[cloud_projection.farthest_point_order(points, config.large)] if chosen else points
+        return pcsiren_cloud(model, latents[image : image + 1], config, generator_of(config, image))
 
-    large = list(_in_threads(draw, range(len(latents))))
+    large = list(in_threads(draw, range(len(latents))))
     seconds = {"encoders": encoding, "cloud": (time.monotonic() - started) / len(latents)}
     tensors = {
         "L": torch.stack(large),
@@ -241,7 +237,21 @@ def reconstruct_pcsiren(
         "camera_pred": predicted,
         SCALE: torch.tensor([mask_descent.scale_from_cloud(points) for points in large]),
     }
-    return _on_cpu(tensors), {"seconds": seconds}
+    return on_cpu(tensors), {"seconds": seconds}
+
+
+@torch.no_grad()
+def pcsiren_cloud(
+    model: reconstruction_models.PCSirenModel,
+    latent: Float[Tensor, "1 z"],
+    config: reconstruction_settings.PointcloudsConfig,
+    generator: torch.Generator,
+) -> Float[Tensor, "n 3"]:
+    """The cloud L of one latent, field frame."""
+    chosen = config.pcsiren_inputs == "farthest"
+    inputs = cube_points(config.large * (1 + chosen), config.pcsiren_inputs, generator)
+    points = model.decoder(inputs[None], latent)[0]
+    return points[cloud_projection.farthest_point_order(points, config.large)] if chosen else points
 
 
 def cube_points(
@@ -288,12 +298,12 @@ def _cycles_kept(cloud: cloud_projection.CloudConfig) -> dict[int, str]:
     return names | {1: "h1"} if cloud.candidate_share(1) >= 1 else names
 
 
-def _generator(config: reconstruction_settings.PointcloudsConfig, image: int) -> torch.Generator:
+def generator_of(config: reconstruction_settings.PointcloudsConfig, image: int) -> torch.Generator:
     """Each image has its own random stream, so that a subset of images gives the same clouds."""
     return torch.Generator(model_files.device()).manual_seed(seeding.numbered(config.seed, image))
 
 
-def _in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:
+def in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:
     """`map`, in order, of as many items at a time as this process may use cores; on a GPU one after the other."""
     with ThreadPoolExecutor(_threads_at_once()) as pool:
         yield from pool.map(function, items)
@@ -304,5 +314,6 @@ def _threads_at_once() -> int:
     return max(1, cores // torch.get_num_threads()) if model_files.device().type == "cpu" else 1
 
 
-def _on_cpu(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+def on_cpu(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Tensors as files keep them: float32, on the CPU."""
     return {name: value.detach().cpu().float().contiguous() for name, value in tensors.items()}

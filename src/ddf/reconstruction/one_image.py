@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ddf.core import checks, storage
 from ddf.data.batches import category_data
-from ddf.fields import cloud_projection, model_files, pddf, shape_field, stored_fields
+from ddf.fields import cloud_projection, framed_field, model_files, pddf, shape_field, stored_fields
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.reconstruction import framing, many_images, mask_descent
 
@@ -37,7 +37,7 @@ class Reconstructed:
     the model's file does not say. seconds: of each part.
     """
 
-    shape: shape_field.ShapeField
+    shape: framed_field.FramedField
     cloud: Float[np.ndarray, "n 3"]
     camera: Float[Tensor, "3"]
     view: UInt8[np.ndarray, "s s 4"]
@@ -53,10 +53,17 @@ def placed(
 ) -> shape_field.ShapeField:
     """The field of one shape, frame of v1; its box is that of the cloud with a margin."""
     whole = shape_field.conditioned(pddf.baked(model.field, modulations), None, scale)
-    points = cloud.double().cpu().numpy()
-    lower = np.clip(points.min(axis=0) - _MARGIN, whole.lower, whole.upper - _MARGIN)
-    upper = np.clip(points.max(axis=0) + _MARGIN, lower + _MARGIN, whole.upper)
+    lower, upper = box_of(cloud, whole.lower, whole.upper)
     return dataclasses.replace(whole, lower=lower, upper=upper)
+
+
+def box_of(
+    cloud: Float[Tensor, "n 3"], least: Float[np.ndarray, "3"], most: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """Corners of the box of a cloud with a margin, within another box."""
+    points = cloud.double().cpu().numpy()
+    lower = np.clip(points.min(axis=0) - _MARGIN, least, most - _MARGIN)
+    return lower, np.clip(points.max(axis=0) + _MARGIN, lower + _MARGIN, most)
 
 
 def latent_deviation(model: reconstruction_models.DDFModel, folder: Path, encoded: Path) -> Float[Tensor, "z"]:
@@ -96,25 +103,25 @@ def reconstruct(
     model, image_size, statistics = trained
     seconds: dict[str, float] = {}
     cutout = framing.Cutout(pixels)
-    with _timed(seconds, "framing"):
+    with timed(seconds, "framing"):
         frame = framing.frame(trained, cutout)
         framed = framing.encoder_input(cutout.crop(frame, image_size)).to(model_files.device())
-    with _timed(seconds, "encoders"), torch.no_grad():
+    with timed(seconds, "encoders"), torch.no_grad():
         stages, latent, seen_from = reconstruction_models.encode_batch(model, framed)
     score = None if statistics is None else float(statistics.score(torch.cat(stages, dim=1))[0])
     drawn = stored_fields.cloud_config()
     if deviation is not None:
-        with _timed(seconds, "silhouette"):
+        with timed(seconds, "silhouette"):
             how = reconstruction_settings.ShapeCorrectionConfig()
             field_scale = many_images.rough_field_scales(model, latent, drawn, [_generator(seed)])
             alpha = category_data.averaged(framed[:, 3], how.mask_size)
             latent = mask_descent.correct_shapes(model, latent, deviation, seen_from, field_scale, alpha, how)
     batch = [each.detach() for each in model.modulations(latent)]
     modulations = [each[0] for each in batch]
-    with _timed(seconds, "cloud"):
+    with timed(seconds, "cloud"):
         whole = cloud_projection.draw(model.field, modulations, max(points, WHOLE), drawn, _generator(seed))
     scale = mask_descent.scale_from_cloud(whole)
-    with _timed(seconds, "camera"):
+    with timed(seconds, "camera"):
         alpha = category_data.averaged(framed[:, 3], CAMERA.mask_size)
         field_scale = 1 / seen_from.new_tensor([scale])
         seen_from = mask_descent.correct_camera(model, batch, seen_from, field_scale, alpha, CAMERA)
@@ -136,7 +143,7 @@ def _generator(seed: int) -> torch.Generator:
 
 
 @contextlib.contextmanager
-def _timed(table: dict[str, float], name: str) -> Iterator[None]:
+def timed(table: dict[str, float], name: str) -> Iterator[None]:
     """Note the wall time of a block in a table."""
     started = time.monotonic()
     yield

@@ -1,4 +1,4 @@
-"""All scores of one category: of both models and of the baselines, per image, and facts of its shapes."""
+"""All scores of one category: of all models and of the baselines, per image, and facts of its shapes."""
 
 from pathlib import Path
 from typing import Any
@@ -19,13 +19,16 @@ def evaluate(
 
     What no training changes is found for seed 0 alone: further seeds have no other baseline than retrieval, no facts.
     """
-    ddf = scoring.load_predictions(folders["pointclouds"] / "ddf.safetensors")
-    pc_siren = scoring.load_predictions(folders["pointclouds"] / "pcsiren.safetensors")
+    models = {
+        method: scoring.load_predictions(folders["pointclouds"] / f"{file}.safetensors")
+        for method, file in scoring.FILES.items()
+    }
+    ddf = models[scoring.DDF]
     truths = scoring.load_truth(folders["samples"])
     train_ids = [shape["id"] for shape in shapes if shape["train_views"]]
     validation_ids = [shape["id"] for shape in shapes if shape.get("validation_views")]
     tests = {shape: [ddf.images[row] for row in rows] for shape, rows in scoring.views_by_shape(ddf.images).items()}
-    sizes = scoring.cloud_sizes(pc_siren)
+    sizes = scoring.cloud_sizes(models[scoring.PC_SIREN])
     if seed:
         retrieved = baselines.retrieval_choice(ddf, truths)
         rows, oracle = baselines.Retrieval(truths, sizes, settings.seed, retrieved), {}
@@ -33,11 +36,11 @@ def evaluate(
         rows = baselines.prepare(ddf, truths, train_ids, validation_ids, sizes, settings)
         oracle = rows.oracle
     cases = (
-        (truths[shape], scoring.model_cases(ddf, pc_siren, shape) + rows.cases(shape, images))
+        (truths[shape], scoring.model_cases(models, shape) + rows.cases(shape, images))
         for shape, images in tests.items()
     )
     scores = scoring.score_all(cases)
-    errors = [scoring.camera_errors(scoring.DDF, ddf), scoring.camera_errors(scoring.PC_SIREN, pc_siren)]
+    errors = [scoring.camera_errors(method, found) for method, found in models.items()]
     facts = [
         {
             "id": shape,

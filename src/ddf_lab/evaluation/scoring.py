@@ -24,8 +24,11 @@ from ddf.data import packing
 from ddf.geometry import cameras, neighbours, transforms
 from ddf.metrics import cloud_scores
 from ddf.metrics.camera_errors import ERRORS
+from ddf.reconstruction import three_views
 
 DDF, PC_SIREN, DDF_ONE_CYCLE, DDF_ON_MASK = "ddf", "pc_siren", "ddf_nh1", "ddf_on_mask"
+DDF_IMAGE, THREE_VIEWS = "ddf_image", "_3views"  # the latter behind a method that is given three images of a shape
+FILES = {DDF: "ddf", PC_SIREN: "pcsiren", DDF_IMAGE: "ddf_image"}  # of clouds, by method
 CAMERA_COLUMNS = {"Pi_g": "camera_true", "Pi_corrected": "camera_corrected", "Pi_pred": "camera_pred"}
 MEASURED = "measured"
 TURNED_DEG = 90.0  # a camera so far off takes front for rear, another basin of the mask's loss
@@ -98,7 +101,8 @@ def load_predictions(path: Path | str) -> Predictions:
     if missing:
         raise checks.InputError(f"{path}: has no {missing[0]!r}; run the point cloud stage again")
     images = [(str(image["id"]), int(image["view"])) for image in metadata["images"]]
-    per_image = [name for name in tensors if not name.startswith("render.") and name != "train_features"]
+    others = ("train_features", three_views.CLOUDS)
+    per_image = [name for name in tensors if not name.startswith("render.") and name not in others]
     for name in per_image:
         if len(tensors[name]) != len(images):
             raise checks.InputError(f"{path}: {name} has {len(tensors[name])} rows for {len(images)} images")
@@ -121,7 +125,9 @@ def load_truth(samples_dir: Path | str) -> dict[str, packing.Cloud]:
     return clouds
 
 
-def columns(ddf: Predictions, pc_siren: Predictions) -> list[tuple[str, str, Predictions, str, str]]:
+def columns(
+    ddf: Predictions, pc_siren: Predictions, ddf_image: Predictions
+) -> list[tuple[str, str, Predictions, str, str]]:
     """(method, column, predictions, cloud name, camera) of the paper's columns that the files hold."""
     cycles = _cycles(ddf)
     most = f".h{cycles[-1]}"
@@ -131,6 +137,12 @@ def columns(ddf: Predictions, pc_siren: Predictions) -> list[tuple[str, str, Pre
     found += [(DDF, f"Pi_pred-{size}", ddf, size + most, "Pi_pred") for size in "LS"]
     both = [(camera, size) for camera in ("Pi_g", "Pi_pred") for size in "LS"]
     found += [(PC_SIREN, f"{camera}-{size}", pc_siren, size, camera) for camera, size in both]
+    seen_from = (("Pi_g", "true"), ("Pi_pred", "pred"))  # the third model's clouds depend on the camera
+    found += [
+        (DDF_IMAGE, f"{camera}-{size}", ddf_image, f"{size}.{name}", camera)
+        for camera, name in seen_from
+        for size in "LS"
+    ]
     if 1 in cycles and len(cycles) > 1:
         found += [(DDF_ONE_CYCLE, f"{camera}-{size}", ddf, f"{size}.h1", camera) for camera, size in both]
     if "L.mask" in ddf.tensors:
@@ -175,13 +187,23 @@ def views_by_shape(images: Sequence[tuple[str, int]]) -> dict[str, list[int]]:
     return rows
 
 
-def model_cases(ddf: Predictions, pc_siren: Predictions, shape: str) -> list[Case]:
-    """The cases of both models for the images of one shape."""
-    return [
+def model_cases(models: Mapping[str, Predictions], shape: str) -> list[Case]:
+    """The cases of all models for the images of one shape.
+
+    Args:
+      models: by method.
+    """
+    found = [
         Case(method, column, [predictions.images[row]], predictions.cloud(name, row, camera))
-        for method, column, predictions, name, camera in columns(ddf, pc_siren)
+        for method, column, predictions, name, camera in columns(*(models[method] for method in FILES))
         for row in views_by_shape(predictions.images).get(shape, [])
     ]
+    for method, predictions in models.items():
+        if shape in (having := predictions.metadata.get(three_views.CLOUDS, [])):
+            cloud = predictions.tensors[three_views.CLOUDS][having.index(shape)].astype(np.float64)
+            image = predictions.images[views_by_shape(predictions.images)[shape][0]]
+            found.append(Case(method + THREE_VIEWS, "Pi_g-L", [image], transforms.BENCHMARK_FROM_V1 * cloud))
+    return found
 
 
 def score_all(cases: Iterable[tuple[packing.Cloud, Sequence[Case]]], jobs: int | None = None) -> pd.DataFrame:

@@ -13,7 +13,8 @@ from ddf.core import checks, storage
 from ddf_lab.evaluation import baselines, scoring
 from ddf_lab.run import Run
 
-TRAINED = (scoring.DDF, scoring.PC_SIREN, scoring.DDF_ONE_CYCLE, scoring.DDF_ON_MASK, baselines.RETRIEVAL)
+_BY_IMAGE = (*scoring.FILES, *(method + scoring.THREE_VIEWS for method in scoring.FILES))
+TRAINED = (*_BY_IMAGE, scoring.DDF_ONE_CYCLE, scoring.DDF_ON_MASK, baselines.RETRIEVAL)
 COUNT = "count"  # written by make beside the tables of the further seeds
 _KEYS = ["category", "method", "column", "metric"]
 

@@ -1,4 +1,4 @@
-"""Picture strips: test images by the error of DDF and by the difference between the models, and what both predict."""
+"""Picture strips: test images by the error of DDF and by the gap between the models, and what all models predict."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -16,21 +16,23 @@ from ddf_lab.report.stage_results import Results
 from ddf_lab.run import Run
 
 Image = tuple[str, int]  # id of the shape, view
-COLUMNS = ("input", "visibility", "depth", "normals", "truth", "DDF cloud", "PC-SIREN cloud")
+COLUMNS = ("input", "visibility", "depth", "normals", "truth", "DDF cloud", "PC-SIREN cloud", "image features")
 EXAMPLES = 3  # of a category, by the error of DDF; and as many by the difference
-FIRST_COLUMNS = ("input", "DDF", "PC-SIREN", "truth")
+FIRST_COLUMNS = ("input", "DDF", "PC-SIREN", "image features", "truth")
 _ORDERED_BY = "Pi_g-L"  # the column whose D_C orders the images
 
 
 class Errors(NamedTuple):
-    """D_C x 1000 of both models for one image."""
+    """D_C x 1000 of the models for one image."""
 
     ddf: float
     pc_siren: float
+    ddf_image: float
 
     def words(self) -> str:
         """As printed beside a picture."""
-        return f"D_C × 1000: DDF {self.ddf:.3f}, PC-SIREN {self.pc_siren:.3f}"
+        both = f"DDF {self.ddf:.3f}, PC-SIREN {self.pc_siren:.3f}"
+        return f"D_C × 1000: {both}, image features {self.ddf_image:.3f}"
 
 
 class Clouds(NamedTuple):
@@ -38,6 +40,7 @@ class Clouds(NamedTuple):
 
     ddf: scoring.Predictions
     pc_siren: scoring.Predictions
+    ddf_image: scoring.Predictions
     truths: Mapping[str, packing.Cloud]
     image_root: tuple[Path, str]
 
@@ -47,10 +50,10 @@ def drawn(run: Run, results: Results) -> Results:
     strips, first, rendered = {}, [], 0
     for name, category in results.groups.items():
         folder = run.folder("pointclouds", category)
-        ours, theirs = (scoring.load_predictions(folder / f"{model}.safetensors") for model in ("ddf", "pcsiren"))
+        models = (scoring.load_predictions(folder / f"{file}.safetensors") for file in scoring.FILES.values())
         truths = scoring.load_truth(run.folder("samples", category))
         synset = results.index["categories"][category]["synset"]
-        clouds = Clouds(ours, theirs, truths, (Path(results.index["root"]), synset))
+        clouds = Clouds(*models, truths, (Path(results.index["root"]), synset))
         errors = image_errors(results.per_image[results.per_image["category"] == name])
         first.append(_first_row(name, clouds, errors))
         images = [image for i in clouds.ddf.metadata["rendered"] if (image := clouds.ddf.images[i]) in errors]
@@ -69,8 +72,8 @@ def image_errors(per_image: pd.DataFrame) -> dict[Image, Errors]:
     """
     rows = per_image[per_image["column"] == _ORDERED_BY]
     table = 1000.0 * rows.pivot(index=["id", "view"], columns="method", values="chamfer_l2_sq")
-    pairs = zip(table[scoring.DDF], table[scoring.PC_SIREN], strict=True)
-    return {image: Errors(*pair) for image, pair in zip(table.index, pairs, strict=True)}
+    rows = zip(*(table[method] for method in scoring.FILES), strict=True)
+    return {image: Errors(*row) for image, row in zip(table.index, rows, strict=True)}
 
 
 def choose(errors: Mapping[Image, Errors], count: int) -> dict[Image, str]:
@@ -119,8 +122,8 @@ def strip(clouds: Clouds, errors: Mapping[Image, Errors], chosen: Mapping[Image,
             field_pictures.depth_picture(depth, visibility),
             field_pictures.normals_picture(normals, visibility),
         ]
-        given, ours, theirs, truth = _cells(clouds, image)
-        cells = [given, *views, truth, ours, theirs]
+        given, *ours, truth = _cells(clouds, image)
+        cells = [given, *views, truth, *ours]
         rows.append(picture_strips.StripRow(name[0].upper() + name[1:], [errors[image].words()], cells))
     return picture_strips.strip(COLUMNS, rows)
 
@@ -133,7 +136,7 @@ def _first_row(category: str, clouds: Clouds, errors: Mapping[Image, Errors]) ->
 
 
 def _cells(clouds: Clouds, image: Image) -> list[picture_strips.Picture]:
-    """Input, cloud of DDF, cloud of PC-SIREN, true cloud."""
+    """Input, the clouds of DDF, PC-SIREN and the model with image features, true cloud."""
     rgba = shapenet.read_image(shapenet.image_path(*clouds.image_root, *image), 137).permute(1, 2, 0).numpy()
     reference = clouds.truths[image[0]].benchmark_points()
     camera = clouds.ddf.tensors["camera_true"][clouds.ddf.images.index(image)]
@@ -141,6 +144,7 @@ def _cells(clouds: Clouds, image: Image) -> list[picture_strips.Picture]:
         picture_strips.on_white(rgba.astype(np.float64)),
         _own_view(clouds.ddf, scoring.large_cloud(clouds.ddf), image, reference),
         _own_view(clouds.pc_siren, "L", image, reference),
+        _own_view(clouds.ddf_image, "L.pred", image, reference),
         picture_strips.cloud_picture(reference, picture_strips.coordinate_colours(reference, reference), camera),
     ]
 

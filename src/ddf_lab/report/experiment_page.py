@@ -54,7 +54,7 @@ def build(found: stage_results.Results) -> pages.Page:
     facts = [
         f"Experiment `{found.name}`: 3D reconstruction from single images of {_DATA[found.index['source']]}.",
         "DDF: directed distance fields. PC-SIREN: a baseline with the same encoders that maps points of a cube to "
-        "surface points.",
+        "surface points. Image features: a DDF that asks the image at places along the ray.",
         f"Made by `make reproduce-table CONFIG=configs/{found.name}.yaml{seeds}`. All numbers are in "
         "[si3dr.csv](si3dr.csv).",
     ]

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from matplotlib import figure, patches, ticker
 
-METHOD_COLOURS = {"ddf": "#1F5FA8", "ddf_nh1": "#7FA7D6", "pc_siren": "#D5702A"}
+METHOD_COLOURS = {"ddf": "#1F5FA8", "ddf_nh1": "#7FA7D6", "pc_siren": "#D5702A", "ddf_image": "#2E7D4F"}
 BASELINE_COLOUR, CEILING_COLOUR = "#A9AFBA", "#5E6673"
 _MAX_POINTS = 400  # of a curve: more cannot be told apart, and the file stays small
 _PANELS_IN_LINE = 2
@@ -97,7 +97,7 @@ def loss_curves(logs: Mapping[str, Mapping[str, pd.DataFrame]]) -> str:
     chart = figure.Figure(figsize=(_WIDTH, 1.9 * len(categories) + 1.4), layout="constrained")
     grid = chart.subplots(len(categories), len(logs), sharey="col", squeeze=False)
     for panels, (model, tables) in zip(grid.T, logs.items(), strict=True):
-        colour = METHOD_COLOURS["ddf" if model == "DDF" else "pc_siren"]
+        colour = METHOD_COLOURS[{"DDF": "ddf", "PC-SIREN": "pc_siren"}.get(model, "ddf_image")]
         for panel, (category, log) in zip(panels, tables.items(), strict=True):
             _draw_losses(panel, log, colour)
             panel.set_title(f"{model}, {category}")

@@ -1,4 +1,4 @@
-"""Sections of both models' scores: the columns of the paper, a verdict, baselines, shapes far from training."""
+"""Sections of the models' scores: the columns of the paper, a verdict, baselines, shapes far from training."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,12 +11,13 @@ from ddf_lab.report import figures, scores
 from ddf_lab.report.pages import Block, Cell, Figure, Section, Table
 from ddf_lab.report.stage_results import Results
 
-MODELS = tuple((scores.METHOD_LABELS[method], method) for method in (scoring.DDF, scoring.PC_SIREN))
+MODELS = tuple((scores.METHOD_LABELS[method], method) for method in (scoring.DDF, scoring.PC_SIREN, scoring.DDF_IMAGE))
 COLUMNS = ("Pi_g-L", "Pi_g-S", "Pi_corrected-S", "Pi_pred-L", "Pi_pred-S")
 LARGE = ("Pi_g-L", "Pi_pred-L")
 BASELINES = (
     baselines.CEILING,
     baselines.ORACLE,
+    scoring.DDF_IMAGE,
     scoring.DDF,
     scoring.PC_SIREN,
     baselines.RETRIEVAL,
@@ -35,7 +36,8 @@ _READING = (
     "D<sub>C</sub>: Chamfer distance × 1000, the sum of both means of squared distances. F<sub>τ</sub>: F-score × 100 "
     "at squared distance ≤ τ = {tau:g}; F<sub>2τ</sub>: at twice that. Lengths: 0.57 × v1.",
     "L and S: {large:,} and {small:,} predicted points, against the whole true cloud.",
-    "Π<sub>g</sub>: true camera. Π̂: predicted camera and estimated scale. Π̂<sub>∇</sub>: after gradient descent on the "
+    "Π<sub>g</sub>: true camera; two models are told the scale, the one with image features reads the image by that "
+    "camera. Π̂: predicted camera and estimated scale. Π̂<sub>∇</sub>: after gradient descent on the "
     "mask, which both encoders see.",
     "A difference is called one where, paired by image, it exceeds what Student's t asks of its standard error over "
     "{over}, 95 %.",
@@ -43,21 +45,24 @@ _READING = (
 
 
 def verdict(results: Results) -> str:
-    """Which model is better, where a difference is seen, in what, with either camera, in two sentences."""
+    """Which model is better than the others, in what, with either camera, in two sentences."""
     where = {"With the true camera": LARGE[0], "With the predicted camera": LARGE[1]}
     return " ".join(_sentence(each, better_model(results, column)) for each, column in where.items())
 
 
 def better_model(results: Results, column: str) -> dict[tuple[str, str], str]:
-    """By category and metric the better model, empty where no difference is seen (`paired.Difference.seen`)."""
-    ours, theirs = ((method, column) for _, method in MODELS)
-    names = {1: MODELS[0][0], -1: MODELS[1][0], 0: ""}
-    return {
-        (category, label): names[results.better(category, ours, theirs, metric)]
-        for category in results.groups
-        for metric, label in _COMPARED.items()
-        if results.difference(category, ours, theirs, metric) is not None
-    }
+    """By category and metric the model that is better than all others, empty where there is none by the rule."""
+    found = {}
+    for category in results.groups:
+        for metric, label in _COMPARED.items():
+            heads = [(method, column) for _, method in MODELS]
+            won = [
+                name
+                for (name, _), head in zip(MODELS, heads, strict=True)
+                if all(results.better(category, head, other, metric) > 0 for other in heads if other != head)
+            ]
+            found[category, label] = won[0] if won else ""
+    return found
 
 
 def _sentence(where: str, found: Mapping[tuple[str, str], str]) -> str:
@@ -68,9 +73,9 @@ def _sentence(where: str, found: Mapping[tuple[str, str], str]) -> str:
             if better == model:
                 won.setdefault(category, []).append(label)
         scores_of = [f"{category} ({' and '.join(labels)})" for category, labels in won.items()]
-        parts += [f"{model} is better for {_listed(scores_of)}"] if won else []
+        parts += [f"{model} is best for {_listed(scores_of)}"] if won else []
     if "" in found.values():
-        parts.append(f"no {'other ' if parts else ''}difference is seen")
+        parts.append(f"{'elsewhere ' if parts else ''}no model is better than both others")
     return f"{where}, {'; '.join(parts)}." if parts else f"{where}, nothing was compared."
 
 
@@ -82,11 +87,11 @@ def results_section(results: Results) -> Section:
     """Both models in the paper's columns, what their scores are made of, and the paper's numbers."""
     heads = [(method, column) for column in COLUMNS for _, method in MODELS]
     note = scores.images_note(scores.Scores(results.table), results.groups, heads, _CHAMFER)
-    caption = f"Means over images. Bold: the better model of a row, where a difference is seen. {note}".strip()
+    caption = f"Means over images. Bold: better than both others, where the differences are seen. {note}".strip()
     moved = (results.per_image["method"] == scoring.DDF_ON_MASK).any()
     on_mask = (("as encoded", scoring.DDF), ("on the mask", scoring.DDF_ON_MASK))
     blocks: list[Block | None] = [
-        scores.pairs(results, results.groups, COLUMNS, MODELS, caption, spread=True),
+        scores.pairs(results, results.groups, COLUMNS, MODELS, caption, labels=_COMPARED, spread=True),
         reading(results),
         scores.pairs(
             results,
@@ -106,13 +111,22 @@ def results_section(results: Results) -> Section:
         )
         if moved
         else None,
+        scores.pairs(
+            results,
+            results.groups,
+            LARGE[:1],
+            [(name, method + scoring.THREE_VIEWS) for name, method in MODELS],
+            "From three images of a shape, true cameras. The model with image features takes all three as they are; "
+            "the others, which know no cameras, get the mean of three latents. None was trained for it.",
+            labels=_COMPARED,
+        ),
         seconds(results),
         tuple(against_retrieval(results, *model) for model in MODELS),
         scores.pairs(
             results,
             results.categories,
             LARGE,
-            MODELS,
+            MODELS[:2],
             "The paper's numbers on ShapeNet, other data and other sizes; all are in [si3dr.csv](si3dr.csv).",
             paper_results.SOURCE,
         ),
@@ -168,7 +182,8 @@ def baselines_section(results: Results) -> Section:
     """Bars, and the table of all rows: what the numbers of the models mean."""
     bars = Figure(
         "baselines.svg",
-        "F-scores at the true camera, L points. Blue: DDF. Orange: PC-SIREN. Grey: no model.",
+        "F-scores at the true camera, L points. Green: DDF with image features. Blue: DDF. Orange: PC-SIREN. Grey: "
+        "no model.",
         "bars of the F-scores of ceiling, oracle retrieval, DDF, PC-SIREN, retrieval and mean shape, by category",
         draw_baselines(results),
     )
@@ -214,7 +229,7 @@ def baselines_table(results: Results) -> Table:
                 ]
             )
     caption = (
-        "True camera, L points. Bold: better than all others of both models, retrieval and the mean shape. More rows "
+        "True camera, L points. Bold: better than all others of the models, retrieval and the mean shape. More rows "
         "and S points: [si3dr.csv](si3dr.csv)."
     )
     return Table(caption, ["", "", *scores.LABELS.values()], rows, labels=2)
@@ -226,7 +241,7 @@ def nearest_section(results: Results) -> Section:
     dots = Figure(
         "nearest.svg",
         "A dot is a test shape and a model. Across: F(τ) of the training shape nearest to it. Up: F(τ) of the model, "
-        "mean over its images. Blue: DDF. Orange: PC-SIREN. True camera, L points.",
+        "mean over its images. Green: DDF with image features. Blue: DDF. Orange: PC-SIREN. True camera, L points.",
         "scores of both models over the score of the nearest training shape, a dot for each test shape, by category",
         figures.score_dots(found, "nearest training shape, F(τ) × 100", "model, F(τ) × 100").encode(),
     )

@@ -14,16 +14,22 @@ from ddf_lab.report import figures, scores, stage_results
 from ddf_lab.report.pages import Block, Figure, Section, Table
 from ddf_lab.report.stage_results import Results
 
-SECTIONS = ("train", "ddf", "pcsiren", "meshes", "samples", "pointclouds")  # whose settings are compared
+SECTIONS = ("train", "ddf", "pcsiren", "ddf_image", "meshes", "samples", "pointclouds")  # whose settings are compared
 _SAME_PERCENT = 10.0  # wall times no farther apart than this are one budget
-_PREDICTED = ((scoring.DDF, "Pi_pred"), (scoring.DDF, "Pi_corrected"), (scoring.PC_SIREN, "Pi_pred"))
+_PREDICTED = (
+    (scoring.DDF, "Pi_pred"),
+    (scoring.DDF, "Pi_corrected"),
+    (scoring.PC_SIREN, "Pi_pred"),
+    (scoring.DDF_IMAGE, "Pi_pred"),
+)
 _AZIMUTH, *_OTHERS = ((f"{name}_median", (error.label, error.digits)) for name, error in ERRORS.items())
 _TURNED = ("azimuth_turned_x100", (f"azimuth > {scoring.TURNED_DEG:.0f}°, % of images", 0))
 _CAMERA_METRICS = dict((_AZIMUTH, _TURNED, *_OTHERS, (scoring.OVERLAP, ("IoU of the silhouette, mean", 2))))
+_MEASURED = (scoring.DDF, scoring.DDF_ONE_CYCLE, scoring.PC_SIREN, scoring.DDF_IMAGE)
 _CLOUDS = {
     "true cloud": scoring.TRUTH,
     "random points of it": (baselines.CEILING, "Pi_g-L"),
-    **{scores.METHOD_LABELS[m]: (m, "Pi_g-L") for m in (scoring.DDF, scoring.DDF_ONE_CYCLE, scoring.PC_SIREN)},
+    **{scores.METHOD_LABELS[m]: (m, "Pi_g-L") for m in _MEASURED},
 }
 _PROCEDURAL = "Procedural shapes are made by this project in ShapeNet's layout with the same cameras."
 _REAL = "Real shapes are of Debian's archive, few and of few makers, rendered by this project as procedural ones are."
@@ -37,14 +43,14 @@ _SHAPES = {
 
 
 def pictures_section(results: Results) -> Section:
-    """A strip of test images per category with what both models make of them."""
+    """A strip of test images per category with what the models make of them."""
     if not results.strips:
         return Section("Pictures", ["No image was rendered (pointclouds.rendered is 0)."])
     blocks: list[Block] = [
         Figure(
             f"strip_{category.replace(' ', '_')}.webp",
             f"{category.capitalize()}.",
-            f"{category}: several test images and what both models make of them",
+            f"{category}: several test images and what the models make of them",
             strip,
         )
         for category, strip in results.strips.items()
@@ -102,8 +108,8 @@ def training_section(results: Results) -> Section:
 
 
 def budget(results: Results) -> str:
-    """The wall time that each model trained for, over all categories, and by how much the two differ; of several seeds
-    the median.
+    """The wall time that each model trained for, over all categories, and by how much they differ; of several seeds the
+    median.
     """
     seconds = {
         model: statistics.median([stage_results.training_seconds(logs), *results.further_seconds.get(model, [])])
@@ -116,7 +122,7 @@ def budget(results: Results) -> str:
     spent = ", ".join(f"{model} {duration(value)}" for model, value in seconds.items())
     over = f" Medians over the {results.seeds} seeds." if results.seeds > 1 else ""
     if more <= _SAME_PERCENT:
-        return f"Both models trained for the same wall time within {more:.0f} %, summed over categories: {spent}.{over}"
+        return f"The models trained for the same wall time within {more:.0f} %, summed over categories: {spent}.{over}"
     return (
         f"The models did not train for the same wall time: summed over categories {spent}, the longer {more:.0f} % "
         f"above the shorter.{over}"

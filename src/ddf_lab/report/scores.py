@@ -12,6 +12,10 @@ from ddf_lab.report.stage_results import Head, Results
 METHOD_LABELS = {
     scoring.DDF: "DDF",
     scoring.PC_SIREN: "PC-SIREN",
+    scoring.DDF_IMAGE: "image features",
+    scoring.DDF + scoring.THREE_VIEWS: "DDF",
+    scoring.PC_SIREN + scoring.THREE_VIEWS: "PC-SIREN",
+    scoring.DDF_IMAGE + scoring.THREE_VIEWS: "image features",
     scoring.DDF_ONE_CYCLE: "DDF, N<sub>H</sub> = 1",
     scoring.DDF_ON_MASK: "DDF, shape moved to the mask",
     baselines.CEILING: "ceiling",
@@ -87,13 +91,14 @@ def pairs(
     labels: Mapping[str, str] = LABELS,
     spread: bool = False,
 ) -> Table | None:
-    """Two methods side by side for every metric of `labels`; a row per category and column of the paper's table.
+    """Methods side by side for every metric of `labels`; a row per category and column of the paper's table.
 
-    Bold: the better of both, where their paired difference is seen (`paired.Difference`); never among quoted numbers.
+    Bold: better than all others of the row, where their paired differences are seen (`paired.Difference`); never among
+    quoted numbers.
     Cells of a category whose numbers are of different numbers of images say of how many.
 
     Args:
-      methods: (name to print, method), two of them. spread: the deviation over seeds stands in the rows of L points.
+      methods: (name to print, method), two or more. spread: the deviation over seeds stands in the rows of L points.
     Returns:
       None where the source has no number of these methods.
     """
@@ -107,14 +112,14 @@ def pairs(
         counted = measured and len(set(scores.images(category, heads, next(iter(labels))))) > 1
         for column in columns:
             cells: list[Cell | str] = [category if column == columns[0] else "", column_label(column)]
-            first, second = ((method, column) for _, method in methods)
+            row = [(method, column) for _, method in methods]
             for metric in labels:
-                won = results.better(category, first, second, metric) if measured else 0
-                for head, best in ((first, won > 0), (second, won < 0)):
+                for head in row:
+                    rivals = [other for other in row if other != head and (category, *other, metric) in scores.rows]
+                    best = measured and all(results.better(category, head, other, metric) > 0 for other in rivals)
                     count = f" ({n[0]})" if counted and (n := scores.images(category, [head], metric)) else ""
-                    cells.append(
-                        Cell(scores.text(category, head, metric, spread=spread and column.endswith("L")) + count, best)
-                    )
+                    text = scores.text(category, head, metric, spread=spread and column.endswith("L"))
+                    cells.append(Cell(text + count, best and bool(rivals)))
             rows.append(cells)
     if not rows:
         return None

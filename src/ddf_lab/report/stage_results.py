@@ -12,8 +12,12 @@ from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import groups, paired, paper_results, seed_means
 from ddf_lab.run import STAGES, WHOLE, Run, time_path
 
-MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN"}
-CLOUDS = {"ddf.safetensors": "DDF", "pcsiren.safetensors": "PC-SIREN"}  # files of the stage `pointclouds`
+MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN", "train_ddf_image": "image features"}
+CLOUDS = {  # files of the stage `pointclouds`
+    "ddf.safetensors": "DDF",
+    "pcsiren.safetensors": "PC-SIREN",
+    "ddf_image.safetensors": "image features",
+}
 
 Head = tuple[str, str]  # method, column
 

@@ -71,7 +71,7 @@ def test_a_new_experiment_is_one_new_file(folder):
     (folder / "configs/mine.yaml").write_text(text)
     items = [item.name for item in graph.expand(graph.experiment("mine"), seeds=2)]
     names = [f"train_ddf@mine-{name}" for name in ("chair", "plane", "chair-1", "plane-1")]
-    assert [name for name in items if name.startswith("train_ddf")] == names
+    assert [name for name in items if name.startswith("train_ddf@")] == names
     assert items[0] == "dataset@mine" and items[-1] == "report@mine"
 
 

@@ -57,7 +57,7 @@ def test_the_sections_of_a_stage_are_those_that_its_script_reads():
 def test_further_seeds_leave_the_stages_of_the_first_as_they_are():
     assert {name: SEEDED[name] for name in FIRST} == FIRST
     added = {SEEDED[name].stage for name in SEEDED.keys() - FIRST.keys()}
-    assert added == {"train_ddf", "train_pcsiren", "pointclouds", "evaluate"}
+    assert added == {"train_ddf", "train_pcsiren", "train_ddf_image", "pointclouds", "evaluate"}
 
 
 @pytest.mark.parametrize(

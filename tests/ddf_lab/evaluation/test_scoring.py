@@ -29,6 +29,11 @@ def _load(experiment, category="chair"):
     return (*models, scoring.load_truth(experiment.artifacts / "samples" / category))
 
 
+def _models(experiment, category="chair"):
+    folder = experiment.artifacts / "pointclouds" / category
+    return {method: scoring.load_predictions(folder / f"{file}.safetensors") for method, file in scoring.FILES.items()}
+
+
 def _brute(prediction, truth):
     dist_sq = ((prediction[:, None] - truth[None]) ** 2).sum(-1)
     return dist_sq.min(0).mean() + dist_sq.min(1).mean()
@@ -83,21 +88,20 @@ def test_perfect_prediction_scores_one_hundred(experiment):
 
 
 def test_all_columns_of_the_paper_are_there(experiment):
-    ddf, pc_siren, _ = _load(experiment)
-    found = [(method, column) for method, column, *_ in scoring.columns(ddf, pc_siren)]
+    found = [(method, column) for method, column, *_ in scoring.columns(*_models(experiment).values())]
     expected = [head for head in paper_results.SI3DR_COLUMNS if head[0] in ("ddf", "pc_siren")]
-    assert found == [*expected, *paper_results.SI3DR1H_COLUMNS]
+    ours = [("ddf_image", f"{camera}-{size}") for camera in ("Pi_g", "Pi_pred") for size in "LS"]
+    assert found == [*expected, *ours, *paper_results.SI3DR1H_COLUMNS]
 
 
 def test_scores_do_not_depend_on_the_number_of_processes(experiment):
-    ddf, pc_siren, truths = _load(experiment)
-    shapes = list(scoring.views_by_shape(ddf.images))
-    tables = [
-        scoring.score_all(((truths[s], scoring.model_cases(ddf, pc_siren, s)) for s in shapes), jobs) for jobs in (1, 2)
-    ]
+    ddf, _, truths = _load(experiment)
+    models, shapes = _models(experiment), list(scoring.views_by_shape(ddf.images))
+    tables = [scoring.score_all(((truths[s], scoring.model_cases(models, s)) for s in shapes), jobs) for jobs in (1, 2)]
     pd.testing.assert_frame_equal(*tables, check_exact=True)
     counts = tables[0].groupby(["method", "column"]).size()
-    assert (counts == len(ddf.images)).all() and len(counts) == 13
+    assert [counts.pop((f"{method}_3views", "Pi_g-L")) for method in models] == [2, 2, 2]  # shapes
+    assert (counts == len(ddf.images)).all() and len(counts) == 17
 
 
 def test_mean_over_images_and_standard_error():

@@ -9,7 +9,7 @@ from _experiment_report import experiment_run, make
 from _fake_experiment import FakeExperiment
 
 from ddf.core import storage
-from ddf_lab.evaluation import seed_means
+from ddf_lab.evaluation import scoring, seed_means
 from ddf_lab.report import experiment_page, stage_results
 
 
@@ -38,7 +38,7 @@ def seeded(reported):
     experiment, run, folder = reported
     further = experiment.artifacts / "pointclouds_seeds" / "1"
     for category in experiment.categories:
-        for model in ("ddf", "pcsiren"):
+        for model in scoring.FILES.values():
             name = f"{category}/{model}.safetensors"
             tensors, metadata = storage.load_tensors(experiment.artifacts / "pointclouds" / name)
             clouds = {key: 1.01 * value for key, value in tensors.items() if key[0] in "LS"}

@@ -7,7 +7,7 @@ from ddf_lab.report import example_strips
 from ddf_lab.report.example_strips import Errors
 
 _BOTH = {"a": (1.0, 2.0), "b": (5.0, 2.0), "c": (3.0, 3.0), "d": (2.0, 6.0), "e": (4.0, 2.0)}  # DDF, PC-SIREN
-_ERRORS = {(name, 0): Errors(*both) for name, both in _BOTH.items()}
+_ERRORS = {(name, 0): Errors(*both, 1.0) for name, both in _BOTH.items()}
 
 
 def _names(chosen):
@@ -32,7 +32,7 @@ def test_rows_go_from_best_to_worst_and_from_the_clearest_win_to_the_clearest_lo
     [(10.0, "DDF least behind", "DDF farthest behind"), (-10.0, "DDF farthest ahead", "DDF least ahead")],
 )
 def test_a_model_that_always_wins_is_not_said_to_lose(shift, first, last):
-    moved = {image: Errors(own.ddf + shift, own.pc_siren) for image, own in _ERRORS.items()}
+    moved = {image: own._replace(ddf=own.ddf + shift) for image, own in _ERRORS.items()}
     chosen = _names(example_strips.choose(moved, 2))
     assert chosen["d"].endswith(first) and chosen["b"].endswith(last)
 
@@ -42,9 +42,10 @@ def test_errors_are_those_at_the_true_camera_with_large_clouds():
         ("ddf", "Pi_g-L", "a", 1, 0.002),
         ("pc_siren", "Pi_g-L", "a", 1, 0.003),
         ("ddf", "Pi_pred-L", "a", 1, 0.5),
+        ("ddf_image", "Pi_g-L", "a", 1, 0.001),
         ("ddf_nh1", "Pi_g-L", "a", 1, 0.7),
     ]
     table = pd.DataFrame(rows, columns=["method", "column", "id", "view", "chamfer_l2_sq"])
     errors = example_strips.image_errors(table)
-    assert errors == {("a", 1): pytest.approx(Errors(2.0, 3.0))}
-    assert Errors(2.0, 3.0).words() == "D_C × 1000: DDF 2.000, PC-SIREN 3.000"
+    assert errors == {("a", 1): pytest.approx(Errors(2.0, 3.0, 1.0))}
+    assert Errors(2.0, 3.0, 1.0).words() == "D_C × 1000: DDF 2.000, PC-SIREN 3.000, image features 1.000"

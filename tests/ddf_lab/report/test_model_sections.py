@@ -12,7 +12,9 @@ from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import paper_results, scoring
 from ddf_lab.report import model_sections, pages, scores, stage_results
 
-_PAIRED = [(metric, method) for metric in cloud_scores.PRINTED for _, method in model_sections.MODELS]
+_METRICS = ("chamfer_l2_sq_x1000", "f_score_tau_x100")
+_COMPARED = [(metric, method) for metric in _METRICS for _, method in model_sections.MODELS]
+_PAIRED = [(metric, method) for metric in cloud_scores.PRINTED for _, method in model_sections.MODELS[:2]]
 _CATEGORIES = ("chair", "plane", "primitives")
 
 
@@ -26,13 +28,15 @@ def test_printed_values_are_those_of_the_table(reported):
     assert tuple(table.columns) == scoring.TABLE_FIELDS
     value = table.set_index(["source", "category", "method", "column", "metric"])["value"].to_dict()
     text = (folder / "README.md").read_text()
-    ours, shares, theirs, baselines = markdown_tables(text)[:4]
+    ours, shares, of_three, theirs, baselines = markdown_tables(text)[:5]
     assert "4 images of each category." in text
     large, every = model_sections.LARGE, model_sections.COLUMNS
     of_paper = _CATEGORIES[:2]  # it has no primitives
-    for rows, source, columns, names in (
-        (ours, "measured", every, _CATEGORIES),
-        (theirs, paper_results.SOURCE, large, of_paper),
+    three = [method + scoring.THREE_VIEWS for _, method in model_sections.MODELS]
+    for rows, source, columns, names, keys_of in (
+        (ours, "measured", every, _CATEGORIES, _COMPARED),
+        (of_three, "measured", large[:1], _CATEGORIES, [(metric, own) for metric in _METRICS for own in three]),
+        (theirs, paper_results.SOURCE, large, of_paper, _PAIRED),
     ):
         keys = [(category, column) for category in names for column in columns]
         assert [row[1] for row in rows[2:]] == [scores.column_label(column) for _, column in keys]
@@ -40,12 +44,12 @@ def test_printed_values_are_those_of_the_table(reported):
             assert row[0] == (category if column == columns[0] else "")
             assert row[2:] == [
                 _printed(value, (source, category, method, column, metric), cloud_scores.METRICS[metric].digits)
-                for metric, method in _PAIRED
+                for metric, method in keys_of
             ]
     names = [(m, method) for m in ("precision_tau_x100", "recall_tau_x100") for _, method in model_sections.MODELS]
     assert shares[2][2:] == [_printed(value, ("measured", "chair", method, "Pi_g-L", m), 1) for m, method in names]
     for i, row in enumerate(baselines[2:]):
-        key = _CATEGORIES[i // 6], model_sections.BASELINES[i % 6]
+        key = _CATEGORIES[i // 7], model_sections.BASELINES[i % 7]
         assert row[2:] == [
             _printed(value, ("measured", *key, "Pi_g-L", metric), each.digits)
             for metric, each in cloud_scores.PRINTED.items()
@@ -54,17 +58,30 @@ def test_printed_values_are_those_of_the_table(reported):
 
 def test_bold_is_the_better_model_where_a_difference_is_seen(reported):
     results = stage_results.read_results(reported[1])
-    table = scores.pairs(results, results.groups, model_sections.COLUMNS, model_sections.MODELS, "")
+    table = scores.pairs(
+        results,
+        results.groups,
+        model_sections.COLUMNS,
+        model_sections.MODELS,
+        "",
+        labels=dict(zip(_METRICS, "DF", strict=True)),
+    )
     assert table is not None
     bold = 0
     for i, (_, _, *cells) in enumerate(table.rows):
         category, column = _CATEGORIES[i // 5], model_sections.COLUMNS[i % 5]
-        ours, theirs = ((method, column) for _, method in model_sections.MODELS)
+        heads = [(method, column) for _, method in model_sections.MODELS]
         best = [isinstance(cell, pages.Cell) and cell.best for cell in cells]
-        for pair, metric in zip((best[:2], best[2:4], best[4:]), cloud_scores.PRINTED, strict=True):
-            won = results.better(category, ours, theirs, metric)
-            assert pair == [won > 0, won < 0]
-            bold += won != 0
+        for triple, metric in zip((best[:3], best[3:]), _METRICS, strict=True):
+            rivals = [head for head in heads if (category, *head, metric) in scores.Scores(results.table).rows]
+            won = [
+                len(rivals) > 1
+                and head in rivals
+                and all(results.better(category, head, other, metric) > 0 for other in rivals if other != head)
+                for head in heads
+            ]
+            assert triple == won
+            bold += sum(won)
     assert bold > 0
 
 
@@ -80,8 +97,8 @@ def test_verdict_and_findings_name_wins_losses_and_what_is_even(reported, monkey
     }
     monkeypatch.setattr(model_sections, "better_model", lambda _, column: found[column])
     assert model_sections.verdict(results) == (
-        "With the true camera, DDF is better for chair (D and F); PC-SIREN is better for car (F); no other difference "
-        "is seen. With the predicted camera, no difference is seen."
+        "With the true camera, DDF is best for chair (D and F); PC-SIREN is best for car (F); elsewhere no model is "
+        "better than both others. With the predicted camera, no model is better than both others."
     )
     won = {"chair": 1, "plane": 0, "primitives": -1}
     monkeypatch.setattr(stage_results.Results, "better", lambda self, category, *_: won[category])
@@ -136,22 +153,25 @@ def _results(*trainings) -> Any:
 
 
 def test_a_shape_is_the_mean_of_its_images_and_of_all_trainings():
+    perfect = {name: [1.0, 1.0] for name in "abc"}
     rival = {"a": [0.75, 0.75], "b": [0.625, 0.625], "c": [0.125, 0.125]}
     first = _scored(
         oracle_retrieval={"a": [0.5], "b": [0.625], "c": [0.875]},
         ddf={"a": [0.25, 0.5], "b": [0.75, 0.75], "c": [1.0, 1.0]},
         pc_siren=rival,
+        ddf_image=perfect,
     )
-    second = _scored(ddf={"a": [0.5, 0.75], "b": [0.75, 0.75], "c": [0.625, 0.625]}, pc_siren=rival)
+    ours = {"a": [0.5, 0.75], "b": [0.75, 0.75], "c": [0.625, 0.625]}
+    second = _scored(ddf=ours, pc_siren=rival, ddf_image=perfect)
     found = model_sections.by_shape(_results(first, second), "chair")
-    assert found.loc["a"].to_dict() == pytest.approx({"nearest": 50, "ddf": 50, "pc_siren": 75})
+    assert found.loc["a"].to_dict() == pytest.approx({"nearest": 50, "ddf": 50, "pc_siren": 75, "ddf_image": 100})
     assert found["ddf"].tolist() == pytest.approx([50, 75, 81.25])
     # what lies on the line is not above it: a of the DDF, b of the rival
-    assert model_sections.nearest_table({"chair": found}).rows == [["chair", "3", "1.00", "1", "-1.00", "1"]]
+    assert model_sections.nearest_table({"chair": found}).rows == [["chair", "3", "1.00", "1", "-1.00", "1", "–", "3"]]
 
 
 def test_two_shapes_have_no_correlation():
     scores = {"a": [0.4], "b": [0.5]}
-    results = _results(_scored(oracle_retrieval=scores, ddf=scores, pc_siren=scores))
+    results = _results(_scored(oracle_retrieval=scores, ddf=scores, pc_siren=scores, ddf_image=scores))
     table = model_sections.nearest_table({"chair": model_sections.by_shape(results, "chair")})
-    assert table.rows == [["chair", "2", "–", "0", "–", "0"]]
+    assert table.rows == [["chair", "2", "–", "0", "–", "0", "–", "0"]]

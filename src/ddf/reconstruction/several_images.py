@@ -1,0 +1,101 @@
+"""One image or several of one object to its field, by the model with image features along the ray.
+
+Each picture is framed and its camera predicted, or told. Cameras of several pictures that were predicted then turn
+until the pictures agree: from the camera of each, the field of all others must show that picture's silhouette. (The
+field of a picture has the silhouette of that picture from its own camera, whatever the camera.)
+"""
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from ddf.core import checks
+from ddf.data.batches import category_data
+from ddf.fields import model_files
+from ddf.models import line_field, reconstruction_models
+from ddf.reconstruction import framing, line_clouds, one_image
+
+TURNS = (180.0, 24.0, 12.0, 6.0, 3.0)  # degrees of azimuth that are tried either way, one after the other
+ROUNDS = 2  # of all pictures, at each
+MASK = 32  # pixels a side of the silhouettes that are compared
+
+
+def reconstruct(
+    trained: line_field.TrainedImageDDF,
+    pictures: Sequence[UInt8[np.ndarray, "_ _ 4"]],
+    points: int,
+    seed: int = 0,
+    seen_from: Float[np.ndarray, "k 3"] | None = None,
+) -> one_image.Reconstructed:
+    """Field, cloud and camera of the object; camera, view and score are those of the first picture.
+
+    Args:
+      pictures: of `cutouts.read`, all of one object. points: that the cloud must have, 2 or more.
+      seen_from: azimuth and elevation (radians) and radius (benchmark units) of each; None to predict them.
+    Raises:
+      InputError: no picture, fewer than 2 points, or not a camera for each picture.
+    """
+    if points < 2 or not pictures:
+        raise checks.InputError(f"2 points or more and a picture are needed; got {points} and {len(pictures)}")
+    if seen_from is not None and len(seen_from) != len(pictures):
+        raise checks.InputError(f"each picture needs a camera: {len(pictures)} pictures, {len(seen_from)} cameras")
+    model, size, statistics = trained
+    seconds: dict[str, float] = {}
+    with one_image.timed(seconds, "framing"):
+        cutouts = [framing.Cutout(pixels) for pixels in pictures]
+        frames = [framing.frame(trained, cutout) for cutout in cutouts]
+        crops = [cutout.crop(frame, size) for cutout, frame in zip(cutouts, frames, strict=True)]
+        framed = torch.cat([framing.encoder_input(crop) for crop in crops]).to(model_files.device())
+    with one_image.timed(seconds, "encoders"), torch.no_grad():
+        stages, _, predicted = reconstruction_models.encode_batch(model, framed)
+        score = None if statistics is None else float(statistics.score(torch.cat(stages, dim=1))[0])
+        given = predicted if seen_from is None else torch.from_numpy(seen_from).to(predicted)
+        each = model.views(framed, given)
+    if seen_from is None and len(pictures) > 1:
+        with one_image.timed(seconds, "camera"):
+            each = each._replace(cameras=agreeing(model.decoder, each, framed[:, 3]))
+    field = line_field.ImageField.of(model.decoder, of_one_shape(each))
+    with one_image.timed(seconds, "cloud"):
+        generator = torch.Generator(model_files.device()).manual_seed(seed)
+        cloud = line_clouds.draw(field, max(points, one_image.WHOLE), generator)
+    lower, upper = one_image.box_of(cloud, field.lower, field.upper)
+    field = line_field.ImageField(field.decoder, field.views, lower, upper)
+    points_v1 = cloud.double().cpu().numpy() / line_field.FIELD_FROM_V1
+    camera, view = each.cameras[0, 0], cutouts[0].crop(frames[0], one_image.VIEW)
+    return one_image.Reconstructed(field, points_v1, camera, view, score, seconds)
+
+
+def of_one_shape(each: line_field.Views, rows: Sequence[int] | slice = slice(None)) -> line_field.Views:
+    """Views of k shapes as k views of one shape; some of them."""
+    return line_field.Views(*(part[rows].transpose(0, 1) for part in each))
+
+
+@torch.no_grad()
+def agreeing(
+    decoder: line_field.LineDecoder, each: line_field.Views, alpha: Float[Tensor, "k s s"]
+) -> Float[Tensor, "k 1 3"]:
+    """Cameras of k views of one shape, their azimuths turned until the silhouettes agree best."""
+    masks = category_data.averaged(alpha, MASK) > 0.5
+    rows = range(len(masks))
+    best = _agreement(decoder, each, masks)
+    for turn, _, row, way in itertools.product(TURNS, range(ROUNDS), rows, (-1.0, 1.0)):
+        cameras = each.cameras.clone()
+        cameras[row, 0, 0] += way * np.radians(turn)
+        tried = each._replace(cameras=cameras)
+        if (found := _agreement(decoder, tried, masks)) > best:
+            each, best = tried, found
+    return each.cameras
+
+
+def _agreement(decoder: line_field.LineDecoder, each: line_field.Views, masks: Tensor) -> float:
+    """Mean overlap of each silhouette with that of the field of all other views, from its camera."""
+    found = []
+    for row in range(len(masks)):
+        others = of_one_shape(each, [other for other in range(len(masks)) if other != row])
+        field = line_field.ImageField.of(decoder, others)
+        found.append(float(line_clouds.overlap(field, masks[row], each.cameras[row, 0])))
+    return float(np.mean(found))

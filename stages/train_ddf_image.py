@@ -1,0 +1,50 @@
+"""Train the model with image features along the ray on one category."""
+
+import dataclasses
+import functools
+
+from ddf.core import distributed, provenance
+from ddf.data.batches import category_data, resident
+from ddf.fields import model_files
+from ddf.models import line_field, out_of_distribution, reconstruction_models, reconstruction_settings
+from ddf.training import line_steps, training_loop
+from ddf_lab.engine import stage
+from ddf_lab.run import Run
+
+
+@stage.main(category=True, seed=True)
+@distributed.shared
+def make(run: Run) -> None:
+    """Read training images and samples of the category, train, write model and log."""
+    train = run.reseeded(reconstruction_settings.TrainConfig)
+    section = run.section(line_field.LineFieldConfig)
+    training_loop.prepare(train.loop, train.batch_size)
+
+    images, shapes, sources = category_data.read_training(
+        run.index, run.folder("samples"), run.category, train.image_size
+    )
+    model = line_field.ImageDDFModel(train, section)
+    model.fit_box(shapes)
+    digest, memory = images.digest(), resident.Memory(model_files.device())
+    images, samples = (
+        memory.images(images),
+        memory.samples(category_data.read_samples(run.folder("samples"), shapes.ids)),
+    )
+    model.to(model_files.device()).fit_cameras(images)
+    facts = [train, section, run.category, digest]
+    architecture = {"kind": "ddf_image", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
+    out_dir = run.folder("train_ddf_image", seed=run.seed)
+    training_loop.fit(
+        model,
+        model.parameter_groups(),
+        functools.partial(line_steps.ddf_image_step, model, images, shapes, samples, train, section),
+        section.steps,
+        section.loop(train.loop),
+        out_dir,
+        provenance.record(facts, train.loop.seed, sources, line_steps) | architecture,
+        f"ddf_image {run.label}",
+    )
+    if distributed.rank() == 0:
+        statistics = out_of_distribution.TrainingStatistics.of(reconstruction_models.image_stages(model.eval(), images))
+        if statistics is not None:
+            statistics.add_to(out_dir)
