@@ -2,7 +2,7 @@
 
 import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from ddf.api.field import Field
+from ddf.api.field import WEIGHTS, Field
 from ddf.core import checks, extras, shipped_models, storage
 from ddf.geometry.mesh_io import Mesh
 
@@ -106,24 +106,27 @@ class Reconstruction:
 
 
 def reconstruct(
-    image: str | Path,
+    image: str | Path | Sequence[str | Path],
     model: str | Path,
     n: int = 5000,
     seed: int = 0,
     mask: str | Path | None = None,
     background: str = "auto",
+    cameras: Sequence[Sequence[int | float]] | None = None,
 ) -> Reconstruction:
-    """The object of a picture, by a trained model. Needs torch.
+    """The object of a picture, or of several, by a trained model. Needs torch.
 
     Args:
-      image: a PNG, WebP, JPEG or GIF file of any size; the object may stand anywhere in it.
+      image: a PNG, WebP, JPEG or GIF file of any size; the object may stand anywhere in it. Several of one object, for
+        a model of train_ddf_image; what is said of one picture is of the first.
       model: trained DDF: a name that `ddf models` lists (chair, plane, car), or a folder that `make train` wrote, such
-        as artifacts/cpu/train_ddf/chair.
+        as artifacts/cpu/train_ddf/chair or artifacts/cpu/train_ddf_image/chair.
       n: points of the cloud, 2 or more; field and camera do not depend on it up to 5,000.
       seed: the same seed gives the same points.
       mask: a picture that is light on the object.
       background: what the object is cut out by where there is no mask: `auto`, the picture's alpha, or its rim where it
         has none; `white`; `border`, the rim; or a colour, #rrggbb.
+      cameras: azimuth and elevation (degrees) and radius (benchmark units) of each picture; None to predict them.
     Raises:
       FileNotFoundError: there is no such model.
       ValueError: the picture or the model is damaged or of another kind, no object stands out, or torch is not
@@ -137,7 +140,8 @@ def reconstruct(
       >>> found.points.shape, sorted(found.camera)
       ((200, 3), ['azimuth_deg', 'elevation_deg', 'radius'])
     """
-    return reconstructor(model)(Path(image), n, seed, None if mask is None else Path(mask), background)
+    images = [Path(each) for each in ([image] if isinstance(image, str | Path) else image)]
+    return reconstructor(model)(images, n, seed, None if mask is None else Path(mask), background, cameras)
 
 
 def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..., Reconstruction]:
@@ -148,19 +152,40 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
     """
     with extras.named():
         from ddf.data import cutouts
-        from ddf.models import reconstruction_models
-        from ddf.reconstruction import one_image
+        from ddf.fields import shape_field
+        from ddf.models import line_field, reconstruction_models
+        from ddf.reconstruction import one_image, several_images
     path = shipped_models.require(model, "reconstruction")
     path = path.parent if path.is_file() else path
-    trained = reconstruction_models.load_ddf(path)
-    deviation = None if encoded is None else one_image.latent_deviation(trained.network, path, encoded)
+    by_features = storage.load_metadata(path / WEIGHTS).get("kind") == line_field.KIND
+    trained = line_field.load(path) if by_features else reconstruction_models.load_ddf(path)
+    deviation = None
+    if encoded is not None:
+        if isinstance(trained, line_field.TrainedImageDDF):
+            raise checks.InputError(f"{encoded}: a model of train_ddf_image has no latent that could move")
+        deviation = one_image.latent_deviation(trained.network, path, encoded)
 
-    def of(image: Path, n: int, seed: int, mask: Path | None, background: str) -> Reconstruction:
-        found = one_image.reconstruct(trained, cutouts.read(image, mask, background), n, seed, deviation)
+    def of(
+        images: Sequence[Path],
+        n: int,
+        seed: int,
+        mask: Path | None,
+        background: str,
+        cameras: Sequence[Sequence[int | float]] | None = None,
+    ) -> Reconstruction:
+        pictures = [cutouts.read(image, mask, background) for image in images]
+        if isinstance(trained, line_field.TrainedImageDDF):
+            seen_from = None if cameras is None else several_images.radians(cameras)
+            found = several_images.reconstruct(trained, pictures, n, seed, seen_from)
+        elif len(pictures) > 1 or cameras is not None:
+            raise checks.InputError(f"{path}: only models of train_ddf_image take several pictures, or cameras")
+        else:
+            found = one_image.reconstruct(trained, pictures[0], n, seed, deviation)
         azimuth, elevation, radius = (float(value) for value in found.camera)
         camera = {"azimuth_deg": np.degrees(azimuth), "elevation_deg": np.degrees(elevation), "radius": radius}
         camera = {name: float(value) for name, value in camera.items()}
-        field = Field(found.shape, lambda: found.shape)
+        shape = found.shape
+        field = Field(shape, (lambda: shape) if isinstance(shape, shape_field.ShapeField) else None)
         return Reconstruction(field, found.cloud[:n], camera, found.view, path.name, found.score, found.seconds)
 
     return of

@@ -91,6 +91,7 @@ def reconstruct(
     background: Annotated[str, Arg("HOW")] = "auto",
     points: _CloudPoints = 5000,
     seed: int = 0,
+    together: bool = False,
     known: Annotated[Path | None, Arg("POINTCLOUDS")] = None,
 ) -> dict[str, Any]:
     """Field, mesh, cloud and camera from a picture with a trained model.
@@ -98,7 +99,7 @@ def reconstruct(
     - The object may stand anywhere in the picture: it is framed as the training images are.
     - The folder is a field for every other command. `shape.glb` has the picture's colours where that sees the mesh,
       `picture.png` shows the picture and the field from four sides.
-    - Several pictures before the model get a folder each.
+    - Several pictures before the model get a folder each; with `--together` they show one object.
     - The verdict: `like the training images`, `unusual: expect errors` (beyond 90 % of them), or `no chair` (beyond
       99 %).
 
@@ -106,6 +107,7 @@ def reconstruct(
       images: pictures of one object each: PNG, WebP, JPEG or GIF.
       out: gets the field, shape.glb, shape.ply, cloud.ply, camera.json and picture.png; of several pictures, a folder
         for each.
+      together: the pictures are of one object, for a model of train_ddf_image; all files are in `OUT`.
       known: what stage pointclouds made with the model (artifacts/cpu/pointclouds/chair), which tells how shapes vary:
         the shape then moves until its silhouette agrees with the picture.
 
@@ -118,12 +120,13 @@ def reconstruct(
 
     if mask is not None and len(images) > 1:
         raise checks.InputError("--mask is of one picture; give one")
-    outs = _folders(images, out)
+    groups = [images] if together else [[image] for image in images]
+    outs = [out] if together else _folders(images, out)
     of = reconstruction.reconstructor(model, known)
     made = []
-    for image, folder in zip(images, outs, strict=True):
-        found = of(image, points, seed, mask, background).save(folder)
-        made.append(found | {"image": image.as_posix(), "out": folder.as_posix()})
+    for group, folder in zip(groups, outs, strict=True):
+        found = of(group, points, seed, mask, background).save(folder)
+        made.append(found | {"image": group[0].as_posix(), "out": folder.as_posix()})
     lines = [_line(result) for result in made]
     if len(made) == 1:
         return made[0] | {"table": {}, "verdict": lines[0]}

@@ -35,6 +35,7 @@ from ddf.fields import field_outputs, framed_field, model_files
 from ddf.geometry import cameras, transforms
 from ddf.models import encoders, loop_config, out_of_distribution, reconstruction_models, reconstruction_settings
 
+KIND = "ddf_image"  # of its files
 FIELD_FROM_V1 = 2.0
 BENCHMARK_FROM_FIELD = transforms.BENCHMARK_FROM_V1 / FIELD_FROM_V1
 CHANNELS, WIDTHS = 32, (32, 64, 96, 128)  # of the map; of the encoder, each at half the size of the one before
@@ -387,7 +388,7 @@ class TrainedImageDDF(NamedTuple):
 
 def load(folder: Path) -> TrainedImageDDF:
     """The model of a folder, or of its file; errors are those of `reconstruction_models.load_ddf`."""
-    folder, train, section = reconstruction_models.recorded(folder, "ddf_image")
+    folder, train, section = reconstruction_models.recorded(folder, KIND)
     from ddf.core import config  # needs yaml, which training and inference do without
 
     with framed_field.record_of(folder):

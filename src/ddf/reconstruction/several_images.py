@@ -69,6 +69,18 @@ def reconstruct(
     return one_image.Reconstructed(field, points_v1, camera, view, score, seconds)
 
 
+def radians(cameras: Sequence[Sequence[int | float]]) -> Float[np.ndarray, "k 3"]:
+    """Cameras in degrees as the models have them.
+
+    Raises:
+      InputError: one is not three finite numbers, or its radius is not above 0.
+    """
+    for camera in cameras:
+        if len(camera) != 3 or not np.isfinite(camera).all() or camera[2] <= 0:
+            raise checks.InputError(f"a camera is azimuth, elevation (degrees) and radius > 0; got {list(camera)}")
+    return np.array(cameras, dtype=np.float64) * [np.pi / 180, np.pi / 180, 1.0]
+
+
 def of_one_shape(each: line_field.Views, rows: Sequence[int] | slice = slice(None)) -> line_field.Views:
     """Views of k shapes as k views of one shape; some of them."""
     return line_field.Views(*(part[rows].transpose(0, 1) for part in each))

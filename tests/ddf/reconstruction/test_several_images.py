@@ -1,0 +1,55 @@
+"""Several pictures of one object: cameras that agree, and what is refused."""
+
+import _hand_made
+import numpy as np
+import pytest
+import torch
+
+from ddf.core import checks
+from ddf.models import line_field
+from ddf.reconstruction import several_images
+
+PICTURE = np.zeros((32, 32, 4), np.uint8)
+PICTURE[8:24, 10:22] = 200
+
+
+@pytest.fixture(scope="module")
+def trained():
+    torch.manual_seed(0)
+    config = line_field.LineFieldConfig(places=8, width=16)
+    model = line_field.ImageDDFModel(_hand_made.TRAIN, config).eval().requires_grad_(False)
+    model.fit_cameras(_hand_made.images())
+    return line_field.TrainedImageDDF(model, 32, None)
+
+
+def test_one_picture_and_the_same_twice_with_its_camera_are_one_object(trained):
+    camera = several_images.radians([(30.0, 25.0, 0.8)])
+    once = several_images.reconstruct(trained, [PICTURE], 100, seen_from=camera)
+    twice = several_images.reconstruct(trained, [PICTURE, PICTURE], 100, seen_from=np.repeat(camera, 2, axis=0))
+    assert (np.abs(once.cloud - twice.cloud).max(axis=1) < 1e-6).mean() > 0.99  # a tie may be taken either way
+    assert once.camera.tolist() == pytest.approx(camera[0].tolist()) and once.score is None
+
+
+def test_cameras_turn_until_silhouettes_agree_no_worse(trained):
+    images = torch.from_numpy(PICTURE).permute(2, 0, 1)[None].repeat(2, 1, 1, 1).float() / 255
+    each = trained.network.views(images, torch.tensor([[0.5, 0.4, 0.8], [1.5, 0.4, 0.8]]))
+    found = each._replace(cameras=several_images.agreeing(trained.network.decoder, each, images[:, 3]))
+    masks = images[:, 3] > 0.5
+    before, after = (several_images._agreement(trained.network.decoder, views, masks) for views in (each, found))
+    assert after >= before and torch.equal(found.cameras[..., 1:], each.cameras[..., 1:])
+
+
+@pytest.mark.parametrize(
+    ("pictures", "cameras", "told"),
+    [
+        ([], None, "a picture are needed"),
+        ([PICTURE], [(0, 0, 1), (0, 0, 1)], "1 pictures, 2 cameras"),
+        ([PICTURE], [(0, 0)], "azimuth, elevation .degrees. and radius > 0"),
+        ([PICTURE], [(0, 0, -1)], "radius > 0"),
+        ([PICTURE], [(0, np.nan, 1)], "radius > 0"),
+    ],
+)
+def test_what_does_not_do_is_told(trained, pictures, cameras, told):
+    with pytest.raises(checks.InputError, match=told):
+        seen_from = None if cameras is None else several_images.radians(cameras)
+        several_images.reconstruct(trained, pictures, 100, seen_from=seen_from)
