@@ -1,6 +1,6 @@
 """Closed forms for tests alone, beside those of `primitives`; and a closed form asked as a fitted field is."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,21 +10,7 @@ from torch import Tensor
 
 from ddf.geometry import primitives, rays, transforms
 
-_REAL_ROOT = (
-    1e-5  # imaginary part of a root that counts as real: a double root of a quartic is known to sqrt(eps) ~ 1e-8
-)
-
-
-def query_of(shape: primitives.Primitive) -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]:
-    """A closed form as a field of a scene (`composition.Query`): visibility 0 or 1, depth `inf` on a miss."""
-
-    def query(
-        positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
-    ) -> tuple[Float[Tensor, "n"], Float[Tensor, "n"]]:
-        depth, _ = shape.first(positions, directions)
-        return torch.isfinite(depth).to(depth), depth
-
-    return query
+_REAL_ROOT = 1e-5  # imaginary part that counts as none: a double root of a quartic is known to sqrt(eps) ~ 1e-8
 
 
 @dataclass(frozen=True)
@@ -113,11 +99,6 @@ class Torus:
         cosine = (ring - self.major) / self.minor
         safe = torch.where(ring > 0, ring, torch.ones_like(ring))
         return torch.stack([torch.full_like(ring, -1.0 / self.minor), -cosine / safe], dim=-1)
-
-
-def nested_spheres(outer: float = 0.9, inner: float = 0.4) -> primitives.Union:
-    """Two concentric spheres."""
-    return primitives.Union((primitives.Sphere(radius=outer), primitives.Sphere(radius=inner)))
 
 
 @dataclass(frozen=True)

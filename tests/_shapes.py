@@ -49,6 +49,14 @@ def torus(major: float = 0.7, minor: float = 0.3, sections: int = 48) -> mesh_io
     return mesh_io.Mesh(vertices, np.array(shape.faces)[:, ::-1])
 
 
+def sheet(steps: int) -> mesh_io.Mesh:
+    """A flat open grid of so many by so many vertices on [0, 1]² in the plane z = 0."""
+    x, y = (g.ravel() for g in np.meshgrid(np.linspace(0, 1, steps), np.linspace(0, 1, steps)))
+    index = np.arange(steps * steps).reshape(steps, steps)
+    a, b, c, d = (i.ravel() for i in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
+    return mesh_io.Mesh(np.stack([x, y, 0 * x], 1), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
+
+
 def joined(*parts: mesh_io.Mesh) -> mesh_io.Mesh:
     """Several meshes as one soup."""
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])

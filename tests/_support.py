@@ -1,5 +1,6 @@
-"""Comparison of arrays for all tests: tolerance by type, the worst entry named."""
+"""Comparison of arrays for all tests: tolerance by type, the worst entry named; and damage to a file."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -50,3 +51,10 @@ def _as_float64(value: Any) -> np.ndarray:
     if isinstance(value, torch.Tensor):
         value = value.detach().cpu().double().numpy()
     return np.asarray(value, dtype=np.float64)
+
+
+def damage(path: Path, at: int = -1) -> None:
+    """Flip a bit of one byte of a file."""
+    data = bytearray(path.read_bytes())
+    data[at] ^= 1
+    path.write_bytes(data)

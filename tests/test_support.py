@@ -20,12 +20,9 @@ def test_assert_close_names_the_worst_entry():
 def test_assert_close_tolerance_follows_the_type(dtype, step):
     one = torch.ones(3, dtype=dtype)
     assert_close(one, one)
+    assert_close(np.array([1.0 + step / 1e3]), one[:1])  # the coarser of the two
     with pytest.raises(AssertionError):
         assert_close(one, one + torch.tensor([0, 0, step], dtype=dtype))
-
-
-def test_assert_close_takes_the_coarser_type():
-    assert_close(np.array([1.0]), np.array([1.0 + 1e-6], dtype=np.float32))
 
 
 def test_assert_close_refuses_nan_infinity_other_shapes_integers_that_differ_and_a_loose_rtol():
@@ -60,26 +57,6 @@ def _asserts(node: ast.FunctionDef) -> bool:
     return any(isinstance(inner, ast.Assert) for inner in ast.walk(node)) or any(
         name.startswith("assert_") or name == "raises" for name in called
     )
-
-
-def test_the_hunt_finds_what_it_should():
-    source = """
-def check_a():
-    assert 1
-def test_b():
-    assert 1
-def _c():
-    assert 1
-@pytest.fixture
-def d():
-    assert 1
-class Cases:
-    def test_e(self):
-        assert 1
-    def helper(self):
-        assert 1
-"""
-    assert _uncollected(source) == ["check_a", "test_e"]
 
 
 def test_every_asserting_function_is_collected():

@@ -1,7 +1,5 @@
 """How benchmarks take seconds, and what they write."""
 
-import itertools
-
 import pytest
 
 from bench.lib import measuring, page
@@ -41,9 +39,7 @@ def test_candidates_take_turns_and_slow_ones_leave(_clock):
     ways = {"slow": _clock.candidate("slow", measuring.WARM), "rough": _clock.candidate("rough", *rough)}
     told = {name: (lambda name=name, way=way: (order.append(name), way())) for name, way in ways.items()}
     times = measuring.interleaved(told, 9, seconds=1.5 * measuring.WARM)
-    assert times["slow"] == pytest.approx(
-        [measuring.WARM] * 2
-    )  # its first call is a sample; it leaves after the second
+    assert times["slow"] == pytest.approx([measuring.WARM] * 2)  # it leaves after its second sample, the first a call
     assert order == ["slow", "rough", "slow", *["rough"] * len(times["rough"])]
     assert sum(times["rough"][:-1]) < 1.5 * measuring.WARM <= sum(times["rough"])
     assert len(measuring.interleaved({"rough": _clock.candidate("again", *rough)}, 3)["rough"]) == 3
@@ -61,7 +57,16 @@ def test_rows_are_read_as_they_are_written(tmp_path, monkeypatch):
     assert "threads: 2" in found.machine and all(name in found.machine for name in measuring.PACKAGES)
 
 
-def test_another_clock_can_be_given():
-    ticks = itertools.count()
-    times = measuring.interleaved({"one": lambda: None}, 3, clock=lambda: float(next(ticks)))
-    assert times == {"one": [1.0, 1.0, 1.0]}
+def test_steps_fill_the_seconds_with_what_comes_before_them(monkeypatch):
+    """A training of 2 s and 0.1 s a step, by a clock that it moves itself."""
+    now = [0.0]
+    monkeypatch.setattr(measuring.time, "process_time", lambda: sum(now))
+
+    def train(steps):
+        now.append(2.0 + 0.1 * steps)
+
+    assert abs(measuring.steps_within(train, 12.0) - 100) <= 1
+    assert measuring.steps_within(train, 0.1) == 1
+    assert len(now) == 1 + 6
+    with pytest.raises(RuntimeError, match="too few to tell"):
+        measuring.steps_within(lambda steps: None, 1.0)

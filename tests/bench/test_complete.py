@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from bench.lib import measuring
 from bench.reconstruction import complete
 from ddf.geometry import transforms
 
@@ -53,11 +52,3 @@ def test_rows_have_the_paired_gain_and_its_error():
     assert depth["error"]["f_gain"] == pytest.approx(4)
     assert depth["error"]["f_gain_error"] == pytest.approx(2 / np.sqrt(3))
     assert depth["median_s"] == 2
-
-
-def test_rows_that_were_measured_before_are_told_by_what_they_are_of(monkeypatch, tmp_path):
-    monkeypatch.setattr(measuring, "OUT", tmp_path)
-    assert complete.there() == {}
-    names = ["chair, test: image", "car, test: image"]
-    measuring.write(complete.NAME, 1, [measuring.row(name, {}, [1.0], {}) for name in names])
-    assert {name: row["what"] for name, row in complete.there().items()} == {name: name for name in names}

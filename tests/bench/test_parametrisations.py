@@ -19,12 +19,11 @@ def _place():
     return benchmark.Place.of(_shapes.icosphere(LEVEL, RADIUS))
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def _few(monkeypatch):
-    for name, value in (("TRAIN_CAMERAS", 6), ("RAYS_EACH", 20), ("INSIDE_RAYS", 300), ("FREE_POINTS", 5)):
+    few = {"TRAIN_CAMERAS": 6, "RAYS_EACH": 20, "INSIDE_RAYS": 300, "FREE_POINTS": 5, "LOOKS": 30, "SIZE": 24}
+    for name, value in few.items():
         monkeypatch.setattr(benchmark, name, value)
-    monkeypatch.setattr(benchmark, "LOOKS", 30)
-    monkeypatch.setattr(benchmark, "SIZE", 24)
 
 
 def _exact(place):
@@ -37,7 +36,6 @@ def _exact(place):
     return benchmark.Candidate(lambda p, v: hits(p, v).depth.float(), lambda p, v, _: hits(p, v).normals.float(), {})
 
 
-@pytest.mark.usefixtures("_few")
 def test_rays_begin_where_they_are_said_to(_place):
     random = seeding.generator(0, "test")
     box = torch.from_numpy(_place.upper)
@@ -56,7 +54,6 @@ def test_rays_begin_where_they_are_said_to(_place):
     np.testing.assert_allclose(ends.norm(dim=-1), RADIUS, atol=5e-3)
 
 
-@pytest.mark.usefixtures("_few")
 def test_an_exact_answer_has_no_error_and_a_late_one_has_its_delay(_place):
     seen, inner = benchmark.held_out(_place), benchmark.between(_place, seeding.generator(0, "test"))
     exact = _exact(_place)
@@ -68,19 +65,3 @@ def test_an_exact_answer_has_no_error_and_a_late_one_has_its_delay(_place):
     assert benchmark.inside_errors(exact, inner)["inside_wrong"] == 0
     wrong = benchmark.inside_errors(late, inner)["inside_wrong"]
     assert wrong == pytest.approx(float(inner.truth.visible.double().mean()))
-
-
-@pytest.mark.usefixtures("_few")
-def test_rays_that_miss_the_box_are_not_asked(_place, monkeypatch):
-    monkeypatch.setattr(benchmark, "CHUNK", 100)
-    exact, asked = _exact(_place), []
-
-    def depth(p, v):
-        asked.append(len(p))
-        return exact.depth(p, v)
-
-    seen = benchmark.held_out(_place)
-    p, v = seen.positions[: benchmark.SIZE**2], seen.directions[: benchmark.SIZE**2]
-    benchmark.image(dataclasses.replace(exact, depth=depth), _place, p, v)
-    assert max(asked) == 100
-    assert sum(asked) == int(rays.enter_box(p, v, *_place.corners())[2].sum()) < len(p)

@@ -36,13 +36,11 @@ def seeds():
     polygons = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\n"
     found.append((".obj", (polygons + "f 1 2 3 4 5 6\nf -6//1 -5/2 -4 \\\n -3\n").encode()))
     rows = "0 0 0\n2 0 0\n2 1 0\n1 1 0\n1 2 0\n0 2 0\n"
-    found.append((".off", ("OFF\n6 2 0\n" + rows + "6 0 1 2 3 4 5\n3 0 1 2\n").encode()))
+    found.append((".off", f"OFF\n6 2 0\n{rows}6 0 1 2 3 4 5\n3 0 1 2\n".encode()))
     header = "ply\nformat {} 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n"
     header += "element {} 2\nproperty list uchar int vertex_indices\nend_header\n"
-    found += [
-        (".ply", (header.format("ascii", e) + rows + "6 0 1 2 3 4 5\n3 0 1 2\n").encode())
-        for e in ("face", "tristrips")
-    ]
+    lists = "6 0 1 2 3 4 5\n3 0 1 2\n"
+    found += [(".ply", f"{header.format('ascii', each)}{rows}{lists}".encode()) for each in ("face", "tristrips")]
     positions = np.array([row.split() for row in rows.splitlines()], dtype=">f4").tobytes()
     lists = b"\6" + np.arange(6, dtype=">i4").tobytes() + b"\3" + np.arange(3, dtype=">i4").tobytes()
     found.append((".ply", header.format("binary_big_endian", "face").encode() + positions + lists))

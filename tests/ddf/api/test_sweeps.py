@@ -1,3 +1,5 @@
+"""Simulated sensors: ranges and incidence of a sphere, a field seen whole, what no sensor is."""
+
 import _shapes
 import numpy as np
 import pytest

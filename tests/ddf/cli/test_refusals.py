@@ -1,10 +1,12 @@
 """What every command refuses: one line that says what is wrong, exit code 2, and no file written."""
 
 import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from _support import damage
 from PIL import Image
 
 from ddf.core import shipped_models
@@ -42,10 +44,7 @@ def _place(work, fitted):
     (work / "one.ply").write_bytes(mesh_io.points_ply(np.ones((3, 3))))
     noise = np.random.default_rng(0).integers(1, 255, (60, 90, 3), dtype=np.uint8)
     Image.fromarray(noise).save(work / "noise.png")
-    damaged = bytearray((fitted[0] / "model.safetensors").read_bytes())
-    damaged[-5] ^= 1
-    (work / "damaged").mkdir()
-    (work / "damaged" / "model.safetensors").write_bytes(damaged)
+    damage(shutil.copytree(fitted[0], work / "damaged") / "model.safetensors", -5)
     return work
 
 
@@ -65,6 +64,8 @@ LINES = [
     ("fit torus.ply out --minutes nan", "minutes must be > 0; got nan"),
     ("fit torus.ply out --seed -1", "seed must be >= 0; got -1"),
     ("fit torus.ply out --config none.yaml", "none.yaml: no such file, nor the name of one"),
+    ("fit torus.ply out --kind patches --minutes 1", "--minutes is of --kind sine"),
+    ("fit torus.ply out --steps 2 --tolerance 1e-3", "--tolerance is of --kind patches"),
     ("fit none.obj out", "none.obj: no such file"),
     ("fit empty.obj out", "empty.obj"),
     ("fit torus.ply tiny.yaml", "tiny.yaml: is a file; give a folder to write"),

@@ -27,14 +27,6 @@ def _never(rows, towards):
     raise AssertionError("no shadow ray is needed")
 
 
-def _along(kind, values):
-    """The pattern at places along X, of which one period is 1."""
-    texture = palette.Texture(kind, (0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), *STILL[1:]))
-    places = np.zeros((len(values), 3), dtype=np.float32)
-    places[:, 0] = values
-    return texture.shares(places)
-
-
 @pytest.mark.parametrize("kind", palette.KINDS)
 def test_shares_of_every_pattern_fill_zero_to_one(kind):
     random = np.random.default_rng(0)
@@ -44,10 +36,18 @@ def test_shares_of_every_pattern_fill_zero_to_one(kind):
     assert 0 <= shares.min() < 0.05 and 0.95 < shares.max() <= 1
 
 
-def test_patterns_of_one_axis_have_their_closed_forms():
-    assert_close(_along("stripes", [0.25, 0.75, 1.25, 0.0]), _array([1, 0, 1, 0.5]))
-    assert_close(_along("two_tone", [-0.5, -0.011, 0.0, 0.011, 0.5]), _array([0, 0, 0.5, 1, 1]))
-    assert_close(_along("band", [-0.7, -0.5, -0.2, 0.0, 0.3, 0.5, 0.7]), _array([0, 0.5, 1, 1, 1, 0.5, 0]))
+@pytest.mark.parametrize(
+    ("kind", "places", "shares"),
+    [
+        ("stripes", [0.25, 0.75, 1.25, 0.0], [1, 0, 1, 0.5]),
+        ("two_tone", [-0.5, -0.011, 0.0, 0.011, 0.5], [0, 0, 0.5, 1, 1]),
+        ("band", [-0.7, -0.5, -0.2, 0.0, 0.3, 0.5, 0.7], [0, 0.5, 1, 1, 1, 0.5, 0]),
+    ],
+)
+def test_patterns_of_one_axis_have_their_closed_forms(kind, places, shares):
+    """At places along X, of which one period is 1."""
+    texture = palette.Texture(kind, (0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), *STILL[1:]))
+    assert_close(texture.shares(_array(places)[:, None] * _array([1, 0, 0])), _array(shares))
 
 
 def test_seams_lie_at_whole_numbers_of_the_first_two_axes():
@@ -152,16 +152,6 @@ def test_worn_colours_are_bounded_varied_and_a_function_of_the_seed(category):
         bare += len({part.paint for part in worn}) == 1 and len({part.paint for part in items}) > 1
     assert len(kinds) >= 3
     assert category == "primitives" or 1 <= bare <= 20
-
-
-def test_two_tone_changes_at_the_stated_share_of_a_parts_height():
-    low = parts.box((0.0, 1.0, 0.0), (4.0, 2.0, 1.0), palette.BLACK, name="body")
-    high = parts.box((0.0, 5.0, 0.0), (1.0, 2.0, 1.0), palette.BLACK, name="cabin")
-    figure = appearance.Figure.of([low, high])
-    assert_close(figure.level("body", 0.5), (1.0 - 3.0) / np.sqrt(4.0**2 + 6.0**2 + 1.0**2), atol=1e-12)
-    texture = appearance._two_tone(figure.level("body", 0.5), (1.0, 1.0, 1.0))
-    shape = assemble.normalise(np.concatenate([low.vertices, high.vertices])).astype(np.float32)
-    assert (texture.shares(shape) == np.repeat([1.0, 0.0, 0.0], [4, 4, 8])).all()
 
 
 def test_texture_is_drawn_where_the_paint_is_and_nowhere_else():

@@ -1,5 +1,6 @@
 """An object on tables, walls and masks is cut out as its own alpha has it; what cannot be told is said."""
 
+import resource
 from typing import Any
 
 import numpy as np
@@ -72,13 +73,44 @@ def test_pictures_of_every_mode(tmp_path, mode):
     assert _apart(tmp_path / ("x.jpg" if mode == "CMYK" else "x.png")) < 0.04
 
 
+@pytest.mark.parametrize(
+    ("tag", "undo"),
+    [(3, Image.Transpose.ROTATE_180), (6, Image.Transpose.ROTATE_90), (8, Image.Transpose.ROTATE_270)],
+)
+def test_photographs_are_turned_as_their_exif_says(tmp_path, tag, undo):
+    exif = Image.Exif()
+    exif[0x0112] = tag
+    _object().transpose(undo).save(tmp_path / "turned.png", exif=exif)
+    assert _apart(tmp_path / "turned.png") == 0
+
+
+@pytest.mark.real
+def test_kept_pictures_are_the_same_and_the_strip_is_bounded(shared_dir):
+    cases = shared_dir / "cases"
+    turned, base = (cutouts.read(cases / f"{name}.png") for name in ("exif6", "base"))
+    assert np.array_equal(turned, base)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert max(cutouts.read(cases / "strip16k.png").shape) == 1024
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400 * 1024
+
+
+def test_long_strips_keep_their_place_in_bounded_memory(tmp_path):
+    strip = np.zeros((40, 16000, 4), np.uint8)
+    strip[:, :8000] = (255, 0, 0, 255)
+    Image.fromarray(strip).save(tmp_path / "strip.png")
+    image = cutouts.read(tmp_path / "strip.png")
+    assert image.shape == (3, 1024, 4) and (image[:, 514:] == 0).all() and image[:, :510, 3].min() > 0
+
+
 def test_what_cannot_be_cut_out_is_said(tmp_path):
     Image.new("RGB", (40, 40), "red").save(tmp_path / "plain.png")
     Image.new("RGBA", (40, 40)).save(tmp_path / "clear.png")
     Image.new("L", (90, 40), 255).save(tmp_path / "wide.png")
+    Image.new("RGBA", (7200, 7200)).save(tmp_path / "large.png")
     cases: tuple[tuple[str, dict[str, Any], str], ...] = (
         ("plain.png", {}, "no object stands out from the background .0.0% of"),
         ("clear.png", {}, "transparent everywhere"),
+        ("large.png", {}, r"large\.png: 7200 x 7200 pixels; at most 50000000"),
         ("plain.png", {"background": "gren"}, "background must be auto, white, border"),
         ("plain.png", {"mask": tmp_path / "wide.png"}, "wide.png: 90 x 40 pixels, not of the picture"),
     )

@@ -16,6 +16,7 @@ from ddf.data.synthetic import write
 from ddf.geometry import mesh_io
 
 CHAIR = "03001627"
+SIDES = ("train", "test", "validation")
 
 
 def _config(**changes):
@@ -149,6 +150,15 @@ def test_missing_roots_say_how_to_give_one(tmp_path, monkeypatch):
         with pytest.raises(checks.InputError, match=message):
             dataset.make(section, tmp_path / "out")
         (root / then_made).mkdir(parents=True, exist_ok=True)
+    for kind in ("ShapeNetRendering", "ShapeNetCore.v1"):
+        (root / kind / CHAIR / "a").mkdir(parents=True)
+    for twice in (
+        f"{kind}/{inner}" for kind in ("ShapeNetRendering", "ShapeNetCore.v1") for inner in (kind, f"{CHAIR}/{CHAIR}")
+    ):
+        (root / twice).mkdir()
+        with pytest.raises(checks.InputError, match=f"{twice}: nested twice; move what it holds one folder up"):
+            dataset.make(section, tmp_path / "out")
+        (root / twice).rmdir()
 
 
 @pytest.mark.parametrize(
@@ -161,6 +171,8 @@ def test_missing_roots_say_how_to_give_one(tmp_path, monkeypatch):
         ({"categories": {"chair": 1}}, r"categories.chair must be in \[2, 100000\]; got 1"),
         ({"views": 4}, "views must be >= 5; got 4"),
         ({"seed": -1}, "seed must be >= 0; got -1"),
+        ({"source": "public", "categories": {"chair": 3}}, "categories"),
+        ({"source": "both", "categories": {"boat": None}}, "categories"),
     ],
 )
 def test_values_out_of_range_are_refused(changes, text):
@@ -189,19 +201,12 @@ def _views(index, side):
 def test_public_shapes_are_split_by_the_manifest_and_training_ones_vary(public_chairs, tmp_path):
     section = _config(source="public", categories={"chair": None}, public=dataset.PublicConfig(views=6, copies=2))
     index = _run(section, tmp_path / "out")
-    assert _views(index, "train") == {
-        "S__train": 6,
-        "S__train--1": 6,
-        "S__train--2": 6,
-        "S__validation": 0,
-        "S__test": 0,
-    }
+    trained = dict.fromkeys(("S__train", "S__train--1", "S__train--2"), 6)
+    assert _views(index, "train") == {**trained, "S__validation": 0, "S__test": 0}
     assert _views(index, "test")["S__test"] == _views(index, "validation")["S__validation"] == 5
     data = shapenet.Dataset.open(tmp_path / "out" / "index.json")
-    sides = {
-        entry.id: np.ptp(mesh_io.load(data.model("chair", entry.id)).vertices, axis=0)
-        for entry in data.categories["chair"].shapes
-    }
+    ids = [entry.id for entry in data.categories["chair"].shapes]
+    sides = {name: np.ptp(mesh_io.load(data.model("chair", name)).vertices, axis=0) for name in ids}
     np.testing.assert_allclose(sides["S__train"], np.array([2, 1, 1]) / 6**0.5, atol=1e-6)
     np.testing.assert_array_equal(sides["S__test"], sides["S__train"])
     assert np.abs(sides["S__train--1"] - sides["S__train"]).max() > 0.01
@@ -235,7 +240,7 @@ def test_a_model_to_ship_learns_wide_shapes_and_those_that_ask_for_credit_at_mos
     _run(_config(**settings), plain)
     index = _run(_config(**settings, train_on="shippable", public=copies), shipped)
     for licence, side in {**taught, "train": "train", "test": "test"}.items():
-        assert [name for name in _SIDES if _views(index, name)[f"S__{licence.replace('.', '-')}"]] == [side]
+        assert [name for name in SIDES if _views(index, name)[f"S__{licence.replace('.', '-')}"]] == [side]
     copied = {entry["id"] for entry in index["categories"]["chair"]["shapes"] if "--" in entry["id"]}
     assert copied == {"S__train--1", "S__CC-BY-3-0-US--1"}
     made = {name: bool(count) for name, count in _views(index, "train").items() if "__" not in name}
@@ -243,9 +248,6 @@ def test_a_model_to_ship_learns_wide_shapes_and_those_that_ask_for_credit_at_mos
     for name, trained in made.items():
         before, after = (shapenet.model_path(root, CHAIR, name).read_bytes() for root in (plain, shipped))
         assert (before != after) == trained, "wide shapes train, and nothing else changes"
-
-
-_SIDES = ("train", "test", "validation")
 
 
 def test_packages_that_nobody_can_fetch_are_all_named_at_once(monkeypatch, tmp_path):
@@ -256,10 +258,3 @@ def test_packages_that_nobody_can_fetch_are_all_named_at_once(monkeypatch, tmp_p
     told = str(caught.value)
     assert told.count("_all.deb") == 6 and "call `ddf shapes get --from FOLDER`" in told and "\n" not in told
     assert "sweethome3d-furniture_1.8-1_all.deb, " in told and "flightgear-data-ai_2020.3.16+dfsg-1_all.deb, " in told
-
-
-@pytest.mark.parametrize("source", ["public", "both"])
-def test_numbers_of_public_shapes_and_unknown_categories_are_refused(source, public_chairs):
-    categories: dict[str, int | None] = {"chair": 3} if source == "public" else {"table": None}
-    with pytest.raises(checks.InputError, match="categories"):
-        dataset.DatasetConfig(source, categories, 0, 5, False)

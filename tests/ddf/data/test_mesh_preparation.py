@@ -1,61 +1,60 @@
 """Closing, decimating and measuring meshes."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
-from _shapes import cube, icosphere, joined, moved, torus
+from _shapes import cube, icosphere, joined, moved, sheet, torus
 from _support import assert_close
 
 from ddf.core import checks
 from ddf.data import mesh_preparation, mesh_topology
 from ddf.geometry import mesh_io, raycast, transforms
 
-CONFIG = mesh_preparation.MeshesConfig(measure_points=2000)
-
 
 def _random() -> np.random.Generator:
     return np.random.default_rng(0)
 
 
+def _prepared(raw: mesh_io.Mesh, **settings: Any) -> mesh_preparation.Prepared:
+    return mesh_preparation.prepare(raw, mesh_preparation.MeshesConfig(measure_points=2000, **settings), _random())
+
+
+def _inside_out(mesh: mesh_io.Mesh) -> mesh_io.Mesh:
+    return mesh_io.Mesh(mesh.vertices, mesh.faces[:, ::-1])
+
+
 def _unwelded(mesh: mesh_io.Mesh, noise: float = 0.0) -> mesh_io.Mesh:
     corners = mesh.triangles.reshape(-1, 3)
-    return mesh_io.Mesh(
-        corners + noise * _random().standard_normal(corners.shape), np.arange(len(corners)).reshape(-1, 3)
-    )
+    moved_by = noise * _random().standard_normal(corners.shape)
+    return mesh_io.Mesh(corners + moved_by, np.arange(len(corners)).reshape(-1, 3))
 
 
 def _plate(lower: tuple[float, float, float], upper: tuple[float, float, float], steps: int = 4) -> mesh_io.Mesh:
     """A flat open grid in the plane of its two extended axes."""
-    low, high = np.array(lower), np.array(upper)
-    axes = np.flatnonzero(high > low)
-    grid = np.stack([g.ravel() for g in np.meshgrid(np.linspace(0, 1, steps), np.linspace(0, 1, steps))], axis=1)
-    vertices = np.tile(low.astype(np.float64), (steps * steps, 1))
-    vertices[:, axes] += grid * (high - low)[axes]
-    index = np.arange(steps * steps).reshape(steps, steps)
-    a, b, c, d = (i.ravel() for i in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
-    return mesh_io.Mesh(vertices, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
+    low, high = np.array(lower, float), np.array(upper)
+    grid = sheet(steps)
+    vertices = np.tile(low, (steps * steps, 1))
+    vertices[:, high > low] += grid.vertices[:, :2] * (high - low)[high > low]
+    return mesh_io.Mesh(vertices, grid.faces)
 
 
 def test_watertight_means_every_edge_twice_in_opposite_ways():
     mesh = icosphere(1)
     assert mesh_topology.is_watertight(mesh) and mesh_topology.is_watertight(torus(sections=8))
-    flipped = mesh.faces.copy()
-    flipped[3] = flipped[3, ::-1]
-    assert not mesh_topology.is_watertight(mesh_io.Mesh(mesh.vertices, flipped))
-    assert not mesh_topology.is_watertight(mesh_io.Mesh(mesh.vertices, mesh.faces[1:]))
-    assert not mesh_topology.is_watertight(mesh_io.Mesh(mesh.vertices, np.concatenate([mesh.faces, mesh.faces[:1]])))
+    flipped = np.concatenate([mesh.faces[:1, ::-1], mesh.faces[1:]])
+    for faces in (flipped, mesh.faces[1:], np.concatenate([mesh.faces, mesh.faces[:1]])):
+        assert not mesh_topology.is_watertight(mesh_io.Mesh(mesh.vertices, faces))
     assert not mesh_topology.is_watertight(_unwelded(mesh))
 
 
 def test_cones_that_touch_at_their_tips_are_not_a_manifold():
-    upper = moved(cube(0.5), 1.0, (0.5, 0.5, 0.5))
-    lower = moved(cube(0.5), 1.0, (-0.5, -0.5, -0.5))
-    touching = mesh_topology._weld(joined(upper, lower), 0.0)
+    apart = joined(*(moved(cube(0.5), 1.0, (at, at, at)) for at in (0.5, -0.5)))
+    touching = mesh_topology._weld(apart, 0.0)
     assert len(touching.vertices) == 15 and mesh_topology.is_watertight(touching)
-    assert not mesh_topology.has_manifold_vertices(touching)
-    assert mesh_topology.has_manifold_vertices(joined(upper, lower)) and mesh_topology.has_manifold_vertices(
-        torus(sections=8)
-    )
+    assert not mesh_topology.has_manifold_vertices(touching) and mesh_topology.has_manifold_vertices(apart)
+    assert mesh_topology.has_manifold_vertices(torus(sections=8))
 
 
 def test_clean_welds_and_drops_without_moving_anything():
@@ -82,24 +81,14 @@ def test_clean_refuses_a_mesh_without_area():
 
 def test_closed_mesh_goes_through_unchanged():
     raw = moved(torus(sections=24), 3.0, (5.0, 6.0, 7.0))
-    done = mesh_preparation.prepare(raw, CONFIG, _random())
+    done = _prepared(raw)
     assert done.watertight and not done.wrapped and len(done.mesh.faces) == len(raw.faces)
     assert done.hausdorff < 1e-9 and done.mean_distance < 1e-9 and done.lost < 1e-9
     lower, upper = done.mesh.box()
     assert_close((upper - lower).max(), np.array(2.0), atol=1e-12)
     assert_close(lower + upper, np.zeros(3), atol=1e-12)
-    ordered = [
-        np.array(sorted(map(tuple, points.round(9))))
-        for points in (done.field_from_raw.apply(raw.vertices), done.mesh.vertices)
-    ]
-    assert_close(ordered[0], ordered[1], atol=2e-9)
-
-
-def test_inside_out_mesh_comes_out_with_positive_volume():
-    raw = mesh_io.Mesh(icosphere(2).vertices, icosphere(2).faces[:, ::-1])
-    mesh = mesh_preparation.prepare(raw, CONFIG, _random()).mesh
-    corners = mesh.triangles
-    assert np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6 > 4
+    apart = raycast.Scene(done.mesh).distance(done.field_from_raw.apply(raw.triangles).reshape(-1, 3))
+    assert apart.max() < 1e-9
 
 
 def test_thin_parts_of_mixed_winding_survive_the_wrap():
@@ -108,7 +97,7 @@ def test_thin_parts_of_mixed_winding_survive_the_wrap():
     flips = rng.random(len(panel.faces)) < 0.5
     mixed = mesh_io.Mesh(panel.vertices, np.where(flips[:, None], panel.faces[:, ::-1], panel.faces))
     raw = joined(mixed, moved(cube(), np.array([0.02, 0.5, 0.02]), (0.9, -1.4, 0.1)))
-    done = mesh_preparation.prepare(raw, CONFIG, rng)
+    done = _prepared(raw)
     assert done.watertight and done.wrapped and done.lost == 0
     probes = done.field_from_raw.apply(raw.triangles.mean(axis=1))
     assert raycast.Scene(done.mesh).distance(probes).max() < 0.02
@@ -117,25 +106,13 @@ def test_thin_parts_of_mixed_winding_survive_the_wrap():
 
 def test_never_wrapped_meshes_keep_open_sheets_and_inner_parts():
     raw = joined(cube(), moved(icosphere(2), 0.3, (0.0, 0.0, 0.0)), _plate((-1, -1, 1.2), (1, 1, 1.2)))
-    done = mesh_preparation.prepare(raw, mesh_preparation.MeshesConfig(wrap="never", measure_points=2000), _random())
+    done = _prepared(raw, wrap="never")
     assert not done.wrapped and not done.watertight
     assert len(done.mesh.faces) == len(raw.faces)
     assert max(mesh_preparation.measure(raw, mesh_topology.clean(raw), 2000, _random()).values()) < 1e-5
     assert {getattr(done, name) for name in mesh_preparation.LOSSES} == {0.0}
-    closed = mesh_preparation.prepare(raw, CONFIG, _random())
+    closed = _prepared(raw)
     assert closed.hausdorff_hidden > 0.05  # the wrap drops the ball inside
-
-
-@pytest.mark.parametrize(
-    ("faces", "wrap", "times"), [(320, "auto", 0), (320, "never", 0), (300, "auto", 1), (320, "always", 1)]
-)
-def test_only_meshes_that_changed_are_measured(monkeypatch, faces, wrap, times):
-    asked, real = [], mesh_preparation.measure
-    monkeypatch.setattr(mesh_preparation, "measure", lambda *given: asked.append(given) or real(*given))
-    config = mesh_preparation.MeshesConfig(faces=faces, wrap=wrap, measure_points=100)
-    inside_out = icosphere(2)
-    done = mesh_preparation.prepare(mesh_io.Mesh(inside_out.vertices, inside_out.faces[:, ::-1]), config, _random())
-    assert len(asked) == times and (done.mean_distance > 0) == bool(times)
 
 
 def test_open_meshes_are_decimated_too():
@@ -147,9 +124,8 @@ def test_open_meshes_are_decimated_too():
 
 
 def test_wrap_encloses_the_soup_within_its_offset():
-    raw = joined(
-        moved(cube(), 0.5, (0.4, 0, 0)), moved(icosphere(2), 0.6, (-0.3, 0, 0)), _plate((-1, 0.2, -1), (1, 0.2, 1))
-    )
+    parts = moved(cube(), 0.5, (0.4, 0, 0)), moved(icosphere(2), 0.6, (-0.3, 0, 0))
+    raw = joined(*parts, _plate((-1, 0.2, -1), (1, 0.2, 1)))
     wrap = mesh_preparation.close(raw, alpha=0.03, offset=0.004)
     scene = raycast.Scene(wrap)
     assert mesh_topology.is_watertight(wrap) and mesh_topology.has_manifold_vertices(wrap)
@@ -159,7 +135,7 @@ def test_wrap_encloses_the_soup_within_its_offset():
 
 def test_hidden_inner_parts_vanish_and_are_reported():
     raw = joined(icosphere(3), moved(icosphere(2), 0.3, (0, 0, 0)))
-    done = mesh_preparation.prepare(raw, CONFIG, _random())
+    done = _prepared(raw)
     radii = np.linalg.norm(done.mesh.vertices, axis=1)
     assert radii.min() > 0.9
     assert 0.6 < done.hausdorff_hidden * raw.diagonal() < 0.75
@@ -170,29 +146,20 @@ def test_hidden_inner_parts_vanish_and_are_reported():
 
 def test_wrap_and_decimation_keep_the_offset_error():
     raw = mesh_io.Mesh(icosphere(3).vertices, icosphere(3).faces[5:])
-    errors = [
-        mesh_preparation.prepare(
-            raw, mesh_preparation.MeshesConfig(offset=offset, measure_points=2000), _random()
-        ).mean_distance
-        for offset in (0.008, 0.004, 0.002)
-    ]
+    errors = [_prepared(raw, offset=offset).mean_distance for offset in (0.008, 0.004, 0.002)]
     assert errors[0] > errors[1] > errors[2]
     assert 0.5 * 0.008 < errors[0] < 1.5 * 0.008
 
 
 @pytest.mark.parametrize("faces", [2000, 500])
-def test_decimation_reaches_its_bound_and_stays_closed(faces):
-    for mesh in (icosphere(5), torus(sections=60)):
-        small = mesh_preparation.decimate(mesh, faces)
-        assert (
-            len(small.faces) <= faces
-            and mesh_topology.is_watertight(small)
-            and mesh_topology.has_manifold_vertices(small)
-        )
-        holes = (2 - (len(small.vertices) - len(small.faces) // 2)) // 2
-        assert holes == (2 - (len(mesh.vertices) - len(mesh.faces) // 2)) // 2
-        figures = mesh_preparation.measure(mesh, small, 2000, _random())
-        assert figures["hausdorff"] < 12 / faces
+@pytest.mark.parametrize("mesh", [icosphere(5), torus(sections=60)], ids=["sphere", "torus"])
+def test_decimation_reaches_its_bound_and_stays_closed(mesh, faces):
+    small = mesh_preparation.decimate(mesh, faces)
+    assert len(small.faces) <= faces
+    assert mesh_topology.is_watertight(small) and mesh_topology.has_manifold_vertices(small)
+    euler = [len(each.vertices) - len(each.faces) // 2 for each in (mesh, small)]
+    assert euler[0] == euler[1]  # as many holes
+    assert mesh_preparation.measure(mesh, small, 2000, _random())["hausdorff"] < 12 / faces
 
 
 def test_decimation_that_cannot_stay_closed_says_so():
@@ -214,39 +181,34 @@ def test_measured_distances_equal_closed_form_for_concentric_spheres():
 
 def test_scale_and_place_of_the_raw_mesh_do_not_matter():
     raw = joined(moved(cube(), 0.5, (0.4, 0, 0)), moved(icosphere(2), 0.6, (-0.3, 0.1, 0)))
-    here = mesh_preparation.prepare(raw, CONFIG, _random())
-    there = mesh_preparation.prepare(moved(raw, 2.0**10, (2.0**20, -(2.0**21), 2.0**22)), CONFIG, _random())
+    far = moved(raw, 2.0**10, (2.0**20, -(2.0**21), 2.0**22))
+    here, there = _prepared(raw), _prepared(far)
     assert_close(there.mean_distance, np.array(here.mean_distance), atol=3e-4)
     back = there.field_from_raw.inverse().apply(there.mesh.vertices)
-    assert (
-        raycast.Scene(moved(raw, 2.0**10, (2.0**20, -(2.0**21), 2.0**22))).distance(back).max()
-        < 0.05 * raw.diagonal() * 2**10
-    )
+    assert raycast.Scene(far).distance(back).max() < 0.05 * far.diagonal()
 
 
 @pytest.mark.parametrize(
-    ("key", "value"),
-    [("faces", 3), ("alpha", 0.0), ("alpha", 0.9), ("offset", 0.1), ("measure_points", 0)],
+    "changes", [{"faces": 3}, {"alpha": 0.0}, {"alpha": 0.9}, {"offset": 0.1}, {"measure_points": 0}]
 )
-def test_settings_out_of_range_are_refused(key, value):
-    with pytest.raises(checks.InputError, match=f"^{key} must be"):
-        mesh_preparation.MeshesConfig(**{key: value})
+def test_settings_out_of_range_are_refused(changes):
+    with pytest.raises(checks.InputError, match=f"^{next(iter(changes))} must be"):
+        mesh_preparation.MeshesConfig(**changes)
 
 
 @pytest.mark.real
 def test_far_offset_mesh_loses_no_precision(shared_dir):
     raw = mesh_io.load(shared_dir / "meshes" / "hard_far_offset_gebco.stl")
-    done = mesh_preparation.prepare(raw, CONFIG, _random())
+    done = _prepared(raw)
     centred = transforms.field_from_mesh(raw.vertices)
-    near = mesh_preparation.prepare(mesh_io.Mesh(centred.apply(raw.vertices), raw.faces), CONFIG, _random())
+    near = _prepared(mesh_io.Mesh(centred.apply(raw.vertices), raw.faces))
     assert done.watertight and done.lost == 0
     found, expected = (np.sort(prepared.mesh.vertices, axis=0) for prepared in (done, near))
     assert_close(found, expected, atol=1e-9)
-    assert_close(
-        done.mean_distance, np.array(near.mean_distance), atol=1e-4
-    )  # faces come in another order: other points
+    # faces come in another order: other points
+    assert_close(done.mean_distance, np.array(near.mean_distance), atol=1e-4)
     gap = raycast.Scene(raw).distance(done.field_from_raw.inverse().apply(done.mesh.vertices)) / raw.diagonal()
-    assert gap.max() < 0.02 and np.median(gap) < 1.5 * CONFIG.offset
+    assert gap.max() < 0.02 and np.median(gap) < 1.5 * mesh_preparation.MeshesConfig().offset
 
 
 @pytest.mark.real
@@ -254,23 +216,21 @@ def test_far_offset_mesh_loses_no_precision(shared_dir):
     "name", ["eyeglasses.stl", "chair_kaykit_A.obj", "hard_winding_wallclock.stl", "cad_featuretype_unwelded.stl"]
 )
 def test_real_thin_and_broken_meshes_keep_their_parts(shared_dir, name):
-    done = mesh_preparation.prepare(mesh_io.load(shared_dir / "meshes" / name), CONFIG, _random())
-    assert done.watertight and len(done.mesh.faces) <= CONFIG.faces
+    done = _prepared(mesh_io.load(shared_dir / "meshes" / name))
+    assert done.watertight and len(done.mesh.faces) <= mesh_preparation.MeshesConfig().faces
     assert done.lost < 1e-3 and done.hausdorff_seen < 0.03 and done.mean_distance_seen < 0.003
 
 
 @pytest.mark.real
 @pytest.mark.slow
 def test_every_readable_real_mesh_becomes_watertight(shared_dir):
-    paths = [
-        p for p in sorted((shared_dir / "meshes").iterdir()) if p.suffix in mesh_io.SUFFIXES and "bad_" not in p.name
-    ]
+    every = sorted((shared_dir / "meshes").iterdir())
+    paths = [path for path in every if path.suffix in mesh_io.SUFFIXES and "bad_" not in path.name]
     assert len(paths) == 24
     for path in paths:
-        done = mesh_preparation.prepare(mesh_io.load(path), CONFIG, _random())
-        assert done.watertight and len(done.mesh.faces) <= 10_000 and mesh_topology.has_manifold_vertices(done.mesh), (
-            path.name
-        )
+        done = _prepared(mesh_io.load(path))
+        assert done.watertight and mesh_topology.has_manifold_vertices(done.mesh), path.name
+        assert len(done.mesh.faces) <= 10_000, path.name
         assert done.lost < 0.003 and done.mean_distance_seen < 0.005, path.name
 
 
@@ -300,13 +260,13 @@ def test_closed_cad_part_is_kept_at_any_scale_place_and_rounding(scale, shift, s
     assert mesh_topology.is_watertight(raw) and len(raw.faces) == 4800
     if single:
         raw = mesh_io.Mesh(raw.vertices.astype(np.float32).astype(np.float64), raw.faces)
-    done = mesh_preparation.prepare(raw, CONFIG, _random())
+    done = _prepared(raw)
     assert not done.wrapped and done.watertight and len(done.mesh.faces) == 4800
     assert done.verdict == "kept as it is" and done.hausdorff == 0
 
 
 def test_only_crossings_deeper_than_the_tolerance_count():
-    box = cube()
+    box, turn = cube(), np.linalg.qr(_random().normal(size=(3, 3)))[0]
     lid = (box.triangles[:, :, 1] == 1).all(axis=1)
     rim = np.array([[-1.0, 1, -1], [-1, 1, 1], [1, 1, 1], [1, 1, -1]])
     corner = [int(np.argmin(np.abs(box.vertices - point).sum(axis=1))) for point in rim]
@@ -316,37 +276,23 @@ def test_only_crossings_deeper_than_the_tolerance_count():
         pit = mesh_io.Mesh(np.concatenate([box.vertices, tip]), np.concatenate([box.faces[~lid], roof]))
         assert mesh_topology.is_watertight(pit)
         assert (len(mesh_topology.pierced(pit)) > 0) == broken
-        turned = mesh_io.Mesh(1e5 * pit.vertices @ _turn().T + 3e6, pit.faces)
+        turned = mesh_io.Mesh(1e5 * pit.vertices @ turn.T + 3e6, pit.faces)
         assert (len(mesh_topology.pierced(turned)) > 0) == broken
 
 
-def _turn() -> np.ndarray:
-    turn, _ = np.linalg.qr(_random().normal(size=(3, 3)))
-    return turn
-
-
 def test_closed_pieces_that_lie_apart_are_kept_and_turned_outwards_one_by_one():
-    inwards = mesh_io.Mesh(icosphere(2).vertices, icosphere(2).faces[:, ::-1])
-    done = mesh_preparation.prepare(joined(inwards, moved(cube(), 1.0, (3.0, 0, 0))), CONFIG, _random())
+    inwards = _inside_out(icosphere(2))
+    done = _prepared(joined(inwards, moved(cube(), 1.0, (3.0, 0, 0))))
     assert not done.wrapped and (mesh_topology.volumes(done.mesh) > 0).all()
-    assert mesh_preparation.prepare(joined(inwards, moved(cube(), 1.0, (1.5, 0, 0))), CONFIG, _random()).wrapped
+    assert _prepared(joined(inwards, moved(cube(), 1.0, (1.5, 0, 0)))).wrapped
 
 
-def _ring(shift, axes):
-    ring = torus(0.5, 0.1, 24)
-    return mesh_io.Mesh(
-        ring.vertices[:, axes] + np.array(shift), ring.faces if axes == [0, 1, 2] else ring.faces[:, ::-1]
-    )
-
-
-def _turned(mesh):
-    return mesh_io.Mesh(mesh.vertices, mesh.faces[:, ::-1])
-
-
+RING = torus(0.5, 0.1, 24)
+ACROSS = mesh_io.Mesh(RING.vertices[:, [0, 2, 1]] + np.array([0.5, 0, 0]), RING.faces[:, ::-1])
 TOGETHER = {  # pieces whose boxes meet, and how many lie inside others; None: not kept
-    "rings": ((_ring((0, 0, 0), [0, 1, 2]), _ring((0.5, 0, 0), [0, 2, 1])), 0),
-    "cavity": ((cube(), _turned(cube(0.5))), 1),
-    "body in a cavity": ((cube(), _turned(cube(0.5)), cube(0.2)), 2),
+    "rings": ((RING, ACROSS), 0),
+    "cavity": ((cube(), _inside_out(cube(0.5))), 1),
+    "body in a cavity": ((cube(), _inside_out(cube(0.5)), cube(0.2)), 2),
     "solid in a solid": ((cube(), cube(0.5)), None),
     "touching": ((cube(), moved(cube(0.5), 1.0, (1.5, 0.3, 0.2))), None),
     "crossing": ((cube(), moved(cube(0.5), 1.0, (1.2, 0.3, 0.2))), None),
@@ -359,7 +305,7 @@ def test_closed_pieces_whose_boxes_meet_are_kept_unless_their_surfaces_do(name, 
     parts, held = TOGETHER[name]
     raw = joined(*parts)
     volume = mesh_topology.volumes(raw).sum()
-    done = mesh_preparation.prepare(_turned(raw) if inside_out else raw, CONFIG, _random())
+    done = _prepared(_inside_out(raw) if inside_out else raw)
     assert done.wrapped == (held is None) and done.watertight
     if held is not None:
         assert len(done.mesh.faces) == len(raw.faces) and done.hausdorff == 0
@@ -370,52 +316,45 @@ def test_closed_pieces_whose_boxes_meet_are_kept_unless_their_surfaces_do(name, 
 def test_an_open_part_beside_a_solid_is_told():
     bowl = cube(0.5)
     lidless = mesh_io.Mesh(bowl.vertices, bowl.faces[bowl.vertices[bowl.faces][:, :, 1].min(axis=1) < 0.4])
-    done = mesh_preparation.prepare(joined(moved(lidless, 1.0, (2.0, 0, 0)), cube(0.5)), CONFIG, _random())
+    done = _prepared(joined(moved(lidless, 1.0, (2.0, 0, 0)), cube(0.5)))
     assert done.wrapped and "a thin shell in part: 1 openings, the widest 0.43 of the diagonal" in done.verdict
-    whole = mesh_preparation.prepare(_unwelded(cube()), CONFIG, _random())
+    whole = _prepared(_unwelded(cube()))
     assert "shell" not in whole.verdict
 
 
 @pytest.mark.real
 def test_a_cube_in_the_slot_of_a_comb_is_kept(shared_dir):
     raw = mesh_io.load(shared_dir / "cases" / "round3" / "comb_and_cube.obj")
-    done = mesh_preparation.prepare(raw, CONFIG, _random())
+    done = _prepared(raw)
     assert not done.wrapped and len(done.mesh.faces) == 168
     volume = mesh_topology.volumes(done.mesh).sum() / done.field_from_raw.scale**3
     assert volume == pytest.approx(111.000064, rel=1e-9)
 
 
 def test_closed_meshes_that_flat_triangles_or_pairs_hold_together_are_kept():
-    box = cube()
+    box, plate = cube(), _plate((-1, -1, 0), (1, 1, 0))
     middle = box.vertices[box.faces[0, [0, 1]]].mean(axis=0)  # cut one side of an edge alone: a flat triangle closes it
     a, b, c = box.faces[0]
-    split = mesh_io.Mesh(
-        np.concatenate([box.vertices, middle[None]]), np.concatenate([box.faces[1:], [[a, 8, c], [8, b, c], [a, b, 8]]])
-    )
+    faces = np.concatenate([box.faces[1:], [[a, 8, c], [8, b, c], [a, b, 8]]])
+    split = mesh_io.Mesh(np.concatenate([box.vertices, middle[None]]), faces)
     assert mesh_topology.is_watertight(split) and mesh_topology.is_watertight(mesh_topology.clean(split))
     paired = mesh_io.Mesh(box.vertices, np.concatenate([box.faces, [[0, 1, 2], [2, 1, 0]]]))
     cleaned = mesh_topology.clean(paired)
     assert mesh_topology.is_watertight(cleaned) and len(cleaned.faces) == 12
-    both_sides = mesh_io.Mesh(_plate((-1, -1, 0), (1, 1, 0)).vertices, _plate((-1, -1, 0), (1, 1, 0)).faces)
-    doubled = mesh_io.Mesh(both_sides.vertices, np.concatenate([both_sides.faces, both_sides.faces[:, ::-1]]))
-    assert len(mesh_topology.clean(doubled).faces) == len(both_sides.faces)  # a sheet given from both sides stays
-
-
-def _bowl() -> mesh_io.Mesh:
-    ball = icosphere(3)
-    return mesh_io.Mesh(ball.vertices, ball.faces[ball.triangles[:, :, 1].max(axis=1) < 0.3])
+    doubled = mesh_io.Mesh(plate.vertices, np.concatenate([plate.faces, plate.faces[:, ::-1]]))
+    assert len(mesh_topology.clean(doubled).faces) == len(plate.faces)  # a sheet given from both sides stays
 
 
 def test_open_scan_is_a_thin_shell_and_says_so_and_filling_its_opening_makes_a_solid():
-    shell = mesh_preparation.prepare(_bowl(), CONFIG, _random())
+    ball = icosphere(3)
+    bowl = mesh_io.Mesh(ball.vertices, ball.faces[ball.triangles[:, :, 1].max(axis=1) < 0.3])
+    shell = _prepared(bowl)
     assert shell.wrapped and shell.watertight and mesh_preparation.thickness(shell.mesh) < 0.005
     assert "a thin shell" in shell.verdict and "1 openings" in shell.verdict and "--close holes" in shell.verdict
-    config = mesh_preparation.MeshesConfig(measure_points=2000, holes=1.0)
-    solid = mesh_preparation.prepare(_bowl(), config, _random())
+    solid = _prepared(bowl, holes=1.0)
     assert not solid.wrapped and solid.watertight and solid.openings_filled == 1
     assert mesh_preparation.thickness(solid.mesh) > 0.15 and "thin shell" not in solid.verdict
-    narrow = mesh_preparation.MeshesConfig(measure_points=2000, holes=0.2)
-    assert mesh_preparation.prepare(_bowl(), narrow, _random()).openings_filled == 0
+    assert _prepared(bowl, holes=0.2).openings_filled == 0
 
 
 def test_loss_counts_vertices_and_sharp_edges_that_points_by_area_miss():
@@ -430,4 +369,4 @@ def test_loss_counts_vertices_and_sharp_edges_that_points_by_area_miss():
 
 def test_what_comes_from_almost_nothing_is_said():
     sheet = mesh_io.Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
-    assert "made from 1 of 1 triangles" in mesh_preparation.prepare(sheet, CONFIG, _random()).verdict
+    assert "made from 1 of 1 triangles" in _prepared(sheet).verdict

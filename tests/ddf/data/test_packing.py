@@ -10,26 +10,24 @@ from ddf.core import checks
 from ddf.data import packing
 
 
-def _angles_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1)))
-
-
 @pytest.mark.parametrize(("dtype", "worst_deg"), [(np.int8, 0.95), (np.int16, 0.0037)])
 def test_unit_vectors_survive_within_the_step(dtype, worst_deg):
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     vectors = np.concatenate([random_rays(20_000, seed=1).directions.numpy(), axes])
     decoded = packing.decode_unit(torch.from_numpy(packing.encode_unit(vectors, dtype))).double().numpy()
-    angles = _angles_deg(decoded, vectors)
+    sine, cosine = np.linalg.norm(np.cross(decoded, vectors), axis=1), (decoded * vectors).sum(axis=1)
+    angles = np.degrees(np.arctan2(sine, cosine))
     assert worst_deg / 4 < angles.max() < worst_deg
     assert_close(decoded[-6:], axes, atol=1e-7)
     assert_close(np.linalg.norm(decoded, axis=1), np.ones(len(decoded)), atol=1e-6)
 
 
 def test_decoded_directions_are_fixed_points():
-    codes = packing.encode_unit(random_rays(5000, seed=2).directions.numpy(), np.int16)
-    again = packing.encode_unit(packing.decode_unit(torch.from_numpy(codes)).double().numpy(), np.int16)
-    first, second = (packing.decode_unit(torch.from_numpy(c)) for c in (codes, again))
-    assert_close(second, first, atol=1e-6)
+    def decoded(vectors):
+        return packing.decode_unit(torch.from_numpy(packing.encode_unit(vectors, np.int16)))
+
+    once = decoded(random_rays(5000, seed=2).directions.numpy())
+    assert_close(decoded(once.double().numpy()), once, atol=1e-6)
 
 
 def test_positions_round_to_half_a_step_and_keep_the_walls():

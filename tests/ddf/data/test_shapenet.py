@@ -1,4 +1,7 @@
+"""Data in the layout of ShapeNet: images, cameras, folders and the index; what is wrong in them is named."""
+
 import json
+import logging
 
 import numpy as np
 import pytest
@@ -12,19 +15,15 @@ from ddf.data import shapenet
 CHAIR = "03001627"
 
 
-def _save(path, pixels, mode="RGBA"):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(pixels, mode if mode == "L" else None).save(path)
+def _save(path, pixels):
+    Image.fromarray(pixels).save(path)
 
 
 def _disc(seed=0):
-    """An opaque disc of random colours on nothing."""
-    random = np.random.default_rng(seed)
+    """An opaque disc of random colours, on a transparent ground that hides others."""
     y, x = np.mgrid[:137, :137]
-    pixels = np.zeros((137, 137, 4), dtype=np.uint8)
-    inside = (x - 68) ** 2 + (y - 68) ** 2 < 40**2
-    pixels[inside, :3] = random.integers(0, 256, (int(inside.sum()), 3))
-    pixels[inside, 3] = 255
+    pixels = np.random.default_rng(seed).integers(0, 256, (137, 137, 4)).astype(np.uint8)
+    pixels[..., 3] = np.where((x - 68) ** 2 + (y - 68) ** 2 < 40**2, 255, 0)
     return pixels
 
 
@@ -32,6 +31,7 @@ def test_image_is_read_as_it_is(tmp_path):
     pixels = _disc()
     _save(tmp_path / "00.png", pixels)
     image = shapenet.read_image(tmp_path / "00.png", 137)
+    pixels[pixels[..., 3] == 0] = 0
     assert image.dtype == torch.float32
     assert_close(image, np.moveaxis(pixels, -1, 0).astype(np.float32) / 255, atol=1e-7)
 
@@ -132,6 +132,19 @@ def test_no_id_leads_out_of_its_folder(tmp_path, name):
     index["categories"]["chair"]["shapes"] = [{"id": name, "train_views": [0], "test_views": []}]
     (tmp_path / "index.json").write_text(json.dumps(index))
     assert "index.json" in _message(shapenet.Dataset.open, tmp_path / "index.json")
+
+
+def test_junk_of_computers_is_passed_over_and_the_unknown_is_named(tmp_path, caplog):
+    root = tmp_path / "my data ~1"
+    for name in ("03001627/a", "03001627/.ipynb_checkpoints", "__MACOSX/03001627", "@eaDir/x", ".Trash/y"):
+        (root / "ShapeNetRendering" / name).mkdir(parents=True)
+    with caplog.at_level(logging.WARNING):
+        assert shapenet.list_classes(root) == ["03001627"]
+        assert shapenet.list_shapes(root, "03001627") == ["a"]
+    assert "passed over .Trash, @eaDir, __MACOSX" in caplog.text
+    (root / "ShapeNetRendering" / "backup").mkdir()
+    with pytest.raises(checks.InputError, match="ShapeNetRendering/backup: not a synset"):
+        shapenet.list_classes(root)
 
 
 def test_data_set_gives_views_by_side(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from _shapes import cube, icosphere, joined, moved
-from _support import assert_close
+from _support import assert_close, damage
 
 from ddf.core import checks, parallel, storage
 from ddf.data import mesh_preparation, mesh_shards, mesh_topology, packing, sample_shards
@@ -50,10 +50,12 @@ def packs(dataset, tmp_path_factory):
 
 
 def test_pack_holds_closed_meshes_with_measures_and_failures(packs):
-    out, _, result = packs
+    out, shapes, result = packs
     assert [failure.id for failure in result.failures] == ["broken"]
     assert "broken" in result.failures[0].reason and result.files == [out / "000.zip"]
     pack = mesh_shards.read_pack(out / "000.zip")
+    raw = pack.field_from_raw["a"].apply(mesh_io.load(shapes[0].path).vertices)
+    assert raycast.Scene(pack.meshes["a"]).distance(raw).max() < 1e-6
     assert list(pack.meshes) == ["a", "c"] == [row["id"] for row in pack.measures]
     for row, mesh in zip(pack.measures, pack.meshes.values(), strict=True):
         assert mesh_topology.is_watertight(mesh) and len(mesh.faces) == int(row["faces"]) <= 600
@@ -62,16 +64,13 @@ def test_pack_holds_closed_meshes_with_measures_and_failures(packs):
         assert_close((upper - lower).max(), np.array(2.0), atol=1e-6)
 
 
-def test_a_shape_that_is_not_in_the_frame_of_v1_is_told(dataset, tmp_path, caplog):
+def test_a_shape_that_is_not_in_the_frame_of_v1_is_told(tmp_path, caplog):
     """Off the origin, or of another size: predictions are placed as if it were v1's."""
-    paths = {}
-    for name, mesh in {
-        "good": moved(icosphere(2), 1 / icosphere(2).diagonal(), (0, 0, 0)),
-        "off": moved(icosphere(2), 1 / icosphere(2).diagonal(), (0.2, 0, 0)),
-        "large": icosphere(2),
-    }.items():
+    ball, paths = icosphere(2), {}
+    unit = 1 / ball.diagonal()
+    for name, scale, shift in (("good", unit, 0.0), ("off", unit, 0.2), ("large", 1.0, 0.0)):
         paths[name] = tmp_path / f"{name}.obj"
-        paths[name].write_bytes(mesh_io.export_bytes(mesh, ".obj"))
+        paths[name].write_bytes(mesh_io.export_bytes(moved(ball, scale, (shift, 0, 0)), ".obj"))
     shapes = [mesh_shards.RawShape(name, path.as_posix(), "x") for name, path in paths.items()]
     mesh_shards.prepare(MESHES, "thing", shapes, parallel.Shard(tmp_path, 0, "f"))
     told = [record.getMessage() for record in caplog.records if "v1's are centred" in record.getMessage()]
@@ -79,22 +78,17 @@ def test_a_shape_that_is_not_in_the_frame_of_v1_is_told(dataset, tmp_path, caplo
     assert "0.2 off the origin with diagonal 1;" in told[0]
     rows = {row["id"]: row for row in mesh_shards.read_pack(tmp_path / "000.zip").measures}
     assert float(rows["off"]["off_centre"]) == pytest.approx(0.2, abs=1e-5) and float(rows["good"]["off_centre"]) < 1e-5
-    assert float(rows["large"]["diagonal"]) == pytest.approx(icosphere(2).diagonal(), abs=1e-5)
+    assert float(rows["large"]["diagonal"]) == pytest.approx(ball.diagonal(), abs=1e-5)
 
 
-def test_stored_similarity_leads_from_the_raw_frame(packs):
+def test_same_shapes_give_the_same_bytes_and_damaged_ones_are_refused_by_name(packs, tmp_path):
     out, shapes, _ = packs
-    pack = mesh_shards.read_pack(out / "000.zip")
-    raw = mesh_io.load(shapes[0].path)
-    moved_raw = pack.field_from_raw["a"].apply(raw.vertices)
-    assert raycast.Scene(pack.meshes["a"]).distance(moved_raw).max() < 1e-6
-
-
-def test_same_shapes_give_the_same_bytes(packs, tmp_path):
-    out, shapes, _ = packs
-    first = (out / "000.zip").read_bytes()
     mesh_shards.prepare(MESHES, "thing", shapes, parallel.Shard(tmp_path, 0, "f"))
-    assert (tmp_path / "000.zip").read_bytes() == first
+    data = (tmp_path / "000.zip").read_bytes()
+    assert (out / "000.zip").read_bytes() == data
+    damage(tmp_path / "000.zip", len(data) // 2)
+    with pytest.raises(checks.InputError, match=r"000\.zip"):
+        mesh_shards.read_pack(tmp_path / "000.zip")
 
 
 def test_samples_and_clouds_do_not_depend_on_the_sharding(packs, tmp_path):
@@ -138,15 +132,6 @@ def test_unknown_category_and_missing_packs_are_named(dataset, tmp_path):
         mesh_shards.raw_shapes(dataset / "index.json", "sofa")
     with pytest.raises(FileNotFoundError, match="run stage meshes first"):
         sample_shards.prepared_shapes(tmp_path, [])
-
-
-def test_damaged_pack_is_refused_by_name(packs, tmp_path):
-    out, _, _ = packs
-    data = bytearray((out / "000.zip").read_bytes())
-    data[len(data) // 2] ^= 1
-    (tmp_path / "000.zip").write_bytes(bytes(data))
-    with pytest.raises(checks.InputError, match=r"000\.zip"):
-        mesh_shards.read_pack(tmp_path / "000.zip")
 
 
 def test_as_many_shapes_as_the_config_says_are_chosen_in_their_order():

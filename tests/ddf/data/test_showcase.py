@@ -7,21 +7,12 @@ import trimesh
 from ddf.data.synthetic import showcase
 
 
-@pytest.fixture(scope="module")
-def rabbit():
-    return showcase.rabbit()
-
-
-def test_rabbit_is_one_closed_surface(rabbit):
+def test_rabbit_is_one_closed_surface_symmetric_and_upright():
+    rabbit = showcase.rabbit()
     mesh = trimesh.Trimesh(rabbit.vertices, rabbit.faces, process=True)
-    assert mesh.is_watertight
-    assert mesh.is_winding_consistent
+    assert mesh.is_watertight and mesh.is_winding_consistent and mesh.body_count == 1
     assert mesh.volume > 0.3  # outward, and not a shell
-    assert mesh.body_count == 1
-
-
-def test_rabbit_is_symmetric_and_stands_upright(rabbit):
-    lower, upper = rabbit.vertices.min(axis=0), rabbit.vertices.max(axis=0)
+    lower, upper = rabbit.box()
     assert np.allclose(lower[0], -upper[0], atol=0.02)
     assert np.argmax(upper - lower) == 1  # the ears
 

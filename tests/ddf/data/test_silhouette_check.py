@@ -37,15 +37,14 @@ WRONG = {
     r"turned by (90|270) degrees about X: another axis points up": lambda v: v[:, [0, 2, 1]] * [1, 1, -1],
     "once it is centred, with a diagonal of 1": lambda v: 100 * v,
 }
+OVERLAP = r"overlaps that of .*00\.png by 0\.\d\d, not 0\.95: it fits .*"
 
 
 @pytest.mark.parametrize("cause", WRONG)
 def test_meshes_of_other_roots_are_refused_with_the_cause(root, cause):
     path, view = _shape(root, 0)
     mesh = mesh_io.load(path)
-    with pytest.raises(
-        checks.InputError, match=rf"overlaps that of .*00\.png by 0\.\d\d, not 0\.95: it fits .*{cause}"
-    ):
+    with pytest.raises(checks.InputError, match=OVERLAP + cause):
         silhouette_check.require(mesh_io.Mesh(WRONG[cause](mesh.vertices), mesh.faces), view)
 
 

@@ -60,8 +60,3 @@ def test_ids_that_could_leave_their_folder_are_refused(name):
         splits.split_class(CHAIR, ["good", name])
     with pytest.raises(checks.InputError, match="letters, digits"):
         splits.split({name: ["good"]})
-
-
-def test_repeated_id_is_refused():
-    with pytest.raises(checks.InputError, match="shape a is listed twice"):
-        splits.split_class(CHAIR, ["a", "b", "a"])

@@ -5,7 +5,6 @@ import pytest
 from _shapes import cube, icosphere, joined, moved
 from scipy import spatial
 
-from ddf.core import checks
 from ddf.data import true_clouds
 from ddf.geometry import mesh_io
 
@@ -37,16 +36,6 @@ def test_poisson_disk_covers_the_surface():
     assert gap < 2 * np.sqrt(24 / 2000)
 
 
-def test_no_darts_stay_closer_than_the_radius():
-    darts = _random(3).uniform(0, 1, (900, 3))
-    kept = true_clouds._throw(darts, 0.12)
-    by_hand: list[int] = []
-    for i, dart in enumerate(darts):
-        if all(np.linalg.norm(darts[j] - dart) > 0.12 for j in by_hand):
-            by_hand.append(i)
-    assert kept.tolist() == by_hand
-
-
 @pytest.mark.parametrize("width", [1e-3, 1e-9])
 def test_slivers_get_their_points_whatever_their_width(width):
     """All area on a thread: the radius is a tiny share of the box."""
@@ -68,9 +57,3 @@ def test_equal_seeds_give_equal_clouds():
     first, again, other = (true_clouds.draw(cube(), 500, _random(seed)).points for seed in (1, 1, 2))
     assert first.shape == again.shape and (first == again).all()
     assert first.shape != other.shape or not (first == other).all()
-
-
-def test_mesh_without_area_is_refused():
-    flat = mesh_io.Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
-    with pytest.raises(checks.InputError, match="area"):
-        true_clouds.draw(flat, 100, _random())

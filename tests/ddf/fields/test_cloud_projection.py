@@ -1,11 +1,11 @@
-"""Points of a box projected to the surface: starts, directions, rechecks, cycles."""
+"""Points of a box projected to the surface: starts, directions, rechecks, cycles; those that make a cloud of a size."""
 
 import dataclasses
 import math
 
 import pytest
 import torch
-from _sphere_field import CONFIG, RADIUS, Sphere, sample
+from _sphere_field import CONFIG, RADIUS, SPREAD, Sphere, projected, sample
 
 from ddf.core import checks
 from ddf.fields import cloud_projection, pddf
@@ -19,15 +19,14 @@ def test_points_land_on_the_surface_and_cover_it():
     assert int(octants.min()) > 150
 
 
-def test_queries_are_points_times_directions_plus_one_per_cycle():
-    field = Sphere()
-    sample(100, field=field)
-    assert field.queries == 110 * (128 + 1) * 3
-
-
-def test_first_cycle_of_three_is_the_cloud_of_one():
+def test_queries_are_points_times_directions_plus_one_per_cycle_and_two_for_each_recheck():
+    plain, rechecked = Sphere(), Sphere()
+    cycles = sample(100, field=plain)
+    assert plain.queries == 110 * (128 + 1) * 3
     one = dataclasses.replace(CONFIG, cycles=1)
-    assert torch.equal(sample(300)[0].points, sample(300, one)[0].points)
+    assert torch.equal(cycles[0].points, sample(100, one)[0].points)
+    sample(100, dataclasses.replace(one, recheck=(0.1, 0.2)), field=rechecked)
+    assert rechecked.queries == 110 * (128 + 1 + 4)
 
 
 @pytest.mark.parametrize("changes", [{"recheck": (0.1,)}, {"aimed": 0.5}])
@@ -46,17 +45,6 @@ def test_aimed_directions_find_what_uniform_ones_miss():
         found = cloud_projection.project(Sphere(), None, start, config, generator, aimed=aimed)
         seen[aimed] = float((found.visibility > 0.5).float().mean())
     assert seen[0.0] < 0.13 and 3 * seen[0.0] < seen[0.5] < seen[1.0]
-
-
-def test_aimed_directions_go_evenly_to_the_box():
-    normal = torch.randn(20_000, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    points = cloud_projection._in_box_uniformly(normal, ((-1.0, 0.0, 2.0), (1.0, 3.0, 2.5)))
-    unit = (points - torch.tensor([-1.0, 0.0, 2.0])) / torch.tensor([2.0, 3.0, 0.5])
-    assert 0 <= float(unit.min()) and float(unit.max()) <= 1
-    cells = (unit * 4).long().clamp_max(3)
-    counts = (cells @ torch.tensor([16, 4, 1])).bincount(minlength=64)
-    expected = 20_000 / 64
-    assert float(((counts - expected) ** 2 / expected).sum()) < 63 + 4 * math.sqrt(2 * 63)  # chi squared
 
 
 def test_later_cycles_are_not_aimed_and_the_uniform_directions_stay():
@@ -121,16 +109,6 @@ def test_recheck_outvotes_a_wrong_depth_from_afar():
         assert float((found.norm(dim=-1) - RADIUS).abs().max()) < 1e-4
 
 
-def test_recheck_asks_twice_per_offset_and_not_at_all_without():
-    field = Sphere()
-    points, directions = torch.full((5, 3), 0.3), torch.nn.functional.normalize(torch.ones(5, 3), dim=-1)
-    seen = torch.full((5,), 0.7)
-    same, confidence = cloud_projection.recheck(field, None, points, directions, seen, ())
-    assert same is points and confidence is seen and field.queries == 0
-    cloud_projection.recheck(field, None, points, directions, seen, (0.1, 0.2))
-    assert field.queries == 5 * 4
-
-
 class _Plane(Sphere):
     """The plane x = 0.93."""
 
@@ -180,3 +158,88 @@ def test_hits_outside_the_box_are_chosen_last(spread):
 def test_bad_config_is_refused(change, message):
     with pytest.raises(checks.InputError, match=message):
         dataclasses.replace(CONFIG, **change)
+
+
+def test_most_visible_drops_the_least_visible():
+    early = projected(100 + torch.arange(33.0).reshape(11, 3), torch.ones(11))
+    last = projected(torch.arange(33.0).reshape(11, 3), torch.arange(11.0))
+    assert CONFIG.num_drawn(10) == 11
+    kept, fewer = cloud_projection.select([early, last], [10, 4], CONFIG)
+    assert sorted(kept[:, 0].tolist()) == [3.0 * i for i in range(1, 11)]
+    # a smaller cloud is made from the first draws alone
+    assert sorted(fewer[:, 0].tolist()) == [3.0, 6.0, 9.0, 12.0]
+
+
+def test_spread_covers_evenly_and_nests_the_sizes():
+    cycles = sample(400, SPREAD)
+    large, small = cloud_projection.select(cycles, [400, 150], SPREAD)
+    assert (large.shape, small.shape) == ((400, 3), (150, 3))
+    assert torch.equal(large[:150], small)
+    (uneven,) = cloud_projection.select(cycles, [400], dataclasses.replace(SPREAD, spread=None))
+    spread, crowded = (_nearest_neighbour_spread(cloud) for cloud in (large, uneven))
+    assert spread < 0.8 * crowded
+
+
+def test_spread_chooses_from_the_second_cycle_on_or_from_the_only_one():
+    cycles = [projected(torch.rand(11, 3) + 2 * i, torch.ones(11)) for i in range(3)]
+    (cloud,) = cloud_projection.select(cycles, [10], SPREAD)
+    assert float(cloud.min()) >= 2 and bool((cloud >= 4).any()) and bool((cloud < 4).any())
+    (alone,) = cloud_projection.select(cycles[:1], [10], SPREAD)
+    assert float(alone.max()) <= 1
+
+
+def test_spread_sets_few_points_where_the_field_doubts():
+    sure, doubtful = torch.rand(300, 3), torch.rand(300, 3) + torch.tensor([2.0, 0, 0])
+    confidence = torch.cat((torch.ones(300), torch.full((300,), 0.5)))
+    (cloud,) = cloud_projection.select([projected(torch.cat((sure, doubtful)), confidence)], [100], SPREAD)
+    share = float((cloud[:, 0] > 1.5).float().mean())
+    assert 0 < share < 0.15
+
+
+def test_crowding_takes_strays_later():
+    generator = torch.Generator().manual_seed(0)
+    strays = torch.tensor([[3.0, 0, 0], [-3.0, 0, 0], [0, 3.0, 0]])
+    points = torch.cat((torch.rand(400, 3, generator=generator), strays))
+    cycles = [projected(points, torch.ones(403))]
+    found = {}
+    for power in (0.0, 2.0):
+        config = dataclasses.replace(SPREAD, crowding=power)
+        (cloud,) = cloud_projection.select(cycles, [100], config)
+        found[power] = int((cloud.abs() > 1).any(dim=1).sum())
+    assert found == {0.0: 3, 2.0: 0}
+
+
+@pytest.mark.parametrize(("doubtful", "left"), [(60, 0), (150, 50)])
+def test_doubtful_candidates_are_left_out_as_far_as_enough_remain(doubtful, left):
+    points = torch.rand((200, 3), generator=torch.Generator().manual_seed(0))
+    points[:doubtful] += 5.0
+    confidence = torch.linspace(0.01, 0.09, doubtful).tolist() + [0.8] * (200 - doubtful)
+    config = dataclasses.replace(SPREAD, least_confidence=0.1)
+    (cloud,) = cloud_projection.select([projected(points, torch.tensor(confidence))], [100], config)
+    assert int((cloud > 4).any(dim=1).sum()) == left
+    if left:  # the most confident of them
+        kept, best = cloud[(cloud > 4).any(dim=1)].tolist(), points[doubtful - left : doubtful].tolist()
+        assert sorted(kept) == sorted(best)
+
+
+def test_crowding_of_repeated_points_is_finite():
+    config = dataclasses.replace(SPREAD, crowding=1.0)
+    points = torch.cat((torch.ones(20, 3), torch.zeros(2, 3)))
+    (cloud,) = cloud_projection.select([projected(points, torch.ones(22))], [20], config)
+    assert bool(torch.isfinite(cloud).all()) and bool((cloud[:2].sum(dim=1) == torch.tensor([3.0, 0.0])).all())
+
+
+def test_candidates_of_two_cycles_are_enough_with_fewer_starts_than_points():
+    config = dataclasses.replace(SPREAD, num_directions=8, cycles=3, oversampling=-0.45, jitter=0.1)
+    field = Sphere()
+    cycles = cloud_projection.sample(field, None, 100, config, torch.Generator().manual_seed(0))
+    assert field.queries == 3 * 55 * (8 + 1)
+    (cloud,) = cloud_projection.select(cycles, [100], config)
+    assert len(torch.unique(cloud, dim=0)) == 100
+    assert config.candidate_share(1) < 1 <= config.candidate_share(3)
+
+
+def _nearest_neighbour_spread(points):
+    """Deviation over mean of the distances to the nearest neighbour: 0 on a lattice, 0.52 for random points."""
+    distance = torch.cdist(points, points).fill_diagonal_(torch.inf).amin(dim=1)
+    return float(distance.std() / distance.mean())

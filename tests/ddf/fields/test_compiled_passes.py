@@ -81,12 +81,9 @@ print(*map(float, apart))
 @pytest.mark.slow
 def test_compiled_loss_and_gradients_are_those_of_plain_passes(matmul, most, device):
     """In a process of its own: the compiler cannot read what checks the shapes of arguments in tests."""
-    tests = Path(__file__).resolve().parents[3]
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join(
-            [str(tests), str(Path(__file__).resolve().parent), os.environ.get("PYTHONPATH", "")]
-        )
-    }
+    here = Path(__file__).resolve()
+    paths = [str(here.parents[3]), str(here.parent), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
     command = [sys.executable, "-c", COMPILED, device, matmul]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-3000:]

@@ -1,9 +1,11 @@
-"""The explicit passes are the derivatives: autograd in float64 is the reference."""
+"""The explicit passes are the derivatives, first and second: autograd in float64 and closed forms are the reference."""
 
 import pytest
 import torch
+from torch.nn import functional
 
-from ddf.fields import derivatives, siren
+from ddf.fields import derivatives, pddf, siren
+from ddf.geometry import primitives, rays
 
 WIDTHS = (16, 16, 8)
 
@@ -75,3 +77,86 @@ def test_parameter_gradient_of_a_derivative_equals_double_backward(which):
         mine = torch.zeros(()) if mine is None else mine
         theirs = torch.zeros(()) if theirs is None else theirs
         assert (mine - theirs).abs().max() <= 1e-8 * largest
+
+
+def _field(activation: pddf.DepthActivation = "softplus"):
+    torch.manual_seed(3)
+    return pddf.PDDF(pddf.PDDFConfig(WIDTHS, 3.0, 2.0, activation, 10.0)).double()
+
+
+def _random(*shape, seed=1):
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
+def _depth(field, p, v, modulations):
+    """d_{i*} written out, for autograd."""
+    raw = field(p, v, modulations)
+    return torch.where(raw[..., 2] >= 0, field.depths(raw)[..., 0], field.depths(raw)[..., 1])
+
+
+def _autograd_hessian(field, p, v, modulations):
+    p = p.clone().requires_grad_()
+    (gradient,) = torch.autograd.grad(_depth(field, p, v, modulations).sum(), p, create_graph=True)
+    rows = [torch.autograd.grad(gradient[..., i].sum(), p, retain_graph=True)[0] for i in range(3)]
+    return gradient.detach(), torch.stack(rows, -2)
+
+
+@pytest.mark.parametrize("modulated", [False, True])
+@pytest.mark.parametrize("activation", ["softplus", "relu"])
+def test_curvatures_equal_property_v_from_autograd(modulated, activation):
+    field, modulations = _field(activation), _modulations(2) if modulated else None
+    p, v = _random(2, 40, 3), functional.normalize(_random(2, 40, 3, seed=2), dim=-1)
+    found = derivatives.Surface(field, p, v, modulations)
+    gradient, hessian = _autograd_hessian(field, p, v, modulations)
+    n = functional.normalize(gradient, dim=-1)
+    n = torch.where((n * v).sum(-1, keepdim=True) > 0, -n, n)
+    project = torch.eye(3, dtype=torch.float64) - n[..., :, None] * n[..., None, :]
+    form = project @ hessian @ project * (n * v).sum(-1)[..., None, None]  # II on the tangent plane, 0 along n
+    mean = form.diagonal(dim1=-2, dim2=-1).sum(-1)
+    gaussian = (mean.square() - (form @ form).diagonal(dim1=-2, dim2=-1).sum(-1)) / 2
+    assert (found.normals - n).abs().max() <= 1e-10
+    assert (found.mean - mean).abs().max() <= 1e-8 * mean.abs().max()
+    assert (found.gaussian - gaussian).abs().max() <= 1e-8 * gaussian.abs().max()
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_property_v_on_exact_depth_has_the_signs_of_the_primitives(inside):
+    sphere = primitives.Sphere((0.1, -0.2, 0.3), 0.6)
+    centre = torch.tensor(sphere.centre, dtype=torch.float64)
+    spread = functional.normalize(_random(30, 3), dim=-1)
+    p = centre + (0.3 if inside else 2.0) * spread
+    v = functional.normalize(
+        spread + 0.2 * _random(30, 3, seed=5) if inside else -spread + 0.1 * _random(30, 3), dim=-1
+    )
+    points = rays.OrientedPoints(p, v)
+    start = p.clone().requires_grad_()
+    depth, _ = sphere.first(start, v)
+    assert bool(torch.isfinite(depth).all())
+    (gradient,) = torch.autograd.grad(depth.sum(), start, create_graph=True)
+    hessian = torch.stack([torch.autograd.grad(gradient[:, i].sum(), start, retain_graph=True)[0] for i in range(3)], 1)
+    n = primitives.cast(sphere, points).normals
+    t_1, t_2 = derivatives.tangent_basis(n)
+    slope = (n * v).sum(-1)
+    form = [[slope * torch.einsum("ni,nij,nj->n", a, hessian, b) for a in (t_1, t_2)] for b in (t_1, t_2)]
+    expected = primitives.curvatures(sphere, points)
+    torch.testing.assert_close(form[0][0] + form[1][1], expected.sum(-1), rtol=1e-8, atol=1e-8)
+    determinant = form[0][0] * form[1][1] - form[0][1] * form[1][0]
+    torch.testing.assert_close(determinant, expected.prod(-1), rtol=1e-8, atol=1e-8)
+    assert bool((expected.sum(-1) * (1 if inside else -1) > 0).all())
+
+
+def test_tangent_basis_is_orthonormal_and_finite_at_zero():
+    n = torch.cat((functional.normalize(_random(50, 3), dim=-1), torch.eye(3).double(), -torch.eye(3).double()))
+    frame = torch.stack((*derivatives.tangent_basis(n), n), dim=-1)
+    torch.testing.assert_close(frame.transpose(-1, -2) @ frame, torch.eye(3).double().expand(56, 3, 3))
+    assert all(bool(torch.isfinite(t).all()) for t in derivatives.tangent_basis(torch.zeros(2, 3)))
+
+
+def test_parameters_receive_the_gradient_of_a_curvature():
+    field = _field()
+    p, v = _random(6, 3), functional.normalize(_random(6, 3, seed=2), dim=-1)
+    found = derivatives.Surface(field, p, v)
+    (found.mean.square().sum() + found.gaussian.square().sum()).backward()
+    weight = field.network.layers[1].weight.grad
+    assert weight is not None
+    assert bool(torch.isfinite(weight).all()) and float(weight.abs().max()) > 0

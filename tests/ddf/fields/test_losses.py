@@ -33,9 +33,8 @@ def _batch(shapes=2):
     uniform = torch.rand(shapes, n, 5, generator=generator, dtype=torch.float64)
     positions = uniform[..., :3] * 2 - 1
     visible = (uniform[..., 3] > 0.4).double()
-    return sample_batch.SampleBatch(
-        positions, _unit(shapes, n, seed=1), visible, uniform[..., 4] * 2, _unit(shapes, n, seed=2), COUNTS
-    )
+    directions, normals = (_unit(shapes, n, seed=seed) for seed in (1, 2))
+    return sample_batch.SampleBatch(positions, directions, visible, uniform[..., 4] * 2, normals, COUNTS)
 
 
 @pytest.mark.parametrize("activation", ["softplus", "relu"])
@@ -63,22 +62,22 @@ _NAMES = [field.name for field in dataclasses.fields(losses.LossWeights)]
 
 
 _CHOICES = ("depth_of", "depth_huber", "transition_speed")  # settings that scale no term
-_NOTHING = losses.LossWeights(
-    **dict.fromkeys([name for name in _NAMES if name not in _CHOICES], 0.0),
-    depth_of="chosen",
-    depth_huber=None,
-    transition_speed=1.5,
-)
+_SCALES = [name for name in _NAMES if name not in _CHOICES]
+_NOTHING = dataclasses.replace(WEIGHTS, **dict.fromkeys(_SCALES, 0.0), depth_of="chosen", depth_huber=None)
 
 
-@pytest.mark.parametrize("name", [name for name in _NAMES if name not in _CHOICES])
+def _loss(field, batch, weights=WEIGHTS):
+    return losses.shape_loss(field, batch, None, weights)[0]
+
+
+@pytest.mark.parametrize("name", _SCALES)
 def test_every_weight_scales_its_own_term(name):
     field, batch = _field(), _batch()
     one, two = (dataclasses.replace(_NOTHING, **{name: factor}) for factor in (1.0, 2.0))
-    single, double = (float(losses.shape_loss(field, batch, None, w)[0].detach()) for w in (one, two))
+    single, double = (float(_loss(field, batch, weights).detach()) for weights in (one, two))
     assert single != 0
     assert double == pytest.approx(2 * single, rel=1e-12)
-    assert float(losses.shape_loss(field, batch, None, _NOTHING)[0].detach()) == 0
+    assert float(_loss(field, batch, _NOTHING).detach()) == 0
 
 
 def test_huber_depth_error_is_quadratic_then_linear():
@@ -157,11 +156,9 @@ def test_gated_depth_loss_is_least_where_the_weight_chooses_the_better_component
 
 def test_shape_loss_uses_the_huber_threshold():
     field, batch = _field(), _batch()
-    depth = dataclasses.replace(_NOTHING, depth=1.0)
-    square, huber = (
-        losses.shape_loss(field, batch, None, dataclasses.replace(depth, depth_huber=value))[0]
-        for value in (None, 1e9)  # so wide that no error is beyond it: e²/(2β)
-    )
+    square = dataclasses.replace(_NOTHING, depth=1.0)
+    wide = dataclasses.replace(square, depth_huber=1e9)  # no error is beyond it: e²/(2β)
+    square, huber = (_loss(field, batch, weights) for weights in (square, wide))
     assert float((2e9 * huber / square).detach()) == pytest.approx(1.0)
 
 
@@ -170,10 +167,7 @@ def test_ground_truth_of_extra_points_is_never_read():
     spoiled = {name: getattr(batch, name).clone() for name in ("visible", "depth", "normals")}
     for values in spoiled.values():
         values[:, : COUNTS["E"]] = float("nan")
-    assert torch.equal(
-        losses.shape_loss(field, batch, None, WEIGHTS)[0],
-        losses.shape_loss(field, dataclasses.replace(batch, **spoiled), None, WEIGHTS)[0],
-    )
+    assert torch.equal(_loss(field, batch), _loss(field, dataclasses.replace(batch, **spoiled)))
 
 
 def test_terms_by_hand():
@@ -234,18 +228,15 @@ def test_bfloat16_products_change_the_loss_a_little_and_keep_its_type(monkeypatc
 def test_loss_without_gradients_is_the_same_number():
     field, batch = _field(), _batch()
     with torch.no_grad():
-        plain = losses.shape_loss(field, batch, None, WEIGHTS)[0]
-    frozen = losses.shape_loss(_field().requires_grad_(False), batch, None, WEIGHTS)[0]
-    trained = losses.shape_loss(field, batch, None, WEIGHTS)[0]
-    assert not plain.requires_grad and not frozen.requires_grad and trained.requires_grad
-    assert float(plain) == float(frozen) == float(trained.detach())
+        plain = _loss(field, batch)
+    assert torch.equal(plain, _loss(field, batch).detach())
 
 
 def test_depth_of_a_miss_is_never_read():
     field, batch = _field(), _batch()
     spoiled = dataclasses.replace(batch, depth=torch.where(batch.visible > 0, batch.depth, float("nan")))
-    exact, found = (losses.shape_loss(field, each, None, WEIGHTS)[0] for each in (batch, spoiled))
-    assert torch.equal(exact, found)
+    found = _loss(field, spoiled)
+    assert torch.equal(_loss(field, batch), found)
     assert all(bool(g.isfinite().all()) for g in torch.autograd.grad(found, list(field.parameters())))
 
 

@@ -1,3 +1,5 @@
+"""A conditional field rendered: each output alone, rays that miss the box, depth from the camera, modulations."""
+
 import torch
 
 from ddf.fields import pddf, rendering, siren

@@ -1,5 +1,6 @@
-"""Composites of closed forms against the same surfaces cast as one: every output, hard and soft."""
+"""Scenes of several fields: the same surfaces cast as one, hard and soft; culling; unsigned distances."""
 
+import copy
 import dataclasses
 
 import _closed_form
@@ -8,7 +9,8 @@ import pytest
 import torch
 from _shapes import random_rays
 
-from ddf.fields import framed_field, scene_field
+from ddf.core import shipped_models
+from ddf.fields import framed_field, scene_field, shape_field
 from ddf.geometry import primitives, rays, transforms
 
 OUTPUTS = ("visibility", "depth", "normals", "mean_curvature", "gaussian_curvature")
@@ -98,3 +100,69 @@ def test_only_the_field_that_is_seen_is_asked_for_normals():
     assert 0 < for_depth < len(points.positions)
     framed_field.query(_scene(counted), points, ("depth", "normals"))
     assert sum(field.queries for field in counted) == 2 * for_depth + np.isfinite(depth["depth"]).sum()
+
+
+def _networks():
+    field = shape_field.load(shipped_models.place("rabbit"))
+    double = dataclasses.replace(field, field=copy.deepcopy(field.field).double())  # products round alike in float64
+    return _scene((double, double))
+
+
+@pytest.mark.parametrize(("make", "count"), [(lambda: _scene((TORUS, SPHERE)), 4000), (_networks, 1000)])
+def test_composite_normals_are_the_nearest_parts_own_and_culling_changes_nothing(make, count):
+    scene, points, asked = make(), _points(count), ("visibility", "depth", "normals")
+    found, _ = framed_field.query(scene, points, asked)
+    nearest, normals = np.full(count, np.inf), np.zeros((count, 3))
+    for field, place in zip(scene.fields, scene.scene_from_mesh, strict=True):
+        back = place.inverse()
+        own = rays.OrientedPoints(back.apply(points.positions), back.apply_directions(points.directions))
+        alone, _ = framed_field.query(field, own, asked)
+        depth = np.where(alone["visibility"] >= framed_field.SEEN, place.scale_depth(alone["depth"]), np.inf)
+        nearer = depth < nearest
+        nearest[nearer], normals[nearer] = depth[nearer], place.apply_directions(alone["normals"][nearer])
+    seen = np.isfinite(found["depth"])
+    assert seen.sum() > 20
+    np.testing.assert_allclose(found["depth"], nearest, atol=1e-9)
+    np.testing.assert_allclose(found["normals"][seen], normals[seen], atol=1e-7)
+    whole, _ = framed_field.query(dataclasses.replace(scene, cull=False), points, ("visibility", "depth"))
+    for name in whole:
+        np.testing.assert_allclose(found[name], whole[name], atol=1e-12)
+
+
+def test_culling_asks_fewer_queries():
+    asked, scene = [], _scene((TORUS, SPHERE))
+    for cull in (True, False):
+        counted = tuple(scene_field.Counted(field) for field in scene.fields)
+        framed_field.query(dataclasses.replace(scene, fields=counted, cull=cull), _points(4000), ("depth",))
+        asked.append(sum(each.queries for each in counted))
+    assert 0 < asked[0] < asked[1] / 2
+
+
+def _to_unit_sphere(positions):
+    length = np.linalg.norm(positions, axis=-1)
+    return np.abs(length - 1), np.sign(1 - length)[:, None] * positions / length[:, None]
+
+
+def test_distances_and_directions_are_those_of_the_nearest_sphere():
+    rng = np.random.default_rng(0)
+    centres, radii = rng.uniform(-3, 3, (12, 3)), rng.uniform(0.2, 0.6, 12)
+    places = [transforms.Similarity(r, TURN, c) for r, c in zip(radii, centres, strict=True)]
+    positions = rng.uniform(-4, 4, (500, 3))
+    found = scene_field.closest([SPHERE] * 12, [_to_unit_sphere] * 12, places, positions)
+    away = positions[:, None] - centres
+    length = np.linalg.norm(away, axis=-1)
+    each = np.abs(length - radii)
+    np.testing.assert_allclose(found.distances, each.min(axis=1))
+    near = each.argmin(axis=1)
+    rows = np.arange(500)
+    way = -np.sign(length - radii)[..., None] * away / length[..., None]
+    np.testing.assert_allclose(found.directions, way[rows, near])
+    assert 500 <= found.queries < 0.4 * 12 * 500
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_scenes_of_one_field_ask_it_once_a_point(count):
+    found = scene_field.closest([SPHERE], [_to_unit_sphere], [transforms.Similarity(2.0)], np.eye(3)[:count])
+    np.testing.assert_allclose(found.distances, np.ones(count))
+    np.testing.assert_allclose(found.directions, np.eye(3)[:count])
+    assert found.queries == count

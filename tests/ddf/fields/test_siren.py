@@ -1,3 +1,5 @@
+"""Sine networks, their modulations and activations: written-out formulas, initial weights, slopes by autograd."""
+
 import math
 
 import pytest
@@ -61,3 +63,32 @@ def test_modulations_start_at_about_one():
 def test_impossible_layout_is_refused(arguments):
     with pytest.raises(checks.InputError, match=r"hidden must list|omega must be positive"):
         siren.SineLayout(*arguments)
+
+
+POINTS = torch.tensor([-3.0, -0.4, -0.05, -1e-3, 1e-3, 0.02, 0.7, 5.0], dtype=torch.float64)  # off ReLU's corner
+
+
+@pytest.mark.parametrize("name", siren.ACTIVATIONS)
+@pytest.mark.parametrize("sharpness", [1.0, 20.0])
+def test_slopes_of_activations_equal_autograd(name, sharpness):
+    activation = siren.ACTIVATIONS[name]
+    raw = POINTS.clone().requires_grad_()
+    (slope,) = torch.autograd.grad(activation.value(raw, sharpness).sum(), raw)
+    assert (activation.slope(raw, sharpness) - slope).abs().max() <= 1e-8
+
+
+@pytest.mark.parametrize("function", ["value", "slope"])
+def test_activations_pass_gradcheck(function):
+    apply = getattr(siren.ACTIVATIONS["softplus"], function)
+    raw = torch.cat((POINTS, torch.zeros(1, dtype=torch.float64))).requires_grad_()
+    assert torch.autograd.gradcheck(lambda values: apply(values, 5.0), (raw,))
+
+
+@pytest.mark.parametrize("name", siren.ACTIVATIONS)
+def test_activations_are_relu_within_the_stated_distance(name):
+    raw = torch.linspace(-3, 3, 601, dtype=torch.float64)
+    gap = siren.ACTIVATIONS[name].value(raw, 50.0) - torch.relu(raw)
+    widest = {"relu": 0.0, "softplus": math.log(2) / 50}[name]
+    assert gap.min() >= 0
+    assert gap.max().item() == pytest.approx(widest, abs=1e-12)
+    assert gap.argmax() == 300 or name == "relu"

@@ -18,9 +18,8 @@ def _ask(shape):
         hits = primitives.cast(shape, flat)
         where = positions.shape[:-1]
         depth = torch.where(hits.visible, hits.depth, 0.0).reshape(where)
-        return udf.Answer(
-            hits.visible.to(positions).reshape(where), depth, hits.normals.reshape(positions.shape) if normals else None
-        )
+        normal = hits.normals.reshape(positions.shape) if normals else None
+        return udf.Answer(hits.visible.to(positions).reshape(where), depth, normal)
 
     return ask
 
@@ -71,16 +70,11 @@ def test_nothing_seen_is_infinitely_far_and_has_no_direction():
         zero = positions.new_zeros(positions.shape[:-1])
         return udf.Answer(zero, zero, torch.zeros_like(positions) if normals else None)
 
-    for found in (
-        udf.search(blind, _points(5), 8, 2),
-        udf.from_candidates(blind, _points(5), udf.CandidateNetwork().double()(_points(5))),
-    ):
+    candidates = udf.CandidateNetwork().double()(_points(5))
+    assert udf.search(blind, _points(0), 8, 2).distances.shape == (0,)
+    for found in (udf.search(blind, _points(5), 8, 2), udf.from_candidates(blind, _points(5), candidates)):
         assert found.distances.isinf().all()
         assert (found.directions == 0).all()
-
-
-def test_search_takes_no_points_and_no_steps():
-    assert udf.search(_ask(SPHERE), _points(0), 8, 2).distances.shape == (0,)
 
 
 def test_candidate_network_has_the_papers_size_and_unit_outputs():
@@ -101,9 +95,8 @@ def test_loss_equals_the_papers_formula_written_as_loops():
         total += sum(float(a.depth - a.visibility) for a in answers) / 5
         pairs = sum(float(row[i] @ row[j]) for i in range(5) for j in range(5) if j != i)
         total += 2 * 5e-3 / (25 - 5) * pairs
-        aligned = [
-            (float(v @ a.normals[0]) + 1) ** 2 for v, a in zip(row, answers, strict=True) if a.normals is not None
-        ]
+        both = zip(row, answers, strict=True)
+        aligned = [(float(v @ a.normals[0]) + 1) ** 2 for v, a in both if a.normals is not None]
         total += 0.1 * sum(aligned) / 5
     assert float(udf.loss(ask, positions, candidates)) == pytest.approx(total / 6, rel=1e-12)
 
@@ -135,10 +128,8 @@ def test_soft_value_is_larger_than_the_nearest_and_tends_to_it():
     outside = positions.norm(dim=-1) > 0.65
     ask = _ask(SPHERE)
     hard = udf.from_candidates(ask, positions, candidates).distances[outside]
-    soft = [
-        udf.from_candidates(ask, positions, candidates, temperature, soft_value=True).distances[outside]
-        for temperature in (1.0, 0.003)
-    ]
+    found = (udf.from_candidates(ask, positions, candidates, t, soft_value=True) for t in (1.0, 0.003))
+    soft = [each.distances[outside] for each in found]
     seen = hard.isfinite()
     assert (soft[0] >= hard)[seen].float().mean() > 0.95
     assert (soft[1] - hard)[seen].abs().median() < (soft[0] - hard)[seen].abs().median() / 5

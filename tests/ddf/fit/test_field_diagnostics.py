@@ -34,24 +34,15 @@ def test_an_exact_field_has_no_residuals():
         assert float(values.max()) < 1e-7, name
 
 
-def _longer(p, v):
-    depth, seen = _exact(p, v)
-    return 1.1 * depth, seen
+def _but(change):
+    """The exact field with its depth and visibility changed."""
+    return lambda p, v: change(p, v, *_exact(p, v))
 
 
-def _turning(p, v):
-    depth, seen = _exact(p, v)
-    return depth + 0.2 * v[:, 0], seen
-
-
-def _farther(p, v):
-    depth, seen = _exact(p, v)
-    return depth + 0.3, seen
-
-
-def _fading(p, v):
-    depth, seen = _exact(p, v)
-    return depth, seen * (0.8 + 0.1 * (p * v).sum(-1))
+_longer = _but(lambda p, v, depth, seen: (1.1 * depth, seen))
+_turning = _but(lambda p, v, depth, seen: (depth + 0.2 * v[:, 0], seen))
+_farther = _but(lambda p, v, depth, seen: (depth + 0.3, seen))
+_fading = _but(lambda p, v, depth, seen: (depth, seen * (0.8 + 0.1 * (p * v).sum(-1))))
 
 
 @pytest.mark.parametrize(

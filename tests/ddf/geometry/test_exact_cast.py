@@ -4,8 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-import torch
-from _shapes import cube, icosphere, joined, moved, random_rays, torus
+from _shapes import cube, icosphere, joined, moved, torus
 
 from ddf.geometry import exact_cast, mesh_io, raycast, rays
 
@@ -85,15 +84,6 @@ def test_needles_thinner_than_the_bundle_are_found_between_their_neighbours():
     depth, face = exact_cast.first_hits(raycast.Scene(mesh), positions, directions)
     np.testing.assert_allclose(depth, 2 - 0.5 * x / width, rtol=1e-9)
     assert set(face) <= {2, 3}
-
-
-def test_no_ray_no_triangle_and_the_library_of_the_points():
-    empty = np.zeros((0, 3))
-    assert exact_cast.cast(cube(), rays.OrientedPoints(empty, empty)).depth.shape == (0,)
-    flat = mesh_io.Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
-    ray = random_rays(4, seed=0)
-    assert not exact_cast.cast(flat, ray).visible.any()
-    assert isinstance(exact_cast.cast(cube(), ray).depth, torch.Tensor)
 
 
 def test_starts_on_a_face_are_decided_exactly():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from _hard import DIRECTIONS, FAR, SLOPES, TARGETS, assert_exact, assert_refused, assert_within, box, step
+from _shapes import joined
 
 from ddf.data import mesh_topology
 from ddf.data.samples import draws, extraction
@@ -24,12 +25,6 @@ def _square(height):
     """[-1, 1]² at y = height."""
     corners = np.array([[-1.0, height, -1.0], [1.0, height, -1.0], [1.0, height, 1.0], [-1.0, height, 1.0]])
     return mesh_io.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
-
-
-def _joined(*parts):
-    offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
-    faces = [part.faces + offset for part, offset in zip(parts, offsets, strict=True)]
-    return mesh_io.Mesh(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
 
 
 def _points(positions, directions, dtype):
@@ -102,7 +97,7 @@ def test_of_two_sheets_1e_5_apart_the_near_one_is_hit(cast, dtype):
     points = _points(start, looking, dtype)
     y = points.positions[:, 1].double()
     expected = torch.stack((y[0], -1e-5 - y[1], -y[2], y[3] + 1e-5))
-    assert_within(cast(_joined(_square(0.0), _square(-1e-5)), points).depth, expected, 1e-12)
+    assert_within(cast(joined(_square(0.0), _square(-1e-5)), points).depth, expected, 1e-12)
 
 
 @both_casts
@@ -148,14 +143,6 @@ def test_rays_from_1e5_away_are_as_exact_as_their_starts(cast, dtype):
     start = target - torch.tensor([1e5, 0.0, 0.0], dtype=torch.float64)
     points = _points(start, _along((1.0, 0.0, 0.0)).expand(100, 3), dtype)
     assert_within(cast(CUBE, points).depth, -1 - points.positions[:, 0].double(), 1e-9)
-
-
-def test_no_sample_is_drawn_on_a_triangle_without_an_area():
-    """A cube and 1,000 flat triangles, 4,000 points by area."""
-    flat = mesh_io.Mesh(np.repeat([[5.0, 5.0, 5.0]], 3, axis=0), np.zeros((500, 3), dtype=np.int64))
-    points, face = Surface.of(_joined(flat, CUBE, flat)).draw(4000, np.random.default_rng(0))
-    assert ((face >= 500) & (face < 512)).all()
-    assert_within(np.abs(points).max(-1), np.ones(4000), step(torch.float64))
 
 
 def test_offset_lines_beside_the_wall_of_the_box_stay_in_it():

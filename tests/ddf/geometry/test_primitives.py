@@ -10,12 +10,13 @@ from _support import assert_close
 
 from ddf.geometry import primitives, rays
 
+NESTED = primitives.Union((primitives.Sphere(radius=0.9), primitives.Sphere(radius=0.4)))
 SHAPES = {
     "plane": _closed_form.Plane((0.6, 0.8, 0.0), 0.2),
     "sphere": primitives.Sphere((0.1, -0.2, 0.05), 0.8),
     "box": primitives.Box((-0.9, -0.5, -0.7), (0.8, 0.6, 0.4)),
     "torus": _closed_form.Torus(0.7, 0.3),
-    "nested": _closed_form.nested_spheres(),
+    "nested": NESTED,
     "pair": primitives.two_spheres(),
 }
 
@@ -162,8 +163,7 @@ def test_torus_quartic_holds_from_far_away_and_through_double_roots():
 
 
 def test_nested_spheres_show_the_inner_sheet_only_between_the_two():
-    shape = _closed_form.nested_spheres(0.9, 0.4)
     start = torch.tensor([[2.0, 0, 0], [0.6, 0, 0], [0.0, 0, 0]], dtype=torch.float64)
     looking = torch.tensor([[-1.0, 0, 0]] * 3, dtype=torch.float64)
-    depth = primitives.cast(shape, rays.OrientedPoints(start, looking)).depth
+    depth = primitives.cast(NESTED, rays.OrientedPoints(start, looking)).depth
     assert_close(depth, torch.tensor([1.1, 0.2, 0.4], dtype=torch.float64))

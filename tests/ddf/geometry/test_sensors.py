@@ -1,3 +1,5 @@
+"""Sensors: their directions, where they look, and the faults of their ranges."""
+
 import numpy as np
 import pytest
 

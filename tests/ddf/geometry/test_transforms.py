@@ -1,3 +1,5 @@
+"""Similarities between frames: inverse, composition, rays, JSON, and the frame of a mesh."""
+
 import json
 
 import numpy as np

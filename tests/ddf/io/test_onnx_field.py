@@ -35,24 +35,16 @@ def test_a_right_file_answers(tmp_path):
     np.testing.assert_array_equal(found["depth"], np.full(9000, 0.5, dtype=np.float32))
 
 
-LOOP = helper.make_graph([], "body", [], [])
-BIG = [
-    helper.make_node("ConstantOfShape", ["many"], ["big"]),
-    helper.make_node("ReduceSum", ["big"], ["sum"], keepdims=0),
-]
+ENDLESS = [helper.make_node("Loop", ["trips", ""], ["x"], body=helper.make_graph([], "body", [], []))]
+BIG = [helper.make_node("ConstantOfShape", ["many"], ["big"])]
+BIG += [helper.make_node("ReduceSum", ["big"], ["sum"], keepdims=0)]
 REFUSED = {
-    "shape": (
-        {"values": VALUES | {"visibility": ("Abs", "positions")}},
-        r"'visibility' must be float32 of shape \(2,\)",
-    ),
+    "shape": ({"values": VALUES | {"visibility": ("Abs", "positions")}}, r"'visibility' must be float32 of shape \(2,"),
     "kind": ({"values": VALUES | {"depth": ("IsNaN", "first")}}, "not an ONNX file|must be float32"),
     "missing": ({"values": {"visibility": VALUES["visibility"]}}, "gives no depth"),
     "nan": ({"values": VALUES | {"depth": ("Mul", "first", "nan")}}, "gives no depth, or values that are not numbers"),
     "memory": ({"extra": BIG, "values": VALUES | {"depth": ("Mul", "first", "sum")}}, "smaller than requested bytes"),
-    "endless": (
-        {"extra": [helper.make_node("Loop", ["trips", ""], ["x"], body=LOOP)]},
-        "has a node Loop, as no file",
-    ),
+    "endless": ({"extra": ENDLESS}, "has a node Loop, as no file"),
     "later": ({"ir": 99}, "Unsupported model IR version: 99.*; update onnxruntime"),
     "box": ({"facts": FACTS | {"box": "[[1, 1, 1], [-1, 1, 1]]"}}, "lower must be below upper"),
     "infinite box": ({"facts": FACTS | {"box": "[[-1, -1, -1], [1, Infinity, 1]]"}}, "lower must be below upper"),

@@ -1,3 +1,5 @@
+"""ONNX files of fields and models: values, rows, outputs, what they say of themselves, and what is refused."""
+
 import json
 import sys
 from pathlib import Path
@@ -9,7 +11,7 @@ import pytest
 import torch
 from _support import assert_close
 
-from ddf.core import checks, extras, shipped_models, storage
+from ddf.core import extras, shipped_models, storage
 from ddf.fields import derivatives, field_outputs, pddf
 from ddf.io import onnx_file, onnx_graphs, onnx_parity
 
@@ -87,18 +89,6 @@ def test_no_rows_give_no_rows_from_the_graph_itself(name):
     assert {key: value.shape for key, value in found.items()} == expected
 
 
-def test_axes_counted_from_the_front_change_no_value(monkeypatch):
-    graph = onnx_graphs.FieldGraph(_models.field(), ALL)
-    inputs = dict(zip(graph.inputs, _models.points(33), strict=True))
-    found = _run(onnx_file.to_onnx(graph, SOURCE), inputs, ALL)
-    monkeypatch.setattr(onnx_file, "count_axes_from_the_front", lambda model: None)
-    before = onnx_file.to_onnx(graph, SOURCE)
-    for name, values in _run(before, inputs, ALL).items():
-        assert np.array_equal(values, found[name])
-    with pytest.raises(onnx_parity.ParityError, match="field: onnxruntime cannot run on no rows"):
-        onnx_parity.compare(before, "field", graph, (1,), 0)
-
-
 def test_shipped_fields_take_no_rows_and_come_from_the_weights_beside_them():
     for folder in sorted(file.parent for file in shipped_models.ROOT.glob("*/field.onnx")):
         runner = onnx_parity.session((folder / "field.onnx").read_bytes())
@@ -109,39 +99,17 @@ def test_shipped_fields_take_no_rows_and_come_from_the_weights_beside_them():
         assert _properties((folder / "field.onnx").read_bytes())["source_sha256"] == source["source_sha256"]
 
 
-def test_outputs_are_those_asked_for_in_order():
-    graph = onnx_graphs.FieldGraph(_models.field(), ("normals", "depth"))
-    model = onnx.load_from_string(onnx_file.to_onnx(graph, SOURCE))
-    shapes = {
-        value.name: [d.dim_param or d.dim_value for d in value.type.tensor_type.shape.dim]
-        for value in [*model.graph.input, *model.graph.output]
-    }
-    assert shapes == {"positions": ["n", 3], "directions": ["n", 3], "normals": ["n", 3], "depth": ["n"]}
-    assert list(shapes)[2:] == ["normals", "depth"]
-
-
-def test_values_only_files_hold_no_derivative_pass():
-    sizes = {}
-    for outputs in (("depth",), ("depth", "normals")):
-        model = onnx.load_from_string(onnx_file.to_onnx(onnx_graphs.FieldGraph(_models.field(), outputs), SOURCE))
-        sizes[outputs] = sum(node.op_type == "Cos" for node in model.graph.node)
-    assert sizes == {("depth",): 0, ("depth", "normals"): 3}
-
-
 @pytest.mark.parametrize("kind", ["ddf", "pcsiren"])
 def test_every_graph_of_a_model_agrees_with_torch(kind, tmp_path):
-    graphs = (
-        onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)
-        if kind == "ddf"
-        else onnx_graphs.pcsiren_graphs(_models.pcsiren_model(), 32)
-    )
+    ddf, pcsiren = onnx_graphs.ddf_graphs, onnx_graphs.pcsiren_graphs
+    graphs = ddf(_models.ddf_model(), 32, ALL) if kind == "ddf" else pcsiren(_models.pcsiren_model(), 32)
     for name, graph in graphs.items():
         rows = onnx_file.export(graph, name, tmp_path / f"{name}.onnx", SOURCE, QUICK)
         assert {row.output for row in rows} == set(graph.meanings)
         assert max(row.max_abs / row.tolerance for row in rows) < 1
         assert max(row.onnx_error for row in rows) < 1e-4  # from float64
-        cases = {row.cases for row in rows}
-        assert cases == {"random 1", "random 7"} | ({"hard"} if "positions" in graph.inputs else set())
+        hard = {"hard"} if "positions" in graph.inputs else set()
+        assert {row.cases for row in rows} == {"random 1", "random 7"} | hard
 
 
 @pytest.mark.parametrize("told", [False, True])
@@ -154,68 +122,26 @@ def test_azimuth_from_sine_and_cosine_agrees_with_torch(tmp_path, told):
     assert len(set(camera[:, 0])) == 7 and (camera[:, 0] > 0).any()
 
 
-def test_conditional_field_follows_its_latent():
-    model = _models.ddf_model()
-    graph = onnx_graphs.ddf_graphs(model, 32, ("depth",))["field"]
-    data = onnx_file.to_onnx(graph, SOURCE)
-    positions, directions = _models.points(9)
-    for seed in (0, 1):
-        latent = torch.randn((1, 6), generator=torch.Generator().manual_seed(seed))
-        modulations = [m[0] for m in model.modulations(latent)]
-        with torch.no_grad():
-            expected = model.field.depth(model.field(positions, directions, modulations))
-        inputs = {"positions": positions, "directions": directions, "latent": latent}
-        assert_close(_run(data, inputs, ["depth"])["depth"], expected)
-
-
-def test_bundle_equals_encoders_then_field():
-    model = _models.ddf_model()
-    graphs = onnx_graphs.ddf_graphs(model, 32, ALL)
-    image = onnx_graphs.example_images(1, 32, torch.Generator().manual_seed(5))
-    positions, directions = _models.points(11)
-    rays = {"positions": positions, "directions": directions}
-    whole = _run(onnx_file.to_onnx(graphs["image_field"], SOURCE), {"image": image} | rays, ("camera", *ALL))
-    parts = _run(onnx_file.to_onnx(graphs["encoders"], SOURCE), {"images": image}, ("latent", "camera"))
-    latent = {"latent": torch.from_numpy(parts["latent"])}
-    parts |= _run(onnx_file.to_onnx(graphs["field"], SOURCE), rays | latent, ALL)
-    for name in ("camera", *ALL):
-        assert_close(whole[name], parts[name])
-
-
 def test_file_says_what_it_is(tmp_path):
     folder = _models.write_model(tmp_path / "chair")
     graphs, source = onnx_file.load_graphs(folder, ALL)
     data = onnx_file.to_onnx(graphs["field"], source)
     model, found = onnx.load_from_string(data), _properties(data)
     assert [(entry.domain, entry.version) for entry in model.opset_import] == [("", onnx_file.OPSET)]
-    assert (model.producer_name, model.producer_version) == ("ddf", extras.version())
+    assert (model.producer_name, model.producer_version) == ("ddf", extras.version()) == ("ddf", found["ddf_version"])
     assert found["source"] == "chair/model.safetensors"
     assert found["source_sha256"] == storage.checksum(folder / "model.safetensors")
-    assert json.loads(found["box"]) == [[-1, -1, -1], [1, 1, 1]]
-    assert json.loads(found["config"])["hidden"] == [24, 16, 16]
-    assert set(json.loads(found["outputs"])) == set(ALL)
-    assert found["model_license"] == "MIT"
-    assert found["ddf_version"] == extras.version()
-    assert found["transform"].startswith("none")
-    assert found["precision"] == "float32"
-
-
-def test_transform_of_a_single_shape_is_kept(tmp_path):
-    path = tmp_path / "model.safetensors"
-    path.write_bytes(b"x")
-    transform = {"scale": 2.0, "rotation": np.eye(3).tolist(), "translation": [0.0, 1.0, 0.0]}
-    source = onnx_file.describe_source(path, {"kind": "single_shape", "field_from_mesh": transform})
-    found = _properties(onnx_file.to_onnx(onnx_graphs.FieldGraph(_models.field(), ("depth",)), source))
-    assert json.loads(found["transform"]) == transform
+    assert json.loads(found["box"]) == [[-1, -1, -1], [1, 1, 1]] and json.loads(found["config"])["hidden"][0] == 24
+    assert set(json.loads(found["outputs"])) == set(ALL) and found["transform"].startswith("none")
+    assert (found["model_license"], found["precision"]) == ("MIT", "float32")
 
 
 def test_equal_models_give_equal_bytes_without_places_of_this_machine():
-    graphs = [onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL) for _ in range(2)]
-    for name in graphs[0]:
-        first, second = (onnx_file.to_onnx(each[name], SOURCE) for each in graphs)
-        assert first == second
-        assert str(Path.cwd()).encode() not in first
-        assert sys.prefix.encode() not in first
+    first, second = (onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL) for _ in range(2))
+    for name, graph in first.items():
+        data = onnx_file.to_onnx(graph, SOURCE)
+        assert data == onnx_file.to_onnx(second[name], SOURCE)
+        assert str(Path.cwd()).encode() not in data and sys.prefix.encode() not in data
 
 
 def _with_one_weight_changed(data):
@@ -254,34 +180,7 @@ def test_smaller_weights_are_measured_and_labelled(tmp_path):
     found = onnx_file.export(graph, "field", tmp_path / "half.onnx", SOURCE, config, "float16")
     assert {row.precision for row in found} == {"float16"}
     assert _properties((tmp_path / "half.onnx").read_bytes())["precision"] == "float16"
-
-
-def test_wide_files_halve_and_quarter():
     wide = pddf.PDDF(pddf.PDDFConfig((128, 128), 1.0, 1.0, "relu", 1.0))
     data = onnx_file.to_onnx(onnx_graphs.FieldGraph(wide, ("depth",)), SOURCE)
-    sizes = {name: len(onnx_file.reduce(data, name)) for name in onnx_file.PRECISIONS}
-    assert sizes["float16"] < 0.56 * len(data)
-    assert sizes["bfloat16"] < 0.56 * len(data)
-
-
-def test_float16_weights_are_the_rounded_ones():
-    field = _models.field()
-    data = onnx_file.reduce(onnx_file.to_onnx(onnx_graphs.FieldGraph(field, ("depth",)), SOURCE), "float16")
-    positions, directions = _models.points(20)
-    found = _run(data, {"positions": positions, "directions": directions}, ["depth"])["depth"]
-    with torch.no_grad():
-        for layer in (*field.network.layers, field.network.head):
-            if layer is field.network.layers[0]:
-                layer.weight.copy_((layer.weight * 3.0).half().float() / 3.0)  # omega is folded in before
-            else:
-                layer.weight.copy_(layer.weight.half().float())
-        assert_close(found, field.depth(field(positions, directions)))
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("batches", ()), ("batches", (0,)), ("precisions", ("int4",)), ("outputs", ("colour",))]
-)
-def test_config_out_of_range_is_refused(name, value):
-    given = {"outputs": ALL, "batches": (1,), "precisions": (), "seed": 0} | {name: value}
-    with pytest.raises(checks.InputError, match=name.removesuffix("s")):
-        onnx_file.ExportConfig(**given)
+    for precision in ("float16", "bfloat16"):
+        assert len(onnx_file.reduce(data, precision)) < 0.56 * len(data)

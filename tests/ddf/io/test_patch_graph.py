@@ -4,7 +4,6 @@ import json
 import re
 
 import numpy as np
-import onnx
 import onnxruntime
 import pytest
 from _shapes import cube, joined, torus
@@ -13,9 +12,9 @@ from _support import assert_close
 import ddf
 from ddf import cli
 from ddf.core import checks
-from ddf.fields.grid import kernels, octree, patch_field
+from ddf.fields.grid import octree, patch_field
 from ddf.fit import patch_fitting
-from ddf.io import onnx_field, patch_graph
+from ddf.io import onnx_field
 
 TOLERANCES = {"visibility": 0.0, "depth": 1e-6, "normals": 1e-6, "mean_curvature": 1e-4, "gaussian_curvature": 1e-3}
 
@@ -79,16 +78,3 @@ def test_outputs_are_chosen(exported, capsys):
     for precision in ("bfloat16", "float16"):
         assert cli.main(["export", str(exported), str(out), "--precision", precision]) == 2
         assert f"{precision} is of networks; patches are integers" in capsys.readouterr().err
-
-
-def test_the_file_stores_integers_that_become_the_numbers_of_the_walk(exported):
-    field = patch_field.load(exported / "model.safetensors")
-    step, tree = patch_graph.PatchGraph(field, None).step, field.tree
-    assert np.array_equal(step.rows, tree.patches) and np.array_equal(step.centres, tree.centres.astype(np.float32))
-    codes = tree.codes.astype(np.int64)
-    ends = np.flatnonzero(codes & kernels.LAST)
-    counts = np.diff(ends, prepend=-1)  # of patches in each cell
-    assert set(counts) == {1, 2, 3, 4} and np.array_equal(step.counts[np.r_[0, ends[:-1] + 1]], counts)
-    model = onnx.load(exported / "field.onnx")
-    held = {each.name: each.ByteSize() / len(codes) for each in model.graph.initializer if each.dims}
-    assert held.pop("nodes") and sum(held.values()) < 24  # bytes a patch

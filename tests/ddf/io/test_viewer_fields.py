@@ -40,33 +40,24 @@ def _plain(baked, inputs):
     return states
 
 
-def test_frequencies_are_baked_in():
-    field, inputs = _field(), torch.randn(5, 6, generator=torch.Generator().manual_seed(1))
-    expected = field.network(inputs)
-    assert_close(_plain(viewer_page.bake(_shape(field), "one"), inputs.numpy()), expected)
-
-
-def test_modulations_are_baked_in():
+@pytest.mark.parametrize("modulated", [False, True])
+def test_frequencies_and_modulations_are_baked_in(modulated):
     generator = torch.Generator().manual_seed(1)
     field, inputs = _field(), torch.randn(5, 6, generator=generator)
     modulations = [0.5 + torch.rand(1, width, generator=generator) for width in field.config.hidden]
+    modulations = modulations if modulated else None
     expected = field.network(inputs, modulations)
     assert_close(_plain(viewer_page.bake(_shape(field, modulations), "one"), inputs.numpy()), expected)
-    assert (expected - field.network(inputs)).abs().max() > 0.1
+    assert ((expected - field.network(inputs)).abs().max() > 0.1) == modulated
 
 
-def test_several_fields_share_a_block():
+def test_several_fields_share_a_block_and_one_that_stands_twice_is_there_once():
     one, two = (viewer_page.bake(_shape(_field()), "f") for _ in range(2))
-    records, numbers = viewer_page.together([one, two])
-    assert [record["offset"] for record in records] == [0, len(one.numbers)]
-    assert_close(numbers[records[1]["offset"] :], two.numbers)
-
-
-def test_a_field_that_stands_twice_is_there_once():
-    one = viewer_page.bake(_shape(_field()), "f")
-    records, numbers = viewer_page.together([one, viewer_page.placed(one, transforms.Similarity(3.0))])
-    assert [record["offset"] for record in records] == [0, 0] and len(numbers) == len(one.numbers)
-    assert records[1]["world_from_mesh"]["scale"] == 3.0
+    records, numbers = viewer_page.together([one, two, viewer_page.placed(one, transforms.Similarity(3.0))])
+    count = len(one.numbers)
+    assert [record["offset"] for record in records] == [0, count, 0] and len(numbers) == 2 * count
+    assert_close(numbers[count:], two.numbers)
+    assert records[2]["world_from_mesh"]["scale"] == 3.0
 
 
 def test_patches_are_in_the_block_as_in_their_file():

@@ -85,31 +85,30 @@ def either(request, driver) -> Any:
     return request.getfixturevalue("browser") if request.param == "chromium" else _launched(driver, request.param)
 
 
-def _open(browser: Any, file: Path, asked: str, **how: Any) -> Opened:
+def _open(browser: Any, file: Path, asked: str, page: viewer_page.Page, **how: Any) -> Opened:
+    """A page, written to the file, with its picture at rest."""
+    viewer_page.write(file, page)
     opened = Opened(browser.new_page(**how))
     opened.page.on("console", lambda message: opened.faults.append(message.text) if message.type == "error" else None)
     opened.page.on("pageerror", lambda error: opened.faults.append(str(error)))
     opened.page.on("request", lambda request: opened.requests.append(request.url))
     opened.page.goto(f"{file.as_uri()}#{asked}")
     opened.page.set_default_timeout(PATIENCE_MS)
+    opened.still()
     return opened
 
 
 @pytest.fixture(scope="module")
 def rabbit(browser, tmp_path_factory) -> Iterator[Opened]:
-    file = tmp_path_factory.mktemp("pages") / "rabbit.html"
-    viewer_page.write(file, viewable.page(shipped_models.place("rabbit")))
-    opened = _open(browser, file, f"size=16&mode=depth&hits={HITS}")
-    opened.still()
+    file, page = tmp_path_factory.mktemp("pages") / "rabbit.html", viewable.page(shipped_models.place("rabbit"))
+    opened = _open(browser, file, f"size=16&mode=depth&hits={HITS}", page)
     yield opened
     opened.require_quiet()  # of all tests that use the page
 
 
 def _rabbit_by(engine: str, browser: Any, folder: Path, asked: str) -> Opened:
     """The rabbit's page, whose pixels by that engine are those of Python."""
-    viewer_page.write(folder / "rabbit.html", viewable.page(shipped_models.place("rabbit")))
-    opened = _open(browser, folder / "rabbit.html", asked)
-    opened.still()
+    opened = _open(browser, folder / "rabbit.html", asked, viewable.page(shipped_models.place("rabbit")))
     assert f"by {engine}" in opened.page.inner_text("#status")
     outputs = ("visibility", "depth", "normals", "weight_1", "mean_curvature")
     found, expected = opened.render(outputs, 64), ddf.load("rabbit").render(35, 25, size=64, outputs=outputs)
@@ -226,9 +225,8 @@ def test_distances_are_as_good_as_those_of_python_to_as_many_hits(rabbit):
 def pair(browser, tmp_path_factory) -> Iterator[Opened]:
     folder = tmp_path_factory.mktemp("pages")
     (folder / "pair.yaml").write_text(SCENE)
-    viewer_page.write(folder / "pair.html", views.page_of([folder / "pair.yaml"]))
-    opened = _open(browser, folder / "pair.html", f"size=8&mode=depth&hits={HITS}")
-    opened.still()
+    page = views.page_of([folder / "pair.yaml"])
+    opened = _open(browser, folder / "pair.html", f"size=8&mode=depth&hits={HITS}", page)
     yield opened
     opened.require_quiet()
 
@@ -280,9 +278,7 @@ def ring(tmp_path_factory) -> Path:
 
 
 def test_patches_are_walked_on_the_cpu_as_python_does(either, ring):
-    viewer_page.write(ring / "ring.html", views.page_of([ring]))
-    opened = _open(either, ring / "ring.html", f"size=16&mode=mean_curvature&hits={HITS}")
-    opened.still()
+    opened = _open(either, ring / "ring.html", f"size=16&mode=mean_curvature&hits={HITS}", views.page_of([ring]))
     assert "by JavaScript" in opened.page.inner_text("#status")
     assert opened.page.locator("input[value=weight_1], input[value=normals_2]").count() == 0
     outputs, field = ("visibility", "depth", "normals", "mean_curvature"), ddf.load(ring)
@@ -297,9 +293,7 @@ def test_patches_are_walked_on_the_cpu_as_python_does(either, ring):
 
 
 def test_keys_alone_turn_the_camera_and_choose_what_is_shown(either, ring):
-    viewer_page.write(ring / "keys.html", views.page_of([ring]))
-    opened = _open(either, ring / "keys.html", "size=16&mode=depth")
-    opened.still()
+    opened = _open(either, ring / "keys.html", "size=16&mode=depth", views.page_of([ring]))
     start, before = (opened.page.evaluate("ddf.view.camera"), opened.page.get_attribute("#canvas", "aria-label"))
     opened.page.keyboard.press("Tab")
     assert opened.page.evaluate("document.activeElement.id") == "frame"
@@ -327,9 +321,7 @@ LEAVING = {  # what a page may try, and the part of its policy that stops it
 
 
 def test_the_policy_of_the_page_stops_what_would_leave_it(either, ring):
-    viewer_page.write(ring / "policy.html", views.page_of([ring]))
-    opened = _open(either, ring / "policy.html", "size=16&mode=depth")
-    opened.still()
+    opened = _open(either, ring / "policy.html", "size=16&mode=depth", views.page_of([ring]))
     opened.require_quiet()
     for stopped, attempt in LEAVING.items():
         told = "addEventListener('securitypolicyviolation', each => done(each.effectiveDirective))"
@@ -339,9 +331,7 @@ def test_the_policy_of_the_page_stops_what_would_leave_it(either, ring):
 
 @pytest.fixture
 def phone(browser, ring) -> Iterator[Opened]:
-    viewer_page.write(ring / "phone.html", views.page_of([ring]))
-    opened = _open(browser, ring / "phone.html", "mode=depth", has_touch=True, **PHONE)
-    opened.still()
+    opened = _open(browser, ring / "phone.html", "mode=depth", views.page_of([ring]), has_touch=True, **PHONE)
     yield opened
     opened.require_quiet()
 
@@ -406,9 +396,7 @@ def test_a_stick_walks_on_a_phone(phone):
 
 
 def test_edges_are_smooth_at_rest(browser, ring):
-    viewer_page.write(ring / "edges.html", views.page_of([ring]))
-    opened = _open(browser, ring / "edges.html", "size=64&mode=shaded")
-    opened.still()
+    opened = _open(browser, ring / "edges.html", "size=64&mode=shaded", views.page_of([ring]))
     fine, coarse = (np.isfinite(ddf.load(ring).render(35, 25, size=size)["depth"]) for size in (512, 64))
     covered = fine.reshape(64, 8, 64, 8).mean(axis=(1, 3))
     rim = (covered > 0) & (covered < 1)
@@ -418,9 +406,7 @@ def test_edges_are_smooth_at_rest(browser, ring):
 
 
 def test_points_are_saved_as_they_are_seen(browser, ring):
-    viewer_page.write(ring / "points.html", views.page_of([ring]))
-    opened = _open(browser, ring / "points.html", "size=16")
-    opened.still()
+    opened = _open(browser, ring / "points.html", "size=16", views.page_of([ring]))
     with opened.page.expect_download() as download:
         opened.page.get_by_role("button", name="Save points").click()
     rows = np.array([line.split() for line in Path(download.value.path()).read_text().splitlines()[10:]], dtype=float)
@@ -452,9 +438,7 @@ def test_a_shared_address_brings_others_to_the_same_picture(browser, pair):
 
 def test_patches_stand_in_a_scene_with_a_network(either, ring):
     (ring / "both.yaml").write_text("objects: [{field: .}, {field: rabbit, scale: 0.8, translation: [0.5, 0.2, 0]}]")
-    viewer_page.write(ring / "both.html", views.page_of([ring / "both.yaml"]))
-    opened = _open(either, ring / "both.html", "size=8&mode=depth")
-    opened.still()
+    opened = _open(either, ring / "both.html", "size=8&mode=depth", views.page_of([ring / "both.yaml"]))
     expected = ddf.read_scene(ring / "both.yaml").render(35, 25, size=32, outputs=("visibility", "depth", "normals"))
     for name, values in opened.render(tuple(expected), 32).items():
         if name in expected:
@@ -470,9 +454,7 @@ def test_an_image_becomes_the_field_that_python_makes_of_it(browser, tmp_path):
     with torch.no_grad():
         _, latent, camera = reconstruction_models.encode_batch(model, pixels[None])
         modulations = model.modulations(latent)
-    viewer_page.write(tmp_path / "chair.html", viewable.page(folder))
-    opened = _open(browser, tmp_path / "chair.html", "size=8&mode=depth")
-    opened.still()
+    opened = _open(browser, tmp_path / "chair.html", "size=8&mode=depth", viewable.page(folder))
     encoded = opened.page.evaluate(
         "({camera: ddf.rebuilt.encoded.camera, modulations: [...ddf.rebuilt.encoded.modulations]})"
     )

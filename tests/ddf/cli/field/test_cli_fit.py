@@ -9,8 +9,7 @@ import yaml
 from _tiny_fits import SECTION
 
 from ddf.cli import fields
-from ddf.core import config
-from ddf.fields import pddf, shape_field
+from ddf.fields import shape_field
 from ddf.fit import fit_settings, fitting, inspection
 from ddf_lab.run import Run
 
@@ -73,13 +72,6 @@ def test_stage_fits_the_mesh_of_the_config_or_a_procedural_chair(work, tmp_path,
         Path("tiny.yaml").write_text(yaml.safe_dump({"fit": {**SECTION, "mesh": mesh}}))
         make(Run.read("tiny.yaml"))
         assert list(shape_field.load(tmp_path / "artifacts" / "tiny" / "fit_shape").record["sources"]) == sources
-
-
-def test_fits_are_known_by_name():
-    found = {path.stem: config.load(path, "fit", fit_settings.FitConfig) for path in config.PACKAGED.glob("*.yaml")}
-    assert found["fit"] == fit_settings.FitConfig()
-    assert found["long_fit"].minutes == 19.0 and found["long_fit"].loop.ema is None
-    assert found["paper_fit"].field == pddf.PAPER_SINGLE_SHAPE
 
 
 def test_what_the_reader_left_out_is_said(work, tmp_path, shown, answer):

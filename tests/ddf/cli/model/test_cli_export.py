@@ -5,6 +5,7 @@ import json
 import _models
 import onnx
 import pytest
+from _support import damage
 
 from ddf.cli import models
 from ddf.core import storage
@@ -50,12 +51,6 @@ def test_a_fitted_field_is_exported_with_its_box_and_frame(tmp_path, answer):
     assert json.loads(facts["config"])["hidden"] == [24, 16, 16]
 
 
-def _damage(path):
-    data = bytearray(path.read_bytes())
-    data[-5] ^= 1
-    path.write_bytes(data)
-
-
 def _rename_kind(path):
     tensors, record = storage.load_tensors(path)
     storage.save_tensors(path, tensors, {**record, "kind": "other"})
@@ -64,7 +59,7 @@ def _rename_kind(path):
 @pytest.mark.parametrize(
     ("spoil", "arguments", "message"),
     [
-        (_damage, [], "is damaged or not one of our files"),
+        (lambda path: damage(path, -5), [], "is damaged or not one of our files"),
         (_rename_kind, [], "holds no DDF or PC-SIREN model"),
         (lambda path: path.unlink(), [], "does not exist"),
         (lambda path: None, ["--graph", "pcsiren"], "--graph must be one of field, encoders, image_field"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from _hand_made import COUNTS
+from _support import damage
 
 from ddf.core import checks, storage
 from ddf.data import shapenet
@@ -56,7 +57,7 @@ def test_shards_give_what_was_written_however_many_are_open(tmp_path, monkeypatc
         assert torch.equal(one, two) if isinstance(one, torch.Tensor) else one == two
     for i in range(3):
         torch.testing.assert_close(shapes.clouds[i], torch.from_numpy((4.0 - i) * points[2 - i]), rtol=1e-6, atol=0)
-    _flip_last_byte(tmp_path / f"1{category_data.CLOUDS}")
+    damage(tmp_path / f"1{category_data.CLOUDS}")
     with pytest.raises(checks.InputError, match=r"1\.clouds\.safetensors is damaged"):
         category_data.read_shapes(tmp_path, ids)
     with pytest.raises(checks.InputError, match="no samples of shape other"):
@@ -74,11 +75,6 @@ def test_images_come_back_from_their_file():
     rows = np.array([2, 0, 2])
     assert torch.equal(read.batch(rows), whole[rows].float() / 255)
     assert torch.equal(read.alpha(rows, 2), kept.alpha(rows, 2)) and read.digest() == kept.digest()
-
-
-def _flip_last_byte(path):
-    data = path.read_bytes()
-    path.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
 
 
 def test_test_views_are_the_first_of_the_splits():

@@ -36,9 +36,8 @@ def test_samples_in_memory_are_drawn_as_from_shards(part):
     held = resident.joined_samples(stored, CPU)
     assert held.records.dtype == torch.int16 and held.records.shape == (3, 6 * 40, 7)
     streams = [np.random.default_rng(3) for _ in range(2)]
-    own, other = (
-        source.draw(chosen, COUNTS, random, part) for source, random in zip((stored, held), streams, strict=True)
-    )
+    both = zip((stored, held), streams, strict=True)
+    own, other = (source.draw(chosen, COUNTS, random, part) for source, random in both)
     assert own.counts == other.counts and streams[0].random() == streams[1].random()
     for one, two in zip(own.tensors(), other.tensors(), strict=True):
         assert torch.equal(one, two)
@@ -92,9 +91,5 @@ def test_what_has_no_room_stays_in_its_files(roomy, caplog):
         assert memory.images(images).images is not images.images
         assert memory.samples(samples) is samples and memory.left == sizes["samples"] - 1
         assert memory.clouds(shapes) is not shapes and memory.left == sizes["samples"] - 1 - sizes["clouds"]
+    assert resident.Memory(CPU).images(images) is images  # a CPU keeps its files
     assert "samples of the training set" in caplog.text and "in files: the GPU has no room for them" in caplog.text
-
-
-def test_a_cpu_keeps_its_files():
-    images = _hand_made.images()
-    assert resident.Memory(CPU).images(images) is images

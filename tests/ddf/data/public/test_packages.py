@@ -12,6 +12,8 @@ import pytest
 from ddf.core import checks
 from ddf.data.public import packages
 
+DEB = _shapes.deb(_shapes.pieces())
+PIECES = _shapes.package(DEB)
 WANTED = ["Set.sh3f/a/a.obj", "plane/Models/p.ac", "plane/Liveries/red/"]
 
 
@@ -39,23 +41,16 @@ def _apt(folder, monkeypatch, script):
 
 
 def test_wanted_members_are_kept_with_their_looks_and_nothing_else(tmp_path, cache):
-    data = _shapes.deb(_shapes.pieces())
-    package = _shapes.package(data)
-    kept = packages.require(package, WANTED, _put(tmp_path / "given", data, "renamed.bin"))
+    kept = packages.require(PIECES, WANTED, _put(tmp_path / "given", DEB, "renamed.bin"))
     assert kept.parent == cache
     with zipfile.ZipFile(kept) as archive:
-        assert sorted(archive.namelist()) == [
-            "Set.sh3f/a/a.mtl",
-            "Set.sh3f/a/a.obj",
-            "Set.sh3f/a/wood.png",
-            "plane/Liveries/red/p.png",
-            "plane/Models/p.ac",
-        ]
+        chair = ["Set.sh3f/a/a.mtl", "Set.sh3f/a/a.obj", "Set.sh3f/a/wood.png"]
+        assert sorted(archive.namelist()) == [*chair, "plane/Liveries/red/p.png", "plane/Models/p.ac"]
         assert archive.read("Set.sh3f/a/a.obj").decode() == _shapes.OBJ
     shutil.rmtree(tmp_path / "given")
-    assert packages.require(package, WANTED, tmp_path / "given") == kept  # nothing is asked for again
+    assert packages.require(PIECES, WANTED, tmp_path / "given") == kept  # nothing is asked for again
     with pytest.raises(checks.InputError, match=r"has no file of pieces 1:2.0-1; put .* into a folder"):
-        packages.require(package, [*WANTED, "Set.sh3f/b/b.obj"], tmp_path / "given")
+        packages.require(PIECES, [*WANTED, "Set.sh3f/b/b.obj"], tmp_path / "given")
 
 
 @pytest.mark.parametrize("mode", ["w:gz", "w:bz2", "w"])
@@ -64,18 +59,17 @@ def test_other_packings_of_data_are_read(mode, tmp_path):
     packages.require(_shapes.package(data), WANTED, _put(tmp_path / "given", data))
 
 
-_DEB = _shapes.deb(_shapes.pieces())
 _OTHER = "damaged, or not pieces 1:2.0-1: must have"
 
 
 @pytest.mark.parametrize(
     ("pinned", "given", "said"),
     [
-        *((_DEB, given, _OTHER) for given in (_DEB[:500] + b"?" + _DEB[501:], _DEB[:-9], b"<html>")),
+        *((DEB, given, _OTHER) for given in (DEB[:500] + bytes([DEB[500] ^ 1]) + DEB[501:], DEB[:-9], b"<html>")),
         (b"PK" + bytes(100), None, "no ar archive"),
         (_shapes.deb({}, "data.tar.zst", "w"), None, "zstd"),
         (_shapes.deb({}, "other", "w"), None, "has no data.tar"),
-        (_DEB[:700], None, "has no |unpacked"),
+        (DEB[:700], None, "has no |unpacked"),
         (_shapes.deb({"usr/share/pieces/Set.sh3f": b"PK broken"}), None, "unpacked"),
         (_shapes.deb({"usr/share/pieces/plane/Models/p.ac": b""}), None, "has no Set.sh3f/a/a.obj"),
     ],
@@ -99,23 +93,20 @@ def test_no_path_of_a_package_leads_anywhere(tmp_path, cache):
 
 
 def test_apt_get_fetches_the_pinned_version_and_a_whole_file_is_not_fetched_again(tmp_path, cache, monkeypatch):
-    data = _shapes.deb(_shapes.pieces())
-    package = _shapes.package(data)
-    given = _put(tmp_path / "given", data) / "pieces_2.0-1_all.deb"
+    given = _put(tmp_path / "given", DEB) / "pieces_2.0-1_all.deb"
     _apt(tmp_path, monkeypatch, f'[ "$1 $2" = "download pieces=1:2.0-1" ] && cp {given} pieces_1%3a2.0-1_all.deb')
-    packages.require(package, WANTED)
+    packages.require(PIECES, WANTED)
     assert not list((cache / "packages").iterdir())
-    packages.kept(package).unlink()
+    packages.kept(PIECES).unlink()
     shutil.copy(given, cache / "packages" / "pieces_1%3a2.0-1_all.deb")  # of a run killed while it unpacked
     (tmp_path / "bin" / "apt-get").unlink()
-    packages.require(package, WANTED)
+    packages.require(PIECES, WANTED)
 
 
 def test_without_apt_get_the_message_says_what_to_put_where(tmp_path, monkeypatch):
-    package = _shapes.package(b"x" * 5)
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(checks.InputError, match=rf"pieces_2.0-1_all.deb \(5 bytes, SHA-256 {package.sha256}\)"):
-        packages.require(package, WANTED)
+    with pytest.raises(checks.InputError, match=rf"pieces_2.0-1_all.deb \({len(DEB)} bytes, SHA-256 {PIECES.sha256}\)"):
+        packages.require(PIECES, WANTED)
 
 
 def test_apt_gets_own_complaint_is_passed_on(tmp_path, cache, monkeypatch):
@@ -126,9 +117,8 @@ def test_apt_gets_own_complaint_is_passed_on(tmp_path, cache, monkeypatch):
 
 
 def test_a_run_killed_while_it_unpacks_leaves_nothing_and_the_next_is_whole(tmp_path, cache):
-    data = _shapes.deb(_shapes.pieces())
     (cache / "packages").mkdir(parents=True)
-    _put(cache / "packages", data)
+    _put(cache / "packages", DEB)
     call = (
         "import os, signal, _shapes; from ddf.data.public import packages\n"
         "inner, count = packages._members, []\n"
@@ -143,16 +133,13 @@ def test_a_run_killed_while_it_unpacks_leaves_nothing_and_the_next_is_whole(tmp_
     )
     path = os.pathsep.join(sys.path)
     done = subprocess.run([sys.executable, "-c", call], env={**os.environ, "PYTHONPATH": path}, check=False)
-    package = _shapes.package(data)
-    assert done.returncode == -9 and not packages.kept(package).exists()
-    packages.require(package, WANTED)
-    assert packages.has(package, WANTED)
+    assert done.returncode == -9 and not packages.kept(PIECES).exists()
+    packages.require(PIECES, WANTED)
+    assert packages.has(PIECES, WANTED)
 
 
 def test_a_kept_archive_that_was_damaged_says_so(tmp_path):
-    data = _shapes.deb(_shapes.pieces())
-    package = _shapes.package(data)
-    kept = packages.require(package, WANTED, _put(tmp_path / "given", data))
+    kept = packages.require(PIECES, WANTED, _put(tmp_path / "given", DEB))
     kept.write_bytes(kept.read_bytes()[:-30])
     with pytest.raises(checks.InputError, match="damaged; remove it"):
         packages.reading(kept)

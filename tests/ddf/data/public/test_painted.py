@@ -6,6 +6,7 @@ import zipfile
 import _shapes
 import numpy as np
 import pytest
+from _support import damage
 
 from ddf.core import checks
 from ddf.data.public import painted, shapes
@@ -32,11 +33,8 @@ def test_obj_keeps_the_surface_and_takes_materials_and_pictures(tmp_path):
     np.testing.assert_allclose(mesh.colours[0], painted.WHITE * np.array([1, 0.5, 0]) ** 2.2, rtol=1e-5)
     assert (mesh.picture == 0).all() and mesh.uvs[0].tolist() == [[0, 0], [1, 0], [1, 1]]
     np.testing.assert_allclose(mesh.pictures[0].levels[-1], [[painted.WHITE * np.array([1, 0, 0])]])
-
-
-def test_without_its_materials_a_mesh_is_grey(tmp_path):
-    mesh = painted.load(_archive(tmp_path, a_a__obj=_shapes.OBJ), "a/a.obj")
-    assert len(mesh.pictures) == 0 and len(np.unique(mesh.colours)) == 1
+    bare = painted.load(_archive(tmp_path, a_a__obj=_shapes.OBJ), "a/a.obj")
+    assert len(bare.pictures) == 0 and len(np.unique(bare.colours)) == 1
 
 
 def test_ac3d_looks_come_from_a_folder_beside_and_invisible_faces_go(tmp_path):
@@ -56,11 +54,13 @@ def test_damage_names_archive_and_member(tmp_path):
     with pytest.raises(checks.InputError, match=r"kept.zip: a/a.obj: a face uses a vertex"):
         painted.load(_archive(tmp_path, a_a__obj=broken), "a/a.obj")
     archive = _archive(tmp_path, a_a__obj=_shapes.OBJ)
-    data = bytearray((tmp_path / "kept.zip").read_bytes())
-    data[60] ^= 1
-    (tmp_path / "kept.zip").write_bytes(data)
+    damage(tmp_path / "kept.zip", 60)
     with pytest.raises(checks.InputError, match=r"kept.zip: a/a.obj: Bad CRC"):
         painted.load(archive, "a/a.obj")
+
+
+def _volume(mesh):
+    return _shapes.area_and_volume(mesh_io.Mesh(mesh.vertices, mesh.faces))[1]
 
 
 def _md2():
@@ -77,7 +77,7 @@ def _md2():
 def test_md2_winds_outwards_and_finds_its_skin_by_name(tmp_path):
     mesh = painted.load(_archive(tmp_path, m_a__md2=_md2(), m_hull__png=_shapes.png((0, 255, 0))), "m/a.md2")
     np.testing.assert_allclose(mesh.vertices, np.vstack([np.zeros(3), 10 * np.eye(3)]) + 1)
-    assert _volume(mesh.vertices - 1, mesh.faces) == pytest.approx(1000 / 6)
+    assert _volume(mesh) == pytest.approx(1000 / 6)
     assert (mesh.picture == 0).all() and mesh.pictures[0].levels[0][0, 0].argmax() == 1
     uvs = np.array([[0, 1], [1, 1], [0, 0], [1, 0]], dtype=np.float32)  # v up
     np.testing.assert_array_equal(mesh.uvs, uvs[mesh.faces])
@@ -96,18 +96,11 @@ def test_a_damaged_md2_gets_one_line(tmp_path, data, said):
         painted.load(_archive(tmp_path, m_a__md2=data), "m/a.md2")
 
 
-def _volume(vertices, faces):
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    return np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
-
-
 def test_turning_keeps_winding_outwards_and_parts_join(tmp_path):
     mesh = painted.load(_archive(tmp_path, a_a__obj=_shapes.OBJ), "a/a.obj")
-    mirror = mesh.turned(np.diag([1.0, 1.0, -1.0]))
-    assert _volume(mirror.vertices, mirror.faces) == pytest.approx(_volume(mesh.vertices, mesh.faces))
-    box = parts.box((5, 5, 5), (1, 1, 1), palette.TYRE)
-    both = mesh.joined([box])
-    assert _volume(both.vertices, both.faces) == pytest.approx(_volume(mesh.vertices, mesh.faces) + 1)
+    assert _volume(mesh.turned(np.diag([1.0, 1.0, -1.0]))) == pytest.approx(_volume(mesh))
+    both = mesh.joined([parts.box((5, 5, 5), (1, 1, 1), palette.TYRE)])
+    assert _volume(both) == pytest.approx(_volume(mesh) + 1)
     np.testing.assert_allclose(both.colours[-1], palette.TYRE.colour)
 
 
@@ -119,17 +112,14 @@ def test_pictures_show_where_their_places_are():
     corners = np.array([[0.0, 0, 1], [0, 0, 0], [0, 1, 0], [0, 1, 1]])  # seen from +X: +Z is on the left
     uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3]])
-    whole = painted.Painted(
-        corners, faces, np.zeros((2, 3), dtype=np.float32), np.zeros(2, int), uvs[faces], (Picture.of(pixels),)
-    )
+    black = np.zeros((2, 3), dtype=np.float32)
+    whole = painted.Painted(corners, faces, black, np.zeros(2, int), uvs[faces], (Picture.of(pixels),))
     light = render.Light(lamps=0.0, key=0.0, sky=1.0, above=0.0, front=0.0, gamma=1.0)
     view = render.Renderer(shapes.shape(whole)).render(render.View(0.0, 0.0, 0.8, light))
     rows, columns = np.nonzero(view[..., 3] == 255)
     top, left, down, across = rows.min(), columns.min(), np.ptp(rows), np.ptp(columns)
-    seen = [
-        view[top + int(y * down), left + int(x * across), :3].argmax() for y, x in ((0.1, 0.1), (0.6, 0.2), (0.6, 0.8))
-    ]
-    assert seen == [1, 0, 2]
+    for y, x, channel in ((0.1, 0.1, 1), (0.6, 0.2, 0), (0.6, 0.8, 2)):
+        assert view[top + int(y * down), left + int(x * across), :3].argmax() == channel
     covering = shapes.shape(whole).covering
     assert covering is not None and covering.level.tolist() == [0, 0]  # 64 pixels are fewer than those of a view
 

@@ -18,11 +18,8 @@ def _poly(kids=0, extra="", body=TRIANGLE):
 
 
 def test_one_triangle_with_its_looks():
-    text = (
-        HEAD
-        + "kids 1\n"
-        + _poly(extra='name "hull"\ntexture "a b.png" base\ntexture "x.png"\ntexrep 2 3\ntexoff 1 0\n')
-    )
+    looks = 'name "hull"\ntexture "a b.png" base\ntexture "x.png"\ntexrep 2 3\ntexoff 1 0\n'
+    text = HEAD + "kids 1\n" + _poly(extra=looks)
     found = ac3d.surfaces(text.encode())
     assert found.materials == (ac3d.Material((1.0, 0.5, 0.0), 0.25),) and found.textures == ("a b.png",)
     assert found.uvs.tolist() == [[1, 0], [3, 0], [1, 3]]

@@ -12,6 +12,9 @@ _CORNERS = ("{}", "{}/7", "{}//-3", "{}/1/2")
 _OTHERS = ("vn 0 0 1", "vt 0 1", "# v 1 2 3", "g a b", "s 1", "", "usemtl wood", "l 1 2", "g x \\\n y", "  # f 1 2 3")
 
 
+ARROW = b"v 0 0 0\nv 4 0 0\nv 4 4 0\nv 2 1 0\nv 0 4 0\nf 5 1 2 3 4\n"
+
+
 @pytest.fixture
 def _small_blocks(monkeypatch):
     monkeypatch.setattr(text, "_BLOCK", 512)
@@ -32,9 +35,8 @@ def test_obj_of_mixed_lines_is_read_in_order(seed):
     while placed < len(words) or faced < len(faces):
         kind = rng.integers(0, 3)
         if kind == 0 and placed < len(words):
-            lines.append(
-                "\t " * (seed % 2) + "v " + "  ".join(words[placed]) + " 0.1 0.2 0.3" * int(rng.integers(0, 2))
-            )
+            colours = " 0.1 0.2 0.3" * int(rng.integers(0, 2))
+            lines.append("\t " * (seed % 2) + "v " + "  ".join(words[placed]) + colours)
             placed += 1
         elif kind == 1 and faced < len(faces):
             index = [int(i) - placed if i < placed and rng.integers(0, 2) else int(i) + 1 for i in faces[faced]]
@@ -110,13 +112,7 @@ def test_numbers_at_once_are_those_of_python_or_none():
         ("text.MAX_CONTINUED", 10, b"# \\\n" * 9, ".obj", "lines that end in backslashes"),
         ("raw.MAX_VERTICES", 8, b"v 0 0 0\n" * 9, ".obj", "9 vertices; at most 8"),
         ("raw.MAX_CORNERS", 8, b"v 0 0 0\n" * 9 + b"f 1 2 3 4 5 6 7 8 9\n", ".obj", "9 corners; at most 8"),
-        (
-            "polygons._WORK",
-            8,
-            b"v 0 0 0\nv 4 0 0\nv 4 4 0\nv 2 1 0\nv 0 4 0\nf 5 1 2 3 4\n",
-            ".obj",
-            "concave polygons",
-        ),
+        ("polygons._WORK", 8, ARROW, ".obj", "concave polygons"),
         ("scenes.MAX_MARKS", 9, b"<COLLADA>\n\n\n\n\n\n\n\n</COLLADA>", ".dae", "elements and line ends"),
         ("scenes.MAX_ATTRIBUTES", 1, b'<COLLADA a="" b=""', ".dae", "too many attributes"),
         ("collada._ELEMENTS", 1, b"<COLLADA><a/></COLLADA>", ".dae", "more than 1 elements and attributes"),

@@ -21,14 +21,13 @@ POLYLIST = (
 )
 VERTEX = '<input semantic="VERTEX" source="#v" offset="0"/>'
 TRIANGLES = [t for a, b, c, d in QUADS for t in (a, b, c, a, c, d)]
+STRIPS = "".join(f"<p>{_words([a, b, d, c])}</p>" for a, b, c, d in QUADS)
 PRIMITIVES = {
     "polylist": POLYLIST,
     "triangles": f'<triangles count="12">{VERTEX}<p>{_words(TRIANGLES)}</p></triangles>',
     "polygons": f'<polygons count="6">{VERTEX}{"".join(f"<p>{_words(q)}</p>" for q in QUADS)}</polygons>',
     "trifans": f'<trifans count="6">{VERTEX}{"".join(f"<p>{_words(q)}</p>" for q in QUADS)}</trifans>',
-    "tristrips": f'<tristrips count="6">{VERTEX}'
-    + "".join(f"<p>{_words([a, b, d, c])}</p>" for a, b, c, d in QUADS)
-    + "</tristrips>",
+    "tristrips": f'<tristrips count="6">{VERTEX}{STRIPS}</tristrips>',
 }
 
 
@@ -88,15 +87,13 @@ def test_skins_are_read_as_modelled_with_a_remark():
         "</bind_shape_matrix></skin></controller></library_controllers>"
     )
     mesh = mesh_io.parse(_dae(nodes='<node><instance_controller url="#c"/></node>', extra=extra), ".dae")
-    assert mesh.box()[1].tolist() == [3, 3, 3] and mesh.remarks == (
-        "skins are not applied: the mesh is read as modelled",
-    )
+    assert mesh.box()[1].tolist() == [3, 3, 3]
+    assert mesh.remarks == ("skins are not applied: the mesh is read as modelled",)
 
 
 def test_an_up_axis_other_than_y_is_said_and_not_applied():
-    mesh = mesh_io.parse(
-        _dae(nodes='<node><scale>1 1 4</scale><instance_geometry url="#g"/></node>', up="Z_UP"), ".dae"
-    )
+    tall = '<node><scale>1 1 4</scale><instance_geometry url="#g"/></node>'
+    mesh = mesh_io.parse(_dae(nodes=tall, up="Z_UP"), ".dae")
     assert mesh.box()[1].tolist() == [1, 1, 4]
     assert mesh.remarks == ("its up axis is Z_UP; coordinates are as written, not turned",)
 
@@ -137,10 +134,7 @@ REFUSED = {
     "entities": (_dae().replace(b"<COLLADA", b'<!DOCTYPE a [<!ENTITY b "c">]><COLLADA', 1), "document type"),
     "cut": (_dae()[:-30], "not readable XML"),
     "root": (b"<svg/>", "its root is 'svg', not COLLADA"),
-    "scene": (
-        _dae().replace(b"<scene>", b"<x>").replace(b"</scene>", b"</x>").replace(b"visual_scene", b"no"),
-        "no scene",
-    ),
+    "scene": (_dae().replace(b"<scene>", b"<x>").replace(b"</scene>", b"</x>").replace(b"visual_", b"no_"), "no scene"),
 }
 
 

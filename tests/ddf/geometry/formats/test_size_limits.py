@@ -23,6 +23,9 @@ FACET = b"facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1
 PLACE = b"0.123456 -0.654321 0.111111"
 SQUARE = b"v 0 0 0\nv 2 0 0\nv 2 2 0\nv 1 0.5 0\nv 0 2 0\n"
 ROWS, STL = (LIMIT - 100) // 28, (LIMIT - 84) // 50
+FACES = PLY.format("ascii", 3, 7_999_999).encode() + b"0 0 0\n" * 3
+VERTICES = PLY.format("binary_little_endian", 15_900_000, 1).encode()
+NAN = struct.pack("<12fH", *[float("nan")] * 12, 0)
 BINARY = PLY.format("binary_little_endian", 3, 7_999_999).encode() + bytes(36)
 UNEVEN = struct.pack("<B3iB4i", 3, 0, 1, 2, 4, 0, 1, 2, 0)
 NODES = b'{"asset":{"version":"2.0"},"nodes":['
@@ -41,31 +44,13 @@ REPEATED = {
     "faces.off": (b"OFF\n3 7999999 0\n0 0 0\n1 0 0\n0 1 0\n", b"3 0 1 2\n", b"3 0 1\n", 7_999_998, LIMIT),
     "comments.off": (b"OFF\n", b"#\n", b"3 1 0\n", LINES, LIMIT),
     "rows.ply": (PLY.format("ascii", ROWS - 9, 9).encode(), PLACE + b"\n", b"", ROWS - 9, LIMIT),
-    "faces.ply": (
-        PLY.format("ascii", 3, 7_999_999).encode() + b"0 0 0\n" * 3,
-        b"3 0 1 2\n",
-        b"3 0 1\n",
-        7_999_998,
-        LIMIT,
-    ),
+    "faces.ply": (FACES, b"3 0 1 2\n", b"3 0 1\n", 7_999_998, LIMIT),
     "uneven.ply": (BINARY, UNEVEN, struct.pack("<B3i", 3, 0, 1, 9), 3_999_999, LIMIT),
-    "vertices_binary.ply": (
-        PLY.format("binary_little_endian", 15_900_000, 1).encode(),
-        struct.pack("<3f", 1, 2, 3),
-        b"\3",
-        15_900_000,
-        LIMIT,
-    ),
+    "vertices_binary.ply": (VERTICES, struct.pack("<3f", 1, 2, 3), b"\3", 15_900_000, LIMIT),
     "text.stl": (b"solid a\n", FACET, b"", 1_700_000, LIMIT),
     "solids.stl": (b"", b"solid a\n" + FACET + b"endsolid\n", b"facet\n", 1_330_000, LIMIT),
     "counts.stl": (bytes(80) + struct.pack("<I", LIMIT // 50 + 9), bytes(50), b"", LIMIT // 50, LIMIT),
-    "nan.stl": (
-        bytes(80) + struct.pack("<I", STL),
-        bytes(50),
-        struct.pack("<12fH", *[float("nan")] * 12, 0),
-        STL - 1,
-        LIMIT,
-    ),
+    "nan.stl": (bytes(80) + struct.pack("<I", STL), bytes(50), NAN, STL - 1, LIMIT),
     "numbers.dae": (b"<COLLADA><float_array>", PLACE + b" ", b"", MANY, XML),
     "elements.dae": (b"<COLLADA>", b'<a id="1"/>', b"", MANY, XML),
     "line_ends.dae": (b"<COLLADA>", b"\n", b"", MANY, XML),
