@@ -16,9 +16,9 @@ from ddf_lab.report.stage_results import Results
 from ddf_lab.run import Run
 
 Image = tuple[str, int]  # id of the shape, view
-COLUMNS = ("input", "visibility", "depth", "normals", "truth", "DDF cloud", "PC-SIREN cloud", "image features")
+COLUMNS = ("input", "visibility", "depth", "normals", "truth", "DDF cloud", "PC-SIREN cloud", "DDF+image")
 EXAMPLES = 3  # of a category, by the error of DDF; and as many by the difference
-FIRST_COLUMNS = ("input", "DDF", "PC-SIREN", "image features", "truth")
+FIRST_COLUMNS = ("input", "DDF", "PC-SIREN", "DDF+image", "truth")
 _ORDERED_BY = "Pi_g-L"  # the column whose D_C orders the images
 
 
@@ -32,7 +32,7 @@ class Errors(NamedTuple):
     def words(self) -> str:
         """As printed beside a picture."""
         both = f"DDF {self.ddf:.3f}, PC-SIREN {self.pc_siren:.3f}"
-        return f"D_C × 1000: {both}, image features {self.ddf_image:.3f}"
+        return f"D_C × 1000: {both}, DDF+image {self.ddf_image:.3f}"
 
 
 class Clouds(NamedTuple):
@@ -50,10 +50,12 @@ def drawn(run: Run, results: Results) -> Results:
     strips, first, rendered = {}, [], 0
     for name, category in results.groups.items():
         folder = run.folder("pointclouds", category)
-        models = (scoring.load_predictions(folder / f"{file}.safetensors") for file in scoring.FILES.values())
+        ours, theirs, third = (
+            scoring.load_predictions(folder / f"{file}.safetensors") for file in scoring.FILES.values()
+        )
         truths = scoring.load_truth(run.folder("samples", category))
         synset = results.index["categories"][category]["synset"]
-        clouds = Clouds(*models, truths, (Path(results.index["root"]), synset))
+        clouds = Clouds(ours, theirs, third, truths, (Path(results.index["root"]), synset))
         errors = image_errors(results.per_image[results.per_image["category"] == name])
         first.append(_first_row(name, clouds, errors))
         images = [image for i in clouds.ddf.metadata["rendered"] if (image := clouds.ddf.images[i]) in errors]

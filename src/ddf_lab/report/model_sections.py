@@ -36,7 +36,7 @@ _READING = (
     "D<sub>C</sub>: Chamfer distance × 1000, the sum of both means of squared distances. F<sub>τ</sub>: F-score × 100 "
     "at squared distance ≤ τ = {tau:g}; F<sub>2τ</sub>: at twice that. Lengths: 0.57 × v1.",
     "L and S: {large:,} and {small:,} predicted points, against the whole true cloud.",
-    "Π<sub>g</sub>: true camera; two models are told the scale, the one with image features reads the image by that "
+    "Π<sub>g</sub>: true camera; two models are told the scale, DDF+image reads the image by that "
     "camera. Π̂: predicted camera and estimated scale. Π̂<sub>∇</sub>: after gradient descent on the "
     "mask, which both encoders see.",
     "A difference is called one where, paired by image, it exceeds what Student's t asks of its standard error over "
@@ -116,7 +116,7 @@ def results_section(results: Results) -> Section:
             results.groups,
             LARGE[:1],
             [(name, method + scoring.THREE_VIEWS) for name, method in MODELS],
-            "From three images of a shape, true cameras. The model with image features takes all three as they are; "
+            "From three images of a shape, true cameras. DDF+image takes all three as they are; "
             "the others, which know no cameras, get the mean of three latents. None was trained for it.",
             labels=_COMPARED,
         ),
@@ -182,8 +182,7 @@ def baselines_section(results: Results) -> Section:
     """Bars, and the table of all rows: what the numbers of the models mean."""
     bars = Figure(
         "baselines.svg",
-        "F-scores at the true camera, L points. Green: DDF with image features. Blue: DDF. Orange: PC-SIREN. Grey: "
-        "no model.",
+        "F-scores at the true camera, L points. Green: DDF+image. Blue: DDF. Orange: PC-SIREN. Grey: no model.",
         "bars of the F-scores of ceiling, oracle retrieval, DDF, PC-SIREN, retrieval and mean shape, by category",
         draw_baselines(results),
     )
@@ -241,7 +240,7 @@ def nearest_section(results: Results) -> Section:
     dots = Figure(
         "nearest.svg",
         "A dot is a test shape and a model. Across: F(τ) of the training shape nearest to it. Up: F(τ) of the model, "
-        "mean over its images. Green: DDF with image features. Blue: DDF. Orange: PC-SIREN. True camera, L points.",
+        "mean over its images. Green: DDF+image. Blue: DDF. Orange: PC-SIREN. True camera, L points.",
         "scores of both models over the score of the nearest training shape, a dot for each test shape, by category",
         figures.score_dots(found, "nearest training shape, F(τ) × 100", "model, F(τ) × 100").encode(),
     )

@@ -12,10 +12,10 @@ from ddf_lab.report.stage_results import Head, Results
 METHOD_LABELS = {
     scoring.DDF: "DDF",
     scoring.PC_SIREN: "PC-SIREN",
-    scoring.DDF_IMAGE: "image features",
+    scoring.DDF_IMAGE: "DDF+image",
     scoring.DDF + scoring.THREE_VIEWS: "DDF",
     scoring.PC_SIREN + scoring.THREE_VIEWS: "PC-SIREN",
-    scoring.DDF_IMAGE + scoring.THREE_VIEWS: "image features",
+    scoring.DDF_IMAGE + scoring.THREE_VIEWS: "DDF+image",
     scoring.DDF_ONE_CYCLE: "DDF, N<sub>H</sub> = 1",
     scoring.DDF_ON_MASK: "DDF, shape moved to the mask",
     baselines.CEILING: "ceiling",

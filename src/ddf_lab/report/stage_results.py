@@ -12,11 +12,11 @@ from ddf.metrics import cloud_scores
 from ddf_lab.evaluation import groups, paired, paper_results, seed_means
 from ddf_lab.run import STAGES, WHOLE, Run, time_path
 
-MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN", "train_ddf_image": "image features"}
+MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN", "train_ddf_image": "DDF+image"}
 CLOUDS = {  # files of the stage `pointclouds`
     "ddf.safetensors": "DDF",
     "pcsiren.safetensors": "PC-SIREN",
-    "ddf_image.safetensors": "image features",
+    "ddf_image.safetensors": "DDF+image",
 }
 
 Head = tuple[str, str]  # method, column

@@ -48,4 +48,4 @@ def test_errors_are_those_at_the_true_camera_with_large_clouds():
     table = pd.DataFrame(rows, columns=["method", "column", "id", "view", "chamfer_l2_sq"])
     errors = example_strips.image_errors(table)
     assert errors == {("a", 1): pytest.approx(Errors(2.0, 3.0, 1.0))}
-    assert Errors(2.0, 3.0, 1.0).words() == "D_C × 1000: DDF 2.000, PC-SIREN 3.000, image features 1.000"
+    assert Errors(2.0, 3.0, 1.0).words() == "D_C × 1000: DDF 2.000, PC-SIREN 3.000, DDF+image 1.000"
