@@ -62,7 +62,7 @@ def drawn(run: Run, results: Results) -> Results:
         rendered = len(images)
         if images:
             strips[name] = strip(clouds, errors, choose({image: errors[image] for image in images}, EXAMPLES))
-    examples = picture_strips.strip(FIRST_COLUMNS, first)
+    examples = picture_strips.strip(FIRST_COLUMNS, first, len(FIRST_COLUMNS))
     return dataclasses.replace(results, strips=strips, rendered=rendered, examples=examples)
 
 

@@ -45,8 +45,8 @@ def build(found: stage_results.Results) -> pages.Page:
         lead.append(
             pages.Figure(
                 "examples.webp",
-                "Of each category the test image whose D<sub>C</sub> of DDF is the median: input, both clouds, truth.",
-                "a test image of each category with the clouds that DDF and PC-SIREN make of it, and the true cloud",
+                "Of each category the test image whose D<sub>C</sub> of DDF is the median: input, the clouds, truth.",
+                "a test image of each category with the clouds that the models make of it, and the true cloud",
                 found.examples,
             )
         )
@@ -54,7 +54,7 @@ def build(found: stage_results.Results) -> pages.Page:
     facts = [
         f"Experiment `{found.name}`: 3D reconstruction from single images of {_DATA[found.index['source']]}.",
         "DDF: directed distance fields. PC-SIREN: a baseline with the same encoders that maps points of a cube to "
-        "surface points. Image features: a DDF that asks the image at places along the ray.",
+        "surface points. DDF+image: a DDF that asks the image at places along the ray.",
         f"Made by `make reproduce-table CONFIG=configs/{found.name}.yaml{seeds}`. All numbers are in "
         "[si3dr.csv](si3dr.csv).",
     ]

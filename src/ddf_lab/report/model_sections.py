@@ -26,6 +26,7 @@ BASELINES = (
 _COMPETITORS = BASELINES[2:]
 _CHAMFER, _F_SCORE = "chamfer_l2_sq_x1000", "f_score_tau_x100"
 _COMPARED = {_CHAMFER: "D<sub>C</sub>", _F_SCORE: "F<sub>τ</sub>"}
+_ARROWS = {metric: scores.LABELS[metric] for metric in _COMPARED}
 _SHARES = {"precision_tau_x100": "precision ↑", "recall_tau_x100": "recall ↑"}
 _NEEDED = (  # what is to be done for a column
     ("Π<sub>g</sub>, Π̂", ("encoders", "cloud")),
@@ -91,12 +92,12 @@ def results_section(results: Results) -> Section:
     moved = (results.per_image["method"] == scoring.DDF_ON_MASK).any()
     on_mask = (("as encoded", scoring.DDF), ("on the mask", scoring.DDF_ON_MASK))
     blocks: list[Block | None] = [
-        scores.pairs(results, results.groups, COLUMNS, MODELS, caption, labels=_COMPARED, spread=True),
+        scores.pairs(results, results.groups, COLUMNS, MODELS, caption, labels=_ARROWS, spread=True),
         reading(results),
         scores.pairs(
             results,
             results.groups,
-            LARGE,
+            LARGE[:1],
             MODELS,
             "What F<sub>τ</sub> is made of, × 100: predicted points near the truth, true points near the prediction.",
             labels=_SHARES,
@@ -115,10 +116,10 @@ def results_section(results: Results) -> Section:
             results,
             results.groups,
             LARGE[:1],
-            [(name, method + scoring.THREE_VIEWS) for name, method in MODELS],
+            [(f"{name}×3", method + scoring.THREE_VIEWS) for name, method in MODELS],
             "From three images of a shape, true cameras. DDF+image takes all three as they are; "
             "the others, which know no cameras, get the mean of three latents. None was trained for it.",
-            labels=_COMPARED,
+            labels=_ARROWS,
         ),
         seconds(results),
         tuple(against_retrieval(results, *model) for model in MODELS),
