@@ -1,6 +1,5 @@
 """What trained models make: field, mesh and cloud of one picture, and new shapes."""
 
-import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,21 +12,24 @@ from jaxtyping import Float, UInt8
 
 from ddf.api.field import WEIGHTS, Field
 from ddf.core import checks, extras, shipped_models, storage
+from ddf.geometry import mesh_io
 from ddf.geometry.mesh_io import Mesh
 
 if TYPE_CHECKING:
     from ddf.reconstruction import painting
 
 CAMERA, CLOUD, PICTURE, MESHES = "camera.json", "cloud.ply", "picture.png", ("shape.glb", "shape.ply")
-_CELLS = 80  # of the mesh, along its longest side
+_TOLERANCE = 2e-3  # of half the longest side: patches come so near to the mesh, whose cells are ten times as large
 
 
 @dataclass(frozen=True, repr=False)
 class Reconstruction:
     """What a model makes of one picture, in the frame of ShapeNet's meshes (v1): Y up, box centred at 0, diagonal 1.
 
-    points: (n, 3), a cloud on the surface. camera: azimuth_deg, elevation_deg and radius from which the framed picture
-      seems to be taken; radius in benchmark units, 0.57 times those of the frame. view: the object cut out and framed.
+    field: patches of the mesh. points: (n, 3), the model's own cloud of the surface. mesh: watertight, with normals,
+      and the picture's colours where that sees a vertex or its mirror image.
+    camera: azimuth_deg, elevation_deg and radius from which the framed picture seems to be taken; radius in benchmark
+      units, 0.57 times those of the frame. view: the object cut out and framed.
     kind: what the model knows, by its name. unlike: the share of training images that are more usual than the
       picture; None where the model does not know.
     seconds: of each part.
@@ -35,6 +37,7 @@ class Reconstruction:
 
     field: Field
     points: Float[np.ndarray, "n 3"]
+    mesh: Mesh
     camera: dict[str, float]
     view: UInt8[np.ndarray, "s s 4"]
     kind: str
@@ -48,16 +51,10 @@ class Reconstruction:
 
     @cached_property
     def normals(self) -> Float[np.ndarray, "n 3"]:
-        """Of the points, outward; 0 where the field gives none."""
-        from ddf.fit import surfaces
+        """Of the points, outward: those of the nearest vertices."""
+        from scipy import spatial
 
-        return surfaces.normals_at(self.field.framed, self.points)
-
-    @cached_property
-    def mesh(self) -> Mesh:
-        """A watertight mesh of the field; its `colours` are the picture's where that sees the vertex."""
-        mesh = self.field.surface(method="closed", resolution=_CELLS)
-        return Mesh(mesh.vertices, mesh.faces, colours=self._paint.colours(mesh.vertices)[0])
+        return np.asarray(self.mesh.normals)[spatial.cKDTree(self.mesh.vertices).query(self.points)[1]]
 
     @property
     def verdict(self) -> str:
@@ -74,29 +71,22 @@ class Reconstruction:
 
     def save(self, folder: str | Path) -> dict[str, Any]:
         """Write the field (`ddf.load` takes the folder), shape.glb and shape.ply, cloud.ply with normals, picture.png
-        and camera.json; returns the content of the last. Of a field that encloses nothing there is no mesh.
+        and camera.json; returns the content of the last.
         """
-        from ddf.geometry import mesh_io
-
         out = Path(folder)
         started = time.monotonic()
-        seconds, meshes = dict(self.seconds), []
-        with contextlib.suppress(checks.InputError):
-            meshes.append(self.mesh)
-        seconds["mesh"] = time.monotonic() - started
         out.mkdir(parents=True, exist_ok=True)
         self.field.save(out)
         for name in MESHES:
-            (out / name).unlink(missing_ok=True)
-            for mesh in meshes:
-                mesh.save(out / name)
+            self.mesh.save(out / name)
         storage.write_bytes(out / CLOUD, mesh_io.points_ply(self.points, self.normals))
         with storage.atomic_path(out / PICTURE) as temporary:
             self._paint.sheet().save(temporary, "PNG")
+        seconds = self.seconds | {"files": time.monotonic() - started}
         result = {
             "camera": self.camera,
             "points": len(self.points),
-            "faces": sum(len(mesh.faces) for mesh in meshes),
+            "faces": len(self.mesh.faces),
             "unlike_training": self.unlike,
             "verdict": self.verdict,
             "seconds": {name: round(value, 4) for name, value in seconds.items()},
@@ -152,9 +142,10 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
     """
     with extras.named():
         from ddf.data import cutouts
-        from ddf.fields import shape_field
+        from ddf.fields.grid import octree
+        from ddf.fit import patch_fitting
         from ddf.models import line_field, reconstruction_models
-        from ddf.reconstruction import one_image, several_images
+        from ddf.reconstruction import one_image, painting, several_images, solid
     path = shipped_models.require(model, "reconstruction")
     path = path.parent if path.is_file() else path
     by_features = storage.load_metadata(path / WEIGHTS).get("kind") == line_field.KIND
@@ -184,9 +175,16 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
         azimuth, elevation, radius = (float(value) for value in found.camera)
         camera = {"azimuth_deg": np.degrees(azimuth), "elevation_deg": np.degrees(elevation), "radius": radius}
         camera = {name: float(value) for name, value in camera.items()}
-        shape = found.shape
-        field = Field(shape, (lambda: shape) if isinstance(shape, shape_field.ShapeField) else None)
-        return Reconstruction(field, found.cloud[:n], camera, found.view, path.name, found.score, found.seconds)
+        started, seconds = time.monotonic(), dict(found.seconds)
+        cloud = found.cloud[: one_image.WHOLE]
+        plain = solid.solid(found.shape, cloud, (azimuth, elevation, radius), found.view[..., 3])
+        shape = patch_fitting.patches(plain, octree.PatchConfig(_TOLERANCE))
+        paint = painting.Paint(shape, (azimuth, elevation, radius), found.view)
+        colours, normals = paint.colours(plain.vertices), mesh_io.vertex_normals(plain)
+        mesh = Mesh(plain.vertices, plain.faces, colours=colours, normals=normals)
+        seconds["mesh"] = time.monotonic() - started
+        field = Field(shape, lambda: shape)
+        return Reconstruction(field, found.cloud[:n], mesh, camera, found.view, path.name, found.score, seconds)
 
     return of
 

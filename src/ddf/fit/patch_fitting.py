@@ -14,6 +14,15 @@ from ddf.fit import fit_settings, fitting, shape_samples
 from ddf.geometry import mesh_io
 
 
+def patches(raw: mesh_io.Mesh, config: octree.PatchConfig) -> patch_field.PatchField:
+    """The field of a mesh, in its frame; it has no errors and no file.
+
+    Raises:
+      InputError: the mesh has no triangle with an area.
+    """
+    return patch_field.of(*patch_field.fitted(*fitting.in_cube(raw), config))
+
+
 def fit(
     raw: mesh_io.Mesh,
     config: octree.PatchConfig,

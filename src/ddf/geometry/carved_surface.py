@@ -20,6 +20,7 @@ from ddf.geometry import mesh_io, rays, unsigned_surface
 Look = Callable[[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]], Float[np.ndarray, "n"]]
 LEVEL = 0.8  # cells
 _SIDES = 32
+_PIXEL = 2.0  # cells
 REACH = 3.0  # cells: distances that count
 _MARGIN = 2  # cells around the box
 _MISSED, _HIDDEN = 0.5, 0.1  # weights of looks that see nothing, and of those that end far before
@@ -66,7 +67,7 @@ class Votes:
 
     def look_around(self, look: Look) -> None:
         """Parallel looks from all sides, a ray for each pixel that a node lies in."""
-        cell = self.grid.cell
+        cell = _PIXEL * self.grid.cell
         for way in rays.evenly_spread(_SIDES):
             right = np.linalg.svd(way[None])[2][1:]  # two axes across
             flat, far = right.astype(np.float32) @ self.nodes.T, self.nodes @ way.astype(np.float32)

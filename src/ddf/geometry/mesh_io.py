@@ -40,8 +40,8 @@ _NOT_BLANK = re.compile(rb"[^\0 \t\r\n]")
 class Mesh:
     """Vertices (float64) and triangles (indices into them), in one frame.
 
-    remarks: what the reader of its file left out or could not take as it was, one line each. colours: of the vertices;
-    PLY and GLB files keep them when they are written.
+    remarks: what the reader of its file left out or could not take as it was, one line each. colours (sRGB) and unit
+    normals of the vertices: PLY and GLB files keep them when they are written.
 
     Raises:
       InputError: a coordinate is not finite, or an index points at no vertex.
@@ -51,6 +51,7 @@ class Mesh:
     faces: Int[np.ndarray, "m 3"]
     remarks: tuple[str, ...] = ()
     colours: UInt8[np.ndarray, "n 3"] | None = None
+    normals: Float[np.ndarray, "n 3"] | None = None
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3)
@@ -204,13 +205,16 @@ def ply_bytes(mesh: Mesh, double: bool = False) -> bytes:
     scalar, name = ("<f8", "double") if double else ("<f4", "float")
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.vertices)}\n"
     header += "".join(f"property {name} {axis}\n" for axis in "xyz")
-    corners = np.zeros(
-        len(mesh.vertices), dtype=[("at", scalar, 3), *([("colour", "u1", 3)] * (mesh.colours is not None))]
-    )
-    corners["at"] = mesh.vertices
+    columns = [("at", scalar, 3, mesh.vertices)]
+    if mesh.normals is not None:
+        header += "".join(f"property {name} n{axis}\n" for axis in "xyz")
+        columns.append(("normal", scalar, 3, mesh.normals))
     if mesh.colours is not None:
         header += "".join(f"property uchar {channel}\n" for channel in ("red", "green", "blue"))
-        corners["colour"] = mesh.colours
+        columns.append(("colour", "u1", 3, mesh.colours))
+    corners = np.zeros(len(mesh.vertices), dtype=[column[:3] for column in columns])
+    for column, *_, values in columns:
+        corners[column] = values
     header += f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
     rows = np.zeros(len(mesh.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     rows["count"], rows["corners"] = 3, mesh.faces

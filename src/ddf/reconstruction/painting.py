@@ -11,7 +11,8 @@ from ddf.fields import framed_field
 from ddf.geometry import cameras, rays, transforms
 from ddf.pictures import shaded
 
-_NEAR = 0.03  # of the size: a point that far behind what the camera sees is seen too
+_NEAR = 0.01  # of the size: a point that far behind what the camera sees is seen too
+_MIRRORED = np.array([1.0, 1.0, -1.0])
 _OPAQUE = 128
 _TURNS = (0.0, 90.0, 180.0, 270.0)  # degrees from the image's azimuth
 
@@ -32,24 +33,29 @@ class Paint:
         azimuth, elevation = np.radians([camera["azimuth_deg"], camera["elevation_deg"]]).tolist()
         return cls(field, (azimuth, elevation, camera["radius"]), view)
 
-    def colours(self, points: Float[np.ndarray, "n 3"]) -> tuple[UInt8[np.ndarray, "n 3"], Bool[np.ndarray, "n"]]:
-        """Of points on the surface, and which of them the image sees; the others have the median colour of these."""
+    def colours(self, points: Float[np.ndarray, "n 3"]) -> UInt8[np.ndarray, "n 3"]:
+        """Of points on the surface: what the image shows there, or at the mirror image (x, y, -z), which most things
+        look like; the median colour of the object where it shows neither.
+        """
+        found, seen = self._shown(points)
+        found[~seen], mirrored = self._shown(points[~seen] * _MIRRORED)
+        found[np.flatnonzero(~seen)[~mirrored]] = np.median(self.view[self.view[..., 3] >= _OPAQUE][:, :3], axis=0)
+        return found
+
+    def _shown(self, points: Float[np.ndarray, "n 3"]) -> tuple[UInt8[np.ndarray, "n 3"], Bool[np.ndarray, "n"]]:
+        """Colours of the image where points are in it, and which of them it sees."""
         rotation, centre = cameras.extrinsics(*np.array(self.camera))
         place = np.stack(cameras.project(points * transforms.BENCHMARK_FROM_V1, rotation, centre), axis=-1)
         place = np.floor(place * len(self.view) / cameras.IMAGE_SIZE).astype(int)
         seen = (np.clip(place, 0, len(self.view) - 1) == place).all(axis=1)
         column, row = np.where(seen[:, None], place, 0).T
         pixels = self.view[row, column]
-        seen &= pixels[:, 3] >= _OPAQUE
         start = centre / transforms.BENCHMARK_FROM_V1
         ways = points - start
         far = np.linalg.norm(ways, axis=1)
         asked = rays.OrientedPoints(np.broadcast_to(start, points.shape), ways / far[:, None])
         seen &= far <= framed_field.query(self.field, asked, ("depth",))[0]["depth"] + _NEAR
-        found = pixels[:, :3].copy()
-        opaque = self.view[self.view[..., 3] >= _OPAQUE][:, :3]
-        found[~seen] = np.median(found[seen] if seen.any() else opaque, axis=0)
-        return found, seen
+        return pixels[:, :3].copy(), seen & (pixels[:, 3] >= _OPAQUE)
 
     def sheet(self, size: int = 256, turns: Sequence[float] = _TURNS) -> Image.Image:
         """The image, and the field in its colours, lit, from azimuths that far from the image's, degrees."""
@@ -60,8 +66,5 @@ class Paint:
         around = [(azimuth + turn, elevation, radius) for turn in turns]
         standing = shaded.stand(self.field)
         shown = shaded.window(standing, around)
-        cells += [
-            shaded.render(standing, each, size, shown, lambda points: self.colours(points)[0]).picture
-            for each in around
-        ]
+        cells += [shaded.render(standing, each, size, shown, self.colours).picture for each in around]
         return Image.fromarray(np.concatenate(cells, axis=1))

@@ -22,6 +22,7 @@ _MARGIN = 0.05  # of the cloud's longest side, around it
 _OWN = 4.0  # weight of the picture's camera, in looks from a side
 _GROWN, _STEEP, _ASKED = 0.15, 1.5, 2.0  # cells beside the outline: of its surface, its slope, how far nodes matter
 _LIKELY, _AS_LIKELY = 2.5, 0.3  # cells: nodes that are filled in, and how much those of a ray may differ
+_AROUND, _WEIGHT = 2.5, 2.0
 _LEAST, _SHOWN = 0.01, 20  # of the largest part; nodes that alone explain their pixels
 
 
@@ -64,10 +65,15 @@ def solid(
     votes.add(seen[back] - np.linalg.norm(nodes[chosen] - start, axis=1), _OWN)
     found, outside = votes.mean() - carved_surface.LEVEL, _STEEP * beside
     found = np.maximum(found, outside)
+    covered = np.bincount(pixel[found < 0], minlength=size**2) > 0
+    bare = ~ndimage.binary_closing(covered.reshape(size, size)).ravel()[pixel]
+    whole = np.full(np.prod(grid.shape), carved_surface.REACH, np.float32)
+    whole[chosen] = found
+    around = ndimage.gaussian_filter(whole.reshape(grid.shape), _AROUND, truncate=2).ravel()[chosen]
+    likely = found + _WEIGHT * around
     best = np.full(size**2, np.inf, found.dtype)
-    np.minimum.at(best, pixel, found)
-    bare = ~ndimage.binary_closing((best < 0).reshape(size, size)).ravel()[pixel]
-    filled = bare & (beside < 0) & (found < best[pixel] + _AS_LIKELY) & (found < _LIKELY - carved_surface.LEVEL)
+    np.minimum.at(best, pixel, likely)
+    filled = bare & (beside < 0) & (likely < best[pixel] + _AS_LIKELY) & (found < _LIKELY - carved_surface.LEVEL)
     found = np.where(filled, np.maximum(np.minimum(found, -0.5), outside), found)
     values = np.full(np.prod(grid.shape), carved_surface.REACH, np.float32)
     values[chosen] = found

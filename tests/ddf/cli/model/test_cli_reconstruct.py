@@ -57,8 +57,13 @@ def test_reconstruct_writes_a_thing(tmp_path, answer, monkeypatch):
     for suffix in (".glb", ".ply"):
         mesh = mesh_io.load(out / f"shape{suffix}")
         assert mesh_topology.is_watertight(mesh) and len(mesh.faces) == result["faces"] > 0
-    field = ddf.load(out)
-    assert field.framed.field_from_mesh.scale == pytest.approx(1 / scale)
+        away = np.abs(mesh_io.vertex_normals(mesh)).sum(axis=1) > 0
+        assert away.mean() > 0.99
+    field = ddf.load(out)  # patches of the mesh: a ray towards a vertex ends there or before
+    start, ends = np.array([3.0, 2.0, 1.0]), mesh.vertices[::50]
+    far = np.linalg.norm(ends - start, axis=1)
+    found = field.query(np.broadcast_to(start, ends.shape), (ends - start) / far[:, None])["depth"]
+    assert (np.abs(found - far)[found > far - 0.02] < 0.01).mean() > 0.9 and (found < far + 0.02).mean() > 0.9
     lower, upper = field.box
     assert (lower <= points + 0.03).all() and (points <= upper + 0.03).all()  # hits may lie beside the cube
     assert json.loads((out / "camera.json").read_text())["camera"] == result["camera"]
