@@ -5,7 +5,9 @@ that are there. Coordinates stay float64 and untouched (no welding, no reorderin
 their transforms applied. `ddf.geometry.formats` holds the readers; trimesh writes the formats other than PLY.
 """
 
+import json
 import re
+import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -221,8 +223,46 @@ def ply_bytes(mesh: Mesh, double: bool = False) -> bytes:
     return header.encode() + corners.tobytes() + rows.tobytes()
 
 
+def glb_bytes(mesh: Mesh) -> bytes:
+    """Binary glTF 2.0, float32: positions, the mesh's normals and colours (linear), a rough material without metal."""
+    columns = {"POSITION": mesh.vertices.astype("<f4")}
+    if mesh.normals is not None:
+        unit = np.where(mesh.normals.any(axis=1, keepdims=True), mesh.normals, [0.0, 0.0, 1.0])  # none may be 0
+        columns["NORMAL"] = unit.astype("<f4")
+    if mesh.colours is not None:
+        share = mesh.colours / 255.0  # sRGB; IEC 61966-2-1
+        linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+        columns["COLOR_0"] = linear.astype("<f4")
+    parts, views, accessors = [*columns.values(), mesh.faces.astype("<u4").reshape(-1)], [], []
+    for part in parts:
+        start = sum(view["byteLength"] for view in views)
+        target = 34962 if part.ndim == 2 else 34963  # vertices, indices
+        views.append({"buffer": 0, "byteOffset": start, "byteLength": part.nbytes, "target": target})
+        kind = {"componentType": 5126, "type": "VEC3"} if part.ndim == 2 else {"componentType": 5125, "type": "SCALAR"}
+        accessors.append({"bufferView": len(accessors), "count": len(part), **kind})
+    if len(mesh.vertices):
+        accessors[0] |= {"min": parts[0].min(axis=0).tolist(), "max": parts[0].max(axis=0).tolist()}
+    drawn = {"attributes": {name: i for i, name in enumerate(columns)}, "indices": len(columns), "material": 0}
+    rough = {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9}, "doubleSided": True}
+    scene = {
+        "asset": {"version": "2.0", "generator": "ddf"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [drawn]}],
+        "materials": [rough],
+        "buffers": [{"byteLength": sum(part.nbytes for part in parts)}],
+        "bufferViews": views,
+        "accessors": accessors,
+    }
+    text, data = json.dumps(scene, separators=(",", ":")).encode(), b"".join(part.tobytes() for part in parts)
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
 def export_bytes(mesh: Mesh, suffix: str) -> bytes:
-    """The mesh as a file of this suffix: PLY in float64, the other formats as trimesh writes them.
+    """The mesh as a file of this suffix: PLY in float64, GLB in float32, the other formats as trimesh writes them.
 
     Raises:
       InputError: a suffix that is not written.
@@ -231,9 +271,11 @@ def export_bytes(mesh: Mesh, suffix: str) -> bytes:
     require_suffix(suffix)
     if suffix == ".ply":
         return ply_bytes(mesh, double=True)
+    if suffix == ".glb":
+        return glb_bytes(mesh)
     import trimesh
 
-    plain = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=mesh.colours, process=False)
+    plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     exported = plain.export(
         file_type=suffix[1:],
         **({"digits": 17} if suffix in (".obj", ".off") else {}),  # pyright: ignore[reportArgumentType]

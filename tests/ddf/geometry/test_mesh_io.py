@@ -105,3 +105,21 @@ def test_a_file_without_a_surface_is_named(tmp_path):
         mesh_io.load_surface(path)
     path.write_text("v 0 0 0\nv 1 1 1\nv 2 2 2\nv 0 1 0\nf 1 2 3\nf 1 2 4\n")
     assert len(mesh_io.load_surface(path).faces) == 2
+
+
+def test_glb_has_linear_colours_unit_normals_and_a_rough_material(tmp_path):
+    vertices, faces = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0]]), np.array([[0, 1, 2]])
+    colours, normals = np.array([[0, 188, 255]] * 3, np.uint8), np.array([[0.0, 0, 1], [1, 0, 0], [0, 0, 0]])
+    mesh_io.Mesh(vertices, faces, colours=colours, normals=normals).save(tmp_path / "one.glb")
+    data = (tmp_path / "one.glb").read_bytes()
+    magic, version, length, size = struct.unpack_from("<4sIII", data)
+    assert (magic, version, length) == (b"glTF", 2, len(data)) and size % 4 == 0
+    tree, found = json.loads(data[20 : 20 + size]), {}
+    for name, number in tree["meshes"][0]["primitives"][0]["attributes"].items():
+        view = tree["bufferViews"][tree["accessors"][number]["bufferView"]]
+        found[name] = np.frombuffer(data, "<f4", 9, 20 + size + 8 + view["byteOffset"]).reshape(3, 3)
+    np.testing.assert_array_equal(found["POSITION"], vertices)
+    np.testing.assert_allclose(found["COLOR_0"], [[0, 0.5, 1]] * 3, atol=0.004)  # sRGB 188 is half the light
+    np.testing.assert_allclose(np.linalg.norm(found["NORMAL"], axis=1), 1)
+    assert tree["accessors"][0]["min"] == [0, 0, 0] and tree["accessors"][0]["max"] == [1, 2, 0]
+    assert tree["materials"][0]["pbrMetallicRoughness"] == {"metallicFactor": 0.0, "roughnessFactor": 0.9}
