@@ -87,6 +87,7 @@ class Reconstruction:
             "camera": self.camera,
             "points": len(self.points),
             "faces": len(self.mesh.faces),
+            "silhouette_iou": round(self._paint.overlap(), 3),
             "unlike_training": self.unlike,
             "verdict": self.verdict,
             "seconds": {name: round(value, 4) for name, value in seconds.items()},

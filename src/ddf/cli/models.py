@@ -23,6 +23,7 @@ _INTERPOLATED = 6  # shapes between two samples, both ends among them
 _SIZE, _PER_LINE = 192, 4  # pixels a side of a picture of a sample; pictures beside each other
 _CAMERA = (-35.0, 20.0)  # of these: azimuth and elevation, degrees
 _CloudPoints = Annotated[int, Arg(None, ("-n", "--points"), like="n")]
+_AGREES = 0.85  # overlap of the outlines of a reconstruction and its picture, under which a line warns
 
 
 @command("model", actions="[get NAME OUT]")
@@ -147,10 +148,12 @@ def _folders(images: Sequence[Path], out: Path) -> list[Path]:
 def _line(result: Mapping[str, Any]) -> str:
     """The verdict, the camera, and what was made."""
     view, seconds = result["camera"], sum(result["seconds"].values())
+    far = result["silhouette_iou"] < _AGREES
+    doubt = f"; its outline is not the picture's: they overlap by {result['silhouette_iou']:.2f}" if far else ""
     return (
         f"{result['image']}: {result['verdict']}; seen from {view['azimuth_deg']:.0f},{view['elevation_deg']:.0f},"
         f"{view['radius']:.2f}; {result['points']:,} points and {result['faces']:,} triangles in {result['out']} after "
-        f"{seconds:.1f} s"
+        f"{seconds:.1f} s{doubt}"
     )
 
 

@@ -57,6 +57,18 @@ class Paint:
         seen &= far <= framed_field.query(self.field, asked, ("depth",))[0]["depth"] + _NEAR
         return pixels[:, :3].copy(), seen & (pixels[:, 3] >= _OPAQUE)
 
+    def overlap(self, size: int = 96) -> float:
+        """Intersection over union of the field's silhouette, from the image's camera, and the image's own."""
+        pixels = cameras.pixel_directions(size, np.zeros(1)).reshape(-1, 3)
+        rotation, centre = cameras.extrinsics(*np.array(self.camera))
+        ways = pixels @ rotation
+        starts = np.broadcast_to(centre / transforms.BENCHMARK_FROM_V1, ways.shape)
+        asked = rays.OrientedPoints(starts, ways / np.linalg.norm(ways, axis=1, keepdims=True))
+        own = framed_field.query(self.field, asked, ("visibility",))[0]["visibility"] >= framed_field.SEEN
+        alpha = np.asarray(Image.fromarray(self.view[..., 3]).resize((size, size), Image.Resampling.BOX))
+        given = alpha.ravel() >= _OPAQUE
+        return float((own & given).sum() / max(1, (own | given).sum()))
+
     def sheet(self, size: int = 256, turns: Sequence[float] = _TURNS) -> Image.Image:
         """The image, and the field in its colours, lit, from azimuths that far from the image's, degrees."""
         view = Image.fromarray(self.view).resize((size, size))

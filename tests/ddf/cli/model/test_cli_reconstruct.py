@@ -68,6 +68,7 @@ def test_reconstruct_writes_a_thing(tmp_path, answer, monkeypatch):
     assert (lower <= points + 0.03).all() and (points <= upper + 0.03).all()  # hits may lie beside the cube
     assert json.loads((out / "camera.json").read_text())["camera"] == result["camera"]
     assert 0.65 <= result["camera"]["radius"] <= 0.95
+    assert 0.9 < result["silhouette_iou"] < 1
 
 
 def test_how_many_points_are_asked_for_changes_no_field():
