@@ -41,6 +41,8 @@ def test_complete_writes_a_field_that_loads_and_clouds(scan, tmp_path, answer):
     given = scans.read(scan)
     depth = ddf.load(tmp_path / "out").query(given.positions, given.directions)["depth"]
     both = np.isfinite(depth) & given.hit
+    assert (both & np.isnan(arrays["residuals"])).sum() <= 2  # rounding decides whether a ray at the rim is seen
+    both &= np.isfinite(arrays["residuals"])
     assert both.sum() > 20
     residuals = arrays["residuals"][both]
     np.testing.assert_allclose(given.ranges[both] - depth[both], residuals, atol=2e-3)
