@@ -1,9 +1,10 @@
 """A closed mesh of what looks at a field from many sides say (derived here, after Curless and Levoy 1996).
 
-From each side a depth image is taken, as fine as the nodes of a grid. Each node has the mean of how far in front of
-what its pixels see it is, up to `REACH`; a look that sees nothing there, or ends before the node, counts less, so that
-some that err cut no leg off and leave no speck. Where the mean is `LEVEL` lies the surface, so that sheets which look
-thinner than nothing from both sides stay; its vertices go back a little. Hollows that few sides look into are full.
+From each side a depth image is taken, half as fine as the nodes of a grid. Each node has the mean of how far in front
+of what its pixels see it is, up to `REACH`; a look that sees nothing there, or ends before the node, counts less, so
+that some that err cut no leg off and leave no speck. Where the mean is `LEVEL` lies the surface, so that sheets which
+look thinner than nothing from both sides stay; its vertices go back a little. Hollows that few sides look into are
+full.
 """
 
 from collections.abc import Callable

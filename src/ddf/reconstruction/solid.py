@@ -22,7 +22,7 @@ _MARGIN = 0.05  # of the cloud's longest side, around it
 _OWN = 4.0  # weight of the picture's camera, in looks from a side
 _GROWN, _STEEP, _ASKED = 0.15, 1.5, 2.0  # cells beside the outline: of its surface, its slope, how far nodes matter
 _LIKELY, _AS_LIKELY = 2.5, 0.3  # cells: nodes that are filled in, and how much those of a ray may differ
-_AROUND, _WEIGHT = 2.5, 2.0
+_AROUND, _WEIGHT = 2.5, 2.0  # cells around a node whose mean makes it likelier, and the weight of that mean
 _LEAST, _SHOWN = 0.01, 20  # of the largest part; nodes that alone explain their pixels
 
 
