@@ -32,7 +32,7 @@ def make(run: Run) -> None:
     )
     model.to(model_files.device()).fit_cameras(images)
     facts = [train, section, run.category, digest]
-    architecture = {"kind": "ddf_image", "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
+    architecture = {"kind": line_field.KIND, "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     out_dir = run.folder("train_ddf_image", seed=run.seed)
     training_loop.fit(
         model,

@@ -59,6 +59,16 @@ def to_camera(
     return (points - centre[..., None, :]) @ world_to_camera.swapaxes(-1, -2)
 
 
+def moved(
+    points: Float[Array, "*batch n 3"],
+    extrinsics_from: tuple[Float[Array, "*batch 3 3"], Float[Array, "*batch 3"]],
+    extrinsics_to: tuple[Float[Array, "*batch 3 3"], Float[Array, "*batch 3"]],
+) -> Float[Array, "*batch n 3"]:
+    """The points that one camera sees where another saw the given ones; benchmark frame."""
+    rotation, centre = extrinsics_to
+    return to_camera(points, *extrinsics_from) @ rotation + centre[..., None, :]
+
+
 def project(
     points: Float[Array, "*batch n 3"], world_to_camera: Float[Array, "*batch 3 3"], centre: Float[Array, "*batch 3"]
 ) -> tuple[Float[Array, "*batch n"], Float[Array, "*batch n"]]:

@@ -82,14 +82,9 @@ class Views(NamedTuple):
     cameras: Float[Tensor, "b k 3"]
     opaque: Float[Tensor, "b k s s"]
 
-    @classmethod
-    def joined(cls, views: "Sequence[Views]") -> "Views":
-        """Several images of the same shapes."""
-        return cls(*(torch.cat(parts, dim=1) for parts in zip(*views, strict=True)))
-
-    def __getitem__(self, rows: slice) -> "Views":  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Those of some shapes."""
-        return Views(*(getattr(self, name)[rows] for name in self._fields))
+    def of_one_shape(self, rows: Sequence[int] | slice = slice(None)) -> "Views":
+        """Single views of k shapes, or of some of them, as the views of one shape."""
+        return Views(*(part[rows].transpose(0, 1) for part in self))
 
 
 @dataclass(frozen=True)

@@ -70,8 +70,9 @@ def reconstruct(
 
     def of(row: int) -> dict[str, Tensor]:
         rows, found = np.array([row]), {}
-        for name, seen_from in (("true", images.cameras_of(rows).to(predicted)), ("pred", predicted[[row]])):
-            field = line_field.ImageField.of(model.decoder, views_of(model, images, rows, seen_from))
+        true = views_of(model, images, rows)
+        for name, views in (("true", true), ("pred", true._replace(cameras=predicted[[row], None]))):
+            field = line_field.ImageField.of(model.decoder, views)
             cloud = draw(field, config.large, many_images.generator_of(config, row))
             found |= {f"L.{name}": cloud, f"S.{name}": cloud[: config.small]}
         given = images.batch(rows)[0, 3].to(predicted) > 0.5
@@ -89,14 +90,11 @@ def reconstruct(
 
 @torch.no_grad()
 def views_of(
-    model: line_field.ImageDDFModel,
-    images: category_data.ImageSet,
-    rows: Int[np.ndarray, "k"],
-    seen_from: Float[Tensor, "k 3"],
+    model: line_field.ImageDDFModel, images: category_data.ImageSet, rows: Int[np.ndarray, "k"]
 ) -> line_field.Views:
-    """Some images as views of one shape."""
-    each = model.views(images.batch(rows).to(seen_from.device), seen_from)
-    return line_field.Views(*(part.transpose(0, 1) for part in each))
+    """Some images, by their true cameras, as views of one shape."""
+    place = model.decoder.lower
+    return model.views(images.batch(rows).to(place), images.cameras_of(rows).to(place)).of_one_shape()
 
 
 @torch.no_grad()

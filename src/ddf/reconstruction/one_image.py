@@ -113,13 +113,13 @@ def reconstruct(
     if deviation is not None:
         with timed(seconds, "silhouette"):
             how = reconstruction_settings.ShapeCorrectionConfig()
-            field_scale = many_images.rough_field_scales(model, latent, drawn, [_generator(seed)])
+            field_scale = many_images.rough_field_scales(model, latent, drawn, [seeded(seed)])
             alpha = category_data.averaged(framed[:, 3], how.mask_size)
             latent = mask_descent.correct_shapes(model, latent, deviation, seen_from, field_scale, alpha, how)
     batch = [each.detach() for each in model.modulations(latent)]
     modulations = [each[0] for each in batch]
     with timed(seconds, "cloud"):
-        whole = cloud_projection.draw(model.field, modulations, max(points, WHOLE), drawn, _generator(seed))
+        whole = cloud_projection.draw(model.field, modulations, max(points, WHOLE), drawn, seeded(seed))
     scale = mask_descent.scale_from_cloud(whole)
     with timed(seconds, "camera"):
         alpha = category_data.averaged(framed[:, 3], CAMERA.mask_size)
@@ -138,7 +138,8 @@ def latent(trained: reconstruction_models.TrainedDDF, pixels: UInt8[np.ndarray, 
     return reconstruction_models.encode_batch(network, framed.to(network.shape_encoder.fc.weight))[1][0]
 
 
-def _generator(seed: int) -> torch.Generator:
+def seeded(seed: int) -> torch.Generator:
+    """On the device of the models."""
     return torch.Generator(model_files.device()).manual_seed(seed)
 
 

@@ -58,10 +58,9 @@ def reconstruct(
     if seen_from is None and len(pictures) > 1:
         with one_image.timed(seconds, "camera"):
             each = each._replace(cameras=agreeing(model.decoder, each, framed[:, 3]))
-    field = line_field.ImageField.of(model.decoder, of_one_shape(each))
+    field = line_field.ImageField.of(model.decoder, each.of_one_shape())
     with one_image.timed(seconds, "cloud"):
-        generator = torch.Generator(model_files.device()).manual_seed(seed)
-        cloud = line_clouds.draw(field, max(points, one_image.WHOLE), generator)
+        cloud = line_clouds.draw(field, max(points, one_image.WHOLE), one_image.seeded(seed))
     lower, upper = one_image.box_of(cloud, field.lower, field.upper)
     field = line_field.ImageField(field.decoder, field.views, lower, upper)
     points_v1 = cloud.double().cpu().numpy() / line_field.FIELD_FROM_V1
@@ -79,11 +78,6 @@ def radians(cameras: Sequence[Sequence[int | float]]) -> Float[np.ndarray, "k 3"
         if len(camera) != 3 or not np.isfinite(camera).all() or camera[2] <= 0:
             raise checks.InputError(f"a camera is azimuth, elevation (degrees) and radius > 0; got {list(camera)}")
     return np.array(cameras, dtype=np.float64) * [np.pi / 180, np.pi / 180, 1.0]
-
-
-def of_one_shape(each: line_field.Views, rows: Sequence[int] | slice = slice(None)) -> line_field.Views:
-    """Views of k shapes as k views of one shape; some of them."""
-    return line_field.Views(*(part[rows].transpose(0, 1) for part in each))
 
 
 @torch.no_grad()
@@ -107,7 +101,7 @@ def _agreement(decoder: line_field.LineDecoder, each: line_field.Views, masks: T
     """Mean overlap of each silhouette with that of the field of all other views, from its camera."""
     found = []
     for row in range(len(masks)):
-        others = of_one_shape(each, [other for other in range(len(masks)) if other != row])
+        others = each.of_one_shape([other for other in range(len(masks)) if other != row])
         field = line_field.ImageField.of(decoder, others)
         found.append(float(line_clouds.overlap(field, masks[row], each.cameras[row, 0])))
     return float(np.mean(found))

@@ -43,10 +43,11 @@ def of_latents(
     config: reconstruction_settings.PointcloudsConfig,
 ) -> tuple[dict[str, Tensor], dict[str, list[str]]]:
     """Clouds L of a model whose shape is a latent, and whose they are; placed as the true shapes are."""
-    latents = reconstruction_models.encode(model, images)[1]
 
     def cloud(rows: Rows) -> Float[Tensor, "n 3"]:
-        latent, generator = latents[rows].mean(dim=0, keepdim=True), many_images.generator_of(config, int(rows[0]))
+        generator = many_images.generator_of(config, int(rows[0]))
+        _, latents, _ = reconstruction_models.encode_batch(model, images.batch(rows).to(generator.device))
+        latent = latents.mean(dim=0, keepdim=True)
         if isinstance(model, reconstruction_models.DDFModel):
             own = [m[0].detach() for m in model.modulations(latent)]
             found = cloud_projection.draw(model.field, own, config.large, config.cloud, generator)
@@ -66,8 +67,7 @@ def of_features(
     """Clouds L of the model with image features, and whose they are."""
 
     def cloud(rows: Rows) -> Float[Tensor, "n 3"]:
-        seen_from = images.cameras_of(rows).to(model.decoder.lower)
-        field = line_field.ImageField.of(model.decoder, line_clouds.views_of(model, images, rows, seen_from))
+        field = line_field.ImageField.of(model.decoder, line_clouds.views_of(model, images, rows))
         found = line_clouds.draw(field, config.large, many_images.generator_of(config, int(rows[0])))
         return found / line_field.FIELD_FROM_V1
 

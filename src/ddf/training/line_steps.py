@@ -65,10 +65,6 @@ def turned(
     other: Float[Tensor, "b 3"],
 ) -> tuple[Float[Tensor, "b n 3"], Float[Tensor, "b n 3"]]:
     """Oriented points, field frame, moved so that `other` sees them as `camera` did."""
-    (rotation, centre), (rotation_other, centre_other) = (
-        cameras.extrinsics(*each.unbind(-1)) for each in (camera, other)
-    )
+    before, after = (cameras.extrinsics(*each.unbind(-1)) for each in (camera, other))
     unit = line_field.BENCHMARK_FROM_FIELD
-    seen = cameras.to_camera(unit * positions, rotation, centre)
-    moved = (seen @ rotation_other + centre_other[:, None]) / unit
-    return moved, directions @ rotation.transpose(-1, -2) @ rotation_other
+    return cameras.moved(unit * positions, before, after) / unit, directions @ before[0].transpose(-1, -2) @ after[0]

@@ -70,18 +70,8 @@ class Predictions:
         own = f"scale_pred.{name.partition('.')[2]}"  # of clouds that have a scale of their own
         scale = self.tensors[own if own in self.tensors else "scale_pred"][image]
         points = transforms.BENCHMARK_FROM_V1 * float(scale) * points
-        return _move_between_cameras(
-            points, self.tensors[CAMERA_COLUMNS[camera]][image], self.tensors["camera_true"][image]
-        )
-
-
-def _move_between_cameras(
-    points: Float[np.ndarray, "n 3"], camera_from: Float[np.ndarray, "3"], camera_to: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "n 3"]:
-    """The points whose coordinates in `camera_to` are those that `points` have in `camera_from`; benchmark frame."""
-    rotation_from, centre_from = _extrinsics(camera_from)
-    rotation_to, centre_to = _extrinsics(camera_to)
-    return (points - centre_from) @ rotation_from.T @ rotation_to + centre_to
+        before, after = (self.tensors[name][image] for name in (CAMERA_COLUMNS[camera], "camera_true"))
+        return cameras.moved(points, _extrinsics(before), _extrinsics(after))
 
 
 def _extrinsics(camera: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:

@@ -13,11 +13,7 @@ from ddf_lab.evaluation import groups, paired, paper_results, seed_means
 from ddf_lab.run import STAGES, WHOLE, Run, time_path
 
 MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN", "train_ddf_image": "DDF+image"}
-CLOUDS = {  # files of the stage `pointclouds`
-    "ddf.safetensors": "DDF",
-    "pcsiren.safetensors": "PC-SIREN",
-    "ddf_image.safetensors": "DDF+image",
-}
+CLOUDS = {f"{stage.removeprefix('train_')}.safetensors": label for stage, label in MODELS.items()}  # of `pointclouds`
 
 Head = tuple[str, str]  # method, column
 

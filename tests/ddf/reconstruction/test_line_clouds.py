@@ -33,7 +33,7 @@ def test_clouds_depend_on_the_camera_and_are_the_same_again():
 def test_a_transparent_image_gives_a_point():
     model, images = _model(), _hand_made.images()
     nothing = dataclasses.replace(images, images=torch.zeros(6, 4, 32, 32, dtype=torch.uint8))
-    views = line_clouds.views_of(model, nothing, np.array([0]), images.cameras[:1])
+    views = line_clouds.views_of(model, nothing, np.array([0]))
     cloud = line_clouds.draw(line_field.ImageField.of(model.decoder, views), 5, torch.Generator().manual_seed(0))
     assert torch.equal(cloud, torch.zeros(5, 3))
 
