@@ -111,24 +111,22 @@ def complete(
     with extras.named():
         from ddf.data import cutouts
         from ddf.fit import completed_surface, completion, latent_prior
-        from ddf.models import reconstruction_models
         from ddf.reconstruction import one_image
     folder = shipped_models.require(model, "reconstruction")
     folder = folder if folder.is_dir() else folder.parent
-    trained = reconstruction_models.load_ddf(folder)
-    network = trained.network
-    network.cpu().requires_grad_(False)  # a step is small: a GPU would wait for it
+    decoder, prior, encoder = latent_prior.load(folder)
+    if image is not None and encoder is None:
+        raise checks.InputError(f"{image}: {folder} has no encoder of shape latents; complete the scan without it")
     config = completion.CompletionConfig()
-    prior = latent_prior.of(network, trained.statistics, config.axes)
     if pose is None:
         doubt, place = completion.UPRIGHT, completion.guess(given, np.array(_UPS[up]))
     else:
         doubt = completion.Doubt() if refine else None
         place = transforms.Similarity.of_matrix("pose", pose)
-    latent = None if image is None else one_image.latent(trained, cutouts.read(Path(image)))
-    found = completion.complete(network, prior, given, place, doubt, noise, config, latent, seed)
-    cloud = completed_surface.cloud(network.field, found, given, n, seed)
-    shape = completed_surface.field(network.field, found)
+    latent = None if image is None or encoder is None else one_image.latent(encoder, cutouts.read(Path(image)))
+    found = completion.complete(decoder, prior.widest(config.axes), given, place, doubt, noise, config, latent, seed)
+    cloud = completed_surface.cloud(decoder.field, found, given, n, seed)
+    shape = completed_surface.field(decoder.field, found)
     return Completion(
         Field(shape, lambda: shape),
         cloud.points,
@@ -137,7 +135,7 @@ def complete(
         found.scan_from_field.to_matrix(),
         found.residuals,
         found.explained,
-        network.field,
+        decoder.field,
         found,
     )
 

@@ -112,6 +112,10 @@ class ConditionalPDDF(nn.Module):
         self.field = PDDF(config)
         self.modulator = siren.Modulator(latent_features, config.hidden)
 
+    def modulations(self, latent: Float[Tensor, "*b z"]) -> list[Float[Tensor, "*b 1 _"]]:
+        """One modulation per sine layer and shape."""
+        return self.modulator(latent)
+
 
 @torch.no_grad()
 def baked(field: PDDF, modulations: Sequence[Float[Tensor, "1 _"]]) -> PDDF:

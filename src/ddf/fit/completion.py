@@ -27,7 +27,6 @@ from ddf.fields import pddf, rendering, shape_field
 from ddf.fields.grid import patch_field, soft_rays
 from ddf.fit import latent_prior
 from ddf.geometry import rays, scans, transforms
-from ddf.models import reconstruction_models
 
 FEWEST_HITS = 10
 _MOST = 4096  # rays of a scan that are kept, of each sort
@@ -149,7 +148,7 @@ class _State:
 
 
 def complete(
-    model: reconstruction_models.DDFModel,
+    model: pddf.ConditionalPDDF,
     prior: latent_prior.LatentPrior,
     scan: scans.Scan,
     scan_from_field: transforms.Similarity,
@@ -303,7 +302,7 @@ class _Problem:
     first pose, one over its variance.
     """
 
-    model: reconstruction_models.DDFModel | _Known
+    model: pddf.ConditionalPDDF | _Known
     prior: latent_prior.LatentPrior
     width: float
     config: CompletionConfig

@@ -86,7 +86,7 @@ class DDFModel(ReconstructionModel):
 
     def modulations(self, latent: Float[Tensor, "*b z"]) -> list[Float[Tensor, "*b 1 _"]]:
         """One modulation per sine layer and shape."""
-        return self.decoder.modulator(latent)
+        return self.decoder.modulations(latent)
 
 
 class PCSirenModel(ReconstructionModel):

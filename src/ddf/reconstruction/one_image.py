@@ -46,13 +46,13 @@ class Reconstructed:
 
 
 def placed(
-    model: reconstruction_models.DDFModel,
+    field: pddf.PDDF,
     modulations: Sequence[Float[Tensor, "1 _"]],
     cloud: Float[Tensor, "n 3"],
     scale: float,
 ) -> shape_field.ShapeField:
     """The field of one shape, frame of v1; its box is that of the cloud with a margin."""
-    whole = shape_field.conditioned(pddf.baked(model.field, modulations), None, scale)
+    whole = shape_field.conditioned(pddf.baked(field, modulations), None, scale)
     lower, upper = box_of(cloud, whole.lower, whole.upper)
     return dataclasses.replace(whole, lower=lower, upper=upper)
 
@@ -126,7 +126,7 @@ def reconstruct(
         field_scale = 1 / seen_from.new_tensor([scale])
         seen_from = mask_descent.correct_camera(model, batch, seen_from, field_scale, alpha, CAMERA)
         seen_from[:, 0] %= 2 * math.pi
-    shape, cloud = placed(model, modulations, whole, scale), scale * whole.double().cpu().numpy()
+    shape, cloud = placed(model.field, modulations, whole, scale), scale * whole.double().cpu().numpy()
     return Reconstructed(shape, cloud, seen_from[0], cutout.crop(frame, VIEW), score, seconds)
 
 

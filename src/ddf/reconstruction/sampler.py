@@ -15,7 +15,7 @@ from torch import Tensor
 from ddf.core import checks, storage
 from ddf.fields import cloud_projection, model_files, shape_field, stored_fields
 from ddf.fit import latent_prior
-from ddf.models import generative_models, reconstruction_models
+from ddf.models import generative_models
 from ddf.reconstruction import many_images, mask_descent, one_image
 
 
@@ -35,7 +35,7 @@ def load(folder: Path) -> Sampler:
       FileNotFoundError: there is no model. InputError: it is damaged, or decodes no latents.
     """
     kind = storage.load_metadata(folder / model_files.MODEL).get("kind")
-    if kind == "ddf":
+    if kind == "ddf" or (folder / latent_prior.SHAPES).exists():
         return _of_reconstruction(folder)
     if kind not in (generative_models.VAE, generative_models.GAN):
         raise checks.InputError(
@@ -53,14 +53,12 @@ def load(folder: Path) -> Sampler:
 
 
 def _of_reconstruction(folder: Path) -> Sampler:
-    model, _, statistics = reconstruction_models.load_ddf(folder)
-    model.cpu().requires_grad_(False)  # one shape at a time: a GPU would wait
-    prior = latent_prior.of(model, statistics, model.shape_encoder.fc.out_features)
+    decoder, prior, _ = latent_prior.load(folder)
 
     def decode(latent: Float[Tensor, "z"]) -> shape_field.ShapeField:
-        modulations = [each[0] for each in model.modulations(prior.latents(latent)[None])]
+        modulations = [each[0] for each in decoder.modulations(prior.latents(latent)[None])]
         drawn, generator = stored_fields.cloud_config(), torch.Generator().manual_seed(0)
-        cloud = cloud_projection.draw(model.field, modulations, many_images.ROUGH_POINTS, drawn, generator)
-        return one_image.placed(model, modulations, cloud, mask_descent.scale_from_cloud(cloud))
+        cloud = cloud_projection.draw(decoder.field, modulations, many_images.ROUGH_POINTS, drawn, generator)
+        return one_image.placed(decoder.field, modulations, cloud, mask_descent.scale_from_cloud(cloud))
 
     return Sampler(prior.basis.shape[1], decode)

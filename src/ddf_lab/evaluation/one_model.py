@@ -8,8 +8,9 @@ import pandas as pd
 from ddf.core import storage
 from ddf.data import shapenet
 from ddf.data.batches import category_data
-from ddf.models import reconstruction_models, reconstruction_settings
-from ddf.reconstruction import many_images
+from ddf.fields import model_files
+from ddf.models import line_field, reconstruction_models, reconstruction_settings
+from ddf.reconstruction import line_clouds, many_images
 from ddf_lab.evaluation import groups, scoring
 from ddf_lab.run import Run
 
@@ -32,7 +33,7 @@ def measure(run: Run, label: str, folder: Path, split: str, kind: str = "") -> F
     """Clouds L at the true and the predicted camera, of the shapes of one split of the run's category.
 
     Args:
-      label: the method's name in the result. folder: of the DDF, trained or shipped.
+      label: the method's name in the result. folder: of the DDF, with or without image features, trained or shipped.
       split: test, validation or train. kind: `groups.REAL` or `groups.PROCEDURAL`, these alone.
     """
     section, index = run.section(reconstruction_settings.PointcloudsConfig), storage.read_json(run.index)
@@ -42,9 +43,13 @@ def measure(run: Run, label: str, folder: Path, split: str, kind: str = "") -> F
     views = category_data.test_views(dataset, run.category, section.test_views, section.public_views, split)
     asked = [(name, own) for name, own in views if group[name].startswith(kind)]
     shown = category_data.available(samples, asked)
-    model, size, _ = reconstruction_models.load_ddf(folder)
+    by_features = storage.load_metadata(folder / model_files.MODEL).get("kind") == line_field.KIND
+    model, size, _ = line_field.load(folder) if by_features else reconstruction_models.load_ddf(folder)
     images = category_data.read_images(dataset, run.category, shown, size)
-    tensors, facts = many_images.reconstruct_ddf(model, images, section, f"{run.category} {label}")
+    if isinstance(model, line_field.ImageDDFModel):
+        tensors, facts = line_clouds.reconstruct(model, images, section)
+    else:
+        tensors, facts = many_images.reconstruct_ddf(model, images, section, f"{run.category} {label}")
     known = {"camera_true": images.cameras}
     known |= category_data.read_shapes(samples, images.ids).placements(images.shapes)
     arrays = {name: value.numpy() for name, value in (tensors | known).items()}

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch import Tensor
 
 from ddf.core import storage
 from ddf.data import shapenet, splits
@@ -19,15 +18,16 @@ from ddf.data.public import manifest
 from ddf.data.samples import sample_types
 from ddf.data.synthetic import showcase
 from ddf.fields import model_files, shape_field
-from ddf.fit import fit_settings, fitting, shape_samples
+from ddf.fit import fit_settings, fitting, latent_prior, shape_samples
 from ddf.io import onnx_file
-from ddf.models import out_of_distribution, reconstruction_settings
+from ddf.models import line_field, out_of_distribution, reconstruction_settings
 from ddf_lab.evaluation import groups, one_model
 from ddf_lab.run import Run, class_of
 
 ONNX, CARD, INDEX = "field.onnx", "card.md", "index.json"
 FIT = fit_settings.FitConfig()
 STEPS = 6000  # of a field's fit: what two quiet cores do in two to four minutes
+LABEL = line_field.KIND  # of the scores
 SAMPLES = 3  # images beside a reconstruction model: first views of its first test shapes
 LICENCE = "MIT, as this repository. Shapes and images are made by its own code; nothing else went in."
 FIELDS = {  # of `showcase.SHAPES`: what each shows
@@ -98,14 +98,20 @@ def write_field(name: str, summary: str, fitted: Path, out: Path) -> dict[str, A
 
 
 def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Path) -> dict[str, Any]:
-    """Weights, sample images and card of the DDF that the experiment trained on a category; its entry."""
-    trained = run.folder("train_ddf", name)
+    """Weights, sample images and card of the models that the experiment trained on a category; its entry.
+
+    The model of images is that of train_ddf_image. Shapes of latents are of train_ddf, where that is done; else those
+    that are there stay.
+    """
+    trained = run.folder("train_ddf_image", name)
     if not (trained / model_files.MODEL).exists():
         raise FileNotFoundError(f"{trained / model_files.MODEL}: no trained model; run make train CONFIG={run.file}")
     train = run.section(reconstruction_settings.TrainConfig)
-    section = run.section(reconstruction_settings.DDFConfig)
+    section = run.section(line_field.LineFieldConfig)
     record = {"train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     weights = write_weights(trained, out, record)
+    if (run.folder("train_ddf", name) / model_files.MODEL).exists():
+        latent_prior.write(run.folder("train_ddf", name), out)
     for number, (shape, views) in enumerate(dataset.test(name)[:SAMPLES]):
         image = shapenet.image_path(dataset.root, dataset.category(name).synset, shape, views[0])
         shutil.copyfile(image, out / f"sample_{number}.png")
@@ -146,11 +152,13 @@ def licence(seen: Sequence[manifest.Row]) -> list[str]:
 def _scores(run: Run, folder: Path) -> list[str]:
     """What the shipped weights of the run's category reach on its test shapes: on real ones alone, where there are."""
     kind = groups.REAL if storage.read_json(run.index)["source"] == "both" else ""
-    means, said = one_model.measure(run, "ddf", folder, "test", kind).means(), []
+    means, said = one_model.measure(run, LABEL, folder, "test", kind).means(), []
     for group in means.index.unique("category"):
         reached = []
         for camera, column in (("true camera", "Pi_g-L"), ("predicted camera", "Pi_pred-L")):
-            chamfer, share = (means[group, "ddf", column, name] for name in ("chamfer_l2_sq_x1000", "f_score_tau_x100"))
+            chamfer, share = (
+                means[group, "ddf_image", column, name] for name in ("chamfer_l2_sq_x1000", "f_score_tau_x100")
+            )
             reached.append(f"{camera} {chamfer:.3f} / {share:.1f}")
         said.append(f"{group}s: {', '.join(reached)}.".capitalize())
     return said
@@ -163,20 +171,11 @@ def _count(weights: Path) -> int:
     return int(sum(torch.numel(value) for value in kept))
 
 
-def rounded(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Matrices and convolution kernels as float16; vectors, statistics and buffers as they are.
-
-    A weight keeps 11 significant bits. Loading widens it to float32 again.
-    """
-    wide = {torch.float32, torch.float64}
-    return {name: value.half() if value.dtype in wide and value.ndim >= 2 else value for name, value in tensors.items()}
-
-
 def write_weights(folder: Path, out: Path, changes: Mapping[str, Any] | None = None) -> Path:
     """The model of a folder with `rounded` weights and `changes` to its record, in `out`; returns the file."""
     tensors, record = storage.load_tensors(folder / model_files.MODEL, framework="torch")
     file = out / model_files.MODEL
-    storage.save_tensors(file, rounded(tensors), record | dict(changes or {}) | {"weights": "float16"})
+    storage.save_tensors(file, model_files.rounded(tensors), record | dict(changes or {}) | {"weights": "float16"})
     return file
 
 

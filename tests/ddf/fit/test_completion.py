@@ -12,12 +12,11 @@ import torch
 import ddf
 from ddf.api.field import Field
 from ddf.core import checks, shipped_models
-from ddf.data import shapenet
 from ddf.data.synthetic import showcase
 from ddf.fields import pddf, shape_field
 from ddf.fit import completed_surface, completion, latent_prior
 from ddf.geometry import rays, scans, transforms
-from ddf.models import out_of_distribution, reconstruction_models
+from ddf.models import out_of_distribution
 
 PLACE = transforms.Similarity(0.4, np.eye(3), np.array([1.0, 0.2, -0.3]))
 QUICK = completion.CompletionConfig(rays=200, draws=32, starts=2, kept=1, steps=40, samples=8)
@@ -102,10 +101,9 @@ def test_prior_has_mean_and_covariance_of_the_latents_of_training_images():
 
 def _chair():
     folder = shipped_models.place("chair")
-    model, size, statistics = reconstruction_models.load_ddf(folder)
-    model.requires_grad_(False)
-    prior = latent_prior.of(model, statistics, 32)
-    latent = reconstruction_models.encode_batch(model, shapenet.read_image(folder / "sample_1.png", size)[None])[1][0]
+    model, prior, _ = latent_prior.load(folder)
+    prior = prior.widest(32)
+    latent = prior.latents(0.5 * torch.randn(32, generator=torch.Generator().manual_seed(4)))
     return (
         model,
         prior,
@@ -166,7 +164,7 @@ def test_interval_of_one_sure_shape_is_that_of_its_blur():
     assert shape.modulations is not None
     many = [each.expand(3000, 1, -1) for each in shape.modulations]
     found = completion.Completed(PLACE, list(shape.modulations), many, np.zeros(0), 1.0, 0.0, 0.02)
-    scan = _scan(shape, 12)
+    scan = _scan(shape, 24)
     low, high = completed_surface.along_rays(model.field, found, scan.positions, scan.directions, 0.9)
     sure = scan.hit.copy()
     inverse = PLACE.inverse()
