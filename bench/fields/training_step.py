@@ -9,7 +9,7 @@ import json
 import statistics
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -17,7 +17,7 @@ from torch.nn import functional
 
 from bench.lib import measuring, page
 from ddf.data.samples import sample_batch, sample_types
-from ddf.fields import losses, passes, pddf
+from ddf.fields import losses, pddf
 from ddf.models import reconstruction_settings
 from ddf_lab.run import Run
 
@@ -106,14 +106,12 @@ def plain(decoder: pddf.ConditionalPDDF, points: sample_batch.SampleBatch, laten
     return plain_loss(decoder.field, points, decoder.modulator(latent), WEIGHTS)
 
 
-def explicit(matmul: Literal["float32", "bfloat16"]) -> Callable[..., Tensor]:
+def explicit(decoder: pddf.ConditionalPDDF, points: sample_batch.SampleBatch, latent: Tensor) -> Tensor:
     """𝔏_S by the package."""
-    return lambda decoder, points, latent: losses.shape_loss(
-        decoder.field, points, decoder.modulator(latent), WEIGHTS, matmul
-    )[0]
+    return losses.shape_loss(decoder.field, points, decoder.modulator(latent), WEIGHTS)[0]
 
 
-WAYS = {"plain": plain, "explicit": explicit("float32"), "explicit, bfloat16 products": explicit("bfloat16")}
+WAYS = {"plain": plain, "explicit": explicit}
 
 
 def step_of(loss: Callable[..., Tensor], hidden: tuple[int, ...], dtype: torch.dtype) -> Callable[[], tuple]:
@@ -142,11 +140,9 @@ def widths(path: Path) -> tuple[int, ...]:
 
 
 def rows_of(name: str, hidden: tuple[int, ...], repeats: int) -> list[dict[str, Any]]:
-    """One row per way; those with products in bfloat16 are left out where the processor has none."""
+    """One row per way."""
     truth, exact = result(step_of(plain, hidden, torch.float64))
-    rounded = passes.has_bfloat16(torch.device("cpu"))
-    ways = {way: loss for way, loss in WAYS.items() if rounded or "bfloat16" not in way}
-    steps = {way: step_of(loss, hidden, torch.float32) for way, loss in ways.items()}
+    steps = {way: step_of(loss, hidden, torch.float32) for way, loss in WAYS.items()}
     found = {way: result(step) for way, step in steps.items()}
     points = 2 * sum(COUNTS.values())
     times = measuring.interleaved(steps, repeats, MOST_SECONDS)

@@ -1,6 +1,6 @@
 """One GPU: steps of both models, rays of a field and a cloud at the paper's size, each against the CPU.
 
-Steps are those of configs/paper.yaml on random data, in float32, tf32 and bfloat16: medians of whole steps, kernels and
+Steps are those of configs/paper.yaml on random data, in float32 and tf32: medians of whole steps, kernels and
 their time, peak memory. Errors are against float64 (fields) and against the same step or cloud on the CPU in float32
 (loss, gradients, hits). Needs torch, numpy and safetensors, and what reads the config; none of the packages that handle
 meshes. Writes reports/gpu/check.json and check.md.
@@ -37,7 +37,8 @@ ON_DEMAND = "python -m bench gpu_check, with a GPU"
 OUT = measuring.PAGES / "gpu"
 WARM_UP, CHECKED = 3, 8192  # calls before the timed ones; rays whose error is taken
 CLOUD = {"num_directions": 16, "cycles": 3}  # n_v and N_H of the timed cloud
-PRECISIONS: tuple[passes.Matmul, ...] = get_args(passes.Matmul)
+Precision = Literal["float32", "tf32"]
+PRECISIONS: tuple[Precision, ...] = get_args(Precision)
 WITHOUT: dict[str, Callable[[], contextlib.AbstractContextManager[Any]]] = {
     "data on the device": lambda: mock.patch.object(resident, "room", lambda device: 0),
     "compiled passes": lambda: mock.patch.object(passes, "compiles", lambda device: False),
@@ -134,7 +135,7 @@ def step_rows(sizes: Sizes) -> list[dict[str, Any]]:
     return rows
 
 
-def _step_row(name: str, precision: passes.Matmul, sizes: Sizes) -> dict[str, Any]:
+def _step_row(name: str, precision: Precision, sizes: Sizes) -> dict[str, Any]:
     loop = dataclasses.replace(sizes.train.loop, matmul=precision)
     train = dataclasses.replace(sizes.train, loop=loop)
     training_loop.prepare(loop)
@@ -166,7 +167,7 @@ def field_rows(sizes: Sizes) -> list[dict[str, Any]]:
         exact = _answer(field.double(), *random_rays(CHECKED, torch.float64, torch.device("cpu")))
         for precision in PRECISIONS:
             torch.set_float32_matmul_precision("high" if precision == "tf32" else "highest")
-            dtype, place = torch.bfloat16 if precision == "bfloat16" else torch.float32, model_files.device()
+            dtype, place = torch.float32, model_files.device()
             own, rays = copy.deepcopy(field).to(place, dtype), random_rays(sizes.rays, dtype, place)
             seconds = seconds_of(lambda own=own, rays=rays: _answer(own, *rays), sizes.repeats)
             found = _answer(own, *random_rays(CHECKED, dtype, place))
@@ -210,7 +211,7 @@ def cloud_rows(sizes: Sizes) -> list[dict[str, Any]]:
     return [{**measuring.row("cloud", size, seconds_of(draw, sizes.repeats), {}), **on_device(draw)}]
 
 
-def gradients(sizes: Sizes, model: str, device: str, precision: passes.Matmul) -> tuple[float, Gradients]:
+def gradients(sizes: Sizes, model: str, device: str, precision: Precision) -> tuple[float, Gradients]:
     """Loss and gradients of the first step with few images, from the same weights and data on every device."""
     loop = dataclasses.replace(sizes.train.loop, matmul=precision)
     train = dataclasses.replace(sizes.train, batch_size=sizes.compared_images, loop=loop)
@@ -266,15 +267,13 @@ def hits(sizes: Sizes, device: str) -> Tensor:
 
 
 def parity_rows(sizes: Sizes, device: str) -> list[dict[str, Any]]:
-    """Errors of the device against the CPU in float32, without times; the CPU's own bfloat16 beside the device's."""
+    """Errors of the device against the CPU in float32, without times."""
     found = []
     for model in sizes.sections:
         truth = gradients(sizes, model, "cpu", "float32")
-        tried: list[tuple[str, passes.Matmul]]
-        tried = [(device, "float32"), (device, "tf32"), (device, "bfloat16"), ("cpu", "bfloat16")]
-        for place, precision in dict.fromkeys(tried):
-            error = differences(gradients(sizes, model, place, precision), truth)
-            size = {"images": sizes.compared_images, "device": place}
+        for precision in PRECISIONS:
+            error = differences(gradients(sizes, model, device, precision), truth)
+            size = {"images": sizes.compared_images, "device": device}
             found.append({"what": f"{model} gradients, {precision}", "size": size, "error": error})
     training_loop.prepare(sizes.train.loop)
     off = (hits(sizes, device) - hits(sizes, "cpu")).norm(dim=-1)

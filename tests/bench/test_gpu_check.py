@@ -89,8 +89,6 @@ def test_loss_and_gradients_are_those_of_the_cpu(model, device):
     assert float(truth[1]["shape_encoder.fc.weight"].norm()) > 0
     exact = gpu_check.differences(gpu_check.gradients(how, model, device, "float32"), truth)
     assert exact["loss_relative"] < 1e-5 and exact["gradient_relative"] < 1e-4
-    rounded = gpu_check.differences(gpu_check.gradients(how, model, device, "bfloat16"), truth)
-    assert rounded["loss_relative"] < 2e-2 and rounded["gradient_cosine"] > 0.999
 
 
 def _trained(how, model, device, steps, folder, stop_at=None):

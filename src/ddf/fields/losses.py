@@ -170,30 +170,17 @@ def shape_loss(
     batch: sample_batch.SampleBatch,
     modulations: list[Tensor] | None,
     weights: LossWeights,
-    matmul: passes.Matmul = "float32",
 ) -> tuple[Float[Tensor, ""], dict[str, Float[Tensor, ""]]]:
     """𝔏_S and its unweighted terms (detached).
 
     Evaluates: the network at all points, the adjoint of d_{i*} on U A B, one tangent on E U A B (along v) and S T
     (along n), nothing more. 𝔏_S is a sum over points, so its gradient is made block by block together with its value
     (`passes`), and what autograd sees of it is one node: differentiable once, in the parameters and modulations.
-
-    Args:
-      matmul: bfloat16 rounds factors and results of the matrix products between sine layers (`passes.product_type`);
-        tf32 is set in `training`.
     """
     inputs = [*(modulations or []), *field.network.parameters()]
     differentiate = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in inputs)
-    product = passes.product_type(matmul, field.network.head.weight)
-    evaluate = functools.partial(
-        _sums,
-        field,
-        batch,
-        weights=weights,
-        product=product,
-        modulated=len(modulations or []),
-        differentiate=differentiate,
-    )
+    how = {"weights": weights, "modulated": len(modulations or []), "differentiate": differentiate}
+    evaluate = functools.partial(_sums, field, batch, **how)
     total, *terms = _ShapeLoss.apply(evaluate, *inputs)
     return total, dict(zip(TERMS, terms, strict=True))
 
@@ -225,15 +212,14 @@ def _sums(
     inputs: Sequence[Tensor],
     *,
     weights: LossWeights,
-    product: torch.dtype,
     modulated: int,
     differentiate: bool,
 ) -> tuple[Float[Tensor, "terms"], Sequence[Tensor]]:
     """𝔏_S with its terms, and its gradient in the inputs, which are modulations first; block by block."""
     modulations = [modulation.detach() for modulation in inputs[:modulated]]
-    parameters = passes.Parameters(field.network, product)
+    parameters = passes.Parameters(field.network)
     found = [torch.zeros_like(modulation) for modulation in modulations]
-    sums = torch.zeros(1 + len(TERMS), dtype=parameters.dtype, device=parameters.head.device)
+    sums = torch.zeros(1 + len(TERMS), dtype=parameters.head.dtype, device=parameters.head.device)
     numbers = {term.covers: batch.number(*term.covers) for term in TERMS.values()}
     compiles = differentiate and passes.compiles(sums.device)
     block_loss = functools.partial(passes.compiled_block_loss, _block_loss) if compiles else _block_loss

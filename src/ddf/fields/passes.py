@@ -28,7 +28,7 @@ import functools
 import logging
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -38,20 +38,6 @@ from ddf.data.samples import sample_batch
 from ddf.fields import siren
 from ddf.fields.derivatives import POSITION
 from ddf.fields.pddf import PDDF
-
-Matmul = Literal["float32", "tf32", "bfloat16"]
-_BFLOAT16_FEATURES = ("avx512_bf16", "amx_bf16", "bf16")  # of x86 and ARM processors
-
-
-def has_bfloat16(device: torch.device) -> bool:
-    """Whether products of bfloat16 are made in hardware; in software they take up to a hundred times as long."""
-    found = torch.cpu.get_capabilities()
-    return device.type != "cpu" or any(found.get(name, False) for name in _BFLOAT16_FEATURES)
-
-
-def product_type(matmul: Matmul, values: Tensor) -> torch.dtype:
-    """Type of the factors of a large product: that of the values, or bfloat16 where it is asked for and there."""
-    return torch.bfloat16 if matmul == "bfloat16" and has_bfloat16(values.device) else values.dtype
 
 
 @contextlib.contextmanager
@@ -71,62 +57,43 @@ class Workspace:
     Fresh memory for every result costs up to a tenth of a step, in page faults.
     """
 
-    def __init__(self, device: torch.device) -> None:
-        self.device, self.buffers, self.scratches, self.taken = device, [], {}, 0
+    def __init__(self, like: Tensor) -> None:
+        self.like, self.buffers, self.taken = like, list[Tensor](), 0
 
     def restart(self) -> None:
         """A new block: whatever was taken before is given up."""
         self.taken = 0
 
-    def take(self, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
+    def take(self, shape: Sequence[int]) -> Tensor:
         """A tensor of any content, for as long as the block lasts."""
         if self.taken == len(self.buffers):
-            self.buffers.append(torch.empty(math.prod(shape), dtype=dtype, device=self.device))
-        self.buffers[self.taken] = buffer = self._fitting(self.buffers[self.taken], shape, dtype)
+            self.buffers.append(self.like.new_empty(0))
+        if self.buffers[self.taken].numel() < math.prod(shape):
+            self.buffers[self.taken] = self.like.new_empty(math.prod(shape))
         self.taken += 1
-        return buffer[: math.prod(shape)].view(*shape)
-
-    def scratch(self, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
-        """A tensor of any content, until the next call for the same type."""
-        old = self.scratches.get(dtype, torch.empty(0, dtype=dtype, device=self.device))
-        self.scratches[dtype] = buffer = self._fitting(old, shape, dtype)
-        return buffer[: math.prod(shape)].view(*shape)
-
-    def _fitting(self, buffer: Tensor, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
-        if buffer.numel() >= math.prod(shape) and buffer.dtype == dtype:
-            return buffer
-        return torch.empty(math.prod(shape), dtype=dtype, device=self.device)
+        return self.buffers[self.taken - 1][: math.prod(shape)].view(*shape)
 
 
 class FreshMemory(Workspace):
     """Memory of its own for every request, which a compiler plans better than the buffers of a `Workspace`."""
 
-    def take(self, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
+    def take(self, shape: Sequence[int]) -> Tensor:
         """A tensor of any content."""
-        return torch.empty(shape, dtype=dtype, device=self.device)
-
-    def scratch(self, shape: Sequence[int], dtype: torch.dtype) -> Tensor:
-        """A tensor of any content."""
-        return self.take(shape, dtype)
+        return self.like.new_empty(shape)
 
 
 class Parameters:
-    """The parameters of a sine network as the passes read them, and the sums of their gradients over blocks.
+    """The parameters of a sine network as the passes read them, and the sums of their gradients over blocks."""
 
-    product: type of the factors of the matrix products between sine layers, whose results go back to the parameters'
-      own type. The first layer and the head always keep that type: they are narrow, and carry positions and outputs.
-    """
-
-    def __init__(self, network: siren.SineNetwork, product: torch.dtype, memory: type[Workspace] = Workspace) -> None:
-        self.omegas, self.product, self.dtype = network.omegas, product, network.head.weight.dtype
+    def __init__(self, network: siren.SineNetwork, memory: type[Workspace] = Workspace) -> None:
+        self.omegas = network.omegas
         scaled = list(zip(network.layers, network.omegas, strict=True))
         self.weights = [layer.weight.detach() * omega for layer, omega in scaled]
         self.biases = [layer.bias.detach() * omega for layer, omega in scaled]
-        self.factors = [weight.to(product) for weight in self.weights]
         self.head, self.head_bias = network.head.weight.detach(), network.head.bias.detach()
         self.weight_grads = [torch.zeros_like(weight) for weight in self.weights]
         self.bias_grads = [torch.zeros_like(bias) for bias in self.biases]
-        self.workspace = memory(self.head.device)
+        self.workspace = memory(self.head)
         self.head_grad, self.head_bias_grad = torch.zeros_like(self.head), torch.zeros_like(self.head_bias)
 
     def gradients(self) -> list[Tensor]:
@@ -142,49 +109,19 @@ class Parameters:
 
     def affine(self, index: int, inputs: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
         """W_l x + b_l."""
-        if inputs.dtype != self.dtype:
-            return self.forwards(index, inputs).add_(self.biases[index])
-        found = self.workspace.take((*inputs.shape[:-1], len(self.biases[index])), self.dtype)
+        found = self.workspace.take((*inputs.shape[:-1], len(self.biases[index])))
         torch.addmm(self.biases[index], inputs.flatten(0, -2), self.weights[index].T, out=found.flatten(0, -2))
         return found
 
-    def forwards(self, index: int, inputs: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
-        """W_l x, for an x in the type of the product."""
-        return self._product(inputs, self.factors[index].T)
+    def product(self, left: Float[Tensor, "*n _"], right: Float[Tensor, "a b"]) -> Float[Tensor, "*n _"]:
+        """Of every row with a matrix."""
+        found = self.workspace.take((*left.shape[:-1], right.shape[-1]))
+        torch.mm(left.flatten(0, -2), right, out=found.flatten(0, -2))
+        return found
 
-    def backwards(self, index: int, outputs: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
-        """W_l^T x."""
-        return self._product(outputs, self.factors[index])
-
-    def add(self, index: int, outputs: Float[Tensor, "*n _"], inputs: Float[Tensor, "*n _"]) -> None:
-        """W*_l += Σ outputs inputs^T."""
-        if outputs.dtype == self.dtype:
-            _add_outer(self.weight_grads[index], outputs, inputs)
-        else:
-            self.weight_grads[index] += torch.mm(outputs.flatten(0, -2).T, inputs.flatten(0, -2))
-
-    def times(self, left: Float[Tensor, "*n _"], right: Float[Tensor, "*n _"], index: int) -> Float[Tensor, "*n _"]:
-        """left * right in the type that the product with W_l takes."""
-        inner = 0 < index < len(self.weights)
-        if not inner or self.product == self.dtype:
-            return torch.mul(left, right, out=self.workspace.take(left.shape, self.dtype))
-        return self.factor(torch.mul(left, right, out=self.workspace.scratch(left.shape, self.dtype)), index)
-
-    def factor(self, values: Float[Tensor, "*n _"], index: int) -> Float[Tensor, "*n _"]:
-        """The values themselves in the type that the product with W_l takes."""
-        if self.product == self.dtype or not 0 < index < len(self.weights):
-            return values
-        return self.workspace.take(values.shape, self.product).copy_(values)
-
-    def _product(self, left: Float[Tensor, "*n _"], right: Float[Tensor, "a b"]) -> Float[Tensor, "*n _"]:
-        shape = (*left.shape[:-1], right.shape[-1])
-        found = self.workspace.take(shape, self.dtype)
-        if left.dtype == self.dtype:
-            torch.mm(left.flatten(0, -2), right, out=found.flatten(0, -2))
-            return found
-        rounded = self.workspace.scratch(shape, left.dtype)
-        torch.mm(left.flatten(0, -2), right, out=rounded.flatten(0, -2))
-        return found.copy_(rounded)
+    def times(self, left: Float[Tensor, "*n _"], right: Float[Tensor, "*n _"]) -> Float[Tensor, "*n _"]:
+        """left * right."""
+        return torch.mul(left, right, out=self.workspace.take(left.shape))
 
 
 class Block:
@@ -209,16 +146,15 @@ class Block:
     ) -> None:
         self.parameters, self.modulations = parameters, modulations
         self.inputs, self.directions, self.count = inputs, directions, directions.shape[1]
-        self.values, self.slopes, self.tangents = [], [], []  # h_l, q_l, ȧ_l
-        self.value_factors, self.tangent_factors = [], []  # h_l and ḣ_l in the type of the product
+        self.values, self.slopes, self.tangents, self.rates_of_values = [], [], [], []  # h_l, q_l, ȧ_l, ḣ_l
         parameters.workspace.restart()
         angles = nn.functional.linear(inputs, parameters.weights[0], parameters.biases[0])
         tangent = torch.matmul(directions, parameters.weights[0][:, POSITION].T)
         for index in range(len(parameters.weights)):
             if index > 0:
-                angles = parameters.affine(index, self.value_factors[-1])
-                tangent = parameters.forwards(index, self.tangent_factors[-1])
-            slope = torch.cos(angles, out=parameters.workspace.take(angles.shape, parameters.dtype))
+                angles = parameters.affine(index, self.values[-1])
+                tangent = parameters.product(self.rates_of_values[-1], parameters.weights[index].T)
+            slope = torch.cos(angles, out=parameters.workspace.take(angles.shape))
             value = angles.sin_()
             if modulations is not None:
                 slope *= modulations[index]
@@ -226,24 +162,22 @@ class Block:
             self.values.append(value)
             self.slopes.append(slope)
             self.tangents.append(tangent)
-            self.value_factors.append(parameters.factor(value, index + 1))
-            self.tangent_factors.append(parameters.times(tangent, slope[:, : self.count], index + 1))
-        self.outputs = nn.functional.linear(self.value_factors[-1], parameters.head, parameters.head_bias)
-        self.rates = torch.matmul(self.tangent_factors[-1], parameters.head.T)
+            self.rates_of_values.append(parameters.times(tangent, slope[:, : self.count]))
+        self.outputs = nn.functional.linear(self.values[-1], parameters.head, parameters.head_bias)
+        self.rates = torch.matmul(self.rates_of_values[-1], parameters.head.T)
 
     def adjoint(self, span: slice, cotangents: Float[Tensor, "shapes m rows"]) -> Float[Tensor, "shapes m 3"]:
         """∇_p (g · y) of the points of `span`, which is among the first k; `cotangents` is g over the first outputs."""
         parameters = self.parameters
         self.span, self.cotangents = span, cotangents
-        self.gradients, self.adjoint_factors = [], []  # g_l and ā_l in the type of the product, last layer first
+        self.gradients, self.adjoints = [], []  # g_l and ā_l, last layer first
         gradient = torch.matmul(cotangents, parameters.head[: cotangents.shape[-1]])
         for index in reversed(range(len(parameters.weights))):
             self.gradients.append(gradient)
-            factor = parameters.times(gradient, self.slopes[index][:, span], index)
+            self.adjoints.append(parameters.times(gradient, self.slopes[index][:, span]))
             if index > 0:
-                gradient = parameters.backwards(index, factor)
-            self.adjoint_factors.append(factor)
-        return torch.matmul(self.adjoint_factors[-1], parameters.weights[0][:, POSITION])
+                gradient = parameters.product(self.adjoints[-1], parameters.weights[index])
+        return torch.matmul(self.adjoints[-1], parameters.weights[0][:, POSITION])
 
     def reverse(
         self,
@@ -260,8 +194,8 @@ class Block:
         """
         parameters = self.parameters
         slopes = self._reverse_adjoint(gradient)
-        _add_outer(parameters.head_grad, outputs, self.value_factors[-1])
-        _add_outer(parameters.head_grad, rates, self.tangent_factors[-1])
+        _add_outer(parameters.head_grad, outputs, self.values[-1])
+        _add_outer(parameters.head_grad, rates, self.rates_of_values[-1])
         parameters.head_bias_grad += outputs.sum((0, 1))
         value, tangent = torch.matmul(outputs, parameters.head), torch.matmul(rates, parameters.head)
         modulations = []
@@ -278,25 +212,23 @@ class Block:
                 _add_outer(parameters.weight_grads[0], value, self.inputs)
                 _add_outer(parameters.weight_grads[0][:, POSITION], tangent, self.directions)
                 break
-            value, tangent = parameters.factor(value, index), parameters.factor(tangent, index)
-            parameters.add(index, value, self.value_factors[index - 1])
-            parameters.add(index, tangent, self.tangent_factors[index - 1])
-            value, tangent = parameters.backwards(index, value), parameters.backwards(index, tangent)
+            _add_outer(parameters.weight_grads[index], value, self.values[index - 1])
+            _add_outer(parameters.weight_grads[index], tangent, self.rates_of_values[index - 1])
+            value, tangent = (parameters.product(each, parameters.weights[index]) for each in (value, tangent))
         return modulations[::-1]
 
     def _reverse_adjoint(self, gradient: Float[Tensor, "shapes m 3"]) -> list[Float[Tensor, "shapes m _"]]:
         """What the adjoint pass adds to q*_l, first layer first."""
         parameters, slopes = self.parameters, []
         narrow = parameters.weights[0][:, POSITION]
-        states = zip(reversed(self.gradients), reversed(self.adjoint_factors), strict=True)
-        for index, (state, factor) in enumerate(states):
+        states = zip(reversed(self.gradients), reversed(self.adjoints), strict=True)
+        for index, (state, adjoint) in enumerate(states):
             if index == 0:
-                _add_outer(parameters.weight_grads[0][:, POSITION], factor, gradient)
+                _add_outer(parameters.weight_grads[0][:, POSITION], adjoint, gradient)
                 found = torch.matmul(gradient, narrow.T)
             else:
-                gradient = parameters.factor(gradient, index)
-                parameters.add(index, factor, gradient)
-                found = parameters.forwards(index, gradient)
+                _add_outer(parameters.weight_grads[index], adjoint, gradient)
+                found = parameters.product(gradient, parameters.weights[index].T)
             slopes.append(state.mul_(found))
             gradient = found.mul_(self.slopes[index][:, self.span])
         _add_outer(parameters.head_grad[: self.cotangents.shape[-1]], self.cotangents, gradient)
@@ -306,10 +238,8 @@ class Block:
         """m*_l. A modulation that has underflowed to 0 gets 0: its own slope in the latent is 0 too."""
         if self.modulations is None:
             raise ValueError("there are no modulations")
-        space, dtype = self.parameters.workspace, self.parameters.dtype
-        found = torch.mul(self.values[index], value, out=space.scratch(value.shape, dtype)).sum(-2, keepdim=True)
-        slopes = self.slopes[index][:, : self.count]
-        found += torch.mul(slopes, slope, out=space.scratch(slope.shape, dtype)).sum(-2, keepdim=True)
+        found = self.parameters.times(self.values[index], value).sum(-2, keepdim=True)
+        found += self.parameters.times(self.slopes[index][:, : self.count], slope).sum(-2, keepdim=True)
         return found / self.modulations[index].clamp_min(torch.finfo(found.dtype).tiny)
 
 
@@ -341,7 +271,7 @@ def compiled_block_loss(
     differentiate: bool,
 ) -> tuple[Tensor, list[Tensor]]:
     """What `plain` gives, and adds to the sums of `parameters`, up to rounding; by `plain` where nothing compiles."""
-    given = (field, block.tensors(), dict(block.counts), modulations, weights, parameters.product, dict(numbers))
+    given = (field, block.tensors(), dict(block.counts), modulations, weights, dict(numbers))
     made = _unless_refused(_compiled(plain), *given)
     if made is None:
         return plain(field, block, modulations, weights, parameters, numbers, differentiate)
@@ -389,10 +319,9 @@ def _compiled(plain: BlockLoss) -> Callable[..., tuple[Tensor, list[Tensor], lis
         counts: dict[str, int],
         modulations: list[Tensor] | None,
         weights: Any,
-        product: torch.dtype,
         numbers: dict[Any, int],
     ) -> tuple[Tensor, list[Tensor], list[Tensor]]:
-        parameters = Parameters(field.network, product, FreshMemory)
+        parameters = Parameters(field.network, FreshMemory)
         block = sample_batch.SampleBatch(*tensors, counts=counts)
         values, found = plain(field, block, modulations, weights, parameters, numbers, True)
         return values, found, parameters.sums()

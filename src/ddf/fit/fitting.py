@@ -59,7 +59,7 @@ def step_loss(
     """𝔏_S of the batch of one step, which depends on the seed and the step's number alone."""
     random = np.random.default_rng((config.loop.seed, step))
     batch = samples.batch(samples.batch_counts(config.batch), random).to(field.network.head.weight.device)
-    return losses.shape_loss(field, batch, None, config.weights, config.loop.matmul)
+    return losses.shape_loss(field, batch, None, config.weights)
 
 
 def _groups(field: pddf.PDDF) -> list[dict[str, Any]]:

@@ -6,7 +6,6 @@ from typing import Literal
 
 from ddf.core import schema
 from ddf.core.schema import fixed, setting
-from ddf.fields import passes
 
 PLATEAU_FACTOR = 0.9  # of the rate, at a plateau of the loss
 
@@ -24,9 +23,7 @@ class Clock:
 class LoopConfig(schema.Checked):
     """How a model is optimised, with AdamW and Muon (`training.optimisers`).
 
-    matmul: how large products of matrices are made, around parameters and sums in float32. `tf32`: on a GPU with its
-      ten-bit factors, convolutions too, on a CPU as float32. `bfloat16`: those between sine layers of the shape loss
-      (`passes`) and those of Muon, the others as of `tf32`; on a processor without such products all in float32.
+    matmul: `tf32` makes products of matrices, and convolutions, with ten-bit factors on a GPU; on a CPU as float32.
     ema: the average is then the model that is saved; of early steps its decay is (1 + k) / (10 + k) where that is less,
       so that the start is forgotten.
     log_every: steps between two rows of the log; None: 50, a thousandth of more than 50,000, a sixth of fewer than 300.
@@ -43,7 +40,9 @@ class LoopConfig(schema.Checked):
     seed: int = fixed(0, least=0)
     log_every: int | None = fixed(None, least=1)
     checkpoint_seconds: float = fixed(30.0, least=0)
-    matmul: passes.Matmul = setting("float32", "precision of the factors of matrix products; tf32 for a GPU")
+    matmul: Literal["float32", "tf32"] = setting(
+        "float32", "precision of the factors of matrix products; tf32 for a GPU"
+    )
     ema: float | None = setting(None, "decay of a moving average of the weights; null: none", above=0, below=1)
     muon: float | None = setting(
         None, "Muon's learning rate for the matrices between hidden layers; null: AdamW", "app. si3dr", above=0

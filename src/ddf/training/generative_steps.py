@@ -53,9 +53,7 @@ def vae_step(
     mean, log_variance = model.posterior(*(values.to(place) for values in clouds))
     latent = mean + (0.5 * log_variance).exp() * torch.from_numpy(noise).to(place)
     modulations = model.decoder.modulator(latent)
-    shape_loss, terms = losses.shape_loss(
-        model.decoder.field, points, modulations, settings.weights, settings.loop.matmul
-    )
+    shape_loss, terms = losses.shape_loss(model.decoder.field, points, modulations, settings.weights)
     divergence = generative_models.divergence(mean, log_variance).mean(dim=0).sum()
     return shape_loss + settings.beta * divergence, {**terms, "divergence": divergence.detach()}
 

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from ddf.fields import passes, siren
+from ddf.fields import siren
 from ddf.models import loop_config
 
 MOMENTUM = 0.95
@@ -22,13 +22,12 @@ LEAST_NORM = 1e-7
 
 
 class Muon(torch.optim.Optimizer):
-    """torch's own Muon, but its products are of a type of choice, where torch makes them in bfloat16 on any processor;
-    and kernels of convolutions are taken too.
+    """torch's own Muon, but its products are of the weights' type, where torch makes them in bfloat16; and kernels of
+    convolutions are taken too.
     """
 
-    def __init__(self, groups: Sequence[Mapping[str, Any]], learning_rate: float, matmul: passes.Matmul) -> None:
+    def __init__(self, groups: Sequence[Mapping[str, Any]], learning_rate: float) -> None:
         super().__init__([dict(group) for group in groups], {"lr": learning_rate, "weight_decay": 0.0})
-        self.matmul: passes.Matmul = matmul
 
     @torch.no_grad()
     def step(self) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -62,9 +61,7 @@ class Muon(torch.optim.Optimizer):
         _foreach("lerp_", averages, gradients, 1 - MOMENTUM)
         ahead = [each.flatten(1) for each in _foreach("lerp", gradients, averages, MOMENTUM)]
         stack = ahead[0] if len(ahead) == 1 else torch.stack(ahead)
-        moves = nearest_orthogonal(
-            stack.to(passes.product_type(self.matmul, stack)), QUINTIC, QUINTIC_STEPS, LEAST_NORM
-        )
+        moves = nearest_orthogonal(stack, QUINTIC, QUINTIC_STEPS, LEAST_NORM)
         rows, columns = moves.shape[-2:]
         moved = [each.reshape(weights[0].shape) for each in moves.reshape(-1, rows, columns)]
         _foreach("add_", weights, moved, alpha=-rate * max(1.0, rows / columns) ** 0.5)
@@ -83,7 +80,7 @@ def nearest_orthogonal(
     Source: Jordan et al. 2024.
 
     All steps multiply X from the left by polynomials of the first X X^T, so for a long matrix they are made on that
-    square, and X is multiplied once in the end (derived here); squares of bfloat16 would lose the small values.
+    square, and X is multiplied once in the end (derived here).
 
     Args:
       coefficients: of X <- a X + (b X X^T + c (X X^T)²) X. eps: least norm that X is divided by at first.
@@ -92,7 +89,7 @@ def nearest_orthogonal(
     wide = matrix.shape[-2] <= matrix.shape[-1]
     found = matrix if wide else matrix.mT
     found = found / found.norm(dim=(-2, -1), keepdim=True).clamp(min=eps)
-    if found.shape[-1] >= 2 * found.shape[-2] and found.dtype != torch.bfloat16:
+    if found.shape[-1] >= 2 * found.shape[-2]:
         gram = found @ found.mT
         product = gram
         for step in range(steps):
@@ -134,7 +131,7 @@ class Optimiser:
             rest = [_part(group, taken, False) for group in rest]
             if rate is not None and own:
                 share = {"share": rate / config.learning_rate}
-                self._parts[name] = Muon([part | share for part in own], rate, config.matmul)
+                self._parts[name] = Muon([part | share for part in own], rate)
         self._parts["optimiser"] = torch.optim.AdamW(rest, lr=config.learning_rate, fused=True)
         self.set_rate(config.learning_rate)
 

@@ -71,7 +71,7 @@ def ddf_step(
     points = samples.draw(batch.drawn, config.counts, batch.random, batch.part).to(place)
     if propose is not None:
         points = propose(points, model.field, modulations, batch.drawn, batch.random, batch.part)
-    shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights, train.loop.matmul)
+    shape_loss, terms = losses.shape_loss(model.field, points, modulations, config.weights)
     from_cameras, seen_from = camera_loss(model, batch, train)
     mask_loss = reconstruction_models.mask_loss(
         model.field,

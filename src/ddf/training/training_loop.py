@@ -22,7 +22,7 @@ from torch import Tensor, nn
 from torch.optim import swa_utils
 
 from ddf.core import checks, distributed, processes, storage
-from ddf.fields import model_files, passes
+from ddf.fields import model_files
 from ddf.models import loop_config
 from ddf.training import optimisers
 
@@ -47,8 +47,6 @@ def prepare(config: loop_config.LoopConfig, batch_size: int | None = None) -> No
         distributed.part(batch_size)
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed)
-    if config.matmul == "bfloat16" and not passes.has_bfloat16(model_files.device()):
-        LOGGER.warning("this processor has no products of bfloat16: they are made in float32 (loop.matmul)")
     if model_files.device().type == "cpu":
         torch.use_deterministic_algorithms(True)
         # a step writes all that it reads
@@ -56,7 +54,6 @@ def prepare(config: loop_config.LoopConfig, batch_size: int | None = None) -> No
     else:
         torch.set_float32_matmul_precision("highest" if config.matmul == "float32" else "high")
         torch.backends.cudnn.allow_tf32 = config.matmul != "float32"  # convolutions: on, if nobody says so
-        torch.backends.cuda.matmul.allow_bf16_reduced_precision_reduction = False  # sums stay in float32
 
 
 def fit(

@@ -10,7 +10,7 @@ import torch
 from bench.fields.training_step import plain_loss
 from ddf.core import checks
 from ddf.data.samples import sample_batch
-from ddf.fields import losses, passes, pddf, siren
+from ddf.fields import losses, pddf, siren
 
 COUNTS = {"E": 3, "U": 5, "A": 6, "B": 4, "S": 2, "T": 3, "O": 2, "U+": 4, "B+": 1, "S+": 2, "P": 3}
 _WAYS: tuple[Literal["chosen", "mixture", "gated"], ...] = ("chosen", "mixture", "gated")
@@ -209,20 +209,6 @@ def test_loss_and_gradient_do_not_depend_on_the_blocks(monkeypatch, points):
     monkeypatch.setattr(torch, "get_num_threads", lambda: 1)
     for mine, theirs in zip(step(), whole, strict=True):
         torch.testing.assert_close(mine, theirs, rtol=1e-10, atol=1e-12)
-
-
-def test_bfloat16_products_change_the_loss_a_little_and_keep_its_type(monkeypatch):
-    monkeypatch.setattr(passes, "has_bfloat16", lambda device: True)
-    field, batch = _field().float(), _batch()
-    names = ("positions", "directions", "visible", "depth", "normals")
-    batch = dataclasses.replace(batch, **{name: getattr(batch, name).float() for name in names})
-    found = [losses.shape_loss(field, batch, None, WEIGHTS, kind)[0] for kind in ("float32", "bfloat16")]
-    assert found[1].dtype == torch.float32
-    exact, rounded = (float(loss.detach()) for loss in found)
-    assert 0 < abs(rounded - exact) < 0.01 * abs(exact)
-    parameters = list(field.parameters())
-    slopes = [torch.cat([g.flatten() for g in torch.autograd.grad(loss, parameters)]) for loss in found]
-    assert 0 < float((slopes[1] - slopes[0]).norm()) < 0.05 * float(slopes[0].norm())
 
 
 def test_loss_without_gradients_is_the_same_number():
