@@ -23,9 +23,9 @@ PCSIREN = reconstruction_settings.PCSirenConfig(1, 8, 8)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 
-def field(activation: pddf.DepthActivation = "softplus", components: int = 2) -> pddf.PDDF:
+def field(activation: pddf.DepthActivation = "softplus") -> pddf.PDDF:
     torch.manual_seed(0)
-    config = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0, components=components)
+    config = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, activation, 20.0)
     return pddf.PDDF(config).requires_grad_(False)
 
 
@@ -47,7 +47,7 @@ def of_field(config: pddf.PDDFConfig, latent_features: int, width: int, azimuth:
     train = reconstruction_settings.TrainConfig(
         latent_features=latent_features, encoder_width=width, decoder=config.layout(), azimuth=azimuth
     )
-    own = (config.depth_activation, config.depth_sharpness, config.direction_scale, config.components)
+    own = (config.depth_activation, config.depth_sharpness, config.direction_scale)
     field_config = reconstruction_settings.FieldConfig(*own)
     return reconstruction_models.DDFModel(train, field_config), reconstruction_models.PCSirenModel(train)
 

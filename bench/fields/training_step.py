@@ -42,20 +42,16 @@ def plain_loss(
     v, n, seen, truth = batch.directions, batch.normals, batch.visible, batch.depth
     p = batch.positions.clone().requires_grad_()
     raw = field(p, v, modulations)
-    k = field.config.components
-    scores = torch.cat((raw[..., k:-1], torch.zeros_like(raw[..., :1])), dim=-1)
-    d, w, xi = field.depths(raw), torch.softmax(scores, dim=-1), torch.sigmoid(raw[..., -1])
+    d, w, xi = field.depths(raw), torch.sigmoid(raw[..., 2]), torch.sigmoid(raw[..., 3])
 
     def gradient(values: Tensor) -> Tensor:
         return torch.autograd.grad(values.sum(), p, create_graph=True)[0]
 
-    heaviest = w.argmax(-1, keepdim=True)
+    heaviest = (w < 0.5).long()[..., None]
     chosen = d.gather(-1, heaviest)[..., 0]
-    unit = functional.normalize(gradient(raw[..., :k].gather(-1, heaviest)), dim=-1)
-    rates = torch.stack([(gradient(d[..., i]) * v).sum(-1) for i in range(k)])
-    xi_rate = (gradient(xi) * v).sum(-1)
-    w_rates = [(gradient(w[..., i]) * n).sum(-1).abs() for i in range(k if k > 2 else k - 1)]
-    pairs = sum((w[..., i] * w[..., j] for i in range(k) for j in range(i)), torch.zeros_like(xi))
+    unit = functional.normalize(gradient(raw[..., :2].gather(-1, heaviest)), dim=-1)
+    rates = torch.stack([(gradient(d[..., i]) * v).sum(-1) for i in range(2)])
+    xi_rate, w_rate = (gradient(xi) * v).sum(-1), (gradient(w) * n).sum(-1)
     stops = torch.tensor([0, *(batch.counts.get(k, 0) for k in KINDS)]).cumsum(0).tolist()
     where = {k: slice(stops[i], stops[i + 1]) for i, k in enumerate(KINDS)}
     known = [kind for kind in KINDS if kind != "E"]
@@ -71,16 +67,14 @@ def plain_loss(
     eikonal = weights.eikonal_depth * factor * (rates + 1).square().sum(0) + weights.eikonal_visibility * xi_rate**2
     bce = -(seen * torch.log(xi) + (1 - seen) * torch.log(1 - xi))
     normal = -seen * (unit * n).sum(-1).abs()
-    speed = torch.zeros_like(xi)
-    if w_rates:
-        speed = torch.relu(weights.transition_speed - torch.stack(w_rates).amax(0)) ** 2
+    speed = torch.relu(weights.transition_speed - w_rate.abs()) ** 2
     return (
         weights.depth * mean(doubled * seen * (chosen - truth) ** 2, known)
         + weights.visibility * mean(bce, known)
         + weights.visibility_variance * mean(xi * (1 - xi), known)
         + weights.normals * mean(normal, "UAB")
         + mean(eikonal, "EUAB")
-        + weights.weight_variance * mean(pairs, "EUAB")
+        + weights.weight_variance * mean(w * (1 - w), "EUAB")
         + weights.transition * mean(speed, "ST")
     )
 

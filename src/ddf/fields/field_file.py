@@ -35,7 +35,7 @@ class FieldFile:
         tensors, count = storage.load_tensors(self.file)[0], len(self.config["hidden"])
         omegas = [self.config["omega_first"], *[self.config["omega_hidden"]] * (count - 1), 1.0]
         names = [*(f"network.layers.{index}" for index in range(count)), "network.head"]
-        widths = [6, *self.config["hidden"], 2 * self.config.get("components", 2)]
+        widths = [6, *self.config["hidden"], 4]
         found = [tuple(tensors.get(f"{name}.{part}", np.zeros(0)) for part in ("weight", "bias")) for name in names]
         for index, (weight, bias) in enumerate(found):
             if weight.shape != (widths[index + 1], widths[index]) or bias.shape != weight.shape[:1]:
@@ -60,8 +60,8 @@ def read(path: Path) -> FieldFile:
         raise checks.InputError(f"{file}: holds no field of a single shape; give a folder that `ddf fit` wrote")
     with framed_field.record_of(file):
         config = {**record["field"], "hidden": tuple(record["field"]["hidden"])}
-        for number in (*config["hidden"], config.get("components", 2)):
-            checks.require_whole("a width, or the number of components,", number, 1)
+        for width in config["hidden"]:
+            checks.require_whole("a width", width, 1)
         for name in ("omega_first", "omega_hidden", "depth_sharpness"):
             config[name] = float(config[name])
             checks.require_finite(name, np.array(config[name]))

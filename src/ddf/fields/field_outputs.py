@@ -7,7 +7,6 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-MOST_COMPONENTS = 4  # of a field
 READS = ("values", "gradient", "curvature")  # passes of a network, each with those before it
 DEFAULT = ("visibility", "depth", "normals")
 
@@ -19,8 +18,7 @@ class Output:
     compute: from `FieldValues`, first axis the points. unit: of answers; length: power of a length in it. meaning: for
     ONNX files. kind: how it is drawn; `directions` turn with the axes too. reads: the farthest of the passes `READS`
     that it needs. tolerance: largest difference between two correct float32 programs, over max(1, |value|) where
-    `relative`. clear: the points where it is continuous, so that the tolerance can hold. components: that a field must
-    have at least.
+    `relative`. clear: the points where it is continuous, so that the tolerance can hold.
     """
 
     compute: Callable[[Any], Any]
@@ -32,7 +30,19 @@ class Output:
     tolerance: float = 1e-5
     relative: bool = False
     clear: Callable[[Any], Any] = lambda values: values.everywhere
-    components: int = 1
+
+
+def _component_normals(index: int) -> Output:
+    """Facing back, whichever component is heavier: a lighter one may show the surface behind. Source: [DDF22] §3.3."""
+    return Output(
+        lambda values: values.component_normals(index),
+        f"unit vectors of component {index + 1}",
+        f"n_{index + 1}, unit normal of component {index + 1}, facing back; meaningless where nothing is visible",
+        "directions",
+        reads="gradient",
+        tolerance=8.7e-4,
+        clear=lambda values: values.component_normal_is_clear(index),
+    )
 
 
 # A new output is one entry here.
@@ -77,38 +87,15 @@ OUTPUTS: dict[str, Output] = {
         relative=True,
         clear=lambda values: values.normal_is_clear,
     ),
+    "weight_1": Output(
+        lambda values: values.weights[..., 0],
+        "share of component 1 of the mixture",
+        "w_1, share of component 1 of the mixture",  # from 1/2 on that gives the depth
+        "share",
+    ),
+    "normals_1": _component_normals(0),
+    "normals_2": _component_normals(1),
 }
-
-
-def _weight(index: int) -> Output:
-    """Where that of component 1 is at least 1/2, component 1 gives the depth."""
-    meaning = f"w_{index + 1}, share of component {index + 1} of the mixture"
-    return Output(
-        lambda values: values.weights[..., index], meaning.partition(", ")[2], meaning, "share", components=index + 2
-    )
-
-
-def _component_normals(index: int) -> Output:
-    """Facing back, whichever component is heavier: a lighter one may show the surface behind. Source: [DDF22] §3.3."""
-    return Output(
-        lambda values: values.component_normals(index),
-        f"unit vectors of component {index + 1}",
-        f"n_{index + 1}, unit normal of component {index + 1}, facing back; meaningless where nothing is visible",
-        "directions",
-        reads="gradient",
-        tolerance=8.7e-4,
-        clear=lambda values: values.component_normal_is_clear(index),
-        components=max(2, index + 1),
-    )
-
-
-OUTPUTS |= {f"weight_{index + 1}": _weight(index) for index in range(MOST_COMPONENTS - 1)}
-OUTPUTS |= {f"normals_{index + 1}": _component_normals(index) for index in range(MOST_COMPONENTS)}
-
-
-def of(components: int) -> tuple[str, ...]:
-    """The outputs of a field of so many components."""
-    return tuple(name for name, output in OUTPUTS.items() if output.components <= components)
 
 
 def require(asked: Collection[str], known: Sequence[str] = tuple(OUTPUTS)) -> tuple[str, ...]:

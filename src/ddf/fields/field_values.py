@@ -83,7 +83,7 @@ class FieldValues:
     def component_gradient(self, index: int) -> Float[Tensor, "n 3"]:
         """∇_p of the raw depth of one component."""
         slopes = self.surface.slopes if self.reads == "curvature" else self.trace.slopes
-        depths = self.raw[..., : self.field.config.components]
+        depths = self.raw[..., : pddf.NUM_COMPONENTS]
         row = torch.eye(depths.shape[-1]).to(depths)[index]
         return derivatives.adjoint(self.field.network, slopes, row.expand_as(depths))
 
@@ -99,7 +99,7 @@ class FieldValues:
     @property
     def component_is_clear(self) -> Bool[Tensor, "n"]:
         """Points where the heaviest component is not a matter of rounding: the depth jumps where it changes."""
-        return pddf.margin(self.raw) >= SWITCH_LOGIT
+        return self.raw[..., pddf.WEIGHT_ROW].abs() >= SWITCH_LOGIT
 
     @property
     def normal_is_clear(self) -> Bool[Tensor, "n"]:
@@ -126,8 +126,8 @@ def evaluate(
     """Named outputs in the field frame, what the field says there whether or not it says that anything is visible.
 
     Raises:
-      InputError: none, or one that the field does not have.
+      InputError: none, or an unknown one.
     """
-    names = field_outputs.require(asked, field_outputs.of(field.config.components))
+    names = field_outputs.require(asked)
     values = FieldValues(field, positions, directions, modulations, names)
     return {name: field_outputs.OUTPUTS[name].compute(values) for name in names}

@@ -24,8 +24,7 @@ from ddf.core.schema import fixed, setting
 from ddf.data.samples import sample_batch
 from ddf.data.samples import sample_types as types
 from ddf.fields import derivatives, passes
-from ddf.fields.pddf import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows, scores
-from ddf.fields.pddf import weights as mixture_weights
+from ddf.fields.pddf import NUM_COMPONENTS, PDDF, VISIBILITY_ROW, WEIGHT_ROW, heavier_rows
 
 LEAST_SHARE = 0.05  # of a component in what it learns by, however small its weight
 
@@ -89,11 +88,8 @@ def depth_loss(
 ) -> Float[Tensor, "*n"]:
     """L_d = ξ |d_{i*} - d|², the mixture ξ Σ w_i |d_i - d|², or the gated one. Where ξ = 0 the truth is not read."""
     truth = torch.where(visible > 0, truth, 0.0)  # before it is squared: 0 times the overflow of a large one is NaN
-    if weights.depth_of == "chosen" or field.config.components == 1:
+    if weights.depth_of == "chosen":
         return visible * depth_error(field.depth(raw), truth, weights.depth_huber)
-    if field.config.components != NUM_COMPONENTS:
-        errors = depth_error(field.depths(raw), truth[..., None].expand_as(field.depths(raw)), weights.depth_huber)
-        return visible * mixed_depth_error(errors, scores(raw), weights.depth_of == "gated")
     first, second = (depth_error(depth, truth, weights.depth_huber) for depth in field.depths(raw).unbind(-1))
     logit = raw[..., WEIGHT_ROW]
     if weights.depth_of == "gated":
@@ -117,24 +113,6 @@ def gated_depth_error(
     share = LEAST_SHARE + (1 - 2 * LEAST_SHARE) * torch.sigmoid(logit.detach())
     gap = (first - second).detach()
     return torch.lerp(second, first, share) + gap.abs() * functional.softplus(gap.sign() * logit)
-
-
-def mixed_depth_error(errors: Float[Tensor, "*n k"], scores: Float[Tensor, "*n k"], gated: bool) -> Float[Tensor, "*n"]:
-    """Σ w_i e_i, or gated (`gated_depth_error`), of any number of components (derived here).
-
-    Gated, |e_1 - e_2| becomes the mean of e_i - e_best over the others, and H the cross-entropy against the best.
-
-    Args:
-      scores: the logits whose softmax the weights are.
-    """
-    shares = torch.softmax(scores, dim=-1)
-    if not gated:
-        return (shares * errors).sum(-1)
-    count, best = errors.shape[-1], errors.detach().min(dim=-1, keepdim=True)
-    shares = LEAST_SHARE + (1 - count * LEAST_SHARE) * shares.detach()
-    gap = (errors.detach() - best.values).sum(-1) / (count - 1)
-    chosen = torch.log_softmax(scores, dim=-1).gather(-1, best.indices)[..., 0]
-    return (shares * errors).sum(-1) - gap * chosen
 
 
 def normal_loss(
@@ -331,30 +309,19 @@ def _eikonal_sum(points: Points) -> Tensor:
     eikonal = points.block.span(*types.EIKONAL)
     raw, rates = points.raw[:, eikonal], points.rates[:, eikonal]
     visible = _visible(points.block, raw, types.EIKONAL)
-    depth_rates = points.field.depth_slopes(raw) * rates[..., : points.field.config.components]
+    depth_rates = points.field.depth_slopes(raw) * rates[..., :NUM_COMPONENTS]
     visibility_rate = bernoulli_variance(raw[..., VISIBILITY_ROW]) * rates[..., VISIBILITY_ROW]
     return directed_eikonal_loss(depth_rates, visibility_rate, visible, points.weights).sum()
 
 
 def _weight_variance_sum(points: Points) -> Tensor:
-    """L_V = Π w_i of two weights; of more Σ w_i w_j over pairs, which is that of two too (derived here)."""
-    raw = points.raw[:, points.block.span(*types.EIKONAL)]
-    if points.field.config.components == NUM_COMPONENTS:
-        return bernoulli_variance(raw[..., WEIGHT_ROW]).sum()
-    return ((1 - mixture_weights(raw).square().sum(-1)) / 2).sum()
+    return bernoulli_variance(points.raw[:, points.block.span(*types.EIKONAL), WEIGHT_ROW]).sum()
 
 
 def _transition_sum(points: Points) -> Tensor:
-    """Of w_1 where there are two; of more, of the weight that changes fastest (derived here); of one there is none."""
-    transition, count = points.block.span(*types.TRANSITION), points.field.config.components
+    transition = points.block.span(*types.TRANSITION)
     raw, rates = points.raw[:, transition], points.rates[:, transition]
-    if count == NUM_COMPONENTS:
-        rate = bernoulli_variance(raw[..., WEIGHT_ROW]) * rates[..., WEIGHT_ROW]
-    elif count == 1:
-        return torch.zeros_like(raw).sum()
-    else:
-        shares, along = mixture_weights(raw), scores(rates)
-        rate = (shares * (along - (shares * along).sum(-1, keepdim=True))).abs().amax(-1)
+    rate = bernoulli_variance(raw[..., WEIGHT_ROW]) * rates[..., WEIGHT_ROW]
     return transition_loss(rate, points.weights.transition_speed).sum()
 
 

@@ -1,8 +1,7 @@
 """Probabilistic directed distance fields, plain and conditional, and the point-cloud decoder of the baseline.
 
-A PDDF maps (p, v) to K depths d_i, their weights w_i and a visibility ξ. Source: [DDF22] §3.3, where K = 2. The
-network's raw outputs are (d_1, ..., d_K, s_1, ..., s_{K-1}, logit ξ) before any activation, with w = softmax(s) and
-s_K = 0: of two components s_1 is the logit of w_1. Every loss works on logits.
+A PDDF maps (p, v) to two depths d_i, their weights w_i and a visibility ξ. Source: [DDF22] §3.3 with K = 2. The
+network's raw outputs are (d_1, d_2, logit w_1, logit ξ) before any activation. Every loss works on logits.
 """
 
 import copy
@@ -17,7 +16,6 @@ from torch import Tensor, nn
 from ddf.core import checks, schema
 from ddf.core.schema import setting
 from ddf.fields import siren
-from ddf.fields.field_outputs import MOST_COMPONENTS
 
 NUM_COMPONENTS = 2  # the paper's K
 DIRECTION = slice(3, 6)  # of the inputs (p, v)
@@ -39,7 +37,6 @@ class PDDFConfig(schema.Checked):
     )
     depth_sharpness: float = setting(100.0, "β of softplus(βx)/β; relu has none", above=0, most=1e6)
     direction_scale: float = setting(1.0, "first weights of v, as a multiple of those of p; less fits faster", above=0)
-    components: int = setting(NUM_COMPONENTS, "K, depths of the mixture", "§3.3", least=1, most=MOST_COMPONENTS)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -62,10 +59,10 @@ class PDDF(nn.Module):
     def __init__(self, config: PDDFConfig) -> None:
         super().__init__()
         self.config = config
-        self.network = siren.SineNetwork(DIRECTION.stop, config.layout(), 2 * config.components)
+        self.network = siren.SineNetwork(DIRECTION.stop, config.layout(), NUM_OUTPUTS)
         with torch.no_grad():
             self.network.layers[0].weight[:, DIRECTION] *= config.direction_scale
-        nn.init.constant_(self.network.head.bias[: config.components], INITIAL_DEPTH)
+        nn.init.constant_(self.network.head.bias[:NUM_COMPONENTS], INITIAL_DEPTH)
 
     def forward(
         self,
@@ -89,18 +86,15 @@ class PDDF(nn.Module):
 
     def depths(self, raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
         """d_1, d_2 >= 0, field units."""
-        return self.activation.value(raw[..., : self.config.components], self.config.depth_sharpness)
+        return self.activation.value(raw[..., :NUM_COMPONENTS], self.config.depth_sharpness)
 
     def depth_slopes(self, raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
         """∂d_i/∂raw_i, the factor between a raw derivative and that of the depth."""
-        return self.activation.slope(raw[..., : self.config.components], self.config.depth_sharpness)
+        return self.activation.slope(raw[..., :NUM_COMPONENTS], self.config.depth_sharpness)
 
     def depth(self, raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch"]:
         """d_{i*}, the depth of the heaviest component; only that one's activation is evaluated."""
-        if self.config.components == NUM_COMPONENTS:
-            chosen = torch.where(first_is_heavier(raw), raw[..., 0], raw[..., 1])
-        else:
-            chosen = (raw[..., : self.config.components] * heavier_rows(raw)).sum(-1)
+        chosen = torch.where(first_is_heavier(raw), raw[..., 0], raw[..., 1])
         return self.activation.value(chosen, self.config.depth_sharpness)
 
 
@@ -143,38 +137,23 @@ class PointDecoder(nn.Module):
 
 
 def first_is_heavier(raw: Float[Tensor, "*batch 4"]) -> Bool[Tensor, "*batch"]:
-    """i* = 1, that is w_1 >= 1/2, of two components."""
+    """i* = 1, that is w_1 >= 1/2."""
     return raw[..., WEIGHT_ROW] >= 0
 
 
 def scores(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
-    """s_1, ..., s_K, whose softmax the weights are."""
+    """s_1, ..., s_K, whose softmax the weights are; K = 2 but for `soft_rays`. s_K is 0."""
     return torch.cat((raw[..., raw.shape[-1] // 2 : -1], torch.zeros_like(raw[..., :1])), dim=-1)
 
 
-def weights(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
-    """w_1, ..., w_K."""
-    if raw.shape[-1] != NUM_OUTPUTS:
-        return torch.softmax(scores(raw), dim=-1)
+def weights(raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
+    """w_1, w_2."""
     first = torch.sigmoid(raw[..., WEIGHT_ROW])
     return torch.stack((first, 1 - first), dim=-1)
 
 
-def margin(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch"]:
-    """By how much the largest score is above the next; `inf` of a single component."""
-    if raw.shape[-1] == 2:
-        return torch.full_like(raw[..., 0], torch.inf)
-    first, second = scores(raw).topk(2, dim=-1).values.unbind(-1)
-    return first - second
-
-
-def heavier_rows(raw: Float[Tensor, "*batch out"]) -> Float[Tensor, "*batch k"]:
+def heavier_rows(raw: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 2"]:
     """One-hot rows of i*: the cotangents by which an adjoint pass gives the gradient of raw d_{i*}."""
-    if raw.shape[-1] == 2:
-        return torch.ones_like(raw[..., :1])
-    if raw.shape[-1] != NUM_OUTPUTS:
-        places = torch.arange(raw.shape[-1] // 2, device=raw.device)
-        return (scores(raw).argmax(-1, keepdim=True) == places).to(raw.dtype)
     first = first_is_heavier(raw).to(raw.dtype)
     return torch.stack((first, 1 - first), dim=-1)
 

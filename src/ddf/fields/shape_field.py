@@ -39,8 +39,8 @@ class ShapeField:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Those of a field of so many components."""
-        return field_outputs.of(self.field.config.components)
+        """All."""
+        return tuple(field_outputs.OUTPUTS)
 
     @property
     def scalar(self) -> Float[Tensor, ""]:

@@ -49,8 +49,8 @@ def start_flat(field: pddf.PDDF, samples: shape_samples.ShapeSamples) -> None:
     """
     visible = torch.cat([part["depth"][part["visible"] > 0] for part in samples.arrays.values()])
     head = field.network.head
-    head.weight[: field.config.components] *= _FLAT
-    head.bias[: field.config.components] = _mean(visible) if len(visible) else 0.0
+    head.weight[: pddf.NUM_COMPONENTS] *= _FLAT
+    head.bias[: pddf.NUM_COMPONENTS] = _mean(visible) if len(visible) else 0.0
 
 
 def step_loss(

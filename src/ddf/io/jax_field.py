@@ -48,7 +48,6 @@ def load(path_or_name: str | Path) -> tuple[Parameters, Function]:
     similar, sharpness = stored.field_from_mesh, stored.config["depth_sharpness"]
     matrix, shift = (np.float32(each) for each in (similar.scale * similar.rotation.T, similar.translation))
     lower, upper = np.float32(stored.lower), np.float32(stored.upper)
-    components = stored.config.get("components", 2)
 
     def field(parameters: Parameters, positions: Any, directions: Any) -> tuple[Any, Any]:
         p, v = positions @ matrix + shift, directions @ np.float32(similar.rotation.T)
@@ -65,8 +64,7 @@ def load(path_or_name: str | Path) -> tuple[Parameters, Function]:
         for weight, bias in parameters[:-1]:
             hidden = xp.sin(hidden @ weight.T + bias)
         raw = hidden @ parameters[-1][0].T + parameters[-1][1]
-        scores = xp.concatenate((raw[..., components:-1], xp.zeros_like(raw[..., :1])), -1)
-        depth = xp.take_along_axis(raw[..., :components], scores.argmax(-1, keepdims=True), -1)[..., 0]
+        depth = xp.where(raw[..., 2] >= 0, raw[..., 0], raw[..., 1])
         relu = stored.config["depth_activation"] == "relu"
         depth = jax.nn.relu(depth) if relu else jax.nn.softplus(sharpness * depth) / sharpness
         return (depth + way) / similar.scale, xp.where(meets, jax.nn.sigmoid(raw[..., -1]), 0)

@@ -62,8 +62,7 @@ class FieldGraph(Graph):
     ) -> None:
         super().__init__()
         self.field, self.modulator = field, modulator
-        known = field_outputs.of(field.config.components)
-        self.outputs = field_outputs.require(outputs or known, known)
+        self.outputs = field_outputs.require(outputs or tuple(OUTPUTS))
         self.inputs = {"positions": (DYNAMIC, 3), "directions": (DYNAMIC, 3)}
         self.what = "directed distance field of one shape: oriented points to visibility, depth and more"
         if modulator is not None:

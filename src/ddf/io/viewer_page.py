@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 
 _PATCHES = ("codes", "planes", "bends", "cells")  # arrays of patches in the order of their bytes
-_OUTPUTS = 4  # of a network of two components
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ def bake(shape: "field_file.FieldFile | shape_field.ShapeField | patch_field.Pat
     """A field for a page in the frame of its mesh (see `placed`), by its file or as torch holds it.
 
     Raises:
-      InputError: as `FieldFile.layers`, or the field has not the two components that the page draws.
+      InputError: as `FieldFile.layers`.
     """
     place = {
         "name": name,
@@ -71,9 +70,6 @@ def bake(shape: "field_file.FieldFile | shape_field.ShapeField | patch_field.Pat
         network, config, modulations = shape.field.network, asdict(shape.field.config), shape.modulations
         parts = zip((*network.layers, network.head), (*network.omegas, 1.0), strict=True)
         layers = [(arrays.to_numpy(part.weight), arrays.to_numpy(part.bias), omega) for part, omega in parts]
-    outputs = len(layers[-1][1])
-    if outputs != _OUTPUTS:
-        raise checks.InputError(f"{name}: the page draws fields of two components; got {outputs // 2}")
     numbers = []
     for index, (weight, bias, omega) in enumerate(layers):
         weight = omega * weight.astype(np.float64)

@@ -58,7 +58,6 @@ class FieldConfig(schema.Checked):
     depth_activation: pddf.DepthActivation = setting("relu", "of depths; its gradient dies below zero", _SI3DR)
     depth_sharpness: float = setting(100.0, "β of softplus(βx)/β; relu has none", above=0)
     direction_scale: float = setting(1.0, "first weights of v, as a multiple of those of p; less fits faster", above=0)
-    components: int = 2
 
     def of(self, layout: siren.SineLayout) -> pddf.PDDFConfig:
         """The whole field on a sine network of this layout."""
@@ -69,7 +68,6 @@ class FieldConfig(schema.Checked):
             self.depth_activation,
             self.depth_sharpness,
             self.direction_scale,
-            self.components,
         )
 
 

@@ -17,9 +17,9 @@ _WAYS: tuple[Literal["chosen", "mixture", "gated"], ...] = ("chosen", "mixture",
 WEIGHTS = losses.LossWeights(transition_speed=1.5)
 
 
-def _field(activation: pddf.DepthActivation = "softplus", components: int = 2):
+def _field(activation: pddf.DepthActivation = "softplus"):
     torch.manual_seed(0)
-    return pddf.PDDF(pddf.PDDFConfig((12, 10), 2.0, 3.0, activation, 5.0, components=components)).double()
+    return pddf.PDDF(pddf.PDDFConfig((12, 10), 2.0, 3.0, activation, 5.0)).double()
 
 
 def _unit(*shape, seed):
@@ -39,9 +39,8 @@ def _batch(shapes=2):
 
 @pytest.mark.parametrize("activation", ["softplus", "relu"])
 @pytest.mark.parametrize("modulated", [False, True])
-@pytest.mark.parametrize("components", [1, 2, 3, 4])
-def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, modulated, components):
-    field, batch, modulations = _field(activation, components), _batch(), None
+def test_fused_loss_and_its_parameter_gradient_equal_the_plain_way(activation, modulated):
+    field, batch, modulations = _field(activation), _batch(), None
     parameters = list(field.parameters())
     if modulated:
         torch.manual_seed(3)
@@ -117,29 +116,6 @@ def test_gated_depth_loss_moves_a_weight_that_is_sure_and_wrong_and_teaches_both
     dead = torch.autograd.grad(losses.depth_loss(field, raw, truth, visible, mixture).sum(), raw)[0]
     assert dead[0, 2].abs() < 1e-12 and dead[0, 0].abs() < 1e-12  # what the gated loss is for
     assert bool((losses.depth_loss(field, raw, truth, 0 * visible, gated) == 0).all())
-
-
-@pytest.mark.parametrize("gated", [False, True])
-def test_mixed_depth_error_of_two_components_is_that_of_the_paper_s_two(gated):
-    errors = torch.rand((50, 2), generator=torch.Generator().manual_seed(1), dtype=torch.float64)
-    logits = torch.linspace(-9, 9, 50, dtype=torch.float64, requires_grad=True)
-    first, second = errors.unbind(-1)
-    plain = torch.lerp(second, first, torch.sigmoid(logits))
-    expected = losses.gated_depth_error(first, second, logits) if gated else plain
-    found = losses.mixed_depth_error(errors, torch.stack((logits, torch.zeros_like(logits)), dim=-1), gated)
-    torch.testing.assert_close(found, expected)
-    slopes = [torch.autograd.grad(each.sum(), logits, retain_graph=True)[0] for each in (found, expected)]
-    torch.testing.assert_close(*slopes)
-
-
-def test_depth_losses_of_three_components_by_hand():
-    field, half = _field("relu", 3), math.log(2)
-    raw = torch.tensor([[1.0, 2.0, 4.0, half, half, 0.0]], dtype=torch.float64)  # w = 2/5, 2/5, 1/5; errors 1, 0, 4
-    truth, visible = torch.full((1,), 2.0, dtype=torch.float64), torch.ones(1, dtype=torch.float64)
-    found = [losses.depth_loss(field, raw, truth, visible, dataclasses.replace(WEIGHTS, depth_of=way)) for way in _WAYS]
-    share = losses.LEAST_SHARE
-    gated = (share + (1 - 3 * share) * 0.4) * 1 + (share + (1 - 3 * share) * 0.2) * 4 - 2.5 * math.log(0.4)
-    assert torch.cat(found).tolist() == pytest.approx([1.0, 0.4 + 0.8, gated])
 
 
 def test_gated_depth_loss_is_least_where_the_weight_chooses_the_better_component():

@@ -1,6 +1,5 @@
 """A field file and what is asked of it: frames, units, rays that miss, far cameras; no training needed."""
 
-import dataclasses
 
 import numpy as np
 import pytest
@@ -92,7 +91,7 @@ def test_weights_that_are_not_finite_are_refused(tmp_path):
 
 def test_answers_are_those_of_the_network_in_the_unit_of_the_mesh(shape):
     p, v = _rays()
-    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), field_outputs.of(2))
+    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), tuple(field_outputs.OUTPUTS))
     with torch.no_grad():
         raw = shape.field(p.float(), v.float())
         surface = derivatives.Surface(shape.field.requires_grad_(False), p.float(), v.float())
@@ -131,22 +130,14 @@ def test_rays_that_miss_the_box_are_never_evaluated(shape, monkeypatch):
     counted = []
     forward = field_values.evaluate
     monkeypatch.setattr(field_values, "evaluate", lambda f, a, *b: counted.append(len(a)) or forward(f, a, *b))
-    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), field_outputs.of(2))
+    found, evaluated = framed_field.query(shape, _in_mesh_frame(p, v), tuple(field_outputs.OUTPUTS))
     assert sum(counted) == evaluated == 2  # behind the camera, and beside the box: components of exactly 0
     assert found["visibility"][[0, 2]].tolist() == [0.0, 0.0]
     assert (found["visibility"][[1, 3]] > 0).all() and np.isinf(found["depth"][[0, 2]]).all()
     assert not any(np.isnan(values).any() for values in found.values())
     none = torch.zeros(0, 3, dtype=torch.float64)
-    found, evaluated = framed_field.query(shape, rays.OrientedPoints(none, none), field_outputs.of(2))
+    found, evaluated = framed_field.query(shape, rays.OrientedPoints(none, none), tuple(field_outputs.OUTPUTS))
     assert evaluated == 0 and found["normals"].shape == (0, 3)
-
-
-@pytest.mark.parametrize(("components", "last"), [(1, "gaussian_curvature"), (3, "normals_3")])
-def test_a_file_says_how_many_components_its_field_has(tmp_path, components, last):
-    shape = shape_field.load(_write(tmp_path, dataclasses.replace(CONFIG, components=components)))
-    assert shape.outputs[-1] == last
-    found, _ = framed_field.query(shape, _in_mesh_frame(*_rays(5)), shape.outputs)
-    assert list(found) == list(shape.outputs) and all(np.isfinite(found["visibility"]))
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
@@ -171,7 +162,7 @@ def test_camera_looks_at_the_centre_with_its_axis_up(shape, up):
 
 @pytest.mark.parametrize("radius", [0.0, 0.05, 0.285, 1.0, 570.0])
 def test_renders_are_finite_from_inside_on_and_far_from_the_box(shape, radius):
-    images, evaluated = framed_field.render(shape, (90.0, 0.0, radius), 12, field_outputs.of(2))
+    images, evaluated = framed_field.render(shape, (90.0, 0.0, radius), 12, tuple(field_outputs.OUTPUTS))
     assert evaluated <= 144
     assert radius == 570.0 or evaluated > 0
     for name, image in images.items():

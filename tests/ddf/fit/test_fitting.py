@@ -65,7 +65,7 @@ def test_fitted_sphere_has_the_depth_normals_and_curvatures_of_the_sphere(sphere
     v = torch.from_numpy((target - start) / np.linalg.norm(target - start, axis=1, keepdims=True))
     points = rays.OrientedPoints(torch.from_numpy(start + np.array(CENTRE)), v)
     hits = primitives.cast(truth, points)
-    found, _ = framed_field.query(shape, points, field_outputs.of(2))
+    found, _ = framed_field.query(shape, points, tuple(field_outputs.OUTPUTS))
     seen = hits.visible.numpy() & np.isfinite(found["depth"])
     assert seen.sum() > 0.9 * hits.visible.sum()
     assert np.median(np.abs(found["depth"] - hits.depth.numpy())[seen]) < 0.04 * RADIUS

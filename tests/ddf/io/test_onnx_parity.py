@@ -10,7 +10,7 @@ import torch
 from ddf.fields import field_outputs
 from ddf.io import onnx_file, onnx_graphs, onnx_parity
 
-ALL = field_outputs.of(2)
+ALL = tuple(field_outputs.OUTPUTS)
 
 
 def _row(**values):

@@ -10,7 +10,6 @@ import torch
 from _shapes import icosphere
 from _support import assert_close
 
-from ddf.core import checks
 from ddf.fields import pddf, shape_field
 from ddf.fields.grid import octree, patch_field
 from ddf.fit import fitting
@@ -72,13 +71,6 @@ def test_patches_are_in_the_block_as_in_their_file():
         assert data.startswith(raw)
         data = data[len(raw) :]
     assert len(data) < 4
-
-
-@pytest.mark.parametrize("components", [1, 3])
-def test_a_page_draws_fields_of_two_components_alone(components):
-    field = pddf.PDDF(pddf.PDDFConfig((8,), 3.0, 2.0, "softplus", 100.0, components=components))
-    with pytest.raises(checks.InputError, match=f"the page draws fields of two components; got {components}"):
-        viewer_page.bake(_shape(field), "own")
 
 
 @pytest.fixture

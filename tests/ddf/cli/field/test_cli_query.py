@@ -17,7 +17,7 @@ def test_query_answers_in_the_frame_of_the_mesh(fitted, tmp_path, answer):
     starts = CENTRE + np.array([[0.0, 60.0, 0.0], [0.0, 60.0, 0.0], [21.0, 0.0, 0.0], [6e4, 0.0, 0.0]])
     along = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     np.savez(tmp_path / "rays.npz", positions=starts, directions=along)
-    names = field_outputs.of(2)
+    names = tuple(field_outputs.OUTPUTS)
     words = ("query", fitted[0], "--rays", tmp_path / "rays.npz", "--out", tmp_path / "out.npz")
     result = answer(*words, "--outputs", ",".join(names))
     assert (result["rays"], result["evaluated"], result["saved"]) == (4, 3, 1)

@@ -15,7 +15,7 @@ def rendered(fitted, answer):
     return lambda out, *extra: answer("render", fitted[0], out, "--size", 32, *extra)
 
 
-@pytest.mark.parametrize("output", field_outputs.of(2))
+@pytest.mark.parametrize("output", tuple(field_outputs.OUTPUTS))
 def test_render_writes_a_picture(tmp_path, rendered, output):
     result = rendered(tmp_path / "a.png", "--output", output, "--camera=-30,20,1.0", "--up", "z")
     assert 0 < result["evaluated"] == 32 * 32 - result["saved"] < 32 * 32

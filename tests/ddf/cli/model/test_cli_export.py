@@ -25,7 +25,7 @@ def folder(tmp_path):
 def test_export_reports_parity_and_opset(folder, tmp_path, answer):
     out = tmp_path / "field.onnx"
     result = answer("export", folder / model_files.MODEL, out)
-    assert result["opset"] == 18 and set(result["parity"]) == set(field_outputs.of(2))
+    assert result["opset"] == 18 and set(result["parity"]) == set(field_outputs.OUTPUTS)
     assert all(0 < entry["max_abs"] <= entry["tolerance"] for entry in result["parity"].values())
     assert result["inputs"] == {"positions": ["n", 3], "directions": ["n", 3], "latent": [1, 6]}
     assert result["bytes"] == out.stat().st_size
