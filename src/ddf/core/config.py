@@ -24,21 +24,21 @@ CONFIGS = Path("configs")
 PACKAGED = Path(__file__).resolve().parents[1] / "configs"  # of fits
 
 
-_MOST_BYTES, _MOST_NODES = 200_000, 20_000  # of a file; what aliases name counts as often as they name it
+_MOST_BYTES = 200_000  # of a file
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML 1.2's numbers: 1e-4 is one, 010 is ten; 1:30, dates and `yes` are words. Refuses keys
-    that are given twice or are lists, and aliases of aliases that would fill the memory.
+    """YAML 1.2's numbers: 1e-4 is one, 010 is ten; 1:30, dates and `yes` are words. Refuses aliases,
+    and keys that are given twice or are lists.
     """
 
     yaml_implicit_resolvers: ClassVar = {}  # pyright: ignore[reportIncompatibleVariableOverride]  (none of YAML 1.1)
 
-    def get_single_node(self) -> yaml.Node | None:
-        node = super().get_single_node()
-        if node is not None and _size(node, {}) > _MOST_NODES:
-            raise yaml.constructor.ConstructorError(None, None, f"more than {_MOST_NODES:,} entries", node.start_mark)
-        return node
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            mark = self.peek_event().start_mark
+            raise yaml.constructor.ConstructorError(None, None, "write out what an alias names", mark)
+        return super().compose_node(parent, index)
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[Any] = set()
@@ -50,19 +50,6 @@ class _Loader(yaml.SafeLoader):
                 raise yaml.constructor.ConstructorError(None, None, f"key {key!r} is given twice", key_node.start_mark)
             seen.add(key)
         return super().construct_mapping(node, deep)
-
-
-def _size(node: yaml.Node, known: dict[int, int]) -> int:
-    """Nodes below and with this one, with every alias followed."""
-    if known.setdefault(id(node), 0) == 0:
-        known[id(node)] = -1
-        parts = node.value if isinstance(node, yaml.SequenceNode) else []
-        if isinstance(node, yaml.MappingNode):
-            parts = [part for pair in node.value for part in pair]
-        known[id(node)] = 1 + sum(_size(part, known) for part in parts)
-    if known[id(node)] < 0:
-        raise yaml.constructor.ConstructorError(None, None, "an alias stands in what it names", node.start_mark)
-    return known[id(node)]
 
 
 def _whole(loader: _Loader, node: yaml.ScalarNode) -> int:

@@ -139,34 +139,14 @@ def share_batch_statistics(model: nn.Module) -> None:
 
 
 class _SharedBatchNorm(batchnorm._BatchNorm):
-    """Batch normalisation whose mean and variance are those of equal parts on all processes."""
+    """Batch normalisation of equal parts on all processes: each normalises the whole batch and keeps its part."""
 
     def _check_input_dim(self, input: Tensor) -> None:
         """Any: channels are the second axis."""
 
     def forward(self, input: Float[Tensor, "b c *places"]) -> Float[Tensor, "b c *places"]:
-        """As of the whole batch.
-
-        With mean m_k and variance s_k of part k: m = mean m_k, s = mean (s_k + (m_k - m)²), which does not cancel. Each
-        process has a loss of its own, so the gradient of a sum over them is the sum of their gradients.
-        """
+        """As of the whole batch; the gradient is that of the sum of the processes' losses."""
         if not self.training:
             return super().forward(input)
-        places = (1,) * (input.ndim - 2)
-        own, mine = torch.var_mean(input, (0, *range(2, input.ndim)), correction=0)
-        mean = functional.all_reduce(mine) / count()
-        variance = functional.all_reduce(own + (mine - mean).square()) / count()
-        self._remember(mean.detach(), variance.detach(), count() * input.numel() // len(mean))
-        scale = self.weight * (variance + self.eps).rsqrt()
-        shift = self.bias - mean * scale
-        return torch.addcmul(shift.reshape(-1, *places), input, scale.reshape(-1, *places))
-
-    @torch.no_grad()
-    def _remember(self, mean: Float[Tensor, "c"], variance: Float[Tensor, "c"], values: int) -> None:
-        """Move the running statistics as torch does: with the unbiased variance of so many values."""
-        if self.running_mean is None or self.running_var is None or self.num_batches_tracked is None:
-            raise ValueError("batch normalisation without running statistics")
-        momentum = 0.1 if self.momentum is None else self.momentum
-        self.running_mean.lerp_(mean, momentum)
-        self.running_var.lerp_(variance * (values / (values - 1)), momentum)
-        self.num_batches_tracked += 1
+        whole = torch.cat(functional.all_gather(input))
+        return super().forward(whole)[part(len(whole))]

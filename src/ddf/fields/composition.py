@@ -74,16 +74,15 @@ def compose(
     directions: Float[Array, "n 3"],
     temperature: float,
     inverse_depth: float,
-    cull: bool = True,
 ) -> Composite[Array]:
     """Visibility and depth of a scene; differentiable in p, v and the fields' parameters where those are.
+
+    A field is asked for the rays that meet its box and for no others.
 
     Args:
       positions, directions: world frame, directions unit; float64 where cameras are far.
       temperature: η_T. inverse_depth: ε_s, world units. The paper gives neither. Surfaces at depths d < e mix unless
         η_T is well below 1/(ε_s + d) - 1/(ε_s + e): far scenes need a small one.
-      cull: a field is asked for the rays that meet its box and for no others. Without, it is asked for all of them and
-        the answers for rays that miss the box are dropped: same result, more queries.
     Raises:
       InputError: no object, or a constant that is not positive and finite.
     """
@@ -92,7 +91,7 @@ def compose(
     for name, value in (("temperature", temperature), ("inverse_depth", inverse_depth)):
         if not SMALLEST <= value < float("inf"):
             raise checks.InputError(f"{name} must be positive and finite; got {value}")
-    answers = [_ask(placed, positions, directions, cull) for placed in objects]
+    answers = [_ask(placed, positions, directions) for placed in objects]
     xp = arrays.namespace(positions)
     visibilities, depths = (xp.stack(values) for values in zip(*(answer[:2] for answer in answers), strict=True))
     weights, near = soft_weights(visibilities, depths, temperature, inverse_depth)
@@ -130,7 +129,7 @@ def soft_weights(
 
 
 def _ask(
-    placed: Placed, positions: Float[Array, "n 3"], directions: Float[Array, "n 3"], cull: bool
+    placed: Placed, positions: Float[Array, "n 3"], directions: Float[Array, "n 3"]
 ) -> tuple[Float[Array, "n"], Float[Array, "n"], int]:
     """ξ_k (0 where the box is missed), d_k in world units (`inf` there) and the number of queries."""
     xp, transform = arrays.namespace(positions), placed.field_from_world
@@ -140,9 +139,8 @@ def _ask(
     entry, distance, meets = rays.enter_box(
         transform.scale * (positions @ rotation.T) + translation, looking, lower, upper
     )
-    asked = meets if cull else xp.ones_like(meets)
-    found, depth = placed.query(entry[asked], looking[asked])
+    found, depth = placed.query(entry[meets], looking[meets])
     seen, far = xp.zeros_like(distance), xp.full_like(distance, xp.inf)
-    seen[asked] = arrays.like(found, positions)
-    far[asked] = (arrays.like(depth, positions) + distance[asked]) / transform.scale
-    return xp.where(meets, seen, 0.0), xp.where(meets, far, xp.inf), int(asked.sum())
+    seen[meets] = arrays.like(found, positions)
+    far[meets] = (arrays.like(depth, positions) + distance[meets]) / transform.scale
+    return seen, far, int(meets.sum())

@@ -2,7 +2,7 @@
 
 With a_l, h_l, m_l, ω_l as in `siren` and the slope c_l = m_l ω_l cos(ω_l a_l):
 
-  tangent   t_l = c_l * (W_l t_{l-1}), from a direction in input space; J t of *all* outputs for about one forward pass
+  tangent   ȧ_l = W_l (c_{l-1} * ȧ_{l-1}), from a direction in input space
   adjoint   g_{l-1} = (g_l * c_l) W_l, from a row of the head; the gradient of *one* output for about one forward pass
 
 Both are plain operators, so their own gradient in the parameters is ordinary first-order autograd, and they export to
@@ -40,21 +40,22 @@ POSITION = slice(0, 3)  # the inputs are (p, v): derivatives are taken in p
 class Trace:
     """What one forward pass leaves for the derivative passes.
 
-    outputs: y, of all n points.
-    slopes: per layer c_l.
+    outputs: y, of all n points. slopes: c_l = ∂h_l/∂a_l per layer. bends: ∂²h_l/∂a_l² per layer; none unless asked for.
     """
 
     outputs: Float[Tensor, "*shapes n out"]
     slopes: list[Float[Tensor, "*shapes n _"]]
+    bends: list[Float[Tensor, "*shapes n _"]]
 
 
 def trace(
     network: siren.SineNetwork,
     inputs: Float[Tensor, "*shapes n in"],
     modulations: Sequence[Tensor] | None = None,
+    bent: bool = False,
 ) -> Trace:
-    """Forward pass that keeps the slopes."""
-    hidden, slopes = inputs, []
+    """Forward pass that keeps the slopes and, for second derivatives, the bends."""
+    hidden, slopes, bends = inputs, [], []
     for index, layer in enumerate(network.layers):
         omega = network.omegas[index]
         angles = siren.scaled_linear(hidden, layer, omega)
@@ -66,24 +67,9 @@ def trace(
         elif omega != 1.0:
             slope = slope * omega
         slopes.append(slope)
-    return Trace(network.head(hidden), slopes)
-
-
-def tangent(
-    network: siren.SineNetwork,
-    slopes: Sequence[Float[Tensor, "*shapes n _"]],
-    directions: Float[Tensor, "*shapes n 3"],
-    rows: slice = slice(None),
-) -> Float[Tensor, "*shapes n rows"]:
-    """∇_p y · t for the chosen rows of the head, all at once.
-
-    Args:
-      directions: t, any length, one per point of the slopes.
-    """
-    vectors = directions @ network.layers[0].weight[:, POSITION].T
-    for layer, slope in zip(network.layers[1:], slopes[:-1], strict=True):
-        vectors = nn.functional.linear(vectors * slope, layer.weight)
-    return nn.functional.linear(vectors * slopes[-1], network.head.weight[rows])
+        if bent:
+            bends.append(-(omega**2) * hidden)
+    return Trace(network.head(hidden), slopes, bends)
 
 
 def adjoint(
@@ -116,34 +102,6 @@ def normals(
     unit = nn.functional.normalize(depth_grad_p, dim=-1, eps=1e-12)  # exact zeros stay zero and finite in the gradient
     facing = (unit * directions).sum(-1, keepdim=True) > 0
     return torch.where(facing, -unit, unit)
-
-
-@dataclass(frozen=True)
-class SecondTrace:
-    """What one forward pass leaves for second derivatives.
-
-    outputs: y. slopes: c_l = ∂h_l/∂a_l per layer. bends: ∂²h_l/∂a_l² per layer.
-    """
-
-    outputs: Float[Tensor, "*shapes n out"]
-    slopes: list[Float[Tensor, "*shapes n _"]]
-    bends: list[Float[Tensor, "*shapes n _"]]
-
-
-def second_trace(
-    network: siren.SineNetwork, inputs: Float[Tensor, "*shapes n in"], modulations: Sequence[Tensor] | None = None
-) -> SecondTrace:
-    """Forward pass that keeps slopes and bends of every layer."""
-    hidden, slopes, bends = inputs, [], []
-    for index, layer in enumerate(network.layers):
-        omega = network.omegas[index]
-        angles = siren.scaled_linear(hidden, layer, omega)
-        hidden, slope = torch.sin(angles), omega * torch.cos(angles)
-        if modulations is not None:
-            hidden, slope = hidden * modulations[index], slope * modulations[index]
-        slopes.append(slope)
-        bends.append(-(omega**2) * hidden)
-    return SecondTrace(network.head(hidden), slopes, bends)
 
 
 def adjoint_states(
@@ -217,7 +175,7 @@ class Surface:
         directions: Float[Tensor, "*shapes n 3"],
         modulations: Sequence[Tensor] | None = None,
     ) -> None:
-        found = second_trace(field.network, field.inputs(positions, directions), modulations)
+        found = trace(field.network, field.inputs(positions, directions), modulations, bent=True)
         rows = heavier_rows(found.outputs)
         self.raw, self.slopes, self._bends = found.outputs, found.slopes, found.bends
         self._adjoints, self.gradient = adjoint_states(field.network, found.slopes, rows)

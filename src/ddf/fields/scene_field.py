@@ -15,7 +15,6 @@ in the frame of the scene.
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -43,7 +42,6 @@ class SceneField:
     """Fields and where they stand: a `framed_field.FramedField` whose frame is that of the scene.
 
     lower, upper: of a box that rays from outside enter first; they begin there. blend: None for the hard choice.
-    cull: whether a field is asked for visibility and depth of the rays that meet its box alone, `composition.compose`.
     """
 
     fields: tuple[framed_field.FramedField, ...]
@@ -51,7 +49,6 @@ class SceneField:
     lower: Float[np.ndarray, "3"]
     upper: Float[np.ndarray, "3"]
     blend: Blend | None = None
-    cull: bool = True
 
     @property
     def field_from_mesh(self) -> transforms.Similarity:
@@ -69,7 +66,7 @@ class SceneField:
         """Named outputs of the composite, scene frame and unit; a field is asked for the rays that meet its box."""
         placed = [_placed(field, place) for field, place in self._members()]
         blend = self.blend or _ANY
-        found = composition.compose(placed, positions, directions, blend.temperature, blend.inverse_depth, self.cull)
+        found = composition.compose(placed, positions, directions, blend.temperature, blend.inverse_depth)
         depth = found.nearest_depth if self.blend is None else found.depth
         answers = {"visibility": found.visibility if self.blend else found.nearest_visibility, "depth": depth}
         others = [name for name in outputs if name not in answers]
@@ -113,37 +110,13 @@ def _placed(field: framed_field.FramedField, scene_from_mesh: transforms.Similar
     return composition.Placed(query, field_from_scene, tuple(field.lower.tolist()), tuple(field.upper.tolist()))
 
 
-@dataclass
 class Counted:
     """A field that counts what it is asked for. queries: oriented points so far, once for every call they are in."""
 
-    field: framed_field.FramedField
-    queries: int = 0
-
-    @property
-    def lower(self) -> Float[np.ndarray, "3"]:
-        """Of the field."""
-        return self.field.lower
-
-    @property
-    def upper(self) -> Float[np.ndarray, "3"]:
-        """Of the field."""
-        return self.field.upper
-
-    @property
-    def field_from_mesh(self) -> transforms.Similarity:
-        """Of the field."""
-        return self.field.field_from_mesh
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Of the field."""
-        return self.field.outputs
-
-    @property
-    def scalar(self) -> Any:
-        """Of the field."""
-        return getattr(self.field, "scalar", np.zeros(()))
+    def __init__(self, field: framed_field.FramedField) -> None:
+        self.field, self.queries = field, 0
+        self.lower, self.upper, self.field_from_mesh = field.lower, field.upper, field.field_from_mesh
+        self.outputs, self.scalar = field.outputs, getattr(field, "scalar", np.zeros(()))
 
     def evaluate(
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]

@@ -2,7 +2,6 @@
 
 import dataclasses
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, Literal
 
 import pytest
@@ -123,11 +122,7 @@ def test_load_refuses_what_does_not_fit(tmp_path, changes, message):
         ("meshes: " + "9" * 5000, "not valid YAML"),
         ("meshes: 0x" + "f" * 16, "over 64 bits"),
         ("meshes: " + "[" * 5000, "lists within lists"),
-        ("a: &a [*a]", "an alias stands in what it names"),
-        (
-            "a: &a [1]\n" + "".join(f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in pairwise("abcdef")),
-            "entries",
-        ),
+        ("a: &a [1]\nb: [*a, *a]", "write out what an alias names"),
         ("#" * 200_001, "more than 200,000 bytes"),
         ("meshes: " + "x" * 9000, "meshes must be a mapping"),
     ],

@@ -109,7 +109,7 @@ def _networks():
 
 
 @pytest.mark.parametrize(("make", "count"), [(lambda: _scene((TORUS, SPHERE)), 4000), (_networks, 1000)])
-def test_composite_normals_are_the_nearest_parts_own_and_culling_changes_nothing(make, count):
+def test_composite_normals_are_the_nearest_parts_own(make, count):
     scene, points, asked = make(), _points(count), ("visibility", "depth", "normals")
     found, _ = framed_field.query(scene, points, asked)
     nearest, normals = np.full(count, np.inf), np.zeros((count, 3))
@@ -124,18 +124,6 @@ def test_composite_normals_are_the_nearest_parts_own_and_culling_changes_nothing
     assert seen.sum() > 20
     np.testing.assert_allclose(found["depth"], nearest, atol=1e-9)
     np.testing.assert_allclose(found["normals"][seen], normals[seen], atol=1e-7)
-    whole, _ = framed_field.query(dataclasses.replace(scene, cull=False), points, ("visibility", "depth"))
-    for name in whole:
-        np.testing.assert_allclose(found[name], whole[name], atol=1e-12)
-
-
-def test_culling_asks_fewer_queries():
-    asked, scene = [], _scene((TORUS, SPHERE))
-    for cull in (True, False):
-        counted = tuple(scene_field.Counted(field) for field in scene.fields)
-        framed_field.query(dataclasses.replace(scene, fields=counted, cull=cull), _points(4000), ("depth",))
-        asked.append(sum(each.queries for each in counted))
-    assert 0 < asked[0] < asked[1] / 2
 
 
 def _to_unit_sphere(positions):

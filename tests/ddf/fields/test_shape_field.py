@@ -1,6 +1,5 @@
 """A field file and what is asked of it: frames, units, rays that miss, far cameras; no training needed."""
 
-
 import numpy as np
 import pytest
 import torch
