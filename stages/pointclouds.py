@@ -1,9 +1,6 @@
-"""Reconstruct the test images of one category with all trained models: clouds, cameras, renders.
+"""Reconstruct the test images of one category with all trained models: clouds, cameras, renders."""
 
-A run that was killed goes on from the images it had finished.
-"""
-
-from ddf.core import notes, provenance, storage
+from ddf.core import provenance, storage
 from ddf.data import shapenet
 from ddf.data.batches import category_data
 from ddf.fields import model_files
@@ -40,11 +37,10 @@ def make(run: Run) -> None:
         record = provenance.record(
             [section, run.category, test.digest()], section.seed, sources, (many_images, line_clouds, three_views)
         )
-        kept = notes.Portions(out, record["fingerprint"])
         if name == "ddf":
             ddf = reconstruction_models.load_ddf(folder).network
             features = reconstruction_models.image_features(ddf, train_images)
-            given = (ddf, test, section, run.label, mask_descent.latent_deviation(ddf, features), kept)
+            given = (ddf, test, section, run.label, mask_descent.latent_deviation(ddf, features))
             tensors, facts = many_images.reconstruct_ddf(*given)
             tensors["train_features"] = features  # for the retrieval row
             several = three_views.of_latents(ddf, test, shapes, section)
@@ -59,4 +55,3 @@ def make(run: Run) -> None:
         names = {"images": test.names(), "train_images": train_images.names()}
         tensors, facts = common | tensors | several[0], facts | several[1]
         storage.save_tensors(out / f"{name}.safetensors", tensors, record | names | facts)
-        kept.clear()

@@ -206,7 +206,7 @@ def test_a_variant_has_folders_of_its_own_and_the_checkout_stays_clean(workspace
         ("train_ddf", "train_ddf/primitives/checkpoint.safetensors", True),
         ("train_ddf", "train_ddf/primitives/checkpoint.safetensors", False),
         ("train_pcsiren", "train_pcsiren/primitives/checkpoint.safetensors", True),
-        ("pointclouds", "pointclouds/primitives/*.part.safetensors", True),
+        ("pointclouds", "pointclouds/primitives/ddf.safetensors", True),
     ],
 )
 def test_sigkill_and_again_gives_the_same_table(workspace, stage, sign, whole_group):

@@ -2,7 +2,6 @@
 
 - `ddf_lab.engine.stage`: has this stage anything to do? A `Note` of its outputs decides.
 - `core.parallel`: is this shard there? A `Note` for each, so that a lost process costs its own shards alone.
-- `Portions`: is this portion of a long loop there? A `Note` for each; they go when the whole is written.
 - `training_loop`: which step is next? The checkpoint, which is no whole thing and so has no note.
 - `fit.fitting` (plan.json): is this the fit that the folder holds, and is its budget spent? Fits run outside of stages,
   and a clock cannot be read off the files.
@@ -12,17 +11,13 @@ import contextlib
 import json
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ddf.core import storage
 
-if TYPE_CHECKING:
-    from torch import Tensor
-
-SUFFIX = ".part.safetensors"
 Checksum = Callable[[str | Path], str]  # of a file or a folder
 
 
@@ -85,29 +80,3 @@ class Note:
         names = {Path(os.path.relpath(file, self.path.parent)).as_posix(): file for file in files}
         sums = {name: self.checksum(file) for name, file in names.items()}
         storage.write_json(self.path, {"fingerprint": self.fingerprint, "files": sums, **told})
-
-
-@dataclass(frozen=True)
-class Portions:
-    """A folder of portions of long work. fingerprint: of all that they depend on but their rows."""
-
-    folder: Path
-    fingerprint: str
-
-    def get(self, name: str, rows: Sequence[int], make: Callable[[], "dict[str, Tensor]"]) -> "dict[str, Tensor]":
-        """What `make` gives for these rows: read if it is there, written if not; on the CPU.
-
-        Args:
-          name: of the step, for its files. rows: not empty; no two portions of a step begin with the same.
-        """
-        path = self.folder / f"{name}.{rows[0]:06d}{SUFFIX}"
-        note = Note(path.with_suffix(".json"), f"{self.fingerprint} {[*rows]}")
-        if not note.fits():
-            storage.save_tensors(path, make(), {})
-            note.write([path])
-        return storage.load_tensors(path, "torch")[0]
-
-    def clear(self) -> None:
-        """Remove all portions, those of other fingerprints too."""
-        for path in self.folder.glob("*.part.*"):
-            path.unlink()

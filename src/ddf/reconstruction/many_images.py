@@ -18,7 +18,7 @@ import tqdm
 from jaxtyping import Float
 from torch import Tensor
 
-from ddf.core import notes, seeding
+from ddf.core import seeding
 from ddf.data.batches import category_data
 from ddf.fields import cloud_projection, field_outputs, model_files, rendering
 from ddf.models import reconstruction_models, reconstruction_settings
@@ -39,33 +39,30 @@ def reconstruct_ddf(
     config: reconstruction_settings.PointcloudsConfig,
     describe: str,
     deviation: Float[Tensor, "z"] | None = None,
-    kept: notes.Portions | None = None,
 ) -> tuple[dict[str, Tensor], dict]:
     """Clouds L and S after all cycles and after one, each with its scale; with `shape_correction` those of the shapes
     that agree with the silhouette too (`ON_MASK`); cameras, renders, and features for the retrieval row. And the facts.
 
     Args:
       deviation: of the latents of training images (`mask_descent.latent_deviation`), which a `shape_correction` needs.
-      kept: where portions of what takes long are kept, and found again.
     Returns:
       Tensors by name, and facts: `rendered` images, `seconds` of wall time that an image took, by part.
     """
     (features, latents, predicted), encoding = _timed_encode(model, images)
-    work = _Work(model, images, config, kept, latents, predicted)
+    work = _Work(model, images, config, latents, predicted)
     modulations = work.modulations(latents)
-    tensors, cloud = work.clouds("clouds", modulations, _cycles_kept(config.cloud), describe)
+    tensors, cloud = work.clouds(modulations, _cycles_kept(config.cloud), describe)
     scale = tensors[SCALE]
-    corrected, camera = work.in_portions("cameras", functools.partial(work.correct_cameras, modulations, scale))
-    seconds = {"encoders": encoding, "cloud": cloud, "camera_correction": camera}
+    seconds = {"encoders": encoding, "cloud": cloud}
+    corrected, seconds["camera_correction"] = work.correct_cameras(modulations, scale)
     if config.shape_correction is not None:
         if deviation is None:
             raise ValueError("pointclouds.shape_correction needs the deviation of the latents of training images")
-        correct = functools.partial(work.correct_shapes, deviation, config.shape_correction)
-        found, seconds["shape_correction"] = work.in_portions("latents", correct)
-        moved = work.modulations(found["latents"].to(latents.device))
-        tensors |= work.clouds("mask_clouds", moved, {config.cloud.cycles: ON_MASK}, f"{describe}, on the mask")[0]
+        moved, seconds["shape_correction"] = work.correct_shapes(deviation, config.shape_correction)
+        on_mask = {config.cloud.cycles: ON_MASK}
+        tensors |= work.clouds(work.modulations(moved), on_mask, f"{describe}, on the mask")[0]
     rendered = spread(len(latents), config.rendered)
-    tensors |= {"camera_pred": predicted, "features": features} | corrected
+    tensors |= {"camera_pred": predicted, "features": features, "camera_corrected": corrected}
     render = functools.partial(work.render, modulations, scale, size=config.render_size)
     pictures = list(in_threads(render, rendered))
     tensors |= {
@@ -78,42 +75,26 @@ def reconstruct_ddf(
 
 @dataclass(frozen=True)
 class _Work:
-    """A model, images, and what its encoders make of them. kept: where portions of what takes long are kept."""
+    """A model, images, and what its encoders make of them."""
 
     model: reconstruction_models.DDFModel
     images: category_data.ImageSet
     config: reconstruction_settings.PointcloudsConfig
-    kept: notes.Portions | None
     latents: Float[Tensor, "n z"]
     predicted: Float[Tensor, "n 3"]
 
     def modulations(self, latents: Float[Tensor, "n z"]) -> list[Tensor]:
         return [each.detach() for each in self.model.modulations(latents)]
 
-    def in_portions(
-        self, name: str, make: Callable[[Sequence[reconstruction_models.Rows]], dict[str, Tensor]]
-    ) -> tuple[dict[str, Tensor], float]:
-        """Tensors of all images, on the CPU, from as many batches at a time as threads take; and seconds an image."""
-
-        def timed(batches: Sequence[reconstruction_models.Rows]) -> dict[str, Tensor]:
-            started = time.monotonic()
-            tensors = on_cpu(make(batches))
-            return tensors | {"seconds": torch.tensor([time.monotonic() - started])}
-
-        size = CORRECTION_BATCH[model_files.device().type]
-        batches, at_once, parts = reconstruction_models.row_batches(self.images, size), _threads_at_once(), []
-        for start in range(0, len(batches), at_once):
-            portion = batches[start : start + at_once]
-            if self.kept is None:
-                parts.append(timed(portion))
-            else:
-                rows = np.concatenate(portion).tolist()
-                parts.append(self.kept.get(name, rows, functools.partial(timed, portion)))
-        tensors = {key: torch.cat([part[key] for part in parts]) for key in parts[0]}
-        return tensors, float(tensors.pop("seconds").sum()) / len(self.images.shapes)
+    def in_batches(self, make: Callable[[reconstruction_models.Rows], Tensor]) -> tuple[Tensor, float]:
+        """What `make` gives of some rows at a time, for all images; and seconds an image."""
+        started = time.monotonic()
+        batches = reconstruction_models.row_batches(self.images, CORRECTION_BATCH[model_files.device().type])
+        found = torch.cat(list(in_threads(make, batches)))
+        return found, (time.monotonic() - started) / len(self.latents)
 
     def clouds(
-        self, name: str, modulations: Sequence[Float[Tensor, "n 1 _"]], names: Mapping[int, str], describe: str
+        self, modulations: Sequence[Float[Tensor, "n 1 _"]], names: Mapping[int, str], describe: str
     ) -> tuple[dict[str, Tensor], float]:
         """Clouds L and S of all images, the scale that each L tells, and seconds an image.
 
@@ -130,27 +111,17 @@ class _Work:
                 scale = SCALE if label == _after_all(how) else f"{SCALE}.{label}"
                 found |= {f"L.{label}": large, f"S.{label}": small}
                 found[scale] = torch.tensor(mask_descent.scale_from_cloud(large))
-            return found
+            return on_cpu(found)
 
-        def make(batches: Sequence[reconstruction_models.Rows]) -> dict[str, Tensor]:
-            rows, drawn = np.concatenate(batches).tolist(), []
-            progress.update(rows[0] - progress.n)  # those before were found
-            for clouds in in_threads(draw, rows):
-                drawn.append(clouds)
-                progress.update()
-            return {key: torch.stack([clouds[key] for clouds in drawn]) for key in drawn[0]}
-
-        bar = {"desc": f"clouds {describe}", "total": len(self.latents), "unit": "image", "mininterval": 2}
-        with tqdm.tqdm(**bar) as progress:
-            return self.in_portions(name, make)
+        started, bar = time.monotonic(), {"desc": f"clouds {describe}", "unit": "image", "mininterval": 2}
+        drawn = list(tqdm.tqdm(in_threads(draw, range(len(self.latents))), total=len(self.latents), **bar))
+        tensors = {key: torch.stack([clouds[key] for clouds in drawn]) for key in drawn[0]}
+        return tensors, (time.monotonic() - started) / len(drawn)
 
     def correct_cameras(
-        self,
-        modulations: Sequence[Tensor],
-        scale: Float[Tensor, "n"],
-        batches: Sequence[reconstruction_models.Rows],
-    ) -> dict[str, Tensor]:
-        """Π̂_∇ of the images of some batches."""
+        self, modulations: Sequence[Tensor], scale: Float[Tensor, "n"]
+    ) -> tuple[Float[Tensor, "n 3"], float]:
+        """Π̂_∇ of all images, and seconds an image."""
         config = self.config.correction
 
         def correct(rows: reconstruction_models.Rows) -> Tensor:
@@ -160,15 +131,12 @@ class _Work:
             field_scale = (1 / scale[index]).to(self.predicted.device)
             return mask_descent.correct_camera(self.model, own, camera, field_scale, alpha, config)
 
-        return {"camera_corrected": torch.cat(list(in_threads(correct, batches)))}
+        return self.in_batches(correct)
 
     def correct_shapes(
-        self,
-        deviation: Float[Tensor, "z"],
-        how: reconstruction_settings.ShapeCorrectionConfig,
-        batches: Sequence[reconstruction_models.Rows],
-    ) -> dict[str, Tensor]:
-        """Latents of the images of some batches, moved until the silhouettes agree."""
+        self, deviation: Float[Tensor, "z"], how: reconstruction_settings.ShapeCorrectionConfig
+    ) -> tuple[Float[Tensor, "n z"], float]:
+        """Latents of all images, moved until the silhouettes agree, and seconds an image."""
 
         def correct(rows: reconstruction_models.Rows) -> Tensor:
             index = torch.from_numpy(rows)
@@ -178,7 +146,7 @@ class _Work:
             camera = self.predicted[index]
             return mask_descent.correct_shapes(self.model, own, deviation, camera, field_scale, alpha, how)
 
-        return {"latents": torch.cat(list(in_threads(correct, batches)))}
+        return self.in_batches(correct)
 
     def render(
         self,
@@ -305,13 +273,10 @@ def generator_of(config: reconstruction_settings.PointcloudsConfig, image: int) 
 
 def in_threads(function: Callable[[Any], Result], items: Sequence[Any]) -> Iterator[Result]:
     """`map`, in order, of as many items at a time as this process may use cores; on a GPU one after the other."""
-    with ThreadPoolExecutor(_threads_at_once()) as pool:
-        yield from pool.map(function, items)
-
-
-def _threads_at_once() -> int:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, cores // torch.get_num_threads()) if model_files.device().type == "cpu" else 1
+    threads = max(1, cores // torch.get_num_threads()) if model_files.device().type == "cpu" else 1
+    with ThreadPoolExecutor(threads) as pool:
+        yield from pool.map(function, items)
 
 
 def on_cpu(tensors: dict[str, Tensor]) -> dict[str, Tensor]:

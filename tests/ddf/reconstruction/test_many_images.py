@@ -9,7 +9,7 @@ import pytest
 import torch
 from _hand_made import DDF, POINTCLOUDS, TRAIN
 
-from ddf.core import checks, notes
+from ddf.core import checks
 from ddf.fields import cloud_projection, rendering
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.reconstruction import many_images, mask_descent
@@ -66,36 +66,6 @@ def test_images_at_a_time_change_no_bit(monkeypatch):
         results.append(many_images.reconstruct_ddf(model, images, CORRECTED, "test", deviation)[0])
     for name, values in results[0].items():
         assert torch.equal(values, results[1][name]), name
-
-
-def test_killed_reconstruction_goes_on_to_the_same_bits(tmp_path, monkeypatch):
-    model, images, deviation = (
-        _models.ddf_model("angle"),
-        _hand_made.images(),
-        torch.ones(TRAIN.latent_features),
-    )
-    monkeypatch.setattr(many_images, "CORRECTION_BATCH", {"cpu": 2})
-    monkeypatch.setattr(many_images, "_threads_at_once", lambda: 1)
-    whole, _ = many_images.reconstruct_ddf(model, images, CORRECTED, "test", deviation)
-    sample, drawn = cloud_projection.sample, []
-
-    def count(field, modulations, count, *rest):
-        drawn.append(count)
-        if drawn.count(CORRECTED.large) == 4:  # the second of the second portion
-            raise KeyboardInterrupt
-        return sample(field, modulations, count, *rest)
-
-    monkeypatch.setattr(cloud_projection, "sample", count)
-    kept = notes.Portions(tmp_path, "key")
-    with pytest.raises(KeyboardInterrupt):
-        many_images.reconstruct_ddf(model, images, CORRECTED, "test", deviation, kept)
-    stopped = len(drawn)
-    resumed, facts = many_images.reconstruct_ddf(model, images, CORRECTED, "test", deviation, kept)
-    assert drawn[stopped : stopped + 4] == [CORRECTED.large] * 4  # the first portion is not drawn once more
-    assert resumed.keys() == whole.keys()
-    for name, values in whole.items():
-        assert torch.equal(values, resumed[name]), name
-    assert min(facts["seconds"].values()) > 0
 
 
 def test_shapes_on_the_mask_have_clouds_and_scales_of_their_own_and_change_no_other():
