@@ -22,11 +22,6 @@ def namespace(values: Any) -> Any:
     return np if isinstance(values, np.ndarray | np.generic) else sys.modules["torch"]
 
 
-def double(values: Any) -> Any:
-    """The same in float64; differentiable for tensors."""
-    return values.astype(np.float64) if isinstance(values, np.ndarray | np.generic) else values.double()
-
-
 def like(values: Any, other: Any) -> Any:
     """An array, of either library, in the library, the type and the place of another."""
     if isinstance(other, np.ndarray | np.generic):
@@ -44,11 +39,6 @@ def send(values: Any, device: Any) -> Any:
     if device.type != "cuda" or tensor.device.type != "cpu":
         return tensor.to(device)
     return tensor.pin_memory().to(device, non_blocking=True)
-
-
-def detached(values: Any) -> Any:
-    """The same values, through which no gradient flows."""
-    return values.detach() if hasattr(values, "detach") else values
 
 
 def to_numpy(values: Any) -> np.ndarray:

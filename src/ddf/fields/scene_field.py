@@ -1,9 +1,15 @@
 """Several fields and where they stand, asked as one field: outputs, distances, and the cameras that look at them.
 
 Hard: visibility is the largest of the fields, at least 1/2 exactly where there is a depth; all else is of the nearest
-field that is visible, which alone is asked for it. Soft, with the weights a_k of `composition`: depth is Σ a_k d_k, and
-every other output the same mean, of normals the unit vector along it (derived here; the paper composes visibility and
-depth alone). As η_T goes to 0 its depth is the hard one.
+field that is visible, which alone is asked for it. Soft ([DDF22] §4.1), with ξ_k, d_k what field k says of the oriented
+point in its own frame, depths in units of the scene,
+
+  ξ = 1 - Π_k (1 - ξ_k),   a = softmax_k( ξ_k / (η_T (ε_s + d_k)) ),   d = Σ_k a_k d_k,
+
+and every other output is the same mean, of normals the unit vector along it (derived here; the paper composes
+visibility and depth alone). As η_T goes to 0 the depth is the hard one. Surfaces at depths d < e mix unless η_T is well
+below 1/(ε_s + d) - 1/(ε_s + e): far scenes need a small one. From outside its box B_k a ray enters that first, the way
+there is part of d_k, and a field whose box the ray misses takes no part (the paper is silent).
 
 Unsigned distances are exact: UDF = min_k UDF_k, each in the unit of the scene ([DDF22] Property IV). The surface of
 field k lies in its box B_k, so the distance to B_k is a bound from below: a field whose box is farther than a surface
@@ -20,21 +26,24 @@ import numpy as np
 from jaxtyping import Float
 
 from ddf.core import checks
-from ddf.fields import composition, field_outputs, framed_field
+from ddf.fields import field_outputs, framed_field
 from ddf.geometry import cameras, rays, transforms
 
+_SMALLEST = float(np.finfo(np.float64).tiny)  # its inverse is still finite
 _LEAST_WEIGHT = 1e-3  # a field with less of the soft mean is not asked for what is neither visibility nor depth
 
 
 @dataclass(frozen=True)
 class Blend:
-    """How soft the composition is. temperature: η_T. inverse_depth: ε_s. Both in units of the scene."""
+    """How soft the composition is. temperature: η_T. inverse_depth: ε_s, unit of the scene. The paper gives neither."""
 
     temperature: float
     inverse_depth: float = 0.05
 
-
-_ANY = Blend(1.0)  # the hard choice reads none of it
+    def __post_init__(self) -> None:
+        for name in ("temperature", "inverse_depth"):
+            if not _SMALLEST <= (value := getattr(self, name)) < float("inf"):
+                raise checks.InputError(f"{name} must be positive and finite; got {value}")
 
 
 @dataclass(frozen=True)
@@ -64,14 +73,10 @@ class SceneField:
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
         """Named outputs of the composite, scene frame and unit; a field is asked for the rays that meet its box."""
-        placed = [_placed(field, place) for field, place in self._members()]
-        blend = self.blend or _ANY
-        found = composition.compose(placed, positions, directions, blend.temperature, blend.inverse_depth)
-        depth = found.nearest_depth if self.blend is None else found.depth
-        answers = {"visibility": found.visibility if self.blend else found.nearest_visibility, "depth": depth}
+        met = [_meet(field, place, positions, directions) for field, place in self._members()]
+        answers, weights = compose(*(np.stack(values) for values in zip(*met, strict=True)), self.blend)
         others = [name for name in outputs if name not in answers]
-        for index, (field, place) in enumerate(self._members() if others else ()):
-            weight = found.weights[index] if self.blend else (found.nearest == index).astype(np.float64)
+        for weight, (field, place) in zip(weights, self._members() if others else (), strict=False):
             chosen = weight > _LEAST_WEIGHT
             for name, values in _ask(field, place, positions[chosen], directions[chosen], others).items():
                 whole = answers.setdefault(name, np.zeros((len(positions), *values.shape[1:])))
@@ -99,15 +104,43 @@ def _ask(
     return framed_field.in_mesh_frame(found, mesh_from_scene)
 
 
-def _placed(field: framed_field.FramedField, scene_from_mesh: transforms.Similarity) -> composition.Placed:
-    def query(
-        positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
-    ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-        found = field.evaluate(positions, directions, ("visibility", "depth"))
-        return found["visibility"], found["depth"]
-
+def _meet(
+    field: framed_field.FramedField,
+    scene_from_mesh: transforms.Similarity,
+    positions: Float[np.ndarray, "n 3"],
+    directions: Float[np.ndarray, "n 3"],
+) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+    """ξ_k and d_k, unit of the scene; 0 and `inf` of rays that miss the field's box, for which it is not asked."""
     field_from_scene = field.field_from_mesh.compose(scene_from_mesh.inverse())
-    return composition.Placed(query, field_from_scene, tuple(field.lower.tolist()), tuple(field.upper.tolist()))
+    looking = field_from_scene.apply_directions(directions)
+    entry, distance, meets = rays.enter_box(field_from_scene.apply(positions), looking, field.lower, field.upper)
+    found = field.evaluate(entry[meets], looking[meets], ("visibility", "depth"))
+    visibility, depth = np.zeros_like(distance), np.full_like(distance, np.inf)
+    visibility[meets] = found["visibility"]
+    depth[meets] = (found["depth"] + distance[meets]) / field_from_scene.scale
+    return visibility, depth
+
+
+def compose(
+    visibilities: Float[np.ndarray, "k n"], depths: Float[np.ndarray, "k n"], blend: Blend | None
+) -> tuple[dict[str, Float[np.ndarray, "n"]], Float[np.ndarray, "k n"]]:
+    """Visibility and depth of a scene (`inf` where nothing is), and the weight of each field in its other outputs.
+
+    Args:
+      depths: unit of the scene; `inf` where a field takes no part.
+    """
+    if blend is None:
+        hard = np.where(visibilities >= framed_field.SEEN, depths, np.inf)
+        chosen = np.isfinite(hard.min(axis=0)) & (np.arange(len(hard))[:, None] == hard.argmin(axis=0))
+        return {"visibility": visibilities.max(axis=0), "depth": hard.min(axis=0)}, chosen.astype(np.float64)
+    near = np.isfinite(depths)
+    some, finite = near.any(axis=0), np.where(near, depths, 0.0)
+    score = np.where(near, visibilities / (blend.inverse_depth + finite), -np.inf)
+    # the largest is taken off before the division by η_T: none overflows
+    power = np.exp((score - np.where(some, score.max(axis=0), 0.0)) / blend.temperature)
+    weights = power / np.where(some, power.sum(axis=0), 1.0)
+    depth = np.where(some, (weights * finite).sum(axis=0), np.inf)
+    return {"visibility": 1 - (1 - visibilities).prod(axis=0), "depth": depth}, weights
 
 
 class Counted:

@@ -7,7 +7,7 @@ neither on the surface nor on its medial surface. Two ways, of different cost:
 - `CandidateNetwork`, the paper's g_v: a small sine network gives K_c candidates, trained once per field by `loss`.
 
 A field is asked through an `Ask`, so closed forms, plain and conditional fields and scenes all serve. Letters: n
-points, k candidates; ξ visibility, d depth; η_T, ε_s as in `composition`.
+points, k candidates; ξ visibility, d depth; η_T, ε_s as in `scene_field`.
 """
 
 from collections.abc import Callable

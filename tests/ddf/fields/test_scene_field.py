@@ -1,7 +1,8 @@
-"""Scenes of several fields: the same surfaces cast as one, hard and soft; culling; unsigned distances."""
+"""Scenes of several fields: the same surfaces cast as one, hard and soft; unsigned distances."""
 
 import copy
 import dataclasses
+import math
 
 import _closed_form
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import torch
 from _shapes import random_rays
 
-from ddf.core import shipped_models
+from ddf.core import checks, shipped_models
 from ddf.fields import framed_field, scene_field, shape_field
 from ddf.geometry import primitives, rays, transforms
 
@@ -154,3 +155,48 @@ def test_scenes_of_one_field_ask_it_once_a_point(count):
     np.testing.assert_allclose(found.distances, np.ones(count))
     np.testing.assert_allclose(found.directions, np.eye(3)[:count])
     assert found.queries == count
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
+@pytest.mark.parametrize("name", ["temperature", "inverse_depth"])
+def test_constants_must_be_positive_and_finite(name, value):
+    with pytest.raises(checks.InputError, match=f"{name} must be positive and finite; got {value}"):
+        scene_field.Blend(**{"temperature": 1.0, name: value})
+
+
+ROWS = [  # visibilities and depths of the fields; visibility, depth and depth of the hard choice
+    pytest.param([1.0, 1.0], [0.0, 0.0], 1.0, 0.0, 0.0, id="both at depth 0"),
+    pytest.param([0.0] * 3, [0.25, 0.5, 0.75], 0.0, 0.5, math.inf, id="nothing visible"),
+    pytest.param([0.75] * 2, [0.5] * 2, 0.9375, 0.5, 0.5, id="the same field twice"),
+    pytest.param([0.0] * 2, [math.inf] * 2, 0.0, math.inf, math.inf, id="every box missed"),
+    pytest.param([1.0, 1.0], [0.5, 1e4], 1.0, 0.5, 0.5, id="a field far behind another"),
+]
+
+
+@pytest.mark.parametrize(("visibilities", "depths", "visibility", "depth", "nearest"), ROWS)
+def test_composites_of_constant_fields(visibilities, depths, visibility, depth, nearest):
+    given = np.array(visibilities)[:, None], np.array(depths)[:, None]
+    soft, _ = scene_field.compose(*given, scene_field.Blend(1e-4))
+    assert (soft["visibility"][0], soft["depth"][0]) == (pytest.approx(visibility), pytest.approx(depth))
+    hard, _ = scene_field.compose(*given, None)
+    assert (hard["visibility"][0], hard["depth"][0]) == (max(visibilities), nearest)
+
+
+@pytest.mark.parametrize(("constant", "depth"), [(1e-30, 0.25), (1e-300, 0.25), (1e30, 0.375)])
+def test_tiny_and_huge_constants_give_the_nearer_one_and_the_mean(constant, depth):
+    found, _ = scene_field.compose(np.ones((2, 1)), np.array([[0.25], [0.5]]), scene_field.Blend(constant, constant))
+    assert (found["visibility"][0], found["depth"][0]) == (1.0, pytest.approx(depth))
+
+
+def test_soft_depth_is_the_paper_s_sum_over_the_fields_that_take_part():
+    random = np.random.default_rng(0)
+    visibilities, depths = random.uniform(size=(3, 200)), random.uniform(size=(3, 200))
+    depths[random.uniform(size=depths.shape) < 0.3] = np.inf
+    visibilities[np.isinf(depths)] = 0
+    found, weights = scene_field.compose(visibilities, depths, scene_field.Blend(0.3, 0.2))
+    for i in range(200):
+        part = np.isfinite(depths[:, i])
+        powers = np.exp(visibilities[part, i] / (0.3 * (0.2 + depths[part, i])))
+        expected = powers @ depths[part, i] / powers.sum() if part.any() else np.inf
+        assert found["depth"][i] == pytest.approx(expected)
+        assert weights[:, i].sum() == pytest.approx(float(part.any()))
