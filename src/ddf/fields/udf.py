@@ -1,10 +1,8 @@
 """Unsigned distances and the direction v* of the closest point, from a directed distance field. [DDF22] §4.2, app. D.
 
 UDF(p) = min over visible v of d(p, v), and v*(p) is where that is reached; ∇UDF = -v*^T wherever v* is unique, that is
-neither on the surface nor on its medial surface. Two ways, of different cost:
-
-- `search`: evenly spread directions, then steps v <- -n(p, v). Nothing to train.
-- `CandidateNetwork`, the paper's g_v: a small sine network gives K_c candidates, trained once per field by `loss`.
+neither on the surface nor on its medial surface. The paper's g_v (`CandidateNetwork`) is a small sine network that gives
+K_c candidates, trained once per field by `loss`.
 
 A field is asked through an `Ask`, so closed forms, plain and conditional fields and scenes all serve. Letters: n
 points, k candidates; ξ visibility, d depth; η_T, ε_s as in `scene_field`.
@@ -18,7 +16,6 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ddf.fields import siren
-from ddf.geometry import rays
 
 SMALL_MEAN = 0.05  # a mean direction shorter than this has cancelled (a point between two sheets)
 SEEN = 0.5  # visibility from which on a depth counts
@@ -132,47 +129,3 @@ def from_candidates(
     else:
         distances = answer.depth.masked_fill(~seen, torch.inf).amin(-1)
     return Closest(distances, torch.where(seen.any(-1, keepdim=True), directions, 0.0))
-
-
-@torch.no_grad()
-def search(ask: Ask, positions: Float[Tensor, "n 3"], num_directions: int = 32, steps: int = 4) -> Closest:
-    """Distances and v* by evenly spread directions and then steps towards v = -n(p, v) (derived here).
-
-    At v* the ray runs against the normal. A full step overshoots beyond the radius of curvature, so after one that does
-    not come nearer all further steps of that point are half as long. One query a direction, one with a normal a step.
-    """
-    spread = torch.from_numpy(rays.evenly_spread(num_directions)).to(positions)
-    candidates = spread.expand(len(positions), -1, -1)
-    answer = ask(positions[:, None].expand_as(candidates), candidates, False)
-    depths = answer.depth.masked_fill(answer.visibility < SEEN, torch.inf)
-    best, index = depths.min(dim=-1)
-    found = best.isfinite().nonzero().squeeze(-1)
-    directions = spread[index]
-    if len(found) and steps:
-        best[found], directions[found] = _descend(ask, positions[found], directions[found], best[found], steps)
-    return Closest(best, torch.where(best.isfinite()[:, None], directions, 0.0))
-
-
-def _descend(
-    ask: Ask, positions: Float[Tensor, "n 3"], start: Float[Tensor, "n 3"], depth: Float[Tensor, "n"], steps: int
-) -> tuple[Float[Tensor, "n"], Float[Tensor, "n 3"]]:
-    """`steps` steps from directions that see something; a step counts where the surface is seen and nearer."""
-    kept, target = start, _against_normals(ask, positions, start)
-    best, share = depth, torch.ones_like(depth)
-    for step in range(steps):
-        tried = nn.functional.normalize(kept + share[:, None] * (target - kept), dim=-1)
-        answer = ask(positions, tried, step + 1 < steps)
-        better = (answer.visibility >= SEEN) & (answer.depth < best)
-        kept, best = torch.where(better[:, None], tried, kept), torch.where(better, answer.depth, best)
-        if answer.normals is not None:
-            target = torch.where(better[:, None], -answer.normals, target)
-            share = torch.where(better, share, share / 2)
-    return best, kept
-
-
-def _against_normals(
-    ask: Ask, positions: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
-) -> Float[Tensor, "n 3"]:
-    normals = ask(positions, directions, True).normals
-    assert normals is not None
-    return -normals

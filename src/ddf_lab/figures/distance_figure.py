@@ -4,7 +4,6 @@ Exact values of the two spheres and of the room are closed forms; those of the m
 Lengths are those of a shape whose longest side is 2.
 """
 
-import functools
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -139,9 +138,6 @@ def _ways(field: ShapeField, nearest: Nearest, cloud: checked_cloud.CheckedCloud
     return {
         "along the true v*": truly,
         "cloud": lambda positions: Found(*cloud.distances(positions), 0, cost),
-        "search, 32 + 4": _asked(
-            field, functools.partial(udf.search, closest_candidates.asked(field.field)), 32 + 2 * 4
-        ),
     }
 
 

@@ -32,49 +32,14 @@ def _points(count, seed=0):
 SPHERE = primitives.Sphere(radius=0.6)
 
 
-def test_search_finds_the_distance_to_a_sphere_and_the_way_to_it():
-    positions = _points(400)
-    found = udf.search(_ask(SPHERE), positions, 128, 16)
-    distance = (positions.norm(dim=-1) - 0.6).abs()
-    assert (found.distances - distance).abs().quantile(0.95) < 2e-3
-    towards = torch.nn.functional.normalize(positions, dim=-1) * (0.6 - positions.norm(dim=-1)).sign()[:, None]
-    far = distance > 0.05
-    angle = torch.rad2deg(torch.acos((found.directions * towards).sum(-1).clamp(-1, 1)))
-    assert angle[far].median() < 1.0
-
-
-def test_search_gets_better_with_steps_and_never_worse():
-    positions, previous = _points(200), None
-    for steps in (0, 1, 2, 4):
-        found = udf.search(_ask(SPHERE), positions, 16, steps).distances
-        if previous is not None:
-            assert (found <= previous + 1e-12).all()
-            seen = found.isfinite()
-            assert found[seen].mean() < previous[seen].mean()
-        previous = found
-
-
-def test_search_sees_the_medial_plane_of_two_spheres():
-    left = primitives.Sphere((-0.5, 0.0, 0.0), 0.3)
-    right = primitives.Sphere((0.5, 0.0, 0.0), 0.3)
-    ask = _ask(primitives.Union((left, right)))
-    near = torch.tensor([[-0.01, 0.1, 0.0], [0.01, 0.1, 0.0]], dtype=torch.float64)
-    found = udf.search(ask, near, 256, 6)
-    assert found.directions[0, 0] < -0.9 and found.directions[1, 0] > 0.9  # v* jumps across the plane x = 0
-    expected = torch.hypot(torch.tensor(0.49), torch.tensor(0.1)) - 0.3
-    assert_close(found.distances, expected.expand(2), rtol=1e-2)
-
-
 def test_nothing_seen_is_infinitely_far_and_has_no_direction():
     def blind(positions, directions, normals):
         zero = positions.new_zeros(positions.shape[:-1])
         return udf.Answer(zero, zero, torch.zeros_like(positions) if normals else None)
 
     candidates = udf.CandidateNetwork().double()(_points(5))
-    assert udf.search(blind, _points(0), 8, 2).distances.shape == (0,)
-    for found in (udf.search(blind, _points(5), 8, 2), udf.from_candidates(blind, _points(5), candidates)):
-        assert found.distances.isinf().all()
-        assert (found.directions == 0).all()
+    found = udf.from_candidates(blind, _points(5), candidates)
+    assert found.distances.isinf().all() and (found.directions == 0).all()
 
 
 def test_candidate_network_has_the_papers_size_and_unit_outputs():
