@@ -1,7 +1,7 @@
 """Unsigned distances and the direction v* of the closest point, from a directed distance field. [DDF22] §4.2, app. D.
 
 UDF(p) = min over visible v of d(p, v), and v*(p) is where that is reached; ∇UDF = -v*^T wherever v* is unique, that is
-neither on the surface nor on its medial surface. The paper's g_v (`CandidateNetwork`) is a small sine network that gives
+neither on the surface nor on its medial surface. The paper's g_v (`CandidateNetwork`), a small sine network, gives
 K_c candidates, trained once per field by `loss`.
 
 A field is asked through an `Ask`, so closed forms, plain and conditional fields and scenes all serve. Letters: n

@@ -12,12 +12,11 @@ the mean absolute difference of their colours in [0, 1].
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 from torchvision.transforms import functional as transforms
@@ -81,40 +80,6 @@ def in_order(kids: Mapping[str, float]) -> bool:
     chains = (("blur", BLURS), ("noise", NOISES))
     values = [[kids["ceiling"], *(kids[f"{name} {spread:g}"] for spread in spreads)] for name, spreads in chains]
     return all(first < second for chain in values for first, second in itertools.pairwise(chain))
-
-
-def inception_fid(
-    images: Float[Tensor, "n 3 h w"], real: Float[Tensor, "m 3 h w"], weights: Path | None
-) -> float | None:
-    """The FID itself, of images in [-1, 1]; None where there are no weights of Inception.
-
-    Raises:
-      FileNotFoundError: there is no such file.
-    """
-    if weights is None:
-        return None
-    if not weights.is_file():
-        raise FileNotFoundError(f"{weights}: no such file; scores.inception_weights: null leaves FID out")
-    import torch_fidelity
-
-    inputs = {"input1": _Bytes(images), "input2": _Bytes(real), "feature_extractor_weights_path": str(weights)}
-    found = torch_fidelity.calculate_metrics(
-        **inputs, fid=True, cuda=torch.cuda.is_available(), cache=False, verbose=False
-    )
-    return float(found["frechet_inception_distance"])
-
-
-class _Bytes(torch.utils.data.Dataset):
-    """Images as bytes, as torch-fidelity takes them."""
-
-    def __init__(self, images: Float[Tensor, "n 3 h w"]) -> None:
-        self._images = ((images + 1) * 127.5).round().clamp(0, 255).to(torch.uint8)
-
-    def __len__(self) -> int:
-        return len(self._images)
-
-    def __getitem__(self, index: int) -> UInt8[Tensor, "3 h w"]:
-        return self._images[index]
 
 
 def table(

@@ -4,7 +4,6 @@ Defaults are those of [DDF22] §4.4 and app. genmodel; what these leave open is 
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from ddf.core import checks, schema
 from ddf.core.schema import fixed, setting
@@ -103,9 +102,6 @@ class ScoresConfig(schema.Checked):
     features: FeaturesConfig = setting(FeaturesConfig(), "the image network that images are compared by")
     images: int = setting(10_000, "of each model", least=2)
     subsets: int = setting(100, "of KID", least=2)
-    inception_weights: Path | None = setting(
-        None, "a file for torch-fidelity's Inception network; null: FID is not computed"
-    )
     auto_steps: int = setting(2000, "of latents that are optimised on each held-out shape", least=1)
     auto_learning_rate: float = fixed(0.03, above=0)
     cloud_points: int = setting(2466, "of every cloud", least=1)

@@ -137,7 +137,7 @@ def score_images(
     made: dict[str, Float[Tensor, "_ 3 h w"]],
     section: generative_settings.ScoresConfig,
 ) -> dict[str, Any]:
-    """KID and, with Inception's weights, FID, of models, bounds and spoiled images.
+    """KID of models, bounds and spoiled images.
 
     Real images are split by shape: one half is what all are compared with, the other the ceiling.
     """
@@ -149,8 +149,7 @@ def score_images(
     features = {name: network.features(values) for name, values in {**sets, **spoiled}.items()}
     subsets = image_scores.Subsets(section.subsets, section.subset_size, section.seed)
     found = image_scores.table(features, network.features(real), subsets)
-    fid = {name: image_scores.inception_fid(values, real, section.inception_weights) for name, values in sets.items()}
-    return {**found, "fid": fid, "real": len(real), "spoiled": list(spoiled)}
+    return {**found, "real": len(real), "spoiled": list(spoiled)}
 
 
 def consistency(

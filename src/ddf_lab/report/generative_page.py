@@ -165,11 +165,10 @@ def _images(results: _Results) -> pages.Section:
     found, section = results.scores["images"], results.section
     rows = []
     for name, label in _IMAGES.items():
-        row, fid = found["rows"][name], found["fid"][name]
+        row = found["rows"][name]
         kid = f"{1000 * row['kid']:.1f} ± {1000 * row['kid_spread']:.1f}" if found["in_order"] else "not used"
-        own = "not computed (no Inception weights)" if fid is None else f"{fid:.1f}"
-        rows.append([label, kid, own, PAPER_FID.get(name, "–")])
-    header = ["", "measured KID ↓", "measured FID ↓", "paper, ShapeNet FID ↓"]
+        rows.append([label, kid, PAPER_FID.get(name, "–")])
+    header = ["", "measured KID ↓", "paper, ShapeNet FID ↓"]
     shapes = results.scores["shapes"]["learned"] + results.scores["shapes"]["held_out"]
     caption = (
         f"KID x 1000 against {found['real']} real images. Features: a ResNet-20 of width {section.features.width}, "

@@ -31,7 +31,6 @@ def _scores(in_order, told_apart):
         "images": {
             "rows": {name: {"kid": kid, "kid_spread": 0.001} for name, kid in kids.items()},
             "in_order": in_order,
-            "fid": dict.fromkeys(kids),
             "real": 20,
             "spoiled": list(_KIDS)[1:],
         },
