@@ -52,11 +52,13 @@ def require_finite(name: str, values: Any) -> None:
         raise InputError(f"{name} must be finite; got {array[index]} at index {index} ({len(bad)} such values)")
 
 
-def require_unit(name: str, directions: Any, tolerance: float = UNIT_LENGTH_TOLERANCE) -> None:
-    """Raise unless every vector along the last axis has length 1 within `tolerance`."""
+def require_unit(name: str, directions: Any) -> None:
+    """Raise unless every vector along the last axis has length 1 within `UNIT_LENGTH_TOLERANCE`."""
     require_vectors(name, directions)
     lengths = np.linalg.norm(arrays.to_numpy(directions).astype(np.float64), axis=-1)
-    bad = np.argwhere(~(np.abs(lengths - 1.0) <= tolerance))
+    bad = np.argwhere(~(np.abs(lengths - 1.0) <= UNIT_LENGTH_TOLERANCE))
     if len(bad):
         index = tuple(int(i) for i in bad[0])
-        raise InputError(f"{name} must be unit length (tol {tolerance:g}); got {lengths[index]:.6g} at index {index}")
+        raise InputError(
+            f"{name} must be unit length (tol {UNIT_LENGTH_TOLERANCE:g}); got {lengths[index]:.6g} at index {index}"
+        )

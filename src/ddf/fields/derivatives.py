@@ -76,18 +76,16 @@ def adjoint(
     network: siren.SineNetwork,
     slopes: Sequence[Float[Tensor, "*shapes n _"]],
     cotangents: Float[Tensor, "*shapes n out"],
-    columns: slice = POSITION,
-) -> Float[Tensor, "*shapes n columns"]:
+) -> Float[Tensor, "*shapes n 3"]:
     """∇_p (g · y), g = `cotangents` over the first outputs: one-hot rows pick one output per point.
 
     Args:
       cotangents: over the head's first rows, as many as its last axis has.
-      columns: of the inputs, by default p.
     """
     gradient = cotangents @ network.head.weight[: cotangents.shape[-1]]
     for layer, slope in zip(reversed(network.layers[1:]), reversed(slopes[1:]), strict=True):
         gradient = (gradient * slope) @ layer.weight
-    return (gradient * slopes[0]) @ network.layers[0].weight[:, columns]
+    return (gradient * slopes[0]) @ network.layers[0].weight[:, POSITION]
 
 
 def normals(

@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from ddf.fields import siren
 
 SMALL_MEAN = 0.05  # a mean direction shorter than this has cancelled (a point between two sheets)
+TEMPERATURE, INVERSE_DEPTH = 0.05, 0.05  # η_T and ε_s
 SEEN = 0.5  # visibility from which on a depth counts
 NUM_CANDIDATES = 5  # K_c. Source: [DDF22] app. D
 PAPER_LAYOUT = siren.SineLayout((128,) * 5)  # of g_v. Source: [DDF22] app. D
@@ -110,22 +111,13 @@ def from_candidates(
     ask: Ask,
     positions: Float[Tensor, "n 3"],
     candidates: Float[Tensor, "n k 3"],
-    temperature: float = 0.05,
-    inverse_depth: float = 0.05,
-    soft_value: bool = False,
 ) -> Closest:
     """Distances and v* from candidates, by weights softmax(ξ_i / (η_T (ε_s + d_i))); one query a candidate.
 
-    Args:
-      soft_value: the distance is Σ w_i d_i, the paper's, which is too large (by .09 at η_T = 1); else the least depth
-        that is seen (derived here). The direction is the weighted mean in both cases.
+    The distance is the least depth that is seen (derived here). The paper's, Σ w_i d_i, is too large.
     """
     answer = ask(positions.unsqueeze(-2).expand_as(candidates), candidates, False)
-    directions = closest_directions(candidates, answer.visibility, answer.depth, temperature, inverse_depth)
+    directions = closest_directions(candidates, answer.visibility, answer.depth, TEMPERATURE, INVERSE_DEPTH)
     seen = answer.visibility >= SEEN
-    if soft_value:
-        weights = torch.softmax(answer.visibility / (temperature * (inverse_depth + answer.depth)), dim=-1)
-        distances = torch.where(seen.any(-1), (weights * answer.depth).sum(-1), torch.inf)
-    else:
-        distances = answer.depth.masked_fill(~seen, torch.inf).amin(-1)
+    distances = answer.depth.masked_fill(~seen, torch.inf).amin(-1)
     return Closest(distances, torch.where(seen.any(-1, keepdim=True), directions, 0.0))

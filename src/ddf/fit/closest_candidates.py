@@ -21,7 +21,7 @@ from ddf.training import training_loop
 class CandidateConfig:
     """How g_v is trained; the defaults are the paper's, but for the loop's bookkeeping.
 
-    points: of a step. spread: τ_n. alignment: τ_d. omega_first: bandwidth of g_v in p; the paper gives none.
+    points: of a step. omega_first: bandwidth of g_v in p; the paper gives none.
     """
 
     loop: loop_config.LoopConfig
@@ -29,28 +29,23 @@ class CandidateConfig:
     points: int = 4096
     hidden: tuple[int, ...] = udf.PAPER_LAYOUT.hidden
     omega_first: float = 1.0
-    num_candidates: int = udf.NUM_CANDIDATES
-    spread: float = 5e-3
-    alignment: float = 0.1
 
     def __post_init__(self) -> None:
-        if min(self.steps, self.points, self.num_candidates) < 1:
-            raise checks.InputError(
-                f"steps, points and num_candidates must be >= 1; got {self.steps}, {self.points}, {self.num_candidates}"
-            )
+        if min(self.steps, self.points) < 1:
+            raise checks.InputError(f"steps and points must be >= 1; got {self.steps} and {self.points}")
 
     def network(self) -> udf.CandidateNetwork:
         """A fresh g_v."""
-        return udf.CandidateNetwork(siren.SineLayout(self.hidden, self.omega_first), self.num_candidates)
+        return udf.CandidateNetwork(siren.SineLayout(self.hidden, self.omega_first))
 
 
-def asked(field: pddf.PDDF, modulations: list[Tensor] | None = None) -> udf.Ask:
-    """A field, plain or conditional, as `udf` asks it: inside its box, field frame, differentiable."""
+def asked(field: pddf.PDDF) -> udf.Ask:
+    """A field as `udf` asks it: inside its box, field frame, differentiable."""
 
     def ask(positions: Float[Tensor, "*n 3"], directions: Float[Tensor, "*n 3"], normals: bool) -> udf.Answer:
         outputs = ("visibility", "depth", "normals") if normals else ("visibility", "depth")
         flat = positions.reshape(-1, 3), directions.reshape(-1, 3)
-        found = field_values.evaluate(field, *flat, outputs, modulations)
+        found = field_values.evaluate(field, *flat, outputs)
         where = positions.shape[:-1]
         return udf.Answer(**{name: value.reshape(*where, *value.shape[1:]) for name, value in found.items()})
 
@@ -70,7 +65,7 @@ def fit(shape: ShapeField, config: CandidateConfig, out_dir: Path) -> udf.Candid
         generator = torch.Generator().manual_seed(seeding.numbered(config.loop.seed, step))
         share = torch.rand((config.points, 3), generator=generator).to(weight)
         positions = lower + share * (upper - lower)
-        value = udf.loss(asked(field), positions, network(positions), config.spread, config.alignment)
+        value = udf.loss(asked(field), positions, network(positions))
         return value, {}
 
     facts = [config, shape.record]

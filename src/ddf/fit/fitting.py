@@ -144,7 +144,6 @@ def fit(
     source: Mapping[str, str] | None = None,
     without: str | None = None,
     *,
-    begin: shape_field.ShapeField | None = None,
     threads: int | None = None,
     force: bool = False,
 ) -> dict[str, Any]:
@@ -155,7 +154,6 @@ def fit(
     Args:
       source: name to checksum of the file that the mesh came from, for the record.
       without: a sample type that the field is not trained on; the held-out errors are of all six.
-      begin: a field of the same mesh and kind, from whose weights the fit goes on; in place of `config.start`.
       threads: in place of those of the config, without being another fit.
       force: replace the field of another mesh in the folder.
     Returns:
@@ -170,8 +168,7 @@ def fit(
         content = hashlib.sha256(raw.vertices.tobytes() + raw.faces.tobytes()).hexdigest()
         names = [item.name for item in dataclasses.fields(config) if item.name != "minutes"]  # more of them go on
         recipe = {name: getattr(config, name) for name in names}
-        given = [recipe, content, without, *([] if begin is None else [begin.record])]
-        identity = provenance.fingerprint(given, (), "ddf.fit.fitting")
+        identity = provenance.fingerprint([recipe, content, without], (), "ddf.fit.fitting")
         plan = plan_of(content, identity, out_dir, force)
         fingerprint = provenance.fingerprint([identity, config.steps])
         if sampled := plan.get("sampling_seconds"):
@@ -185,9 +182,7 @@ def fit(
         samples, packing_errors = shape_samples.draw_samples(mesh, config, drawn, "train", "samples")
         samples = samples if without is None else samples.without(without)
         field = pddf.PDDF(config.field).to(model_files.device())
-        if begin is not None:
-            field.load_state_dict(begin.field.state_dict())
-        elif config.start == "flat":
+        if config.start == "flat":
             start_flat(field, samples)
         trained = time.monotonic()
         sampling = plan.get("sampling_seconds") or trained - started

@@ -24,7 +24,6 @@ from ddf.models import reconstruction_settings
 
 NEAR = 0.5  # share of the starts at true surface points + JITTER N(0, I), where later cycles of clouds start
 JITTER = 0.2  # field units; the other starts are uniform in the cube
-TEMPERATURE, INVERSE_DEPTH = 0.05, 0.05  # η_T and ε_s, as in cloud drawing
 
 
 @torch.no_grad()
@@ -33,8 +32,6 @@ def propose(
     modulations: Sequence[Float[Tensor, "b 1 _"]],
     starts: Float[Tensor, "b n 3"],
     candidates: Float[Tensor, "b n k 3"],
-    temperature: float = TEMPERATURE,
-    inverse_depth: float = INVERSE_DEPTH,
 ) -> Float[Tensor, "b n 3"]:
     """v̂* of each start among its candidates, for the shape of each row. Costs b n k queries, values only.
 
@@ -53,8 +50,8 @@ def propose(
             candidates[part].flatten(0, 1),
             pddf.visibility(raw).reshape(-1, shape[2]),
             field.depth(raw).reshape(-1, shape[2]),
-            temperature,
-            inverse_depth,
+            udf.TEMPERATURE,
+            udf.INVERSE_DEPTH,
         )
         found.append(torch.nn.functional.normalize(direction, dim=-1).view_as(starts[part]))
     return torch.cat(found)
