@@ -2,7 +2,7 @@
 
 With a_l, h_l, m_l, ω_l as in `siren` and the slope c_l = m_l ω_l cos(ω_l a_l):
 
-  tangent   ȧ_l = W_l (c_{l-1} * ȧ_{l-1}), from a direction in input space
+  tangent   ȧ_l = W_l (c_{l-1} * ȧ_{l-1}), from a direction in input space; of *all* outputs for about one forward pass
   adjoint   g_{l-1} = (g_l * c_l) W_l, from a row of the head; the gradient of *one* output for about one forward pass
 
 Both are plain operators, so their own gradient in the parameters is ordinary first-order autograd, and they export to
@@ -131,6 +131,16 @@ def tangent_states(
     for layer, slope in zip(network.layers[1:], slopes[:-1], strict=True):
         states.append(nn.functional.linear(states[-1] * slope, layer.weight))
     return states
+
+
+def tangent(
+    network: siren.SineNetwork,
+    slopes: Sequence[Float[Tensor, "*shapes n _"]],
+    directions: Float[Tensor, "*shapes n 3"],
+    rows: slice = slice(None),
+) -> Float[Tensor, "*shapes n rows"]:
+    """∇_p y · t for the chosen rows of the head, all at once; t may have any length."""
+    return nn.functional.linear(tangent_states(network, slopes, directions)[-1] * slopes[-1], network.head.weight[rows])
 
 
 def hessian_form(

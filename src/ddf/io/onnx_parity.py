@@ -173,7 +173,7 @@ def hard_inputs(graph: Graph, generator: torch.Generator) -> dict[str, Tensor]:
     raw, cosine = values.raw, (values.normals * values.directions).sum(-1).abs()
     depth = values.field.depth(raw)
     starts = rays.surface_points(values.positions, values.directions, depth).clamp(-1, 1)
-    grazing, switching = cosine.argsort()[:HARD_OF_EACH], pddf.margin(raw).argsort()[:HARD_OF_EACH]
+    grazing, switching = cosine.argsort()[:HARD_OF_EACH], raw[:, pddf.WEIGHT_ROW].abs().argsort()[:HARD_OF_EACH]
     order = raw[:, pddf.VISIBILITY_ROW].argsort()
     chosen = torch.cat((grazing, switching, order[:HARD_OF_EACH], order[-HARD_OF_EACH:]))
     visible = order[-HARD_OF_EACH:]
