@@ -18,7 +18,7 @@ VAE = generative_settings.VAEConfig(
 NORMALS = generative_settings.NormalsConfig(4, (25.0, 30.0))
 GAN = generative_settings.GANConfig(NORMALS, 3, 2, 2, 16, "nearest", 4, 2, 10.0, 3, LOOP)
 FEATURES = generative_settings.FeaturesConfig(2, 4, 2, LOOP)
-SCORES = generative_settings.ScoresConfig(FEATURES, 8, 2, None, 6, 0.05, 40, 2, 3, 2)
+SCORES = generative_settings.ScoresConfig(FEATURES, 8, 2, 6, 0.05, 40, 2, 3, 2)
 
 
 def vae():
