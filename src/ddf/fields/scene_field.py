@@ -74,7 +74,8 @@ class SceneField:
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
         """Named outputs of the composite, scene frame and unit; a field is asked for the rays that meet its box."""
         met = [_meet(field, place, positions, directions) for field, place in self._members()]
-        answers, weights = compose(*(np.stack(values) for values in zip(*met, strict=True)), self.blend)
+        visibilities, depths = (np.stack(values) for values in zip(*met, strict=True))
+        answers, weights = compose(visibilities, depths, self.blend)
         others = [name for name in outputs if name not in answers]
         for weight, (field, place) in zip(weights, self._members() if others else (), strict=False):
             chosen = weight > _LEAST_WEIGHT
