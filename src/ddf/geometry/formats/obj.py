@@ -3,6 +3,7 @@
 Our own reader: libraries split vertices at texture seams, weld or reorder them, and shift indices after a bad line.
 """
 
+import itertools
 import re
 from array import array
 from collections.abc import Iterator
@@ -16,9 +17,8 @@ MAX_FACES = 8_000_000
 _LOST = re.compile(rb"[vVfF][^a-zA-Z]")  # v1, or v with a space that is not ASCII's
 _SURFACES = (b"surf", b"curv", b"curv2")
 _CONTINUED = re.compile(rb"\\[ \t\v\f]*\n")
-_INDENTED = re.compile(rb"^[ \t]+", re.MULTILINE)
-_BY_WORD = b"VFcC \t\v\f"  # lines that begin with one of these are read word by word, as those of `surf`
-_FEED, _SPACE, _SLASH = 10, 32, 47
+_ODD = re.compile(rb"^[ \t]*(?:v(?![ \t]|[nt][ \t])|f(?![ \t])|[VFcC\v\f]|su)", re.MULTILINE)  # read word by word
+_TAIL, _TAIL_ALONE = re.compile(rb"/\S*"), re.compile(rb"\s/")  # texture and normal of a corner
 _LARGEST = 1 << 40  # of an index
 
 
@@ -57,38 +57,27 @@ class _Reading:
 
     def at_once(self, blocks: text.Blocks, block: bytes) -> bool:
         """Read a block of plain lines; False, and nothing is read, if one of them is of another form or at fault."""
-        if _CONTINUED.search(block):
+        if _CONTINUED.search(block) or _ODD.search(block):
             return False
-        block = (_INDENTED.sub(b"", block) if b"\n " in block or b"\n\t" in block else block) + b"\n  "
-        octets = np.frombuffer(block, np.uint8).copy()
-        ends = np.flatnonzero(octets == _FEED)
-        begins = np.concatenate([[0], ends[:-1] + 1])
-        first, second, third = (octets[begins + i] for i in range(3))
-        blank, is_v = (second == _SPACE) | (second == ord("\t")), first == ord("v")
-        named = is_v & ((second == ord("n")) | (second == ord("t"))) & ((third == _SPACE) | (third == ord("\t")))
-        places, faces = is_v & blank, (first == ord("f")) & blank
-        odd = ((is_v | (first == ord("f"))) & ~(places | faces | named)) | np.isin(first, np.frombuffer(_BY_WORD, "u1"))
-        if (odd | ((first == ord("s")) & (second == ord("u")))).any():
+        lines = [line.lstrip() for line in block.split(b"\n")]
+        heads = np.array([line[:2] for line in lines])
+        is_place, is_face = (np.isin(heads, (letter + b" ", letter + b"\t")) for letter in (b"v", b"f"))
+        places, faces = (
+            b"\n".join(line[1:] for line in itertools.compress(lines, kept)) for kept in (is_place, is_face)
+        )
+        positions, corners = blocks.table(places), blocks.table(_TAIL.sub(b"", faces), whole=True)
+        if positions is None or corners is None or _TAIL_ALONE.search(faces):
             return False
-        lengths = np.diff(ends, prepend=-1)
-        octets[begins[places | faces]] = _SPACE
-        octets = octets[: ends[-1] + 1]
-        positions = blocks.table(octets[np.repeat(places, lengths)].tobytes())
-        own = octets[np.repeat(faces, lengths)]
-        if ((own[1:] == _SLASH) & (own[:-1] <= _SPACE)).any():
-            return False
-        corners = blocks.table(_without_tails(own), whole=True)
-        if positions is None or corners is None or (positions.counts[: places.sum()] < 3).any():
-            return False
-        before = (len(self.vertices) // 3 + np.cumsum(places))[faces]
-        counts = corners.counts[: len(before)]
+        before = (len(self.vertices) // 3 + np.cumsum(is_place))[is_face]
+        sizes, counts = positions.counts[: is_place.sum()], corners.counts[: len(before)]
         index = np.where(corners.values > 0, corners.values - 1, corners.values + np.repeat(before, counts))
-        if len(index) and ((corners.values == 0).any() or index.min() < 0 or corners.values.max() > _LARGEST):
+        if (sizes < 3).any() or (corners.values == 0).any():
             return False
-        starts = np.cumsum(positions.counts[: places.sum()]) - positions.counts[: places.sum()]
+        if len(index) and (index.min() < 0 or corners.values.max() > _LARGEST):
+            return False
+        starts = np.cumsum(sizes) - sizes
         self.vertices.frombytes(positions.values[starts[:, None] + np.arange(3)].tobytes())
-        fourth = starts[positions.counts[: len(starts)] == 4] + 3
-        self.weighted += int((positions.values[fourth] != 1.0).sum())
+        self.weighted += int((positions.values[starts[sizes == 4] + 3] != 1.0).sum())
         self.corners.frombytes(index.tobytes())
         self.counts.frombytes(counts.tobytes())
         return True
@@ -110,18 +99,6 @@ class _Reading:
                     raise checks.InputError(
                         f"line {number}: {text.shown(keyword)} is no statement, a vertex or face is lost"
                     )
-
-
-def _without_tails(octets: np.ndarray) -> bytes:
-    """Lines of faces without what follows a slash in each corner: texture and normal."""
-    slash = octets == _SLASH
-    if not slash.any():
-        return octets.tobytes()
-    events = np.flatnonzero(slash | (octets <= _SPACE))
-    tail = np.repeat(slash[events], np.diff(events, append=len(octets)))
-    octets = octets.copy()
-    octets[events[0] :][tail] = _SPACE
-    return octets.tobytes()
 
 
 def _statements(

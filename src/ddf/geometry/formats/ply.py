@@ -72,10 +72,10 @@ def parse(data: bytes) -> raw.Raw:
     """
     wanted = {"vertex": ("x", "y", "z"), "face": _LISTS, "tristrips": _LISTS}
     found = _read(data, wanted)
-    vertices = _positions(found)
-    sizes, corners = _list(found, "face")
+    vertices = positions(found)
+    sizes, corners = lists(found, "face")
     mesh = raw.of_polygons(vertices, sizes, corners)
-    strips, along = _list(found, "tristrips")
+    strips, along = lists(found, "tristrips")
     if len(strips) == 0:
         return mesh
     both = raw.of_polygons(vertices, np.full(0, 3), np.zeros(0, dtype=np.int64))
@@ -91,7 +91,7 @@ def points(data: bytes) -> Float[np.ndarray, "n 3"]:
     Raises:
       InputError: as `parse`; the file has no points, or one that is not finite.
     """
-    vertices = _positions(_read(data, {"vertex": ("x", "y", "z")}))
+    vertices = positions(_read(data, {"vertex": ("x", "y", "z")}))
     if len(vertices) == 0:
         raise checks.InputError("the cloud has no points")
     checks.require_finite("points", vertices)
@@ -103,7 +103,9 @@ def _read(data: bytes, wanted: Mapping[str, Sequence[str]]) -> _Found:
     told = header(data)
     _check_vertices(told)
     body = data[told.size :]
-    return _from_text(body, told, wanted) if told.form == "ascii" else _from_bytes(body, told, wanted)
+    if told.form == "ascii":
+        return from_text(text.Blocks(body, told.num_lines + 1), told.elements, wanted)
+    return _from_bytes(body, told, wanted)
 
 
 def _check_vertices(header: Header) -> None:
@@ -119,11 +121,12 @@ def _check_vertices(header: Header) -> None:
         raise checks.InputError(f"the vertices of a PLY file must have x, y and z; got {names or 'nothing'}")
 
 
-def _positions(found: _Found) -> Float[np.ndarray, "n 3"]:
+def positions(found: _Found) -> Float[np.ndarray, "n 3"]:
+    """x, y and z of the vertices."""
     return np.stack([raw.widened(np.asarray(found["vertex"][axis])) for axis in "xyz"], axis=1)
 
 
-def _list(found: _Found, element: str) -> tuple[np.ndarray, np.ndarray]:
+def lists(found: _Found, element: str) -> tuple[np.ndarray, np.ndarray]:
     """Lengths and values of the element's list of vertices; none where it has no such element."""
     nothing = np.zeros(0, dtype=np.int64)
     own = found.get(element)
@@ -235,18 +238,23 @@ def _shown(line: list[str]) -> str:
     return ascii(" ".join(line)[:80])
 
 
-def _from_text(body: bytes, told: Header, wanted: Mapping[str, Sequence[str]]) -> _Found:
-    """Rows of a text body: one a line, as many words as declared. Blank lines are passed over."""
-    blocks = text.Blocks(body, told.num_lines + 1)
+def from_text(
+    blocks: text.Blocks, elements: Sequence[Element], wanted: Mapping[str, Sequence[str]], spare: bool = False
+) -> _Found:
+    """Rows of a text body: one a line, as many words as declared. Blank lines are passed over.
+
+    Args:
+      spare: rows may have more words than declared.
+    """
     found: _Found = {}
-    for element in told.elements:
+    for element in elements:
         pieces: list[_Columns] = []
         read, count = 0, element.count if element.properties else 0
         while read < count:
             block = blocks.next(count - read)
             if block is None:
                 raise _cut_short(element, read)
-            columns, rows = _text_rows(blocks, block, element, wanted.get(element.name, ()), read)
+            columns, rows = _text_rows(blocks, block, element, wanted.get(element.name, ()), read, spare)
             pieces += [columns] if rows else []
             read += rows
         if element.name in wanted:
@@ -259,7 +267,7 @@ def _from_text(body: bytes, told: Header, wanted: Mapping[str, Sequence[str]]) -
 
 
 def _text_rows(
-    blocks: text.Blocks, block: text.Block, element: Element, names: Sequence[str], before: int
+    blocks: text.Blocks, block: text.Block, element: Element, names: Sequence[str], before: int, spare: bool
 ) -> tuple[_Columns, int]:
     """The rows of some lines, property after property, and how many there are; `before`: rows already read."""
     values, counts, bad = _words(blocks, block, all(p.kind[0] in "iu" for p in element.properties))
@@ -295,7 +303,7 @@ def _text_rows(
             own = taken(_runs(place, sizes), np.repeat(np.arange(len(words)), sizes), p.kind[0] in "iu")
             columns[p.name] = (sizes, own) if p.length else own
         place = place + sizes
-    if (place != ends).any():
+    if not spare and (place != ends).any():
         row = int(np.argmax(place != ends))
         declared = words[row] - (ends - place)[row]
         raise checks.InputError(

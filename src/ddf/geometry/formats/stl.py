@@ -14,14 +14,13 @@ from ddf.core import checks
 from ddf.geometry.formats import raw, text
 
 _HEADER, _ROW = 84, 50
-_SPACE = 32
 _OPEN = 1  # a facet without a vertex yet; then one more for each
-_FEW = 1 << 12  # bytes of facets for which arrays do not pay
-_FACET, _SOLID = (
-    re.compile(rb"^[ \t]*" + word, re.IGNORECASE | re.MULTILINE) for word in (rb"facet\b", rb"(?:end)?solid\b")
-)
+_BETWEEN = re.compile(
+    rb"(\A|endfacet\s*\n)(?:\s*(?:end)?solid\b(?![^\n]*facet)[^\n]*\n)+"
+)  # lines of `solid`, in small letters
 _CORNER = (b"vertex", b"", b"", b"")
 _WORDS = (b"facet", b"normal", b"", b"", b"", b"outer", b"loop", *(3 * _CORNER), b"endloop", b"endfacet")
+_NUMBERS = [i for i, word in enumerate(_WORDS) if not word][3:]  # places of the vertices' coordinates in a facet
 _TEXT = re.compile(rb"\s*solid\b[^\0]*?(?:facet|endsolid)(?![^\0]{0,4096}\0)", re.I)  # however long the name
 
 
@@ -33,7 +32,7 @@ def parse(data: bytes) -> raw.Raw:
     """
     claimed = struct.unpack("<I", data[80:84])[0] if len(data) >= _HEADER else -1
     room, rest = divmod(len(data) - _HEADER, _ROW)
-    if claimed == room and (claimed > 0 or rest == 0):
+    if 0 <= claimed == room and (claimed > 0 or rest == 0):
         return _binary(data, claimed)
     words = text.decoded(data)
     if _TEXT.match(words):
@@ -55,77 +54,46 @@ def _soup(vertices: np.ndarray) -> raw.Raw:
 
 
 def _ascii(data: bytes) -> raw.Raw:
-    blocks, reading = text.Blocks(data), _Reading()
+    blocks, reading, left, number = text.Blocks(data), _Reading(), b"", 1
     while block := blocks.next():
-        number = block.number
-        for begin, end, plain in _stretches(block.data.lower()):
-            part = block.data[begin:end]
-            if not (plain and reading.at_once(blocks, part)):
-                reading.by_word(blocks.lines(text.Block(number, part)))
-            number += part.count(b"\n")
+        found = left + block.data
+        last = found.lower().rfind(b"endfacet")  # what follows is read with the next block
+        end = found.find(b"\n", last) + 1 if last >= 0 else 0
+        whole, left = (found[:end], found[end:]) if end else (found, b"")
+        if not reading.at_once(whole):
+            reading.by_word(blocks.lines(text.Block(number, whole)))
+        number += whole.count(b"\n")
+    reading.by_word(blocks.lines(text.Block(number, left)))
     if reading.in_facet or not reading.ended:
-        whole, last = len(reading.vertices) // 9, reading.number
+        whole, last = len(reading.vertices) // 9, blocks.data.rstrip().count(b"\n") + 1
         raise checks.InputError(f"cut short: {whole} whole triangles, then the file ends at line {last}")
     return _soup(np.asarray(reading.vertices, dtype=np.float64).reshape(-1, 3))
-
-
-def _stretches(data: bytes) -> Iterator[tuple[int, int, bool]]:
-    """Places in a block in small letters: whole facets to read at once (True), and lines between them by word (False).
-
-    A facet that is split between two blocks is read by word, as are few facets between two lines of `solid`.
-    """
-    place = 0
-    while place < len(data):
-        first = _FACET.search(data, place)
-        solid = _SOLID.search(data, first.start() if first else place)
-        stop = solid.start() if solid else len(data)
-        last = data.rfind(b"endfacet", first.start(), stop) if first else -1
-        end = data.find(b"\n", last) + 1 if last >= 0 else 0
-        if not first or end - first.start() < _FEW:
-            after = data.find(b"\n", stop) + 1 or len(data)
-            yield place, after, False
-            place = after
-            continue
-        if first.start() > place:
-            yield place, first.start(), False
-        yield first.start(), end, True
-        place = end
 
 
 class _Reading:
     """What was read so far: coordinates, vertices of the facet that is open (and one), whether a solid has ended."""
 
     def __init__(self) -> None:
-        self.vertices, self.in_facet, self.number, self.ended = array("d"), 0, 0, False
+        self.vertices, self.in_facet, self.ended = array("d"), 0, False
 
-    def at_once(self, blocks: text.Blocks, data: bytes) -> bool:
+    def at_once(self, data: bytes) -> bool:
         """Read whole facets of usual words; False, and nothing is read, if anything else is among them."""
-        octets = np.frombuffer(data.lower(), np.uint8).copy()
-        is_word = octets > _SPACE
-        edges = np.flatnonzero(np.diff(is_word.view(np.int8), prepend=0, append=0))
-        begins, lengths = edges[::2], edges[1::2] - edges[::2]
-        if self.in_facet or len(begins) % len(_WORDS):
+        words = _BETWEEN.sub(rb"\1", data.lower()).split()
+        facets, rest = divmod(len(words), len(_WORDS))
+        if self.in_facet or rest or b"_" in b"".join(words):
             return False
-        for i, word in enumerate(_WORDS):
-            if not word:
-                continue
-            own = begins[i :: len(_WORDS)]
-            if (lengths[i :: len(_WORDS)] != len(word)).any():
-                return False
-            for j, letter in enumerate(word):
-                if (octets[own + j] != letter).any():
-                    return False
-                octets[own + j] = _SPACE
-        table = blocks.table(octets.tobytes())
-        if table is None or len(table.values) != 12 * (len(begins) // len(_WORDS)):
+        if any(word and words[i :: len(_WORDS)] != [word] * facets for i, word in enumerate(_WORDS)):
             return False
-        self.vertices.frombytes(table.values.reshape(-1, 12)[:, 3:].tobytes())
+        try:
+            corners = np.array([list(map(float, words[i :: len(_WORDS)])) for i in _NUMBERS])
+        except ValueError:
+            return False
+        self.vertices.frombytes(corners.T.tobytes())
         self.ended = False
         return True
 
     def by_word(self, lines: Iterator[tuple[int, bytes]]) -> None:
         for number, line in lines:
-            self.number = number
             words = line.lower().split()
             if words[:1] in ([b"solid"], [b"endsolid"]):
                 if self.in_facet:

@@ -88,10 +88,10 @@ def _triangles_off(extra):
 
 _SOLID = GOOD["solid.stl"]
 REFUSED = {
-    "extra.off": (_triangles_off("3 0 1 2\n"), "1 rows follow"),
+    "extra.off": (_triangles_off("3 0 1 2\n"), "line 7: rows follow"),
     "binary.off": (b"OFF BINARY\n" + bytes(40) + b"x", "zero byte|binary OFF"),
     "four.off": (b"4OFF\n" + OFF.encode(), "four or n"),
-    "short_face.off": (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n", "line 6: a face of 3 corners"),
+    "short_face.off": (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n", "line 6: the row of face 0 is too short"),
     "index.off": (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", "uses vertex 8"),
     "fake_utf16.obj": (b"\xff\xfe" + OBJ.encode() + b"x", "UTF-16"),
     "zero.obj": (OBJ.encode() + b"\0\0\0", "zero byte"),
@@ -102,6 +102,7 @@ REFUSED = {
     "huge.obj": (OBJ.replace("v 1 ", "v 1e200 ", 1).encode(), "must be at most 1e\\+100"),
     "infinite.obj": (OBJ.replace("v 1 ", "v inf ", 1).encode(), "finite"),
     "count.stl": (_SOLID[:80] + struct.pack("<I", 6) + _SOLID[84:], "claims 6.*room for 12"),
+    "header.stl": (34 * b"x", "shorter than its header"),
     "cut.stl": (_SOLID[:-60], "claims 12.*room for 10"),
     "cut_text.stl": (STL.split("endsolid")[0].encode(), "cut short: 12 whole"),
     "corners.stl": (STL.replace(" endloop", "  vertex 0 0 0\n endloop", 1).encode(), "three vertices; got 4"),
