@@ -11,6 +11,7 @@ What this cannot tell apart are sheets nearer to each other than 1e-7 of the mes
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy import sparse
 
 from ddf.core.arrays import Array
 from ddf.geometry import raycast, rays
@@ -49,16 +50,19 @@ def first_hits(
     unsure |= (face[meets] >= 0) & ~np.isfinite(depth[meets])
     asked = meets[unsure]
     depth[asked], face[asked] = np.inf, -1
-    neighbours = _Neighbours(scene) if len(asked) else None
+    corners = _corners(scene) if len(asked) else None
     for start in range(0, len(asked), 1 << 14):
         rows = slice(start, start + (1 << 14))
         own, near = asked[rows], local[unsure][rows]
         bundle = [near.astype(np.float32), *(ray for how in _BUNDLE for ray in _bundle(near, *how))]
-        assert neighbours is not None
-        ray, triangle = neighbours.joined(*scene.met_by(np.concatenate(bundle), len(near)))
+        assert corners is not None
+        met = scene.met_by(np.concatenate(bundle), len(near))
+        shape = (len(near), corners.shape[0])
+        beside = sparse.csr_matrix((np.ones(len(met[0]), np.int64), met), shape) @ corners @ corners.T
+        ray, triangle = beside.nonzero()  # what it meets, and what shares a corner with that
         parts = [slice(first, first + _PAIRS) for first in range(0, max(len(ray), 1), _PAIRS)]
         pairs = ((own[ray[part]], scene.mesh.triangles[triangle[part]]) for part in parts)
-        t = np.concatenate([raycast.meet(positions[row], directions[row], corners) for row, corners in pairs])
+        t = np.concatenate([raycast.meet(positions[row], directions[row], triangles) for row, triangles in pairs])
         order = np.lexsort((triangle, t, ray))
         order = order[np.isfinite(t[order])]
         first = order[np.flatnonzero(np.diff(ray[order], prepend=-1))]  # the nearest triangle of each ray
@@ -80,29 +84,10 @@ def _bundle(local: Float[np.ndarray, "n 6"], radius: float, count: int) -> "list
     return found
 
 
-class _Neighbours:
-    """Which triangles share a corner, by its place: files repeat corners."""
-
-    def __init__(self, scene: raycast.Scene) -> None:
-        faces = scene.mesh.faces[scene.kept]
-        _, place = np.unique(scene.mesh.vertices + 0.0, axis=0, return_inverse=True)
-        self._corners = np.full((len(scene.mesh.faces), 3), -1)
-        self._corners[scene.kept] = place.reshape(-1)[faces]
-        flat = self._corners[scene.kept].reshape(-1)
-        order = np.argsort(flat, kind="stable")
-        self._around = np.repeat(scene.kept, 3)[order]
-        self._first = np.searchsorted(flat[order], np.arange(len(scene.mesh.vertices) + 1))
-        self._count = len(scene.mesh.faces)
-
-    def joined(
-        self, ray: Int[np.ndarray, "k"], triangle: Int[np.ndarray, "k"]
-    ) -> tuple[Int[np.ndarray, "m"], Int[np.ndarray, "m"]]:
-        """The pairs, with every triangle that shares a corner with one of the ray's; each pair once."""
-        ray, place = np.repeat(ray, 3), self._corners[triangle].reshape(-1)
-        pairs = np.unique(ray * (len(self._first) - 1) + place)
-        ray, place = np.divmod(pairs, len(self._first) - 1)
-        length = self._first[place + 1] - self._first[place]
-        ends = np.cumsum(length)
-        inner = np.arange(int(ends[-1]) if len(ends) else 0) - np.repeat(ends - length, length)
-        found = self._around[np.repeat(self._first[place], length) + inner]
-        return np.divmod(np.unique(np.repeat(ray, length) * self._count + found), self._count)
+def _corners(scene: raycast.Scene) -> sparse.csr_matrix:
+    """Which triangle (row) has which corner (column), by its place: files repeat corners."""
+    faces = scene.mesh.faces[scene.kept]
+    _, place = np.unique(scene.mesh.vertices + 0.0, axis=0, return_inverse=True)
+    shape = (len(scene.mesh.faces), len(scene.mesh.vertices))
+    pairs = np.repeat(scene.kept, 3), place.reshape(-1)[faces].reshape(-1)
+    return sparse.csr_matrix((np.ones(faces.size, np.int64), pairs), shape)

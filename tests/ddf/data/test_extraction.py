@@ -104,10 +104,9 @@ def test_at_surface_samples_see_the_surface_no_further_than_their_origin():
 @pytest.mark.parametrize("box", [draws.CUBE, TIGHT], ids=["cube", "tight"])
 @pytest.mark.parametrize("kind", ["A", "T", "O"])
 def test_a_tenth_lies_on_the_boundary_and_all_in_the_box(kind, box):
-    config = extraction.SamplesConfig()
     sphere = moved(icosphere(3), np.array([1.0, 0.4, 0.7]), (0, 0, 0))
     box = box if box is draws.CUBE else draws.Box(*sphere.box())
-    drawn = extraction.draw(kind, _surface(sphere), box, config, 5000, _random())
+    drawn = sample_types.DRAWS[kind](draws.Domain(_surface(sphere), box, 0.02, True), 5000, _random())
     on_wall = ((drawn.positions == box.lower) | (drawn.positions == box.upper)).any(axis=1)
     assert abs(on_wall.sum() - 500) <= 5  # in a tight box an origin can touch a wall by itself
     assert (drawn.positions >= box.lower).all() and (drawn.positions <= box.upper).all()
@@ -116,8 +115,8 @@ def test_a_tenth_lies_on_the_boundary_and_all_in_the_box(kind, box):
 
 def _offsets(kind: str, offsets: Literal["fixed", "uniform"]) -> np.ndarray:
     """How far outside the ball the lines of the samples pass it."""
-    config = extraction.SamplesConfig(epsilon_o=0.05, offsets=offsets)
-    drawn = extraction.draw(kind, _surface(BALL), draws.CUBE, config, 4000, _random())
+    domain = draws.Domain(_surface(BALL), draws.CUBE, 0.05, offsets == "uniform")
+    drawn = sample_types.DRAWS[kind](domain, 4000, _random())
     foot = drawn.positions - (drawn.positions * drawn.directions).sum(1, keepdims=True) * drawn.directions
     return np.linalg.norm(foot, axis=1) - 0.8
 
@@ -133,7 +132,7 @@ def test_tangent_lines_touch_and_offset_lines_keep_their_distance_or_fill_the_in
 
 def test_offset_samples_of_a_flat_shape_stay_in_its_tight_box():
     square = mesh_io.Mesh(2 * sheet(2).vertices - [1, 1, 0], sheet(2).faces)
-    drawn = extraction.draw("O", _surface(square), draws.Box(*square.box()), CONFIG, 500, _random())
+    drawn = draws.draw_offset(draws.Domain(_surface(square), draws.Box(*square.box()), 0.02), 500, _random())
     assert (drawn.positions[:, 2] == 0).all() and np.abs(drawn.positions).max() <= 1
 
 

@@ -17,8 +17,7 @@ Choices where the paper is silent:
 - Hits from behind count. Triangles without an area get no samples.
 """
 
-import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -65,19 +64,6 @@ class SamplesConfig(schema.Checked):
         object.__setattr__(self, "counts", sample_types.stored("counts", self.counts))
 
 
-def draw(
-    kind: str,
-    surface: Surface,
-    box: draws.Box,
-    config: SamplesConfig,
-    count: int,
-    rng: np.random.Generator,
-) -> draws.Draw:
-    """`count` oriented points of one type, not yet rounded."""
-    domain = draws.Domain(surface, box, config.epsilon_o, config.offsets == "uniform")
-    return sample_types.DRAWS[kind](domain, count, rng)
-
-
 @dataclass(frozen=True)
 class Probes:
     """Some samples of one or more shapes whose errors are measured (`packing_errors`).
@@ -99,99 +85,36 @@ def extract(
     Args:
       mesh: in the field frame (inside [-1, 1]^3).
       names: what tells this shape's random stream from others (category, id).
-      describe: title of a progress bar, under which types are cast one after the other, not all at once; None for none.
+      describe: title of a progress bar; None for none.
     Returns:
       `<type>.positions`, `.directions`, `.depth`, `.normals` (see `packing`), and the first samples of each type.
     Raises:
       InputError: the mesh leaves the cube, or has no triangle with an area.
     """
-    counts = config.counts
-    streams = {kind: seeding.generator(config.seed, *names, kind) for kind in counts}
     scene = raycast.Scene(mesh)
-    sampler = Sampler(scene, config)
-    portions = [counts] if describe is None else [{kind: count} for kind, count in counts.items()]
+    domain, codes = domain_of(scene, config), _codes_of_sides(scene)
     arrays, probes, shown = {}, [], {"desc": describe, "disable": describe is None}
-    with tqdm.tqdm(total=sum(counts.values()), unit="ray", unit_scale=True, **shown) as progress:
-        for portion in portions:
-            answers = sampler.cast(portion, streams)
-            arrays |= answers.arrays()
-            probes.append(_probes(scene, answers))
-            progress.update(sum(portion.values()))
+    with tqdm.tqdm(total=sum(config.counts.values()), unit="ray", unit_scale=True, **shown) as progress:
+        for kind, count in config.counts.items():
+            drawn = sample_types.DRAWS[kind](domain, count, seeding.generator(config.seed, *names, kind))
+            packed, probe = _cast_and_pack(scene, drawn, codes)
+            arrays |= {f"{kind}.{field}": values for field, values in packed.items()}
+            probes.append(probe)
+            progress.update(count)
     return arrays, _together(probes)
 
 
-@dataclass(frozen=True)
-class Answers:
-    """What samples of several types became, one type after the other.
-
-    drawn: before rounding. packed: in stored form. depth: float32, `inf` on a miss. kept: see
-    `raycast.Scene.cast_kept`. looking: stored directions.
-    """
-
-    drawn: dict[str, draws.Draw]
-    packed: dict[str, np.ndarray]
-    depth: Float[np.ndarray, "n"]
-    kept: UInt[np.ndarray, "n"]
-    looking: Float[np.ndarray, "n 3"]
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """`<type>.<field>` in stored form."""
-        parts = parts_of(self.drawn).items()
-        return {f"{kind}.{field}": values[part] for kind, part in parts for field, values in self.packed.items()}
-
-
-@dataclass(frozen=True)
-class Rounded:
-    """Samples of several types as they are stored and cast, one type after the other; coordinates in whole rows.
-
-    drawn: before rounding. positions, directions: the whole numbers of their stored form. starts: where rays are cast
-    from, of S lifted off the surface. looking: decoded directions. ahead: of S, how far the start is along the ray.
-    """
-
-    drawn: dict[str, draws.Draw]
-    positions: Float[np.ndarray, "3 n"]
-    directions: tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]
-    starts: Float[np.ndarray, "3 n"]
-    looking: list[Float[np.ndarray, "n"]]
-    ahead: dict[str, Float[np.ndarray, "_"]]
-
-
-class Sampler:
-    """What samples of one mesh are drawn from and cast on, made once for as many draws as wanted.
+def domain_of(scene: raycast.Scene, config: SamplesConfig) -> draws.Domain:
+    """What the samples of a mesh are drawn from.
 
     Raises:
       InputError: the mesh leaves the cube, or has no triangle with an area.
     """
-
-    def __init__(self, scene: raycast.Scene, config: SamplesConfig) -> None:
-        mesh = scene.mesh
-        if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
-            raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
-        self.scene, self.config = scene, config
-        self._surface, self._box = surface_of(scene), box_of(mesh, config)
-
-    def cast(self, counts: Mapping[str, int], streams: Mapping[str, np.random.Generator]) -> Answers:
-        """So many samples of each type, each drawn from its own stream, rounded and cast."""
-        return _cast_and_pack(self.scene, self._rounded(counts, streams))
-
-    def _rounded(self, counts: Mapping[str, int], streams: Mapping[str, np.random.Generator]) -> Rounded:
-        """Samples in their stored form, one coordinate after the other: along an axis of three numpy is slow."""
-        drawn = {
-            kind: draw(kind, self._surface, self._box, self.config, count, streams[kind])
-            for kind, count in counts.items()
-        }
-        parts = parts_of(drawn)
-        positions = packing.position_steps(_joined(drawn, "positions"))
-        starts = packing.decode_positions(torch.from_numpy(positions.T)).numpy().T
-        directions = packing.unit_steps(list(_joined(drawn, "directions")), np.int16)
-        x, y = (torch.from_numpy(steps) for steps in directions)
-        looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
-        ahead = {
-            kind: _lift(self.scene.scale, drew, starts[:, parts[kind]], [axis[parts[kind]] for axis in looking])
-            for kind, drew in drawn.items()
-            if drew.starts_on
-        }
-        return Rounded(drawn, positions, directions, starts, looking, ahead)
+    mesh = scene.mesh
+    if np.abs(mesh.vertices).max(initial=0.0) > 1 + 1e-6 and np.abs(np.stack(mesh.box())).max() > 1 + 1e-6:
+        raise checks.InputError(f"the mesh must lie in [-1, 1]^3; got {mesh.box()[0]} to {mesh.box()[1]}")
+    uniform = config.offsets == "uniform"
+    return draws.Domain(surface_of(scene), box_of(mesh, config), config.epsilon_o, uniform)
 
 
 def box_of(mesh: Mesh, config: SamplesConfig) -> draws.Box:
@@ -218,50 +141,43 @@ def surface_of(scene: raycast.Scene) -> Surface:
     return Surface(corners, scene.normals.astype(np.float32), scene.areas)
 
 
-def parts_of(drawn: dict[str, draws.Draw]) -> dict[str, slice]:
-    """Where each type lies when all are put after another."""
-    ends = itertools.accumulate((len(drew.positions) for drew in drawn.values()), initial=0)
-    return {kind: slice(*pair) for kind, pair in zip(drawn, itertools.pairwise(ends), strict=True)}
+def _cast_and_pack(
+    scene: raycast.Scene, drawn: draws.Draw, codes: Int[np.ndarray, "sides 2"]
+) -> tuple[dict[str, np.ndarray], Probes]:
+    """Samples of one type rounded to their stored form and cast, and the first of them.
 
-
-def _cast_and_pack(scene: raycast.Scene, rays: Rounded) -> Answers:
-    """All types in one cast."""
-    parts, drawn = parts_of(rays.drawn), rays.drawn
-    local = np.zeros((rays.starts.shape[1], 6), np.float32)
+    Coordinates lie one after the other: along an axis of three numpy is slow.
+    """
+    positions = packing.position_steps(drawn.positions.T)
+    starts = packing.decode_positions(torch.from_numpy(positions.T)).numpy().T
+    directions = packing.unit_steps(list(drawn.directions.T), np.int16)
+    x, y = (torch.from_numpy(steps) for steps in directions)
+    looking = [axis.numpy() for axis in packing.unit_axes(x, y, np.iinfo(np.int16).max)]
+    ahead = _lift(scene.scale, drawn, starts, looking) if drawn.starts_on else None
+    local = np.zeros((len(drawn.positions), 6), np.float32)
     for axis, centre in enumerate(scene.centre.astype(np.float32)):
-        np.divide(rays.starts[axis] - centre, np.float32(scene.scale), out=local[:, axis])
-        local[:, 3 + axis] = rays.looking[axis]
+        np.divide(starts[axis] - centre, np.float32(scene.scale), out=local[:, axis])
+        local[:, 3 + axis] = looking[axis]
     depth, kept, normals = scene.cast_kept(local)
     depth *= np.float32(scene.scale)
-    for kind, lifted in rays.ahead.items():
-        depth[parts[kind]] = np.maximum(depth[parts[kind]] + lifted, 0)
-    codes = _normal_codes(scene, kept, normals, rays.looking)
-    for kind, drew in drawn.items():
-        if drew.normals is not None:
-            codes[parts[kind]] = packing.encode_unit(drew.normals, np.int8)
+    if ahead is not None:
+        depth = np.maximum(depth + ahead, 0)
     packed = {
-        "positions": packing.interleaved(list(rays.positions), np.int16),
-        "directions": packing.interleaved(rays.directions, np.int16),
+        "positions": packing.interleaved(list(positions), np.int16),
+        "directions": packing.interleaved(directions, np.int16),
         "depth": packing.encode_depth(depth),
-        "normals": codes,
+        "normals": _normal_codes(codes, kept, normals, looking)
+        if drawn.normals is None
+        else packing.encode_unit(drawn.normals, np.int8),
     }
-    return Answers(drawn, packed, depth, kept, local[:, 3:])
-
-
-def _probes(scene: raycast.Scene, answers: Answers) -> Probes:
-    """The first samples of each type."""
-    drawn, parts = answers.drawn, parts_of(answers.drawn)
-    probes = np.concatenate([np.arange(part.start, part.stop)[:_ERROR_PROBE] for part in parts.values()])
-    depth = answers.depth.take(probes)
-    face = np.where(np.isfinite(depth), scene.kept.take(answers.kept.take(probes), mode="clip"), -1)
-    normals = raycast.facing_back(scene, face, answers.looking[probes])
-    for kind, drew in drawn.items():
-        if drew.normals is not None:
-            own = (probes >= parts[kind].start) & (probes < parts[kind].stop)
-            normals[own] = drew.normals[:_ERROR_PROBE]
-    positions, directions = (_joined(drawn, name, _ERROR_PROBE).T for name in ("positions", "directions"))
-    first = draws.Draw(positions, directions)
-    return Probes(first, {name: values.take(probes, axis=0) for name, values in answers.packed.items()}, depth, normals)
+    first = slice(_ERROR_PROBE)
+    before = draws.Draw(drawn.positions[first], drawn.directions[first])
+    if drawn.normals is None:
+        face = np.where(np.isfinite(depth[first]), scene.kept.take(kept[first], mode="clip"), -1)
+        unrounded = raycast.facing_back(scene, face, local[first, 3:])
+    else:
+        unrounded = drawn.normals[first]
+    return packed, Probes(before, {name: values[first] for name, values in packed.items()}, depth[first], unrounded)
 
 
 def _together(probes: Sequence[Probes]) -> Probes:
@@ -272,11 +188,6 @@ def _together(probes: Sequence[Probes]) -> Probes:
     packed = {name: np.concatenate([probe.packed[name] for probe in probes]) for name in probes[0].packed}
     depth, normals = (np.concatenate([getattr(probe, name) for probe in probes]) for name in ("depth", "normals"))
     return Probes(draws.Draw(positions, directions), packed, depth, normals)
-
-
-def _joined(drawn: dict[str, draws.Draw], name: str, count: int | None = None) -> Float[np.ndarray, "3 n"]:
-    """Positions or directions of all types, of each the first `count`, one coordinate after the other."""
-    return np.concatenate([getattr(drew, name)[:count].T for drew in drawn.values()], axis=1)
 
 
 def _lift(
@@ -295,24 +206,24 @@ def _lift(
     return ahead
 
 
-def side_codes(normals: Float[np.ndarray, "m 3"]) -> Int[np.ndarray, "2 m 2"]:
-    """Unit normals of triangles in stored form, and those of their other sides."""
-    sides = normals.T.astype(np.float32)
-    return packing.encode_unit(np.concatenate([sides, -sides], axis=1).T, np.int8).reshape(2, -1, 2)
+def _codes_of_sides(scene: raycast.Scene) -> Int[np.ndarray, "sides 2"]:
+    """Normals in stored form of the triangles that rays meet, then of their other sides, then of a miss: 0."""
+    sides = scene.normals[scene.kept].T.astype(np.float32)
+    codes = packing.encode_unit(np.concatenate([sides, -sides], axis=1).T, np.int8)
+    return np.concatenate([codes, np.zeros((1, 2), np.int8)])
 
 
 def _normal_codes(
-    scene: raycast.Scene,
+    codes: Int[np.ndarray, "sides 2"],
     kept: UInt[np.ndarray, "n"],
     normals: Float[np.ndarray, "n 3"],
     looking: list[np.ndarray],
 ) -> Int[np.ndarray, "n 2"]:
-    """Codes of `raycast.facing_back`, the axis (0, 0, 1) on a miss: each side of each triangle is coded once."""
-    codes = np.concatenate([side_codes(scene.normals[scene.kept]).reshape(-1, 2), np.zeros((1, 2), np.int8)])
+    """Codes of `raycast.facing_back`, the axis (0, 0, 1) on a miss."""
     slope = normals[:, 0] * looking[0]
     for axis in (1, 2):
         slope += normals[:, axis] * looking[axis]
-    which = kept + (slope > 0) * np.uint32(len(scene.kept))  # on a miss the slope is 0
+    which = kept + (slope > 0) * np.uint32(len(codes) // 2)  # on a miss the slope is 0
     return codes.view(np.int16)[:, 0].take(np.minimum(which, len(codes) - 1)).view(np.int8).reshape(-1, 2)
 
 
