@@ -230,6 +230,6 @@ def cloud(
         return far.abs().numpy(), (-far.sign()[:, None] * out).numpy()
 
     corner = np.full(3, 1.05 * rendering.CUBE_HALF)
-    points, _ = Surface.of(unsigned_surface.extract(ask, -corner, corner).mesh).draw(4 * count, rng)
+    points, _ = Surface.of(unsigned_surface.extract(ask, -corner, corner)).draw(4 * count, rng)
     points = points[cloud_projection.farthest_point_order(torch.from_numpy(points).float(), count).numpy()]
     return points - SKIN * outward(points)[1].numpy()

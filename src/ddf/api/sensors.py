@@ -52,8 +52,8 @@ def depth_camera(
     directions = scans.pixel_directions(
         height, width, sensors.default_intrinsics(height, width) if intrinsics is None else intrinsics
     )
-    sent = sensors.Sent(directions, _poses(scene, poses, sensors.CAMERA))
-    return _measure(scene, sent, sensors.Faults(noise, outliers, reach, seed))
+    sent = sensors.rays(directions, _poses(scene, poses, sensors.CAMERA))
+    return _measure(scene, *sent, sensors.Faults(noise, outliers, reach, seed))
 
 
 def lidar(
@@ -86,8 +86,8 @@ def lidar(
     checks.require_whole("beams", beams, 1)
     checks.require_whole("columns", columns, 1)
     directions = sensors.fan(beams, columns, tuple(elevation_deg), tuple(azimuth_deg))
-    sent = sensors.Sent(directions, _poses(scene, poses, sensors.LIDAR))
-    return _measure(scene, sent, sensors.Faults(noise, outliers, reach, seed))
+    sent = sensors.rays(directions, _poses(scene, poses, sensors.LIDAR))
+    return _measure(scene, *sent, sensors.Faults(noise, outliers, reach, seed))
 
 
 def _poses(scene: Any, poses: npt.ArrayLike | None, axes: Float[np.ndarray, "3 3"]) -> list[transforms.Similarity]:
@@ -97,8 +97,7 @@ def _poses(scene: Any, poses: npt.ArrayLike | None, axes: Float[np.ndarray, "3 3
     return queries.require_poses("a pose", poses)
 
 
-def _measure(scene: Any, sent: sensors.Sent, faults: sensors.Faults) -> sensors.Sweep:
-    positions, directions = sent.rays()
+def _measure(scene: Any, positions: np.ndarray, directions: np.ndarray, faults: sensors.Faults) -> sensors.Sweep:
     if isinstance(scene, queries.Queried):
         found = scene.query(positions, directions, ("depth", "normals"))
         depth, normals = found["depth"], found["normals"]

@@ -218,6 +218,11 @@ class ShapeEntry:
     test_views: tuple[int, ...]
     validation_views: tuple[int, ...] = ()
 
+    @property
+    def straddles(self) -> bool:
+        """Whether some of its views train and others test."""
+        return bool(self.train_views and self.test_views)
+
 
 @dataclass(frozen=True)
 class CategoryEntry:

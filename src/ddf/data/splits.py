@@ -8,7 +8,6 @@ all of them. On the listing of the 3D-R2N2 renders the lines equal the published
 import hashlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 from ddf.core import checks
 from ddf.data import shapenet
@@ -21,27 +20,13 @@ CLASS_ORDER = (
 BROKEN = frozenset({("02958343", "f9c1d7748c15499c6f2bd1c4e9adb41")})
 
 
-@dataclass(frozen=True)
-class ShapeViews:
-    """One shape's views on either side of the split."""
-
-    id: str
-    train_views: tuple[int, ...]
-    test_views: tuple[int, ...]
-
-    @property
-    def straddles(self) -> bool:
-        """Whether some of its views train and others test."""
-        return bool(self.train_views and self.test_views)
-
-
 def natural_key(name: str) -> tuple:
     """Sort key: runs of digits as integers, other characters one by one (digits first); ties by the plain string."""
     pieces = re.findall(r"[0-9]+|[^0-9]", name)
     return tuple((0, int(piece), "") if piece.isdecimal() else (1, 0, piece) for piece in pieces), name
 
 
-def split_class(synset: str, ids: Iterable[str], *, strict: bool = False) -> list[ShapeViews]:
+def split_class(synset: str, ids: Iterable[str], *, strict: bool = False) -> list[shapenet.ShapeEntry]:
     """The split of one class, in its order.
 
     Args:
@@ -62,18 +47,18 @@ def split_class(synset: str, ids: Iterable[str], *, strict: bool = False) -> lis
         cut = min(max(num_train - place * len(VIEWS), 0), len(VIEWS))
         if strict and cut:
             cut = len(VIEWS)
-        shapes.append(ShapeViews(name, VIEWS[:cut], VIEWS[cut:]))
+        shapes.append(shapenet.ShapeEntry(name, VIEWS[:cut], VIEWS[cut:]))
     return shapes
 
 
-def held_out(shapes: Sequence[ShapeViews], share: float) -> set[str]:
+def held_out(shapes: Sequence[shapenet.ShapeEntry], share: float) -> set[str]:
     """Ids of the last shapes of a class that train alone, as many as this share of them, rounded: for validation."""
     alone = [shape.id for shape in shapes if not shape.test_views]
     count = round(share * len(alone))
     return set(alone[len(alone) - count :])
 
 
-def split(listing: Mapping[str, Sequence[str]], *, strict: bool = False) -> dict[str, list[ShapeViews]]:
+def split(listing: Mapping[str, Sequence[str]], *, strict: bool = False) -> dict[str, list[shapenet.ShapeEntry]]:
     """The split of every class of a listing {synset: ids}, in Pixel2Mesh's class order, other classes after these."""
     for synset in listing:
         shapenet.check_name(synset, "the listing")
@@ -82,7 +67,7 @@ def split(listing: Mapping[str, Sequence[str]], *, strict: bool = False) -> dict
     return {synset: split_class(synset, listing[synset], strict=strict) for synset in [*known, *others]}
 
 
-def list_text(classes: Mapping[str, Sequence[ShapeViews]], part: str) -> str:
+def list_text(classes: Mapping[str, Sequence[shapenet.ShapeEntry]], part: str) -> str:
     """The lines of train_list.txt or test_list.txt (`part`: train or test), each ended by LF."""
     lines = [
         f"Data/ShapeNetP2M/{synset}/{shape.id}/rendering/{view:02d}.dat\n"

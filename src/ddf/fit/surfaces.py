@@ -113,4 +113,4 @@ def extract(
         return unsigned_surface.poisson(points[found], normals[found])
     lower, upper = cloud.hits.min(axis=0), cloud.hits.max(axis=0)
     margin = _MARGIN * float(np.max(upper - lower))
-    return unsigned_surface.extract(cloud.distances, lower - margin, upper + margin, resolution).mesh
+    return unsigned_surface.extract(cloud.distances, lower - margin, upper + margin, resolution)

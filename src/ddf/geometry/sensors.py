@@ -51,17 +51,12 @@ class Faults:
             )
 
 
-@dataclass(frozen=True)
-class Sent:
-    """Directions in the sensor's frame, and its poses in the scene."""
-
-    directions: Float[np.ndarray, "m 3"]
-    poses: Sequence[transforms.Similarity]
-
-    def rays(self) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-        """All rays of all poses, in the scene's frame."""
-        starts = np.repeat([pose.translation for pose in self.poses], len(self.directions), axis=0)
-        return starts, np.concatenate([pose.apply_directions(self.directions) for pose in self.poses])
+def rays(
+    directions: Float[np.ndarray, "m 3"], poses: Sequence[transforms.Similarity]
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """All rays of a sensor's directions, in its frame, from all its poses in the scene, in the scene's frame."""
+    starts = np.repeat([pose.translation for pose in poses], len(directions), axis=0)
+    return starts, np.concatenate([pose.apply_directions(directions) for pose in poses])
 
 
 def measured(

@@ -14,7 +14,6 @@ never looked into.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -29,18 +28,7 @@ _SLACK = 1.25  # both distances of an edge together, in cells: 1 for a plane acr
 _LEAST_DENSITY = 0.02  # quantile of the vertices' density below which they are cut off: the points do not support them
 
 
-@dataclass(frozen=True)
-class Extracted:
-    """The surface; queries: distances asked for; grid: what the whole grid would have been."""
-
-    mesh: Mesh
-    queries: int
-    grid: int
-
-
-def extract(
-    ask: Distances, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, "3"], resolution: int = 96
-) -> Extracted:
+def extract(ask: Distances, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, "3"], resolution: int = 96) -> Mesh:
     """The surface within a box.
 
     Args:
@@ -55,7 +43,7 @@ def extract(
     count = -(-count // BLOCK) * BLOCK
     origin = (lower + upper) / 2 - cell * count / 2
     blocks = BLOCK * np.stack(np.meshgrid(*map(np.arange, count // BLOCK), indexing="ij"), axis=-1).reshape(-1, 3)
-    asked, reach = len(blocks), (np.sqrt(3) * BLOCK / 2 + _SLACK) * cell
+    reach = (np.sqrt(3) * BLOCK / 2 + _SLACK) * cell
     blocks = blocks[ask(origin + cell * (blocks + BLOCK / 2))[0] <= reach]  # the surface may pass through or beside
     within = np.stack(np.meshgrid(*[np.arange(BLOCK + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     nodes = np.unique((blocks[:, None] + within).reshape(-1, 3), axis=0)
@@ -71,7 +59,7 @@ def extract(
     left, way = ask(vertices)
     near = left < cell
     vertices[near] += left[near, None] * way[near]
-    return Extracted(Mesh(vertices, faces), asked + len(nodes) + len(vertices), int(np.prod(count + 1)))
+    return Mesh(vertices, faces)
 
 
 def _crossings(

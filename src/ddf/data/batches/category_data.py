@@ -5,6 +5,7 @@ Memory does not grow with the number of shapes: samples and clouds stay in their
 time, and images are kept in a temporary file.
 """
 
+import abc
 import functools
 import hashlib
 import math
@@ -199,15 +200,18 @@ class JoinedClouds:
         return self.points[arrays.send(np.stack(rows)[part], self.points.device)]
 
 
-@dataclass(frozen=True)
-class SampleSet:
-    """Stored oriented-point samples of some shapes, as `packing` says.
+class SampleSource(abc.ABC):
+    """Gives the oriented points of a batch with their ground truth."""
 
-    shards: `shards[k]["U.positions"]` is (shapes, n, 3). places: shard and row in it of each shape.
-    """
+    device = torch.device("cpu")  # where the points are
 
-    shards: Numbered[Shard]
-    places: Sequence[tuple[int, int]]
+    @abc.abstractmethod
+    def stored_counts(self) -> Mapping[str, int]:
+        """How many samples of each type a shape has, the same for all."""
+
+    @abc.abstractmethod
+    def decoded(self, shapes: Int[np.ndarray, "b"], rows: Mapping[str, Int[np.ndarray, "b _"]]) -> packing.Samples:
+        """Of each shape the samples of these rows of each name of a batch, one name after the other."""
 
     def draw(
         self,
@@ -221,15 +225,47 @@ class SampleSet:
         Args:
           part: keep these of the shapes alone, with the samples that they have among all.
         """
-        unknown = without_truth(len(shapes), counts["E"], random, part)
-        tables = self.tables(shapes[part])
-        drawn = stored_rows(stored_counts(tables[0][0]), len(shapes), counts, random)
+        unknown, stored = _without_truth(len(shapes), counts["E"], random, part, self.device), self.stored_counts()
+        wanted = {name: counts[name] for name in sample_types.STORED if counts.get(name)}
+        drawn = {
+            name: random.integers(0, stored[sample_types.base(name)], (len(shapes), count))[part]
+            for name, count in wanted.items()
+        }
+        parts = [unknown, self.decoded(shapes[part], drawn)]
+        columns = {name: torch.cat([each[name] for each in parts], dim=1) for name in packing.Samples.__annotations__}
+        return sample_batch.SampleBatch(
+            positions=columns["positions"],
+            directions=columns["directions"],
+            visible=columns["visible"].float(),
+            depth=columns["depth"].masked_fill(~columns["visible"], 0.0),
+            normals=columns["normals"],
+            counts={"E": counts["E"], **wanted},
+        )
+
+
+@dataclass(frozen=True)
+class SampleSet(SampleSource):
+    """Stored oriented-point samples of some shapes, as `packing` says.
+
+    shards: `shards[k]["U.positions"]` is (shapes, n, 3). places: shard and row in it of each shape.
+    """
+
+    shards: Numbered[Shard]
+    places: Sequence[tuple[int, int]]
+
+    def stored_counts(self) -> dict[str, int]:
+        """Those of the first shape."""
+        ((shard, _),) = self.tables(np.array([0]))
+        return {kind: shard[f"{kind}.depth"].shape[1] for kind in sample_types.KINDS}
+
+    def decoded(self, shapes: Int[np.ndarray, "b"], rows: Mapping[str, Int[np.ndarray, "b _"]]) -> packing.Samples:
+        """As `SampleSource.decoded`; each shard is opened once."""
+        tables = self.tables(shapes)
         codes = {
-            field: [gather(tables, f"{sample_types.base(name)}.{field}", rows[part]) for name, rows in drawn.items()]
+            field: [gather(tables, f"{sample_types.base(name)}.{field}", own) for name, own in rows.items()]
             for field in packing.FIELDS
         }
-        decoded = packing.decode_fields({field: torch.cat(parts, dim=1) for field, parts in codes.items()})
-        return batch_of([unknown, decoded], counts_of(counts, drawn))
+        return packing.decode_fields({field: torch.cat(parts, dim=1) for field, parts in codes.items()})
 
     def tables(self, shapes: Int[np.ndarray, "b"]) -> list[tuple[Shard, int]]:
         """The shard of each shape and its row there, for `gather`; each shard is opened once."""
@@ -238,38 +274,13 @@ class SampleSet:
         return [(opened[number], row) for number, row in places]
 
 
-def stored_counts(shard: Shard) -> dict[str, int]:
-    """How many samples of each type a shape has, the same for all."""
-    return {kind: shard[f"{kind}.depth"].shape[1] for kind in sample_types.KINDS}
-
-
-def stored_rows(
-    stored: Mapping[str, int], shapes: int, counts: Mapping[str, int], random: np.random.Generator
-) -> dict[str, Int[np.ndarray, "shapes count"]]:
-    """Which of the `stored` samples of its type each name of a batch takes, for so many shapes."""
-    wanted = {name: counts[name] for name in sample_types.STORED if counts.get(name)}
-    return {
-        name: random.integers(0, stored[sample_types.base(name)], (shapes, count)) for name, count in wanted.items()
-    }
-
-
-def counts_of(counts: Mapping[str, int], drawn: Mapping[str, Int[np.ndarray, "shapes _"]]) -> dict[str, int]:
-    """Points of each type of a batch with these rows."""
-    return {"E": counts["E"], **{name: rows.shape[1] for name, rows in drawn.items()}}
-
-
-def without_truth(
-    shapes: int, count: int, random: np.random.Generator, part: slice, device: torch.device | None = None
+def _without_truth(
+    shapes: int, count: int, random: np.random.Generator, part: slice, place: torch.device
 ) -> packing.Samples:
-    """Uniform oriented points of so many shapes, without ground truth; those of the shapes `part` are kept.
-
-    Args:
-      device: where they are wanted; None for the CPU.
-    """
+    """Uniform oriented points of so many shapes, without ground truth; those of the shapes `part` are kept."""
     position = random.uniform(-1, 1, (shapes, count, 3))[part].astype(np.float32)
     direction = random.standard_normal((shapes, count, 3))[part].astype(np.float32)
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
-    place = torch.device("cpu") if device is None else device
     unknown = torch.zeros(position.shape[:2], device=place)
     positions, directions = arrays.send(position, place), arrays.send(direction, place)
     return packing.Samples(
@@ -278,23 +289,6 @@ def without_truth(
         depth=unknown,
         visible=unknown.bool(),
         normals=torch.zeros_like(positions),
-    )
-
-
-def batch_of(parts: Sequence[packing.Samples], counts: Mapping[str, int]) -> sample_batch.SampleBatch:
-    """Samples of several shapes as one batch; all parts together are in its order.
-
-    Args:
-      counts: points of each type and shape.
-    """
-    columns = {name: torch.cat([samples[name] for samples in parts], dim=1) for name in packing.Samples.__annotations__}
-    return sample_batch.SampleBatch(
-        positions=columns["positions"],
-        directions=columns["directions"],
-        visible=columns["visible"].float(),
-        depth=columns["depth"].masked_fill(~columns["visible"], 0.0),
-        normals=columns["normals"],
-        counts=counts,
     )
 
 
@@ -400,22 +394,6 @@ def _require(folder: Path, ids: Sequence[str], found: Mapping) -> None:
     missing = [name for name in ids if name not in found]
     if missing:
         raise checks.InputError(f"{folder}: no samples of shape {missing[0]}; run the samples stage again")
-
-
-@runtime_checkable
-class SampleSource(Protocol):
-    """Gives the oriented points of a batch with their ground truth."""
-
-    def draw(
-        self,
-        shapes: Int[np.ndarray, "b"],
-        counts: Mapping[str, int],
-        random: np.random.Generator,
-        part: slice,
-        /,
-    ) -> sample_batch.SampleBatch:
-        """Points of every type for each of `part` of the shapes, drawn for all of them; E points have no truth."""
-        ...
 
 
 @runtime_checkable

@@ -17,15 +17,15 @@ from torch import Tensor
 from ddf.core import arrays, distributed
 from ddf.data import packing
 from ddf.data.batches import category_data
-from ddf.data.samples import sample_batch, sample_types
+from ddf.data.samples import sample_types
 
 LOGGER = logging.getLogger(__name__)
 SHARE = 0.5  # of the memory that is free before the model is there; a step takes some of the rest
 
 
 @dataclass(frozen=True)
-class Samples:
-    """Stored samples of some shapes in one tensor; a `category_data.SampleSource`.
+class Samples(category_data.SampleSource):
+    """Stored samples of some shapes in one tensor.
 
     records: see `packing`, all types one after the other. stored: samples of each type, in that order.
     """
@@ -33,26 +33,24 @@ class Samples:
     records: Int[Tensor, "shapes n record"]
     stored: Mapping[str, int]
 
-    def draw(
-        self,
-        shapes: Int[np.ndarray, "b"],
-        counts: Mapping[str, int],
-        random: np.random.Generator,
-        part: slice = slice(None),
-    ) -> sample_batch.SampleBatch:
-        """As `category_data.SampleSet.draw`, on the device of the records."""
-        place, begins = self.records.device, dict(zip(self.stored, np.cumsum([0, *self.stored.values()]), strict=False))
-        unknown = category_data.without_truth(len(shapes), counts["E"], random, part, place)
-        drawn = category_data.stored_rows(self.stored, len(shapes), counts, random)
-        rows = [begins[sample_types.base(name)] + rows[part] for name, rows in drawn.items()]
-        index = shapes[part][:, None] * self.records.shape[1] + np.concatenate(rows, axis=1)
-        found = packing.decode_fields(packing.parted(self.records.flatten(0, 1)[arrays.send(index, place)]))
-        return category_data.batch_of([unknown, found], category_data.counts_of(counts, drawn))
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "device", self.records.device)
+
+    def stored_counts(self) -> Mapping[str, int]:
+        """`stored`."""
+        return self.stored
+
+    def decoded(self, shapes: Int[np.ndarray, "b"], rows: Mapping[str, Int[np.ndarray, "b _"]]) -> packing.Samples:
+        """As `category_data.SampleSource.decoded`, on the device of the records."""
+        begins = dict(zip(self.stored, np.cumsum([0, *self.stored.values()]), strict=False))
+        places = [begins[sample_types.base(name)] + own for name, own in rows.items()]
+        index = shapes[:, None] * self.records.shape[1] + np.concatenate(places, axis=1)
+        return packing.decode_fields(packing.parted(self.records.flatten(0, 1)[arrays.send(index, self.device)]))
 
 
 def joined_samples(samples: category_data.SampleSet, device: torch.device) -> Samples:
     """All samples of a set on a device; one shard at a time is in the host's memory."""
-    stored = _stored(samples)
+    stored = samples.stored_counts()
     size = (len(samples.places), sum(stored.values()), packing.RECORD)
     whole = torch.zeros(size, dtype=torch.int16, device=device)
     by_shard = np.argsort([shard for shard, _ in samples.places], kind="stable")
@@ -101,7 +99,7 @@ class Memory:
 
     def samples(self, samples: category_data.SampleSet) -> category_data.SampleSource:
         """The samples, on the device if they fit there."""
-        size = 2 * packing.RECORD * len(samples.places) * sum(_stored(samples).values())
+        size = 2 * packing.RECORD * len(samples.places) * sum(samples.stored_counts().values())
         return joined_samples(samples, self.device) if self.takes("samples", size) else samples
 
     def takes(self, name: str, size: int, otherwise: str = "in files") -> bool:
@@ -113,12 +111,6 @@ class Memory:
         where = f"in the memory of {self.device}" if fits else f"{otherwise}: the GPU has no room for them"
         LOGGER.info("%s of the training set, %.1f GiB: %s", name, size / 2**30, where)
         return fits
-
-
-def _stored(samples: category_data.SampleSet) -> dict[str, int]:
-    """Samples of each type of a shape."""
-    ((shard, _),) = samples.tables(np.array([0]))
-    return category_data.stored_counts(shard)
 
 
 def silent() -> bool:
