@@ -73,8 +73,8 @@ class _Tree(scenes.Target):
         """An element ends."""
         self._builder.end(tag.rpartition("}")[2])
 
-    def root(self) -> Element:
-        """The tree, once the text has ended."""
+    def close(self) -> Element:
+        """The root of the tree."""
         return self._builder.close()
 
 
@@ -85,9 +85,7 @@ def parse(data: bytes) -> raw.Raw:
       InputError: no COLLADA, more than 128 MiB, no scene, references to nothing or outside the file, a transform or a
         kind of geometry that is not read, nodes in a circle, more than 20 million triangles.
     """
-    tree = _Tree()
-    scenes.read_xml((data[place : place + _CHUNK] for place in range(0, len(data), _CHUNK)), tree)
-    root = tree.root()
+    root = scenes.read_xml((data[place : place + _CHUNK] for place in range(0, len(data), _CHUNK)), _Tree())
     if root.tag != "COLLADA":
         raise checks.InputError(f"not a dae mesh: its root is {root.tag[:40]!a}, not COLLADA")
     scene, ids = scenes.Scene(_MOST), _by_id(root.iter())

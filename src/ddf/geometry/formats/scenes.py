@@ -4,7 +4,7 @@ A document type is refused, for its entities can grow without bound.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 from xml.etree import ElementTree
 
@@ -81,13 +81,10 @@ def numbers(values: Any, count: int, name: str) -> Float[np.ndarray, "k"]:
 
 
 class Target:
-    """Is told of everything that is read, and here looks at none of it.
+    """Is told of everything that is read, and here looks at none of it; of text if it has a method `data`.
 
-    Tags and attributes in other namespaces as `{namespace}name`. data: takes text of an element, or a piece of it;
-    None: text is passed over.
+    Tags and attributes in other namespaces as `{namespace}name`.
     """
-
-    data: Callable[[str], None] | None = None
 
     def start_ns(self, prefix: str, uri: str) -> None:
         """A namespace gets a prefix."""
@@ -98,29 +95,21 @@ class Target:
     def end(self, tag: str) -> None:
         """An element ends."""
 
-
-class _Guard:
-    """Passes all on to a target, but for a document type."""
-
-    def __init__(self, target: Target) -> None:
-        self.start, self.end, self.start_ns = target.start, target.end, target.start_ns
-        if target.data is not None:
-            self.data = target.data
-
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
+        """A document type, which is refused."""
         raise checks.InputError("the XML declares a document type, which is not read")
 
-    def close(self) -> None:
-        pass
+    def close(self) -> Any:
+        """The text has ended; what it was."""
 
 
-def read_xml(blocks: Iterator[bytes], target: Target) -> None:
-    """Tell a target of all that stands in an XML text.
+def read_xml(blocks: Iterator[bytes], target: Target) -> Any:
+    """Tell a target of all that stands in an XML text; what it makes of that.
 
     Raises:
       InputError: no XML, cut short, more than 128 MiB of it, or more elements, line ends or attributes than are read.
     """
-    parser = ElementTree.XMLParser(target=_Guard(target))
+    parser = ElementTree.XMLParser(target=target)
     total = marks = attributes = 0
     try:
         for data in blocks:
@@ -135,7 +124,7 @@ def read_xml(blocks: Iterator[bytes], target: Target) -> None:
             if attributes > MAX_ATTRIBUTES:
                 raise checks.InputError("an element of its XML has too many attributes; save it in another format")
             parser.feed(data)
-        parser.close()
+        return parser.close()
     except checks.InputError:
         raise
     except _UNREADABLE as fault:
