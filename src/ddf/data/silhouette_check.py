@@ -41,8 +41,8 @@ def require(mesh: mesh_io.Mesh, view: View) -> float:
     if found >= LEAST:
         return found
     raise checks.InputError(
-        f"its silhouette overlaps that of {view.image} by {found:.2f}, not {LEAST}: both must be of one shape, the mesh "
-        "as in ShapeNetCore.v1 (v2's are turned), centred with a diagonal of 1, the camera's angles in degrees"
+        f"its silhouette overlaps that of {view.image} by {found:.2f}, not {LEAST}: both must be of one shape, the "
+        "mesh as in ShapeNetCore.v1 (v2's are turned), centred with a diagonal of 1, the camera's angles in degrees"
     )
 
 
