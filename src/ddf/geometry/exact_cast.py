@@ -56,10 +56,10 @@ def first_hits(
         own, near = asked[rows], local[unsure][rows]
         bundle = [near.astype(np.float32), *(ray for how in _BUNDLE for ray in _bundle(near, *how))]
         assert corners is not None
-        met = scene.met_by(np.concatenate(bundle), len(near))
+        ray, triangle, _ = scene.met(np.concatenate(bundle))
         shape = (len(near), corners.shape[0])
-        beside = sparse.csr_matrix((np.ones(len(met[0]), np.int64), met), shape) @ corners @ corners.T
-        ray, triangle = beside.nonzero()  # what it meets, and what shares a corner with that
+        met = sparse.csr_matrix((np.ones(len(ray), np.int64), (ray % len(near), triangle)), shape)
+        ray, triangle = (met @ corners @ corners.T).nonzero()  # what it meets, and what shares a corner with that
         parts = [slice(first, first + _PAIRS) for first in range(0, max(len(ray), 1), _PAIRS)]
         pairs = ((own[ray[part]], scene.mesh.triangles[triangle[part]]) for part in parts)
         t = np.concatenate([raycast.meet(positions[row], directions[row], triangles) for row, triangles in pairs])

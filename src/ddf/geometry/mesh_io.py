@@ -8,7 +8,7 @@ their transforms applied. `ddf.geometry.formats` holds the readers; trimesh writ
 import json
 import re
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -34,6 +34,7 @@ _READERS = {
     ".acc": ac3d.parse,
 }
 _Read = TypeVar("_Read")
+_PLY_TYPES = {"<f4": "float", "<f8": "double", "u1": "uchar"}
 _FLAT = 1e-14  # of the longest side squared
 _NOT_BLANK = re.compile(rb"[^\0 \t\r\n]")
 
@@ -204,23 +205,28 @@ def parse(data: bytes, suffix: str, folder: Path | None = None) -> Mesh:
 
 def ply_bytes(mesh: Mesh, double: bool = False) -> bytes:
     """Binary little-endian PLY; float32 coordinates unless `double`."""
-    scalar, name = ("<f8", "double") if double else ("<f4", "float")
-    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(mesh.vertices)}\n"
-    header += "".join(f"property {name} {axis}\n" for axis in "xyz")
-    columns = [("at", scalar, 3, mesh.vertices)]
-    if mesh.normals is not None:
-        header += "".join(f"property {name} n{axis}\n" for axis in "xyz")
-        columns.append(("normal", scalar, 3, mesh.normals))
-    if mesh.colours is not None:
-        header += "".join(f"property uchar {channel}\n" for channel in ("red", "green", "blue"))
-        columns.append(("colour", "u1", 3, mesh.colours))
-    corners = np.zeros(len(mesh.vertices), dtype=[column[:3] for column in columns])
-    for column, *_, values in columns:
-        corners[column] = values
-    header += f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    kind = "<f8" if double else "<f4"
+    columns = {"x y z": (kind, mesh.vertices), "nx ny nz": (kind, mesh.normals), "red green blue": ("u1", mesh.colours)}
     rows = np.zeros(len(mesh.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     rows["count"], rows["corners"] = 3, mesh.faces
-    return header.encode() + corners.tobytes() + rows.tobytes()
+    lists = f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\n"
+    return _ply(columns, len(mesh.vertices), lists) + rows.tobytes()
+
+
+def points_ply(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"] | None = None) -> bytes:
+    """A binary PLY of float32 vertices, with normals (`nx`, `ny`, `nz`) if there are."""
+    return _ply({"x y z": ("<f4", points), "nx ny nz": ("<f4", normals)}, len(points))
+
+
+def _ply(columns: Mapping[str, tuple[str, np.ndarray | None]], count: int, after: str = "") -> bytes:
+    """Header and vertices of a PLY file, of the properties that there are; `after`: the header's other elements."""
+    there = {names: (kind, values) for names, (kind, values) in columns.items() if values is not None}
+    table = np.zeros(count, dtype=[(names, kind, 3) for names, (kind, _) in there.items()])
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {count}\n"
+    for names, (kind, values) in there.items():
+        header += "".join(f"property {_PLY_TYPES[kind]} {name}\n" for name in names.split())
+        table[names] = values
+    return f"{header}{after}end_header\n".encode() + table.tobytes()
 
 
 def glb_bytes(mesh: Mesh) -> bytes:
@@ -301,12 +307,3 @@ def has_faces(path: Path | str) -> bool:
     """
     elements = _read(Path(path), "PLY file", ply.header).elements
     return any(element.name in ("face", "tristrips") and element.count > 0 for element in elements)
-
-
-def points_ply(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"] | None = None) -> bytes:
-    """A binary PLY of float32 vertices, with normals (`nx`, `ny`, `nz`) if there are."""
-    columns = [points] if normals is None else [points, normals]
-    names = "x y z".split() if normals is None else "x y z nx ny nz".split()
-    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
-    header += "".join(f"property float {name}\n" for name in names) + "end_header\n"
-    return header.encode() + np.ascontiguousarray(np.concatenate(columns, axis=1), dtype="<f4").tobytes()

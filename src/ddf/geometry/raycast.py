@@ -115,10 +115,8 @@ class Scene:
         begin: Float[np.ndarray, "k"],
     ) -> tuple[Float[np.ndarray, "k"], Int[np.ndarray, "k"]]:
         """First hit at t >= 0 (float64) among all that float32 rays meet, which begin at `begin` in local units."""
-        met = self._scene.list_intersections(_tensor(local))
-        ray = met["ray_ids"].numpy().astype(np.int64)
-        face = self.kept[met["primitive_ids"].numpy().astype(np.int64)]
-        rough = (begin[ray] + met["t_hit"].numpy()) * self.scale
+        ray, face, reached = self.met(local)
+        rough = (begin[ray] + reached) * self.scale
         depth = self._plane_depth(positions[ray], directions[ray], face, rough)
         ahead = depth >= 0
         ray, face, depth = ray[ahead], face[ahead], depth[ahead]
@@ -160,14 +158,16 @@ class Scene:
         if len(self.kept) == 0 or len(starts) == 0:
             return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
         stacked = np.concatenate([starts, ends - starts], axis=1).astype(np.float32)
-        met = self._scene.list_intersections(_tensor(stacked))
-        within = met["t_hit"].numpy() <= 1.0
-        return met["ray_ids"].numpy()[within].astype(np.int64), self.kept[met["primitive_ids"].numpy()[within]]
+        segment, face, reached = self.met(stacked)
+        return segment[reached <= 1.0], face[reached <= 1.0]
 
-    def met_by(self, local: Float[np.ndarray, "b 6"], count: int) -> tuple[Int[np.ndarray, "k"], Int[np.ndarray, "k"]]:
-        """Ray, by its number modulo `count`, and triangle of all that float32 rays in local coordinates meet."""
-        met = self._scene.list_intersections(_tensor(local))
-        return met["ray_ids"].numpy().astype(np.int64) % count, self.kept[met["primitive_ids"].numpy().astype(np.int64)]
+    def met(
+        self, local: Float[np.ndarray, "b 6"]
+    ) -> tuple[Int[np.ndarray, "k"], Int[np.ndarray, "k"], Float[np.ndarray, "k"]]:
+        """Ray, triangle and depth (float32) of all that float32 rays in local coordinates meet."""
+        found = self._scene.list_intersections(_tensor(local))
+        ray, kept = (found[name].numpy().astype(np.int64) for name in ("ray_ids", "primitive_ids"))
+        return ray, self.kept[kept], found["t_hit"].numpy()
 
     def distance(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Unsigned distance to the surface, in the mesh's unit: nearest triangle by Open3D, its distance in float64."""

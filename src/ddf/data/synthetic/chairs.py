@@ -12,6 +12,13 @@ from ddf.data.synthetic.parts import Part, Real
 BASES = ("legs", "crossed", "rocker", "sledge", "star", "disc", "cantilever", "block")
 BASE_ODDS = (0.37, 0.05, 0.05, 0.09, 0.14, 0.08, 0.08, 0.14)
 METAL_BASES = ("sledge", "star", "disc", "cantilever")
+# Ends of width, depth, seat, thickness, back and lean of a `Frame`: usual chairs and bar stools; any, and low ones.
+MEASURES = {
+    "usual": ((0.38, 0.6), (0.37, 0.54), (0.36, 0.52), (0.02, 0.1), (0.28, 0.75), (0.02, 0.32)),
+    "tall": ((0.38, 0.6), (0.37, 0.54), (0.62, 0.8), (0.02, 0.1), (0.16, 0.34), (0.02, 0.32)),
+    "any": ((0.36, 0.66), (0.36, 0.6), (0.38, 0.55), (0.015, 0.12), (0.25, 0.85), (0.0, 0.35)),
+    "low": ((0.48, 0.8), (0.48, 0.72), (0.24, 0.42), (0.03, 0.16), (0.35, 0.8), (0.25, 0.65)),
+}
 STRETCH = 0.08  # of wide ones: logarithm of the factors along the axes
 
 
@@ -20,16 +27,7 @@ def build(rng: np.random.Generator) -> list[Part]:
     base = str(rng.choice(BASES, p=BASE_ODDS))
     wood, cloth = palette.chair(rng, is_metal=base in METAL_BASES)
     tall = base in ("legs", "disc", "star") and rng.random() < 0.08  # a bar stool
-    frame = Frame(
-        width=rng.uniform(0.38, 0.6),
-        depth=rng.uniform(0.37, 0.54),
-        seat=rng.uniform(0.62, 0.8) if tall else rng.uniform(0.36, 0.52),
-        thickness=rng.uniform(0.02, 0.1),
-        back=rng.uniform(0.16, 0.34) if tall else rng.uniform(0.28, 0.75),
-        lean=rng.uniform(0.02, 0.32),
-        wood=wood,
-        cloth=cloth,
-    )
+    frame = _drawn(rng, "tall" if tall else "usual", wood, cloth)
     if base == "block":
         return _armchair(rng, frame)
     pieces = chair_parts.BASES[base](rng, frame)
@@ -83,16 +81,11 @@ def build_wide(rng: np.random.Generator) -> list[Part]:
 def _frame(rng: np.random.Generator, *, low: bool = False, metal: float = 0.4) -> Frame:
     """Measures of any chair, or of one to lean back in."""
     wood, cloth = palette.chair(rng, is_metal=rng.random() < metal)
-    return Frame(
-        width=rng.uniform(0.48, 0.8) if low else rng.uniform(0.36, 0.66),
-        depth=rng.uniform(0.48, 0.72) if low else rng.uniform(0.36, 0.6),
-        seat=rng.uniform(0.24, 0.42) if low else rng.uniform(0.38, 0.55),
-        thickness=rng.uniform(0.03, 0.16) if low else rng.uniform(0.015, 0.12),
-        back=rng.uniform(0.35, 0.8) if low else rng.uniform(0.25, 0.85),
-        lean=rng.uniform(0.25, 0.65) if low else rng.uniform(0.0, 0.35),
-        wood=wood,
-        cloth=cloth,
-    )
+    return _drawn(rng, "low" if low else "any", wood, cloth)
+
+
+def _drawn(rng: np.random.Generator, kind: str, wood: palette.Paint, cloth: palette.Paint) -> Frame:
+    return Frame(*(rng.uniform(*span) for span in MEASURES[kind]), wood, cloth)
 
 
 def _base(rng: np.random.Generator, f: Frame, *names: str) -> list[Part]:

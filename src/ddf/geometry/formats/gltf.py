@@ -41,8 +41,27 @@ def parse(data: bytes, folder: Path | None = None, as_text: bool = False) -> raw
       InputError: no glTF, cut short, an extension that changes the shape and is not read, anything that points at
         nothing or outside the file, its folder and what lies below; buffers of more than 256 MiB.
     """
-    text, binary = (data, None) if as_text else _chunks(data)
-    return _read(text, "gltf" if as_text else "glb", binary, folder)
+    kind, (text, binary) = ("gltf", (data, None)) if as_text else ("glb", _chunks(data))
+    if len(text) > MAX_JSON:
+        raise checks.InputError(f"its JSON has {len(text)} bytes; at most {MAX_JSON} are read: save it as .glb")
+    if text.count(b"[") + text.count(b"{") > MAX_BRACKETS:
+        raise checks.InputError(f"its JSON has more than {MAX_BRACKETS} lists and objects")
+    if text.count(b",") > MAX_COMMAS:
+        raise checks.InputError(f"its JSON has more than {MAX_COMMAS} entries")
+    try:
+        tree = json.loads(text)
+        if not isinstance(tree, dict):
+            raise ValueError
+    except (ValueError, RecursionError) as fault:
+        raise checks.InputError(f"not a {kind} mesh: its JSON chunk cannot be read") from fault
+    try:
+        if kind == "gltf" and str(tree["asset"]["version"]).split(".")[0] != "2":
+            raise checks.InputError(f"glTF version {str(tree['asset']['version'])[:20]} is not read; only 2 is")
+        _check_extensions(tree)
+        return _File(tree, _buffers(tree, binary, folder)).scene()
+    except (KeyError, TypeError, AttributeError, IndexError) as fault:  # a tree of another shape than glTF's
+        reason = f"{type(fault).__name__}: {' '.join(str(fault).split())[:80]}"
+        raise checks.InputError(f"not a {kind} mesh: its JSON is not glTF ({reason})") from fault
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes]:
@@ -65,29 +84,6 @@ def _chunks(data: bytes) -> tuple[bytes, bytes]:
     if _JSON not in chunks:
         raise checks.InputError("not a glb mesh: it has no JSON chunk")
     return chunks[_JSON].rstrip(b"\0"), chunks.get(_BINARY, b"")  # some writers pad with zeros in place of spaces
-
-
-def _read(text: bytes, kind: str, binary: bytes | None, folder: Path | None) -> raw.Raw:
-    if len(text) > MAX_JSON:
-        raise checks.InputError(f"its JSON has {len(text)} bytes; at most {MAX_JSON} are read: save it as .glb")
-    if text.count(b"[") + text.count(b"{") > MAX_BRACKETS:
-        raise checks.InputError(f"its JSON has more than {MAX_BRACKETS} lists and objects")
-    if text.count(b",") > MAX_COMMAS:
-        raise checks.InputError(f"its JSON has more than {MAX_COMMAS} entries")
-    try:
-        tree = json.loads(text)
-        if not isinstance(tree, dict):
-            raise ValueError
-    except (ValueError, RecursionError) as fault:
-        raise checks.InputError(f"not a {kind} mesh: its JSON chunk cannot be read") from fault
-    try:
-        if kind == "gltf" and str(tree["asset"]["version"]).split(".")[0] != "2":
-            raise checks.InputError(f"glTF version {str(tree['asset']['version'])[:20]} is not read; only 2 is")
-        _check_extensions(tree)
-        return _File(tree, _buffers(tree, binary, folder)).scene()
-    except (KeyError, TypeError, AttributeError, IndexError) as fault:  # a tree of another shape than glTF's
-        reason = f"{type(fault).__name__}: {' '.join(str(fault).split())[:80]}"
-        raise checks.InputError(f"not a {kind} mesh: its JSON is not glTF ({reason})") from fault
 
 
 def _check_extensions(tree: dict[str, Any]) -> None:
