@@ -85,7 +85,7 @@ def _frame(rng: np.random.Generator, *, low: bool = False, metal: float = 0.4) -
 
 
 def _drawn(rng: np.random.Generator, kind: str, wood: palette.Paint, cloth: palette.Paint) -> Frame:
-    return Frame(*(rng.uniform(*span) for span in MEASURES[kind]), wood, cloth)
+    return Frame(*(rng.uniform(*span) for span in MEASURES[kind]), wood=wood, cloth=cloth)
 
 
 def _base(rng: np.random.Generator, f: Frame, *names: str) -> list[Part]:
