@@ -2,7 +2,6 @@
 import asc from "assemblyscript/asc";
 import { build } from "esbuild";
 import { mkdir, readFile, writeFile } from "node:fs/promises";
-import { gunzipSync, gzipSync } from "node:zlib";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
@@ -28,10 +27,3 @@ await mkdir(out, { recursive: true });
 const page = await readFile(join(here, "src/page.html"), "utf8");
 const parts = { "/*style*/": await text("style.css"), "/*script*/": await text("main.ts", { format: "iife", define: { KERNELS: JSON.stringify(await kernels()) } }) };
 await writeFile(join(out, "page.html"), page.replace(/\/\*\w+\*\//g, (mark) => parts[mark] ?? mark));
-
-// What pages of models have besides; written only where it changed, for compressed bytes depend on node's version.
-await writeFile(join(out, "wasm.js"), await text("wasm.ts", { format: "iife", logOverride: { "empty-import-meta": "silent" } }));
-const runtime = await readFile(join(here, "node_modules/onnxruntime-web/dist/ort-wasm-simd-threaded.wasm"));
-const packed = join(out, "ort.wasm.gz");
-const known = await readFile(packed).then(gunzipSync, () => null);
-if (!known?.equals(runtime)) await writeFile(packed, gzipSync(runtime, { level: 9 }));

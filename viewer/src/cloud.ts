@@ -24,9 +24,9 @@ function drawn(world: World, count: number): Rays {
 }
 
 /** Points that random rays see, frame of the world. */
-export async function hits(world: World, signal?: AbortSignal, count = RAYS): Promise<Vector[]> {
-  const rays = drawn(world, count);
-  const found = await query(world, rays, ["depth"], signal);
+async function hits(world: World): Promise<Vector[]> {
+  const rays = drawn(world, RAYS);
+  const found = await query(world, rays, ["depth"]);
   const points: Vector[] = [];
   found.depth.forEach((depth, ray) => {
     if (found.nearest[ray]! < 0) return;
@@ -49,21 +49,9 @@ export async function ply(world: World): Promise<string> {
   return ["ply", "format ascii 1.0", `element vertex ${lines.length}`, ...names, "end_header", ...lines, ""].join("\n");
 }
 
-/** The diagonal of the box of points, without the outermost of every axis. */
-export function spread(points: Vector[], share = 0.002): number {
-  return Math.hypot(...[0, 1, 2].map((axis) => ends(points.map((point) => point[axis]!), share)).map(([low, high]) => high - low));
-}
-
-/** The least and the largest of numbers, without a share of them at both ends. */
-export function ends(values: readonly number[], share = 0.002): [number, number] {
-  const sorted = Float64Array.from(values).sort();
-  const cut = Math.floor(share * sorted.length);
-  return [sorted[cut]!, sorted[sorted.length - 1 - cut]!];
-}
-
 /** Points over the picture. */
 export class Cloud {
-  points: Vector[] = [];
+  private points: Vector[] = [];
   private readonly canvas = element("canvas", { "aria-hidden": "true", hidden: "" });
 
   constructor(private readonly view: View) {

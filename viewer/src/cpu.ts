@@ -60,7 +60,7 @@ export class CpuEngine extends NetworkEngine {
     this.raw = this.place(RAYS * OUTS);
     this.total = this.place(RAYS);
     this.memory = new Float32Array(this.run.memory.buffer);
-    this.replace(layers);
+    layers.forEach((layer, index) => this.hold(layer, this.layers[index]!, this.adjoints[index]!));
   }
 
   /** Where so many numbers may lie. */
@@ -72,18 +72,16 @@ export class CpuEngine extends NetworkEngine {
     return at;
   }
 
-  replace(layers: Layer[]): void {
-    layers.forEach(({ weight, bias, rows, columns }, index) => {
-      const [there, back] = [this.layers[index]!, this.adjoints[index]!];
-      this.memory.set(bias, there.biases / 4);
-      for (let row = 0; row < rows; row++) {
-        for (let column = 0; column < columns; column++) {
-          const value = weight[row * columns + column]!;
-          this.memory[there.weights / 4 + ((row >> 2) * columns + column) * 4 + (row & 3)] = value;
-          this.memory[back.weights / 4 + ((column >> 2) * rows + row) * 4 + (column & 3)] = value;
-        }
+  /** Put a layer where its matrix and that transposed are to lie. */
+  private hold({ weight, bias, rows, columns }: Layer, there: Matrix, back: Matrix): void {
+    this.memory.set(bias, there.biases / 4);
+    for (let row = 0; row < rows; row++) {
+      for (let column = 0; column < columns; column++) {
+        const value = weight[row * columns + column]!;
+        this.memory[there.weights / 4 + ((row >> 2) * columns + column) * 4 + (row & 3)] = value;
+        this.memory[back.weights / 4 + ((column >> 2) * rows + row) * 4 + (column & 3)] = value;
       }
-    });
+    }
   }
 
   private product({ weights, biases, rows, columns }: Matrix, x: number, out: number): void {

@@ -41,11 +41,6 @@ export class Distances {
     private readonly tell: (text: string) => void,
   ) {}
 
-  /** The fields have become others. */
-  forget(): void {
-    this.known.clear();
-  }
-
   /** From points of the world (3 numbers each) to the nearest surface of all fields; infinite where none is sure. */
   async closest(world: World, points: Float64Array, signal?: AbortSignal): Promise<Closest> {
     const count = points.length / 3;

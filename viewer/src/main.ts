@@ -1,6 +1,6 @@
 /** The page: reads its data, opens the GPU, shows the field. */
 
-import { asked, told, readBlock, readPage } from "./page.ts";
+import { asked, told, readPage, readWeights } from "./page.ts";
 import { centre, framingRadius, pixelRays, type Camera, type Stage } from "./camera.ts";
 import { Cloud, ply } from "./cloud.ts";
 import { control, HELP, stick } from "./controls.ts";
@@ -10,15 +10,13 @@ import type { Engine, Output } from "./engine.ts";
 import { Field, query, type FieldRecord } from "./field.ts";
 import { Gizmos } from "./gizmos.ts";
 import { Gpu, WebglEngine } from "./webgl.ts";
-import { layersOf, type NetworkRecord, type NetworkEngine } from "./network.ts";
+import { layersOf } from "./network.ts";
 import { button, byId, check, choices, download, element, select } from "./panel.ts";
 import { PatchEngine } from "./patches.ts";
-import { Reconstruction } from "./reconstruct.ts";
 import { MODES } from "./shading.ts";
 import { SlicePanel } from "./slicing.ts";
 import { summary } from "./summary.ts";
 import { View, type Shown } from "./view.ts";
-import type { open } from "./wasm.ts";
 
 const WISHES = asked(location.hash);
 const ELEVATION = 25; // of the first picture, degrees
@@ -45,12 +43,6 @@ function fail(text: string): void {
   byId("status").replaceChildren(element("span", { class: "error" }, text));
 }
 
-declare global {
-  interface Window {
-    ddfWasm?: { open: typeof open };
-  }
-}
-
 async function main(): Promise<void> {
   const page = readPage();
   if (location.hash.length > 1) document.getElementById("first")?.remove(); // another picture may be asked for
@@ -59,7 +51,7 @@ async function main(): Promise<void> {
   byId("help").textContent = HELP;
   const stage: Stage = { corners: page.corners, up: page.up };
   const start: Angles = { azimuth: WISHES.azimuth ?? page.azimuth, elevation: WISHES.elevation ?? ELEVATION };
-  const numbers = new Float32Array((await readBlock("ddf-weights"))!);
+  const numbers = new Float32Array(await readWeights());
   const patches = page.fields.every(({ kind }) => kind === "patches"); // which need no GPU
   const found = patches || WISHES.engine === "wasm" ? "" : Gpu.open();
   if (typeof found === "string" && WISHES.engine === "webgl") throw new Error(found);
@@ -106,7 +98,6 @@ async function main(): Promise<void> {
   const gizmos = world.fields.length > 1 ? new Gizmos(byId("overlay"), view) : null;
   const cloud = new Cloud(view);
   const offered = MODES.filter((mode) => mode.outputs.every((name) => world.fields.every((field) => field.engine.outputs.includes(name))));
-  const rebuilt = page.model && new Reconstruction(page.model, layersOf(page.fields[0] as NetworkRecord, numbers), engineOf(page.fields[0]!) as NetworkEngine, view, cloud);
   const modes = choices("Show", "modes", offered, view.mode, (mode) => {
     view.mode = mode;
     view.refresh(false);
@@ -124,7 +115,7 @@ async function main(): Promise<void> {
     element("div", { class: "row" }, button("Share", share), button("Save PNG", savePicture), button("Save points", savePoints), ...screen),
   );
   const slicing = new SlicePanel(view, WISHES);
-  byId("panel").append(...(rebuilt ? [rebuilt.panel] : []), modes, slicing.panel, camera, ...(gizmos ? [gizmos.panel] : []));
+  byId("panel").append(modes, slicing.panel, camera, ...(gizmos ? [gizmos.panel] : []));
 
   function reset(): void {
     view.camera = framed(stage, start);
@@ -138,7 +129,7 @@ async function main(): Promise<void> {
   }
 
   function share(): void {
-    history.replaceState(null, "", `#${told(view, WISHES.engine, rebuilt ? rebuilt.index : null)}`);
+    history.replaceState(null, "", `#${told(view, WISHES.engine)}`);
     const said = (text: string) => (): string => (byId("status").textContent = text);
     (navigator.clipboard?.writeText(location.href) ?? Promise.reject()).then(said("the address is copied; it brings others to this picture"), said("the page's address now brings others to this picture"));
   }
@@ -176,14 +167,10 @@ async function main(): Promise<void> {
     const { points, values, evaluated } = (await view.cut(pixelRays(view.camera, stage, size)))!;
     return { points: Array.from(points), values: Array.from(values), evaluated };
   }
-  Object.assign(window, { ddf: { render, slice, view, rebuilt } });
+  Object.assign(window, { ddf: { render, slice, view } });
   addEventListener("hashchange", () => location.reload());
   new ResizeObserver(sized).observe(frame);
   view.full = size || sharp();
-  if (!rebuilt) return view.refresh(false);
-  await rebuilt.sample(WISHES.sample ?? 0);
-  if (WISHES.radius === null) return;
-  view.camera = wished(view.camera);
   view.refresh(false);
 }
 

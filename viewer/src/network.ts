@@ -59,9 +59,6 @@ export abstract class NetworkEngine implements Engine {
 
   constructor(protected readonly record: NetworkRecord) {}
 
-  /** Other weights of the same sizes. */
-  abstract replace(layers: Layer[]): void;
-
   /** The rays of the next passes, by their positions and directions. */
   protected abstract take(positions: Float64Array, directions: Float64Array): void;
 

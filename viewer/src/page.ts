@@ -4,14 +4,6 @@ import type { FieldRecord } from "./field.ts";
 import type { Vector } from "./vectors.ts";
 import type { View } from "./view.ts";
 
-/** A model whose field is that of an image. */
-export interface ModelRecord {
-  image_size: number; // pixels a side that the encoders take
-  samples: string[]; // addresses of images, their data inside
-  radius: number; // mean of training cameras, benchmark units
-  usual: boolean; // whether the encoders say how far an image is from the training images
-}
-
 /** Record `page` of the page, see Python's `viewer_page`. */
 export interface PageRecord {
   title: string;
@@ -21,15 +13,13 @@ export interface PageRecord {
   corners: Vector[]; // of the box that cameras are about, frame of the world
   fields: FieldRecord[];
   box: [Vector, Vector] | null; // of a scene: what lies before it is cut away
-  model: ModelRecord | null;
 }
 
 export const readPage = (): PageRecord => JSON.parse(document.getElementById("ddf-page")!.textContent!) as PageRecord;
 
-/** A block of the page, which is there as gzip in base64. */
-export async function readBlock(id: string): Promise<ArrayBuffer | null> {
-  const text = document.getElementById(id)?.textContent?.trim();
-  if (!text) return null;
+/** The numbers of the fields, which the page holds as gzip in base64. */
+export async function readWeights(): Promise<ArrayBuffer> {
+  const text = document.getElementById("ddf-weights")!.textContent;
   const packed = await fetch(`data:application/octet-stream;base64,${text}`); // the browser's own base64
   return new Response(packed.body!.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
 }
@@ -43,7 +33,6 @@ export interface Asked {
   radius: number | null; // benchmark units
   target: Vector | null; // that the camera looks at, frame of the page
   objects: Vector[]; // where they are, in the order of the page
-  sample: number | null; // of a model
   slice: string | null; // name of what it shows
   axis: string | null; // x, y or z, normal to it
   at: number | null; // between the sides of the box
@@ -70,7 +59,6 @@ export function asked(hash: string): Asked {
     radius: number("radius", 0, 20),
     target: vectors("target")[0] ?? null,
     objects: vectors("objects"),
-    sample: number("sample", 0, 1000),
     slice: found.get("slice"),
     axis: found.get("axis"),
     at: number("at", 0, 1),
@@ -80,7 +68,7 @@ export function asked(hash: string): Asked {
 }
 
 /** What brings a page to what a view shows; `asked` reads it. */
-export function told({ camera, mode, slice, world }: View, engine: string | null, sample: number | null): string {
+export function told({ camera, mode, slice, world }: View, engine: string | null): string {
   const short = (value: number): string => `${Number(value.toPrecision(5))}`;
   const vector = (values: Vector): string => values.map(short).join(",");
   const said: Record<string, string | number | null> = {
@@ -90,7 +78,6 @@ export function told({ camera, mode, slice, world }: View, engine: string | null
     elevation: short(camera.elevation),
     radius: short(camera.radius),
     target: vector(camera.target),
-    sample,
   };
   if (slice.quantity) Object.assign(said, { slice: slice.quantity.name, axis: slice.axis, at: short(slice.at), v: slice.way });
   if (world.fields.length > 1) said.objects = world.fields.map(({ record }) => vector(record.world_from_mesh.translation)).join(";");

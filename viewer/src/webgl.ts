@@ -188,7 +188,7 @@ export class WebglEngine extends NetworkEngine {
   constructor(
     private readonly gpu: Gpu,
     record: NetworkRecord,
-    private layers: Layer[],
+    private readonly layers: Layer[],
   ) {
     super(record);
     const { gl } = gpu;
@@ -201,12 +201,6 @@ export class WebglEngine extends NetworkEngine {
     if (this.group === 0 || blocksOf(widest) + this.group > gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS)) {
       throw new Error(`layers of ${widest} units are wider than this GPU takes`);
     }
-  }
-
-  replace(layers: Layer[]): void {
-    for (const { buffer } of this.weights.values()) this.gpu.gl.deleteBuffer(buffer);
-    this.weights.clear();
-    this.layers = layers;
   }
 
   protected get most(): number {

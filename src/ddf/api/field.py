@@ -109,9 +109,9 @@ class Field(queries.Queried):
         with tempfile.TemporaryDirectory() as folder:
             self.save(Path(folder) / path.stem)
             with extras.named():
-                from ddf.io import onnx_file, viewable, viewer_page
+                from ddf.io import onnx_file, viewer_page
             if path.suffix.lower() == ".html":
-                viewer_page.write(path, viewable.page(Path(folder) / path.stem))
+                viewer_page.write(path, viewer_page.field_page(viewer_page.field(Path(folder) / path.stem), path.stem))
             else:
                 graphs, source = onnx_file.load_graphs(Path(folder) / path.stem, None)
                 onnx_file.export(graphs["field"], "field", path, source, onnx_file.ExportConfig())

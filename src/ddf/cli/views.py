@@ -5,9 +5,9 @@ import dataclasses
 import tempfile
 import time
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 from ddf.cli import arguments, image_files, results
 from ddf.cli.arguments import CameraOption, FieldPath, ImageOutputs, PictureOutputs
@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
 _FRAME_MS = 80
 _PAGE = ".html"
+_NAMED = 4  # fields of a title
+_MODELS = ("ddf", "ddf_image")  # kinds of files of models that make a field of a picture
+_TAKEN = (".png", ".webp", ".jpg", ".jpeg", ".gif")  # pictures
+_SAMPLE = "sample_0.png"  # beside a model
 
 
 @command("field", api="queries:render")
@@ -210,12 +214,12 @@ def view(
 ) -> dict[str, Any]:
     """A page that renders a field live, as one file that any browser opens.
 
-    It shows a field, fields side by side, a scene, or what a model makes of an image: [the page](viewer.md).
+    It shows a field, fields side by side, a scene, or what a model makes of a picture: [the page](viewer.md).
 
     Args:
-      what: folder that `ddf fit` or `make train` wrote, a name that `ddf models` lists, or a scene file; several fields
-        stand side by side; last, OUT.html: file to write (without it a temporary one is written and opened in the
-        browser).
+      what: folder that `ddf fit` or `make train` wrote, a name that `ddf models` lists, or a scene file; pictures stand
+        before their model, which takes its own sample without; several fields stand side by side; last, OUT.html: file
+        to write (without it a temporary one is written and opened in the browser).
       up: axis of fields that points up.
 
     Examples:
@@ -224,6 +228,7 @@ def view(
       ddf view rabbit armchair airliner row.html
       ddf view scene.yaml scene.html
       ddf view chair chair.html
+      ddf view chair_model/sample_1.png chair page.html
     """
     from ddf.io import viewer_page
 
@@ -242,47 +247,82 @@ def view(
 
 
 def page_of(what: Sequence[Path], up: str = "y") -> "viewer_page.Page":
-    """The page of a field, of a scene file or of a model; of several fields side by side.
+    """The page of a field, of a scene file, or of what a model makes of a picture; of several side by side.
 
     Raises:
       FileNotFoundError, InputError: one of them is missing or damaged; or what must stand alone does not.
     """
     from ddf.api import scene as scenes
     from ddf.core import checks
-    from ddf.io import viewable
+    from ddf.fields import field_file
+    from ddf.io import viewer_page
 
     files = [path for path in what if path.suffix in scenes.SUFFIXES]
-    if len(what) == 1:
-        return _scene_page(what[0]) if files else _field_page(what[0], up)
+    if files and len(what) == 1:
+        return _scene_page(files[0])
     if files:
         raise checks.InputError(f"{files[0]}: a scene file is shown alone; it may name all fields")
-    return viewable.row_page(what, up)
+    missing = next((path for path in what if len(what) > 1 and not path.exists()), None)
+    if missing is not None:
+        raise FileNotFoundError(f"{missing}: no such field; a file to write must end in .html")
+    shown = list(_shown(what))
+    if len(shown) > 1:
+        title = ", ".join(name for name, _, _ in shown) if len(shown) <= _NAMED else f"{len(shown)} fields"
+        return viewer_page.side_by_side(title, [(name, shape) for name, shape, _ in shown], up)
+    ((name, shape, about),) = shown
+    page = viewer_page.field_page(shape, name, up, about)
+    framed = load(shape.file.parent, ("depth", "normals")) if isinstance(shape, field_file.FieldFile) else shape
+    return dataclasses.replace(page, first=viewer_page.first(framed, page.azimuth, up))
 
 
-def _field_page(path: Path, up: str) -> "viewer_page.Page":
-    """The page of a field with its first picture, or of a model."""
-    from ddf.io import viewable, viewer_page
+def _shown(what: Sequence[Path]) -> "Iterator[tuple[str, viewer_page.Shape, str]]":
+    """Name, field and a sentence of each; of a model what it makes of the pictures before it, or of its own sample."""
+    from ddf.core import checks, storage
+    from ddf.fields import field_file
+    from ddf.io import viewer_page
 
-    page = viewable.page(path, up)
-    if page.encoders is not None:
-        return page
-    shape = load(path if path.is_dir() else path.parent, ("depth", "normals"))
-    return dataclasses.replace(page, first=viewer_page.first(shape, page.azimuth, up))
+    known: dict[Path, viewer_page.Shape] = {}
+    pictures: list[Path] = []
+    for path in what:
+        file = path if path.name == field_file.MODEL else path / field_file.MODEL
+        if path.suffix.lower() in _TAKEN:
+            pictures.append(path)
+        elif file.is_file() and storage.load_metadata(file).get("kind") in _MODELS:
+            yield from (_reconstructed(picture, file.parent) for picture in pictures or [file.parent / _SAMPLE])
+            pictures = []
+        else:
+            known[path] = known.get(path) or viewer_page.field(path)
+            yield viewer_page.name_of(path), known[path], viewer_page.ABOUT
+    if pictures:
+        raise checks.InputError(f"{pictures[0]}: a picture stands before the model that makes a field of it")
+
+
+def _reconstructed(picture: Path, model: Path) -> "tuple[str, viewer_page.Shape, str]":
+    """The patches that a model makes of a picture."""
+    from ddf.api import reconstruction
+    from ddf.core import checks
+
+    if not picture.is_file():
+        raise checks.InputError(f"{model}: has no {_SAMPLE}; give a picture before it: ddf view IMAGE.png {model}")
+    found = reconstruction.reconstruct(picture, model)
+    about = f"What the model {found.kind} makes of {picture.name}: {found.verdict}."
+    name = found.kind if picture.parent == model else picture.stem
+    return name, cast("viewer_page.Shape", found.field.framed), about
 
 
 def _scene_page(file: Path) -> "viewer_page.Page":
     """The page of a scene file; a field that it names several times is in the page once."""
     from ddf.api import scene as scenes
-    from ddf.io import viewable, viewer_page
+    from ddf.io import viewer_page
 
     content = scenes.read_content(file)
     scene = scenes.build(content, file.parent).framed
     baked = {}
     for name in {placement.field for placement in content.objects}:
         folder = shipped_models.place(scenes.field_beside(file.parent, name))
-        baked[name] = viewer_page.bake(viewable.field(folder), viewable.name_of(folder))
+        baked[name] = viewer_page.bake(viewer_page.field(folder), viewer_page.name_of(folder))
     fields = [viewer_page.placed(baked[placement.field], placement.similarity()) for placement in content.objects]
-    page = viewable.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)
+    page = viewer_page.scene_page(file.stem, fields, scene.lower, scene.upper, content.up, content.box is not None)
     if page.box is not None:  # the page cuts the box open
         return page
     return dataclasses.replace(page, first=viewer_page.first(scene, page.azimuth, content.up))

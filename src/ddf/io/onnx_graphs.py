@@ -15,7 +15,7 @@ from ddf.core import checks
 from ddf.fields import field_outputs, pddf, siren
 from ddf.fields.field_outputs import OUTPUTS
 from ddf.fields.field_values import FieldValues
-from ddf.models import out_of_distribution, reconstruction_models
+from ddf.models import reconstruction_models
 from ddf.models.encoders import IMAGE_CHANNELS
 
 DYNAMIC = "n"  # the name of the axis whose length is free
@@ -135,43 +135,6 @@ class EncodersGraph(Graph):
     def forward(self, images: Float[Tensor, "n 4 s s"]) -> tuple[Tensor, Tensor]:
         """Latents and cameras."""
         return self.shape_encoder(images), self.camera_head(self.camera_encoder(images))
-
-
-class ModulationsGraph(Graph):
-    """From images to what conditions the field, for programs that evaluate the field by themselves.
-
-    statistics: of the training images; where they are given, how far from these each image is, too.
-    """
-
-    what = "RGBA images to the camera and the modulations of the field's layers, one after the other"
-    largest_batch = 64  # images, not points
-    relative = frozenset({"distance"})
-
-    def __init__(
-        self,
-        model: reconstruction_models.DDFModel,
-        image_size: int,
-        statistics: out_of_distribution.TrainingStatistics | None = None,
-    ) -> None:
-        super().__init__()
-        self.model, self.statistics = model, statistics
-        self.inputs = {"images": (DYNAMIC, IMAGE_CHANNELS, image_size, image_size)}
-        self.meanings = {
-            "camera": "azimuth and elevation in radians, radius in benchmark units",
-            "modulations": "factors of the sines of all layers, first layer first",
-        }
-        self.tolerances = {"camera": 1e-4, "modulations": 1e-4}
-        if statistics is not None:
-            self.meanings["distance"] = "from the mean of the training images, in features of the encoder"
-            self.tolerances["distance"] = 1e-4
-
-    def forward(self, images: Float[Tensor, "n 4 s s"]) -> tuple[Tensor, ...]:
-        """Cameras, modulations and perhaps distances."""
-        stages, latent, camera = reconstruction_models.encode_batch(self.model, images)
-        modulations = torch.cat([modulation[:, 0] for modulation in self.model.modulations(latent)], dim=-1)
-        if self.statistics is None:
-            return camera, modulations
-        return camera, modulations, self.statistics.distance(torch.cat(stages, dim=1))
 
 
 class ImageFieldGraph(Graph):

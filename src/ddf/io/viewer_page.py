@@ -1,12 +1,8 @@
 """The page that renders fields live: one HTML file that needs nothing but itself and a browser.
 
-The page is a template, built from the sources in `viewer/` and committed; here the data goes in. Blocks are gzip in
-base64. The page's own policy forbids it every request, so that nothing leaves the machine.
-
-Patches are in the page as in their file, sine networks with all factors in the weights. With
-h_l = m_l sin(ω_l (W_l h_{l-1} + b_l)) of `siren`, the states sin(ω_l (W_l h_{l-1} + b_l)) are those of a network with
-weights ω_l W_l diag(m_{l-1}) and biases ω_l b_l, whose head is W diag(m_L): derived here. So one shader draws fields of
-one shape, reconstructions and samples. The first picture is drawn here, shaded like `viewer/src/shading.ts`.
+The page is a template, built from the sources in `viewer/` and committed; here the data goes in: patches as in their
+file, sine networks with ω in their weights. The page's own policy forbids it every request, so that nothing leaves the
+machine. The first picture is drawn here, shaded like `viewer/src/shading.ts`. Nothing here asks for torch.
 """
 
 import base64
@@ -14,24 +10,30 @@ import gzip
 import html
 import io
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float, Float32
 from PIL import Image
 
-from ddf.core import arrays, checks, storage
+from ddf.core import checks, storage
 from ddf.fields import field_file, framed_field
 from ddf.geometry import cameras, transforms
 
 if TYPE_CHECKING:
-    from ddf.fields import shape_field
     from ddf.fields.grid import patch_field
 
+    Shape = field_file.FieldFile | patch_field.PatchField
 
+ABOUT = "A directed distance field, evaluated live by this page: visibility and depth along every ray."
+ABOUT_SCENE = "Directed distance fields in one scene, evaluated live by this page; each ray shows the nearest surface."
+ABOUT_ROW = "Directed distance fields side by side, evaluated live by this page; all are as large as the first."
+GAP = 0.05  # between two of a row, of their longest side
+_ROW_AZIMUTH = 15.0  # degrees; at 0 a row is seen from its front, and so are shapes that look along x
+_RIGHT = {"y": (2, -1.0), "z": (1, 1.0)}  # axis and sign from left to right there, by the axis that points up
 _PATCHES = ("codes", "planes", "bends", "cells")  # arrays of patches in the order of their bytes
 
 
@@ -47,13 +49,34 @@ class BakedField:
     numbers: Float32[np.ndarray, "n"]
 
 
-def bake(shape: "field_file.FieldFile | shape_field.ShapeField | patch_field.PatchField", name: str) -> BakedField:
-    """A field for a page in the frame of its mesh (see `placed`), by its file or as torch holds it.
+def field(path: Path) -> "Shape":
+    """A field for a page, by its folder or file.
+
+    Raises:
+      FileNotFoundError: there is no such field. InputError: it is damaged, or no such field; it is named.
+    """
+    if path.suffix == ".onnx":
+        raise checks.InputError(f"{path}: a page takes a field's weights; give the folder that `ddf fit` wrote")
+    file = path if path.name == field_file.MODEL else path / field_file.MODEL
+    if not file.is_file() or storage.load_metadata(file).get("kind") != field_file.PATCHES:
+        return field_file.read(path)
+    from ddf.fields.grid import patch_field
+
+    return patch_field.load(file)
+
+
+def name_of(path: Path) -> str:
+    """What a field is called: its folder."""
+    return path.resolve().name if path.is_dir() else path.resolve().parent.name
+
+
+def bake(shape: "Shape", name: str) -> BakedField:
+    """A field for a page in the frame of its mesh (see `placed`).
 
     Raises:
       InputError: as `FieldFile.layers`.
     """
-    place = {
+    record = {
         "name": name,
         "offset": 0,
         "lower": shape.lower.tolist(),
@@ -61,38 +84,21 @@ def bake(shape: "field_file.FieldFile | shape_field.ShapeField | patch_field.Pat
         "field_from_mesh": shape.field_from_mesh.to_dict(),
         "world_from_mesh": transforms.Similarity().to_dict(),
     }
-    if shape.record.get("kind") == field_file.PATCHES:
-        return _patches(cast("patch_field.PatchField", shape), place)
-    if isinstance(shape, field_file.FieldFile):
-        layers, config, modulations = shape.layers(), shape.config, None
-    else:
-        shape = cast("shape_field.ShapeField", shape)
-        network, config, modulations = shape.field.network, asdict(shape.field.config), shape.modulations
-        parts = zip((*network.layers, network.head), (*network.omegas, 1.0), strict=True)
-        layers = [(arrays.to_numpy(part.weight), arrays.to_numpy(part.bias), omega) for part, omega in parts]
-    numbers = []
-    for index, (weight, bias, omega) in enumerate(layers):
-        weight = omega * weight.astype(np.float64)
-        if modulations is not None and index:
-            weight = weight * arrays.to_numpy(modulations[index - 1]).reshape(-1)
-        numbers += [weight.reshape(-1), omega * bias.astype(np.float64)]
-    record = {
+    if not isinstance(shape, field_file.FieldFile):
+        arrays = [shape.arrays[part] for part in _PATCHES]
+        data = b"".join(each.astype(each.dtype.newbyteorder("<")).tobytes() for each in arrays)
+        counts = {part: len(shape.arrays[part]) for part in ("codes", "bends", "cells")}
+        record |= {"kind": "patches", "tolerance": shape.tolerance, **counts}
+        return BakedField(record, np.frombuffer(data + bytes(-len(data) % 4), np.float32))
+    layers = shape.layers()
+    parts = [omega * part.astype(np.float64).reshape(-1) for *both, omega in layers for part in both]
+    record |= {
         "kind": "sine",
         "widths": [layers[0][0].shape[1], *(len(bias) for _, bias, _ in layers)],
-        "depth_activation": config["depth_activation"],
-        "depth_sharpness": config["depth_sharpness"],
+        "depth_activation": shape.config["depth_activation"],
+        "depth_sharpness": shape.config["depth_sharpness"],
     }
-    return BakedField(place | record, np.concatenate(numbers).astype(np.float32))
-
-
-def _patches(shape: "patch_field.PatchField", place: dict[str, Any]) -> BakedField:
-    """The arrays of the file as they are, little-endian."""
-    data = b"".join(
-        shape.arrays[name].astype(shape.arrays[name].dtype.newbyteorder("<")).tobytes() for name in _PATCHES
-    )
-    counts = {name: len(shape.arrays[name]) for name in ("codes", "bends", "cells")}
-    record = {"kind": "patches", "tolerance": shape.tolerance, **counts}
-    return BakedField(place | record, np.frombuffer(data + bytes(-len(data) % 4), np.float32))
+    return BakedField(record, np.concatenate(parts).astype(np.float32))
 
 
 def placed(field: BakedField, world_from_mesh: transforms.Similarity, name: str | None = None) -> BakedField:
@@ -119,26 +125,8 @@ def together(fields: list[BakedField]) -> tuple[list[dict[str, Any]], Float32[np
     return [field.record | {"offset": offsets[id(field.numbers)]} for field in fields], np.concatenate(numbers)
 
 
-BUILT = Path(__file__).resolve().parent / "viewer"  # what `viewer/build.mjs` writes
-_TEMPLATE, _WASM, _RUNTIME = "page.html", "wasm.js", "ort.wasm.gz"  # the last two for pages of models
-
-_MARKS = ("title", "page", "weights", "model", "runtime", "wasm", "first")  # of the template
-
-
-@dataclass(frozen=True)
-class Encoders:
-    """What a page needs to rebuild the field of an image.
-
-    onnx: `onnx_graphs.ModulationsGraph`. image_size: pixels a side that it takes. samples: PNG files to choose from;
-    the page begins with the first. radius: of training cameras, the mean, benchmark units. usual: whether the file
-    tells how usual an image is.
-    """
-
-    onnx: bytes
-    image_size: int
-    samples: list[bytes]
-    radius: float
-    usual: bool
+TEMPLATE = Path(__file__).resolve().parent / "viewer" / "page.html"  # what `viewer/build.mjs` writes
+_MARKS = ("title", "page", "weights", "first")  # of the template
 
 
 @dataclass(frozen=True)
@@ -146,9 +134,8 @@ class Page:
     """What a page shows.
 
     about: one sentence below the title. corners: of the box that cameras are about, frame of the page, as
-    `Queried.corners`. up: the axis that points up. box: of a scene, what lies before it is cut away.
-    encoders: of a model, whose one field is that of an image and has no modulations yet. first: WebP of
-    `first`, which is seen until the page has drawn its own.
+    `Queried.corners`. up: the axis that points up. box: of a scene, what lies before it is cut away. azimuth: of the
+    first picture, degrees. first: WebP of `first`, which is seen until the page has drawn its own.
     """
 
     title: str
@@ -157,13 +144,76 @@ class Page:
     fields: list[BakedField]
     up: str = "y"
     box: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]] | None = None
-    encoders: Encoders | None = None
     azimuth: float = 35.0
     first: bytes = b""
 
 
+def corners(shape: "Shape") -> Float[np.ndarray, "8 3"]:
+    """Those of a field's box, in the frame of its mesh."""
+    return shape.field_from_mesh.inverse().apply(transforms.box_corners(shape.lower, shape.upper))
+
+
+def field_page(shape: "Shape", name: str, up: str = "y", about: str = ABOUT) -> Page:
+    """The page of one field, in the frame of its mesh."""
+    return Page(name, about, corners(shape), [bake(shape, name)], up)
+
+
+def scene_page(
+    name: str,
+    fields: Sequence[BakedField],
+    lower: Float[np.ndarray, "3"],
+    upper: Float[np.ndarray, "3"],
+    up: str = "y",
+    cut: bool = False,
+) -> Page:
+    """The page of several fields.
+
+    Args:
+      lower, upper: box that cameras are about, frame of the scene. cut: what lies before it is cut away.
+    """
+    box = (lower, upper) if cut else None
+    return Page(name, ABOUT_SCENE, transforms.box_corners(lower, upper), list(fields), up, box)
+
+
+def side_by_side(title: str, shapes: "Sequence[tuple[str, Shape]]", up: str = "y") -> Page:
+    """The page of fields in a row from left to right, seen from +x: along -z, or along y where z points up.
+
+    Longest sides of their boxes are made equal to that of the first; the boxes stand on one floor, in the unit of the
+    first. A field that stands there several times is in the page once.
+
+    Args:
+      shapes: with the names that the page shows. up: axis that points up.
+    Raises:
+      InputError: there is no field.
+    """
+    if not shapes:
+        raise checks.InputError("a row needs at least one field; got none")
+    boxes = [corners(shape) for _, shape in shapes]
+    baked = {id(shape): bake(shape, name) for name, shape in shapes}
+    side = float(np.ptp(boxes[0], axis=0).max())
+    fields, reach, lower, upper = [], 0.0, np.full(3, np.inf), np.full(3, -np.inf)
+    for (name, shape), box in zip(shapes, boxes, strict=True):
+        place = _beside(box, side, reach, up)
+        stands = place.apply(box)
+        axis, sign = _RIGHT[up]
+        reach = float((sign * stands[:, axis]).max()) + GAP * side
+        lower, upper = np.minimum(lower, stands.min(axis=0)), np.maximum(upper, stands.max(axis=0))
+        fields.append(placed(baked[id(shape)], place, name))
+    return Page(title, ABOUT_ROW, transforms.box_corners(lower, upper), fields, up, azimuth=_ROW_AZIMUTH)
+
+
+def _beside(box: Float[np.ndarray, "8 3"], side: float, reach: float, up: str) -> transforms.Similarity:
+    """What takes a box to the right of `reach`, onto the floor, its middle to x = 0."""
+    lower, upper = box.min(axis=0), box.max(axis=0)
+    scale, (axis, sign) = side / float((upper - lower).max()), _RIGHT[up]
+    at = -scale * lower
+    at[0] = -scale * (lower[0] + upper[0]) / 2
+    at[axis] = sign * reach - scale * (lower if sign > 0 else upper)[axis]
+    return transforms.Similarity(scale, np.eye(3), at)
+
+
 def render(page: Page) -> bytes:
-    """The page as a file.
+    """The page as a file: the template with its marks `{{name}}` replaced.
 
     Raises:
       InputError: there is no field.
@@ -176,21 +226,19 @@ def render(page: Page) -> bytes:
         "azimuth": page.azimuth,
         "corners": page.corners.tolist(),
         "fields": records,
-        "model": None,
         "box": None if page.box is None else [corner.tolist() for corner in page.box],
     }
-    parts = {"title": html.escape(page.title), "weights": block(numbers.tobytes())}
-    if page.encoders is not None:
-        samples = ["data:image/png;base64," + base64.b64encode(sample).decode() for sample in page.encoders.samples]
-        own = {name: getattr(page.encoders, name) for name in ("image_size", "radius", "usual")}
-        record["model"] = own | {"samples": samples}
-        parts["model"] = block(page.encoders.onnx)
-        parts["runtime"] = base64.b64encode((BUILT / _RUNTIME).read_bytes()).decode()
-        parts["wasm"] = (BUILT / _WASM).read_text(encoding="utf-8")
+    packed = base64.b64encode(gzip.compress(numbers.tobytes(), 9, mtime=0)).decode()
+    parts = {"title": html.escape(page.title), "weights": packed, "page": _script(record)}
     if page.first:
         source = "data:image/webp;base64," + base64.b64encode(page.first).decode()
         parts["first"] = f'<img id="first" alt="" src="{source}">'
-    return _filled(parts | {"page": _script(record)})
+    pieces = TEMPLATE.read_text(encoding="utf-8").split("{{")
+    filled = [pieces[0]]
+    for piece in pieces[1:]:
+        name, end, rest = piece.partition("}}")
+        filled.append(parts.get(name, "") + rest if end and name in _MARKS else "{{" + piece)
+    return "".join(filled).encode("utf-8")
 
 
 def write(path: Path, page: Page) -> int:
@@ -200,25 +248,9 @@ def write(path: Path, page: Page) -> int:
     return len(data)
 
 
-def block(data: bytes) -> str:
-    """Bytes as the page reads them."""
-    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode()
-
-
 def _script(record: Mapping[str, Any]) -> str:
     """JSON inside a script element, which nothing in it can end."""
     return json.dumps(record, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-
-
-def _filled(parts: Mapping[str, str]) -> bytes:
-    """The template with its marks `{{name}}` replaced; one without a part becomes empty."""
-    template = (BUILT / _TEMPLATE).read_text(encoding="utf-8")
-    pieces = template.split("{{")
-    filled = [pieces[0]]
-    for piece in pieces[1:]:
-        name, end, rest = piece.partition("}}")
-        filled.append(parts.get(name, "") + rest if end and name in _MARKS else "{{" + piece)
-    return "".join(filled).encode("utf-8")
 
 
 ELEVATION = 25.0  # of the page's first camera, degrees

@@ -110,7 +110,7 @@ LINES = [
     ("view rabbit out.png", "out.png: no such field; a file to write must end in .html"),
     ("view out.html", "no such field"),
     ("view rabbit armchair hare out.html", "hare: no such field"),
-    ("view rabbit chair out.html", "holds no field of a single shape"),
+    ("view rabbit noise.png out.html", "noise.png: a picture stands before the model"),
     (f"view rabbit {shipped_models.place('rabbit')}/field.onnx out.html", "give the folder that"),
     ("view rabbit scene.yaml out.html", "scene.yaml: a scene file is shown alone"),
     ("view hare out.html", "no such field"),

@@ -10,11 +10,11 @@ import torch
 from _shapes import icosphere
 from _support import assert_close
 
-from ddf.fields import pddf, shape_field
+from ddf.fields import field_file, pddf, shape_field
 from ddf.fields.grid import octree, patch_field
 from ddf.fit import fitting
 from ddf.geometry import transforms
-from ddf.io import viewable, viewer_page
+from ddf.io import viewer_page
 
 
 def _field():
@@ -22,8 +22,9 @@ def _field():
     return pddf.PDDF(pddf.PDDFConfig((8, 12), 3.0, 2.0, "softplus", 100.0))
 
 
-def _shape(field, modulations=None):
-    return shape_field.ShapeField(field, -np.ones(3), np.ones(3), transforms.Similarity(2.0), {}, modulations)
+def _shape(folder, field, modulations=None):
+    shape = shape_field.ShapeField(field, -np.ones(3), np.ones(3), transforms.Similarity(2.0), {}, modulations)
+    return field_file.read(shape_field.save(shape, folder, {}))
 
 
 def _plain(baked, inputs):
@@ -40,18 +41,18 @@ def _plain(baked, inputs):
 
 
 @pytest.mark.parametrize("modulated", [False, True])
-def test_frequencies_and_modulations_are_baked_in(modulated):
+def test_frequencies_and_modulations_are_baked_in(modulated, tmp_path):
     generator = torch.Generator().manual_seed(1)
     field, inputs = _field(), torch.randn(5, 6, generator=generator)
     modulations = [0.5 + torch.rand(1, width, generator=generator) for width in field.config.hidden]
     modulations = modulations if modulated else None
     expected = field.network(inputs, modulations)
-    assert_close(_plain(viewer_page.bake(_shape(field, modulations), "one"), inputs.numpy()), expected)
+    assert_close(_plain(viewer_page.bake(_shape(tmp_path, field, modulations), "one"), inputs.numpy()), expected)
     assert ((expected - field.network(inputs)).abs().max() > 0.1) == modulated
 
 
-def test_several_fields_share_a_block_and_one_that_stands_twice_is_there_once():
-    one, two = (viewer_page.bake(_shape(_field()), "f") for _ in range(2))
+def test_several_fields_share_a_block_and_one_that_stands_twice_is_there_once(tmp_path):
+    one, two = (viewer_page.bake(_shape(tmp_path, _field()), "f") for _ in range(2))
     records, numbers = viewer_page.together([one, two, viewer_page.placed(one, transforms.Similarity(3.0))])
     count = len(one.numbers)
     assert [record["offset"] for record in records] == [0, count, 0] and len(numbers) == 2 * count
@@ -76,24 +77,24 @@ def test_patches_are_in_the_block_as_in_their_file():
 @pytest.fixture
 def shapes(tmp_path):
     """A field, and one ten times as large that stands elsewhere."""
-    one = shape_field.load(_models.write_shape_field(tmp_path / "one"))
+    one = field_file.read(_models.write_shape_field(tmp_path / "one"))
     other = transforms.Similarity(0.002, np.eye(3), np.array([7.0, -2.0, 1.0]))
     return one, dataclasses.replace(one, field_from_mesh=other)
 
 
 def _boxes(page, shapes):
     places = [transforms.Similarity.from_dict(field.record["world_from_mesh"]) for field in page.fields]
-    return [place.apply(viewable.corners(shape)) for place, shape in zip(places, shapes, strict=True)]
+    return [place.apply(viewer_page.corners(shape)) for place, shape in zip(places, shapes, strict=True)]
 
 
 @pytest.mark.parametrize(("up", "height", "right"), [("y", 1, [0, 0, -1]), ("z", 2, [0, 1, 0])])
 def test_a_row_stands_on_one_floor_as_large_as_the_first(shapes, up, height, right):
-    page = viewable.side_by_side("row", [("small", shapes[0]), ("large", shapes[1])], up)
+    page = viewer_page.side_by_side("row", [("small", shapes[0]), ("large", shapes[1])], up)
     first, second = _boxes(page, shapes)
-    side = np.ptp(viewable.corners(shapes[0]), axis=0)
+    side = np.ptp(viewer_page.corners(shapes[0]), axis=0)
     assert_close(np.ptp(first, axis=0), side)
     assert_close(np.ptp(second, axis=0), side)
-    assert_close((second @ right).min() - (first @ right).max(), np.array(viewable.GAP * side.max()))
+    assert_close((second @ right).min() - (first @ right).max(), np.array(viewer_page.GAP * side.max()))
     for box in (first, second):
         assert_close(box[:, height].min(), np.array(0.0), atol=1e-12)
         assert_close(box[:, 0].min(), -box[:, 0].max())

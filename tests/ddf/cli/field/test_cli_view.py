@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from ddf.core import shipped_models
+
 ROW = {"field": 1, "rabbit, field, rabbit": 3}  # the page's title, and how many fields stand side by side
 
 
@@ -31,3 +33,11 @@ def test_without_a_file_the_browser_is_asked(fitted, answer, monkeypatch):
     monkeypatch.setattr("webbrowser.open", lambda address: asked.append(address) or True)
     result = answer("view", fitted[0])
     assert result["opened"] and asked == [Path(result["out"]).as_uri()] and Path(result["out"]).is_file()
+
+
+def test_a_picture_before_a_model_becomes_patches(tmp_path, answer):
+    image = shipped_models.place("car") / "sample_1.png"
+    found = answer("view", image, "car", tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    assert found["fields"] == ["car"] and found["bytes"] < 500_000
+    assert "What the model car makes of sample_1.png: " in text and '"kind":"patches"' in text
