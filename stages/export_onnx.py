@@ -11,8 +11,8 @@ from ddf_lab.run import Run
 
 @stage.main(category=True)
 def make(run: Run) -> None:
-    """Write one file per graph and onnx_parity.csv, which also says what smaller weights would cost."""
-    section = onnx_file.ExportConfig(precisions=onnx_file.PRECISIONS)
+    """Write one file per graph and onnx_parity.csv."""
+    section = onnx_file.ExportConfig()
     out_dir = run.folder("export_onnx")
     sources, rows = [], []
     for model in ("ddf", "pcsiren"):
@@ -20,9 +20,7 @@ def make(run: Run) -> None:
         graphs, source = onnx_file.load_graphs(folder, section.outputs)
         sources.append(folder / model_files.MODEL)
         for name, graph in graphs.items():
-            out = out_dir / f"{name}.onnx"
-            rows += onnx_file.export(graph, name, out, source, section)
-            rows += onnx_file.measure_precisions(graph, name, out.read_bytes(), section)
+            rows += onnx_file.export(graph, name, out_dir / f"{name}.onnx", source, section)
     table = pd.DataFrame([row.to_dict() for row in rows])
     table.insert(0, "category", run.category)
     record = provenance.record([section], section.seed, sources, onnx_file)

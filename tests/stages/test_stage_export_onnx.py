@@ -40,11 +40,9 @@ def test_every_graph_is_written_with_one_table(written):
     }
     table, record = storage.load_table(written / "onnx_parity.csv")
     assert set(table["graph"]) == names
-    assert set(table["precision"]) == {onnx_file.FULL, *onnx_file.PRECISIONS}
     assert (table["category"] == "chair").all()
-    full = table[table["precision"] == "float32"]
-    assert (full["max_abs"] <= full["tolerance"]).all()
-    assert (full["bytes"] == [(written / f"{name}.onnx").stat().st_size for name in full["graph"]]).all()
+    assert (table["max_abs"] <= table["tolerance"]).all()
+    assert (table["bytes"] == [(written / f"{name}.onnx").stat().st_size for name in table["graph"]]).all()
     assert set(record["sources"]) == {
         f"artifacts/tiny/train_{kind}/chair/model.safetensors" for kind in ("ddf", "pcsiren")
     }

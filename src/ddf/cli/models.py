@@ -325,7 +325,6 @@ def export(
     *,
     graph: str | None = None,
     outputs: arguments.Outputs | None = None,
-    precision: Literal["float32", "float16", "bfloat16"] = "float32",
 ) -> dict[str, Any]:
     """A trained model as an ONNX file, checked against onnxruntime.
 
@@ -336,11 +335,10 @@ def export(
         several fields for a page alone.
       out: file to write: .onnx, or .html for the page of `ddf view`.
       graph: field, encoders or image_field of a DDF model (field if not given), pcsiren or pcsiren_encoders.
-      precision: of the weights; below float32 the error is reported and held to no tolerance.
 
     Examples:
       ddf export rabbit field.onnx
-      ddf export rabbit small.onnx --precision float16 --outputs depth,visibility
+      ddf export rabbit small.onnx --outputs depth,visibility
       ddf export rabbit armchair pair.html
     """
     if out.suffix.lower() == ".html":
@@ -362,13 +360,12 @@ def export(
     name = graph or next(iter(graphs))
     if name not in graphs:
         raise checks.InputError(f"--graph must be one of {', '.join(graphs)} for {folder}; got {name!r}")
-    rows = onnx_file.export(graphs[name], name, out, source, settings, precision)
+    rows = onnx_file.export(graphs[name], name, out, source, settings)
     parity = onnx_file.figures(rows)
     worst = max(parity, key=lambda output: parity[output]["max_abs"])
     return {
         "graph": name,
         "opset": onnx_file.OPSET,
-        "precision": precision,
         "bytes": rows[0].bytes,
         "inputs": {key: list(shape) for key, shape in graphs[name].inputs.items()},
         "parity": parity,
@@ -376,6 +373,6 @@ def export(
             ("output", "largest difference", "tolerance"),
             [(output, entry["max_abs"], entry["tolerance"]) for output, entry in parity.items()],
         ),
-        "verdict": f"{out}: graph {name}, opset {onnx_file.OPSET}, {precision}, {rows[0].bytes:,} bytes; "
+        "verdict": f"{out}: graph {name}, opset {onnx_file.OPSET}, {rows[0].bytes:,} bytes; "
         f"onnxruntime and torch differ most in {worst}, by {results.cell(parity[worst]['max_abs'])}",
     }

@@ -8,9 +8,6 @@ it. Building the graph by hand would need a second definition of every network a
 
 onnxruntime 1.31 does not count negative axes from the back where an input is empty: the sum of an array of shape (0, 3)
 over axis -1 has shape (0, 3) there instead of (0), and the next node fails. Axes from 0 on are right for any length.
-
-Weights may be stored in float16 or bfloat16 and cast to float32 when a session loads them: half the size, the same
-speed, and an error that is measured, never assumed.
 """
 
 import itertools
@@ -38,11 +35,6 @@ from ddf.models import reconstruction_models
 OPSET = 18
 IR_VERSION = 10  # onnxruntime 1.18 and later read it
 LICENCE = "MIT"
-MEASURED_POINTS, MEASURED_IMAGES = 4096, 16  # rows on which smaller weights are compared
-FULL = "float32"
-STORED = {"float16": onnx.TensorProto.FLOAT16, "bfloat16": onnx.TensorProto.BFLOAT16}
-PRECISIONS = tuple(STORED)
-SMALLEST = 64  # values: shorter constants are not worth a cast
 
 
 def count_axes_from_the_front(model: onnx.ModelProto) -> None:
@@ -81,95 +73,37 @@ def _drop_unread(graph: onnx.GraphProto) -> None:
         graph.initializer.remove(tensor)
 
 
-def require(precision: str) -> None:
-    """Raise InputError unless it is one of `PRECISIONS`."""
-    if precision not in PRECISIONS:
-        raise checks.InputError(f"precision must be one of {', '.join(PRECISIONS)}; got {precision!r}")
-
-
-def reduce(data: bytes, precision: str) -> bytes:
-    """The file with its weights in the precision named, which its metadata then says."""
-    require(precision)
-    model = onnx.load_from_string(data)
-    if any(node.op_type == "Loop" for node in model.graph.node):
-        raise checks.InputError(f"{precision} is of networks; patches are integers of 16 bits already")
-    properties = {entry.key: entry.value for entry in model.metadata_props}
-    model = _stored(model, precision)
-    onnx.helper.set_model_props(model, properties | {"precision": precision})
-    onnx.checker.check_model(model)
-    return model.SerializeToString(deterministic=True)
-
-
-def _stored(model: onnx.ModelProto, precision: str) -> onnx.ModelProto:
-    casts = []
-    for index, tensor in enumerate(model.graph.initializer):
-        if tensor.data_type != onnx.TensorProto.FLOAT or int(np.prod(tensor.dims)) < SMALLEST:
-            continue
-        name, stored = tensor.name, f"{tensor.name}.{precision}"
-        values = onnx.numpy_helper.to_array(tensor)
-        kind = onnx.helper.tensor_dtype_to_np_dtype(STORED[precision])
-        model.graph.initializer[index].CopyFrom(onnx.numpy_helper.from_array(values.astype(kind), stored))
-        casts.append(onnx.helper.make_node("Cast", [stored], [name], to=onnx.TensorProto.FLOAT, name=f"{name}.cast"))
-    nodes = list(model.graph.node)
-    del model.graph.node[:]
-    model.graph.node.extend([*casts, *nodes])
-    return model
-
-
 @dataclass(frozen=True)
 class ExportConfig:
     """What is exported, and how it is compared.
 
     outputs: of the fields, among `field_outputs.OUTPUTS`. batches: numbers of oriented points that are compared; of
-    images at most 64. precisions: of the weights, measured beside float32 and never written.
+    images at most 64.
     """
 
     outputs: tuple[str, ...] = ("visibility", "depth", "normals", "weight_1", "mean_curvature", "gaussian_curvature")
     batches: tuple[int, ...] = (1, 7, 4096)
-    precisions: tuple[str, ...] = ()
     seed: int = 0
 
     def __post_init__(self) -> None:
         field_outputs.require(self.outputs)
         if not self.batches or min(self.batches) < 1:
             raise checks.InputError(f"batches must be >= 1; got {self.batches}")
-        for precision in self.precisions:
-            require(precision)
 
 
 def export(
-    graph: Graph,
-    name: str,
-    out: Path,
-    source: Mapping[str, Any],
-    config: ExportConfig,
-    precision: str = "float32",
+    graph: Graph, name: str, out: Path, source: Mapping[str, Any], config: ExportConfig
 ) -> list[onnx_parity.Row]:
     """Write one graph to `out` and return how it compares with torch.
 
     Args:
       name: of the graph, for messages and tables. source: what `describe_source` says of the model.
-      precision: of the weights; below float32 the differences are returned but held to no tolerance.
     Raises:
-      ParityError: outside the tolerance; there is no file then, and an earlier one is left as it was.
+      ParityError: as `onnx_parity.compare`; there is no file then, and an earlier one is left as it was.
     """
     data = to_onnx(graph, source)
-    if precision != FULL:
-        data = reduce(data, precision)
-    rows = onnx_parity.compare(data, name, graph, config.batches, config.seed, precision)
-    if precision == FULL:
-        onnx_parity.require(rows)
+    rows = onnx_parity.compare(data, name, graph, config.batches, config.seed)
     storage.write_bytes(out, data)
-    return rows
-
-
-def measure_precisions(graph: Graph, name: str, data: bytes, config: ExportConfig) -> list[onnx_parity.Row]:
-    """What smaller weights would cost: sizes and errors of `config.precisions`; nothing is written."""
-    rows = []
-    count = MEASURED_POINTS if graph.largest_batch is None else MEASURED_IMAGES
-    for precision in config.precisions:
-        reduced = reduce(data, precision)
-        rows += onnx_parity.compare(reduced, name, graph, (count,), config.seed, precision)
     return rows
 
 
@@ -240,7 +174,6 @@ def _describe(model: onnx.ModelProto, graph: Graph, source: Mapping[str, Any]) -
         "frame": "field frame: the shape's box is centred at 0 and its longest side is 2; directions have length 1",
         "box": [[-1, -1, -1], [1, 1, 1]],
         "images": "RGBA in [0, 1], rows from the top, transparent pixels black, the object filling a square image",
-        "precision": FULL,
         "ddf_version": extras.version(),
         "model_license": LICENCE,
         **source,
@@ -275,10 +208,8 @@ def figures(rows: Sequence[onnx_parity.Row]) -> dict[str, dict[str, float]]:
     """Per output the worst figures over all inputs, for `ddf export`."""
     worst: dict[str, dict[str, float]] = {}
     for row in rows:
-        entry = worst.setdefault(row.output, {"max_abs": 0.0, "mean_abs": 0.0, "max_relative": 0.0, "unclear": 0})
-        for key, value in entry.items():
-            entry[key] = max(value, getattr(row, key))
-        entry["tolerance"] = row.tolerance
+        entry = worst.setdefault(row.output, {"max_abs": 0.0, "mean_abs": 0.0, "tolerance": 0.0, "unclear": 0})
+        worst[row.output] = {key: max(value, getattr(row, key)) for key, value in entry.items()}
     return worst
 
 

@@ -1,8 +1,7 @@
 """Patches as a graph for ONNX: `fields.grid.kernels.trace` for all rays at once, cell after cell, in float64.
 
-Four modules, each recorded by itself: the integers of the field's file become numbers, rays enter the box, take a
-step, say what they met. The steps are the body of one ONNX loop, from which rays go that have met something or left the
-box. onnxruntime makes the numbers once, when it loads the file.
+Three modules, each recorded by itself: rays enter the box, take a step, say what they met. The steps are the body of
+one ONNX loop, from which rays go that have met something or left the box.
 """
 
 import itertools
@@ -19,60 +18,9 @@ from ddf.fields.grid import kernels, octree, patch_field
 from ddf.io.onnx_graphs import DYNAMIC, Graph
 
 _FINEST = octree.BASE << kernels.DEEPEST  # cells along a side, were all cut to the end
-_NUMBERS = ("rows", "centres", "counts", "cuts", "errors", "nears")  # that `Numbers` makes
 _KEPT = ("p", "v", "inverse", "leave")  # that steps read
 _STATE = ("depth", "patch", "ray", "t", "near")  # that steps change; the last three of the rays under way alone
 Recorder = Callable[[nn.Module, Sequence[str], Sequence[Tensor], Sequence[str]], onnx.ModelProto]
-
-
-class Numbers(nn.Module):
-    """What a file holds to what steps read: `octree.unpack`, in double precision until the end."""
-
-    def __init__(self, tolerance: float) -> None:
-        super().__init__()
-        self.tolerance = tolerance
-
-    def forward(self, codes: Tensor, planes: Tensor, bends: Tensor, middles: Tensor, sides: Tensor) -> tuple:
-        """Integers to `_NUMBERS`. bends: after a row for all planes. middles, sides: half and whole finest cells."""
-        code, side = codes.double(), sides.double() * (2 / _FINEST)
-        folded, bent = planes.double() / octree.ONE, _bit(code, octree.BENT)
-        height = 1 - folded[:, 0].abs() - folded[:, 1].abs()
-        sign = torch.where(folded[:, :2] >= 0, torch.ones_like(folded[:, :2]), -torch.ones_like(folded[:, :2]))
-        flat = folded[:, :2] - sign * torch.relu(-height)[:, None]
-        length = torch.sqrt(flat[:, 0] * flat[:, 0] + flat[:, 1] * flat[:, 1] + height * height)
-        normals = torch.cat([flat, height[:, None]], 1) / length[:, None]
-        curved = bends[(torch.cumsum(bent, 0) * bent).long()].double() / octree.ONE * kernels.MOST_BENT / side[:, None]
-        rows = torch.cat([normals, (folded[:, 2] * side)[:, None], curved], 1)
-        more = torch.cat([1 - _bit(code, kernels.LAST), torch.zeros(kernels.MOST, dtype=torch.float64)])
-        count, following = torch.ones_like(code), torch.ones_like(code)
-        for slot in range(kernels.MOST - 1):  # patches that follow in the cell
-            following = following * more[slot : slot + len(code)]
-            count = count + following
-        one, two, four = (_bit(code, bit << kernels.FINENESS) for bit in (1, 2, 4))  # how often the error is halved
-        errors = self.tolerance / ((1 + one) * (1 + 3 * two) * (1 + 15 * four))
-        nears = (kernels.NEAR * errors).clamp(min=kernels.NEAREST)
-        nears = torch.maximum(nears, _bit(code, kernels.ROUGH) * kernels.NEAR_ROUGH * side)
-        cuts = torch.stack([_bit(code, 4 << 2 * i) - _bit(code, 8 << 2 * i) for i in range(kernels.MOST)], 1)
-        errors = errors.clamp(min=kernels.ROUNDING)
-        centres = middles.float() / _FINEST
-        return rows.float(), centres, count.to(torch.int8), cuts.to(torch.int8), errors.float(), nears.float()
-
-
-def _bit(code: Tensor, bit: int) -> Tensor:
-    """Whether it is set, 0 or 1, in whole numbers of double precision."""
-    return torch.floor(code / bit) - 2 * torch.floor(code / (2 * bit))
-
-
-def _stored(field: patch_field.PatchField) -> dict[str, np.ndarray]:
-    """The integers of a field's file that `Numbers` takes, and the place of each patch."""
-    tree = field.tree
-    return {
-        "codes": field.arrays["codes"].astype(np.int16),
-        "planes": field.arrays["planes"],
-        "bends": np.concatenate([np.zeros((1, 3), np.int16), field.arrays["bends"]]),
-        "middles": np.rint(tree.centres * _FINEST).astype(np.int16),
-        "sides": np.rint(tree.sides * (_FINEST / 2)).astype(np.int16),
-    }
 
 
 class _Patches(nn.Module):
@@ -89,12 +37,22 @@ class _Patches(nn.Module):
 
     def __init__(self, field: patch_field.PatchField) -> None:
         super().__init__()
-        tree, stored = field.tree, map(torch.from_numpy, _stored(field).values())
-        nodes = np.concatenate([tree.base.reshape(-1), tree.children.reshape(-1)]).astype(np.int32)
-        numbers = dict(zip(_NUMBERS, Numbers(field.tolerance)(*stored), strict=True))
-        numbers |= {"nodes": torch.from_numpy(nodes), "box": torch.from_numpy(np.stack([field.lower, field.upper]))}
+        tree, codes = field.tree, field.tree.codes.astype(np.int64)
+        last, bits = np.flatnonzero(codes & kernels.LAST), 2 + 2 * np.arange(kernels.MOST)
+        errors = field.tolerance / 2.0 ** (codes >> kernels.FINENESS & kernels.FINEST)
+        rough = np.where(codes & kernels.ROUGH, kernels.NEAR_ROUGH * tree.sides, 0)
+        numbers = {
+            "rows": tree.patches,
+            "centres": tree.centres.astype(np.float32),
+            "counts": (last[np.searchsorted(last, np.arange(len(codes)))] - np.arange(len(codes)) + 1).astype(np.int8),
+            "cuts": ((codes[:, None] >> bits & 1) - (codes[:, None] >> bits + 1 & 1)).astype(np.int8),
+            "errors": np.maximum(errors, kernels.ROUNDING).astype(np.float32),
+            "nears": np.maximum(np.maximum(kernels.NEAR * errors, kernels.NEAREST), rough).astype(np.float32),
+            "nodes": np.concatenate([tree.base.reshape(-1), tree.children.reshape(-1)]).astype(np.int32),
+            "box": np.stack([field.lower, field.upper]),
+        }
         for name, values in numbers.items():
-            self.register_buffer(name, values)
+            self.register_buffer(name, torch.from_numpy(values))
         self.levels = round(float(np.log2(2 / octree.BASE / tree.sides.min())))
         self.most = 6 * (octree.BASE << self.levels)  # steps of a ray: twice the planes of cells
 
@@ -235,7 +193,6 @@ class PatchGraph(Graph):
         self.meanings = {name: OUTPUTS[name].meaning for name in names}
         self.tolerances = {name: OUTPUTS[name].tolerance for name in names}
         self.relative = frozenset(name for name in names if OUTPUTS[name].relative)
-        self.stored, self.numbers = _stored(field), Numbers(field.tolerance)
         self.enter, self.step, self.finish = Enter(field), Step(field), Finish(field, names)
 
     def forward(self, positions: Tensor, directions: Tensor) -> tuple[Tensor, ...]:
@@ -246,18 +203,16 @@ class PatchGraph(Graph):
         return self.finish(p, v, state[0], state[1])
 
     def assemble(self, record: Recorder) -> onnx.ModelProto:
-        """The ONNX model: the four parts as `record` makes them, the third in a loop."""
+        """The ONNX model: the three parts as `record` makes them, the second in a loop."""
         helper, kinds = onnx.helper, onnx.TensorProto
         rays = torch.tensor([[0.1, 0.2, -1.5], [0.3, -0.1, -1.5]]), torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.6, 0.8]])
         given = self.enter(*rays)
         began, done = ([f"{name}_{when}" for name in _STATE] for when in ("began", "done"))
         after = [f"{name}_after" for name in _STATE]
-        integers = tuple(map(torch.from_numpy, self.stored.values()))
-        numbers = record(self.numbers, list(self.stored), integers, list(_NUMBERS))
         enter = record(self.enter, list(self.inputs), rays, [*_KEPT, *began])
         step = record(self.step, [*_KEPT, *_STATE], given, after)
         finish = record(self.finish, ["p", "v", *done[:2]], (*given[:2], *given[4:6]), list(self.meanings))
-        for name, part in (("numbers/", numbers), ("enter/", enter), ("step/", step), ("finish/", finish)):
+        for name, part in (("enter/", enter), ("step/", step), ("finish/", finish)):
             shared = {"rename_inputs": False, "rename_outputs": False, "rename_initializers": False}
             onnx.compose.add_prefix(part, name, inplace=True, **shared)
         changing = [helper.make_tensor_value_info(name, *_kind(name)) for name in _STATE]
@@ -283,10 +238,9 @@ class PatchGraph(Graph):
             helper.make_tensor(name, kinds.INT64, [], [value])
             for name, value in (("none_left", 0), ("most_steps", self.step.most))
         ]
-        fixed += [onnx.numpy_helper.from_array(values, name) for name, values in self.stored.items()]
-        parts = itertools.chain(*(part.graph.initializer for part in (numbers, enter, step, finish)))
-        known = {each.name: each for each in (*fixed, *parts) if each.name not in _NUMBERS}
-        nodes = [*numbers.graph.node, *enter.graph.node, loop, *finish.graph.node]
+        parts = itertools.chain(*(part.graph.initializer for part in (enter, step, finish)))
+        known = {each.name: each for each in (*fixed, *parts)}
+        nodes = [*enter.graph.node, loop, *finish.graph.node]
         whole = helper.make_graph(nodes, "field", enter.graph.input, finish.graph.output, list(known.values()))
         return helper.make_model(whole, opset_imports=enter.opset_import)
 

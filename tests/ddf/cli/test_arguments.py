@@ -7,7 +7,6 @@ from ddf.data import mesh_config
 from ddf.fields import framed_field, stored_fields
 from ddf.fit import surfaces
 from ddf.geometry import mesh_io
-from ddf.io import onnx_file
 
 
 def test_lists_and_defaults_are_those_of_the_library():
@@ -18,7 +17,6 @@ def test_lists_and_defaults_are_those_of_the_library():
         for each in command.parameters
     }
     assert get_args(at["render", "up"]) == framed_field.UP_AXES
-    assert get_args(at["export", "precision"]) == (onnx_file.FULL, *onnx_file.PRECISIONS)
     assert get_args(at["surface", "method"]) == surfaces.METHODS
     assert at["points", "cycles"] == stored_fields.CLOUD["cycles"]
     assert at["points", "directions"] == stored_fields.CLOUD["num_directions"]

@@ -12,12 +12,12 @@ import torch
 from _support import assert_close
 
 from ddf.core import extras, shipped_models, storage
-from ddf.fields import derivatives, field_outputs, pddf
+from ddf.fields import derivatives, field_outputs
 from ddf.io import onnx_file, onnx_graphs, onnx_parity
 
 ALL = tuple(field_outputs.OUTPUTS)
 SOURCE = {"source": "chair/model.safetensors", "source_sha256": "0" * 64, "config": {"kind": "ddf"}}
-QUICK = onnx_file.ExportConfig(ALL, (1, 7), ("float16", "bfloat16"), 0)
+QUICK = onnx_file.ExportConfig(ALL, (1, 7))
 
 
 def _properties(data):
@@ -100,7 +100,6 @@ def test_every_graph_of_a_model_agrees_with_torch(kind, tmp_path):
         rows = onnx_file.export(graph, name, tmp_path / f"{name}.onnx", SOURCE, QUICK)
         assert {row.output for row in rows} == set(graph.meanings)
         assert max(row.max_abs / row.tolerance for row in rows) < 1
-        assert max(row.onnx_error for row in rows) < 1e-4  # from float64
         hard = {"hard"} if "positions" in graph.inputs else set()
         assert {row.cases for row in rows} == {"random 1", "random 7"} | hard
 
@@ -126,7 +125,7 @@ def test_file_says_what_it_is(tmp_path):
     assert found["source_sha256"] == storage.checksum(folder / "model.safetensors")
     assert json.loads(found["box"]) == [[-1, -1, -1], [1, 1, 1]] and json.loads(found["config"])["hidden"][0] == 24
     assert set(json.loads(found["outputs"])) == set(ALL) and found["transform"].startswith("none")
-    assert (found["model_license"], found["precision"]) == ("MIT", "float32")
+    assert found["model_license"] == "MIT"
 
 
 def test_equal_models_give_equal_bytes_without_places_of_this_machine():
@@ -157,23 +156,3 @@ def test_file_that_differs_from_its_model_is_refused_and_leaves_nothing(tmp_path
     with pytest.raises(onnx_parity.ParityError):
         onnx_file.export(graph, "field", tmp_path / "field.onnx", SOURCE, QUICK)
     assert (tmp_path / "field.onnx").read_bytes() == b"earlier"
-
-
-def test_smaller_weights_are_measured_and_labelled(tmp_path):
-    graph = onnx_graphs.ddf_graphs(_models.ddf_model(), 32, ALL)["field"]
-    data = onnx_file.to_onnx(graph, SOURCE)
-    config = onnx_file.ExportConfig(ALL, (1, 7), onnx_file.PRECISIONS, 0)
-    rows = onnx_file.measure_precisions(graph, "field", data, config)
-    assert {row.precision for row in rows} == set(onnx_file.PRECISIONS)
-    numbers = [value for row in rows for value in row.to_dict().values() if isinstance(value, float)]
-    assert np.isfinite(numbers).all()
-    mean = {row.precision: row.mean_abs for row in rows if (row.output, row.cases) == ("visibility", "random 4096")}
-    assert 0 < mean["float16"] < mean["bfloat16"] < 0.1
-    assert list(tmp_path.iterdir()) == []
-    found = onnx_file.export(graph, "field", tmp_path / "half.onnx", SOURCE, config, "float16")
-    assert {row.precision for row in found} == {"float16"}
-    assert _properties((tmp_path / "half.onnx").read_bytes())["precision"] == "float16"
-    wide = pddf.PDDF(pddf.PDDFConfig((128, 128), 1.0, 1.0, "relu", 1.0))
-    data = onnx_file.to_onnx(onnx_graphs.FieldGraph(wide, ("depth",)), SOURCE)
-    for precision in ("float16", "bfloat16"):
-        assert len(onnx_file.reduce(data, precision)) < 0.56 * len(data)

@@ -14,7 +14,7 @@ ALL = tuple(field_outputs.OUTPUTS)
 
 
 def _row(**values):
-    row = onnx_parity.Row("field", "float32", 1, "random 7", 100, "depth", 1e-6, 1e-7, 1e-6, 1e-6, 1e-5, 0, 1e-6, 1e-6)
+    row = onnx_parity.Row("field", 1, "random 7", 100, "depth", 1e-6, 1e-7, 1e-5, 0)
     return dataclasses.replace(row, **values)
 
 
@@ -36,17 +36,13 @@ def test_hard_rays_graze_switch_saturate_and_start_on_the_surface():
     assert torch.equal(hard["directions"][-1], -hard["directions"][-1 - each])
 
 
-def test_comparison_at_65536_points_and_its_float64_errors():
+def test_comparison_at_65536_points():
     graph = onnx_graphs.FieldGraph(_models.field(), ALL)
-    rows = onnx_parity.compare(onnx_file.to_onnx(graph, {}), "field", graph, (1, 7, 65536), 0)
-    onnx_parity.require(rows)
+    rows = onnx_parity.compare(onnx_file.to_onnx(graph, {}), "field", graph, (1, 7, 65536))
     assert [row.cases for row in rows[:: len(ALL)]] == ["random 1", "random 7", "random 65536", "hard"]
     assert {row.rows for row in rows if row.cases == "random 65536"} == {65536}
     for row in rows:
         assert row.mean_abs <= row.max_abs <= row.tolerance
-        assert row.q999_abs <= row.max_abs
-        assert 0 < row.torch_error < 10 * row.tolerance or row.rows < 10
-        assert row.onnx_error <= row.torch_error + row.max_abs
     assert sum(row.unclear for row in rows if row.output == "visibility") == 0
 
 
@@ -58,14 +54,8 @@ def test_difference_is_measured_not_assumed():
             each.network.head.bias[2] = 50.0  # the first component everywhere
             each.network.head.bias[0] += 5.0  # where softplus is the identity
     data = onnx_file.to_onnx(onnx_graphs.FieldGraph(other, ("depth",)), {})
-    rows = onnx_parity.compare(data, "field", onnx_graphs.FieldGraph(field, ("depth",)), (7,), 0)
-    for row in rows:
-        assert row.max_abs == pytest.approx(0.25, abs=1e-5)
-        assert row.mean_abs == pytest.approx(0.25, abs=1e-5)
-        assert row.onnx_error == pytest.approx(0.25, abs=1e-5)
-        assert row.torch_error < 1e-5
     with pytest.raises(onnx_parity.ParityError, match=r"must agree on depth within 1e-05; got 0\.25"):
-        onnx_parity.require(rows)
+        onnx_parity.compare(data, "field", onnx_graphs.FieldGraph(field, ("depth",)), (7,))
 
 
 @pytest.mark.parametrize(
@@ -89,9 +79,9 @@ def test_values_that_are_not_finite_and_files_that_do_not_load_are_refused():
         if len(tensor.raw_data) == 4 * 16 * 24:
             tensor.raw_data = b"\xff" * len(tensor.raw_data)  # NaN
     with pytest.raises(onnx_parity.ParityError, match="depth must be finite, of shape"):
-        onnx_parity.compare(model.SerializeToString(), "field", graph, (7,), 0)
+        onnx_parity.compare(model.SerializeToString(), "field", graph, (7,))
     with pytest.raises(onnx_parity.ParityError, match="field: onnxruntime cannot load the file"):
-        onnx_parity.compare(b"nonsense", "field", graph, (7,), 0)
+        onnx_parity.compare(b"nonsense", "field", graph, (7,))
     with pytest.raises(onnx_parity.ParityError, match="field: onnxruntime cannot run random 7"):
         other = onnx_graphs.FieldGraph(_models.field(), ("visibility",))
-        onnx_parity.compare(onnx_file.to_onnx(other, {}), "field", graph, (7,), 0)
+        onnx_parity.compare(onnx_file.to_onnx(other, {}), "field", graph, (7,))

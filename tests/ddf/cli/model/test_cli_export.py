@@ -32,11 +32,11 @@ def test_export_reports_parity_and_opset(folder, tmp_path, answer):
     onnx.checker.check_model(out)
 
 
-def test_outputs_graph_and_precision_are_chosen(folder, tmp_path, answer):
+def test_outputs_and_graph_are_chosen(folder, tmp_path, answer):
     out = tmp_path / "out.onnx"
     assert set(answer("export", folder, out, "--outputs", "visibility")["parity"]) == {"visibility"}
-    result = answer("export", folder, out, "--graph", "encoders", "--precision", "float16")
-    assert (result["graph"], result["precision"]) == ("encoders", "float16")
+    result = answer("export", folder, out, "--graph", "encoders")
+    assert result["graph"] == "encoders"
     assert set(result["parity"]) == {"latent", "camera"}
     assert set(answer("export", _models.write_model(tmp_path / "pc", "pcsiren"), out)["parity"]) == {"points"}
 
