@@ -1,4 +1,4 @@
-"""Export both trained models of one category as ONNX files, each compared with its model before it is written."""
+"""Export the trained models of one category as ONNX files, each compared with its model before it is written."""
 
 import pandas as pd
 
@@ -15,7 +15,7 @@ def make(run: Run) -> None:
     section = onnx_file.ExportConfig()
     out_dir = run.folder("export_onnx")
     sources, rows = [], []
-    for model in ("ddf", "pcsiren"):
+    for model in ("ddf", "pcsiren", "ddf_image"):
         folder = run.folder(f"train_{model}")
         graphs, source = onnx_file.load_graphs(folder, section.outputs)
         sources.append(folder / model_files.MODEL)

@@ -11,7 +11,7 @@ from ddf.core import storage
 from ddf.data.samples import sample_types
 from ddf.fields import losses, model_files, pddf, shape_field
 from ddf.geometry import transforms
-from ddf.models import loop_config, reconstruction_models, reconstruction_settings
+from ddf.models import line_field, loop_config, reconstruction_models, reconstruction_settings
 
 LOOP = loop_config.LoopConfig(1e-3, "constant", 0, None, 1, 0, 1, 100.0)
 FIELD = pddf.PDDFConfig((24, 16, 16), 3.0, 1.0, "softplus", 20.0)
@@ -20,6 +20,7 @@ WEIGHTS = losses.LossWeights()
 OWN = reconstruction_settings.FieldConfig("softplus", 20.0)
 DDF = reconstruction_settings.DDFConfig(OWN, 1, None, dict.fromkeys(sample_types.ORDER, 2), WEIGHTS, 10.0, 16, 20)
 PCSIREN = reconstruction_settings.PCSirenConfig(1, 8, 8)
+LINE = line_field.LineFieldConfig(places=8, width=16)
 CAMERAS = torch.tensor([[0.1, 0.45, 0.7], [3.0, 0.5, 0.8], [6.0, 0.47, 0.9]])
 
 
@@ -59,6 +60,15 @@ def pcsiren_model():
     return made
 
 
+def line_model():
+    """With image features; some parts are hit."""
+    torch.manual_seed(0)
+    made = line_field.ImageDDFModel(TRAIN, LINE).eval().requires_grad_(False)
+    made.camera_head.fit(CAMERAS)
+    made.decoder.head.bias[0] = 1.0
+    return made
+
+
 def write_shape_field(folder):
     """A field file as `ddf fit` writes it; returns its folder."""
     lower, upper = np.array([-1.0, -0.5, -0.8]), np.array([1.0, 0.5, 0.8])
@@ -70,7 +80,8 @@ def write_shape_field(folder):
 
 def write_model(folder, kind="ddf"):
     """A model file as the training stages write it; returns its folder."""
-    section, model = (DDF, ddf_model()) if kind == "ddf" else (PCSIREN, pcsiren_model())
+    makers = {"ddf": (DDF, ddf_model), "pcsiren": (PCSIREN, pcsiren_model), "ddf_image": (LINE, line_model)}
+    section, model = makers[kind][0], makers[kind][1]()
     record = {"kind": kind, "train": dataclasses.asdict(TRAIN), "section": dataclasses.asdict(section)}
     storage.save_tensors(folder / model_files.MODEL, dict(model.state_dict()), record)
     return folder

@@ -30,7 +30,7 @@ from ddf.fields import field_file, field_outputs, model_files, shape_field
 from ddf.fields.grid import patch_field
 from ddf.io import onnx_graphs, onnx_parity, patch_graph
 from ddf.io.onnx_graphs import DYNAMIC, Graph
-from ddf.models import reconstruction_models
+from ddf.models import line_field, reconstruction_models
 
 OPSET = 18
 IR_VERSION = 10  # onnxruntime 1.18 and later read it
@@ -229,13 +229,16 @@ def load_graphs(folder: Path, outputs: tuple[str, ...] | None) -> tuple[dict[str
         shape = shape_field.load(folder)
         graphs: dict[str, Graph] = {"field": onnx_graphs.FieldGraph(shape.field.cpu(), outputs)}
         return graphs, describe_source(path, record)
-    if record.get("kind") not in ("ddf", "pcsiren"):
+    if record.get("kind") not in ("ddf", "pcsiren", line_field.KIND):
         raise checks.InputError(
             f"{folder}: holds no DDF or PC-SIREN model and no field; give a folder that `make train` or `ddf fit` wrote"
         )
     if record["kind"] == "ddf":
         ddf, image_size, _ = reconstruction_models.load_ddf(folder)
         graphs = onnx_graphs.ddf_graphs(ddf.cpu(), image_size, outputs)
+    elif record["kind"] == line_field.KIND:
+        trained = line_field.load(folder)
+        graphs = onnx_graphs.line_graphs(trained.network.cpu(), trained.image_size)
     else:
         pcsiren, image_size = reconstruction_models.load_pcsiren(folder)
         graphs = onnx_graphs.pcsiren_graphs(pcsiren.cpu(), image_size)

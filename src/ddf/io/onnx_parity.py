@@ -91,7 +91,8 @@ def compare(data: bytes, name: str, graph: Graph, batches: Sequence[int], seed: 
     generator = torch.Generator().manual_seed(seed)
     lengths = sorted({min(length, graph.largest_batch or length) for length in batches})
     sets = {f"random {length}": example_inputs(graph, length, generator) for length in lengths}
-    sets |= {HARD: hard_inputs(graph, generator), NO_ROWS: example_inputs(graph, 0, generator)}
+    sets[HARD] = hard_inputs(graph, generator)
+    sets[NO_ROWS] = example_inputs(graph, 0, generator) if graph.may_be_empty else {}
     rows: list[Row] = []
     for cases, inputs in sets.items():
         if not inputs:
@@ -128,12 +129,14 @@ def example_inputs(graph: Graph, count: int, generator: torch.Generator) -> dict
         "positions": lambda rows, _: torch.rand((rows, 3), generator=generator) * 2 - 1,
         "seeds": lambda rows, _: torch.rand((rows, 3), generator=generator) * 2 - 1,
         "directions": lambda rows, _: nn.functional.normalize(torch.randn((rows, 3), generator=generator), dim=-1),
-        "latent": lambda rows, _: graph.latents[torch.randint(len(graph.latents), (rows,), generator=generator)],
         "images": lambda rows, shape: onnx_graphs.example_images(rows, int(shape[-1]), generator),
     }
     makers["image"] = makers["images"]
+    row = torch.randint(1 << 16, (1,), generator=generator)
     return {
-        name: makers[name](count if shape[0] == DYNAMIC else int(shape[0]), shape)
+        name: graph.examples[name][row % len(graph.examples[name])]
+        if name in graph.examples
+        else makers[name](count if shape[0] == DYNAMIC else int(shape[0]), shape)
         for name, shape in graph.inputs.items()
     }
 
