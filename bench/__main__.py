@@ -6,13 +6,13 @@ page; `page` writes the page alone. `DDF_BENCH_OUT` names another folder than re
 
 import argparse
 import importlib
-import inspect
 import subprocess
 import sys
 import textwrap
 from collections.abc import Sequence
 
-from bench.lib import catalogue
+from bench.lib import catalogue, measuring
+from ddf.cli import declare
 from ddf.core import errors
 
 WIDTH, INDENT = 110, 20  # of the listing
@@ -38,14 +38,16 @@ def run_several(names: Sequence[str]) -> int:
 
 
 def run_one(name: str, arguments: Sequence[str]) -> int:
-    """One benchmark in this process; one whose `main` takes no arguments has no options."""
+    """The rows of a benchmark's `main`, whose signature and docstring are its options, made and written."""
     (entry,) = catalogue.chosen([name])
     module = importlib.import_module(entry.module)
-    if inspect.signature(module.main).parameters:
-        module.main(arguments)
-    else:
-        argparse.ArgumentParser(f"python -m bench {name}", description=module.__doc__).parse_args(arguments)
-        module.main()
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(f"python -m bench {name}", description=module.__doc__, formatter_class=raw)
+    declare.Command(module.main, name, room="").add_arguments(parser)
+    options, threads = vars(parser.parse_args(arguments)), getattr(module, "THREADS", 1)
+    importlib.import_module("torch").set_num_threads(threads)
+    if rows := module.main(**options):
+        measuring.write(name, threads, rows, getattr(module, "KEPT", False))
     return 0
 
 
@@ -56,7 +58,7 @@ def main(arguments: Sequence[str]) -> int:
         return 0
     name, *rest = arguments
     if name == "page":
-        return importlib.import_module("bench.lib.page").run()  # heavy, and a check of a GPU has few packages
+        return importlib.import_module("bench.lib.page").run()  # heavy
     return run_several(rest) if name == "run" else run_one(name, rest)
 
 

@@ -7,7 +7,6 @@ allows; the exact reference answers the first few. A leak is a miss where the re
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import torch
@@ -117,7 +116,7 @@ def compared(found: Depths, truth: Depths) -> dict[str, float]:
     }
 
 
-def measure(name: str, mesh: Mesh, points: rays.OrientedPoints) -> list[dict[str, Any]]:
+def measure(name: str, mesh: Mesh, points: rays.OrientedPoints) -> measuring.Rows:
     """One row per caster, each with its own number of rays, all judged by the same first rays."""
     probes = first(points, TRUTHS)
     truth = raycast.cast_exact(mesh, probes).depth.numpy()
@@ -129,20 +128,16 @@ def measure(name: str, mesh: Mesh, points: rays.OrientedPoints) -> list[dict[str
     }
     asked = {caster: first(points, count) for caster, (_, count) in casters.items()}
     ways = {caster: (lambda c=cast, a=asked[caster]: c(a)) for caster, (cast, _) in casters.items()}
-    times, rows = measuring.interleaved(ways, REPEATS), []
-    for caster, seconds in times.items():
+    for caster, seconds in measuring.interleaved(ways, REPEATS).items():
         rays_cast = len(asked[caster].positions)
         size = {"rays": name, "triangles": len(mesh.faces), "count": rays_cast}
         row = measuring.row(caster, size, seconds, compared(casters[caster][0](probes), truth))
-        rows.append({**row, "million_rays_per_s": rays_cast / row["median_s"] / 1e6})
-    return rows
+        yield {**row, "million_rays_per_s": rays_cast / row["median_s"] / 1e6}
 
 
-def main() -> None:
-    """Ask all three questions."""
-    torch.set_num_threads(THREADS)
+def main() -> measuring.Rows:
+    """All three questions."""
     mesh = sphere(FACES)
     questions = {"random": random_rays(MANY), "camera": camera_rays(MANY), "edges": edge_rays(mesh, MANY)}
-    measuring.write(
-        "ray_casting", THREADS, [row for name, ask in questions.items() for row in measure(name, mesh, ask)]
-    )
+    for name, ask in questions.items():
+        yield from measure(name, mesh, ask)

@@ -7,14 +7,13 @@ component or the normal's side.
 
 import copy
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from bench.lib import measuring, page
+from bench.lib import measuring
 from ddf.fields import field_values, pddf
 from ddf.io import onnx_file, onnx_graphs, onnx_parity
 
@@ -87,7 +86,7 @@ def programs(field: pddf.PDDF, outputs: Sequence[str]) -> dict[str, Program]:
     return {"onnxruntime, float32": onnx_program(field, outputs), "field_values.evaluate, float32": evaluate}
 
 
-def measure(field: pddf.PDDF, outputs: Sequence[str]) -> list[dict[str, Any]]:
+def measure(field: pddf.PDDF, outputs: Sequence[str]) -> measuring.Rows:
     """Every program on one field, one row each."""
     width, count = field.config.hidden[0], RAYS if outputs == VALUES else NORMAL_RAYS
     rays, few, chunk = random_rays(count), random_rays(CHECKED), CHUNK_VALUES // width
@@ -95,23 +94,16 @@ def measure(field: pddf.PDDF, outputs: Sequence[str]) -> list[dict[str, Any]]:
     candidates = {name: (lambda run=run: in_chunks(run, rays, chunk)) for name, run in chosen.items()}
     times = measuring.interleaved(candidates, REPEATS, MOST_SECONDS)
     size = {"width": width, "layers": LAYERS[width], "rays": count, "threads": THREADS, "outputs": list(outputs)}
-    rows = []
     for name, seconds in times.items():
         error = errors(in_chunks(chosen[name], few, chunk), {key: truths[key] for key in outputs})
         row = measuring.row(name, size, seconds, error)
-        rows.append({**row, "rays_per_s": count / row["median_s"]})
-    return rows
+        yield {**row, "rays_per_s": count / row["median_s"]}
 
 
-PICTURE = (page.View("depth_mean", "mean error of depth", ("width",), lambda row: row.size["outputs"] == list(VALUES)),)
-
-
-def main() -> None:
-    """Measure every width, write."""
-    torch.set_num_threads(THREADS)
-    rows = []
+def main() -> measuring.Rows:
+    """Every width, without normals and with."""
     for width, layers in LAYERS.items():
         torch.manual_seed(0)
         field = pddf.PDDF(pddf.PDDFConfig((width,) * layers, OMEGA_FIRST, 1.0, "softplus", 100.0)).eval()
-        rows += [row for outputs in (VALUES, WITH_NORMALS) for row in measure(field, outputs)]
-    measuring.write("field_inference", THREADS, rows)
+        for outputs in (VALUES, WITH_NORMALS):
+            yield from measure(field, outputs)

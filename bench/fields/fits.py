@@ -10,18 +10,16 @@ from the surface, whose visibility is wrong or whose depth is off by more than 0
 triangles, without the caster's tree. All times are those of one core's work.
 """
 
-import argparse
 import itertools
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import torch
 import trimesh
 
 from bench.data import ray_casting
@@ -41,7 +39,7 @@ REAL = (
     "airplane_airliner.obj",
     "eyeglasses.stl",
 )
-BUDGETS, TOLERANCES, GROWING = (60,), (3e-4, 1e-3), (1_000, 10_000, 100_000, 1_000_000)
+SECONDS, TOLERANCES, GROWING = 60.0, (3e-4, 1e-3), (1_000, 10_000, 100_000, 1_000_000)
 RAYS, SIZE, VIEWS, OFF, REPEATS = 50_000, 256, 8, 0.02, 5
 CAMERA = (35.0, 25.0)  # of the timed image: azimuth and elevation, degrees
 OUTPUTS = ("visibility", "depth", "normals")
@@ -200,54 +198,43 @@ def errors(way: Way, scene: raycast.Scene, field: framed_field.FramedField) -> d
     }
 
 
+def compile_patches() -> None:
+    """So that no time has it."""
+    patches(ray_casting.sphere(100), 1e-2)
+
+
 def rows_of(
     name: str,
     mesh: mesh_io.Mesh,
     frame: framed_field.FramedField,
     ways: Sequence[Way],
-    more: Callable[[Way], dict[str, Any]] = lambda _: {},
-) -> list[dict]:
-    """All ways for one mesh, their images timed in turn. frame: a field, for its cameras. more: beside the error."""
+    resident: Mapping[str, int] | None = None,
+) -> measuring.Rows:
+    """All ways for one mesh, their images timed in turn. frame: a field, for its cameras. resident: bytes by way."""
     scene = raycast.Scene(mesh)
     times = measuring.interleaved({way.name: way.image for way in ways}, REPEATS, clock=time.process_time)
-    rows = []
     for way in ways:
         size = {"shape": name, "triangles": len(mesh.faces)}
         row = measuring.row(way.name, size, times[way.name], errors(way, scene, frame))
-        rows.append({**row, "bytes": way.size, **more(way), "made_in_s": way.seconds})
-        print(name, rows[-1], flush=True)
-    return rows
-
-
-def measured(
-    name: str, only: Sequence[str] | None, shapes: dict[str, Any], measure: Callable[..., list[dict[str, Any]]]
-) -> None:
-    """Rows of every shape, which are written, or of those that are named, which are not."""
-    torch.set_num_threads(1)
-    patches(ray_casting.sphere(100), 1e-2)  # compiles
-    chosen = {shape: mesh for shape, mesh in shapes.items() if not only or shape in only}
-    rows = [row for shape, mesh in chosen.items() for row in measure(shape, mesh)]
-    if not only:
-        measuring.write(name, 1, rows)
+        more = {"resident": resident[way.name]} if resident else {}
+        yield {**row, "bytes": way.size, **more, "made_in_s": way.seconds}
 
 
 LINES = ("patches, 0.0003", "sine, 60 s")  # of the page
 
 
-def main(given: Sequence[str]) -> None:
-    """Fit, ask and time."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, nargs="*", default=BUDGETS, help="of sine, one core")
-    parser.add_argument("--only", nargs="*", help="shapes by name; writes nothing")
-    arguments = parser.parse_args(given)
-    spheres = {f"sphere {count:,}": ray_casting.sphere(count) for count in GROWING}
+def main(*, seconds: float = SECONDS) -> measuring.Rows:
+    """Every mesh and a growing sphere by every way.
 
-    def measure(name: str, mesh: mesh_io.Mesh) -> list[dict[str, Any]]:
-        grows = name in spheres
-        fields = [patches(mesh, tolerance) for tolerance in (TOLERANCES[:1] if grows else TOLERANCES)]
-        networks = [sine(mesh, seconds) for seconds in (() if grows else arguments.seconds)]
+    Args:
+      seconds: of the network, one core.
+    """
+    compile_patches()
+    spheres = {f"sphere {count:,}": ray_casting.sphere(count) for count in GROWING}
+    for name, mesh in (meshes() | spheres).items():
+        tolerances = TOLERANCES[:1] if name in spheres else TOLERANCES
+        fields = [patches(mesh, tolerance) for tolerance in tolerances]
+        networks = [] if name in spheres else [sine(mesh, seconds)]
         frame = fields[0][1]
         ways = [*(way for way, _ in fields), *networks, cast(mesh, picture(frame, *CAMERA))]
-        return rows_of(name, mesh, frame, ways)
-
-    measured("fits", arguments.only, meshes() | spheres, measure)
+        yield from rows_of(name, mesh, frame, ways)

@@ -9,13 +9,12 @@ memory of a field or grid is that of the numbers its rays read; of a mesh what a
 built.
 """
 
-import argparse
 import ctypes
 import dataclasses
+import functools
 import gc
 import multiprocessing
 import time
-from collections.abc import Sequence
 from concurrent import futures
 from pathlib import Path
 
@@ -24,13 +23,13 @@ import trimesh
 
 from bench.data import ray_casting
 from bench.fields import fits
-from bench.lib import page
+from bench.lib import measuring
 from bench.rivals import distances
-from ddf.fields.grid import octree
+from ddf.fields.grid import octree, patch_field
 from ddf.geometry import mesh_io, raycast, rays
 
 ON_DEMAND = "python -m bench frontier, a quarter of an hour"
-GROWING, SECONDS, SIDES = (1_000, 10_000, 100_000, 1_000_000), 20, (128, 256)
+GROWING, SECONDS, SIDES = fits.GROWING, 20.0, (128, 256)
 PER_WAVE, SLOPE, WAVES = 4, 0.05, 24  # edges of a wave; its height over its length; waves of a length
 HOOPS, WIDTH = 10, 0.01
 
@@ -83,6 +82,12 @@ def grid(scene: raycast.Scene, side: int, points: rays.OrientedPoints) -> fits.W
     return fits.Way(f"distances, {side}", made.cast, lambda: made.cast(points), made.samples.nbytes, took)
 
 
+def patch_bytes(field: patch_field.PatchField) -> int:
+    """What rays read of patches."""
+    tree = field.tree
+    return sum(values.nbytes for values in (tree.base, tree.children, tree.patches, tree.codes))
+
+
 def tree_bytes(mesh: mesh_io.Mesh) -> int:
     """What a fresh process grows by when it casts the mesh."""
     with futures.ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as fresh:
@@ -104,35 +109,24 @@ def _resident() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
 
-def rows_of(name: str, mesh: mesh_io.Mesh, seconds: float) -> list[dict]:
-    """All ways for one mesh."""
-    scene, (patches, field) = raycast.Scene(mesh), fits.patches(mesh, octree.PatchConfig().tolerance)
-    points, tree = fits.picture(field, *fits.CAMERA), field.tree
-    starts, ways = (
-        field.field_from_mesh.apply(points.positions),
-        field.field_from_mesh.apply_directions(points.directions),
-    )
-    patches = dataclasses.replace(patches, image=lambda: field.evaluate(starts, ways, ("visibility", "depth")))
-    made = [fits.sine(mesh, seconds)] if seconds else []
-    made += [grid(scene, side, points) for side in SIDES]
-    resident = {way.name: way.size for way in made} | {"mesh": tree_bytes(mesh)}
-    resident[patches.name] = sum(values.nbytes for values in (tree.base, tree.children, tree.patches, tree.codes))
-    made = [patches, *made, fits.cast(mesh, points)]
-    return fits.rows_of(name, mesh, field, made, lambda way: {"resident": resident[way.name]})
-
-
 LINES = ("patches, 0.0003", "sine, 20 s", "distances, 128", "distances, 256", "mesh")  # of the page
-PICTURE = (page.View("depth_median", "median error of depth", ("shape",)),)
 
 
-def main(given: Sequence[str]) -> None:
-    """Make, ask and time."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=SECONDS, help="of the network, one core; up to 100,000")
-    parser.add_argument("--only", nargs="*", help="shapes by name; writes nothing")
-    arguments = parser.parse_args(given)
+def main(*, seconds: float = SECONDS) -> measuring.Rows:
+    """Every mesh by every way.
 
-    def measure(name: str, mesh: mesh_io.Mesh) -> list[dict]:
-        return rows_of(name, mesh, arguments.seconds if len(mesh.faces) <= GROWING[2] else 0)
-
-    fits.measured("frontier", arguments.only, meshes(), measure)
+    Args:
+      seconds: of the network, one core; up to 100,000 triangles.
+    """
+    fits.compile_patches()
+    for name, mesh in meshes().items():
+        scene, (patches, field) = raycast.Scene(mesh), fits.patches(mesh, octree.PatchConfig().tolerance)
+        points, to_field = fits.picture(field, *fits.CAMERA), field.field_from_mesh
+        starts, ways = to_field.apply(points.positions), to_field.apply_directions(points.directions)
+        image = functools.partial(field.evaluate, starts, ways, ("visibility", "depth"))
+        made = [fits.sine(mesh, seconds)] if len(mesh.faces) <= GROWING[2] else []
+        made += [grid(scene, side, points) for side in SIDES]
+        resident = {way.name: way.size for way in made}
+        resident |= {"mesh": tree_bytes(mesh), patches.name: patch_bytes(field)}
+        made = [dataclasses.replace(patches, image=image), *made, fits.cast(mesh, points)]
+        yield from fits.rows_of(name, mesh, field, made, resident)

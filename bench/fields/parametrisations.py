@@ -8,19 +8,17 @@ from free points inside the box, between surfaces, where a field of lines knows 
 the share of them whose visibility is wrong, or whose depth is off by more than `CLOSE`. Signed distances are traced.
 """
 
-import argparse
 import dataclasses
 import functools
 import time
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from bench.lib import measuring, page
+from bench.lib import measuring
 from bench.rivals import distances, ray_fields
 from ddf.core import seeding
 from ddf.data import mesh_config, mesh_preparation
@@ -138,11 +136,11 @@ Answer = Callable[[Tensor, Tensor], Tensor]  # of rays that meet the box, positi
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """depth: `inf` where nothing is seen. normals: of rays that see something, at this depth. facts: of training."""
+    """depth: `inf` where nothing is seen. normals: of rays that see something, at this depth. steps: of training."""
 
     depth: Answer
     normals: Callable[[Tensor, Tensor, Tensor], Tensor]
-    facts: Mapping[str, Any]
+    steps: int
 
 
 def image(candidate: Candidate, place: Place, p: Float[Tensor, "n 3"], v: Float[Tensor, "n 3"]) -> Float[Tensor, "n"]:
@@ -191,19 +189,19 @@ def ray_candidates(
     place: Place, outside: ray_fields.SeenRays, inside: ray_fields.SeenRays, seconds: float
 ) -> dict[str, Candidate]:
     """Fields of rays: equal networks, equal steps, which take ours so many seconds."""
-    settings, lower, upper = section(), *place.corners()
-    own = ray_fields.BoxEntry(lower, upper)
+    settings, (lower, upper) = section(), place.corners()
+    own = functools.partial(ray_fields.box_entry, lower=lower, upper=upper)
 
     def train(reads: ray_fields.RayInput, *lessons: ray_fields.SeenRays, steps: int) -> Candidate:
         field = ray_fields.fit(reads, lessons, settings, BATCH, steps)
-        return Candidate(field.depth, lambda p, v, _: field.normals(p, v), {"steps": steps})
+        return Candidate(field.depth, lambda p, v, _: field.normals(p, v), steps)
 
     steps = measuring.steps_within(lambda count: train(own, outside, steps=count), seconds)
     found = {OURS: train(own, outside, steps=steps), BOTH: train(own, outside, inside, steps=steps)}
     peers = {
-        "Plücker coordinates": ray_fields.Plucker(place.radius),
-        "two spheres": ray_fields.TwoSpheres(place.radius),
-        "foot of the perpendicular": ray_fields.Foot(place.radius),
+        "Plücker coordinates": functools.partial(ray_fields.plucker, radius=place.radius),
+        "two spheres": functools.partial(ray_fields.two_spheres, radius=place.radius),
+        "foot of the perpendicular": functools.partial(ray_fields.foot, radius=place.radius),
     }
     return found | {name: train(reads, outside, steps=steps) for name, reads in peers.items()}
 
@@ -225,7 +223,7 @@ def traced_candidates(place: Place, seconds: float) -> dict[str, Candidate]:
         def depth(p: Tensor, v: Tensor) -> Tensor:
             return distances.trace(lambda q: network(q).squeeze(-1), p, v, *place.corners(), how)[0]
 
-        return Candidate(depth, functools.partial(traced_normals, network), {"steps": steps})
+        return Candidate(depth, functools.partial(traced_normals, network), steps)
 
     return {f"sphere tracing, {how.max_steps} steps, f < {how.threshold:g}": of(how) for how in BUDGETS}
 
@@ -236,9 +234,15 @@ def traced_normals(network: siren.SineNetwork, p: Tensor, v: Tensor, depth: Tens
     return derivatives.normals(derivatives.adjoint(network, found.slopes, torch.ones_like(found.outputs)), v)
 
 
-def measure(seconds: float) -> list[dict[str, Any]]:
-    """All rows."""
-    rows = []
+LINES = (OURS, BOTH, "Plücker coordinates", "two spheres", "perpendicular", "f < 0.005")  # of the page
+
+
+def main(*, seconds: float = SECONDS) -> measuring.Rows:
+    """Every network, for both shapes.
+
+    Args:
+      seconds: of one core, for each training.
+    """
     for name, mesh in shapes().items():
         place = Place.of(mesh)
         outside, inside, inner = (
@@ -246,40 +250,22 @@ def measure(seconds: float) -> list[dict[str, Any]]:
             for draw in (outside_rays, inside_rays, between)
         )
         found = ray_candidates(place, outside, inside, seconds) | traced_candidates(place, seconds)
-        rows += rows_of(name, place, found, inner, seconds)
-    return rows
+        rows = rows_of(name, place, found, inner, seconds)
+        yield from ({**row, "times_ddf": row["median_s"] / rows[0]["median_s"]} for row in rows)
 
 
-@torch.inference_mode()
+@torch.no_grad()
 def rows_of(
     name: str, place: Place, found: Mapping[str, Candidate], inner: ray_fields.SeenRays, seconds: float
-) -> list[dict[str, Any]]:
+) -> list[measuring.Row]:
     """Of one shape: the time is that of the first held-out image."""
     torch.use_deterministic_algorithms(False)  # training switches it on
     seen = held_out(place)
     p, v = seen.positions[: SIZE**2], seen.directions[: SIZE**2]
     asked = {what: functools.partial(image, one, place, p, v) for what, one in found.items()}
-    times = measuring.interleaved(asked, REPEATS, clock=time.process_time)
     rows = []
-    for what, taken in times.items():
+    for what, taken in measuring.interleaved(asked, REPEATS, clock=time.process_time).items():
         error = outside_errors(found[what], place, seen) | inside_errors(found[what], inner)
         size = {"shape": name, "pixels_a_side": SIZE, "train_seconds": seconds}
-        rows.append(measuring.row(what, size, taken, error) | dict(found[what].facts))
-    return [{**row, "times_ddf": row["median_s"] / rows[0]["median_s"]} for row in rows]
-
-
-LINES = (OURS, BOTH, "Plücker coordinates", "two spheres", "perpendicular", "f < 0.005")  # of the page
-PICTURE = tuple(
-    page.View(error, label, ("shape",), keep=lambda row: row.what != "mesh casting")
-    for error, label in (
-        ("depth_median", "median error of depth"),
-        ("normal_angle_deg_median", "median angle of normals, degrees"),
-    )
-)
-
-
-def main(arguments: Sequence[str]) -> None:
-    """Train, measure, write."""
-    parser = argparse.ArgumentParser("python -m bench parametrisations", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=SECONDS, help="of one core, for each training")
-    measuring.write("parametrisations", 1, measure(parser.parse_args(arguments).seconds))
+        rows.append(measuring.row(what, size, taken, error) | {"steps": found[what].steps})
+    return rows

@@ -8,15 +8,14 @@ time.
 """
 
 import functools
+import itertools
 import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import torch
 
 import ddf
-from bench.data import ray_casting
 from bench.fields import fits, frontier
 from bench.lib import measuring
 from ddf.api.field import Field
@@ -45,20 +44,20 @@ def around(mesh: mesh_io.Mesh, axes: np.ndarray, count: int) -> np.ndarray:
     return np.stack([turn.compose(first).to_matrix() for turn in moved])
 
 
-def measure(name: str) -> list[dict[str, Any]]:
-    """Every sensor, number of poses and way, for one shape."""
-    mesh = showcase.SHAPES[name]()
-    scene, patches = raycast.Scene(mesh), fits.patches(mesh, octree.PatchConfig().tolerance)[1]
-    tree, network = patches.tree, shape_field.load(shipped_models.place(name)).field
-    resident = {
-        **dict.fromkeys(("Open3D", "ddf mesh"), frontier.tree_bytes(mesh)),
-        "patches": sum(each.nbytes for each in (tree.base, tree.children, tree.patches, tree.codes)),
-        "network": sum(4 * each.numel() for each in network.parameters()),
-    }
-    scenes = {"ddf mesh": mesh, "patches": Field(patches, lambda: patches), "network": ddf.load(name)}
-    rows = []
-    for sensor, look in SENSORS.items():
-        for count in POSES:
+def main() -> measuring.Rows:
+    """Every shape, sensor, number of poses and way."""
+    fits.compile_patches()
+    for name in SHAPES:
+        mesh = showcase.SHAPES[name]()
+        scene, patches = raycast.Scene(mesh), fits.patches(mesh, octree.PatchConfig().tolerance)[1]
+        network = shape_field.load(shipped_models.place(name)).field
+        resident = {
+            **dict.fromkeys(("Open3D", "ddf mesh"), frontier.tree_bytes(mesh)),
+            "patches": frontier.patch_bytes(patches),
+            "network": sum(4 * each.numel() for each in network.parameters()),
+        }
+        scenes = {"ddf mesh": mesh, "patches": Field(patches, lambda own=patches: own), "network": ddf.load(name)}
+        for (sensor, look), count in itertools.product(SENSORS.items(), POSES):
             poses = around(mesh, AXES[sensor], count)
             truth = look(mesh, poses)
             local = np.concatenate([scene.local(truth.positions), truth.directions], axis=1).astype(np.float32)
@@ -74,14 +73,4 @@ def measure(name: str) -> list[dict[str, Any]]:
                 }
                 size = {"shape": name, "sensor": sensor, "poses": count, "rays": len(depth)}
                 row = measuring.row(way, size, seconds, error)
-                fast = len(depth) / row["median_s"] / 1e6
-                rows.append({**row, "million_rays_per_s": fast, "resident": resident[way]})
-                print(name, sensor, count, way, round(fast, 3), error, flush=True)
-    return rows
-
-
-def main() -> None:
-    """Measure all shapes."""
-    torch.set_num_threads(1)
-    fits.patches(ray_casting.sphere(100), octree.PatchConfig().tolerance)  # compiles
-    measuring.write("sensors", 1, [row for name in SHAPES for row in measure(name)])
+                yield {**row, "million_rays_per_s": len(depth) / row["median_s"] / 1e6, "resident": resident[way]}

@@ -1,4 +1,4 @@
-"""What every benchmark writes: one JSON file of rows in `reports/bench`, always speed beside error.
+"""Seconds of candidates, and the file of every benchmark: rows in `reports/bench`, always speed beside error.
 
 The environment variable DDF_BENCH_OUT names another folder.
 """
@@ -9,7 +9,7 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,12 @@ ROOT = Path(__file__).resolve().parents[2]
 REPORTS = ROOT / "reports"
 REAL_MESHES = ROOT.parent / "shared" / "meshes"  # beside the project, where somebody has put them
 OUT = Path(os.environ.get("DDF_BENCH_OUT") or REPORTS / "bench")
-PAGES = OUT / "pages" if os.environ.get("DDF_BENCH_OUT") else REPORTS  # of benchmarks with a page of their own
 TICK, WARM, MOST_SECONDS = 0.01, 1.0, 4.0  # seconds: see `interleaved`
 COLD = 10  # by no larger factor is a first call slower than the next ones
 FEW, MORE = 5, 45  # steps of two short trainings
 PACKAGES = ("torch", "numpy", "open3d", "onnxruntime")
+Row = dict[str, Any]  # of a file, see `row`
+Rows = Iterator[Row]  # what the `main` of a benchmark gives
 
 
 def cpu_name() -> str:
@@ -90,44 +91,31 @@ def steps_within(train: Callable[[int], object], seconds: float) -> int:
     return max(1, int((seconds - few) / each) + FEW)
 
 
-def number(value: float) -> str:
-    """Three digits."""
-    return f"{value:.3g}" if abs(value) < 1000 or value != value else f"{value:,.0f}"
-
-
-def text(value: Any) -> str:
-    """A value of `size`, or beside it, as printed."""
-    if isinstance(value, bool) or value is None:
-        return "yes" if value else "–"
-    if isinstance(value, int | float):
-        return f"{value:,}" if isinstance(value, int) else number(value)
-    return ", ".join(map(text, value)) or "–" if isinstance(value, list) else str(value)
-
-
-def title(name: str) -> str:
-    """A key as words."""
-    return name.replace("_", " ")
-
-
-def row(what: str, size: Mapping[str, Any], seconds: Sequence[float], error: Mapping[str, float]) -> dict[str, Any]:
+def row(what: str, size: Mapping[str, Any], seconds: Sequence[float], error: Mapping[str, float]) -> Row:
     """One line: median and quartiles of the seconds, how many they are, and the error that belongs to them."""
     low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive") if len(seconds) > 1 else [*seconds] * 3
     times = {"median_s": middle, "quartiles_s": [low, high], "samples": len(seconds)}
     return {"what": what, "size": dict(size), **times, "error": dict(error)}
 
 
-def write(name: str, threads: int, rows: Sequence[Mapping[str, Any]]) -> None:
-    """`reports/bench/<name>.json` with the machine, threads and versions of the rows, and what all of it took."""
-    took = round(time.perf_counter() - _STARTED, 1)
+def write(name: str, threads: int, rows: Iterable[Row], kept: bool = False) -> None:
+    """`reports/bench/<name>.json` with the machine, threads and versions of the rows, and what all of it took.
+
+    Args:
+      rows: each is printed and written as soon as it is there. kept: older rows of other names stay in the file.
+    """
+    file = OUT / f"{name}.json"
+    found: list[Row] = storage.read_json(file)["rows"] if kept and file.exists() else []
     record = {
         "benchmark": name,
         "cpu": cpu_name(),
         "cores": os.cpu_count(),
         "threads": threads,
         "versions": {package: storage.version_of(package) for package in PACKAGES},
-        "took_s": took,
-        "rows": list(rows),
     }
     OUT.mkdir(parents=True, exist_ok=True)
-    (OUT / f"{name}.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-    print(f"{name}: {len(rows)} rows in {took:.0f} s", flush=True)
+    for row in rows:
+        print(json.dumps({key: row[key] for key in ("what", "size", "error")}, ensure_ascii=False), flush=True)
+        found = [old for old in found if not (kept and old["what"] == row["what"])] + [row]
+        told = {**record, "took_s": round(time.perf_counter() - _STARTED, 1), "rows": found}
+        file.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")

@@ -13,10 +13,12 @@ from collections.abc import Sequence
 from concurrent import futures
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import yaml
 
 from bench.lib import measuring
+from ddf.cli.declare import Arg
 from ddf.core import checks
 
 ON_DEMAND = "python -m bench mutants, half an hour"
@@ -75,9 +77,13 @@ def survives(mutant: Mutant) -> bool:
     return done.returncode == 0
 
 
-def main(arguments: Sequence[str]) -> None:
-    """All mutants, or those named."""
-    chosen = [mutant for mutant in mutants() if not arguments or mutant.name in arguments]
+def main(names: Annotated[list[str], Arg("NAME", nargs="*")]) -> None:
+    """All mutants, or those named.
+
+    Args:
+      names: of faults.
+    """
+    chosen = [mutant for mutant in mutants() if not names or mutant.name in names]
     alive = []
     with futures.ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
         for mutant, survived in zip(chosen, pool.map(survives, chosen), strict=True):

@@ -15,14 +15,14 @@ points, that the field was asked for. Seconds are processor time of one thread, 
 with `--split validation`.
 """
 
-import argparse
 import contextlib
 import functools
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -33,7 +33,7 @@ from torch import Tensor
 from bench.lib import measuring
 from bench.rivals import latent_distances
 from ddf.api import sensors as sending
-from ddf.core import shipped_models, storage
+from ddf.core import shipped_models
 from ddf.data import shapenet, true_clouds
 from ddf.data.public import manifest, packages, shapes
 from ddf.data.samples.draws import Surface
@@ -47,7 +47,9 @@ from ddf.models import reconstruction_models
 from ddf_lab.run import Run
 
 ON_DEMAND = "python -m bench complete, after `ddf shapes get`"
-NAME, SEED, THREADS, PIXELS, POINTS, TRUTH_POINTS = "complete", 0, 1, 64, 2466, 8000
+KEPT = True  # rows that are not measured anew
+SEED, PIXELS, POINTS, TRUTH_POINTS = 0, 64, 2466, 8000
+Split = Literal["validation", "test"]
 BEAMS, COLUMNS, TEST_RAYS = 16, 31, 500
 TURN_DEG, GROWTH, SHIFT = 30.0, 0.1, 0.1  # half longest sides
 ICP_HITS, ICP_STEPS, ICP_POINTS, ICP_KEPT = 300, 10, 2000, 0.9  # share of hits that a step fits to
@@ -126,12 +128,7 @@ class Solver:
         """From the model's folder."""
         model, size, statistics = reconstruction_models.load_ddf(folder)
         model.cpu().requires_grad_(False)
-        return cls(
-            model,
-            size,
-            latent_prior.of(model, statistics, config.axes),
-            config,
-        )
+        return cls(model, size, latent_prior.of(model, statistics, config.axes), config)
 
     @torch.no_grad()
     def cloud(self, modulations: Sequence[Tensor]) -> Float[np.ndarray, "n 3"]:
@@ -144,11 +141,11 @@ class Solver:
         """Of the cloud of a shape at a place in v1."""
         return cloud_scores.compare_clouds(place.apply(self.cloud(modulations)) * K, truth)
 
-    def of_image(self, given: Case, folder: Path) -> dict[str, float]:
+    def of_image(self, given: Case) -> dict[str, float]:
         """What the model makes of the image of the first view, at the true camera and scale."""
-        file = given.image(folder)
-        started = time.process_time()
-        with torch.no_grad():
+        with tempfile.TemporaryDirectory() as folder, torch.no_grad():
+            file = given.image(Path(folder))
+            started = time.process_time()
             pixels = shapenet.read_image(file, self.size)[None].to(self.model.shape_encoder.fc.weight)
             latent = reconstruction_models.encode_batch(self.model, pixels)[1][0]
         seconds = time.process_time() - started
@@ -266,7 +263,7 @@ def _told(scores: cloud_scores.CloudScores) -> dict[str, float]:
     return {"chamfer_l2_sq_x1000": 1000 * scores.chamfer_l2_sq, "f_score_tau_x100": 100 * scores.f_score_tau}
 
 
-def rows(category: str, split: str, found: dict[str, list[dict[str, float]]]) -> Iterator[dict[str, Any]]:
+def rows(category: str, split: str, found: dict[str, list[dict[str, float]]]) -> measuring.Rows:
     """A row for each way, of what it gave for each shape."""
     score = {way: np.array([one["f_score_tau_x100"] for one in each]) for way, each in found.items()}
     for way, each in found.items():
@@ -284,56 +281,50 @@ def rows(category: str, split: str, found: dict[str, list[dict[str, float]]]) ->
         yield measuring.row(f"{category}, {split}: {way}", size, table["seconds"].tolist(), error)
 
 
-def there() -> dict[str, dict[str, Any]]:
-    """Rows that were measured before, by what they are of."""
-    file = measuring.OUT / f"{NAME}.json"
-    return {row["what"]: row for row in storage.read_json(file)["rows"]} if file.exists() else {}
+def main(
+    *,
+    split: Split = "test",
+    categories: list[str] = ["chair", "plane"],  # noqa: B006
+    ways: list[str] = ["mean", "nearest", *SCANS],  # noqa: B006
+    run: str = "shipped",
+    shapes: int = 100,
+    few: int = 6,
+) -> measuring.Rows:
+    """Shapes of every category in turn.
 
-
-def main(arguments: Sequence[str]) -> None:
-    """Measure shapes of every category in turn, and write them after each; rows that are not measured anew stay."""
-    import tempfile
-
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--split", choices=manifest.SPLITS[1:], default="test")
-    parser.add_argument("--categories", nargs="+", default=["chair", "plane"])
-    parser.add_argument(
-        "--ways", nargs="+", default=["mean", "nearest", *SCANS], help="the image is always there; and sdf"
-    )
-    parser.add_argument("--run", default="shipped", help="experiment of `sdf`, whose stage meshes is done")
-    parser.add_argument("--shapes", type=int, default=100, help="of a category at most")
-    parser.add_argument("--few", type=int, default=6, help="shapes for the ways of noise, outliers and lidar")
-    args = parser.parse_args(arguments)
-    torch.set_num_threads(THREADS)
-    written = there()
-    for category in args.categories:
+    Args:
+      split: the shapes.
+      categories: their names.
+      ways: the image is always there; and sdf.
+      run: experiment of `sdf`, whose stage meshes is done.
+      shapes: of a category at most.
+      few: shapes for the ways of noise, outliers and lidar.
+    """
+    for category in categories:
         solver = Solver.of(shipped_models.place(category), completion.CompletionConfig())
         completer = None
-        if "sdf" in args.ways:
-            model = latent_distances.of_run(Run.read(args.run, category))
+        if "sdf" in ways:
+            model = latent_distances.of_run(Run.read(run, category))
             completer = latent_distances.Completer.of(model, solver.config)
         every = manifest.of([category])
-        known = [_cloud(row) for row in every if row.split == "train"] if "nearest" in args.ways else []
+        known = [_cloud(row) for row in every if row.split == "train"] if "nearest" in ways else []
         mean = solver.cloud([each[0] for each in solver.model.modulations(solver.prior.mean[None])])
-        found: dict[str, list[dict[str, float]]] = {way: [] for way in ("image", *args.ways)}
-        for number, row in enumerate([row for row in every if row.split == args.split][: args.shapes]):
+        found: dict[str, list[dict[str, float]]] = {way: [] for way in ("image", *ways)}
+        for number, row in enumerate([row for row in every if row.split == split][:shapes]):
             given = case(row)
-            with tempfile.TemporaryDirectory() as folder:
-                found["image"].append(solver.of_image(given, Path(folder)))
             for way in found:
-                if way == "nearest":
+                if way == "image":
+                    found[way].append(solver.of_image(given))
+                elif way == "nearest":
                     found[way].append(nearest(given, known))
                 elif way == "mean":
                     found[way].append(nearest(given, [given.place.apply(mean)]))
                 elif way == "sdf" and completer:
                     found[way].append(by_distances(completer, given))
-                elif way in SCANS and (way in EVERY or number < args.few):
+                elif way in SCANS and (way in EVERY or number < few):
                     found[way].append(solver.of_scan(given, way, np.random.default_rng(number)))
             print(row.id, {way: round(own[-1]["f_score_tau_x100"], 1) for way, own in found.items()}, flush=True)
-        for told in rows(category, args.split, found):
-            print(told["what"], {name: round(value, 3) for name, value in told["error"].items()}, flush=True)
-            written[told["what"]] = told
-        measuring.write(NAME, THREADS, list(written.values()))
+        yield from rows(category, split, found)
 
 
 def _cloud(row: manifest.Row) -> Float[np.ndarray, "n 3"]:

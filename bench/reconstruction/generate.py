@@ -6,9 +6,7 @@ in `generative_shapes.distribution`, the shares in percent. The prior's width wa
 `--seed 71 --width` .6, .8, 1 and 1.2. Seconds are processor time of one shape, of one thread.
 """
 
-import argparse
 import time
-from collections.abc import Iterator, Sequence
 
 import numpy as np
 import torch
@@ -29,7 +27,7 @@ from ddf.reconstruction import framing
 from ddf_lab.evaluation import generative_shapes
 
 ON_DEMAND = "python -m bench generate, some minutes"
-NAME, THREADS, COUNT, POINTS, TRUTH_POINTS = "generate", 1, 40, 1500, 6000
+COUNT, POINTS, TRUTH_POINTS = 40, 1500, 6000
 BLUR, NOISE = 0.3, 0.03  # width of the blurred samples' prior; standard deviation in v1
 K = transforms.BENCHMARK_FROM_V1
 
@@ -79,7 +77,7 @@ def decoded(
     return found
 
 
-def rows(category: str, seed: int, width: float) -> Iterator[dict]:
+def rows(category: str, seed: int, width: float) -> measuring.Rows:
     """Of a category, one after the other."""
     folder = shipped_models.place(category)
     model, size, statistics = reconstruction_models.load_ddf(folder)
@@ -109,17 +107,18 @@ def rows(category: str, seed: int, width: float) -> Iterator[dict]:
         yield measuring.row(f"{category}: {name}", {"shapes": COUNT, "points": POINTS}, [seconds], error)
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Measure every category; what is there is written after each row."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--categories", nargs="+", default=["chair", "plane", "car"])
-    parser.add_argument("--seed", type=int, default=73, help="of the procedural shapes")
-    parser.add_argument("--width", type=float, default=1.0, help="of the prior")
-    args = parser.parse_args(arguments)
-    torch.set_num_threads(THREADS)
-    written = []
-    for category in args.categories:
-        for found in rows(category, args.seed, args.width):
-            print(found["what"], {name: round(value, 3) for name, value in found["error"].items()}, flush=True)
-            written.append(found)
-            measuring.write(NAME, THREADS, written)
+def main(
+    *,
+    categories: list[str] = ["chair", "plane", "car"],  # noqa: B006
+    seed: int = 73,
+    width: float = 1.0,
+) -> measuring.Rows:
+    """Every category.
+
+    Args:
+      categories: their names.
+      seed: of the procedural shapes.
+      width: of the prior.
+    """
+    for category in categories:
+        yield from rows(category, seed, width)

@@ -8,15 +8,13 @@ Errors: D_C and F(τ) with 5,000 points at the true camera and at the predicted 
 camera, median, and share over 90 degrees; IoU of the silhouette, from the predicted camera, with the image's.
 """
 
-import argparse
-from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
 
 import pandas as pd
-import torch
 
 from bench.lib import measuring
+from ddf.cli.declare import Arg
 from ddf.core import shipped_models, storage
 from ddf.fields import model_files
 from ddf.metrics import cloud_scores
@@ -24,7 +22,6 @@ from ddf_lab.evaluation import groups, one_model, paired
 from ddf_lab.run import Run
 
 ON_DEMAND = "python -m bench real_shapes, after the stage samples of `ddf run real`"
-NAME = "real_shapes"
 SHIPPED = Path("shipped")  # the models that come with the package
 PRINTED = ("chamfer_l2_sq_x1000", "f_score_tau_x100")
 CAMERA = ("azimuth_error_deg_median", "azimuth_turned_x100", "silhouette_iou")
@@ -35,7 +32,7 @@ def model_of(category: str, models: Path) -> Path:
     return shipped_models.place(category) if models == SHIPPED else models / category
 
 
-def rows(found: dict[str, one_model.Found], split: str) -> Iterator[dict[str, Any]]:
+def rows(found: dict[str, one_model.Found], split: str) -> measuring.Rows:
     """A row of each group and model of one category."""
     every = pd.concat([own.scores for own in found.values()])
     values = pd.concat([own.means() for own in found.values()])
@@ -57,26 +54,22 @@ def rows(found: dict[str, one_model.Found], split: str) -> Iterator[dict[str, An
             yield measuring.row(f"{group}, {split}: {label}", {"images": images}, [own.seconds], error)
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Measure every category with every model that is there, and write the rows."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--run", default="real", help="the experiment (default %(default)s)")
-    parser.add_argument("--split", choices=("test", "validation"), default="test")
-    parser.add_argument(
-        "--models", type=Path, action="append", default=[SHIPPED], help="folder by category; repeatable"
-    )
-    args = parser.parse_args(arguments)
-    torch.set_num_threads(1)
-    written = []
-    for category in storage.read_json(Run.read(args.run).index)["categories"]:
-        run = Run.read(args.run, category)
-        places = {str(models): model_of(category, models) for models in args.models}
+def main(
+    *,
+    run: str = "real",
+    split: Literal["test", "validation"] = "test",
+    models: Annotated[list[Path], Arg(action="append")] = [SHIPPED],  # noqa: B006 argparse copies it
+) -> measuring.Rows:
+    """Every category with every model that is there.
+
+    Args:
+      run: the experiment.
+      split: its shapes.
+      models: folder by category; repeatable.
+    """
+    for category in storage.read_json(Run.read(run).index)["categories"]:
+        places = {str(folder): model_of(category, folder) for folder in models}
         there = {label: folder for label, folder in places.items() if (folder / model_files.MODEL).is_file()}
-        found = {
-            label: one_model.measure(run, label, folder, args.split, groups.REAL) for label, folder in there.items()
-        }
-        for row in rows(found, args.split):
-            written.append(row)
-            told = ", ".join(f"{name} {value:.3g}" for name, value in row["error"].items())
-            print(f"{row['what']} ({row['size']['images']} images): {told}", flush=True)
-    measuring.write(NAME, 1, written)
+        own = Run.read(run, category)
+        found = {label: one_model.measure(own, label, folder, split, groups.REAL) for label, folder in there.items()}
+        yield from rows(found, split)

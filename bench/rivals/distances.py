@@ -80,35 +80,19 @@ def trace(
     Rays enter the box first and are given up where they leave it; those that miss it cost nothing.
     """
     entry, leave = rays.box_span(starts, directions, lower, upper)
-    meets = torch.nonzero(entry <= leave).squeeze(-1)
     depth, queries = torch.full_like(entry, torch.inf), 0
-    for chosen in meets.split(how.chunk):
-        depth[chosen], spent = _march(distance, starts[chosen], directions[chosen], entry[chosen], leave[chosen], how)
-        queries += spent
-    return depth, queries
-
-
-def _march(
-    distance: Distance,
-    starts: Float[Tensor, "n 3"],
-    directions: Float[Tensor, "n 3"],
-    entry: Float[Tensor, "n"],
-    leave: Float[Tensor, "n"],
-    how: Tracing,
-) -> tuple[Float[Tensor, "n"], int]:
-    """One chunk; only rays that are still under way are queried."""
-    depth, left, queries = torch.full_like(entry, torch.inf), torch.arange(len(entry)), 0
-    t = entry
-    for index in range(how.max_steps):
-        f = distance(torch.addcmul(starts, t[:, None], directions))
-        queries += len(f)
-        arrived = f < (how.threshold if index < how.max_steps - 1 else how.within)
-        t = t + f
-        depth[left[arrived]] = t[arrived]
-        on = torch.nonzero(~arrived & (t <= leave)).squeeze(-1)
-        if not len(on):
-            break
-        left, starts, directions, leave, t = left[on], starts[on], directions[on], leave[on], t[on]
+    for left in torch.nonzero(entry <= leave).squeeze(-1).split(how.chunk):  # only rays that are still under way
+        t = entry[left]
+        for index in range(how.max_steps):
+            f = distance(torch.addcmul(starts[left], t[:, None], directions[left]))
+            queries += len(f)
+            arrived = f < (how.threshold if index < how.max_steps - 1 else how.within)
+            t = t + f
+            depth[left[arrived]] = t[arrived]
+            on = ~arrived & (t <= leave[left])
+            left, t = left[on], t[on]
+            if not len(left):
+                break
     return depth, queries
 
 

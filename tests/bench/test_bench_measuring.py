@@ -1,8 +1,8 @@
-"""How benchmarks take seconds, and what they write."""
+"""How benchmarks take seconds."""
 
 import pytest
 
-from bench.lib import measuring, page
+from bench.lib import measuring
 
 
 class _Clock:
@@ -43,18 +43,6 @@ def test_candidates_take_turns_and_slow_ones_leave(_clock):
     assert order == ["slow", "rough", "slow", *["rough"] * len(times["rough"])]
     assert sum(times["rough"][:-1]) < 1.5 * measuring.WARM <= sum(times["rough"])
     assert len(measuring.interleaved({"rough": _clock.candidate("again", *rough)}, 3)["rough"]) == 3
-
-
-def test_rows_are_read_as_they_are_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(measuring, "OUT", tmp_path)
-    timed = measuring.row("a", {"n": 5}, [3.0, 1.0, 2.0, 5.0, 4.0], {"off": 0.1})
-    measuring.write(
-        "x", 2, [{**timed, "rate": 7}, measuring.row("b", {}, [0.5], {}), {"what": "c", "size": {}, "error": {}}]
-    )
-    found = page.load_folder(tmp_path)["x"]
-    assert [row.seconds for row in found.rows] == [3.0, 0.5, None]
-    assert found.rows[0].told == {"rate": 7} and found.rows[0].error == {"off": 0.1}
-    assert "threads: 2" in found.machine and all(name in found.machine for name in measuring.PACKAGES)
 
 
 def test_steps_fill_the_seconds_with_what_comes_before_them(monkeypatch):

@@ -33,7 +33,7 @@ def _exact(place):
     def hits(p, v):
         return raycast.cast(scene, rays.OrientedPoints(p.double(), v.double()))
 
-    return benchmark.Candidate(lambda p, v: hits(p, v).depth.float(), lambda p, v, _: hits(p, v).normals.float(), {})
+    return benchmark.Candidate(lambda p, v: hits(p, v).depth.float(), lambda p, v, _: hits(p, v).normals.float(), 0)
 
 
 def test_rays_begin_where_they_are_said_to(_place):

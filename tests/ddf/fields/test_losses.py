@@ -6,8 +6,8 @@ from typing import Literal
 
 import pytest
 import torch
+from _plain_loss import plain_loss
 
-from bench.fields.training_step import plain_loss
 from ddf.core import checks
 from ddf.data.samples import sample_batch
 from ddf.fields import losses, pddf, siren

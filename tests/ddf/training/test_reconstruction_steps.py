@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 from _hand_made import DDF, PCSIREN, TRAIN
+from _plain_loss import plain_loss
 
-from bench.fields.training_step import plain_loss
 from ddf.fields import rendering
 from ddf.geometry import transforms
 from ddf.models import reconstruction_models

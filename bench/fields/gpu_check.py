@@ -1,0 +1,191 @@
+"""One GPU: steps of two models and rays of a field at the paper's sizes, by precision, each against the CPU.
+
+Steps are those of configs/paper.yaml on random data, whole. Errors of a step are those of the loss and the gradients of
+few images against the same step on the CPU in float32; errors of a field are against float64.
+"""
+
+import contextlib
+import copy
+import dataclasses
+import functools
+from collections.abc import Iterator
+from typing import Literal, get_args
+from unittest import mock
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from bench.lib import measuring
+from ddf.core import checks
+from ddf.data.batches import category_data, resident
+from ddf.data.samples import sample_types
+from ddf.fields import model_files, pddf
+from ddf.geometry import transforms
+from ddf.models import loop_config, reconstruction_models, reconstruction_settings
+from ddf.training import optimisers, reconstruction_steps, training_loop
+
+ON_DEMAND = "python -m bench gpu_check, with a GPU"
+TRAIN = reconstruction_settings.TrainConfig()
+Section = reconstruction_settings.DDFConfig | reconstruction_settings.PCSirenConfig
+SECTIONS: dict[str, Section] = {
+    "ddf": reconstruction_settings.DDFConfig(),
+    "pcsiren": reconstruction_settings.PCSirenConfig(),
+}
+FIELDS = {"paper's widths": TRAIN.decoder.hidden, "4 x 192": (192,) * 4}
+Precision = Literal["float32", "tf32"]
+PRECISIONS: tuple[Precision, ...] = get_args(Precision)
+REPEATS, COMPARED, RAYS, CHECKED = 8, 2, 2**20, 8192  # COMPARED: images of a step; CHECKED: rays whose error is taken
+STORED, CLOUD_POINTS = 20_000, 8_000  # random samples of a shape and type, and points of its cloud
+
+
+@contextlib.contextmanager
+def placed(device: str) -> Iterator[None]:
+    """While this lasts, the package works on this device."""
+    try:
+        with mock.patch.object(model_files, "device", lambda: torch.device(device)):
+            yield
+    finally:
+        torch.use_deterministic_algorithms(False)  # a training on the CPU asks for them; cuBLAS then refuses to work
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """A model, the loss of its steps and how it is optimised, all as in a training."""
+
+    model: reconstruction_models.ReconstructionModel
+    loss: training_loop.StepLoss
+    loop: loop_config.LoopConfig
+
+    def backward(self, step: int) -> float:
+        """Batch, loss and gradients of a step; the loss."""
+        self.model.zero_grad()
+        loss, _ = self.loss(step)
+        loss.backward()
+        return float(loss.detach())
+
+
+def trial(train: reconstruction_settings.TrainConfig, section: Section) -> Trial:
+    """Of the model that the section describes, at the sizes of both sections, on random data."""
+    training_loop.prepare(train.loop)
+    count, size, random = train.batch_size, train.image_size, np.random.default_rng(0)
+    ids = [f"random{number}" for number in range(count)]
+    pixels = torch.from_numpy(random.integers(0, 256, (count, 4, size, size), dtype=np.uint8))
+    poses = random.uniform((0.0, 0.43, 0.65), (2 * np.pi, 0.52, 0.95), (count, 3)).astype(np.float32)  # as 3D-R2N2's
+    images = category_data.ImageSet(ids, [0] * count, np.arange(count), pixels, torch.from_numpy(poses))
+    clouds = [torch.from_numpy(random.uniform(-1, 1, (CLOUD_POINTS, 3))).float() for _ in ids]
+    shapes = category_data.ShapeSet(ids, [transforms.Similarity(2.0)] * count, clouds)
+    memory = resident.Memory(model_files.device())
+    images = memory.images(images)
+    if isinstance(section, reconstruction_settings.DDFConfig):
+        model, loop = reconstruction_models.DDFModel(train, section.field), section.loop(train.loop)
+        samples = memory.samples(random_samples(count))
+        loss = functools.partial(reconstruction_steps.ddf_step, model, images, shapes, samples, train, section)
+    else:
+        model, loop = reconstruction_models.PCSirenModel(train), train.loop
+        shapes = memory.clouds(shapes)
+        loss = functools.partial(reconstruction_steps.pcsiren_step, model, images, shapes, train, section)
+    model.fit_cameras(images)
+    model.to(model_files.device()).train()
+    return Trial(model, loss, loop)
+
+
+def random_samples(count: int) -> category_data.SampleSet:
+    """Samples of every type of so many shapes in their stored form, any code being a valid one."""
+    random = np.random.default_rng(2)
+    forms = {"positions": (np.int16, 3), "directions": (np.int16, 2), "depth": (np.uint16, 0), "normals": (np.int8, 2)}
+    arrays = {}
+    for kind in sample_types.KINDS:
+        for name, (dtype, width) in forms.items():
+            ends, shape = np.iinfo(dtype), (count, STORED, width)[: 3 if width else 2]
+            values = random.integers(-ends.max if ends.min else 0, ends.max, shape, dtype=dtype, endpoint=True)
+            arrays[f"{kind}.{name}"] = values
+    return category_data.SampleSet([arrays], [(0, row) for row in range(count)])
+
+
+def gradients(train: reconstruction_settings.TrainConfig, section: Section, device: str) -> tuple[float, Tensor]:
+    """Loss and gradients of the first step, from the same weights and data on every device; float64, on the CPU."""
+    with placed(device):
+        tried = trial(train, section)
+        loss = tried.backward(0)
+        found = [p.grad.flatten().cpu().double() for p in tried.model.parameters() if p.grad is not None]
+        return loss, torch.cat(found)
+
+
+def differences(own: tuple[float, Tensor], truth: tuple[float, Tensor]) -> dict[str, float]:
+    """Relative difference of the losses and of all gradients together, and the cosine of these."""
+    (loss, mine), (exact, theirs) = own, truth
+    return {
+        "loss_relative": abs(loss - exact) / abs(exact),
+        "gradient_relative": float((mine - theirs).norm() / theirs.norm()),
+        "gradient_cosine": float(functional.cosine_similarity(mine, theirs, dim=0)),
+    }
+
+
+def step_rows(name: str) -> measuring.Rows:
+    """A row per precision of a model."""
+    section, few = SECTIONS[name], dataclasses.replace(TRAIN, batch_size=COMPARED)
+    truth = gradients(few, section, "cpu")
+    for precision in PRECISIONS:
+        loop = dataclasses.replace(TRAIN.loop, matmul=precision)
+        error = differences(gradients(dataclasses.replace(few, loop=loop), section, "cuda"), truth)
+        tried = trial(dataclasses.replace(TRAIN, loop=loop), section)
+        optimiser = optimisers.Optimiser(tried.model, tried.model.parameter_groups(), tried.loop)
+        torch.cuda.reset_peak_memory_stats()
+
+        def step(tried: Trial = tried, optimiser: optimisers.Optimiser = optimiser) -> None:
+            tried.backward(0)
+            optimiser.step()
+            torch.cuda.synchronize()
+
+        (seconds,) = measuring.interleaved({name: step}, REPEATS).values()
+        size = {"gpu": torch.cuda.get_device_name(), "images": TRAIN.batch_size}
+        size["peak_gib"] = round(torch.cuda.max_memory_allocated() / 2**30, 2)
+        yield measuring.row(f"{name} step, {precision}", size, seconds, error)
+
+
+def field_rows(name: str) -> measuring.Rows:
+    """A row per precision of a field: visibility and depth of many rays, with the error against float64."""
+    torch.manual_seed(0)
+    section = reconstruction_settings.DDFConfig().field
+    field = pddf.PDDF(section.of(dataclasses.replace(TRAIN.decoder, hidden=FIELDS[name]))).requires_grad_(False)
+    exact = _answer(copy.deepcopy(field).double(), *random_rays(CHECKED, torch.float64, "cpu"))
+    for precision in PRECISIONS:
+        torch.set_float32_matmul_precision("high" if precision == "tf32" else "highest")
+        own, rays = copy.deepcopy(field).to("cuda"), random_rays(RAYS, torch.float32, "cuda")
+
+        def answer(own: pddf.PDDF = own, rays: tuple[Tensor, Tensor] = rays) -> None:
+            _answer(own, *rays)
+            torch.cuda.synchronize()
+
+        (seconds,) = measuring.interleaved({name: answer}, REPEATS).values()
+        found = _answer(own, *random_rays(CHECKED, torch.float32, "cuda"))
+        off = [(a.cpu().double() - b).abs() for a, b in zip(found, exact, strict=True)]
+        error = {"visibility_mean": float(off[0].mean()), "depth_median": float(off[1].median())}
+        size = {"gpu": torch.cuda.get_device_name(), "rays": RAYS}
+        row = measuring.row(f"field, {name}, {precision}", size, seconds, error)
+        yield {**row, "million_rays_per_s": RAYS / row["median_s"] / 1e6}
+
+
+@torch.inference_mode()
+def _answer(field: pddf.PDDF, positions: Tensor, directions: Tensor) -> tuple[Tensor, Tensor]:
+    raw = field(positions, directions, None)
+    return pddf.visibility(raw), field.depth(raw)
+
+
+def random_rays(count: int, dtype: torch.dtype, device: str) -> tuple[Tensor, Tensor]:
+    """Positions uniform in the box, directions on the sphere: the same whatever type and device."""
+    random = torch.Generator().manual_seed(0)
+    drawn = torch.randn((count, 6), generator=random, dtype=torch.float64)
+    positions, directions = torch.special.ndtr(drawn[:, :3]) * 2 - 1, functional.normalize(drawn[:, 3:], dim=-1)
+    return positions.to(device, dtype), directions.to(device, dtype)
+
+
+def main() -> measuring.Rows:
+    """Steps of both models, then fields; InputError without a GPU."""
+    if not torch.cuda.is_available():
+        raise checks.InputError(f"torch {torch.__version__} finds no CUDA device")
+    return (
+        row for rows, names in ((step_rows, SECTIONS), (field_rows, FIELDS)) for name in names for row in rows(name)
+    )
