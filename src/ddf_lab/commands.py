@@ -93,8 +93,7 @@ def info(config: Annotated[str, Arg("CONFIG")]) -> dict[str, Any]:
     from ddf_lab.run import Run
 
     experiment = Run.read(config)
-    pipeline = experiment.file.resolve().parent.parent / graph.PIPELINE
-    items = graph.expand(experiment, path=pipeline) if pipeline.is_file() else []
+    items = graph.expand(experiment, path=Path(__file__).resolve().parents[2] / graph.PIPELINE)
     parameters = _parameters(experiment)
     cost = _cost(experiment, parameters) if experiment.kind == "reconstruction" else None
     largest = max(parameters, key=lambda name: parameters[name])
@@ -113,10 +112,11 @@ def info(config: Annotated[str, Arg("CONFIG")]) -> dict[str, Any]:
 
 
 def _parameters(experiment: Any) -> dict[str, int]:
-    """Parameters of every model of an experiment."""
+    """Parameters of every model of an experiment; of figures those of a field that `ddf fit` fits."""
     import torch
 
     from ddf.fields import pddf
+    from ddf.fit import fit_settings
     from ddf.models import encoders, line_field, reconstruction_models, reconstruction_settings
 
     if experiment.kind == "generative":
@@ -124,6 +124,9 @@ def _parameters(experiment: Any) -> dict[str, int]:
 
         sections = experiment.sections()
         return generative_models.parameter_counts(sections["vae"], sections["gan"])
+    if experiment.kind != "reconstruction":
+        fit = experiment.sections().get("fit") or fit_settings.FitConfig()
+        return {"field": pddf.count_parameters(pddf.PDDF(fit.field))}
     train = experiment.section(reconstruction_settings.TrainConfig)
     field = experiment.section(reconstruction_settings.DDFConfig).field
     with torch.device("meta"):

@@ -28,6 +28,13 @@ def test_info_counts_and_lists(capsys):
         assert capsys.readouterr().out.splitlines()[-1].endswith(told)
 
 
+def test_info_of_a_fit_and_of_figures_counts_the_field(capsys):
+    for name, last in (("fit", "report_shape@fit"), ("figures", "figures@figures")):
+        assert cli.main(["info", name, "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)
+        assert found["parameters"] == {"field": 67_460} and found["stages"][-1] == last and "cost" not in found
+
+
 def test_info_counts_steps_of_all_categories_and_shapes_that_are_listed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = (ROOT / "configs" / "smoke.yaml").read_text()

@@ -3,7 +3,6 @@
 Images of both GANs are set against real ones, with known bounds, and their colours are compared when the camera moves.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,11 +12,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ddf.core import seeding
-from ddf.data import shapenet
 from ddf.data.batches import category_data
-from ddf.geometry import cameras, mesh_io, raycast, transforms
+from ddf.geometry import transforms
 from ddf.metrics import image_scores
-from ddf.models import generated_images, generative_models, generative_settings, image_networks
+from ddf.models import generated_images, generative_models, generative_settings
 from ddf.training import generative_steps, shape_data
 from ddf_lab.evaluation import generative_shapes
 from ddf_lab.run import Run
@@ -44,12 +42,12 @@ def measure(
         OURS: generated(gan, section.images, section.seed),
         FLAT: generated_2d(rival, section.images, section.seed),
     }
-    network, dataset = generative_steps.load_features(run.folder("train_features")), shapenet.Dataset.open(run.index)
+    network = generative_steps.load_features(run.folder("train_features"))
     results = {
         "shapes": {"learned": len(parts.learned), "held_out": len(parts.held_out), "pictured": len(parts.pictured)},
         **score_shapes(vae, parts, run, section),
         "images": score_images(network, pictured, made, section),
-        "consistency": consistency(gan, dataset, run.category, list(parts.pictured), section),
+        "consistency": consistency(gan, section),
     }
     return results, draw(gan, rival, pictured, sampled, results["prior"]["nearest"], section)
 
@@ -72,7 +70,7 @@ def score_shapes(
     for name, own in latents.items():
         fields = generated_images.fields(vae.decoder, own)
         clouds = generative_shapes.of_fields(fields, tested.scales.tolist(), section.cloud_points, section.seed)
-        found[name] = generative_shapes.compared(clouds, truth) | {"errors": generative_shapes.errors(vae, own, tested)}
+        found[name] = generative_shapes.compared(clouds, truth)
     like = len(tested.ids)  # as many samples as held-out shapes are compared with these
     count = max(section.samples, like)
     prior = generated_images.latents(count, vae.config.latent_features, section.seed, "samples")
@@ -81,7 +79,7 @@ def score_shapes(
     others = [known[row] for row in generative_shapes.spaced(len(known), like)]
     return {
         "held_out": found,
-        "divergence": generative_shapes.divergence_summary(generative_shapes.divergences(vae, learned, section.seed)),
+        "divergence": generative_shapes.divergence(vae, learned, section.seed),
         "prior": generative_shapes.novelty(drawn[: section.samples], known, parts.learned, like),
         "distribution": {
             "prior": generative_shapes.distribution(drawn[:like], truth),
@@ -152,20 +150,14 @@ def score_images(
     return {**found, "real": len(real), "spoiled": list(spoiled)}
 
 
-def consistency(
-    model: generative_models.ImageGAN,
-    dataset: shapenet.Dataset,
-    category: str,
-    ids: list[str],
-    section: generative_settings.ScoresConfig,
-) -> dict[str, Any]:
+def consistency(model: generative_models.ImageGAN, section: generative_settings.ScoresConfig) -> dict[str, Any]:
     """Errors of `texture_consistency` between neighbouring cameras around random shapes.
 
-    shuffled: the second image has another texture. real: renders of some shapes, whose light moves with the camera.
+    shuffled: the second image has another texture.
     """
     latents, textures = _latents(model, section.textured, section.seed, "consistency: shapes", "consistency: textures")
     unit = transforms.BENCHMARK_FROM_V1 / float(model.field_scale)
-    found: dict[str, list[Pair]] = {"ours": [], "shuffled": [], "real": []}
+    found: dict[str, list[Pair]] = {"ours": [], "shuffled": []}
     for row, field in enumerate(generated_images.fields(model.decoder, latents)):
         both = textures[[row, (row + 1) % len(textures)]]
         seen = [generated_images.look(model, field, camera, both) for camera in _around(model, section)]
@@ -175,37 +167,8 @@ def consistency(
         )
         found["ours"] += zip(own, own[1:] + own[:1], strict=True)
         found["shuffled"] += zip(own, other[1:] + other[:1], strict=True)
-    for name in ids[: section.textured]:
-        found["real"] += _real_pairs(dataset, category, name)
     errors = {name: image_scores.colour_error(pairs) for name, pairs in found.items()}
     return {name: {"error": error, "points": points} for name, (error, points) in errors.items()}
-
-
-def _real_pairs(dataset: shapenet.Dataset, category: str, name: str) -> list[Pair]:
-    """Each view of a shape with the next one round the shape, up to 60 degrees further."""
-    scene = raycast.Scene(mesh_io.load(dataset.model(category, name)))
-    poses = cameras.degrees_to_radians(torch.tensor(dataset.cameras(category, name), dtype=torch.float64))
-    order = torch.argsort(poses[:, 0]).tolist()
-    shown = [_real_picture(dataset.image(category, name, i, image_networks.IMAGE_SIZE), poses[i], scene) for i in order]
-    return [
-        (first, second)
-        for first, second in zip(shown, shown[1:] + shown[:1], strict=True)
-        if len(shown) > 1 and float((second.camera[0] - first.camera[0]) % (2 * math.pi)) <= math.pi / 3
-    ]
-
-
-def _real_picture(
-    image: Float[Tensor, "4 h w"], camera: Float[Tensor, "3"], scene: raycast.Scene
-) -> image_scores.CameraPicture:
-    """A render, and the distances of its mesh."""
-    size = image.shape[-1]
-    directions = cameras.pixel_directions(size, camera).reshape(-1, 3)
-    centre, world = cameras.pixel_rays(camera[0], camera[1], camera[2], directions)
-    start = (centre / transforms.BENCHMARK_FROM_V1).expand_as(world).numpy()
-    depth, _ = scene.first_hits(start, world.numpy())
-    distance = torch.from_numpy(depth * transforms.BENCHMARK_FROM_V1).reshape(size, size)
-    colours = (generative_steps.on_white(image[None])[0] + 1) / 2
-    return image_scores.CameraPicture(camera.float(), distance.float(), colours)
 
 
 @torch.no_grad()

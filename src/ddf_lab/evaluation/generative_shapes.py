@@ -6,7 +6,7 @@ the benchmark frame (0.57 x v1, `metrics`). Distances between shapes are D_C, a 
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +16,14 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ddf.core import provenance
-from ddf.data import packing
 from ddf.data.batches import category_data
-from ddf.data.samples import sample_types
 from ddf.fields import losses, pddf, rendering, shape_field, stored_fields
-from ddf.fit import fitting, shape_samples
 from ddf.geometry import neighbours, transforms
 from ddf.metrics import cloud_scores
 from ddf.models import generative_models, generative_settings
 from ddf.training import shape_data, training_loop
 
 Clouds = Sequence[neighbours.Neighbours]
-SAMPLES = 1000  # of each type of a held-out shape, that errors are measured on
 
 
 @torch.no_grad()
@@ -76,46 +72,10 @@ def auto_decode(
     return found.values.detach()
 
 
-def errors(
-    model: generative_models.ShapeVAE, latents: Float[Tensor, "n z"], shapes: shape_data.Shapes
-) -> dict[str, dict[str, float]]:
-    """Means over the shapes of `fitting.held_out_errors`: depth and visibility by sample type, median normals."""
-    found = [
-        fitting.held_out_errors(generative_models.plain_field(model.decoder, latent), _samples(shapes, row))
-        for row, latent in enumerate(latents)
-    ]
-    means = {
-        name: {kind: float(np.mean([own[name][kind] for own in found])) for kind in found[0][name]}
-        for name in ("depth_l1", "visibility_bce")
-    }
-    return means | {"normals": {"median_deg": float(np.mean([own["normal_angle_deg_median"] for own in found]))}}
-
-
-def _samples(shapes: shape_data.Shapes, row: int) -> shape_samples.ShapeSamples:
-    """The first stored samples of a shape."""
-    number, place = shapes.samples.places[row]
-    arrays: dict[str, Mapping[str, Tensor]] = {}
-    for kind in sample_types.KINDS:
-        stored = {name: shapes.samples.shards[number][f"{kind}.{name}"][place][:SAMPLES] for name in packing.FIELDS}
-        found = packing.decode_fields({name: torch.from_numpy(codes.copy()) for name, codes in stored.items()})
-        arrays[kind] = {name: found[name] for name in ("positions", "directions", "normals")} | {
-            "visible": found["visible"].float(),
-            "depth": found["depth"].masked_fill(~found["visible"], 0.0),
-        }
-    upper = np.full(3, rendering.CUBE_HALF)
-    return shape_samples.ShapeSamples(arrays, -upper, upper)
-
-
-def divergences(model: generative_models.ShapeVAE, shapes: shape_data.Shapes, seed: int) -> Float[Tensor, "z"]:
-    """L_KL of every dimension, mean over the shapes, nats, largest first."""
+def divergence(model: generative_models.ShapeVAE, shapes: shape_data.Shapes, seed: int) -> dict[str, float]:
+    """L_KL in nats, mean over the shapes: the sum, how many dimensions say more than 0.1, and of how many."""
     found = generative_models.divergence(*encode(model, shapes, seed)).mean(dim=0)
-    return found.sort(descending=True).values
-
-
-def divergence_summary(by_dimension: Float[Tensor, "z"]) -> dict[str, Any]:
-    """The sum, how many dimensions say more than 0.1 nats, and all of them."""
-    values = by_dimension.tolist()
-    return {"sum": sum(values), "used": sum(value > 0.1 for value in values), "by_dimension": values}
+    return {"sum": float(found.sum()), "used": int((found > 0.1).sum()), "dimensions": len(found)}
 
 
 def of_fields(fields: Sequence[pddf.PDDF], scales: Sequence[float], count: int, seed: int) -> Clouds:

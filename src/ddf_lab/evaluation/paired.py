@@ -1,9 +1,12 @@
-"""Differences between two methods on the same images, with their standard errors: what a claim may rest on.
+"""What a claim may rest on: means over trainings, and differences between two methods on the same images.
 
 Images of one shape are taken together, for they are no independent cases. With N shapes and S trainings, the standard
 error of the mean difference is the root of s_N² / N + s_S² / S: s_N² is the variance over shapes of the difference
 averaged over trainings, s_S² the variance over trainings of the difference averaged over shapes (the terms of a crossed
 design with both factors random; that of their interaction is in both, so the error is never too small).
+
+Trainings (seeds) share data set, meshes, samples and test images; training and cloud drawing differ. Seed 0 is the run
+that an experiment with one seed has.
 """
 
 import math
@@ -14,10 +17,17 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from ddf.core import checks
+from ddf.core import checks, storage
 from ddf.metrics import cloud_scores
+from ddf_lab.evaluation import baselines, scoring
+from ddf_lab.run import Run
 
 CLAIMED = 0.95  # confidence with which a difference is called one: Student's two-sided t, 2.0 standard errors of many
+
+_BY_IMAGE = (*scoring.FILES, *(method + scoring.THREE_VIEWS for method in scoring.FILES))
+TRAINED = (*_BY_IMAGE, scoring.DDF_ONE_CYCLE, scoring.DDF_ON_MASK, baselines.RETRIEVAL)
+COUNT = "count"  # written by make beside the tables of the further seeds
+_KEYS = ["category", "method", "column", "metric"]
 
 
 @dataclass(frozen=True)
@@ -95,3 +105,53 @@ def better(found: Difference | None, metric: cloud_scores.Metric) -> int:
     if found is None or not found.seen:
         return 0
     return 1 if (found.mean < 0) == (metric.better == "min") else -1
+
+
+def read_count(run: Run) -> int:
+    """How many seeds the last call of make asked for; 1 where nothing was asked. InputError: it is no number >= 1."""
+    path = run.folder("evaluate_seeds") / COUNT
+    text = path.read_text(encoding="utf-8").strip() if path.exists() else "1"
+    if not text.isdecimal() or int(text) < 1:
+        raise checks.InputError(f"{path}: must hold the number of seeds, 1 or more; got {text!r}")
+    return int(text)
+
+
+def read_table(run: Run, seeds: int) -> pd.DataFrame:
+    """The measured long table of the first `seeds` seeds, see `over_seeds`.
+
+    Raises:
+      FileNotFoundError, InputError: a seed was not evaluated, or its table is damaged or does not fit the others.
+    """
+    folders = [run.folder("evaluate", seed=seed) for seed in range(seeds)]
+    return over_seeds([storage.load_table(folder / "si3dr.csv")[0] for folder in folders])
+
+
+def over_seeds(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """The first table with, in the rows of trained methods, mean and spread over all tables.
+
+    There `value` is the mean over seeds of the means over images, `spread` the sample standard deviation over seeds and
+    `seeds` their number. Other rows, which no training changes, stay as seed 0, the first, has them. One table alone is
+    returned as it is.
+
+    Raises:
+      InputError: a seed has other trained rows, or another number of images, than seed 0.
+    """
+    first, values = tables[0], []
+    if len(tables) == 1:
+        return first
+    trained = first["method"].isin(TRAINED)
+    own = first[trained].set_index(_KEYS)
+    for seed, table in enumerate(tables):
+        rows = table[table["method"].isin(TRAINED)].set_index(_KEYS)
+        odd = rows.index.symmetric_difference(own.index)
+        if len(odd):
+            raise checks.InputError(f"seed {seed} and seed 0 were not evaluated alike: {' '.join(map(str, odd[0]))}")
+        rows = rows.loc[own.index]
+        if (rows["images"] != own["images"]).any():
+            raise checks.InputError(f"seed {seed} was evaluated on another number of images than seed 0")
+        values.append(rows["value"].to_numpy(dtype=np.float64))
+    merged = first.copy()
+    merged.loc[trained, "value"] = np.mean(values, axis=0)
+    merged.loc[trained, "spread"] = np.std(values, axis=0, ddof=1)
+    merged.loc[trained, "seeds"] = len(tables)
+    return merged

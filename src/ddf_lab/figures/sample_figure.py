@@ -1,4 +1,4 @@
-"""The six sample types of a rabbit, and numbers of those of a sphere. [DDF22] fig. `datatypes`."""
+"""The six sample types of a rabbit. [DDF22] fig. `datatypes`."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -24,8 +24,7 @@ _LEGEND = (
 
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
-    """A cell per type, and what the samples of a unit sphere are, against the closed form."""
-    rows = [[kind, *_row(part)] for kind, part in _samples(showcase.ball(1.0, 5)).items()]
+    """A cell per type."""
     inside, _ = fitting.in_cube(showcase.SHAPES[SHAPE]())
     rabbit = _samples(inside)
     row = picture_strips.StripRow("sample types", _LEGEND, _pictures(inside, rabbit, SIDE))
@@ -36,14 +35,8 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         "A rabbit and samples of the six types",
         picture_strips.strip([SHAPE, *rabbit], [row], side=SIDE),
     )
-    table = pages.Table(
-        "4,000 samples a type. depth: largest |d - exact| of the samples that see the sphere more squarely than 0.2"
-        " (the mesh has 20,480 triangles and lies up to 5e-4 inside the sphere).",
-        ["type", "see the sphere, %", "depth", "p on the surface, %"],
-        rows,
-    )
     title = "Oriented points that hit and miss: six sample types"
-    return pages.Section(title, [figure, table, "Answers [DDF22] fig. `datatypes`."])
+    return pages.Section(title, [figure, "Answers [DDF22] fig. `datatypes`."])
 
 
 def _samples(mesh: mesh_io.Mesh) -> dict[str, dict[str, Float[np.ndarray, "n ..."]]]:
@@ -54,20 +47,6 @@ def _samples(mesh: mesh_io.Mesh) -> dict[str, dict[str, Float[np.ndarray, "n ...
         mixed = random.permutation(len(arrays["depth"]))  # stored by side of the surface or of the edge
         found[kind] = {name: own.double().numpy()[mixed] / units.get(name, 1.0) for name, own in arrays.items()}
     return found
-
-
-def _row(part: dict[str, Float[np.ndarray, "n ..."]]) -> list[str]:
-    """Share that sees, largest depth error against the unit sphere, share on the surface."""
-    positions, directions, visible = part["positions"], part["directions"], part["visible"] > 0
-    b = (positions * directions).sum(axis=1)
-    quarter = b**2 - (positions**2).sum(axis=1) + 1
-    half = np.sqrt(np.maximum(quarter, 0.0))
-    off = np.minimum(np.abs(-b - half - part["depth"]), np.abs(-b + half - part["depth"]))
-    square = np.abs((part["normals"] * directions).sum(axis=1)) > 0.2
-    on = np.abs(np.linalg.norm(positions, axis=1) - 1) < 2e-3
-    known = visible & square
-    worst = f"{off[known].max():.1e}" if known.any() else "–"
-    return [f"{100 * visible.mean():.1f}", worst, f"{100 * on.mean():.1f}"]
 
 
 def _pictures(

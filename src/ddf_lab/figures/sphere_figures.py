@@ -21,11 +21,10 @@ LINES = {  # first and last p, v, in the plane z = 0
     "occlusion discontinuity": ((-1.0, -0.85, 0.0), (-1.25, 0.45, 0.0), (0.98, 0.2, 0.0)),
 }
 _SHOWN = ("depth", "true_depth", "weight_1", "normals", "normals_1", "normals_2")
-_EDGE = 0.03  # on either side of where the truth jumps, field units
 
 
 def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
-    """Renders and slices in one strip, and errors beside and away from the jumps."""
+    """Renders and slices in one strip, and jumps along lines."""
     field, size = figure_fields.fitted("two_spheres", config, folder), config.picture_size
     asked = {f"render, azimuth {camera[0]:g}°": beside.camera(field, camera, size) for camera in CAMERAS}
     for direction in shape_views.DIRECTIONS:
@@ -52,7 +51,7 @@ def section(config: figure_fields.FiguresConfig, folder: Path) -> pages.Section:
         figures.jumps({title: _along(field, *each) for title, each in LINES.items()}).encode(),
     )
     answer = "Answers [DDF22] figs. `prob_illus`, `seethrough`, `discontillus`, and fig. 1's slices."
-    return pages.Section("Two spheres, and jumps", [strip, jumps, _table(field), answer])
+    return pages.Section("Two spheres, and jumps", [strip, jumps, answer])
 
 
 def _along(
@@ -75,29 +74,3 @@ def _exact(points: beside.Points) -> rays.RayHits[np.ndarray]:
     tensors = rays.OrientedPoints(torch.from_numpy(points.positions), torch.from_numpy(points.directions))
     hits = primitives.cast(primitives.two_spheres(), tensors)
     return rays.RayHits(*(each.numpy() for each in (hits.depth, hits.visible, hits.normals, hits.face)))
-
-
-def _table(field: ShapeField, count: int = 40_000) -> pages.Table:
-    """Errors near and far from occlusion edges, of random rays: an edge is where a ray turned a little jumps."""
-    random, (low, high) = np.random.default_rng(0), beside.corners(field)
-    positions = random.uniform(low, high, (count, 3))
-    directions = random.standard_normal((count, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    found, _ = beside.ask(field, _exact, rays.OrientedPoints(positions, directions), ("depth", "weight_1"))
-    depth = found["true_depth"]
-    jump = np.zeros(count, dtype=bool)
-    for axis in np.eye(3):
-        moved = _exact(rays.OrientedPoints(positions + _EDGE * axis, directions)).depth
-        with np.errstate(invalid="ignore"):  # where both are inf
-            jump |= ~np.isfinite(moved) | (np.abs(moved - depth) > 5 * _EDGE)
-    both, rows = np.isfinite(depth) & np.isfinite(found["depth"]), []
-    for name, chosen in (("beside a jump", both & jump), ("elsewhere", both & ~jump)):
-        off = beside.errors({key: found[key][chosen] for key in ("depth", "true_depth")})
-        mixed = 100 * (np.abs(found["weight_1"][chosen] - 0.5) < 0.4).mean()
-        rows.append([name, f"{chosen.sum():,}", f"{off['mean']:.4f}", f"{off['median']:.4f}", f"{mixed:.1f}"])
-    return pages.Table(
-        f"Random rays that field and truth see. A jump: moving p by {_EDGE} loses the surface or changes depth by more"
-        " than five times that. Undecided: w_1 between 0.1 and 0.9.",
-        ["rays", "number", "mean depth error", "median", "undecided, %"],
-        rows,
-    )

@@ -17,7 +17,6 @@ SECTIONS = (  # in the order of the page; each gives a `pages.Section` from the 
     model_sections.nearest_section,
     model_sections.one_cycle_section,
     run_sections.cameras_section,
-    run_sections.evenness_section,
     run_sections.training_section,
     run_sections.data_section,
     run_sections.costs_section,

@@ -1,4 +1,4 @@
-"""Sections of one run: pictures, cameras, evenness of clouds, training, data, times and what does not reproduce."""
+"""Sections of one run: pictures, cameras, training, data, times and what does not reproduce."""
 
 import dataclasses
 import os
@@ -7,15 +7,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from ddf.core import config, schema
-from ddf.data.public import manifest
 from ddf.metrics.camera_errors import ERRORS
-from ddf_lab.evaluation import baselines, groups, scoring
+from ddf_lab.evaluation import groups, scoring
 from ddf_lab.report import figures, scores, stage_results
 from ddf_lab.report.pages import Block, Figure, Section, Table
 from ddf_lab.report.stage_results import Results
 
 SECTIONS = ("train", "ddf", "pcsiren", "ddf_image", "meshes", "samples", "pointclouds")  # whose settings are compared
-_SAME_PERCENT = 10.0  # wall times no farther apart than this are one budget
 _PREDICTED = (
     (scoring.DDF, "Pi_pred"),
     (scoring.DDF, "Pi_corrected"),
@@ -25,21 +23,10 @@ _PREDICTED = (
 _AZIMUTH, *_OTHERS = ((f"{name}_median", (error.label, error.digits)) for name, error in ERRORS.items())
 _TURNED = ("azimuth_turned_x100", (f"azimuth > {scoring.TURNED_DEG:.0f}°, % of images", 0))
 _CAMERA_METRICS = dict((_AZIMUTH, _TURNED, *_OTHERS, (scoring.OVERLAP, ("IoU of the silhouette, mean", 2))))
-_MEASURED = (scoring.DDF, scoring.DDF_ONE_CYCLE, scoring.PC_SIREN, scoring.DDF_IMAGE)
-_CLOUDS = {
-    "true cloud": scoring.TRUTH,
-    "random points of it": (baselines.CEILING, "Pi_g-L"),
-    **{scores.METHOD_LABELS[m]: (m, "Pi_g-L") for m in _MEASURED},
-}
+_OWN = "Real shapes are, or are among them, your own, which `ddf shapes add` looked over."
 _PROCEDURAL = "Procedural shapes are made by this project in ShapeNet's layout with the same cameras."
 _REAL = "Real shapes are of Debian's archive, few and of few makers, rendered by this project as procedural ones are."
 _COMPARE = "Scores compare the methods on these shapes; they do not reproduce the paper's ShapeNet numbers."
-_SHAPES = {
-    "synthetic": (_PROCEDURAL, _COMPARE),
-    "public": (_REAL, _COMPARE),
-    "both": (_REAL, _PROCEDURAL, _COMPARE),
-    "shapenet": (),
-}
 
 
 def pictures_section(results: Results) -> Section:
@@ -56,8 +43,8 @@ def pictures_section(results: Results) -> Section:
         for category, strip in results.strips.items()
     ]
     reading = (
-        f"Rows are chosen from {results.rendered} test images of each category: by D<sub>C</sub> of DDF (true "
-        "camera, L points), then by how far DDF is ahead of PC-SIREN.",
+        f"Rows are chosen from {results.rendered} test images of each category by D<sub>C</sub> of DDF (true camera, "
+        "L points).",
         "Predictions are seen from the predicted camera at the predicted scale, the truth from the true camera. "
         "Visibility: dark is seen. Depth: yellow is near. Normals: (n + 1)/2 as RGB. Clouds: colour is the place.",
     )
@@ -66,33 +53,20 @@ def pictures_section(results: Results) -> Section:
 
 def cameras_section(results: Results) -> Section:
     """Median errors of predicted and corrected cameras and of the estimated scale; how many cameras are far off."""
-    found, rows = scores.Scores(results.table), []
-    for category in results.groups:
-        for head in _PREDICTED:
-            texts = [found.text(category, head, metric, digits) for metric, (_, digits) in _CAMERA_METRICS.items()]
-            label = f"{scores.METHOD_LABELS[head[0]]}, {scores.CAMERA_LABELS[head[1]]}"
-            rows.append([category if head == _PREDICTED[0] else "", label, *texts])
+    lines = [
+        scores.Line(
+            f"{scores.METHOD_LABELS[method]}, {scores.CAMERA_LABELS[camera]}",
+            [((method, camera), metric, digits) for metric, (_, digits) in _CAMERA_METRICS.items()],
+        )
+        for method, camera in _PREDICTED
+    ]
     caption = (
         "Median absolute errors over test images, before (Π̂) and after (Π̂<sub>∇</sub>) the correction by the mask. "
         f"More than {scoring.TURNED_DEG:.0f}° off, front is taken for rear."
     )
-    header = ["", "", *(label for label, _ in _CAMERA_METRICS.values())]
-    return Section("Cameras", [Table(caption, header, rows, labels=2)])
-
-
-def evenness_section(results: Results) -> Section:
-    """How far the points of clouds keep from each other."""
-    found = scores.Scores(results.table)
-    rows = [
-        [category, *(found.text(category, head, "spacing_variation", 2) for head in _CLOUDS.values())]
-        for category in results.groups
-    ]
-    caption = (
-        "Standard deviation over mean of the distance from a point to the nearest other one; L points, mean over "
-        "images. True clouds are Poisson-disk samples. Independent even points have 0.52 (Rayleigh); more says that "
-        "points crowd."
-    )
-    return Section("Evenness of the clouds", [Table(caption, ["", *_CLOUDS], rows)])
+    header = ["", *(label for label, _ in _CAMERA_METRICS.values())]
+    table = scores.table(results, results.groups, lines, header, caption)
+    return Section("Cameras", [table] if table else [])
 
 
 def training_section(results: Results) -> Section:
@@ -108,25 +82,14 @@ def training_section(results: Results) -> Section:
 
 
 def budget(results: Results) -> str:
-    """The wall time that each model trained for, over all categories, and by how much they differ; of several seeds the
-    median.
-    """
+    """The wall time that each model trained for, over all categories; of several seeds the median."""
     seconds = {
         model: statistics.median([stage_results.training_seconds(logs), *results.further_seconds.get(model, [])])
         for model, logs in results.logs.items()
     }
-    least, most = min(seconds.values()), max(seconds.values())
-    if least <= 0:
-        return "The training took no time that was noted."
-    more = 100 * (most / least - 1)
     spent = ", ".join(f"{model} {duration(value)}" for model, value in seconds.items())
-    over = f" Medians over the {results.seeds} seeds." if results.seeds > 1 else ""
-    if more <= _SAME_PERCENT:
-        return f"The models trained for the same wall time within {more:.0f} %, summed over categories: {spent}.{over}"
-    return (
-        f"The models did not train for the same wall time: summed over categories {spent}, the longer {more:.0f} % "
-        f"above the shorter.{over}"
-    )
+    over = f", medians over the {results.seeds} seeds" if results.seeds > 1 else ""
+    return f"Wall time of the trainings, summed over categories{over}: {spent}."
 
 
 def data_section(results: Results) -> Section:
@@ -149,9 +112,9 @@ def data_section(results: Results) -> Section:
         blocks.append(tuple(f"`{row['id']}` ({row['stage']}): {row['reason']}" for row in failures))
     else:
         blocks.append("No shape was left out.")
-    if results.index["source"] in ("public", "both"):
+    if seen := results.settings["dataset"].rows():
         blocks.append("Makers of the real shapes, by licence:")
-        blocks.append(tuple(groups.makers(manifest.of(results.categories))))
+        blocks.append(tuple(groups.makers(seen)))
     return Section("Data", blocks)
 
 
@@ -180,7 +143,10 @@ def duration(seconds: float) -> str:
 def limits_section(results: Results) -> Section:
     """What does not reproduce: the limits of the experiment, and the settings that are not the paper's."""
     changed, own = changed_settings(results)
-    limits = [*_SHAPES[results.index["source"]]]
+    dataset = results.settings["dataset"]
+    made = [*dataset.made, *(["own"] if dataset.own else [])]
+    facts = {"public": _REAL, "own": _OWN, "synthetic": _PROCEDURAL}
+    limits = [*(said for source, said in facts.items() if source in made), *([_COMPARE] if made else [])]
     if results.seeds > 1:
         limits.append(f"{results.seeds} seeds were trained, all on the same data set and samples.")
     else:

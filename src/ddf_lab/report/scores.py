@@ -1,6 +1,7 @@
-"""Numbers of the long table si3dr.csv as the page prints them: look-up, names, pairs of methods side by side."""
+"""Numbers of the long table si3dr.csv as the page prints them: look-up, names, tables with the better ones bold."""
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -52,11 +53,6 @@ class Scores:
         row = self.rows.get((category, *head, metric))
         return None if row is None else float(row["value"])
 
-    def images(self, category: str, heads: Sequence[Head], metric: str) -> list[int]:
-        """Image counts of the cells that exist."""
-        found = [self.rows.get((category, *head, metric)) for head in heads]
-        return [int(row["images"]) for row in found if row is not None]
-
     def text(self, category: str, head: Head, metric: str, digits: int | None = None, spread: bool = False) -> str:
         """The number as printed, with `spread` as `mean ± standard deviation` where it is a mean over seeds; a dash
         where there is none.
@@ -69,16 +65,56 @@ class Scores:
         return f"{value} ± {float(row['spread']):.{digits}f}" if spread and row["seeds"] > 1 else value
 
 
-def images_note(scores: Scores, categories: Collection[str], heads: Sequence[Head], metric: str) -> str:
-    """How many images the numbers of a table are of, one sentence; empty where the table says it cell by cell."""
-    counts = {category: sorted(set(scores.images(category, heads, metric))) for category in categories}
-    counts = {category: found for category, found in counts.items() if found}
-    if not counts or any(len(found) > 1 for found in counts.values()):
-        return ""
-    single = {found[0] for found in counts.values()}
-    if len(single) == 1:
+def images_note(results: Results) -> str:
+    """How many images the numbers of a table are of, one sentence."""
+    rows = results.per_image[(results.per_image["method"] == scoring.DDF) & (results.per_image["column"] == "Pi_g-L")]
+    counts = {group: int((rows["category"] == group).sum()) for group in results.groups}
+    if len(single := set(counts.values())) == 1:
         return f"{single.pop()} images of each category."
-    return f"Images: {', '.join(f'{category} {found[0]}' for category, found in counts.items())}."
+    return f"Images: {', '.join(f'{group} {count}' for group, count in counts.items())}."
+
+
+class Line(NamedTuple):
+    """A row of a category: its label, and what is printed: method and column, metric, digits if not the metric's."""
+
+    label: str
+    cells: Sequence[tuple[Head, str, int | None]]
+
+
+def table(
+    results: Results,
+    categories: Collection[str],
+    lines: Sequence[Line],
+    header: Sequence[str],
+    caption: str,
+    rivals: Sequence[Head] | None = (),
+    source: str = scoring.MEASURED,
+    spread: bool = False,
+) -> Table | None:
+    """The same lines for every category that has one of their numbers.
+
+    Args:
+      rivals: a cell of one of these is bold where `Results.better` says that it is better than that of all others;
+        None: those of its own line. Never among quoted numbers.
+      spread: the deviation over seeds stands in the rows of L points.
+    Returns:
+      None where the source has no number of these.
+    """
+    found, rows = Scores(results.table, source), list[list[Cell | str]]()
+
+    def cell(category: str, line: Line, head: Head, metric: str, digits: int | None) -> Cell:
+        among = [other for other, its, _ in line.cells if its == metric] if rivals is None else rivals
+        there = [other for other in among if other != head and (category, *other, metric) in found.rows]
+        best = source == scoring.MEASURED and head in among and bool(there)
+        text = found.text(category, head, metric, digits, spread and head[1].endswith("L"))
+        return Cell(text, best and all(results.better(category, head, other, metric) > 0 for other in there))
+
+    for category in categories:
+        if any((category, *head, metric) in found.rows for line in lines for head, metric, _ in line.cells):
+            for number, line in enumerate(lines):
+                cells = (cell(category, line, *each) for each in line.cells)
+                rows.append(["" if number else category, line.label, *cells])
+    return Table(caption, ["", *header], rows, labels=2) if rows else None
 
 
 def pairs(
@@ -93,35 +129,12 @@ def pairs(
 ) -> Table | None:
     """Methods side by side for every metric of `labels`; a row per category and column of the paper's table.
 
-    Bold: better than all others of the row, where their paired differences are seen (`paired.Difference`); never among
-    quoted numbers.
-    Cells of a category whose numbers are of different numbers of images say of how many.
-
     Args:
-      methods: (name to print, method), two or more. spread: the deviation over seeds stands in the rows of L points.
-    Returns:
-      None where the source has no number of these methods.
+      methods: (name to print, method), two or more; the better ones are bold. Others: see `table`.
     """
-    scores = Scores(results.table, source)
-    measured = source == scoring.MEASURED
-    heads = [(method, column) for column in columns for _, method in methods]
-    rows: list[list[Cell | str]] = []
-    for category in categories:
-        if not any((category, *head, metric) in scores.rows for head in heads for metric in labels):
-            continue
-        counted = measured and len(set(scores.images(category, heads, next(iter(labels))))) > 1
-        for column in columns:
-            cells: list[Cell | str] = [category if column == columns[0] else "", column_label(column)]
-            row = [(method, column) for _, method in methods]
-            for metric in labels:
-                for head in row:
-                    rivals = [other for other in row if other != head and (category, *other, metric) in scores.rows]
-                    best = measured and all(results.better(category, head, other, metric) > 0 for other in rivals)
-                    count = f" ({n[0]})" if counted and (n := scores.images(category, [head], metric)) else ""
-                    text = scores.text(category, head, metric, spread=spread and column.endswith("L"))
-                    cells.append(Cell(text + count, best and bool(rivals)))
-            rows.append(cells)
-    if not rows:
-        return None
-    header = ["", "camera, points", *(f"{label} {name}" for label in labels.values() for name, _ in methods)]
-    return Table(caption, header, rows, labels=2)
+    each = [(metric, method) for metric in labels for _, method in methods]
+    lines = [
+        Line(column_label(column), [((method, column), metric, None) for metric, method in each]) for column in columns
+    ]
+    header = ["camera, points", *(f"{label} {name}" for label in labels.values() for name, _ in methods)]
+    return table(results, categories, lines, header, caption, None, source, spread)

@@ -43,9 +43,9 @@ def write(run: Run, fit: fit_settings.FitConfig) -> None:
     shape = "a procedural chair" if fit.mesh is None else f"`{Path(fit.mesh).name}`"
     views = pages.Figure(
         shape_views.VIEWS,
-        "The field and the mesh that it was fitted to, from four cameras. Below each name: azimuth, elevation, "
-        " distance of the camera (0.57 is the box's diagonal), rays that met the box.",
-        "visibility, depth, normals and curvature of the field from four cameras",
+        "The field and the mesh that it was fitted to, from three cameras. Below each name: azimuth, elevation, "
+        "distance of the camera (0.57 is the box's diagonal), rays that met the box.",
+        "visibility, depth, normals and curvature of the field from three cameras",
         pictures[shape_views.VIEWS],
     )
     about = (
@@ -55,13 +55,12 @@ def write(run: Run, fit: fit_settings.FitConfig) -> None:
         "One seed, one shape, and not the paper's: `ddf config show paper_fit` has its sizes, losses and steps; `fit` "
         "has a small fraction of them.",
     )
-    log, views_record = training_loop.read_log(folder), storage.read_json(folder / shape_views.VIEW_RECORD)
     sections = [
         _pictures_section(pictures[shape_views.SLICES]),
         _errors_section(errors, fit),
         pages.Section("Consistency", [diagnostics_table(storage.read_json(folder / shape_views.DIAGNOSTICS))]),
         _ablation_section(left_out, storage.read_json(ablated / shape_fits.RESULTS)),
-        _training_section(metrics, pd.DataFrame(log), views_record),
+        _training_section(metrics, pd.DataFrame(training_loop.read_log(folder))),
     ]
     pages.write(pages.Page(f"A field of one shape: {run.name}", [verdict(errors), views, about], sections), run.page)
     for name, table in ((shape_fits.FIT, errors), (shape_fits.ABLATION, left_out)):
@@ -145,25 +144,19 @@ def diagnostics_table(found: Mapping[str, Mapping[str, float]]) -> pages.Table:
 
 
 def _ablation_section(left_out: pd.DataFrame, fits: Mapping[str, Mapping[str, Any]]) -> pages.Section:
-    tables, findings = [], []
-    for metric, name in METRIC_NAMES.items():
-        tables.append(ablation_table(left_out, metric, name))
-        ours, theirs = (worst_for_itself(left_out, metric, source) for source in SOURCES)
-        findings.append(
-            f"{name}: leaving a type out is worst of all for that type {len(ours)} of {len(TYPES)} times "
-            f"({', '.join(ours) or 'none'}); in the paper {len(theirs)} ({', '.join(theirs) or 'none'})."
-        )
+    tables = [ablation_table(left_out, metric, name) for metric, name in METRIC_NAMES.items()]
     most, steps = max(found["samples"] for found in fits.values()), fits[shape_fits.NONE]["steps"]
     budgets = (
         f"Here every fit has {most:,} samples or less by rounding, all types together, and {steps:,} steps; the "
         "paper's have 500,000 and 100,000 on the Stanford bunny: [ablate_samples.csv](ablate_samples.csv)."
     )
-    return pages.Section("Sample types left out", [tuple(findings), *tables, budgets])
+    return pages.Section("Sample types left out", [*tables, budgets])
 
 
 def ablation_table(table: pd.DataFrame, metric: str, name: str) -> pages.Table:
     """One metric of ablate_samples.csv: a row per left-out type, a column per held-out type, its largest error bold."""
-    values = _left_out_by_held_out(table, metric, MEASURED)
+    chosen = table[(table["metric"] == metric) & (table["source"] == MEASURED)]
+    values = chosen.pivot(index="without", columns="type", values="value")
     rows = [
         [without, *(pages.Cell(number(own[kind]), bool(own[kind] == values[kind].max())) for kind in TYPES)]
         for without, own in values.loc[[*TYPES, shape_fits.NONE]].iterrows()
@@ -172,21 +165,7 @@ def ablation_table(table: pd.DataFrame, metric: str, name: str) -> pages.Table:
     return pages.Table(caption, ["left out", *_held_out(TYPES)], rows)
 
 
-def worst_for_itself(table: pd.DataFrame, metric: str, source: str) -> list[str]:
-    """The held-out types whose largest error is that of the fit without them."""
-    values = _left_out_by_held_out(table, metric, source)
-    return [kind for kind in TYPES if values.loc[kind, kind] == values[kind].max()]
-
-
-def _left_out_by_held_out(table: pd.DataFrame, metric: str, source: str) -> pd.DataFrame:
-    chosen = table[(table["metric"] == metric) & (table["source"] == source)]
-    return chosen.pivot(index="without", columns="type", values="value")
-
-
-def _training_section(
-    metrics: Mapping[str, Any], log: pd.DataFrame, views: Sequence[Mapping[str, Any]]
-) -> pages.Section:
-    rays, evaluated = (sum(view[key] for view in views) for key in ("rays", "evaluated"))
+def _training_section(metrics: Mapping[str, Any], log: pd.DataFrame) -> pages.Section:
     picture = pages.Figure(
         "losses.svg",
         "Total loss (thick, smoothed) and its terms without their weights.",
@@ -195,9 +174,7 @@ def _training_section(
     )
     told = (
         f"{metrics['parameters']:,} parameters, {metrics['steps']:,} steps; sampling took "
-        f"{metrics['sampling_seconds']:.0f} s, training {log['seconds'].iloc[-1]:.0f} s. Of {rays:,} rays of the "
-        f"renders above {evaluated:,} were evaluated; the box saved {rays - evaluated:,} "
-        f"({100 * (rays - evaluated) / rays:.0f} %)."
+        f"{metrics['sampling_seconds']:.0f} s, training {log['seconds'].iloc[-1]:.0f} s."
     )
     return pages.Section("Training", [picture, told])
 

@@ -1,33 +1,30 @@
-"""What a fitted field is beside the truth: errors, renders from four cameras, two of them inside, and slices."""
+"""What a fitted field is beside the truth: errors, renders from three cameras, one of them inside, and slices."""
 
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from ddf.core import provenance, seeding, storage
-from ddf.data.samples.draws import Surface
 from ddf.fields import framed_field, model_files, shape_field
 from ddf.fields.shape_field import ShapeField
 from ddf.fit import field_diagnostics, fit_settings, fitting
-from ddf.geometry import raycast, rays
+from ddf.geometry import raycast
 from ddf.geometry.mesh_io import Mesh
 from ddf.pictures import picture_strips
 from ddf_lab.evaluation import shape_fits
 from ddf_lab.report import beside
 
-VIEWS, SLICES, VIEW_RECORD, DIAGNOSTICS = "views.webp", "slices.webp", "views.json", "diagnostics.json"
+VIEWS, SLICES, DIAGNOSTICS = "views.webp", "slices.webp", "diagnostics.json"
 PICTURE_SIZE, RAYS = 168, 20_000  # pixels a side; random rays that the diagnostics are over
 OUTSIDE = (("outside", (35.0, 25.0, 0.8)), ("from behind", (215.0, 15.0, 0.8)))  # azimuth, elevation in degrees, radius
 # v of each row as in the paper's fig. 1, and where along z the planes of the columns lie, as shares of the box
 DIRECTIONS = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))
 SLICE_LEVELS = (0.3, 0.5)
 SLICED = {"visibility": "ξ", "weight_1": "w₁", "depth": "d", "true_depth": "exact d"}
-_CANDIDATES = 2048  # points that the cameras inside the box and inside the shape are chosen from
-_PROBES = 64  # directions in which a point must be shut in to be inside
-_LIFT = 1e-3  # of the box's diagonal: a ray into the shape starts so far below its surface
+_CANDIDATES = 2048  # points that the camera inside the box is chosen from
 
 
 class View(NamedTuple):
@@ -41,50 +38,15 @@ class View(NamedTuple):
     found: dict[str, Float[np.ndarray, "n ..."]]
     evaluated: int
 
-    def summary(self) -> dict[str, Any]:
-        """Name, camera, rays, how many were evaluated, saved by the box and seen."""
-        visibility, evaluated = self.found["visibility"], self.evaluated
-        counts = {"rays": visibility.size, "evaluated": evaluated, "saved": visibility.size - evaluated}
-        seen = int((visibility >= framed_field.SEEN).sum())
-        return {"name": self.name, "camera": list(self.camera), **counts, "seen": seen}
-
 
 def cameras(shape: ShapeField, scene: raycast.Scene, seed: int) -> list[tuple[str, beside.Vector]]:
-    """Names and cameras: two outside, one in the box but not in the shape, one in the shape where it has an inside.
-
-    The inner ones stand where the surface is farthest.
-    """
+    """Names and cameras: two outside, one in the box but not in the shape, where the surface is farthest."""
     random = seeding.generator(seed, "shape_views")
     anywhere = shape.field_from_mesh.inverse().apply(random.uniform(shape.lower, shape.upper, (_CANDIDATES, 3)))
-    found = list(OUTSIDE)
-    for name, points in (
-        ("in the box", anywhere[scene.outside(anywhere)]),
-        ("in the shape", _inner_points(scene, random)),
-    ):
-        if len(points):
-            place = points[np.argmax(scene.distance(points))]
-            found.append((name, framed_field.camera_at(shape, shape.field_from_mesh.apply(place))))
-    return found
-
-
-def _inner_points(scene: raycast.Scene, random: np.random.Generator) -> Float[np.ndarray, "n 3"]:
-    """Middles of chords from the surface along ∓n: those that the surface encloses best, seen in `_PROBES` directions.
-
-    No parity and no orientation, so that doubled, flipped and open parts of collected meshes do no harm.
-    """
-    points, face = Surface.of(scene.mesh).draw(_CANDIDATES // 2, random)
-    inwards = np.concatenate([-scene.normals[face], scene.normals[face]])
-    starts = np.concatenate([points, points]) + _LIFT * scene.mesh.diagonal() * inwards
-    depth, _ = scene.first_hits(starts, inwards)
-    met = np.isfinite(depth)
-    middles = starts[met] + 0.5 * depth[met, None] * inwards[met]
-    if not len(middles):
-        return middles
-    probes = rays.evenly_spread(_PROBES)
-    along = np.tile(probes, (len(middles), 1))
-    blocked = scene.blocked_local(scene.local(np.repeat(middles, _PROBES, axis=0)), along)
-    share = blocked.reshape(len(middles), _PROBES).mean(axis=1)
-    return middles[share == share.max()]
+    free = anywhere[scene.outside(anywhere)]
+    inner = [free[np.argmax(scene.distance(free))]] if len(free) else []
+    places = [("in the box", framed_field.camera_at(shape, shape.field_from_mesh.apply(place))) for place in inner]
+    return [*OUTSIDE, *places]
 
 
 def render(shape: ShapeField, mesh: Mesh, size: int, seed: int) -> list[View]:
@@ -135,7 +97,7 @@ def named(direction: beside.Vector) -> str:
 
 
 def write(mesh: Mesh, fit: fit_settings.FitConfig, out_dir: Path) -> None:
-    """fit.csv, diagnostics.json, views.webp, slices.webp and views.json of the field in `out_dir`.
+    """fit.csv, diagnostics.json, views.webp and slices.webp of the field in `out_dir`.
 
     Args:
       mesh: in its own frame, the one that was fitted.
@@ -145,7 +107,5 @@ def write(mesh: Mesh, fit: fit_settings.FitConfig, out_dir: Path) -> None:
     held_out = storage.read_json(out_dir / fitting.METRICS)["held_out"]
     storage.save_table(out_dir / shape_fits.FIT, shape_fits.fit_table(held_out), record)
     storage.write_json(out_dir / DIAGNOSTICS, field_diagnostics.measure(shape, RAYS, seed))
-    views = render(shape, mesh, PICTURE_SIZE, seed)
-    storage.write_bytes(out_dir / VIEWS, view_strip(views))
+    storage.write_bytes(out_dir / VIEWS, view_strip(render(shape, mesh, PICTURE_SIZE, seed)))
     storage.write_bytes(out_dir / SLICES, slice_strip(shape, mesh, PICTURE_SIZE))
-    storage.write_json(out_dir / VIEW_RECORD, [view.summary() for view in views])

@@ -9,7 +9,7 @@ import pandas as pd
 
 from ddf.core import storage
 from ddf.metrics import cloud_scores
-from ddf_lab.evaluation import groups, paired, paper_results, seed_means
+from ddf_lab.evaluation import groups, paired, paper_results
 from ddf_lab.run import STAGES, WHOLE, Run, time_path
 
 MODELS = {"train_ddf": "DDF", "train_pcsiren": "PC-SIREN", "train_ddf_image": "DDF+image"}
@@ -88,8 +88,8 @@ def read_results(run: Run) -> Results:
     """
     index = storage.read_json(run.index)
     categories = list(index["categories"])
-    seeds = seed_means.read_count(run)
-    measured = seed_means.read_table(run, seeds)
+    seeds = paired.read_count(run)
+    measured = paired.read_table(run, seeds)
     paper = paper_results.long_table(categories)
     return Results(
         name=run.name,

@@ -6,8 +6,7 @@ import pytest
 from ddf.core import checks
 from ddf.data.synthetic import showcase
 from ddf.geometry import raycast
-from ddf_lab.figures import distance_figure, figure_fields, sample_figure
-from ddf_lab.report.pages import Table
+from ddf_lab.figures import distance_figure, figure_fields
 
 POSITIONS = np.random.default_rng(0).uniform(-1, 1, (400, 3))
 
@@ -33,15 +32,6 @@ def test_paper_udf_trains_g_v_as_the_paper_does():
     found = distance_figure.candidate_recipe(figure_fields.FiguresConfig(paper_candidates=True))
     assert (found.hidden, found.steps, found.points) == ((128,) * 5, 10_000, 4096)
     assert (found.loop.learning_rate, found.loop.schedule) == (1e-4, "constant")
-
-
-def test_samples_of_a_sphere_are_those_of_the_closed_form(tmp_path):
-    section = sample_figure.section(figure_fields.FiguresConfig(picture_size=24), tmp_path)
-    (table,) = (block for block in section.blocks if isinstance(block, Table))
-    rows = {str(row[0]): [str(cell) for cell in row[1:]] for row in table.rows}
-    assert list(rows) == list("UABSTO")
-    assert all(float(cells[1]) < 2e-2 for cells in rows.values() if cells[1] != "–")
-    assert float(rows["S"][2]) > 99 and float(rows["A"][0]) > 99  # S starts on the surface, A looks at it
 
 
 def test_the_one_field_is_twice_as_wide_with_twice_the_samples():

@@ -5,7 +5,7 @@ import re
 import pandas as pd
 from _experiment_report import markdown_tables
 
-from ddf_lab.evaluation import scoring, seed_means
+from ddf_lab.evaluation import paired, scoring
 from ddf_lab.report import experiment_page, pages
 
 _FILES = {"README.md", "si3dr.csv", "baselines.svg", "nearest.svg", "losses.svg"}
@@ -45,7 +45,7 @@ def test_trained_rows_of_several_seeds_are_means_with_their_spread(seeded):
     table = pd.read_csv(both / "si3dr.csv")
     assert tuple(table.columns) == scoring.TABLE_FIELDS
     rows = table[table["source"] == scoring.MEASURED].set_index(["category", "method", "column", "metric"])
-    trained = rows.index.get_level_values("method").isin(seed_means.TRAINED)
+    trained = rows.index.get_level_values("method").isin(paired.TRAINED)
     assert (rows["seeds"] == trained + 1).all() and rows[trained]["spread"].notna().all()
     ours = markdown_tables((both / "README.md").read_text())[0]
     row = rows.loc[("chair", "ddf", "Pi_g-L", "chamfer_l2_sq_x1000")]

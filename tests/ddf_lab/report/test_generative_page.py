@@ -14,15 +14,13 @@ _KIDS = {"ceiling": 0.0, "blur 2": 0.2, "blur 4": 0.3, "noise 0.05": 0.1, "noise
 
 def _scores(in_order, told_apart):
     kids = {**_KIDS, "image GAN": 0.05, "2D GAN": 0.04, "mean image": 0.4, "noise": 0.9}
-    errors = {name: dict.fromkeys("UABSTO", 0.1) for name in ("depth_l1", "visibility_bce")}
-    scores = {"f_score_tau_x100": 50.0, "f_score_2tau_x100": 70.0}
-    clouds = {**scores, "errors": errors | {"normals": {"median_deg": 12.0}}}
+    clouds = {"f_score_tau_x100": 50.0, "f_score_2tau_x100": 70.0}
     return {
         "shapes": {"learned": 9, "held_out": 2, "pictured": 5},
         "held_out": {
             name: {"chamfer_l2_sq_x1000": chamfer, **clouds} for name, chamfer in (("encoded", 1.2), ("optimised", 1.0))
         },
-        "divergence": {"sum": 7.5, "used": 3, "by_dimension": [4.0, 2.0, 1.5, 0.0, 0.0]},
+        "divergence": {"sum": 7.5, "used": 3, "dimensions": 5},
         "distribution": {
             "prior": {"matching_x1000": 0.25, "coverage": 0.5, "told_apart": told_apart},
             "learned": {"matching_x1000": 0.125, "coverage": 0.75, "told_apart": 0.5},
@@ -34,10 +32,7 @@ def _scores(in_order, told_apart):
             "real": 20,
             "spoiled": list(_KIDS)[1:],
         },
-        "consistency": {
-            name: {"error": error, "points": 1000}
-            for name, error in (("ours", 0.04), ("shuffled", 0.1), ("real", 0.05))
-        },
+        "consistency": {name: {"error": error, "points": 1000} for name, error in (("ours", 0.04), ("shuffled", 0.1))},
     }
 
 

@@ -48,11 +48,12 @@ def test_printed_values_are_those_of_the_table(reported):
             ]
     names = [(m, method) for m in ("precision_tau_x100", "recall_tau_x100") for _, method in model_sections.MODELS]
     assert shares[2][2:] == [_printed(value, ("measured", "chair", method, "Pi_g-L", m), 1) for m, method in names]
+    spacing = cloud_scores.METRICS["spacing_variation"]
     for i, row in enumerate(baselines[2:]):
         key = _CATEGORIES[i // 7], model_sections.BASELINES[i % 7]
         assert row[2:] == [
             _printed(value, ("measured", *key, "Pi_g-L", metric), each.digits)
-            for metric, each in cloud_scores.PRINTED.items()
+            for metric, each in (*cloud_scores.PRINTED.items(), (spacing.name, spacing))
         ]
 
 

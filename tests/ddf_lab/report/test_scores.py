@@ -1,12 +1,11 @@
-"""Numbers as printed: means over nothing are dashes, image counts stand where they belong."""
+"""Numbers as printed: means over nothing are dashes."""
 
 import math
 
 import pandas as pd
-import pytest
 
 from ddf_lab.evaluation import scoring
-from ddf_lab.report import pages, scores, stage_results
+from ddf_lab.report import scores, stage_results
 
 _CHAMFER = "chamfer_l2_sq_x1000"
 
@@ -30,26 +29,6 @@ def test_a_mean_over_nothing_is_a_dash():
     head = ("ddf", "Pi_g-L")
     assert found.value("car", head, _CHAMFER) is None and found.text("car", head, _CHAMFER) == "–"
     assert scores.number(math.nan, 2) == scores.number(None, 2) == "–" and scores.number(0.0, 2) == "0.00"
-
-
-@pytest.mark.parametrize(
-    ("counts", "note", "cells"),
-    [
-        ({"car": (5, 5), "chair": (5, 5)}, "5 images of each category.", "1.000"),
-        ({"car": (5, 5), "chair": (4, 4)}, "Images: car 5, chair 4.", "1.000"),
-        ({"car": (5, 5), "chair": (5, 4)}, "", "1.000 (4)"),
-    ],
-)
-def test_image_counts_are_in_the_caption_or_in_every_cell(counts, note, cells):
-    rows = [(c, m, 1.0, n) for c, both in counts.items() for m, n in zip(("ddf", "pc_siren"), both, strict=True)]
-    methods = (("DDF", "ddf"), ("PC-SIREN", "pc_siren"))
-    results = _results(*rows)
-    table = scores.pairs(results, list(counts), ["Pi_g-L"], methods, "Words.")
-    heads = [(method, "Pi_g-L") for _, method in methods]
-    assert table is not None and scores.images_note(scores.Scores(results.table), counts, heads, _CHAMFER) == note
-    cell = table.rows[1][3]
-    assert isinstance(cell, pages.Cell) and cell.text == cells
-    assert len(table.header) == 8
 
 
 def test_methods_without_any_number_give_no_table():

@@ -6,7 +6,7 @@ import _models
 import numpy as np
 import pytest
 import torch
-from _shapes import icosphere, joined
+from _shapes import icosphere
 from _support import assert_close
 from PIL import Image
 
@@ -35,26 +35,13 @@ def _place(shape, camera):
     return starts[0]
 
 
-def test_two_cameras_are_outside_one_in_the_box_and_one_in_the_shape(shape, ball):
+def test_two_cameras_are_outside_and_one_in_the_box(shape, ball):
     found = dict(shape_views.cameras(shape, raycast.Scene(ball), 0))
-    assert list(found) == ["outside", "from behind", "in the box", "in the shape"]
+    assert list(found) == ["outside", "from behind", "in the box"]
     places = {name: np.abs(_place(shape, camera)) for name, camera in found.items()}
     assert all((places[name] > shape.upper).any() for name in ("outside", "from behind"))
     in_box = places["in the box"]
     assert (in_box <= shape.upper + 1e-9).all() and np.linalg.norm(in_box) > 0.9  # towards a corner
-    assert np.linalg.norm(places["in the shape"]) < 0.05  # the deepest point
-
-
-@pytest.mark.parametrize("filled", [False, True])
-def test_loose_sheets_have_no_inside_and_doubled_faces_do_not_move_the_inner_camera_out(shape, filled):
-    mesh = mesh_io.Mesh(np.array([[-0.9, 0.45, -0.7], [0.9, 0.45, -0.7], [0.9, 0.4, 0.7]]), np.array([[0, 1, 2]]))
-    if filled:
-        ball = icosphere(3, 0.2)
-        mesh = joined(ball, mesh_io.Mesh(ball.vertices, ball.faces[:, ::-1]), mesh)
-    mesh = mesh_io.Mesh(shape.field_from_mesh.inverse().apply(mesh.vertices), mesh.faces)
-    found = dict(shape_views.cameras(shape, raycast.Scene(mesh), 0))
-    assert ("in the shape" in found) == filled
-    assert not filled or np.linalg.norm(_place(shape, found["in the shape"])) < 0.15
 
 
 def test_renders_stand_beside_the_truth_of_the_same_rays(shape, ball):
@@ -68,9 +55,7 @@ def test_renders_stand_beside_the_truth_of_the_same_rays(shape, ball):
         images, evaluated = framed_field.render(shape, view.camera, 12)
         assert evaluated == view.evaluated
         assert_close(view.found["depth"], images["depth"].ravel(), rtol=1e-5)
-        summary = view.summary()
-        assert summary["rays"] == 144 == summary["evaluated"] + summary["saved"]
-    assert [view.summary()["saved"] > 0 for view in views] == [True, True, False, False]
+    assert [view.evaluated < 144 for view in views] == [True, True, False]
     picture = Image.open(io.BytesIO(shape_views.view_strip(views)))
     assert picture.size[0] > 5 * 168 and picture.size[1] > len(views) * 2 * 168
 
