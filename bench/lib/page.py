@@ -66,7 +66,8 @@ def table(record: Mapping[str, Any], names: Sequence[str] = ()) -> pages.Table:
     rows = [row for row in record["rows"] if row["what"].endswith(tuple(names) or "")]
     rows = rows if names else rows[:MOST_ROWS]
     sizes = [name for name in rows[0]["size"] if any(row["size"].get(name) != rows[0]["size"][name] for row in rows)]
-    errors = list(dict.fromkeys(name for row in rows for name in row["error"]))[:MOST_ERRORS]
+    room = min(MOST_ERRORS, pages.MAX_COLUMNS - 2 - len(sizes))
+    errors = list(dict.fromkeys(name for row in rows for name in row["error"]))[:room]
     lines = []
     for row in rows:
         ms = number(1e3 * row["median_s"]) if "median_s" in row else "–"

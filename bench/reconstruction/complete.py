@@ -160,7 +160,7 @@ class Solver:
         with counted(self.model.field) as asked:
             started = time.process_time()
             found = completion.complete(
-                self.model, self.prior, scan, place, doubt, noise, config=self.config, seed=SEED
+                self.model.decoder, self.prior, scan, place, doubt, noise, config=self.config, seed=SEED
             )
             told = {"seconds": time.process_time() - started, "explained": found.explained}
         told["evaluations_x1000"] = sum(asked) / 1000
