@@ -1,7 +1,7 @@
 """What trained models make: field, mesh and cloud of one picture, and new shapes."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -103,7 +103,7 @@ def reconstruct(
     seed: int = 0,
     mask: str | Path | None = None,
     background: str = "auto",
-    cameras: Sequence[Sequence[int | float]] | None = None,
+    cameras: str | Path | Sequence[Any] | Mapping[str, Any] | None = None,
 ) -> Reconstruction:
     """The object of a picture, or of several, by a trained model. Needs torch.
 
@@ -117,7 +117,8 @@ def reconstruct(
       mask: a picture that is light on the object.
       background: what the object is cut out by where there is no mask: `auto`, the picture's alpha, or its rim where it
         has none; `white`; `border`, the rim; or a colour, #rrggbb.
-      cameras: azimuth and elevation (degrees) and radius (benchmark units) of each picture; None to predict them.
+      cameras: of the pictures, None to predict them: azimuth and elevation (degrees) and radius (benchmark units) of
+        each, or a JSON file or its content (docs/formats.md).
     Raises:
       FileNotFoundError: there is no such model.
       ValueError: the picture or the model is damaged or of another kind, no object stands out, or torch is not
@@ -146,7 +147,7 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
         from ddf.fields.grid import octree
         from ddf.fit import patch_fitting
         from ddf.models import line_field, reconstruction_models
-        from ddf.reconstruction import one_image, painting, several_images, solid
+        from ddf.reconstruction import given_cameras, one_image, painting, several_images, solid
     path = shipped_models.require(model, "reconstruction")
     path = path.parent if path.is_file() else path
     by_features = storage.load_metadata(path / WEIGHTS).get("kind") == line_field.KIND
@@ -163,12 +164,12 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
         seed: int,
         mask: Path | None,
         background: str,
-        cameras: Sequence[Sequence[int | float]] | None = None,
+        cameras: str | Path | Sequence[Any] | Mapping[str, Any] | None = None,
     ) -> Reconstruction:
         pictures = [cutouts.read(image, mask, background) for image in images]
         if isinstance(trained, line_field.TrainedImageDDF):
-            seen_from = None if cameras is None else several_images.radians(cameras)
-            found = several_images.reconstruct(trained, pictures, n, seed, seen_from)
+            told = None if cameras is None else given_cameras.read(cameras, images)
+            found = several_images.reconstruct(trained, pictures, n, seed, told)
         elif len(pictures) > 1 or cameras is not None:
             raise checks.InputError(f"{path}: only models of train_ddf_image take several pictures, or cameras")
         else:

@@ -93,6 +93,7 @@ def reconstruct(
     points: _CloudPoints = 5000,
     seed: int = 0,
     together: bool = False,
+    cameras: Annotated[Path | None, Arg("FILE")] = None,
     known: Annotated[Path | None, Arg("POINTCLOUDS")] = None,
 ) -> dict[str, Any]:
     """Field, mesh, cloud and camera from a picture with a trained model.
@@ -109,12 +110,14 @@ def reconstruct(
       out: gets the field, shape.glb, shape.ply, cloud.ply, camera.json and picture.png; of several pictures, a folder
         for each.
       together: the pictures are of one object, for a model of train_ddf_image; all files are in `OUT`.
+      cameras: of the pictures, JSON or transforms.json (docs/formats.md); without it they are predicted.
       known: what stage pointclouds made with the model (artifacts/cpu/pointclouds/chair), which tells how shapes vary:
         the shape then moves until its silhouette agrees with the picture.
 
     Examples:
       ddf reconstruct chair_model/sample_0.png chair my_chair
       ddf reconstruct chair_model/sample_0.png chair_model/sample_1.png chair my_chairs
+      ddf reconstruct 1.png 2.png 3.png artifacts/real/train_ddf_image/chair mine --together --cameras transforms.json
     """
     from ddf.api import reconstruction
     from ddf.core import checks
@@ -126,7 +129,7 @@ def reconstruct(
     of = reconstruction.reconstructor(model, known)
     made = []
     for group, folder in zip(groups, outs, strict=True):
-        found = of(group, points, seed, mask, background).save(folder)
+        found = of(group, points, seed, mask, background, cameras).save(folder)
         made.append(found | {"image": group[0].as_posix(), "out": folder.as_posix()})
     lines = [_line(result) for result in made]
     if len(made) == 1:

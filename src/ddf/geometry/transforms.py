@@ -79,8 +79,8 @@ class Similarity:
         return cls(values["scale"], np.array(values["rotation"]), np.array(values["translation"]))
 
     @classmethod
-    def of_matrix(cls, name: str, matrix: Any) -> "Similarity":
-        """From a 4x4 matrix.
+    def of_matrix(cls, name: str, matrix: Any, tolerance: float = _SIMILAR) -> "Similarity":
+        """From a 4x4 matrix, which differs from scale times rotation by no more than that share of the scale.
 
         Raises:
           InputError: something else, such as one that shears or mirrors.
@@ -93,7 +93,7 @@ class Similarity:
         checks.require_finite(name, array)
         linear = array[:3, :3].astype(np.float64)
         scale = float(np.cbrt(np.linalg.det(linear)))
-        if scale <= 0 or np.abs(linear @ linear.T - scale**2 * np.eye(3)).max() > _SIMILAR * scale**2:
+        if scale <= 0 or np.abs(linear @ linear.T - scale**2 * np.eye(3)).max() > tolerance * scale**2:
             raise checks.InputError(f"{name} must scale all axes alike, turn and move; this one shears or mirrors")
         left, _, right = np.linalg.svd(linear)  # the nearest rotation
         return cls(scale, left @ right, array[:3, 3])

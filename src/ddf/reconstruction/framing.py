@@ -30,16 +30,19 @@ Frame = Float[np.ndarray, "3"]  # diagonal of the object's box, place of its cen
 
 
 class Cutout:
-    """An RGBA picture and the box of its object. given: its frame where it stands as in training images, else None."""
+    """An RGBA picture and the box of its object. given: its frame where it stands as in training images, or is
+    `framed`, else None.
+    """
 
-    def __init__(self, pixels: UInt8[np.ndarray, "h w 4"]) -> None:
+    def __init__(self, pixels: UInt8[np.ndarray, "h w 4"], framed: bool = False) -> None:
         rows, columns = (np.flatnonzero((pixels[..., 3] >= _OPAQUE).any(axis=axis)) for axis in (1, 0))
         lower, upper = np.array([columns[0], rows[0]]), np.array([columns[-1] + 1, rows[-1] + 1])
         self.diagonal = float(np.linalg.norm(upper - lower))
         sides = np.array(pixels.shape[1::-1])
         given = np.array([self.diagonal / sides[0], *((lower + upper) / 2 / sides - 0.5)])
         free = sides[0] == sides[1] and (lower > 0).all() and (upper < sides).all()
-        self.given = given if free and (given >= _LEAST).all() and (given <= _MOST).all() else None
+        free &= (given >= _LEAST).all() and (given <= _MOST).all()
+        self.given = given if free or framed else None
         lower, upper = np.maximum(lower - 1, 0), upper + 1  # half transparent edges
         self._own = Image.fromarray(pixels[lower[1] : upper[1], lower[0] : upper[0]])
         self.centre = (columns[0] + columns[-1] + 1) / 2 - lower[0], (rows[0] + rows[-1] + 1) / 2 - lower[1]

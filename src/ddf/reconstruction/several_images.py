@@ -17,7 +17,7 @@ from ddf.core import checks
 from ddf.data.batches import category_data
 from ddf.fields import model_files
 from ddf.models import line_field, reconstruction_models
-from ddf.reconstruction import framing, line_clouds, one_image
+from ddf.reconstruction import framing, given_cameras, line_clouds, one_image
 
 TURNS = (180.0, 24.0, 12.0, 6.0, 3.0)  # degrees of azimuth that are tried either way, one after the other
 ROUNDS = 2  # of all pictures, at each
@@ -29,31 +29,31 @@ def reconstruct(
     pictures: Sequence[UInt8[np.ndarray, "_ _ 4"]],
     points: int,
     seed: int = 0,
-    seen_from: Float[np.ndarray, "k 3"] | None = None,
+    seen_from: Sequence[given_cameras.Camera] | None = None,
 ) -> one_image.Reconstructed:
     """Field, cloud and camera of the object; camera, view and score are those of the first picture.
 
     Args:
       pictures: of `cutouts.read`, all of one object. points: that the cloud must have, 2 or more.
-      seen_from: azimuth and elevation (radians) and radius (benchmark units) of each; None to predict them.
+      seen_from: the camera of each; None to predict them.
     Raises:
-      InputError: no picture, fewer than 2 points, or not a camera for each picture.
+      InputError: no picture, fewer than 2 points, or a camera does not look at the object.
     """
     if points < 2 or not pictures:
         raise checks.InputError(f"2 points or more and a picture are needed; got {points} and {len(pictures)}")
-    if seen_from is not None and len(seen_from) != len(pictures):
-        raise checks.InputError(f"each picture needs a camera: {len(pictures)} pictures, {len(seen_from)} cameras")
     model, size, statistics = trained
     seconds: dict[str, float] = {}
     with one_image.timed(seconds, "framing"):
-        cutouts = [framing.Cutout(pixels) for pixels in pictures]
+        farthest = float(model.camera_head.highest[2])
+        told = [None] * len(pictures) if seen_from is None else seen_from
+        cutouts, told = zip(*(_framed(*each, farthest) for each in zip(pictures, told, strict=True)), strict=True)
         frames = [framing.frame(trained, cutout) for cutout in cutouts]
         crops = [cutout.crop(frame, size) for cutout, frame in zip(cutouts, frames, strict=True)]
         framed = torch.cat([framing.encoder_input(crop) for crop in crops]).to(model_files.device())
     with one_image.timed(seconds, "encoders"), torch.no_grad():
         stages, _, predicted = reconstruction_models.encode_batch(model, framed)
         score = None if statistics is None else float(statistics.score(torch.cat(stages, dim=1))[0])
-        given = predicted if seen_from is None else torch.from_numpy(seen_from).to(predicted)
+        given = predicted if seen_from is None else torch.from_numpy(np.stack(told)).to(predicted)
         each = model.views(framed, given)
     if seen_from is None and len(pictures) > 1:
         with one_image.timed(seconds, "camera"):
@@ -68,16 +68,14 @@ def reconstruct(
     return one_image.Reconstructed(field, points_v1, camera, view, score, seconds)
 
 
-def radians(cameras: Sequence[Sequence[int | float]]) -> Float[np.ndarray, "k 3"]:
-    """Cameras in degrees as the models have them.
-
-    Raises:
-      InputError: one is not three finite numbers, or its radius is not above 0.
-    """
-    for camera in cameras:
-        if len(camera) != 3 or not np.isfinite(camera).all() or camera[2] <= 0:
-            raise checks.InputError(f"a camera is azimuth, elevation (degrees) and radius > 0; got {list(camera)}")
-    return np.array(cameras, dtype=np.float64) * [np.pi / 180, np.pi / 180, 1.0]
+def _framed(
+    pixels: UInt8[np.ndarray, "_ _ 4"], camera: given_cameras.Camera | None, farthest: float
+) -> tuple[framing.Cutout, Float[np.ndarray, "3"] | None]:
+    """A picture as its camera sees the framed object, if it is known."""
+    if not isinstance(camera, given_cameras.Pinhole):
+        return framing.Cutout(pixels), camera
+    pixels, found = camera.framed(pixels, farthest)
+    return framing.Cutout(pixels, framed=True), found
 
 
 @torch.no_grad()
