@@ -1,8 +1,6 @@
 """What trained models make: field, mesh and cloud of one picture, and new shapes."""
 
-import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,45 +14,78 @@ from ddf.geometry import mesh_io
 from ddf.geometry.mesh_io import Mesh
 
 if TYPE_CHECKING:
-    from ddf.reconstruction import painting
+    from ddf.reconstruction import one_image, painting
 
 CAMERA, CLOUD, PICTURE, MESHES = "camera.json", "cloud.ply", "picture.png", ("shape.glb", "shape.ply")
 _TOLERANCE = 2e-3  # of half the longest side: patches come so near to the mesh, whose cells are ten times as large
 
 
-@dataclass(frozen=True, repr=False)
 class Reconstruction:
-    """What a model makes of one picture, in the frame of ShapeNet's meshes (v1): Y up, box centred at 0, diagonal 1.
+    """What a model makes of a picture, in the frame of ShapeNet's meshes (v1): Y up, box centred at 0, diagonal 1.
 
-    field: patches of the mesh. points: (n, 3), the model's own cloud of the surface. mesh: watertight, with normals,
-      and the picture's colours where that sees a vertex or its mirror image.
-    camera: azimuth_deg, elevation_deg and radius from which the framed picture seems to be taken; radius in benchmark
-      units, 0.57 times those of the frame. view: the object cut out and framed.
+    Mesh and field take most of the time, and are made when they are first asked for.
+
+    points: (n, 3), the model's own cloud of the surface. camera: azimuth_deg, elevation_deg and radius from which the
+      framed picture seems to be taken; radius in benchmark units, 0.57 times those of the frame. view: the object cut
+      out and framed.
     kind: what the model knows, by its name. unlike: the share of training images that are more usual than the
       picture; None where the model does not know.
-    seconds: of each part.
+    seconds: of each part that was made.
     """
 
-    field: Field
-    points: Float[np.ndarray, "n 3"]
-    mesh: Mesh
-    camera: dict[str, float]
-    view: UInt8[np.ndarray, "s s 4"]
-    kind: str
-    unlike: float | None
-    seconds: dict[str, float]
+    def __init__(self, found: "one_image.Reconstructed", n: int, kind: str) -> None:
+        self._found, self.kind = found, kind
+        self.points: Float[np.ndarray, "n 3"] = found.cloud[:n]
+        self.view: UInt8[np.ndarray, "s s 4"] = found.view
+        self.unlike, self.seconds = found.score, found.seconds
+        azimuth, elevation, radius = (float(value) for value in found.camera)
+        degrees = float(np.degrees(azimuth)), float(np.degrees(elevation))
+        self.camera = {"azimuth_deg": degrees[0], "elevation_deg": degrees[1], "radius": radius}
 
     def __repr__(self) -> str:
         azimuth, elevation, radius = self.camera.values()
         seen = f"seen from {azimuth:.0f},{elevation:.0f},{radius:.2f}"
-        return f"Reconstruction({self.kind}: {self.verdict}; {seen}; {len(self.points):,} points; {self.field})"
+        return f"Reconstruction({self.kind}: {self.verdict}; {seen}; {len(self.points):,} points)"
+
+    @cached_property
+    def _solid(self) -> Mesh:
+        from ddf.reconstruction import one_image, solid
+
+        found, (azimuth, elevation, radius) = self._found, self._found.camera.tolist()
+        with one_image.timed(self.seconds, "mesh"):
+            return solid.solid(
+                found.shape, found.cloud[: one_image.WHOLE], (azimuth, elevation, radius), self.view[..., 3]
+            )
+
+    @cached_property
+    def field(self) -> Field:
+        """Patches of the mesh."""
+        from ddf.fields.grid import octree
+        from ddf.fit import patch_fitting
+        from ddf.reconstruction import one_image
+
+        plain = self._solid
+        with one_image.timed(self.seconds, "field"):
+            shape = patch_fitting.patches(plain, octree.PatchConfig(_TOLERANCE))
+        return Field(shape, lambda: shape)
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """Watertight, with normals, and the picture's colours where that sees a vertex or its mirror image."""
+        from ddf.reconstruction import one_image
+
+        plain, paint = self._solid, self._paint
+        with one_image.timed(self.seconds, "colours"):
+            colours, normals = paint.colours(plain.vertices), mesh_io.vertex_normals(plain)
+        return Mesh(plain.vertices, plain.faces, colours=colours, normals=normals)
 
     @cached_property
     def normals(self) -> Float[np.ndarray, "n 3"]:
         """Of the points, outward: those of the nearest vertices."""
         from scipy import spatial
 
-        return np.asarray(self.mesh.normals)[spatial.cKDTree(self.mesh.vertices).query(self.points)[1]]
+        near = spatial.cKDTree(self._solid.vertices).query(self.points)[1]
+        return mesh_io.vertex_normals(self._solid)[near]
 
     @property
     def verdict(self) -> str:
@@ -73,24 +104,27 @@ class Reconstruction:
         """Write the field (`ddf.load` takes the folder), shape.glb and shape.ply, cloud.ply with normals, picture.png
         and camera.json; returns the content of the last.
         """
+        from ddf.reconstruction import one_image
+
         out = Path(folder)
-        started = time.monotonic()
+        field, mesh = self.field, self.mesh
+        with one_image.timed(self.seconds, "picture"):
+            sheet, overlap = self._paint.sheet(), self._paint.overlap()
         out.mkdir(parents=True, exist_ok=True)
-        self.field.save(out)
+        field.save(out)
         for name in MESHES:
-            self.mesh.save(out / name)
+            mesh.save(out / name)
         storage.write_bytes(out / CLOUD, mesh_io.points_ply(self.points, self.normals))
         with storage.atomic_path(out / PICTURE) as temporary:
-            self._paint.sheet().save(temporary, "PNG")
-        seconds = self.seconds | {"files": time.monotonic() - started}
+            sheet.save(temporary, "PNG")
         result = {
             "camera": self.camera,
             "points": len(self.points),
-            "faces": len(self.mesh.faces),
-            "silhouette_iou": round(self._paint.overlap(), 3),
+            "faces": len(mesh.faces),
+            "silhouette_iou": round(overlap, 3),
             "unlike_training": self.unlike,
             "verdict": self.verdict,
-            "seconds": {name: round(value, 4) for name, value in seconds.items()},
+            "seconds": {name: round(value, 4) for name, value in self.seconds.items()},
         }
         storage.write_json(out / CAMERA, result)
         return result
@@ -144,14 +178,13 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
     """
     with extras.named():
         from ddf.data import cutouts
-        from ddf.fields.grid import octree
-        from ddf.fit import patch_fitting
         from ddf.models import line_field, reconstruction_models
-        from ddf.reconstruction import given_cameras, one_image, painting, several_images, solid
+        from ddf.reconstruction import given_cameras, one_image, several_images
     path = shipped_models.require(model, "reconstruction")
     path = path.parent if path.is_file() else path
     by_features = storage.load_metadata(path / WEIGHTS).get("kind") == line_field.KIND
-    trained = line_field.load(path) if by_features else reconstruction_models.load_ddf(path)
+    with one_image.timed({}, "model"):
+        trained = line_field.load(path) if by_features else reconstruction_models.load_ddf(path)
     deviation = None
     if encoded is not None:
         if isinstance(trained, line_field.TrainedImageDDF):
@@ -174,19 +207,7 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
             raise checks.InputError(f"{path}: only models of train_ddf_image take several pictures, or cameras")
         else:
             found = one_image.reconstruct(trained, pictures[0], n, seed, deviation)
-        azimuth, elevation, radius = (float(value) for value in found.camera)
-        camera = {"azimuth_deg": np.degrees(azimuth), "elevation_deg": np.degrees(elevation), "radius": radius}
-        camera = {name: float(value) for name, value in camera.items()}
-        started, seconds = time.monotonic(), dict(found.seconds)
-        cloud = found.cloud[: one_image.WHOLE]
-        plain = solid.solid(found.shape, cloud, (azimuth, elevation, radius), found.view[..., 3])
-        shape = patch_fitting.patches(plain, octree.PatchConfig(_TOLERANCE))
-        paint = painting.Paint(shape, (azimuth, elevation, radius), found.view)
-        colours, normals = paint.colours(plain.vertices), mesh_io.vertex_normals(plain)
-        mesh = Mesh(plain.vertices, plain.faces, colours=colours, normals=normals)
-        seconds["mesh"] = time.monotonic() - started
-        field = Field(shape, lambda: shape)
-        return Reconstruction(field, found.cloud[:n], mesh, camera, found.view, path.name, found.score, seconds)
+        return Reconstruction(found, n, path.name)
 
     return of
 

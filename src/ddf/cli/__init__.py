@@ -1,7 +1,10 @@
 """The `ddf` command: `commands.COMMANDS` lists the commands, each is one module of a room, `frame` runs them."""
 
 import importlib
+import time
 from collections.abc import Sequence
+
+STARTED = time.monotonic()  # of the process, but for the interpreter's own start
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -119,6 +119,9 @@ def reconstruct(
       ddf reconstruct chair_model/sample_0.png chair_model/sample_1.png chair my_chairs
       ddf reconstruct 1.png 2.png 3.png artifacts/real/train_ddf_image/chair mine --together --cameras transforms.json
     """
+    import logging
+
+    from ddf import cli
     from ddf.api import reconstruction
     from ddf.core import checks
 
@@ -126,15 +129,19 @@ def reconstruct(
         raise checks.InputError("--mask is of one picture; give one")
     groups = [images] if together else [[image] for image in images]
     outs = [out] if together else _folders(images, out)
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("ddf").setLevel(logging.INFO)  # a line for each part
     of = reconstruction.reconstructor(model, known)
     made = []
     for group, folder in zip(groups, outs, strict=True):
         found = of(group, points, seed, mask, background, cameras).save(folder)
         made.append(found | {"image": group[0].as_posix(), "out": folder.as_posix()})
     lines = [_line(result) for result in made]
+    seconds = time.monotonic() - cli.STARTED
+    whole = {"command_seconds": round(seconds, 2)}
     if len(made) == 1:
-        return made[0] | {"table": {}, "verdict": lines[0]}
-    return {"images": made, "table": lines, "verdict": f"{len(made)} pictures"}
+        return made[0] | whole | {"table": {}, "verdict": f"{lines[0]}; {seconds:.1f} s in all"}
+    return whole | {"images": made, "table": lines, "verdict": f"{len(made)} pictures after {seconds:.1f} s in all"}
 
 
 def _folders(images: Sequence[Path], out: Path) -> list[Path]:
@@ -150,13 +157,12 @@ def _folders(images: Sequence[Path], out: Path) -> list[Path]:
 
 def _line(result: Mapping[str, Any]) -> str:
     """The verdict, the camera, and what was made."""
-    view, seconds = result["camera"], sum(result["seconds"].values())
+    view = result["camera"]
     far = result["silhouette_iou"] < _AGREES
     doubt = f"; its outline is not the picture's: they overlap by {result['silhouette_iou']:.2f}" if far else ""
     return (
         f"{result['image']}: {result['verdict']}; seen from {view['azimuth_deg']:.0f},{view['elevation_deg']:.0f},"
-        f"{view['radius']:.2f}; {result['points']:,} points and {result['faces']:,} triangles in {result['out']} after "
-        f"{seconds:.1f} s{doubt}"
+        f"{view['radius']:.2f}; {result['points']:,} points and {result['faces']:,} triangles in {result['out']}{doubt}"
     )
 
 

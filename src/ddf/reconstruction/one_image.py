@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import logging
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -19,6 +20,7 @@ from ddf.fields import cloud_projection, framed_field, model_files, pddf, shape_
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.reconstruction import framing, many_images, mask_descent
 
+LOGGER = logging.getLogger(__name__)
 VIEW = 274  # pixels a side of the framed object, whose colours are kept
 WHOLE = 5000  # points at least whose box gives the shape its scale and its place
 _MARGIN = 0.05  # field units, between the cloud and the field's box
@@ -145,7 +147,8 @@ def seeded(seed: int) -> torch.Generator:
 
 @contextlib.contextmanager
 def timed(table: dict[str, float], name: str) -> Iterator[None]:
-    """Note the wall time of a block in a table."""
+    """Note the wall time of a block in a table, and in the log."""
     started = time.monotonic()
     yield
     table[name] = time.monotonic() - started
+    LOGGER.info("%s: %.1f s", name, table[name])

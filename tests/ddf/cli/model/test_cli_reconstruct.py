@@ -69,6 +69,18 @@ def test_reconstruct_writes_a_thing(tmp_path, answer, monkeypatch):
     assert json.loads((out / "camera.json").read_text())["camera"] == result["camera"]
     assert 0.65 <= result["camera"]["radius"] <= 0.95
     assert 0.9 < result["silhouette_iou"] < 1
+    assert result["command_seconds"] > sum(result["seconds"].values()) and "picture" in result["seconds"]
+
+
+def test_camera_and_cloud_make_no_mesh(model_dir, image, caplog):
+    caplog.set_level("INFO", logger="ddf")
+    found = ddf.reconstruct(image, model_dir, n=20)
+    assert found.points.shape == (20, 3) and found.camera["radius"] > 0 and "20 points" in repr(found)
+    parts = ["framing", "encoders", "cloud", "camera"]
+    assert list(found.seconds) == parts
+    assert [record.getMessage().partition(":")[0] for record in caplog.records] == ["model", *parts]
+    assert found.normals.shape == (20, 3) and list(found.seconds) == [*parts, "mesh"]
+    assert found.mesh.colours is not None and list(found.seconds) == [*parts, "mesh", "field", "colours"]
 
 
 def test_how_many_points_are_asked_for_changes_no_field():
