@@ -150,7 +150,7 @@ def test_the_field_of_three_pictures_is_their_hull(folder, tmp_path, monkeypatch
         place = cameras.project(points * transforms.BENCHMARK_FROM_V1, *cameras.extrinsics(*camera))
         column, row = (np.clip(2 * each, 0, given_cameras.SIDE - 1).astype(int) for each in place)
         assert near[row, column].mean() > 0.99
-    assert (np.abs(points) < 0.85 * HALF).all(axis=1).mean() < 0.01
+    assert (np.abs(points).max(axis=0) > 0.95 * HALF).all()
     (tmp_path / "camera.json").write_text(json.dumps({"camera": saved[0].camera}))
     (camera,) = given_cameras.read(tmp_path / "camera.json", _images(folder)[:1])
     np.testing.assert_allclose(np.asarray(camera), cameras.degrees_to_radians(np.array(AROUND[0])), atol=1e-6)
