@@ -17,7 +17,6 @@ import ddf
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from bench.reconstruction import complete
 from ddf.data.public import manifest
-from ddf.reconstruction import painting
 from ddf_lab.report import publish
 
 CATEGORIES, SHAPES, PER_LINE, SIDE = ("chair", "plane", "car"), 9, 3, 132
@@ -34,7 +33,7 @@ def chosen(category: str) -> list[manifest.Row]:
 def shown(row: manifest.Row, folder: Path) -> np.ndarray:
     """The image of a shape's first view, and its reconstruction in these colours, from there and from elsewhere."""
     found = ddf.reconstruct(complete.case(row).image(folder), row.category)
-    return np.asarray(painting.Paint.of(found.field.framed, found.camera, found.view).sheet(SIDE, TURNS))
+    return np.asarray(found.paint.sheet(SIDE, TURNS))
 
 
 def main() -> None:

@@ -23,14 +23,11 @@ _TOLERANCE = 2e-3  # of half the longest side: patches come so near to the mesh,
 class Reconstruction:
     """What a model makes of a picture, in the frame of ShapeNet's meshes (v1): Y up, box centred at 0, diagonal 1.
 
-    Mesh and field take most of the time, and are made when they are first asked for.
-
-    points: (n, 3), the model's own cloud of the surface. camera: azimuth_deg, elevation_deg and radius from which the
-      framed picture seems to be taken; radius in benchmark units, 0.57 times those of the frame. view: the object cut
-      out and framed.
+    Mesh and field are made when they are first asked for. points: (n, 3), the model's own cloud of the surface. camera:
+      azimuth_deg, elevation_deg and radius from which the framed picture seems to be taken; radius in benchmark units,
+      0.57 times those of the frame. view: the object cut out and framed.
     kind: what the model knows, by its name. unlike: the share of training images that are more usual than the
-      picture; None where the model does not know.
-    seconds: of each part that was made.
+      picture; None where the model does not know. seconds: of each part that was made.
     """
 
     def __init__(self, found: "one_image.Reconstructed", n: int, kind: str) -> None:
@@ -38,9 +35,10 @@ class Reconstruction:
         self.points: Float[np.ndarray, "n 3"] = found.cloud[:n]
         self.view: UInt8[np.ndarray, "s s 4"] = found.view
         self.unlike, self.seconds = found.score, found.seconds
-        azimuth, elevation, radius = (float(value) for value in found.camera)
-        degrees = float(np.degrees(azimuth)), float(np.degrees(elevation))
-        self.camera = {"azimuth_deg": degrees[0], "elevation_deg": degrees[1], "radius": radius}
+        azimuth, elevation, radius = found.camera.tolist()
+        self._seen_from = (azimuth, elevation, radius)
+        turned = np.degrees([azimuth, elevation]).tolist()
+        self.camera = {"azimuth_deg": turned[0], "elevation_deg": turned[1], "radius": radius}
 
     def __repr__(self) -> str:
         azimuth, elevation, radius = self.camera.values()
@@ -51,11 +49,9 @@ class Reconstruction:
     def _solid(self) -> Mesh:
         from ddf.reconstruction import one_image, solid
 
-        found, (azimuth, elevation, radius) = self._found, self._found.camera.tolist()
+        cloud, alpha = self._found.cloud[: one_image.WHOLE], self.view[..., 3]
         with one_image.timed(self.seconds, "mesh"):
-            return solid.solid(
-                found.shape, found.cloud[: one_image.WHOLE], (azimuth, elevation, radius), self.view[..., 3]
-            )
+            return solid.solid(self._found.shape, cloud, self._seen_from, alpha)
 
     @cached_property
     def field(self) -> Field:
@@ -74,7 +70,7 @@ class Reconstruction:
         """Watertight, with normals, and the picture's colours where that sees a vertex or its mirror image."""
         from ddf.reconstruction import one_image
 
-        plain, paint = self._solid, self._paint
+        plain, paint = self._solid, self.paint
         with one_image.timed(self.seconds, "colours"):
             colours, normals = paint.colours(plain.vertices), mesh_io.vertex_normals(plain)
         return Mesh(plain.vertices, plain.faces, colours=colours, normals=normals)
@@ -95,10 +91,11 @@ class Reconstruction:
         return out_of_distribution.verdict(self.unlike, self.kind)
 
     @cached_property
-    def _paint(self) -> "painting.Paint":
+    def paint(self) -> "painting.Paint":
+        """The field in the picture's colours, seen from anywhere."""
         from ddf.reconstruction import painting
 
-        return painting.Paint.of(self.field.framed, self.camera, self.view)
+        return painting.Paint(self.field.framed, self._seen_from, self.view)
 
     def save(self, folder: str | Path) -> dict[str, Any]:
         """Write the field (`ddf.load` takes the folder), shape.glb and shape.ply, cloud.ply with normals, picture.png
@@ -109,7 +106,7 @@ class Reconstruction:
         out = Path(folder)
         field, mesh = self.field, self.mesh
         with one_image.timed(self.seconds, "picture"):
-            sheet, overlap = self._paint.sheet(), self._paint.overlap()
+            sheet, overlap = self.paint.sheet(), self.paint.overlap()
         out.mkdir(parents=True, exist_ok=True)
         field.save(out)
         for name in MESHES:

@@ -137,11 +137,10 @@ def reconstruct(
         found = of(group, points, seed, mask, background, cameras).save(folder)
         made.append(found | {"image": group[0].as_posix(), "out": folder.as_posix()})
     lines = [_line(result) for result in made]
-    seconds = time.monotonic() - cli.STARTED
-    whole = {"command_seconds": round(seconds, 2)}
-    if len(made) == 1:
-        return made[0] | whole | {"table": {}, "verdict": f"{lines[0]}; {seconds:.1f} s in all"}
-    return whole | {"images": made, "table": lines, "verdict": f"{len(made)} pictures after {seconds:.1f} s in all"}
+    seconds = round(time.monotonic() - cli.STARTED, 1)
+    found = {"command_seconds": seconds, "table": lines, "verdict": f"{len(made)} pictures after {seconds} s"}
+    alone = {"table": {}, "verdict": f"{lines[0]} after {seconds} s"}
+    return found | made[0] | alone if len(made) == 1 else found | {"images": made}
 
 
 def _folders(images: Sequence[Path], out: Path) -> list[Path]:

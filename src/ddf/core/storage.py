@@ -124,7 +124,7 @@ def read_json(path: str | Path) -> Any:
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise checks.InputError(f"{path}: not valid JSON ({error}); remove it and run its stage again") from error
+        raise checks.InputError(f"{path}: not valid JSON ({error}); make it anew") from error
 
 
 def save_tensors(path: str | Path, tensors: Mapping[str, Any], metadata: Mapping[str, Any]) -> None:

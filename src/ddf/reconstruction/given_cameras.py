@@ -8,7 +8,6 @@ World of a matrix: the frame v1, X ahead, Y up, box centred at 0, diagonal 1; Z 
 `object_to_world` moves v1 to. Camera axes: X right, Y up, Z backwards (OpenGL's).
 """
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,31 +18,26 @@ import torch
 from jaxtyping import Float, UInt8
 from torch.nn import functional
 
-from ddf.core import checks, errors
+from ddf.core import checks, errors, storage
 from ddf.geometry import cameras, transforms
 
-SIDE = 274  # pixels a side of a picture that is turned
-_EACH = 3  # looks at the picture along a side of such a pixel
-_FARTHEST = 1.25  # of the farthest training camera: what is farther is magnified instead
-_EXACT = 1e-3  # of the entries of R^T R
+SIDE, _EACH = 274, 3  # pixels a side of a picture that is turned; looks at the picture along a side of each
+_FARTHEST, _EXACT = 1.25, 1e-3  # of the farthest training camera: what is farther is magnified; of R^T R
 _Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # v1 to the world of transforms.json
-_MATRICES = ("camera_to_world", "transform_matrix")
-_FRAMED = ("azimuth_deg", "elevation_deg", "radius")
+_MATRICES, _FRAMED = ("camera_to_world", "transform_matrix"), ("azimuth_deg", "elevation_deg", "radius")
 _LENGTHS, _BENT = ("fl_x", "fl_y", "cx", "cy", "h"), ("k1", "k2", "p1", "p2")  # pixels; without unit
 _MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL")  # of lenses that these describe
 
 
 @dataclass(frozen=True)
 class Pinhole:
-    """A camera of a whole picture.
+    """A camera of a whole picture; pose: of v1, its scale aside.
 
-    rotation: camera to v1. centre: v1. lens: f_x, f_y and the principal point from the left and the top, of which None
-    is the middle; all in widths of the picture. bent: k_1, k_2, p_1, p_2 of OpenCV's lens. ratio: height over width;
-    None for the picture's own. where: for complaints.
+    lens: f_x, f_y and the principal point from the left and the top (None: the middle), in widths of the picture. bent:
+    k_1, k_2, p_1, p_2 of OpenCV's lens. ratio: height over width; None for the picture's own. where: for complaints.
     """
 
-    rotation: Float[np.ndarray, "3 3"]
-    centre: Float[np.ndarray, "3"]
+    pose: transforms.Similarity
     lens: tuple[float, float, float | None, float | None]
     bent: tuple[float, ...]
     ratio: float | None
@@ -52,27 +46,24 @@ class Pinhole:
     def framed(
         self, pixels: UInt8[np.ndarray, "h w 4"], farthest: float
     ) -> tuple[UInt8[np.ndarray, "s s 4"], Float[np.ndarray, "3"]]:
-        """The picture as the models' lens has it, and its azimuth, elevation (radians) and radius (benchmark units).
+        """The picture as the models' lens has it, and its azimuth, elevation (radians) and radius (benchmark units);
+        training cameras are at most `farthest` away.
 
-        Args:
-          farthest: radius of a training camera.
         Raises:
           InputError: the picture is of another shape, or does not show the place of the object.
         """
         ratio = pixels.shape[0] / pixels.shape[1]
         if self.ratio and abs(self.ratio - ratio) > 0.02 * ratio:
             raise checks.InputError(f"{self.where}: w and h are not of the picture's shape, {pixels.shape[1::-1]}")
-        seen = self._place(-self.centre[None] @ self.rotation, ratio)[0]
-        radius = float(np.linalg.norm(self.centre)) * transforms.BENCHMARK_FROM_V1
+        centre, rotation = self.pose.translation, self.pose.rotation
+        seen = self._place(-centre @ rotation, ratio)
+        radius = float(np.linalg.norm(centre)) * transforms.BENCHMARK_FROM_V1
         if not (np.abs(seen) <= 1).all() or radius <= transforms.BENCHMARK_FROM_V1 / 2:
-            raise checks.InputError(
-                f"{self.where}: does not look at the object, whose box is centred at 0 and has diagonal 1; see "
-                "object_to_world in docs/formats.md"
-            )
-        x, y, z = self.centre
+            raise checks.InputError(f"{self.where}: does not look at the object, whose box has diagonal 1 about 0")
+        x, y, z = centre
         found = np.array([np.arctan2(z, x), np.arctan2(y, np.hypot(x, z)), min(radius, _FARTHEST * farthest)])
         ways = cameras.pixel_directions(_EACH * SIDE, np.zeros(1)) * [found[2] / radius, found[2] / radius, 1.0]
-        places = self._place(ways @ cameras.rotation(*found[:2]) @ self.rotation, ratio)
+        places = self._place(ways @ cameras.rotation(*found[:2]) @ rotation, ratio)
         weighed = torch.from_numpy(pixels).permute(2, 0, 1)[None].float()
         weighed[:, :3] *= weighed[:, 3:] / 255
         looks = functional.grid_sample(weighed, torch.from_numpy(places)[None].float(), align_corners=False)
@@ -93,9 +84,8 @@ class Pinhole:
         bent_x = x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)
         bent_y = y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y
         f_x, f_y, c_x, c_y = self.lens
-        across = 2 * ((0.5 if c_x is None else c_x) + f_x * bent_x) - 1
-        down = 2 * ((ratio / 2 if c_y is None else c_y) + f_y * bent_y) / ratio - 1
-        return np.where(ahead[..., None] > 0, np.stack((across, down), axis=-1), 2.0)
+        across, down = (c_x or 0.5) + f_x * bent_x, ((c_y or ratio / 2) + f_y * bent_y) / ratio
+        return np.where(ahead[..., None] > 0, 2 * np.stack((across, down), axis=-1) - 1, 2.0)
 
 
 Camera = (
@@ -104,23 +94,15 @@ Camera = (
 
 
 def read(given: str | Path | Sequence[Any] | Mapping[str, Any], images: Sequence[Path]) -> list[Camera]:
-    """A camera of each picture.
+    """A camera of each picture, from a JSON file or its content, as docs/formats.md has it; a list of (azimuth,
+    elevation, radius) in degrees and benchmark units will do.
 
-    Args:
-      given: a JSON file or its content: a list in the order of the pictures, an object from their names to cameras, or
-        `transforms.json`. A camera is azimuth, elevation (degrees) and radius, or an object (docs/formats.md).
     Raises:
-      OSError: no such file. InputError: it is damaged, cameras are too few or too many, a picture has none, or a camera
-        cannot be used.
+      OSError: no such file. InputError: it is damaged, a picture has no camera, or one that cannot be used.
     """
     file, content, shared = Path("cameras"), given, {}
     if isinstance(given, str | Path):
-        file = Path(given)
-        checks.require_content(file)
-        try:
-            content = json.loads(file.read_text(encoding="utf-8"))
-        except ValueError as error:
-            raise checks.InputError(f"{file}: must be JSON ({error})") from error
+        file, content = Path(given), storage.read_json(given)
     if isinstance(content, Mapping) and isinstance(content.get("frames"), list):
         shared = {"object_to_world": _Z_UP, **content}
         content = {str(frame.get("file_path")): frame for frame in content["frames"] if isinstance(frame, Mapping)}
@@ -137,8 +119,8 @@ def _named(image: Path, names: Iterable[str], file: Path) -> str:
     """The name that is a picture's, with its suffix or without; of several such, the path that leads to it."""
     same = [name for name in names if Path(name).name in (image.name, image.stem)]
     if len(same) > 1:
-        own = (image.resolve(), image.resolve().with_suffix(""))
-        same = [name for name in same if (file.parent / name).resolve() in own]
+        own = image.resolve()
+        same = [name for name in same if (file.parent / name).resolve() in (own, own.with_suffix(""))]
     if len(same) != 1:
         there = errors.known_names(image.name, [Path(name).name for name in names])
         raise checks.InputError(f"{file}: needs one camera of {image.name}; there are {there}")
@@ -159,7 +141,7 @@ def _camera(entry: Any, shared: Mapping[str, Any], where: str) -> Camera:
     if abs(pose.scale - 1) > _EXACT:
         raise checks.InputError(f"{where}: {key} must turn and move alone; it scales by {pose.scale:.3g}")
     world = said.get("object_to_world", np.eye(4))
-    placed = transforms.Similarity.of_matrix(f"{where}: object_to_world", world, _EXACT).inverse().compose(pose)
+    pose = transforms.Similarity.of_matrix(f"{where}: object_to_world", world, _EXACT).inverse().compose(pose)
 
     def length(name: str, least: float = 0.0) -> float:
         return float(_numbers(said.get(name), (), f"{where}: {name} of its lens is a number > {least:g}", least))
@@ -167,11 +149,11 @@ def _camera(entry: Any, shared: Mapping[str, Any], where: str) -> Camera:
     bent = tuple(length(name, -np.inf) if name in said else 0.0 for name in _BENT)
     if "fl_x" not in said:
         focal = 0.5 / np.tan(length("camera_angle_x") / 2)
-        return Pinhole(placed.rotation, placed.translation, (focal, focal, None, None), bent, None, where)
+        return Pinhole(pose, (focal, focal, None, None), bent, None, where)
     width = length("w")
     f_x, f_y, c_x, c_y, height = (length(name) / width if name in said else None for name in _LENGTHS)
     assert f_x is not None
-    return Pinhole(placed.rotation, placed.translation, (f_x, f_y or f_x, c_x, c_y), bent, height, where)
+    return Pinhole(pose, (f_x, f_y or f_x, c_x, c_y), bent, height, where)
 
 
 def _numbers(value: Any, shape: tuple[int, ...], told: str, least: Any) -> Float[np.ndarray, "..."]:

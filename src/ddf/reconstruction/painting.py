@@ -1,6 +1,6 @@
 """The colours of a reconstruction where its image sees it, and what it looks like from elsewhere. Frame: v1."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,14 +24,6 @@ class Paint:
     field: framed_field.FramedField
     camera: tuple[float, float, float]
     view: UInt8[np.ndarray, "s s 4"]
-
-    @classmethod
-    def of(
-        cls, field: framed_field.FramedField, camera: Mapping[str, float], view: UInt8[np.ndarray, "s s 4"]
-    ) -> "Paint":
-        """From a camera as `ddf.reconstruct` tells it, in degrees."""
-        azimuth, elevation = np.radians([camera["azimuth_deg"], camera["elevation_deg"]]).tolist()
-        return cls(field, (azimuth, elevation, camera["radius"]), view)
 
     def colours(self, points: Float[np.ndarray, "n 3"]) -> UInt8[np.ndarray, "n 3"]:
         """Of points on the surface: what the image shows there, or at the mirror image (x, y, -z), which most things

@@ -11,9 +11,7 @@ from ddf.core.schema import setting
 from ddf.fields import model_files
 from ddf.models import line_field, out_of_distribution, reconstruction_models, reconstruction_settings
 
-SHIPPED = "shipped"
 _SIZES = ("encoder", "encoder_width", "latent_features", "decoder", "azimuth", "told")  # of `train`
-_OWN_SIZES = ("places", "width")
 
 
 @dataclass(frozen=True)
@@ -33,22 +31,18 @@ class ImageTrainConfig(line_field.LineFieldConfig):
         own = {each.name: getattr(self, each.name) for each in dataclasses.fields(line_field.LineFieldConfig)}
         if not self.start:
             return train, line_field.LineFieldConfig(**own), None
-        given = category if self.start == SHIPPED else Path(self.start).expanduser()
+        given = category if self.start == "shipped" else Path(self.start).expanduser()
         place = shipped_models.require(given, "reconstruction")
         folder, theirs, section = reconstruction_models.recorded(place, line_field.KIND)
         if train.image_size != theirs.image_size:
             raise checks.InputError(f"train.image_size must be {theirs.image_size}, for ddf_image.start is {folder}")
         train = dataclasses.replace(train, **{name: getattr(theirs, name) for name in _SIZES})
-        own |= {name: section[name] for name in _OWN_SIZES}
+        own |= {"places": section["places"], "width": section["width"]}
         return train, line_field.LineFieldConfig(**own), folder / model_files.MODEL
 
 
 def start_from(model: line_field.ImageDDFModel, file: Path) -> None:
-    """Take the weights of a trained model; box and range of cameras hold both trainings' shapes and cameras.
-
-    Args:
-      model: with box and cameras of the new training set.
-    """
+    """Take the weights of a trained model; the model's box and range of cameras grow to hold the other's."""
     decoder, head = model.decoder, model.camera_head
     upper, lowest, highest = (each.clone() for each in (decoder.upper, head.lowest, head.highest))
     model_files.load_model(model, file.parent, out_of_distribution.PREFIX)

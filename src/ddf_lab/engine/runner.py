@@ -79,8 +79,7 @@ def _record(experiment: Run, options: Options) -> None:
         if experiment.kind == "reconstruction":
             train, how = (experiment.section(class_of(name)) for name in ("train", "ddf_image"))
             starts = [how.started(train, category)[2] for category in experiment.categories]
-            sums = [storage.checksum(start) for start in starts if start is not None]
-            graph.write(folder / "start.sha256", "".join(f"{each}\n" for each in sums))
+            graph.write(folder / "start.sha256", "".join(f"{storage.checksum(each)}\n" for each in starts if each))
         root = folder / "data_root"
         remembered = folder.with_name(folder.name.partition("+")[0]) / "data_root"  # of what it is a variant of
         own = experiment.section(class_of("dataset")).own

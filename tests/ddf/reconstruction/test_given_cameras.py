@@ -199,5 +199,5 @@ def test_what_does_not_do_is_told(content, told, tmp_path):
 
 def test_a_file_that_is_no_json_is_told(tmp_path):
     (tmp_path / "cameras.json").write_text("{")
-    with pytest.raises(checks.InputError, match="must be JSON"):
+    with pytest.raises(checks.InputError, match="JSON"):
         given_cameras.read(tmp_path / "cameras.json", [])
