@@ -38,7 +38,7 @@ def _seen(start, ways):
 def _true(camera):
     """The silhouette that the models' lens sees."""
     ways = cameras.pixel_directions(given_cameras.SIDE, np.zeros(1)).reshape(-1, 3)
-    start, ways = cameras.pixel_rays(*camera, ways)
+    start, ways = cameras.pixel_rays(camera[0], camera[1], camera[2], ways)
     return _seen(start / transforms.BENCHMARK_FROM_V1, ways).reshape(given_cameras.SIDE, given_cameras.SIDE)
 
 
