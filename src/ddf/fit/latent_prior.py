@@ -100,6 +100,7 @@ def write(folder: Path, out: Path) -> None:
     """Decoder and prior of a folder's DDF as `SHAPES` in another folder."""
     shapes, record = load(folder), storage.load_metadata(folder / model_files.MODEL)
     parts = {PREFIX + part.name: getattr(shapes.prior, part.name) for part in dataclasses.fields(LatentPrior)}
-    kept = {name: record[name] for name in ("fingerprint", "seed", "sources", "train", "format_version", "packages")}
+    kept = ("fingerprint", "seed", "sources", "steps", "train", "format_version", "packages")
     tensors = model_files.rounded(shapes.decoder.state_dict()) | parts
-    storage.save_tensors(out / SHAPES, tensors, kept | {"kind": KIND, "field": record["section"]["field"]})
+    of_file = {name: record[name] for name in kept} | {"kind": KIND, "field": record["section"]["field"]}
+    storage.save_tensors(out / SHAPES, tensors, of_file)

@@ -3,7 +3,9 @@
 A card says what a model is of, how it was trained and what it reaches.
 """
 
+import csv
 import dataclasses
+import io
 import json
 import shutil
 from collections.abc import Mapping, Sequence
@@ -24,7 +26,7 @@ from ddf.models import line_field, out_of_distribution, reconstruction_settings
 from ddf_lab.evaluation import groups, one_model
 from ddf_lab.run import Run, class_of
 
-ONNX, CARD, INDEX = "field.onnx", "card.md", "index.json"
+ONNX, CARD, INDEX, SOURCES = "field.onnx", "card.md", "index.json", "sources.csv"
 FIT = fit_settings.FitConfig()
 STEPS = 6000  # of a field's fit: what two quiet cores do in two to four minutes
 LABEL = line_field.KIND  # of the scores
@@ -116,16 +118,20 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
         image = shapenet.image_path(dataset.root, dataset.category(name).synset, shape, views[0])
         shutil.copyfile(image, out / f"sample_{number}.png")
     seen, shapes = _seen(run, dataset, name), dataset.train(name)
+    write_sources(seen, out / SOURCES)
     data = [f"{len(shapes) - len(seen)} procedural {name}s in ShapeNet's layout, {len(splits.VIEWS)} views each."]
     if seen:
         real, views = len({row.id for row in seen}), max(len(v) for _, v in shapes)
-        data.append(f"{real} of other people (`ddf shapes`) and {len(seen) - real} variations, {views} views each.")
+        data.append(f"{real} of other people (`{SOURCES}`) and {len(seen) - real} variations, {views} views each.")
     data.append(f"`sample_0.png` to `sample_{SAMPLES - 1}.png` show test shapes, which training never saw.")
+    latents = storage.load_metadata(out / latent_prior.SHAPES)["steps"]
+    own = " with `dataset.own`" if any(row.package == manifest.OWN for row in seen) else ""
     sections = {
         "Data": data,
         "Training": [
-            f"Seed 0 of `{run.file}`: {section.steps:,} steps, {_count(weights):,} parameters.",
+            f"Seed 0 of `{run.file}`{own}: {section.steps:,} steps, {_count(weights):,} parameters.",
             f"Images are reduced to {train.image_size} x {train.image_size} pixels.",
+            f"`{latent_prior.SHAPES}`: a DDF of latents, {latents:,} steps, for `ddf complete` and `ddf generate`.",
             "Matrices are stored in float16.",
         ],
         "Scores": [
@@ -147,6 +153,16 @@ def licence(seen: Sequence[manifest.Row]) -> list[str]:
     if not seen:
         return [LICENCE]
     return ["MIT, as this repository. Renders of shapes of these people trained it:", *groups.makers(seen)]
+
+
+def write_sources(rows: Sequence[manifest.Row], path: Path) -> None:
+    """Title, author, licence and source of each real shape once, as CC BY asks."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(("title", "author", "licence", "source"))
+    for row in sorted({row.id: row for row in rows}.values(), key=lambda row: row.id):
+        writer.writerow((row.id, row.creator, row.licence, row.source or f"{row.package} (Debian): {row.path}"))
+    storage.write_text(path, buffer.getvalue())
 
 
 def _scores(run: Run, folder: Path) -> list[str]:

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import _models
+import pandas as pd
 import pytest
 import torch
 from _support import assert_close
@@ -11,8 +12,9 @@ from _support import assert_close
 import ddf
 from ddf.core import storage
 from ddf.data.public import manifest
-from ddf.fields import shape_field
-from ddf.models import reconstruction_models
+from ddf.fields import model_files, shape_field
+from ddf.fit import latent_prior
+from ddf.models import line_field
 from ddf_lab.shipping import model_cards
 
 ROOT = Path(ddf.__file__).parent / "shipped"
@@ -21,7 +23,7 @@ INDEX = json.loads((ROOT / model_cards.INDEX).read_text())["models"]
 
 def test_rounding_halves_matrices_and_keeps_the_rest():
     tensors = {"w": torch.randn(4, 3), "b": torch.randn(4), "n": torch.tensor(3)}
-    found = model_cards.rounded(tensors)
+    found = model_files.rounded(tensors)
     assert [found[name].dtype for name in tensors] == [torch.float16, torch.float32, torch.int64]
     assert (found["w"].float() - tensors["w"]).abs().max() <= 2**-11 * tensors["w"].abs().max()
     assert_close(found["b"], tensors["b"])
@@ -50,8 +52,11 @@ def test_every_model_loads_is_small_and_has_a_card(entry):
     if entry["kind"] == "field":
         assert shape_field.load(folder).record["weights"] == "float16"
     else:
-        model, size, _ = reconstruction_models.load_ddf(folder)
+        model, size, _ = line_field.load(folder)
         assert size == 64 and all(bool(value.isfinite().all()) for value in model.parameters())
+        assert latent_prior.load(folder).encoder is None
+        credits = pd.read_csv(folder / model_cards.SOURCES)
+        assert credits["licence"].str.startswith(manifest.FREE).all() and not credits.isna().any(axis=None)
     card = (folder / model_cards.CARD).read_text()
     assert card.startswith(f"# {entry['name']}\n\n{entry['summary']}\n")
 

@@ -17,7 +17,7 @@ SPLITS = ("train", "validation", "test")
 OWN = "own"  # package of the shapes of `ddf shapes add`; their ids begin with it
 # Of an own shape. file to source are as given, the rest is found; `add` reads again what was edited.
 COLUMNS = tuple("id category split file up front licence author source faces pieces openings note checksum".split())
-_FREE = ("CC0-", "CC-BY-3.0", "CC-BY-4.0", "MIT", "Apache-2.0")
+FREE = ("CC0-", "CC-BY-3.0", "CC-BY-4.0", "MIT", "Apache-2.0")
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,8 @@ class Row:
 
     path: inside its package. looks: a folder of the package with its pictures, ending in /, where they are not beside
     the mesh. axes: of the file, that become X (ahead), Y (up) and Z. wheels: of axles that the file lacks, as (x, y, z,
-    radius, width) in its unit and those axes. licence: as SPDX names it. checksum: SHA-256 of an own shape's mesh.
+    radius, width) in its unit and those axes. licence: as SPDX names it. checksum, source: SHA-256
+    of an own shape's mesh, and where that is from.
     """
 
     id: str
@@ -40,11 +41,12 @@ class Row:
     licence: str
     creator: str
     checksum: str = ""
+    source: str = ""
 
     @property
     def free(self) -> bool:
         """Whether its licence asks for credit at most: what it taught may be given on under any other."""
-        return self.licence.startswith(_FREE)
+        return self.licence.startswith(FREE)
 
 
 @functools.cache
@@ -82,7 +84,9 @@ def own(folder: Path, categories: Collection[str]) -> list[Row]:
         if split not in SPLITS:
             raise checks.InputError(f"{folder / FILE}: {name}: split must be {', '.join(SPLITS)}; got {split!r}")
         place = (OWN, f"{category}/{name}.ply", "", "x y z", ())
-        found.append(Row(name, category, split, *place, each["licence"], each["author"], each["checksum"]))
+        found.append(
+            Row(name, category, split, *place, each["licence"], each["author"], each["checksum"], each["source"])
+        )
     return [row for row in found if row.category in categories]
 
 
