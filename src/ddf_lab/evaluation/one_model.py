@@ -52,13 +52,15 @@ def measure(run: Run, label: str, folder: Path, split: str, kind: str = "") -> F
         tensors, facts = many_images.reconstruct_ddf(model, images, section, f"{run.category} {label}")
     known = {"camera_true": images.cameras}
     known |= category_data.read_shapes(samples, images.ids).placements(images.shapes)
-    arrays = {name: value.numpy() for name, value in (tensors | known).items()}
+    arrays = {name: value.numpy() for name, value in (known | tensors).items()}
     predictions = scoring.Predictions(folder, [(str(i["id"]), int(i["view"])) for i in images.names()], arrays, {})
-    truths, cloud = scoring.load_truth(samples), scoring.large_cloud(predictions)
+    truths, clouds = scoring.load_truth(samples), {"Pi_g": "L.true", "Pi_pred": "L.pred"}
+    if not isinstance(model, line_field.ImageDDFModel):
+        clouds = dict.fromkeys(clouds, scoring.large_cloud(predictions))
     cases = (
         (truths[image[0]], [scoring.Case(label, f"{camera}-L", [image], predictions.cloud(cloud, row, camera))])
         for row, image in enumerate(predictions.images)
-        for camera in ("Pi_g", "Pi_pred")
+        for camera, cloud in clouds.items()
     )
     scores, cameras = scoring.score_all(cases, 1), scoring.camera_errors(label, predictions)
     scores, cameras = (table.assign(category=table["id"].map(group)) for table in (scores, cameras))
