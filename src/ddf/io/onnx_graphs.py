@@ -217,9 +217,11 @@ class RaysGraph(Graph):
         self.tolerances = dict.fromkeys(self.meanings, 1e-4)
 
     def clear(self, inputs: Mapping[str, Tensor]) -> dict[str, Bool[Tensor, "n"]]:
-        """Rows that stay as they are when p moves by rounding: no other part becomes the heaviest, no pixel changes."""
+        """Rows that stay as they are when p moves by rounding: no other part is as heavy, no pixel changes."""
         here, positions = self(*inputs.values()), inputs["positions"]
-        clear = torch.ones(len(positions), dtype=torch.bool)
+        weights = self._parts(*inputs.values()).log_weights()[0][0]
+        first, second = weights.topk(2, dim=-1).values.unbind(-1)
+        clear = ((first - second > _APART) | (first < line_field.EMPTY / 2)) & (first > _LEAST)
         for corner in _TETRAHEDRON:
             moved = {**inputs, "positions": positions + _ROUNDING * positions.new_tensor(corner)}
             for one, other in zip(here, self(*moved.values()), strict=True):
@@ -237,6 +239,21 @@ class RaysGraph(Graph):
         directions: Float[Tensor, "n 3"],
     ) -> tuple[Tensor, Tensor]:
         """Visibility, and depth of the heaviest part."""
+        parts = self._parts(image, features, context, opaque, camera, positions, directions)
+        weights, missed = parts.log_weights()
+        return 1 - missed.exp()[0], parts.hits[0].gather(-1, weights[0].argmax(-1, keepdim=True))[:, 0]
+
+    def _parts(
+        self,
+        image: Tensor,
+        features: Tensor,
+        context: Tensor,
+        opaque: Tensor,
+        camera: Tensor,
+        positions: Tensor,
+        directions: Tensor,
+    ) -> line_field.Parts:
+        """Of the lines through the points; shapes as of `forward`."""
         views = line_field.Views(*(part[:, None] for part in (features, image, context, camera, opaque)))
         entry, step, meets = self.decoder.span(positions, directions)
         middle = entry[:, None] + (torch.arange(self.decoder.places).to(entry) + 0.5) * step[:, None]
@@ -249,13 +266,12 @@ class RaysGraph(Graph):
         may = shown.view(-1, self.decoder.places) & meets[:, None]
         logits, places = answers.view(-1, self.decoder.places, 2).unbind(-1)
         hits = middle + (torch.where(may, places, 0.5) - 0.5) * step[:, None]
-        parts = line_field.Parts(hits[None], torch.where(may, logits, line_field.EMPTY)[None], entry[None], step[None])
-        weights, missed = parts.log_weights()
-        return 1 - missed.exp()[0], hits.gather(-1, weights[0].argmax(-1, keepdim=True))[:, 0]
+        return line_field.Parts(hits[None], torch.where(may, logits, line_field.EMPTY)[None], entry[None], step[None])
 
 
 _TETRAHEDRON = ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0))
-_ROUNDING, _STEADY = 3e-7, 5e-5  # of positions; of outputs
+_ROUNDING, _STEADY, _APART = 3e-7, 5e-5, 1e-3  # of positions; of outputs; of the two largest log w
+_LEAST = -12.0  # log w below which float32 in onnxruntime is too coarse to tell parts apart: such a ray sees nothing
 
 
 def line_graphs(model: line_field.ImageDDFModel, image_size: int) -> dict[str, Graph]:
