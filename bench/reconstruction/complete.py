@@ -38,12 +38,13 @@ from ddf.data import shapenet, true_clouds
 from ddf.data.public import manifest, packages, shapes
 from ddf.data.samples.draws import Surface
 from ddf.data.synthetic import assemble, render, write
-from ddf.fields import cloud_projection, stored_fields
+from ddf.fields import cloud_projection, pddf, stored_fields
 from ddf.fit import completed_surface, completion, latent_prior
 from ddf.geometry import cameras, neighbours, sensors, transforms
 from ddf.geometry.mesh_io import Mesh
 from ddf.metrics import cloud_scores
-from ddf.models import reconstruction_models
+from ddf.models import line_field, reconstruction_models
+from ddf.reconstruction import line_clouds
 from ddf_lab.run import Run
 
 ON_DEMAND = "python -m bench complete, after `ddf shapes get`"
@@ -81,6 +82,11 @@ class Case:
         Image.fromarray(render.Renderer(self.shape).render(self.views[0])).save(file)
         return file
 
+    def seen_from(self, view: int) -> Float[Tensor, "3"]:
+        """A view's camera: azimuth, elevation (radians), radius (benchmark units)."""
+        seen = self.views[view]
+        return torch.tensor([*np.radians([seen.azimuth_deg, seen.elevation_deg]), seen.ratio], dtype=torch.float32)
+
     def scan(self, view: int, noise: float = 0.0, outliers: float = 0.0, lidar: bool = False) -> sensors.Sweep:
         """What a sensor at a view's camera sees."""
         seen = self.views[view]
@@ -116,25 +122,25 @@ def case(row: manifest.Row) -> Case:
 
 @dataclass(frozen=True)
 class Solver:
-    """A model, the size of its images, its prior, and how scans are completed."""
+    """Decoder and prior of latents, what reads images, and how scans are completed."""
 
-    model: reconstruction_models.DDFModel
-    size: int
+    decoder: pddf.ConditionalPDDF
     prior: latent_prior.LatentPrior
+    images: line_field.TrainedImageDDF | reconstruction_models.TrainedDDF
     config: completion.CompletionConfig
 
     @classmethod
     def of(cls, folder: Path, config: completion.CompletionConfig) -> "Solver":
         """From the model's folder."""
-        model, size, statistics = reconstruction_models.load_ddf(folder)
-        model.cpu().requires_grad_(False)
-        return cls(model, size, latent_prior.of(model, statistics, config.axes), config)
+        shapes, images = latent_prior.load(folder), line_field.load_any(folder)
+        images.network.cpu().requires_grad_(False)
+        return cls(shapes.decoder, shapes.prior.widest(config.axes), images, config)
 
     @torch.no_grad()
     def cloud(self, modulations: Sequence[Tensor]) -> Float[np.ndarray, "n 3"]:
         """Of a shape, in its cube."""
         drawn, generator = stored_fields.cloud_config(), torch.Generator().manual_seed(SEED)
-        cycles = cloud_projection.sample(self.model.field, list(modulations), POINTS, drawn, generator)
+        cycles = cloud_projection.sample(self.decoder.field, list(modulations), POINTS, drawn, generator)
         return cloud_projection.select(cycles, [POINTS], drawn)[0].double().numpy()
 
     def scores(self, modulations: Sequence[Tensor], place: transforms.Similarity, truth: neighbours.Neighbours) -> Any:
@@ -146,21 +152,29 @@ class Solver:
         with tempfile.TemporaryDirectory() as folder, torch.no_grad():
             file = given.image(Path(folder))
             started = time.process_time()
-            pixels = shapenet.read_image(file, self.size)[None].to(self.model.shape_encoder.fc.weight)
-            latent = reconstruction_models.encode_batch(self.model, pixels)[1][0]
-        seconds = time.process_time() - started
-        modulations = [each[0] for each in self.model.modulations(latent[None])]
-        return _told(self.scores(modulations, given.place, given.truth)) | {"seconds": seconds}
+            model, size, _ = self.images
+            pixels = shapenet.read_image(file, size)[None]
+            if isinstance(model, line_field.ImageDDFModel):
+                views = model.views(pixels, given.seen_from(0)[None])
+                seconds = time.process_time() - started
+                field = line_field.ImageField.of(model.decoder, views)
+                cloud = line_clouds.draw(field, POINTS, torch.Generator().manual_seed(SEED))
+                found = cloud_scores.compare_clouds(cloud.double().numpy() / line_field.FIELD_FROM_V1 * K, given.truth)
+            else:
+                latent = reconstruction_models.encode_batch(model, pixels)[1]
+                seconds = time.process_time() - started
+                found = self.scores([each[0] for each in model.modulations(latent)], given.place, given.truth)
+        return _told(found) | {"seconds": seconds}
 
     def of_scan(self, given: Case, name: str, rng: np.random.Generator) -> dict[str, float]:
         """What `SCANS` of that name gives."""
         noise, outliers, lidar, known = SCANS[name]
         scan, place = given.scan(0, noise, outliers, lidar), given.place if known else off(given.place, rng)
         doubt = None if known else completion.Doubt(TURN_DEG / 2, SHIFT, GROWTH)
-        with counted(self.model.field) as asked:
+        with counted(self.decoder.field) as asked:
             started = time.process_time()
             found = completion.complete(
-                self.model.decoder, self.prior, scan, place, doubt, noise, config=self.config, seed=SEED
+                self.decoder, self.prior, scan, place, doubt, noise, config=self.config, seed=SEED
             )
             told = {"seconds": time.process_time() - started, "explained": found.explained}
         told["evaluations_x1000"] = sum(asked) / 1000
@@ -177,7 +191,7 @@ class Solver:
         told = {}
         for share in (0.5, 0.9):
             asked = (other.positions[index], other.directions[index])
-            low, high = completed_surface.along_rays(self.model.field, found, *asked, share)
+            low, high = completed_surface.along_rays(self.decoder.field, found, *asked, share)
             there = np.isfinite(low)
             inside = (low <= other.ranges[index]) & (other.ranges[index] <= high)
             told[f"coverage_{100 * share:.0f}"] = 100 * float(inside[there].mean())
@@ -308,7 +322,7 @@ def main(
             completer = latent_distances.Completer.of(model, solver.config)
         every = manifest.of([category])
         known = [_cloud(row) for row in every if row.split == "train"] if "nearest" in ways else []
-        mean = solver.cloud([each[0] for each in solver.model.modulations(solver.prior.mean[None])])
+        mean = solver.cloud([each[0] for each in solver.decoder.modulations(solver.prior.mean[None])])
         found: dict[str, list[dict[str, float]]] = {way: [] for way in ("image", *ways)}
         for number, row in enumerate([row for row in every if row.split == split][:shapes]):
             given = case(row)

@@ -18,7 +18,7 @@ from bench.lib import measuring
 from ddf.core import shipped_models
 from ddf.data import true_clouds
 from ddf.data.synthetic import render, write
-from ddf.fields import cloud_projection, stored_fields
+from ddf.fields import cloud_projection, pddf, stored_fields
 from ddf.fit import latent_prior
 from ddf.geometry import neighbours, transforms
 from ddf.geometry.mesh_io import Mesh
@@ -51,9 +51,9 @@ def truth(category: str, seed: int) -> list[neighbours.Neighbours]:
 
 
 @torch.no_grad()
-def encoded(model: reconstruction_models.DDFModel, size: int, category: str, seed: int) -> Float[Tensor, "count z"]:
+def encoded(trained: reconstruction_models.TrainedDDF, category: str, seed: int) -> Float[Tensor, "count z"]:
     """Latents of an image of each procedural shape."""
-    images = []
+    images, size = [], trained.image_size
     for index in range(COUNT):
         view, renderer = (
             write.make_views(seed, category, index, 1)[0],
@@ -61,18 +61,18 @@ def encoded(model: reconstruction_models.DDFModel, size: int, category: str, see
         )
         picture = Image.fromarray(renderer.render(view)).resize((size, size), Image.Resampling.BOX)
         images.append(framing.encoder_input(np.array(picture)))
-    return model.shape_encoder(torch.cat(images))
+    return trained.network.shape_encoder(torch.cat(images))
 
 
 @torch.no_grad()
 def decoded(
-    model: reconstruction_models.DDFModel, latents: Float[Tensor, "n z"], noise: float = 0.0
+    decoder: pddf.ConditionalPDDF, latents: Float[Tensor, "n z"], noise: float = 0.0
 ) -> list[neighbours.Neighbours]:
     """Clouds of the shapes of latents."""
     drawn, found = stored_fields.cloud_config(), []
     for row, latent in enumerate(latents):
-        modulations = [each[0] for each in model.modulations(latent[None])]
-        cycles = cloud_projection.sample(model.field, modulations, POINTS, drawn, torch.Generator().manual_seed(row))
+        modulations = [each[0] for each in decoder.modulations(latent[None])]
+        cycles = cloud_projection.sample(decoder.field, modulations, POINTS, drawn, torch.Generator().manual_seed(row))
         found.append(framed(cloud_projection.select(cycles, [POINTS], drawn)[0].double().numpy(), noise))
     return found
 
@@ -80,19 +80,18 @@ def decoded(
 def rows(category: str, seed: int, width: float) -> measuring.Rows:
     """Of a category, one after the other."""
     folder = shipped_models.place(category)
-    model, size, statistics = reconstruction_models.load_ddf(folder)
-    model.cpu().requires_grad_(False)
-    prior = latent_prior.of(model, statistics, model.shape_encoder.fc.out_features)
+    decoder, prior, encoder = latent_prior.load(folder)
     latents = width * generated_images.latents(COUNT, prior.basis.shape[1], 0, "samples")
     known, others = truth(category, seed), seed + 1000
     sets = {
         "other true shapes": lambda: truth(category, others),
-        "of images of these": lambda: decoded(model, encoded(model, size, category, others)),
-        "samples": lambda: decoded(model, prior.latents(latents)),
-        "mean shape": lambda: decoded(model, prior.latents(0 * latents)),
-        "blurred samples": lambda: decoded(model, prior.latents(BLUR * latents)),
-        "noisy samples": lambda: decoded(model, prior.latents(latents), NOISE),
+        "samples": lambda: decoded(decoder, prior.latents(latents)),
+        "mean shape": lambda: decoded(decoder, prior.latents(0 * latents)),
+        "blurred samples": lambda: decoded(decoder, prior.latents(BLUR * latents)),
+        "noisy samples": lambda: decoded(decoder, prior.latents(latents), NOISE),
     }
+    if encoder is not None:
+        sets["of images of these"] = lambda: decoded(decoder, encoded(encoder, category, others))
     for name, make in sets.items():
         started = time.process_time()
         made = make()

@@ -164,7 +164,7 @@ class Completer:
     def of(cls, model: LatentDistances, config: completion.CompletionConfig) -> "Completer":
         """The prior is that of the training shapes' latents."""
         latents = model.requires_grad_(False).latents
-        prior = latent_prior.of_moments(latents.mean(0), torch.cov(latents.T.double()), config.axes)
+        prior = latent_prior.of_moments(latents.mean(0), torch.cov(latents.T.double())).widest(config.axes)
         return cls(model, prior, config)
 
     def complete(self, seen: Evidence, seed: int) -> Float[Tensor, "1 z"]:

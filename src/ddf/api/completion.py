@@ -115,15 +115,17 @@ def complete(
     folder = shipped_models.require(model, "reconstruction")
     folder = folder if folder.is_dir() else folder.parent
     decoder, prior, encoder = latent_prior.load(folder)
-    if image is not None and encoder is None:
-        raise checks.InputError(f"{image}: {folder} has no encoder of shape latents; complete the scan without it")
+    latent = None
+    if image is not None:
+        if encoder is None:
+            raise checks.InputError(f"{image}: {folder} has no encoder of shape latents; complete the scan without it")
+        latent = one_image.latent(encoder, cutouts.read(Path(image)))
     config = completion.CompletionConfig()
     if pose is None:
         doubt, place = completion.UPRIGHT, completion.guess(given, np.array(_UPS[up]))
     else:
         doubt = completion.Doubt() if refine else None
         place = transforms.Similarity.of_matrix("pose", pose)
-    latent = None if image is None or encoder is None else one_image.latent(encoder, cutouts.read(Path(image)))
     found = completion.complete(decoder, prior.widest(config.axes), given, place, doubt, noise, config, latent, seed)
     cloud = completed_surface.cloud(decoder.field, found, given, n, seed)
     shape = completed_surface.field(decoder.field, found)

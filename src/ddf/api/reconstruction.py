@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from ddf.api.field import WEIGHTS, Field
+from ddf.api.field import Field
 from ddf.core import checks, extras, shipped_models, storage
 from ddf.geometry import mesh_io
 from ddf.geometry.mesh_io import Mesh
@@ -175,13 +175,12 @@ def reconstructor(model: str | Path, encoded: Path | None = None) -> Callable[..
     """
     with extras.named():
         from ddf.data import cutouts
-        from ddf.models import line_field, reconstruction_models
+        from ddf.models import line_field
         from ddf.reconstruction import given_cameras, one_image, several_images
     path = shipped_models.require(model, "reconstruction")
     path = path.parent if path.is_file() else path
-    by_features = storage.load_metadata(path / WEIGHTS).get("kind") == line_field.KIND
     with one_image.timed({}, "model"):
-        trained = line_field.load(path) if by_features else reconstruction_models.load_ddf(path)
+        trained = line_field.load_any(path)
     deviation = None
     if encoded is not None:
         if isinstance(trained, line_field.TrainedImageDDF):

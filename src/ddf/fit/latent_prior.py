@@ -41,11 +41,7 @@ class LatentPrior:
 
 
 @torch.no_grad()
-def of(
-    model: reconstruction_models.DDFModel,
-    statistics: out_of_distribution.TrainingStatistics | None,
-    axes: int | None = None,
-) -> LatentPrior:
+def of(model: reconstruction_models.DDFModel, statistics: out_of_distribution.TrainingStatistics | None) -> LatentPrior:
     """From the statistics of the training images: the shape latent is linear in their pooled features.
 
     Raises:
@@ -59,13 +55,13 @@ def of(
     mean, covariance = statistics.moments()
     weight, width = last.weight.double().cpu(), last.in_features
     centre = weight @ mean[-width:] + last.bias.double().cpu()
-    return of_moments(centre.to(last.weight), weight @ covariance[-width:, -width:] @ weight.T, axes)
+    return of_moments(centre.to(last.weight), weight @ covariance[-width:, -width:] @ weight.T)
 
 
-def of_moments(mean: Float[Tensor, "z"], covariance: Float[Tensor, "z z"], axes: int | None = None) -> LatentPrior:
+def of_moments(mean: Float[Tensor, "z"], covariance: Float[Tensor, "z z"]) -> LatentPrior:
     """The principal axes of a covariance, as exact as that; the basis is of the mean's kind."""
     values, vectors = torch.linalg.eigh(covariance)
-    return LatentPrior(mean, (vectors * values.clamp_min(0).sqrt()).flip(-1)[:, :axes].to(mean))
+    return LatentPrior(mean, (vectors * values.clamp_min(0).sqrt()).flip(-1).to(mean))
 
 
 class LatentShapes(NamedTuple):

@@ -218,8 +218,8 @@ class RaysGraph(Graph):
 
     def clear(self, inputs: Mapping[str, Tensor]) -> dict[str, Bool[Tensor, "n"]]:
         """Rows that stay as they are when p moves by rounding: no other part is as heavy, no pixel changes."""
-        here, positions = self(*inputs.values()), inputs["positions"]
-        weights = self._parts(*inputs.values()).log_weights()[0][0]
+        parts, positions = self._parts(*inputs.values()), inputs["positions"]
+        here, weights = self._seen(parts), parts.log_weights()[0][0]
         first, second = weights.topk(2, dim=-1).values.unbind(-1)
         clear = ((first - second > _APART) | (first < line_field.EMPTY / 2)) & (first > _LEAST)
         for corner in _TETRAHEDRON:
@@ -239,7 +239,10 @@ class RaysGraph(Graph):
         directions: Float[Tensor, "n 3"],
     ) -> tuple[Tensor, Tensor]:
         """Visibility, and depth of the heaviest part."""
-        parts = self._parts(image, features, context, opaque, camera, positions, directions)
+        return self._seen(self._parts(image, features, context, opaque, camera, positions, directions))
+
+    @staticmethod
+    def _seen(parts: line_field.Parts) -> tuple[Tensor, Tensor]:
         weights, missed = parts.log_weights()
         return 1 - missed.exp()[0], parts.hits[0].gather(-1, weights[0].argmax(-1, keepdim=True))[:, 0]
 

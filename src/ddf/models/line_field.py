@@ -28,7 +28,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ddf.core import schema
+from ddf.core import schema, storage
 from ddf.core.schema import setting
 from ddf.data.batches import category_data
 from ddf.fields import field_outputs, framed_field, model_files
@@ -390,3 +390,9 @@ def load(folder: Path) -> TrainedImageDDF:
         how = config.recorded(section, LineFieldConfig, "ddf_image")
     network = model_files.built(lambda: ImageDDFModel(train, how), folder, out_of_distribution.PREFIX)
     return TrainedImageDDF(network, train.image_size, out_of_distribution.TrainingStatistics.read(folder))
+
+
+def load_any(folder: Path) -> TrainedImageDDF | reconstruction_models.TrainedDDF:
+    """The DDF of a folder, with image features or with a latent, as its file says; errors are those of `load`."""
+    kind = storage.load_metadata(folder / model_files.MODEL).get("kind")
+    return load(folder) if kind == KIND else reconstruction_models.load_ddf(folder)

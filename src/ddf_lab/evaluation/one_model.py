@@ -8,8 +8,7 @@ import pandas as pd
 from ddf.core import storage
 from ddf.data import shapenet
 from ddf.data.batches import category_data
-from ddf.fields import model_files
-from ddf.models import line_field, reconstruction_models, reconstruction_settings
+from ddf.models import line_field, reconstruction_settings
 from ddf.reconstruction import line_clouds, many_images
 from ddf_lab.evaluation import groups, scoring
 from ddf_lab.run import Run
@@ -43,8 +42,7 @@ def measure(run: Run, label: str, folder: Path, split: str, kind: str = "") -> F
     views = category_data.test_views(dataset, run.category, section.test_views, section.public_views, split)
     asked = [(name, own) for name, own in views if group[name].startswith(kind)]
     shown = category_data.available(samples, asked)
-    by_features = storage.load_metadata(folder / model_files.MODEL).get("kind") == line_field.KIND
-    model, size, _ = line_field.load(folder) if by_features else reconstruction_models.load_ddf(folder)
+    model, size, _ = line_field.load_any(folder)
     images = category_data.read_images(dataset, run.category, shown, size)
     if isinstance(model, line_field.ImageDDFModel):
         tensors, facts = line_clouds.reconstruct(model, images, section)

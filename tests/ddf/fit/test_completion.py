@@ -85,7 +85,7 @@ def test_prior_has_mean_and_covariance_of_the_latents_of_training_images():
     width = model.shape_encoder.fc.in_features
     features = torch.randn(50, width, generator=torch.Generator().manual_seed(0)) @ torch.diag(torch.rand(width) + 0.1)
     known = out_of_distribution.TrainingStatistics.of([features])
-    prior = latent_prior.of(model, known, 100)
+    prior = latent_prior.of(model, known).widest(100)
     with torch.no_grad():
         latents = model.shape_encoder.fc(features).double()
     weight = model.shape_encoder.fc.weight.detach().double()
@@ -96,7 +96,7 @@ def test_prior_has_mean_and_covariance_of_the_latents_of_training_images():
     u = torch.randn(3, prior.basis.shape[1])
     torch.testing.assert_close(prior.coordinates(prior.latents(u)), u, rtol=0, atol=1e-2)
     with pytest.raises(checks.InputError, match="does not say what its training images were like"):
-        latent_prior.of(model, None, 4)
+        latent_prior.of(model, None)
 
 
 def _chair():

@@ -14,7 +14,7 @@ from ddf.core import storage
 from ddf.data.public import manifest
 from ddf.fields import model_files, shape_field
 from ddf.fit import latent_prior
-from ddf.models import line_field, reconstruction_models
+from ddf.models import line_field
 from ddf_lab.shipping import model_cards
 
 ROOT = Path(ddf.__file__).parent / "shipped"
@@ -52,8 +52,8 @@ def test_every_model_loads_is_small_and_has_a_card(entry):
     if entry["kind"] == "field":
         assert shape_field.load(folder).record["weights"] == "float16"
     else:
-        by_features = storage.load_metadata(folder / model_files.MODEL)["kind"] == line_field.KIND
-        model, size, _ = line_field.load(folder) if by_features else reconstruction_models.load_ddf(folder)
+        model, size, _ = line_field.load_any(folder)
+        by_features = isinstance(model, line_field.ImageDDFModel)
         assert size == 64 and all(bool(value.isfinite().all()) for value in model.parameters())
         assert (latent_prior.load(folder).encoder is None) == by_features
         if by_features:
