@@ -56,6 +56,7 @@ dag: $(READY) ## the stages of CONFIG and what each waits for
 UNIT_TESTS := $(RUN) -m pytest -q -n auto --maxprocesses 4
 test: $(READY) ## lint and types beside the smoke pipeline, then unit tests and the viewer's page
 	@$(MAKE) -j2 --output-sync=target lint smoke
+	@$(MAKE) site
 	@$(UNIT_TESTS)
 	@$(MAKE) test-browser
 test-fast: lint ## lint, types and unit tests
@@ -77,8 +78,9 @@ bench: $(READY) ## speed against error (reports/bench): [BENCH="evaluation ray_c
 setup: $(READY) ## the environment in .venv, from requirements.lock; nothing to do when it is there
 $(READY): requirements.lock pyproject.toml
 	@.ci/setup "$(PYTHON)" $(UV_VERSION) $@
-docs: $(READY) ## the documentation as a site in site/; a warning is an error
+site: $(READY) ## the documentation as a site in site/, without live fields; a warning is an error
 	@NO_MKDOCS_2_WARNING=1 uv run -q --no-project --isolated --python $(RUN) --with-requirements requirements-docs.lock mkdocs build
+docs: site ## the site and the live fields of its gallery
 	@$(RUN) docs/gallery.py site/docs/live
 clean: ## remove all artefacts (keeps the environment and the committed report)
 	rm -rf artifacts .pytest_cache .ruff_cache
