@@ -108,6 +108,7 @@ def complete(
         raise checks.InputError(f"noise must be 0 or more, in the unit of the scan; got {noise}")
     if up not in _UPS:
         raise checks.InputError(f"up must be one of {', '.join(_UPS)}; got {up!r}")
+    place = None if pose is None else transforms.Similarity.of_matrix("pose", pose)
     with extras.named():
         from ddf.data import cutouts
         from ddf.fit import completed_surface, completion, latent_prior
@@ -121,11 +122,9 @@ def complete(
             raise checks.InputError(f"{image}: {folder} has no encoder of shape latents; complete the scan without it")
         latent = one_image.latent(encoder, cutouts.read(Path(image)))
     config = completion.CompletionConfig()
-    if pose is None:
+    doubt = completion.Doubt() if refine else None
+    if place is None:
         doubt, place = completion.UPRIGHT, completion.guess(given, np.array(_UPS[up]))
-    else:
-        doubt = completion.Doubt() if refine else None
-        place = transforms.Similarity.of_matrix("pose", pose)
     found = completion.complete(decoder, prior.widest(config.axes), given, place, doubt, noise, config, latent, seed)
     cloud = completed_surface.cloud(decoder.field, found, given, n, seed)
     shape = completed_surface.field(decoder.field, found)

@@ -1,7 +1,6 @@
 """Commands about experiments that need no checkout: their settings, and the lists of their shapes."""
 
 import dataclasses
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -129,32 +128,14 @@ def read_listing(source: Path) -> dict[str, list[str]]:
     Raises:
       InputError: neither is there, or the file holds something else; it is named.
     """
-    from ddf.core import checks
+    from ddf.core import checks, storage
     from ddf.data import shapenet
 
     if source.is_dir():
         return {synset: shapenet.list_shapes(source, synset) for synset in shapenet.list_classes(source)}
     if not source.is_file():
         raise checks.InputError(f"{source}: no such file or folder; give IDS.json or a root with ShapeNetRendering/")
-    checks.require_content(source)
-    try:
-        listing = json.loads(
-            source.read_text(encoding="utf-8-sig"), object_pairs_hook=lambda pairs: _once(pairs, source)
-        )
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise checks.InputError(f"{source}: not valid JSON ({error})") from error
+    listing = storage.read_json(source)
     if not isinstance(listing, dict) or not all(isinstance(ids, list) for ids in listing.values()):
         raise checks.InputError(f"{source}: must hold one JSON object {{synset: [ids]}}; got something else")
     return {synset: [shapenet.check_name(name, str(source)) for name in ids] for synset, ids in listing.items()}
-
-
-def _once(pairs: list[tuple[str, Any]], source: Path) -> dict[str, Any]:
-    """A JSON object, unless a key is in it twice: the first one's shapes would be lost."""
-    from ddf.core import checks
-
-    listing: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in listing:
-            raise checks.InputError(f"{source}: {key!r} is given twice; give every synset once, with all its shapes")
-        listing[key] = value
-    return listing

@@ -193,25 +193,21 @@ def complete(
       ddf complete scan.npz chair whole_chair
       ddf complete scan.npz chair whole_chair --pose pose.json --fixed --noise 0.005
     """
-    import json
-
     import numpy as np
 
     from ddf.api import completion
     from ddf.core import checks, storage
-    from ddf.geometry import mesh_io
+    from ddf.geometry import mesh_io, scans, transforms
 
     if fixed and pose is None:
         raise checks.InputError("--fixed needs --pose: a pose that is not given cannot stay")
     matrix = None
     if pose is not None:
-        try:
-            matrix = np.array(json.loads(pose.read_text(encoding="utf-8")), dtype=np.float64)
-        except (ValueError, TypeError, UnicodeDecodeError) as error:
-            raise checks.InputError(f"{pose}: must hold a 4x4 matrix as JSON ({error})") from error
+        matrix = transforms.Similarity.of_matrix(f"{pose}: the pose", storage.read_json(pose)).to_matrix()
+    given = scans.read(scan)
     started = time.monotonic()
     found = completion.complete(
-        scan, model, matrix, refine=not fixed, up=up, noise=noise, image=image, n=points, seed=seed
+        given, model, matrix, refine=not fixed, up=up, noise=noise, image=image, n=points, seed=seed
     )
     seconds = time.monotonic() - started
     found.save(out)
@@ -231,13 +227,15 @@ def complete(
             for name, chosen in halves.items()
         },
         "seconds": round(seconds, 3),
+        "left_out": list(given.remarks),
         "out": out.as_posix(),
     }
     storage.write_json(out / "completion.json", result)
     verdict = f"{out}: {found.explained:.0%} of the hits explained, {found.seen.mean():.0%} of the surface was seen"
+    verdict += f"; its longest side is {2 * np.cbrt(np.linalg.det(found.pose[:3, :3])):.4g}"
     if found.explained < _LIKELY:
         verdict += "; WARNING: perhaps another category, pose or unit"
-    return result | {"verdict": verdict}
+    return result | {"verdict": verdict + results.left_out(given.remarks)}
 
 
 @command("model", api="reconstruction:generate")

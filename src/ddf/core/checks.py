@@ -3,12 +3,14 @@
 Values are numpy arrays or torch tensors; torch is not imported here, so that bad input is refused without its 0.6 GiB.
 """
 
+import reprlib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ddf.core import arrays
+from ddf.core import arrays, errors
 
 UNIT_LENGTH_TOLERANCE = 1e-4  # float32 directions that went through a file or a rotation are within 1e-6; typos are not
 _POINTER = b"version https://git-lfs.github.com/spec/"
@@ -37,6 +39,30 @@ def require_whole(name: str, value: Any, least: int) -> int:
     return int(value)
 
 
+def require_known(where: str, given: Iterable[object], known: Iterable[object]) -> None:
+    """Raise unless every key is a known one; the nearest known one is asked for."""
+    known = list(known)
+    unknown = next((str(key) for key in given if key not in known), None)
+    if unknown is not None:
+        raise InputError(f"{where}: unknown key {unknown!r}; the keys are {errors.known_names(unknown, known)}")
+
+
+def require_numbers(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """Finite numbers of a shape as float64, from lists as JSON has them: no words, no true or false."""
+    found = np.array(values, dtype=object)
+    if found.shape != shape or any(
+        isinstance(each, bool) or not isinstance(each, int | float | np.number) for each in found.flat
+    ):
+        kind = f"a {'x'.join(map(str, shape))} matrix of numbers" if shape else "a number"
+        raise InputError(f"{name} must be {kind}; got {reprlib.repr(values)}")
+    try:
+        wide = found.astype(np.float64)
+    except OverflowError as error:
+        raise InputError(f"{name} must be finite; got a number beyond 1e308") from error
+    require_finite(name, wide)
+    return wide
+
+
 def require_vectors(name: str, values: Any) -> None:
     """Raise unless the last axis has length 3."""
     if values.ndim == 0 or values.shape[-1] != 3:
@@ -55,7 +81,7 @@ def require_finite(name: str, values: Any) -> None:
 def require_unit(name: str, directions: Any) -> None:
     """Raise unless every vector along the last axis has length 1 within `UNIT_LENGTH_TOLERANCE`."""
     require_vectors(name, directions)
-    lengths = np.linalg.norm(arrays.to_numpy(directions).astype(np.float64), axis=-1)
+    lengths = np.linalg.norm(np.asarray(arrays.to_numpy(directions), dtype=np.float64), axis=-1)
     bad = np.argwhere(~(np.abs(lengths - 1.0) <= UNIT_LENGTH_TOLERANCE))
     if len(bad):
         index = tuple(int(i) for i in bad[0])

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Literal, TypeVar, cast
 
 import yaml
 
-from ddf.core import checks, errors, schema
+from ddf.core import checks, schema
 
 T = TypeVar("T")
 CONFIGS = Path("configs")
@@ -195,9 +195,8 @@ def _build(
     """See `parse` and, where `needed` is given, `recorded`."""
     if not isinstance(data, Mapping):
         raise checks.InputError(f"{where} must be a mapping of keys to values; got {_shown(data)}")
-    unknown = next((str(key) for key in data if key not in fields), None)
-    if unknown is not None and needed is None:
-        raise checks.InputError(f"{where}: unknown key {unknown!r}; the keys are {errors.known_names(unknown, fields)}")
+    if needed is None:
+        checks.require_known(where, data, fields)
     hints, values = _hints(cls), dict[str, Any]()
     for name, field in fields.items():
         if name in data:

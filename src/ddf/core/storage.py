@@ -7,6 +7,7 @@
 Equal input gives equal bytes. No pickle anywhere.
 """
 
+import collections
 import contextlib
 import hashlib
 import importlib.metadata
@@ -120,11 +121,20 @@ def _null_for_nan(data: Any) -> Any:
 
 
 def read_json(path: str | Path) -> Any:
-    """The content of a JSON file; InputError names the file when it is not JSON."""
+    """The content of a JSON file; InputError names it when it is not JSON, or has a key twice: one would be lost."""
+    checks.require_content(path)
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        return json.loads(Path(path).read_text(encoding="utf-8-sig"), object_pairs_hook=_once)
+    except (ValueError, RecursionError) as error:
         raise checks.InputError(f"{path}: not valid JSON ({error}); make it anew") from error
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        ((twice, _),) = collections.Counter(key for key, _ in pairs).most_common(1)
+        raise ValueError(f"{twice!r} is given twice")
+    return content
 
 
 def save_tensors(path: str | Path, tensors: Mapping[str, Any], metadata: Mapping[str, Any]) -> None:

@@ -157,13 +157,21 @@ def npz_vectors(path: Path, names: tuple[str, ...]) -> list[np.ndarray]:
     return [found[name] for name in names]
 
 
-def npz_numbers(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
-    """Those of the named arrays that an NPZ file has, as float64; as `npz_vectors`, of any shape."""
+def npz_numbers(path: Path, names: Collection[str], alone: bool = False) -> dict[str, np.ndarray]:
+    """Those of the named arrays that an NPZ file has, as float64; as `npz_vectors`, of any shape.
+
+    Args:
+      alone: whether any other array is refused by its name.
+    """
     checks.require_content(path)
     try:
         with zipfile.ZipFile(path) as archive:
-            there = set(archive.namelist())
-            return {name: _array(archive, path, name) for name in names if f"{name}.npy" in there}
+            there = [name.removesuffix(".npy") for name in archive.namelist()]
+            if alone:
+                checks.require_known(str(path), there, names)
+            if len(set(there)) < len(there):
+                raise checks.InputError(f"{path}: has an array twice, of {', '.join(sorted(there))}")
+            return {name: _array(archive, path, name) for name in names if name in there}
     except (checks.InputError, FileNotFoundError):
         raise
     except _DAMAGED as error:

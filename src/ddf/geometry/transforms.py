@@ -85,13 +85,12 @@ class Similarity:
         Raises:
           InputError: something else, such as one that shears or mirrors.
         """
-        array = np.asarray(matrix)
-        if array.shape != (4, 4) or array.dtype.kind not in "fiu" or not np.array_equal(array[3], [0, 0, 0, 1]):
-            raise checks.InputError(
-                f"{name} must be a 4x4 matrix whose last row is 0, 0, 0, 1; got shape {array.shape}"
-            )
-        checks.require_finite(name, array)
-        linear = array[:3, :3].astype(np.float64)
+        array = checks.require_numbers(name, matrix, (4, 4))
+        if not np.array_equal(array[3], [0, 0, 0, 1]):
+            turned = np.array_equal(array[:, 3], [0, 0, 0, 1])
+            hint = "its translation stands in the last row: transpose it" if turned else f"got {array[3].tolist()}"
+            raise checks.InputError(f"{name} must be a 4x4 matrix whose last row is 0, 0, 0, 1; {hint}")
+        linear = array[:3, :3]
         scale = float(np.cbrt(np.linalg.det(linear)))
         if scale <= 0 or np.abs(linear @ linear.T - scale**2 * np.eye(3)).max() > tolerance * scale**2:
             raise checks.InputError(f"{name} must scale all axes alike, turn and move; this one shears or mirrors")

@@ -121,7 +121,7 @@ LINES = [
     ("complete scan.npz chair out --noise -1", "noise must be 0 or more"),
     ("complete scan.npz chair out -n 1", "n must be a whole number, 2 or more"),
     ("complete scan.npz chair out --pose metres.json", "are ranges in millimetres"),
-    ("complete scan.npz chair out --pose object.json", "must hold a 4x4 matrix as JSON"),
+    ("complete scan.npz chair out --pose object.json", "object.json: the pose must be a 4x4 matrix of numbers"),
     ("complete scan.npz chair out --pose shear.json", "shears or mirrors"),
     ("reconstruct noise.png chair out", "no object stands out from the background"),
     ("reconstruct none.png chair out", "no such image"),

@@ -61,3 +61,25 @@ def test_corners_of_a_box_begin_and_end_with_those_that_name_it():
     corners = transforms.box_corners(np.array([0.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0]))
     assert corners[0].tolist() == [0, 1, 2] and corners[-1].tolist() == [1, 3, 5]
     assert len({tuple(corner) for corner in corners.tolist()}) == 8
+
+
+GOOD = np.diag([2.0, 2, 2, 1])
+BAD = {
+    "words": ([["2", "0", "0", "0"], *GOOD[1:].tolist()], "4x4 matrix of numbers"),
+    "true": ([*GOOD[:3].tolist(), [0, 0, 0, True]], "4x4 matrix of numbers"),
+    "quaternion": ([0, 0, 0, 1, 0, 0, 0], "4x4 matrix of numbers; got"),
+    "flat": (GOOD.ravel().tolist(), "4x4 matrix of numbers"),
+    "nested": ([GOOD.tolist()], "4x4 matrix of numbers"),
+    "ragged": ([[1, 0], [0], 1], "4x4 matrix of numbers"),
+    "object": ({"pose": GOOD.tolist()}, "4x4 matrix of numbers"),
+    "NaN": (GOOD * np.nan, "must be finite"),
+    "huge": ([*GOOD[:3].tolist(), [0, 0, 0, 10**400]], "must be finite; got a number beyond 1e308"),
+    "by columns": ((GOOD + np.outer([1, 2, 3, 0], [0, 0, 0, 1])).T, "stands in the last row: transpose it"),
+    "projective": (GOOD + 1, "last row is 0, 0, 0, 1; got"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_matrices_that_are_no_pose_are_told_by_name(name):
+    with pytest.raises(checks.InputError, match=rf"^pose\.json.*{BAD[name][1]}"):
+        transforms.Similarity.of_matrix("pose.json", BAD[name][0])
