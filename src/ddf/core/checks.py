@@ -4,13 +4,12 @@ Values are numpy arrays or torch tensors; torch is not imported here, so that ba
 """
 
 import reprlib
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ddf.core import arrays, errors
+from ddf.core import arrays
 
 UNIT_LENGTH_TOLERANCE = 1e-4  # float32 directions that went through a file or a rotation are within 1e-6; typos are not
 _POINTER = b"version https://git-lfs.github.com/spec/"
@@ -37,14 +36,6 @@ def require_whole(name: str, value: Any, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise InputError(f"{name} must be a whole number, {least} or more; got {value!r}")
     return int(value)
-
-
-def require_known(where: str, given: Iterable[object], known: Iterable[object]) -> None:
-    """Raise unless every key is a known one; the nearest known one is asked for."""
-    known = list(known)
-    unknown = next((str(key) for key in given if key not in known), None)
-    if unknown is not None:
-        raise InputError(f"{where}: unknown key {unknown!r}; the keys are {errors.known_names(unknown, known)}")
 
 
 def require_numbers(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Literal, TypeVar, cast
 
 import yaml
 
-from ddf.core import checks, schema
+from ddf.core import checks, errors, schema
 
 T = TypeVar("T")
 CONFIGS = Path("configs")
@@ -196,7 +196,7 @@ def _build(
     if not isinstance(data, Mapping):
         raise checks.InputError(f"{where} must be a mapping of keys to values; got {_shown(data)}")
     if needed is None:
-        checks.require_known(where, data, fields)
+        errors.require_known(where, data, fields)
     hints, values = _hints(cls), dict[str, Any]()
     for name, field in fields.items():
         if name in data:

@@ -54,3 +54,13 @@ def known_names(name: object, names: Iterable[object]) -> str:
     words = [str(each) for each in names]
     near = difflib.get_close_matches(str(name), words, 1)
     return (", ".join(words) or "none") + (f" (did you mean {near[0]}?)" if near else "")
+
+
+def require_known(where: str, given: Iterable[object], known: Iterable[object]) -> None:
+    """Raise unless every key is a known one; the nearest known one is asked for."""
+    known = list(known)
+    unknown = next((str(key) for key in given if key not in known), None)
+    if unknown is not None:
+        from ddf.core import checks
+
+        raise checks.InputError(f"{where}: unknown key {unknown!r}; the keys are {known_names(unknown, known)}")

@@ -16,7 +16,7 @@ from typing import Generic
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ddf.core import arrays, checks
+from ddf.core import arrays, checks, errors
 from ddf.core.arrays import Array
 
 _DAMAGED = (
@@ -168,7 +168,7 @@ def npz_numbers(path: Path, names: Collection[str], alone: bool = False) -> dict
         with zipfile.ZipFile(path) as archive:
             there = [name.removesuffix(".npy") for name in archive.namelist()]
             if alone:
-                checks.require_known(str(path), there, names)
+                errors.require_known(str(path), there, names)
             if len(set(there)) < len(there):
                 raise checks.InputError(f"{path}: has an array twice, of {', '.join(sorted(there))}")
             return {name: _array(archive, path, name) for name in names if name in there}

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Bool, Float, Int, Num
 
-from ddf.core import checks, storage
+from ddf.core import checks, errors, storage
 from ddf.geometry import rays, transforms
 
 _BROKEN = (OSError, ValueError, SyntaxError, EOFError, MemoryError)  # what Pillow raises of a damaged PNG
@@ -263,7 +263,7 @@ def read(path: Path) -> Scan:
         wanted = "; or ".join(" and ".join(names) for names in _MAKE)
         raise checks.InputError(f"{path}: a scan has one of {wanted}; got {', '.join(found) or 'none of them'}")
     (kind,) = kinds
-    checks.require_known(f"{path}: {kind[0]}", found, kind + _OF_CAMERA if kind == _DEPTH else kind)
+    errors.require_known(f"{path}: {kind[0]}", found, kind + _OF_CAMERA if kind == _DEPTH else kind)
     try:
         return _MAKE[kind](**found)
     except checks.InputError as error:
@@ -279,7 +279,7 @@ def _of_png(path: Path) -> Scan:
     if not isinstance(said, dict) or "intrinsics" not in said:
         wanted = "intrinsics (3, 3), perhaps camera_to_scan (4, 4), depth_scale, width and height"
         raise checks.InputError(f"{about}: must be a JSON object with {wanted}")
-    checks.require_known(str(about), said, ("intrinsics", "depth_scale", *_OF_CAMERA))
+    errors.require_known(str(about), said, ("intrinsics", "depth_scale", *_OF_CAMERA))
     try:
         scale = float(checks.require_numbers("depth_scale", said.pop("depth_scale", own or _MILLIMETRES), ()))
         if not 0 < scale <= (own or 0) + _MOST_STEP:
