@@ -1,6 +1,7 @@
 """Arguments that several commands share, checked before any work; nothing here takes long to import."""
 
 import argparse
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -31,7 +32,10 @@ def require_places(command: Command, args: argparse.Namespace) -> None:
 
     read = [path for value in vars(args).values() for path in _listed(value)]
     storage.protect(path for path in read if isinstance(path, Path) and path is not out and path.is_file())
+    target = Path(os.path.realpath(out))  # of a link
     if is_folder:
+        if out.is_symlink() and not out.exists():
+            raise checks.InputError(f"{out}: a link to {target}, which is not there; make that folder")
         if out.exists() and not out.is_dir():
             raise checks.InputError(f"{out}: is a file; give a folder to write")
         return
@@ -39,9 +43,10 @@ def require_places(command: Command, args: argparse.Namespace) -> None:
         raise checks.InputError(f"{out}: not a regular file; give the name of a file to write")
     storage.require_not_read(out)
     if args.make_folders:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    elif not out.parent.is_dir():
-        raise checks.InputError(f"{out}: there is no folder {out.parent}; make it, or add --make-folders")
+        target.parent.mkdir(parents=True, exist_ok=True)
+    elif not target.parent.is_dir():
+        folder = target.parent if out.is_symlink() else out.parent
+        raise checks.InputError(f"{out}: there is no folder {folder}; make it, or add --make-folders")
 
 
 def kept(command: Command, args: argparse.Namespace) -> str:

@@ -310,6 +310,8 @@ def surface(
         "out": out.as_posix(),
     }
     verdict = f"{len(mesh.faces):,} triangles in {out}"
+    if out.suffix.lower() == ".stl" and (origin := mesh_io.told_origin(mesh.vertices)).any():
+        verdict += f", whose coordinates are less {', '.join(map(str, origin))}, as its header tells"
     if true is not None:
         from ddf.metrics import cloud_scores
 

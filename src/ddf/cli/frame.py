@@ -28,6 +28,9 @@ _CHOICE = re.compile(r"invalid choice: '(.*?)' \(choose from (.*)\)")  # as argp
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; bare `ddf` prints the help."""
     argv = with_negative_values(sys.argv[1:] if argv is None else argv)
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:  # closed, as services have it: the next file opened would get its number
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), "w" if number else "r"))
     for stream in (sys.stdout, sys.stderr):  # a name or sign that the terminal cannot show is escaped
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -36,7 +36,8 @@ def encode_frames(frames: "Sequence[UInt8[np.ndarray, 'height width 3']]", suffi
 def depth_png(depth: "Float[np.ndarray, 'height width']") -> tuple[bytes, float]:
     """Depth as a PNG of 16 bits, and its step: depth = value x step, and 0 where nothing is seen.
 
-    The step is the largest depth over 65,535; the file says it too, as its text `depth_step`.
+    The step is the largest depth over 65,535; the file says it too, as its text `depth_step`, and that depth is along
+    the rays, as `scans` reads it.
     """
     import numpy as np
     from PIL import Image, PngImagePlugin
@@ -46,18 +47,18 @@ def depth_png(depth: "Float[np.ndarray, 'height width']") -> tuple[bytes, float]
     levels = np.where(seen, np.rint(np.where(seen, depth, 0.0) / (step if step > 0 else 1.0)), 0.0)
     note = PngImagePlugin.PngInfo()
     note.add_text("depth_step", repr(step))
+    note.add_text("depth_along", "the ray through each pixel, not the optical axis")
     buffer = io.BytesIO()
     Image.fromarray(levels.astype(np.uint16)).save(buffer, format="PNG", pnginfo=note)
     return buffer.getvalue(), step
 
 
 def npz(arrays: "Mapping[str, np.ndarray]") -> bytes:
-    """Named arrays as float32."""
+    """Named arrays as they are."""
     import numpy as np
 
     buffer = io.BytesIO()
-    single = {name: np.asarray(values, dtype=np.float32) for name, values in arrays.items()}
-    np.savez(buffer, allow_pickle=False, **single)
+    np.savez(buffer, allow_pickle=False, **arrays)
     return buffer.getvalue()
 
 

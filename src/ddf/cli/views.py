@@ -284,7 +284,7 @@ def _shown(what: Sequence[Path]) -> "Iterator[tuple[str, viewer_page.Shape, str]
     known: dict[Path, viewer_page.Shape] = {}
     pictures: list[Path] = []
     for path in what:
-        file = path if path.name == field_file.MODEL else path / field_file.MODEL
+        file = field_file.file_of(path)
         if path.suffix.lower() in _TAKEN:
             pictures.append(path)
         elif file.is_file() and storage.load_metadata(file).get("kind") in _MODELS:

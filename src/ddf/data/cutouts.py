@@ -55,7 +55,10 @@ def read(path: Path, mask: Path | None = None, background: str = "auto") -> UInt
                 " --background COLOUR, or a picture whose alpha masks it"
             )
     if not (alpha >= _OPAQUE).any():
-        raise checks.InputError(f"{mask or path}: is transparent everywhere; its alpha must mask the object")
+        what = "lightest pixel of this mask" if mask is not None else "least transparent pixel"
+        raise checks.InputError(
+            f"{mask or path}: the {what} is {alpha.max()} of 255; the object's are {_OPAQUE} or more"
+        )
     pixels[..., 3] = alpha
     pixels[alpha == 0] = 0
     return pixels
@@ -79,6 +82,18 @@ def colour(background: str) -> tuple[int, int, int] | None:
 
 def _opened(path: Path) -> Image.Image:
     """As it is to be seen, in 8 bits, at most `_LARGE` pixels a side."""
+    picture = _whole(path)
+    if picture.mode.startswith("I"):  # 16 bits of grey, which Pillow would clip
+        picture = Image.fromarray((np.asarray(picture).astype(np.int64) >> 8).astype(np.uint8))
+    picture = picture.convert("RGBA")
+    if max(picture.size) <= _LARGE:
+        return picture
+    width, height = (max(1, round(length * _LARGE / max(picture.size))) for length in picture.size)
+    return picture.resize((width, height), Image.Resampling.BILINEAR, reducing_gap=2.0)
+
+
+def _whole(path: Path) -> Image.Image:
+    """As it is to be seen, in the mode and the size of the file."""
     if not path.is_file():
         raise checks.InputError(f"{path}: no such image")
     checks.require_content(path)
@@ -91,28 +106,33 @@ def _opened(path: Path) -> Image.Image:
                         f"{path}: {opened.width} x {opened.height} pixels; at most {MAX_PIXELS} are read: "
                         "make it smaller"
                     )
-                picture = ImageOps.exif_transpose(opened)
-                if picture.mode.startswith("I"):  # 16 bits of grey, which Pillow would clip
-                    picture = Image.fromarray((np.asarray(picture).astype(np.int64) >> 8).astype(np.uint8))
-                picture = picture.convert("RGBA")
+                return ImageOps.exif_transpose(opened)
     except checks.InputError:
         raise
     except shapenet.DAMAGED as error:
         raise checks.InputError(f"{path}: not a readable image ({error}); {', '.join(_FORMATS)} are read") from error
-    if max(picture.size) <= _LARGE:
-        return picture
-    width, height = (max(1, round(length * _LARGE / max(picture.size))) for length in picture.size)
-    return picture.resize((width, height), Image.Resampling.BILINEAR, reducing_gap=2.0)
 
 
 def _mask(path: Path, size: tuple[int, int]) -> UInt8[np.ndarray, "h w"]:
-    """Its alpha, or its lightness where that is the same everywhere."""
-    found = _opened(path).convert("RGBA")
+    """Its alpha, or its lightness where that is the same everywhere: of two values the higher one is the object, of a
+    palette of colours all but black, of 16 bits the high ones unless all are 255 or less.
+    """
+    found = _whole(path)
     if abs(found.width / found.height - size[0] / size[1]) > 0.02 * size[0] / size[1]:
         raise checks.InputError(f"{path}: {found.width} x {found.height} pixels, not of the picture's shape {size}")
-    alpha = found.getchannel("A")
-    light = found.convert("L") if alpha.getextrema() == (255, 255) else alpha
-    return np.array(light.resize(size, Image.Resampling.BILINEAR))
+    if found.mode.startswith("I"):
+        light = np.asarray(found).astype(np.int64)
+    else:
+        coloured, rgba = found.mode == "P", np.asarray(found.convert("RGBA"))
+        light = rgba[..., 3] if rgba[..., 3].min() < 255 else np.asarray(found.convert("L"))
+        if coloured and rgba[..., 3].min() == 255 and np.ptp(rgba[..., :3], axis=-1).any():
+            light = rgba[..., :3].any(axis=-1)
+    low, high = int(light.min()), int(light.max())
+    if low < high and ((light == low) | (light == high)).all():
+        light = (light == high) * 255
+    elif high > 255:
+        light = light >> 8
+    return np.array(Image.fromarray(light.astype(np.uint8)).resize(size, Image.Resampling.BILINEAR))
 
 
 def _standing_out(rgb: Float[np.ndarray, "h w 3"], plain: tuple[int, int, int] | None) -> UInt8[np.ndarray, "h w 4"]:

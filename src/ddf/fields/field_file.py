@@ -44,13 +44,18 @@ class FieldFile:
         return [(weight, bias, omega) for (weight, bias), omega in zip(found, omegas, strict=True)]
 
 
+def file_of(path: Path) -> Path:
+    """The path itself, or the file of the folder that it is."""
+    return path if path.is_file() or path.name == MODEL else path / MODEL
+
+
 def read(path: Path) -> FieldFile:
     """A field's record, from its file or the folder that `ddf fit` wrote.
 
     Raises:
       FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
     """
-    file = path if path.name == MODEL else path / MODEL
+    file = file_of(path)
     if not file.exists():
         raise FileNotFoundError(f"{file}: no such field; give a folder that `ddf fit` wrote")
     record = storage.load_metadata(file)

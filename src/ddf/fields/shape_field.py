@@ -103,7 +103,7 @@ def load(path: Path) -> ShapeField:
     stored = field_file.read(path)
     with framed_field.record_of(stored.file):
         how = config.recorded(stored.record["field"], PDDFConfig, "field", NEEDED)
-    field = model_files.built(lambda: PDDF(how), stored.file.parent)
+    field = model_files.built(lambda: PDDF(how), stored.file.parent, name=stored.file.name)
     return ShapeField(field, stored.lower, stored.upper, stored.field_from_mesh, stored.record)
 
 

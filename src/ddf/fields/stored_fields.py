@@ -47,7 +47,7 @@ def load(path: Path) -> "shape_field.ShapeField | patch_field.PatchField":
     Raises:
       FileNotFoundError: there is no such file. InputError: it is damaged, or holds something else; it is named.
     """
-    file = path if path.name == field_file.MODEL else path / field_file.MODEL
+    file = field_file.file_of(path)
     if file.is_file() and storage.load_metadata(file).get("kind") == field_file.PATCHES:
         from ddf.fields.grid import patch_field
 

@@ -129,5 +129,4 @@ def along_rays(
 
 def save(shape: shape_field.ShapeField, folder: Path) -> None:
     """Write the field like `ddf fit` does, so that `ddf.load` reads the folder."""
-    folder.mkdir(parents=True, exist_ok=True)
     storage.save_tensors(folder / field_file.MODEL, shape.field.state_dict(), shape.record)

@@ -99,10 +99,12 @@ def extract(look: Look, lower: Float[np.ndarray, "3"], upper: Float[np.ndarray, 
     Raises:
       InputError: nothing is left.
     """
-    grid = Grid.around(lower, upper, resolution)
+    origin = mesh_io.told_origin(np.stack((lower, upper)))
+    grid = Grid.around(lower - origin, upper - origin, resolution)
     votes = Votes(grid, np.arange(np.prod(grid.shape)))
-    votes.look_around(look)
-    return surface(grid, votes.mean().reshape(grid.shape) - LEVEL, _BACK)
+    votes.look_around(lambda starts, ways: look(starts + origin, ways))
+    mesh = surface(grid, votes.mean().reshape(grid.shape) - LEVEL, _BACK)
+    return mesh_io.Mesh(mesh.vertices + origin, mesh.faces)
 
 
 def surface(grid: Grid, values: Float[np.ndarray, "x y z"], back: float = 0.0) -> mesh_io.Mesh:

@@ -36,6 +36,7 @@ _READERS = {
 _Read = TypeVar("_Read")
 _PLY_TYPES = {"<f4": "float", "<f8": "double", "u1": "uchar"}
 _FLAT = 1e-14  # of the longest side squared
+_HALF_STEP, _MOVED = 2.0**-24, 1e-6  # of float32 numbers; share of the diagonal
 _NOT_BLANK = re.compile(rb"[^\0 \t\r\n]")
 
 
@@ -214,8 +215,8 @@ def ply_bytes(mesh: Mesh, double: bool = False) -> bytes:
 
 
 def points_ply(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"] | None = None) -> bytes:
-    """A binary PLY of float32 vertices, with normals (`nx`, `ny`, `nz`) if there are."""
-    return _ply({"x y z": ("<f4", points), "nx ny nz": ("<f4", normals)}, len(points))
+    """A binary PLY of float64 vertices, with float32 normals (`nx`, `ny`, `nz`) if there are."""
+    return _ply({"x y z": ("<f8", points), "nx ny nz": ("<f4", normals)}, len(points))
 
 
 def _ply(columns: Mapping[str, tuple[str, np.ndarray | None]], count: int, after: str = "") -> bytes:
@@ -229,9 +230,22 @@ def _ply(columns: Mapping[str, tuple[str, np.ndarray | None]], count: int, after
     return f"{header}{after}end_header\n".encode() + table.tobytes()
 
 
+def told_origin(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
+    """What a file of float32 coordinates has them less, and tells: the middle of their box where float32 would move
+    them by a millionth of its diagonal, else 0.
+    """
+    if not len(points) or np.abs(points).max() * _HALF_STEP <= _MOVED * np.linalg.norm(np.ptp(points, axis=0)):
+        return np.zeros(3)
+    return np.array([float(f"{each:.9g}") for each in points.min(axis=0) / 2 + points.max(axis=0) / 2])
+
+
 def glb_bytes(mesh: Mesh) -> bytes:
-    """Binary glTF 2.0, float32: positions, the mesh's normals and colours (linear), a rough material without metal."""
-    columns = {"POSITION": mesh.vertices.astype("<f4")}
+    """Binary glTF 2.0, float32: positions, the mesh's normals and colours (linear), a rough material without metal.
+
+    Far from 0 the node moves them to where they are.
+    """
+    origin = told_origin(mesh.vertices)
+    columns = {"POSITION": (mesh.vertices - origin).astype("<f4")}
     if mesh.normals is not None:
         unit = np.where(mesh.normals.any(axis=1, keepdims=True), mesh.normals, [0.0, 0.0, 1.0])  # none may be 0
         columns["NORMAL"] = unit.astype("<f4")
@@ -254,7 +268,7 @@ def glb_bytes(mesh: Mesh) -> bytes:
         "asset": {"version": "2.0", "generator": "ddf"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
+        "nodes": [{"mesh": 0, **({"translation": origin.tolist()} if origin.any() else {})}],
         "meshes": [{"primitives": [drawn]}],
         "materials": [rough],
         "buffers": [{"byteLength": sum(part.nbytes for part in parts)}],
@@ -268,7 +282,7 @@ def glb_bytes(mesh: Mesh) -> bytes:
 
 
 def export_bytes(mesh: Mesh, suffix: str) -> bytes:
-    """The mesh as a file of this suffix: PLY in float64, GLB in float32, the other formats as trimesh writes them.
+    """The mesh as a file of this suffix: PLY in float64, GLB and STL in float32 (see `told_origin`), text in full.
 
     Raises:
       InputError: a suffix that is not written.
@@ -281,12 +295,14 @@ def export_bytes(mesh: Mesh, suffix: str) -> bytes:
         return glb_bytes(mesh)
     import trimesh
 
-    plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    origin = told_origin(mesh.vertices) if suffix == ".stl" else np.zeros(3)
+    plain = trimesh.Trimesh(mesh.vertices - origin, mesh.faces, process=False)
     exported = plain.export(
         file_type=suffix[1:],
         **({"digits": 17} if suffix in (".obj", ".off") else {}),  # pyright: ignore[reportArgumentType]
     )
-    return exported.encode() if isinstance(exported, str) else bytes(exported)
+    data = exported.encode() if isinstance(exported, str) else bytes(exported)
+    return stl.with_origin(data, origin) if origin.any() else data
 
 
 def read_points(path: Path | str) -> Float[np.ndarray, "n 3"]:

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ddf.core import checks
-from ddf.geometry.mesh_io import Mesh
+from ddf.geometry.mesh_io import Mesh, told_origin
 
 # positions (n, 3) -> distances (n), unit directions to the closest point (n, 3)
 Distances = Callable[[Float[np.ndarray, "n 3"]], tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]]
@@ -119,9 +119,10 @@ def poisson(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"],
     """
     import open3d as o3d
 
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    origin = told_origin(points)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points - origin))
     cloud.normals = o3d.utility.Vector3dVector(normals)
     mesh, density = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
     density = np.asarray(density)
     mesh.remove_vertices_by_mask(density < np.quantile(density, _LEAST_DENSITY))
-    return Mesh(np.asarray(mesh.vertices), np.asarray(mesh.triangles))
+    return Mesh(np.asarray(mesh.vertices) + origin, np.asarray(mesh.triangles))

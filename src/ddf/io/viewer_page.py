@@ -57,7 +57,7 @@ def field(path: Path) -> "Shape":
     """
     if path.suffix == ".onnx":
         raise checks.InputError(f"{path}: a page takes a field's weights; give the folder that `ddf fit` wrote")
-    file = path if path.name == field_file.MODEL else path / field_file.MODEL
+    file = field_file.file_of(path)
     if not file.is_file() or storage.load_metadata(file).get("kind") != field_file.PATCHES:
         return field_file.read(path)
     from ddf.fields.grid import patch_field

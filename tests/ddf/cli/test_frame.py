@@ -190,6 +190,29 @@ def test_an_interrupted_command_with_a_file_says_that_it_is_not_written(tmp_path
     assert capsys.readouterr().err == f"ddf mesh: interrupted: {kept}\n"
 
 
+@pytest.mark.parametrize("closed", [(), (1,), (0, 1, 2)])
+@pytest.mark.parametrize("words", [["models"], ["models", "--json"]])
+def test_closed_streams_are_no_fault(closed, words):
+    def close():
+        for number in closed:
+            os.close(number)
+
+    program = [sys.executable, "-c", "import sys, ddf.cli; sys.exit(ddf.cli.main())", *words]
+    done = subprocess.run(program, capture_output=True, preexec_fn=close, timeout=60)
+    assert (done.returncode, done.stderr, bool(done.stdout)) == (0, b"", not closed)
+
+
+def test_a_link_to_a_folder_that_is_not_there_is_told(tmp_path, refusal):
+    link, missing = tmp_path / "link", tmp_path / "no" / "there"
+    link.symlink_to(missing)
+    assert refusal("models", "get", "rabbit", link).endswith(
+        f"a link to {missing}, which is not there; make that folder\n"
+    )
+    export = ("export", "rabbit", (tmp_path / "x.onnx"))
+    export[-1].symlink_to(missing)
+    assert f"there is no folder {tmp_path / 'no'}; make it" in refusal(*export)
+
+
 @pytest.mark.parametrize("link", [None, "symlink_to", "hardlink_to"])
 def test_no_output_replaces_an_input_under_any_name(tmp_path, refusal, link):
     mesh, out = tmp_path / "a.obj", tmp_path / ("b.obj" if link else "a.obj")

@@ -109,7 +109,7 @@ def test_what_cannot_be_cut_out_is_said(tmp_path):
     Image.new("RGBA", (7200, 7200)).save(tmp_path / "large.png")
     cases: tuple[tuple[str, dict[str, Any], str], ...] = (
         ("plain.png", {}, "no object stands out from the background .0.0% of"),
-        ("clear.png", {}, "transparent everywhere"),
+        ("clear.png", {}, "least transparent pixel is 0 of 255; the object's are 128 or more"),
         ("large.png", {}, r"large\.png: 7200 x 7200 pixels; at most 50000000"),
         ("plain.png", {"background": "gren"}, "background must be auto, white, border"),
         ("plain.png", {"mask": tmp_path / "wide.png"}, "wide.png: 90 x 40 pixels, not of the picture"),
@@ -117,3 +117,44 @@ def test_what_cannot_be_cut_out_is_said(tmp_path):
     for name, how, message in cases:
         with pytest.raises(checks.InputError, match=message):
             cutouts.read(tmp_path / name, **how)
+
+
+def _palette(steps, *colours):
+    found = Image.fromarray(steps.astype(np.uint8)).convert("P")
+    found.putdata(steps.ravel().tolist())
+    found.putpalette(np.array(colours, np.uint8).ravel().tolist())
+    return found
+
+
+SHAPE = np.zeros((90, 120), int)
+SHAPE[20:70, 30:90] = 1
+RIM = np.where(SHAPE == 1, 1, 0)
+RIM[20:70, 30] = 2
+MASKS = {
+    "0 and 1": Image.fromarray(SHAPE.astype(np.uint8)),
+    "0 and 127": Image.fromarray((127 * SHAPE).astype(np.uint8)),
+    "16 bits, 0 and 1": Image.fromarray(SHAPE.astype(np.uint16)),
+    "16 bits, 0 and 65535": Image.fromarray((65535 * SHAPE).astype(np.uint16)),
+    "16 bits, soft": Image.fromarray((60000 * SHAPE + np.arange(120)).astype(np.uint16)),
+    "16 bits, bytes": Image.fromarray((200 * SHAPE + np.arange(120) // 4).astype(np.uint16)),
+    "1 bit": Image.fromarray(SHAPE == 1),
+    "dark red with a light rim": _palette(RIM, (0, 0, 0), (64, 0, 0), (224, 224, 192)),
+    "grey palette in another order": _palette(1 - SHAPE, (255, 255, 255), (0, 0, 0)),
+    "alpha of 0 and 127": Image.fromarray(np.stack([*[0 * SHAPE] * 3, 127 * SHAPE], -1).astype(np.uint8)),
+    "soft": Image.fromarray((200 * SHAPE + np.arange(120) // 4).astype(np.uint8)),
+}
+
+
+@pytest.mark.parametrize("kind", MASKS)
+def test_masks_of_every_kind_are_one_mask(kind, tmp_path):
+    Image.new("RGB", (120, 90), "olive").save(tmp_path / "a.png")
+    MASKS[kind].save(tmp_path / "mask.png")
+    found = cutouts.read(tmp_path / "a.png", mask=tmp_path / "mask.png")[..., 3]
+    np.testing.assert_array_equal(found >= 128, SHAPE == 1)
+
+
+def test_masks_of_several_dark_values_are_told(tmp_path):
+    Image.new("RGB", (120, 90), "olive").save(tmp_path / "a.png")
+    Image.fromarray(RIM.astype(np.uint8)).save(tmp_path / "mask.png")
+    with pytest.raises(checks.InputError, match=r"mask\.png: the lightest pixel of this mask is 2 of 255"):
+        cutouts.read(tmp_path / "a.png", mask=tmp_path / "mask.png")

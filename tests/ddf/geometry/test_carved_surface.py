@@ -33,6 +33,14 @@ def test_a_ball_is_closed_and_round():
     assert mesh_topology.volumes(mesh)[0] > 0  # outward
 
 
+def test_far_from_0_it_is_the_same():
+    place = np.array([500123.761, 4649776.48, -250.67])
+    near = carved_surface.extract(_ball, *BOX, 12)
+    far = carved_surface.extract(lambda starts, ways: _ball(starts - place, ways), BOX[0] + place, BOX[1] + place, 12)
+    np.testing.assert_array_equal(far.faces, near.faces)
+    np.testing.assert_allclose(far.vertices - place, near.vertices, rtol=0, atol=1e-5)
+
+
 def test_a_sheet_without_thickness_stays():
     mesh = carved_surface.extract(_sheet, *BOX, CELLS)
     assert mesh_topology.is_watertight(mesh)

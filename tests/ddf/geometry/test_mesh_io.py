@@ -6,6 +6,7 @@ import struct
 
 import numpy as np
 import pytest
+import trimesh
 from _shapes import cube, icosphere, moved
 from _support import assert_close
 
@@ -18,6 +19,23 @@ def test_obj_keeps_every_bit_of_far_coordinates(tmp_path):
     path = tmp_path / "far.obj"
     path.write_bytes(mesh_io.export_bytes(mesh, ".obj"))
     assert (mesh_io.load(path).vertices == mesh.vertices).all()
+
+
+@pytest.mark.parametrize("suffix", mesh_io.SUFFIXES)
+def test_far_meshes_come_back_to_a_millionth_from_every_format(suffix):
+    near, place = icosphere(1), np.array([500123.761, 4649776.48, -250.67])
+    far = moved(near, 0.4, tuple(place))
+    data = mesh_io.export_bytes(far, suffix)
+    assert_close(mesh_io.parse(data, suffix).triangles, far.triangles, rtol=0, atol=4e-7)
+    other = trimesh.load_scene(trimesh.util.wrap_as_stream(data), file_type=suffix[1:], process=False).to_mesh()
+    shift = mesh_io.told_origin(far.vertices) if suffix == ".stl" else 0.0  # that its header tells, and no other reader
+    assert_close(other.triangles + shift, far.triangles, rtol=0, atol=1e-6)
+    assert b"less" not in mesh_io.export_bytes(near, suffix)[:80] and not mesh_io.told_origin(near.vertices).any()
+
+
+@pytest.mark.parametrize("points", [np.zeros((0, 3)), np.zeros((2, 3)), np.full((2, 3), 1e300)])
+def test_clouds_of_no_extent_have_an_origin_too(points):
+    assert_close(mesh_io.told_origin(points), points.sum(axis=0) / max(1, len(points)), rtol=1e-8, atol=0)
 
 
 def _glb(tree: dict) -> bytes:

@@ -46,8 +46,8 @@ def test_reads_what_open3d_writes_and_writes_what_open3d_reads(tmp_path, ascii_f
     np.testing.assert_allclose(mesh_io.read_points(path), _POINTS, atol=1e-5)
     (tmp_path / "b.ply").write_bytes(mesh_io.points_ply(_POINTS))
     read = np.asarray(o3d.io.read_point_cloud(str(tmp_path / "b.ply")).points)
-    np.testing.assert_array_equal(read, _POINTS.astype(np.float32))
-    np.testing.assert_array_equal(mesh_io.read_points(tmp_path / "b.ply"), _POINTS.astype(np.float32))
+    np.testing.assert_array_equal(read, _POINTS)
+    np.testing.assert_array_equal(mesh_io.read_points(tmp_path / "b.ply"), _POINTS)
 
 
 @pytest.mark.parametrize(

@@ -85,3 +85,11 @@ def test_nothing_to_extract_is_told():
         unsigned_surface.extract(_sphere(centre=(9.0, 0.0, 0.0)), -SIDE, SIDE, 16)
     with pytest.raises(checks.InputError, match="resolution must be >= 2; got 1"):
         unsigned_surface.extract(_sphere(), -SIDE, SIDE, 1)
+
+
+def test_poisson_far_from_0_gives_the_same():
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    points, place = np.array(ball.vertices), np.array([500123.761, 4649776.48, -250.67])
+    near, far = (unsigned_surface.poisson(points + shift, points, 4) for shift in (0.0, place))
+    np.testing.assert_array_equal(far.faces, near.faces)
+    np.testing.assert_allclose(far.vertices - place, near.vertices, rtol=0, atol=1e-4)

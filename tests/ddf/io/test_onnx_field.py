@@ -1,5 +1,9 @@
 """ONNX files that are no fields: each is refused in one line, before it takes memory or time."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import onnx
 import pytest
@@ -67,3 +71,10 @@ def test_weights_outside_the_file_are_not_followed(tmp_path, monkeypatch):
     onnx.save(model, "field.onnx", save_as_external_data=True, location="weights.bin", size_threshold=0)
     with pytest.raises(checks.InputError, match=r"field\.onnx: not an ONNX file that onnxruntime reads"):
         onnx_field.load(tmp_path / "field.onnx")
+
+
+def test_nothing_is_written_outside_the_output(tmp_path):
+    program = "import ddf; ddf.load('rabbit').query([[0.0, 0.45, 5.0]], [[0.0, 0.0, -1.0]])"
+    alone = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ORT_"))}
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60, env={**alone, "HOME": str(tmp_path)})
+    assert not list(tmp_path.rglob("*"))

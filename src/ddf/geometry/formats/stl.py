@@ -21,6 +21,7 @@ _BETWEEN = re.compile(
 _CORNER = (b"vertex", b"", b"", b"")
 _WORDS = (b"facet", b"normal", b"", b"", b"", b"outer", b"loop", *(3 * _CORNER), b"endloop", b"endfacet")
 _NUMBERS = [i for i, word in enumerate(_WORDS) if not word][3:]  # places of the vertices' coordinates in a facet
+_ORIGIN = re.compile(rb"ddf, coordinates less" + 3 * rb" (-?\d{1,9}(?:\.\d+)?(?:e[-+]\d+)?)")
 _TEXT = re.compile(rb"\s*solid\b[^\0]*?(?:facet|endsolid)(?![^\0]{0,4096}\0)", re.I)  # however long the name
 
 
@@ -45,7 +46,14 @@ def parse(data: bytes) -> raw.Raw:
 def _binary(data: bytes, count: int) -> raw.Raw:
     row = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     corners = np.frombuffer(data, row, count, _HEADER)["corners"]
-    return _soup(raw.widened(corners.reshape(-1, 3)))
+    origin = [float(word) for word in found.groups()] if (found := _ORIGIN.match(data)) else 0.0
+    return _soup(raw.widened(corners.reshape(-1, 3)) + origin)
+
+
+def with_origin(data: bytes, origin: np.ndarray) -> bytes:
+    """A binary file whose header tells what its coordinates are less, for `parse`."""
+    told = "ddf, coordinates less {:.9g} {:.9g} {:.9g}".format(*origin).encode()
+    return told.ljust(_HEADER - 4) + data[_HEADER - 4 :]
 
 
 def _soup(vertices: np.ndarray) -> raw.Raw:

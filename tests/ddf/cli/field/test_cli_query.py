@@ -32,8 +32,10 @@ def test_query_answers_in_the_frame_of_the_mesh(fitted, tmp_path, answer):
 def _table(path):
     """The names and columns of a PLY."""
     header, _, body = path.read_bytes().partition(b"end_header\n")
-    names = re.findall(r"property float (\w+)", header.decode())
-    return names, np.frombuffer(body, "<f4").reshape(-1, len(names)).astype(np.float64)
+    found = re.findall(r"property (float|double) (\w+)", header.decode())
+    rows = np.frombuffer(body, [(name, {"float": "<f4", "double": "<f8"}[kind]) for kind, name in found])
+    names = [name for _, name in found]
+    return names, np.stack([rows[name] for name in names], axis=1)
 
 
 def test_points_are_in_the_frame_of_the_mesh_and_may_come_without_normals(fitted, tmp_path, answer, shown):

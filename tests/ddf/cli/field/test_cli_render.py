@@ -38,7 +38,7 @@ def test_the_file_s_name_says_what_it_holds_and_all_hold_the_same(tmp_path, rend
     result = rendered(tmp_path / "all.npz", "--output", ",".join(names))
     with np.load(tmp_path / "all.npz") as file:
         arrays = {name: file[name] for name in file.files}
-    assert tuple(arrays) == names and {array.dtype for array in arrays.values()} == {np.dtype(np.float32)}
+    assert tuple(arrays) == names and {array.dtype for array in arrays.values()} == {np.dtype(np.float64)}
     seen = np.isfinite(arrays["depth"])
     assert 0 < seen.sum() == result["seen"] < 32 * 32
     assert result["range"]["depth"] == {
@@ -50,7 +50,7 @@ def test_the_file_s_name_says_what_it_holds_and_all_hold_the_same(tmp_path, rend
     with OpenEXR.File(str(tmp_path / "all.exr"), separate_channels=True) as file:
         channels = {name: channel.pixels for name, channel in file.channels().items()}
     assert channels.keys() == {"visibility", "depth", "normals.X", "normals.Y", "normals.Z"}
-    assert np.array_equal(channels["depth"], arrays["depth"])
+    assert np.array_equal(channels["depth"], arrays["depth"].astype(np.float32))
     assert np.array_equal(channels["normals.Y"], arrays["normals"][..., 1])
     step = rendered(tmp_path / "depth16.png", "--bits", 16)["depth_step"]
     with Image.open(tmp_path / "depth16.png") as picture:
