@@ -97,7 +97,7 @@ def of_rays(
 def of_depth(
     depth: Num[np.ndarray, "*_"],
     intrinsics: npt.ArrayLike,
-    camera_to_scan: npt.ArrayLike | None = None,
+    camera_to_scan: Any = None,
     width: Any = None,
     height: Any = None,
     *,

@@ -22,7 +22,7 @@ from ddf.data import cutouts
 from ddf.fields import field_file, pddf, shape_field
 from ddf.fields.grid import octree, patch_field
 from ddf.fit import fitting
-from ddf.geometry import mesh_io, transforms
+from ddf.geometry import mesh_io, scans, transforms
 from ddf.io import onnx_field, onnx_file, onnx_graphs, patch_graph
 
 _BALL = trimesh.creation.icosphere(subdivisions=1)
@@ -207,6 +207,40 @@ def read_picture(data, _, path):
     cutouts.read(path / "picture")
 
 
+def _scans():
+    """NPZ files of the three kinds, and a PNG."""
+    eye, found = np.eye(3), []
+    lens, image = np.array([[4, 0, 3], [0, 4, 3], [0, 0, 1.0]]), np.full((6, 6), 2, np.uint16)
+    for arrays in (
+        {"positions": eye, "directions": eye, "ranges": np.array([1.0, 2, np.inf])},
+        {"depth": image, "intrinsics": lens, "camera_to_scan": np.eye(4)},
+        {"points": eye, "sensors": np.full(3, 2.0)},
+    ):
+        stream = io.BytesIO()
+        np.savez(stream, allow_pickle=False, **arrays)
+        found.append((".npz", stream.getvalue()))
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, format="PNG")
+    return [*found, (".png", stream.getvalue())]
+
+
+def read_scan(data, suffix, path):
+    """A scan; beside a PNG stands its JSON."""
+    (path / f"scan{suffix}").write_bytes(data)
+    (path / "scan.json").write_text('{"intrinsics": [[4, 0, 3], [0, 4, 3], [0, 0, 1]]}')
+    scans.read(path / f"scan{suffix}")
+
+
+def read_lens(data, _, path):
+    """What is told beside a depth image."""
+    (path / "view.png").write_bytes(_scans()[-1][1])
+    (path / "view.json").write_bytes(data)
+    scans.read(path / "view.png")
+
+
+_LENS = {"intrinsics": [[4, 0, 3], [0, 4, 3], [0, 0, 1]], "camera_to_scan": np.eye(4).tolist(), "depth_scale": 0.01}
+
+
 def _zipped(model):
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
@@ -230,6 +264,8 @@ KINDS = {
     "records": (100, lambda: [(".record", json.dumps(_RECORD).encode())], read_record),
     "patches": (100, lambda: [(".record", json.dumps(_HEAD | _PATCHES[1]).encode())], read_patches),
     "graphs": (100, _graphs, read_graph),
+    "scans": (200, _scans, read_scan),
+    "lenses": (200, lambda: [(".record", json.dumps(_LENS | {"width": 6, "height": 6}).encode())], read_lens),
     "scenes": (100, lambda: [(".yaml", _SCENE)], read_scene),
 }
 

@@ -6,7 +6,10 @@ import yaml
 from _tiny_fits import SECTION
 
 from ddf.core import storage
+from ddf.data import cutouts
 from ddf.fields import shape_field
+from ddf.fit import completion
+from ddf.geometry import mesh_io, scans
 
 pytestmark = pytest.mark.real
 
@@ -64,3 +67,62 @@ def test_a_picture_turned_by_exif_is_reconstructed_alike(cases, tmp_path, answer
 def test_a_synset_given_twice_is_refused(cases, tmp_path, refusal):
     line = refusal("split", cases / "ids_repeated_key.json", "--out", tmp_path / "lists")
     assert "'03001627' is given twice" in line
+
+
+SCANS = {  # of round4, what is refused and how, or how many hits are read and what of the file is told
+    "d_k4.npz": "are of another image than 64 x 64",
+    "d_k7.npz": "intrinsics must be",
+    "l_c2s.npz": "unknown key 'camera_to_scan'",
+    "p_kt.png": "these stand transposed",
+    "p_scale1000.png": "perhaps its inverse, 0.001, is meant",
+    "p_scalebig.png": "depth_scale must be finite",
+    "p_tw.png": "'intrinsics' is given twice",
+    "p_ty.png": "unknown key 'camera_to_world'",
+    "s.pcd": ".pcd is not read as a scan; make an NPZ of points and sensors",
+    "d_inf.npz": (816, ""),
+    "d_mi.npz": (816, "3,280 are -1"),
+    "d16.png": (498, "3,598 are 0"),
+    "l_hwok.npz": (816, ""),
+    "l_nan.npz": (816, "1 are nan"),
+    "l_utm.npz": (816, ""),
+    "p_65535.png": (816, "3,280 are 65535"),
+}
+
+
+@pytest.mark.parametrize("name", SCANS)
+def test_scans_are_read_rightly_or_refused_in_one_line(name, cases, tmp_path, refusal):
+    path, wanted = cases / "round4" / name, SCANS[name]
+    if isinstance(wanted, str):
+        assert wanted in refusal("complete", path, "chair", tmp_path / "out")
+        return
+    scan, (count, told) = scans.read(path), wanted
+    assert scan.hit.sum() == count and told in "".join(scan.remarks) and bool(told) == bool(scan.remarks)
+    least, most = (1.750, 2.328) if name == "d16.png" else (0.974, 1.279)
+    assert (scan.ranges.min(), scan.ranges[scan.hit].max()) == pytest.approx((least, most), abs=1e-3)
+
+
+@pytest.mark.parametrize(("name", "told"), [("q3.json", "transpose it"), ("q7.json", "must be finite")])
+def test_poses_are_refused_by_name_before_a_model_is_read(name, told, cases, tmp_path, refusal):
+    pose, none = cases / "round4" / name, tmp_path / "model"
+    none.mkdir()
+    line = refusal("complete", cases / "round4" / "d_inf.npz", none, tmp_path / "out", "--pose", pose)
+    assert f"{pose}: the pose must be" in line and told in line
+
+
+def test_a_far_scan_is_completed_to_all_its_digits(cases, tmp_path, answer, monkeypatch):
+    quick = completion.CompletionConfig(rays=100, draws=8, starts=1, kept=1, axes=8, steps=4, samples=4)
+    monkeypatch.setattr(completion, "CompletionConfig", lambda: quick)
+    answer("complete", cases / "round4" / "l_utm.npz", "chair", tmp_path / "out", "-n", 60)
+    found = [mesh_io.read_points(tmp_path / "out" / f"{name}.ply") for name in ("seen", "inferred")]
+    with np.load(tmp_path / "out" / "cloud.npz") as file:
+        points, seen = file["points"], file["seen"]
+    np.testing.assert_array_equal(np.concatenate(found), np.concatenate((points[seen], points[~seen])))
+    assert len(np.unique(points[:, 1])) == 60 and np.ptp(points[:, 1]) < 2
+
+
+def test_a_mask_of_0_and_1_and_a_field_of_any_file_name_are_read(cases, tmp_path, answer, refusal):
+    round4 = cases / "round4"
+    assert 0.05 < (cutouts.read(round4 / "i_w2.png", mask=round4 / "mk01.png")[..., 3] > 0).mean() < 0.95
+    words = ("--rays", round4 / "r.npz", "--out", tmp_path / "a.npz")
+    assert answer("query", round4 / "renamed.safetensors", *words)["rays"] == 2
+    assert "model.pt is damaged or not one of our files" in refusal("query", round4 / "model.pt", *words)
