@@ -2,7 +2,7 @@
 
 Text is drawn as outlines, so a chart looks the same everywhere, and nothing in the file depends on the day it was made.
 Panels stand two in a line, so that a chart can be read on a phone, 400 pixels wide.
-One colour per method in every chart: blue for DDF, orange for PC-SIREN, greys for baselines.
+One colour per method in every chart: blue for DDF, orange for PC-SIREN, green for DDF+image.
 """
 
 import io
@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 from matplotlib import figure, patches, ticker
 
-METHOD_COLOURS = {"ddf": "#1F5FA8", "ddf_nh1": "#7FA7D6", "pc_siren": "#D5702A", "ddf_image": "#2E7D4F"}
-BASELINE_COLOUR, CEILING_COLOUR = "#A9AFBA", "#5E6673"
+METHOD_COLOURS = {"ddf": "#1F5FA8", "pc_siren": "#D5702A", "ddf_image": "#2E7D4F"}
+_EXACT, _EQUAL = "#A9AFBA", "#5E6673"  # of exact values, and of the line of equals
 _MAX_POINTS = 400  # of a curve: more cannot be told apart, and the file stays small
 _PANELS_IN_LINE = 2
 _WIDTH = 5.6  # of every chart, inches
@@ -45,27 +45,6 @@ _styled = matplotlib.rc_context(_STYLE)
 
 
 @_styled
-def score_bars(scores: Mapping[str, Sequence[tuple[str, str, float]]], label: str) -> str:
-    """One panel per category, one bar per method, the value at its end; `label` is that of the value axis.
-
-    Args:
-      scores: category to (method, name to print, value), from top to bottom.
-    """
-    longest = max(len(rows) for rows in scores.values())
-    chart, panels = _panels(len(scores), 0.25 * longest + 0.75)
-    for panel, (category, rows) in zip(panels, scores.items(), strict=True):
-        names, values = [name for _, name, _ in rows], [value for _, _, value in rows]
-        places = np.arange(len(rows))[::-1]
-        bars = panel.barh(places, values, height=0.66, color=[_bar_colour(method) for method, _, _ in rows])
-        panel.bar_label(bars, fmt="%.1f", padding=3, fontsize=8.5)
-        panel.set_yticks(places, names)
-        panel.tick_params(axis="y", length=0)
-        panel.grid(axis="y", visible=False)
-        panel.set(title=category, xlim=(0, 120), xlabel=label)
-    return _svg(chart)
-
-
-@_styled
 def score_dots(scores: Mapping[str, pd.DataFrame], across: str, up: str) -> str:
     """One panel per category: a method's score over that in column `nearest`, a dot per row, and the line of equals.
 
@@ -75,15 +54,11 @@ def score_dots(scores: Mapping[str, pd.DataFrame], across: str, up: str) -> str:
     """
     chart, panels = _panels(len(scores), 2.6)
     for panel, (category, table) in zip(panels, scores.items(), strict=True):
-        panel.plot([0, 100], [0, 100], lw=0.9, color=CEILING_COLOUR)
+        panel.plot([0, 100], [0, 100], lw=0.9, color=_EQUAL)
         for method in table.columns.drop("nearest"):
             panel.plot(table["nearest"], table[method], "o", ms=4, alpha=0.8, color=METHOD_COLOURS[method], mew=0)
         panel.set(title=category, xlim=(0, 102), ylim=(0, 102), aspect="equal", xlabel=across, ylabel=up)
     return _svg(chart)
-
-
-def _bar_colour(method: str) -> str:
-    return METHOD_COLOURS.get(method, CEILING_COLOUR if method.startswith("ceiling") else BASELINE_COLOUR)
 
 
 @_styled
@@ -151,7 +126,7 @@ def jumps(panels: Mapping[str, tuple[Mapping[str, Any], Sequence[Sequence[float]
             sketch.plot([x], [y], ".", color="#20242C")
         sketch.set_aspect("equal")
         sketch.set_axis_off()
-        depths.plot(line["place"], line["true_depth"], lw=3.0, color=BASELINE_COLOUR, label="exact d")
+        depths.plot(line["place"], line["true_depth"], lw=3.0, color=_EXACT, label="exact d")
         depths.plot(line["place"], line["depth"], lw=1.1, color=METHOD_COLOURS["ddf"], label="field's d")
         weights.plot(line["place"], line["weight_1"], lw=1.1, color=METHOD_COLOURS["pc_siren"], label="w₁")
         weights.set_ylim(-0.05, 1.05)

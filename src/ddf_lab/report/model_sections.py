@@ -1,6 +1,5 @@
 """Sections of the models' scores: the columns of the paper, a verdict, baselines, shapes far from training."""
 
-import math
 from collections.abc import Mapping, Sequence
 
 import pandas as pd
@@ -180,13 +179,7 @@ def one_cycle_section(results: Results) -> Section:
 
 
 def baselines_section(results: Results) -> Section:
-    """Bars, and the table of all rows: what the numbers of the models mean."""
-    bars = Figure(
-        "baselines.svg",
-        "F-scores at the true camera, L points. Green: DDF+image. Blue: DDF. Orange: PC-SIREN. Grey: no model.",
-        "bars of the F-scores of ceiling, oracle retrieval, DDF, PC-SIREN, retrieval and mean shape, by category",
-        draw_baselines(results),
-    )
+    """The table of all rows: what the numbers of the models mean."""
     reading = (
         "Ceiling: a random subset of the truth against all of it.",
         "Oracle retrieval knows the truth: the training shape with the smallest D<sub>C</sub>.",
@@ -195,17 +188,7 @@ def baselines_section(results: Results) -> Section:
         "validation shapes.",
     )
     table = baselines_table(results)
-    return Section("Baselines and ceilings", [bars, *([table] if table else []), reading])
-
-
-def draw_baselines(results: Results) -> bytes:
-    """F-scores as bars; a method without a number has no bar."""
-    found = scores.Scores(results.table)
-    bars = {}
-    for category in results.groups:
-        values = ((method, found.value(category, (method, "Pi_g-L"), _F_SCORE)) for method in BASELINES)
-        bars[category] = [(method, scores.METHOD_LABELS[method], math.nan if v is None else v) for method, v in values]
-    return figures.score_bars(bars, "F(τ) × 100").encode()
+    return Section("Baselines and ceilings", [*([table] if table else []), reading])
 
 
 def baselines_table(results: Results) -> Table | None:

@@ -8,7 +8,7 @@ from _experiment_report import markdown_tables
 from ddf_lab.evaluation import paired, scoring
 from ddf_lab.report import experiment_page, pages
 
-_FILES = {"README.md", "si3dr.csv", "baselines.svg", "nearest.svg", "losses.svg"}
+_FILES = {"README.md", "si3dr.csv", "nearest.svg", "losses.svg"}
 
 
 def test_every_file_and_category_is_there_and_linked(reported):
@@ -52,9 +52,4 @@ def test_trained_rows_of_several_seeds_are_means_with_their_spread(seeded):
     assert ours[2][2] == f"{row['value']:.3f} ± {row['spread']:.3f}" and row["spread"] > 0
     assert all(("±" in cell) == line[1].endswith("L") for line in ours[2:] for cell in line[2:])
     same = {path.name for path in first.iterdir() if path.read_bytes() == (both / path.name).read_bytes()}
-    assert same == {path.name for path in first.iterdir()} - {
-        "README.md",
-        "si3dr.csv",
-        "baselines.svg",
-        "nearest.svg",
-    }
+    assert same == {path.name for path in first.iterdir()} - {"README.md", "si3dr.csv", "nearest.svg"}

@@ -12,7 +12,6 @@ _STEPS = np.arange(0, 1000, 10)
 _LOG = pd.DataFrame({"step": _STEPS, "loss": 3 * np.exp(-_STEPS / 300), "normals": -np.linspace(0.1, 0.9, 100)})
 _DOTS = pd.DataFrame({"nearest": [40.0, 60.0, 80.0], "ddf": [50.0, 60.0, 70.0], "pc_siren": [30.0, 20.0, 10.0]})
 _CHARTS = {
-    "bars": lambda: figures.score_bars({"chair": [("ddf", "DDF", 70.2), ("ceiling", "ceiling", 99.0)]}, "F"),
     "dots": lambda: figures.score_dots({"chair": _DOTS, "car": _DOTS}, "nearest", "model"),
     "losses": lambda: figures.loss_curves({"DDF": {"chair": _LOG}, "PC-SIREN": {"chair": _LOG[["step", "loss"]]}}),
 }
@@ -26,16 +25,6 @@ def test_charts_are_svg_with_equal_bytes_and_no_date(name):
     assert root.tag.endswith("svg") and float(root.attrib["width"].removesuffix("pt")) > 100
     assert "<dc:date>" not in first and "<text" not in first  # text is drawn as outlines
     assert len(first) < 200_000
-
-
-def test_bars_have_the_colours_of_their_methods_and_their_lengths(monkeypatch):
-    charts = []
-    monkeypatch.setattr(figures, "_svg", charts.append)
-    _CHARTS["bars"]()
-    (panel,) = charts[0].axes
-    assert [bar.get_width() for bar in panel.patches] == [70.2, 99.0]
-    colours = ["#" + bytes(round(255 * part) for part in bar.get_facecolor()[:3]).hex() for bar in panel.patches]
-    assert colours == [figures.METHOD_COLOURS["ddf"].lower(), figures.CEILING_COLOUR.lower()]
 
 
 def test_every_loss_term_is_drawn_and_a_total_below_zero_does_not_dive():
