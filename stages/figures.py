@@ -1,12 +1,29 @@
 """Stage `figures`: the paper's figures remade, with numbers against exact values, in artifacts/<experiment>/report."""
 
 from ddf_lab.engine import stage
-from ddf_lab.figures import figure_fields, figures_page
+from ddf_lab.figures import distance_figure, figure_fields, fit_figure, room_figure, slice_figures, sphere_figures
+from ddf_lab.report import pages
 from ddf_lab.run import Run
+
+SECTIONS = (  # in the order of the page
+    slice_figures.teaser_section,
+    slice_figures.slices_section,
+    sphere_figures.section,
+    fit_figure.section,
+    room_figure.section,
+    distance_figure.section,
+)
 
 
 @stage.main()
 def make(run: Run) -> None:
     """Fit what is missing and write the page."""
-    figures = run.section(figure_fields.FiguresConfig)
-    figures_page.write(figures, run.folder("figures") / "fields", run.page)
+    config, fields = run.section(figure_fields.FiguresConfig), run.folder("figures") / "fields"
+    lead = (
+        "Made by `make figures`. Shapes are our own; numbers are against exact values: closed forms, or rays cast and"
+        " distances measured on the mesh that was fitted.",
+        f"Fields: {config.steps:,} steps for two spheres and the room, {config.whole_steps:,} for the one field of the"
+        " furnished room; the others come with the package (`ddf models`).",
+    )
+    page = pages.Page("The figures of the paper", [lead], [section(config, fields) for section in SECTIONS])
+    pages.write(page, run.page)

@@ -22,7 +22,6 @@ from ddf_lab.run import Run
 
 CEILING, OURS, FLAT, MEAN, NOISE = "ceiling", "image GAN", "2D GAN", "mean image", "noise"
 _CHUNK = 100
-GRID = 5  # shapes and textures of the interpolation
 Pair = tuple[image_scores.CameraPicture, image_scores.CameraPicture]
 
 
@@ -187,23 +186,14 @@ def draw(
         each of the prior's samples.
     """
     latents, textures = _latents(model, section.samples, section.seed, "samples", "textures")
-    around = _around(model, section)
-    fields = generated_images.fields(model.decoder, latents)
-    samples = [generated_images.look(model, f, around[0], t[None]) for f, t in zip(fields, textures, strict=True)]
-    views = [generated_images.look(model, fields[0], camera, textures[:1]) for camera in around]
-    shapes = generated_images.fields(model.decoder, generated_images.between((latents[0], latents[1]), GRID))
-    between = generated_images.between((textures[0], textures[1]), GRID)
-    grid = [generated_images.look(model, field, around[0], between) for field in shapes]
+    fields, camera = generated_images.fields(model.decoder, latents), _around(model, section)[0]
+    samples = [generated_images.look(model, f, camera, t[None]) for f, t in zip(fields, textures, strict=True)]
     rows = [next(i for i, shape in enumerate(sampled.shapes) if sampled.ids[shape] == name) for name in nearest]
     real = np.arange(0, len(images.shapes), len(images.shapes) // section.samples)[: section.samples]
     found = {
         "samples_normals": torch.stack([seen.normals for seen in samples]),
         "samples_colours": torch.stack([seen.colours[0] for seen in samples]),
         "samples_nearest": _colours(sampled, rows),
-        "views_normals": torch.stack([seen.normals for seen in views]),
-        "views_colours": torch.stack([seen.colours[0] for seen in views]),
-        "grid_normals": torch.stack([seen.normals for seen in grid]),
-        "grid_colours": torch.cat([seen.colours for seen in grid]),
         "rival_colours": (generated_2d(rival, section.samples, section.seed) + 1) / 2,
         "real_colours": _colours(images, real),
     }

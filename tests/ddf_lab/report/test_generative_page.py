@@ -42,9 +42,8 @@ def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order, told_a
     run = Run(tmp_path / "tiny.yaml", {}, "car")
     evaluated = run.folder("evaluate_generative")
     storage.write_json(evaluated / "scores.json", _scores(in_order, told_apart))
-    names = "samples_normals samples_colours samples_nearest rival_colours real_colours views_normals views_colours"
-    images = {name: np.full((3, 3, 64, 64), 0.5, np.float32) for name in [*names.split(), "grid_normals"]}
-    images["grid_colours"] = np.full((6, 3, 64, 64), 0.5, np.float32)
+    names = "samples_normals samples_colours samples_nearest rival_colours real_colours"
+    images = {name: np.full((3, 3, 64, 64), 0.5, np.float32) for name in names.split()}
     storage.save_tensors(evaluated / "pictures.safetensors", images, {})
     log = "step,loss,seconds\n100,1.5,120.0\n"
     storage.write_text(run.folder("train_vae") / training_loop.LOG, log)
@@ -54,7 +53,5 @@ def test_the_page_says_what_was_measured(tmp_path, monkeypatch, in_order, told_a
     told = f"| samples of the prior | 0.250 | 50 | {100 * told_apart:.0f} |"
     rows = (told, "| learned shapes | 0.125 | 75 | 50 |", "| shape VAE | 100 | 2.0 | 1.500 |")
     assert all(row in text for row in rows)
-    shown = {name for name in ("samples", "views", "between") if f"]({name}.webp)" in text}
     works = told_apart == 0.75
-    assert shown == ({"samples", "views", "between"} if works else {"samples"})
     assert f"This model {'works' if works else 'fails'}: its samples are told apart" in text
