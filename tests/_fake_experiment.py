@@ -103,17 +103,13 @@ class FakeExperiment:
 
     def _write_meshes(self, category):
         ids = list(self.categories[category]["axes"])
-        table = pd.DataFrame({"id": ids, "faces": 9000, "watertight": True})
-        table["hausdorff_seen"] = 0.01 + 0.001 * np.arange(len(ids))
-        table["mean_distance_seen"] = 0.002
-        table["seconds"] = 0.3
         folder = self._folder("meshes", category)
-        storage.save_pack(
-            folder / "000.zip", {"measures.csv": table.to_csv(index=False).encode()}, {"fingerprint": "x"}
-        )
+        storage.save_tensors(folder / "000.meshes.safetensors", {}, {"ids": ids})
         failures = f"id,stage,reason\n{category}99,meshes,no triangles left\n"
         storage.write_text(folder / "failures.csv", failures)
-        storage.write_json(folder / "000.json", {"fingerprint": "x", "files": {"000.zip": ""}, "failures": []})
+        storage.write_json(
+            folder / "000.json", {"fingerprint": "x", "files": {"000.meshes.safetensors": ""}, "failures": []}
+        )
 
     def _write_samples(self, category):
         axes = self.categories[category]["axes"]

@@ -98,7 +98,7 @@ def of_run(run: Run, steps: int = Training.steps) -> LatentDistances:
     kept = folder / "points.safetensors"
     if not kept.is_file():
         meshes: dict[str, Mesh] = {}
-        for pack in storage.shard_files(run.folder("meshes"), ".zip", "meshes"):
+        for pack in storage.shard_files(run.folder("meshes"), mesh_shards.SUFFIX, "meshes"):
             meshes |= {name: mesh for name, mesh in mesh_shards.read_pack(pack).meshes.items() if name in wanted}
         every = [drawn(mesh, config.points, seeding.generator(0, run.category, name)) for name, mesh in meshes.items()]
         storage.save_tensors(kept, {"points": np.stack(every)}, {"ids": list(meshes)})

@@ -200,8 +200,8 @@ def test_a_variant_has_folders_of_its_own_and_the_checkout_stays_clean(workspace
     ("stage", "sign", "whole_group"),
     [
         ("dataset", "dataset/**/*.png", True),
-        ("meshes", "meshes/primitives/000.zip", True),
-        ("meshes", "meshes/primitives/000.zip", False),
+        ("meshes", "meshes/primitives/000.meshes.safetensors", True),
+        ("meshes", "meshes/primitives/000.meshes.safetensors", False),
         ("samples", "samples/primitives/000.samples.safetensors", True),
         ("train_ddf", "train_ddf/primitives/checkpoint.safetensors", True),
         ("train_ddf", "train_ddf/primitives/checkpoint.safetensors", False),
@@ -270,7 +270,7 @@ def test_two_calls_at_once_run_one_after_the_other(workspace):
 DAMAGED = [
     "dataset/index.json",
     "dataset/ShapeNetRendering/*/*/rendering/00.png",
-    "meshes/primitives/000.zip",
+    "meshes/primitives/000.meshes.safetensors",
     "samples/primitives/001.samples.safetensors",
     "samples/primitives/001.clouds.safetensors",
     "train_ddf/primitives/model.safetensors",

@@ -2,7 +2,6 @@
 
 - Arrays: safetensors. One metadata entry, `ddf`, holds JSON: the caller's metadata, format version, package versions
   and a SHA-256 over names, types, shapes, contents and that metadata.
-- Packs of small files: ZIP, stored, fixed timestamps; the archive comment is the SHA-256 of all bytes before it.
 - Tables: CSV, with the same record beside it in `<name>.json`.
 Equal input gives equal bytes. No pickle anywhere.
 """
@@ -17,7 +16,6 @@ import math
 import os
 import re
 import tempfile
-import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -35,8 +33,6 @@ RECORDS = "[0-9]*.json"  # pattern of the notes that tell which shards of a fold
 # Packages whose version can change the numbers in an artefact.
 RECORDED_PACKAGES = ("numba", "numpy", "open3d", "pymeshlab", "torch", "torchvision")
 _LARGEST_RECORD = 16 << 20  # characters
-_PACK_RECORD = "record.json"
-_DIGEST_LENGTH = 64  # hex digits of SHA-256
 
 
 _READ: dict[tuple[int, int], Path] = {}  # files that this process reads and must not replace, by device and number
@@ -232,33 +228,6 @@ def _parsed(text: str | bytes, path: str | Path) -> dict[str, Any]:
             f"{path}: its format version is {str(version)[:20]}; this version of ddf reads {FORMAT_VERSION}: update ddf"
         )
     return record
-
-
-def save_pack(path: str | Path, members: Mapping[str, bytes], metadata: Mapping[str, Any]) -> None:
-    """Many small files and their record as one ZIP file, in the order given."""
-    if _PACK_RECORD in members:
-        raise ValueError(f"members must not use the reserved name {_PACK_RECORD!r}")
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        for name, data in {_PACK_RECORD: _dump(_record(metadata)).encode(), **members}.items():
-            entry = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
-            entry.external_attr = 0o644 << 16
-            archive.writestr(entry, data)
-        archive.comment = b"0" * _DIGEST_LENGTH
-    body = buffer.getvalue()[:-_DIGEST_LENGTH]
-    write_bytes(path, body + hashlib.sha256(body).hexdigest().encode())
-
-
-def load_pack(path: str | Path) -> tuple[dict[str, bytes], dict[str, Any]]:
-    """Members and metadata of a file from `save_pack`, checksum verified. Raises as `load_tensors` does."""
-    path = _existing(path)
-    data = path.read_bytes()
-    body, digest = data[:-_DIGEST_LENGTH], data[-_DIGEST_LENGTH:]
-    if hashlib.sha256(body).hexdigest().encode() != digest:
-        raise _damaged(path, "its checksum does not fit")
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    return members, _parsed(members.pop(_PACK_RECORD), path)
 
 
 def save_table(path: str | Path, table: "pd.DataFrame", metadata: Mapping[str, Any]) -> None:

@@ -1,16 +1,16 @@
 """The map from raw meshes to training meshes, one shard at a time.
 
-`NNN.zip` (written through `storage`): `<id>.ply` (float32, field frame) per shape, `measures.csv` (see `MEASURES`) and
-`field_from_raw.json`, the similarity of each shape from the raw file's frame (v1 for ShapeNet).
+`NNN.meshes.safetensors` (written through `storage`), one shape after the other: `vertices` float32 (total, 3), field
+frame; `faces` int32 (total, 3), which count from the first vertex of their shape; `ends` int64 (shapes, 2), where the
+vertices and the faces of each end. Metadata: `ids`; `field_from_raw`, the similarity of each shape from the raw file's
+frame (v1 for ShapeNet); `measures` of each, see `MEASURES`.
 """
 
-import csv
-import io
-import json
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from ddf.data import mesh_config
 from ddf.geometry import mesh_io, transforms
 
 LOGGER = logging.getLogger(__name__)
+SUFFIX = ".meshes.safetensors"
 MEASURES = ("id", "faces", "watertight", "wrapped", "off_centre", "diagonal", *mesh_config.LOSSES)
 V1_TOLERANCE = 0.01  # of the diagonal: how far a box may be from v1's, which is centred at 0 with diagonal 1
 
@@ -42,7 +43,7 @@ class PreparedPack:
 
     meshes: dict[str, mesh_io.Mesh]
     field_from_raw: dict[str, transforms.Similarity]
-    measures: list[dict[str, str]]
+    measures: list[dict[str, Any]]
 
 
 def raw_shapes(index_path: Path, category: str) -> list[RawShape]:
@@ -78,10 +79,10 @@ def chosen(shapes: Sequence[RawShape], config: mesh_config.MeshesConfig, categor
 def prepare(
     config: mesh_config.MeshesConfig, category: str, shapes: Sequence[RawShape], shard: parallel.Shard
 ) -> parallel.ShardResult:
-    """Map over raw meshes: writes `NNN.zip`."""
+    """Map over raw meshes: writes `NNN.meshes.safetensors`."""
     from ddf.data import mesh_preparation, silhouette_check  # what reads packs alone needs none of their packages
 
-    members, rows, maps, failures = {}, [], {}, []
+    meshes, rows, maps, failures = [], [], {}, []
     for shape in shapes:
         try:
             rng = seeding.generator(config.seed, category, shape.id, "measure")
@@ -92,7 +93,7 @@ def prepare(
         except (checks.InputError, OSError) as error:
             failures.append(parallel.Failure(shape.id, "meshes", str(error)))
             continue
-        members[f"{shape.id}.ply"] = mesh_io.ply_bytes(prepared.mesh)
+        meshes.append(prepared.mesh)
         off_centre, diagonal = frame_of(raw)
         if max(off_centre, abs(diagonal - 1)) > V1_TOLERANCE:
             LOGGER.warning(
@@ -104,12 +105,16 @@ def prepare(
         values |= {"off_centre": round(off_centre, 6), "diagonal": round(diagonal, 6)}
         rows.append({name: values.get(name, getattr(prepared, name, None)) for name in MEASURES})
         maps[shape.id] = prepared.field_from_raw.to_dict()
-    members["measures.csv"] = _csv_bytes(rows)
-    members["field_from_raw.json"] = json.dumps(maps, indent=1).encode()
+    tensors = {
+        "vertices": np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in meshes)]).astype(np.float32),
+        "faces": np.concatenate([np.zeros((0, 3)), *(mesh.faces for mesh in meshes)]).astype(np.int32),
+        "ends": np.array([(len(mesh.vertices), len(mesh.faces)) for mesh in meshes], np.int64).reshape(-1, 2).cumsum(0),
+    }
     sources = {shape.path: shape.checksum for shape in shapes}
-    record = {"fingerprint": shard.fingerprint, "seed": config.seed, "sources": sources, "ids": list(maps)}
-    path = shard.file(".zip")
-    storage.save_pack(path, members, record)
+    record = {"fingerprint": shard.fingerprint, "seed": config.seed, "sources": sources}
+    told = {"ids": list(maps), "field_from_raw": maps, "measures": rows}
+    path = shard.file(SUFFIX)
+    storage.save_tensors(path, tensors, record | told)
     return parallel.ShardResult([path], failures)
 
 
@@ -119,20 +124,13 @@ def frame_of(mesh: mesh_io.Mesh) -> tuple[float, float]:
     return float(np.linalg.norm(lower + upper) / 2), float(np.linalg.norm(upper - lower))
 
 
-def _csv_bytes(rows: list[dict]) -> bytes:
-    buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, MEASURES, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return buffer.getvalue().encode()
-
-
 def read_pack(path: Path | str) -> PreparedPack:
     """The prepared meshes of one shard, checksum verified."""
-    members, _ = storage.load_pack(path)
-    maps = json.loads(members["field_from_raw.json"])
-    return PreparedPack(
-        meshes={name: mesh_io.parse(members[f"{name}.ply"], ".ply") for name in maps},
-        field_from_raw={name: transforms.Similarity.from_dict(values) for name, values in maps.items()},
-        measures=list(csv.DictReader(io.StringIO(members["measures.csv"].decode()))),
+    tensors, record = storage.load_tensors(path)
+    vertices, faces = (
+        np.split(tensors[name], ends) for name, ends in zip(("vertices", "faces"), tensors["ends"][:-1].T, strict=True)
     )
+    both = zip(record["ids"], vertices, faces, strict=False)  # of no shape they are one empty part
+    meshes = {name: mesh_io.Mesh(points.astype(np.float64), own.astype(np.int64)) for name, points, own in both}
+    maps = {name: transforms.Similarity.from_dict(values) for name, values in record["field_from_raw"].items()}
+    return PreparedPack(meshes, maps, record["measures"])

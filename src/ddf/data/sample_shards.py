@@ -36,15 +36,14 @@ def prepared_shapes(folder: Path, raw: Sequence[mesh_shards.RawShape]) -> list[P
     Raises:
       FileNotFoundError: no packs there: the stage before has not run.
     """
-    packs = sorted(folder.glob("*.zip"))
+    packs = sorted(folder.glob(f"*{mesh_shards.SUFFIX}"))
     if not packs:
         raise FileNotFoundError(f"{folder}: no prepared meshes; run stage meshes first")
     by_id = {shape.id: shape for shape in raw}
     shapes = []
     for pack in packs:
-        _, metadata = storage.load_pack(pack)
-        checksum = storage.checksum(pack)
-        shapes += [PreparedShape(name, pack.as_posix(), checksum, by_id[name]) for name in metadata["ids"]]
+        checksum, ids = storage.checksum(pack), storage.load_metadata(pack)["ids"]
+        shapes += [PreparedShape(name, pack.as_posix(), checksum, by_id[name]) for name in ids]
     return shapes
 
 

@@ -4,7 +4,6 @@ import errno
 import os
 import resource
 import signal
-import zipfile
 
 import numpy as np
 import pandas as pd
@@ -48,26 +47,10 @@ def test_tensors_come_back_bit_for_bit(tmp_path, framework):
 
 
 def test_equal_input_gives_equal_bytes(tmp_path):
-    members = {"b.ply": b"2", "a.ply": b"1"}
-    for i in range(2):
-        storage.save_tensors(tmp_path / f"{i}.safetensors", ARRAYS, {"b": 1, "a": 2})
-        storage.save_pack(tmp_path / f"{i}.zip", members, {"b": 1, "a": 2})
-    for suffix in ("safetensors", "zip"):
-        assert (tmp_path / f"0.{suffix}").read_bytes() == (tmp_path / f"1.{suffix}").read_bytes()
-
-
-def test_pack_comes_back_and_is_an_ordinary_zip(tmp_path):
-    path = tmp_path / "000.zip"
-    members = {"chair/a.ply": b"ply\n", "b.ply": bytes(range(256)), "empty": b""}
-    storage.save_pack(path, members, {"fingerprint": "x"})
-    found, metadata = storage.load_pack(path)
-    assert found == members
-    assert list(found) == list(members)
-    assert metadata["fingerprint"] == "x"
-    with zipfile.ZipFile(path) as archive:
-        assert archive.testzip() is None
-        assert archive.read("b.ply") == members["b.ply"]
-        assert {entry.compress_type for entry in archive.infolist()} == {zipfile.ZIP_STORED}
+    first, second = tmp_path / "0.safetensors", tmp_path / "1.safetensors"
+    storage.save_tensors(first, ARRAYS, {"b": 1, "a": 2})
+    storage.save_tensors(second, ARRAYS, {"b": 1, "a": 2})
+    assert first.read_bytes() == second.read_bytes()
 
 
 def test_table_comes_back_bit_for_bit(tmp_path):
@@ -80,13 +63,8 @@ def test_table_comes_back_bit_for_bit(tmp_path):
 
 def _small_files(folder):
     storage.save_tensors(folder / "a.safetensors", {"x": np.arange(3, dtype=np.int16)}, {"seed": 1})
-    storage.save_pack(folder / "a.zip", {"m": b"abc"}, {})
     storage.save_table(folder / "a.csv", pd.DataFrame({"x": [1, 2]}), {})
-    return {
-        folder / "a.safetensors": storage.load_tensors,
-        folder / "a.zip": storage.load_pack,
-        folder / "a.csv": storage.load_table,
-    }
+    return {folder / "a.safetensors": storage.load_tensors, folder / "a.csv": storage.load_table}
 
 
 def test_every_flipped_bit_position_is_noticed(tmp_path):
@@ -111,15 +89,14 @@ def test_every_truncation_is_noticed(tmp_path):
 
 def test_foreign_files_are_refused_in_one_line(tmp_path):
     for content in (b"", b"hello\nworld", b"\0" * 100, b"\xff" * 100):
-        for name, load in (("f.safetensors", storage.load_tensors), ("f.zip", storage.load_pack)):
-            (tmp_path / name).write_bytes(content)
-            with pytest.raises(checks.InputError, match=name) as caught:
-                load(tmp_path / name)
-            assert "\n" not in str(caught.value)
+        (tmp_path / "f.safetensors").write_bytes(content)
+        with pytest.raises(checks.InputError, match=r"f\.safetensors") as caught:
+            storage.load_tensors(tmp_path / "f.safetensors")
+        assert "\n" not in str(caught.value)
 
 
 def test_a_missing_file_is_named(tmp_path):
-    for load in (storage.load_tensors, storage.load_pack, storage.load_table, storage.checksum, storage.load_metadata):
+    for load in (storage.load_tensors, storage.load_table, storage.checksum, storage.load_metadata):
         with pytest.raises(FileNotFoundError, match=r"absent\.x does not exist; run the stage"):
             load(tmp_path / "absent.x")
 
@@ -217,11 +194,6 @@ def test_metadata_must_be_json(tmp_path):
     with pytest.raises(TypeError):
         storage.save_tensors(tmp_path / "a.safetensors", {}, {"object": object()})
     assert os.listdir(tmp_path) == []
-
-
-def test_pack_refuses_its_reserved_name(tmp_path):
-    with pytest.raises(ValueError, match="reserved"):
-        storage.save_pack(tmp_path / "a.zip", {"record.json": b""}, {})
 
 
 def test_checksum_of_a_folder_sees_names_and_contents(tmp_path):

@@ -19,8 +19,8 @@ class Scenes:
         Raises:
           InputError: a shape is in no pack, or a pack is damaged; it is named.
         """
-        self.paths = storage.shard_files(folder, ".zip", "meshes")
-        places = {name: path for path in self.paths for name in storage.load_pack(path)[1]["ids"]}
+        self.paths = storage.shard_files(folder, ".meshes.safetensors", "meshes")
+        places = {name: path for path in self.paths for name in storage.load_metadata(path)["ids"]}
         missing = [name for name in ids if name not in places]
         if missing:
             raise checks.InputError(f"{folder}: no prepared mesh of shape {missing[0]}; run the meshes stage again")

@@ -1,7 +1,5 @@
 """The training meshes that rays are cast on."""
 
-import json
-
 import _shapes
 import numpy as np
 import pytest
@@ -9,7 +7,7 @@ import torch
 
 from ddf.core import checks, storage
 from ddf.data.batches import category_data, training_scenes
-from ddf.geometry import mesh_io, transforms
+from ddf.geometry import transforms
 from ddf.models import reconstruction_settings
 from ddf.training import proposed_rays
 
@@ -18,14 +16,14 @@ from ddf.training import proposed_rays
 def packs(tmp_path):
     for number, name in enumerate(("a", "b", "c")):
         mesh = _shapes.icosphere(1, 0.2 * (number + 1))
-        maps = json.dumps({name: transforms.Similarity(1.0).to_dict()})
-        members = {
-            f"{name}.ply": mesh_io.ply_bytes(mesh),
-            "measures.csv": b"id\n",
-            "field_from_raw.json": maps.encode(),
+        tensors = {
+            "vertices": mesh.vertices.astype(np.float32),
+            "faces": mesh.faces.astype(np.int32),
+            "ends": np.array([[len(mesh.vertices), len(mesh.faces)]]),
         }
-        storage.save_pack(tmp_path / f"{number:03d}.zip", members, {"ids": [name]})
-        storage.write_json(tmp_path / f"{number:03d}.json", {"files": {f"{number:03d}.zip": ""}})
+        record = {"ids": [name], "field_from_raw": {name: transforms.Similarity(1.0).to_dict()}, "measures": [{}]}
+        storage.save_tensors(tmp_path / f"{number:03d}.meshes.safetensors", tensors, record)
+        storage.write_json(tmp_path / f"{number:03d}.json", {"files": {f"{number:03d}.meshes.safetensors": ""}})
     return tmp_path
 
 
@@ -43,5 +41,5 @@ def test_meshes_are_read_where_rays_are_proposed_alone(packs):
     shapes = category_data.ShapeSet(["c", "a"], [transforms.Similarity(1.0)] * 2, [torch.zeros(5, 3)] * 2)
     proposals = reconstruction_settings.ProposalConfig(4, 2)
     propose, files = proposed_rays.Proposer.read(packs, shapes, proposals)
-    assert propose is not None and (propose.config, files) == (proposals, sorted(packs.glob("*.zip")))
+    assert propose is not None and (propose.config, files) == (proposals, sorted(packs.glob("*.safetensors")))
     assert proposed_rays.Proposer.read(packs / "none", shapes, None) == (None, [])
