@@ -24,7 +24,7 @@ ROOMS = {  # what a room holds
     "ddf.cli": "the command ddf: a function a command",
     "ddf_lab.run": "what a stage is given: sections, folders, seed",
     "ddf_lab.evaluation": "the paper's columns, baselines, paired errors",
-    "ddf_lab.shipping": "models that come with the package",
+    "ddf_lab.model_cards": "models that come with the package",
     "ddf_lab.report": "pages and tables of an experiment",
     "ddf_lab.figures": "figures of the paper",
     "ddf_lab.engine": "graph of stages, what is done",

@@ -5,9 +5,9 @@ Fields are fitted here, in minutes; reconstructions are those of the experiment'
 
 from pathlib import Path
 
+from ddf_lab import model_cards
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
-from ddf_lab.shipping import model_cards
 
 OUT = Path("src/ddf/shipped")
 

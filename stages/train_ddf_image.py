@@ -7,7 +7,7 @@ from ddf.core import distributed, provenance
 from ddf.data.batches import category_data, resident
 from ddf.fields import model_files
 from ddf.models import line_field, out_of_distribution, reconstruction_models, reconstruction_settings
-from ddf.training import fine_tuning, line_steps, training_loop
+from ddf.training import line_steps, training_loop
 from ddf_lab.engine import stage
 from ddf_lab.run import Run
 
@@ -16,7 +16,7 @@ from ddf_lab.run import Run
 @distributed.shared
 def make(run: Run) -> None:
     """Read training images and samples of the category, train, write model and log."""
-    how = run.section(fine_tuning.ImageTrainConfig)
+    how = run.section(line_steps.ImageTrainConfig)
     train, section, start = how.started(run.reseeded(reconstruction_settings.TrainConfig), run.category)
     training_loop.prepare(train.loop, train.batch_size)
 
@@ -32,7 +32,7 @@ def make(run: Run) -> None:
     )
     model.to(model_files.device()).fit_cameras(images)
     if start is not None:
-        fine_tuning.start_from(model, start)
+        line_steps.start_from(model, start)
         sources = [*sources, start]
     facts = [train, section, run.category, digest]
     architecture = {"kind": line_field.KIND, "train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}

@@ -23,7 +23,7 @@ ROOMS = (
     "ddf.cli",
     "ddf_lab.run",
     "ddf_lab.evaluation",
-    "ddf_lab.shipping",
+    "ddf_lab.model_cards",
     "ddf_lab.report",
     "ddf_lab.figures",
     "ddf_lab.engine",

@@ -118,7 +118,7 @@ def _parameters(experiment: Any) -> dict[str, int]:
     from ddf.fields import pddf
     from ddf.fit import fit_settings
     from ddf.models import encoders, line_field, reconstruction_models, reconstruction_settings
-    from ddf.training import fine_tuning
+    from ddf.training import line_steps
 
     if experiment.kind == "generative":
         from ddf.models import generative_models
@@ -134,7 +134,7 @@ def _parameters(experiment: Any) -> dict[str, int]:
         models = {
             "ddf": reconstruction_models.DDFModel(train, field),
             "pc_siren": reconstruction_models.PCSirenModel(train),
-            "ddf_image": line_field.ImageDDFModel(train, experiment.section(fine_tuning.ImageTrainConfig)),
+            "ddf_image": line_field.ImageDDFModel(train, experiment.section(line_steps.ImageTrainConfig)),
             "single_shape": pddf.PDDF(pddf.PAPER_SINGLE_SHAPE),
             "ddf_encoder": encoders.ENCODERS[train.encoder](train.latent_features, train.encoder_width),
         }

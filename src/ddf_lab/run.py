@@ -18,7 +18,7 @@ SECTIONS = {
     "train": "ddf.models.reconstruction_settings:TrainConfig",
     "ddf": "ddf.models.reconstruction_settings:DDFConfig",
     "pcsiren": "ddf.models.reconstruction_settings:PCSirenConfig",
-    "ddf_image": "ddf.training.fine_tuning:ImageTrainConfig",
+    "ddf_image": "ddf.training.line_steps:ImageTrainConfig",
     "pointclouds": "ddf.models.reconstruction_settings:PointcloudsConfig",
     "evaluate": "ddf_lab.evaluation.scoring:EvaluateConfig",
     "fit": "ddf.fit.fit_settings:FitConfig",

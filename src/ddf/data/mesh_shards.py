@@ -80,7 +80,7 @@ def prepare(
     config: mesh_config.MeshesConfig, category: str, shapes: Sequence[RawShape], shard: parallel.Shard
 ) -> parallel.ShardResult:
     """Map over raw meshes: writes `NNN.meshes.safetensors`."""
-    from ddf.data import mesh_preparation, silhouette_check  # what reads packs alone needs none of their packages
+    from ddf.data import mesh_preparation  # what reads packs alone needs none of its packages
 
     meshes, rows, maps, failures = [], [], {}, []
     for shape in shapes:
@@ -88,7 +88,7 @@ def prepare(
             rng = seeding.generator(config.seed, category, shape.id, "measure")
             raw = mesh_io.load(shape.path)
             if shape.view is not None:
-                silhouette_check.require(raw, silhouette_check.View(*shape.view))
+                mesh_preparation.require_silhouette(raw, mesh_preparation.View(*shape.view))
             prepared = mesh_preparation.prepare(raw, config, rng)
         except (checks.InputError, OSError) as error:
             failures.append(parallel.Failure(shape.id, "meshes", str(error)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ddf.core import checks, parallel
-from ddf.data import mesh_config, mesh_shards, shapenet, silhouette_check
+from ddf.data import mesh_config, mesh_preparation, mesh_shards, shapenet
 from ddf.data.synthetic import write
 from ddf.geometry import mesh_io
 
@@ -23,13 +23,13 @@ def _shape(root, index):
     name = write.shape_id(3, "chair", index)
     camera = shapenet.read_cameras(shapenet.rendering_dir(root, SYNSET, name))[0]
     path = shapenet.model_path(root, SYNSET, name)
-    return path, silhouette_check.View(str(shapenet.image_path(root, SYNSET, name, 0)), *camera.tolist())
+    return path, mesh_preparation.View(str(shapenet.image_path(root, SYNSET, name, 0)), *camera.tolist())
 
 
 def test_a_mesh_agrees_with_its_render(root):
     for index in range(2):
         path, view = _shape(root, index)
-        assert silhouette_check.require(mesh_io.load(path), view) > 0.999
+        assert mesh_preparation.require_silhouette(mesh_io.load(path), view) > 0.999
 
 
 WRONG = {
@@ -44,7 +44,7 @@ def test_meshes_of_other_roots_and_shapes_are_refused(root, cause):
     path, view = _shape(root, 0)
     mesh = mesh_io.load(path if cause in WRONG else _shape(root, 1)[0])
     with pytest.raises(checks.InputError, match=r"overlaps that of .*00\.png by 0\.\d\d, not 0\.95"):
-        silhouette_check.require(*WRONG.get(cause, lambda *same: same)(mesh, view))
+        mesh_preparation.require_silhouette(*WRONG.get(cause, lambda *same: same)(mesh, view))
 
 
 def test_shards_leave_out_what_does_not_agree(root, tmp_path):

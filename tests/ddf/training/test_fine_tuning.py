@@ -12,13 +12,13 @@ import yaml
 from ddf.core import checks, storage
 from ddf.fields import model_files
 from ddf.models import line_field
-from ddf.training import fine_tuning, line_steps, training_loop
+from ddf.training import line_steps, training_loop
 from ddf_lab import run
 from ddf_lab.engine import runner
 
 TRAIN, OWN = _hand_made.TRAIN, line_field.LineFieldConfig(places=8, width=16, steps=4, rays=60)
 OTHER = dataclasses.replace(TRAIN, latent_features=9, encoder_width=5)
-FINE = fine_tuning.ImageTrainConfig(places=12, width=20, steps=2, rays=36, learning_rate=1e-4)
+FINE = line_steps.ImageTrainConfig(places=12, width=20, steps=2, rays=36, learning_rate=1e-4)
 
 
 def _train(train, own, folder, steps, start=None):
@@ -29,7 +29,7 @@ def _train(train, own, folder, steps, start=None):
     model.fit_box(shapes)
     model.fit_cameras(images)
     if start is not None:
-        fine_tuning.start_from(model, start)
+        line_steps.start_from(model, start)
     step = functools.partial(line_steps.ddf_image_step, model, images, shapes, samples, train, own)
     record = {"fingerprint": "x", "kind": "ddf_image", "train": dataclasses.asdict(train),
               "section": dataclasses.asdict(own)}  # fmt: skip
@@ -64,7 +64,7 @@ def test_box_and_cameras_hold_those_of_both(trained):
     model.decoder.upper.copy_(torch.tensor([2.0, 0.0, 3.0]))
     model.camera_head.lowest.copy_(torch.tensor([-9.0, 9.0, 0.1]))
     model.camera_head.highest.copy_(torch.tensor([9.0, 9.0, 0.1]))
-    fine_tuning.start_from(model, trained / model_files.MODEL)
+    line_steps.start_from(model, trained / model_files.MODEL)
     assert model.decoder.upper.tolist() == [2.0, float(known.decoder.upper[1]), 3.0]
     assert torch.equal(model.decoder.lower, -model.decoder.upper)
     assert model.camera_head.lowest.tolist() == pytest.approx([-9.0, float(known.camera_head.lowest[1]), 0.1])

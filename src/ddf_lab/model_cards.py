@@ -23,7 +23,7 @@ from ddf.fields import model_files, shape_field
 from ddf.fit import fit_settings, fitting, latent_prior, shape_samples
 from ddf.io import onnx_file
 from ddf.models import line_field, out_of_distribution, reconstruction_settings
-from ddf.training import fine_tuning
+from ddf.training import line_steps
 from ddf_lab.evaluation import groups, one_model
 from ddf_lab.run import Run, class_of
 
@@ -110,7 +110,7 @@ def write_reconstruction(run: Run, dataset: shapenet.Dataset, name: str, out: Pa
     if not (trained / model_files.MODEL).exists():
         raise FileNotFoundError(f"{trained / model_files.MODEL}: no trained model; run make train CONFIG={run.file}")
     given = run.section(reconstruction_settings.TrainConfig)
-    train, section, _ = run.section(fine_tuning.ImageTrainConfig).started(given, name)
+    train, section, _ = run.section(line_steps.ImageTrainConfig).started(given, name)
     record = {"train": dataclasses.asdict(train), "section": dataclasses.asdict(section)}
     weights = write_weights(trained, out, record)
     if (run.folder("train_ddf", name) / model_files.MODEL).exists():

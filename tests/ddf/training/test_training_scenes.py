@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from ddf.core import checks, storage
-from ddf.data.batches import category_data, training_scenes
+from ddf.data.batches import category_data
 from ddf.geometry import transforms
 from ddf.models import reconstruction_settings
 from ddf.training import proposed_rays
@@ -28,13 +28,13 @@ def packs(tmp_path):
 
 
 def test_scenes_are_in_the_order_asked_for_however_few_packs_are_open(packs, monkeypatch):
-    monkeypatch.setattr(training_scenes, "OPEN_PACKS", 1)
-    scenes = training_scenes.Scenes(packs, ["c", "a"])
+    monkeypatch.setattr(proposed_rays, "OPEN_PACKS", 1)
+    scenes = proposed_rays.Scenes(packs, ["c", "a"])
     for index, radius in ((0, 0.6), (1, 0.2), (0, 0.6)):
         depth, _ = scenes[index].first_hits(np.array([[0.01, 0.02, 1.0]]), np.array([[0.0, 0.0, -1.0]]))
         assert float(depth[0]) == pytest.approx(1 - radius, abs=0.1 * radius)
     with pytest.raises(checks.InputError, match="no prepared mesh of shape d"):
-        training_scenes.Scenes(packs, ["a", "d"])
+        proposed_rays.Scenes(packs, ["a", "d"])
 
 
 def test_meshes_are_read_where_rays_are_proposed_alone(packs):

@@ -15,7 +15,7 @@ from ddf.data.public import manifest
 from ddf.fields import model_files, shape_field
 from ddf.fit import latent_prior
 from ddf.models import line_field
-from ddf_lab.shipping import model_cards
+from ddf_lab import model_cards
 
 ROOT = Path(ddf.__file__).parent / "shipped"
 INDEX = json.loads((ROOT / model_cards.INDEX).read_text())["models"]

@@ -1,1 +1,0 @@
-"""The models that come with the package: small files and their cards."""
