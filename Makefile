@@ -71,7 +71,7 @@ test-gpu: $(READY) ## the tests marked gpu, on a machine that has one
 	@$(RUN) -m pytest -q -m gpu
 lint: $(READY) ## format check, lint and types
 	@ruff format --check -q . && ruff check -q . && pyright --warnings
-bench: $(READY) ## speed against error (reports/bench): [BENCH="evaluation ray_casting"]
+bench: $(READY) ## speed against error (reports/bench): [BENCH="ray_casting pose"]
 	@$(RUN) -m bench run $(BENCH)
 
 ##@ Household

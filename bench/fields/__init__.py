@@ -1,1 +1,1 @@
-"""Fields: steps of training, inference, derivatives, images, scenes, exported graphs."""
+"""Fields: fits, what a network reads of a ray, sensors, steps on a GPU."""

@@ -14,7 +14,7 @@ from bench.lib import catalogue, measuring
 from ddf.core import checks, storage
 from ddf_lab.report import pages
 
-LEAD = 'Made by `make bench`; `make bench BENCH="evaluation ray_casting"` makes some. Times are medians.'
+LEAD = 'Made by `make bench`; `make bench BENCH="ray_casting pose"` makes some. Times are medians.'
 MOST_ROWS, MOST_ERRORS = 20, 4  # of a table
 FACTS = ("benchmark", "cpu", "cores", "threads", "versions", "took_s")
 

@@ -1,1 +1,1 @@
-"""Reconstruction from an image: steps of training, clouds, images, scores, switches."""
+"""Reconstruction from an image or a scan, samples, poses."""

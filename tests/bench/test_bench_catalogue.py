@@ -45,10 +45,10 @@ def test_several_run_in_processes_of_their_own_then_their_page_and_failures_are_
         return types.SimpleNamespace(returncode=int("ray_casting" in command))
 
     monkeypatch.setattr(program.subprocess, "run", run)
-    assert program.main(["run", "ray_casting", "evaluation"]) == 1
-    assert calls == ["ray_casting", "evaluation", "page"] and capsys.readouterr().err == "failed: ray_casting\n"
-    with pytest.raises(checks.InputError, match="nothing: no such benchmark; there are complete, evaluation, "):
-        program.main(["run", "evaluation", "nothing"])
+    assert program.main(["run", "ray_casting", "pose"]) == 1
+    assert calls == ["ray_casting", "pose", "page"] and capsys.readouterr().err == "failed: ray_casting\n"
+    with pytest.raises(checks.InputError, match="nothing: no such benchmark; there are complete, fits, "):
+        program.main(["run", "pose", "nothing"])
     calls.clear()
     program.main(["run"])
     assert calls == [*(name for name, entry in KNOWN.items() if not entry.on_demand), "page"]
