@@ -1,4 +1,4 @@
-"""Measure the generative models: held-out shapes, samples of the prior, images, and colours when the camera moves."""
+"""Measure the generative models: held-out shapes, samples of the prior, images."""
 
 from ddf.core import provenance, storage
 from ddf.fields import model_files

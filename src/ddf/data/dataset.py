@@ -39,8 +39,8 @@ class DatasetConfig(schema.Checked):
     categories: a number on real data takes that many from the listing, evenly spread, for trials: its split is then not
       the published one.
     validation: the last ones of the split; the manifest has its own.
-    train_on: the other source only tests and validates. `shippable`: wide synthetic shapes, and public ones whose
-      licence asks for credit at most; other public ones of the training side validate.
+    train_on: `shippable`: wide synthetic shapes, and public ones whose licence asks for credit at most; other public
+      ones of the training side validate.
     """
 
     source: Literal["synthetic", "public", "both", "own", "shapenet"] = setting("shapenet", "of the shapes", "§4.3")
@@ -55,7 +55,7 @@ class DatasetConfig(schema.Checked):
     validation: float = setting(0.0, "share of the training shapes that is held out, for choices", least=0, below=1)
     public: PublicConfig = setting(PublicConfig(), "the shapes of `ddf shapes`, where these are taken, and own ones")
     own: Path | None = setting(None, "folder that `ddf shapes add` wrote, whose shapes are taken too")
-    train_on: Literal["synthetic", "public", "both", "shippable"] = setting("both", "of `both`: the training shapes")
+    train_on: Literal["both", "shippable"] = setting("both", "of `both`: the training shapes")
 
     @property
     def made(self) -> tuple[str, ...]:
@@ -209,11 +209,10 @@ def _entries(config: DatasetConfig, name: str, listed: Sequence[Item]) -> list[d
     own = [item for item in listed if item.category == name]
     split = splits.split_class(shapenet.synset(name), [i.id for i in own if i.row is None], strict=config.strict)
     held = splits.held_out(split, config.validation)
-    trains = config.source != "both" or config.train_on != "public"
     entries = []
     for shape in split:
         seen, unseen = list(shape.train_views), list(shape.test_views)
-        alone = ([], seen) if shape.id in held else (seen if trains else [], [])
+        alone = ([], seen) if shape.id in held else (seen, [])
         entries.append({"id": shape.id, **dict(zip(_VIEWS, (alone[0], unseen, alone[1]), strict=True))})
     return entries + [_public_entry(config, item.row, item.id) for item in own if item.row]
 
@@ -268,11 +267,9 @@ def list_synthetic(config: DatasetConfig) -> list[Item]:
 
 def list_public(config: DatasetConfig) -> list[Item]:
     """The public and own shapes to make: all of the categories, and copies of those that train."""
-    trains = config.source != "both" or config.train_on != "synthetic"
     return [
         Item(row.category, shapes.copy_id(row, copy), copy, row)
         for row in config.rows()
-        if trains or row.split != "train" or row.package == manifest.OWN
         for copy in range(1 + (config.public.copies if _split(config, row) == "train" else 0))
     ]
 

@@ -9,7 +9,6 @@ Lengths in `MeshesConfig` and in the measures are relative to the diagonal of th
 import dataclasses
 import time
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import fast_simplification
 import numpy as np
@@ -234,33 +233,24 @@ def _verdict(prepared: Prepared, raw: Mesh, unit: Mesh, widths: list[float], con
     return "; ".join(said)
 
 
-class View(NamedTuple):
-    """An image (RGBA, a path) and its camera as the metadata have it: degrees and benchmark units."""
-
-    image: str
-    azimuth_deg: float
-    elevation_deg: float
-    radius: float
-
-
-def require_silhouette(mesh: Mesh, view: View) -> float:
+def require_silhouette(mesh: Mesh, image: str, *camera: float) -> float:
     """The overlap of the silhouette of a mesh, as of ShapeNet v1, with the image's alpha, cast in some 10 ms.
 
     Roots of another kind would train without a word: meshes turned (ShapeNetCore.v2), scaled, or of other ids; angles
     in radians.
 
+    Args:
+      image: RGBA, a path. camera: as the metadata have it: azimuth and elevation in degrees, benchmark units.
     Raises:
       InputError: it is less than `OVERLAP`; likely causes are named.
     """
-    with Image.open(view.image) as image:
-        seen = np.asarray(image.getchannel("A")) >= _OPAQUE
-    scene, camera = raycast.Scene(mesh), np.array(view[1:])
-    radians = cameras.degrees_to_radians(camera)
-    found = overlap(silhouette(scene, transforms.Similarity(), radians), seen)
+    with Image.open(image) as opened:
+        seen = np.asarray(opened.getchannel("A")) >= _OPAQUE
+    found = overlap(_silhouette(mesh, np.array(camera)), seen)
     if found >= OVERLAP:
         return found
     raise checks.InputError(
-        f"its silhouette overlaps that of {view.image} by {found:.2f}, not {OVERLAP}: both must be of one shape, the "
+        f"its silhouette overlaps that of {image} by {found:.2f}, not {OVERLAP}: both must be of one shape, the "
         "mesh as in ShapeNetCore.v1 (v2's are turned), centred with a diagonal of 1, the camera's angles in degrees"
     )
 
@@ -272,13 +262,11 @@ def overlap(cast: Bool[np.ndarray, "h w"], seen: Bool[np.ndarray, "h w"]) -> flo
     return 1.0 - int((cast & ~near_seen | seen & ~near_cast).sum()) / union if union else 0.0
 
 
-def silhouette(
-    scene: raycast.Scene, v1_from_mesh: transforms.Similarity, camera: Float[np.ndarray, "3"]
-) -> Bool[np.ndarray, "h w"]:
-    """Where a camera (radians, benchmark units) sees a mesh that is moved to the frame v1 first."""
+def _silhouette(mesh: Mesh, camera_deg: Float[np.ndarray, "3"]) -> Bool[np.ndarray, "h w"]:
+    """Where a camera sees a mesh of the frame v1."""
+    camera = cameras.degrees_to_radians(camera_deg)
     pixels = cameras.pixel_directions(cameras.IMAGE_SIZE, camera).reshape(-1, 3)
     centre, along = cameras.pixel_rays(camera[0], camera[1], camera[2], pixels)
-    mesh_from_v1 = v1_from_mesh.inverse()
-    start = mesh_from_v1.apply(centre / transforms.BENCHMARK_FROM_V1)
-    _, face = scene.first_hits(np.broadcast_to(start, along.shape), mesh_from_v1.apply_directions(along))
+    start = np.broadcast_to(centre / transforms.BENCHMARK_FROM_V1, along.shape)
+    _, face = raycast.Scene(mesh).first_hits(start, along)
     return (face >= 0).reshape(cameras.IMAGE_SIZE, cameras.IMAGE_SIZE)

@@ -88,7 +88,7 @@ def prepare(
             rng = seeding.generator(config.seed, category, shape.id, "measure")
             raw = mesh_io.load(shape.path)
             if shape.view is not None:
-                mesh_preparation.require_silhouette(raw, mesh_preparation.View(*shape.view))
+                mesh_preparation.require_silhouette(raw, *shape.view)
             prepared = mesh_preparation.prepare(raw, config, rng)
         except (checks.InputError, OSError) as error:
             failures.append(parallel.Failure(shape.id, "meshes", str(error)))

@@ -96,7 +96,6 @@ class ScoresConfig(schema.Checked):
     """Section `scores`: what the generative models are measured by. The spread of KID is that over the subsets.
 
     samples: of the prior, drawn and compared with the training shapes.
-    cameras: around a shape, as far apart as they can be.
     """
 
     features: FeaturesConfig = setting(FeaturesConfig(), "the image network that images are compared by")
@@ -106,8 +105,6 @@ class ScoresConfig(schema.Checked):
     auto_learning_rate: float = fixed(0.03, above=0)
     cloud_points: int = setting(2466, "of every cloud", least=1)
     samples: int = fixed(12, least=2)
-    cameras: int = fixed(6, least=2)
-    textured: int = setting(50, "shapes with a texture whose images are compared from these cameras", least=2)
     seed: int = fixed(0, least=0)
 
     @property

@@ -76,9 +76,6 @@ class Scenes:
         self._places = [(places[name], name) for name in ids]
         self._open = functools.lru_cache(maxsize=OPEN_PACKS)(_Pack)
 
-    def __len__(self) -> int:
-        return len(self._places)
-
     def __getitem__(self, index: int, /) -> raycast.Scene:
         path, name = self._places[index]
         return self._open(path).scene(name)
@@ -104,7 +101,7 @@ class Proposer:
     """Puts proposed rays behind the stored samples of a batch. scenes: of the shapes, in their order."""
 
     shapes: category_data.ShapeSet
-    scenes: category_data.Listed[raycast.Scene]
+    scenes: category_data.Numbered[raycast.Scene]
     config: reconstruction_settings.ProposalConfig
 
     @classmethod

@@ -1,6 +1,6 @@
 """What the generative models of one category reach, from their folders: scores and pictures for the page.
 
-Images of both GANs are set against real ones, with known bounds, and their colours are compared when the camera moves.
+Images of both GANs are set against real ones, with known bounds.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,6 @@ from torch import Tensor
 
 from ddf.core import seeding
 from ddf.data.batches import category_data
-from ddf.geometry import transforms
 from ddf.metrics import image_scores
 from ddf.models import generated_images, generative_models, generative_settings
 from ddf.training import generative_steps, shape_data
@@ -22,7 +21,6 @@ from ddf_lab.run import Run
 
 CEILING, OURS, FLAT, MEAN, NOISE = "ceiling", "image GAN", "2D GAN", "mean image", "noise"
 _CHUNK = 100
-Pair = tuple[image_scores.CameraPicture, image_scores.CameraPicture]
 
 
 def measure(
@@ -46,7 +44,6 @@ def measure(
         "shapes": {"learned": len(parts.learned), "held_out": len(parts.held_out), "pictured": len(parts.pictured)},
         **score_shapes(vae, parts, run, section),
         "images": score_images(network, pictured, made, section),
-        "consistency": consistency(gan, section),
     }
     return results, draw(gan, rival, pictured, sampled, results["prior"]["nearest"], section)
 
@@ -103,11 +100,6 @@ def _latents(
     return drawn[0], drawn[1]
 
 
-def _around(model: generative_models.ImageGAN, section: generative_settings.ScoresConfig) -> list[Float[Tensor, "3"]]:
-    normals = model.config.normals
-    return generated_images.cameras_around(section.cameras, sum(normals.elevation_deg) / 2, normals.radius)
-
-
 @torch.no_grad()
 def generated(model: generative_models.ImageGAN, count: int, seed: int) -> Float[Tensor, "n 3 h w"]:
     """Images of random shapes, textures and cameras, in [-1, 1]."""
@@ -149,27 +141,6 @@ def score_images(
     return {**found, "real": len(real), "spoiled": list(spoiled)}
 
 
-def consistency(model: generative_models.ImageGAN, section: generative_settings.ScoresConfig) -> dict[str, Any]:
-    """Errors of `texture_consistency` between neighbouring cameras around random shapes.
-
-    shuffled: the second image has another texture.
-    """
-    latents, textures = _latents(model, section.textured, section.seed, "consistency: shapes", "consistency: textures")
-    unit = transforms.BENCHMARK_FROM_V1 / float(model.field_scale)
-    found: dict[str, list[Pair]] = {"ours": [], "shuffled": []}
-    for row, field in enumerate(generated_images.fields(model.decoder, latents)):
-        both = textures[[row, (row + 1) % len(textures)]]
-        seen = [generated_images.look(model, field, camera, both) for camera in _around(model, section)]
-        own, other = (
-            [image_scores.CameraPicture(s.camera, (s.depth * unit).cpu(), s.colours[k].cpu()) for s in seen]
-            for k in (0, 1)
-        )
-        found["ours"] += zip(own, own[1:] + own[:1], strict=True)
-        found["shuffled"] += zip(own, other[1:] + other[:1], strict=True)
-    errors = {name: image_scores.colour_error(pairs) for name, pairs in found.items()}
-    return {name: {"error": error, "points": points} for name, (error, points) in errors.items()}
-
-
 @torch.no_grad()
 def draw(
     model: generative_models.ImageGAN,
@@ -186,7 +157,8 @@ def draw(
         each of the prior's samples.
     """
     latents, textures = _latents(model, section.samples, section.seed, "samples", "textures")
-    fields, camera = generated_images.fields(model.decoder, latents), _around(model, section)[0]
+    fields, normals = generated_images.fields(model.decoder, latents), model.config.normals
+    (camera,) = generated_images.cameras_around(1, sum(normals.elevation_deg) / 2, normals.radius)
     samples = [generated_images.look(model, f, camera, t[None]) for f, t in zip(fields, textures, strict=True)]
     rows = [next(i for i, shape in enumerate(sampled.shapes) if sampled.ids[shape] == name) for name in nearest]
     real = np.arange(0, len(images.shapes), len(images.shapes) // section.samples)[: section.samples]

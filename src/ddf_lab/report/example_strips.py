@@ -19,7 +19,6 @@ from ddf_lab.run import Run
 Image = tuple[str, int]  # id of the shape, view
 COLUMNS = ("input", "visibility", "depth", "normals", "truth", "DDF cloud", "PC-SIREN cloud", "DDF+image")
 EXAMPLES = 5  # of a category
-FIRST_COLUMNS = ("input", "DDF", "PC-SIREN", "DDF+image", "truth")
 _ORDERED_BY = "Pi_g-L"  # the column whose D_C orders the images
 
 
@@ -41,7 +40,7 @@ def words(errors: Errors) -> str:
 
 def drawn(run: Run, results: Results) -> Results:
     """The results with their pictures."""
-    strips, first, rendered = {}, [], 0
+    strips, rendered = {}, 0
     for name, category in results.groups.items():
         folder = run.folder("pointclouds", category)
         models = {
@@ -51,13 +50,11 @@ def drawn(run: Run, results: Results) -> Results:
         synset = results.index["categories"][category]["synset"]
         clouds = Clouds(models, truths, (Path(results.index["root"]), synset))
         errors = image_errors(results.per_image[results.per_image["category"] == name])
-        first.append(_first_row(name, clouds, errors))
         images = [image for image in _rendered(models[scoring.DDF]) if image in errors]
         rendered = len(images)
         if images:
             strips[name] = strip(clouds, errors, choose({image: errors[image] for image in images}, EXAMPLES))
-    examples = picture_strips.strip(FIRST_COLUMNS, first, len(FIRST_COLUMNS))
-    return dataclasses.replace(results, strips=strips, rendered=rendered, examples=examples)
+    return dataclasses.replace(results, strips=strips, rendered=rendered)
 
 
 def image_errors(per_image: pd.DataFrame) -> dict[Image, Errors]:
@@ -106,13 +103,6 @@ def strip(clouds: Clouds, errors: Mapping[Image, Errors], chosen: Mapping[Image,
         cells = [given, *views, truth, *ours]
         rows.append(picture_strips.StripRow(name[0].upper() + name[1:], [words(errors[image])], cells))
     return picture_strips.strip(COLUMNS, rows)
-
-
-def _first_row(category: str, clouds: Clouds, errors: Mapping[Image, Errors]) -> picture_strips.StripRow:
-    """The image whose error of DDF is the median (of an even number the smaller of both)."""
-    ordered = sorted(errors, key=lambda image: (errors[image][scoring.DDF], image))
-    image = ordered[(len(ordered) - 1) // 2]
-    return picture_strips.StripRow(category.capitalize(), [words(errors[image])], _cells(clouds, image))
 
 
 def _cells(clouds: Clouds, image: Image) -> list[picture_strips.Picture]:

@@ -39,16 +39,6 @@ def write(run: Run, out_dir: Path) -> None:
 
 def build(found: stage_results.Results) -> pages.Page:
     """The page from results already read."""
-    lead: list[pages.Block] = [model_sections.verdict(found)]
-    if found.examples:
-        lead.append(
-            pages.Figure(
-                "examples.webp",
-                "Of each category the test image whose D<sub>C</sub> of DDF is the median: input, the clouds, truth.",
-                "a test image of each category with the clouds that the models make of it, and the true cloud",
-                found.examples,
-            )
-        )
     seeds = f" SEEDS={found.seeds}" if found.seeds > 1 else ""
     facts = [
         f"Experiment `{found.name}`: 3D reconstruction from single images of {_DATA[found.index['source']]}.",
@@ -62,5 +52,5 @@ def build(found: stage_results.Results) -> pages.Page:
             f"Means over {found.seeds} seeds; ± is the standard deviation over them; [si3dr.csv](si3dr.csv) has it of "
             "all. Pictures, losses and times are of the first."
         )
-    lead.append(tuple(facts))
+    lead = [model_sections.verdict(found), tuple(facts)]
     return pages.Page(f"Results of the experiment {found.name}", lead, [section(found) for section in SECTIONS])

@@ -36,7 +36,6 @@ _IMAGES = {
     generative_scores.NOISE: "noise",
 }
 _LATENTS = {"encoded": "encoded from points", "optimised": "latents optimised on the shape"}
-_PAIRS = {"ours": "one texture", "shuffled": "another texture in the second image"}
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ def write(run: Run, gan: generative_settings.GANConfig, section: generative_sett
         f"The critics saw images of {shapes['pictured']} other shapes. {shapes['held_out']} shapes were held out.",
         f"`ddf generate artifacts/{run.name}/train_gan/{run.category} OUT_DIR` draws more.",
     )
-    sections = (_samples, _shapes, _prior, _images, _views, _trainings)
+    sections = (_samples, _shapes, _prior, _images, _trainings)
     title = f"Generated {run.category} shapes"
     pages.write(pages.Page(title, [lead], [section(results) for section in sections]), run.page)
 
@@ -157,18 +156,6 @@ def _images(results: _Results) -> pages.Section:
         f"GANs have {results.gan.steps} steps of narrow ones, so image quality says nothing about the method's best."
     )
     return pages.Section("Images", [pages.Table(caption, header, rows), check, limit])
-
-
-def _views(results: _Results) -> pages.Section:
-    found = results.scores["consistency"]
-    table = pages.Table(
-        "Mean absolute difference of a surface point's colour, in [0, 1], between neighbouring cameras.",
-        ["", "difference ↓", "points"],
-        [[label, f"{found[key]['error']:.3f}", f"{found[key]['points']:,}"] for key, label in _PAIRS.items()],
-    )
-    share = found["ours"]["error"] / found["shuffled"]["error"]
-    verdict = f"With one texture the difference is {share:.2f} of that with two; the aim is at most 0.5."
-    return pages.Section("When the camera moves", [table, verdict])
 
 
 def _trainings(results: _Results) -> pages.Section:

@@ -36,8 +36,7 @@ class Results:
     `table` has means over `seeds` trainings, `trainings` the scores per image of each; all else is of seed 0. settings:
     all sections with their defaults. seconds: wall time of a test image, by model and part, mean over categories.
     further_seconds: of each model, what a training of all categories took with each of the further seeds. strips: by
-    category, as WebP, from `rendered` images each; examples: the first picture of the page, as WebP;
-    `example_strips.drawn` adds these.
+    category, as WebP, from `rendered` images each; `example_strips.drawn` adds these.
     """
 
     name: str
@@ -54,7 +53,6 @@ class Results:
     further_seconds: Mapping[str, Sequence[float]] = dataclasses.field(default_factory=dict)
     strips: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
     rendered: int = 0
-    examples: bytes = b""
 
     @property
     def per_image(self) -> pd.DataFrame:

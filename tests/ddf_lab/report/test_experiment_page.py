@@ -13,7 +13,7 @@ _FILES = {"README.md", "si3dr.csv", "nearest.svg", "losses.svg"}
 
 def test_every_file_and_category_is_there_and_linked(reported):
     experiment, _, folder = reported
-    names = _FILES | {"examples.webp"} | {f"strip_{category}.webp" for category in experiment.categories}
+    names = _FILES | {f"strip_{category}.webp" for category in experiment.categories}
     assert {path.name for path in folder.iterdir()} == names
     text = (folder / "README.md").read_text()
     linked = set(re.findall(r"\]\(([^)]+)\)", text))

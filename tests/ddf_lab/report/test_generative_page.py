@@ -32,7 +32,6 @@ def _scores(in_order, told_apart):
             "real": 20,
             "spoiled": list(_KIDS)[1:],
         },
-        "consistency": {name: {"error": error, "points": 1000} for name, error in (("ours", 0.04), ("shuffled", 0.1))},
     }
 
 

@@ -394,10 +394,3 @@ def _require(folder: Path, ids: Sequence[str], found: Mapping) -> None:
     missing = [name for name in ids if name not in found]
     if missing:
         raise checks.InputError(f"{folder}: no samples of shape {missing[0]}; run the samples stage again")
-
-
-@runtime_checkable
-class Listed(Numbered[Value], Protocol[Value]):
-    """What is asked for by its number, of which there are so many."""
-
-    def __len__(self) -> int: ...
