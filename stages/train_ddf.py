@@ -4,7 +4,7 @@ import dataclasses
 import functools
 
 from ddf.core import distributed, provenance
-from ddf.data.batches import category_data, resident
+from ddf.data.batches import category_data
 from ddf.fields import model_files
 from ddf.models import out_of_distribution, reconstruction_models, reconstruction_settings
 from ddf.training import proposed_rays, reconstruction_steps, training_loop
@@ -25,11 +25,9 @@ def make(run: Run) -> None:
     )
     propose, packs = proposed_rays.Proposer.read(run.folder("meshes"), shapes, section.proposals)
     sources += packs
-    digest, memory = images.digest(), resident.Memory(model_files.device())
-    images, samples = (
-        memory.images(images),
-        memory.samples(category_data.read_samples(run.folder("samples"), shapes.ids)),
-    )
+    digest, memory = images.digest(), category_data.DeviceMemory(model_files.device())
+    images = memory.holds("images", images)
+    samples = memory.holds("samples", category_data.read_samples(run.folder("samples"), shapes.ids))
 
     model = reconstruction_models.DDFModel(train, section.field).to(model_files.device())
     model.fit_cameras(images)

@@ -4,7 +4,7 @@ import dataclasses
 import functools
 
 from ddf.core import distributed, provenance
-from ddf.data.batches import category_data, resident
+from ddf.data.batches import category_data
 from ddf.fields import model_files
 from ddf.models import reconstruction_models, reconstruction_settings
 from ddf.training import reconstruction_steps, training_loop
@@ -23,8 +23,8 @@ def make(run: Run) -> None:
     images, shapes, sources = category_data.read_training(
         run.index, run.folder("samples"), run.category, train.image_size
     )
-    digest, memory = images.digest(), resident.Memory(model_files.device())
-    images, shapes = memory.images(images), memory.clouds(shapes)
+    digest, memory = images.digest(), category_data.DeviceMemory(model_files.device())
+    images, shapes = memory.holds("images", images), memory.holds("clouds", shapes)
 
     model = reconstruction_models.PCSirenModel(train).to(model_files.device())
     model.fit_cameras(images)

@@ -18,7 +18,7 @@ VAE = generative_settings.VAEConfig(
 NORMALS = generative_settings.NormalsConfig(4, (25.0, 30.0))
 GAN = generative_settings.GANConfig(NORMALS, 3, 2, 2, 16, "nearest", 4, 2, 10.0, 3, LOOP)
 FEATURES = generative_settings.FeaturesConfig(2, 4, 2, LOOP)
-SCORES = generative_settings.ScoresConfig(FEATURES, 8, 2, 6, 0.05, 40, 2, 3, 2)
+SCORES = generative_settings.ScoresConfig(FEATURES, 8, 2, 6, 0.05, 40, 2)
 
 
 def vae():
@@ -54,4 +54,4 @@ def normals(count=4):
     made = np.zeros((count, 3, 64, 64), np.int8)
     made[:, 2, 16:48, 16:48] = generated_images.LEVELS
     made[:, 0, 16 : 16 + 4 * count : 4, 16:48] = 30
-    return generated_images.NormalSet([{"normals": made}], [(0, row) for row in range(count)])
+    return generated_images.NormalSet(torch.from_numpy(made))

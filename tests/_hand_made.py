@@ -41,12 +41,12 @@ def images(count=6, shapes=3):
 
 def shapes(count=3):
     random = np.random.default_rng(0)
-    clouds = [torch.from_numpy(random.uniform(-1, 1, (80, 3))).float() for _ in range(count)]
     frames = [transforms.Similarity(2.0 + i) for i in range(count)]
-    return category_data.ShapeSet([f"shape{i}" for i in range(count)], frames, clouds)
+    clouds = [frame.inverse().apply(random.uniform(-1, 1, (80, 3))) for frame in frames]
+    return category_data.ShapeSet.of([f"shape{i}" for i in range(count)], frames, clouds)
 
 
-def samples(shapes=3, stored=40):
+def shards(shapes=3, stored=40):
     """Every sample of shape i has depth (i + 1)/4, so that a mix-up of shapes shows."""
     random = np.random.default_rng(1)
     arrays = {}
@@ -59,5 +59,8 @@ def samples(shapes=3, stored=40):
         arrays[f"{kind}.directions"] = packing.encode_unit(directions, np.int16)
         arrays[f"{kind}.depth"] = packing.encode_depth(depth)
         arrays[f"{kind}.normals"] = packing.encode_unit(-directions, np.int8)
-    first = {name: values[:2] for name, values in arrays.items()}
-    return category_data.SampleSet([first, {name: values[2:] for name, values in arrays.items()}], PLACES[:shapes])
+    return [{name: values[rows] for name, values in arrays.items()} for rows in (slice(0, 2), slice(2, None))]
+
+
+def samples():
+    return category_data.SampleSet.of(shards(), PLACES)

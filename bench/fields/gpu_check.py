@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from bench.lib import measuring
 from ddf.core import checks
-from ddf.data.batches import category_data, resident
+from ddf.data.batches import category_data
 from ddf.data.samples import sample_types
 from ddf.fields import model_files, pddf
 from ddf.geometry import transforms
@@ -74,17 +74,17 @@ def trial(train: reconstruction_settings.TrainConfig, section: Section) -> Trial
     pixels = torch.from_numpy(random.integers(0, 256, (count, 4, size, size), dtype=np.uint8))
     poses = random.uniform((0.0, 0.43, 0.65), (2 * np.pi, 0.52, 0.95), (count, 3)).astype(np.float32)  # as 3D-R2N2's
     images = category_data.ImageSet(ids, [0] * count, np.arange(count), pixels, torch.from_numpy(poses))
-    clouds = [torch.from_numpy(random.uniform(-1, 1, (CLOUD_POINTS, 3))).float() for _ in ids]
-    shapes = category_data.ShapeSet(ids, [transforms.Similarity(2.0)] * count, clouds)
-    memory = resident.Memory(model_files.device())
-    images = memory.images(images)
+    clouds = [random.uniform(-0.5, 0.5, (CLOUD_POINTS, 3)) for _ in ids]
+    shapes = category_data.ShapeSet.of(ids, [transforms.Similarity(2.0)] * count, clouds)
+    memory = category_data.DeviceMemory(model_files.device())
+    images = memory.holds("images", images)
     if isinstance(section, reconstruction_settings.DDFConfig):
         model, loop = reconstruction_models.DDFModel(train, section.field), section.loop(train.loop)
-        samples = memory.samples(random_samples(count))
+        samples = memory.holds("samples", random_samples(count))
         loss = functools.partial(reconstruction_steps.ddf_step, model, images, shapes, samples, train, section)
     else:
         model, loop = reconstruction_models.PCSirenModel(train), train.loop
-        shapes = memory.clouds(shapes)
+        shapes = memory.holds("clouds", shapes)
         loss = functools.partial(reconstruction_steps.pcsiren_step, model, images, shapes, train, section)
     model.fit_cameras(images)
     model.to(model_files.device()).train()
@@ -101,7 +101,7 @@ def random_samples(count: int) -> category_data.SampleSet:
             ends, shape = np.iinfo(dtype), (count, STORED, width)[: 3 if width else 2]
             values = random.integers(-ends.max if ends.min else 0, ends.max, shape, dtype=dtype, endpoint=True)
             arrays[f"{kind}.{name}"] = values
-    return category_data.SampleSet([arrays], [(0, row) for row in range(count)])
+    return category_data.SampleSet.of([arrays], [(0, row) for row in range(count)])
 
 
 def gradients(train: reconstruction_settings.TrainConfig, section: Section, device: str) -> tuple[float, Tensor]:

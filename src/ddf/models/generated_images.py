@@ -7,13 +7,13 @@ that a part of the surface looks the same from everywhere.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Int8
 from torch import Tensor
 
 from ddf.core import parallel, seeding, storage
@@ -74,26 +74,27 @@ def render_shard(
 
 @dataclass(frozen=True)
 class NormalSet:
-    """Normals rendered ahead; shards are mapped a few at a time. places: shard and row of each image."""
+    """Normals rendered ahead, n x `LEVELS`."""
 
-    shards: category_data.Numbered[Mapping[str, np.ndarray]]
-    places: Sequence[tuple[int, int]]
+    images: Int8[Tensor, "n 3 h w"]
 
     def __len__(self) -> int:
-        return len(self.places)
+        return len(self.images)
 
     def batch(self, rows: Int[np.ndarray, "b"]) -> Float[Tensor, "b 3 h w"]:
         """Normals in [-1, 1]."""
-        found = [self.shards[number]["normals"][row] for number, row in (self.places[i] for i in rows.tolist())]
-        return torch.from_numpy(np.stack(found)).float() / LEVELS
+        return self.images[torch.from_numpy(rows)].float() / LEVELS
 
 
 def read_normals(folder: Path) -> tuple[NormalSet, list[Path]]:
     """All images of a folder that stage `normals` wrote, and their files, each verified."""
     paths = storage.shard_files(folder, SUFFIX, "normals")
-    counts = [len(storage.load_tensors(path)[0]["latents"]) for path in paths]
-    places = [(number, row) for number, count in enumerate(counts) for row in range(count)]
-    return NormalSet(category_data.MappedShards(paths), places), paths
+    shards = [storage.load_tensors(path, framework="torch")[0]["normals"] for path in paths]
+    images, start = category_data.mapped((sum(map(len, shards)), *shards[0].shape[1:]), np.int8), 0
+    for shard in shards:
+        images[start : start + len(shard)] = shard
+        start += len(shard)
+    return NormalSet(images), paths
 
 
 def on_white(normals: Float[Tensor, "*n 3 h w"]) -> Float[Tensor, "*n 3 h w"]:

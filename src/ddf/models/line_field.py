@@ -304,7 +304,7 @@ class ImageDDFModel(reconstruction_models.ReconstructionModel):
         reach = torch.zeros(3)
         for row in range(len(shapes.ids)):
             back = shapes.similarities[row].inverse()
-            cloud = shapes.clouds[row] * back.scale + torch.from_numpy(back.translation).float()
+            cloud = shapes.cloud(row) * back.scale + torch.from_numpy(back.translation).float()
             reach = torch.maximum(reach, FIELD_FROM_V1 * cloud.abs().amax(dim=0))
         self.decoder.fit_box(reach)
 

@@ -65,7 +65,7 @@ def ddf_image_step(
     model: line_field.ImageDDFModel,
     images: category_data.ImageSet,
     shapes: category_data.ShapeSet,
-    samples: category_data.SampleSource,
+    samples: category_data.SampleSet,
     train: reconstruction_settings.TrainConfig,
     config: line_field.LineFieldConfig,
     step: int,

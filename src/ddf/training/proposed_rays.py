@@ -101,7 +101,7 @@ class Proposer:
     """Puts proposed rays behind the stored samples of a batch. scenes: of the shapes, in their order."""
 
     shapes: category_data.ShapeSet
-    scenes: category_data.Numbered[raycast.Scene]
+    scenes: "Scenes | Sequence[raycast.Scene]"
     config: reconstruction_settings.ProposalConfig
 
     @classmethod

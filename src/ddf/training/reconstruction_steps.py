@@ -57,7 +57,7 @@ def ddf_step(
     model: reconstruction_models.DDFModel,
     images: category_data.ImageSet,
     shapes: category_data.ShapeSet,
-    samples: category_data.SampleSource,
+    samples: category_data.SampleSet,
     train: reconstruction_settings.TrainConfig,
     config: reconstruction_settings.DDFConfig,
     step: int,

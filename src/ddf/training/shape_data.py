@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ddf.core import checks, storage
-from ddf.data import packing, shapenet
+from ddf.data import shapenet
 from ddf.data.batches import category_data
 from ddf.models import image_networks
 
@@ -94,13 +94,9 @@ class Shapes:
         self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator, part: slice = slice(None)
     ) -> tuple[Float[Tensor, "part count 3"], Float[Tensor, "part count 3"]]:
         """Random surface points of each shape with the surface's normals, field frame."""
-        tables = self.samples.tables(shapes[part])
-        stored = tables[0][0][f"{SURFACE}.depth"].shape[1]
-        rows = random.integers(0, stored, (len(shapes), count))[part]
-        positions, normals = (
-            category_data.gather(tables, f"{SURFACE}.{field}", rows) for field in ("positions", "normals")
-        )
-        return packing.decode_positions(positions), packing.decode_unit(normals)
+        rows = random.integers(0, self.samples.stored[SURFACE], (len(shapes), count))[part]
+        found = self.samples.decoded(shapes[part], {SURFACE: rows})
+        return found["positions"], found["normals"]
 
 
 def read(samples_dir: Path, ids: Sequence[str]) -> tuple[Shapes, list[Path]]:

@@ -52,7 +52,7 @@ def test_the_file_keeps_what_is_known_and_the_model_loads_with_it(tmp_path):
     folder = _models.write_model(tmp_path / "model")
     assert out_of_distribution.TrainingStatistics.read(folder) is None
     model, size, _ = reconstruction_models.load_ddf(folder)
-    images = [torch.randint(0, 255, (4, size, size), dtype=torch.uint8) for _ in range(6)]
+    images = torch.randint(0, 255, (6, 4, size, size), dtype=torch.uint8)
     shown = category_data.ImageSet(["a", "b", "c"], [0] * 6, np.arange(6) // 2, images, torch.zeros(6, 3))
     before, record = storage.load_tensors(folder / model_files.MODEL)
     for _ in range(2):  # a second time changes nothing

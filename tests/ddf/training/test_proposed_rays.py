@@ -48,8 +48,8 @@ def _stored(shapes):
 
 def _proposer(settings=CONFIG):
     unit = torch.nn.functional.normalize(torch.randn(50, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
-    clouds = [radius * unit for radius in RADII]
-    shapes = category_data.ShapeSet(["small", "large"], [transforms.Similarity(1.0)] * 2, clouds)
+    clouds = [(radius * unit).numpy() for radius in RADII]
+    shapes = category_data.ShapeSet.of(["small", "large"], [transforms.Similarity(1.0)] * 2, clouds)
     scenes = [raycast.Scene(_shapes.icosphere(4, radius)) for radius in RADII]
     return proposed_rays.Proposer(shapes, scenes, settings)
 

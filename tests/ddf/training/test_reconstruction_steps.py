@@ -147,7 +147,7 @@ def test_pcsiren_step_is_the_weighted_sum_of_its_parts():
     drawn = images.shapes[rows]
     clouds = []
     for shape in drawn:
-        cloud = shapes.clouds[int(shape)]
+        cloud = shapes.cloud(int(shape))
         chosen = random.choice(len(cloud), PCSIREN.truth_points, replace=False)
         assert len(set(chosen)) == PCSIREN.truth_points and chosen.max() >= PCSIREN.truth_points
         clouds.append(cloud[torch.from_numpy(chosen)].double())

@@ -37,5 +37,5 @@ def test_too_few_shapes_are_told(tmp_path):
 def test_clouds_have_the_surface_samples_of_their_shape():
     shapes = shape_data.Shapes(["a", "b", "c"], _hand_made.samples(), np.ones(3))
     positions, _ = shapes.clouds(np.array([2, 0]), 4, np.random.default_rng(0))
-    stored = shapes.samples.shards[1]["S.positions"][0]
+    stored = _hand_made.shards()[1]["S.positions"][0]
     assert all((stored == np.rint(p * 32767)).all(axis=1).any() for p in positions[0].numpy())

@@ -3,7 +3,6 @@
 import _shapes
 import numpy as np
 import pytest
-import torch
 
 from ddf.core import checks, storage
 from ddf.data.batches import category_data
@@ -38,7 +37,7 @@ def test_scenes_are_in_the_order_asked_for_however_few_packs_are_open(packs, mon
 
 
 def test_meshes_are_read_where_rays_are_proposed_alone(packs):
-    shapes = category_data.ShapeSet(["c", "a"], [transforms.Similarity(1.0)] * 2, [torch.zeros(5, 3)] * 2)
+    shapes = category_data.ShapeSet.of(["c", "a"], [transforms.Similarity(1.0)] * 2, [np.zeros((5, 3))] * 2)
     proposals = reconstruction_settings.ProposalConfig(4, 2)
     propose, files = proposed_rays.Proposer.read(packs, shapes, proposals)
     assert propose is not None and (propose.config, files) == (proposals, sorted(packs.glob("*.safetensors")))

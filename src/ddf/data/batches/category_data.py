@@ -1,26 +1,24 @@
 """The training and test images of one category with what belongs to them: cameras, masks, samples, clouds.
 
 Everything is read from the artefacts of the stages `dataset` and `samples`; a batch depends on (seed, step) alone.
-Memory does not grow with the number of shapes: samples and clouds stay in their shards, which are mapped a few at a
-time, and images are kept in a temporary file.
+Images, samples and clouds are a tensor each, in a file without a name (`mapped`), so that memory does not grow with the
+number of shapes, or in the memory of a GPU (`DeviceMemory`): what a step reads is chosen there and decoded there, from
+numbers that the host draws, the same whatever the device.
 """
 
-import abc
-import functools
 import hashlib
-import math
+import logging
 import os
 import tempfile
-import weakref
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
 import tqdm
-from jaxtyping import Float, Int, Shaped, UInt8
+from jaxtyping import Float, Int, Int16, UInt8
 from torch import Tensor
 
 from ddf.core import arrays, checks, distributed, storage
@@ -29,40 +27,23 @@ from ddf.data.public import manifest
 from ddf.data.samples import sample_batch, sample_types
 from ddf.geometry import cameras, transforms
 
+LOGGER = logging.getLogger(__name__)
 SAMPLES, CLOUDS = ".samples.safetensors", ".clouds.safetensors"  # as the stage `samples` names them
-OPEN_SHARDS = 8  # of each kind, whatever the number of shapes; to open one more takes a millisecond
+SHARE = 0.5  # of a GPU's memory that is free before the model is there; a step takes some of the rest
 
 Shard = Mapping[str, np.ndarray]
-Value = TypeVar("Value", covariant=True)
+Data = TypeVar("Data", "ImageSet", "ShapeSet", "SampleSet")
 
 
-@runtime_checkable
-class Numbered(Protocol[Value]):
-    """What is asked for by its number: a list, or something that reads it then."""
+def mapped(shape: Sequence[int], dtype: Any) -> Tensor:
+    """Zeros in a mapped file without a name, in the folder for temporary files (`TMPDIR`), which needs space for them.
 
-    def __getitem__(self, index: int, /) -> Value: ...
-
-
-class ImageFile:
-    """Images of one size in a file without a name, in the folder for temporary files (`TMPDIR`), which needs space for
-    them: 4 size^2 bytes each.
+    Raises:
+      OSError: there is no space; the folder is named.
     """
-
-    def __init__(self, size: int) -> None:
-        self._shape = (4, size, size)
-        self._file = tempfile.TemporaryFile()
-        weakref.finalize(self, self._file.close)
-
-    def append(self, image: Float[Tensor, "4 size size"]) -> None:
-        """Add an image in [0, 1], rounded to bytes."""
-        with storage.naming(tempfile.gettempdir()):
-            self._file.write((image * 255).round().to(torch.uint8).numpy().tobytes())
-            self._file.flush()
-
-    def __getitem__(self, index: int, /) -> UInt8[Tensor, "4 size size"]:
-        length = math.prod(self._shape)
-        data = os.pread(self._file.fileno(), length, index * length)
-        return torch.frombuffer(bytearray(data), dtype=torch.uint8).reshape(self._shape)
+    with storage.naming(tempfile.gettempdir()), tempfile.TemporaryFile() as file:
+        os.posix_fallocate(file.fileno(), 0, int(np.prod(shape)) * np.dtype(dtype).itemsize)
+        return torch.from_numpy(np.memmap(file, dtype, "r+", shape=tuple(shape)))
 
 
 @dataclass(frozen=True)
@@ -75,14 +56,12 @@ class ImageSet:
     ids: Sequence[str]
     views: Sequence[int]
     shapes: Int[np.ndarray, "n"]
-    images: Numbered[UInt8[Tensor, "4 size size"]]
+    images: UInt8[Tensor, "n 4 size size"]
     cameras: Float[Tensor, "n 3"]
 
     def batch(self, rows: Int[np.ndarray, "b"]) -> Float[Tensor, "b 4 size size"]:
         """Images in [0, 1], where the images are."""
-        if isinstance(self.images, Tensor):
-            return self.images[arrays.send(rows, self.images.device)].float() / 255
-        return torch.stack([self.images[int(row)] for row in rows]).float() / 255
+        return self.images[arrays.send(rows, self.images.device)].float() / 255
 
     def cameras_of(self, rows: Int[np.ndarray, "b"]) -> Float[Tensor, "b 3"]:
         """Where the cameras are."""
@@ -95,8 +74,8 @@ class ImageSet:
     def digest(self) -> str:
         """SHA-256 of images and cameras: a training goes on only with what it began with."""
         digest = hashlib.sha256()
-        for row in range(len(self.shapes)):
-            digest.update(self.images[row].cpu().numpy().tobytes())
+        for image in self.images:
+            digest.update(image.cpu().numpy().tobytes())
         digest.update(self.cameras.cpu().numpy().tobytes())
         return digest.hexdigest()
 
@@ -110,41 +89,35 @@ def averaged(alpha: Float[Tensor, "b side side"], size: int) -> Float[Tensor, "b
     return torch.nn.functional.interpolate(alpha[:, None], (size, size), mode="area")[:, 0]
 
 
-class MappedShards:
-    """Arrays of safetensors files whose checksums have been verified, mapped when they are asked for."""
-
-    def __init__(self, paths: Sequence[Path]) -> None:
-        self._paths = list(paths)
-        self._open = functools.lru_cache(maxsize=OPEN_SHARDS)(storage.map_tensors)
-
-    def __getitem__(self, index: int, /) -> Shard:
-        return self._open(self._paths[index])
-
-
-@dataclass(frozen=True)
-class PlacedClouds:
-    """Ground-truth clouds in the field frame, each read and placed when it is asked for.
-
-    places: shard and row in it of each shape. similarities: field from v1.
-    """
-
-    shards: Numbered[Shard]
-    places: Sequence[tuple[int, int]]
-    similarities: Sequence[transforms.Similarity]
-
-    def __getitem__(self, index: int, /) -> Float[Tensor, "n 3"]:
-        number, row = self.places[index]
-        cloud = packing.Cloud.stored(self.shards[number], row)
-        return torch.from_numpy(self.similarities[index].apply(cloud.points)).float()
-
-
 @dataclass(frozen=True)
 class ShapeSet:
-    """Field-from-v1 similarity, and ground-truth cloud in the field frame, of some shapes."""
+    """Field-from-v1 similarity, and ground-truth cloud in the field frame, of some shapes.
+
+    points: of all clouds, one after the other. offsets: where each begins, and the end of the last.
+    """
 
     ids: Sequence[str]
     similarities: Sequence[transforms.Similarity]
-    clouds: Numbered[Float[Tensor, "n 3"]]
+    points: Float[Tensor, "total 3"]
+    offsets: Int[np.ndarray, "_"]
+
+    @classmethod
+    def of(
+        cls,
+        ids: Sequence[str],
+        similarities: Sequence[transforms.Similarity],
+        clouds: Sequence[Float[np.ndarray, "_ 3"]],
+    ) -> "ShapeSet":
+        """From clouds in v1."""
+        offsets = np.cumsum([0, *map(len, clouds)])
+        points = mapped((max(int(offsets[-1]), 1), 3), np.float32)
+        for similarity, cloud, start in zip(similarities, clouds, offsets, strict=False):
+            points[start : start + len(cloud)] = torch.from_numpy(similarity.apply(cloud)).float()
+        return cls(list(ids), similarities, points, offsets)
+
+    def cloud(self, shape: int) -> Float[Tensor, "n 3"]:
+        """That of one shape."""
+        return self.points[self.offsets[shape] : self.offsets[shape + 1]]
 
     def field_scales(self, shapes: Int[np.ndarray, "b"]) -> Float[Tensor, "b"]:
         """Field units per v1 unit."""
@@ -164,54 +137,44 @@ class ShapeSet:
 
     def subset(self, shape: int, count: int, random: np.random.Generator) -> Float[Tensor, "count 3"]:
         """Random points of one cloud, without repetition as long as there are enough."""
-        cloud = self.clouds[shape]
-        return cloud[torch.from_numpy(subset_rows(len(cloud), count, random))]
+        return self.subsets(np.array([shape]), count, random)[0]
 
     def subsets(
         self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator, part: slice = slice(None)
     ) -> Float[Tensor, "own count 3"]:
         """`subset` of `part` of the shapes, drawn for all of them, where the clouds are."""
-        if isinstance(self.clouds, JoinedClouds):
-            return self.clouds.subsets(shapes, count, random, part)
-        return torch.stack([self.subset(int(shape), count, random) for shape in shapes][part])
-
-
-def subset_rows(size: int, count: int, random: np.random.Generator) -> Int[np.ndarray, "count"]:
-    """Which points of a cloud of this size a subset has."""
-    return random.choice(size, count, replace=size < count)
-
-
-@dataclass(frozen=True)
-class JoinedClouds:
-    """Clouds of the field frame in one tensor, on any device. offsets: where each begins, and the end of the last."""
-
-    points: Float[Tensor, "total 3"]
-    offsets: Int[np.ndarray, "_"]
-
-    def __getitem__(self, index: int, /) -> Float[Tensor, "n 3"]:
-        return self.points[self.offsets[index] : self.offsets[index + 1]]
-
-    def subsets(
-        self, shapes: Int[np.ndarray, "b"], count: int, random: np.random.Generator, part: slice
-    ) -> Float[Tensor, "own count 3"]:
-        """As `ShapeSet.subsets`."""
         sizes = np.diff(self.offsets)
-        rows = [self.offsets[shape] + subset_rows(int(sizes[shape]), count, random) for shape in shapes]
+        rows = [self.offsets[i] + random.choice(sizes[i], count, replace=bool(sizes[i] < count)) for i in shapes]
         return self.points[arrays.send(np.stack(rows)[part], self.points.device)]
 
 
-class SampleSource(abc.ABC):
-    """Gives the oriented points of a batch with their ground truth."""
+@dataclass(frozen=True)
+class SampleSet:
+    """Stored oriented-point samples of some shapes.
 
-    device = torch.device("cpu")  # where the points are
+    records: see `packing`, all types one after the other. stored: samples of each type, in that order.
+    """
 
-    @abc.abstractmethod
-    def stored_counts(self) -> Mapping[str, int]:
-        """How many samples of each type a shape has, the same for all."""
+    records: Int16[Tensor, "shapes n record"]
+    stored: Mapping[str, int]
 
-    @abc.abstractmethod
+    @classmethod
+    def of(cls, shards: Sequence[Shard], places: Sequence[tuple[int, int]]) -> "SampleSet":
+        """From shards, `shards[k]["U.positions"]` being (shapes, n, 3); places: shard and row in it of each shape."""
+        stored = {kind: shards[0][f"{kind}.depth"].shape[1] for kind in sample_types.KINDS}
+        records = mapped((len(places), sum(stored.values()), packing.RECORD), np.int16)
+        for place, (shard, row) in enumerate(places):
+            own = {name: values[row] for name, values in shards[shard].items()}
+            records[place] = torch.from_numpy(np.concatenate([packing.records(own, kind) for kind in stored]))
+        return cls(records, stored)
+
     def decoded(self, shapes: Int[np.ndarray, "b"], rows: Mapping[str, Int[np.ndarray, "b _"]]) -> packing.Samples:
         """Of each shape the samples of these rows of each name of a batch, one name after the other."""
+        begins = dict(zip(self.stored, np.cumsum([0, *self.stored.values()]), strict=False))
+        places = [begins[sample_types.base(name)] + own for name, own in rows.items()]
+        index = shapes[:, None] * self.records.shape[1] + np.concatenate(places, axis=1)
+        found = self.records.flatten(0, 1)[arrays.send(index, self.records.device)]
+        return packing.decode_fields(packing.parted(found))
 
     def draw(
         self,
@@ -225,10 +188,10 @@ class SampleSource(abc.ABC):
         Args:
           part: keep these of the shapes alone, with the samples that they have among all.
         """
-        unknown, stored = _without_truth(len(shapes), counts["E"], random, part, self.device), self.stored_counts()
+        unknown = _without_truth(len(shapes), counts["E"], random, part, self.records.device)
         wanted = {name: counts[name] for name in sample_types.STORED if counts.get(name)}
         drawn = {
-            name: random.integers(0, stored[sample_types.base(name)], (len(shapes), count))[part]
+            name: random.integers(0, self.stored[sample_types.base(name)], (len(shapes), count))[part]
             for name, count in wanted.items()
         }
         parts = [unknown, self.decoded(shapes[part], drawn)]
@@ -241,37 +204,6 @@ class SampleSource(abc.ABC):
             normals=columns["normals"],
             counts={"E": counts["E"], **wanted},
         )
-
-
-@dataclass(frozen=True)
-class SampleSet(SampleSource):
-    """Stored oriented-point samples of some shapes, as `packing` says.
-
-    shards: `shards[k]["U.positions"]` is (shapes, n, 3). places: shard and row in it of each shape.
-    """
-
-    shards: Numbered[Shard]
-    places: Sequence[tuple[int, int]]
-
-    def stored_counts(self) -> dict[str, int]:
-        """Those of the first shape."""
-        ((shard, _),) = self.tables(np.array([0]))
-        return {kind: shard[f"{kind}.depth"].shape[1] for kind in sample_types.KINDS}
-
-    def decoded(self, shapes: Int[np.ndarray, "b"], rows: Mapping[str, Int[np.ndarray, "b _"]]) -> packing.Samples:
-        """As `SampleSource.decoded`; each shard is opened once."""
-        tables = self.tables(shapes)
-        codes = {
-            field: [gather(tables, f"{sample_types.base(name)}.{field}", own) for name, own in rows.items()]
-            for field in packing.FIELDS
-        }
-        return packing.decode_fields({field: torch.cat(parts, dim=1) for field, parts in codes.items()})
-
-    def tables(self, shapes: Int[np.ndarray, "b"]) -> list[tuple[Shard, int]]:
-        """The shard of each shape and its row there, for `gather`; each shard is opened once."""
-        places = [self.places[i] for i in shapes]
-        opened = {number: self.shards[number] for number in {number for number, _ in places}}
-        return [(opened[number], row) for number, row in places]
 
 
 def _without_truth(
@@ -292,10 +224,30 @@ def _without_truth(
     )
 
 
-def gather(tables: Sequence[tuple[Shard, int]], name: str, rows: Int[np.ndarray, "b n"]) -> Shaped[Tensor, "b n *rest"]:
-    """Rows `rows[k]` of the array `name` of the k-th shape, which is row `tables[k][1]` of its shard."""
-    parts = [shard[name][shape].take(own, axis=0) for (shard, shape), own in zip(tables, rows, strict=True)]
-    return torch.from_numpy(np.stack(parts))
+class DeviceMemory:
+    """What may still be taken of a device's memory, and what takes it: each kind of data that fits, when asked for."""
+
+    def __init__(self, device: torch.device) -> None:
+        self.device, self.left = device, room(device)
+
+    def holds(self, name: str, data: Data) -> Data:
+        """The data on the device if they fit there, else where they are, of which each step sends its part."""
+        tensors = {each.name: value for each in fields(data) if isinstance(value := getattr(data, each.name), Tensor)}
+        size = sum(value.nbytes for value in tensors.values())
+        if self.device.type == "cpu":
+            return data
+        fits = size <= self.left
+        where = f"in the memory of {self.device}" if fits else "in files: the GPU has no room for them"
+        LOGGER.info("%s of the training set, %.1f GiB: %s", name, size / 2**30, where)
+        if not fits:
+            return data
+        self.left -= size
+        return replace(data, **{key: value.to(self.device) for key, value in tensors.items()})
+
+
+def room(device: torch.device) -> int:
+    """Bytes that training data may take of a device's memory: `SHARE` of what is free; nothing of a CPU's."""
+    return int(SHARE * torch.cuda.mem_get_info(device)[0]) if device.type == "cuda" else 0
 
 
 def read_images(
@@ -306,19 +258,19 @@ def read_images(
     Raises:
       InputError: a file is missing, damaged or of another size; it is named.
     """
-    images, poses, index, all_views = ImageFile(size), [], [], []
+    index = np.repeat(np.arange(len(shapes)), [len(views) for _, views in shapes])
+    if not len(index):
+        raise checks.InputError(f"{dataset.root}: category {category} has no images for this split; use more shapes")
+    images, poses, all_views = mapped((len(index), 4, size, size), np.uint8), [], []
     others = distributed.rank() > 0  # show no progress
     progress = tqdm.tqdm(shapes, desc=f"images {category}", unit="shape", mininterval=2, disable=others)
-    for i, (shape_id, views) in enumerate(progress):
+    for shape_id, views in progress:
         table = torch.tensor(dataset.cameras(category, shape_id), dtype=torch.float64)
         for view in views:
-            images.append(dataset.image(category, shape_id, view, size))
-            index.append(i)
+            images[len(all_views)] = (dataset.image(category, shape_id, view, size) * 255).round().to(torch.uint8)
             all_views.append(view)
         poses.append(cameras.degrees_to_radians(table[list(views)]).float())
-    if not index:
-        raise checks.InputError(f"{dataset.root}: category {category} has no images for this split; use more shapes")
-    return ImageSet([s for s, _ in shapes], all_views, np.array(index), images, torch.cat(poses))
+    return ImageSet([s for s, _ in shapes], all_views, index, images, torch.cat(poses))
 
 
 def test_views(
@@ -367,7 +319,9 @@ def read_shapes(folder: Path, ids: Sequence[str]) -> ShapeSet:
         maps |= storage.load_metadata(path)["field_from_raw"]
     _require(folder, ids, maps)
     similarities = [transforms.Similarity.from_dict(maps[name]) for name in ids]
-    return ShapeSet(list(ids), similarities, PlacedClouds(*_find(folder, CLOUDS, ids), similarities))
+    shards, places = _find(folder, CLOUDS, ids)
+    clouds = [packing.Cloud.stored(shards[shard], row).points for shard, row in places]
+    return ShapeSet.of(ids, similarities, clouds)
 
 
 def read_samples(folder: Path, ids: Sequence[str]) -> SampleSet:
@@ -376,18 +330,18 @@ def read_samples(folder: Path, ids: Sequence[str]) -> SampleSet:
     Raises:
       InputError: a shape is in no shard, or a shard is damaged; it is named.
     """
-    return SampleSet(*_find(folder, SAMPLES, ids))
+    return SampleSet.of(*_find(folder, SAMPLES, ids))
 
 
-def _find(folder: Path, kind: str, ids: Sequence[str]) -> tuple[MappedShards, list[tuple[int, int]]]:
-    """The shards of one kind, each verified, and the place of each of the given shapes: shard and row in it."""
+def _find(folder: Path, kind: str, ids: Sequence[str]) -> tuple[list[Shard], list[tuple[int, int]]]:
+    """The shards of one kind, verified and mapped, and the place of each of the given shapes: shard and row in it."""
     paths = storage.shard_files(folder, kind, "samples")
     places: dict[str, tuple[int, int]] = {}
     for number, path in enumerate(paths):
         _, metadata = storage.load_tensors(path, framework="torch")
         places |= {name: (number, row) for row, name in enumerate(metadata["ids"])}
     _require(folder, ids, places)
-    return MappedShards(paths), [places[name] for name in ids]
+    return [storage.map_tensors(path) for path in paths], [places[name] for name in ids]
 
 
 def _require(folder: Path, ids: Sequence[str], found: Mapping) -> None:

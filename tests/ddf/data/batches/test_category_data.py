@@ -1,5 +1,9 @@
 """Images, shapes and samples of a category: what is read and what a batch draws."""
 
+import errno
+import logging
+import os
+import tempfile
 from pathlib import Path
 
 import _hand_made
@@ -33,8 +37,7 @@ def test_drawn_samples_belong_to_their_shapes_and_types():
     assert float(cosine.max()) < -0.99
 
 
-def test_shards_give_what_was_written_however_many_are_open(tmp_path, monkeypatch):
-    monkeypatch.setattr(category_data, "OPEN_SHARDS", 1)
+def test_shards_give_what_was_written(tmp_path):
     ids, samples = [f"shape{i}" for i in range(3)], _hand_made.samples()
     points = [np.random.default_rng(i).random((5 + i, 3)).astype(np.float32) for i in range(3)]
     for number, rows in enumerate(([0, 1], [2])):
@@ -42,7 +45,7 @@ def test_shards_give_what_was_written_however_many_are_open(tmp_path, monkeypatc
         frames = {name: transforms.Similarity(2.0 + i).to_dict() for i, name in zip(rows, names, strict=True)}
         written = {f"{number}{category_data.SAMPLES}": "", f"{number}{category_data.CLOUDS}": ""}
         path = tmp_path / f"{number}{category_data.SAMPLES}"
-        storage.save_tensors(path, samples.shards[number], {"ids": names, "field_from_raw": frames})
+        storage.save_tensors(path, _hand_made.shards()[number], {"ids": names, "field_from_raw": frames})
         arrays = {"points": np.concatenate([points[i] for i in rows])}
         arrays["offsets"] = np.cumsum([0, *(len(points[i]) for i in rows)])
         arrays["hidden"] = np.zeros(len(arrays["points"]), dtype=bool)
@@ -56,7 +59,7 @@ def test_shards_give_what_was_written_however_many_are_open(tmp_path, monkeypatc
     for one, two in zip(*(vars(batch).values() for batch in drawn), strict=True):
         assert torch.equal(one, two) if isinstance(one, torch.Tensor) else one == two
     for i in range(3):
-        torch.testing.assert_close(shapes.clouds[i], torch.from_numpy((4.0 - i) * points[2 - i]), rtol=1e-6, atol=0)
+        torch.testing.assert_close(shapes.cloud(i), torch.from_numpy((4.0 - i) * points[2 - i]), rtol=1e-6, atol=0)
     damage(tmp_path / f"1{category_data.CLOUDS}")
     with pytest.raises(checks.InputError, match=r"1\.clouds\.safetensors is damaged"):
         category_data.read_shapes(tmp_path, ids)
@@ -64,17 +67,32 @@ def test_shards_give_what_was_written_however_many_are_open(tmp_path, monkeypatc
         category_data.read_samples(tmp_path, [*ids, "other"])
 
 
-def test_images_come_back_from_their_file():
-    bytes_of = torch.randint(0, 256, (3, 5, 5, 4), generator=torch.Generator().manual_seed(0)).to(torch.uint8)
-    file = category_data.ImageFile(5)
-    for image in bytes_of:
-        file.append(image.permute(2, 0, 1).float() / 255)  # as pictures are read: not contiguous
-    whole = bytes_of.permute(0, 3, 1, 2)
-    poses = torch.zeros(3, 3)
-    read, kept = (category_data.ImageSet(["a"], [0, 1, 2], np.zeros(3, int), images, poses) for images in (file, whole))
-    rows = np.array([2, 0, 2])
-    assert torch.equal(read.batch(rows), whole[rows].float() / 255)
-    assert torch.equal(read.alpha(rows, 2), kept.alpha(rows, 2)) and read.digest() == kept.digest()
+def test_a_file_without_a_name_holds_what_is_written_and_needs_its_space(monkeypatch):
+    held = category_data.mapped((3, 2), np.int16)
+    held[1] = torch.tensor([5, -7], dtype=torch.int16)
+    assert held.tolist() == [[0, 0], [5, -7], [0, 0]]
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(OSError, match=tempfile.gettempdir()):
+        category_data.mapped((3, 2), np.int16)
+
+
+def test_only_what_has_room_goes_to_a_device(monkeypatch, caplog):
+    """Of a device whose memory is as large as told; the tensors stay on the CPU."""
+    images, shapes, samples = _hand_made.images(), _hand_made.shapes(), _hand_made.samples()
+    sizes = {"images": 6 * 4 * 32 * 32 + 6 * 12, "clouds": 3 * 80 * 12, "samples": 3 * 6 * 40 * 14}
+    monkeypatch.setattr(category_data, "room", lambda device: sizes["images"] + sizes["samples"] - 1)
+    memory = category_data.DeviceMemory(torch.device("meta"))
+    with caplog.at_level(logging.INFO):
+        assert memory.holds("images", images).images.is_meta
+        assert memory.holds("samples", samples) is samples and memory.left == sizes["samples"] - 1
+        assert memory.holds("clouds", shapes).points.is_meta
+    assert memory.left == sizes["samples"] - 1 - sizes["clouds"]
+    assert category_data.DeviceMemory(torch.device("cpu")).holds("images", images) is images
+    assert "samples of the training set" in caplog.text and "in files: the GPU has no room for them" in caplog.text
 
 
 def test_test_views_are_the_first_of_the_splits():
