@@ -179,6 +179,6 @@ def reseeded(section: T, seed: int) -> T:
 
 
 def time_path(experiment: str, stage: str, category: str = "", seed: int = 0) -> Path:
-    """Where a stage notes time and memory of its last run, for the report; not an artefact: they differ each time."""
+    """Where a stage notes the seconds of its last run, for the report; not an artefact: they differ each time."""
     name = "-".join([stage, *([category] if category else []), *([str(seed)] if seed else [])])
     return Path("artifacts") / experiment / "times" / f"{name}.json"

@@ -12,7 +12,6 @@ import hashlib
 import json
 import logging
 import os
-import resource
 import shutil
 import sys
 import time
@@ -30,7 +29,7 @@ Make = Callable[[Run], None]
 
 
 def note(item: graph.Item, checksum: notes.Checksum = storage.checksum) -> notes.Note:
-    """The note of the item's last run, as a run of now would write it; time and memory stand in it too."""
+    """The note of the item's last run, as a run of now would write it; its seconds stand in it too."""
     given = Run.read(item.file)
     content = {
         "config": {name: config.plain(given.section(class_of(name))) for name in item.entry.sections},
@@ -85,7 +84,7 @@ def _whole_number(text: str) -> int:
 
 
 def _run_alone(make: Make, run: Run) -> None:
-    """Run while holding the stage's lock, then note time, memory and what was made of what.
+    """Run while holding the stage's lock, then note its seconds and what was made of what.
 
     Where the note of an earlier run fits, nothing is done. A killed engine can leave a stage's process behind that
     still writes the same files. The lock is the kernel's and goes with that process; of the processes of one
@@ -114,26 +113,6 @@ def _run_alone(make: Make, run: Run) -> None:
         for out in outputs:
             if Path(out).name == PAGE:
                 shutil.rmtree(out, ignore_errors=True)
-        imported = _largest_child_kib()
         started = time.monotonic()
         make(run)
-        made.write(outputs, seconds=round(time.monotonic() - started, 2), **_peak_memory(imported))
-
-
-def _largest_child_kib() -> int:
-    """Largest resident memory of the processes that this one has started and that have ended."""
-    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss  # KiB on Linux
-
-
-def _peak_memory(imported: int) -> dict[str, float]:
-    """Largest resident memory so far, MiB: of this process, and of the largest worker process that it started.
-
-    `imported` is that of the programs which imports ran before the work: only what is larger is a worker's, and 0 says
-    that there was none. Pages that processes share count in each of them. Workers of a Dask cluster are not counted.
-    """
-    loky = sys.modules.get("joblib.externals.loky")
-    if loky is not None:  # the kernel counts children that have ended
-        loky.get_reusable_executor(reuse=True).shutdown(wait=True)
-    own, largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, _largest_child_kib()
-    workers = largest if largest > imported else 0
-    return {"peak_mib": round(own / 1024, 1), "worker_peak_mib": round(workers / 1024, 1)}
+        made.write(outputs, seconds=round(time.monotonic() - started, 2))

@@ -119,18 +119,12 @@ def data_section(results: Results) -> Section:
 
 
 def costs_section(results: Results) -> Section:
-    """Times and memory of the stages, and the sum of the times."""
-    rows = []
-    for name, cost in results.costs.items():
-        seconds = "not timed" if cost.seconds is None else duration(cost.seconds)
-        rows.append([name, seconds, f"{cost.peak_mib:,.0f}" if cost.peak_mib else scores.NOTHING])
-    known = [cost.seconds for cost in results.costs.values() if cost.seconds is not None]
-    rows.append(["together", duration(sum(known)) if known else scores.NOTHING, ""])
-    caption = (
-        f"Wall time of each stage's last run, summed over categories, on {os.cpu_count()} CPU threads. "
-        "Memory: resident, of the stage's largest process in any category."
-    )
-    return Section("Times and memory", [Table(caption, ["stage", "time", "memory, MiB"], rows)])
+    """Times of the stages, and their sum."""
+    known = {name: seconds for name, seconds in results.stage_seconds.items() if seconds is not None}
+    rows = [[name, duration(known[name]) if name in known else "not timed"] for name in results.stage_seconds]
+    rows.append(["together", duration(sum(known.values())) if known else scores.NOTHING])
+    caption = f"Wall time of each stage's last run, summed over categories, on {os.cpu_count()} CPU threads."
+    return Section("Times", [Table(caption, ["stage", "time"], rows)])
 
 
 def duration(seconds: float) -> str:

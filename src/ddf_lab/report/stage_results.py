@@ -1,4 +1,4 @@
-"""What the stages left behind for the report: tables, logs, failures, time and memory."""
+"""What the stages left behind for the report: tables, logs, failures, seconds."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -19,22 +19,12 @@ Head = tuple[str, str]  # method, column
 
 
 @dataclasses.dataclass(frozen=True)
-class Cost:
-    """Of a stage's last runs: wall time summed over categories, and the peak memory of its largest process.
-
-    None: a part of it has no note.
-    """
-
-    seconds: float | None
-    peak_mib: float | None
-
-
-@dataclasses.dataclass(frozen=True)
 class Results:
     """Everything that the stages left behind for the report.
 
     `table` has means over `seeds` trainings, `trainings` the scores per image of each; all else is of seed 0. settings:
-    all sections with their defaults. seconds: wall time of a test image, by model and part, mean over categories.
+    all sections with their defaults. stage_seconds: of the last runs of each stage, over categories; None where one has
+    no note. seconds: wall time of a test image, by model and part, mean over categories.
     further_seconds: of each model, what a training of all categories took with each of the further seeds. strips: by
     category, as WebP, from `rendered` images each; `example_strips.drawn` adds these.
     """
@@ -46,7 +36,7 @@ class Results:
     shapes: pd.DataFrame
     logs: Mapping[str, Mapping[str, pd.DataFrame]]
     failures: pd.DataFrame
-    costs: Mapping[str, Cost]
+    stage_seconds: Mapping[str, float | None]
     settings: Mapping[str, Any]
     seeds: int = 1
     seconds: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
@@ -97,7 +87,7 @@ def read_results(run: Run) -> Results:
         shapes=_stored(run.folder("evaluate") / "shapes.csv"),
         logs={label: _read_logs(run, model, categories) for model, label in MODELS.items()},
         failures=_read_failures(run, categories),
-        costs={name: _stage_cost(run, name, categories) for name in STAGES},
+        stage_seconds={name: _stage_seconds(run, name, categories) for name in STAGES},
         settings=run.sections(),
         seeds=seeds,
         seconds={label: _test_seconds(run, file, categories) for file, label in CLOUDS.items()},
@@ -142,12 +132,8 @@ def _read_failures(run: Run, categories: Sequence[str]) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=["id", "stage", "reason"])
 
 
-def _stage_cost(run: Run, name: str, categories: Sequence[str]) -> Cost:
-    """What the notes of a stage's last runs say; notes of earlier versions have no memory."""
+def _stage_seconds(run: Run, name: str, categories: Sequence[str]) -> float | None:
+    """What the notes of a stage's last runs say."""
     paths = [time_path(run.name, name, category) for category in ([""] if name in WHOLE else categories)]
     notes = [storage.read_json(path) if path.exists() else {} for path in paths]
-    seconds = [note["seconds"] for note in notes if "seconds" in note]
-    peaks = [max(note["peak_mib"], note.get("worker_peak_mib", 0.0)) for note in notes if "peak_mib" in note]
-    return Cost(
-        sum(seconds, 0.0) if len(seconds) == len(notes) else None, max(peaks) if len(peaks) == len(notes) else None
-    )
+    return sum(note["seconds"] for note in notes) if all("seconds" in note for note in notes) else None

@@ -1,4 +1,4 @@
-"""The frame around a stage script: arguments, what is done, notes of time and memory, errors in one line."""
+"""The frame around a stage script: arguments, what is done, notes of time, errors in one line."""
 
 import json
 import os
@@ -39,7 +39,7 @@ def test_scripts_pass_arguments_and_note_time_each_seed_its_own(tmp_path, more, 
     folder = tmp_path / "artifacts/a/times"
     assert {path.name for path in folder.iterdir()} == {f"do_it-chair{note}.json", f"do_it-chair{note}.lock"}
     times = json.loads((folder / f"do_it-chair{note}.json").read_text())
-    assert times["seconds"] >= 0 and times["worker_peak_mib"] == 0  # it started none
+    assert times["seconds"] >= 0
 
 
 def test_a_stage_of_the_graph_is_given_what_it_lists_and_is_done_by_what_it_began_with(tmp_path):
@@ -51,16 +51,6 @@ def test_a_stage_of_the_graph_is_given_what_it_lists_and_is_done_by_what_it_bega
     runs = [_stage(tmp_path, body, *GIVEN) for body in (changing, "pass", "pass")]
     assert [run.stdout for run in runs] == ["['samples']\n", "", ""]
     assert [run.stderr for run in runs] == ["do_it chair\n"] * 2 + ["do_it chair: nothing to do\n"]
-
-
-def test_stage_scripts_note_the_memory_of_their_own_process_and_of_workers(tmp_path):
-    spend = "joblib.Parallel(n_jobs=2)(joblib.delayed(bytearray)(n << 20) for n in (1, 300))"
-    body = f"import joblib; own = bytearray(200 << 20); own[::4096] = own[::4096]; {spend}"
-    result = _stage(tmp_path, body, *GIVEN)
-    assert (result.returncode, result.stderr) == (0, "do_it chair\n")
-    noted = json.loads((tmp_path / run.time_path("a", "do_it", "chair")).read_text())
-    assert 200 < noted["peak_mib"]
-    assert 300 < noted["worker_peak_mib"]
 
 
 def test_stage_scripts_end_with_one_line_and_code_2(tmp_path):
