@@ -19,6 +19,7 @@ from torch.nn import functional
 
 from bench.lib import measuring
 from ddf.core import checks
+from ddf.data import packing
 from ddf.data.batches import category_data
 from ddf.data.samples import sample_types
 from ddf.fields import model_files, pddf
@@ -93,15 +94,9 @@ def trial(train: reconstruction_settings.TrainConfig, section: Section) -> Trial
 
 def random_samples(count: int) -> category_data.SampleSet:
     """Samples of every type of so many shapes in their stored form, any code being a valid one."""
-    random = np.random.default_rng(2)
-    forms = {"positions": (np.int16, 3), "directions": (np.int16, 2), "depth": (np.uint16, 0), "normals": (np.int8, 2)}
-    arrays = {}
-    for kind in sample_types.KINDS:
-        for name, (dtype, width) in forms.items():
-            ends, shape = np.iinfo(dtype), (count, STORED, width)[: 3 if width else 2]
-            values = random.integers(-ends.max if ends.min else 0, ends.max, shape, dtype=dtype, endpoint=True)
-            arrays[f"{kind}.{name}"] = values
-    return category_data.SampleSet.of([arrays], [(0, row) for row in range(count)])
+    size = (count, len(sample_types.KINDS) * STORED, packing.RECORD)
+    records = np.random.default_rng(2).integers(-32767, 32767, size, np.int16, endpoint=True)
+    return category_data.SampleSet(torch.from_numpy(records), sample_types.each(STORED))
 
 
 def gradients(train: reconstruction_settings.TrainConfig, section: Section, device: str) -> tuple[float, Tensor]:

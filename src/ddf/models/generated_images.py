@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int, Int8
+from jaxtyping import Float, Int8
 from torch import Tensor
 
 from ddf.core import parallel, seeding, storage
@@ -72,29 +72,15 @@ def render_shard(
     return parallel.ShardResult([path])
 
 
-@dataclass(frozen=True)
-class NormalSet:
-    """Normals rendered ahead, n x `LEVELS`."""
-
-    images: Int8[Tensor, "n 3 h w"]
-
-    def __len__(self) -> int:
-        return len(self.images)
-
-    def batch(self, rows: Int[np.ndarray, "b"]) -> Float[Tensor, "b 3 h w"]:
-        """Normals in [-1, 1]."""
-        return self.images[torch.from_numpy(rows)].float() / LEVELS
-
-
-def read_normals(folder: Path) -> tuple[NormalSet, list[Path]]:
-    """All images of a folder that stage `normals` wrote, and their files, each verified."""
+def read_normals(folder: Path) -> tuple[Int8[Tensor, "n 3 h w"], list[Path]]:
+    """All images of a folder that stage `normals` wrote, n x `LEVELS`, and their files, each verified."""
     paths = storage.shard_files(folder, SUFFIX, "normals")
     shards = [storage.load_tensors(path, framework="torch")[0]["normals"] for path in paths]
     images, start = category_data.mapped((sum(map(len, shards)), *shards[0].shape[1:]), np.int8), 0
     for shard in shards:
         images[start : start + len(shard)] = shard
         start += len(shard)
-    return NormalSet(images), paths
+    return images, paths
 
 
 def on_white(normals: Float[Tensor, "*n 3 h w"]) -> Float[Tensor, "*n 3 h w"]:

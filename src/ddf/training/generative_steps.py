@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int8
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -88,10 +88,10 @@ class Draw:
         values = self.random.standard_normal((self.batch, features))[self.part].astype(np.float32)
         return torch.from_numpy(values).to(model_files.device())
 
-    def shapes(self, normals: generated_images.NormalSet) -> Float[Tensor, "b 3 h w"]:
-        """Normals of random shapes, rendered ahead."""
+    def shapes(self, normals: Int8[Tensor, "n 3 h w"]) -> Float[Tensor, "b 3 h w"]:
+        """Normals in [-1, 1] of random shapes, rendered ahead."""
         rows = self.random.integers(0, len(normals), self.batch)[self.part]
-        return normals.batch(rows).to(model_files.device())
+        return normals[torch.from_numpy(rows)].to(model_files.device()).float() / generated_images.LEVELS
 
 
 def critic_loss(
@@ -118,7 +118,7 @@ def adversarial_loss(critic: nn.Module, fake: Float[Tensor, "b 3 h w"]) -> Float
 
 
 def image_updates(
-    model: generative_models.ImageGAN, images: category_data.ImageSet, normals: generated_images.NormalSet
+    model: generative_models.ImageGAN, images: category_data.ImageSet, normals: Int8[Tensor, "n 3 h w"]
 ) -> list[Update]:
     """All updates of a step of the image GAN, in order."""
     gan = model.config
