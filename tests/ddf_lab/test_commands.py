@@ -46,12 +46,3 @@ def test_info_counts_steps_of_all_categories_and_shapes_that_are_listed(tmp_path
     cost = json.loads(capsys.readouterr().out)["cost"]
     assert cost["shapes"] == {"chair": 3, "car": 7, "all": 10} and cost["samples"] == 10 * 8_000
     assert cost["steps_in_all"] == {name: 2 * stated for name, stated in cost["steps"].items()}
-
-
-def test_info_names_an_unknown_key(tmp_path, capsys):
-    path = tmp_path / "mine.yaml"
-    path.write_text((ROOT / "configs" / "cpu.yaml").read_text().replace("encoder_width:", "encoder_widht:"))
-    assert cli.main(["info", str(path)]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"ddf info: error: {path}: train: unknown key 'encoder_widht'")
-    assert len(error.splitlines()) == 1

@@ -86,27 +86,6 @@ def test_bold_is_the_better_model_where_a_difference_is_seen(reported):
     assert bold > 0
 
 
-def test_verdict_and_findings_name_wins_losses_and_what_is_even(reported, monkeypatch):
-    results = stage_results.read_results(reported[1])
-    text = (reported[2] / "README.md").read_text()
-    assert text.split("\n\n")[1] == model_sections.verdict(results)
-    assert all(model_sections.against_retrieval(results, *model) in text for model in model_sections.MODELS)
-    chair, car = ("chair", "D"), ("car", "D")
-    found = {
-        "Pi_g-L": {chair: "DDF", ("chair", "F"): "DDF", car: "", ("car", "F"): "PC-SIREN"},
-        "Pi_pred-L": {chair: "", car: ""},
-    }
-    monkeypatch.setattr(model_sections, "better_model", lambda _, column: found[column])
-    assert model_sections.verdict(results) == (
-        "With the true camera, DDF is best for chair (D and F); PC-SIREN is best for car (F); elsewhere no model is "
-        "better than both others. With the predicted camera, no model is better than both others."
-    )
-    won = {"chair": 1, "plane": 0, "primitives": -1}
-    monkeypatch.setattr(stage_results.Results, "better", lambda self, category, *_: won[category])
-    said = model_sections.against_retrieval(results, *model_sections.MODELS[0])
-    assert said.endswith(": better for chair; not for plane and primitives.")
-
-
 def test_shapes_on_the_mask_have_a_table_of_their_own(reported):
     """Work at test time that the other model is not given stands in no column beside it."""
     results = stage_results.read_results(reported[1])

@@ -7,11 +7,8 @@ from typing import Any
 import pytest
 from _experiment_report import ROOT
 
-from ddf.core import schema
 from ddf_lab.report import run_sections, stage_results
 from ddf_lab.run import Run
-
-PLACES = {"app. si3dr", "app. singlefits", "app. genmodel", "table si3dr", "§3.3", "§3.4", "§4.3"}
 
 
 def test_training_times_are_summed_and_of_several_seeds_the_median(reported):
@@ -42,17 +39,3 @@ def test_what_differs_from_the_paper_stands_beside_what_it_prints(name):
         (proposals,) = (rest for key, rest in changed.items() if key.startswith("`ddf.proposals"))
         assert proposals == ["points 160", "none (app. si3dr)"]
         assert changed["`train.batch_size`"] == ["12", "32 (app. si3dr)"]
-
-
-def test_a_source_is_a_place_of_the_paper_and_holds_for_the_default_alone():
-    for name in ("cpu", "generative", "fit"):
-        for section, value in Run.read(name).sections().items():
-            for each in schema.listed(value, section):
-                assert each.source == "" or each.source in PLACES, each.key
-    fit = {each.key: each.source for each in schema.listed(Run.read("fit").sections()["fit"], "fit")}
-    assert fit["fit.weights.transition"] == fit["fit.field.omega_first"] == fit["fit.loop.schedule"] == ""
-    vae = {each.key: each.source for each in schema.listed(Run.read("generative").sections()["vae"], "vae")}
-    assert (
-        vae["vae.field.hidden"] == "app. genmodel"
-        and vae["vae.loop.schedule"] == vae["vae.field.direction_scale"] == ""
-    )

@@ -10,11 +10,11 @@ import yaml
 from _shapes import torus
 from _tiny_fits import SECTION
 
-from ddf.core import errors, storage
+from ddf.core import storage
 from ddf.fit import field_diagnostics
 from ddf.geometry import mesh_io
-from ddf_lab.evaluation import paper_results, shape_fits
-from ddf_lab.report import pages, shape_page, shape_views
+from ddf_lab.evaluation import shape_fits
+from ddf_lab.report import shape_page, shape_views
 from ddf_lab.run import Run
 
 _STAGES = Path(__file__).resolve().parents[3] / "stages"
@@ -78,31 +78,3 @@ def test_stages_write_tables_and_a_page_with_their_numbers(fitted_shape):
     assert f"{metrics['parameters']:,} parameters, 5 steps;" in text
     assert number(float("nan")) == number(float("nan"), "°", 1) == "–"  # a mean over nothing
     assert (number(0.0), number(0.01), number(4.0, "°", 1)) == ("0.00", "0.01", "4.0°")
-
-
-def _long(values):
-    """A long table with the same values of ours and of the paper, by left-out and held-out type."""
-    return pd.DataFrame(
-        [
-            (without, kind, "depth_l1_x10", values(without, kind), source)
-            for without in (*"UABOTS", "none")
-            for kind in "UABOTS"
-            for source in ("measured", paper_results.BUNNY)
-        ],
-        columns=["without", "type", "metric", "value", "source"],
-    )
-
-
-def test_bold_is_the_worst_of_each_column():
-    table = _long(lambda without, kind: 2.0 if without == kind and kind in "UT" else 1.5 if without == "none" else 1.0)
-    rows = shape_page.ablation_table(table, "depth_l1_x10", "").rows
-    bold = {(row[0], i) for row in rows for i, cell in enumerate(row[1:]) if isinstance(cell, pages.Cell) and cell.best}
-    assert bold == {("U", 0), ("none", 1), ("none", 2), ("none", 3), ("T", 4), ("none", 5)}
-
-
-def test_report_before_its_stages_is_one_clear_line(fitted_shape, tmp_path, monkeypatch, capsys):
-    text = (fitted_shape / "tiny_fit.yaml").read_text()
-    monkeypatch.chdir(tmp_path)
-    Path("tiny_fit.yaml").write_text(text)
-    assert errors.guarded(lambda: _run("report_shape"), "ddf") == 2
-    assert re.fullmatch(r"ddf: error: .*fit_shape/fit\.json.*\n", capsys.readouterr().err)

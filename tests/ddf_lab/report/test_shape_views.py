@@ -92,12 +92,6 @@ def test_errors_are_those_of_rays_that_both_see():
     assert beside.errors(found) == pytest.approx({"median": 0.25, "mean": 0.25, "wrong": 0.25, "angle": 45.0})
 
 
-def test_slice_strip_is_a_picture(shape, ball):
-    picture = Image.open(io.BytesIO(shape_views.slice_strip(shape, ball, 12)))
-    assert picture.size[0] > 4 * 168 and picture.size[1] > 2 * 168  # eight cells and more, in lines
-    assert np.asarray(picture).std() > 5
-
-
 def test_depths_of_one_scene_share_their_colours():
     near, far = np.full((4, 4), 1.0), np.full((4, 4), 2.0)
     far[0, 0] = np.inf
