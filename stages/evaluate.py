@@ -14,31 +14,6 @@ from ddf_lab.run import Run
 FACTS = ("id", "points", "hidden_share", "spacing_variation", "oracle_id")
 
 
-@stage.main(seed=True)
-def make(run: Run) -> None:
-    """Evaluate every category of the data set; writes si3dr, per_image, cameras and shapes as CSV, by group."""
-    settings = run.section(scoring.EvaluateConfig)
-    names = ("per_image", "cameras", "shapes")
-    tables: dict[str, list[pd.DataFrame]] = {name: [] for name in names}
-    sources, index = [run.index], storage.read_json(run.index)
-    for category, entry in index["categories"].items():
-        clouds = run.folder("pointclouds", category, run.seed)
-        files = {method: clouds / f"{file}.safetensors" for method, file in scoring.FILES.items()}
-        models = {method: scoring.load_predictions(file) for method, file in files.items()}
-        truths = scoring.load_truth(run.folder("samples", category))
-        found = category_tables(models, truths, entry["shapes"], settings, run.seed)
-        for name, table in zip(names, found, strict=True):
-            table.insert(0, "category", table["id"].map(groups.of_shapes(index, category)))
-            tables[name].append(table)
-        sources += files.values()
-    whole = {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
-    whole["si3dr"] = scoring.summary(whole["per_image"], whole["cameras"], whole["shapes"])
-    record = provenance.record(settings, settings.seed, sources, baselines)
-    out_dir = run.folder("evaluate", seed=run.seed)
-    for name, table in whole.items():
-        storage.save_table(out_dir / f"{name}.csv", table, record)
-
-
 def category_tables(
     models: dict[str, scoring.Predictions],
     truths: baselines.Truths,
@@ -76,3 +51,28 @@ def category_tables(
         for shape, chosen in oracle.items()
     ]
     return [scores, pd.concat(errors, ignore_index=True), pd.DataFrame(facts, columns=list(FACTS))]
+
+
+@stage.main(seed=True)
+def make(run: Run) -> None:
+    """Evaluate every category of the data set; writes si3dr, per_image, cameras and shapes as CSV, by group."""
+    settings = run.section(scoring.EvaluateConfig)
+    names = ("per_image", "cameras", "shapes")
+    tables: dict[str, list[pd.DataFrame]] = {name: [] for name in names}
+    sources, index = [run.index], storage.read_json(run.index)
+    for category, entry in index["categories"].items():
+        clouds = run.folder("pointclouds", category, run.seed)
+        files = {method: clouds / f"{file}.safetensors" for method, file in scoring.FILES.items()}
+        models = {method: scoring.load_predictions(file) for method, file in files.items()}
+        truths = scoring.load_truth(run.folder("samples", category))
+        found = category_tables(models, truths, entry["shapes"], settings, run.seed)
+        for name, table in zip(names, found, strict=True):
+            table.insert(0, "category", table["id"].map(groups.of_shapes(index, category)))
+            tables[name].append(table)
+        sources += files.values()
+    whole = {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
+    whole["si3dr"] = scoring.summary(whole["per_image"], whole["cameras"], whole["shapes"])
+    record = provenance.record(settings, settings.seed, sources, baselines)
+    out_dir = run.folder("evaluate", seed=run.seed)
+    for name, table in whole.items():
+        storage.save_table(out_dir / f"{name}.csv", table, record)
