@@ -43,9 +43,10 @@ export async function ply(world: World): Promise<string> {
   found.depth.forEach((depth, ray) => {
     if (found.nearest[ray]! < 0) return;
     const at = [0, 1, 2].map((axis) => positions[3 * ray + axis]! + depth * directions[3 * ray + axis]!);
-    lines.push([...at, ...found.values.normals!.subarray(3 * ray, 3 * ray + 3)].map((value) => value.toFixed(6)).join(" "));
+    const normal = [...found.values.normals!.subarray(3 * ray, 3 * ray + 3)].map((value) => value.toFixed(6));
+    lines.push([...at, ...normal].join(" "));
   });
-  const names = ["x", "y", "z", "nx", "ny", "nz"].map((name) => `property float ${name}`);
+  const names = ["x", "y", "z", "nx", "ny", "nz"].map((name) => `property ${name[1] ? "float" : "double"} ${name}`);
   return ["ply", "format ascii 1.0", `element vertex ${lines.length}`, ...names, "end_header", ...lines, ""].join("\n");
 }
 

@@ -1,12 +1,14 @@
 """What a depth camera or a lidar saw: rays with ranges, from NPZ files of three kinds and from depth images as PNG.
 
 Rays: `positions`, `directions` (N, 3) and `ranges` (N), inf where nothing was met. A depth image: `depth` (H, W) along
-the optical axis, 0 where the camera gave nothing, inf where nothing is there, with `intrinsics` (3, 3) and, if wanted,
-`camera_to_scan` (4, 4); the camera looks along Z, X to the right, Y down. Points: `points` (N, 3) and `sensors`, (3,)
-or (N, 3), from where each was seen. All in one frame and unit, that of the scan.
+the optical axis, inf where nothing is there, with `intrinsics` (3, 3) and, if wanted, `camera_to_scan` (4, 4), `width`
+and `height` of the image that the intrinsics are of; the camera looks along Z, X to the right, Y down. Points: `points`
+(N, 3) and `sensors`, (3,) or (N, 3), from where each was seen. All in one frame and unit, that of the scan; in rows, or
+as an image. What is no range, in any of them, is told by `_returned` and left out.
 
-A PNG of 16 bits of grey is such a depth; a JSON object beside it, of the same name, has `intrinsics`, if wanted
-`camera_to_scan`, and `depth_scale`, the unit of the scan in a step of grey: 0.001 if not said, millimetres to metres.
+A PNG of 16 bits of grey is such a depth; a JSON object beside it, of the same name, has what goes with it, and
+`depth_scale`, the unit of the scan in a step of grey: 0.001 if not said, millimetres to metres. A PNG of `ddf render`
+says its step itself, and its depths are along the rays.
 """
 
 import functools
@@ -28,9 +30,7 @@ from ddf.geometry import rays, transforms
 _BROKEN = (OSError, ValueError, SyntaxError, EOFError, MemoryError)  # what Pillow raises of a damaged PNG
 _RAYS, _DEPTH, _POINTS = ("positions", "directions", "ranges"), ("depth", "intrinsics"), ("points", "sensors")
 _OF_CAMERA = ("camera_to_scan", "width", "height")  # what a depth image may have besides
-_STEP = (
-    "depth_step"  # of a PNG that `ddf render` wrote: its depths are along the rays, and all of its levels are depths
-)
+_STEP = "depth_step"  # of a PNG that `ddf render` wrote
 _NARROWEST, _WIDEST = 0.01, 20.0  # tangents: of half a view under .6 or over 87 degrees the intrinsics are wrong
 _OFF_CENTRE = 0.1  # of the image, from its middle to the principal point, at most where the image's size is not told
 _MILLIMETRES, _MOST_STEP = 0.001, 100.0  # of grey; TUM's and Open3D's 5000 and 1000 are the inverse

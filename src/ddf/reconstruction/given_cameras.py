@@ -159,9 +159,9 @@ def _camera(entry: Any, shared: Mapping[str, Any], where: str) -> Camera:
 def _numbers(value: Any, shape: tuple[int, ...], told: str, least: Any) -> Float[np.ndarray, "..."]:
     """Finite numbers above the least, or the complaint."""
     try:
-        found = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        found = np.array([])
-    if found.shape != shape or not np.isfinite(found).all() or not (found > least).all():
+        found = checks.require_numbers(told, value, shape)
+    except checks.InputError:
+        found = None
+    if found is None or not (found > least).all():
         raise checks.InputError(f"{told}; got {value}")
     return found
