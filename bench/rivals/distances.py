@@ -22,8 +22,8 @@ from torch import Tensor, nn
 from ddf.core import seeding
 from ddf.data.samples.draws import Surface
 from ddf.fields import derivatives, siren
-from ddf.fields.grid.kernels import compiled
 from ddf.geometry import raycast, rays
+from ddf.geometry.grid_loops import compiled
 from ddf.geometry.mesh_io import Mesh
 from ddf.models import loop_config
 from ddf.training import training_loop

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy import ndimage, sparse
 
 from ddf.core import checks
@@ -120,20 +120,32 @@ def surface(grid: Grid, values: Float[np.ndarray, "x y z"], back: float = 0.0) -
         raise checks.InputError("nothing is left that all sides see: fit the field for longer")
     _join(values)
     values[ndimage.binary_fill_holes(values < 0) & (values >= 0)] = -_SLIGHTLY  # what no look reaches
+    vertices, faces = unsigned_surface.net(*crossings(values), np.array(values.shape))
+    vertices = _smoothed(vertices, faces)
+    vertices -= back * mesh_io.vertex_normals(mesh_io.Mesh(vertices, faces))
+    return mesh_io.Mesh(grid.origin + grid.cell * vertices, faces)
+
+
+def crossings(
+    values: Float[np.ndarray, "x y z"], told: Bool[np.ndarray, "x y z"] | None = None
+) -> tuple[Float[np.ndarray, "c 3"], Int[np.ndarray, "c 4 3"]]:
+    """Where edges of the grid cross 0, and the four cells around each: what `unsigned_surface.net` takes.
+
+    Args:
+      told: nodes whose values count, but for those at the rim; all, if nothing is said.
+    """
+    told = np.ones_like(values, bool) if told is None else np.pad(told[1:-1, 1:-1, 1:-1], 1)
     places, cells = [], []
     for axis in range(3):
         step, one, other = (np.eye(3, dtype=int)[(axis + i) % 3] for i in range(3))
-        inside = np.moveaxis(values < 0, axis, 0)
-        found = np.argwhere(inside[1:] != inside[:-1])
+        inside, counts = np.moveaxis(values < 0, axis, 0), np.moveaxis(told, axis, 0)
+        found = np.argwhere((inside[1:] != inside[:-1]) & counts[1:] & counts[:-1])
         first = np.insert(found[:, 1:], axis, found[:, 0], axis=1)
         begin, end = values[tuple(first.T)], values[tuple((first + step).T)]
         places.append(first + (begin / (begin - end))[:, None] * step)
         around = first[:, None] + np.stack([-one - other, -other, np.zeros(3, dtype=int), -one])
         cells.append(np.where((begin < 0)[:, None, None], around, around[:, ::-1]))
-    vertices, faces = unsigned_surface.net(np.concatenate(places), np.concatenate(cells), np.array(values.shape))
-    vertices = _smoothed(vertices, faces)
-    vertices -= back * mesh_io.vertex_normals(mesh_io.Mesh(vertices, faces))
-    return mesh_io.Mesh(grid.origin + grid.cell * vertices, faces)
+    return np.concatenate(places), np.concatenate(cells)
 
 
 def _join(values: Float[np.ndarray, "x y z"]) -> None:

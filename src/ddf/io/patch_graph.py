@@ -39,6 +39,7 @@ class _Patches(nn.Module):
         super().__init__()
         tree, codes = field.tree, field.tree.codes.astype(np.int64)
         last, bits = np.flatnonzero(codes & kernels.LAST), 2 + 2 * np.arange(kernels.MOST)
+        nodes = np.concatenate([tree.base.reshape(-1), tree.children.reshape(-1)])
         errors = field.tolerance / 2.0 ** (codes >> kernels.FINENESS & kernels.FINEST)
         rough = np.where(codes & kernels.ROUGH, kernels.NEAR_ROUGH * tree.sides, 0)
         numbers = {
@@ -48,7 +49,7 @@ class _Patches(nn.Module):
             "cuts": ((codes[:, None] >> bits & 1) - (codes[:, None] >> bits + 1 & 1)).astype(np.int8),
             "errors": np.maximum(errors, kernels.ROUNDING).astype(np.float32),
             "nears": np.maximum(np.maximum(kernels.NEAR * errors, kernels.NEAREST), rough).astype(np.float32),
-            "nodes": np.concatenate([tree.base.reshape(-1), tree.children.reshape(-1)]).astype(np.int32),
+            "nodes": np.where(nodes == kernels.UNKNOWN, 0, nodes).astype(np.int32),
             "box": np.stack([field.lower, field.upper]),
         }
         for name, values in numbers.items():

@@ -10,12 +10,9 @@ patches fit no better than its side; bits 2 + 2 j, 3 + 2 j: it holds only where 
 All in one file: numba keeps compiled code until the file changes, not until another does.
 """
 
-import inspect
-from collections.abc import Callable
-from typing import Any
-
-import numba
 import numpy as np
+
+from ddf.geometry.grid_loops import compiled
 
 MOST = 4  # patches in a cell
 LAST, ROUGH, FINENESS, FINEST = 1, 2, 11, 7  # of a code
@@ -25,15 +22,12 @@ FLAT = 0.125  # of the tolerance: a plane that is so near needs no bending
 MOST_BENT = 1.0  # |A| s from which on a paraboloid is no patch
 _MANY = 48  # triangles of a cell from which on it is cut, not clustered
 DEEPEST = 10  # how often a base cell may be cut, at most
+UNKNOWN = 1 << 30  # a node: an empty cell that nobody looked into
+GUESSED = 1 << 14  # of the first code of a cell, in memory: no ray ended on its patches
 _LONG = 1e300  # in place of 1/0
 ROUNDING = 5e-6  # of patches by their files, at most
 STEP = 1e-9  # into a cell, so that its own numbers say where the ray is
 NEAR, NEAR_ROUGH, NEAREST = 2.0, 0.25, 1.5e-5  # starts on a patch: in errors of a cell, in sides of a rough one
-
-
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function in machine code, made at its first call and kept beside the source."""
-    return numba.njit(cache=True, nogil=True, error_model="numpy")(inspect.unwrap(function))
 
 
 @compiled
@@ -148,18 +142,18 @@ def _surface(rows, i, x, y, z, vx, vy, vz, out, ray):
 
 @compiled
 def trace(positions, directions, box, base, children, patches, codes, tolerance):
-    """What rays meet first, (n, 6): depth (`inf` on a miss), normal, κ1 + κ2, κ1 κ2.
+    """What rays meet first, (n, 7): depth (`inf` on a miss), normal, κ1 + κ2, κ1 κ2, and 1 where all of it was seen.
 
     box: (2, 3), outside of which nothing is. base (R, R, R) of the cube [-1, 1]³: 0 an empty cell, k > 0 a leaf whose
-    patches begin at k - 1, -k < 0 a cell whose eight parts are children[k - 1], x slowest.
+    patches begin at k - 1, -k < 0 a cell whose eight parts are children[k - 1], x slowest; or `UNKNOWN`.
     """
-    out = np.zeros((len(positions), 6))
+    out = np.zeros((len(positions), 7))
     finest = base.shape[0] << DEEPEST  # cells along a side, were all cut to the end
     unit, per = 2.0 / finest, 0.5 * finest
     for ray in range(len(positions)):
         px, py, pz = positions[ray, 0], positions[ray, 1], positions[ray, 2]
         vx, vy, vz = directions[ray, 0], directions[ray, 1], directions[ray, 2]
-        out[ray, 0] = np.inf
+        out[ray, 0], out[ray, 6] = np.inf, 1.0
         ix, iy, iz = (1 / vx if vx else _LONG), (1 / vy if vy else _LONG), (1 / vz if vz else _LONG)
         ax, ay, az = (box[0, 0] - px) * ix, (box[0, 1] - py) * iy, (box[0, 2] - pz) * iz
         bx, by, bz = (box[1, 0] - px) * ix, (box[1, 1] - py) * iy, (box[1, 2] - pz) * iz
@@ -180,12 +174,16 @@ def trace(positions, directions, box, base, children, patches, codes, tolerance)
             i, j, k = i >> shift, j >> shift, k >> shift
             end = min(leave, ((i + sx) * side - 1 - px) * ix)
             end = min(end, ((j + sy) * side - 1 - py) * iy, ((k + sz) * side - 1 - pz) * iz)
-            if node > 0:
+            if node == UNKNOWN:
+                out[ray, 6] = 0.0
+            elif node > 0:
                 x, y, z = px + 1 - (i + 0.5) * side, py + 1 - (j + 0.5) * side, pz + 1 - (k + 0.5) * side
                 near = max(near, _nearness(codes[node - 1], side, tolerance)) if t <= side else 0.0
                 depth, which = _cell_hit(patches, codes, node - 1, x, y, z, vx, vy, vz, t, end, side, tolerance, near)
                 if which >= 0:
                     out[ray, 0] = depth
+                    if codes[node - 1] & GUESSED:
+                        out[ray, 6] = 0.0
                     _surface(patches, which, x + depth * vx, y + depth * vy, z + depth * vz, vx, vy, vz, out, ray)
                     break
             t = max(end, t) + STEP

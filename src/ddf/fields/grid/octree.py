@@ -5,7 +5,7 @@ parts of each cell that is cut, level after level; the patches of leaves in that
 Cells of a mesh are cut until their patches are as near to the triangles as asked, both ways.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,9 @@ BENT = 1 << 10  # of a code in a file: the patch is no plane
 ONE = 32767  # of int16
 _PARTS = np.indices((2, 2, 2)).reshape(3, -1).T  # least corners of the parts of a cell, in its halves
 _TYPES = {"cells": np.uint8, "codes": np.uint16, "planes": np.int16, "bends": np.int16}
+UNSEEN = "unseen"  # an array of some files: a bit a cell, in their order, that no ray passed through or ended in
+# least corners (n, 3), side -> which cells some ray passed through, and in which one ended
+Evidence = Callable[[Float[np.ndarray, "n 3"], float], tuple[Bool[np.ndarray, "n"], Bool[np.ndarray, "n"]]]
 
 
 @dataclass(frozen=True)
@@ -95,12 +98,18 @@ def unpack(arrays: Mapping[str, np.ndarray]) -> Octree:
     nodes = np.zeros(cells, np.int32)
     nodes[states == LEAF] = np.concatenate([[0], last[:-1]])[:leaves] + 1
     nodes[states == CUT] = -1 - np.arange((states == CUT).sum())
+    codes = arrays["codes"]
+    if UNSEEN in arrays:
+        unseen = np.unpackbits(arrays[UNSEEN], count=cells).astype(bool)
+        codes = codes.copy()
+        codes[nodes[unseen & (states == LEAF)] - 1] |= kernels.GUESSED
+        nodes[unseen & (states == EMPTY)] = kernels.UNKNOWN
     side, centre = (np.repeat(np.concatenate(part), per_leaf, axis=0) for part in (sides, centres))
     rows = np.zeros((len(codes), kernels.WIDTH))
     rows[:, :3], rows[:, 3] = _unfolded(planes[:, :2] / ONE), planes[:, 2] / ONE * side
     rows[bent, 4:] = bends / ONE * kernels.MOST_BENT / side[bent, None]
     base, children = nodes[: BASE**3].reshape(3 * (BASE,)), nodes[BASE**3 :].reshape(-1, 8)
-    return Octree(base, children, rows.astype(np.float32), arrays["codes"], centre, side)
+    return Octree(base, children, rows.astype(np.float32), codes, centre, side)
 
 
 def base_lows() -> Float[np.ndarray, "m 3"]:
@@ -141,8 +150,8 @@ class PatchConfig:
             )
 
 
-def build(mesh: mesh_io.Mesh, config: PatchConfig) -> dict[str, np.ndarray]:
-    """The arrays of `octree.pack` of a mesh in [-1, 1]³.
+def build(mesh: mesh_io.Mesh, config: PatchConfig, evidence: Evidence | None = None) -> dict[str, np.ndarray]:
+    """The arrays of `octree.pack` of a mesh in [-1, 1]³, and `UNSEEN` where there is evidence of what was seen.
 
     Raises:
       InputError: no triangle has an area.
@@ -159,7 +168,7 @@ def build(mesh: mesh_io.Mesh, config: PatchConfig) -> dict[str, np.ndarray]:
         side /= 2
     order = np.lexsort(lows.T[::-1])  # x slowest: as `octree.base_lows`
     lows, (starts, triangles) = lows[order], _reordered(starts, triangles, order)
-    states, rows, codes, sides, used = [], [], [], [], 0
+    states, rows, codes, sides, unseen, used = [], [], [], [], [], 0
     for depth in range(config.depth + 1):
         last = depth == config.depth
         fitted = kernels.fit_cells(corners, normals, lows, side, starts, triangles, config.tolerance, last)
@@ -176,6 +185,9 @@ def build(mesh: mesh_io.Mesh, config: PatchConfig) -> dict[str, np.ndarray]:
         code[bad, 0] |= kernels.ROUGH
         state = np.where(cut, CUT, np.where(count > 0, LEAF, EMPTY))
         kept = (np.arange(kernels.MOST) < count[:, None]) & (state == LEAF)[:, None]
+        if evidence is not None:
+            free, ended = evidence(lows, side)
+            unseen.append(~np.where(count > 0, ended, free))
         states.append(state)
         rows.append(row[kept])
         codes.append(code[kept])
@@ -187,7 +199,8 @@ def build(mesh: mesh_io.Mesh, config: PatchConfig) -> dict[str, np.ndarray]:
         cells = lows[cut], side, starts, triangles[inside], met[inside]
         lows, starts, triangles = kernels.cut_cells(corners, *cells)
         side /= 2
-    return pack(*(np.concatenate(part) for part in (states, rows, codes, sides)))
+    arrays = pack(*(np.concatenate(part) for part in (states, rows, codes, sides)))
+    return arrays if evidence is None else {**arrays, UNSEEN: np.packbits(np.concatenate(unseen))}
 
 
 def _only(starts: np.ndarray, kept: Bool[np.ndarray, "n"]) -> np.ndarray:

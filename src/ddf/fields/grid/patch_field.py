@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ddf.core import checks, storage
 from ddf.fields import checked_cloud, framed_field
@@ -55,13 +55,30 @@ class PatchField:
         self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], outputs: Collection[str]
     ) -> dict[str, Float[np.ndarray, "n ..."]]:
         """Named outputs, field frame, float64; 0 on a miss, as is the visibility, which is else 1."""
-        tree, (starts, along) = self.tree, (np.require(v, np.float64, ["C", "W"]) for v in (positions, directions))
-        box = np.stack([self.lower, self.upper])
-        met = kernels.trace(starts, along, box, tree.base, tree.children, tree.patches, tree.codes, self.tolerance)
+        met = self._trace(positions, directions)
         seen = np.isfinite(met[:, 0])
         met[~seen, 0] = 0.0
         found = {name: met[:, column] for name, column in _COLUMNS.items() if name in outputs}
         return found | ({"visibility": seen.astype(np.float64)} if "visibility" in outputs else {})
+
+    def seen(
+        self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> Bool[np.ndarray, "n"]:
+        """Whether the rays that the field was fitted to saw all the way up to the answer, in the mesh's frame.
+
+        Raises:
+          InputError: it was fitted to a mesh.
+        """
+        if octree.UNSEEN not in self.arrays:
+            raise checks.InputError("the field was not fitted to rays, so all of it is known")
+        to_field = self.field_from_mesh
+        return self._trace(to_field.apply(positions), to_field.apply_directions(directions))[:, 6] > 0
+
+    def _trace(self, positions: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> np.ndarray:
+        """As `kernels.trace`."""
+        tree, (starts, along) = self.tree, (np.require(v, np.float64, ["C", "W"]) for v in (positions, directions))
+        box = np.stack([self.lower, self.upper])
+        return kernels.trace(starts, along, box, tree.base, tree.children, tree.patches, tree.codes, self.tolerance)
 
     def points(self, count: int, seed: int = 0) -> Float[np.ndarray, "count 3"]:
         """Points on the patches, mesh frame, evenly spread by area.
@@ -106,22 +123,29 @@ class PatchField:
 
 
 def fitted(
-    mesh: mesh_io.Mesh, own_from_mesh: transforms.Similarity, config: octree.PatchConfig
+    mesh: mesh_io.Mesh,
+    own_from_mesh: transforms.Similarity,
+    config: octree.PatchConfig,
+    evidence: octree.Evidence | None = None,
 ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """The arrays of a mesh's patches, and what the record of the file must hold besides what every artefact carries.
 
     Args:
       mesh: in [-1, 1]³, its longest side 2. own_from_mesh: the map that brought it there.
+      evidence: of what was seen, in the frame from which that map leads.
     Raises:
       InputError: no triangle has an area.
     """
     mesh = mesh_io.Mesh((1 - MARGIN) * mesh.vertices, mesh.faces)
     lower, upper = mesh.box()
-    return octree.build(mesh, config), {
+    field_from_mesh = transforms.Similarity(1 - MARGIN).compose(own_from_mesh)
+    back = field_from_mesh.inverse()
+    asked = None if evidence is None else lambda lows, side: evidence(back.apply(lows), side * back.scale)
+    return octree.build(mesh, config, asked), {
         "kind": KIND,
         "tolerance": config.tolerance,
         "box": {"lower": (lower - BOX_MARGIN).tolist(), "upper": (upper + BOX_MARGIN).tolist()},
-        "field_from_mesh": transforms.Similarity(1 - MARGIN).compose(own_from_mesh).to_dict(),
+        "field_from_mesh": field_from_mesh.to_dict(),
     }
 
 
